@@ -1,0 +1,5 @@
+//! The CANsync bus: frames, identifiers, codecs, timing.
+
+pub mod frame;
+
+pub use frame::Frame;

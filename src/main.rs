@@ -1,0 +1,3 @@
+//! The `commram` command.
+
+fn main() {}
