@@ -8,7 +8,7 @@
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no
 //! further fences: whoever sees the control register sees the data written before it.
 
-use core::sync::atomic::{AtomicU8, AtomicU16, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicU16, AtomicU32, AtomicU64, Ordering};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Marker of types that consist of cells only.
@@ -91,6 +91,10 @@ cell!(
 cell!(
     /// A 32-bit register (DWORD, DINT, UDINT).
     Cell32, AtomicU32, u32
+);
+cell!(
+    /// A 64-bit word of the header page; the device itself has no register that wide.
+    Cell64, AtomicU64, u64
 );
 
 impl Cell32 {

@@ -1,5 +1,21 @@
 //! The emulated RAM: cells, segments, header page, image files.
+//!
+//! [`Segment`] is segment 3 of one PLC, on the heap or in a mapped file. The firmware and Rust clients
+//! look at it through typed [`View`]s of register cells; tools that only know addresses use its raw
+//! accesses at a given [`Width`].
 
+mod bell;
 pub mod cell;
+mod error;
+pub mod header;
+mod segment;
+mod view;
+mod width;
 
-pub use cell::{Cell8, Cell16, Cell32, SharedRegs};
+pub use bell::Bell;
+pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
+pub use error::MemoryError;
+pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, State};
+pub use segment::{SEGMENT_SIZE, Segment};
+pub use view::View;
+pub use width::{Address, Width};

@@ -1,0 +1,380 @@
+//! Segment 3 of one PLC: byte n is `%MB3.n`.
+//!
+//! Access rules, enforced here:
+//!
+//! 1. Nobody gets a `&T` of plain data; only cells (see [`super::cell`]) lie over the memory.
+//! 2. One width per register. The segment does not know the registers, so whoever uses the raw accesses
+//!    takes the width from the register map; a part of a register is written with
+//!    [`Segment::store_within`], which replaces the whole register by compare-exchange.
+//! 3. The one exception are the bulk copies ([`Segment::read_range`], [`Segment::snapshot`]): they load
+//!    aligned 32-bit words whatever the registers' widths are. They never write, each word is one
+//!    single-copy atomic load on every platform Linux runs on, and field-wise copies of megabytes would
+//!    cost four times as much. A copy may be torn between words; what belongs together is read under its
+//!    handshake.
+//! 4. The first [`HEADER_SIZE`] bytes are the header page and cannot be reached by raw accesses.
+
+use super::{HEADER_SIZE, Header, MemoryError, View, Width, cell::SharedRegs};
+use core::{
+    fmt,
+    ptr::NonNull,
+    sync::atomic::{AtomicU8, AtomicU16, AtomicU32, AtomicU64, Ordering, fence},
+};
+use memmap2::{MmapOptions, MmapRaw};
+use std::sync::Arc;
+use zerocopy::IntoBytes;
+
+/// Length of the segment in bytes: the last one is `%MB3.3262143`.
+pub const SEGMENT_SIZE: usize = 3_262_144;
+
+/// The memory itself; unmapped when the last [`Segment`] or [`View`] is dropped.
+pub(super) struct Backing {
+    base: NonNull<u8>,
+    writable: bool,
+    _map: MmapRaw,
+}
+
+// SAFETY: the pointer is only ever used for atomic accesses, and the map it points to is Send + Sync.
+unsafe impl Send for Backing {}
+// SAFETY: as above.
+unsafe impl Sync for Backing {}
+
+impl Backing {
+    /// Takes over a map that is at least [`SEGMENT_SIZE`] bytes long.
+    fn new(map: MmapRaw, writable: bool) -> Option<Self> {
+        let base = NonNull::new(map.as_mut_ptr()).filter(|_| map.len() >= SEGMENT_SIZE)?;
+        Some(Self { base, writable, _map: map })
+    }
+
+    #[inline]
+    pub(super) fn base(&self) -> NonNull<u8> {
+        self.base
+    }
+}
+
+/// Segment 3 of one PLC. Cloning gives another handle on the same memory.
+#[derive(Clone)]
+pub struct Segment {
+    backing: Arc<Backing>,
+}
+
+impl Segment {
+    /// A zeroed segment of this process alone. Pages are allocated by the kernel when first touched.
+    ///
+    /// An anonymous map instead of a `Vec`, because the allocator would clear page-aligned memory by
+    /// hand and so touch all of it. Out of address space is fatal, as it is for a `Vec`.
+    pub fn heap() -> Segment {
+        let map = MmapOptions::new().len(SEGMENT_SIZE).map_anon().ok();
+        match map.and_then(|map| Backing::new(MmapRaw::from(map), true)) {
+            Some(backing) => Self { backing: Arc::new(backing) },
+            None => std::alloc::handle_alloc_error(std::alloc::Layout::new::<[u32; SEGMENT_SIZE / 4]>()),
+        }
+    }
+
+    /// The segment in a mapped file; `None` if the map is shorter than [`SEGMENT_SIZE`].
+    #[cfg_attr(not(test), expect(dead_code))]
+    pub(super) fn mapped(map: MmapRaw, writable: bool) -> Option<Segment> {
+        Some(Self { backing: Arc::new(Backing::new(map, writable)?) })
+    }
+
+    pub(super) fn from_backing(backing: Arc<Backing>) -> Segment {
+        Self { backing }
+    }
+
+    /// Whether registers can be written through this handle.
+    pub fn is_writable(&self) -> bool {
+        self.backing.writable
+    }
+
+    /// A typed view of the registers that begin at `%MB3.offset`.
+    ///
+    /// # Errors
+    /// Out of bounds, misaligned, or the segment is read-only: a view's cells can be stored to, so there
+    /// is none on a read-only map; use [`Segment::snapshot`] there.
+    pub fn view<T: SharedRegs>(&self, offset: usize) -> Result<View<T>, MemoryError> {
+        self.need_writable(offset)?;
+        if offset < HEADER_SIZE && size_of::<T>() > 0 {
+            return Err(MemoryError::InHeader { address: Width::Byte.at(offset as u32) });
+        }
+        View::new(Arc::clone(&self.backing), offset)
+    }
+
+    /// The header page.
+    ///
+    /// # Errors
+    /// The segment is read-only; use [`Segment::header_snapshot`] there.
+    pub fn header(&self) -> Result<View<Header>, MemoryError> {
+        self.need_writable(0)?;
+        View::new(Arc::clone(&self.backing), 0)
+    }
+
+    /// A private copy of the registers that begin at `%MB3.offset`, as a block of cells that can be read
+    /// by name. It may be torn between registers.
+    ///
+    /// # Errors
+    /// Out of bounds or in the header page.
+    pub fn snapshot<T: SharedRegs>(&self, offset: usize) -> Result<Box<T>, MemoryError> {
+        self.check_block(offset, size_of::<T>())?;
+        let mut copy = new_box::<T>();
+        self.copy_bytes(offset, copy.as_mut_bytes());
+        Ok(copy)
+    }
+
+    /// A private copy of the header page. None of its fields is torn: it is loaded in 64-bit words, the
+    /// width of its widest fields.
+    pub fn header_snapshot(&self) -> Box<Header> {
+        let mut copy = new_box::<Header>();
+        for (i, chunk) in copy.as_mut_bytes().chunks_exact_mut(8).enumerate() {
+            // SAFETY: the segment is longer than the header page and the base is page-aligned; mapped for
+            // as long as `self` lives, and accessed atomically by everybody.
+            let word = unsafe { &*self.backing.base.as_ptr().cast::<AtomicU64>().add(i) };
+            chunk.copy_from_slice(&word.load(Ordering::Relaxed).to_ne_bytes());
+        }
+        fence(Ordering::Acquire);
+        copy
+    }
+
+    /// Loads the register at `%MB3.offset` (Acquire).
+    ///
+    /// # Errors
+    /// Misaligned, out of bounds or in the header page.
+    pub fn load(&self, offset: u32, width: Width) -> Result<u32, MemoryError> {
+        let register = self.register(offset, width)?;
+        let value = match register {
+            Register::Byte(cell) => u32::from(cell.load(Ordering::Relaxed)),
+            Register::Word(cell) => u32::from(u16::from_le(cell.load(Ordering::Relaxed))),
+            Register::Dword(cell) => u32::from_le(cell.load(Ordering::Relaxed)),
+        };
+        // Not an Acquire load: of those only Relaxed ones are guaranteed to work on read-only memory.
+        fence(Ordering::Acquire);
+        Ok(value)
+    }
+
+    /// Stores to the register at `%MB3.offset` (Release).
+    ///
+    /// # Errors
+    /// As [`Segment::load`]; also a value wider than the register, or a read-only segment.
+    pub fn store(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
+        let register = self.writable_register(offset, width, &[value])?;
+        match register {
+            Register::Byte(cell) => cell.store(value as u8, Ordering::Release),
+            Register::Word(cell) => cell.store((value as u16).to_le(), Ordering::Release),
+            Register::Dword(cell) => cell.store(value.to_le(), Ordering::Release),
+        }
+        Ok(())
+    }
+
+    /// Stores `new` to the register at `%MB3.offset` if it still holds `current`. The inner result is
+    /// the value replaced, or as its error the value found instead of `current`.
+    ///
+    /// # Errors
+    /// As [`Segment::store`], for both values.
+    pub fn compare_exchange(
+        &self,
+        offset: u32,
+        width: Width,
+        current: u32,
+        new: u32,
+    ) -> Result<Result<u32, u32>, MemoryError> {
+        let register = self.writable_register(offset, width, &[current, new])?;
+        let (ok, fail) = (Ordering::AcqRel, Ordering::Acquire);
+        Ok(match register {
+            Register::Byte(cell) => {
+                cell.compare_exchange(current as u8, new as u8, ok, fail).map(u32::from).map_err(u32::from)
+            }
+            Register::Word(cell) => cell
+                .compare_exchange((current as u16).to_le(), (new as u16).to_le(), ok, fail)
+                .map(|v| u32::from(u16::from_le(v)))
+                .map_err(|v| u32::from(u16::from_le(v))),
+            Register::Dword(cell) => cell
+                .compare_exchange(current.to_le(), new.to_le(), ok, fail)
+                .map(u32::from_le)
+                .map_err(u32::from_le),
+        })
+    }
+
+    /// Replaces the register's value by `f(value)` without losing a concurrent write, and returns the
+    /// old value.
+    ///
+    /// # Errors
+    /// As [`Segment::store`], for the value `f` returns.
+    pub fn update(&self, offset: u32, width: Width, f: impl Fn(u32) -> u32) -> Result<u32, MemoryError> {
+        let mut seen = self.load(offset, width)?;
+        loop {
+            match self.compare_exchange(offset, width, seen, f(seen))? {
+                Ok(old) => return Ok(old),
+                Err(now) => seen = now,
+            }
+        }
+    }
+
+    /// Loads the part of a register that lies at `%MB3.offset`, by one load of the whole register.
+    ///
+    /// # Errors
+    /// As [`Segment::load`] for the register, or a part that does not lie within it.
+    pub fn load_within(
+        &self,
+        register_offset: u32,
+        register_width: Width,
+        offset: u32,
+        width: Width,
+    ) -> Result<u32, MemoryError> {
+        let shift = shift_within(register_offset, register_width, offset, width)?;
+        Ok(self.load(register_offset, register_width)? >> shift & width.max_value())
+    }
+
+    /// Writes the part of a register that lies at `%MB3.offset`, by compare-exchange of the whole
+    /// register: its other bytes keep what anybody else writes at the same time.
+    ///
+    /// # Errors
+    /// As [`Segment::store`] for the register, or a part that does not lie within it.
+    pub fn store_within(
+        &self,
+        register_offset: u32,
+        register_width: Width,
+        offset: u32,
+        width: Width,
+        value: u32,
+    ) -> Result<(), MemoryError> {
+        let shift = shift_within(register_offset, register_width, offset, width)?;
+        fits(offset, width, value)?;
+        let mask = width.max_value() << shift;
+        self.update(register_offset, register_width, |whole| whole & !mask | value << shift).map(drop)
+    }
+
+    /// Copies the bytes from `%MB3.offset` on, in the device's order (little endian). The copy may be
+    /// torn between 32-bit words.
+    ///
+    /// # Errors
+    /// Out of bounds or in the header page.
+    pub fn read_range(&self, offset: u32, into: &mut [u8]) -> Result<(), MemoryError> {
+        self.check_block(offset as usize, into.len())?;
+        self.copy_bytes(offset as usize, into);
+        Ok(())
+    }
+
+    /// The block lies in bounds (checked by the callers).
+    fn copy_bytes(&self, offset: usize, into: &mut [u8]) {
+        let first_word = offset & !3;
+        let skip = offset - first_word;
+        let (head, rest) = into.split_at_mut(into.len().min((4 - skip) % 4));
+        if !head.is_empty() {
+            let bytes = self.word(first_word);
+            head.copy_from_slice(&bytes[skip..skip + head.len()]);
+        }
+        let mut at = offset + head.len();
+        for chunk in rest.chunks_mut(4) {
+            let bytes = self.word(at);
+            chunk.copy_from_slice(&bytes[..chunk.len()]);
+            at += 4;
+        }
+        fence(Ordering::Acquire);
+    }
+
+    /// The bytes of the 32-bit word at `offset`, in memory order.
+    #[inline]
+    fn word(&self, offset: usize) -> [u8; 4] {
+        debug_assert!(offset.is_multiple_of(4) && offset + 4 <= SEGMENT_SIZE);
+        // SAFETY: called with aligned offsets inside the segment only, whose length is a multiple of 4;
+        // the memory is mapped for as long as `self` lives and everybody accesses it atomically.
+        let word = unsafe { &*self.backing.base.as_ptr().add(offset).cast::<AtomicU32>() };
+        word.load(Ordering::Relaxed).to_ne_bytes()
+    }
+
+    fn need_writable(&self, offset: usize) -> Result<(), MemoryError> {
+        if self.backing.writable { Ok(()) } else { Err(MemoryError::ReadOnly { offset }) }
+    }
+
+    fn check_block(&self, offset: usize, size: usize) -> Result<(), MemoryError> {
+        if offset.checked_add(size).is_none_or(|end| end > SEGMENT_SIZE) {
+            return Err(MemoryError::BlockOutOfRange { offset, size });
+        }
+        if offset < HEADER_SIZE && size > 0 {
+            return Err(MemoryError::InHeader { address: Width::Byte.at(offset as u32) });
+        }
+        Ok(())
+    }
+
+    fn writable_register(
+        &self,
+        offset: u32,
+        width: Width,
+        values: &[u32],
+    ) -> Result<Register<'_>, MemoryError> {
+        let register = self.register(offset, width)?;
+        for &value in values {
+            fits(offset, width, value)?;
+        }
+        self.need_writable(offset as usize)?;
+        Ok(register)
+    }
+
+    fn register(&self, offset: u32, width: Width) -> Result<Register<'_>, MemoryError> {
+        let address = width.at(offset);
+        let start = offset as usize;
+        if start > SEGMENT_SIZE - width.bytes() as usize {
+            return Err(MemoryError::OutOfRange { address });
+        }
+        if !offset.is_multiple_of(width.bytes()) {
+            return Err(MemoryError::Misaligned { address });
+        }
+        if start < HEADER_SIZE {
+            return Err(MemoryError::InHeader { address });
+        }
+        // SAFETY: in bounds and aligned for the width (just checked, the base is page-aligned), mapped
+        // for as long as `self` lives, and accessed atomically by everybody.
+        unsafe {
+            let at = self.backing.base.as_ptr().add(start);
+            Ok(match width {
+                Width::Byte => Register::Byte(&*at.cast::<AtomicU8>()),
+                Width::Word => Register::Word(&*at.cast::<AtomicU16>()),
+                Width::Dword => Register::Dword(&*at.cast::<AtomicU32>()),
+            })
+        }
+    }
+}
+
+impl fmt::Debug for Segment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Segment").field("writable", &self.backing.writable).finish_non_exhaustive()
+    }
+}
+
+enum Register<'a> {
+    Byte(&'a AtomicU8),
+    Word(&'a AtomicU16),
+    Dword(&'a AtomicU32),
+}
+
+/// Zeroed cells of this process alone.
+fn new_box<T: SharedRegs>() -> Box<T> {
+    T::new_box_zeroed().unwrap_or_else(|_| std::alloc::handle_alloc_error(std::alloc::Layout::new::<T>()))
+}
+
+fn fits(offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
+    if value > width.max_value() {
+        return Err(MemoryError::ValueTooWide { address: width.at(offset), value });
+    }
+    Ok(())
+}
+
+/// By how many bits the part is shifted inside its register.
+fn shift_within(
+    register_offset: u32,
+    register_width: Width,
+    offset: u32,
+    width: Width,
+) -> Result<u32, MemoryError> {
+    let (register, part) = (register_width.at(register_offset), width.at(offset));
+    if !offset.is_multiple_of(width.bytes()) {
+        return Err(MemoryError::Misaligned { address: part });
+    }
+    match offset.checked_sub(register_offset) {
+        Some(skipped) if width <= register_width && skipped <= register_width.bytes() - width.bytes() => {
+            Ok(8 * skipped)
+        }
+        _ => Err(MemoryError::NotWithin { register, part }),
+    }
+}
+
+#[cfg(test)]
+mod tests;

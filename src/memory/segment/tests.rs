@@ -1,0 +1,229 @@
+//! The same bodies run over both backings.
+
+use super::*;
+use crate::memory::{Cell8, Cell16, Cell32};
+use memmap2::MmapOptions;
+
+/// A segment on the heap and one in a file without a name.
+fn both() -> [Segment; 2] {
+    let file = tempfile::tempfile().unwrap();
+    file.set_len(SEGMENT_SIZE as u64).unwrap();
+    [Segment::heap(), Segment::mapped(MmapRaw::map_raw(&file).unwrap(), true).unwrap()]
+}
+
+fn read_only() -> Segment {
+    let file = tempfile::tempfile().unwrap();
+    file.set_len(SEGMENT_SIZE as u64).unwrap();
+    Segment::mapped(MmapOptions::new().map_raw_read_only(&file).unwrap(), false).unwrap()
+}
+
+fn message<T: fmt::Debug>(result: Result<T, MemoryError>) -> String {
+    result.unwrap_err().to_string()
+}
+
+const LAST: u32 = SEGMENT_SIZE as u32 - 1;
+
+#[test]
+fn starts_zeroed_and_holds_the_last_byte() {
+    for segment in both() {
+        assert_eq!(segment.load(LAST, Width::Byte).unwrap(), 0);
+        segment.store(LAST, Width::Byte, 0xA5).unwrap();
+        assert_eq!(segment.load(LAST, Width::Byte).unwrap(), 0xA5);
+        assert_eq!(segment.load(LAST - 3, Width::Dword).unwrap(), 0xA500_0000);
+    }
+}
+
+#[test]
+fn registers_lie_in_little_endian_order() {
+    for segment in both() {
+        segment.store(200_000, Width::Dword, 0x1122_3344).unwrap();
+        segment.store(200_004, Width::Word, 0x5566).unwrap();
+        let mut bytes = [0; 6];
+        segment.read_range(200_000, &mut bytes).unwrap();
+        assert_eq!(bytes, [0x44, 0x33, 0x22, 0x11, 0x66, 0x55]);
+    }
+}
+
+#[test]
+fn refusals_name_the_address_and_what_would_be_right() {
+    for segment in both() {
+        assert_eq!(message(segment.load(200_001, Width::Word)), "%MW3.200001: a WORD needs an even address");
+        assert_eq!(
+            message(segment.store(200_002, Width::Dword, 0)),
+            "%MD3.200002: a DWORD needs an address divisible by 4"
+        );
+        assert_eq!(
+            message(segment.load(3_262_144, Width::Dword)),
+            "%MD3.3262144 lies behind the segment's last byte %MB3.3262143"
+        );
+        assert_eq!(
+            message(segment.load(u32::MAX, Width::Byte)),
+            "%MB3.4294967295 lies behind the segment's last byte %MB3.3262143"
+        );
+        assert_eq!(
+            message(segment.load(4_095, Width::Byte)),
+            "%MB3.4095 lies in the header page; registers begin at %MB3.4096"
+        );
+        assert_eq!(
+            message(segment.store(200_000, Width::Byte, 0x100)),
+            "%MB3.200000: 16#100 does not fit, a BYTE holds at most 16#FF"
+        );
+        assert_eq!(
+            message(segment.compare_exchange(200_000, Width::Word, 0x1_0000, 0)),
+            "%MW3.200000: 16#10000 does not fit, a WORD holds at most 16#FFFF"
+        );
+        assert_eq!(
+            message(segment.store_within(200_000, Width::Word, 200_002, Width::Byte, 0)),
+            "%MB3.200002 is no part of the WORD at %MW3.200000"
+        );
+        assert_eq!(
+            message(segment.load_within(200_000, Width::Byte, 200_000, Width::Word)),
+            "%MW3.200000 is no part of the BYTE at %MB3.200000"
+        );
+        assert_eq!(
+            message(segment.store_within(200_000, Width::Dword, 200_001, Width::Word, 0)),
+            "%MW3.200001: a WORD needs an even address"
+        );
+        assert_eq!(
+            message(segment.read_range(LAST, &mut [0; 2])),
+            "%MB3.3262143: 2 bytes end behind the segment's last byte %MB3.3262143"
+        );
+    }
+}
+
+#[test]
+fn view_refusals() {
+    for segment in both() {
+        assert_eq!(
+            message(segment.view::<Cell16>(200_001)),
+            "%MB3.200001: a view of commram::memory::cell::Cell16 needs an address divisible by 2"
+        );
+        assert_eq!(
+            message(segment.view::<[Cell8; 2]>(SEGMENT_SIZE - 1)),
+            "%MB3.3262143: 2 bytes end behind the segment's last byte %MB3.3262143"
+        );
+        assert!(matches!(segment.view::<Cell32>(usize::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
+        assert!(matches!(segment.view::<Cell32>(4_092), Err(MemoryError::InHeader { .. })));
+    }
+}
+
+#[test]
+fn a_view_outlives_its_segment_and_sees_raw_stores() {
+    for segment in both() {
+        let view = segment.view::<[Cell16; 4]>(200_000).unwrap();
+        let third = view.project(|block| &block[2]);
+        segment.store(200_004, Width::Word, 0x0043).unwrap();
+        drop((segment, view));
+        assert_eq!(third.load(), 0x0043);
+        third.store(0x0044);
+        assert_eq!(third.segment().load(200_004, Width::Word).unwrap(), 0x0044);
+    }
+}
+
+#[test]
+fn views_and_segments_cross_threads() {
+    fn crosses<T: Send + Sync>() {}
+    crosses::<Segment>();
+    crosses::<View<Header>>();
+}
+
+#[test]
+fn compare_exchange_leaves_a_foreign_value_alone() {
+    for segment in both() {
+        for width in [Width::Byte, Width::Word, Width::Dword] {
+            segment.store(200_000, width, 5).unwrap();
+            assert_eq!(segment.compare_exchange(200_000, width, 5, 4).unwrap(), Ok(5));
+            assert_eq!(segment.compare_exchange(200_000, width, 5, 3).unwrap(), Err(4));
+            assert_eq!(segment.load(200_000, width).unwrap(), 4);
+        }
+    }
+}
+
+#[test]
+fn partial_stores_keep_the_rest_of_the_register() {
+    for segment in both() {
+        segment.store(200_000, Width::Dword, 0x1122_3344).unwrap();
+        segment.store_within(200_000, Width::Dword, 200_002, Width::Byte, 0xAA).unwrap();
+        segment.store_within(200_000, Width::Dword, 200_000, Width::Word, 0xBBCC).unwrap();
+        assert_eq!(segment.load(200_000, Width::Dword).unwrap(), 0x11AA_BBCC);
+        assert_eq!(segment.load_within(200_000, Width::Dword, 200_002, Width::Word).unwrap(), 0x11AA);
+        assert_eq!(segment.load_within(200_000, Width::Dword, 200_000, Width::Dword).unwrap(), 0x11AA_BBCC);
+    }
+}
+
+#[test]
+fn partial_stores_of_two_writers_both_survive() {
+    for segment in both() {
+        std::thread::scope(|scope| {
+            for part in 0..2 {
+                let segment = &segment;
+                scope.spawn(move || {
+                    for value in 0..=5_000_u32 {
+                        segment
+                            .store_within(200_000, Width::Dword, 200_000 + 2 * part, Width::Word, value)
+                            .unwrap();
+                    }
+                });
+            }
+        });
+        assert_eq!(segment.load(200_000, Width::Dword).unwrap(), 5_000 << 16 | 5_000);
+    }
+}
+
+#[test]
+fn ranges_at_any_alignment() {
+    for segment in both() {
+        for i in 0..16 {
+            segment.store(200_000 + i, Width::Byte, i).unwrap();
+        }
+        for start in 0..8 {
+            for length in 0..8 {
+                let mut bytes = vec![0xFF; length];
+                segment.read_range(200_000 + start as u32, &mut bytes).unwrap();
+                let expected: Vec<u8> = (start as u8..).take(length).collect();
+                assert_eq!(bytes, expected, "start {start}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_snapshot_is_private() {
+    for segment in both() {
+        segment.store(200_002, Width::Word, 0x0043).unwrap();
+        let copy = segment.snapshot::<[Cell16; 2]>(200_000).unwrap();
+        segment.store(200_002, Width::Word, 0).unwrap();
+        assert_eq!((copy[0].load(), copy[1].load()), (0, 0x0043));
+        copy[0].store(1);
+        assert_eq!(segment.load(200_000, Width::Word).unwrap(), 0);
+    }
+}
+
+#[test]
+fn a_read_only_segment_refuses_instead_of_crashing() {
+    let segment = read_only();
+    let refusal = "%MB3.200000: the image is attached read-only; attach it for reading and writing instead";
+    assert_eq!(message(segment.store(200_000, Width::Byte, 1)), refusal);
+    assert_eq!(message(segment.compare_exchange(200_000, Width::Byte, 0, 1)), refusal);
+    assert_eq!(message(segment.store_within(200_000, Width::Word, 200_000, Width::Byte, 1)), refusal);
+    assert_eq!(message(segment.view::<Cell16>(200_000)), refusal);
+    assert!(matches!(segment.header(), Err(MemoryError::ReadOnly { offset: 0 })));
+    assert_eq!(segment.load(200_000, Width::Dword).unwrap(), 0);
+    assert_eq!(segment.snapshot::<Cell16>(200_000).unwrap().load(), 0);
+    assert_eq!(segment.header_snapshot().magic.load(), 0);
+}
+
+#[test]
+fn a_map_that_is_too_short_gives_no_segment() {
+    let file = tempfile::tempfile().unwrap();
+    file.set_len(SEGMENT_SIZE as u64 - 1).unwrap();
+    assert!(Segment::mapped(MmapRaw::map_raw(&file).unwrap(), true).is_none());
+}
+
+#[test]
+fn the_header_lies_at_the_front() {
+    for segment in both() {
+        segment.header().unwrap().virtual_time_us.store(62_500);
+        assert_eq!(segment.header_snapshot().virtual_time_us.load(), 62_500);
+    }
+}

@@ -1,0 +1,82 @@
+//! Typed views of register blocks.
+
+use super::{MemoryError, SEGMENT_SIZE, Segment, cell::SharedRegs, segment::Backing};
+use core::{fmt, ops::Deref, ptr::NonNull};
+use std::sync::Arc;
+
+/// A block of register cells in a segment, checked once for bounds and alignment.
+///
+/// Dereferencing is one pointer load. The view keeps the memory mapped for as long as it lives, also
+/// after the [`Segment`] it came from is gone.
+pub struct View<T: SharedRegs> {
+    cells: NonNull<T>,
+    keep: Arc<Backing>,
+}
+
+// SAFETY: the view hands out nothing but `&T`, `T: SharedRegs` is Sync, and the backing is Send + Sync.
+unsafe impl<T: SharedRegs> Send for View<T> {}
+// SAFETY: as above.
+unsafe impl<T: SharedRegs> Sync for View<T> {}
+
+impl<T: SharedRegs> View<T> {
+    /// The view of `T` at `offset`. The caller has made sure that the backing is writable.
+    pub(super) fn new(keep: Arc<Backing>, offset: usize) -> Result<Self, MemoryError> {
+        let (size, align) = (size_of::<T>(), align_of::<T>());
+        if offset.checked_add(size).is_none_or(|end| end > SEGMENT_SIZE) {
+            return Err(MemoryError::BlockOutOfRange { offset, size });
+        }
+        if !offset.is_multiple_of(align) {
+            return Err(MemoryError::BlockMisaligned {
+                offset,
+                align,
+                type_name: core::any::type_name::<T>(),
+            });
+        }
+        // SAFETY: the backing is SEGMENT_SIZE bytes long and `offset` was just checked to lie inside.
+        let cells = unsafe { keep.base().add(offset) }.cast::<T>();
+        debug_assert!(cells.is_aligned(), "the backing is page-aligned");
+        Ok(Self { cells, keep })
+    }
+
+    /// A view of a part of this one: a field or an array element.
+    ///
+    /// ```
+    /// # use commram::memory::{Cell16, Segment};
+    /// let pair = Segment::heap().view::<[Cell16; 2]>(200_000)?;
+    /// let second = pair.project(|pair| &pair[1]);
+    /// second.store(0x0043);
+    /// assert_eq!(pair[1].load(), 0x0043);
+    /// # Ok::<(), commram::memory::MemoryError>(())
+    /// ```
+    pub fn project<U: SharedRegs>(&self, part: impl for<'a> FnOnce(&'a T) -> &'a U) -> View<U> {
+        View { cells: NonNull::from(part(self)), keep: Arc::clone(&self.keep) }
+    }
+
+    /// The segment this view looks into.
+    pub fn segment(&self) -> Segment {
+        Segment::from_backing(Arc::clone(&self.keep))
+    }
+}
+
+impl<T: SharedRegs> Deref for View<T> {
+    type Target = T;
+
+    #[inline]
+    fn deref(&self) -> &T {
+        // SAFETY: in bounds and aligned (checked in `new`, or derived from such a reference), mapped for
+        // as long as `keep` lives; `SharedRegs` allows any bit pattern and shared mutation.
+        unsafe { self.cells.as_ref() }
+    }
+}
+
+impl<T: SharedRegs> Clone for View<T> {
+    fn clone(&self) -> Self {
+        Self { cells: self.cells, keep: Arc::clone(&self.keep) }
+    }
+}
+
+impl<T: SharedRegs + fmt::Debug> fmt::Debug for View<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        (**self).fmt(f)
+    }
+}
