@@ -1,1 +1,49 @@
-//! (being written)
+//! Register maps: generated structs and descriptors, names and addresses of registers.
+
+/// The Omega Drive-Line II: its areas, structures and timing, generated from `layouts/omega-drive-line-2`.
+#[allow(non_snake_case, non_camel_case_types)]
+pub mod omega_drive_line_2 {
+    include!(concat!(env!("OUT_DIR"), "/omega_drive_line_2.rs"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::omega_drive_line_2::*;
+    use core::mem::offset_of;
+    use zerocopy::FromZeros;
+
+    #[test]
+    fn init_overlays_exactly_the_mapping_bytes_of_both_cyclic_structures() {
+        assert_eq!(size_of::<CANsync_INIT_BMSTRUCT>(), 52);
+        assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_WR_VALUE), 52);
+        assert_eq!(offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_WR_VALUE_RECEIVE), 52);
+        assert_eq!(offset_of!(CANsync_INIT_BMSTRUCT, w_CPU_CONTROL), 0);
+        assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS), 2);
+    }
+
+    #[test]
+    fn snapshot_copies_every_register_and_reset_restores_it() {
+        let node = CANsync_MA_CTRL_BMSTRUCT::new_zeroed();
+        node.reset_from(0);
+        assert_eq!(node.w_OPTION_STATUS.load(), 1);
+        node.w_CPU_CONTROL.store(0x0002);
+        node.a_RD_BMARRAY[31][7].store(0x1234_5678);
+        node.a_DATA_PARAMETER[3].w_PAR_NR.store(121);
+        node._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x0D);
+        let copy = node.snapshot();
+        assert_eq!(copy.a_RD_BMARRAY[31][7].get(), 0x1234_5678);
+        assert_eq!(copy.a_DATA_PARAMETER[3].w_PAR_NR.get(), 121);
+        assert_eq!(copy._CFG_WRC_WORD.b_CFG_WRC1_WORD0, 0x0D);
+
+        node.reset_from(offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1));
+        assert_eq!(node.w_CPU_CONTROL.load(), 0x0002);
+        assert_eq!(node.a_RD_BMARRAY[31][7].load(), 0);
+        assert_eq!(node._CFG_WRC_WORD.b_CFG_WRC1_WORD0.load(), 0);
+    }
+
+    #[test]
+    fn only_three_pairs_of_baud_rate_and_interval_exist() {
+        let pairs = BAUD_RATES.map(|rate| (rate.kbit_per_s, rate.b_TIME_PATTERN, rate.b_BT_0, rate.t_WRC1));
+        assert_eq!(pairs, [(500, 2, 0x00, 730), (250, 4, 0x01, 1430), (125, 8, 0x03, 3020)]);
+    }
+}

@@ -1,1 +1,39 @@
-//! Compiles register layouts.
+//! Compiles register layouts: reads the TOML files of one device, checks them, and emits Rust.
+//!
+//! `build.rs` of commram is the only user. A wrong layout stops the build with file, line, column and
+//! reason. The format of the files is described in `docs/layouts.md`.
+
+mod check;
+mod emit;
+mod error;
+mod hash;
+#[expect(dead_code, reason = "meanings are emitted with the descriptor tables")]
+mod model;
+mod raw;
+mod source;
+
+pub use error::{Error, Location, Reason};
+
+use std::path::{Path, PathBuf};
+
+/// What [`compile`] makes of one device.
+#[derive(Debug)]
+pub struct Compiled {
+    /// Rust source of the device's module.
+    pub rust: String,
+    /// Hash over everything that affects addresses or widths, the module's `LAYOUT_HASH`.
+    pub layout_hash: u64,
+    /// Every file that was read.
+    pub inputs: Vec<PathBuf>,
+}
+
+/// Compiles the layout in `dir`, starting at its `device.toml`.
+///
+/// # Errors
+/// The first thing that is wrong, with its place.
+pub fn compile(dir: &Path) -> Result<Compiled, Error> {
+    let mut sources = source::Sources::new(dir);
+    let device = check::load(&mut sources)?;
+    let layout_hash = hash::layout_hash(&device);
+    Ok(Compiled { rust: emit::module(&device, layout_hash), layout_hash, inputs: sources.paths() })
+}

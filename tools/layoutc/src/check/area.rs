@@ -1,0 +1,125 @@
+//! Areas of the segment: where the structures lie, and that overlaid structures agree on widths.
+
+use super::Names;
+use crate::error::{Error, Reason};
+use crate::model::{Area, Field, Kind, Structure};
+use crate::raw;
+use crate::source::{At, Sources, at};
+
+/// Checks all areas of the device.
+pub fn check(
+    sources: &Sources,
+    file: usize,
+    raw: &[raw::Area],
+    structures: &[Structure],
+    subs: &[Structure],
+) -> Result<Vec<Area>, Error> {
+    let mut names = Names::default();
+    let mut areas: Vec<Area> = Vec::new();
+    for raw in raw {
+        names.add(sources, file, &raw.name)?;
+        let area = area(sources, file, raw, structures, subs)?;
+        let last = area.first + (area.bytes - 1);
+        for other in &areas {
+            let other_last = other.first + (other.bytes - 1);
+            if area.first <= other_last && other.first <= last {
+                let (name, first, other) = (area.name.clone(), area.first, other.name.clone());
+                let reason = Reason::AreaOverlap { name, first, last, other, other_last };
+                return Err(sources.error(at(file, raw.first.span()), reason));
+            }
+        }
+        areas.push(area);
+    }
+    Ok(areas)
+}
+
+fn area(
+    sources: &Sources,
+    file: usize,
+    raw: &raw::Area,
+    structures: &[Structure],
+    subs: &[Structure],
+) -> Result<Area, Error> {
+    let name = raw.name.get_ref().clone();
+    let (first, last) = (*raw.first.get_ref(), *raw.last.get_ref());
+    if !first.is_multiple_of(4) {
+        return Err(sources.error(at(file, raw.first.span()), Reason::AreaMisaligned { name, first }));
+    }
+    if last < first {
+        return Err(sources.error(at(file, raw.last.span()), Reason::AreaReversed { name, first, last }));
+    }
+    let bytes = last - first + 1;
+    let mut placed: Vec<(usize, raw::Live)> = Vec::new();
+    for entry in &raw.structure {
+        let place = at(file, entry.name.span());
+        let wanted = entry.name.get_ref();
+        let Some(index) = structures.iter().position(|structure| structure.name == *wanted) else {
+            return Err(sources.error(place, Reason::UnknownStructure(wanted.clone())));
+        };
+        let structure = &structures[index];
+        if !structure.size.is_multiple_of(4) {
+            let (structure, size) = (structure.name.clone(), structure.size);
+            return Err(sources.error(place, Reason::OddSize { structure, size, align: 4 }));
+        }
+        if structure.size > bytes {
+            let (structure, size) = (structure.name.clone(), structure.size);
+            return Err(sources.error(place, Reason::PastAreaEnd { structure, size, area: name, bytes }));
+        }
+        for (other, _) in &placed {
+            same_widths(sources, place, &name, structure, &structures[*other], subs)?;
+        }
+        placed.push((index, entry.live));
+    }
+    Ok(Area {
+        name,
+        first,
+        bytes,
+        cpu_first: raw.cpu_first,
+        cpu_last: raw.cpu_last,
+        page: raw.page.clone(),
+        doc: raw.doc.clone(),
+        structures: placed,
+    })
+}
+
+/// Atomic accesses of different sizes to one byte are not defined, so overlaid registers must have
+/// the same width and the same start. Padding is never accessed but copied, byte by byte.
+fn same_widths(
+    sources: &Sources,
+    place: At,
+    area: &str,
+    structure: &Structure,
+    other: &Structure,
+    subs: &[Structure],
+) -> Result<(), Error> {
+    let (mine, others) = (cells(structure, subs), cells(other, subs));
+    for (offset, (a, b)) in mine.iter().zip(&others).enumerate() {
+        if a != b {
+            let reason = Reason::MixedWidth {
+                structure: structure.name.clone(),
+                other: other.name.clone(),
+                area: area.to_owned(),
+                offset: offset as u32,
+                width: *a,
+                other_width: *b,
+            };
+            return Err(sources.error(place, reason));
+        }
+    }
+    Ok(())
+}
+
+/// For each byte the width of the cell it lies in. Cells are aligned to their width, so equal widths
+/// mean equal starts.
+fn cells(structure: &Structure, subs: &[Structure]) -> Vec<u32> {
+    structure.fields.iter().flat_map(|field| field_cells(field, subs)).collect()
+}
+
+fn field_cells(field: &Field, subs: &[Structure]) -> Vec<u32> {
+    let element = match field.kind {
+        Kind::Scalar(scalar) => vec![scalar.width(); scalar.width() as usize],
+        Kind::Sub(index) => cells(&subs[index], subs),
+        Kind::Padding(bytes) => vec![1; bytes as usize],
+    };
+    element.repeat(field.dims.iter().product::<u32>() as usize)
+}

@@ -1,0 +1,180 @@
+//! One register as written: type, name, array bounds, reset value, meaning.
+
+use super::{Parts, identifier, meaning};
+use crate::error::{Error, Reason};
+use crate::model::{Field, Kind, Owner, Provenance, Scalar};
+use crate::raw;
+use crate::source::{At, Sources, at};
+use toml::Spanned;
+
+/// The entry's place with the checked field.
+pub type Placed = (At, Field);
+
+/// Checks everything that concerns `entry` alone. `home` is the structure or block it is written in.
+pub fn check(
+    sources: &Sources,
+    parts: &Parts,
+    file: usize,
+    home: &raw::Structure,
+    entry: &Spanned<raw::Entry>,
+) -> Result<Placed, Error> {
+    let place = at(file, entry.span());
+    let entry = entry.get_ref();
+    if let Some(bytes) = &entry.padding {
+        if entry.name.is_some() || entry.ty.is_some() || entry.array.is_some() {
+            return Err(sources.error(place, Reason::PaddingWithKeys));
+        }
+        return Ok((place, padding(entry, *bytes.get_ref(), home)));
+    }
+    let missing = |key| sources.error(place, Reason::MissingKey(key));
+    let name_at = entry.name.as_ref().ok_or_else(|| missing("name"))?;
+    let name = name_at.get_ref();
+    identifier(sources, at(file, name_at.span()), name)?;
+    let ty = entry.ty.as_ref().ok_or_else(|| missing("type"))?;
+    let kind = kind(sources, parts, at(file, ty.span()), ty.get_ref())?;
+    let (dims, used) = dims(sources, file, entry, name)?;
+    if dims.is_empty() {
+        prefix(sources, at(file, name_at.span()), name, kind)?;
+    }
+    let doc = entry.doc.clone().ok_or_else(|| missing("doc"))?;
+    let (owner, reset, meaning) = match kind {
+        Kind::Scalar(scalar) => {
+            let owner = entry.owner.ok_or_else(|| missing("owner"))?;
+            let meaning = match &entry.meaning {
+                Some(m) => {
+                    let wanted = (m.get_ref().as_str(), at(file, m.span()));
+                    Some(meaning::find(sources, &parts.meanings, wanted, name, scalar)?)
+                }
+                None => None,
+            };
+            (owner, reset(sources, file, entry, name, scalar)?, meaning)
+        }
+        _ => {
+            if let Some(reset) = &entry.reset {
+                let reason = Reason::ResetOfSubstructure(name.clone());
+                return Err(sources.error(at(file, reset.span()), reason));
+            }
+            (Owner::Both, 0, None)
+        }
+    };
+    let field = Field {
+        name: name.clone(),
+        offset: *entry.offset.get_ref(),
+        kind,
+        dims,
+        used,
+        reserved: entry.reserved,
+        owner,
+        reset,
+        page: entry.page.clone().unwrap_or_else(|| home.page.clone()),
+        doc,
+        meaning,
+        name_from: entry.name_from.clone().unwrap_or_else(|| home.names.clone()),
+        offset_from: entry.offset_from.clone().unwrap_or_else(|| home.offsets.clone()),
+        reset_from: entry.reset_from.clone().unwrap_or_else(|| Provenance::Inferred("D-03".to_owned())),
+    };
+    Ok((place, field))
+}
+
+fn padding(entry: &raw::Entry, bytes: u32, home: &raw::Structure) -> Field {
+    Field {
+        name: format!("_padding_{}", entry.offset.get_ref()),
+        offset: *entry.offset.get_ref(),
+        kind: Kind::Padding(bytes),
+        dims: Vec::new(),
+        used: Vec::new(),
+        reserved: true,
+        owner: Owner::Firmware,
+        reset: 0,
+        page: home.page.clone(),
+        doc: "Padding".to_owned(),
+        meaning: None,
+        name_from: home.offsets.clone(),
+        offset_from: home.offsets.clone(),
+        reset_from: home.offsets.clone(),
+    }
+}
+
+fn kind(sources: &Sources, parts: &Parts, place: At, name: &str) -> Result<Kind, Error> {
+    if let Some(scalar) = Scalar::named(name) {
+        return Ok(Kind::Scalar(scalar));
+    }
+    if let Some(index) = parts.substructures.iter().position(|sub| sub.name == name) {
+        return Ok(Kind::Sub(index));
+    }
+    let subs = parts.substructures.iter().map(|sub| format!(", {}", sub.name)).collect();
+    Err(sources.error(place, Reason::UnknownType(name.to_owned(), subs)))
+}
+
+/// Array bounds and how far they are used.
+fn dims(
+    sources: &Sources,
+    file: usize,
+    entry: &raw::Entry,
+    name: &str,
+) -> Result<(Vec<u32>, Vec<u32>), Error> {
+    let Some(array) = &entry.array else {
+        return Ok((Vec::new(), Vec::new()));
+    };
+    let dims = array.get_ref();
+    let place = at(file, array.span());
+    if !(1..=2).contains(&dims.len()) || dims.iter().any(|n| !(1..=65_535).contains(n)) {
+        return Err(sources.error(place, Reason::BadArray(dims.clone())));
+    }
+    if !name.starts_with("a_") {
+        return Err(sources.error(place, Reason::ArrayPrefix(name.to_owned())));
+    }
+    let Some(used) = &entry.used else {
+        return Ok((dims.clone(), dims.clone()));
+    };
+    let place = at(file, used.span());
+    let used = used.get_ref();
+    if used.len() != dims.len() || used.iter().zip(dims).any(|(used, n)| used > n) {
+        return Err(sources.error(place, Reason::BadUsed { used: used.clone(), array: dims.clone() }));
+    }
+    Ok((dims.clone(), used.clone()))
+}
+
+/// The short name of the data type in front of every register name must agree with the type.
+fn prefix(sources: &Sources, place: At, name: &str, kind: Kind) -> Result<(), Error> {
+    let Some((prefix, _)) = name.split_once('_') else {
+        return Ok(());
+    };
+    if prefix == "a" {
+        return Err(sources.error(place, Reason::ArrayPrefix(name.to_owned())));
+    }
+    let (expected, found) = match kind {
+        Kind::Scalar(scalar) => (scalar.prefix(), scalar.name()),
+        _ => ("", "a sub-structure"),
+    };
+    if prefix == expected {
+        return Ok(());
+    }
+    let reason = Reason::Prefix {
+        name: name.to_owned(),
+        expected: if prefix.is_empty() { "a sub-structure" } else { "another type" }.to_owned(),
+        found: format!("{found} (`{expected}_`)"),
+    };
+    Err(sources.error(place, reason))
+}
+
+fn reset(
+    sources: &Sources,
+    file: usize,
+    entry: &raw::Entry,
+    name: &str,
+    scalar: Scalar,
+) -> Result<u32, Error> {
+    let Some(reset) = &entry.reset else {
+        return Ok(0);
+    };
+    let value = *reset.get_ref();
+    let bits = scalar.width() * 8;
+    let range = if scalar.signed() { -(1i64 << (bits - 1))..1i64 << (bits - 1) } else { 0..1i64 << bits };
+    if !range.contains(&value) {
+        let reason = meaning::too_wide("reset value", value, name, scalar);
+        return Err(sources.error(at(file, reset.span()), reason));
+    }
+    // Truncation keeps the two's complement of the register's width.
+    Ok((value & ((1i64 << bits) - 1)) as u32)
+}

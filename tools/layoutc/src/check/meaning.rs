@@ -1,0 +1,110 @@
+//! Meanings: values and bits must not be described twice, and must fit the registers that use them.
+
+use crate::error::{Error, Reason};
+use crate::model::{Bit, Meaning, Scalar, Value};
+use crate::raw;
+use crate::source::{At, Sources, at};
+use toml::Spanned;
+
+/// A meaning, and where its parts stand.
+pub struct Checked {
+    pub meaning: Meaning,
+    values: Vec<At>,
+    bits: Vec<At>,
+}
+
+/// Checks `raw` and appends it.
+pub fn add(sources: &Sources, file: usize, raw: &raw::Meaning, all: &mut Vec<Checked>) -> Result<(), Error> {
+    let name = raw.name.get_ref();
+    if all.iter().any(|checked| checked.meaning.name == *name) {
+        return Err(sources.error(at(file, raw.name.span()), Reason::DuplicateName(name.clone())));
+    }
+    let values = values(sources, file, &raw.value)?;
+    let mut bits: Vec<Bit> = Vec::new();
+    for raw in &raw.bit {
+        let place = at(file, raw.span());
+        let bit = bit(sources, file, raw)?;
+        if let Some(twice) = bits.iter().find(|b| b.first <= bit.last && bit.first <= b.last) {
+            return Err(sources.error(place, Reason::BitTwice(bit.first.max(twice.first))));
+        }
+        bits.push(bit);
+    }
+    all.push(Checked {
+        meaning: Meaning { name: name.clone(), values, bits },
+        values: raw.value.iter().map(|v| at(file, v.span())).collect(),
+        bits: raw.bit.iter().map(|b| at(file, b.span())).collect(),
+    });
+    Ok(())
+}
+
+/// The meaning called `name`, if everything in it fits a register `register` of type `scalar`.
+pub fn find(
+    sources: &Sources,
+    all: &[Checked],
+    name: (&str, At),
+    register: &str,
+    scalar: Scalar,
+) -> Result<usize, Error> {
+    let Some(index) = all.iter().position(|checked| checked.meaning.name == name.0) else {
+        return Err(sources.error(name.1, Reason::UnknownMeaning(name.0.to_owned())));
+    };
+    let Checked { meaning, values, bits } = &all[index];
+    let width = scalar.width() * 8;
+    for (value, place) in meaning.values.iter().zip(values) {
+        if u64::from(value.last) >= 1u64 << width {
+            return Err(sources.error(*place, too_wide("value", i64::from(value.last), register, scalar)));
+        }
+    }
+    for (bit, place) in meaning.bits.iter().zip(bits) {
+        if u32::from(bit.last) >= width {
+            let (meaning, name) = (meaning.name.clone(), register.to_owned());
+            let reason = Reason::BitTooWide { bit: bit.last, meaning, name, ty: scalar.name(), bits: width };
+            return Err(sources.error(*place, reason));
+        }
+    }
+    Ok(index)
+}
+
+pub fn too_wide(what: &'static str, value: i64, name: &str, scalar: Scalar) -> Reason {
+    let value = if value < 0 { value.to_string() } else { format!("16#{value:X}") };
+    Reason::ValueTooWide { what, value, name: name.to_owned(), ty: scalar.name(), bits: scalar.width() * 8 }
+}
+
+fn values(sources: &Sources, file: usize, raw: &[Spanned<raw::Value>]) -> Result<Vec<Value>, Error> {
+    let mut values: Vec<Value> = Vec::new();
+    for raw in raw {
+        let place = at(file, raw.span());
+        let raw = raw.get_ref();
+        let (first, last) = match (raw.is, raw.from, raw.to) {
+            (Some(is), None, None) => (is, is),
+            (None, Some(from), Some(to)) if from < to => (from, to),
+            _ => return Err(sources.error(place, Reason::BadRange("value", "is"))),
+        };
+        if values.iter().any(|v| v.first <= last && first <= v.last) {
+            return Err(sources.error(place, Reason::ValueTwice(format!("16#{first:X}"))));
+        }
+        values.push(Value { first, last, text: raw.text.clone() });
+    }
+    Ok(values)
+}
+
+fn bit(sources: &Sources, file: usize, raw: &Spanned<raw::Bit>) -> Result<Bit, Error> {
+    let place = at(file, raw.span());
+    let raw = raw.get_ref();
+    let (first, last) = match (raw.at, raw.from, raw.to) {
+        (Some(bit), None, None) => (bit, bit),
+        (None, Some(from), Some(to)) if from < to => (from, to),
+        _ => return Err(sources.error(place, Reason::BadRange("bit", "at"))),
+    };
+    Ok(Bit {
+        first,
+        last,
+        name: raw.name.clone(),
+        zero: raw.zero.clone(),
+        one: raw.one.clone(),
+        text: raw.text.clone(),
+        values: values(sources, file, &raw.value)?,
+        joined: raw.joined,
+        reserved: raw.reserved,
+    })
+}

@@ -1,0 +1,101 @@
+//! A structure: its registers in ascending order, aligned, without overlap or hidden gap.
+
+use super::field::{self, Placed};
+use super::{Names, Parts};
+use crate::error::{Error, Reason};
+use crate::model::{Field, Kind, Structure};
+use crate::raw;
+use crate::source::{Sources, at};
+
+/// Checks `raw` with the blocks it includes.
+pub fn check(
+    sources: &Sources,
+    parts: &Parts,
+    file: usize,
+    raw: &raw::Structure,
+) -> Result<Structure, Error> {
+    let subs = &parts.substructures;
+    let mut names = Names::default();
+    let mut fields: Vec<Placed> = Vec::new();
+    for block in &raw.blocks {
+        let Some((block_file, block)) =
+            parts.blocks.iter().find(|(_, known)| known.name.get_ref() == block.get_ref())
+        else {
+            let reason = Reason::UnknownBlock(block.get_ref().clone());
+            return Err(sources.error(at(file, block.span()), reason));
+        };
+        add(sources, parts, *block_file, block, &mut names, &mut fields)?;
+    }
+    add(sources, parts, file, raw, &mut names, &mut fields)?;
+    fields.sort_by_key(|(_, field)| field.offset);
+
+    let size = *raw.size.get_ref();
+    let mut end = 0;
+    let mut previous = "the start of the structure";
+    for (place, field) in &fields {
+        let Field { name, offset, .. } = field;
+        let (name, offset) = (name.clone(), *offset);
+        let align = field.align(subs);
+        if offset < end {
+            let previous = previous.to_owned();
+            return Err(sources.error(*place, Reason::Overlap { name, offset, previous, end }));
+        }
+        if !offset.is_multiple_of(align) {
+            let ty = type_name(field.kind, subs).to_owned();
+            return Err(sources.error(*place, Reason::Misaligned { name, ty, offset, align }));
+        }
+        if offset > end {
+            return Err(sources.error(*place, Reason::Gap { name, start: end, bytes: offset - end }));
+        }
+        end = offset + field.size(subs);
+        if end > size {
+            let structure = raw.name.get_ref().clone();
+            return Err(sources.error(*place, Reason::PastStructureEnd { name, end, structure, size }));
+        }
+        previous = &field.name;
+    }
+    let size_at = at(file, raw.size.span());
+    if end < size {
+        let name = format!("the end of `{}`", raw.name.get_ref());
+        return Err(sources.error(size_at, Reason::Gap { name, start: end, bytes: size - end }));
+    }
+    let align = fields.iter().map(|(_, field)| field.align(subs)).max().unwrap_or(1);
+    if !size.is_multiple_of(align) {
+        let structure = raw.name.get_ref().clone();
+        return Err(sources.error(size_at, Reason::OddSize { structure, size, align }));
+    }
+    Ok(Structure {
+        name: raw.name.get_ref().clone(),
+        size,
+        align,
+        page: raw.page.clone(),
+        doc: raw.doc.clone(),
+        fields: fields.into_iter().map(|(_, field)| field).collect(),
+    })
+}
+
+fn add(
+    sources: &Sources,
+    parts: &Parts,
+    file: usize,
+    raw: &raw::Structure,
+    names: &mut Names,
+    fields: &mut Vec<Placed>,
+) -> Result<(), Error> {
+    for entry in &raw.register {
+        let placed = field::check(sources, parts, file, raw, entry)?;
+        if let Some(name) = &entry.get_ref().name {
+            names.add(sources, file, name)?;
+        }
+        fields.push(placed);
+    }
+    Ok(())
+}
+
+fn type_name(kind: Kind, subs: &[Structure]) -> &str {
+    match kind {
+        Kind::Scalar(scalar) => scalar.name(),
+        Kind::Sub(index) => &subs[index].name,
+        Kind::Padding(_) => "padding",
+    }
+}

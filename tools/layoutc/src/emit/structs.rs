@@ -1,0 +1,105 @@
+//! Typed views: structs of register cells.
+
+use super::text::{cell_type, doc, field_doc, field_type};
+use crate::model::{Device, Field, Kind, Structure};
+use std::fmt::Write;
+
+pub fn emit(out: &mut String, device: &Device) {
+    out.push_str("use crate::memory::cell::{Cell8, Cell16, Cell32, SharedRegs};\n");
+    out.push_str("use zerocopy::little_endian::{U16, U32};\n\n");
+    for structure in device.substructures.iter().chain(&device.structures) {
+        emit_struct(out, device, structure);
+        emit_methods(out, structure);
+    }
+}
+
+fn emit_struct(out: &mut String, device: &Device, structure: &Structure) {
+    let name = &structure.name;
+    out.push_str(&doc("", &format!("{} (manual {} p. {}).", structure.doc, device.manual, structure.page)));
+    out.push_str("#[derive(zerocopy::FromBytes, zerocopy::IntoBytes, zerocopy::KnownLayout)]\n#[repr(C)]\n");
+    let _ = writeln!(out, "pub struct {name} {{");
+    for field in &structure.fields {
+        out.push_str(&doc("    ", &field_doc(device, field)));
+        let _ = writeln!(out, "    pub {}: {},", field.name, field_type(device, field, "Cell8", cell_type));
+    }
+    out.push_str("}\n\n");
+    let _ = writeln!(
+        out,
+        "// SAFETY: every field is a cell or made of cells, any bits are valid in a cell, and the offsets\n\
+         // asserted below leave no room for padding.\n\
+         unsafe impl SharedRegs for {name} {{}}\n"
+    );
+    let _ = writeln!(out, "const _: () = {{\n    const fn all_cells<T: SharedRegs>() {{}}");
+    for field in &structure.fields {
+        let _ = writeln!(out, "    all_cells::<{}>();", field_type(device, field, "Cell8", cell_type));
+        let _ =
+            writeln!(out, "    assert!(core::mem::offset_of!({name}, {}) == {});", field.name, field.offset);
+    }
+    let _ = writeln!(out, "    assert!(size_of::<{name}>() == {});\n}};\n", structure.size);
+}
+
+fn emit_methods(out: &mut String, structure: &Structure) {
+    let name = &structure.name;
+    let _ = writeln!(
+        out,
+        "impl {name} {{\n    \
+         /// Copies the registers out, one by one at their width. Registers that change meanwhile\n    \
+         /// may be old or new.\n    \
+         pub fn snapshot(&self) -> snapshot::{name} {{\n        snapshot::{name} {{"
+    );
+    for field in &structure.fields {
+        let place = format!("self.{}", field.name);
+        let _ = writeln!(out, "            {}: {},", field.name, load(field, &place, field.dims.len()));
+    }
+    let _ = writeln!(
+        out,
+        "        }}\n    }}\n\n    \
+         /// Writes the reset value into every register from offset `first` on, in ascending order;\n    \
+         /// `reset_from(0)` is the state after power-on.\n    \
+         pub fn reset_from(&self, first: usize) {{"
+    );
+    for field in &structure.fields {
+        let _ = writeln!(
+            out,
+            "        if core::mem::offset_of!({name}, {}) >= first {{ {} }}",
+            field.name,
+            store(field)
+        );
+    }
+    out.push_str("    }\n}\n\n");
+}
+
+/// Expression that copies `place`, an array of `dims` dimensions.
+fn load(field: &Field, place: &str, dims: usize) -> String {
+    if let Kind::Padding(_) = field.kind {
+        return format!("core::array::from_fn(|i| {place}[i].load())");
+    }
+    match dims {
+        0 => match field.kind {
+            Kind::Sub(_) => format!("{place}.snapshot()"),
+            Kind::Scalar(scalar) if scalar.width() > 1 => format!("{place}.load().into()"),
+            _ => format!("{place}.load()"),
+        },
+        n => {
+            let index = ["i", "j"][field.dims.len() - n];
+            format!("core::array::from_fn(|{index}| {})", load(field, &format!("{place}[{index}]"), n - 1))
+        }
+    }
+}
+
+/// Statement that writes the reset value into all elements.
+fn store(field: &Field) -> String {
+    let place = format!("self.{}", field.name);
+    if let Kind::Padding(_) = field.kind {
+        return format!("for cell in &{place} {{ cell.store(0); }}");
+    }
+    let one = |place: &str| match field.kind {
+        Kind::Sub(_) => format!("{place}.reset_from(0);"),
+        _ => format!("{place}.store({});", field.reset),
+    };
+    match field.dims.len() {
+        0 => one(&place),
+        1 => format!("for cell in &{place} {{ {} }}", one("cell")),
+        _ => format!("for cell in {place}.as_flattened() {{ {} }}", one("cell")),
+    }
+}

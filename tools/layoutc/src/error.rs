@@ -1,0 +1,108 @@
+//! What can be wrong with a layout, and where.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// A layout error: place and reason. Printed as `file:line:column: reason`.
+#[derive(Debug, thiserror::Error)]
+#[error("{at}: {reason}")]
+pub struct Error {
+    /// Where the layout is wrong.
+    pub at: Location,
+    /// What is wrong and what would be right.
+    pub reason: Box<Reason>,
+}
+
+/// A place in a layout file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Location {
+    /// The file, as a path that can be opened.
+    pub file: PathBuf,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.file.display(), self.line, self.column)
+    }
+}
+
+/// The kinds of layout errors.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+#[expect(missing_docs, reason = "each message says it all")]
+pub enum Reason {
+    #[error("cannot read this file: {0}")]
+    Unreadable(String),
+    #[error("{0}")]
+    Syntax(String),
+    #[error("`{0}` is not a name (letters, digits and `_`, not starting with a digit)")]
+    BadName(String),
+    #[error("`{0}` is already in use here; names must be unique")]
+    DuplicateName(String),
+    #[error("register without `{0}`")]
+    MissingKey(&'static str),
+    #[error("padding takes no `name`, `type` or `array`")]
+    PaddingWithKeys,
+    #[error("unknown type `{0}`; known are BYTE, WORD, DWORD, SINT, INT, DINT, USINT, UINT, UDINT{1}")]
+    UnknownType(String, String),
+    #[error("`{name}` starts like {expected}, but its type is {found}")]
+    Prefix { name: String, expected: String, found: String },
+    #[error("unknown structure `{0}`; `structures` of device.toml lists the known ones")]
+    UnknownStructure(String),
+    #[error("unknown block `{0}`; blocks are defined in the files that `parts` of device.toml lists")]
+    UnknownBlock(String),
+    #[error("unknown meaning `{0}`; meanings are defined in the files that `parts` of device.toml lists")]
+    UnknownMeaning(String),
+    #[error(
+        "`{name}` at offset {offset} overlaps `{previous}`, which ends at {end}; \
+         the first free offset is {end}"
+    )]
+    Overlap { name: String, offset: u32, previous: String, end: u32 },
+    #[error(
+        "{bytes} byte(s) before `{name}` are not described; \
+         write {{ offset = {start}, padding = {bytes} }} if that is meant"
+    )]
+    Gap { name: String, start: u32, bytes: u32 },
+    #[error("`{name}` at offset {offset}: a {ty} needs an offset divisible by {align}")]
+    Misaligned { name: String, ty: String, offset: u32, align: u32 },
+    #[error("`{name}` ends at {end}, past the end of `{structure}` ({size} bytes)")]
+    PastStructureEnd { name: String, end: u32, structure: String, size: u32 },
+    #[error("`{structure}` has {size} bytes, but `{area}` ends after {bytes}")]
+    PastAreaEnd { structure: String, size: u32, area: String, bytes: u32 },
+    #[error("the size of `{structure}` is {size}; it must be a multiple of {align}")]
+    OddSize { structure: String, size: u32, align: u32 },
+    #[error("area `{name}` starts at {first}; it must be divisible by 4")]
+    AreaMisaligned { name: String, first: u32 },
+    #[error("area `{name}` ends at {last}, before its first byte {first}")]
+    AreaReversed { name: String, first: u32, last: u32 },
+    #[error("area `{name}` ({first} to {last}) overlaps area `{other}`, which ends at {other_last}")]
+    AreaOverlap { name: String, first: u32, last: u32, other: String, other_last: u32 },
+    #[error("an array has one or two dimensions of 1 to 65535 elements, this one is {0:?}")]
+    BadArray(Vec<u32>),
+    #[error("`used` is {used:?} but `array` is {array:?}: as many numbers, none of them greater")]
+    BadUsed { used: Vec<u32>, array: Vec<u32> },
+    #[error("an array needs a name that starts with `a_`, and `a_` needs `array`; this is `{0}`")]
+    ArrayPrefix(String),
+    #[error("{what} {value} does not fit `{name}`, a {ty} of {bits} bits")]
+    ValueTooWide { what: &'static str, value: String, name: String, ty: &'static str, bits: u32 },
+    #[error("bit {bit} of meaning `{meaning}` does not fit `{name}`, a {ty} of {bits} bits")]
+    BitTooWide { bit: u8, meaning: String, name: String, ty: &'static str, bits: u32 },
+    #[error("bit {0} is described twice")]
+    BitTwice(u8),
+    #[error("a {0} needs either `{1}`, or `from` and `to` in ascending order")]
+    BadRange(&'static str, &'static str),
+    #[error("value {0} has two meanings")]
+    ValueTwice(String),
+    #[error("a `reset` makes no sense for sub-structure `{0}`; its registers carry their own")]
+    ResetOfSubstructure(String),
+    #[error(
+        "`{structure}` has a register of {width} bytes at offset {offset} where `{other}`, \
+         which lies over it in area `{area}`, has one of {other_width}: \
+         a byte of the RAM must always be accessed at one width"
+    )]
+    MixedWidth { structure: String, other: String, area: String, offset: u32, width: u32, other_width: u32 },
+}

@@ -1,0 +1,43 @@
+//! The layout hash: equal if and only if every register has the same name, address and width.
+
+use crate::model::{Device, Kind, Structure};
+use std::fmt::Write;
+
+/// FNV-1a (64 bits) over a canonical description of names, addresses, types and dimensions. Comments,
+/// documentation, meanings, owners and reset values do not count.
+pub fn layout_hash(device: &Device) -> u64 {
+    canonical(device).bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3)
+    })
+}
+
+fn canonical(device: &Device) -> String {
+    let mut text = format!("device {}\n", device.name);
+    let mut areas: Vec<_> = device.areas.iter().collect();
+    areas.sort_by_key(|area| area.first);
+    for area in areas {
+        let _ = write!(text, "area {} {} {}", area.name, area.first, area.bytes);
+        for (index, live) in &area.structures {
+            let _ = write!(text, " {}:{live:?}", device.structures[*index].name);
+        }
+        text.push('\n');
+    }
+    let mut structures: Vec<_> = device.structures.iter().chain(&device.substructures).collect();
+    structures.sort_by(|a, b| a.name.cmp(&b.name));
+    for structure in structures {
+        describe(&mut text, device, structure);
+    }
+    text
+}
+
+fn describe(text: &mut String, device: &Device, structure: &Structure) {
+    let _ = writeln!(text, "struct {} {}", structure.name, structure.size);
+    for field in &structure.fields {
+        let ty = match field.kind {
+            Kind::Scalar(scalar) => scalar.name(),
+            Kind::Sub(index) => &device.substructures[index].name,
+            Kind::Padding(_) => continue,
+        };
+        let _ = writeln!(text, "{} {} {ty} {:?}", field.offset, field.name, field.dims);
+    }
+}

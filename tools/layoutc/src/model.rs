@@ -1,0 +1,189 @@
+//! The checked layout: every offset, width and reference in here has passed [`crate::check`].
+
+pub use crate::raw::{BaudRate, Live, Owner, Provenance};
+
+/// A whole device.
+pub struct Device {
+    pub name: String,
+    pub title: String,
+    pub manual: String,
+    pub dip_first: u32,
+    pub dip_last: u32,
+    pub meanings: Vec<Meaning>,
+    pub substructures: Vec<Structure>,
+    pub structures: Vec<Structure>,
+    pub areas: Vec<Area>,
+    pub baud_rates: Vec<BaudRate>,
+}
+
+pub struct Area {
+    pub name: String,
+    pub first: u32,
+    pub bytes: u32,
+    pub cpu_first: u32,
+    pub cpu_last: u32,
+    pub page: String,
+    pub doc: String,
+    /// Indices into [`Device::structures`].
+    pub structures: Vec<(usize, Live)>,
+}
+
+/// A structure or sub-structure: fields in ascending order that cover `0..size` without a gap.
+pub struct Structure {
+    pub name: String,
+    pub size: u32,
+    pub align: u32,
+    pub page: String,
+    pub doc: String,
+    pub fields: Vec<Field>,
+}
+
+pub struct Field {
+    pub name: String,
+    pub offset: u32,
+    pub kind: Kind,
+    pub dims: Vec<u32>,
+    /// Elements below these indices are used, the others are reserved; as long as `dims`.
+    pub used: Vec<u32>,
+    pub reserved: bool,
+    pub owner: Owner,
+    pub reset: u32,
+    pub page: String,
+    pub doc: String,
+    /// Index into [`Device::meanings`].
+    pub meaning: Option<usize>,
+    pub name_from: Provenance,
+    pub offset_from: Provenance,
+    pub reset_from: Provenance,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Scalar(Scalar),
+    /// Index into [`Device::substructures`].
+    Sub(usize),
+    /// Bytes without a register.
+    Padding(u32),
+}
+
+/// The elementary data types (manual 5.00005.03a p. 144).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Scalar {
+    Byte,
+    Word,
+    Dword,
+    Sint,
+    Int,
+    Dint,
+    Usint,
+    Uint,
+    Udint,
+}
+
+impl Scalar {
+    /// Type name, short name in front of register names, width in bytes.
+    const TABLE: [(Scalar, &'static str, &'static str, u32); 9] = [
+        (Scalar::Byte, "BYTE", "b", 1),
+        (Scalar::Word, "WORD", "w", 2),
+        (Scalar::Dword, "DWORD", "d", 4),
+        (Scalar::Sint, "SINT", "si", 1),
+        (Scalar::Int, "INT", "i", 2),
+        (Scalar::Dint, "DINT", "di", 4),
+        (Scalar::Usint, "USINT", "us", 1),
+        (Scalar::Uint, "UINT", "u", 2),
+        (Scalar::Udint, "UDINT", "ud", 4),
+    ];
+
+    pub fn named(name: &str) -> Option<Self> {
+        Self::TABLE.iter().find(|row| row.1 == name).map(|row| row.0)
+    }
+
+    fn row(self) -> &'static (Scalar, &'static str, &'static str, u32) {
+        &Self::TABLE[self as usize]
+    }
+
+    pub fn name(self) -> &'static str {
+        self.row().1
+    }
+
+    pub fn prefix(self) -> &'static str {
+        self.row().2
+    }
+
+    /// In bytes; also the alignment.
+    pub fn width(self) -> u32 {
+        self.row().3
+    }
+
+    pub fn signed(self) -> bool {
+        matches!(self, Scalar::Sint | Scalar::Int | Scalar::Dint)
+    }
+
+    /// How the type is written in generated code.
+    pub fn variant(self) -> String {
+        format!("{self:?}")
+    }
+}
+
+/// What the values and bits of a register mean.
+pub struct Meaning {
+    pub name: String,
+    pub values: Vec<Value>,
+    pub bits: Vec<Bit>,
+}
+
+pub struct Value {
+    pub first: u32,
+    pub last: u32,
+    pub text: String,
+}
+
+pub struct Bit {
+    pub first: u8,
+    pub last: u8,
+    pub name: String,
+    pub zero: String,
+    pub one: String,
+    pub text: String,
+    pub values: Vec<Value>,
+    pub joined: bool,
+    pub reserved: bool,
+}
+
+impl Device {
+    /// Bytes of one element of `field`.
+    pub fn element_size(&self, field: &Field) -> u32 {
+        element_size(field.kind, &self.substructures)
+    }
+
+    /// Bytes of `field` with all its elements.
+    pub fn size(&self, field: &Field) -> u32 {
+        field.size(&self.substructures)
+    }
+}
+
+impl Field {
+    pub fn is_padding(&self) -> bool {
+        matches!(self.kind, Kind::Padding(_))
+    }
+
+    pub fn size(&self, subs: &[Structure]) -> u32 {
+        element_size(self.kind, subs) * self.dims.iter().product::<u32>()
+    }
+
+    pub fn align(&self, subs: &[Structure]) -> u32 {
+        match self.kind {
+            Kind::Scalar(scalar) => scalar.width(),
+            Kind::Sub(index) => subs[index].align,
+            Kind::Padding(_) => 1,
+        }
+    }
+}
+
+fn element_size(kind: Kind, subs: &[Structure]) -> u32 {
+    match kind {
+        Kind::Scalar(scalar) => scalar.width(),
+        Kind::Sub(index) => subs[index].size,
+        Kind::Padding(bytes) => bytes,
+    }
+}

@@ -1,0 +1,204 @@
+//! The TOML files exactly as written: shape only, nothing checked yet.
+
+use serde::Deserialize;
+use toml::Spanned;
+
+/// `device.toml`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Device {
+    pub name: Spanned<String>,
+    pub title: String,
+    pub manual: String,
+    pub dip: Range,
+    #[serde(default)]
+    pub parts: Vec<Spanned<String>>,
+    pub structures: Vec<Spanned<String>>,
+    pub area: Vec<Area>,
+    pub baud_rate: Vec<BaudRate>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    pub first: u32,
+    pub last: u32,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Area {
+    pub name: Spanned<String>,
+    pub first: Spanned<u32>,
+    pub last: Spanned<u32>,
+    pub cpu_first: u32,
+    pub cpu_last: u32,
+    pub page: String,
+    pub doc: String,
+    #[serde(default)]
+    pub structure: Vec<Placed>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placed {
+    pub name: Spanned<String>,
+    pub live: Live,
+}
+
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[serde(rename_all = "lowercase")]
+pub enum Live {
+    Always,
+    Init,
+    Cyclic,
+}
+
+/// One line of the timing table; times in microseconds.
+#[derive(Deserialize, Clone)]
+#[serde(deny_unknown_fields)]
+#[allow(non_snake_case)]
+pub struct BaudRate {
+    pub kbit_per_s: u16,
+    pub us_BAUDRATE: u8,
+    pub b_BT_0: u8,
+    pub b_BT_1: u8,
+    pub b_TIME_PATTERN: u8,
+    pub t_WRC1: u32,
+    pub t_RDC1: u32,
+    pub t_WRC2: u32,
+    pub t_RDC2: u32,
+    pub t_CC: u32,
+    pub t_RC: u32,
+    pub t_RSPTO: u32,
+    pub deadline: u32,
+    pub max_bus_m: u16,
+}
+
+/// A parts file: what several structures share.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parts {
+    #[serde(default)]
+    pub meaning: Vec<Meaning>,
+    #[serde(default)]
+    pub substructure: Vec<Structure>,
+    #[serde(default)]
+    pub block: Vec<Structure>,
+}
+
+/// A structure, a sub-structure or a block of registers shared by structures.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Structure {
+    pub name: Spanned<String>,
+    pub size: Spanned<u32>,
+    pub page: String,
+    pub doc: String,
+    pub offsets: Provenance,
+    #[serde(default = "Provenance::manual")]
+    pub names: Provenance,
+    #[serde(default)]
+    pub blocks: Vec<Spanned<String>>,
+    pub register: Vec<Spanned<Entry>>,
+}
+
+/// A register, or with `padding` the bytes between two registers.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    pub offset: Spanned<u32>,
+    pub padding: Option<Spanned<u32>>,
+    pub name: Option<Spanned<String>>,
+    #[serde(rename = "type")]
+    pub ty: Option<Spanned<String>>,
+    pub array: Option<Spanned<Vec<u32>>>,
+    pub used: Option<Spanned<Vec<u32>>>,
+    #[serde(default)]
+    pub reserved: bool,
+    pub owner: Option<Owner>,
+    pub reset: Option<Spanned<i64>>,
+    pub reset_from: Option<Provenance>,
+    pub page: Option<String>,
+    pub meaning: Option<Spanned<String>>,
+    pub doc: Option<String>,
+    pub offset_from: Option<Provenance>,
+    pub name_from: Option<Provenance>,
+}
+
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[serde(rename_all = "lowercase")]
+pub enum Owner {
+    Plc,
+    Firmware,
+    Both,
+}
+
+/// `"manual"`, or `"inferred D-02"` with the decision that says how.
+#[derive(Deserialize, Clone, PartialEq, Eq, Debug)]
+#[serde(try_from = "String")]
+pub enum Provenance {
+    Manual,
+    Inferred(String),
+}
+
+impl Provenance {
+    pub fn manual() -> Self {
+        Provenance::Manual
+    }
+}
+
+impl TryFrom<String> for Provenance {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        match text.split_once(' ') {
+            None if text == "manual" => Ok(Provenance::Manual),
+            Some(("inferred", decision)) => Ok(Provenance::Inferred(decision.to_owned())),
+            _ => Err(format!("`{text}` is no provenance; write \"manual\" or \"inferred D-nn\"")),
+        }
+    }
+}
+
+/// What the values and bits of a register mean; registers refer to it by name.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Meaning {
+    pub name: Spanned<String>,
+    #[serde(default)]
+    pub value: Vec<Spanned<Value>>,
+    #[serde(default)]
+    pub bit: Vec<Spanned<Bit>>,
+}
+
+/// One value (`is`) or a range of them (`from`, `to`); `{}` in the text stands for the value.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Value {
+    pub is: Option<u32>,
+    pub from: Option<u32>,
+    pub to: Option<u32>,
+    pub text: String,
+}
+
+/// One bit (`at`) or a field of bits (`from`, `to`).
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bit {
+    pub at: Option<u8>,
+    pub from: Option<u8>,
+    pub to: Option<u8>,
+    pub name: String,
+    #[serde(default)]
+    pub zero: String,
+    #[serde(default)]
+    pub one: String,
+    #[serde(default)]
+    pub text: String,
+    #[serde(default)]
+    pub value: Vec<Spanned<Value>>,
+    #[serde(default)]
+    pub joined: bool,
+    #[serde(default)]
+    pub reserved: bool,
+}

@@ -1,0 +1,68 @@
+//! The files of one layout and places in them.
+
+use crate::error::{Error, Location, Reason};
+use serde::de::DeserializeOwned;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Every file read so far.
+pub struct Sources {
+    dir: PathBuf,
+    files: Vec<(PathBuf, String)>,
+}
+
+/// A place: file number and byte position.
+#[derive(Clone, Copy, Debug)]
+pub struct At {
+    pub file: usize,
+    pub byte: usize,
+}
+
+impl Sources {
+    pub fn new(dir: &Path) -> Self {
+        Self { dir: dir.to_owned(), files: Vec::new() }
+    }
+
+    pub fn paths(&self) -> Vec<PathBuf> {
+        self.files.iter().map(|(path, _)| path.clone()).collect()
+    }
+
+    /// Reads and parses `name`, and returns its number with the content. `from` is where the file is
+    /// asked for; a missing file is reported there.
+    pub fn parse<T: DeserializeOwned>(&mut self, name: &str, from: Option<At>) -> Result<(usize, T), Error> {
+        let path = self.dir.join(name);
+        let text = std::fs::read_to_string(&path).map_err(|error| match from {
+            Some(at) => self.error(at, Reason::Unreadable(format!("{}: {error}", path.display()))),
+            None => Error {
+                at: Location { file: path.clone(), line: 1, column: 1 },
+                reason: Box::new(Reason::Unreadable(error.to_string())),
+            },
+        })?;
+        self.files.push((path, text));
+        let file = self.files.len() - 1;
+        let value = toml::from_str(&self.files[file].1).map_err(|error| {
+            let byte = error.span().unwrap_or(0..0).start;
+            self.error(At { file, byte }, Reason::Syntax(error.message().to_owned()))
+        })?;
+        Ok((file, value))
+    }
+
+    pub fn error(&self, at: At, reason: Reason) -> Error {
+        let (path, text) = &self.files[at.file];
+        let before = &text[..at.byte.min(text.len())];
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        Error {
+            at: Location {
+                file: path.clone(),
+                line: before.matches('\n').count() + 1,
+                column: before[line_start..].chars().count() + 1,
+            },
+            reason: Box::new(reason),
+        }
+    }
+}
+
+/// Shorthand for the place where `span` starts.
+pub fn at(file: usize, span: Range<usize>) -> At {
+    At { file, byte: span.start }
+}
