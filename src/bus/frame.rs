@@ -1,42 +1,59 @@
 //! A CAN data frame with 11-bit identifier and 0 to 8 data bytes.
 
+use super::ident::FrameKind;
+use super::payload::Payload;
 use embedded_can::{Id, StandardId};
 
 /// A data frame on the simulated bus. Remote frames do not occur in CANsync.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Frame {
     id: u16,
-    len: u8,
-    data: [u8; 8],
+    payload: Payload,
 }
 
 impl Frame {
     /// A frame with identifier `id` (0..=0x7FF) and `data` (0..=8 bytes); `None` outside these ranges.
     pub fn new(id: u16, data: &[u8]) -> Option<Self> {
-        if id > 0x7FF || data.len() > 8 {
+        if id > 0x7FF {
             return None;
         }
-        let mut bytes = [0; 8];
-        bytes[..data.len()].copy_from_slice(data);
-        Some(Frame { id, len: data.len() as u8, data: bytes })
+        Some(Frame { id, payload: Payload::new(data)? })
+    }
+
+    /// A CANsync frame.
+    #[inline]
+    pub const fn of(kind: FrameKind, payload: Payload) -> Self {
+        Frame { id: kind.id(), payload }
     }
 
     /// The 11-bit identifier.
     #[inline]
-    pub fn id(&self) -> u16 {
+    pub const fn id(&self) -> u16 {
         self.id
+    }
+
+    /// What the identifier says; `None` if it is none of CANsync.
+    #[inline]
+    pub const fn kind(&self) -> Option<FrameKind> {
+        FrameKind::from_id(self.id)
+    }
+
+    /// The data field.
+    #[inline]
+    pub const fn payload(&self) -> &Payload {
+        &self.payload
     }
 
     /// The data bytes, as many as the frame carries.
     #[inline]
     pub fn data(&self) -> &[u8] {
-        &self.data[..usize::from(self.len)]
+        self.payload.data()
     }
 
     /// All eight bytes of the data field; bytes behind the length are 0.
     #[inline]
-    pub fn padded(&self) -> [u8; 8] {
-        self.data
+    pub const fn padded(&self) -> [u8; 8] {
+        self.payload.padded()
     }
 }
 
@@ -61,12 +78,12 @@ impl embedded_can::Frame for Frame {
     }
 
     fn id(&self) -> Id {
-        // The constructor admits 11-bit identifiers only.
+        // The constructors admit 11-bit identifiers only.
         Id::Standard(StandardId::new(self.id).unwrap_or(StandardId::MAX))
     }
 
     fn dlc(&self) -> usize {
-        usize::from(self.len)
+        self.payload.len()
     }
 
     fn data(&self) -> &[u8] {
@@ -77,6 +94,7 @@ impl embedded_can::Frame for Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bus::Channel;
 
     #[test]
     fn refuses_what_is_no_standard_data_frame() {
@@ -90,5 +108,12 @@ mod tests {
         let frame = Frame::new(0x585, &[1, 2, 3]).unwrap();
         assert_eq!((frame.id(), frame.data()), (0x585, &[1, 2, 3][..]));
         assert_eq!(frame.padded(), [1, 2, 3, 0, 0, 0, 0, 0]);
+        assert_eq!(frame.kind(), Some(FrameKind::Response(5)));
+    }
+
+    #[test]
+    fn a_kind_gives_its_identifier() {
+        let frame = Frame::of(FrameKind::ActualValue(Channel::Two, 3), Payload::EMPTY);
+        assert_eq!(frame.id(), 0x383);
     }
 }
