@@ -1,1 +1,30 @@
-//! (being written)
+//! The channel: a request-response door to a running emulator, for tools and tests.
+//!
+//! The channel is the second door beside the mapped image. It can do what a map cannot: step the
+//! emulated time, wait for a register without missing a change, and do several things in one go
+//! (poke, step, peek) so that nothing happens in between. If it is missing or fails, firmware and mapped
+//! clients go on.
+//!
+//! | part | content |
+//! |---|---|
+//! | [`op`] | the operations and replies as plain Rust |
+//! | [`wire`] | the same as fixed-width integers, and the way back from hostile bytes |
+//! | [`exec`] | runs a request against a [`Machine`]; knows no iceoryx2 |
+//! | [`bells`] | how the two ends wake each other |
+//!
+//! Rules: one server per instance; a client has one request under way and always waits for its reply;
+//! operations of one request run in order and stop at the first error.
+
+pub mod bells;
+pub mod error;
+pub mod exec;
+mod machine;
+pub mod op;
+#[cfg(test)]
+mod testing;
+pub mod wire;
+
+pub use bells::Bells;
+pub use error::ChannelError;
+pub use machine::{Machine, Unmapped};
+pub use op::{InstanceInfo, Op, Reply};

@@ -1,0 +1,50 @@
+//! How client and emulator wake each other.
+//!
+//! iceoryx2 carries the messages but wakes nobody. The emulator's thread sleeps on the doorbell in the
+//! header page of the image, and clients sleep on another bell there until a reply is announced. Both
+//! bells are futex words shared by all clients, so a wake-up means "look again", nothing more.
+
+use std::time::Duration;
+
+/// The bells between client and emulator.
+///
+/// Waiting must not miss a ring: whoever takes the count first and then finds nothing to do, is woken by
+/// every ring after that count.
+pub trait Bells {
+    /// Client: wakes the emulator's thread.
+    fn ring_doorbell(&self);
+
+    /// Client: number of announcements so far, wrapping.
+    fn reply_count(&self) -> u32;
+
+    /// Client: sleeps until the count is no longer `seen`, or until the timeout. May return early.
+    fn wait_reply(&self, seen: u32, timeout: Duration);
+
+    /// Emulator: a reply was sent; wakes the clients.
+    fn announce_reply(&self);
+
+    /// Client: whether the emulator's process still lives. Asked when a reply is late.
+    fn emulator_alive(&self) -> bool;
+}
+
+impl<T: Bells + ?Sized> Bells for std::sync::Arc<T> {
+    fn ring_doorbell(&self) {
+        (**self).ring_doorbell();
+    }
+
+    fn reply_count(&self) -> u32 {
+        (**self).reply_count()
+    }
+
+    fn wait_reply(&self, seen: u32, timeout: Duration) {
+        (**self).wait_reply(seen, timeout);
+    }
+
+    fn announce_reply(&self) {
+        (**self).announce_reply();
+    }
+
+    fn emulator_alive(&self) -> bool {
+        (**self).emulator_alive()
+    }
+}

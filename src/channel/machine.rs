@@ -1,0 +1,76 @@
+//! What the channel needs of an emulator.
+
+use super::InstanceInfo;
+use crate::memory::Width;
+
+/// No register area covers an address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unmapped {
+    /// Byte offset of the first byte that is not covered.
+    pub offset: u32,
+}
+
+/// An emulator, seen from the channel.
+///
+/// The executor has checked PLC number, alignment and value width before it calls the memory functions;
+/// an implementation only decides what is mapped. Times are emulated time in microseconds.
+pub trait Machine {
+    /// Number of PLCs.
+    fn plc_count(&self) -> usize;
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// No register area covers the address.
+    fn load(&self, plc: usize, offset: u32, width: Width) -> Result<u32, Unmapped>;
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// No register area covers the address.
+    fn store(&mut self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped>;
+
+    /// Writes `new` if the register holds `current`; the inner result is what it held, `Ok` if written.
+    ///
+    /// # Errors
+    /// No register area covers the address.
+    fn compare_exchange(
+        &mut self,
+        plc: usize,
+        offset: u32,
+        width: Width,
+        current: u32,
+        new: u32,
+    ) -> Result<Result<u32, u32>, Unmapped>;
+
+    /// Copies bytes, whatever their registers' widths.
+    ///
+    /// # Errors
+    /// No register area covers one of the bytes.
+    fn read_range(&self, plc: usize, offset: u32, to: &mut [u8]) -> Result<(), Unmapped>;
+
+    /// Emulated time.
+    fn now(&self) -> u64;
+
+    /// Whether the time only passes on request.
+    fn is_stepped(&self) -> bool;
+
+    /// Time of the next scheduled event, later than [`Machine::now`]; `u64::MAX` if there is none.
+    fn next_event(&self) -> u64;
+
+    /// Stepped mode: runs everything up to and including time `t`. Going there in several calls has the
+    /// same outcome as going there in one.
+    fn advance_to(&mut self, t: u64);
+
+    /// Time of the next SYNC on that node's bus, later than [`Machine::now`]; `None` if nobody sends any.
+    fn next_sync(&self, plc: usize, node: u8) -> Option<u64>;
+
+    /// What the instance says about itself.
+    fn info(&self) -> InstanceInfo;
+
+    /// Asks the emulator to end; [`Machine::should_stop`] is true from then on.
+    fn request_stop(&mut self);
+
+    /// Whether the emulator is to end (a signal came in, or a client asked). Asked during long advances.
+    fn should_stop(&self) -> bool;
+}

@@ -1,0 +1,158 @@
+//! Operations and replies, as the callers of both ends see them.
+
+use super::ChannelError;
+use crate::memory::{ClockMode, Width};
+
+/// Most operations one request may carry.
+pub const MAX_OPS: usize = 256;
+/// Longest [`Op::ReadRange`] in bytes.
+pub const MAX_RANGE: u32 = 65_536;
+/// Longest time one operation may let pass: 24 h of emulated time, in microseconds.
+pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
+
+/// One operation of a request.
+///
+/// `plc` is the PLC's number in the instance, from 0; `offset` is the byte offset in segment 3, the `n`
+/// of `%MB3.n`, and must suit the width. Times are emulated time in microseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Op {
+    /// Reads a register. Answered by [`Reply::Value`].
+    Peek {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+    },
+    /// Writes a register. Answered by [`Reply::Written`].
+    Poke {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The value; must fit the width.
+        value: u32,
+    },
+    /// Writes `new` if the register holds `current`. Answered by [`Reply::Exchanged`].
+    CompareExchange {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The value expected in the register; must fit the width.
+        current: u32,
+        /// The value to write; must fit the width.
+        new: u32,
+    },
+    /// Copies bytes. Registers may tear against each other, never within themselves. Answered by
+    /// [`Reply::Bytes`].
+    ReadRange {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the first byte.
+        offset: u32,
+        /// Number of bytes, at most [`MAX_RANGE`].
+        len: u32,
+    },
+    /// Waits until `register AND mask = value`. In stepped mode it lets the time pass, event by event.
+    /// Answered by [`Reply::Waited`], or by [`ChannelError::WaitTimedOut`] with the last value seen.
+    Wait {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The bits that count; must fit the width.
+        mask: u32,
+        /// What those bits shall be; no bit outside the mask.
+        value: u32,
+        /// Longest wait in emulated microseconds, at most [`MAX_ADVANCE_US`].
+        within_us: u64,
+    },
+    /// Lets the emulated time pass; stepped mode only. Answered by [`Reply::Advanced`].
+    Advance {
+        /// How long, in microseconds, at most [`MAX_ADVANCE_US`].
+        us: u64,
+    },
+    /// Lets the time pass up to the next SYNC of a CANsync node's bus; stepped mode only. Answered by
+    /// [`Reply::Advanced`].
+    AdvanceToSync {
+        /// Number of the PLC.
+        plc: u16,
+        /// CANsync node (interface) of that PLC.
+        node: u8,
+    },
+    /// Asks who answers. Answered by [`Reply::Info`].
+    Info,
+    /// Asks the emulator to end. Answered by [`Reply::Stopping`].
+    Stop,
+}
+
+/// The answer to one operation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reply {
+    /// The register's value.
+    Value(u32),
+    /// The register was written.
+    Written,
+    /// The comparison was made.
+    Exchanged {
+        /// Whether the register held the expected value and was written.
+        ok: bool,
+        /// What it held before.
+        found: u32,
+    },
+    /// The bytes of a range.
+    Bytes(Vec<u8>),
+    /// The register matched.
+    Waited {
+        /// Emulated time of the match, in microseconds.
+        time_us: u64,
+        /// The register's whole value.
+        value: u32,
+    },
+    /// The time has passed.
+    Advanced {
+        /// Emulated time now, in microseconds.
+        time_us: u64,
+    },
+    /// Who answers.
+    Info(Box<InstanceInfo>),
+    /// The emulator is going to end.
+    Stopping,
+    /// The operation failed; those behind it were not executed.
+    Error(ChannelError),
+    /// An earlier operation of the request failed.
+    NotExecuted,
+}
+
+/// What an emulator says about itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InstanceInfo {
+    /// Name of the instance.
+    pub name: String,
+    /// What drives the emulated time.
+    pub clock_mode: ClockMode,
+    /// Emulated time per real time x 1000 (1000 is real time); 0 in stepped mode.
+    pub speed: u32,
+    /// Emulated time since the start, in microseconds.
+    pub time_us: u64,
+    /// Counts the emulators that have used the image, from 1.
+    pub generation: u32,
+    /// Process id of the emulator.
+    pub pid: u32,
+    /// Hash of the register map.
+    pub layout_hash: u64,
+    /// Version of the attach contract.
+    pub abi_version: u32,
+    /// Version of the program, as in `commram --version`.
+    pub version: String,
+    /// Names of the PLCs, in the order of their numbers.
+    pub plcs: Vec<String>,
+}

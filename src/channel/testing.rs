@@ -1,0 +1,156 @@
+//! A test double of the emulator.
+
+use super::{InstanceInfo, Machine, Unmapped};
+use crate::memory::{ClockMode, Width};
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The bytes that are mapped.
+pub(crate) const MAPPED: Range<u32> = 1_000..200_000;
+
+/// Two PLCs of plain bytes, a processor cycle of 1 ms, SYNC each 2 ms on node 1 of PLC 0.
+pub(crate) struct Fake {
+    memory: Vec<Vec<u8>>,
+    now: u64,
+    pub stepped: bool,
+    pub stop: Arc<AtomicBool>,
+    /// Stores of the "firmware": time, offset, value (WORD in PLC 0).
+    pub script: Vec<(u64, u32, u16)>,
+    /// Number of calls of `advance_to`.
+    pub steps: usize,
+    /// Raises `stop` at this time.
+    pub stop_at: u64,
+}
+
+impl Fake {
+    pub fn new(stepped: bool) -> Self {
+        Self {
+            memory: vec![vec![0; MAPPED.end as usize]; 2],
+            now: 0,
+            stepped,
+            stop: Arc::default(),
+            script: Vec::new(),
+            steps: 0,
+            stop_at: u64::MAX,
+        }
+    }
+
+    fn at(&self, plc: usize, offset: u32, len: usize) -> Result<Range<usize>, Unmapped> {
+        assert!(plc < self.memory.len(), "the executor checks the PLC");
+        let hole = (u64::from(offset)..u64::from(offset) + len as u64)
+            .find(|at| !(u64::from(MAPPED.start)..u64::from(MAPPED.end)).contains(at));
+        match hole {
+            Some(at) => Err(Unmapped { offset: at as u32 }),
+            None => Ok(offset as usize..offset as usize + len),
+        }
+    }
+
+    fn register(&self, plc: usize, offset: u32, width: Width) -> Result<Range<usize>, Unmapped> {
+        assert!(offset.is_multiple_of(width.bytes()), "the executor checks the alignment");
+        self.at(plc, offset, width.bytes() as usize)
+    }
+
+    /// Runs the firmware up to time `t`, in either mode.
+    pub fn run_to(&mut self, t: u64) {
+        assert!(t >= self.now, "the time does not run backwards");
+        self.now = t;
+        self.steps += 1;
+        for (time, offset, value) in std::mem::take(&mut self.script) {
+            if time <= t {
+                self.store(0, offset, Width::Word, value.into()).unwrap();
+            } else {
+                self.script.push((time, offset, value));
+            }
+        }
+        if t >= self.stop_at {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Machine for Fake {
+    fn plc_count(&self) -> usize {
+        self.memory.len()
+    }
+
+    fn load(&self, plc: usize, offset: u32, width: Width) -> Result<u32, Unmapped> {
+        let range = self.register(plc, offset, width)?;
+        Ok(self.memory[plc][range].iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)))
+    }
+
+    fn store(&mut self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
+        assert!(value <= width.max_value(), "the executor checks the value");
+        let range = self.register(plc, offset, width)?;
+        let len = range.len();
+        self.memory[plc][range].copy_from_slice(&value.to_le_bytes()[..len]);
+        Ok(())
+    }
+
+    fn compare_exchange(
+        &mut self,
+        plc: usize,
+        offset: u32,
+        width: Width,
+        current: u32,
+        new: u32,
+    ) -> Result<Result<u32, u32>, Unmapped> {
+        let found = self.load(plc, offset, width)?;
+        if found != current {
+            return Ok(Err(found));
+        }
+        self.store(plc, offset, width, new)?;
+        Ok(Ok(found))
+    }
+
+    fn read_range(&self, plc: usize, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
+        let range = self.at(plc, offset, to.len())?;
+        to.copy_from_slice(&self.memory[plc][range]);
+        Ok(())
+    }
+
+    fn now(&self) -> u64 {
+        self.now
+    }
+
+    fn is_stepped(&self) -> bool {
+        self.stepped
+    }
+
+    fn next_event(&self) -> u64 {
+        let cycle = (self.now / 1_000 + 1) * 1_000;
+        self.script.iter().map(|event| event.0).filter(|t| *t > self.now).fold(cycle, u64::min)
+    }
+
+    fn advance_to(&mut self, t: u64) {
+        assert!(self.stepped, "only the stepped clock may be advanced");
+        self.run_to(t);
+    }
+
+    fn next_sync(&self, plc: usize, node: u8) -> Option<u64> {
+        (plc == 0 && node == 1).then_some((self.now / 2_000 + 1) * 2_000)
+    }
+
+    fn info(&self) -> InstanceInfo {
+        InstanceInfo {
+            name: "fake".into(),
+            clock_mode: if self.stepped { ClockMode::Stepped } else { ClockMode::RealTime },
+            speed: if self.stepped { 0 } else { 1_000 },
+            time_us: self.now,
+            generation: 3,
+            pid: std::process::id(),
+            layout_hash: 0x1234_5678_9ABC_DEF0,
+            abi_version: 1,
+            version: env!("CARGO_PKG_VERSION").into(),
+            plcs: vec!["press".into(), "saw".into()],
+        }
+    }
+
+    fn request_stop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,193 @@
+//! Requests and replies as fixed-width integers.
+//!
+//! A request is a slice of [`WireOp`], one per operation. A reply is a slice of [`Block`]: per operation
+//! one head block, followed by as many blocks as its data needs. Both ends may be hostile or of another
+//! build, so every bit pattern must be decodable, if only into an error; therefore there are only
+//! integers here, no `bool`, `char` or enum, and the way back is a checked conversion. Both ends are on
+//! one machine, so integers have its byte order.
+//!
+//! The type names carry the version of this format. iceoryx2 refuses a client whose type names or sizes
+//! differ.
+
+mod error;
+mod info;
+mod reply;
+#[cfg(test)]
+mod tests;
+
+pub use reply::{DecodeError, ReplyBuffer, decode};
+
+use super::error::Field;
+use super::op::{MAX_OPS, MAX_RANGE, Op};
+use crate::memory::Width;
+use iceoryx2::prelude::ZeroCopySend;
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+/// Longest reply in bytes: four full ranges and some room for everything else.
+pub const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
+/// Longest reply in blocks.
+pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
+
+/// One operation of a request.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
+)]
+#[type_name("commram.channel.WireOp.v1")]
+#[repr(C)]
+pub struct WireOp {
+    /// Which operation: one of [`kind`].
+    pub kind: u16,
+    /// Number of the PLC.
+    pub plc: u16,
+    /// Access width in bytes: 1, 2 or 4.
+    pub width: u16,
+    /// CANsync node.
+    pub node: u16,
+    /// Byte offset in segment 3.
+    pub offset: u32,
+    /// Value to write or awaited, or length of a range.
+    pub value: u32,
+    /// Mask of a wait, or expected value of a comparison.
+    pub second: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Emulated time in microseconds.
+    pub time_us: u64,
+}
+
+/// A unit of a reply: a head, or 16 bytes of the data behind a head.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
+)]
+#[type_name("commram.channel.Block.v1")]
+#[repr(C)]
+pub struct Block {
+    /// Which reply: one of [`reply_kind`].
+    pub kind: u16,
+    /// Code of an error, or whether a comparison held.
+    pub code: u16,
+    /// Bytes of data in the blocks behind this one; what is left of the last block is zero.
+    pub data_len: u32,
+    /// The reply's number: a value or a time.
+    pub value: u64,
+}
+
+const _: () = assert!(size_of::<WireOp>() == 32 && size_of::<Block>() == 16);
+
+/// Values of [`WireOp::kind`].
+#[allow(missing_docs)]
+pub mod kind {
+    pub const PEEK: u16 = 1;
+    pub const POKE: u16 = 2;
+    pub const COMPARE_EXCHANGE: u16 = 3;
+    pub const READ_RANGE: u16 = 4;
+    pub const WAIT: u16 = 5;
+    pub const ADVANCE: u16 = 6;
+    pub const ADVANCE_TO_SYNC: u16 = 7;
+    pub const INFO: u16 = 8;
+    pub const STOP: u16 = 9;
+}
+
+/// Values of [`Block::kind`].
+#[allow(missing_docs)]
+pub mod reply_kind {
+    pub const VALUE: u16 = 1;
+    pub const WRITTEN: u16 = 2;
+    pub const EXCHANGED: u16 = 3;
+    pub const BYTES: u16 = 4;
+    pub const WAITED: u16 = 5;
+    pub const ADVANCED: u16 = 6;
+    pub const INFO: u16 = 7;
+    pub const STOPPING: u16 = 8;
+    pub const ERROR: u16 = 9;
+}
+
+/// A field without meaning, and its content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BadField {
+    /// The field.
+    pub field: Field,
+    /// Its content.
+    pub value: u32,
+}
+
+impl From<&Op> for WireOp {
+    fn from(op: &Op) -> Self {
+        let register = |kind, plc, offset, width: Width| WireOp {
+            kind,
+            plc,
+            offset,
+            width: width_code(width),
+            ..WireOp::default()
+        };
+        match *op {
+            Op::Peek { plc, offset, width } => register(kind::PEEK, plc, offset, width),
+            Op::Poke { plc, offset, width, value } => {
+                WireOp { value, ..register(kind::POKE, plc, offset, width) }
+            }
+            Op::CompareExchange { plc, offset, width, current, new } => {
+                WireOp { value: new, second: current, ..register(kind::COMPARE_EXCHANGE, plc, offset, width) }
+            }
+            Op::ReadRange { plc, offset, len } => {
+                WireOp { kind: kind::READ_RANGE, plc, offset, value: len, ..WireOp::default() }
+            }
+            Op::Wait { plc, offset, width, mask, value, within_us } => {
+                WireOp { value, second: mask, time_us: within_us, ..register(kind::WAIT, plc, offset, width) }
+            }
+            Op::Advance { us } => WireOp { kind: kind::ADVANCE, time_us: us, ..WireOp::default() },
+            Op::AdvanceToSync { plc, node } => {
+                WireOp { kind: kind::ADVANCE_TO_SYNC, plc, node: node.into(), ..WireOp::default() }
+            }
+            Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
+            Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
+        }
+    }
+}
+
+impl TryFrom<WireOp> for Op {
+    type Error = BadField;
+
+    fn try_from(wire: WireOp) -> Result<Self, BadField> {
+        let WireOp { kind, plc, offset, value, second, time_us, .. } = wire;
+        let width =
+            || width_from_code(wire.width).ok_or(BadField { field: Field::Width, value: wire.width.into() });
+        let op = match kind {
+            kind::PEEK => Op::Peek { plc, offset, width: width()? },
+            kind::POKE => Op::Poke { plc, offset, width: width()?, value },
+            kind::COMPARE_EXCHANGE => {
+                Op::CompareExchange { plc, offset, width: width()?, current: second, new: value }
+            }
+            kind::READ_RANGE => Op::ReadRange { plc, offset, len: value },
+            kind::WAIT => Op::Wait { plc, offset, width: width()?, mask: second, value, within_us: time_us },
+            kind::ADVANCE => Op::Advance { us: time_us },
+            kind::ADVANCE_TO_SYNC => Op::AdvanceToSync {
+                plc,
+                node: u8::try_from(wire.node)
+                    .map_err(|_| BadField { field: Field::Node, value: wire.node.into() })?,
+            },
+            kind::INFO => Op::Info,
+            kind::STOP => Op::Stop,
+            _ => return Err(BadField { field: Field::Kind, value: kind.into() }),
+        };
+        // A field that a later version gives a meaning must not be passed over by this one.
+        if WireOp::from(&op) != wire {
+            return Err(BadField { field: Field::Unused, value: kind.into() });
+        }
+        Ok(op)
+    }
+}
+
+/// The width on the wire: its length in bytes.
+pub(super) const fn width_code(width: Width) -> u16 {
+    width.bytes() as u16
+}
+
+/// The way back from [`width_code`].
+pub(super) const fn width_from_code(code: u16) -> Option<Width> {
+    match code {
+        1 => Some(Width::Byte),
+        2 => Some(Width::Word),
+        4 => Some(Width::Dword),
+        _ => None,
+    }
+}

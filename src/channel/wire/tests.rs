@@ -1,0 +1,227 @@
+use super::*;
+use crate::channel::{ChannelError, InstanceInfo, Reply};
+use crate::memory::{Address, ClockMode};
+use proptest::prelude::*;
+
+fn width() -> impl Strategy<Value = Width> {
+    prop_oneof![Just(Width::Byte), Just(Width::Word), Just(Width::Dword)]
+}
+
+fn address() -> impl Strategy<Value = Address> {
+    (any::<u32>(), width()).prop_map(|(offset, width)| width.at(offset))
+}
+
+fn op() -> impl Strategy<Value = Op> {
+    let register = || (any::<u16>(), any::<u32>(), width());
+    prop_oneof![
+        register().prop_map(|(plc, offset, width)| Op::Peek { plc, offset, width }),
+        (register(), any::<u32>()).prop_map(|((plc, offset, width), value)| Op::Poke {
+            plc,
+            offset,
+            width,
+            value
+        }),
+        (register(), any::<u32>(), any::<u32>()).prop_map(|((plc, offset, width), current, new)| {
+            Op::CompareExchange { plc, offset, width, current, new }
+        }),
+        any::<(u16, u32, u32)>().prop_map(|(plc, offset, len)| Op::ReadRange { plc, offset, len }),
+        (register(), any::<(u32, u32, u64)>()).prop_map(
+            |((plc, offset, width), (mask, value, within_us))| {
+                Op::Wait { plc, offset, width, mask, value, within_us }
+            }
+        ),
+        any::<u64>().prop_map(|us| Op::Advance { us }),
+        any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc, node }),
+        Just(Op::Info),
+        Just(Op::Stop),
+    ]
+}
+
+fn field() -> impl Strategy<Value = Field> {
+    prop_oneof![Just(Field::Kind), Just(Field::Width), Just(Field::Node), Just(Field::Unused)]
+}
+
+fn error() -> impl Strategy<Value = ChannelError> {
+    use ChannelError as E;
+    prop_oneof![
+        address().prop_map(|address| E::Unmapped { address }),
+        any::<(u32, u32, u32)>().prop_map(|(offset, len, hole)| E::RangeUnmapped { offset, len, hole }),
+        address().prop_map(|address| E::Misaligned { address }),
+        any::<(u32, u32)>().prop_map(|(offset, len)| E::RangeTooLong { offset, len }),
+        Just(E::ReplyTooLong),
+        (address(), any::<u32>()).prop_map(|(address, value)| E::ValueTooWide { address, value }),
+        (address(), any::<u32>(), any::<u32>()).prop_map(|(address, mask, value)| E::NeverMatches {
+            address,
+            mask,
+            value
+        }),
+        any::<(u16, u16)>().prop_map(|(plc, count)| E::UnknownPlc { plc, count }),
+        Just(E::ClockIsRealTime),
+        (address(), any::<u32>(), any::<u64>()).prop_map(|(address, last, time_us)| E::WaitTimedOut {
+            address,
+            last,
+            time_us
+        }),
+        any::<(u16, u8)>().prop_map(|(plc, node)| E::NoSync { plc, node }),
+        any::<u32>().prop_map(|count| E::TooManyOperations { count }),
+        (any::<u16>(), field(), any::<u32>()).prop_map(|(index, field, value)| E::Malformed {
+            index,
+            field,
+            value
+        }),
+        any::<u64>().prop_map(|us| E::AdvanceTooLong { us }),
+        Just(E::ShuttingDown),
+    ]
+}
+
+fn information() -> impl Strategy<Value = InstanceInfo> {
+    let mode = prop_oneof![Just(ClockMode::RealTime), Just(ClockMode::Stepped)];
+    let texts = (".*", ".*", proptest::collection::vec(".*", 0..4));
+    (mode, any::<(u32, u64, u32, u32, u64, u32)>(), texts).prop_map(
+        |(clock_mode, (speed, time_us, generation, pid, layout_hash, abi_version), (name, version, plcs))| {
+            InstanceInfo {
+                name,
+                clock_mode,
+                speed,
+                time_us,
+                generation,
+                pid,
+                layout_hash,
+                abi_version,
+                version,
+                plcs,
+            }
+        },
+    )
+}
+
+fn reply() -> impl Strategy<Value = Reply> {
+    prop_oneof![
+        any::<u32>().prop_map(Reply::Value),
+        Just(Reply::Written),
+        any::<(bool, u32)>().prop_map(|(ok, found)| Reply::Exchanged { ok, found }),
+        proptest::collection::vec(any::<u8>(), 0..100).prop_map(Reply::Bytes),
+        any::<(u64, u32)>().prop_map(|(time_us, value)| Reply::Waited { time_us, value }),
+        any::<u64>().prop_map(|time_us| Reply::Advanced { time_us }),
+        information().prop_map(|information| Reply::Info(Box::new(information))),
+        Just(Reply::Stopping),
+        error().prop_map(Reply::Error),
+    ]
+}
+
+fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
+    match reply {
+        Reply::Value(value) => buffer.value(*value),
+        Reply::Written => buffer.written(),
+        Reply::Exchanged { ok, found } => buffer.exchanged(if *ok { Ok(*found) } else { Err(*found) }),
+        Reply::Bytes(bytes) => buffer.bytes(bytes.len(), |to| {
+            to.copy_from_slice(bytes);
+            Ok(())
+        }),
+        Reply::Waited { time_us, value } => buffer.waited(*time_us, *value),
+        Reply::Advanced { time_us } => buffer.advanced(*time_us),
+        Reply::Info(information) => buffer.info(information),
+        Reply::Stopping => buffer.stopping(),
+        Reply::Error(error) => {
+            buffer.error(error);
+            Ok(())
+        }
+        Reply::NotExecuted => Ok(()),
+    }
+}
+
+proptest! {
+    #[test]
+    fn operations_come_back_as_they_were(op in op()) {
+        prop_assert_eq!(Op::try_from(WireOp::from(&op)), Ok(op));
+    }
+
+    #[test]
+    fn any_bytes_decode_to_an_operation_that_encodes_the_same_or_to_an_error(bytes in any::<[u8; 32]>()) {
+        let wire = WireOp::read_from_bytes(&bytes).unwrap();
+        if let Ok(op) = Op::try_from(wire) {
+            prop_assert_eq!(WireOp::from(&op), wire);
+        }
+    }
+
+    #[test]
+    fn nearly_valid_operations_do_not_panic(op in op(), at in 0_usize..32, byte in any::<u8>()) {
+        let mut wire = WireOp::from(&op);
+        wire.as_mut_bytes()[at] = byte;
+        if let Ok(op) = Op::try_from(wire) {
+            prop_assert_eq!(WireOp::from(&op), wire);
+        }
+    }
+
+    #[test]
+    fn replies_come_back_as_they_were(sent in proptest::collection::vec(reply(), 0..8)) {
+        let mut buffer = ReplyBuffer::default();
+        for reply in &sent {
+            push(&mut buffer, reply).unwrap();
+        }
+        let mut received = Vec::new();
+        decode(buffer.blocks(), &mut received).unwrap();
+        prop_assert_eq!(received, sent);
+    }
+
+    #[test]
+    fn any_blocks_decode_without_panic(bytes in proptest::collection::vec(any::<[u8; 16]>(), 0..40)) {
+        let blocks: Vec<Block> = bytes.iter().map(|b| Block::read_from_bytes(b).unwrap()).collect();
+        let _ = decode(&blocks, &mut Vec::new());
+    }
+
+    #[test]
+    fn nearly_valid_replies_do_not_panic(sent in reply(), at in any::<prop::sample::Index>(), byte in any::<u8>()) {
+        let mut buffer = ReplyBuffer::default();
+        push(&mut buffer, &sent).unwrap();
+        let mut blocks = buffer.blocks().to_vec();
+        let at = at.index(blocks.len() * 16);
+        blocks.as_mut_slice().as_mut_bytes()[at] = byte;
+        let _ = decode(&blocks, &mut Vec::new());
+    }
+}
+
+#[test]
+fn fields_without_meaning_are_named() {
+    let peek = WireOp::from(&Op::Peek { plc: 0, offset: 200_000, width: Width::Word });
+    let bad = |wire| Op::try_from(wire).unwrap_err();
+    assert_eq!(bad(WireOp { kind: 77, ..peek }), BadField { field: Field::Kind, value: 77 });
+    assert_eq!(bad(WireOp { width: 3, ..peek }), BadField { field: Field::Width, value: 3 });
+    assert_eq!(bad(WireOp { reserved: 1, ..peek }).field, Field::Unused);
+    assert_eq!(bad(WireOp { time_us: 1, ..peek }).field, Field::Unused);
+    let sync = WireOp::from(&Op::AdvanceToSync { plc: 0, node: 1 });
+    assert_eq!(bad(WireOp { node: 256, ..sync }), BadField { field: Field::Node, value: 256 });
+}
+
+#[test]
+fn a_reply_too_long_still_has_room_to_say_so() {
+    let mut buffer = ReplyBuffer::default();
+    let full = MAX_RANGE as usize;
+    for _ in 0..4 {
+        buffer.bytes(full, |_| Ok(())).unwrap();
+    }
+    assert_eq!(buffer.bytes(full, |_| Ok(())), Err(ChannelError::ReplyTooLong));
+    buffer.error(&ChannelError::ReplyTooLong);
+    assert!(buffer.blocks().len() <= MAX_REPLY_BLOCKS);
+    let mut replies = Vec::new();
+    decode(buffer.blocks(), &mut replies).unwrap();
+    assert_eq!(replies.len(), 5);
+    assert_eq!(replies[4], Reply::Error(ChannelError::ReplyTooLong));
+}
+
+#[test]
+fn the_largest_request_of_small_operations_fits_its_reply() {
+    let mut buffer = ReplyBuffer::default();
+    for _ in 0..MAX_OPS {
+        buffer.waited(u64::MAX, u32::MAX).unwrap();
+    }
+}
+
+#[test]
+fn a_failed_range_leaves_nothing_behind() {
+    let mut buffer = ReplyBuffer::default();
+    buffer.value(7).unwrap();
+    let error = ChannelError::RangeUnmapped { offset: 1, len: 32, hole: 2 };
+    assert_eq!(buffer.bytes(32, |_| Err(error)), Err(error));
+    assert_eq!(buffer.blocks().len(), 1);
+}
