@@ -1,4 +1,40 @@
 //! Register maps: generated structs and descriptors, names and addresses of registers.
+//!
+//! The layout files in `layouts/` are the only source of names, offsets, types, owners, reset values and
+//! meanings. The build compiles them into [`omega_drive_line_2`]: typed views for the firmware, and
+//! descriptors for everything that speaks with people:
+//!
+//! ```
+//! use commram::layout::omega_drive_line_2::DEVICE;
+//!
+//! let status = DEVICE.register("node2.w_OPTION_STATUS")?;
+//! assert_eq!(status.address().to_string(), "%MW3.200002");
+//! assert_eq!(status.format_value(0x43), "16#0043");
+//! assert_eq!(status.decode(0x43), "synchronous operation of the master is being set up");
+//! # Ok::<(), commram::layout::LayoutError>(())
+//! ```
+
+mod address;
+mod decode;
+mod descriptor;
+mod error;
+mod iter;
+mod lookup;
+mod name;
+mod nearest;
+mod register;
+
+pub use address::{Address, Width};
+pub use decode::format_value;
+pub use descriptor::{
+    Area, BitField, Device, Dim, Live, Meaning, Owner, Placed, Provenance, RegType, Register, Structure,
+    ValueMeaning,
+};
+pub use error::LayoutError;
+pub use iter::Registers;
+pub use lookup::Target;
+pub use name::split_plc;
+pub use register::RegisterRef;
 
 /// The Omega Drive-Line II: its areas, structures and timing, generated from `layouts/omega-drive-line-2`.
 #[allow(non_snake_case, non_camel_case_types)]

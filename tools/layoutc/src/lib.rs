@@ -7,7 +7,6 @@ mod check;
 mod emit;
 mod error;
 mod hash;
-#[expect(dead_code, reason = "meanings are emitted with the descriptor tables")]
 mod model;
 mod raw;
 mod source;

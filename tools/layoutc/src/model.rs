@@ -151,11 +151,6 @@ pub struct Bit {
 }
 
 impl Device {
-    /// Bytes of one element of `field`.
-    pub fn element_size(&self, field: &Field) -> u32 {
-        element_size(field.kind, &self.substructures)
-    }
-
     /// Bytes of `field` with all its elements.
     pub fn size(&self, field: &Field) -> u32 {
         field.size(&self.substructures)

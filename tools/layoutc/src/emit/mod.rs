@@ -3,6 +3,7 @@
 mod constants;
 mod snapshots;
 mod structs;
+mod tables;
 mod text;
 
 use crate::model::Device;
@@ -14,5 +15,6 @@ pub fn module(device: &Device, layout_hash: u64) -> String {
     constants::emit(&mut out, device, layout_hash);
     structs::emit(&mut out, device);
     snapshots::emit(&mut out, device);
+    tables::emit(&mut out, device, layout_hash);
     out
 }

@@ -1,0 +1,149 @@
+//! Values as text: IEC notation and meaning.
+
+use super::descriptor::{BitField, Meaning, RegType, ValueMeaning};
+
+/// `value` in IEC notation with all digits of the type: `16#0043` for a WORD.
+#[must_use]
+pub fn format_value(ty: RegType, value: u32) -> String {
+    format!("16#{:0digits$X}", value & ty.mask(), digits = 2 * ty.width() as usize)
+}
+
+/// What `value` means in a register of type `ty`; a plain number is shown as such.
+pub(super) fn decode(ty: RegType, meaning: Option<&Meaning>, value: u32) -> String {
+    let value = value & ty.mask();
+    let Some(meaning) = meaning else {
+        return ty.number(value).to_string();
+    };
+    if let Some(text) = look_up(meaning.values, value) {
+        return text;
+    }
+    if meaning.bits.is_empty() {
+        return format!("{} has no meaning", format_value(ty, value));
+    }
+    let mut text = String::new();
+    let mut described = 0;
+    for field in meaning.bits {
+        described |= field.mask();
+        add(&mut text, &describe(field, value), field.joined);
+    }
+    let rest = value & !described;
+    if rest != 0 {
+        add(&mut text, &format!("bits {} have no meaning", format_value(ty, rest)), false);
+    }
+    text
+}
+
+fn add(text: &mut String, part: &str, joined: bool) {
+    if !part.is_empty() && !text.is_empty() {
+        text.push_str(if joined { " " } else { ", " });
+    }
+    text.push_str(part);
+}
+
+fn describe(field: &BitField, value: u32) -> String {
+    let part = field.of(value);
+    if field.reserved {
+        return if part == 0 { String::new() } else { format!("reserved bits {} set", bit_range(field)) };
+    }
+    if let Some(text) = look_up(field.values, part) {
+        return text;
+    }
+    if field.first == field.last {
+        return (if part == 0 { field.zero } else { field.one }).to_owned();
+    }
+    field.text.replace("{}", &part.to_string())
+}
+
+fn bit_range(field: &BitField) -> String {
+    if field.first == field.last {
+        field.first.to_string()
+    } else {
+        format!("{}-{}", field.first, field.last)
+    }
+}
+
+fn look_up(values: &[ValueMeaning], value: u32) -> Option<String> {
+    values
+        .iter()
+        .find(|known| known.first <= value && value <= known.last)
+        .map(|known| known.text.replace("{}", &value.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::layout::omega_drive_line_2::DEVICE;
+
+    fn decode(name: &str, value: u32) -> String {
+        DEVICE.register(name).unwrap().decode(value)
+    }
+
+    #[test]
+    fn states_and_commands_are_told_apart() {
+        let status = "node2.w_OPTION_STATUS";
+        assert_eq!(decode(status, 0x0043), "synchronous operation of the master is being set up");
+        assert_eq!(decode(status, 0x0020), "synchronous operation of the slave is active");
+        assert_eq!(decode(status, 0x0044), "16#0044 has no meaning");
+        let command = "node2.w_CPU_CONTROL";
+        assert_eq!(decode(command, 0x0020), "start synchronous operation");
+        assert_eq!(decode(command, 0x0040), "enable active operation");
+        assert_eq!(decode(command, 0x00C0), "enable active operation, reset CAN controller");
+        assert_eq!(decode(command, 0x0041), "enable active operation, bits 16#0001 have no meaning");
+    }
+
+    #[test]
+    fn mapping_bytes_read_as_the_manual_explains_them() {
+        // 16#0D: manual p. 153, 157, 177, 180, 185.
+        for name in [
+            "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0",
+            "node2.a_CFG_RDC_WORD[0].b_CFG_RDC1_WORD0",
+            "node1._CFG_WRC_WORD.b_CFG_WRC1_WORD0",
+            "node1._CFG_RDC_WORD.b_CFG_RDC1_WORD0",
+        ] {
+            assert_eq!(decode(name, 0x0D), "assigned, low word of value 3");
+            assert_eq!(decode(name, 0x00), "word not used");
+        }
+        assert_eq!(decode("node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x7F), "assigned, high word of value 31");
+        assert_eq!(
+            decode("node1._CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x5F),
+            "assigned, high word of value 7, reserved bits 6-7 set"
+        );
+    }
+
+    #[test]
+    fn job_registers_show_progress() {
+        let master = "node2.a_CTRLREG_PAR_CMD_SL[3].b_STEUREG_PAR_CMD";
+        assert_eq!(decode(master, 0x05), "active, write, word");
+        assert_eq!(decode(master, 0x5D), "active, write, sent, doubleword, busy");
+        assert_eq!(decode(master, 0x12), "finished, read, doubleword");
+        assert_eq!(decode("node1.b_STEUREG_PAR_CMD", 0x45), "active, write, word, answer not yet sent");
+        assert_eq!(decode("node2.b_STEUREG_UPDOWNBLK1", 0x15), "active, initialization, download");
+        assert_eq!(decode("node2.b_STEUREG_UPDOWNBLK1", 0x0C), "finished, block end, upload");
+    }
+
+    #[test]
+    fn handshakes_errors_slaves_and_numbers() {
+        assert_eq!(decode("node2.b_CTRLREG_WRC1", 0x05), "data written, to be sent");
+        assert_eq!(decode("node2.b_CTRLREG_WRC1", 0x04), "taken over and sent");
+        assert_eq!(decode("node1.b_CTRLREG_WRC1", 0x02), "received");
+        assert_eq!(decode("node2.w_ERR_NR_UPDOWNBLK1", 0x0107), "block longer than the slave takes");
+        assert_eq!(decode("node1.w_ERR_NR_PAR_CMD", 0xFFFB), "not present");
+        assert_eq!(decode("node2.d_SL_MASK_BC0", 0x8000_0001), "slave 0, slave 31");
+        assert_eq!(
+            decode("node2.b_CTRLREG_RD_ORDER_RDC1", 0x80),
+            "automatic, next slave number every interval"
+        );
+        assert_eq!(decode("node2.b_STATREG_RDC2", 7), "frame of slave 7 received");
+        assert_eq!(decode("node2.a_STAT_SL[0]", 3), "responds, synchronized");
+        assert_eq!(decode("node2.a_WR_VALUE[0]", 0xFFFF_FFFF), "-1");
+        assert_eq!(decode("node2.a_WR_VALUE[8]", 1), "reserved");
+        assert_eq!(decode("ethernet_config.d_IP_CONFIG", 0x1234_5678), "own fixed address");
+    }
+
+    #[test]
+    fn values_have_all_digits_of_their_type() {
+        let format = |name: &str, value| DEVICE.register(name).unwrap().format_value(value);
+        assert_eq!(format("node2.w_OPTION_STATUS", 0x43), "16#0043");
+        assert_eq!(format("node2.b_CTRLREG_WRC1", 0x105), "16#05");
+        assert_eq!(format("ethernet_config.d_ROUTER", 0x4E6F_5F52), "16#4E6F5F52");
+    }
+}

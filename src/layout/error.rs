@@ -1,0 +1,118 @@
+//! What can be wrong with an address or a register name.
+
+/// An address or a register name that does not exist.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutError {
+    /// Not the notation of an address.
+    #[error("`{text}` is no address; write %MB3.n, %MW3.n, %MD3.n or %MX3.n.bit, for example %MW3.200000")]
+    BadAddress {
+        /// As given.
+        text: String,
+    },
+    /// A bit number above 7.
+    #[error("{text}: a byte has bits 0 to 7, not {bit}")]
+    BadBit {
+        /// As given.
+        text: String,
+        /// The bit number.
+        bit: u32,
+    },
+    /// An address outside segment 3.
+    #[error("{text} lies in {found}; the communication RAM is segment 3, for example %MW3.200000")]
+    Segment {
+        /// As given.
+        text: String,
+        /// Where it lies.
+        found: String,
+    },
+    /// An address that is not divisible by the access width.
+    #[error("{address}: a {ty} needs {needs}")]
+    Misaligned {
+        /// The address.
+        address: String,
+        /// The data type.
+        ty: &'static str,
+        /// The rule.
+        needs: &'static str,
+    },
+    /// An address in no area.
+    #[error("{address} lies in no area; {hint}")]
+    NoArea {
+        /// The address.
+        address: String,
+        /// The areas around it.
+        hint: String,
+    },
+    /// An address in an area, but in no register.
+    #[error("{address}: area `{area}` has no register there ({hint})")]
+    NoRegister {
+        /// The address.
+        address: String,
+        /// The area.
+        area: &'static str,
+        /// What lies before and behind.
+        hint: String,
+    },
+    /// Not the notation of a name.
+    #[error("`{text}` is no register name: {reason}; write for example node2.a_RD_BMARRAY[3][0]")]
+    BadName {
+        /// As given.
+        text: String,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// An area that the device does not have.
+    #[error("unknown area `{area}`; the areas are {known}")]
+    UnknownArea {
+        /// As given.
+        area: String,
+        /// All areas.
+        known: String,
+    },
+    /// A name right but for upper and lower case.
+    #[error("`{given}` is spelled `{right}`")]
+    WrongCase {
+        /// As given.
+        given: String,
+        /// The right spelling.
+        right: String,
+    },
+    /// A register that the area does not have.
+    #[error("area `{area}` has no register `{name}`{hint}")]
+    UnknownRegister {
+        /// The area.
+        area: &'static str,
+        /// As given.
+        name: String,
+        /// The nearest names.
+        hint: String,
+    },
+    /// A sub-structure where a register was expected.
+    #[error("`{name}` is a sub-structure, not a register; its registers are {registers}")]
+    NotARegister {
+        /// As given.
+        name: String,
+        /// The registers in it.
+        registers: String,
+    },
+    /// Too many or too few indices.
+    #[error("`{name}` {needs}")]
+    IndexCount {
+        /// As given.
+        name: String,
+        /// What it needs.
+        needs: String,
+    },
+    /// An index beyond the array.
+    #[error("`{name}`: index {index} is out of range, {of} has elements 0 to {last}")]
+    IndexRange {
+        /// As given.
+        name: String,
+        /// The index.
+        index: u32,
+        /// The array.
+        of: &'static str,
+        /// Its last element.
+        last: u16,
+    },
+}

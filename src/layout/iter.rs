@@ -1,0 +1,148 @@
+//! All registers of an area in address order, arrays element by element.
+
+use super::descriptor::{Area, Live, Register, Structure};
+use super::register::RegisterRef;
+
+/// Iterator over the registers of one structure in ascending order of their addresses. Padding is left
+/// out, reserved registers are not.
+#[derive(Debug, Clone)]
+pub struct Registers {
+    area: &'static Area,
+    structure: &'static Structure,
+    /// First descriptor of the current run: a sub-structure's registers, or a register of its own.
+    run: usize,
+    run_end: usize,
+    /// Descriptor and indices of the next element.
+    next: usize,
+    index: [u16; 2],
+}
+
+impl Registers {
+    fn new(area: &'static Area, structure: &'static Structure) -> Self {
+        let run_end = run_end(structure, 0);
+        Self { area, structure, run: 0, run_end, next: 0, index: [0; 2] }
+    }
+
+    /// Moves on to the element after that of `register`.
+    fn advance(&mut self, register: &Register) {
+        let group_dims = register.group_dims;
+        for dim in (group_dims..register.dims.len()).rev() {
+            if self.step(register, dim) {
+                return;
+            }
+        }
+        self.next += 1;
+        if self.next < self.run_end {
+            return;
+        }
+        // The end of one element of the sub-structure: the next element, if it is an array of them.
+        self.next = self.run;
+        for dim in (0..group_dims).rev() {
+            if self.step(register, dim) {
+                return;
+            }
+        }
+        self.run = self.run_end;
+        self.next = self.run;
+        self.run_end = run_end(self.structure, self.run);
+    }
+
+    /// Increments one index; at the array's end resets it.
+    fn step(&mut self, register: &Register, dim: usize) -> bool {
+        let (Some(index), Some(dim)) = (self.index.get_mut(dim), register.dims.get(dim)) else {
+            return false;
+        };
+        *index += 1;
+        if *index < dim.count {
+            return true;
+        }
+        *index = 0;
+        false
+    }
+}
+
+/// One past the last descriptor that belongs to the same sub-structure as `start`.
+fn run_end(structure: &Structure, start: usize) -> usize {
+    let registers = structure.registers.get(start..).unwrap_or_default();
+    let run = match registers.first() {
+        None => 0,
+        Some(first) if first.group.is_empty() => 1,
+        Some(first) => registers.iter().take_while(|register| register.group == first.group).count(),
+    };
+    start + run
+}
+
+impl Iterator for Registers {
+    type Item = RegisterRef;
+
+    fn next(&mut self) -> Option<RegisterRef> {
+        let register = self.structure.registers.get(self.next)?;
+        let found = RegisterRef { area: self.area, structure: self.structure, register, index: self.index };
+        self.advance(register);
+        Some(found)
+    }
+}
+
+impl Area {
+    /// The registers of `structure`, one of this area's, in address order.
+    #[must_use]
+    pub fn registers_of(&'static self, structure: &'static Structure) -> Registers {
+        Registers::new(self, structure)
+    }
+
+    /// The registers that are valid in phase `live`, in address order.
+    pub fn registers(&'static self, live: Live) -> impl Iterator<Item = RegisterRef> {
+        let placed = self.structures.iter().filter(move |placed| placed.live.is_valid_in(live));
+        placed.flat_map(|placed| self.registers_of(placed.structure))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::layout::{Live, RegisterRef};
+
+    /// The iterator, the names and the addresses must agree on every single register.
+    #[test]
+    fn every_register_is_found_again_by_name_and_by_address() {
+        for area in DEVICE.areas {
+            for placed in area.structures {
+                let mut end = area.first;
+                for found in area.registers_of(placed.structure) {
+                    assert!(found.offset() >= end, "{found} is out of order");
+                    end = found.offset() + found.width();
+                    let named = DEVICE.register(&found.name()).unwrap();
+                    assert_eq!(named.address(), found.address(), "{found}");
+                }
+                let bytes = end - area.first;
+                assert!(bytes <= placed.structure.bytes && placed.structure.bytes - bytes < 4);
+            }
+        }
+        for address in ["%MB3.200185", "%MD3.203000", "%MB3.100823"] {
+            let found = DEVICE.target(address).unwrap().registers;
+            assert!(!found.is_empty(), "{address}");
+            assert!(found.iter().all(|register| DEVICE.register(&register.name()).unwrap() == *register));
+        }
+    }
+
+    #[test]
+    fn reserved_elements_are_marked() {
+        let node2 = DEVICE.area("node2").unwrap();
+        let count = |wanted: &dyn Fn(&RegisterRef) -> bool| {
+            node2.registers(Live::Cyclic).filter(wanted).filter(RegisterRef::is_reserved).count()
+        };
+        assert_eq!(count(&|r| r.register.name == "a_WR_VALUE"), 24);
+        assert_eq!(count(&|r| r.register.name == "a_RD_BMARRAY"), 32 * 8);
+        assert_eq!(count(&|r| r.register.group == "_CFG_WRC_WORD"), 24);
+        assert_eq!(count(&|r| r.register.name == "a_DATA_UPDOWNBLK0"), 75);
+        assert_eq!(count(&|r| r.register.name == "w_CPU_CONTROL"), 0);
+    }
+
+    #[test]
+    fn the_phase_selects_the_structure() {
+        let node1 = DEVICE.area("node1").unwrap();
+        assert_eq!(node1.registers(Live::Init).count(), 6 + 8 + 32);
+        assert!(node1.registers(Live::Cyclic).all(|r| r.structure.name == "CANsync_SL_CTRL_BMSTRUCT"));
+        assert_eq!(DEVICE.area("baps").unwrap().registers(Live::Cyclic).count(), 0);
+    }
+}

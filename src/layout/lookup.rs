@@ -1,0 +1,191 @@
+//! From addresses to registers, and from any text an engineer types to either.
+
+use super::address::Address;
+use super::descriptor::{Area, Device, Live};
+use super::error::LayoutError;
+use super::name::split_plc;
+use super::register::RegisterRef;
+
+/// What a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000` stands for.
+#[derive(Debug, Clone)]
+pub struct Target<'a> {
+    /// The PLC in front of the colon.
+    pub plc: Option<&'a str>,
+    /// The place and width of the access.
+    pub address: Address,
+    /// The area it lies in.
+    pub area: &'static Area,
+    /// The registers there: two where structures overlay each other, none in plain RAM and padding.
+    /// A name gives just the one register.
+    pub registers: Vec<RegisterRef>,
+}
+
+impl Target<'_> {
+    /// The register that is valid in phase `live`, else any.
+    #[must_use]
+    pub fn register(&self, live: Live) -> Option<&RegisterRef> {
+        self.registers.iter().find(|found| is_valid(found, live)).or(self.registers.first())
+    }
+}
+
+fn is_valid(found: &RegisterRef, live: Live) -> bool {
+    let structures = found.area.structures.iter();
+    structures
+        .filter(|placed| core::ptr::eq(placed.structure, found.structure))
+        .any(|placed| placed.live.is_valid_in(live))
+}
+
+impl Device {
+    /// One past the last byte of the last area.
+    #[must_use]
+    pub fn end(&self) -> u32 {
+        self.areas.last().map_or(0, |area| area.last() + 1)
+    }
+
+    /// The area that `address` lies in.
+    ///
+    /// # Errors
+    /// [`LayoutError::NoArea`] with the areas around.
+    pub fn area_at(&'static self, address: Address) -> Result<&'static Area, LayoutError> {
+        let offset = address.offset();
+        if let Some(area) = self.areas.iter().find(|area| area.contains(offset)) {
+            return Ok(area);
+        }
+        let before = self.areas.iter().rev().find(|area| area.last() < offset);
+        let behind = self.areas.iter().find(|area| area.first > offset);
+        let hint = match (before, behind) {
+            (Some(a), Some(b)) => {
+                format!("`{}` ends at %MB3.{}, `{}` starts at %MB3.{}", a.name, a.last(), b.name, b.first)
+            }
+            (None, Some(b)) => format!("the first one, `{}`, starts at %MB3.{}", b.name, b.first),
+            (Some(a), None) => format!("the last one, `{}`, ends at %MB3.{}", a.name, a.last()),
+            (None, None) => "there are none".to_owned(),
+        };
+        Err(LayoutError::NoArea { address: address.to_string(), hint })
+    }
+
+    /// The registers that have a byte at `address`. With `live` only those of the structure that is
+    /// valid then, if it has one there.
+    ///
+    /// # Errors
+    /// [`LayoutError::NoArea`], and [`LayoutError::NoRegister`] for plain RAM and padding.
+    pub fn registers_at(
+        &'static self,
+        address: Address,
+        live: Option<Live>,
+    ) -> Result<Vec<RegisterRef>, LayoutError> {
+        let area = self.area_at(address)?;
+        let first = address.offset();
+        let end = first + address.width().bytes();
+        let mut found: Vec<RegisterRef> = Vec::new();
+        // The cyclic structure first, as it is the one an engineer usually means.
+        for placed in area.structures.iter().rev() {
+            found.extend(
+                area.registers_of(placed.structure)
+                    .filter(|r| r.offset() < end && first < r.offset() + r.width()),
+            );
+        }
+        if let Some(live) = live
+            && found.iter().any(|r| is_valid(r, live))
+        {
+            found.retain(|r| is_valid(r, live));
+        }
+        if found.is_empty() { Err(no_register(area, address)) } else { Ok(found) }
+    }
+
+    /// What `text` stands for: an address or a name, each perhaps with a PLC in front.
+    ///
+    /// # Errors
+    /// What is wrong with it, and what would be right. An address in plain RAM is no error.
+    pub fn target<'a>(&'static self, text: &'a str) -> Result<Target<'a>, LayoutError> {
+        let (plc, rest) = split_plc(text);
+        if rest.starts_with('%') {
+            let address: Address = rest.parse()?;
+            let area = self.area_at(address)?;
+            let registers = match self.registers_at(address, None) {
+                Ok(registers) => registers,
+                Err(LayoutError::NoRegister { .. }) => Vec::new(),
+                Err(error) => return Err(error),
+            };
+            return Ok(Target { plc, address, area, registers });
+        }
+        let register = self.register(rest)?;
+        let (address, area) = (register.address(), register.area);
+        Ok(Target { plc, address, area, registers: vec![register] })
+    }
+}
+
+fn no_register(area: &'static Area, address: Address) -> LayoutError {
+    let all = || area.structures.iter().flat_map(|placed| area.registers_of(placed.structure));
+    let before = all().filter(|r| r.offset() < address.offset()).max_by_key(RegisterRef::offset);
+    let behind = all().filter(|r| r.offset() > address.offset()).min_by_key(RegisterRef::offset);
+    let hint = match (before, behind) {
+        (Some(a), Some(b)) => format!("padding between `{}` and `{}`", a.path(), b.path()),
+        (Some(a), None) => format!("the last register is `{}` at {}", a.path(), a.address()),
+        _ => "plain RAM".to_owned(),
+    };
+    LayoutError::NoRegister { address: address.to_string(), area: area.name, hint }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::layout::{Address, Live};
+
+    fn names(address: &str, live: Option<Live>) -> Vec<String> {
+        let address: Address = address.parse().unwrap();
+        DEVICE.registers_at(address, live).unwrap().iter().map(|register| register.path()).collect()
+    }
+
+    fn error(address: &str) -> String {
+        DEVICE.registers_at(address.parse().unwrap(), None).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn overlaid_registers_are_told_apart_by_the_phase() {
+        assert_eq!(names("%MB3.200012", None), ["b_CTRLREG_WRC1", "b_MA_SL_MODE"]);
+        assert_eq!(names("%MB3.200012", Some(Live::of_option_status(2))), ["b_MA_SL_MODE"]);
+        assert_eq!(names("%MB3.200012", Some(Live::of_option_status(3))), ["b_CTRLREG_WRC1"]);
+        // Behind INIT there is only the cyclic structure, whatever the phase.
+        assert_eq!(names("%MD3.200052", Some(Live::Init)), ["a_WR_VALUE[0]"]);
+    }
+
+    #[test]
+    fn an_address_finds_the_registers_it_touches() {
+        assert_eq!(names("%MB3.201025", None), ["a_RD_BMARRAY[3][0]"]);
+        assert_eq!(names("%MD3.200000", Some(Live::Cyclic)), ["w_CPU_CONTROL", "w_OPTION_STATUS"]);
+        assert_eq!(names("%MX3.100013.7", Some(Live::Cyclic)), ["b_CTRLREG_WRC2"]);
+        let config = names("%MD3.180020", None);
+        assert_eq!(config, ["a_IP_ADDRESS[0]", "a_IP_ADDRESS[1]", "a_IP_ADDRESS[2]", "a_IP_ADDRESS[3]"]);
+    }
+
+    #[test]
+    fn addresses_outside_registers_are_explained() {
+        assert_eq!(error("%MB3.0"), "%MB3.0 lies in no area; the first one, `baps`, starts at %MB3.80000");
+        assert_eq!(
+            error("%MW3.150000"),
+            "%MW3.150000 lies in no area; `node1` ends at %MB3.132767, `ethernet_config` starts at %MB3.180016"
+        );
+        assert_eq!(
+            error("%MB3.4000000"),
+            "%MB3.4000000 lies in no area; the last one, `option3`, ends at %MB3.3262143"
+        );
+        assert!(error("%MB3.80000").ends_with("area `baps` has no register there (plain RAM)"));
+        assert!(error("%MB3.232767").contains("the last register is `a_STAT_SL[31]` at %MB3.203995"));
+        let padding = error("%MW3.202894");
+        assert!(padding.ends_with("(padding between `b_CTRL_REG_BC1` and `d_SL_MASK_BC1`)"), "{padding}");
+    }
+
+    #[test]
+    fn a_target_is_a_name_or_an_address() {
+        let target = DEVICE.target("line2:node2.a_STAT_SL[4]").unwrap();
+        assert_eq!((target.plc, target.address.to_string().as_str()), (Some("line2"), "%MB3.203968"));
+        let target = DEVICE.target("%mw3.200002").unwrap();
+        assert_eq!(target.register(Live::Init).unwrap().structure.name, "CANsync_INIT_BMSTRUCT");
+        assert_eq!(target.register(Live::Cyclic).unwrap().structure.name, "CANsync_MA_CTRL_BMSTRUCT");
+        let plain = DEVICE.target("%MD3.80000").unwrap();
+        assert!(plain.registers.is_empty());
+        assert_eq!(plain.area.name, "baps");
+        assert!(DEVICE.target("%MD3.0").is_err());
+    }
+}

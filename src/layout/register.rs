@@ -1,0 +1,142 @@
+//! One concrete register: a descriptor with its place and its indices.
+
+use super::address::{Address, Width};
+use super::decode;
+use super::descriptor::{Area, Owner, RegType, Register, Structure};
+use core::fmt;
+
+/// A register in an area; of an array the element that `index` selects.
+#[derive(Clone, Copy)]
+pub struct RegisterRef {
+    /// The area.
+    pub area: &'static Area,
+    /// The structure that lies in the area.
+    pub structure: &'static Structure,
+    /// The register's descriptor.
+    pub register: &'static Register,
+    /// Index per dimension of the descriptor; 0 where it has none.
+    pub index: [u16; 2],
+}
+
+impl RegisterRef {
+    /// Full name, for example `node2.a_RD_BMARRAY[3][0]`.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.to_string()
+    }
+
+    /// Name without the area, for example `a_RD_BMARRAY[3][0]`.
+    #[must_use]
+    pub fn path(&self) -> String {
+        Path(self).to_string()
+    }
+
+    /// Number of the register's first byte in the segment: n of `%MB3.n`.
+    #[must_use]
+    pub fn offset(&self) -> u32 {
+        self.area.first + self.offset_in_structure()
+    }
+
+    /// Number of the register's first byte in the structure.
+    #[must_use]
+    pub fn offset_in_structure(&self) -> u32 {
+        let elements = self.register.dims.iter().zip(self.index);
+        self.register.offset + elements.map(|(dim, index)| dim.stride * u32::from(index)).sum::<u32>()
+    }
+
+    /// Address at the register's own width, for example `%MW3.200002`.
+    #[must_use]
+    pub fn address(&self) -> Address {
+        let width = Width::of(self.register.ty);
+        // The layout compiler has checked the alignment of every register.
+        Address::new(width, self.offset()).unwrap_or(Address::byte(self.offset()))
+    }
+
+    /// Data type.
+    #[must_use]
+    pub const fn ty(&self) -> RegType {
+        self.register.ty
+    }
+
+    /// Width in bytes: 1, 2 or 4.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.register.ty.width()
+    }
+
+    /// Value after power-on, as a bit pattern.
+    #[must_use]
+    pub const fn reset(&self) -> u32 {
+        self.register.reset
+    }
+
+    /// Who writes the register.
+    #[must_use]
+    pub const fn owner(&self) -> Owner {
+        self.register.owner
+    }
+
+    /// Whether the manual reserves this register, or this element of an array.
+    #[must_use]
+    pub fn is_reserved(&self) -> bool {
+        self.register.reserved
+            || self.register.dims.iter().zip(self.index).any(|(dim, index)| index >= dim.used)
+    }
+
+    /// What `value` means, for example "synchronous operation of the master is being set up". Bits above
+    /// the register's width are ignored. A plain number is shown in decimal.
+    #[must_use]
+    pub fn decode(&self, value: u32) -> String {
+        if self.is_reserved() {
+            return "reserved".to_owned();
+        }
+        decode::decode(self.register.ty, self.register.meaning, value)
+    }
+
+    /// `value` in IEC notation with all digits of the register: `16#0043`.
+    #[must_use]
+    pub fn format_value(&self, value: u32) -> String {
+        decode::format_value(self.register.ty, value)
+    }
+}
+
+impl PartialEq for RegisterRef {
+    /// Two references are equal if they mean the same element of the same structure in the same area.
+    fn eq(&self, other: &Self) -> bool {
+        core::ptr::eq(self.area, other.area)
+            && core::ptr::eq(self.register, other.register)
+            && self.index == other.index
+    }
+}
+
+impl Eq for RegisterRef {}
+
+impl fmt::Debug for RegisterRef {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{self} at {}", self.address())
+    }
+}
+
+impl fmt::Display for RegisterRef {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&format!("{}.{}", self.area.name, Path(self)))
+    }
+}
+
+struct Path<'a>(&'a RegisterRef);
+
+impl fmt::Display for Path<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Register { group, name, dims, group_dims, .. } = self.0.register;
+        let mut index = self.0.index.iter().take(dims.len());
+        if !group.is_empty() {
+            f.write_str(group)?;
+            for index in index.by_ref().take(*group_dims) {
+                write!(f, "[{index}]")?;
+            }
+            f.write_str(".")?;
+        }
+        f.write_str(name)?;
+        index.try_for_each(|index| write!(f, "[{index}]"))
+    }
+}

@@ -1,0 +1,158 @@
+//! Descriptor tables for tools: static data of the types in `commram::layout`.
+
+use crate::model::{Area, Bit, Device, Field, Kind, Meaning, Owner, Provenance, Structure, Value};
+use std::fmt::Write;
+
+pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
+    let _ = writeln!(
+        out,
+        "/// The whole device, for tools.\npub static DEVICE: crate::layout::Device = crate::layout::Device {{\n    \
+         name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, areas: &descriptor::AREAS,\n}};\n",
+        device.name, device.title, device.manual
+    );
+    out.push_str(
+        "/// What the layout files say about areas, structures and registers.\n\
+         pub mod descriptor {\n    use crate::layout::*;\n\n",
+    );
+    areas(out, device);
+    for structure in &device.structures {
+        emit_structure(out, device, structure);
+    }
+    for meaning in &device.meanings {
+        emit_meaning(out, meaning);
+    }
+    out.push_str("}\n\n");
+}
+
+fn areas(out: &mut String, device: &Device) {
+    let mut sorted: Vec<&Area> = device.areas.iter().collect();
+    sorted.sort_by_key(|area| area.first);
+    let _ = writeln!(
+        out,
+        "    /// The areas in ascending order.\n    pub static AREAS: [Area; {}] = [",
+        sorted.len()
+    );
+    for area in sorted {
+        let Area { name, first, bytes, cpu_first, cpu_last, page, doc, structures } = area;
+        let _ = write!(
+            out,
+            "        Area {{ name: {name:?}, first: {first}, bytes: {bytes}, cpu_first: 0x{cpu_first:X}, \
+             cpu_last: 0x{cpu_last:X}, page: {page:?}, doc: {doc:?}, structures: &["
+        );
+        for (index, live) in structures {
+            let item = static_name(&device.structures[*index].name);
+            let _ = write!(out, "Placed {{ structure: &{item}, live: Live::{live:?} }}, ");
+        }
+        out.push_str("] },\n");
+    }
+    out.push_str("    ];\n\n");
+}
+
+fn static_name(name: &str) -> String {
+    name.to_uppercase()
+}
+
+fn emit_structure(out: &mut String, device: &Device, structure: &Structure) {
+    let Structure { name, size, doc, page, .. } = structure;
+    let _ = writeln!(
+        out,
+        "    /// Descriptor of `{name}`.\n    pub static {}: Structure = Structure {{\n        \
+         name: {name:?}, bytes: {size}, doc: {doc:?}, page: {page:?},\n        registers: &[",
+        static_name(name)
+    );
+    for field in &structure.fields {
+        match field.kind {
+            Kind::Scalar(_) => emit_register(out, device, None, field),
+            Kind::Sub(index) => {
+                for member in &device.substructures[index].fields {
+                    if matches!(member.kind, Kind::Scalar(_)) {
+                        emit_register(out, device, Some(field), member);
+                    }
+                }
+            }
+            Kind::Padding(_) => {}
+        }
+    }
+    out.push_str("        ],\n    };\n\n");
+}
+
+/// `field` of the structure itself or, with `group`, of the sub-structure that `group` is.
+fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field: &Field) {
+    let Kind::Scalar(scalar) = field.kind else { return };
+    let mut dims = group.map_or(Vec::new(), |group| dims(device, group));
+    let group_dims = dims.len();
+    dims.extend(self::dims(device, field));
+    let meaning = match field.meaning {
+        Some(index) => format!("Some(&{})", meaning_name(&device.meanings[index])),
+        None => "None".to_owned(),
+    };
+    let Field { name, reset, reserved, doc, page, .. } = field;
+    let owner = match field.owner {
+        Owner::Plc => "Plc",
+        Owner::Firmware => "Firmware",
+        Owner::Both => "Both",
+    };
+    let _ = writeln!(
+        out,
+        "            Register {{ group: {:?}, name: {name:?}, ty: RegType::{}, offset: {}, dims: &[{}], \
+         group_dims: {group_dims}, owner: Owner::{owner}, reset: 0x{reset:X}, reserved: {reserved}, \
+         doc: {doc:?}, page: {page:?}, meaning: {meaning}, name_from: {}, offset_from: {}, reset_from: {} }},",
+        group.map_or("", |group| &group.name),
+        scalar.variant(),
+        group.map_or(0, |group| group.offset) + field.offset,
+        dims.concat(),
+        provenance(&field.name_from),
+        provenance(group.map_or(&field.offset_from, |group| &group.offset_from)),
+        provenance(&field.reset_from),
+    );
+}
+
+/// Source of the dimensions of `field` alone, outermost first.
+fn dims(device: &Device, field: &Field) -> Vec<String> {
+    let mut stride = device.size(field);
+    let rows = field.dims.iter().zip(&field.used);
+    rows.map(|(count, used)| {
+        stride /= count;
+        format!("Dim {{ count: {count}, used: {used}, stride: {stride} }}, ")
+    })
+    .collect()
+}
+
+fn provenance(from: &Provenance) -> String {
+    match from {
+        Provenance::Manual => "Provenance::Manual".to_owned(),
+        Provenance::Inferred(decision) => format!("Provenance::Inferred({decision:?})"),
+    }
+}
+
+fn meaning_name(meaning: &Meaning) -> String {
+    format!("MEANING_{}", meaning.name.to_uppercase())
+}
+
+fn emit_meaning(out: &mut String, meaning: &Meaning) {
+    let _ = writeln!(
+        out,
+        "    static {}: Meaning = Meaning {{ name: {:?}, values: {}, bits: &[",
+        meaning_name(meaning),
+        meaning.name,
+        values(&meaning.values)
+    );
+    for bit in &meaning.bits {
+        let Bit { first, last, name, zero, one, text, joined, reserved, .. } = bit;
+        let _ = writeln!(
+            out,
+            "        BitField {{ first: {first}, last: {last}, name: {name:?}, zero: {zero:?}, one: {one:?}, \
+             text: {text:?}, values: {}, joined: {joined}, reserved: {reserved} }},",
+            values(&bit.values)
+        );
+    }
+    out.push_str("    ] };\n\n");
+}
+
+fn values(values: &[Value]) -> String {
+    let items: Vec<String> = values
+        .iter()
+        .map(|v| format!("ValueMeaning {{ first: {}, last: {}, text: {:?} }}", v.first, v.last, v.text))
+        .collect();
+    format!("&[{}]", items.join(", "))
+}
