@@ -10,21 +10,30 @@
 //! | [`op`] | the operations and replies as plain Rust |
 //! | [`wire`] | the same as fixed-width integers, and the way back from hostile bytes |
 //! | [`exec`] | runs a request against a [`Machine`]; knows no iceoryx2 |
+//! | [`server`], [`client`] | the two ends over iceoryx2 |
 //! | [`bells`] | how the two ends wake each other |
 //!
-//! Rules: one server per instance; a client has one request under way and always waits for its reply;
-//! operations of one request run in order and stop at the first error.
+//! Rules: one server per instance; up to [`server::MAX_CLIENTS`] clients; a client has one request under way and
+//! always waits for its reply; operations of one request run in order and stop at the first error.
 
 pub mod bells;
+pub mod client;
+mod domain;
 pub mod error;
 pub mod exec;
 mod machine;
 pub mod op;
+pub mod server;
 #[cfg(test)]
 mod testing;
 pub mod wire;
 
 pub use bells::Bells;
+pub use client::{Client, ClientError};
 pub use error::ChannelError;
 pub use machine::{Machine, Unmapped};
 pub use op::{InstanceInfo, Op, Reply};
+pub use server::{Server, ServerError};
+
+#[cfg(test)]
+mod tests;

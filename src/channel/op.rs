@@ -94,6 +94,16 @@ pub enum Op {
     Stop,
 }
 
+impl Op {
+    /// The emulated time this operation may take at most because it waits, in microseconds.
+    pub(super) fn waits_us(&self) -> u64 {
+        match self {
+            Op::Wait { within_us, .. } => (*within_us).min(MAX_ADVANCE_US),
+            _ => 0,
+        }
+    }
+}
+
 /// The answer to one operation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {

@@ -1,0 +1,434 @@
+//! The callers' end of the channel.
+//!
+//! A request is sent, the doorbell rung, and the reply awaited: there is no fire and forget, because
+//! iceoryx2 loses what a client leaves behind when it ends. A client that gives up or dies does not
+//! disturb the others.
+
+use super::domain::{Domain, Ipc, RootError, Service};
+use super::op::MAX_OPS;
+use super::wire::{self, Block, DecodeError, WireOp};
+use super::{Bells, ChannelError, InstanceInfo, Op, Reply};
+use crate::memory::Width;
+use iceoryx2::pending_response::PendingResponse;
+use iceoryx2::prelude::{BackpressureStrategy, Node, PortFactory};
+use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
+use iceoryx2::service::port_factory::client::ClientCreateError;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+type Port = iceoryx2::port::client::Client<Ipc, [WireOp], (), [Block], ()>;
+type Pending = PendingResponse<Ipc, [WireOp], (), [Block], ()>;
+
+/// How long to sleep before asking whether the emulator still lives.
+const ALIVE_CHECK: Duration = Duration::from_millis(100);
+/// Pause between two tries to connect.
+const RETRY: Duration = Duration::from_millis(2);
+
+/// Why a request got no replies.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ClientError {
+    /// No emulator serves the channel.
+    #[error("instance {instance} is not running (no channel in {root}); start it with `commram run`")]
+    NotRunning {
+        /// Name of the instance.
+        instance: String,
+        /// Directory of its channel.
+        root: String,
+    },
+    /// The channel's directory cannot be used.
+    #[error(transparent)]
+    Root(#[from] RootError),
+    /// Too many clients are connected.
+    #[error(
+        "instance {instance} already has {} clients, which is all it takes; end one of them",
+        super::server::MAX_CLIENTS
+    )]
+    TooManyClients {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The emulator is of a version that speaks another format.
+    #[error("instance {instance} is of another version ({reason:?}); use the same version on both ends")]
+    Incompatible {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: OpenError,
+    },
+    /// iceoryx2 cannot connect.
+    #[error("instance {instance}: no connection to the channel ({reason})")]
+    Connect {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// The emulator's process has ended.
+    #[error("instance {instance} has ended; start it again and connect anew")]
+    EmulatorGone {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The emulator lives, but did not answer in time.
+    #[error("instance {instance} did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
+    Timeout {
+        /// Name of the instance.
+        instance: String,
+        /// How long the client waited.
+        after: Duration,
+    },
+    /// The request has too many operations.
+    #[error("{count} operations in one request are too many, at most {MAX_OPS}; split the request")]
+    TooManyOperations {
+        /// Number of operations.
+        count: usize,
+    },
+    /// The request could not be sent.
+    #[error("instance {instance}: the request could not be sent ({reason})")]
+    Send {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// The emulator closed the request without an answer.
+    #[error("instance {instance} closed the request without an answer; is /dev/shm full?")]
+    Unanswered {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The reply makes no sense.
+    #[error(transparent)]
+    Reply(#[from] DecodeError),
+    /// The reply answers something else.
+    #[error(
+        "instance {instance} gave a reply that does not fit the operation; use the same version on both ends"
+    )]
+    WrongReply {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The emulator refused the operation.
+    #[error(transparent)]
+    Refused(#[from] ChannelError),
+}
+
+/// How a client waits.
+#[derive(Clone, Copy, Debug)]
+pub struct Patience {
+    /// How long [`Client::connect`] waits for an instance that is not running yet. Zero by default.
+    pub connect: Duration,
+    /// How long a reply may take, in wall time; the time that waits in the request may take is added, as
+    /// if the clock ran in real time. 5 s by default.
+    pub reply: Duration,
+    /// How long to look for the reply before going to sleep. Zero by default: on few processors a client
+    /// that spins takes the emulator's time.
+    pub spin: Duration,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self { connect: Duration::ZERO, reply: Duration::from_secs(5), spin: Duration::ZERO }
+    }
+}
+
+/// A connection to an emulator. Not `Send`: make it on the thread that uses it.
+pub struct Client {
+    port: Port,
+    service: Service,
+    node: Node<Ipc>,
+    bells: Box<dyn Bells>,
+    patience: Patience,
+    instance: String,
+}
+
+impl Client {
+    /// Connects to `instance`, whose channel lies in the directory `root`.
+    ///
+    /// # Errors
+    /// The instance is not running, is of another version, or has too many clients.
+    pub fn connect(
+        instance: &str,
+        root: &Path,
+        bells: Box<dyn Bells>,
+        patience: Patience,
+    ) -> Result<Self, ClientError> {
+        let start = Instant::now();
+        loop {
+            let failure = match ports(instance, root, &*bells) {
+                Ok((port, service, node)) => {
+                    let instance = instance.to_owned();
+                    return Ok(Self { port, service, node, bells, patience, instance });
+                }
+                Err(failure) => failure,
+            };
+            if start.elapsed() >= patience.connect || !failure.may_pass() {
+                return Err(failure);
+            }
+            std::thread::sleep(RETRY);
+        }
+    }
+
+    /// Sends the operations as one request and awaits their replies, one per operation in the same order.
+    ///
+    /// An operation that fails is answered by [`Reply::Error`], and those behind it by
+    /// [`Reply::NotExecuted`].
+    ///
+    /// # Errors
+    /// The request as a whole got no replies.
+    pub fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
+        let mut replies = Vec::with_capacity(ops.len());
+        self.request_into(ops, &mut replies)?;
+        Ok(replies)
+    }
+
+    /// As [`Client::request`], with a vector to use again. It is cleared first.
+    ///
+    /// # Errors
+    /// As [`Client::request`].
+    pub fn request_into(&self, ops: &[Op], replies: &mut Vec<Reply>) -> Result<(), ClientError> {
+        replies.clear();
+        if ops.is_empty() {
+            return Ok(());
+        }
+        if ops.len() > MAX_OPS {
+            return Err(ClientError::TooManyOperations { count: ops.len() });
+        }
+        self.exchange(ops, replies)?;
+        let failed = matches!(replies.last(), Some(Reply::Error(_)));
+        match replies.len().cmp(&ops.len()) {
+            std::cmp::Ordering::Less if failed => replies.resize(ops.len(), Reply::NotExecuted),
+            std::cmp::Ordering::Equal => {}
+            _ => return Err(self.wrong_reply()),
+        }
+        Ok(())
+    }
+
+    fn exchange(&self, ops: &[Op], replies: &mut Vec<Reply>) -> Result<(), ClientError> {
+        let send_error = |reason: String| ClientError::Send { instance: self.instance.clone(), reason };
+        let request = self.port.loan_slice_uninit(ops.len()).map_err(|e| send_error(format!("{e:?}")))?;
+        let request = request.write_from_fn(|i| ops.get(i).map(WireOp::from).unwrap_or_default());
+        let pending = request.send().map_err(|e| send_error(format!("{e:?}")))?;
+        if pending.number_of_server_connections() == 0 {
+            return Err(self.gone());
+        }
+        self.bells.ring_doorbell();
+        let waits = ops.iter().map(Op::waits_us).sum();
+        let limit = self.patience.reply.saturating_add(Duration::from_micros(waits));
+        self.await_reply(&pending, limit, replies)
+    }
+
+    fn await_reply(
+        &self,
+        pending: &Pending,
+        limit: Duration,
+        replies: &mut Vec<Reply>,
+    ) -> Result<(), ClientError> {
+        // The clock is read only if the reply is not there at once.
+        let mut start = None;
+        loop {
+            let seen = self.bells.reply_count();
+            // Asked before looking for the reply: the emulator closes a request after having answered it.
+            let open = pending.is_connected();
+            if self.take_reply(pending, replies)? {
+                return Ok(());
+            }
+            if !open {
+                return Err(self.closed());
+            }
+            let elapsed = start.get_or_insert_with(Instant::now).elapsed();
+            if elapsed < self.patience.spin {
+                std::hint::spin_loop();
+                continue;
+            }
+            let Some(rest) = limit.checked_sub(elapsed).filter(|rest| !rest.is_zero()) else {
+                return Err(self.late(limit));
+            };
+            self.bells.wait_reply(seen, rest.min(ALIVE_CHECK));
+            if self.bells.reply_count() == seen && !self.bells.emulator_alive() {
+                return if self.take_reply(pending, replies)? { Ok(()) } else { Err(self.gone()) };
+            }
+        }
+    }
+
+    fn take_reply(&self, pending: &Pending, replies: &mut Vec<Reply>) -> Result<bool, ClientError> {
+        match pending.receive() {
+            Ok(Some(response)) => {
+                wire::decode(response.payload(), replies)?;
+                Ok(true)
+            }
+            Ok(None) => Ok(false),
+            Err(reason) => {
+                let reason = format!("{reason:?}");
+                Err(ClientError::Send { instance: self.instance.clone(), reason })
+            }
+        }
+    }
+
+    /// The request was closed and no reply came.
+    fn closed(&self) -> ClientError {
+        if self.service.dynamic_config().number_of_servers() == 0 || !self.bells.emulator_alive() {
+            return self.gone();
+        }
+        ClientError::Unanswered { instance: self.instance.clone() }
+    }
+
+    fn late(&self, after: Duration) -> ClientError {
+        if self.bells.emulator_alive() {
+            return ClientError::Timeout { instance: self.instance.clone(), after };
+        }
+        self.gone()
+    }
+
+    fn gone(&self) -> ClientError {
+        // Frees what the dead emulator holds; a new one may already be starting.
+        self.node.try_cleanup_dead_nodes();
+        ClientError::EmulatorGone { instance: self.instance.clone() }
+    }
+
+    fn wrong_reply(&self) -> ClientError {
+        ClientError::WrongReply { instance: self.instance.clone() }
+    }
+}
+
+/// Single operations.
+impl Client {
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// The emulator refused it ([`ClientError::Refused`]), or there was no reply. As for all below.
+    pub fn peek(&self, plc: u16, offset: u32, width: Width) -> Result<u32, ClientError> {
+        match self.single(Op::Peek { plc, offset, width })? {
+            Reply::Value(value) => Ok(value),
+            _ => Err(self.wrong_reply()),
+        }
+    }
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// As [`Client::peek`].
+    pub fn poke(&self, plc: u16, offset: u32, width: Width, value: u32) -> Result<(), ClientError> {
+        match self.single(Op::Poke { plc, offset, width, value })? {
+            Reply::Written => Ok(()),
+            _ => Err(self.wrong_reply()),
+        }
+    }
+
+    /// Copies bytes.
+    ///
+    /// # Errors
+    /// As [`Client::peek`].
+    pub fn read_range(&self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, ClientError> {
+        match self.single(Op::ReadRange { plc, offset, len })? {
+            Reply::Bytes(bytes) => Ok(bytes),
+            _ => Err(self.wrong_reply()),
+        }
+    }
+
+    /// Lets the emulated time pass; returns the time afterwards, in microseconds.
+    ///
+    /// # Errors
+    /// As [`Client::peek`].
+    pub fn advance(&self, us: u64) -> Result<u64, ClientError> {
+        match self.single(Op::Advance { us })? {
+            Reply::Advanced { time_us } => Ok(time_us),
+            _ => Err(self.wrong_reply()),
+        }
+    }
+
+    /// Asks who answers.
+    ///
+    /// # Errors
+    /// As [`Client::peek`].
+    pub fn info(&self) -> Result<InstanceInfo, ClientError> {
+        match self.single(Op::Info)? {
+            Reply::Info(information) => Ok(*information),
+            _ => Err(self.wrong_reply()),
+        }
+    }
+
+    /// Asks the emulator to end.
+    ///
+    /// # Errors
+    /// As [`Client::peek`].
+    pub fn stop(&self) -> Result<(), ClientError> {
+        match self.single(Op::Stop)? {
+            Reply::Stopping => Ok(()),
+            _ => Err(self.wrong_reply()),
+        }
+    }
+
+    fn single(&self, op: Op) -> Result<Reply, ClientError> {
+        match self.request(&[op])?.pop() {
+            Some(Reply::Error(error)) => Err(error.into()),
+            Some(reply) => Ok(reply),
+            None => Err(self.wrong_reply()),
+        }
+    }
+}
+
+impl std::fmt::Debug for Client {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Client").field("instance", &self.instance).field("patience", &self.patience).finish()
+    }
+}
+
+impl ClientError {
+    /// Whether the failure to connect may be gone in a moment, while the emulator starts.
+    fn may_pass(&self) -> bool {
+        matches!(self, Self::NotRunning { .. } | Self::Connect { .. })
+    }
+}
+
+fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Service, Node<Ipc>), ClientError> {
+    let name = || instance.to_owned();
+    let not_running = || ClientError::NotRunning { instance: name(), root: root.display().to_string() };
+    let connect = |reason: String| ClientError::Connect { instance: name(), reason };
+    if !Domain::is_announced(root) || !bells.emulator_alive() {
+        return Err(not_running());
+    }
+    let domain = Domain::new(instance, root)?;
+    let node = domain.node().map_err(|e| connect(e.to_string()))?;
+    let service = match open(&node).ok_or_else(|| connect("no service".into()))? {
+        // Others that were killed may hold the places.
+        Err(OpenError::ExceedsMaxNumberOfNodes) => {
+            node.try_cleanup_dead_nodes();
+            open(&node).ok_or_else(|| connect("no service".into()))?
+        }
+        other => other,
+    };
+    let service = service.map_err(|reason| match reason {
+        OpenError::DoesNotExist | OpenError::IsMarkedForDestruction => not_running(),
+        OpenError::ExceedsMaxNumberOfNodes => ClientError::TooManyClients { instance: name() },
+        OpenError::IncompatibleRequestOrResponseType | OpenError::VersionMismatch => {
+            ClientError::Incompatible { instance: name(), reason }
+        }
+        other => connect(other.to_string()),
+    })?;
+    let port = match create(&service) {
+        Err(ClientCreateError::ExceedsMaxSupportedClients) => {
+            node.try_cleanup_dead_nodes();
+            create(&service)
+        }
+        other => other,
+    };
+    let port = port.map_err(|reason| match reason {
+        ClientCreateError::ExceedsMaxSupportedClients => ClientError::TooManyClients { instance: name() },
+        other => connect(format!("{other:?}")),
+    })?;
+    Ok((port, service, node))
+}
+
+fn open(node: &Node<Ipc>) -> Option<Result<Service, OpenError>> {
+    Some(Domain::service(node)?.open())
+}
+
+fn create(service: &Service) -> Result<Port, ClientCreateError> {
+    service
+        .client_builder()
+        .initial_max_slice_len(MAX_OPS)
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .create()
+}

@@ -1,0 +1,300 @@
+//! The emulator's end of the channel.
+//!
+//! The server lives on the firmware thread: it is made there, and [`Server::poll`] is called there after
+//! every firmware step. Polling with nothing to do costs some ten nanoseconds, and a request in the
+//! steady state makes no system call and, on our side, no allocation.
+
+pub use super::domain::{MAX_CLIENTS, RootError};
+
+use super::domain::{Domain, Ipc, Service};
+use super::exec::{Progress, Run};
+use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
+use super::{Bells, Machine};
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::node::NodeCreationFailure;
+use iceoryx2::prelude::{BackpressureStrategy, Node};
+use iceoryx2::service::builder::request_response::{
+    RequestResponseCreateError as CreateError, RequestResponseOpenError as OpenError,
+    RequestResponseOpenOrCreateError as OpenOrCreateError,
+};
+use iceoryx2::service::port_factory::server::ServerCreateError;
+use std::path::Path;
+
+type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
+type Request = ActiveRequest<Ipc, [WireOp], (), [Block], ()>;
+
+/// Most requests one [`Server::poll`] takes on, so that busy clients cannot stop the firmware.
+const MAX_PER_POLL: usize = 2 * MAX_CLIENTS;
+
+/// Why the channel cannot be opened. The emulator can go on without it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ServerError {
+    /// The channel's directory cannot be used.
+    #[error(transparent)]
+    Root(#[from] RootError),
+    /// Another server holds the channel.
+    #[error(
+        "instance {instance}: another emulator already serves the channel; end it or choose another name"
+    )]
+    AlreadyServed {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// A client of another version still holds the old service.
+    #[error("instance {instance}: a client of another version is still connected ({reason:?}); end it first")]
+    Incompatible {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: OpenError,
+    },
+    /// iceoryx2 cannot make a node.
+    #[error("instance {instance}: no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?")]
+    Node {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: NodeCreationFailure,
+    },
+    /// iceoryx2 cannot make the service or its server port.
+    #[error("instance {instance}: no iceoryx2 service ({reason}); is /dev/shm full or not writable?")]
+    Service {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+}
+
+/// The emulator's end of the channel. Not `Send`: make it on the thread that polls it.
+pub struct Server {
+    /// Requests that wait in real time. Before the port, which they refer to.
+    waiting: Vec<(Request, Run)>,
+    /// `None` only while it is being dropped.
+    port: Option<Port>,
+    _service: Option<Service>,
+    node: Option<Node<Ipc>>,
+    /// Runs to use again.
+    spare: Vec<Run>,
+    bells: Box<dyn Bells>,
+    domain: Domain,
+}
+
+impl Server {
+    /// Opens the channel of `instance` with its files in the directory `root`, which is made if missing and
+    /// belongs to the channel alone. The caller holds the instance's lock: remains of earlier runs are
+    /// removed.
+    ///
+    /// # Errors
+    /// The directory cannot be used, the channel is already served, or iceoryx2 gets no resources.
+    pub fn open(instance: &str, root: &Path, bells: Box<dyn Bells>) -> Result<Self, ServerError> {
+        std::fs::create_dir_all(root).map_err(|source| RootError::Io { path: root.to_owned(), source })?;
+        let domain = Domain::new(instance, root)?;
+        domain.withdraw();
+        domain.sweep_if_unused();
+        let (node, service, port) = match ports(instance, &domain) {
+            // A run was killed while it created the service.
+            Err(OpenFailure::Wedged) => {
+                domain.sweep();
+                ports(instance, &domain).map_err(|e| e.into_error(instance))?
+            }
+            Err(OpenFailure::AlreadyServed) => {
+                // Not ours to withdraw, as it turns out.
+                let _ = domain.announce();
+                return Err(OpenFailure::AlreadyServed.into_error(instance));
+            }
+            other => other.map_err(|e| e.into_error(instance))?,
+        };
+        let server = Self {
+            waiting: Vec::new(),
+            port: Some(port),
+            _service: Some(service),
+            node: Some(node),
+            spare: vec![Run::default()],
+            bells,
+            domain,
+        };
+        server.domain.announce().map_err(|source| RootError::Io { path: root.to_owned(), source })?;
+        Ok(server)
+    }
+
+    /// Number of requests that wait in real time. While it is not zero, poll after every firmware step.
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Tries waiting requests again, then receives and executes new ones, and answers those that are done.
+    /// Never blocks, except for the emulated time that a request lets pass.
+    ///
+    /// Returns the number of requests answered. If it is not zero, more may have arrived meanwhile.
+    pub fn poll(&mut self, machine: &mut dyn Machine) -> usize {
+        let answered = self.retry(machine);
+        answered + self.receive(machine)
+    }
+
+    /// Tries the waiting requests again; forgets those whose client has given up.
+    fn retry(&mut self, machine: &mut dyn Machine) -> usize {
+        let mut answered = 0;
+        let mut at = 0;
+        while let Some((request, run)) = self.waiting.get_mut(at) {
+            let connected = request.is_connected();
+            if connected && run.go(machine, request.payload()) == Progress::Waiting {
+                at += 1;
+                continue;
+            }
+            let (request, run) = self.waiting.swap_remove(at);
+            if connected {
+                answer(request, &run, &*self.bells);
+                answered += 1;
+            }
+            self.spare.push(run);
+        }
+        answered
+    }
+
+    fn receive(&mut self, machine: &mut dyn Machine) -> usize {
+        let mut answered = 0;
+        for _ in 0..MAX_PER_POLL {
+            let Some(request) = self.next_request() else { break };
+            let mut run = self.spare.pop().unwrap_or_default();
+            run.reset();
+            match run.go(machine, request.payload()) {
+                Progress::Done => {
+                    answer(request, &run, &*self.bells);
+                    self.spare.push(run);
+                    answered += 1;
+                }
+                Progress::Waiting => self.waiting.push((request, run)),
+            }
+        }
+        answered
+    }
+
+    fn next_request(&self) -> Option<Request> {
+        let port = self.port.as_ref()?;
+        match port.receive() {
+            Ok(request) => request,
+            Err(reason) => {
+                // A client died while it connected, or one of another make has too many requests under way.
+                tracing::debug!(?reason, "a request could not be received");
+                None
+            }
+        }
+    }
+
+    /// Ends the channel: answers everything under way with
+    /// [`super::ChannelError::ShuttingDown`] and removes the domain's files, unless clients are still
+    /// connected.
+    pub fn close(mut self) {
+        self.domain.withdraw();
+        for (request, mut run) in std::mem::take(&mut self.waiting) {
+            run.abort();
+            answer(request, &run, &*self.bells);
+        }
+        for _ in 0..MAX_PER_POLL {
+            let Some(request) = self.next_request() else { break };
+            let mut run = Run::default();
+            run.abort();
+            answer(request, &run, &*self.bells);
+        }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.domain.withdraw();
+        self.waiting.clear();
+        self.port = None;
+        self._service = None;
+        if let Some(node) = self.node.take() {
+            node.try_cleanup_dead_nodes();
+        }
+        self.domain.sweep_if_unused();
+        self.domain.remove_root();
+        // Clients that are still there find their connection closed.
+        self.bells.announce_reply();
+    }
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Server").field("domain", &self.domain).field("waiting", &self.waiting.len()).finish()
+    }
+}
+
+/// Sends the replies and closes the request. If that fails, the client sees it closed without an answer.
+fn answer(request: Request, run: &Run, bells: &dyn Bells) {
+    let blocks = run.replies.blocks();
+    match request.loan_slice_uninit(blocks.len()) {
+        Ok(response) => {
+            if let Err(reason) = response.write_from_slice(blocks).send() {
+                tracing::debug!(?reason, "a reply could not be sent");
+            }
+        }
+        Err(reason) => tracing::debug!(?reason, "there is no room for a reply"),
+    }
+    drop(request);
+    bells.announce_reply();
+}
+
+/// Why the ports cannot be made.
+enum OpenFailure {
+    /// The service is half made or broken; sweeping the domain helps.
+    Wedged,
+    Incompatible(OpenError),
+    AlreadyServed,
+    Node(NodeCreationFailure),
+    Other(String),
+}
+
+impl OpenFailure {
+    fn into_error(self, instance: &str) -> ServerError {
+        let instance = instance.to_owned();
+        match self {
+            Self::Wedged => ServerError::Service { instance, reason: "it hangs in creation".into() },
+            Self::Incompatible(reason) => ServerError::Incompatible { instance, reason },
+            Self::AlreadyServed => ServerError::AlreadyServed { instance },
+            Self::Node(reason) => ServerError::Node { instance, reason },
+            Self::Other(reason) => ServerError::Service { instance, reason },
+        }
+    }
+}
+
+impl From<OpenOrCreateError> for OpenFailure {
+    fn from(error: OpenOrCreateError) -> Self {
+        match error {
+            OpenOrCreateError::RequestResponseOpenError(
+                OpenError::HangsInCreation | OpenError::ServiceInCorruptedState,
+            )
+            | OpenOrCreateError::RequestResponseCreateError(
+                CreateError::HangsInCreation | CreateError::ServiceInCorruptedState,
+            ) => Self::Wedged,
+            OpenOrCreateError::RequestResponseOpenError(
+                reason @ (OpenError::IncompatibleRequestOrResponseType
+                | OpenError::DoesNotSupportRequestedAmountOfClients
+                | OpenError::DoesNotSupportRequestedAmountOfNodes
+                | OpenError::VersionMismatch),
+            ) => Self::Incompatible(reason),
+            other => Self::Other(other.to_string()),
+        }
+    }
+}
+
+fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service, Port), OpenFailure> {
+    let node = domain.node().map_err(OpenFailure::Node)?;
+    node.try_cleanup_dead_nodes();
+    let builder = Domain::service(&node).ok_or_else(|| OpenFailure::Other(instance.to_owned()))?;
+    let service = builder.open_or_create()?;
+    let port = service
+        .server_builder()
+        .initial_max_slice_len(MAX_REPLY_BLOCKS)
+        .max_loaned_responses_per_request(1)
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .create()
+        .map_err(|reason| match reason {
+            ServerCreateError::ExceedsMaxSupportedServers => OpenFailure::AlreadyServed,
+            other => OpenFailure::Other(format!("{other:?}")),
+        })?;
+    Ok((node, service, port))
+}

@@ -1,0 +1,4 @@
+//! Client and server over iceoryx2: in one process, and between processes that die.
+
+mod basic;
+mod rig;

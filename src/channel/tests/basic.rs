@@ -1,0 +1,210 @@
+use super::rig::{Emulator, Place};
+use crate::channel::client::Patience;
+use crate::channel::op::{MAX_OPS, MAX_RANGE};
+use crate::channel::testing::Fake;
+use crate::channel::{ChannelError, ClientError, Machine, Op, Reply, ServerError};
+use crate::memory::Width;
+use std::sync::Arc;
+use std::time::Duration;
+
+const REG: u32 = 100_000;
+
+fn place() -> Arc<Place> {
+    Arc::new(Place::new())
+}
+
+#[test]
+fn a_poke_a_step_and_a_peek_in_one_message() {
+    let place = place();
+    let mut fake = Fake::new(true);
+    fake.script.push((2_000, REG, 0x44));
+    let _emulator = Emulator::start_with(&place, fake);
+    let client = place.client();
+    let poke = Op::Poke { plc: 0, offset: REG, width: Width::Word, value: 5 };
+    let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
+    let replies = client.request(&[poke, peek, Op::Advance { us: 2_000 }, peek]).unwrap();
+    let expected = [Reply::Written, Reply::Value(5), Reply::Advanced { time_us: 2_000 }, Reply::Value(0x44)];
+    assert_eq!(replies, expected);
+}
+
+#[test]
+fn thousands_of_requests_use_nothing_up() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    let client = place.client();
+    for value in 0..5_000 {
+        client.poke(0, REG, Width::Dword, value).unwrap();
+        assert_eq!(client.peek(0, REG, Width::Dword).unwrap(), value);
+    }
+}
+
+#[test]
+fn operations_behind_an_error_are_not_executed() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    let client = place.client();
+    let poke = |offset, value| Op::Poke { plc: 0, offset, width: Width::Word, value };
+    let replies = client.request(&[poke(REG, 1), poke(REG + 1, 2), poke(REG, 3), Op::Info]).unwrap();
+    let misaligned = ChannelError::Misaligned { address: Width::Word.at(REG + 1) };
+    let expected = [Reply::Written, Reply::Error(misaligned), Reply::NotExecuted, Reply::NotExecuted];
+    assert_eq!(replies, expected);
+    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
+}
+
+#[test]
+fn the_largest_request_and_the_largest_reply() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    let client = place.client();
+    let pokes: Vec<Op> = (0..MAX_OPS as u32)
+        .map(|i| Op::Poke { plc: 1, offset: REG + i, width: Width::Byte, value: i & 0xFF })
+        .collect();
+    assert_eq!(client.request(&pokes).unwrap().len(), MAX_OPS);
+    let range = Op::ReadRange { plc: 1, offset: REG, len: MAX_RANGE };
+    let replies = client.request(&[range; 4]).unwrap();
+    let expected: Vec<u8> = (0..MAX_RANGE).map(|i| if i < 256 { i as u8 } else { 0 }).collect();
+    assert!(replies.iter().all(|reply| *reply == Reply::Bytes(expected.clone())));
+    assert_eq!(client.request(&[range; 5]).unwrap()[4], Reply::Error(ChannelError::ReplyTooLong));
+
+    let too_many = vec![Op::Info; MAX_OPS + 1];
+    let refused = client.request(&too_many).unwrap_err();
+    assert!(matches!(refused, ClientError::TooManyOperations { count: 257 }));
+    assert_eq!(client.request(&[]).unwrap(), []);
+}
+
+#[test]
+fn the_instance_tells_about_itself() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    assert_eq!(place.client().info().unwrap(), Fake::new(true).info());
+}
+
+#[test]
+fn a_refusal_is_an_error_of_the_single_operation() {
+    let place = place();
+    let _emulator = Emulator::start(&place, false);
+    let refused = place.client().advance(1_000).unwrap_err();
+    assert!(matches!(refused, ClientError::Refused(ChannelError::ClockIsRealTime)), "{refused}");
+}
+
+#[test]
+fn several_clients_at_once_each_get_their_own_replies() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    std::thread::scope(|scope| {
+        for number in 0..6 {
+            let place = &place;
+            scope.spawn(move || {
+                let client = place.client();
+                let offset = REG + 4 * number;
+                for value in 0..500 {
+                    client.poke(0, offset, Width::Dword, value).unwrap();
+                    assert_eq!(client.peek(0, offset, Width::Dword).unwrap(), value);
+                }
+            });
+        }
+    });
+}
+
+#[test]
+fn clients_beyond_the_limit_are_told_so() {
+    let place = place();
+    let _emulator = Emulator::start(&place, true);
+    let mut clients: Vec<_> = (0..crate::channel::server::MAX_CLIENTS).map(|_| place.client()).collect();
+    let refused = place.connect(Patience::default()).unwrap_err();
+    assert!(matches!(refused, ClientError::TooManyClients { .. }), "{refused}");
+    clients.pop();
+    let late = place.client();
+    late.poke(0, REG, Width::Byte, 1).unwrap();
+}
+
+#[test]
+fn instances_side_by_side_do_not_see_each_other() {
+    let places = [place(), place()];
+    let _emulators = places.each_ref().map(|place| Emulator::start(place, true));
+    let clients = places.each_ref().map(|place| place.client());
+    clients[0].poke(0, REG, Width::Word, 1).unwrap();
+    clients[1].poke(0, REG, Width::Word, 2).unwrap();
+    assert_eq!(clients[0].peek(0, REG, Width::Word).unwrap(), 1);
+    assert_eq!(clients[1].peek(0, REG, Width::Word).unwrap(), 2);
+}
+
+#[test]
+fn a_second_server_is_refused_and_does_not_harm_the_first() {
+    let place = place();
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    let refused = place.server().unwrap_err();
+    assert!(matches!(refused, ServerError::AlreadyServed { .. }), "{refused}");
+    client.poke(0, REG, Width::Word, 1).unwrap();
+    assert_eq!(place.client().peek(0, REG, Width::Word).unwrap(), 1);
+    emulator.end();
+}
+
+#[test]
+fn without_an_emulator_there_is_no_connection() {
+    let place = place();
+    let refused = place.connect(Patience::default()).unwrap_err();
+    assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");
+    // Not even after it has ended.
+    Emulator::start(&place, true).end();
+    let refused = place.connect(Patience::default()).unwrap_err();
+    assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");
+}
+
+#[test]
+fn a_clean_end_leaves_nothing_behind() {
+    let place = place();
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    client.poke(0, REG, Width::Word, 1).unwrap();
+    assert_ne!(place.remains(), Vec::<std::path::PathBuf>::new());
+    drop(client);
+    emulator.end();
+    assert!(!place.root().exists());
+    assert_eq!(place.remains(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn stop_ends_the_emulator_and_whoever_asks_then_is_told() {
+    let place = place();
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    client.stop().unwrap();
+    emulator.end();
+    let gone = client.peek(0, REG, Width::Word).unwrap_err();
+    assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
+}
+
+#[test]
+fn a_client_outlives_its_emulator_and_uses_the_next() {
+    let place = place();
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    client.poke(0, REG, Width::Word, 7).unwrap();
+    emulator.end();
+    assert!(client.peek(0, REG, Width::Word).is_err());
+    let emulator = Emulator::start(&place, true);
+    let second = place.client();
+    assert_eq!(second.peek(0, REG, Width::Word).unwrap(), 0);
+    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0);
+    drop((client, second));
+    emulator.end();
+    assert_eq!(place.remains(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn a_path_too_long_is_refused_with_the_limit() {
+    let place = place();
+    let long = place.directory.path().join("x".repeat(200));
+    std::fs::create_dir_all(&long).unwrap();
+    let bells = place.bells();
+    let refused = crate::channel::Server::open("long", &long, Box::new(bells)).unwrap_err();
+    assert!(refused.to_string().contains("at most 120 bytes"), "{refused}");
+}
+
+#[test]
+fn patience_is_finite_by_default() {
+    assert_eq!(Patience::default().connect, Duration::ZERO);
+    assert!(Patience::default().reply <= Duration::from_secs(10));
+}

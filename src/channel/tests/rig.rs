@@ -1,0 +1,212 @@
+//! A server on a thread of its own with a fake emulator, and bells that work between processes.
+
+use crate::channel::client::Patience;
+use crate::channel::domain::Domain;
+use crate::channel::testing::Fake;
+use crate::channel::{Bells, Client, ClientError, Machine, Server, ServerError};
+use memmap2::MmapRaw;
+use rustix::thread::futex;
+use std::fs::OpenOptions;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tempfile::TempDir;
+
+/// The watchdog: nothing in these tests takes that long.
+pub const LONG: Duration = Duration::from_secs(30);
+
+/// Bells in a small file, as they lie in the header page of an image.
+pub struct FileBells {
+    map: MmapRaw,
+}
+
+const DOORBELL: usize = 0;
+const REPLIES: usize = 1;
+const PID: usize = 2;
+
+impl FileBells {
+    pub fn open(path: &Path) -> Self {
+        let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).unwrap();
+        file.set_len(64).unwrap();
+        Self { map: MmapRaw::map_raw(&file).unwrap() }
+    }
+
+    fn word(&self, index: usize) -> &AtomicU32 {
+        assert!(index < 16);
+        // SAFETY: the map is 64 bytes, page-aligned, lives as long as `self`, and is only used here.
+        unsafe { &*self.map.as_mut_ptr().cast::<AtomicU32>().add(index) }
+    }
+
+    pub fn set_pid(&self, pid: u32) {
+        self.word(PID).store(pid, Ordering::SeqCst);
+    }
+
+    pub fn doorbell_count(&self) -> u32 {
+        self.word(DOORBELL).load(Ordering::SeqCst)
+    }
+
+    pub fn wait_doorbell(&self, seen: u32, timeout: Duration) {
+        self.wait(DOORBELL, seen, timeout);
+    }
+
+    fn ring(&self, index: usize) {
+        self.word(index).fetch_add(1, Ordering::SeqCst);
+        futex::wake(self.word(index), futex::Flags::empty(), i32::MAX as u32).unwrap();
+    }
+
+    fn wait(&self, index: usize, seen: u32, timeout: Duration) {
+        let timeout = timeout.try_into().ok();
+        let _ = futex::wait(self.word(index), futex::Flags::empty(), seen, timeout.as_ref());
+    }
+}
+
+impl Bells for FileBells {
+    fn ring_doorbell(&self) {
+        self.ring(DOORBELL);
+    }
+
+    fn reply_count(&self) -> u32 {
+        self.word(REPLIES).load(Ordering::SeqCst)
+    }
+
+    fn wait_reply(&self, seen: u32, timeout: Duration) {
+        self.wait(REPLIES, seen, timeout);
+    }
+
+    fn announce_reply(&self) {
+        self.ring(REPLIES);
+    }
+
+    fn emulator_alive(&self) -> bool {
+        let pid = i32::try_from(self.word(PID).load(Ordering::SeqCst)).unwrap();
+        // Before the first start there is none, which is not the same as a dead one.
+        rustix::process::Pid::from_raw(pid).is_none_or(|pid| !is_gone(pid))
+    }
+}
+
+/// Whether a process has ended; a zombie has.
+pub fn is_gone(pid: rustix::process::Pid) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero())).unwrap_or_default();
+    let state = stat.rsplit(") ").next().unwrap_or_default().chars().next();
+    matches!(state, None | Some('Z' | 'X'))
+}
+
+/// The files of one instance.
+pub struct Place {
+    pub directory: TempDir,
+    pub instance: String,
+}
+
+impl Place {
+    pub fn new() -> Self {
+        static COUNTER: AtomicU32 = AtomicU32::new(0);
+        let number = COUNTER.fetch_add(1, Ordering::Relaxed);
+        let instance = format!("test-{}-{number}", std::process::id());
+        Self { directory: TempDir::new().unwrap(), instance }
+    }
+
+    pub fn root(&self) -> PathBuf {
+        self.directory.path().join("iox")
+    }
+
+    pub fn bells(&self) -> Arc<FileBells> {
+        Arc::new(FileBells::open(&self.directory.path().join("bells")))
+    }
+
+    pub fn server(&self) -> Result<Server, ServerError> {
+        let bells = self.bells();
+        bells.set_pid(std::process::id());
+        Server::open(&self.instance, &self.root(), Box::new(bells))
+    }
+
+    pub fn connect(&self, patience: Patience) -> Result<Client, ClientError> {
+        Client::connect(&self.instance, &self.root(), Box::new(self.bells()), patience)
+    }
+
+    /// A client that waits for the server.
+    pub fn client(&self) -> Client {
+        self.connect(Patience { connect: LONG, reply: LONG, ..Patience::default() }).unwrap()
+    }
+
+    /// Shared memory left by the instance. The root directory must still be there.
+    pub fn remains(&self) -> Vec<PathBuf> {
+        std::fs::create_dir_all(self.root()).unwrap();
+        Domain::new(&self.instance, &self.root()).unwrap().remains()
+    }
+}
+
+impl Drop for Place {
+    /// Nothing of a test may stay in /dev/shm, also if it fails.
+    fn drop(&mut self) {
+        if std::fs::create_dir_all(self.root()).is_ok()
+            && let Ok(domain) = Domain::new(&self.instance, &self.root())
+        {
+            domain.sweep();
+        }
+    }
+}
+
+/// Runs the firmware thread until the fake is asked to stop.
+pub fn serve(place: &Place, mut fake: Fake) {
+    let bells = place.bells();
+    let mut server = place.server().unwrap();
+    while !fake.should_stop() {
+        let seen = bells.doorbell_count();
+        let answered = server.poll(&mut fake);
+        if !fake.stepped {
+            // A clock that runs as fast as the loop, and stands still while nobody waits.
+            if server.waiting() > 0 {
+                let next = fake.next_event();
+                fake.run_to(next);
+                continue;
+            }
+        }
+        if answered == 0 {
+            bells.wait_doorbell(seen, Duration::from_millis(50));
+        }
+    }
+    server.close();
+}
+
+/// A server on a thread of its own; ended on drop.
+pub struct Emulator {
+    stop: Arc<AtomicBool>,
+    bells: Arc<FileBells>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Emulator {
+    pub fn start(place: &Arc<Place>, stepped: bool) -> Self {
+        Self::start_with(place, Fake::new(stepped))
+    }
+
+    pub fn start_with(place: &Arc<Place>, fake: Fake) -> Self {
+        let stop = Arc::clone(&fake.stop);
+        let bells = place.bells();
+        let place = Arc::clone(place);
+        let thread = std::thread::spawn(move || serve(&place, fake));
+        Self { stop, bells, thread: Some(thread) }
+    }
+
+    /// Ends the emulator and waits for its end.
+    pub fn end(mut self) {
+        self.finish();
+    }
+
+    fn finish(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.bells.ring_doorbell();
+        if let Some(thread) = self.thread.take() {
+            let outcome = thread.join();
+            assert!(outcome.is_ok() || std::thread::panicking(), "the server thread panicked");
+        }
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
