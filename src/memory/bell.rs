@@ -1,15 +1,29 @@
 //! Bells: futex words in the header page that processes wait on and ring.
+//!
+//! Ringing makes a system call only if somebody waits. What makes this safe is one handshake, written
+//! once below and checked exhaustively by a model in the tests: the ringer counts the word up and *then*
+//! reads the number of waiters, the waiter counts itself in and *then* reads the word. A sequentially
+//! consistent fence lies between the two steps on both sides, so one of the two sees the other and no
+//! wake-up is lost. (Sequentially consistent accesses do as well, and mix with the fences: C clients may
+//! use plain `atomic_fetch_add` and `atomic_load`.)
 
 use super::Cell32;
-use core::sync::atomic::Ordering;
-use rustix::thread::futex;
+use core::sync::atomic::{self, Ordering};
+use rustix::{
+    io::Errno,
+    thread::futex,
+    time::{ClockId, Timespec, clock_gettime},
+};
+use std::time::{Duration, Instant};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
-/// A word to wait on and the number of those who wait.
-///
-/// Ringing makes a system call only if somebody waits. The handshake that makes this safe needs
-/// sequential consistency on both words: the ringer counts the word up and then reads `waiters`, the
-/// waiter enters itself in `waiters` and then reads the word; one of the two sees the other.
+/// The kernel's limit for waiting on several words at once.
+const MAX_WAITV: usize = 128;
+/// How often several words are looked at where the kernel cannot wait on them together.
+const POLL: Duration = Duration::from_millis(1);
+
+/// A word to wait on and the number of those who wait. The futex is a shared one: it works between
+/// processes that map the same file.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Bell {
@@ -26,26 +40,141 @@ impl Bell {
     /// The number of rings so far, wrapping. Read it *before* looking at what the bell announces; a
     /// wait for a ring after this number then misses nothing.
     pub fn rings(&self) -> u32 {
-        u32::from_le(self.word.as_atomic().load(Ordering::SeqCst))
+        self.word.load()
     }
 
     /// Rings: everything stored before is visible to whoever sees the new number. Wakes all waiters.
     pub fn ring(&self) {
-        add(&self.word, 1);
-        if self.waiters.as_atomic().load(Ordering::SeqCst) != 0 {
-            // The word is mapped and aligned, so the call cannot fail.
-            let _ = futex::wake(self.word.as_atomic(), futex::Flags::empty(), i32::MAX as u32);
+        ring(self);
+    }
+
+    /// Waits until the bell has rung more than `seen` times, at most for `timeout` (`None`: for ever).
+    /// Returns whether it has.
+    pub fn wait(&self, seen: u32, timeout: Option<Duration>) -> bool {
+        wait_any(&[(self, seen)], timeout).is_some()
+    }
+
+    /// Forgets waiters that are known to be dead.
+    pub(super) fn forget_waiters(&self) {
+        self.waiters.store(0);
+    }
+}
+
+/// Waits until one of the bells has rung more often than the number given with it, at most for
+/// `timeout` (`None`: for ever). Returns the position of the first bell that has; `None` on a timeout.
+///
+/// The kernel waits on up to 128 bells together (Linux 5.16 or later); where it cannot, they are looked
+/// at once per millisecond.
+pub fn wait_any(bells: &[(&Bell, u32)], timeout: Option<Duration>) -> Option<usize> {
+    // A deadline that cannot be represented is as good as none.
+    let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+    loop {
+        if let Some(rung) = bells.iter().position(|(bell, seen)| bell.rings() != *seen) {
+            return Some(rung);
+        }
+        let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
+        if left.is_some_and(|left| left.is_zero()) {
+            return None;
+        }
+        wait_once(bells, || sleep(bells, left));
+    }
+}
+
+/// Sleeps until a bell rings, the time is over or a signal arrives. All errors of the calls are among
+/// these (or mean that there is nothing to sleep for), and the caller looks again in each case.
+fn sleep(bells: &[(&Bell, u32)], left: Option<Duration>) {
+    let pause = || std::thread::sleep(left.map_or(POLL, |left| left.min(POLL)));
+    match bells {
+        [(bell, seen)] => {
+            let left = left.and_then(|left| Timespec::try_from(left).ok());
+            let flags = futex::Flags::empty();
+            let _ = futex::wait(bell.word.as_atomic(), flags, seen.to_le(), left.as_ref());
+        }
+        [] => pause(),
+        _ if bells.len() > MAX_WAITV => pause(),
+        _ => {
+            let waits: Vec<futex::Wait> = bells.iter().map(|(bell, seen)| one_of_many(bell, *seen)).collect();
+            let clock = ClockId::Monotonic;
+            let until =
+                left.and_then(|left| clock_gettime(clock).checked_add(Timespec::try_from(left).ok()?));
+            let flags = futex::WaitvFlags::empty();
+            if futex::waitv(&waits, flags, until.as_ref(), clock) == Err(Errno::NOSYS) {
+                pause();
+            }
         }
     }
 }
 
-/// Adds to a cell of a bell, sequentially consistent.
-fn add(cell: &Cell32, amount: u32) {
-    let atomic = cell.as_atomic();
-    if cfg!(target_endian = "little") {
-        atomic.fetch_add(amount, Ordering::SeqCst);
-    } else {
-        let sum = |raw| Some(u32::from_le(raw).wrapping_add(amount).to_le());
-        let _ = atomic.fetch_update(Ordering::SeqCst, Ordering::SeqCst, sum);
+fn one_of_many(bell: &Bell, seen: u32) -> futex::Wait {
+    let mut wait = futex::Wait::new();
+    wait.val = u64::from(seen.to_le());
+    wait.uaddr = futex::WaitPtr::new(bell.word.as_atomic().as_ptr().cast());
+    wait.flags = futex::WaitFlags::SIZE_U32;
+    wait
+}
+
+/// What the handshake is made of; a bell, or a model of one.
+trait Line {
+    fn rings(&self) -> u32;
+    fn count_ring(&self);
+    fn has_waiters(&self) -> bool;
+    fn enter(&self);
+    fn leave(&self);
+    fn wake_all(&self);
+    /// A sequentially consistent fence.
+    fn fence();
+}
+
+fn ring<L: Line>(line: &L) {
+    line.count_ring();
+    L::fence();
+    if line.has_waiters() {
+        line.wake_all();
     }
 }
+
+/// `sleep` must look at the words once more and return if one of them has changed, as the kernel does.
+fn wait_once<L: Line>(lines: &[(&L, u32)], sleep: impl FnOnce()) {
+    lines.iter().for_each(|(line, _)| line.enter());
+    L::fence();
+    if lines.iter().all(|(line, seen)| line.rings() == *seen) {
+        sleep();
+    }
+    lines.iter().for_each(|(line, _)| line.leave());
+}
+
+impl Line for Bell {
+    fn rings(&self) -> u32 {
+        self.rings()
+    }
+
+    fn count_ring(&self) {
+        self.word.add(1);
+    }
+
+    fn has_waiters(&self) -> bool {
+        self.waiters.load() != 0
+    }
+
+    fn enter(&self) {
+        self.waiters.add(1);
+    }
+
+    fn leave(&self) {
+        self.waiters.add(u32::MAX);
+    }
+
+    fn wake_all(&self) {
+        // The word is mapped and aligned, so the call cannot fail.
+        let _ = futex::wake(self.word.as_atomic(), futex::Flags::empty(), i32::MAX as u32);
+    }
+
+    fn fence() {
+        atomic::fence(Ordering::SeqCst);
+    }
+}
+
+#[cfg(test)]
+mod model;
+#[cfg(test)]
+mod tests;

@@ -104,10 +104,21 @@ impl Cell32 {
         &self.0
     }
 
+    /// Adds, wrapping, and returns the new value.
+    #[inline]
+    pub fn add(&self, amount: u32) -> u32 {
+        let old = if cfg!(target_endian = "little") {
+            self.0.fetch_add(amount, Ordering::AcqRel)
+        } else {
+            self.update(|value| value.wrapping_add(amount))
+        };
+        old.wrapping_add(amount)
+    }
+
     /// Adds one, wrapping, and returns the new value.
     #[inline]
     pub fn increment(&self) -> u32 {
-        self.update(|v| v.wrapping_add(1)).wrapping_add(1)
+        self.add(1)
     }
 }
 
@@ -142,6 +153,13 @@ mod tests {
         assert_eq!(cell.compare_exchange(0x05, 0x04), Ok(0x05));
         assert_eq!(cell.compare_exchange(0x05, 0x04), Err(0x04));
         assert_eq!(cell.load(), 0x04);
+    }
+
+    #[test]
+    fn adding_wraps() {
+        let cell = Cell32::new_zeroed();
+        assert_eq!(cell.add(u32::MAX), u32::MAX);
+        assert_eq!(cell.increment(), 0);
     }
 
     #[test]

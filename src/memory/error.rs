@@ -1,6 +1,7 @@
 //! What can go wrong with the emulated RAM.
 
-use super::{Address, HEADER_SIZE, SEGMENT_SIZE};
+use super::{Address, HEADER_SIZE, SEGMENT_SIZE, State, header::EVENT_SLOTS};
+use std::{io, path::PathBuf, time::Duration};
 
 /// An access or an image file that was refused: what, where, and what would be right.
 #[derive(Debug, thiserror::Error)]
@@ -64,4 +65,171 @@ pub enum MemoryError {
         /// First byte of the access.
         offset: usize,
     },
+    /// The name of an instance or a PLC is none.
+    #[error("{what} name {name:?}: use 1 to 31 characters of A-Z a-z 0-9 _ -")]
+    BadName {
+        /// `instance` or `PLC`.
+        what: &'static str,
+        /// The refused name.
+        name: String,
+    },
+    /// Another emulator holds the image.
+    #[error("{instance}.{plc} is already running{}; stop it first or choose another instance name", process(*.pid))]
+    AlreadyRunning {
+        /// Name of the instance.
+        instance: String,
+        /// Name of the PLC.
+        plc: String,
+        /// Process id of the emulator that holds it, if it could be told.
+        pid: Option<u32>,
+    },
+    /// There is no image of this name.
+    #[error("{} does not exist, nothing runs under this name; start it with `commram run -i {instance}`", .path.display())]
+    NotThere {
+        /// Name of the instance.
+        instance: String,
+        /// The file that was looked for.
+        path: PathBuf,
+    },
+    /// The path is a symbolic link, which could lead anywhere.
+    #[error("{} is a symbolic link; it is left alone, remove it yourself", .path.display())]
+    Symlink {
+        /// The refused path.
+        path: PathBuf,
+    },
+    /// The path is a directory, a pipe or the like.
+    #[error("{} is no regular file; it is left alone, remove it yourself", .path.display())]
+    NotAFile {
+        /// The refused path.
+        path: PathBuf,
+    },
+    /// The file belongs to another user.
+    #[error("{} belongs to user {owner}, not to user {user}; an image is used by its owner only", .path.display())]
+    ForeignOwner {
+        /// The refused path.
+        path: PathBuf,
+        /// User id of the file's owner.
+        owner: u32,
+        /// User id of this process.
+        user: u32,
+    },
+    /// The file is no image: it does not begin with the magic.
+    #[error("{} is no commram image (it begins with 16#{found:016X}); it is left alone, remove it yourself", .path.display())]
+    WrongMagic {
+        /// The refused path.
+        path: PathBuf,
+        /// Its first eight bytes, little endian.
+        found: u64,
+    },
+    /// The image is made to another version of the attach contract.
+    #[error("{} has ABI version {found}, this program knows {expected}; use programs of one commram version", .path.display())]
+    OtherAbi {
+        /// The refused path.
+        path: PathBuf,
+        /// The image's version.
+        found: u32,
+        /// Ours.
+        expected: u32,
+    },
+    /// The image holds another register map.
+    #[error("{} holds {device} with register map 16#{found:016X}, this program is made for 16#{expected:016X}; \
+             rebuild it against this emulator's layout", .path.display())]
+    OtherLayout {
+        /// The refused path.
+        path: PathBuf,
+        /// Name of the emulated device.
+        device: String,
+        /// The image's layout hash.
+        found: u64,
+        /// The caller's.
+        expected: u64,
+    },
+    /// The file ends before the segment does.
+    #[error("{} is {size} bytes long, an image has {}; it is damaged, restart the emulator", .path.display(), SEGMENT_SIZE)]
+    TooShort {
+        /// The refused path.
+        path: PathBuf,
+        /// Its length in bytes.
+        size: u64,
+    },
+    /// The emulator runs but does not answer yet, or not any more.
+    #[error("{} is not ready, its emulator is {}; try again when it is ready", .path.display(), state_name(*.state))]
+    NotReady {
+        /// The refused path.
+        path: PathBuf,
+        /// What the emulator is doing; `None` for a number without meaning.
+        state: Option<State>,
+    },
+    /// The emulator behind the image has been killed.
+    #[error("{}: the emulator (process {pid}) has died; restart it, or attach read-only to look at what it left", .path.display())]
+    EmulatorDied {
+        /// The image.
+        path: PathBuf,
+        /// The process that is gone.
+        pid: u32,
+    },
+    /// The emulator has ended in good order while we were attached.
+    #[error("{}: the emulator has stopped; attach again when it runs", .path.display())]
+    EmulatorStopped {
+        /// The image.
+        path: PathBuf,
+    },
+    /// Another emulator has taken the image over while we were attached; all registers are reset.
+    #[error("{}: the emulator was restarted (generation {found} instead of {attached}) and all registers are reset; attach again", .path.display())]
+    EmulatorRestarted {
+        /// The image.
+        path: PathBuf,
+        /// Generation at the time of attaching.
+        attached: u32,
+        /// Generation now.
+        found: u32,
+    },
+    /// A register did not get the awaited value in time.
+    #[error("{address} still holds 16#{last:0digits$X} after {timeout:?}", digits = 2 * .address.width.bytes() as usize)]
+    RegisterTimeout {
+        /// The register.
+        address: Address,
+        /// Its value at the end.
+        last: u32,
+        /// How long it was waited for, in real time.
+        timeout: Duration,
+    },
+    /// Something did not happen in time.
+    #[error("{what} did not happen within {timeout:?}")]
+    Timeout {
+        /// What was waited for.
+        what: String,
+        /// How long, in real time.
+        timeout: Duration,
+    },
+    /// There is no event of this number.
+    #[error("event {number}: events have the numbers 0 to {}", EVENT_SLOTS - 1)]
+    NoSuchEvent {
+        /// The refused number.
+        number: usize,
+    },
+    /// The operating system refused.
+    #[error("{}: cannot {doing}: {reason}", .path.display())]
+    System {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        doing: &'static str,
+        /// Why it failed.
+        reason: io::Error,
+    },
+}
+
+fn process(pid: Option<u32>) -> String {
+    pid.map_or_else(String::new, |pid| format!(" (process {pid})"))
+}
+
+fn state_name(state: Option<State>) -> &'static str {
+    match state {
+        Some(State::Starting) => "starting",
+        Some(State::Ready) => "ready",
+        Some(State::Stopping) => "stopping",
+        Some(State::Stopped) => "stopped",
+        None => "in an unknown state",
+    }
 }

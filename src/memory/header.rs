@@ -190,6 +190,21 @@ codes! {
     }
 }
 
+impl Header {
+    /// All bells of the page.
+    pub fn bells(&self) -> impl Iterator<Item = &Bell> {
+        let events = self.events.iter().map(|event| &event.bell);
+        [&self.doorbell, &self.answer, &self.channel_reply].into_iter().chain(events)
+    }
+}
+
+impl Board {
+    /// All dark, all switches at 0.
+    pub fn clear(&self) {
+        [&self.dip, &self.leds, &self.display, &self.switch].iter().for_each(|cell| cell.store(0));
+    }
+}
+
 impl EventSlot {
     /// Announces one event at the given emulated time, in microseconds.
     pub fn fire(&self, time_us: u64) {

@@ -4,18 +4,30 @@
 //! look at it through typed [`View`]s of register cells; tools that only know addresses use its raw
 //! accesses at a given [`Width`].
 
-mod bell;
+mod attach;
+pub mod bell;
 pub mod cell;
 mod error;
+mod file;
 pub mod header;
+mod image;
+mod list;
+pub mod names;
+mod process;
 mod segment;
 mod view;
 mod width;
 
+pub use attach::{AttachMode, Attached};
 pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use error::MemoryError;
 pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, State};
+pub use image::{Image, ImageSpec};
+pub use list::{Condition, ImageInfo, ImageSummary, list};
 pub use segment::{SEGMENT_SIZE, Segment};
 pub use view::View;
 pub use width::{Address, Width};
+
+#[cfg(test)]
+mod testing;

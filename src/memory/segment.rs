@@ -71,7 +71,6 @@ impl Segment {
     }
 
     /// The segment in a mapped file; `None` if the map is shorter than [`SEGMENT_SIZE`].
-    #[cfg_attr(not(test), expect(dead_code))]
     pub(super) fn mapped(map: MmapRaw, writable: bool) -> Option<Segment> {
         Some(Self { backing: Arc::new(Backing::new(map, writable)?) })
     }

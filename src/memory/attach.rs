@@ -1,0 +1,275 @@
+//! The client's side of an image: attach, exchange registers, notice when the emulator is gone.
+
+use super::{
+    Bell, Header, Image, MemoryError, SEGMENT_SIZE, Segment, State, View, Width,
+    file::{self, ImageFile},
+};
+use memmap2::MmapOptions;
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
+
+/// How often a waiting client looks whether the emulator still lives.
+const LIVENESS: Duration = Duration::from_millis(100);
+/// How often a read-only client looks at what it waits for: it cannot sign itself in at a bell.
+const READ_ONLY_POLL: Duration = Duration::from_millis(1);
+
+/// What an attached client may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AttachMode {
+    /// Take part: read and write registers, ring, wait.
+    ReadWrite,
+    /// Look only. The memory cannot be written, not even by mistake, and a dead emulator's image can
+    /// be looked at too.
+    ReadOnly,
+}
+
+/// A running emulator's image, seen by a client. Dropping it detaches and changes nothing.
+#[derive(Debug)]
+pub struct Attached {
+    file: ImageFile,
+    segment: Segment,
+    header: Option<View<Header>>,
+    generation: u32,
+}
+
+impl Image {
+    /// Attaches to the image of a PLC. Give the hash of the register map the program was built against;
+    /// a tool that takes the map from the image itself gives `None`.
+    ///
+    /// # Errors
+    /// Each with its reason: bad name, nothing there, not a regular file of our own, wrong magic, other
+    /// ABI version, other layout, too short, emulator dead (for reading and writing only), not ready.
+    pub fn attach(
+        instance: &str,
+        plc: &str,
+        mode: AttachMode,
+        expected_layout_hash: Option<u64>,
+    ) -> Result<Attached, MemoryError> {
+        let writable = mode == AttachMode::ReadWrite;
+        let Some(file) = ImageFile::open(instance, plc, writable)? else {
+            let path = super::names::image_path(instance, plc)?;
+            return Err(MemoryError::NotThere { instance: instance.to_owned(), path });
+        };
+        let header = file.own_header()?;
+        file.check_shape(&header)?;
+        if let Some(expected) = expected_layout_hash.filter(|&hash| hash != header.layout_hash.load()) {
+            return Err(MemoryError::OtherLayout {
+                path: file.path,
+                device: super::header::name(&header.device),
+                found: header.layout_hash.load(),
+                expected,
+            });
+        }
+        if file.is_alive(&header) {
+            let state = State::from_code(header.state.load());
+            if state != Some(State::Ready) {
+                return Err(MemoryError::NotReady { path: file.path, state });
+            }
+        } else if writable {
+            return Err(dead(&file, &header));
+        }
+        Attached::map(file, writable, header.generation.load())
+    }
+}
+
+impl Attached {
+    fn map(file: ImageFile, writable: bool, generation: u32) -> Result<Attached, MemoryError> {
+        let mut options = MmapOptions::new();
+        // Its length has just been checked; the map could be made longer than the file, but not used.
+        options.len(SEGMENT_SIZE);
+        let map = if writable { options.map_raw(&file.file) } else { options.map_raw_read_only(&file.file) };
+        let map = map.map_err(|error| file.failed("map", error))?;
+        let size = map.len() as u64;
+        let Some(segment) = Segment::mapped(map, writable) else {
+            return Err(MemoryError::TooShort { path: file.path, size });
+        };
+        let header = if writable { Some(segment.header()?) } else { None };
+        Ok(Attached { file, segment, header, generation })
+    }
+
+    /// The emulated RAM.
+    pub fn segment(&self) -> &Segment {
+        &self.segment
+    }
+
+    /// The header page.
+    ///
+    /// # Errors
+    /// Attached read-only; use [`Attached::header_snapshot`] then.
+    pub fn header(&self) -> Result<&View<Header>, MemoryError> {
+        self.header.as_ref().ok_or(MemoryError::ReadOnly { offset: 0 })
+    }
+
+    /// A private copy of the header page.
+    pub fn header_snapshot(&self) -> Box<Header> {
+        self.segment.header_snapshot()
+    }
+
+    /// The image file.
+    pub fn path(&self) -> &Path {
+        &self.file.path
+    }
+
+    /// The emulator's generation at the time of attaching.
+    pub fn generation(&self) -> u32 {
+        self.generation
+    }
+
+    /// Whether an emulator serves the image: the one attached to, or one that has taken it over since.
+    pub fn is_alive(&self) -> bool {
+        self.file.is_alive(&self.header_snapshot())
+    }
+
+    /// Looks whether the emulator attached to still serves the image.
+    ///
+    /// # Errors
+    /// It has stopped, died, or been replaced by another one; in each case what was set up in registers
+    /// is gone, and the client attaches again.
+    pub fn check(&self) -> Result<(), MemoryError> {
+        let header = self.header_snapshot();
+        self.check_generation(&header)?;
+        if self.file.is_alive(&header) { Ok(()) } else { Err(dead(&self.file, &header)) }
+    }
+
+    /// The part of [`Attached::check`] that needs no system call.
+    fn check_generation(&self, header: &Header) -> Result<(), MemoryError> {
+        let found = header.generation.load();
+        if found != self.generation {
+            let path = self.file.path.clone();
+            return Err(MemoryError::EmulatorRestarted { path, attached: self.generation, found });
+        }
+        match State::from_code(header.state.load()) {
+            Some(State::Stopping | State::Stopped) => {
+                Err(MemoryError::EmulatorStopped { path: self.file.path.clone() })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Rings the doorbell, so that the firmware looks at the registers at once instead of at the next
+    /// processor cycle. Costs a system call only if the firmware sleeps.
+    ///
+    /// # Errors
+    /// Attached read-only.
+    pub fn ring(&self) -> Result<(), MemoryError> {
+        self.header()?.doorbell.ring();
+        Ok(())
+    }
+
+    /// Stores to the register at `%MB3.offset` and rings.
+    ///
+    /// # Errors
+    /// As [`Segment::store`].
+    pub fn post(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
+        self.segment.store(offset, width, value)?;
+        self.ring()
+    }
+
+    /// Waits until the register at `%MB3.offset` satisfies `wanted`, and returns its value. `timeout` is
+    /// real time, whatever the emulated time does.
+    ///
+    /// # Errors
+    /// As [`Segment::load`] and [`Attached::check`], or [`MemoryError::RegisterTimeout`]. A killed
+    /// emulator is noticed within 100 ms.
+    pub fn wait_register(
+        &self,
+        offset: u32,
+        width: Width,
+        timeout: Duration,
+        wanted: impl Fn(u32) -> bool,
+    ) -> Result<u32, MemoryError> {
+        // The first load reports a bad address; the later ones then cannot fail.
+        let mut last = self.segment.load(offset, width)?;
+        let found = self.wait_on(self.answer(), timeout, || {
+            last = self.segment.load(offset, width).unwrap_or(last);
+            wanted(last).then_some(last)
+        })?;
+        found.ok_or(MemoryError::RegisterTimeout { address: width.at(offset), last, timeout })
+    }
+
+    /// Waits until `condition` returns a value. It is asked again whenever the firmware has changed
+    /// registers. `what` names the awaited thing in the timeout's message, `timeout` is real time.
+    ///
+    /// # Errors
+    /// As [`Attached::check`], or [`MemoryError::Timeout`]. A killed emulator is noticed within 100 ms.
+    pub fn wait_until<R>(
+        &self,
+        what: &str,
+        timeout: Duration,
+        mut condition: impl FnMut(&Segment) -> Option<R>,
+    ) -> Result<R, MemoryError> {
+        let found = self.wait_on(self.answer(), timeout, || condition(&self.segment))?;
+        found.ok_or_else(|| MemoryError::Timeout { what: what.to_owned(), timeout })
+    }
+
+    /// Waits until event `number` (0 to 15) has occurred more often than `seen` times, and returns how
+    /// often it has. `timeout` is real time.
+    ///
+    /// # Errors
+    /// As [`Attached::check`], [`MemoryError::NoSuchEvent`], or [`MemoryError::Timeout`].
+    pub fn wait_event(&self, number: usize, seen: u32, timeout: Duration) -> Result<u32, MemoryError> {
+        let bell = self.header.as_ref().and_then(|header| header.events.get(number)).map(|event| &event.bell);
+        if number >= super::header::EVENT_SLOTS {
+            return Err(MemoryError::NoSuchEvent { number });
+        }
+        let found = self.wait_on(bell, timeout, || {
+            let rings = match bell {
+                Some(bell) => bell.rings(),
+                None => self.header_snapshot().events.get(number)?.bell.rings(),
+            };
+            (rings != seen).then_some(rings)
+        })?;
+        found.ok_or_else(|| MemoryError::Timeout { what: format!("event {number}"), timeout })
+    }
+
+    fn answer(&self) -> Option<&Bell> {
+        self.header.as_ref().map(|header| &header.answer)
+    }
+
+    /// Waits on `bell` (none: looks once per millisecond) until the condition returns a value; `None` on
+    /// a timeout.
+    fn wait_on<R>(
+        &self,
+        bell: Option<&Bell>,
+        timeout: Duration,
+        mut condition: impl FnMut() -> Option<R>,
+    ) -> Result<Option<R>, MemoryError> {
+        let start = Instant::now();
+        let mut checked = start;
+        loop {
+            let seen = bell.map(Bell::rings);
+            if let Some(found) = condition() {
+                return Ok(Some(found));
+            }
+            let left = timeout.saturating_sub(start.elapsed());
+            if left.is_zero() || checked.elapsed() >= LIVENESS {
+                self.check()?;
+                checked = Instant::now();
+            } else {
+                self.check_generation(&self.header_snapshot())?;
+            }
+            if left.is_zero() {
+                return Ok(None);
+            }
+            let nap = left.min(LIVENESS.saturating_sub(checked.elapsed()));
+            match bell.zip(seen) {
+                Some((bell, seen)) => drop(bell.wait(seen, Some(nap))),
+                None => std::thread::sleep(nap.min(READ_ONLY_POLL)),
+            }
+        }
+    }
+}
+
+/// Why nobody serves an image that is not alive.
+fn dead(file: &ImageFile, header: &Header) -> MemoryError {
+    let path = file.path.clone();
+    match State::from_code(header.state.load()) {
+        Some(State::Stopped) => MemoryError::EmulatorStopped { path },
+        _ => MemoryError::EmulatorDied { path, pid: file::emulator(header).pid },
+    }
+}
+
+#[cfg(test)]
+mod tests;

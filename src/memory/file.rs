@@ -1,0 +1,165 @@
+//! Opening and judging image files, without ever touching one that is not ours.
+
+use super::{Header, MemoryError, SEGMENT_SIZE, State, header, names, process::ProcessId};
+use rustix::{
+    fs::{FileType, Mode, OFlags, Stat},
+    io::Errno,
+};
+use std::{
+    fs::{File, TryLockError},
+    io,
+    os::unix::fs::FileExt,
+    path::{Path, PathBuf},
+};
+use zerocopy::{FromZeros, IntoBytes};
+
+/// An image file that is open, regular and our own; nothing is known about its contents yet.
+#[derive(Debug)]
+pub(super) struct ImageFile {
+    pub instance: String,
+    pub plc: String,
+    pub path: PathBuf,
+    pub file: File,
+}
+
+impl ImageFile {
+    /// Opens an existing file; `None` if there is none.
+    pub fn open(instance: &str, plc: &str, write: bool) -> Result<Option<Self>, MemoryError> {
+        let path = names::image_path(instance, plc)?;
+        let access = if write { OFlags::RDWR } else { OFlags::RDONLY };
+        // NONBLOCK: a pipe under this name must be refused, not waited for.
+        let flags = access | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
+        match rustix::fs::open(&path, flags, Mode::empty()) {
+            Ok(file) => {
+                let this = Self::new(instance, plc, path, File::from(file));
+                judge(&this.path, &this.stat()?)?;
+                Ok(Some(this))
+            }
+            Err(Errno::NOENT) => Ok(None),
+            Err(errno) => Err(why_not_opened(&path, errno)),
+        }
+    }
+
+    pub fn new(instance: &str, plc: &str, path: PathBuf, file: File) -> Self {
+        Self { instance: instance.to_owned(), plc: plc.to_owned(), path, file }
+    }
+
+    /// The header as it is in the file; what lies behind a short file's end reads as zero.
+    pub fn header(&self) -> Result<Box<Header>, MemoryError> {
+        let mut header = Header::new_box_zeroed()
+            .map_err(|_| self.failed("read", io::Error::from(io::ErrorKind::OutOfMemory)))?;
+        let bytes = header.as_mut_bytes();
+        let mut filled = 0;
+        while let Some(rest) = bytes.get_mut(filled..).filter(|rest| !rest.is_empty()) {
+            match self.file.read_at(rest, filled as u64) {
+                Ok(0) => break,
+                Ok(n) => filled += n,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(self.failed("read", error)),
+            }
+        }
+        Ok(header)
+    }
+
+    /// The header, if the file begins with the magic.
+    pub fn own_header(&self) -> Result<Box<Header>, MemoryError> {
+        let header = self.header()?;
+        match header.magic.load() {
+            header::MAGIC => Ok(header),
+            found => Err(MemoryError::WrongMagic { path: self.path.clone(), found }),
+        }
+    }
+
+    /// Length of the file in bytes.
+    pub fn size(&self) -> Result<u64, MemoryError> {
+        Ok(u64::try_from(self.stat()?.st_size).unwrap_or(0))
+    }
+
+    /// Refuses contents of another ABI version or length: behind such a header nothing is where this
+    /// program would look for it.
+    pub fn check_shape(&self, header: &Header) -> Result<(), MemoryError> {
+        let found = header.abi_version.load();
+        if found != header::ABI_VERSION {
+            let path = self.path.clone();
+            return Err(MemoryError::OtherAbi { path, found, expected: header::ABI_VERSION });
+        }
+        let size = self.size()?;
+        if size < SEGMENT_SIZE as u64 {
+            return Err(MemoryError::TooShort { path: self.path.clone(), size });
+        }
+        Ok(())
+    }
+
+    /// Whether the path still names this file, and not one that has replaced it.
+    pub fn is_named(&self) -> Result<bool, MemoryError> {
+        let own = self.stat()?;
+        match rustix::fs::lstat(&self.path) {
+            Ok(named) => Ok((named.st_dev, named.st_ino) == (own.st_dev, own.st_ino)),
+            Err(Errno::NOENT) => Ok(false),
+            Err(errno) => Err(self.failed("look at", errno.into())),
+        }
+    }
+
+    /// Takes the emulator's lock; `false` if somebody else holds it.
+    pub fn lock(&self) -> Result<bool, MemoryError> {
+        match self.file.try_lock() {
+            Ok(()) => Ok(true),
+            Err(TryLockError::WouldBlock) => Ok(false),
+            Err(TryLockError::Error(error)) => Err(self.failed("lock", error)),
+        }
+    }
+
+    /// Whether the emulator that wrote `header` still lives: its process does, or, if that is in a pid
+    /// namespace we cannot see into, somebody holds the lock.
+    pub fn is_alive(&self, header: &Header) -> bool {
+        header.state.load() != State::Stopped.code() && (emulator(header).is_running() || self.is_locked())
+    }
+
+    /// Holds a shared lock for a moment, which a starting emulator has the patience to sit out.
+    fn is_locked(&self) -> bool {
+        match self.file.try_lock_shared() {
+            // An unlock that fails leaves it to the closing of the file.
+            Ok(()) => self.file.unlock().is_err(),
+            Err(TryLockError::WouldBlock) => true,
+            Err(TryLockError::Error(_)) => false,
+        }
+    }
+
+    /// Removes the path, if it still names this file. Only the holder of the lock may.
+    pub fn unlink(&self) -> Result<(), MemoryError> {
+        if self.is_named()? {
+            rustix::fs::unlink(&self.path).map_err(|errno| self.failed("remove", errno.into()))?;
+        }
+        Ok(())
+    }
+
+    pub fn failed(&self, doing: &'static str, reason: io::Error) -> MemoryError {
+        MemoryError::System { path: self.path.clone(), doing, reason }
+    }
+
+    fn stat(&self) -> Result<Stat, MemoryError> {
+        rustix::fs::fstat(&self.file).map_err(|errno| self.failed("look at", errno.into()))
+    }
+}
+
+/// The process named in a header.
+pub(super) fn emulator(header: &Header) -> ProcessId {
+    ProcessId { pid: header.firmware_pid.load(), start: header.firmware_start.load() }
+}
+
+fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
+    let path = || path.to_owned();
+    let user = rustix::process::geteuid().as_raw();
+    match FileType::from_raw_mode(stat.st_mode) {
+        FileType::RegularFile if stat.st_uid == user => Ok(()),
+        FileType::RegularFile => Err(MemoryError::ForeignOwner { path: path(), owner: stat.st_uid, user }),
+        FileType::Symlink => Err(MemoryError::Symlink { path: path() }),
+        _ => Err(MemoryError::NotAFile { path: path() }),
+    }
+}
+
+/// The reason the user can act on, rather than the errno.
+fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
+    let failed = MemoryError::System { path: path.to_owned(), doing: "open", reason: errno.into() };
+    rustix::fs::lstat(path).ok().and_then(|stat| judge(path, &stat).err()).unwrap_or(failed)
+}

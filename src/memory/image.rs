@@ -1,0 +1,263 @@
+//! The emulator's side of an image file: create it or take it over, and remove it at the end.
+
+use super::{
+    Bell, Cell32, ClockMode, HEADER_SIZE, Header, MemoryError, SEGMENT_SIZE, Segment, State, View,
+    file::{self, ImageFile},
+    header, names,
+    process::ProcessId,
+};
+use memmap2::MmapRaw;
+use rustix::{
+    fs::{AtFlags, CWD, FallocateFlags, Mode, OFlags},
+    io::Errno,
+};
+use std::{
+    fs::File,
+    os::fd::AsRawFd,
+    path::Path,
+    time::{Duration, Instant},
+};
+
+/// How long a starting emulator waits for a lock whose holder is not plainly a running emulator: one
+/// that is just ending, or a client that looks whether the emulator lives.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// How long it waits if the holder does run: it may have been killed a moment ago and not be gone yet.
+const GRACE: Duration = Duration::from_millis(50);
+
+/// What the creator of an image tells its clients.
+#[derive(Clone, Debug)]
+pub struct ImageSpec {
+    /// Hash of the device's register map.
+    pub layout_hash: u64,
+    /// Name of the device, at most 63 bytes; longer ones are cut.
+    pub device: String,
+    /// What drives the emulated time.
+    pub clock_mode: ClockMode,
+    /// Emulated time per real time x 1000; 0 in stepped mode.
+    pub speed: u32,
+    /// The processor cycle in microseconds.
+    pub processor_cycle_us: u32,
+}
+
+/// The image file of a running emulator. It is locked for as long as this value lives, and removed when
+/// it is dropped.
+#[derive(Debug)]
+pub struct Image {
+    file: ImageFile,
+    segment: Segment,
+    header: View<Header>,
+    taken_over: Option<u32>,
+}
+
+impl Image {
+    /// Creates the image of a PLC, in state [`State::Starting`] and with all registers zero. The file has
+    /// mode 0600. Once the registers have their start values, [`Image::set_ready`] lets clients in.
+    ///
+    /// A file that a killed emulator has left is taken over in place, so that clients that still map it
+    /// meet the new emulator: its registers are zeroed and its generation counts up.
+    ///
+    /// # Errors
+    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); the path names something
+    /// that is not an image of our own, which is then left alone; or the system refuses.
+    pub fn create(instance: &str, plc: &str, spec: &ImageSpec) -> Result<Image, MemoryError> {
+        let path = names::image_path(instance, plc)?;
+        let since = Instant::now();
+        loop {
+            let Some(file) = ImageFile::open(instance, plc, true)? else {
+                match Self::create_new(instance, plc, &path, spec)? {
+                    Some(image) => return Ok(image),
+                    // Somebody was faster; meet them as the holder of the lock.
+                    None => continue,
+                }
+            };
+            match claim(file, since)? {
+                Some(file) if file.check_shape(&*file.header()?).is_ok() => {
+                    return Self::take_over(file, spec);
+                }
+                // Dead, but of another shape: its clients cannot be served, so a new file replaces it.
+                Some(file) => file.unlink()?,
+                None => std::thread::sleep(Duration::from_millis(1)),
+            }
+        }
+    }
+
+    /// A new file gets its name only when it is locked and filled, so nobody ever sees half an image.
+    fn create_new(
+        instance: &str,
+        plc: &str,
+        path: &Path,
+        spec: &ImageSpec,
+    ) -> Result<Option<Image>, MemoryError> {
+        let failed = |reason: Errno| MemoryError::System {
+            path: path.to_owned(),
+            doing: "create",
+            reason: reason.into(),
+        };
+        let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+        let file =
+            rustix::fs::open(names::IMAGE_DIRECTORY, flags, Mode::RUSR | Mode::WUSR).map_err(failed)?;
+        let file = ImageFile::new(instance, plc, path.to_owned(), File::from(file));
+        if !file.lock()? {
+            return Ok(None);
+        }
+        file.file.set_len(SEGMENT_SIZE as u64).map_err(|error| file.failed("size", error))?;
+        let mut image = Self::map(file, None)?;
+        image.fill(spec);
+        let nameless = format!("/proc/self/fd/{}", image.file.file.as_raw_fd());
+        match rustix::fs::linkat(CWD, nameless, CWD, path, AtFlags::SYMLINK_FOLLOW) {
+            Ok(()) => Ok(Some(image)),
+            Err(Errno::EXIST) => Ok(None),
+            Err(errno) => Err(failed(errno)),
+        }
+    }
+
+    fn take_over(file: ImageFile, spec: &ImageSpec) -> Result<Image, MemoryError> {
+        let before = file.header()?.firmware_pid.load();
+        let mut image = Self::map(file, Some(before))?;
+        image.header.state.store(State::Starting.code());
+        image.zero_registers()?;
+        image.fill(spec);
+        Ok(image)
+    }
+
+    fn map(file: ImageFile, taken_over: Option<u32>) -> Result<Image, MemoryError> {
+        let map = MmapRaw::map_raw(&file.file).map_err(|error| file.failed("map", error))?;
+        let size = map.len() as u64;
+        let segment = Segment::mapped(map, true)
+            .ok_or_else(|| MemoryError::TooShort { path: file.path.clone(), size })?;
+        let header = segment.header()?;
+        Ok(Self { file, segment, header, taken_over })
+    }
+
+    /// Zeroes everything behind the header page without ever shortening the file, which would kill
+    /// clients that touch their map.
+    fn zero_registers(&self) -> Result<(), MemoryError> {
+        let (start, length) = (HEADER_SIZE as u64, (SEGMENT_SIZE - HEADER_SIZE) as u64);
+        let punch = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
+        if rustix::fs::fallocate(&self.file.file, punch, start, length).is_err() {
+            let registers = self.segment.view::<[Cell32; (SEGMENT_SIZE - HEADER_SIZE) / 4]>(HEADER_SIZE)?;
+            registers.iter().for_each(|word| word.store(0));
+        }
+        Ok(())
+    }
+
+    /// Fills the header of an image in state starting. The bells go on counting over a takeover, because
+    /// clients may be waiting on them.
+    fn fill(&mut self, spec: &ImageSpec) {
+        let header = &*self.header;
+        let own = ProcessId::own();
+        header.state.store(State::Starting.code());
+        header.generation.increment();
+        header.firmware_start.store(own.start);
+        header.firmware_pid.store(own.pid);
+        header.abi_version.store(header::ABI_VERSION);
+        header.header_size.store(HEADER_SIZE as u32);
+        header.segment_size.store(SEGMENT_SIZE as u32);
+        header.layout_hash.store(spec.layout_hash);
+        header.clock_mode.store(spec.clock_mode.code());
+        header.speed.store(spec.speed);
+        header.processor_cycle_us.store(spec.processor_cycle_us);
+        header.virtual_time_us.store(0);
+        header.sync_counter.iter().for_each(|counter| counter.store(0));
+        header.events.iter().for_each(|event| event.time_us.store(0));
+        header::set_name(&header.instance, &self.file.instance);
+        header::set_name(&header.plc, &self.file.plc);
+        header::set_name(&header.device, &spec.device);
+        header.board.clear();
+        // Whoever held this bell is dead, we hold its lock.
+        header.doorbell.forget_waiters();
+        header.magic.store(header::MAGIC);
+        header.bells().for_each(Bell::ring);
+    }
+
+    /// Lets clients in: the registers have their start values.
+    pub fn set_ready(&self) {
+        self.set_state(State::Ready);
+    }
+
+    /// Tells clients that nothing is answered any more.
+    pub fn set_stopping(&self) {
+        self.set_state(State::Stopping);
+    }
+
+    fn set_state(&self, state: State) {
+        self.header.state.store(state.code());
+        self.header.bells().for_each(Bell::ring);
+    }
+
+    /// The emulated RAM.
+    pub fn segment(&self) -> &Segment {
+        &self.segment
+    }
+
+    /// The header page.
+    pub fn header(&self) -> &View<Header> {
+        &self.header
+    }
+
+    /// The image file.
+    pub fn path(&self) -> &Path {
+        &self.file.path
+    }
+
+    /// Counts the emulators that have used this file, from 1.
+    pub fn generation(&self) -> u32 {
+        self.header.generation.load()
+    }
+
+    /// Process id of the killed emulator whose image this one has taken over, if it has.
+    pub fn taken_over(&self) -> Option<u32> {
+        self.taken_over
+    }
+
+    /// Removes the image a killed emulator has left. Returns whether there was one.
+    ///
+    /// # Errors
+    /// As [`Image::create`].
+    pub fn remove_dead(instance: &str, plc: &str) -> Result<bool, MemoryError> {
+        let since = Instant::now();
+        loop {
+            let Some(file) = ImageFile::open(instance, plc, true)? else { return Ok(false) };
+            match claim(file, since)? {
+                Some(file) => {
+                    file.unlink()?;
+                    return Ok(true);
+                }
+                None => std::thread::sleep(Duration::from_millis(1)),
+            }
+        }
+    }
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        self.set_state(State::Stopped);
+        // Nobody is left to be told; the file then is a dead one, which the next emulator takes over.
+        let _ = self.file.unlink();
+    }
+}
+
+/// Takes the lock of an image whose emulator is dead. `None`: try again, the file was replaced or its
+/// lock is held by somebody who is not plainly running.
+fn claim(file: ImageFile, since: Instant) -> Result<Option<ImageFile>, MemoryError> {
+    if file.lock()? {
+        // Between opening and locking, the last holder may have removed the file.
+        if !file.is_named()? {
+            return Ok(None);
+        }
+        file.own_header()?;
+        return Ok(Some(file));
+    }
+    let header = file.own_header()?;
+    let process = file::emulator(&header);
+    let state = State::from_code(header.state.load());
+    let running = process.is_running() && matches!(state, Some(State::Starting | State::Ready));
+    if since.elapsed() >= if running { GRACE } else { PATIENCE } {
+        let pid = process.is_running().then_some(process.pid);
+        return Err(MemoryError::AlreadyRunning { instance: file.instance, plc: file.plc, pid });
+    }
+    Ok(None)
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,104 @@
+//! What images there are.
+
+use super::{
+    ClockMode, Header, MemoryError, State,
+    file::ImageFile,
+    header,
+    names::{IMAGE_DIRECTORY, parse_image_name},
+};
+use std::{fs, path::PathBuf};
+
+/// An image file, or something that bears the name of one.
+#[derive(Debug)]
+pub struct ImageInfo {
+    /// Name of the instance.
+    pub instance: String,
+    /// Name of the PLC.
+    pub plc: String,
+    /// The file.
+    pub path: PathBuf,
+    /// What is known about it.
+    pub condition: Condition,
+}
+
+/// The condition of an image file.
+#[derive(Debug)]
+pub enum Condition {
+    /// An emulator serves it.
+    Alive(ImageSummary),
+    /// Its emulator was killed. The next one of this name takes the file over.
+    Dead(ImageSummary),
+    /// It is no image that we could attach to, for this reason.
+    Unusable(MemoryError),
+}
+
+/// The header of an image, in short.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImageSummary {
+    /// Process id of the emulator.
+    pub pid: u32,
+    /// Counts the emulators that have used the file, from 1.
+    pub generation: u32,
+    /// What the emulator is doing (or was, when it died); `None` for a number without meaning.
+    pub state: Option<State>,
+    /// What drives the emulated time; `None` for a number without meaning.
+    pub clock_mode: Option<ClockMode>,
+    /// Emulated time per real time x 1000.
+    pub speed: u32,
+    /// Emulated time in microseconds.
+    pub virtual_time_us: u64,
+    /// Name of the emulated device.
+    pub device: String,
+    /// Hash of the register map.
+    pub layout_hash: u64,
+}
+
+impl From<&Header> for ImageSummary {
+    fn from(header: &Header) -> Self {
+        Self {
+            pid: header.firmware_pid.load(),
+            generation: header.generation.load(),
+            state: State::from_code(header.state.load()),
+            clock_mode: ClockMode::from_code(header.clock_mode.load()),
+            speed: header.speed.load(),
+            virtual_time_us: header.virtual_time_us.load(),
+            device: header::name(&header.device),
+            layout_hash: header.layout_hash.load(),
+        }
+    }
+}
+
+/// All images, sorted by instance and PLC.
+///
+/// # Errors
+/// [`IMAGE_DIRECTORY`] cannot be read. A single file that cannot is reported in its place.
+pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
+    let failed = |reason| MemoryError::System { path: PathBuf::from(IMAGE_DIRECTORY), doing: "list", reason };
+    let mut images = Vec::new();
+    for entry in fs::read_dir(IMAGE_DIRECTORY).map_err(failed)? {
+        let name = entry.map_err(failed)?.file_name();
+        if let Some((instance, plc)) = name.to_str().and_then(parse_image_name) {
+            images.extend(look_at(instance, plc));
+        }
+    }
+    images.sort_by(|a, b| (&a.instance, &a.plc).cmp(&(&b.instance, &b.plc)));
+    Ok(images)
+}
+
+/// `None` if the file has disappeared in the meantime.
+fn look_at(instance: &str, plc: &str) -> Option<ImageInfo> {
+    let condition = match judge(instance, plc) {
+        Ok(condition) => condition?,
+        Err(reason) => Condition::Unusable(reason),
+    };
+    let path = super::names::image_path(instance, plc).ok()?;
+    Some(ImageInfo { instance: instance.to_owned(), plc: plc.to_owned(), path, condition })
+}
+
+fn judge(instance: &str, plc: &str) -> Result<Option<Condition>, MemoryError> {
+    let Some(file) = ImageFile::open(instance, plc, false)? else { return Ok(None) };
+    let header = file.own_header()?;
+    file.check_shape(&header)?;
+    let summary = ImageSummary::from(&*header);
+    Ok(Some(if file.is_alive(&header) { Condition::Alive(summary) } else { Condition::Dead(summary) }))
+}

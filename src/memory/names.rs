@@ -1,0 +1,100 @@
+//! Names of instances and PLCs, and the files that follow from them.
+//!
+//! An instance and a PLC name contain no dot, so `commram.<instance>.<plc>` splits in one way only, and
+//! the instance's other files get one dot more than an image can have.
+
+use super::MemoryError;
+use std::path::{Path, PathBuf};
+
+/// Where the images lie: a file system in memory that every Linux has.
+pub const IMAGE_DIRECTORY: &str = "/dev/shm";
+/// Longest instance or PLC name in bytes.
+pub const MAX_NAME: usize = 31;
+const PREFIX: &str = "commram.";
+
+/// Checks the name of an instance.
+///
+/// # Errors
+/// Not 1 to 31 characters of `A-Z a-z 0-9 _ -`.
+pub fn check_instance(name: &str) -> Result<(), MemoryError> {
+    check("instance", name)
+}
+
+/// Checks the name of a PLC.
+///
+/// # Errors
+/// As [`check_instance`].
+pub fn check_plc(name: &str) -> Result<(), MemoryError> {
+    check("PLC", name)
+}
+
+/// The image file of a PLC: `/dev/shm/commram.<instance>.<plc>`.
+///
+/// # Errors
+/// One of the names is none.
+pub fn image_path(instance: &str, plc: &str) -> Result<PathBuf, MemoryError> {
+    check_instance(instance)?;
+    check_plc(plc)?;
+    Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}.{plc}")))
+}
+
+/// The directory of the instance's iceoryx2 files: `/dev/shm/commram.<instance>.iox.d`. No image can
+/// have this name, because it has a dot more.
+///
+/// # Errors
+/// As [`check_instance`].
+pub fn channel_root(instance: &str) -> Result<PathBuf, MemoryError> {
+    check_instance(instance)?;
+    Ok(Path::new(IMAGE_DIRECTORY).join(format!("{PREFIX}{instance}.iox.d")))
+}
+
+/// Instance and PLC of an image's file name; `None` if it is not the name of an image.
+pub(super) fn parse_image_name(file_name: &str) -> Option<(&str, &str)> {
+    let (instance, plc) = file_name.strip_prefix(PREFIX)?.split_once('.')?;
+    (is_name(instance) && is_name(plc)).then_some((instance, plc))
+}
+
+fn check(what: &'static str, name: &str) -> Result<(), MemoryError> {
+    if is_name(name) { Ok(()) } else { Err(MemoryError::BadName { what, name: name.to_owned() }) }
+}
+
+fn is_name(name: &str) -> bool {
+    (1..=MAX_NAME).contains(&name.len())
+        && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths() {
+        assert_eq!(image_path("line-1", "press_A").unwrap(), Path::new("/dev/shm/commram.line-1.press_A"));
+        assert_eq!(channel_root("line-1").unwrap(), Path::new("/dev/shm/commram.line-1.iox.d"));
+    }
+
+    #[test]
+    fn bad_names_are_refused_with_the_rule() {
+        let long = "x".repeat(32);
+        for name in ["", ".", "a.b", "a/b", "grün", "a b", "\0", long.as_str()] {
+            assert!(image_path(name, "plc").is_err(), "{name:?}");
+            assert!(image_path("instance", name).is_err(), "{name:?}");
+            assert!(channel_root(name).is_err(), "{name:?}");
+        }
+        assert_eq!(
+            image_path("a", "b.c").unwrap_err().to_string(),
+            "PLC name \"b.c\": use 1 to 31 characters of A-Z a-z 0-9 _ -"
+        );
+        assert!(image_path(&long[1..], &long[1..]).is_ok());
+    }
+
+    #[test]
+    fn image_names_split_back_and_nothing_else_does() {
+        assert_eq!(parse_image_name("commram.line-1.press_A"), Some(("line-1", "press_A")));
+        for other in
+            ["commram.line-1.iox.d", "commram.a", "commram..b", "commram.a.", "commram.a.b.c", "a.b.c"]
+        {
+            assert_eq!(parse_image_name(other), None, "{other}");
+        }
+    }
+}

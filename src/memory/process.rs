@@ -1,0 +1,76 @@
+//! Which process an image belongs to, and whether it still lives.
+
+use std::fs;
+
+/// A process that cannot be mistaken for a later one with the same number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ProcessId {
+    /// The process id.
+    pub pid: u32,
+    /// Start time in clock ticks since boot: field 22 of `/proc/<pid>/stat`.
+    pub start: u64,
+}
+
+impl ProcessId {
+    /// This process. Without `/proc` the start time is 0, and nobody will take us for dead because of it.
+    pub fn own() -> Self {
+        let pid = std::process::id();
+        let start = read_stat(pid).and_then(|stat| parse_stat(&stat)).map_or(0, |(_, start)| start);
+        Self { pid, start }
+    }
+
+    /// Whether the process exists, in this pid namespace, and has not ended (a zombie has).
+    pub fn is_running(self) -> bool {
+        let stat = read_stat(self.pid).and_then(|stat| parse_stat(&stat));
+        stat.is_some_and(|(state, start)| start == self.start && !matches!(state, 'Z' | 'X' | 'x'))
+    }
+}
+
+fn read_stat(pid: u32) -> Option<String> {
+    // The command name may hold any bytes.
+    fs::read(format!("/proc/{pid}/stat")).ok().map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// State (field 3) and start time (field 22). The command name before them may contain blanks and
+/// parentheses itself, so the fields are counted from the last closing one.
+fn parse_stat(stat: &str) -> Option<(char, u64)> {
+    let mut fields = stat.get(stat.rfind(')')? + 1..)?.split_ascii_whitespace();
+    let state = fields.next()?.chars().next()?;
+    Some((state, fields.nth(18)?.parse().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_found_behind_a_nasty_command_name() {
+        let stat = "42 (a) Z (b) S 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 4711 20 21";
+        assert_eq!(parse_stat(stat), Some(('S', 4711)));
+        assert_eq!(parse_stat("42 (a) S 1 2"), None);
+        assert_eq!(parse_stat(""), None);
+        assert_eq!(parse_stat("42 (a)"), None);
+    }
+
+    #[test]
+    fn this_process_runs_and_an_older_one_of_its_number_does_not() {
+        let own = ProcessId::own();
+        assert!(own.start > 0);
+        assert!(own.is_running());
+        assert!(!ProcessId { start: own.start - 1, ..own }.is_running());
+        assert!(!ProcessId { pid: u32::MAX, start: 0 }.is_running());
+    }
+
+    #[test]
+    fn a_zombie_has_ended() {
+        let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
+        let stat = read_stat(child.id()).and_then(|stat| parse_stat(&stat)).unwrap();
+        let process = ProcessId { pid: child.id(), start: stat.1 };
+        assert!(process.is_running());
+        child.kill().unwrap();
+        while process.is_running() {
+            std::thread::yield_now();
+        }
+        child.wait().unwrap();
+    }
+}

@@ -1,0 +1,128 @@
+//! What the tests of images share: names of their own, clean-up, and an emulator that can be killed.
+
+use super::{ClockMode, Header, Image, ImageSpec, State, Width, header, image::tests::MARK, names};
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read},
+    path::PathBuf,
+    process::{Child, Command, Stdio},
+    sync::atomic::{AtomicU32, Ordering},
+};
+use zerocopy::{FromZeros, IntoBytes};
+
+/// The name of the PLC in all tests.
+pub const PLC: &str = "plc";
+/// The layout hash in all tests.
+pub const HASH: u64 = 0x0123_4567_89AB_CDEF;
+const CHILD: &str = "COMMRAM_TEST_EMULATOR";
+
+/// An instance name nobody else uses; whatever lies under it is removed in the end.
+pub struct Instance(String);
+
+impl Instance {
+    pub fn new() -> Self {
+        static COUNTER: AtomicU32 = AtomicU32::new(0);
+        Self(format!("test-{}-{}", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed)))
+    }
+
+    pub fn path(&self) -> PathBuf {
+        names::image_path(self, PLC).unwrap()
+    }
+
+    pub fn create(&self) -> Image {
+        Image::create(self, PLC, &spec()).unwrap()
+    }
+
+    pub fn create_ready(&self) -> Image {
+        let image = self.create();
+        image.set_ready();
+        image
+    }
+
+    /// Leaves what a killed emulator leaves, as changed by `damage`.
+    pub fn leave(&self, size: usize, damage: impl FnOnce(&Header)) {
+        let mut header = Header::new_box_zeroed().unwrap();
+        header.magic.store(header::MAGIC);
+        header.abi_version.store(header::ABI_VERSION);
+        header.layout_hash.store(HASH);
+        header.generation.store(7);
+        header.state.store(State::Ready.code());
+        header.firmware_pid.store(u32::MAX);
+        damage(&header);
+        let mut bytes = header.as_mut_bytes().to_vec();
+        bytes.resize(size, 0);
+        fs::write(self.path(), bytes).unwrap();
+    }
+}
+
+impl std::ops::Deref for Instance {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(self.path());
+        let _ = fs::remove_dir(self.path());
+    }
+}
+
+pub fn spec() -> ImageSpec {
+    ImageSpec {
+        layout_hash: HASH,
+        device: "omega-drive-line-2".to_owned(),
+        clock_mode: ClockMode::RealTime,
+        speed: 1000,
+        processor_cycle_us: 1_000,
+    }
+}
+
+/// An emulator in a process of its own.
+pub struct Emulator(Child);
+
+impl Emulator {
+    pub fn start(instance: &Instance) -> Self {
+        let child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "memory::testing::emulator_process", "--nocapture"])
+            .env(CHILD, &**instance)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut emulator = Self(child);
+        let output = BufReader::new(emulator.0.stdout.take().unwrap());
+        assert!(output.lines().any(|line| line.unwrap().contains("READY")), "the emulator did not start");
+        emulator
+    }
+
+    pub fn pid(&self) -> u32 {
+        self.0.id()
+    }
+
+    /// `kill -9`, and waits until it is gone.
+    pub fn kill(mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Not a test of its own: the body of [`Emulator`]. Ends with its parent, whose pipe it reads.
+#[test]
+fn emulator_process() {
+    let Ok(instance) = std::env::var(CHILD) else { return };
+    let image = Image::create(&instance, PLC, &spec()).unwrap();
+    image.segment().store(MARK, Width::Dword, std::process::id()).unwrap();
+    image.set_ready();
+    println!("READY");
+    let _ = std::io::stdin().read(&mut [0]);
+}
