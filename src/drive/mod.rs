@@ -1,1 +1,293 @@
-//! (being written)
+//! A drive (V-Regler) with CANsync interface card: a slave on the CANsync bus.
+//!
+//! The drive knows no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and hands
+//! over frames; the drive answers at once. An interval runs like this:
+//!
+//! 1. At the SYNC edge the card samples actual values and status word; they go out when the master asks
+//!    for them in this interval.
+//! 2. Then the card hands over the reference values received in the interval before. On the device that
+//!    is about 100 us after the edge, and the drive acts on them 750 us after the edge (manual
+//!    5.01010.01 p. 14 and 19); nothing on the bus can tell the difference.
+//! 3. The drive moves.
+//!
+//! So a reference value of interval k moves the drive in interval k+1 and shows in the actual value of
+//! interval k+2. Reference values reach the drive only while it is synchronized (p. 22); actual values
+//! are sampled at every edge, so that a master can watch a drive on its way there.
+
+mod card;
+mod config;
+mod drivecom;
+mod motion;
+mod parameters;
+mod sync;
+#[cfg(test)]
+mod tests;
+mod zk;
+
+pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
+pub use drivecom::{Enable, State};
+pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
+pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
+
+use crate::bus::codec::parameter::{VALUE_ELEMENT, error_number};
+use crate::bus::codec::{Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult};
+use crate::bus::{Channel, Payload};
+use card::Card;
+use drivecom::StateMachine;
+use motion::Motion;
+use parameters::{ParameterStore, Slot};
+use sync::SyncWatch;
+
+/// Number of the control word parameter (manual 5.01010.01 p. 14).
+pub const CONTROL_WORD: u16 = 120;
+/// Number of the status word parameter (manual 5.01010.01 p. 14).
+pub const STATUS_WORD: u16 = 121;
+/// Bit of the status word that the card overwrites with the SYNC state (manual 5.01010.01 p. 30).
+pub const SYNCHRONIZED: u16 = 0x8000;
+
+/// A drive with its card.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    name: String,
+    slave_number: u8,
+    sync: SyncWatch,
+    card: Card,
+    machine: StateMachine,
+    motion: Motion,
+    store: ParameterStore,
+    speed_reference: Slot,
+    speed_actual: Slot,
+}
+
+impl Drive {
+    /// Builds the drive that the plant file describes, as it is after power-on.
+    ///
+    /// # Errors
+    /// [`DriveError`] names the drive and the parameter or card parameter at fault.
+    pub fn new(cfg: &DriveConfig) -> Result<Drive, DriveError> {
+        let drive = || cfg.name.clone();
+        if cfg.slave_number > 31 {
+            return Err(DriveError::SlaveNumber { drive: drive(), number: cfg.slave_number });
+        }
+        let numbers = &cfg.numbers;
+        let mut specs = vec![
+            ParameterSpec::new(CONTROL_WORD, ParamFormat::Word),
+            ParameterSpec::new(STATUS_WORD, ParamFormat::Word).read_only(),
+            ParameterSpec::new(numbers.speed_reference, ParamFormat::Doubleword),
+            ParameterSpec::new(numbers.speed_actual, ParamFormat::Doubleword).read_only(),
+            ParameterSpec::new(numbers.additional_reference, ParamFormat::Doubleword),
+        ];
+        specs.extend_from_slice(&cfg.parameters);
+        let store = ParameterStore::new(specs).map_err(|(number, reason)| DriveError::Parameter {
+            drive: drive(),
+            number,
+            reason,
+        })?;
+        let card = Card::new(&cfg.mapping(), cfg.slave_number, &store)
+            .map_err(|(zk, value, reason)| DriveError::Zk { drive: drive(), zk, value, reason })?;
+        let built_in = |number| {
+            store.slot(number).ok_or_else(|| DriveError::Parameter {
+                drive: drive(),
+                number,
+                reason: ParameterError::Number,
+            })
+        };
+        Ok(Drive {
+            name: drive(),
+            slave_number: cfg.slave_number,
+            sync: SyncWatch::new(cfg.lock_time_us),
+            card,
+            machine: StateMachine::new(cfg.enable),
+            motion: Motion::new(cfg.ramp_per_second),
+            speed_reference: built_in(numbers.speed_reference)?,
+            speed_actual: built_in(numbers.speed_actual)?,
+            store,
+        })
+    }
+
+    /// Name in the plant file.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Slave number on the bus, 0 to 31.
+    #[inline]
+    pub fn slave_number(&self) -> u8 {
+        self.slave_number
+    }
+
+    /// Falling SYNC edge at `now_us`: an interval of `interval_us` begins.
+    #[inline]
+    pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
+        let was_synchronized = self.is_synchronized();
+        self.sync.edge(now_us, interval_us);
+        self.card.sample(&self.store, self.status_word());
+        // What came in an interval without lock is lost, also if the lock comes right after it.
+        if was_synchronized && self.is_synchronized() {
+            self.card.hand_over(&mut self.store);
+        } else {
+            self.card.discard();
+        }
+        self.drive(interval_us);
+    }
+
+    /// One run of the drive's control task.
+    #[inline]
+    fn drive(&mut self, interval_us: u32) {
+        let target = match self.machine.state() {
+            State::OperationEnabled => self.store.get(self.speed_reference) as i32,
+            _ => 0,
+        };
+        let speed = self.motion.step(target, interval_us);
+        self.store.set(self.speed_actual, speed as u32);
+        if speed == 0 {
+            self.machine.standstill();
+        }
+    }
+
+    /// SYNC has stopped altogether: the drive is no longer synchronized. (A gap between two edges it
+    /// notices by itself, at the second one.)
+    pub fn sync_stopped(&mut self) {
+        self.sync.unlock();
+    }
+
+    /// The master's reference value frame of `channel`. Frames that do not carry a mapped value entirely
+    /// do not change it.
+    #[inline]
+    pub fn reference_frame(&mut self, channel: Channel, payload: &Payload) {
+        self.card.receive(Source::Master, channel, payload);
+    }
+
+    /// The actual value frame of `channel` that slave `from` has sent (ZK 4 and 5, bit 7).
+    #[inline]
+    pub fn overheard_frame(&mut self, from: u8, channel: Channel, payload: &Payload) {
+        self.card.receive(Source::Slave(from), channel, payload);
+    }
+
+    /// Slaves whose actual value frames the drive evaluates, bit n for slave n.
+    pub fn wants_overheard(&self) -> u32 {
+        self.card.wants_overheard()
+    }
+
+    /// Whether the drive evaluates the master's reference value frames of `channel`.
+    #[inline]
+    pub fn wants_reference(&self, channel: Channel) -> bool {
+        self.card.wants_reference(channel)
+    }
+
+    /// The drive's actual value frame of `channel` in this interval; `None` if nothing is mapped into it:
+    /// then the drive does not answer. Words without a value are 0.
+    #[inline]
+    pub fn actual_value_frame(&self, channel: Channel) -> Option<Payload> {
+        self.card.frame(channel)
+    }
+
+    /// An action command; commands that do not concern the drive (SLAVE_GROUP) are ignored here.
+    ///
+    /// A control word acts at once. SYNC mode on resumes an exchange stopped by reference value losses
+    /// (ZK 26); off ends the synchronized state. Other commands mean nothing to the drive.
+    pub fn action_command(&mut self, command: &ActionCommand) {
+        if !command.concerns(self.slave_number) {
+            return;
+        }
+        match command.action() {
+            Action::ControlWord(word) => self.machine.command(word),
+            Action::SyncMode(on) => {
+                self.sync.set_mode(on);
+                if on {
+                    self.card.resume();
+                }
+            }
+            Action::Other => {}
+        }
+    }
+
+    /// A parameter job; the drive answers at once.
+    ///
+    /// The element selection of a read job is ignored, as the manual allows (5.01010.01 p. 26); only
+    /// element 7 can be written, others are 16#FFFC "not changeable". The drive has no sub-slaves: any
+    /// sub-slave address but 0 is 16#FFFB "not present".
+    pub fn parameter_job(&mut self, job: &ParameterJob) -> ParameterResponse {
+        job.answer(self.service(job).unwrap_or_else(ParameterResult::Error))
+    }
+
+    fn service(&mut self, job: &ParameterJob) -> Result<ParameterResult, u16> {
+        let slot = match job.sub_slave() {
+            0 => self.store.slot(job.number()),
+            _ => None,
+        }
+        .ok_or(error_number::NOT_PRESENT)?;
+        let (format, value) = match job.access() {
+            Access::Read => {
+                let value = self.value(job.number(), slot);
+                return Ok(match self.store.format(slot) {
+                    ParamFormat::Word => ParameterResult::Word(value as u16),
+                    ParamFormat::Doubleword => ParameterResult::Doubleword(value),
+                });
+            }
+            Access::WriteWord(value) => (ParamFormat::Word, u32::from(value)),
+            Access::WriteDoubleword(value) => (ParamFormat::Doubleword, value),
+        };
+        if job.element() != VALUE_ELEMENT {
+            return Err(error_number::NOT_CHANGEABLE);
+        }
+        self.store.write(slot, format, value)?;
+        if job.number() == CONTROL_WORD {
+            self.machine.command(value as u16);
+        }
+        Ok(ParameterResult::Done)
+    }
+
+    /// Control and status word live in the state machine, everything else in the store.
+    fn value(&self, number: u16, slot: Slot) -> u32 {
+        match number {
+            CONTROL_WORD => u32::from(self.machine.control_word()),
+            STATUS_WORD => u32::from(self.status_word()),
+            _ => self.store.get(slot),
+        }
+    }
+
+    /// The value of parameter `number`, if the drive has it.
+    pub fn parameter(&self, number: u16) -> Option<u32> {
+        self.store.slot(number).map(|slot| self.value(number, slot))
+    }
+
+    /// The status word (parameter 121) with the SYNC state in bit 15.
+    #[inline]
+    pub fn status_word(&self) -> u16 {
+        let synchronized = if self.is_synchronized() { SYNCHRONIZED } else { 0 };
+        self.machine.status_word() | synchronized
+    }
+
+    /// Whether the drive runs in step with SYNC.
+    #[inline]
+    pub fn is_synchronized(&self) -> bool {
+        self.sync.is_locked()
+    }
+
+    /// State of the drive's state machine.
+    pub fn state(&self) -> State {
+        self.machine.state()
+    }
+
+    /// Reference value frames missed so far. Counted while synchronized, from the first frame on.
+    pub fn reference_losses(&self) -> u64 {
+        self.card.total_losses()
+    }
+
+    /// Whether more reference values were lost in direct succession than ZK 26 allows: card and drive
+    /// exchange nothing until SYNC mode is switched on again.
+    pub fn is_exchange_stopped(&self) -> bool {
+        self.card.is_stopped()
+    }
+
+    /// Brings a fault upon the drive: it brakes and waits for a fault reset.
+    pub fn trip(&mut self) {
+        self.machine.trip();
+    }
+
+    /// Sets or clears the warning bit of the status word.
+    pub fn set_warning(&mut self, on: bool) {
+        self.machine.set_warning(on);
+    }
+}

@@ -1,0 +1,283 @@
+//! The drive's state machine after the DRIVECOM profile, as control word (parameter 120) and status word
+//! (parameter 121) show it.
+//!
+//! No manual at hand prints the profile; states, patterns and transition numbers are those of
+//! IEC 61800-7-201 (CiA 402). "Not ready to switch on" lasts for a self-test, which takes no time here,
+//! and transition 16 (back from quick stop), which the profile leaves open, does not exist.
+
+use serde::{Deserialize, Serialize};
+
+/// Control word bits.
+mod control {
+    pub const SWITCH_ON: u16 = 0x0001;
+    pub const ENABLE_VOLTAGE: u16 = 0x0002;
+    /// 0 stops.
+    pub const QUICK_STOP: u16 = 0x0004;
+    pub const ENABLE_OPERATION: u16 = 0x0008;
+    pub const FAULT_RESET: u16 = 0x0080;
+}
+
+/// Bit 4 of the status word. The simulated supply never fails.
+const VOLTAGE: u16 = 0x0010;
+/// Bit 7 of the status word.
+const WARNING: u16 = 0x0080;
+
+/// In which state a drive comes up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Enable {
+    /// "Operation enabled", as if the control word were 16#000F: the first reference value moves the
+    /// drive.
+    #[default]
+    AtPowerOn,
+    /// "Switch-on disabled": the master has to send the control words 16#0006, 16#0007, 16#000F.
+    ByControlWord,
+}
+
+/// States of the profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum State {
+    /// Power stage locked.
+    SwitchOnDisabled,
+    /// Power may be switched on.
+    ReadyToSwitchOn,
+    /// Power stage ready, no torque.
+    SwitchedOn,
+    /// The drive follows its reference value.
+    OperationEnabled,
+    /// Braking to standstill, then "switch-on disabled".
+    QuickStopActive,
+    /// Braking to standstill after a fault, then "fault".
+    FaultReactionActive,
+    /// Waits for the fault reset.
+    Fault,
+}
+
+impl State {
+    /// Bits 0-3, 5 and 6 of the status word.
+    pub const fn status_bits(self) -> u16 {
+        match self {
+            State::SwitchOnDisabled => 0x0040,
+            State::ReadyToSwitchOn => 0x0021,
+            State::SwitchedOn => 0x0023,
+            State::OperationEnabled => 0x0027,
+            State::QuickStopActive => 0x0007,
+            State::FaultReactionActive => 0x000F,
+            State::Fault => 0x0008,
+        }
+    }
+}
+
+/// State, control word and warning of one drive.
+#[derive(Clone, Copy, Debug)]
+pub struct StateMachine {
+    state: State,
+    control_word: u16,
+    warning: bool,
+}
+
+impl StateMachine {
+    /// The state machine after power-on.
+    pub const fn new(enable: Enable) -> Self {
+        let (state, control_word) = match enable {
+            Enable::AtPowerOn => (State::OperationEnabled, 0x000F),
+            Enable::ByControlWord => (State::SwitchOnDisabled, 0x0000),
+        };
+        StateMachine { state, control_word, warning: false }
+    }
+
+    /// The state.
+    #[inline]
+    pub const fn state(&self) -> State {
+        self.state
+    }
+
+    /// The control word last received.
+    pub const fn control_word(&self) -> u16 {
+        self.control_word
+    }
+
+    /// The drive's status word. Bit 15 is 0, the card adds it.
+    #[inline]
+    pub const fn status_word(&self) -> u16 {
+        let warning = if self.warning { WARNING } else { 0 };
+        self.state.status_bits() | VOLTAGE | warning
+    }
+
+    /// Takes over a control word and makes all transitions it causes.
+    pub fn command(&mut self, word: u16) {
+        let reset = word & !self.control_word & control::FAULT_RESET != 0;
+        self.control_word = word;
+        if self.state == State::Fault {
+            if reset {
+                self.state = State::SwitchOnDisabled;
+            }
+            return;
+        }
+        // One word can take two steps: 16#000F switches on and enables (transitions 3 and 4).
+        while let Some(next) = self.transition() {
+            self.state = next;
+        }
+    }
+
+    /// The next transition under the present control word.
+    const fn transition(&self) -> Option<State> {
+        use State::*;
+        let switch_on = self.control_word & control::SWITCH_ON != 0;
+        let enable = self.control_word & control::ENABLE_OPERATION != 0;
+        let voltage = self.control_word & control::ENABLE_VOLTAGE != 0;
+        let run = self.control_word & control::QUICK_STOP != 0;
+        match self.state {
+            ReadyToSwitchOn | SwitchedOn if !voltage || !run => Some(SwitchOnDisabled), // 7, 10
+            OperationEnabled | QuickStopActive if !voltage => Some(SwitchOnDisabled),   // 9, 12
+            OperationEnabled if !run => Some(QuickStopActive),                          // 11
+            SwitchOnDisabled if voltage && run && !switch_on => Some(ReadyToSwitchOn),  // 2
+            ReadyToSwitchOn if switch_on => Some(SwitchedOn),                           // 3
+            SwitchedOn | OperationEnabled if !switch_on => Some(ReadyToSwitchOn),       // 6, 8
+            SwitchedOn if enable => Some(OperationEnabled),                             // 4
+            OperationEnabled if !enable => Some(SwitchedOn),                            // 5
+            _ => None,
+        }
+    }
+
+    /// The drive stands still: ends quick stop (transition 12) and fault reaction (14).
+    #[inline]
+    pub fn standstill(&mut self) {
+        self.state = match self.state {
+            State::QuickStopActive => State::SwitchOnDisabled,
+            State::FaultReactionActive => State::Fault,
+            other => other,
+        };
+    }
+
+    /// A fault occurs (transition 13).
+    pub fn trip(&mut self) {
+        if self.state != State::Fault {
+            self.state = State::FaultReactionActive;
+        }
+    }
+
+    /// Sets or clears the warning.
+    pub fn set_warning(&mut self, on: bool) {
+        self.warning = on;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::State::*;
+    use super::*;
+
+    const ALL: [State; 7] = [
+        SwitchOnDisabled,
+        ReadyToSwitchOn,
+        SwitchedOn,
+        OperationEnabled,
+        QuickStopActive,
+        FaultReactionActive,
+        Fault,
+    ];
+
+    fn after(state: State, word: u16) -> State {
+        let mut machine = StateMachine { state, control_word: 0, warning: false };
+        machine.command(word);
+        machine.state()
+    }
+
+    #[test]
+    fn usual_way_to_operation_and_back() {
+        let mut machine = StateMachine::new(Enable::ByControlWord);
+        for (word, state, status) in [
+            (0x0000, SwitchOnDisabled, 0x0050),
+            (0x0006, ReadyToSwitchOn, 0x0031),
+            (0x0007, SwitchedOn, 0x0033),
+            (0x000F, OperationEnabled, 0x0037),
+            (0x0007, SwitchedOn, 0x0033),
+            (0x0006, ReadyToSwitchOn, 0x0031),
+            (0x0000, SwitchOnDisabled, 0x0050),
+        ] {
+            machine.command(word);
+            assert_eq!((machine.state(), machine.status_word()), (state, status), "16#{word:04X}");
+            assert_eq!(machine.control_word(), word);
+        }
+    }
+
+    #[test]
+    fn commands_in_each_state() {
+        // Columns: disable voltage, quick stop, shutdown, switch on, enable operation.
+        let words = [0x0000, 0x0002, 0x0006, 0x0007, 0x000F];
+        for (state, expected) in [
+            (
+                SwitchOnDisabled,
+                [SwitchOnDisabled, SwitchOnDisabled, ReadyToSwitchOn, SwitchOnDisabled, SwitchOnDisabled],
+            ),
+            (
+                ReadyToSwitchOn,
+                [SwitchOnDisabled, SwitchOnDisabled, ReadyToSwitchOn, SwitchedOn, OperationEnabled],
+            ),
+            (SwitchedOn, [SwitchOnDisabled, SwitchOnDisabled, ReadyToSwitchOn, SwitchedOn, OperationEnabled]),
+            (
+                OperationEnabled,
+                [SwitchOnDisabled, QuickStopActive, ReadyToSwitchOn, SwitchedOn, OperationEnabled],
+            ),
+            (
+                QuickStopActive,
+                [SwitchOnDisabled, QuickStopActive, QuickStopActive, QuickStopActive, QuickStopActive],
+            ),
+            (FaultReactionActive, [FaultReactionActive; 5]),
+            (Fault, [Fault; 5]),
+        ] {
+            assert_eq!(words.map(|word| after(state, word)), expected, "{state:?}");
+        }
+    }
+
+    #[test]
+    fn every_control_word_comes_to_rest() {
+        for state in ALL {
+            for word in 0..=u16::MAX {
+                after(state, word);
+            }
+        }
+    }
+
+    #[test]
+    fn fault_needs_a_rising_edge_of_bit_7() {
+        let mut machine = StateMachine::new(Enable::AtPowerOn);
+        machine.command(0x008F);
+        machine.trip();
+        assert_eq!(machine.status_word(), 0x001F);
+        machine.standstill();
+        assert_eq!((machine.state(), machine.status_word()), (Fault, 0x0018));
+        machine.trip();
+        assert_eq!(machine.state(), Fault);
+        for (word, state) in [(0x008F, Fault), (0x000F, Fault), (0x008F, SwitchOnDisabled)] {
+            machine.command(word);
+            assert_eq!(machine.state(), state, "16#{word:04X}");
+        }
+    }
+
+    #[test]
+    fn quick_stop_ends_at_standstill() {
+        let mut machine = StateMachine::new(Enable::AtPowerOn);
+        machine.command(0x000B);
+        assert_eq!((machine.state(), machine.status_word()), (QuickStopActive, 0x0017));
+        machine.standstill();
+        assert_eq!(machine.state(), SwitchOnDisabled);
+    }
+
+    #[test]
+    fn standstill_changes_nothing_else() {
+        let mut machine = StateMachine::new(Enable::AtPowerOn);
+        machine.standstill();
+        assert_eq!(machine.state(), OperationEnabled);
+    }
+
+    #[test]
+    fn warning_is_bit_7() {
+        let mut machine = StateMachine::new(Enable::AtPowerOn);
+        machine.set_warning(true);
+        assert_eq!(machine.status_word(), 0x00B7);
+        machine.set_warning(false);
+        assert_eq!(machine.status_word(), 0x0037);
+    }
+}
