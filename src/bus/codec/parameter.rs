@@ -12,7 +12,7 @@ pub const MAX_NUMBER: u16 = 4095;
 /// The element that is the parameter's value, the only one that may be written.
 pub const VALUE_ELEMENT: u8 = 7;
 
-/// Error numbers of a slave (manual 5.00005.03a p. 165).
+/// Error numbers of a slave (manual 5.00005.03a p. 166).
 pub mod error_number {
     /// Error without further explanation.
     pub const GENERAL: u16 = 0xFFFF;
