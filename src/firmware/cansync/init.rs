@@ -1,0 +1,173 @@
+//! Initialization data: what `CANsync_INIT_BMSTRUCT` holds when the PLC orders it to be taken over.
+
+use crate::layout::omega_drive_line_2::{BAUD_RATES, BaudRate, CANsync_INIT_BMSTRUCT};
+use thiserror::Error;
+
+/// Where a master's SYNC signal comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SyncSource {
+    /// The master makes its own (`b_MA_SL_MODE` = 16#00).
+    Own,
+    /// The master passes on what its PLC's node 1 receives (16#02, decision D-12).
+    Forwarded,
+}
+
+/// Checked initialization data.
+#[derive(Clone, Debug)]
+pub struct InitData {
+    /// Baud rate with its interval and slot times.
+    pub timing: &'static BaudRate,
+    /// Where SYNC comes from; of no meaning on a slave.
+    pub sync: SyncSource,
+    /// Bit n set: slave n is expected (`a_SL_TYP[n]` other than 16#00); 0 on a slave.
+    pub expected: u32,
+    /// Acceptance code, `b_AC`.
+    acceptance_code: u8,
+    /// Acceptance mask, `b_AM`.
+    acceptance_mask: u8,
+}
+
+/// Why initialization data were refused. The node stays in 16#0002 (decision D-05).
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[repr(u8)]
+pub enum InitFault {
+    /// `b_MA_SL_MODE` does not fit the node.
+    #[error("b_MA_SL_MODE must be 16#00 or 16#02 on node 2 (master) and 16#01 on node 1 (slave)")]
+    Mode = 1,
+    /// `b_BT_0`, `b_BT_1` are none of the three documented pairs.
+    #[error("b_BT_0, b_BT_1 must be 16#00, 16#1C (500 kbit/s), 16#01, 16#1C (250) or 16#03, 16#1C (125)")]
+    BitTiming = 2,
+    /// `b_TIME_PATTERN` does not belong to the baud rate.
+    #[error("b_TIME_PATTERN must be 2 ms at 500 kbit/s, 4 ms at 250 and 8 ms at 125")]
+    TimePattern = 3,
+}
+
+impl InitFault {
+    /// The fault with this number, as stored in the journal.
+    pub fn from_number(number: u8) -> Option<Self> {
+        [InitFault::Mode, InitFault::BitTiming, InitFault::TimePattern]
+            .into_iter()
+            .find(|fault| *fault as u8 == number)
+    }
+}
+
+impl InitData {
+    /// Reads and checks the data of a master node.
+    pub(super) fn of_master(regs: &CANsync_INIT_BMSTRUCT) -> Result<Self, InitFault> {
+        let sync = match regs.b_MA_SL_MODE.load() {
+            0x00 => SyncSource::Own,
+            0x02 => SyncSource::Forwarded,
+            _ => return Err(InitFault::Mode),
+        };
+        let mut expected = 0;
+        for (n, slave_type) in regs.a_SL_TYP.iter().enumerate() {
+            // Types above 16#01 are reserved; they count as present (decision D-24).
+            expected |= u32::from(slave_type.load() != 0) << n;
+        }
+        Self::common(regs, sync, expected)
+    }
+
+    /// Reads and checks the data of a slave node, which has no slave types.
+    pub(super) fn of_slave(regs: &CANsync_INIT_BMSTRUCT) -> Result<Self, InitFault> {
+        match regs.b_MA_SL_MODE.load() {
+            0x01 => Self::common(regs, SyncSource::Own, 0),
+            _ => Err(InitFault::Mode),
+        }
+    }
+
+    fn common(regs: &CANsync_INIT_BMSTRUCT, sync: SyncSource, expected: u32) -> Result<Self, InitFault> {
+        let (bt_0, bt_1) = (regs.b_BT_0.load(), regs.b_BT_1.load());
+        let timing = BAUD_RATES
+            .iter()
+            .find(|rate| (rate.b_bt_0, rate.b_bt_1) == (bt_0, bt_1))
+            .ok_or(InitFault::BitTiming)?;
+        if regs.b_TIME_PATTERN.load() != timing.time_pattern_ms {
+            return Err(InitFault::TimePattern);
+        }
+        Ok(InitData {
+            timing,
+            sync,
+            expected,
+            acceptance_code: regs.b_AC.load(),
+            acceptance_mask: regs.b_AM.load(),
+        })
+    }
+
+    /// Whether the controller's acceptance filter lets an identifier through. The filter compares the
+    /// identifier's upper eight bits with `b_AC` where `b_AM` has a 0, as an SJA1000 in BasicCAN mode
+    /// does (decision D-21).
+    #[inline]
+    pub fn accepts(&self, identifier: u16) -> bool {
+        let upper = (identifier >> 3) as u8;
+        (upper ^ self.acceptance_code) & !self.acceptance_mask == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::Segment;
+
+    fn regs(mode: u8, bt: (u8, u8), pattern: u8) -> crate::memory::View<CANsync_INIT_BMSTRUCT> {
+        let regs = Segment::heap().view::<CANsync_INIT_BMSTRUCT>(200_000).unwrap();
+        regs.b_MA_SL_MODE.store(mode);
+        regs.b_BT_0.store(bt.0);
+        regs.b_BT_1.store(bt.1);
+        regs.b_TIME_PATTERN.store(pattern);
+        regs.b_AC.store(0xFF);
+        regs.b_AM.store(0xFF);
+        regs
+    }
+
+    /// Manual 5.00005.03a p. 148 and the table of baud rates (p. 125).
+    #[test]
+    fn only_the_three_documented_pairs_are_taken() {
+        for (bt, pattern, kbit_s) in [((0x00, 0x1C), 2, 500), ((0x01, 0x1C), 4, 250), ((0x03, 0x1C), 8, 125)] {
+            let data = InitData::of_master(&regs(0, bt, pattern)).unwrap();
+            assert_eq!(data.timing.kbit_s, kbit_s);
+            for wrong in [0, 1, 2, 4, 8].into_iter().filter(|p| *p != pattern) {
+                assert_eq!(
+                    InitData::of_master(&regs(0, bt, wrong)).unwrap_err(),
+                    InitFault::TimePattern,
+                    "{kbit_s} kbit/s with {wrong} ms"
+                );
+            }
+        }
+        assert_eq!(InitData::of_master(&regs(0, (0x40, 0x34), 1)).unwrap_err(), InitFault::BitTiming);
+    }
+
+    #[test]
+    fn the_mode_must_fit_the_node() {
+        let good = (0x00, 0x1C);
+        assert!(InitData::of_slave(&regs(1, good, 2)).is_ok());
+        assert_eq!(InitData::of_slave(&regs(0, good, 2)).unwrap_err(), InitFault::Mode);
+        assert_eq!(InitData::of_master(&regs(1, good, 2)).unwrap_err(), InitFault::Mode);
+        assert_eq!(InitData::of_master(&regs(2, good, 2)).unwrap().sync, SyncSource::Forwarded);
+    }
+
+    #[test]
+    fn slave_types_say_who_is_expected() {
+        let regs = regs(0, (0x00, 0x1C), 2);
+        regs.a_SL_TYP[3].store(0x01);
+        regs.a_SL_TYP[31].store(0x01);
+        assert_eq!(InitData::of_master(&regs).unwrap().expected, 1 << 3 | 1 << 31);
+    }
+
+    #[test]
+    fn the_acceptance_filter_works_as_in_basic_can() {
+        let regs = regs(1, (0x00, 0x1C), 2);
+        assert!(InitData::of_slave(&regs).unwrap().accepts(0x7FF));
+        regs.b_AC.store(0x020); // identifiers 16#100..16#107
+        regs.b_AM.store(0x00);
+        let data = InitData::of_slave(&regs).unwrap();
+        assert!(data.accepts(0x107) && !data.accepts(0x108));
+    }
+
+    #[test]
+    fn faults_keep_their_numbers() {
+        for fault in [InitFault::Mode, InitFault::BitTiming, InitFault::TimePattern] {
+            assert_eq!(InitFault::from_number(fault as u8), Some(fault));
+        }
+        assert_eq!(InitFault::from_number(0), None);
+    }
+}

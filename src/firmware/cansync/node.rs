@@ -1,0 +1,273 @@
+//! What master and slave node share: general registers and the state machine between `w_CPU_CONTROL`
+//! and `w_OPTION_STATUS` (manual 5.00005.03a p. 147-150, 173-175; which state follows which command:
+//! decision D-05).
+
+use super::init::{InitData, InitFault};
+use super::registers::{control, status};
+use crate::firmware::Context;
+use crate::journal::{Command, Event};
+use crate::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT;
+use crate::memory::View;
+
+/// Which of the board's two nodes this is; the wiring is fixed (manual 5.00005.03a p. 61).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// Node 1.
+    Slave,
+    /// Node 2.
+    Master,
+}
+
+/// The state a node shows in `w_OPTION_STATUS`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeState {
+    /// 16#0001.
+    StartUp,
+    /// 16#0002, waiting for "take over initialization data".
+    WaitingForInit,
+    /// 16#0003, waiting for start.
+    WaitingForStart,
+    /// 16#0013 on a slave, 16#0043 on a master.
+    SetUp,
+    /// 16#0020 on a slave, 16#0080 on a master.
+    Active,
+}
+
+/// What a look at `w_CPU_CONTROL` changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Nothing.
+    None,
+    /// The node was restarted; the bus is released.
+    Restarted,
+    /// Some step towards set-up mode that concerns nobody else.
+    Progressed,
+    /// Initialization data were taken over; the cyclic area is to be cleared before 16#0003 is shown.
+    SetUpStarted,
+    /// Active operation was enabled.
+    Enabled,
+    /// Active operation ended, set-up mode goes on.
+    Disabled,
+}
+
+/// State machine and general registers of a node.
+pub(super) struct Node {
+    role: Role,
+    base: u32,
+    pub(super) regs: View<CANsync_INIT_BMSTRUCT>,
+    state: NodeState,
+    init: Option<InitData>,
+    refused: Option<InitFault>,
+    /// Last value seen in `w_CPU_CONTROL`, so that an ignored command is reported once.
+    seen: u16,
+    /// Value that the firmware's own clearing of bit 7 left in `w_CPU_CONTROL`. It is no command
+    /// (decision D-29): clearing 16#0080 leaves 16#0000, which would otherwise mean restart.
+    left_behind: Option<u16>,
+}
+
+impl Node {
+    pub(super) fn new(role: Role, base: u32, regs: View<CANsync_INIT_BMSTRUCT>) -> Self {
+        Node {
+            role,
+            base,
+            regs,
+            state: NodeState::StartUp,
+            init: None,
+            refused: None,
+            seen: control::RESTART,
+            left_behind: None,
+        }
+    }
+
+    /// Power-on: shows 16#0001 and the numbers that never change.
+    pub(super) fn power_on(&mut self, omega_nr: u8, software: (u16, u16)) {
+        self.regs.w_CANsync_STATUS.store(0);
+        self.regs.w_OMEGA_NR.store(u16::from(omega_nr));
+        self.regs.i_SW1_NR.store(software.0);
+        self.regs.i_SW1_RELEASE.store(software.1);
+        self.regs.w_CPU_CONTROL.store(control::RESTART);
+        self.regs.w_OPTION_STATUS.store(self.code(NodeState::StartUp));
+    }
+
+    /// The present state.
+    #[inline]
+    pub(super) fn state(&self) -> NodeState {
+        self.state
+    }
+
+    /// The initialization data taken over; `None` before that.
+    #[inline]
+    pub(super) fn init(&self) -> Option<&InitData> {
+        self.init.as_ref()
+    }
+
+    /// Whether the node takes part in bus traffic: set-up mode or active operation.
+    #[inline]
+    pub(super) fn is_on_bus(&self) -> bool {
+        matches!(self.state, NodeState::SetUp | NodeState::Active)
+    }
+
+    /// Whether the PLC has written `w_CPU_CONTROL` since the last look. For busy polling.
+    #[inline]
+    pub(super) fn control_changed(&self) -> bool {
+        self.regs.w_CPU_CONTROL.load() != self.seen
+    }
+
+    /// Whether an identifier passes this node's acceptance filter.
+    #[inline]
+    pub(super) fn accepts(&self, identifier: u16) -> bool {
+        self.init.as_ref().is_some_and(|init| init.accepts(identifier))
+    }
+
+    /// One look at `w_CPU_CONTROL`. `clear` empties the cyclic area; it is called when initialization
+    /// data were taken over and before 16#0003 is shown (decision D-03).
+    pub(super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        let value = self.take_controller_reset(ctx);
+        let first_look = value != self.seen;
+        self.seen = value;
+        if self.left_behind == Some(value) {
+            return Change::None;
+        }
+        self.left_behind = None;
+        match (self.state, value) {
+            (NodeState::StartUp, control::RESTART) => Change::None,
+            (_, control::RESTART) => {
+                self.init = None;
+                self.refused = None;
+                self.show(ctx, NodeState::StartUp);
+                Change::Restarted
+            }
+            (NodeState::StartUp, control::HANDSHAKE) => {
+                self.show(ctx, NodeState::WaitingForInit);
+                Change::Progressed
+            }
+            (NodeState::WaitingForInit, control::TAKE_OVER_INIT_DATA) => self.take_over(ctx, clear),
+            (NodeState::WaitingForStart, control::START_SYNCHRONOUS) => {
+                self.show(ctx, NodeState::SetUp);
+                Change::SetUpStarted
+            }
+            (NodeState::SetUp, value) if value & control::ENABLE_ACTIVE != 0 => {
+                self.show(ctx, NodeState::Active);
+                Change::Enabled
+            }
+            (NodeState::Active, control::START_SYNCHRONOUS) => {
+                self.show(ctx, NodeState::SetUp);
+                Change::Disabled
+            }
+            (state, value) => {
+                if first_look && !Self::is_at_rest(state, value) {
+                    self.report_ignored(ctx, value);
+                }
+                Change::None
+            }
+        }
+    }
+
+    /// Bit 7 acts in every state: the controller is reset and the bit cleared, the other bits stay.
+    fn take_controller_reset(&mut self, ctx: &mut Context) -> u16 {
+        let value = self.regs.w_CPU_CONTROL.load();
+        if value & control::RESET_CONTROLLER == 0 {
+            return value;
+        }
+        let before = self.regs.w_CPU_CONTROL.update(|v| v & !control::RESET_CONTROLLER);
+        let after = before & !control::RESET_CONTROLLER;
+        self.left_behind = Some(after);
+        let (origin, offset) = (ctx.origin, self.base);
+        ctx.report(Event::Handshake { origin, offset, request: before, answer: after });
+        after
+    }
+
+    fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        let data = match self.role {
+            Role::Master => InitData::of_master(&self.regs),
+            Role::Slave => InitData::of_slave(&self.regs),
+        };
+        match data {
+            Ok(data) => {
+                self.init = Some(data);
+                self.refused = None;
+                clear();
+                self.show(ctx, NodeState::WaitingForStart);
+                Change::Progressed
+            }
+            Err(fault) => {
+                if self.refused.replace(fault) != Some(fault) {
+                    let origin = ctx.origin;
+                    ctx.report(Event::InitRefused { origin, reason: fault as u8 });
+                }
+                Change::None
+            }
+        }
+    }
+
+    /// Whether `value` is simply the command that led to `state` and still stands in the register.
+    fn is_at_rest(state: NodeState, value: u16) -> bool {
+        match state {
+            NodeState::StartUp => value == control::RESTART,
+            NodeState::WaitingForInit => value == control::HANDSHAKE,
+            NodeState::WaitingForStart => value == control::TAKE_OVER_INIT_DATA,
+            NodeState::SetUp => value == control::START_SYNCHRONOUS,
+            NodeState::Active => value & control::ENABLE_ACTIVE != 0,
+        }
+    }
+
+    fn report_ignored(&self, ctx: &mut Context, value: u16) {
+        let known = matches!(
+            value,
+            control::HANDSHAKE
+                | control::TAKE_OVER_INIT_DATA
+                | control::START_SYNCHRONOUS
+                | control::ENABLE_ACTIVE
+        ) && !control::RESERVED.contains(&value);
+        let why = if known { Command::NotNow } else { Command::Unknown };
+        let origin = ctx.origin;
+        ctx.report(Event::CommandIgnored { origin, value, why });
+    }
+
+    fn show(&mut self, ctx: &mut Context, state: NodeState) {
+        let (from, to) = (self.code(self.state), self.code(state));
+        self.state = state;
+        self.regs.w_OPTION_STATUS.store(to);
+        let origin = ctx.origin;
+        ctx.report(Event::State { origin, from, to });
+    }
+
+    fn code(&self, state: NodeState) -> u16 {
+        match (state, self.role) {
+            (NodeState::StartUp, _) => 0x0001,
+            (NodeState::WaitingForInit, _) => 0x0002,
+            (NodeState::WaitingForStart, _) => 0x0003,
+            (NodeState::SetUp, Role::Slave) => 0x0013,
+            (NodeState::SetUp, Role::Master) => 0x0043,
+            (NodeState::Active, Role::Slave) => 0x0020,
+            (NodeState::Active, Role::Master) => 0x0080,
+        }
+    }
+
+    /// Refreshes `w_CANsync_STATUS`. `on_wire` says what the controller is doing at this moment: `None`
+    /// idle, `Some(true)` sending, `Some(false)` receiving.
+    pub(super) fn refresh_status(&self, on_wire: Option<bool>) {
+        let mut value = 0;
+        if self.init.is_some() {
+            value = status::SEND_BUFFER_FREE | status::SEND_JOB_DONE;
+        }
+        if self.is_on_bus() {
+            match on_wire {
+                Some(true) => value = status::SENDING,
+                Some(false) => value |= status::RECEIVING,
+                None => {}
+            }
+        }
+        if self.refused.is_some() {
+            value |= status::WARNING;
+        }
+        if self.regs.w_CANsync_STATUS.load() != value {
+            self.regs.w_CANsync_STATUS.store(value);
+        }
+    }
+}
+
+/// Empties the cyclic area, from behind the general registers to the structure's end (decision D-03).
+pub(super) fn clear_cyclic_area<T: CyclicArea>(regs: &T) {
+    regs.clear();
+}

@@ -1,0 +1,97 @@
+//! Values that CANsync registers take, in one place.
+
+/// Bytes written to and read from handshake registers (manual 5.00005.03a p. 151-157, 175-187).
+pub struct Code;
+
+impl Code {
+    /// The PLC: data are valid, send them.
+    pub const RELEASED: u8 = 0x05;
+    /// The firmware: done.
+    pub const DONE: u8 = 0x04;
+    /// The firmware: a frame was received.
+    pub const RECEIVED: u8 = 0x02;
+    /// The PLC: take the next slave number in every interval by itself.
+    pub const AUTOMATIC: u8 = 0x80;
+}
+
+/// `w_CPU_CONTROL` (manual 5.00005.03a p. 149, 174).
+pub(super) mod control {
+    pub const RESTART: u16 = 0x0000;
+    pub const HANDSHAKE: u16 = 0x0001;
+    pub const TAKE_OVER_INIT_DATA: u16 = 0x0002;
+    pub const RESERVED: [u16; 2] = [0x0012, 0x0013];
+    pub const START_SYNCHRONOUS: u16 = 0x0020;
+    pub const ENABLE_ACTIVE: u16 = 0x0040;
+    pub const RESET_CONTROLLER: u16 = 0x0080;
+}
+
+/// `w_CANsync_STATUS` (manual 5.00005.03a p. 147, 173).
+pub(super) mod status {
+    pub const SEND_BUFFER_FREE: u16 = 1 << 2;
+    pub const SEND_JOB_DONE: u16 = 1 << 3;
+    pub const RECEIVING: u16 = 1 << 4;
+    pub const SENDING: u16 = 1 << 5;
+    pub const WARNING: u16 = 1 << 6;
+}
+
+/// Automatic slave numbers (manual 5.00005.03a p. 159-160; counters: decision D-08).
+pub mod auto {
+    use super::Code;
+
+    /// A counter behind a register that takes a slave number or 16#80.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Counter(Option<u8>);
+
+    impl Counter {
+        /// Begins a new interval: 0 in the first one of active operation, then one more each time up to
+        /// `max` (`b_MAX_SL_NR`), then 0 again.
+        #[inline]
+        pub fn next_interval(&mut self, max: u8) {
+            self.0 = Some(match self.0 {
+                Some(n) if n < max => n + 1,
+                _ => 0,
+            });
+        }
+
+        /// Back to the state before active operation.
+        pub fn restart(&mut self) {
+            self.0 = None;
+        }
+
+        /// The slave number that `register` means in this interval. Only seven bits go out on the bus
+        /// (decision D-25).
+        #[inline]
+        pub fn resolve(self, register: u8) -> u8 {
+            if register == Code::AUTOMATIC { self.0.unwrap_or(0) } else { register & 0x7F }
+        }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        /// T19: 16#80 with `b_MAX_SL_NR` = 3 asks 0, 1, 2, 3, 0, 1 ...
+        #[test]
+        fn counts_to_the_maximum_and_starts_again() {
+            let mut counter = Counter::default();
+            let asked: Vec<u8> = (0..6)
+                .map(|_| {
+                    counter.next_interval(3);
+                    counter.resolve(Code::AUTOMATIC)
+                })
+                .collect();
+            assert_eq!(asked, [0, 1, 2, 3, 0, 1]);
+            assert_eq!(counter.resolve(7), 7);
+        }
+
+        #[test]
+        fn a_lowered_maximum_starts_again_at_zero() {
+            let mut counter = Counter::default();
+            for _ in 0..6 {
+                counter.next_interval(31);
+            }
+            counter.next_interval(2);
+            assert_eq!(counter.resolve(Code::AUTOMATIC), 0);
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! A CANsync slave on node 1 (manual 5.00005.03a p. 169-193).
+
+use super::actual::{ActualValueRegisters, store_word};
+use super::master::acknowledge;
+use super::node::{self, Change, Node, NodeState, Role};
+use super::parameter::ParameterServer;
+use super::polling::{STATUS_WORD, SYNCHRONIZED};
+use super::registers::Code;
+use crate::bus::codec::action::{Action, ActionCommand};
+use crate::bus::codec::parameter::{Access, ParameterJob, ParameterResult, error_number};
+use crate::bus::codec::process::FrameConfig;
+use crate::bus::{Channel, Frame, FrameKind, Payload};
+use crate::firmware::Context;
+use crate::journal::{Event, Missed};
+use crate::layout::omega_drive_line_2::{
+    BaudRate, CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1, SOFTWARE_NUMBER, SOFTWARE_RELEASE,
+};
+use crate::memory::{Cell8, MemoryError, Segment, View};
+use core::mem::offset_of;
+
+/// The slave's firmware.
+pub struct Slave {
+    node: Node,
+    regs: View<CANsync_SL_CTRL_BMSTRUCT>,
+    number: u8,
+    lock: Lock,
+    parameters: ParameterServer,
+    /// Configuration of the reference value frames as read at the start of the interval.
+    config: [FrameConfig; 2],
+    /// Own actual value frames, built and released for this interval.
+    ready: [Option<Payload>; 2],
+    interval_is_active: bool,
+}
+
+/// Locking to the SYNC signal (manual p. 134; how long it takes: decision D-07).
+struct Lock {
+    /// Emulated time that locking takes.
+    time_us: u64,
+    /// The master has sent "SYNC mode: on".
+    wanted: bool,
+    /// Start of the unbroken sequence of SYNC edges.
+    since: Option<u64>,
+    last_edge: u64,
+    now: u64,
+}
+
+impl Lock {
+    fn new(time_us: u64) -> Self {
+        Lock { time_us, wanted: false, since: None, last_edge: 0, now: 0 }
+    }
+
+    fn release(&mut self) {
+        self.wanted = false;
+        self.since = None;
+    }
+
+    fn edge(&mut self, now: u64, interval_us: u32) {
+        // One and a half intervals without an edge break the sequence.
+        let broken = now.saturating_sub(self.last_edge) * 2 > u64::from(interval_us) * 3;
+        if !self.wanted {
+            self.since = None;
+        } else if broken || self.since.is_none() {
+            self.since = Some(now);
+        }
+        self.last_edge = now;
+        self.now = now;
+    }
+
+    fn is_locked(&self) -> bool {
+        self.wanted && self.since.is_some_and(|since| self.now - since >= self.time_us)
+    }
+}
+
+impl Slave {
+    /// The slave in node 1 of `segment` with slave number `number`; it needs `lock_time_us` of emulated
+    /// time to synchronize.
+    ///
+    /// # Errors
+    /// If the segment is too small for node 1.
+    pub fn new(segment: &Segment, number: u8, lock_time_us: u64) -> Result<Self, MemoryError> {
+        let init = segment.view::<CANsync_INIT_BMSTRUCT>(NODE1)?;
+        Ok(Slave {
+            node: Node::new(Role::Slave, NODE1 as u32, init),
+            regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1)?,
+            number,
+            lock: Lock::new(lock_time_us),
+            parameters: ParameterServer::default(),
+            config: [FrameConfig::new([0; 4]); 2],
+            ready: [None; 2],
+            interval_is_active: false,
+        })
+    }
+
+    /// Power-on: the DIP number is the slave number.
+    pub fn power_on(&mut self) {
+        self.node.power_on(self.number, (SOFTWARE_NUMBER, SOFTWARE_RELEASE));
+    }
+
+    /// The slave number.
+    #[inline]
+    pub fn number(&self) -> u8 {
+        self.number
+    }
+
+    /// The present state.
+    pub fn state(&self) -> NodeState {
+        self.node.state()
+    }
+
+    /// Slot times, once initialization data were taken over.
+    pub fn timing(&self) -> Option<&'static BaudRate> {
+        self.node.init().map(|init| init.timing)
+    }
+
+    /// Whether the node listens at `kbit_s`: set-up mode or active operation at the same baud rate.
+    #[inline]
+    pub fn hears(&self, kbit_s: u16) -> bool {
+        self.node.is_on_bus() && self.timing().is_some_and(|timing| timing.kbit_s == kbit_s)
+    }
+
+    /// Whether the node is in set-up mode or active operation, whatever its baud rate.
+    pub fn is_on_bus(&self) -> bool {
+        self.node.is_on_bus()
+    }
+
+    /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.
+    pub fn control_changed(&self) -> bool {
+        self.node.control_changed()
+    }
+
+    /// Whether the node is locked to the SYNC signal.
+    pub fn is_synchronized(&self) -> bool {
+        self.lock.is_locked()
+    }
+
+    /// One processor cycle; see [`Node::refresh_status`] for `on_wire`.
+    pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
+        let regs = &self.regs;
+        let change = self.node.look_at_control(ctx, || node::clear_cyclic_area(regs));
+        match change {
+            Change::Restarted => {
+                self.lock.release();
+                self.leave_active();
+            }
+            Change::SetUpStarted | Change::Disabled => self.leave_active(),
+            Change::None | Change::Progressed | Change::Enabled => {}
+        }
+        self.node.refresh_status(on_wire);
+        change
+    }
+
+    fn leave_active(&mut self) {
+        self.interval_is_active = false;
+        self.ready = [None; 2];
+        self.parameters.forget();
+    }
+
+    /// Falling edge of SYNC: an interval begins; the configuration is read (manual p. 178).
+    pub fn sync_edge(&mut self, now: u64, interval_us: u32) {
+        self.lock.edge(now, interval_us);
+        self.ready = [None; 2];
+        self.interval_is_active = self.node.state() == NodeState::Active;
+        if !self.interval_is_active {
+            return;
+        }
+        let cfg = &self.regs._CFG_WRC_WORD;
+        self.config = [
+            [&cfg.b_CFG_WRC1_WORD0, &cfg.b_CFG_WRC1_WORD1, &cfg.b_CFG_WRC1_WORD2, &cfg.b_CFG_WRC1_WORD3]
+                .map(Cell8::load),
+            [&cfg.b_CFG_WRC2_WORD0, &cfg.b_CFG_WRC2_WORD1, &cfg.b_CFG_WRC2_WORD2, &cfg.b_CFG_WRC2_WORD3]
+                .map(Cell8::load),
+        ]
+        .map(FrameConfig::new);
+    }
+
+    /// Words of reference value frame 1 that this slave takes; processing takes 15 us for each.
+    pub fn words_taken(&self) -> u8 {
+        self.config[Channel::One.index()].used_words()
+    }
+
+    /// The deadline of an own actual value frame (manual p. 181-182): built if the PLC has released it
+    /// with 16#05, and acknowledged with 16#04.
+    pub fn build_actual(&mut self, ctx: &mut Context, channel: Channel) {
+        if !self.is_exchanging() {
+            return;
+        }
+        let (register, offset) = match channel {
+            Channel::One => {
+                (&self.regs.b_CTRLREG_RD_RDC1, offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC1))
+            }
+            Channel::Two => {
+                (&self.regs.b_CTRLREG_RD_RDC2, offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC2))
+            }
+        };
+        if register.load() != Code::RELEASED {
+            return;
+        }
+        let cfg = &self.regs._CFG_RDC_WORD;
+        let config = match channel {
+            Channel::One => {
+                [&cfg.b_CFG_RDC1_WORD0, &cfg.b_CFG_RDC1_WORD1, &cfg.b_CFG_RDC1_WORD2, &cfg.b_CFG_RDC1_WORD3]
+            }
+            Channel::Two => {
+                [&cfg.b_CFG_RDC2_WORD0, &cfg.b_CFG_RDC2_WORD1, &cfg.b_CFG_RDC2_WORD2, &cfg.b_CFG_RDC2_WORD3]
+            }
+        }
+        .map(Cell8::load);
+        let values = &self.regs.a_RD_VALUE_SEND;
+        let built = FrameConfig::new(config)
+            .build(|number| values.get(usize::from(number)).map_or(0, |cell| cell.load()));
+        self.ready[channel.index()] = Some(built.payload);
+        acknowledge(ctx, register, NODE1 + offset);
+    }
+
+    /// A reference value frame arrived: words first, then 16#02 in the status register.
+    pub fn reference_value(&mut self, channel: Channel, frame: &Frame) {
+        if !self.is_exchanging() || !self.node.accepts(frame.id()) {
+            return;
+        }
+        self.config[channel.index()].scatter(frame.payload(), |number, high_word, word| {
+            if let Some(cell) = self.regs.a_WR_VALUE_RECEIVE.get(usize::from(number)) {
+                store_word(cell, high_word, word);
+            }
+        });
+        match channel {
+            Channel::One => self.regs.b_CTRLREG_WRC1.store(Code::RECEIVED),
+            Channel::Two => self.regs.b_CTRLREG_WRC2.store(Code::RECEIVED),
+        }
+    }
+
+    /// The master asked for an own actual value frame.
+    pub fn requested_actual(&mut self, ctx: &mut Context, channel: Channel) -> Option<Frame> {
+        if !self.is_exchanging() {
+            return None;
+        }
+        let Some(payload) = self.ready[channel.index()].take() else {
+            let origin = ctx.origin;
+            ctx.report(Event::Missed { origin, what: Missed::ActualValue(channel.number()) });
+            return None;
+        };
+        Some(Frame::of(FrameKind::ActualValue(channel, self.number), payload))
+    }
+
+    /// Another slave's actual value frame was on the bus.
+    pub fn overheard_actual(&mut self, channel: Channel, slave: u8, frame: &Frame) {
+        if self.is_exchanging() && slave != self.number && self.node.accepts(frame.id()) {
+            self.regs.receive(channel, slave, frame);
+        }
+    }
+
+    /// An action command was on the bus; only commands with this slave's bit are shown (manual p. 188).
+    pub fn action(&mut self, frame: &Frame, command: &ActionCommand) {
+        if !self.node.accepts(frame.id()) || !command.concerns(self.number) {
+            return;
+        }
+        let regs = &self.regs;
+        match command.action() {
+            Action::ControlWord(word) => {
+                regs.w_CONTROLWORD.store(word);
+                regs.b_STATREG_CONTROLWORD.store(Code::RECEIVED);
+            }
+            Action::SyncMode(on) => {
+                if on {
+                    self.lock.wanted = true;
+                } else {
+                    self.lock.release();
+                }
+                regs.b_SYNC_MODUS.store(command.data_byte);
+                regs.b_STATREG_SYNC_MODUS.store(Code::RECEIVED);
+            }
+            Action::Other => {
+                regs.b_AKT_CMD.store(command.command);
+                regs.b_DATA_BYTE_AKT_CMD.store(command.data_byte);
+                regs.w_DATAWORD_AKT_CMD.store(command.data_word);
+                regs.b_STATREG_AKT_CMD.store(Code::RECEIVED);
+            }
+        }
+    }
+
+    /// A parameter job for this slave arrived. In set-up mode the firmware answers the status word by
+    /// itself, in active operation all jobs go to the application (decision D-06).
+    pub fn parameter_job(&mut self, job: &ParameterJob) {
+        if self.node.state() == NodeState::Active {
+            self.parameters.job(&self.regs, job);
+        } else {
+            let result = match job.access() {
+                Access::Read if job.number() == STATUS_WORD => ParameterResult::Word(self.status_word()),
+                _ => ParameterResult::Error(error_number::NOT_AVAILABLE_NOW),
+            };
+            self.parameters.answer_with(job.answer(result));
+        }
+    }
+
+    /// The answer to the last job, asked for at the start of the response slot.
+    pub fn response(&mut self) -> Option<Frame> {
+        if !self.node.is_on_bus() {
+            return None;
+        }
+        self.parameters.response(&self.regs).map(|response| response.frame(self.number))
+    }
+
+    /// The answer has left the bus.
+    pub fn response_sent(&mut self) {
+        self.parameters.response_sent(&self.regs);
+    }
+
+    fn status_word(&self) -> u16 {
+        if self.lock.is_locked() { SYNCHRONIZED } else { 0 }
+    }
+
+    fn is_exchanging(&self) -> bool {
+        self.interval_is_active && self.node.state() == NodeState::Active
+    }
+}

@@ -1,0 +1,126 @@
+//! What happens next on a bus.
+
+/// Points of a CANsync interval, in the order in which simultaneous ones are handled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Slot {
+    /// End of the command frame (may lie behind the next SYNC edge).
+    CommandEnd,
+    /// t_RSPTO after the end of the command frame.
+    ResponseTimeout,
+    /// Falling edge of SYNC.
+    Sync,
+    /// t_RC: the response frame starts.
+    ResponseStart,
+    /// End of the response frame.
+    ResponseEnd,
+    /// Deadline of reference value frame 1 and of the slaves' actual value frame 1.
+    Build1,
+    /// Reference value frame 1 is built; deadline of frame 2.
+    Built1,
+    /// Reference value frame 2 is built.
+    Built2,
+    /// End of WRC1.
+    Reference1End,
+    /// Deadline of the slaves' actual value frame 2.
+    BuildActual2,
+    /// End of RDC1.
+    Actual1End,
+    /// End of WRC2.
+    Reference2End,
+    /// End of RDC2.
+    Actual2End,
+    /// t_CC: the command frame is chosen and starts.
+    CommandStart,
+}
+
+const ALL: [Slot; 14] = [
+    Slot::CommandEnd,
+    Slot::ResponseTimeout,
+    Slot::Sync,
+    Slot::ResponseStart,
+    Slot::ResponseEnd,
+    Slot::Build1,
+    Slot::Built1,
+    Slot::Built2,
+    Slot::Reference1End,
+    Slot::BuildActual2,
+    Slot::Actual1End,
+    Slot::Reference2End,
+    Slot::Actual2End,
+    Slot::CommandStart,
+];
+
+/// Due times of all slots of one bus; each slot is due at most once at a time.
+#[derive(Clone, Debug)]
+pub(super) struct Agenda {
+    due: [u64; ALL.len()],
+}
+
+impl Agenda {
+    /// Time at which nothing is ever due.
+    pub(super) const NEVER: u64 = u64::MAX;
+
+    pub(super) fn empty() -> Self {
+        Agenda { due: [Self::NEVER; ALL.len()] }
+    }
+
+    #[inline]
+    pub(super) fn set(&mut self, slot: Slot, at: u64) {
+        self.due[slot as usize] = at;
+    }
+
+    #[inline]
+    pub(super) fn at(&self, slot: Slot) -> Option<u64> {
+        Some(self.due[slot as usize]).filter(|at| *at != Self::NEVER)
+    }
+
+    #[inline]
+    pub(super) fn cancel(&mut self, slot: Slot) {
+        self.set(slot, Self::NEVER);
+    }
+
+    pub(super) fn clear(&mut self) {
+        *self = Self::empty();
+    }
+
+    /// When the next slot is due; [`Agenda::NEVER`] if none is.
+    #[inline]
+    pub(super) fn next_time(&self) -> u64 {
+        self.due.iter().copied().fold(Self::NEVER, u64::min)
+    }
+
+    /// Takes the first slot that is due at `time`.
+    #[inline]
+    pub(super) fn take(&mut self, time: u64) -> Option<Slot> {
+        let index = self.due.iter().position(|at| *at == time)?;
+        self.due[index] = Self::NEVER;
+        ALL.get(index).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_stand_at_their_own_index() {
+        for (index, slot) in ALL.into_iter().enumerate() {
+            assert_eq!(slot as usize, index);
+        }
+    }
+
+    #[test]
+    fn simultaneous_slots_come_in_the_order_of_the_enum() {
+        let mut agenda = Agenda::empty();
+        assert_eq!(agenda.next_time(), Agenda::NEVER);
+        agenda.set(Slot::CommandStart, 5);
+        agenda.set(Slot::Sync, 5);
+        agenda.set(Slot::Build1, 9);
+        assert_eq!(agenda.next_time(), 5);
+        assert_eq!(agenda.take(5), Some(Slot::Sync));
+        assert_eq!(agenda.take(5), Some(Slot::CommandStart));
+        assert_eq!(agenda.take(5), None);
+        assert_eq!(agenda.next_time(), 9);
+    }
+}

@@ -1,0 +1,511 @@
+//! A simulated CANsync bus: one master, up to 32 slaves, frames in their slots.
+//!
+//! A frame is delivered at the end of its last bit, to everybody who listens at the bus's baud rate.
+//! Its content is fixed at its start. Slot times are those of the manual's table (5.00005.03a p. 125),
+//! frame lengths those of the real frames, stuff bits included.
+
+use super::agenda::{Agenda, Slot};
+use super::config::{BusConfig, PlantConfig, PlantError};
+use super::plc::Plc;
+use crate::bus::codec::action::ActionCommand;
+use crate::bus::codec::parameter::ParameterJob;
+use crate::bus::{Channel, Frame, FrameKind, wire};
+use crate::drive::Drive;
+use crate::firmware::Context;
+use crate::firmware::cansync::Built;
+use crate::journal::{Event, Journal, Origin};
+use crate::layout::omega_drive_line_2::BaudRate;
+
+/// Time to build or take over one word of a frame, in us (manual 5.00005.03a p. 154: 15 to 60 us).
+const WORD_US: u64 = 15;
+
+/// Who is connected under a slave number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Station {
+    Nobody,
+    /// Index into the bus's drives.
+    Drive(usize),
+    /// Index of the PLC whose node 1 it is.
+    Node(usize),
+}
+
+/// Who sends the frame that is on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sender {
+    Master,
+    Slave(u8),
+}
+
+/// A frame on the wire or about to be, for the status registers.
+#[derive(Clone, Copy, Debug)]
+struct OnWire {
+    from: u64,
+    until: u64,
+    sender: Sender,
+}
+
+/// The running bus: its times and what is under way.
+struct Running {
+    timing: &'static BaudRate,
+    /// Whether the master makes the SYNC signal itself.
+    own_sync: bool,
+    /// Start of the present interval.
+    start: u64,
+}
+
+pub(super) struct SimBus {
+    index: u16,
+    name: String,
+    master: Option<usize>,
+    stations: [Station; 32],
+    drives: Vec<Drive>,
+    /// Baud rate that the drives' DIP switches are set to.
+    drives_kbit_s: u16,
+    /// PLCs whose node 1 is on this bus.
+    nodes: Vec<usize>,
+    running: Option<Running>,
+    agenda: Agenda,
+    next: u64,
+    /// The last frame of each kind; a frame is noted when its slot is fixed, so several may be ahead.
+    on_wire: [Option<OnWire>; 6],
+    reference: [Option<Built>; 2],
+    actual: [Option<Frame>; 2],
+    command: Option<Frame>,
+    /// Slave number that owes an answer to the last command.
+    asked: Option<u8>,
+    /// A drive's answer, ready for the response slot.
+    drive_answer: Option<Frame>,
+    response: Option<Frame>,
+}
+
+impl SimBus {
+    /// Bus number `index` of `plant`.
+    pub(super) fn new(plant: &PlantConfig, index: usize, config: &BusConfig) -> Result<Self, PlantError> {
+        let mut bus = SimBus {
+            index: index as u16,
+            name: config.name.clone(),
+            master: None,
+            stations: [Station::Nobody; 32],
+            drives: Vec::new(),
+            drives_kbit_s: config.kbit_s,
+            nodes: Vec::new(),
+            running: None,
+            agenda: Agenda::empty(),
+            next: Agenda::NEVER,
+            on_wire: [None; 6],
+            reference: [None; 2],
+            actual: [None; 2],
+            command: None,
+            asked: None,
+            drive_answer: None,
+            response: None,
+        };
+        for (number, plc) in plant.plcs.iter().enumerate() {
+            if plc.node1.as_ref() == Some(&config.name) {
+                bus.nodes.push(number);
+                bus.connect(plc.dip, Station::Node(number));
+            }
+            if plc.node2.as_ref() == Some(&config.name) {
+                bus.master = Some(number);
+            }
+        }
+        for drive in &config.drives {
+            let drive = Drive::new(drive)?;
+            bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
+            bus.drives.push(drive);
+        }
+        Ok(bus)
+    }
+
+    fn connect(&mut self, number: u8, station: Station) {
+        if let Some(place) = self.stations.get_mut(usize::from(number)) {
+            *place = station;
+        }
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(super) fn drives(&self) -> &[Drive] {
+        &self.drives
+    }
+
+    #[inline]
+    pub(super) fn next_time(&self) -> u64 {
+        self.next
+    }
+
+    /// The next SYNC edge, if the master of this bus makes the signal itself.
+    pub(super) fn next_sync(&self) -> Option<u64> {
+        self.running.as_ref().filter(|running| running.own_sync)?;
+        self.agenda.at(Slot::Sync)
+    }
+
+    /// Baud rate of the running bus in kbit/s.
+    pub(super) fn kbit_s(&self) -> Option<u16> {
+        self.running.as_ref().map(|running| running.timing.kbit_s)
+    }
+
+    /// What the controller of `node` is doing: `Some(true)` sending, `Some(false)` receiving.
+    pub(super) fn on_wire(&self, now: u64, node: Origin) -> Option<bool> {
+        let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
+        Some(match wire.sender {
+            Sender::Master => node.node == 2,
+            Sender::Slave(number) => {
+                node.node == 1
+                    && self.stations.get(usize::from(number)) == Some(&Station::Node(usize::from(node.plc)))
+            }
+        })
+    }
+
+    /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
+    pub(super) fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
+        self.stop();
+        self.running = Some(Running { timing, own_sync, start: now });
+        if own_sync {
+            self.agenda.set(Slot::Sync, now);
+        }
+        self.next = self.agenda.next_time();
+    }
+
+    /// The master was restarted: no more SYNC, no more frames.
+    pub(super) fn stop(&mut self) {
+        self.running = None;
+        self.agenda.clear();
+        self.next = Agenda::NEVER;
+        self.on_wire = [None; 6];
+        self.asked = None;
+        self.drive_answer = None;
+    }
+
+    /// A SYNC edge of the upper bus arrives at a master that forwards it.
+    pub(super) fn forwarded_edge(&mut self, now: u64) {
+        if self.running.as_ref().is_some_and(|running| !running.own_sync) {
+            self.agenda.set(Slot::Sync, now);
+            self.next = self.agenda.next_time();
+        }
+    }
+
+    /// Handles the slot that is due at `now`; tells whether it was a SYNC edge.
+    pub(super) fn event(&mut self, now: u64, plcs: &mut [Plc], journal: &mut Journal) -> bool {
+        let Some(slot) = self.agenda.take(now) else { return false };
+        let Some(running) = &mut self.running else { return false };
+        if slot == Slot::Sync {
+            running.start = now;
+        }
+        let (timing, own_sync, start) = (running.timing, running.own_sync, running.start);
+        let mut run = Run { bus: self, now, start, timing, plcs, journal };
+        match slot {
+            Slot::Sync => run.sync_edge(own_sync),
+            Slot::ResponseStart => run.response_start(),
+            Slot::ResponseEnd => run.response_end(),
+            Slot::ResponseTimeout => run.response_timeout(),
+            Slot::Build1 => run.build_first(),
+            Slot::Built1 => run.built_first(),
+            Slot::Built2 => run.built_second(),
+            Slot::Reference1End => run.reference_end(Channel::One),
+            Slot::BuildActual2 => run.build_actual(Channel::Two),
+            Slot::Actual1End => run.actual_end(Channel::One),
+            Slot::Reference2End => run.reference_end(Channel::Two),
+            Slot::Actual2End => run.actual_end(Channel::Two),
+            Slot::CommandStart => run.command_start(),
+            Slot::CommandEnd => run.command_end(),
+        }
+        self.next = self.agenda.next_time();
+        slot == Slot::Sync
+    }
+}
+
+/// One event in progress, with everything it may touch.
+struct Run<'a> {
+    bus: &'a mut SimBus,
+    now: u64,
+    start: u64,
+    timing: &'static BaudRate,
+    plcs: &'a mut [Plc],
+    journal: &'a mut Journal,
+}
+
+impl Run<'_> {
+    fn at(&mut self, slot: Slot, offset_us: u32) {
+        self.bus.agenda.set(slot, self.start + u64::from(offset_us));
+    }
+
+    /// Runs `f` on the master's firmware.
+    fn master<R>(&mut self, f: impl FnOnce(&mut crate::firmware::cansync::Master, &mut Context) -> R) -> Option<R> {
+        let index = self.bus.master?;
+        let plc = self.plcs.get_mut(index)?;
+        let origin = Origin { plc: index as u16, node: 2 };
+        Some(f(&mut plc.master, &mut Context { now: self.now, journal: self.journal, origin }))
+    }
+
+    /// Runs `f` on the slave node of PLC `index`, if it listens.
+    fn node<R>(
+        &mut self,
+        index: usize,
+        f: impl FnOnce(&mut crate::firmware::cansync::Slave, &mut Context) -> R,
+    ) -> Option<R> {
+        let plc = self.plcs.get_mut(index).filter(|plc| plc.slave.hears(self.timing.kbit_s))?;
+        let origin = Origin { plc: index as u16, node: 1 };
+        Some(f(&mut plc.slave, &mut Context { now: self.now, journal: self.journal, origin }))
+    }
+
+    fn each_node(&mut self, mut f: impl FnMut(&mut crate::firmware::cansync::Slave, &mut Context)) {
+        for position in 0..self.bus.nodes.len() {
+            let index = self.bus.nodes[position];
+            self.node(index, &mut f);
+        }
+    }
+
+    fn station(&self, number: u8) -> Station {
+        self.bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody)
+    }
+
+    /// Puts a frame on the wire now or at a later slot start; its end is due as `slot`.
+    fn transmit(&mut self, slot: Slot, frame: &Frame, from: u64, sender: Sender) {
+        let until = from + u64::from(wire::duration_us(frame, u32::from(self.timing.kbit_s)));
+        let place = match slot {
+            Slot::Reference1End => 0,
+            Slot::Actual1End => 1,
+            Slot::Reference2End => 2,
+            Slot::Actual2End => 3,
+            Slot::CommandEnd => 4,
+            _ => 5,
+        };
+        self.bus.on_wire[place] = Some(OnWire { from, until, sender });
+        self.bus.agenda.set(slot, until);
+    }
+
+    /// The drives, if they are set to the bus's baud rate; otherwise they hear nothing.
+    fn drives(&mut self) -> &mut [Drive] {
+        if self.bus.drives_kbit_s == self.timing.kbit_s { &mut self.bus.drives } else { &mut [] }
+    }
+
+    fn note_frame(&mut self, frame: Frame) {
+        self.journal.push(self.now, Event::Frame { bus: self.bus.index, frame });
+    }
+
+    fn sync_edge(&mut self, own_sync: bool) {
+        self.journal.push(self.now, Event::SyncEdge { bus: self.bus.index });
+        let timing = self.timing;
+        let interval_us = u32::from(timing.time_pattern_ms) * 1000;
+        if own_sync {
+            self.at(Slot::Sync, interval_us);
+        }
+        self.bus.actual = [None; 2];
+        self.master(|master, _| master.sync_edge());
+        if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get(index)) {
+            plc.count_sync(2);
+        }
+        let now = self.now;
+        for &index in &self.bus.nodes {
+            if let Some(plc) = self.plcs.get_mut(index) {
+                plc.count_sync(1);
+                // SYNC is a line of its own: it is seen at any baud rate.
+                if plc.slave.is_on_bus() {
+                    plc.slave.sync_edge(now, interval_us);
+                }
+            }
+        }
+        for drive in &mut self.bus.drives {
+            drive.sync_edge(now, interval_us);
+        }
+        if self.bus.asked.is_some() || self.bus.command.is_some() {
+            self.at(Slot::ResponseStart, timing.t_rc_us);
+        }
+        self.at(Slot::Build1, timing.deadline_us);
+        self.at(Slot::CommandStart, timing.t_cc_us);
+    }
+
+    fn build_first(&mut self) {
+        self.build_actual(Channel::One);
+        let built = self.master(|master, ctx| master.build_reference(ctx, Channel::One)).flatten();
+        self.bus.reference[0] = built;
+        self.bus.agenda.set(Slot::Built1, self.now + build_time(built.as_ref()));
+    }
+
+    fn built_first(&mut self) {
+        self.send_reference(Channel::One);
+        let built = self.master(|master, ctx| master.build_reference(ctx, Channel::Two)).flatten();
+        self.bus.reference[1] = built;
+        self.bus.agenda.set(Slot::Built2, self.now + build_time(built.as_ref()));
+    }
+
+    fn built_second(&mut self) {
+        self.send_reference(Channel::Two);
+    }
+
+    /// Acknowledges a built frame and puts it into its slot.
+    fn send_reference(&mut self, channel: Channel) {
+        let Some(built) = self.bus.reference[channel.index()] else {
+            if channel == Channel::One {
+                self.at(Slot::BuildActual2, self.timing.t_wrc1_us + self.actual2_window().1);
+            }
+            return;
+        };
+        self.master(|master, ctx| master.acknowledge_reference(ctx, channel));
+        let (slot, offset) = match channel {
+            Channel::One => (Slot::Reference1End, self.timing.t_wrc1_us),
+            Channel::Two => (Slot::Reference2End, self.timing.t_wrc2_us),
+        };
+        self.transmit(slot, &built.frame, self.start + u64::from(offset), Sender::Master);
+    }
+
+    fn reference_end(&mut self, channel: Channel) {
+        let Some(built) = self.bus.reference[channel.index()].take() else { return };
+        let frame = built.frame;
+        self.note_frame(frame);
+        for drive in self.drives() {
+            drive.reference_frame(channel, frame.payload());
+        }
+        self.each_node(|slave, _| slave.reference_value(channel, &frame));
+        if channel == Channel::One {
+            self.schedule_actual2();
+        }
+        if let Some(FrameKind::ReferenceValue(_, number)) = frame.kind() {
+            self.request_actual(channel, number);
+        }
+    }
+
+    /// The station that the identifier names sends its actual value frame in its slot.
+    fn request_actual(&mut self, channel: Channel, number: u8) {
+        let answer = match self.station(number) {
+            Station::Nobody => None,
+            Station::Drive(index) => self.drives().get_mut(index).and_then(|drive| {
+                let payload = drive.actual_value_frame(channel)?;
+                Some(Frame::of(FrameKind::ActualValue(channel, number), payload))
+            }),
+            Station::Node(index) => {
+                self.node(index, |slave, ctx| slave.requested_actual(ctx, channel)).flatten()
+            }
+        };
+        let Some(frame) = answer else { return };
+        self.bus.actual[channel.index()] = Some(frame);
+        let (slot, offset) = match channel {
+            Channel::One => (Slot::Actual1End, self.timing.t_rdc1_us),
+            Channel::Two => (Slot::Actual2End, self.timing.t_rdc2_us),
+        };
+        self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
+    }
+
+    fn actual_end(&mut self, channel: Channel) {
+        let Some(frame) = self.bus.actual[channel.index()].take() else { return };
+        let Some(FrameKind::ActualValue(_, number)) = frame.kind() else { return };
+        self.note_frame(frame);
+        self.master(|master, _| master.actual_value(channel, number, &frame));
+        let bit = 1u32.checked_shl(u32::from(number)).unwrap_or(0);
+        for drive in self.drives() {
+            if drive.wants_overheard() & bit != 0 {
+                drive.overheard_frame(number, channel, frame.payload());
+            }
+        }
+        self.each_node(|slave, _| slave.overheard_actual(channel, number, &frame));
+    }
+
+    fn build_actual(&mut self, channel: Channel) {
+        self.each_node(|slave, ctx| slave.build_actual(ctx, channel));
+    }
+
+    /// Deadline of the slaves' second actual value frame: WRC1 received and processed, within the
+    /// limits of the manual (p. 182; at other baud rates and for several slaves: decision D-26).
+    fn schedule_actual2(&mut self) {
+        let mut words = 1;
+        self.each_node(|slave, _| words = words.max(slave.words_taken()));
+        let (earliest, latest) = self.actual2_window();
+        let slot = self.start + u64::from(self.timing.t_wrc1_us);
+        let due = (self.now + WORD_US * u64::from(words))
+            .clamp(slot + u64::from(earliest), slot + u64::from(latest));
+        self.bus.agenda.set(Slot::BuildActual2, due);
+    }
+
+    /// Limits of that deadline after t_WRC1, in us: 70 to 270 at 500 kbit/s, that is 800 to 1000 after
+    /// SYNC; longer in proportion at lower baud rates.
+    fn actual2_window(&self) -> (u32, u32) {
+        let factor = 500 / u32::from(self.timing.kbit_s.max(1));
+        (70 * factor, 270 * factor)
+    }
+
+    fn command_start(&mut self) {
+        self.bus.asked = None;
+        self.bus.drive_answer = None;
+        self.bus.command = self.master(|master, _| master.command()).flatten();
+        if let Some(frame) = self.bus.command {
+            self.transmit(Slot::CommandEnd, &frame, self.now, Sender::Master);
+        }
+    }
+
+    fn command_end(&mut self) {
+        let Some(frame) = self.bus.command.take() else { return };
+        self.note_frame(frame);
+        match frame.kind() {
+            Some(FrameKind::Action) => self.deliver_action(&frame),
+            Some(FrameKind::Job(number)) => {
+                self.bus.asked = Some(number);
+                let due = self.now + u64::from(self.timing.t_rspto_us);
+                self.bus.agenda.set(Slot::ResponseTimeout, due);
+                self.deliver_job(number, &frame);
+            }
+            _ => {}
+        }
+    }
+
+    fn deliver_action(&mut self, frame: &Frame) {
+        let Ok(command) = ActionCommand::decode(frame.payload()) else { return };
+        let now = self.now;
+        for drive in self.drives() {
+            if command.concerns(drive.slave_number()) {
+                drive.action_command(&command, now);
+            }
+        }
+        self.each_node(|slave, _| slave.action(frame, &command));
+    }
+
+    fn deliver_job(&mut self, number: u8, frame: &Frame) {
+        let Ok(job) = ParameterJob::decode(frame.payload()) else { return };
+        match self.station(number) {
+            Station::Nobody => {}
+            Station::Drive(index) => {
+                self.bus.drive_answer =
+                    self.drives().get_mut(index).map(|drive| drive.parameter_job(&job).frame(number));
+            }
+            Station::Node(index) => {
+                self.node(index, |slave, _| slave.parameter_job(&job));
+            }
+        }
+    }
+
+    fn response_start(&mut self) {
+        let Some(number) = self.bus.asked else { return };
+        let answer = match self.station(number) {
+            Station::Nobody => None,
+            Station::Drive(_) => self.bus.drive_answer.take(),
+            Station::Node(index) => self.node(index, |slave, _| slave.response()).flatten(),
+        };
+        if let Some(frame) = answer {
+            self.bus.response = Some(frame);
+            self.bus.agenda.cancel(Slot::ResponseTimeout);
+            self.transmit(Slot::ResponseEnd, &frame, self.now, Sender::Slave(number));
+        }
+    }
+
+    fn response_end(&mut self) {
+        let Some(frame) = self.bus.response.take() else { return };
+        self.note_frame(frame);
+        let Some(number) = self.bus.asked.take() else { return };
+        if let Station::Node(index) = self.station(number) {
+            self.node(index, |slave, _| slave.response_sent());
+        }
+        self.master(|master, ctx| master.response(ctx, number, &frame));
+    }
+
+    fn response_timeout(&mut self) {
+        self.bus.asked = None;
+        self.master(|master, ctx| master.response_timeout(ctx));
+    }
+}
+
+/// Time that building takes: 15 us for each used word, at least 15 us (decision D-09).
+fn build_time(built: Option<&Built>) -> u64 {
+    WORD_US * built.map_or(1, |built| u64::from(built.used_words.max(1)))
+}
