@@ -144,7 +144,7 @@ impl SimBus {
 
     /// Baud rate of the running bus in kbit/s.
     pub(super) fn kbit_s(&self) -> Option<u16> {
-        self.running.as_ref().map(|running| running.timing.kbit_s)
+        self.running.as_ref().map(|running| running.timing.kbit_per_s)
     }
 
     /// What the controller of `node` is doing: `Some(true)` sending, `Some(false)` receiving.
@@ -246,7 +246,7 @@ impl Run<'_> {
         index: usize,
         f: impl FnOnce(&mut crate::firmware::cansync::Slave, &mut Context) -> R,
     ) -> Option<R> {
-        let plc = self.plcs.get_mut(index).filter(|plc| plc.slave.hears(self.timing.kbit_s))?;
+        let plc = self.plcs.get_mut(index).filter(|plc| plc.slave.hears(self.timing.kbit_per_s))?;
         let origin = Origin { plc: index as u16, node: 1 };
         Some(f(&mut plc.slave, &mut Context { now: self.now, journal: self.journal, origin }))
     }
@@ -264,7 +264,7 @@ impl Run<'_> {
 
     /// Puts a frame on the wire now or at a later slot start; its end is due as `slot`.
     fn transmit(&mut self, slot: Slot, frame: &Frame, from: u64, sender: Sender) {
-        let until = from + u64::from(wire::duration_us(frame, u32::from(self.timing.kbit_s)));
+        let until = from + u64::from(wire::duration_us(frame, u32::from(self.timing.kbit_per_s)));
         let place = match slot {
             Slot::Reference1End => 0,
             Slot::Actual1End => 1,
@@ -279,7 +279,7 @@ impl Run<'_> {
 
     /// The drives, if they are set to the bus's baud rate; otherwise they hear nothing.
     fn drives(&mut self) -> &mut [Drive] {
-        if self.bus.drives_kbit_s == self.timing.kbit_s { &mut self.bus.drives } else { &mut [] }
+        if self.bus.drives_kbit_s == self.timing.kbit_per_s { &mut self.bus.drives } else { &mut [] }
     }
 
     fn note_frame(&mut self, frame: Frame) {
@@ -289,7 +289,7 @@ impl Run<'_> {
     fn sync_edge(&mut self, own_sync: bool) {
         self.journal.push(self.now, Event::SyncEdge { bus: self.bus.index });
         let timing = self.timing;
-        let interval_us = u32::from(timing.time_pattern_ms) * 1000;
+        let interval_us = u32::from(timing.b_TIME_PATTERN) * 1000;
         if own_sync {
             self.at(Slot::Sync, interval_us);
         }
@@ -312,10 +312,10 @@ impl Run<'_> {
             drive.sync_edge(now, interval_us);
         }
         if self.bus.asked.is_some() || self.bus.command.is_some() {
-            self.at(Slot::ResponseStart, timing.t_rc_us);
+            self.at(Slot::ResponseStart, timing.t_RC);
         }
-        self.at(Slot::Build1, timing.deadline_us);
-        self.at(Slot::CommandStart, timing.t_cc_us);
+        self.at(Slot::Build1, timing.deadline);
+        self.at(Slot::CommandStart, timing.t_CC);
     }
 
     fn build_first(&mut self) {
@@ -340,14 +340,14 @@ impl Run<'_> {
     fn send_reference(&mut self, channel: Channel) {
         let Some(built) = self.bus.reference[channel.index()] else {
             if channel == Channel::One {
-                self.at(Slot::BuildActual2, self.timing.t_wrc1_us + self.actual2_window().1);
+                self.at(Slot::BuildActual2, self.timing.t_WRC1 + self.actual2_window().1);
             }
             return;
         };
         self.master(|master, ctx| master.acknowledge_reference(ctx, channel));
         let (slot, offset) = match channel {
-            Channel::One => (Slot::Reference1End, self.timing.t_wrc1_us),
-            Channel::Two => (Slot::Reference2End, self.timing.t_wrc2_us),
+            Channel::One => (Slot::Reference1End, self.timing.t_WRC1),
+            Channel::Two => (Slot::Reference2End, self.timing.t_WRC2),
         };
         self.transmit(slot, &built.frame, self.start + u64::from(offset), Sender::Master);
     }
@@ -383,8 +383,8 @@ impl Run<'_> {
         let Some(frame) = answer else { return };
         self.bus.actual[channel.index()] = Some(frame);
         let (slot, offset) = match channel {
-            Channel::One => (Slot::Actual1End, self.timing.t_rdc1_us),
-            Channel::Two => (Slot::Actual2End, self.timing.t_rdc2_us),
+            Channel::One => (Slot::Actual1End, self.timing.t_RDC1),
+            Channel::Two => (Slot::Actual2End, self.timing.t_RDC2),
         };
         self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
     }
@@ -413,7 +413,7 @@ impl Run<'_> {
         let mut words = 1;
         self.each_node(|slave, _| words = words.max(slave.words_taken()));
         let (earliest, latest) = self.actual2_window();
-        let slot = self.start + u64::from(self.timing.t_wrc1_us);
+        let slot = self.start + u64::from(self.timing.t_WRC1);
         let due = (self.now + WORD_US * u64::from(words))
             .clamp(slot + u64::from(earliest), slot + u64::from(latest));
         self.bus.agenda.set(Slot::BuildActual2, due);
@@ -422,7 +422,7 @@ impl Run<'_> {
     /// Limits of that deadline after t_WRC1, in us: 70 to 270 at 500 kbit/s, that is 800 to 1000 after
     /// SYNC; longer in proportion at lower baud rates.
     fn actual2_window(&self) -> (u32, u32) {
-        let factor = 500 / u32::from(self.timing.kbit_s.max(1));
+        let factor = 500 / u32::from(self.timing.kbit_per_s.max(1));
         (70 * factor, 270 * factor)
     }
 
@@ -442,7 +442,7 @@ impl Run<'_> {
             Some(FrameKind::Action) => self.deliver_action(&frame),
             Some(FrameKind::Job(number)) => {
                 self.bus.asked = Some(number);
-                let due = self.now + u64::from(self.timing.t_rspto_us);
+                let due = self.now + u64::from(self.timing.t_RSPTO);
                 self.bus.agenda.set(Slot::ResponseTimeout, due);
                 self.deliver_job(number, &frame);
             }

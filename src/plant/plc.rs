@@ -123,9 +123,9 @@ impl Plc {
     fn report_mismatch(&self, ctx: &mut Context, buses: &[SimBus]) {
         let bus = self.bus1.and_then(|bus| buses.get(bus)).and_then(SimBus::kbit_s);
         if let (Some(bus_kbit_s), Some(timing)) = (bus, self.slave.timing())
-            && bus_kbit_s != timing.kbit_s
+            && bus_kbit_s != timing.kbit_per_s
         {
-            let (origin, node_kbit_s) = (ctx.origin, timing.kbit_s);
+            let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
             ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
         }
     }

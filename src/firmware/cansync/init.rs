@@ -79,9 +79,9 @@ impl InitData {
         let (bt_0, bt_1) = (regs.b_BT_0.load(), regs.b_BT_1.load());
         let timing = BAUD_RATES
             .iter()
-            .find(|rate| (rate.b_bt_0, rate.b_bt_1) == (bt_0, bt_1))
+            .find(|rate| (rate.b_BT_0, rate.b_BT_1) == (bt_0, bt_1))
             .ok_or(InitFault::BitTiming)?;
-        if regs.b_TIME_PATTERN.load() != timing.time_pattern_ms {
+        if regs.b_TIME_PATTERN.load() != timing.b_TIME_PATTERN {
             return Err(InitFault::TimePattern);
         }
         Ok(InitData {
@@ -124,7 +124,7 @@ mod tests {
     fn only_the_three_documented_pairs_are_taken() {
         for (bt, pattern, kbit_s) in [((0x00, 0x1C), 2, 500), ((0x01, 0x1C), 4, 250), ((0x03, 0x1C), 8, 125)] {
             let data = InitData::of_master(&regs(0, bt, pattern)).unwrap();
-            assert_eq!(data.timing.kbit_s, kbit_s);
+            assert_eq!(data.timing.kbit_per_s, kbit_s);
             for wrong in [0, 1, 2, 4, 8].into_iter().filter(|p| *p != pattern) {
                 assert_eq!(
                     InitData::of_master(&regs(0, bt, wrong)).unwrap_err(),

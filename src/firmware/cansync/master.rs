@@ -11,10 +11,13 @@ use crate::bus::{Channel, Frame, FrameKind};
 use crate::firmware::Context;
 use crate::journal::{Event, Missed};
 use crate::layout::omega_drive_line_2::{
-    BaudRate, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2, SOFTWARE_NUMBER, SOFTWARE_RELEASE,
+    BaudRate, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
 };
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
+
+/// Where the cyclic area begins, behind the general registers.
+const CYCLIC_AREA: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 
 /// A reference value frame that was built and waits for its slot.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +59,8 @@ impl Master {
 
     /// Power-on with the number set at the DIP switches.
     pub fn power_on(&mut self, omega_nr: u8) {
-        self.node.power_on(omega_nr, (SOFTWARE_NUMBER, SOFTWARE_RELEASE));
+        self.regs.reset_from(0);
+        self.node.power_on(omega_nr);
     }
 
     /// The present state.
@@ -88,7 +92,7 @@ impl Master {
     /// One processor cycle; see [`Node::refresh_status`] for `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;
-        let change = self.node.look_at_control(ctx, || node::clear_cyclic_area(regs));
+        let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
         match change {
             Change::SetUpStarted | Change::Disabled => {
                 self.polling.restart();

@@ -79,14 +79,9 @@ impl Node {
         }
     }
 
-    /// Power-on: shows 16#0001 and the numbers that never change.
-    pub(super) fn power_on(&mut self, omega_nr: u8, software: (u16, u16)) {
-        self.regs.w_CANsync_STATUS.store(0);
+    /// Power-on: shows the number set at the DIP switches. All other registers hold their reset values.
+    pub(super) fn power_on(&mut self, omega_nr: u8) {
         self.regs.w_OMEGA_NR.store(u16::from(omega_nr));
-        self.regs.i_SW1_NR.store(software.0);
-        self.regs.i_SW1_RELEASE.store(software.1);
-        self.regs.w_CPU_CONTROL.store(control::RESTART);
-        self.regs.w_OPTION_STATUS.store(self.code(NodeState::StartUp));
     }
 
     /// The present state.
@@ -265,9 +260,4 @@ impl Node {
             self.regs.w_CANsync_STATUS.store(value);
         }
     }
-}
-
-/// Empties the cyclic area, from behind the general registers to the structure's end (decision D-03).
-pub(super) fn clear_cyclic_area<T: CyclicArea>(regs: &T) {
-    regs.clear();
 }

@@ -2,7 +2,7 @@
 
 use super::actual::{ActualValueRegisters, store_word};
 use super::master::acknowledge;
-use super::node::{self, Change, Node, NodeState, Role};
+use super::node::{Change, Node, NodeState, Role};
 use super::parameter::ParameterServer;
 use super::polling::{STATUS_WORD, SYNCHRONIZED};
 use super::registers::Code;
@@ -13,10 +13,13 @@ use crate::bus::{Channel, Frame, FrameKind, Payload};
 use crate::firmware::Context;
 use crate::journal::{Event, Missed};
 use crate::layout::omega_drive_line_2::{
-    BaudRate, CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1, SOFTWARE_NUMBER, SOFTWARE_RELEASE,
+    BaudRate, CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1,
 };
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
+
+/// Where the cyclic area begins, behind the general registers.
+const CYCLIC_AREA: usize = offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 
 /// The slave's firmware.
 pub struct Slave {
@@ -93,7 +96,8 @@ impl Slave {
 
     /// Power-on: the DIP number is the slave number.
     pub fn power_on(&mut self) {
-        self.node.power_on(self.number, (SOFTWARE_NUMBER, SOFTWARE_RELEASE));
+        self.regs.reset_from(0);
+        self.node.power_on(self.number);
     }
 
     /// The slave number.
@@ -115,7 +119,7 @@ impl Slave {
     /// Whether the node listens at `kbit_s`: set-up mode or active operation at the same baud rate.
     #[inline]
     pub fn hears(&self, kbit_s: u16) -> bool {
-        self.node.is_on_bus() && self.timing().is_some_and(|timing| timing.kbit_s == kbit_s)
+        self.node.is_on_bus() && self.timing().is_some_and(|timing| timing.kbit_per_s == kbit_s)
     }
 
     /// Whether the node is in set-up mode or active operation, whatever its baud rate.
@@ -136,7 +140,7 @@ impl Slave {
     /// One processor cycle; see [`Node::refresh_status`] for `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;
-        let change = self.node.look_at_control(ctx, || node::clear_cyclic_area(regs));
+        let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
         match change {
             Change::Restarted => {
                 self.lock.release();

@@ -1,0 +1,77 @@
+//! Where emulated time comes from.
+
+use std::time::{Duration, Instant};
+
+/// The clock of an emulator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clock {
+    /// Time passes only when a client asks for it.
+    Stepped,
+    /// Time passes with the wall clock, `speed` emulated microseconds for each real one.
+    RealTime {
+        /// 1.0 is real time; at most [`Clock::FASTEST`], at least [`Clock::SLOWEST`].
+        speed: f64,
+    },
+}
+
+impl Clock {
+    /// Largest speed factor.
+    pub const FASTEST: f64 = 1000.0;
+    /// Smallest speed factor.
+    pub const SLOWEST: f64 = 0.001;
+
+    /// Whether time passes only on request.
+    pub fn is_stepped(self) -> bool {
+        self == Clock::Stepped
+    }
+}
+
+/// A running wall clock that is read in emulated microseconds.
+#[derive(Debug)]
+pub(super) struct WallClock {
+    started: Instant,
+    speed: f64,
+}
+
+impl WallClock {
+    /// Starts at emulated time 0 now.
+    pub(super) fn start(speed: f64) -> Self {
+        WallClock { started: Instant::now(), speed }
+    }
+
+    /// The present emulated time.
+    pub(super) fn now(&self) -> u64 {
+        let real = self.started.elapsed();
+        if self.speed == 1.0 { real.as_micros() as u64 } else { (real.as_secs_f64() * 1e6 * self.speed) as u64 }
+    }
+
+    /// How long it really takes until emulated time `time`; zero if that is past.
+    pub(super) fn until(&self, time: u64) -> Duration {
+        let real = if self.speed == 1.0 {
+            Duration::from_micros(time)
+        } else {
+            Duration::try_from_secs_f64(time as f64 / 1e6 / self.speed).unwrap_or(Duration::MAX)
+        };
+        real.saturating_sub(self.started.elapsed())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fast_clock_is_ahead_of_a_slow_one() {
+        let started = Instant::now();
+        let fast = WallClock { started, speed: 10.0 };
+        let slow = WallClock { started, speed: 0.1 };
+        let slow_now = slow.now();
+        assert!(fast.now() >= slow_now);
+        assert!(slow.until(slow_now + 1_000_000) > fast.until(slow_now + 1_000_000));
+    }
+
+    #[test]
+    fn past_times_are_due_at_once() {
+        assert_eq!(WallClock::start(1.0).until(0), Duration::ZERO);
+    }
+}

@@ -1,0 +1,9 @@
+//! A running emulator: a plant on image files, driven by a clock, reachable through the channel.
+
+mod clock;
+mod emulator;
+#[cfg(feature = "channel")]
+mod machine;
+
+pub use clock::Clock;
+pub use emulator::{Emulator, Options, RuntimeError, StopHandle};
