@@ -1,0 +1,217 @@
+//! A plant under test: PLC `a` is master of a bus with PLC `b` as slave 0 and, if wanted, drives 1 to 3.
+
+#![allow(dead_code, reason = "each test binary uses its own part of the rig")]
+
+use commram::bus::Frame;
+use commram::journal::{Event, Record};
+use commram::layout::omega_drive_line_2::*;
+use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
+use commram::plant::{Plant, PlantConfig, PlantError};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Where the RAM of the plant lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// Heap memory of this process.
+    Heap,
+    /// Image files in shared memory.
+    Mapped,
+}
+
+/// Both kinds of memory; a test over this list runs the same on each.
+pub const BOTH: [Memory; 2] = [Memory::Heap, Memory::Mapped];
+
+/// A baud rate as the PLC sets it.
+#[derive(Clone, Copy, Debug)]
+pub struct Rate {
+    pub kbit_s: u16,
+    pub bt_0: u8,
+    pub interval_us: u64,
+}
+
+pub const RATES: [Rate; 3] = [
+    Rate { kbit_s: 500, bt_0: 0x00, interval_us: 2000 },
+    Rate { kbit_s: 250, bt_0: 0x01, interval_us: 4000 },
+    Rate { kbit_s: 125, bt_0: 0x03, interval_us: 8000 },
+];
+
+pub struct Rig {
+    pub plant: Plant,
+    pub rate: Rate,
+    /// Node 2 of PLC `a`.
+    pub master: View<CANsync_MA_CTRL_BMSTRUCT>,
+    pub master_init: View<CANsync_INIT_BMSTRUCT>,
+    /// Node 1 of PLC `b`.
+    pub slave: View<CANsync_SL_CTRL_BMSTRUCT>,
+    pub slave_init: View<CANsync_INIT_BMSTRUCT>,
+    _images: Vec<Image>,
+}
+
+impl Rig {
+    pub fn new(memory: Memory, rate: Rate) -> Rig {
+        Self::of(memory, rate, "")
+    }
+
+    /// `drives` is TOML text put behind the bus.
+    pub fn of(memory: Memory, rate: Rate, drives: &str) -> Rig {
+        let text = format!(
+            "[[plc]]\nname = 'a'\ndip = 9\nnode2 = 'line'\n\
+             [[plc]]\nname = 'b'\ndip = 0\nnode1 = 'line'\nlock_time_us = 20000\n\
+             [[bus]]\nname = 'line'\nkbit_s = {}\n{drives}",
+            rate.kbit_s
+        );
+        let config = PlantConfig::parse("rig", &text).unwrap();
+        let mut images = Vec::new();
+        let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
+        let view = |plc: usize| plant.plcs()[plc].segment().clone();
+        Rig {
+            rate,
+            master: view(0).view(NODE2).unwrap(),
+            master_init: view(0).view(NODE2).unwrap(),
+            slave: view(1).view(NODE1).unwrap(),
+            slave_init: view(1).view(NODE1).unwrap(),
+            plant,
+            _images: images,
+        }
+    }
+
+    /// Lets `us` microseconds of emulated time pass.
+    pub fn step(&mut self, us: u64) {
+        self.plant.advance_to(self.plant.now() + us);
+    }
+
+    /// Runs to the next SYNC edge of the bus and handles it.
+    pub fn to_sync(&mut self) {
+        let edge = self.plant.next_sync(0, 2).expect("the bus has a SYNC signal");
+        self.plant.advance_to(edge);
+    }
+
+    /// Brings the master from restart to "waiting for start"; slaves 0 to 3 are expected.
+    pub fn initialize_master(&mut self) {
+        let init = self.master_init.clone();
+        self.initialize(&init, 0x00);
+    }
+
+    /// Brings the slave node from restart to "waiting for start".
+    pub fn initialize_slave(&mut self) {
+        let init = self.slave_init.clone();
+        self.initialize(&init, 0x01);
+    }
+
+    fn initialize(&mut self, init: &CANsync_INIT_BMSTRUCT, mode: u8) {
+        for (command, status) in [(0x0000, 0x0001), (0x0001, 0x0002)] {
+            init.w_CPU_CONTROL.store(command);
+            self.step(500);
+            assert_eq!(init.w_OPTION_STATUS.load(), status);
+        }
+        init.b_MA_SL_MODE.store(mode);
+        init.b_AC.store(0xFF);
+        init.b_AM.store(0xFF);
+        init.b_BT_0.store(self.rate.bt_0);
+        init.b_BT_1.store(0x1C);
+        init.b_OUTPUT_CONTROL.store(0xFA);
+        init.b_CLOCK_DIVIDER.store(0x07);
+        init.b_TIME_PATTERN.store((self.rate.interval_us / 1000) as u8);
+        for slave in 0..4 {
+            init.a_SL_TYP[slave].store(u8::from(mode == 0));
+        }
+        init.w_CPU_CONTROL.store(0x0002);
+        self.step(500);
+        assert_eq!(init.w_OPTION_STATUS.load(), 0x0003);
+    }
+
+    /// Both nodes in set-up mode.
+    pub fn set_up(&mut self) {
+        self.initialize_slave();
+        self.initialize_master();
+        self.slave.w_CPU_CONTROL.store(0x0020);
+        self.master.w_CPU_CONTROL.store(0x0020);
+        self.step(500);
+        assert_eq!(self.slave.w_OPTION_STATUS.load(), 0x0013);
+        assert_eq!(self.master.w_OPTION_STATUS.load(), 0x0043);
+    }
+
+    /// Both nodes in active operation; ends at the first SYNC edge of it.
+    pub fn activate(&mut self) {
+        self.set_up();
+        self.slave.w_CPU_CONTROL.store(0x0040);
+        self.master.w_CPU_CONTROL.store(0x0040);
+        self.step(500);
+        assert_eq!(self.slave.w_OPTION_STATUS.load(), 0x0020);
+        assert_eq!(self.master.w_OPTION_STATUS.load(), 0x0080);
+        self.to_sync();
+    }
+
+    /// Configuration bytes of reference value frame 1 at the master.
+    pub fn configure_wrc1(&self, bytes: [u8; 4]) {
+        let cfg = &self.master._CFG_WRC_WORD;
+        cfg.b_CFG_WRC1_WORD0.store(bytes[0]);
+        cfg.b_CFG_WRC1_WORD1.store(bytes[1]);
+        cfg.b_CFG_WRC1_WORD2.store(bytes[2]);
+        cfg.b_CFG_WRC1_WORD3.store(bytes[3]);
+    }
+
+    /// Releases WRC1 in this interval and runs to the next SYNC edge. Call it at a SYNC edge.
+    pub fn send_wrc1(&mut self) {
+        self.master.b_CTRLREG_WRC1.store(0x05);
+        self.to_sync();
+    }
+
+    pub fn records(&self) -> impl DoubleEndedIterator<Item = &Record> {
+        self.plant.journal().records()
+    }
+
+    /// All frames so far with the time of their end.
+    pub fn frames(&self) -> Vec<(u64, Frame)> {
+        self.records()
+            .filter_map(|record| match record.event {
+                Event::Frame { frame, .. } => Some((record.time_us, frame)),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// The last frame whose identifier is in `ids`.
+    pub fn last_frame(&self, ids: core::ops::RangeInclusive<u16>) -> Option<Frame> {
+        self.frames().into_iter().rev().map(|(_, frame)| frame).find(|frame| ids.contains(&frame.id()))
+    }
+}
+
+/// RAM for a PLC; an image is kept alive in `images` and removes its file when that is dropped.
+pub fn segment(memory: Memory, plc: &str, images: &mut Vec<Image>) -> Result<Segment, RigError> {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    match memory {
+        Memory::Heap => Ok(Segment::heap()),
+        Memory::Mapped => {
+            let count = COUNT.fetch_add(1, Ordering::Relaxed);
+            let instance = format!("rig-{}-{count}", std::process::id());
+            let spec = ImageSpec {
+                layout_hash: LAYOUT_HASH,
+                device: "Omega Drive-Line II".to_owned(),
+                clock_mode: ClockMode::Stepped,
+                speed: 0,
+                processor_cycle_us: 500,
+            };
+            let image = Image::create(&instance, plc, &spec)?;
+            let segment = image.segment().clone();
+            images.push(image);
+            Ok(segment)
+        }
+    }
+}
+
+/// What building a rig can fail with.
+#[derive(Debug)]
+pub struct RigError(#[expect(dead_code, reason = "shown by Debug")] String);
+
+impl From<commram::memory::MemoryError> for RigError {
+    fn from(error: commram::memory::MemoryError) -> Self {
+        RigError(error.to_string())
+    }
+}
+
+impl From<PlantError> for RigError {
+    fn from(error: PlantError) -> Self {
+        RigError(error.to_string())
+    }
+}
