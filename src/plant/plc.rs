@@ -27,7 +27,7 @@ impl Plc {
         Ok(Plc {
             name: config.name.clone(),
             dip: config.dip,
-            header: segment.view::<Header>(0)?,
+            header: segment.header()?,
             slave: Slave::new(&segment, config.dip, config.lock_time_us)?,
             master: Master::new(&segment)?,
             segment,
