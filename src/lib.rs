@@ -9,3 +9,4 @@ pub mod journal;
 pub mod layout;
 pub mod memory;
 pub mod plant;
+pub mod runtime;
