@@ -1,5 +1,6 @@
 //! Where emulated time comes from.
 
+use crate::memory::ClockMode;
 use std::time::{Duration, Instant};
 
 /// The clock of an emulator.
@@ -19,6 +20,19 @@ impl Clock {
     pub const FASTEST: f64 = 1000.0;
     /// Smallest speed factor.
     pub const SLOWEST: f64 = 0.001;
+
+    /// What the header page says about this clock.
+    pub fn mode(self) -> ClockMode {
+        if self.is_stepped() { ClockMode::Stepped } else { ClockMode::RealTime }
+    }
+
+    /// Emulated time per real time x 1000 as the header page shows it; 0 when stepped.
+    pub fn speed_permille(self) -> u32 {
+        match self {
+            Clock::Stepped => 0,
+            Clock::RealTime { speed } => (speed * 1000.0) as u32,
+        }
+    }
 
     /// Whether time passes only on request.
     pub fn is_stepped(self) -> bool {

@@ -6,7 +6,7 @@
 
 use super::clock::{Clock, WallClock};
 use crate::layout::omega_drive_line_2 as device;
-use crate::memory::{ClockMode, Image, ImageSpec, MemoryError, bell};
+use crate::memory::{Header, Image, ImageSpec, MemoryError, View, wait_any};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,14 +48,14 @@ pub enum RuntimeError {
 #[derive(Clone)]
 pub struct StopHandle {
     stop: Arc<AtomicBool>,
-    doorbell: crate::memory::View<crate::memory::Header>,
+    header: View<Header>,
 }
 
 impl StopHandle {
     /// Asks the emulator to end; it does so within its present step.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Release);
-        self.doorbell.doorbell.ring();
+        self.header.doorbell.ring();
     }
 }
 
@@ -65,6 +65,8 @@ pub struct Emulator {
     pub(super) options: Options,
     pub(super) stop: Arc<AtomicBool>,
     images: Vec<Image>,
+    /// Rings of each PLC's doorbell as last noted.
+    rings: Vec<u32>,
     #[cfg(feature = "channel")]
     server: Option<crate::channel::Server>,
     #[cfg(feature = "channel")]
@@ -78,16 +80,16 @@ impl Emulator {
     /// # Errors
     /// [`RuntimeError`]: another emulator has the instance, a file is in the way, the plant is refused.
     pub fn start(config: &PlantConfig, options: Options) -> Result<Self, RuntimeError> {
-        let speed = match options.clock {
-            Clock::Stepped => 0.0,
-            Clock::RealTime { speed } if (Clock::SLOWEST..=Clock::FASTEST).contains(&speed) => speed,
-            Clock::RealTime { speed } => return Err(RuntimeError::Speed { speed }),
-        };
+        if let Clock::RealTime { speed } = options.clock
+            && !(Clock::SLOWEST..=Clock::FASTEST).contains(&speed)
+        {
+            return Err(RuntimeError::Speed { speed });
+        }
         let spec = ImageSpec {
             layout_hash: device::LAYOUT_HASH,
             device: "Omega Drive-Line II".to_owned(),
-            clock: if options.clock.is_stepped() { ClockMode::Stepped } else { ClockMode::RealTime },
-            speed_permille: (speed * 1000.0) as u32,
+            clock_mode: options.clock.mode(),
+            speed: options.clock.speed_permille(),
             processor_cycle_us: config.processor_cycle_us,
         };
         let mut images = Vec::with_capacity(config.plcs.len());
@@ -98,9 +100,11 @@ impl Emulator {
             Ok::<_, RuntimeError>(segment)
         })?;
         #[cfg(feature = "channel")]
-        let server = open_channel(&options.instance, &images);
+        let server = Self::open_channel(&options.instance, &images);
+        let rings = vec![0; images.len()];
         images.iter().for_each(Image::set_ready);
         Ok(Emulator {
+            rings,
             plant,
             options,
             stop: Arc::new(AtomicBool::new(false)),
@@ -123,12 +127,14 @@ impl Emulator {
     }
 
     /// A handle to end the emulator with.
-    ///
-    /// # Panics
-    /// Never: a plant has at least one PLC.
-    pub fn stop_handle(&self) -> Option<StopHandle> {
-        let doorbell = self.images.first()?.header().clone();
-        Some(StopHandle { stop: Arc::clone(&self.stop), doorbell })
+    pub fn stop_handle(&self) -> StopHandle {
+        StopHandle { stop: Arc::clone(&self.stop), header: self.header().clone() }
+    }
+
+    /// The header page that speaks for the whole instance: that of the first PLC.
+    pub(super) fn header(&self) -> &View<Header> {
+        // `start` refuses a plant without a PLC.
+        self.images[0].header()
     }
 
     /// Whether the emulator was asked to end.
@@ -148,50 +154,53 @@ impl Emulator {
 
     fn run_stepped(&mut self) {
         while !self.is_stopping() {
-            let rings = self.rings();
+            self.note_rings();
             if self.serve_channel() {
                 self.announce();
-                continue;
-            }
-            if !self.options.busy {
-                self.sleep(&rings, LONGEST_SLEEP);
+            } else if !self.options.busy {
+                self.sleep(LONGEST_SLEEP);
             }
         }
     }
 
     fn run_real_time(&mut self, clock: &WallClock) {
-        let mut handled = self.rings();
         while !self.is_stopping() {
-            let rings = self.rings();
-            let rung = rings != handled;
+            let rung = self.note_rings();
             let now = clock.now();
             let due = self.plant.next_event() <= now;
             self.plant.advance_to(now);
-            if rung || self.options.busy && self.plant.control_changed() {
+            let look = rung || self.options.busy && self.plant.control_changed();
+            if look {
                 self.plant.processor_cycle();
             }
-            handled.clone_from(&rings);
-            if rung || due || self.options.busy {
+            if look || due {
                 self.announce();
             }
-            if self.serve_channel() || self.options.busy {
-                continue;
+            if !self.serve_channel() && !self.options.busy {
+                self.sleep(clock.until(self.plant.next_event()).min(LONGEST_SLEEP));
             }
-            let sleep = clock.until(self.plant.next_event()).min(LONGEST_SLEEP);
-            self.sleep(&rings, sleep);
         }
     }
 
-    /// How often each PLC's doorbell has been rung.
-    fn rings(&self) -> Vec<u32> {
-        self.images.iter().map(|image| image.header().doorbell.rings()).collect()
+    /// Notes how often each PLC's doorbell has been rung; tells whether one was rung since last time.
+    fn note_rings(&mut self) -> bool {
+        let mut rung = false;
+        for (noted, image) in self.rings.iter_mut().zip(&self.images) {
+            let rings = image.header().doorbell.rings();
+            rung |= core::mem::replace(noted, rings) != rings;
+        }
+        rung
     }
 
-    /// Sleeps until a doorbell is rung that was not in `seen`, or until `timeout`.
-    fn sleep(&self, seen: &[u32], timeout: Duration) {
+    /// Sleeps until a doorbell is rung again, or until `timeout`.
+    fn sleep(&self, timeout: Duration) {
+        if let ([image], [rings]) = (&self.images[..], &self.rings[..]) {
+            image.header().doorbell.wait(*rings, Some(timeout));
+            return;
+        }
         let bells: Vec<_> =
-            self.images.iter().map(|image| &image.header().doorbell).zip(seen.iter().copied()).collect();
-        bell::wait_any(&bells, Some(timeout));
+            self.images.iter().map(|image| &image.header().doorbell).zip(self.rings.iter().copied()).collect();
+        wait_any(&bells, Some(timeout));
     }
 
     /// Tells waiting clients that registers may have changed.
@@ -200,7 +209,19 @@ impl Emulator {
     }
 
     #[cfg(feature = "channel")]
+    fn open_channel(instance: &str, images: &[Image]) -> Option<crate::channel::Server> {
+        let header = images.first()?.header().clone();
+        let opened = crate::memory::channel_root(instance).map_err(|error| error.to_string()).and_then(|root| {
+            let bells = Box::new(crate::channel::HeaderBells::of_emulator(header));
+            crate::channel::Server::open(instance, &root, bells).map_err(|error| error.to_string())
+        });
+        opened.inspect_err(|error| tracing::error!("no channel, mapped clients only: {error}")).ok()
+    }
+
+    /// Handles what came through the channel; tells whether there was anything.
+    #[cfg(feature = "channel")]
     fn serve_channel(&mut self) -> bool {
+        // Taken out for the call, because the channel needs the rest of the emulator.
         let Some(mut server) = self.server.take() else { return false };
         let served = server.poll(self);
         self.server = Some(server);
@@ -214,7 +235,9 @@ impl Emulator {
 
     #[cfg(feature = "channel")]
     fn close_channel(&mut self) {
-        self.server = None;
+        if let Some(server) = self.server.take() {
+            server.close();
+        }
     }
 
     #[cfg(not(feature = "channel"))]

@@ -1,7 +1,7 @@
 //! The emulator as the channel sees it.
 
 use super::emulator::Emulator;
-use crate::channel::{ClockKind, InstanceInfo, Machine, Unmapped};
+use crate::channel::{InstanceInfo, Machine, Unmapped};
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::memory::{MemoryError, Segment, Width};
 
@@ -114,6 +114,18 @@ fn store_part(segment: &Segment, part: Part, value: u32) -> Result<(), MemoryErr
     segment.update(start, width, |old| old & keep | value << shift).map(|_| ())
 }
 
+/// Compare-exchange of a part, atomic for the register it lies in.
+fn exchange_part(segment: &Segment, part: Part, current: u32, new: u32) -> Result<Result<u32, u32>, MemoryError> {
+    let (start, width) = part.register;
+    let shift = (part.offset - start) * 8;
+    let field = mask(part.bytes) << shift;
+    let old = segment.update(start, width, |old| {
+        if (old & field) >> shift == current { old & !field | new << shift } else { old }
+    })?;
+    let seen = (old & field) >> shift;
+    Ok(if seen == current { Ok(seen) } else { Err(seen) })
+}
+
 fn mask(bytes: u32) -> u32 {
     u32::MAX >> (32 - 8 * bytes.clamp(1, 4))
 }
@@ -160,13 +172,13 @@ impl Machine for Emulator {
     ) -> Result<Result<u32, u32>, Unmapped> {
         let missing = Unmapped { offset };
         let segment = self.segment(plc).ok_or(missing)?;
-        self.registers.area(offset, width.bytes())?;
         let mut parts = self.registers.parts(offset, width)?;
-        let whole = parts.next().is_some_and(|part| part.register == (offset, width));
-        let outcome = if whole {
-            segment.compare_exchange(offset, width, current, new).map_err(|_| missing)?
+        let first = parts.next().ok_or(missing)?;
+        let outcome = if parts.next().is_none() {
+            exchange_part(segment, first, current, new).map_err(|_| missing)?
         } else {
-            // No single register: the firmware does not run meanwhile, so load and store do.
+            // Several registers cannot be exchanged in one go. The firmware does not run meanwhile, but
+            // a mapped client may write between the look and the write, as on the device.
             let seen = self.load(plc, offset, width)?;
             if seen == current {
                 self.store(plc, offset, width, new)?;
@@ -209,7 +221,19 @@ impl Machine for Emulator {
     }
 
     fn info(&self) -> InstanceInfo {
-        todo!()
+        let header = self.header();
+        InstanceInfo {
+            name: self.options.instance.clone(),
+            clock_mode: self.options.clock.mode(),
+            speed: header.speed.load(),
+            time_us: self.plant.now(),
+            generation: header.generation.load(),
+            pid: header.firmware_pid.load(),
+            layout_hash: header.layout_hash.load(),
+            abi_version: header.abi_version.load(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            plcs: self.plant.plcs().iter().map(|plc| plc.name().to_owned()).collect(),
+        }
     }
 
     fn request_stop(&mut self) {
