@@ -271,7 +271,7 @@ fn range(
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {
     let mut seen = BTreeSet::new();
     for name in names {
-        if name.is_empty() {
+        if crate::memory::names::check_plc(name).is_err() {
             return Err(PlantError::Name { what, name: name.to_owned() });
         }
         if !seen.insert(name) {

@@ -6,7 +6,7 @@
 
 use super::clock::{Clock, WallClock};
 use crate::layout::omega_drive_line_2 as device;
-use crate::memory::{Header, Image, ImageSpec, MemoryError, View, wait_any};
+use crate::memory::{Header, Image, ImageSpec, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -200,7 +200,7 @@ impl Emulator {
         }
         let bells: Vec<_> =
             self.images.iter().map(|image| &image.header().doorbell).zip(self.rings.iter().copied()).collect();
-        wait_any(&bells, Some(timeout));
+        bell::wait_any(&bells, Some(timeout));
     }
 
     /// Tells waiting clients that registers may have changed.
@@ -211,7 +211,7 @@ impl Emulator {
     #[cfg(feature = "channel")]
     fn open_channel(instance: &str, images: &[Image]) -> Option<crate::channel::Server> {
         let header = images.first()?.header().clone();
-        let opened = crate::memory::channel_root(instance).map_err(|error| error.to_string()).and_then(|root| {
+        let opened = crate::memory::names::channel_root(instance).map_err(|error| error.to_string()).and_then(|root| {
             let bells = Box::new(crate::channel::HeaderBells::of_emulator(header));
             crate::channel::Server::open(instance, &root, bells).map_err(|error| error.to_string())
         });

@@ -134,6 +134,16 @@ impl Emulator {
     fn segment(&self, plc: usize) -> Option<&Segment> {
         self.plant.plcs().get(plc).map(crate::plant::Plc::segment)
     }
+
+    fn write(&self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
+        let missing = Unmapped { offset };
+        let segment = self.segment(plc).ok_or(missing)?;
+        for part in self.registers.parts(offset, width)? {
+            let bits = value >> ((part.offset - offset) * 8) & mask(part.bytes);
+            store_part(segment, part, bits).map_err(|_| missing)?;
+        }
+        Ok(())
+    }
 }
 
 impl Machine for Emulator {
@@ -152,12 +162,7 @@ impl Machine for Emulator {
     }
 
     fn store(&mut self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
-        let missing = Unmapped { offset };
-        let segment = self.segment(plc).ok_or(missing)?;
-        for part in self.registers.parts(offset, width)? {
-            let bits = value >> ((part.offset - offset) * 8) & mask(part.bytes);
-            store_part(segment, part, bits).map_err(|_| missing)?;
-        }
+        self.write(plc, offset, width, value)?;
         self.plant.note_channel_write(plc, offset, width.bytes() as u8, value);
         Ok(())
     }
@@ -181,10 +186,11 @@ impl Machine for Emulator {
             // a mapped client may write between the look and the write, as on the device.
             let seen = self.load(plc, offset, width)?;
             if seen == current {
-                self.store(plc, offset, width, new)?;
-                return Ok(Ok(seen));
+                self.write(plc, offset, width, new)?;
+                Ok(seen)
+            } else {
+                Err(seen)
             }
-            Err(seen)
         };
         if outcome.is_ok() {
             self.plant.note_channel_write(plc, offset, width.bytes() as u8, new);
