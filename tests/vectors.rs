@@ -17,7 +17,11 @@ struct Vector {
 const VECTORS: &[Vector] = &[
     Vector { id: "T1", source: "5.00005.03a p. 153: 16#0D is the low word of value 3", check: t1 },
     Vector { id: "T2", source: "5.00005.03a p. 157: word 0 into the low word of actual value 3", check: t2 },
-    Vector { id: "T3", source: "5.00005.03a p. 177: word 0 into the low word of reference value 3", check: t3 },
+    Vector {
+        id: "T3",
+        source: "5.00005.03a p. 177: word 0 into the low word of reference value 3",
+        check: t3,
+    },
     Vector { id: "T4", source: "5.00005.03a p. 180: low word of own actual value 3 into word 0", check: t4 },
     Vector { id: "T5, T9", source: "5.00005.03a p. 127 (bytes inferred)", check: t5_and_t9 },
     Vector { id: "T6", source: "5.00005.03a p. 128 (bytes inferred)", check: t6 },
@@ -50,7 +54,7 @@ fn fill_reference_values(rig: &Rig) {
 /// Data of the WRC1 frame that configuration `bytes` make of these values.
 fn wrc1_data(rig: &mut Rig, bytes: [u8; 4]) -> Vec<u8> {
     rig.configure_wrc1(bytes);
-    rig.to_sync();
+    rig.run_to_sync();
     rig.send_wrc1();
     rig.last_frame(0x100..=0x17F).expect("a WRC1 frame went out").data().to_vec()
 }
@@ -97,7 +101,7 @@ fn t3(memory: Memory, rate: Rate) {
     fill_reference_values(&rig);
     rig.configure_wrc1([0x01, 0, 0, 0]);
     rig.slave._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x0D);
-    rig.to_sync();
+    rig.run_to_sync();
     rig.send_wrc1();
     assert_eq!(rig.slave.a_WR_VALUE_RECEIVE[3].load(), 0x0000_BB00);
     assert_eq!(rig.slave.b_CTRLREG_WRC1.load(), 0x02);
@@ -160,7 +164,7 @@ fn t19(memory: Memory, rate: Rate) {
     rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
     rig.master.w_CPU_CONTROL.store(0x0040);
     rig.step(500);
-    rig.to_sync();
+    rig.run_to_sync();
     for _ in 0..6 {
         rig.send_wrc1();
     }
@@ -180,7 +184,7 @@ fn t35(memory: Memory, rate: Rate) {
         rig.activate();
         rig.step(release_at);
         rig.master.b_CTRLREG_WRC1.store(0x05);
-        rig.to_sync();
+        rig.run_to_sync();
         let sent = rig.last_frame(0x100..=0x17F).is_some();
         assert_eq!(sent, in_time, "released {release_at} us after SYNC");
         assert_eq!(rig.master.b_CTRLREG_WRC1.load(), if in_time { 0x04 } else { 0x05 });
@@ -194,7 +198,7 @@ fn t40(memory: Memory, rate: Rate) {
     rig.set_up();
     // One round of polling: "SYNC mode: on", then slaves 0 to 3; the answer comes an interval later.
     for _ in 0..3 {
-        rig.to_sync();
+        rig.run_to_sync();
     }
     assert_eq!(rig.master.a_STAT_SL[0].load(), 0x01, "slave 0 responds and is not locked yet");
     rig.step(20_000 + 6 * rate.interval_us);

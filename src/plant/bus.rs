@@ -177,6 +177,7 @@ impl SimBus {
         self.on_wire = [None; 6];
         self.asked = None;
         self.drive_answer = None;
+        self.drives.iter_mut().for_each(Drive::sync_stopped);
     }
 
     /// A SYNC edge of the upper bus arrives at a master that forwards it.
@@ -233,7 +234,10 @@ impl Run<'_> {
     }
 
     /// Runs `f` on the master's firmware.
-    fn master<R>(&mut self, f: impl FnOnce(&mut crate::firmware::cansync::Master, &mut Context) -> R) -> Option<R> {
+    fn master<R>(
+        &mut self,
+        f: impl FnOnce(&mut crate::firmware::cansync::Master, &mut Context) -> R,
+    ) -> Option<R> {
         let index = self.bus.master?;
         let plc = self.plcs.get_mut(index)?;
         let origin = Origin { plc: index as u16, node: 2 };
@@ -452,11 +456,8 @@ impl Run<'_> {
 
     fn deliver_action(&mut self, frame: &Frame) {
         let Ok(command) = ActionCommand::decode(frame.payload()) else { return };
-        let now = self.now;
         for drive in self.drives() {
-            if command.concerns(drive.slave_number()) {
-                drive.action_command(&command, now);
-            }
+            drive.action_command(&command);
         }
         self.each_node(|slave, _| slave.action(frame, &command));
     }

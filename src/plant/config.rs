@@ -133,7 +133,9 @@ pub enum PlantError {
         known: String,
     },
     /// Both nodes of a PLC on one bus.
-    #[error("node1 and node2 of PLC '{plc}' are both on bus '{bus}'; a PLC cannot be slave and master of one bus")]
+    #[error(
+        "node1 and node2 of PLC '{plc}' are both on bus '{bus}'; a PLC cannot be slave and master of one bus"
+    )]
     BothNodes {
         /// The PLC.
         plc: String,
@@ -232,7 +234,12 @@ impl PlantConfig {
     fn check_bus(&self, bus: &BusConfig) -> Result<(), PlantError> {
         let right = "500, 250 or 125";
         if ![500, 250, 125].contains(&bus.kbit_s) {
-            return Err(PlantError::Range { what: "kbit_s", name: bus.name.clone(), value: bus.kbit_s.into(), right });
+            return Err(PlantError::Range {
+                what: "kbit_s",
+                name: bus.name.clone(),
+                value: bus.kbit_s.into(),
+                right,
+            });
         }
         let mut masters = self.plcs.iter().filter(|plc| plc.node2.as_ref() == Some(&bus.name));
         if let (Some(first), Some(second)) = (masters.next(), masters.next()) {
@@ -294,7 +301,8 @@ mod tests {
 
     #[test]
     fn each_mistake_is_named() {
-        let drive = |name: &str, number: u8| format!("[[bus.drive]]\nname = '{name}'\nslave_number = {number}\n");
+        let drive =
+            |name: &str, number: u8| format!("[[bus.drive]]\nname = '{name}'\nslave_number = {number}\n");
         let bus = "[[bus]]\nname = 'b'\n";
         let plc = "[[plc]]\nname = 'p'\n";
         let cases = [
@@ -302,8 +310,14 @@ mod tests {
             ("[[plc]]\nname = 'a b'\n".into(), "PLC name 'a b': use 1 to 31 characters"),
             (format!("{plc}{plc}"), "there are two PLCs named 'p'"),
             (format!("{plc}dip = 32\n"), "dip of 'p' is 32; it must be 0 to 31"),
-            (format!("{plc}node2 = 'x'\n{bus}"), "node2 of PLC 'p' is on bus 'x', which does not exist; buses are: b"),
-            (format!("{plc}node1 = 'b'\nnode2 = 'b'\n{bus}"), "node1 and node2 of PLC 'p' are both on bus 'b'"),
+            (
+                format!("{plc}node2 = 'x'\n{bus}"),
+                "node2 of PLC 'p' is on bus 'x', which does not exist; buses are: b",
+            ),
+            (
+                format!("{plc}node1 = 'b'\nnode2 = 'b'\n{bus}"),
+                "node1 and node2 of PLC 'p' are both on bus 'b'",
+            ),
             (
                 format!("{plc}node2 = 'b'\n[[plc]]\nname = 'q'\nnode2 = 'b'\n{bus}"),
                 "bus 'b' has two masters, node2 of 'p' and of 'q'",
@@ -317,7 +331,10 @@ mod tests {
                 "slave number 4 is used twice on bus 'b', by 'p' and 'd'",
             ),
             (format!("{plc}{bus}kbit_s = 1000\n"), "kbit_s of 'b' is 1000; it must be 500, 250 or 125"),
-            (format!("processor_cycle_us = 5\n{plc}"), "processor_cycle_us of 'plant' is 5; it must be 10 to 10000"),
+            (
+                format!("processor_cycle_us = 5\n{plc}"),
+                "processor_cycle_us of 'plant' is 5; it must be 10 to 10000",
+            ),
             (format!("{plc}colour = 1\n"), "test.toml: TOML parse error at line 3, column 1"),
         ];
         for (text, expected) in cases {

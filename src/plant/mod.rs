@@ -30,7 +30,10 @@ impl Plant {
     ///
     /// # Errors
     /// If a segment cannot be had or is too small, or if a drive's configuration is refused.
-    pub fn new<E>(config: &PlantConfig, mut segment: impl FnMut(&str) -> Result<Segment, E>) -> Result<Self, E>
+    pub fn new<E>(
+        config: &PlantConfig,
+        mut segment: impl FnMut(&str) -> Result<Segment, E>,
+    ) -> Result<Self, E>
     where
         E: From<MemoryError> + From<PlantError>,
     {
@@ -48,7 +51,8 @@ impl Plant {
             buses.push(SimBus::new(config, index, bus)?);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
-        let mut plant = Plant { now: 0, next_cycle: cycle_us, cycle_us, plcs, buses, journal: Journal::default() };
+        let mut plant =
+            Plant { now: 0, next_cycle: cycle_us, cycle_us, plcs, buses, journal: Journal::default() };
         for plc in &mut plant.plcs {
             plc.power_on();
         }

@@ -23,7 +23,11 @@ pub struct Plc {
 
 impl Plc {
     /// The PLC with the indices of the buses at its nodes 1 and 2.
-    pub(super) fn new(config: &PlcConfig, [bus1, bus2]: [Option<usize>; 2], segment: Segment) -> Result<Self, MemoryError> {
+    pub(super) fn new(
+        config: &PlcConfig,
+        [bus1, bus2]: [Option<usize>; 2],
+        segment: Segment,
+    ) -> Result<Self, MemoryError> {
         Ok(Plc {
             name: config.name.clone(),
             dip: config.dip,

@@ -56,7 +56,11 @@ impl WallClock {
     /// The present emulated time.
     pub(super) fn now(&self) -> u64 {
         let real = self.started.elapsed();
-        if self.speed == 1.0 { real.as_micros() as u64 } else { (real.as_secs_f64() * 1e6 * self.speed) as u64 }
+        if self.speed == 1.0 {
+            real.as_micros() as u64
+        } else {
+            (real.as_secs_f64() * 1e6 * self.speed) as u64
+        }
     }
 
     /// How long it really takes until emulated time `time`; zero if that is past.

@@ -198,8 +198,12 @@ impl Emulator {
             image.header().doorbell.wait(*rings, Some(timeout));
             return;
         }
-        let bells: Vec<_> =
-            self.images.iter().map(|image| &image.header().doorbell).zip(self.rings.iter().copied()).collect();
+        let bells: Vec<_> = self
+            .images
+            .iter()
+            .map(|image| &image.header().doorbell)
+            .zip(self.rings.iter().copied())
+            .collect();
         bell::wait_any(&bells, Some(timeout));
     }
 
@@ -211,10 +215,12 @@ impl Emulator {
     #[cfg(feature = "channel")]
     fn open_channel(instance: &str, images: &[Image]) -> Option<crate::channel::Server> {
         let header = images.first()?.header().clone();
-        let opened = crate::memory::names::channel_root(instance).map_err(|error| error.to_string()).and_then(|root| {
-            let bells = Box::new(crate::channel::HeaderBells::of_emulator(header));
-            crate::channel::Server::open(instance, &root, bells).map_err(|error| error.to_string())
-        });
+        let opened = crate::memory::names::channel_root(instance)
+            .map_err(|error| error.to_string())
+            .and_then(|root| {
+                let bells = Box::new(crate::channel::HeaderBells::of_emulator(header));
+                crate::channel::Server::open(instance, &root, bells).map_err(|error| error.to_string())
+            });
         opened.inspect_err(|error| tracing::error!("no channel, mapped clients only: {error}")).ok()
     }
 

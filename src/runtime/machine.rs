@@ -115,7 +115,12 @@ fn store_part(segment: &Segment, part: Part, value: u32) -> Result<(), MemoryErr
 }
 
 /// Compare-exchange of a part, atomic for the register it lies in.
-fn exchange_part(segment: &Segment, part: Part, current: u32, new: u32) -> Result<Result<u32, u32>, MemoryError> {
+fn exchange_part(
+    segment: &Segment,
+    part: Part,
+    current: u32,
+    new: u32,
+) -> Result<Result<u32, u32>, MemoryError> {
     let (start, width) = part.register;
     let shift = (part.offset - start) * 8;
     let field = mask(part.bytes) << shift;

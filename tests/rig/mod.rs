@@ -81,7 +81,7 @@ impl Rig {
     }
 
     /// Runs to the next SYNC edge of the bus and handles it.
-    pub fn to_sync(&mut self) {
+    pub fn run_to_sync(&mut self) {
         let edge = self.plant.next_sync(0, 2).expect("the bus has a SYNC signal");
         self.plant.advance_to(edge);
     }
@@ -139,7 +139,7 @@ impl Rig {
         self.step(500);
         assert_eq!(self.slave.w_OPTION_STATUS.load(), 0x0020);
         assert_eq!(self.master.w_OPTION_STATUS.load(), 0x0080);
-        self.to_sync();
+        self.run_to_sync();
     }
 
     /// Configuration bytes of reference value frame 1 at the master.
@@ -154,7 +154,7 @@ impl Rig {
     /// Releases WRC1 in this interval and runs to the next SYNC edge. Call it at a SYNC edge.
     pub fn send_wrc1(&mut self) {
         self.master.b_CTRLREG_WRC1.store(0x05);
-        self.to_sync();
+        self.run_to_sync();
     }
 
     pub fn records(&self) -> impl DoubleEndedIterator<Item = &Record> {

@@ -122,7 +122,8 @@ mod tests {
     /// Manual 5.00005.03a p. 148 and the table of baud rates (p. 125).
     #[test]
     fn only_the_three_documented_pairs_are_taken() {
-        for (bt, pattern, kbit_s) in [((0x00, 0x1C), 2, 500), ((0x01, 0x1C), 4, 250), ((0x03, 0x1C), 8, 125)] {
+        for (bt, pattern, kbit_s) in [((0x00, 0x1C), 2, 500), ((0x01, 0x1C), 4, 250), ((0x03, 0x1C), 8, 125)]
+        {
             let data = InitData::of_master(&regs(0, bt, pattern)).unwrap();
             assert_eq!(data.timing.kbit_per_s, kbit_s);
             for wrong in [0, 1, 2, 4, 8].into_iter().filter(|p| *p != pattern) {

@@ -10,9 +10,7 @@ use crate::bus::codec::process::FrameConfig;
 use crate::bus::{Channel, Frame, FrameKind};
 use crate::firmware::Context;
 use crate::journal::{Event, Missed};
-use crate::layout::omega_drive_line_2::{
-    BaudRate, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
-};
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
 

@@ -5,8 +5,8 @@
 //! expected slave in ascending order, then all over again (decision D-30), so that a slave which is switched on
 //! late is found as well.
 
-use crate::bus::codec::action::ActionCommand;
 use crate::bus::Frame;
+use crate::bus::codec::action::ActionCommand;
 use crate::bus::codec::parameter::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::firmware::Context;
 use crate::journal::Event;
@@ -92,7 +92,9 @@ impl Polling {
         self.asked = None;
         let status = match response.result() {
             ParameterResult::Word(word) if word & SYNCHRONIZED != 0 => RESPONDS | IS_SYNCHRONIZED,
-            ParameterResult::Doubleword(value) if value & u32::from(SYNCHRONIZED) != 0 => RESPONDS | IS_SYNCHRONIZED,
+            ParameterResult::Doubleword(value) if value & u32::from(SYNCHRONIZED) != 0 => {
+                RESPONDS | IS_SYNCHRONIZED
+            }
             // Busy: the slave is there, and its status word is asked for again in the next round.
             ParameterResult::Busy => RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & IS_SYNCHRONIZED,
             _ => RESPONDS,
