@@ -63,11 +63,11 @@ pub enum Reason {
     )]
     Overlap { name: String, offset: u32, previous: String, end: u32 },
     #[error(
-        "{bytes} byte(s) before `{name}` are not described; \
+        "{bytes} byte(s) before {name} are not described; \
          write {{ offset = {start}, padding = {bytes} }} if that is meant"
     )]
     Gap { name: String, start: u32, bytes: u32 },
-    #[error("`{name}` at offset {offset}: a {ty} needs an offset divisible by {align}")]
+    #[error("`{name}` ({ty}) at offset {offset} needs an offset divisible by {align}")]
     Misaligned { name: String, ty: String, offset: u32, align: u32 },
     #[error("`{name}` ends at {end}, past the end of `{structure}` ({size} bytes)")]
     PastStructureEnd { name: String, end: u32, structure: String, size: u32 },
@@ -83,13 +83,15 @@ pub enum Reason {
     AreaOverlap { name: String, first: u32, last: u32, other: String, other_last: u32 },
     #[error("an array has one or two dimensions of 1 to 65535 elements, this one is {0:?}")]
     BadArray(Vec<u32>),
+    #[error("`{0}`: arrays of sub-structures have one dimension, and so have arrays inside of them")]
+    NestedArray(String),
     #[error("`used` is {used:?} but `array` is {array:?}: as many numbers, none of them greater")]
     BadUsed { used: Vec<u32>, array: Vec<u32> },
     #[error("an array needs a name that starts with `a_`, and `a_` needs `array`; this is `{0}`")]
     ArrayPrefix(String),
-    #[error("{what} {value} does not fit `{name}`, a {ty} of {bits} bits")]
+    #[error("{what} {value} does not fit `{name}` ({ty}, {bits} bits)")]
     ValueTooWide { what: &'static str, value: String, name: String, ty: &'static str, bits: u32 },
-    #[error("bit {bit} of meaning `{meaning}` does not fit `{name}`, a {ty} of {bits} bits")]
+    #[error("bit {bit} of meaning `{meaning}` does not fit `{name}` ({ty}, {bits} bits)")]
     BitTooWide { bit: u8, meaning: String, name: String, ty: &'static str, bits: u32 },
     #[error("bit {0} is described twice")]
     BitTwice(u8),

@@ -7,8 +7,8 @@ pub struct Device {
     pub name: String,
     pub title: String,
     pub manual: String,
-    pub dip_first: u32,
-    pub dip_last: u32,
+    pub dip_first: u8,
+    pub dip_last: u8,
     pub meanings: Vec<Meaning>,
     pub substructures: Vec<Structure>,
     pub structures: Vec<Structure>,
@@ -163,7 +163,8 @@ impl Field {
     }
 
     pub fn size(&self, subs: &[Structure]) -> u32 {
-        element_size(self.kind, subs) * self.dims.iter().product::<u32>()
+        // Saturating: a size beyond all bounds is then refused as too long for its structure.
+        self.dims.iter().fold(element_size(self.kind, subs), |size, n| size.saturating_mul(*n))
     }
 
     pub fn align(&self, subs: &[Structure]) -> u32 {

@@ -21,8 +21,8 @@ pub struct Device {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
-    pub first: u32,
-    pub last: u32,
+    pub first: u8,
+    pub last: u8,
 }
 
 #[derive(Deserialize)]

@@ -48,7 +48,7 @@ fn area(
     if last < first {
         return Err(sources.error(at(file, raw.last.span()), Reason::AreaReversed { name, first, last }));
     }
-    let bytes = last - first + 1;
+    let bytes = (last - first).saturating_add(1);
     let mut placed: Vec<(usize, raw::Live)> = Vec::new();
     for entry in &raw.structure {
         let place = at(file, entry.name.span());

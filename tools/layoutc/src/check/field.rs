@@ -33,6 +33,9 @@ pub fn check(
     let ty = entry.ty.as_ref().ok_or_else(|| missing("type"))?;
     let kind = kind(sources, parts, at(file, ty.span()), ty.get_ref())?;
     let (dims, used) = dims(sources, file, entry, name)?;
+    if let (Kind::Sub(_), Some(array), 2..) = (kind, &entry.array, dims.len()) {
+        return Err(sources.error(at(file, array.span()), Reason::NestedArray(name.clone())));
+    }
     if dims.is_empty() {
         prefix(sources, at(file, name_at.span()), name, kind)?;
     }

@@ -40,7 +40,14 @@ pub fn load(sources: &mut Sources) -> Result<Device, Error> {
     for (file, part) in part_files {
         for raw in &part.substructure {
             parts.types.add(sources, file, &raw.name)?;
+            // Without the others in sight: sub-structures do not nest.
+            let others = std::mem::take(&mut parts.substructures);
             let checked = structure::check(sources, &parts, file, raw)?;
+            if let Some(field) = checked.fields.iter().find(|field| field.dims.len() > 1) {
+                let reason = Reason::NestedArray(field.name.clone());
+                return Err(sources.error(at(file, raw.name.span()), reason));
+            }
+            parts.substructures = others;
             parts.substructures.push(checked);
         }
         for raw in part.block {

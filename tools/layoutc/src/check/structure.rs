@@ -45,9 +45,10 @@ pub fn check(
             return Err(sources.error(*place, Reason::Misaligned { name, ty, offset, align }));
         }
         if offset > end {
-            return Err(sources.error(*place, Reason::Gap { name, start: end, bytes: offset - end }));
+            return Err(sources
+                .error(*place, Reason::Gap { name: format!("`{name}`"), start: end, bytes: offset - end }));
         }
-        end = offset + field.size(subs);
+        end = offset.saturating_add(field.size(subs));
         if end > size {
             let structure = raw.name.get_ref().clone();
             return Err(sources.error(*place, Reason::PastStructureEnd { name, end, structure, size }));

@@ -28,7 +28,8 @@ pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         let _ = writeln!(out, "pub const {name}_BYTES: usize = {};\n", area.bytes);
     }
     let _ = writeln!(out, "/// One past the last byte of the last area.");
-    let end = device.areas.iter().map(|area| area.first + area.bytes).max().unwrap_or(0);
+    let end =
+        device.areas.iter().map(|area| u64::from(area.first) + u64::from(area.bytes)).max().unwrap_or(0);
     let _ = writeln!(out, "pub const SEGMENT_END: usize = {end};\n");
     baud_rates(out, device);
 }
