@@ -96,7 +96,8 @@ pub struct EventSlot {
 pub struct Board {
     /// DIP switch S33, switches 1 to 5: 0 to 31. The firmware reads it at power-on and reset only.
     pub dip: Cell32,
-    /// The four LEDs in bits 0 to 3, in the order of function block `LED` (manual 5.00005.03a p. 51).
+    /// The four LEDs in bits 0 to 3, red top, green top, red bottom, green bottom: function block `LED`
+    /// (manual 5.00005.03a p. 51).
     pub leds: Cell32,
     /// The character on the seven-segment display (ASCII); 0 is dark.
     pub display: Cell32,
@@ -115,6 +116,8 @@ unsafe impl SharedRegs for Board {}
 macro_rules! offsets {
     ($($offset:literal => $field:ident),* $(,)?) => {
         $(const _: () = assert!(offset_of!(Header, $field) == $offset);)*
+        #[cfg(test)]
+        const PUBLISHED: &[(usize, &str)] = &[$(($offset, stringify!($field))),*];
     };
 }
 
@@ -179,22 +182,23 @@ codes! {
     }
 }
 codes! {
-    /// The RUN/STOP/RESET switch (manual 5.00005.03a p. 42).
+    /// The RUN/STOP/RESET switch (manual 5.00005.03a p. 40).
     RunSwitch {
         /// The PLC program may run.
         Run = 0,
         /// The PLC program is stopped.
         Stop = 1,
-        /// Held in RESET.
+        /// Held in RESET; it springs back to STOP when released.
         Reset = 2,
     }
 }
 
 impl Header {
-    /// All bells of the page.
-    pub fn bells(&self) -> impl Iterator<Item = &Bell> {
-        let events = self.events.iter().map(|event| &event.bell);
-        [&self.doorbell, &self.answer, &self.channel_reply].into_iter().chain(events)
+    /// Announces a change of state to everybody who waits for an answer. The bells of the events do not
+    /// ring: they count events.
+    pub(super) fn announce(&self) {
+        self.answer.ring();
+        self.channel_reply.ring();
     }
 }
 
@@ -260,6 +264,17 @@ mod tests {
         header.magic.store(MAGIC);
         let mut header = header;
         assert_eq!(&header.as_mut_bytes()[..8], b"commram\0");
+    }
+
+    /// Every byte of the page is in the contract's table, under the name it has here.
+    #[test]
+    fn the_attach_contract_describes_every_byte() {
+        let contract = include_str!("../../docs/attach.md");
+        let ends = PUBLISHED.iter().skip(1).map(|&(offset, _)| offset).chain([HEADER_SIZE]);
+        for (&(offset, field), end) in PUBLISHED.iter().zip(ends) {
+            let row = format!("| {offset} | {} | `{field}` |", end - offset);
+            assert!(contract.contains(&row), "docs/attach.md lacks {row}");
+        }
     }
 
     #[test]

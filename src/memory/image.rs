@@ -1,7 +1,7 @@
 //! The emulator's side of an image file: create it or take it over, and remove it at the end.
 
 use super::{
-    Bell, Cell32, ClockMode, HEADER_SIZE, Header, MemoryError, SEGMENT_SIZE, Segment, State, View,
+    Cell32, ClockMode, HEADER_SIZE, Header, MemoryError, SEGMENT_SIZE, Segment, State, View,
     file::{self, ImageFile},
     header, names,
     process::ProcessId,
@@ -167,7 +167,7 @@ impl Image {
         // Whoever held this bell is dead, we hold its lock.
         header.doorbell.forget_waiters();
         header.magic.store(header::MAGIC);
-        header.bells().for_each(Bell::ring);
+        header.announce();
     }
 
     /// Lets clients in: the registers have their start values.
@@ -182,7 +182,7 @@ impl Image {
 
     fn set_state(&self, state: State) {
         self.header.state.store(state.code());
-        self.header.bells().for_each(Bell::ring);
+        self.header.announce();
     }
 
     /// The emulated RAM.
