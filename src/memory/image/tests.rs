@@ -222,6 +222,18 @@ fn of_many_creators_one_wins() {
 
 /// Whoever opens the file just before its owner unlinks it locks a file without a name.
 #[test]
+fn a_file_that_has_lost_its_name_is_not_claimed() {
+    let instance = Instance::new();
+    let first = instance.create();
+    let late = || ImageFile::open(&instance, PLC, true).unwrap().unwrap();
+    let (one, other) = (late(), late());
+    drop(first);
+    assert!(claim(one, Instant::now()).unwrap().is_none(), "its path names nothing");
+    let _second = instance.create();
+    assert!(claim(other, Instant::now()).unwrap().is_none(), "its path names another file");
+}
+
+#[test]
 fn creators_that_race_with_the_end_of_another_never_meet() {
     let instance = Instance::new();
     let holders = AtomicU32::new(0);
