@@ -55,37 +55,48 @@ const fn crc_tables() -> [[u16; 256]; MESSAGE_BYTES] {
 const STATES: usize = 5;
 const AFTER_STUFF_BIT: usize = 4;
 
-/// `STUFF[state << 8 | changes]`: low byte the stuff bits caused by eight more bits, high byte the state
-/// after them. `changes` has a 1 for each bit that differs from its predecessor, first bit on top.
-static STUFF: [u16; STATES << 8] = stuff_table();
+/// `STUFF[changes]` says for each state what eight more bits do; `changes` has a 1 for each bit that
+/// differs from its predecessor, first bit on top. State s has byte s of the entry: in its lower six bits
+/// eight times the next state, above them the number of stuff bits, at most 2. So the next state is one
+/// shift away from the present one, and the look-up itself does not wait for the state.
+static STUFF: [u64; 256] = stuff_table();
 
-const fn stuff_table() -> [u16; STATES << 8] {
-    let mut table = [0; STATES << 8];
-    let mut index = 0;
-    while index < table.len() {
-        let mut state = index >> 8;
-        let mut stuffed = 0;
-        let mut bit = 8;
-        while bit > 0 {
-            bit -= 1;
-            let change = index >> bit & 1 != 0;
-            state = if state == AFTER_STUFF_BIT {
-                // The stuff bit is the opposite of the bit before it: a bit that repeats the latter
-                // starts a run, one that differs from it is the second of the stuff bit's run.
-                change as usize
-            } else if change {
-                0
-            } else {
-                state + 1
-            };
-            if state == AFTER_STUFF_BIT {
-                stuffed += 1;
-            }
+const fn stuff_table() -> [u64; 256] {
+    let mut table = [0; 256];
+    let mut changes = 0;
+    while changes < table.len() {
+        let mut start = 0;
+        while start < STATES {
+            let (next, stuffed) = stuff_byte(start, changes);
+            table[changes] |= ((8 * next as u64) | (stuffed << 6)) << (8 * start);
+            start += 1;
         }
-        table[index] = (state as u16) << 8 | stuffed;
-        index += 1;
+        changes += 1;
     }
     table
+}
+
+/// State after eight bits, and the stuff bits among them.
+const fn stuff_byte(mut state: usize, changes: usize) -> (usize, u64) {
+    let mut stuffed = 0;
+    let mut bit = 8;
+    while bit > 0 {
+        bit -= 1;
+        let change = changes >> bit & 1 != 0;
+        state = if state == AFTER_STUFF_BIT {
+            // The stuff bit is the opposite of the bit before it: a bit that repeats the latter starts a
+            // run, one that differs from it is the second of the stuff bit's run.
+            change as usize
+        } else if change {
+            0
+        } else {
+            state + 1
+        };
+        if state == AFTER_STUFF_BIT {
+            stuffed += 1;
+        }
+    }
+    (state, stuffed)
 }
 
 /// The bits of the stuffed part, right-aligned and without stuff bits, and how many they are.
@@ -109,13 +120,12 @@ pub fn stuff_bits(frame: &Frame) -> u32 {
     let changes = (bits ^ bits >> 1) | u128::MAX << (count - 1);
     let bytes = changes.to_be_bytes();
     let first = bytes.len() - count.div_ceil(8) as usize;
-    let (mut row, mut stuffed) = (0, 0);
+    let (mut state, mut stuffed) = (0, 0);
     for &byte in &bytes[first..] {
-        let entry = STUFF[usize::from(row | u16::from(byte))];
-        row = entry & 0xFF00;
-        stuffed += u32::from(entry & 0x00FF);
+        state = STUFF[usize::from(byte)] >> (state & 63);
+        stuffed += state >> 6 & 3;
     }
-    stuffed
+    stuffed as u32
 }
 
 /// Bits from the start bit to the end of the intermission: what the frame occupies of the bus.

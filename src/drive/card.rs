@@ -56,8 +56,12 @@ pub(super) struct Card {
     actuals: [Option<ActualSlot>; 3],
     delay: usize,
     turn: usize,
+    /// Hand-overs until every delay line is empty; 0: nothing to hand over.
+    underway: usize,
     losses: Losses,
     stopped: bool,
+    /// Status word in `frames`; `None` before the first sample.
+    sampled_status: Option<u16>,
     frames: [u64; 2],
     lens: [usize; 2],
 }
@@ -82,8 +86,10 @@ impl Card {
             ],
             delay: usize::from(zk.zk_24),
             turn: 0,
+            underway: 0,
             losses: Losses { allowed: u32::from(zk.zk_26), ..Losses::default() },
             stopped: false,
+            sampled_status: None,
             frames: [0; 2],
             lens: [0; 2],
         };
@@ -119,6 +125,7 @@ impl Card {
         for slot in self.references.iter_mut().flatten() {
             if slot.channel == channel && slot.source == source && payload.len() >= slot.end {
                 slot.received = Some((bits >> slot.shift) as u32 & slot.format.mask());
+                self.underway = DELAY_LINE;
                 if source == Source::Master {
                     self.losses.seen |= 1 << channel.index();
                 }
@@ -128,10 +135,11 @@ impl Card {
 
     /// Takes the actual values and the status word out of the drive, to be sent in this interval.
     #[inline]
-    pub fn sample(&mut self, store: &ParameterStore, status_word: u16) {
-        if self.stopped {
+    pub fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
+        if self.stopped || !(store.take_changed() || self.sampled_status != Some(status_word)) {
             return;
         }
+        self.sampled_status = Some(status_word);
         let mut frames = [0; 2];
         for slot in self.actuals.iter().flatten() {
             let value = slot.origin.map_or(u32::from(status_word), |origin| store.get(origin));
@@ -145,6 +153,10 @@ impl Card {
     #[inline]
     pub fn hand_over(&mut self, store: &mut ParameterStore) {
         self.count_losses();
+        if self.underway == 0 {
+            return;
+        }
+        self.underway -= 1;
         self.turn = (self.turn + 1) % DELAY_LINE;
         for slot in self.references.iter_mut().flatten() {
             let received = slot.received.take();
@@ -158,12 +170,13 @@ impl Card {
     fn count_losses(&mut self) {
         let losses = &mut self.losses;
         losses.expected |= losses.seen;
-        let lost = (losses.expected & !losses.seen).count_ones();
+        let missing = losses.expected & !losses.seen;
         losses.seen = 0;
-        if lost == 0 {
+        if missing == 0 {
             losses.in_succession = 0;
             return;
         }
+        let lost = missing.count_ones();
         losses.total += u64::from(lost);
         losses.in_succession = losses.in_succession.saturating_add(lost);
         if losses.allowed != 0 && losses.in_succession > losses.allowed {
@@ -177,6 +190,10 @@ impl Card {
         self.losses.seen = 0;
         self.losses.expected = 0;
         self.losses.in_succession = 0;
+        if self.underway == 0 {
+            return;
+        }
+        self.underway = 0;
         for slot in self.references.iter_mut().flatten() {
             slot.received = None;
             slot.delayed = [None; DELAY_LINE];

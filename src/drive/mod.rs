@@ -121,7 +121,8 @@ impl Drive {
     pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
         let was_synchronized = self.is_synchronized();
         self.sync.edge(now_us, interval_us);
-        self.card.sample(&self.store, self.status_word());
+        let status_word = self.status_word();
+        self.card.sample(&mut self.store, status_word);
         // What came in an interval without lock is lost, also if the lock comes right after it.
         if was_synchronized && self.is_synchronized() {
             self.card.hand_over(&mut self.store);

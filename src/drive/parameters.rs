@@ -108,6 +108,7 @@ pub(super) struct Slot(usize);
 pub(super) struct ParameterStore {
     specs: Vec<ParameterSpec>,
     values: Vec<u32>,
+    changed: bool,
 }
 
 impl ParameterStore {
@@ -130,7 +131,7 @@ impl ParameterStore {
             return Err((twice[0].number, ParameterError::Twice));
         }
         let values = specs.iter().map(|spec| spec.initial).collect();
-        Ok(ParameterStore { specs, values })
+        Ok(ParameterStore { specs, values, changed: true })
     }
 
     /// Where parameter `number` is.
@@ -157,7 +158,15 @@ impl ParameterStore {
     /// Sets a parameter from inside the drive; limits do not apply.
     #[inline]
     pub fn set(&mut self, slot: Slot, value: u32) {
-        self.values[slot.0] = value;
+        let place = &mut self.values[slot.0];
+        self.changed |= *place != value;
+        *place = value;
+    }
+
+    /// Whether any value has changed since the last call.
+    #[inline]
+    pub fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.changed)
     }
 
     /// Writes a parameter for a parameter job; the error is an error number of the manual.
@@ -170,7 +179,7 @@ impl ParameterStore {
             return Err(error_number::DATA_FORMAT);
         }
         spec.check(value)?;
-        self.values[slot.0] = value;
+        self.set(slot, value);
         Ok(())
     }
 }
