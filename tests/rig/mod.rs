@@ -104,17 +104,7 @@ impl Rig {
             self.step(500);
             assert_eq!(init.w_OPTION_STATUS.load(), status);
         }
-        init.b_MA_SL_MODE.store(mode);
-        init.b_AC.store(0xFF);
-        init.b_AM.store(0xFF);
-        init.b_BT_0.store(self.rate.bt_0);
-        init.b_BT_1.store(0x1C);
-        init.b_OUTPUT_CONTROL.store(0xFA);
-        init.b_CLOCK_DIVIDER.store(0x07);
-        init.b_TIME_PATTERN.store((self.rate.interval_us / 1000) as u8);
-        for slave in 0..4 {
-            init.a_SL_TYP[slave].store(u8::from(mode == 0));
-        }
+        write_init_data(init, self.rate, mode);
         init.w_CPU_CONTROL.store(0x0002);
         self.step(500);
         assert_eq!(init.w_OPTION_STATUS.load(), 0x0003);
@@ -174,6 +164,21 @@ impl Rig {
     /// The last frame whose identifier is in `ids`.
     pub fn last_frame(&self, ids: core::ops::RangeInclusive<u16>) -> Option<Frame> {
         self.frames().into_iter().rev().map(|(_, frame)| frame).find(|frame| ids.contains(&frame.id()))
+    }
+}
+
+/// Fills the initialization data; slaves 0 to 3 are expected by a master.
+pub fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8) {
+    init.b_MA_SL_MODE.store(mode);
+    init.b_AC.store(0xFF);
+    init.b_AM.store(0xFF);
+    init.b_BT_0.store(rate.bt_0);
+    init.b_BT_1.store(0x1C);
+    init.b_OUTPUT_CONTROL.store(0xFA);
+    init.b_CLOCK_DIVIDER.store(0x07);
+    init.b_TIME_PATTERN.store((rate.interval_us / 1000) as u8);
+    for slave in 0..4 {
+        init.a_SL_TYP[slave].store(u8::from(mode != 1));
     }
 }
 

@@ -160,6 +160,9 @@ impl Master {
     pub fn command(&mut self) -> Option<Frame> {
         match (self.node.state(), self.node.init()) {
             (NodeState::SetUp, Some(init)) => Some(self.polling.frame(init.expected)),
+            // A PLC may enable active operation before the first command slot; the slaves must be told
+            // to synchronize all the same (decision D-38).
+            (NodeState::Active, _) => self.polling.announcement(),
             _ => None,
         }
     }

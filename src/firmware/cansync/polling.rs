@@ -38,11 +38,12 @@ enum Next {
 pub(super) struct Polling {
     next: Next,
     asked: Option<u8>,
+    announced: bool,
 }
 
 impl Polling {
     pub(super) fn new() -> Self {
-        Polling { next: Next::SyncModeOn, asked: None }
+        Polling { next: Next::SyncModeOn, asked: None, announced: false }
     }
 
     /// Begins again with "SYNC mode: on".
@@ -50,13 +51,23 @@ impl Polling {
         *self = Polling::new();
     }
 
+    /// "SYNC mode: on", if it has not gone out since the start.
+    pub(super) fn announcement(&mut self) -> Option<Frame> {
+        if self.announced { None } else { Some(self.sync_mode_on()) }
+    }
+
+    fn sync_mode_on(&mut self) -> Frame {
+        self.asked = None;
+        self.announced = true;
+        ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true).frame()
+    }
+
     /// The frame for this interval's command channel.
     pub(super) fn frame(&mut self, expected: u32) -> Frame {
         match self.next {
             Next::SyncModeOn => {
-                self.asked = None;
                 self.advance(expected, 0);
-                ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true).frame()
+                self.sync_mode_on()
             }
             Next::StatusWordOf(slave) => {
                 self.asked = Some(slave);
@@ -129,6 +140,16 @@ mod tests {
         let expected = 1 << 1 | 1 << 2 | 1 << 31;
         let ids: Vec<u16> = (0..6).map(|_| polling.frame(expected).id()).collect();
         assert_eq!(ids, [0x010, 0x501, 0x502, 0x51F, 0x010, 0x501]);
+    }
+
+    #[test]
+    fn sync_mode_on_is_owed_until_it_went_out() {
+        let mut polling = Polling::new();
+        assert_eq!(polling.announcement().map(|frame| frame.id()), Some(0x010));
+        assert_eq!(polling.announcement(), None);
+        polling.restart();
+        polling.frame(0);
+        assert_eq!(polling.announcement(), None);
     }
 
     #[test]
