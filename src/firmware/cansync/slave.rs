@@ -135,7 +135,7 @@ impl Slave {
         self.lock.is_locked()
     }
 
-    /// One processor cycle; see [`Node::refresh_status`] for `on_wire`.
+    /// One processor cycle; see `Node::refresh_status` for `on_wire`.
     pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
         let regs = &self.regs;
         let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
