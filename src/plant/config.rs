@@ -300,6 +300,15 @@ mod tests {
     }
 
     #[test]
+    fn the_documented_plant_file_is_a_good_one() {
+        let text = include_str!("../../docs/plant.md");
+        let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+        let plant = PlantConfig::parse("docs/plant.md", example).unwrap();
+        assert_eq!(plant.buses[1].drives[0].name, "winder");
+        assert!(crate::drive::Drive::new(&plant.buses[1].drives[0]).is_ok());
+    }
+
+    #[test]
     fn each_mistake_is_named() {
         let drive =
             |name: &str, number: u8| format!("[[bus.drive]]\nname = '{name}'\nslave_number = {number}\n");
