@@ -5,9 +5,11 @@
 //! sleep unless it rang since" makes sure that nothing is slept through.
 
 use super::clock::{Clock, WallClock};
+use super::novram::{Found, Novram, NovramError};
 use crate::layout::omega_drive_line_2 as device;
 use crate::memory::{Header, Image, ImageSpec, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -25,6 +27,8 @@ pub struct Options {
     pub clock: Clock,
     /// Poll instead of sleeping: answers clients that only store, at the price of a processor core.
     pub busy: bool,
+    /// Directory that keeps the NOVRAM of the PLCs; none: it is forgotten at the end.
+    pub novram: Option<PathBuf>,
 }
 
 /// Why an emulator cannot run.
@@ -36,6 +40,9 @@ pub enum RuntimeError {
     /// The plant is refused.
     #[error(transparent)]
     Plant(#[from] PlantError),
+    /// A NOVRAM file cannot be used.
+    #[error(transparent)]
+    Novram(#[from] NovramError),
     /// A speed factor out of range.
     #[error("speed {speed}: must be {} to {}", Clock::SLOWEST, Clock::FASTEST)]
     Speed {
@@ -67,6 +74,7 @@ pub struct Emulator {
     images: Vec<Image>,
     /// Rings of each PLC's doorbell as last noted.
     rings: Vec<u32>,
+    novram: Vec<Novram>,
     #[cfg(feature = "channel")]
     server: Option<crate::channel::Server>,
     #[cfg(feature = "channel")]
@@ -101,10 +109,20 @@ impl Emulator {
         })?;
         #[cfg(feature = "channel")]
         let server = Self::open_channel(&options.instance, &images);
+        let mut novram = Vec::new();
+        for plc in plant.plcs() {
+            let Some(directory) = &options.novram else { break };
+            let (content, found) = Novram::power_on(directory, plc.name(), plc.segment())?;
+            if let Found::SetAside(path) = found {
+                tracing::warn!("damaged NOVRAM of {}: kept as {}", plc.name(), path.display());
+            }
+            novram.push(content);
+        }
         let rings = vec![0; images.len()];
         images.iter().for_each(Image::set_ready);
         Ok(Emulator {
             rings,
+            novram,
             plant,
             options,
             stop: Arc::new(AtomicBool::new(false)),
@@ -150,11 +168,13 @@ impl Emulator {
         }
         self.images.iter().for_each(Image::set_stopping);
         self.close_channel();
+        self.save_novram();
     }
 
     fn run_stepped(&mut self) {
         while !self.is_stopping() {
             self.note_rings();
+            self.save_novram();
             if self.serve_channel() {
                 self.announce();
             } else if !self.options.busy {
@@ -176,6 +196,7 @@ impl Emulator {
             if look || due {
                 self.announce();
             }
+            self.save_novram();
             if !self.serve_channel() && !self.options.busy {
                 self.sleep(clock.until(self.plant.next_event()).min(LONGEST_SLEEP));
             }
@@ -205,6 +226,15 @@ impl Emulator {
             .zip(self.rings.iter().copied())
             .collect();
         bell::wait_any(&bells, Some(timeout));
+    }
+
+    /// Writes NOVRAM that has changed; a failure is reported once per change.
+    fn save_novram(&mut self) {
+        for novram in &mut self.novram {
+            if let Err(error) = novram.save_if_changed() {
+                tracing::error!("{error}");
+            }
+        }
     }
 
     /// Tells waiting clients that registers may have changed.

@@ -4,6 +4,8 @@ mod clock;
 mod emulator;
 #[cfg(feature = "channel")]
 mod machine;
+mod novram;
 
 pub use clock::Clock;
 pub use emulator::{Emulator, Options, RuntimeError, StopHandle};
+pub use novram::{Found, Novram, NovramError};
