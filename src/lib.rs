@@ -1,4 +1,38 @@
-//! commram: the communication RAM of the Omega Drive-Line II, emulated register by register.
+//! commram: the communication RAM of Baumüller's Omega Drive-Line II, emulated register by register.
+//!
+//! The RAM is PLC segment 3: byte n is `%MB3.n`. It lies on the heap or in an image file in shared memory,
+//! and firmware, bus and drives run behind it, driven by one deterministic function,
+//! [`Plant::advance_to`](plant::Plant::advance_to).
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
+//! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
+//! | [`bus`] | frames, identifiers, codecs, exact frame lengths; pure |
+//! | [`drive`] | a drive with CANsync card |
+//! | [`firmware`] | what the board does with its registers |
+//! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
+//! | [`journal`] | what happened, when |
+//! | [`runtime`] | a plant on image files, in real time or stepped |
+//! | [`channel`] | the request-response door for tools and tests (feature `channel`) |
+//!
+//! In a test, without any file or process:
+//!
+//! ```
+//! use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+//! use commram::memory::Segment;
+//! use commram::plant::{Plant, PlantConfig};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let config = PlantConfig::built_in()?;
+//! let mut plant = Plant::new(&config, |_plc| Ok::<_, Box<dyn std::error::Error>>(Segment::heap()))?;
+//! let node2 = plant.plcs()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2)?;
+//! node2.w_CPU_CONTROL.store(0x0001);
+//! plant.advance_to(1000);
+//! assert_eq!(node2.w_OPTION_STATUS.load(), 0x0002);
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod bus;
 #[cfg(feature = "channel")]
@@ -10,3 +44,8 @@ pub mod layout;
 pub mod memory;
 pub mod plant;
 pub mod runtime;
+
+/// The examples of the README are tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
