@@ -197,7 +197,11 @@ impl PlantConfig {
         Ok(config)
     }
 
-    fn check(&self) -> Result<(), PlantError> {
+    /// Checks everything that a plant file can get wrong, but for the drives' own settings.
+    ///
+    /// # Errors
+    /// [`PlantError`], naming the thing and what would be right.
+    pub fn check(&self) -> Result<(), PlantError> {
         if self.plcs.is_empty() {
             return Err(PlantError::NoPlc);
         }

@@ -29,7 +29,7 @@ impl Plant {
     /// Builds and powers on the plant. `segment` supplies the RAM of each PLC by its name: heap or image.
     ///
     /// # Errors
-    /// If a segment cannot be had or is too small, or if a drive's configuration is refused.
+    /// If the configuration is refused, or if a segment cannot be had or is too small.
     pub fn new<E>(
         config: &PlantConfig,
         mut segment: impl FnMut(&str) -> Result<Segment, E>,
@@ -37,6 +37,7 @@ impl Plant {
     where
         E: From<MemoryError> + From<PlantError>,
     {
+        config.check()?;
         let bus_index = |name: &Option<String>| {
             let name = name.as_ref()?;
             config.buses.iter().position(|bus| bus.name == *name)

@@ -18,6 +18,10 @@ use thiserror::Error;
 /// Longest sleep; a bound for everything that does not ring.
 const LONGEST_SLEEP: Duration = Duration::from_millis(100);
 
+/// Most emulated time handled in one go. After the machine was suspended there may be hours to catch up
+/// with; signals and clients are heard in between.
+const LONGEST_STEP_US: u64 = 100_000;
+
 /// How an emulator is run.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -151,7 +155,7 @@ impl Emulator {
 
     /// The header page that speaks for the whole instance: that of the first PLC.
     pub(super) fn header(&self) -> &View<Header> {
-        // `start` refuses a plant without a PLC.
+        // `Plant::new` refuses a plant without a PLC.
         self.images[0].header()
     }
 
@@ -186,7 +190,7 @@ impl Emulator {
     fn run_real_time(&mut self, clock: &WallClock) {
         while !self.is_stopping() {
             let rung = self.note_rings();
-            let now = clock.now();
+            let now = clock.now().min(self.plant.now() + LONGEST_STEP_US);
             let due = self.plant.next_event() <= now;
             self.plant.advance_to(now);
             let look = rung || self.options.busy && self.plant.control_changed();
@@ -197,7 +201,11 @@ impl Emulator {
                 self.announce();
             }
             self.save_novram();
-            if !self.serve_channel() && !self.options.busy {
+            if self.serve_channel() {
+                // A write through the channel is as good as a ring.
+                self.plant.processor_cycle();
+                self.announce();
+            } else if !self.options.busy {
                 self.sleep(clock.until(self.plant.next_event()).min(LONGEST_SLEEP));
             }
         }
