@@ -4,17 +4,18 @@ use super::Bells;
 use crate::memory::{Attached, Header, MemoryError, View};
 use std::time::Duration;
 
-/// Doorbell and reply bell in the header page of an instance's first PLC.
+/// Doorbell and reply bell in the header pages of an instance's PLCs. A client knows one of them, whichever
+/// it found; the emulator listens and rings at all of them.
 pub struct HeaderBells {
-    header: View<Header>,
+    headers: Vec<View<Header>>,
     /// A client's attachment, which knows whether the emulator lives.
     attached: Option<Attached>,
 }
 
 impl HeaderBells {
-    /// The emulator's side.
-    pub fn of_emulator(header: View<Header>) -> Self {
-        HeaderBells { header, attached: None }
+    /// The emulator's side, with the header page of each PLC.
+    pub fn of_emulator(headers: Vec<View<Header>>) -> Self {
+        HeaderBells { headers, attached: None }
     }
 
     /// A client's side.
@@ -22,25 +23,27 @@ impl HeaderBells {
     /// # Errors
     /// The image is attached read-only: a client that cannot ring cannot be heard.
     pub fn of_client(attached: Attached) -> Result<Self, MemoryError> {
-        Ok(HeaderBells { header: attached.header()?.clone(), attached: Some(attached) })
+        Ok(HeaderBells { headers: vec![attached.header()?.clone()], attached: Some(attached) })
     }
 }
 
 impl Bells for HeaderBells {
     fn ring_doorbell(&self) {
-        self.header.doorbell.ring();
+        self.headers.iter().for_each(|header| header.doorbell.ring());
     }
 
     fn reply_count(&self) -> u32 {
-        self.header.channel_reply.rings()
+        self.headers.first().map_or(0, |header| header.channel_reply.rings())
     }
 
     fn wait_reply(&self, seen: u32, timeout: Duration) {
-        self.header.channel_reply.wait(seen, Some(timeout));
+        if let Some(header) = self.headers.first() {
+            header.channel_reply.wait(seen, Some(timeout));
+        }
     }
 
     fn announce_reply(&self) {
-        self.header.channel_reply.ring();
+        self.headers.iter().for_each(|header| header.channel_reply.ring());
     }
 
     fn emulator_alive(&self) -> bool {

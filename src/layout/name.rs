@@ -164,7 +164,10 @@ impl Device {
         }
         for structure in all() {
             if let Some(register) = structure.registers.iter().find(|r| path.is_but_for_case(r)) {
-                return Err(LayoutError::WrongCase { given: path.text.to_owned(), right: pattern(register) });
+                return Err(LayoutError::WrongCase {
+                    given: path.text.to_owned(),
+                    right: register.pattern(),
+                });
             }
         }
         Err(unknown(area, &path))
@@ -189,20 +192,23 @@ fn by_address(area: &'static Area, wanted: impl Fn(&RegisterRef) -> bool) -> Vec
     all
 }
 
-/// A descriptor's name with the ranges of its indices: `a_RD_BMARRAY[0..31][0..15]`.
-pub(super) fn pattern(register: &Register) -> String {
-    let mut ranges = register.dims.iter().map(|dim| format!("[0..{}]", dim.count - 1));
-    let group: String = ranges.by_ref().take(register.group_dims).collect();
-    let own: String = ranges.collect();
-    let dot = if register.group.is_empty() { "" } else { "." };
-    format!("{}{group}{dot}{}{own}", register.group, register.name)
+impl Register {
+    /// The name with the ranges of its indices: `a_RD_BMARRAY[0..31][0..15]`.
+    #[must_use]
+    pub fn pattern(&self) -> String {
+        let mut ranges = self.dims.iter().map(|dim| format!("[0..{}]", dim.count - 1));
+        let group: String = ranges.by_ref().take(self.group_dims).collect();
+        let own: String = ranges.collect();
+        let dot = if self.group.is_empty() { "" } else { "." };
+        format!("{}{group}{dot}{}{own}", self.group, self.name)
+    }
 }
 
 fn index_count(register: &Register, text: &str) -> LayoutError {
     let needs = if register.dims.is_empty() {
         "is not an array; leave out the index".to_owned()
     } else {
-        format!("needs indices: {}", pattern(register))
+        format!("needs indices: {}", register.pattern())
     };
     LayoutError::IndexCount { name: text.to_owned(), needs }
 }

@@ -252,11 +252,11 @@ impl Emulator {
 
     #[cfg(feature = "channel")]
     fn open_channel(instance: &str, images: &[Image]) -> Option<crate::channel::Server> {
-        let header = images.first()?.header().clone();
+        let headers = images.iter().map(|image| image.header().clone()).collect();
         let opened = crate::memory::names::channel_root(instance)
             .map_err(|error| error.to_string())
             .and_then(|root| {
-                let bells = Box::new(crate::channel::HeaderBells::of_emulator(header));
+                let bells = Box::new(crate::channel::HeaderBells::of_emulator(headers));
                 crate::channel::Server::open(instance, &root, bells).map_err(|error| error.to_string())
             });
         opened.inspect_err(|error| tracing::error!("no channel, mapped clients only: {error}")).ok()
