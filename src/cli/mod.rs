@@ -1,1 +1,157 @@
-//! (being written)
+//! The `commram` command line: one file per subcommand, each nothing but presentation.
+
+mod completions;
+mod dump;
+#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
+mod error;
+mod list;
+mod map;
+mod output;
+mod peek;
+mod place;
+mod poke;
+mod run;
+mod session;
+mod step;
+mod stop;
+mod table;
+mod time;
+mod value;
+#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
+mod wait;
+
+use clap::{Args, ColorChoice, Parser, Subcommand};
+use error::CliError;
+use std::process::ExitCode;
+
+/// Emulates the communication RAM of Baumüller's Omega Drive-Line II, register by register.
+///
+/// An emulator is an instance with a name. `commram run` starts one; the other commands talk to it. The RAM
+/// of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC, in which byte n is %MB3.n.
+#[derive(Parser)]
+#[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = AFTER_HELP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const AFTER_HELP: &str = "\
+Registers:
+  node2.w_CPU_CONTROL          by name: block, register
+  node2.a_RD_BMARRAY[3][0]     an element of an array
+  %MW3.200000                  by address: %MB3, %MW3, %MD3, %MX3 (one bit)
+  line2:node2.w_CPU_CONTROL    with the PLC, where the instance has several
+
+Exit codes:
+  0  done
+  1  the check or expectation failed, or the emulator is not there or has gone
+  2  wrong use
+
+Examples:
+  commram run --clock stepped &
+  commram poke node2.w_CPU_CONTROL=16#0001
+  commram step 1ms
+  commram peek node2.w_OPTION_STATUS
+  commram stop";
+
+#[derive(Subcommand)]
+enum Command {
+    Run(run::Args),
+    List(list::Args),
+    Stop(stop::Args),
+    Map(map::Args),
+    Peek(peek::Args),
+    Poke(poke::Args),
+    Wait(wait::Args),
+    Step(step::Args),
+    Dump(dump::Args),
+    Completions(completions::Args),
+}
+
+/// Which emulator.
+#[derive(Args)]
+struct Instance {
+    /// Name of the instance
+    #[arg(
+        short = 'i',
+        long = "instance",
+        value_name = "NAME",
+        env = "COMMRAM_INSTANCE",
+        default_value = "default",
+        value_parser = instance_name
+    )]
+    name: String,
+}
+
+fn instance_name(text: &str) -> Result<String, commram::memory::MemoryError> {
+    commram::memory::names::check_instance(text).map(|()| text.to_owned())
+}
+
+/// Parses the command line and runs the command.
+pub fn main() -> ExitCode {
+    let result = match Cli::try_parse() {
+        Ok(cli) => cli.command.run(),
+        Err(error) => return refuse(&error),
+    };
+    match result {
+        // Whoever reads our output has enough of it, as in `commram map | head`.
+        Ok(()) | Err(CliError::BrokenPipe) => ExitCode::SUCCESS,
+        Err(error) => {
+            output::complain(&error.to_string());
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+impl Command {
+    fn run(self) -> Result<(), CliError> {
+        match self {
+            Command::Run(args) => run::run(&args),
+            Command::List(args) => list::run(&args),
+            Command::Stop(args) => stop::run(&args),
+            Command::Map(args) => map::run(&args),
+            Command::Peek(args) => peek::run(&args),
+            Command::Poke(args) => poke::run(&args),
+            Command::Wait(args) => wait::run(&args),
+            Command::Step(args) => step::run(&args),
+            Command::Dump(args) => dump::run(&args),
+            Command::Completions(args) => completions::run(&args),
+        }
+    }
+}
+
+/// Shows help and version as asked for, and complaints about the command line like all others.
+fn refuse(error: &clap::Error) -> ExitCode {
+    let text = error.render().to_string();
+    if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        output::print_help(&text);
+        return ExitCode::from(CliError::WRONG_USE);
+    }
+    if error.use_stderr() {
+        output::complain(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
+        return ExitCode::from(CliError::WRONG_USE);
+    }
+    // Nothing can be done if help cannot be shown.
+    let _ = output::print(&text);
+    ExitCode::SUCCESS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_examples() {
+        for command in Cli::command().get_subcommands() {
+            let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let name = command.get_name();
+            assert!(examples.contains(&format!("commram {name}")), "{name}");
+        }
+    }
+}

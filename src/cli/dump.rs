@@ -1,0 +1,250 @@
+//! `commram dump`: registers with their meaning.
+
+use super::Instance;
+use super::error::CliError;
+use super::peek::{Holding, number};
+use super::place::{is_live, live_by, status_of, without_twins};
+use super::session::{Read, Session, Snapshot};
+use super::table::{self, FormatArg};
+use super::time;
+use commram::layout::omega_drive_line_2::DEVICE;
+use commram::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value, split_plc};
+
+/// Longest block one read may have.
+const MAX_BLOCK: u32 = 65_536;
+
+/// Show registers and what they mean: those that differ from their reset value.
+///
+/// A dump is a snapshot: all registers at one moment of emulated time. Reading changes nothing. Of structures
+/// that overlay each other (INIT and cyclic ones of the CANsync nodes) it shows the one that is live, which
+/// follows from w_OPTION_STATUS.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram dump
+  commram dump node2
+  commram dump node2.a_RD_BMARRAY[3] --all
+  commram dump line2:node1 --format csv")]
+pub struct Args {
+    /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]
+    #[arg(value_name = "BLOCK")]
+    blocks: Vec<String>,
+    /// Also registers that hold their reset value
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// What to dump of an area.
+struct Selection {
+    area: &'static Area,
+    /// Just these registers; `None`: all.
+    registers: Option<Vec<RegisterRef>>,
+    plc: Option<String>,
+    /// As given, without the PLC.
+    text: String,
+}
+
+/// Prints the dump.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    let selections = select(&args.blocks)?;
+    let session = Session::open_for_reading(&args.instance.name)?;
+    let parts = parts(&session, &selections)?;
+    let reads: Vec<_> = parts.iter().flat_map(Part::reads).collect();
+    let snapshot = session.read(&reads)?;
+    let views = views(&session, &parts, &snapshot);
+    let rows: Vec<_> = views.iter().flat_map(|view| view.rows(args.all)).collect();
+    table::print(args.format.format, &rows, |rows| {
+        let head = format!("instance '{}' at {}\n", args.instance.name, time::seconds(snapshot.time_us));
+        head + &text(rows, views.iter().any(View::has_live_registers))
+    })
+}
+
+/// The areas and registers that the user names; without names all areas with registers.
+fn select(blocks: &[String]) -> Result<Vec<Selection>, CliError> {
+    let all = |plc: Option<&str>| {
+        let described = DEVICE.areas.iter().filter(|area| !area.structures.is_empty());
+        let plc = plc.map(str::to_owned);
+        let text = String::new();
+        described
+            .map(|area| Selection { area, registers: None, plc: plc.clone(), text: text.clone() })
+            .collect::<Vec<_>>()
+    };
+    if blocks.is_empty() {
+        return Ok(all(None));
+    }
+    let mut selections = Vec::new();
+    for block in blocks {
+        let (plc, name) = split_plc(block);
+        if plc.is_some() && name.is_empty() {
+            selections.extend(all(plc));
+            continue;
+        }
+        let (plc, text) = (plc.map(str::to_owned), name.to_owned());
+        selections.push(if name.starts_with('%') {
+            let address: Address = name.parse()?;
+            let area = DEVICE.area_at(address)?;
+            Selection { area, registers: Some(without_twins(DEVICE.registers_at(address, None)?)), plc, text }
+        } else if name.contains('.') {
+            let registers = DEVICE.registers(name)?;
+            let area = registers.first().map(|register| register.area);
+            let area = area.map_or_else(|| DEVICE.area(name), Ok)?;
+            Selection { area, registers: Some(registers), plc, text }
+        } else {
+            Selection { area: DEVICE.area(name)?, registers: None, plc, text }
+        });
+    }
+    Ok(selections)
+}
+
+/// A selection on one PLC.
+struct Part<'a> {
+    plc: u16,
+    selection: &'a Selection,
+}
+
+fn parts<'a>(session: &Session, selections: &'a [Selection]) -> Result<Vec<Part<'a>>, CliError> {
+    let mut parts = Vec::new();
+    for selection in selections {
+        let everything = selection.text.is_empty() && selection.plc.is_none();
+        if everything {
+            let plcs = 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX);
+            parts.extend(plcs.map(|plc| Part { plc, selection }));
+        } else {
+            let plc = session.plc(selection.plc.as_deref(), &selection.text)?;
+            parts.push(Part { plc, selection });
+        }
+    }
+    // One PLC after the other, each in the order of the addresses or of the arguments.
+    parts.sort_by_key(|part| part.plc);
+    Ok(parts)
+}
+
+impl Part<'_> {
+    /// Bytes of the area that are of interest: all of plain RAM, else as far as there are registers.
+    fn len(&self) -> u32 {
+        let area = self.selection.area;
+        area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(area.bytes)
+    }
+
+    fn reads(&self) -> Vec<Read> {
+        let (first, len) = (self.selection.area.first, self.len());
+        let block = |start: u32| Read::Block {
+            plc: self.plc,
+            offset: first + start,
+            len: MAX_BLOCK.min(len - start),
+        };
+        (0..len).step_by(MAX_BLOCK as usize).map(block).collect()
+    }
+}
+
+fn views<'a>(session: &Session, parts: &[Part<'a>], snapshot: &Snapshot) -> Vec<View<'a>> {
+    let mut blocks = snapshot.data.iter();
+    let view = |part: &Part<'a>| View {
+        selection: part.selection,
+        bytes: blocks.by_ref().take(part.reads().len()).flatten().copied().collect(),
+        prefix: session.prefix(part.plc),
+        plc: session.plcs().get(usize::from(part.plc)).cloned().unwrap_or_default(),
+        time_us: snapshot.time_us,
+    };
+    parts.iter().map(view).collect()
+}
+
+/// A selection with the bytes of its area.
+struct View<'a> {
+    selection: &'a Selection,
+    bytes: Vec<u8>,
+    plc: String,
+    prefix: String,
+    time_us: u64,
+}
+
+impl View<'_> {
+    fn area(&self) -> &'static Area {
+        self.selection.area
+    }
+
+    /// The register or memory of `len` bytes at `offset` of segment 3.
+    fn value(&self, offset: u32, len: u32) -> u32 {
+        let start = (offset - self.area().first) as usize;
+        number(self.bytes.get(start..start + len as usize).unwrap_or_default())
+    }
+
+    fn live(&self) -> Live {
+        status_of(self.area())
+            .map_or(Live::Cyclic, |status| live_by(self.value(status.offset(), status.width())))
+    }
+
+    /// The selected registers that are live.
+    fn registers(&self) -> Vec<RegisterRef> {
+        let live = self.live();
+        match &self.selection.registers {
+            Some(registers) => registers.iter().filter(|register| is_live(register, live)).copied().collect(),
+            None => self.area().registers(live).collect(),
+        }
+    }
+
+    fn has_live_registers(&self) -> bool {
+        self.area().structures.is_empty() || !self.registers().is_empty()
+    }
+
+    fn rows(&self, all: bool) -> Vec<Holding> {
+        if self.area().structures.is_empty() {
+            return self.plain(all);
+        }
+        let value = |register: RegisterRef| (register, self.value(register.offset(), register.width()));
+        let values = self.registers().into_iter().map(value);
+        let wanted = values.filter(|(register, value)| all || *value != register.reset());
+        wanted.map(|(register, value)| self.holding(&register, value)).collect()
+    }
+
+    fn holding(&self, register: &RegisterRef, value: u32) -> Holding {
+        Holding {
+            time_us: self.time_us,
+            plc: self.plc.clone(),
+            register: format!("{}{register}", self.prefix),
+            address: register.address().to_string(),
+            ty: register.ty().name(),
+            value: register.ty().number(value),
+            hex: register.format_value(value),
+            meaning: register.decode(value),
+        }
+    }
+
+    /// Plain RAM, as doublewords.
+    fn plain(&self, all: bool) -> Vec<Holding> {
+        let offsets = (self.area().first..=self.area().last()).step_by(4);
+        let values = offsets.map(|offset| (offset, self.value(offset, 4)));
+        let holding = |(offset, value)| {
+            let address = Address::new(Width::Dword, offset).unwrap_or(Address::byte(offset)).to_string();
+            let ty = RegType::Dword;
+            Holding {
+                time_us: self.time_us,
+                plc: self.plc.clone(),
+                register: format!("{}{address}", self.prefix),
+                address,
+                ty: ty.name(),
+                value: ty.number(value),
+                hex: format_value(ty, value),
+                meaning: format!("plain RAM of {}", self.area().name),
+            }
+        };
+        values.filter(|(_, value)| all || *value != 0).map(holding).collect()
+    }
+}
+
+fn text(rows: &[Holding], any_live: bool) -> String {
+    match (rows, any_live) {
+        ([], true) => "all registers hold their reset values\n".to_owned(),
+        ([], false) => "these registers are not live, see w_OPTION_STATUS\n".to_owned(),
+        (rows, _) => {
+            let cells = |row: &Holding| {
+                [&row.register, &row.address, &row.hex, &row.meaning].map(Clone::clone).to_vec()
+            };
+            table::columns(&rows.iter().map(cells).collect::<Vec<_>>())
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! What a command can end with instead of success.
+
+use super::time;
+use super::value::ValueError;
+use commram::layout::LayoutError;
+use commram::memory::MemoryError;
+use commram::plant::PlantError;
+use commram::runtime::RuntimeError;
+use std::io;
+use thiserror::Error;
+
+/// Why a command did not do what it was asked for.
+#[derive(Debug, Error)]
+pub enum CliError {
+    /// A register or block that does not exist.
+    #[error("{0}")]
+    Layout(#[from] LayoutError),
+    /// A value that the register cannot hold.
+    #[error("{place}: {source}")]
+    Value {
+        /// Name and address of the register.
+        place: String,
+        /// What is wrong with it.
+        source: ValueError,
+    },
+    /// An argument in a notation of its own.
+    #[error("`{text}`: {right}")]
+    Argument {
+        /// As given.
+        text: String,
+        /// What would be right.
+        right: String,
+    },
+    /// A register without a PLC in front, and several it could be in.
+    #[error("{text}: instance '{instance}' has several PLCs ({plcs}); write for example {example}:{text}")]
+    WhichPlc {
+        /// The register as given.
+        text: String,
+        /// The instance.
+        instance: String,
+        /// Its PLCs.
+        plcs: String,
+        /// One of them.
+        example: String,
+    },
+    /// A PLC that the instance does not have.
+    #[error("instance '{instance}' has no PLC '{plc}'; its PLCs are: {plcs}")]
+    UnknownPlc {
+        /// The PLC as given.
+        plc: String,
+        /// The instance.
+        instance: String,
+        /// Its PLCs.
+        plcs: String,
+    },
+    /// Nothing runs under this name.
+    #[error("instance '{instance}' is not running; start it with `commram run -i {instance}`{running}")]
+    NotRunning {
+        /// The instance.
+        instance: String,
+        /// What does run.
+        running: String,
+    },
+    /// Only the remains of a killed emulator are there.
+    #[error(
+        "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \
+         `commram run -i {instance}` or remove what it left with `commram stop --clean -i {instance}`"
+    )]
+    Dead {
+        /// The instance.
+        instance: String,
+        /// The emulator's process.
+        pid: u32,
+    },
+    /// This program was built without the channel.
+    #[cfg(not(feature = "channel"))]
+    #[error("this build of commram has no channel (cargo feature `channel`), which `{command}` needs")]
+    NoChannel {
+        /// The command.
+        command: &'static str,
+    },
+    /// A register did not become what was awaited.
+    #[error("{place} did not become {wanted} within {}; at {} it holds {found}", time::short(*.within_us), time::seconds(*.time_us))]
+    NotMet {
+        /// Name and address of the register.
+        place: String,
+        /// What was awaited.
+        wanted: String,
+        /// How long, in emulated microseconds.
+        within_us: u64,
+        /// Emulated time at the end.
+        time_us: u64,
+        /// The last value with its meaning.
+        found: String,
+    },
+    /// The emulator was asked to end and did not.
+    #[error(
+        "instance '{instance}' (process {pid}) has not ended within {seconds} s; end it with `kill {pid}`"
+    )]
+    StillThere {
+        /// The instance.
+        instance: String,
+        /// The emulator's process.
+        pid: u32,
+        /// How long it was waited for.
+        seconds: u64,
+    },
+    /// The channel.
+    #[cfg(feature = "channel")]
+    #[error(transparent)]
+    Client(#[from] commram::channel::ClientError),
+    /// The emulator's end of the channel.
+    #[cfg(feature = "channel")]
+    #[error(transparent)]
+    Server(#[from] commram::channel::ServerError),
+    /// The image files.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// The plant file.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// The emulator.
+    #[error(transparent)]
+    Runtime(#[from] RuntimeError),
+    /// Signals cannot be caught.
+    #[error("cannot catch signals: {reason}")]
+    Signals {
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// The standard output cannot be written.
+    #[error("cannot write the output: {reason}")]
+    Output {
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// Nobody reads the standard output any more.
+    #[error("nobody reads the output")]
+    BrokenPipe,
+}
+
+impl CliError {
+    /// Exit code for an expectation that failed, or an emulator that is not there.
+    pub const FAILED: u8 = 1;
+    /// Exit code for wrong use.
+    pub const WRONG_USE: u8 = 2;
+
+    /// The exit code of the process.
+    pub fn exit_code(&self) -> u8 {
+        let wrong_use = match self {
+            Self::Layout(_)
+            | Self::Value { .. }
+            | Self::Argument { .. }
+            | Self::WhichPlc { .. }
+            | Self::UnknownPlc { .. }
+            | Self::Plant(_)
+            | Self::Memory(MemoryError::BadName { .. })
+            | Self::Runtime(RuntimeError::Plant(_) | RuntimeError::Speed { .. }) => true,
+            #[cfg(feature = "channel")]
+            Self::Client(error) => is_wrong_use(error),
+            _ => false,
+        };
+        if wrong_use { Self::WRONG_USE } else { Self::FAILED }
+    }
+}
+
+#[cfg(feature = "channel")]
+fn is_wrong_use(error: &commram::channel::ClientError) -> bool {
+    use commram::channel::{ChannelError as Refused, ClientError};
+    match error {
+        ClientError::TooManyOperations { .. } => true,
+        ClientError::Refused(refused) => {
+            !matches!(refused, Refused::WaitTimedOut { .. } | Refused::NoSync { .. } | Refused::ShuttingDown)
+        }
+        _ => false,
+    }
+}

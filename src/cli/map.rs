@@ -1,0 +1,98 @@
+//! `commram map`: the register map, which needs no emulator.
+
+mod detail;
+mod entry;
+
+use super::error::CliError;
+use super::output;
+use super::place::without_twins;
+use super::table::{self, Format, FormatArg};
+use commram::layout::omega_drive_line_2::DEVICE;
+use commram::layout::{Address, Area, split_plc};
+use entry::Entry;
+
+/// Show the register map: types, owners, meanings, and where each fact comes from.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram map
+  commram map node2
+  commram map node2.w_OPTION_STATUS
+  commram map %MB3.200012
+  commram map --all --format csv > map.csv
+
+Provenance: facts marked `manual` are stated in the manual. Where it is silent, the decision (D-nn) is
+named that the fact follows from.")]
+pub struct Args {
+    /// A register, an array, an address or a block [default: everything]
+    #[arg(value_name = "NAME|ADDRESS|BLOCK")]
+    what: Option<String>,
+    /// Also registers that the manual reserves
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    format: FormatArg,
+}
+
+/// Prints the map.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    // The map is the same for all PLCs.
+    let what = args.what.as_deref().map(|text| split_plc(text).1);
+    let areas = || DEVICE.areas.iter();
+    let (entries, single) = match what {
+        None => (areas().flat_map(entry::of_area).collect::<Vec<_>>(), false),
+        Some(address) if address.starts_with('%') => (at_address(address.parse()?)?, true),
+        Some(name) if name.contains('.') => {
+            let entries = entry::of_registers(&DEVICE.registers(name)?);
+            // Who asks for a reserved register gets it.
+            let single = entries.len() == 1;
+            (entries, single)
+        }
+        Some(name) => (entry::of_area(DEVICE.area(name)?), false),
+    };
+    let entries: Vec<_> = entries.into_iter().filter(|entry| args.all || single || !entry.reserved).collect();
+    if single && args.format.format == Format::Text {
+        return output::print(&entries.iter().map(detail::text).collect::<Vec<_>>().join("\n"));
+    }
+    table::print(args.format.format, &entries, text)
+}
+
+/// The registers at an address; structures that overlay each other share some of them.
+fn at_address(address: Address) -> Result<Vec<Entry>, CliError> {
+    let registers = without_twins(DEVICE.registers_at(address, None)?);
+    Ok(registers.iter().map(entry::of_register).collect())
+}
+
+/// A head line per block, then its registers in columns.
+fn text(entries: &[Entry]) -> String {
+    let lines: Vec<_> = entries.iter().map(Entry::text_cells).collect();
+    let columns = table::columns(&lines);
+    let mut text = String::new();
+    let mut last: Option<(&Area, &str)> = None;
+    for (entry, line) in entries.iter().zip(columns.lines()) {
+        let block = (entry.area_ref, entry.structure);
+        if last.is_none_or(|(area, structure)| !core::ptr::eq(area, block.0) || structure != block.1) {
+            if !text.is_empty() {
+                text.push('\n');
+            }
+            text.push_str(&head(block.0, block.1));
+            last = Some(block);
+        }
+        // Plain RAM has no registers, its head says it all.
+        if !entry.structure.is_empty() {
+            text.push_str(line);
+            text.push('\n');
+        }
+    }
+    text
+}
+
+fn head(area: &Area, structure: &str) -> String {
+    let Area { name, first, doc, page, .. } = area;
+    let placed = area.structures.iter().find(|placed| placed.structure.name == structure);
+    let (content, page) = match placed {
+        Some(placed) => (format!("{structure}: {}", placed.structure.doc), placed.structure.page),
+        None => ("plain RAM".to_owned(), *page),
+    };
+    format!("{name}  %MB3.{first}-{}  {doc}. {content} (p. {page})\n", area.last())
+}

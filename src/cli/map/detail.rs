@@ -1,0 +1,45 @@
+//! All that is known about one register.
+
+use super::entry::Entry;
+use crate::cli::table;
+use commram::layout::omega_drive_line_2::DEVICE;
+
+/// Several lines of text.
+pub fn text(entry: &Entry) -> String {
+    let line = |name: &str, value: String| vec![format!("  {name}"), value];
+    let mut lines = vec![
+        line("meaning", entry.meaning.to_owned()),
+        line("address", format!("{} (CPU {})", entry.address, entry.cpu_address)),
+        line("type", entry.ty.clone()),
+        line("owner", entry.owner.clone()),
+        line("reset value", entry.reset.clone()),
+        line("structure", entry.structure.to_owned()),
+        line("manual", format!("{} p. {}", DEVICE.manual, entry.page)),
+    ];
+    for (fact, source) in entry.provenance.all() {
+        lines.push(line(&format!("{fact} from"), source.to_owned()));
+    }
+    if !entry.used.is_empty() {
+        lines.push(line("elements", format!("{} used, the others reserved", entry.used)));
+    }
+    if entry.reserved {
+        lines.push(line("reserved", "yes".to_owned()));
+    }
+    let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
+    let values =
+        entry.values.iter().map(|value| vec![format!("    {}", value.hex), value.meaning.to_owned()]);
+    section(&mut text, "values", &values.collect::<Vec<_>>());
+    let bits = entry.bits.iter().map(|bit| {
+        let range =
+            if bit.first == bit.last { bit.first.to_string() } else { format!("{}-{}", bit.first, bit.last) };
+        vec![format!("    {range}"), bit.name.to_owned(), bit.meaning.clone()]
+    });
+    section(&mut text, "bits", &bits.collect::<Vec<_>>());
+    text
+}
+
+fn section(text: &mut String, head: &str, lines: &[Vec<String>]) {
+    if !lines.is_empty() {
+        text.push_str(&format!("  {head}\n{}", table::columns(lines)));
+    }
+}

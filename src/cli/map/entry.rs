@@ -1,0 +1,277 @@
+//! Entries of the register map.
+
+use crate::cli::table::Row;
+use commram::layout::{Area, Meaning, Provenance, Register, RegisterRef, Structure, format_value};
+use serde::Serialize;
+
+/// A register, an array of registers, or an area of plain RAM.
+#[derive(Serialize)]
+pub struct Entry {
+    /// Name with the block; arrays with the range of their indices.
+    pub name: String,
+    /// The block.
+    pub area: &'static str,
+    /// The structure; empty in plain RAM.
+    pub structure: &'static str,
+    /// The elements in use; the others are reserved. Empty if all are in use.
+    pub used: String,
+    /// Address of the (first) register.
+    pub address: String,
+    /// CPU address of the (first) register.
+    pub cpu_address: String,
+    /// Data type.
+    #[serde(rename = "type")]
+    pub ty: String,
+    /// Who writes it.
+    pub owner: String,
+    /// Value after power-on.
+    pub reset: String,
+    /// Whether the manual reserves it.
+    pub reserved: bool,
+    /// Pages of the manual.
+    pub page: &'static str,
+    /// Where the facts come from.
+    pub provenance: Sources,
+    /// What it is for.
+    pub meaning: &'static str,
+    /// Values with a meaning.
+    pub values: Vec<Value>,
+    /// Bits with a meaning.
+    pub bits: Vec<Bit>,
+    /// The area itself.
+    #[serde(skip)]
+    pub area_ref: &'static Area,
+}
+
+/// Where name, offset and reset value come from.
+#[derive(Serialize)]
+pub struct Sources {
+    name: String,
+    offset: String,
+    reset: String,
+}
+
+/// A value, or a range of values, with its meaning.
+#[derive(Serialize)]
+pub struct Value {
+    /// The first value.
+    pub first: u32,
+    /// The last value.
+    pub last: u32,
+    /// In IEC notation.
+    pub hex: String,
+    /// The meaning.
+    pub meaning: &'static str,
+}
+
+/// A bit, or a field of bits, with its meaning.
+#[derive(Serialize)]
+pub struct Bit {
+    /// Lowest bit.
+    pub first: u8,
+    /// Highest bit.
+    pub last: u8,
+    /// Short name.
+    pub name: &'static str,
+    /// The meaning.
+    pub meaning: String,
+}
+
+impl Row for Entry {
+    const COLUMNS: &'static [&'static str] = &[
+        "name",
+        "structure",
+        "address",
+        "cpu_address",
+        "type",
+        "owner",
+        "reset",
+        "reserved",
+        "page",
+        "provenance",
+        "meaning",
+    ];
+
+    fn cells(&self) -> Vec<String> {
+        vec![
+            self.name.clone(),
+            self.structure.to_owned(),
+            self.address.clone(),
+            self.cpu_address.clone(),
+            self.ty.clone(),
+            self.owner.clone(),
+            self.reset.clone(),
+            self.reserved.to_string(),
+            self.page.to_owned(),
+            self.provenance.short(),
+            self.meaning.to_owned(),
+        ]
+    }
+}
+
+impl Entry {
+    /// The columns that fit on a screen.
+    pub fn text_cells(&self) -> Vec<String> {
+        let page = format!("p. {}", self.page);
+        let meaning = self.meaning.to_owned();
+        let texts = [&self.name, &self.address, &self.ty, &self.owner].map(Clone::clone);
+        texts.into_iter().chain([page, self.provenance.short(), meaning]).collect()
+    }
+}
+
+impl Sources {
+    fn of(register: &Register) -> Self {
+        let Register { name_from, offset_from, reset_from, .. } = register;
+        let [name, offset, reset] = [name_from, offset_from, reset_from].map(Provenance::to_string);
+        Self { name, offset, reset }
+    }
+
+    /// All facts with their sources.
+    pub fn all(&self) -> [(&'static str, &str); 3] {
+        [("name", &self.name), ("offset", &self.offset), ("reset", &self.reset)]
+    }
+
+    /// `manual`, or which facts follow from which decision.
+    fn short(&self) -> String {
+        let manual = Provenance::Manual.to_string();
+        let inferred: Vec<_> = self
+            .all()
+            .into_iter()
+            .filter(|(_, source)| *source != manual)
+            .map(|(fact, source)| format!("{fact} {}", source.trim_start_matches("inferred ")))
+            .collect();
+        if inferred.is_empty() { manual } else { inferred.join(", ") }
+    }
+}
+
+/// All entries of an area; a register that several of its structures share is given once.
+pub fn of_area(area: &'static Area) -> Vec<Entry> {
+    if area.structures.is_empty() {
+        return vec![plain(area)];
+    }
+    let mut entries: Vec<Entry> = Vec::new();
+    let mut seen: Vec<(&str, u32)> = Vec::new();
+    for placed in area.structures {
+        for register in placed.structure.registers {
+            let key = (register.name, register.offset);
+            if !seen.contains(&key) {
+                seen.push(key);
+                entries.push(of_array(area, placed.structure, register));
+            }
+        }
+    }
+    entries
+}
+
+/// The entries of registers; those of a whole array become one.
+pub fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
+    let mut entries = Vec::new();
+    let mut rest = registers;
+    while let Some(first) = rest.first() {
+        let same = |other: &&RegisterRef| core::ptr::eq(other.register, first.register);
+        let count = registers.iter().filter(same).count();
+        let whole: usize = first.register.dims.iter().map(|dim| usize::from(dim.count)).product();
+        let is_first = registers.iter().position(|other| same(&other)) == Some(registers.len() - rest.len());
+        if count < whole || count == 1 {
+            entries.push(of_register(first));
+        } else if is_first {
+            entries.push(of_array(first.area, first.structure, first.register));
+        }
+        rest = rest.get(1..).unwrap_or_default();
+    }
+    entries
+}
+
+/// The entry of a single register.
+pub fn of_register(register: &RegisterRef) -> Entry {
+    Entry {
+        name: register.name(),
+        address: register.address().to_string(),
+        cpu_address: cpu(register.area, register.offset()),
+        reserved: register.is_reserved(),
+        used: String::new(),
+        ..of_array(register.area, register.structure, register.register)
+    }
+}
+
+/// The entry of a register or a whole array.
+fn of_array(area: &'static Area, structure: &'static Structure, register: &'static Register) -> Entry {
+    let first = RegisterRef { area, structure, register, index: [0; 2] };
+    Entry {
+        name: format!("{}.{}", area.name, register.pattern()),
+        area: area.name,
+        structure: structure.name,
+        used: used(register),
+        address: first.address().to_string(),
+        cpu_address: cpu(area, first.offset()),
+        ty: register.ty.name().to_owned(),
+        owner: register.owner.to_string(),
+        reset: format_value(register.ty, register.reset),
+        reserved: register.reserved,
+        page: register.page,
+        provenance: Sources::of(register),
+        meaning: register.doc,
+        values: values(register),
+        bits: register.meaning.map(bits).unwrap_or_default(),
+        area_ref: area,
+    }
+}
+
+fn plain(area: &'static Area) -> Entry {
+    let manual = Provenance::Manual.to_string();
+    Entry {
+        name: area.name.to_owned(),
+        area: area.name,
+        structure: "",
+        used: String::new(),
+        address: format!("%MB3.{}", area.first),
+        cpu_address: cpu(area, area.first),
+        ty: format!("BYTE[{}]", area.bytes),
+        owner: "both".to_owned(),
+        reset: "16#00".to_owned(),
+        reserved: false,
+        page: area.page,
+        provenance: Sources { name: manual.clone(), offset: manual.clone(), reset: manual },
+        meaning: area.doc,
+        values: Vec::new(),
+        bits: Vec::new(),
+        area_ref: area,
+    }
+}
+
+fn used(register: &Register) -> String {
+    if register.dims.iter().all(|dim| dim.used == dim.count) {
+        return String::new();
+    }
+    register.dims.iter().map(|dim| format!("[0..{}]", dim.used.saturating_sub(1))).collect()
+}
+
+fn cpu(area: &Area, offset: u32) -> String {
+    format!("16#{:08X}", area.cpu_first + (offset - area.first))
+}
+
+fn values(register: &Register) -> Vec<Value> {
+    let known = register.meaning.map(|meaning| meaning.values).unwrap_or_default();
+    let value = |known: &commram::layout::ValueMeaning| {
+        let [first, last] = [known.first, known.last].map(|value| format_value(register.ty, value));
+        let hex = if first == last { first } else { format!("{first}-{last}") };
+        Value { first: known.first, last: known.last, hex, meaning: known.text }
+    };
+    known.iter().map(value).collect()
+}
+
+fn bits(meaning: &'static Meaning) -> Vec<Bit> {
+    let bit = |field: &'static commram::layout::BitField| {
+        let singles = [("0", field.zero), ("1", field.one), ("", field.text)];
+        let known = singles.into_iter().filter(|(_, text)| !text.is_empty());
+        let mut texts: Vec<_> = known
+            .map(|(value, text)| if value.is_empty() { text.to_owned() } else { format!("{value}: {text}") })
+            .collect();
+        texts.extend(field.values.iter().map(|value| format!("{}: {}", value.first, value.text)));
+        if field.reserved {
+            texts.push("reserved".to_owned());
+        }
+        Bit { first: field.first, last: field.last, name: field.name, meaning: texts.join("; ") }
+    };
+    meaning.bits.iter().map(bit).collect()
+}

@@ -1,0 +1,243 @@
+//! Registers and addresses as arguments.
+
+use super::error::CliError;
+use super::value::{self, ValueError};
+use commram::layout::omega_drive_line_2::DEVICE;
+use commram::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value};
+use commram::memory;
+
+/// A register or an address that the user has named. It exists; whether its PLC does, the session knows.
+pub struct Place {
+    /// As given, without the PLC.
+    text: String,
+    /// The PLC in front, if one was given.
+    pub plc: Option<String>,
+    address: Address,
+    area: &'static Area,
+    /// The registers there; several where structures overlay each other.
+    registers: Vec<RegisterRef>,
+}
+
+impl Place {
+    /// Looks up `[PLC:]REGISTER` or `[PLC:]%ADDRESS`.
+    ///
+    /// # Errors
+    /// There is no such register or address.
+    pub fn parse(text: &str) -> Result<Self, CliError> {
+        let target = DEVICE.target(text)?;
+        Ok(Self {
+            text: target.plc.map_or(text, |plc| &text[plc.len() + 1..]).to_owned(),
+            plc: target.plc.map(str::to_owned),
+            address: target.address,
+            area: target.area,
+            registers: target.registers,
+        })
+    }
+
+    /// As given, without the PLC.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Byte offset in segment 3.
+    pub fn offset(&self) -> u32 {
+        self.address.offset()
+    }
+
+    /// Width of the access.
+    pub fn width(&self) -> memory::Width {
+        match self.address.width() {
+            Width::Bit(_) | Width::Byte => memory::Width::Byte,
+            Width::Word => memory::Width::Word,
+            Width::Dword => memory::Width::Dword,
+        }
+    }
+
+    /// The bit of the byte, if the place is a single bit.
+    pub fn bit(&self) -> Option<u8> {
+        match self.address.width() {
+            Width::Bit(bit) => Some(bit),
+            _ => None,
+        }
+    }
+
+    /// The address: `%MW3.200000`.
+    pub fn address(&self) -> Address {
+        self.address
+    }
+
+    /// The register that tells which of the overlaid structures is live, if there are such.
+    pub fn status(&self) -> Option<RegisterRef> {
+        status_of(self.area)
+    }
+
+    /// The register at exactly this place in phase `live`; none if the place is a part of a register, or
+    /// more than one.
+    fn exact(&self, live: Live) -> Option<RegisterRef> {
+        let exact = |found: &&RegisterRef| found.address() == self.address;
+        let live_ones = || self.registers.iter().filter(|found| is_live(found, live));
+        live_ones().find(exact).or(self.registers.iter().find(exact)).copied()
+    }
+
+    /// Data type for values given and shown.
+    pub fn ty(&self, live: Live) -> RegType {
+        match (self.exact(live), self.address.width()) {
+            (Some(register), _) => register.ty(),
+            (None, Width::Bit(_) | Width::Byte) => RegType::Byte,
+            (None, Width::Word) => RegType::Word,
+            (None, Width::Dword) => RegType::Dword,
+        }
+    }
+
+    /// The register's name, else the address.
+    pub fn name(&self, live: Live) -> String {
+        self.exact(live).map_or_else(|| self.address.to_string(), |register| register.name())
+    }
+
+    /// Name and address for messages: `node2.w_CPU_CONTROL (%MW3.200000)`.
+    pub fn label(&self, live: Live) -> String {
+        match self.exact(live) {
+            Some(register) => format!("{register} ({})", self.address),
+            None => self.address.to_string(),
+        }
+    }
+
+    /// Parses a value for this place.
+    ///
+    /// # Errors
+    /// [`CliError::Value`] with the register.
+    pub fn parse_value(&self, text: &str) -> Result<u32, CliError> {
+        // Which structure is live is not known here, but types at one address differ in name only.
+        let ty = self.ty(Live::Cyclic);
+        let value = value::parse(text, ty).and_then(|value| match self.bit() {
+            Some(_) if value > 1 => Err(ValueError::Notation { text: text.to_owned() }),
+            _ => Ok(value),
+        });
+        value.map_err(|source| CliError::Value { place: self.label(Live::Cyclic), source })
+    }
+
+    /// The value in IEC notation; of a single bit 0 or 1.
+    pub fn format(&self, live: Live, value: u32) -> String {
+        match self.bit() {
+            Some(bit) => (value >> bit & 1).to_string(),
+            None => format_value(self.ty(live), value),
+        }
+    }
+
+    /// What the value means.
+    pub fn meaning(&self, live: Live, value: u32) -> String {
+        if let Some(register) = self.exact(live) {
+            return match live_name(&register, live) {
+                None => register.decode(value),
+                Some(structure) => format!("{} ({structure}, not live)", register.decode(value)),
+            };
+        }
+        let live_ones = || self.registers.iter().filter(|found| is_live(found, live));
+        let parts = without_twins(live_ones().copied().collect());
+        let names: Vec<_> = parts.iter().map(RegisterRef::name).collect();
+        match (names.as_slice(), self.bit()) {
+            ([], _) => "no register".to_owned(),
+            ([one], Some(bit)) => {
+                let inside = parts.first().map_or(0, |register| self.offset() - register.offset());
+                format!("bit {} of {one}", u32::from(bit) + 8 * inside)
+            }
+            ([one], None) => format!("part of {one}"),
+            (several, _) => several.join(", "),
+        }
+    }
+}
+
+/// `w_OPTION_STATUS` of an area in which INIT and cyclic structure overlay each other.
+pub fn status_of(area: &'static Area) -> Option<RegisterRef> {
+    let overlaid = area.structures.iter().any(|placed| placed.live == Live::Init);
+    let name = || format!("{}.w_OPTION_STATUS", area.name);
+    overlaid.then(|| DEVICE.register(&name()).ok()).flatten()
+}
+
+/// Which structure is live when `w_OPTION_STATUS` holds `status`.
+pub fn live_by(status: u32) -> Live {
+    Live::of_option_status(status as u16)
+}
+
+/// Whether the register is valid in phase `live`: its structure is, or shares the register with one that is.
+pub fn is_live(register: &RegisterRef, live: Live) -> bool {
+    let structures = register.area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
+    structures.map(|placed| placed.structure).any(|structure| {
+        core::ptr::eq(structure, register.structure)
+            || structure
+                .registers
+                .iter()
+                .any(|other| other.name == register.register.name && other.offset == register.register.offset)
+    })
+}
+
+/// Structures that overlay each other share their first registers; this leaves one of each.
+pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
+    let mut kept: Vec<RegisterRef> = Vec::with_capacity(registers.len());
+    for register in registers {
+        let twin = |other: &RegisterRef| {
+            (other.offset(), other.register.name) == (register.offset(), register.register.name)
+        };
+        if !kept.iter().any(twin) {
+            kept.push(register);
+        }
+    }
+    kept
+}
+
+/// The register's structure if it is not live.
+fn live_name(register: &RegisterRef, live: Live) -> Option<&'static str> {
+    (!is_live(register, live)).then_some(register.structure.name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn place(text: &str) -> Place {
+        Place::parse(text).unwrap()
+    }
+
+    #[test]
+    fn names_and_addresses_lead_to_the_same_register() {
+        let by_name = place("line2:node2.w_OPTION_STATUS");
+        assert_eq!((by_name.plc.as_deref(), by_name.text()), (Some("line2"), "node2.w_OPTION_STATUS"));
+        let by_address = place("%MW3.200002");
+        assert_eq!(by_address.name(Live::Cyclic), "node2.w_OPTION_STATUS");
+        assert_eq!(by_address.name(Live::Init), "node2.w_OPTION_STATUS");
+        assert_eq!(by_address.format(Live::Cyclic, 0x43), "16#0043");
+    }
+
+    #[test]
+    fn the_phase_decides_between_overlaid_structures() {
+        let overlaid = place("%MB3.200012");
+        assert_eq!(overlaid.name(Live::Init), "node2.b_MA_SL_MODE");
+        assert_eq!(overlaid.name(Live::Cyclic), "node2.b_CTRLREG_WRC1");
+        let init = place("node2.b_BT_0");
+        assert!(!init.meaning(Live::Init, 0).contains("not live"));
+        assert!(init.meaning(Live::Cyclic, 0).ends_with("(CANsync_INIT_BMSTRUCT, not live)"));
+        assert!(!place("node2.w_OPTION_STATUS").meaning(Live::Init, 1).contains("not live"));
+    }
+
+    #[test]
+    fn parts_of_registers_are_named() {
+        assert_eq!(place("%MB3.200003").meaning(Live::Cyclic, 0), "part of node2.w_OPTION_STATUS");
+        assert_eq!(
+            place("%MD3.200000").meaning(Live::Cyclic, 0),
+            "node2.w_CPU_CONTROL, node2.w_OPTION_STATUS"
+        );
+        let bit = place("%MX3.200003.1");
+        assert_eq!(bit.meaning(Live::Cyclic, 2), "bit 9 of node2.w_OPTION_STATUS");
+        assert_eq!((bit.format(Live::Cyclic, 2), bit.format(Live::Cyclic, 1)), ("1".into(), "0".into()));
+        assert_eq!(place("%MD3.1000000").meaning(Live::Cyclic, 0), "no register");
+    }
+
+    #[test]
+    fn values_are_checked_against_the_registers_type() {
+        assert_eq!(place("node2.a_WR_VALUE[0]").parse_value("-1").unwrap(), 0xFFFF_FFFF);
+        let error = place("node2.w_CPU_CONTROL").parse_value("-1").unwrap_err();
+        let text = "node2.w_CPU_CONTROL (%MW3.200000): `-1` is out of range, a WORD holds 0 to 65535 (16#0 to 16#FFFF)";
+        assert_eq!((error.to_string().as_str(), error.exit_code()), (text, 2));
+        assert!(place("%MX3.200000.1").parse_value("2").is_err());
+    }
+}

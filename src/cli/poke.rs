@@ -1,0 +1,88 @@
+//! `commram poke`: write registers.
+
+use super::Instance;
+use super::error::CliError;
+use super::place::Place;
+
+/// Write registers.
+///
+/// All writes go to the emulator in one message and are done in the given order, with nothing in between.
+/// Values are decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103) or binary
+/// (2#100_0011). A register that belongs to the firmware can be written too, as in the real RAM; the
+/// firmware overwrites it when it next writes it.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram poke node2.w_CPU_CONTROL=16#0001
+  commram poke node2.a_WR_VALUE[0]=-1000 node2.b_CTRLREG_WRC1=16#05
+  commram poke %MW3.200000=0x20
+  commram poke line2:node2.w_CPU_CONTROL=0")]
+pub struct Args {
+    /// Registers by name or address, and their new values
+    #[arg(value_name = "REG=VALUE", required = true)]
+    writes: Vec<String>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+fn parse(text: &str) -> Result<(Place, u32), CliError> {
+    let wrong = |right: &str| CliError::Argument { text: text.to_owned(), right: right.to_owned() };
+    let example = "write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001";
+    let (register, value) = text.split_once('=').ok_or_else(|| wrong(example))?;
+    if value.starts_with('=') {
+        return Err(wrong("one `=` writes; a comparison is for `commram wait`"));
+    }
+    let place = Place::parse(register.trim())?;
+    if place.bit().is_some() {
+        return Err(wrong("a single bit cannot be written, only its whole register"));
+    }
+    let value = place.parse_value(value)?;
+    Ok((place, value))
+}
+
+/// Writes the registers.
+#[cfg(feature = "channel")]
+pub fn run(args: &Args) -> Result<(), CliError> {
+    use super::session::Session;
+    use commram::channel::Op;
+
+    let writes = args.writes.iter().map(|text| parse(text)).collect::<Result<Vec<_>, _>>()?;
+    let session = Session::open(&args.instance.name, 0)?;
+    let op = |(place, value): &(Place, u32)| {
+        let (offset, width) = (place.offset(), place.width());
+        Ok(Op::Poke { plc: session.plc_of(place)?, offset, width, value: *value })
+    };
+    let ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    session.request(&ops).map(drop)
+}
+
+/// Checks the arguments and says that there is no channel.
+#[cfg(not(feature = "channel"))]
+pub fn run(args: &Args) -> Result<(), CliError> {
+    args.writes.iter().try_for_each(|text| parse(text).map(drop))?;
+    Err(CliError::NoChannel { command: "poke" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_write_is_a_register_and_a_value() {
+        let (place, value) = parse("line2:node2.w_CPU_CONTROL=16#0020").unwrap();
+        assert_eq!((place.plc.as_deref(), place.offset(), value), (Some("line2"), 200_000, 0x20));
+    }
+
+    #[test]
+    fn mistakes_are_explained() {
+        let message = |text| parse(text).err().unwrap().to_string();
+        assert_eq!(
+            message("node2.w_CPU_CONTROL"),
+            "`node2.w_CPU_CONTROL`: write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001"
+        );
+        assert!(message("node2.w_CPU_CONTROL==1").contains("`commram wait`"));
+        assert!(message("%MX3.200000.1=1").contains("whole register"));
+        assert!(message("node2.w_CPU_CONTRL=1").contains("w_CPU_CONTROL"));
+        assert!(message("node2.w_CPU_CONTROL=").contains("is no number"));
+    }
+}

@@ -1,0 +1,133 @@
+//! `commram run`: be the emulator.
+
+use super::error::CliError;
+use super::{Instance, output};
+use clap::ValueEnum;
+use commram::plant::PlantConfig;
+use commram::runtime::{Clock, Emulator, Options, StopHandle};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::path::PathBuf;
+
+/// Run an emulator until it is stopped.
+///
+/// Stays in the foreground and says in one line when it is ready. Ctrl-C, SIGTERM and `commram stop` end it
+/// and remove its files; a second Ctrl-C ends it at once. Without a plant file it runs the built-in plant:
+/// PLC `line`, whose node 2 is the master of three drives with slave numbers 1, 2 and 3.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram run
+  commram run --clock stepped -i test-1
+  commram run plant.toml --speed 10
+  commram run --novram ~/.local/state/commram")]
+pub struct Args {
+    /// The plant: PLCs, buses, drives
+    #[arg(value_name = "PLANT.toml")]
+    plant: Option<PathBuf>,
+    /// What drives the emulated time
+    #[arg(long, value_enum, default_value_t = ClockArg::Realtime)]
+    clock: ClockArg,
+    /// Emulated time per real time, 0.001 to 1000 (real-time clock only)
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    speed: f64,
+    /// Poll the registers instead of sleeping: faster answers, but it takes a whole processor core
+    #[arg(long)]
+    busy: bool,
+    /// Keep the NOVRAM of each PLC in this directory; without it, it is forgotten at the end
+    #[arg(long, value_name = "DIR")]
+    novram: Option<PathBuf>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ClockArg {
+    /// The wall clock
+    Realtime,
+    /// `commram step`, `commram wait` and other clients of the channel; time stands still in between
+    Stepped,
+}
+
+/// Runs the emulator.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    let options = Options {
+        instance: args.instance.name.clone(),
+        clock: clock(args)?,
+        busy: args.busy,
+        novram: args.novram.clone(),
+    };
+    log_to_stderr();
+    let config = match &args.plant {
+        Some(path) => PlantConfig::load(path)?,
+        None => PlantConfig::built_in()?,
+    };
+    // From here on a signal ends the emulator in good order, however early it comes.
+    let signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|reason| CliError::Signals { reason })?;
+    let mut emulator = Emulator::start(&config, options)?;
+    let stop = emulator.stop_handle();
+    std::thread::spawn(move || stop_on_signal(signals, &stop));
+    report_takeover(&emulator);
+    // A reader that has gone away is no reason to end.
+    let _ = output::print(&ready_line(&args.instance.name, &emulator, clock(args)?));
+    emulator.run();
+    Ok(())
+}
+
+fn clock(args: &Args) -> Result<Clock, CliError> {
+    match args.clock {
+        ClockArg::Stepped if args.speed != 1.0 => {
+            let right = "in stepped mode time passes on request, there is no speed".to_owned();
+            Err(CliError::Argument { text: format!("--speed {}", args.speed), right })
+        }
+        ClockArg::Stepped => Ok(Clock::Stepped),
+        ClockArg::Realtime => Ok(Clock::RealTime { speed: args.speed }),
+    }
+}
+
+/// The first signal ends the emulator in good order, the second at once.
+fn stop_on_signal(mut signals: Signals, stop: &StopHandle) {
+    let mut pending = signals.forever();
+    if pending.next().is_some() {
+        stop.stop();
+    }
+    if let Some(signal) = pending.next() {
+        // As if the signal had never been caught.
+        let _ = signal_hook::low_level::emulate_default_handler(signal);
+    }
+}
+
+fn report_takeover(emulator: &Emulator) {
+    for image in emulator.images() {
+        if let Some(pid) = image.taken_over() {
+            let path = image.path().display();
+            output::note(&format!("took over {path}, which a killed emulator (process {pid}) had left"));
+        }
+    }
+}
+
+fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {
+    let plcs = emulator.plant().plcs().iter().zip(emulator.images());
+    let plcs: Vec<_> =
+        plcs.map(|(plc, image)| format!("{} ({})", plc.name(), image.path().display())).collect();
+    let clock = match clock {
+        Clock::Stepped => "stepped".to_owned(),
+        Clock::RealTime { speed } => real_time_name(speed),
+    };
+    format!("commram: instance '{instance}' ready: {}, clock {clock}\n", plcs.join(", "))
+}
+
+/// `real time`, or `real time x 2.5`.
+pub fn real_time_name(speed: f64) -> String {
+    if speed == 1.0 { "real time".to_owned() } else { format!("real time x {speed}") }
+}
+
+fn log_to_stderr() {
+    tracing_subscriber::fmt()
+        .with_max_level(tracing::Level::WARN)
+        .with_writer(std::io::stderr)
+        .with_ansi(false)
+        .with_target(false)
+        .without_time()
+        .init();
+}

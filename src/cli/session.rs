@@ -1,0 +1,340 @@
+//! The way to an instance: through the channel while its emulator lives, else to what it left.
+
+use super::error::CliError;
+use super::output;
+use super::place::Place;
+use commram::layout::RegisterRef;
+use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, Width};
+
+/// Registers to be read.
+#[derive(Clone, Copy, Debug)]
+pub enum Read {
+    /// One register.
+    Register {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset in segment 3.
+        offset: u32,
+        /// Its width.
+        width: Width,
+    },
+    /// A block of bytes.
+    Block {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset in segment 3.
+        offset: u32,
+        /// Length in bytes.
+        len: u32,
+    },
+}
+
+impl Read {
+    /// Reads a register of PLC `plc`.
+    pub fn register(plc: u16, register: &RegisterRef) -> Self {
+        let width = match register.width() {
+            1 => Width::Byte,
+            2 => Width::Word,
+            _ => Width::Dword,
+        };
+        Self::Register { plc, offset: register.offset(), width }
+    }
+
+    /// Reads a place of PLC `plc`.
+    pub fn place(plc: u16, place: &Place) -> Self {
+        Self::Register { plc, offset: place.offset(), width: place.width() }
+    }
+}
+
+/// What was read, all at one moment of emulated time if the emulator lives.
+#[derive(Debug)]
+pub struct Snapshot {
+    /// That moment, in microseconds.
+    pub time_us: u64,
+    /// The bytes, one item per read; registers in little-endian order.
+    pub data: Vec<Vec<u8>>,
+}
+
+/// An open way to an instance.
+pub struct Session {
+    instance: String,
+    plcs: Vec<String>,
+    door: Door,
+}
+
+enum Door {
+    #[cfg(feature = "channel")]
+    Channel(commram::channel::Client),
+    /// In the order of `plcs`.
+    Images(Vec<Attached>),
+}
+
+impl Session {
+    /// Opens an instance for reading, be its emulator alive or dead.
+    ///
+    /// # Errors
+    /// Nothing of that name is there, or it cannot be used.
+    pub fn open_for_reading(instance: &str) -> Result<Self, CliError> {
+        let images = images_of(instance)?;
+        if let Some(pid) = dead(&images) {
+            output::note(&format!(
+                "instance '{instance}' is dead, its emulator (process {pid}) was killed; this is what it left"
+            ));
+            return Self::map(instance, &images);
+        }
+        Self::open_live_for_reading(instance, &images)
+    }
+
+    #[cfg(feature = "channel")]
+    fn open_live_for_reading(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
+        use commram::channel::ClientError;
+        match Self::connect(instance, images, 0) {
+            // The emulator lives, but it had to do without a channel.
+            Err(CliError::Client(ClientError::NotRunning { .. })) if images_of(instance).is_ok() => {
+                output::note(&format!(
+                    "instance '{instance}' has no channel; registers are read one after the other"
+                ));
+                Self::map(instance, images)
+            }
+            other => other,
+        }
+    }
+
+    #[cfg(not(feature = "channel"))]
+    fn open_live_for_reading(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
+        Self::map(instance, images)
+    }
+
+    /// The names of its PLCs.
+    pub fn plcs(&self) -> &[String] {
+        &self.plcs
+    }
+
+    /// Number of the PLC that the user means by `plc` in front of `text`.
+    ///
+    /// # Errors
+    /// No such PLC, or none given and several there.
+    pub fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, CliError> {
+        let plcs = || self.plcs.join(", ");
+        let instance = || self.instance.clone();
+        let Some(plc) = plc else {
+            return match self.plcs.as_slice() {
+                [_] => Ok(0),
+                several => Err(CliError::WhichPlc {
+                    text: text.to_owned(),
+                    instance: instance(),
+                    plcs: plcs(),
+                    example: several.first().cloned().unwrap_or_default(),
+                }),
+            };
+        };
+        let number = self.plcs.iter().position(|name| name == plc);
+        number.and_then(|number| u16::try_from(number).ok()).ok_or_else(|| CliError::UnknownPlc {
+            plc: plc.to_owned(),
+            instance: instance(),
+            plcs: plcs(),
+        })
+    }
+
+    /// Number of the PLC of `place`.
+    ///
+    /// # Errors
+    /// As [`Session::plc`].
+    pub fn plc_of(&self, place: &Place) -> Result<u16, CliError> {
+        self.plc(place.plc.as_deref(), place.text())
+    }
+
+    /// What stands in front of register names: the PLC, if there are several.
+    pub fn prefix(&self, plc: u16) -> String {
+        match self.plcs.get(usize::from(plc)) {
+            Some(name) if self.plcs.len() > 1 => format!("{name}:"),
+            _ => String::new(),
+        }
+    }
+
+    /// Reads everything at once.
+    ///
+    /// # Errors
+    /// The emulator has gone or refuses.
+    pub fn read(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
+        match &self.door {
+            #[cfg(feature = "channel")]
+            Door::Channel(_) => self.read_by_channel(reads),
+            Door::Images(images) => read_images(images, reads),
+        }
+    }
+
+    /// Opens what can be seen of an instance without the channel.
+    fn map(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
+        // After a restart with fewer PLCs, images of the emulator before may be left.
+        let any_alive = images.iter().any(is_alive);
+        let images: Vec<_> = images.iter().filter(|image| !any_alive || is_alive(image)).collect();
+        let attach =
+            |image: &ImageInfo| Image::attach(instance, &image.plc, AttachMode::ReadOnly, Some(LAYOUT_HASH));
+        let attached: Vec<_> = images.iter().copied().map(attach).collect::<Result<_, _>>()?;
+        let plcs = images.iter().map(|image| image.plc.clone()).collect();
+        Ok(Self { instance: instance.to_owned(), plcs, door: Door::Images(attached) })
+    }
+}
+
+#[cfg(feature = "channel")]
+mod by_channel {
+    use super::*;
+    use commram::channel::client::Patience;
+    use commram::channel::{Client, ClientError, HeaderBells, Op, Reply};
+    use commram::memory::names::channel_root;
+    use commram::memory::{MemoryError, State};
+    use std::time::{Duration, Instant};
+
+    /// How long a command waits for an emulator that is just starting.
+    const STARTING: Duration = Duration::from_secs(2);
+
+    impl Session {
+        /// Opens a living instance. `waits_us` is how much emulated time the request to come may wait.
+        ///
+        /// # Errors
+        /// Nothing of that name lives, or the channel cannot be had.
+        pub fn open(instance: &str, waits_us: u64) -> Result<Self, CliError> {
+            let images = images_of(instance)?;
+            match dead(&images) {
+                Some(pid) => Err(CliError::Dead { instance: instance.to_owned(), pid }),
+                None => Self::connect(instance, &images, waits_us),
+            }
+        }
+
+        pub(super) fn connect(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
+            let attached = attach_live(instance, images)?;
+            let slowed = slowdown(&attached);
+            let reply =
+                Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed));
+            let patience = Patience { reply, ..Patience::default() };
+            let bells = Box::new(HeaderBells::of_client(attached)?);
+            let client = Client::connect(instance, &channel_root(instance)?, bells, patience)?;
+            let plcs = client.info()?.plcs;
+            Ok(Self { instance: instance.to_owned(), plcs, door: Door::Channel(client) })
+        }
+
+        /// Sends the operations as one request. All of them were done if there is no error.
+        ///
+        /// # Errors
+        /// The first operation that was refused, or no reply.
+        pub fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
+            let Door::Channel(client) = &self.door else {
+                return Err(no_channel(&self.instance));
+            };
+            let replies = client.request(ops)?;
+            match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
+                Some(Reply::Error(refused)) => Err(ClientError::Refused(*refused).into()),
+                _ => Ok(replies),
+            }
+        }
+
+        pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
+            let op = |read: &Read| match *read {
+                Read::Register { plc, offset, width } => Op::Peek { plc, offset, width },
+                Read::Block { plc, offset, len } => Op::ReadRange { plc, offset, len },
+            };
+            let ops: Vec<_> = std::iter::once(Op::Info).chain(reads.iter().map(op)).collect();
+            let (mut time_us, mut data) = (0, Vec::with_capacity(reads.len()));
+            for reply in self.request(&ops)? {
+                match reply {
+                    Reply::Info(info) => time_us = info.time_us,
+                    Reply::Value(value) => data.push(value.to_le_bytes().to_vec()),
+                    Reply::Bytes(bytes) => data.push(bytes),
+                    _ => return Err(ClientError::WrongReply { instance: self.instance.clone() }.into()),
+                }
+            }
+            Ok(Snapshot { time_us, data })
+        }
+    }
+
+    /// Attaches to the first image, waiting for an emulator that is just starting.
+    fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliError> {
+        let Some(image) = images.iter().find(|image| is_alive(image)) else {
+            return Err(no_channel(instance));
+        };
+        let start = Instant::now();
+        loop {
+            match Image::attach(instance, &image.plc, AttachMode::ReadWrite, Some(LAYOUT_HASH)) {
+                Err(MemoryError::NotReady { state: Some(State::Starting), .. })
+                    if start.elapsed() < STARTING =>
+                {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                other => return Ok(other?),
+            }
+        }
+    }
+
+    fn no_channel(instance: &str) -> CliError {
+        CliError::NotRunning { instance: instance.to_owned(), running: String::new() }
+    }
+
+    /// Real time per emulated time.
+    fn slowdown(attached: &Attached) -> f64 {
+        match attached.header_snapshot().speed.load() {
+            0 => 1.0,
+            permille => 1_000.0 / f64::from(permille),
+        }
+    }
+}
+
+/// The images of an instance; one at least, and all of them usable.
+///
+/// # Errors
+/// There is none, or one cannot be used.
+pub fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
+    let all = commram::memory::list()?;
+    let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
+    if own.is_empty() {
+        let mut running: Vec<_> = others.into_iter().filter(is_alive).map(|image| image.instance).collect();
+        running.dedup();
+        let running = match running.as_slice() {
+            [] => String::new(),
+            names => format!(" (running: {})", names.join(", ")),
+        };
+        return Err(CliError::NotRunning { instance: instance.to_owned(), running });
+    }
+    own.into_iter()
+        .map(|image| match image.condition {
+            Condition::Unusable(reason) => Err(reason.into()),
+            _ => Ok(image),
+        })
+        .collect()
+}
+
+/// Whether an emulator serves the image.
+pub fn is_alive(image: &ImageInfo) -> bool {
+    matches!(image.condition, Condition::Alive(_))
+}
+
+/// The process that left the images behind, if none of them is served any more.
+fn dead(images: &[ImageInfo]) -> Option<u32> {
+    let pid = |image: &ImageInfo| match &image.condition {
+        Condition::Dead(ImageSummary { pid, .. }) => Some(*pid),
+        _ => None,
+    };
+    images.iter().map(pid).collect::<Option<Vec<_>>>()?.first().copied()
+}
+
+fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError> {
+    let mut data = Vec::with_capacity(reads.len());
+    for read in reads {
+        let (Read::Register { plc, .. } | Read::Block { plc, .. }) = *read;
+        // The session has handed out the number.
+        let Some(image) = images.get(usize::from(plc)) else { continue };
+        data.push(match *read {
+            Read::Register { offset, width, .. } => {
+                image.segment().load(offset, width)?.to_le_bytes().to_vec()
+            }
+            Read::Block { offset, len, .. } => {
+                let mut bytes = vec![0; len as usize];
+                image.segment().read_range(offset, &mut bytes)?;
+                bytes
+            }
+        });
+    }
+    let time_us = images.first().map_or(0, |image| image.header_snapshot().virtual_time_us.load());
+    Ok(Snapshot { time_us, data })
+}

@@ -1,0 +1,116 @@
+//! Emulated time as text.
+
+use thiserror::Error;
+
+/// A text that is no time.
+#[derive(Debug, PartialEq, Eq, Error)]
+pub enum TimeError {
+    /// Not a number with a unit.
+    #[error("write a number with a unit (us, ms, s, min or h), for example 250us, 2ms or 1.5s")]
+    Notation,
+    /// A number without a unit.
+    #[error("a time needs a unit: {0}us, {0}ms or {0}s")]
+    NoUnit(String),
+    /// A part of a microsecond.
+    #[error("emulated time has a resolution of 1us")]
+    TooFine,
+    /// More than can be counted.
+    #[error("too long")]
+    TooLong,
+}
+
+/// Parses a time such as `250us`, `2ms` or `1.5s` into microseconds.
+pub fn parse(text: &str) -> Result<u64, TimeError> {
+    let text = text.trim();
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(end);
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
+    let is_number = |digits: &str| !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
+    if !is_number(whole) || !is_number(fraction) {
+        return Err(TimeError::Notation);
+    }
+    let unit_us = match unit.trim_start() {
+        "us" | "µs" | "μs" => 1,
+        "ms" => 1_000,
+        "s" => 1_000_000,
+        "min" => 60_000_000,
+        "h" => 3_600_000_000,
+        "" => return Err(TimeError::NoUnit(number.to_owned())),
+        _ => return Err(TimeError::Notation),
+    };
+    let whole: u64 = whole.parse().map_err(|_| TimeError::TooLong)?;
+    let fraction = fraction_us(fraction.trim_end_matches('0'), unit_us)?;
+    whole.checked_mul(unit_us).and_then(|us| us.checked_add(fraction)).ok_or(TimeError::TooLong)
+}
+
+/// The decimals behind the point, of a unit of so many microseconds.
+fn fraction_us(digits: &str, unit_us: u64) -> Result<u64, TimeError> {
+    let mut rest = unit_us;
+    let mut us = 0;
+    for digit in digits.bytes() {
+        if !rest.is_multiple_of(10) {
+            return Err(TimeError::TooFine);
+        }
+        rest /= 10;
+        us += rest * u64::from(digit - b'0');
+    }
+    Ok(us)
+}
+
+/// Microseconds as seconds with all decimals: `0.002000 s`.
+pub fn seconds(us: u64) -> String {
+    format!("{}.{:06} s", us / 1_000_000, us % 1_000_000)
+}
+
+/// Microseconds in the unit that needs no decimals: `2 ms`, `1500 us`.
+pub fn short(us: u64) -> String {
+    match us {
+        0 => "0 us".to_owned(),
+        us if us.is_multiple_of(1_000_000) => format!("{} s", us / 1_000_000),
+        us if us.is_multiple_of(1_000) => format!("{} ms", us / 1_000),
+        us => format!("{us} us"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_with_units() {
+        for (text, us) in [
+            ("250us", 250),
+            ("250µs", 250),
+            ("2ms", 2_000),
+            ("2 ms", 2_000),
+            ("0.5ms", 500),
+            ("1.000001s", 1_000_001),
+            ("1.50s", 1_500_000),
+            ("2min", 120_000_000),
+            ("24h", 86_400_000_000),
+            ("0s", 0),
+            ("1.0us", 1),
+        ] {
+            assert_eq!(parse(text), Ok(us), "{text}");
+        }
+    }
+
+    #[test]
+    fn everything_else_is_refused_with_a_reason() {
+        assert_eq!(parse("5").unwrap_err().to_string(), "a time needs a unit: 5us, 5ms or 5s");
+        assert_eq!(parse("1.5us"), Err(TimeError::TooFine));
+        assert_eq!(parse("0.0001ms"), Err(TimeError::TooFine));
+        assert_eq!(parse("99999999999999999999s"), Err(TimeError::TooLong));
+        assert_eq!(parse("18446744073709551615ms"), Err(TimeError::TooLong));
+        for text in ["", "ms", "-1ms", "1.ms", ".5ms", "1..5ms", "1.2.3s", "5 parsecs", "1s500ms", "+1s"] {
+            assert_eq!(parse(text), Err(TimeError::Notation), "{text}");
+        }
+    }
+
+    #[test]
+    fn times_are_printed_exactly() {
+        assert_eq!(seconds(2_000), "0.002000 s");
+        assert_eq!(seconds(12_000_001), "12.000001 s");
+        assert_eq!([0, 1_500, 2_000, 3_000_000].map(short), ["0 us", "1500 us", "2 ms", "3 s"]);
+    }
+}
