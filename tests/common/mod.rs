@@ -1,0 +1,242 @@
+//! Emulators and commands as processes of their own, for tests that drive the built program.
+#![allow(dead_code, reason = "each test binary uses a part of it")]
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+/// No step of a test takes longer than this, however slow the machine.
+const WATCHDOG: Duration = Duration::from_secs(60);
+
+/// A name that no other test and no other test run uses.
+pub fn unique_name() -> String {
+    static COUNTER: AtomicU32 = AtomicU32::new(0);
+    format!("t{}-{}", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed))
+}
+
+/// The program, without the settings of whoever runs the tests.
+pub fn commram() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_commram"));
+    command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
+    command
+}
+
+/// What a command has said and how it ended.
+#[derive(Debug)]
+pub struct Outcome {
+    pub code: Option<i32>,
+    pub out: String,
+    pub err: String,
+}
+
+/// Runs the program with these arguments to its end.
+pub fn run(args: &[&str]) -> Outcome {
+    finish(commram().args(args))
+}
+
+/// Runs a command to its end.
+pub fn finish(command: &mut Command) -> Outcome {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let out = collect(child.stdout.take().unwrap());
+    let err = collect(child.stderr.take().unwrap());
+    let status = wait_for(&mut child, "a command");
+    let text = |stream: mpsc::Receiver<String>| stream.recv_timeout(WATCHDOG).unwrap();
+    Outcome { code: status.code(), out: text(out), err: text(err) }
+}
+
+fn collect(mut stream: impl Read + Send + 'static) -> mpsc::Receiver<String> {
+    let (send, receive) = mpsc::channel();
+    std::thread::spawn(move || {
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        let _ = send.send(text);
+    });
+    receive
+}
+
+/// Waits for the end of a process; kills it and fails if it does not end.
+pub fn wait_for(child: &mut Child, what: &str) -> ExitStatus {
+    let mut status = None;
+    let ended = eventually(|| {
+        status = child.try_wait().unwrap();
+        status.is_some()
+    });
+    if !ended {
+        let _ = child.kill();
+        let _ = child.wait();
+        panic!("{what} did not end within {WATCHDOG:?}");
+    }
+    status.unwrap()
+}
+
+/// Whether the condition becomes true before the watchdog barks.
+pub fn eventually(mut condition: impl FnMut() -> bool) -> bool {
+    let start = Instant::now();
+    loop {
+        if condition() {
+            return true;
+        }
+        if start.elapsed() > WATCHDOG {
+            return false;
+        }
+        // A pause between two looks, not a guess how long something takes.
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+impl Outcome {
+    /// The output of a command that must succeed without a word on stderr.
+    #[track_caller]
+    pub fn ok(&self) -> &str {
+        assert_eq!((self.code, self.err.as_str()), (Some(0), ""), "stdout: {}", self.out);
+        &self.out
+    }
+
+    /// The complaint of a command that must fail with this exit code.
+    #[track_caller]
+    pub fn fails(&self, code: i32) -> &str {
+        assert_eq!(self.code, Some(code), "stdout: {}\nstderr: {}", self.out, self.err);
+        assert_eq!(self.out, "", "a command that fails prints nothing");
+        assert!(self.err.starts_with("commram: "), "{}", self.err);
+        &self.err
+    }
+}
+
+/// A running emulator. It is killed, and its files are removed, when this value is dropped.
+pub struct Emulator {
+    pub name: String,
+    /// What it said when it was ready.
+    pub ready: String,
+    child: Child,
+    err: Option<mpsc::Receiver<String>>,
+}
+
+impl Emulator {
+    /// Starts `commram run` with a unique instance name and waits until it is ready.
+    pub fn start(args: &[&str]) -> Self {
+        Self::start_as(&unique_name(), args)
+    }
+
+    /// As [`Emulator::start`] with the built-in plant and the stepped clock.
+    pub fn stepped() -> Self {
+        Self::start(&["--clock", "stepped"])
+    }
+
+    /// Starts an instance of the given name.
+    pub fn start_as(name: &str, args: &[&str]) -> Self {
+        let mut command = commram();
+        command.arg("run").args(args).args(["-i", name]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let err = collect(child.stderr.take().unwrap());
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut this = Self { name: name.to_owned(), ready: String::new(), child, err: Some(err) };
+        let (send, receive) = mpsc::channel();
+        std::thread::spawn(move || {
+            let mut line = String::new();
+            let _ = out.read_line(&mut line);
+            let _ = send.send(line);
+            // Whatever it might say later must not block it.
+            let _ = std::io::copy(&mut out, &mut std::io::sink());
+        });
+        this.ready = receive.recv_timeout(WATCHDOG).unwrap_or_default();
+        if this.ready.is_empty() {
+            let status = this.wait();
+            panic!("the emulator did not get ready ({status}): {}", this.complaints());
+        }
+        this
+    }
+
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// A subcommand on this instance.
+    pub fn command(&self, subcommand: &str, args: &[&str]) -> Command {
+        let mut command = commram();
+        command.arg(subcommand).args(args).args(["-i", &self.name]);
+        command
+    }
+
+    /// Runs a subcommand on this instance to its end.
+    pub fn run(&self, subcommand: &str, args: &[&str]) -> Outcome {
+        finish(&mut self.command(subcommand, args))
+    }
+
+    /// The bare numbers of registers, as one line.
+    #[track_caller]
+    pub fn peek(&self, registers: &[&str]) -> String {
+        let outcome = self.run("peek", &[&["--raw"], registers].concat());
+        outcome.ok().lines().collect::<Vec<_>>().join(" ")
+    }
+
+    #[track_caller]
+    pub fn poke(&self, writes: &[&str]) {
+        self.run("poke", writes).ok();
+    }
+
+    #[track_caller]
+    pub fn step(&self, args: &[&str]) -> String {
+        self.run("step", args).ok().trim_end().to_owned()
+    }
+
+    pub fn signal(&self, signal: &str) {
+        let pid = self.pid().to_string();
+        assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
+    }
+
+    /// Kills it as `kill -9` does.
+    pub fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    pub fn wait(&mut self) -> ExitStatus {
+        wait_for(&mut self.child, "the emulator")
+    }
+
+    /// Everything it has said on stderr; it must have ended.
+    pub fn complaints(&mut self) -> String {
+        self.err.take().and_then(|err| err.recv_timeout(WATCHDOG).ok()).unwrap_or_default()
+    }
+
+    /// Its files in /dev/shm that bear its name.
+    pub fn files(&self) -> Vec<PathBuf> {
+        files_of(&self.name)
+    }
+}
+
+/// The files in /dev/shm that bear the name of an instance.
+pub fn files_of(instance: &str) -> Vec<PathBuf> {
+    let prefix = format!("commram.{instance}.");
+    let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let own = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix));
+    own.map(|entry| entry.path()).collect()
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        if self.child.try_wait().is_ok_and(|status| status.is_none()) {
+            let _ = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
+            let ended = eventually(|| self.child.try_wait().is_ok_and(|status| status.is_some()));
+            if !ended {
+                let _ = self.child.kill();
+                let _ = self.child.wait();
+            }
+        }
+        remove_remains(&self.name);
+    }
+}
+
+/// Removes what a killed emulator has left, the anonymous parts of its channel included.
+pub fn remove_remains(instance: &str) {
+    if !files_of(instance).is_empty() {
+        let _ = commram().args(["stop", "--clean", "-i", instance]).output();
+    }
+    for path in files_of(instance) {
+        let _ = std::fs::remove_file(&path);
+        let _ = std::fs::remove_dir_all(&path);
+    }
+}
