@@ -463,15 +463,15 @@ impl Run<'_> {
     }
 
     fn deliver_job(&mut self, number: u8, frame: &Frame) {
-        let Ok(job) = ParameterJob::decode(frame.payload()) else { return };
         match self.station(number) {
             Station::Nobody => {}
             Station::Drive(index) => {
+                let Ok(job) = ParameterJob::decode(frame.payload()) else { return };
                 self.bus.drive_answer =
                     self.drives().get_mut(index).map(|drive| drive.parameter_job(&job).frame(number));
             }
             Station::Node(index) => {
-                self.node(index, |slave, _| slave.parameter_job(&job));
+                self.node(index, |slave, ctx| slave.job(ctx, frame));
             }
         }
     }
@@ -481,7 +481,7 @@ impl Run<'_> {
         let answer = match self.station(number) {
             Station::Nobody => None,
             Station::Drive(_) => self.bus.drive_answer.take(),
-            Station::Node(index) => self.node(index, |slave, _| slave.response()).flatten(),
+            Station::Node(index) => self.node(index, |slave, ctx| slave.response(ctx)).flatten(),
         };
         if let Some(frame) = answer {
             self.bus.response = Some(frame);
@@ -495,7 +495,7 @@ impl Run<'_> {
         self.note_frame(frame);
         let Some(number) = self.bus.asked.take() else { return };
         if let Station::Node(index) = self.station(number) {
-            self.node(index, |slave, _| slave.response_sent());
+            self.node(index, |slave, ctx| slave.response_sent(ctx));
         }
         self.master(|master, ctx| master.response(ctx, number, &frame));
     }

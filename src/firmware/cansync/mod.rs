@@ -2,14 +2,12 @@
 //!
 //! `node` holds what both share: the general registers and the state machine between
 //! `w_CPU_CONTROL` and `w_OPTION_STATUS`; `init` checks initialization data; `master` and `slave`
-//! add the process data; `polling` is the master's set-up mode; `parameter` the slave's side of
-//! parameter jobs.
+//! add the process data; `polling` is the master's set-up mode; below `slave` lies its side of jobs.
 
 mod actual;
 mod init;
 mod master;
 mod node;
-mod parameter;
 mod polling;
 mod registers;
 mod slave;
