@@ -30,8 +30,11 @@ pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
 pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 
 use crate::bus::codec::parameter::{VALUE_ELEMENT, error_number};
-use crate::bus::codec::{Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult};
-use crate::bus::{Channel, Payload};
+use crate::bus::codec::{
+    Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult, UpDownJob, UpDownResult,
+    updown,
+};
+use crate::bus::{Channel, Frame, Payload};
 use card::Card;
 use drivecom::StateMachine;
 use motion::Motion;
@@ -201,6 +204,20 @@ impl Drive {
             }
             Action::Other => {}
         }
+    }
+
+    /// A parameter or up-/download job for this drive: the answer frame, `None` if the data field is no
+    /// job at all.
+    ///
+    /// The card's manual describes no area for up- and downloads; the drive refuses all of them with
+    /// 16#0104 "not possible" (decision D-47).
+    pub fn job(&mut self, payload: &Payload) -> Option<Frame> {
+        if let Ok(job) = ParameterJob::decode(payload) {
+            return Some(self.parameter_job(&job).frame(self.slave_number));
+        }
+        let job = UpDownJob::decode(payload).ok()?;
+        let refusal = job.answer(UpDownResult::Error(updown::error_number::NOT_POSSIBLE));
+        Some(refusal.frame(self.slave_number))
     }
 
     /// A parameter job; the drive answers at once.

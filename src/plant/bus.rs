@@ -433,7 +433,7 @@ impl Run<'_> {
     fn command_start(&mut self) {
         self.bus.asked = None;
         self.bus.drive_answer = None;
-        self.bus.command = self.master(|master, _| master.command()).flatten();
+        self.bus.command = self.master(|master, ctx| master.command(ctx)).flatten();
         if let Some(frame) = self.bus.command {
             self.transmit(Slot::CommandEnd, &frame, self.now, Sender::Master);
         }
@@ -466,12 +466,13 @@ impl Run<'_> {
         match self.station(number) {
             Station::Nobody => {}
             Station::Drive(index) => {
-                let Ok(job) = ParameterJob::decode(frame.payload()) else { return };
                 self.bus.drive_answer =
-                    self.drives().get_mut(index).map(|drive| drive.parameter_job(&job).frame(number));
+                    self.drives().get_mut(index).and_then(|drive| drive.job(frame.payload()));
             }
             Station::Node(index) => {
-                self.node(index, |slave, ctx| slave.job(ctx, frame));
+                if let Ok(job) = ParameterJob::decode(frame.payload()) {
+                    self.node(index, |slave, _| slave.parameter_job(&job));
+                }
             }
         }
     }
@@ -481,7 +482,7 @@ impl Run<'_> {
         let answer = match self.station(number) {
             Station::Nobody => None,
             Station::Drive(_) => self.bus.drive_answer.take(),
-            Station::Node(index) => self.node(index, |slave, ctx| slave.response(ctx)).flatten(),
+            Station::Node(index) => self.node(index, |slave, _| slave.response()).flatten(),
         };
         if let Some(frame) = answer {
             self.bus.response = Some(frame);
@@ -495,7 +496,7 @@ impl Run<'_> {
         self.note_frame(frame);
         let Some(number) = self.bus.asked.take() else { return };
         if let Station::Node(index) = self.station(number) {
-            self.node(index, |slave, ctx| slave.response_sent(ctx));
+            self.node(index, |slave, _| slave.response_sent());
         }
         self.master(|master, ctx| master.response(ctx, number, &frame));
     }

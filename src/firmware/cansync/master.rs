@@ -1,7 +1,9 @@
-//! The CANsync master on node 2: process data in active operation (manual 5.00005.03a p. 151-160).
+//! The CANsync master on node 2: process data in active operation (manual 5.00005.03a p. 151-160), and who
+//! has the command channel when.
 
 use super::actual::ActualValueRegisters;
 use super::auto::Counter;
+use super::command::CommandChannel;
 use super::init::SyncSource;
 use super::node::{Change, Node, NodeState, Role};
 use super::polling::Polling;
@@ -31,6 +33,7 @@ pub struct Master {
     node: Node,
     regs: View<CANsync_MA_CTRL_BMSTRUCT>,
     polling: Polling,
+    commands: CommandChannel,
     request: [Counter; 2],
     /// Configuration bytes as read at the start of the interval.
     config: [FrameConfig; 2],
@@ -49,6 +52,7 @@ impl Master {
             node: Node::new(Role::Master, NODE2 as u32, init),
             regs: segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?,
             polling: Polling::new(),
+            commands: CommandChannel::default(),
             request: [Counter::default(); 2],
             config: [FrameConfig::master_reference([0; 4]); 2],
             interval_is_active: false,
@@ -94,10 +98,17 @@ impl Master {
         match change {
             Change::SetUpStarted | Change::Disabled => {
                 self.polling.restart();
+                self.commands.restart();
                 self.interval_is_active = false;
             }
-            Change::Enabled => self.request.iter_mut().for_each(Counter::restart),
-            Change::Restarted => self.interval_is_active = false,
+            Change::Enabled => {
+                self.request.iter_mut().for_each(Counter::restart);
+                self.commands.restart();
+            }
+            Change::Restarted => {
+                self.commands.restart();
+                self.interval_is_active = false;
+            }
             Change::None | Change::Progressed => {}
         }
         self.node.refresh_status(on_wire);
@@ -121,6 +132,7 @@ impl Master {
         .map(FrameConfig::master_reference);
         let max = self.regs.b_MAX_SL_NR.load();
         self.request.iter_mut().for_each(|counter| counter.next_interval(max));
+        self.commands.next_interval(max);
     }
 
     /// The deadline of a reference value frame: builds it if the PLC has released it with 16#05,
@@ -156,26 +168,38 @@ impl Master {
         acknowledge(ctx, self.control_register(channel), offset);
     }
 
-    /// The frame for the command channel of this interval, if any.
-    pub fn command(&mut self) -> Option<Frame> {
+    /// The frame for the command channel of this interval, if any. Its job counts as sent from now on
+    /// (decision D-40).
+    #[inline]
+    pub fn command(&mut self, ctx: &mut Context) -> Option<Frame> {
         match (self.node.state(), self.node.init()) {
             (NodeState::SetUp, Some(init)) => Some(self.polling.frame(init.expected)),
             // A PLC may enable active operation before the first command slot; the slaves must be told
             // to synchronize all the same (decision D-38).
-            (NodeState::Active, _) => self.polling.announcement(),
+            (NodeState::Active, _) => self.polling.announcement().or_else(|| self.job(ctx)),
             _ => None,
         }
     }
 
+    /// Jobs begin with the first whole interval of active operation, like process data (decision D-31).
+    #[inline]
+    fn job(&mut self, ctx: &mut Context) -> Option<Frame> {
+        if self.is_exchanging() { self.commands.frame(ctx, &self.regs) } else { None }
+    }
+
     /// A response frame arrived.
     pub fn response(&mut self, ctx: &mut Context, slave: u8, frame: &Frame) {
-        if self.node.accepts(frame.id()) {
+        if !self.node.accepts(frame.id()) {
+            return;
+        }
+        if !self.commands.response(ctx, &self.regs, slave, frame.payload()) {
             self.polling.response(ctx, &self.regs, slave, frame);
         }
     }
 
     /// t_RSPTO passed without an answer to the last command.
     pub fn response_timeout(&mut self, ctx: &mut Context) {
+        self.commands.no_response();
         self.polling.no_response(ctx, &self.regs);
     }
 
@@ -199,9 +223,10 @@ impl Master {
     }
 }
 
-/// 16#05 -> 16#04 in a register that holds a process data handshake.
-pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) {
-    if register.compare_exchange(Code::RELEASED, Code::DONE).is_ok() {
+/// 16#05 -> 16#04 in a register that holds such a handshake. Tells whether it still held 16#05.
+pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) -> bool {
+    let acknowledged = register.compare_exchange(Code::RELEASED, Code::DONE).is_ok();
+    if acknowledged {
         let origin = ctx.origin;
         ctx.report(Event::Handshake {
             origin,
@@ -210,4 +235,5 @@ pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) {
             answer: u16::from(Code::DONE),
         });
     }
+    acknowledged
 }

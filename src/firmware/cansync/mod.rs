@@ -2,15 +2,24 @@
 //!
 //! `node` holds what both share: the general registers and the state machine between
 //! `w_CPU_CONTROL` and `w_OPTION_STATUS`; `init` checks initialization data; `master` and `slave`
-//! add the process data; `polling` is the master's set-up mode; below `slave` lies its side of jobs.
+//! add the process data; `polling` is the master's set-up mode; `command` shares its command channel out
+//! in active operation, to `broadcast`, `parameter_job` and `updown_job`; `parameter` is the slave's side
+//! of parameter jobs.
 
 mod actual;
+mod block;
+mod broadcast;
+mod command;
 mod init;
+mod job_registers;
 mod master;
 mod node;
+mod parameter;
+mod parameter_job;
 mod polling;
 mod registers;
 mod slave;
+mod updown_job;
 
 pub use init::{InitData, InitFault};
 pub use master::{Built, Master};
