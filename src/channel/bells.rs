@@ -23,6 +23,9 @@ pub trait Bells {
     /// Emulator: a reply was sent; wakes the clients.
     fn announce_reply(&self);
 
+    /// Client: process id of the emulator these bells belong to, as the emulator itself sees it.
+    fn emulator_pid(&self) -> u32;
+
     /// Client: whether the emulator's process still lives. Asked when a reply is late.
     fn emulator_alive(&self) -> bool;
 }
@@ -42,6 +45,10 @@ impl<T: Bells + ?Sized> Bells for std::sync::Arc<T> {
 
     fn announce_reply(&self) {
         (**self).announce_reply();
+    }
+
+    fn emulator_pid(&self) -> u32 {
+        (**self).emulator_pid()
     }
 
     fn emulator_alive(&self) -> bool {

@@ -137,7 +137,7 @@ impl Default for Patience {
 pub struct Client {
     port: Port,
     service: Service,
-    node: Node<Ipc>,
+    _node: Node<Ipc>,
     bells: Box<dyn Bells>,
     patience: Patience,
     instance: String,
@@ -159,7 +159,7 @@ impl Client {
             let failure = match ports(instance, root, &*bells) {
                 Ok((port, service, node)) => {
                     let instance = instance.to_owned();
-                    return Ok(Self { port, service, node, bells, patience, instance });
+                    return Ok(Self { port, service, _node: node, bells, patience, instance });
                 }
                 Err(failure) => failure,
             };
@@ -282,8 +282,6 @@ impl Client {
     }
 
     fn gone(&self) -> ClientError {
-        // Frees what the dead emulator holds; a new one may already be starting.
-        self.node.try_cleanup_dead_nodes();
         ClientError::EmulatorGone { instance: self.instance.clone() }
     }
 
@@ -386,7 +384,8 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
     let name = || instance.to_owned();
     let not_running = || ClientError::NotRunning { instance: name(), root: root.display().to_string() };
     let connect = |reason: String| ClientError::Connect { instance: name(), reason };
-    if !Domain::is_announced(root) || !bells.emulator_alive() {
+    let announced = || Domain::is_announced(root, bells.emulator_pid());
+    if !announced() || !bells.emulator_alive() {
         return Err(not_running());
     }
     let domain = Domain::new(instance, root)?;
@@ -394,7 +393,7 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
     let service = match open(&node).ok_or_else(|| connect("no service".into()))? {
         // Others that were killed may hold the places.
         Err(OpenError::ExceedsMaxNumberOfNodes) => {
-            node.try_cleanup_dead_nodes();
+            domain.clean_up_after_the_dead(&node);
             open(&node).ok_or_else(|| connect("no service".into()))?
         }
         other => other,
@@ -409,7 +408,7 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
     })?;
     let port = match create(&service) {
         Err(ClientCreateError::ExceedsMaxSupportedClients) => {
-            node.try_cleanup_dead_nodes();
+            domain.clean_up_after_the_dead(&node);
             create(&service)
         }
         other => other,
@@ -418,6 +417,10 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
         ClientCreateError::ExceedsMaxSupportedClients => ClientError::TooManyClients { instance: name() },
         other => connect(format!("{other:?}")),
     })?;
+    // If the emulator was replaced meanwhile, this may be a connection to what the new one swept away.
+    if !announced() {
+        return Err(not_running());
+    }
     Ok((port, service, node))
 }
 

@@ -14,6 +14,7 @@ use iceoryx2::service::builder::request_response::Builder;
 use std::io;
 use std::path::{Path as FsPath, PathBuf};
 use std::sync::Once;
+use std::time::{Duration, Instant};
 
 pub(super) type Ipc = ipc::Service;
 pub(super) type ServiceBuilder = Builder<[WireOp], (), [Block], (), Ipc>;
@@ -28,8 +29,10 @@ const MAX_NODES: usize = MAX_CLIENTS + 8;
 pub(super) const MAX_ROOT: usize = 120;
 /// Where POSIX shared memory lies on Linux.
 const SHM: &str = "/dev/shm";
-/// Exists while a server is ready; holds its process id, for people.
+/// Exists while a server is ready; holds its process id.
 const READY: &str = "ready";
+/// How long a shared memory object may have no content: far longer than a living process needs.
+const HALF_MADE: Duration = Duration::from_millis(50);
 /// The directories iceoryx2 makes in the root.
 const DIRECTORIES: [&str; 2] = ["nodes", "services"];
 
@@ -119,15 +122,44 @@ impl Domain {
         let _ = std::fs::remove_file(self.root.join(READY));
     }
 
-    /// Whether a server has announced itself in `root`, and not taken it back.
-    pub fn is_announced(root: &FsPath) -> bool {
-        root.join(READY).exists()
+    /// Whether the server with process id `pid` has announced itself in `root` and not taken it back. An
+    /// announcement that a killed server left has another id.
+    pub fn is_announced(root: &FsPath, pid: u32) -> bool {
+        std::fs::read_to_string(root.join(READY)).is_ok_and(|text| text.trim_end().parse() == Ok(pid))
     }
 
-    /// Removes all that remains of earlier runs, unless a living process still uses the domain.
-    pub fn sweep_if_unused(&self) {
-        if !self.in_use() {
+    /// Removes all that remains of earlier runs, unless a living process still uses the domain after
+    /// `patience`.
+    pub fn sweep_if_unused(&self, patience: Duration) {
+        if settles(patience, || !self.in_use()) {
             self.sweep();
+        }
+    }
+
+    /// Removes what dead processes left, while others may use the domain.
+    pub fn clean_up_after_the_dead(&self, node: &Node<Ipc>) {
+        self.remove_half_made();
+        node.try_cleanup_dead_nodes();
+    }
+
+    /// Removes shared memory objects without content. A process killed between creating one and giving it
+    /// its size leaves such an object, and iceoryx2 0.10.0 waits for its size for ever, whatever the
+    /// timeout (`dynamic_storage/posix_shared_memory.rs`, `MappingSizeIsZero`). A living process is
+    /// through in microseconds.
+    pub fn remove_half_made(&self) {
+        let empty = || {
+            shared_memory(&self.prefix)
+                .filter(|path| path.metadata().is_ok_and(|data| data.len() == 0))
+                .collect::<Vec<_>>()
+        };
+        let mut stale = empty();
+        settles(HALF_MADE, || {
+            let now = empty();
+            stale.retain(|path| now.contains(path));
+            stale.is_empty()
+        });
+        for path in stale {
+            let _ = std::fs::remove_file(path);
         }
     }
 
@@ -169,6 +201,20 @@ impl Domain {
     }
 }
 
+/// Whether it is so now or within `patience`.
+fn settles(patience: Duration, mut is_so: impl FnMut() -> bool) -> bool {
+    let start = Instant::now();
+    loop {
+        if is_so() {
+            return true;
+        }
+        if start.elapsed() >= patience {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
 /// The shared memory objects whose names begin with `prefix`.
 fn shared_memory(prefix: &str) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
@@ -189,4 +235,35 @@ fn fnv1a(texts: &[&str]) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_made_objects_are_removed_and_finished_ones_are_not() {
+        let root = tempfile::TempDir::new().unwrap();
+        let domain = Domain::new("half", root.path()).unwrap();
+        let object = |name: &str| FsPath::new(SHM).join(format!("{}{name}", domain.prefix));
+        std::fs::write(object("half"), "").unwrap();
+        std::fs::write(object("done"), "x").unwrap();
+        domain.remove_half_made();
+        let left = domain.remains();
+        domain.sweep();
+        assert_eq!(left, [object("done")]);
+        assert!(domain.remains().is_empty());
+    }
+
+    #[test]
+    fn each_instance_and_each_root_has_a_prefix_of_its_own() {
+        let roots = [(); 2].map(|()| tempfile::TempDir::new().unwrap());
+        let prefix = |instance: &str, root: usize| Domain::new(instance, roots[root].path()).unwrap().prefix;
+        assert_ne!(prefix("a", 0), prefix("b", 0));
+        assert_ne!(prefix("a", 0), prefix("a", 1));
+        assert_eq!(prefix("a", 0), prefix("a", 0));
+        // No prefix is the beginning of another: all have the same length and end alike.
+        assert_eq!(prefix("a", 0).len(), prefix("another", 1).len());
+        assert!(prefix("a", 0).ends_with('_'));
+    }
 }

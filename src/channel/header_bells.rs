@@ -46,6 +46,10 @@ impl Bells for HeaderBells {
         self.headers.iter().for_each(|header| header.channel_reply.ring());
     }
 
+    fn emulator_pid(&self) -> u32 {
+        self.headers.first().map_or(0, |header| header.firmware_pid.load())
+    }
+
     fn emulator_alive(&self) -> bool {
         // The emulator need not ask about itself.
         self.attached.as_ref().is_none_or(Attached::is_alive)

@@ -19,12 +19,16 @@ use iceoryx2::service::builder::request_response::{
 };
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use std::path::Path;
+use std::time::Duration;
 
 type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
 type Request = ActiveRequest<Ipc, [WireOp], (), [Block], ()>;
 
 /// Most requests one [`Server::poll`] takes on, so that busy clients cannot stop the firmware.
 const MAX_PER_POLL: usize = 2 * MAX_CLIENTS;
+
+/// How long the end waits for clients to leave, so that it can remove everything.
+const LEAVE: Duration = Duration::from_millis(250);
 
 /// Why the channel cannot be opened. The emulator can go on without it.
 #[derive(Debug, thiserror::Error)]
@@ -73,7 +77,7 @@ pub struct Server {
     waiting: Vec<(Request, Run)>,
     /// `None` only while it is being dropped.
     port: Option<Port>,
-    _service: Option<Service>,
+    service: Option<Service>,
     node: Option<Node<Ipc>>,
     /// Runs to use again.
     spare: Vec<Run>,
@@ -92,7 +96,7 @@ impl Server {
         std::fs::create_dir_all(root).map_err(|source| RootError::Io { path: root.to_owned(), source })?;
         let domain = Domain::new(instance, root)?;
         domain.withdraw();
-        domain.sweep_if_unused();
+        domain.sweep_if_unused(Duration::ZERO);
         let (node, service, port) = match ports(instance, &domain) {
             // A run was killed while it created the service.
             Err(OpenFailure::Wedged) => {
@@ -109,7 +113,7 @@ impl Server {
         let server = Self {
             waiting: Vec::new(),
             port: Some(port),
-            _service: Some(service),
+            service: Some(service),
             node: Some(node),
             spare: vec![Run::default()],
             bells,
@@ -206,14 +210,14 @@ impl Drop for Server {
         self.domain.withdraw();
         self.waiting.clear();
         self.port = None;
-        self._service = None;
-        if let Some(node) = self.node.take() {
-            node.try_cleanup_dead_nodes();
-        }
-        self.domain.sweep_if_unused();
-        self.domain.remove_root();
+        self.service = None;
         // Clients that are still there find their connection closed.
         self.bells.announce_reply();
+        if let Some(node) = self.node.take() {
+            self.domain.clean_up_after_the_dead(&node);
+        }
+        self.domain.sweep_if_unused(LEAVE);
+        self.domain.remove_root();
     }
 }
 
@@ -282,8 +286,9 @@ impl From<OpenOrCreateError> for OpenFailure {
 }
 
 fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service, Port), OpenFailure> {
+    domain.remove_half_made();
     let node = domain.node().map_err(OpenFailure::Node)?;
-    node.try_cleanup_dead_nodes();
+    domain.clean_up_after_the_dead(&node);
     let builder = Domain::service(&node).ok_or_else(|| OpenFailure::Other(instance.to_owned()))?;
     let service = builder.open_or_create()?;
     let port = service

@@ -21,6 +21,8 @@ pub(crate) struct Fake {
     pub steps: usize,
     /// Raises `stop` at this time.
     pub stop_at: u64,
+    /// Whether the real-time clock of the test server stands still.
+    pub frozen: bool,
 }
 
 impl Fake {
@@ -33,6 +35,7 @@ impl Fake {
             script: Vec::new(),
             steps: 0,
             stop_at: u64::MAX,
+            frozen: false,
         }
     }
 

@@ -79,10 +79,13 @@ impl Bells for FileBells {
         self.ring(REPLIES);
     }
 
+    fn emulator_pid(&self) -> u32 {
+        self.word(PID).load(Ordering::SeqCst)
+    }
+
     fn emulator_alive(&self) -> bool {
-        let pid = i32::try_from(self.word(PID).load(Ordering::SeqCst)).unwrap();
-        // Before the first start there is none, which is not the same as a dead one.
-        rustix::process::Pid::from_raw(pid).is_none_or(|pid| !is_gone(pid))
+        let pid = i32::try_from(self.emulator_pid()).unwrap();
+        rustix::process::Pid::from_raw(pid).is_some_and(|pid| !is_gone(pid))
     }
 }
 
@@ -95,7 +98,9 @@ pub fn is_gone(pid: rustix::process::Pid) -> bool {
 
 /// The files of one instance.
 pub struct Place {
-    pub directory: TempDir,
+    /// Removes the files in the end; `None` in a child process.
+    owned: Option<TempDir>,
+    pub directory: PathBuf,
     pub instance: String,
 }
 
@@ -104,15 +109,22 @@ impl Place {
         static COUNTER: AtomicU32 = AtomicU32::new(0);
         let number = COUNTER.fetch_add(1, Ordering::Relaxed);
         let instance = format!("test-{}-{number}", std::process::id());
-        Self { directory: TempDir::new().unwrap(), instance }
+        let owned = TempDir::new().unwrap();
+        let directory = owned.path().to_owned();
+        Self { owned: Some(owned), directory, instance }
+    }
+
+    /// The same place, seen from a child process.
+    pub fn inherited(directory: PathBuf, instance: String) -> Self {
+        Self { owned: None, directory, instance }
     }
 
     pub fn root(&self) -> PathBuf {
-        self.directory.path().join("iox")
+        self.directory.join("iox")
     }
 
     pub fn bells(&self) -> Arc<FileBells> {
-        Arc::new(FileBells::open(&self.directory.path().join("bells")))
+        Arc::new(FileBells::open(&self.directory.join("bells")))
     }
 
     pub fn server(&self) -> Result<Server, ServerError> {
@@ -130,17 +142,23 @@ impl Place {
         self.connect(Patience { connect: LONG, reply: LONG, ..Patience::default() }).unwrap()
     }
 
-    /// Shared memory left by the instance. The root directory must still be there.
-    pub fn remains(&self) -> Vec<PathBuf> {
+    /// The domain; makes its root directory.
+    pub fn domain(&self) -> Domain {
         std::fs::create_dir_all(self.root()).unwrap();
-        Domain::new(&self.instance, &self.root()).unwrap().remains()
+        Domain::new(&self.instance, &self.root()).unwrap()
+    }
+
+    /// Shared memory of the instance.
+    pub fn remains(&self) -> Vec<PathBuf> {
+        self.domain().remains()
     }
 }
 
 impl Drop for Place {
     /// Nothing of a test may stay in /dev/shm, also if it fails.
     fn drop(&mut self) {
-        if std::fs::create_dir_all(self.root()).is_ok()
+        if self.owned.is_some()
+            && std::fs::create_dir_all(self.root()).is_ok()
             && let Ok(domain) = Domain::new(&self.instance, &self.root())
         {
             domain.sweep();
@@ -157,7 +175,7 @@ pub fn serve(place: &Place, mut fake: Fake) {
         let answered = server.poll(&mut fake);
         if !fake.stepped {
             // A clock that runs as fast as the loop, and stands still while nobody waits.
-            if server.waiting() > 0 {
+            if server.waiting() > 0 && !fake.frozen {
                 let next = fake.next_event();
                 fake.run_to(next);
                 continue;

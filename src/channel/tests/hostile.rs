@@ -1,0 +1,168 @@
+//! Peers that speak iceoryx2 but not our language.
+
+use super::rig::{Emulator, Place};
+use crate::channel::domain::Domain;
+use crate::channel::error::Field;
+use crate::channel::op::MAX_OPS;
+use crate::channel::wire::{self, Block, DecodeError, WireOp};
+use crate::channel::{Bells, ChannelError, ClientError, Op, Reply};
+use crate::memory::Width;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use zerocopy::FromBytes;
+
+const REG: u32 = 100_000;
+
+/// A sequence of numbers without visible order, the same in every run.
+fn noise(state: &mut u64) -> u64 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    *state ^ (*state >> 29)
+}
+
+/// Sends raw operations; `None` if the reply is not waited for.
+fn send_raw(place: &Place, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Reply>> {
+    let node = place.domain().node().unwrap();
+    let service = Domain::service(&node).unwrap().open().unwrap();
+    let port = service.client_builder().initial_max_slice_len(4 * MAX_OPS).create().unwrap();
+    let bells = place.bells();
+    let mut all = Vec::new();
+    for ops in requests {
+        let request = port.loan_slice_uninit(ops.len()).unwrap().write_from_slice(ops);
+        let pending = request.send().unwrap();
+        bells.ring_doorbell();
+        if !wait {
+            continue;
+        }
+        let mut replies = Vec::new();
+        loop {
+            let seen = bells.reply_count();
+            let open = pending.is_connected();
+            if let Some(response) = pending.receive().unwrap() {
+                wire::decode(response.payload(), &mut replies).unwrap();
+                break;
+            }
+            assert!(open, "the server closed the request without an answer");
+            bells.wait_reply(seen, std::time::Duration::from_millis(100));
+        }
+        all.push(replies);
+    }
+    all
+}
+
+#[test]
+fn malformed_requests_are_answered_by_errors() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start(&place, true);
+    let client = place.client();
+    let poke = WireOp::from(&Op::Poke { plc: 0, offset: REG, width: Width::Word, value: 1 });
+    let requests = [
+        vec![WireOp { kind: 0, ..poke }],
+        vec![poke, WireOp { width: 8, ..poke }],
+        vec![],
+        vec![poke; 1_000],
+    ];
+    let replies = send_raw(&place, &requests, true);
+    let malformed = |index, field, value| Reply::Error(ChannelError::Malformed { index, field, value });
+    assert_eq!(replies[0], [malformed(0, Field::Kind, 0)]);
+    assert_eq!(replies[1], [Reply::Written, malformed(1, Field::Width, 8)]);
+    assert_eq!(replies[2], []);
+    assert_eq!(replies[3], [Reply::Error(ChannelError::TooManyOperations { count: 1_000 })]);
+    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
+}
+
+#[test]
+fn noise_is_survived() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start(&place, false);
+    let client = place.client();
+    let mut state = 1;
+    let requests: Vec<Vec<WireOp>> = (0..300)
+        .map(|_| {
+            let len = noise(&mut state) as usize % 8 + 1;
+            (0..len)
+                .map(|_| {
+                    let bytes: [u8; 32] = std::array::from_fn(|_| noise(&mut state) as u8);
+                    let mut op = WireOp::read_from_bytes(&bytes).unwrap();
+                    // Half of them look right at first; none stops the emulator or waits for long.
+                    if noise(&mut state).is_multiple_of(2) {
+                        op.kind = noise(&mut state) as u16 % 8;
+                        op.plc %= 3;
+                        op.width = [1, 2, 4][noise(&mut state) as usize % 3];
+                        op.time_us %= 10_000;
+                        op.reserved = 0;
+                    }
+                    op
+                })
+                .collect()
+        })
+        .collect();
+    let replies = send_raw(&place, &requests, true);
+    assert!(replies.iter().all(|replies| !replies.is_empty()));
+    client.poke(0, REG, Width::Word, 0x55).unwrap();
+    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0x55);
+}
+
+#[test]
+fn requests_nobody_waits_for_do_no_harm() {
+    let place = Arc::new(Place::new());
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    let poke = WireOp::from(&Op::Poke { plc: 1, offset: REG, width: Width::Word, value: 1 });
+    send_raw(&place, &vec![vec![poke]; 200], false);
+    client.poke(0, REG, Width::Word, 0x55).unwrap();
+    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0x55);
+    drop(client);
+    emulator.end();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+/// A server that answers every request with these blocks, until the client has what it wants.
+fn with_answer(blocks: &[Block], ops: &[Op]) -> Result<Vec<Reply>, ClientError> {
+    let place = Place::new();
+    let domain = place.domain();
+    let bells = place.bells();
+    let node = domain.node().unwrap();
+    let service = Domain::service(&node).unwrap().open_or_create().unwrap();
+    let port = service.server_builder().initial_max_slice_len(64).create().unwrap();
+    bells.set_pid(std::process::id());
+    domain.announce().unwrap();
+    let over = AtomicBool::new(false);
+    let result = std::thread::scope(|scope| {
+        let client = scope.spawn(|| {
+            let result = place.client().request(ops);
+            over.store(true, Ordering::Release);
+            place.bells().ring_doorbell();
+            result
+        });
+        while !over.load(Ordering::Acquire) {
+            let seen = bells.doorbell_count();
+            if let Some(request) = port.receive().unwrap() {
+                let reply = request.loan_slice_uninit(blocks.len()).unwrap();
+                reply.write_from_slice(blocks).send().unwrap();
+                drop(request);
+                bells.announce_reply();
+                continue;
+            }
+            bells.wait_doorbell(seen, std::time::Duration::from_millis(20));
+        }
+        client.join().unwrap()
+    });
+    drop((port, service, node));
+    result
+}
+
+#[test]
+fn a_reply_that_makes_no_sense_is_an_error() {
+    let value = |value| Block { kind: wire::reply_kind::VALUE, code: 0, data_len: 0, value };
+    let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
+    let error = with_answer(&[value(1), Block { kind: 77, ..value(2) }], &[peek, peek]).unwrap_err();
+    assert!(matches!(error, ClientError::Reply(DecodeError { index: 1, block: 1 })), "{error}");
+    let error = with_answer(&[Block { data_len: u32::MAX, ..value(2) }], &[peek]).unwrap_err();
+    assert!(matches!(error, ClientError::Reply(DecodeError { index: 0, block: 0 })), "{error}");
+    // Too few and too many.
+    let error = with_answer(&[value(1)], &[peek, peek]).unwrap_err();
+    assert!(matches!(error, ClientError::WrongReply { .. }), "{error}");
+    let error = with_answer(&[value(1), value(2)], &[peek]).unwrap_err();
+    assert!(matches!(error, ClientError::WrongReply { .. }), "{error}");
+    assert_eq!(with_answer(&[value(1)], &[peek]).unwrap(), [Reply::Value(1)]);
+}

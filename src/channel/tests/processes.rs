@@ -1,0 +1,218 @@
+//! Processes that are killed. The child processes are this test binary, told by its environment what to be.
+
+use super::rig::{Emulator, LONG, Place, is_gone, serve};
+use crate::channel::client::Patience;
+use crate::channel::op::MAX_ADVANCE_US;
+use crate::channel::testing::Fake;
+use crate::channel::{Bells, ClientError, Op};
+use crate::memory::Width;
+use rustix::process::Pid;
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+const REG: u32 = 100_000;
+const ROLE: &str = "COMMRAM_TEST_ROLE";
+
+/// A child process; killed on drop.
+struct Process(Child);
+
+impl Process {
+    fn spawn(place: &Place, role: &str) -> Self {
+        let child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "channel::tests::processes::child", "--nocapture"])
+            .env(ROLE, role)
+            .env("COMMRAM_TEST_DIRECTORY", &place.directory)
+            .env("COMMRAM_TEST_INSTANCE", &place.instance)
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        Self(child)
+    }
+
+    /// Kills it the hard way. It must still be alive.
+    fn kill(mut self) {
+        assert!(!is_gone(Pid::from_child(&self.0)), "the child ended by itself");
+        self.0.kill().unwrap();
+        assert_eq!(self.0.wait().unwrap().signal(), Some(9));
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Not a test: what the child processes run.
+#[test]
+fn child() {
+    let Ok(role) = std::env::var(ROLE) else { return };
+    let directory = std::env::var_os("COMMRAM_TEST_DIRECTORY").unwrap().into();
+    let place = Place::inherited(directory, std::env::var("COMMRAM_TEST_INSTANCE").unwrap());
+    match role.as_str() {
+        "server" => serve(&place, Fake::new(false)),
+        "waiter" => {
+            let wait = Op::Wait {
+                plc: 0,
+                offset: REG,
+                width: Width::Word,
+                mask: 1,
+                value: 1,
+                within_us: MAX_ADVANCE_US,
+            };
+            let poke = Op::Poke { plc: 0, offset: REG + 2, width: Width::Word, value: 1 };
+            place.client().request(&[poke, wait]).unwrap();
+        }
+        "hammer" => {
+            let client = place.client();
+            for value in 0.. {
+                client.poke(0, REG, Width::Dword, value).unwrap();
+            }
+        }
+        "idle" => {}
+        other => panic!("no such role: {other}"),
+    }
+}
+
+/// Looks again and again until it holds.
+fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !holds() {
+        assert!(start.elapsed() < LONG, "timed out: {what}");
+        std::thread::yield_now();
+    }
+}
+
+fn quick() -> Patience {
+    Patience { connect: LONG, reply: Duration::from_secs(5), ..Patience::default() }
+}
+
+#[test]
+fn a_client_killed_while_it_waits_does_not_disturb_the_others() {
+    let place = Arc::new(Place::new());
+    let mut fake = Fake::new(false);
+    fake.frozen = true;
+    let emulator = Emulator::start_with(&place, fake);
+    let client = place.client();
+    let waiter = Process::spawn(&place, "waiter");
+    until("the child waits", || client.peek(0, REG + 2, Width::Word).unwrap() == 1);
+    waiter.kill();
+    client.poke(0, REG, Width::Word, 1).unwrap();
+    assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
+    place.client().poke(0, REG, Width::Word, 2).unwrap();
+    drop(client);
+    emulator.end();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+#[test]
+fn killed_clients_do_not_use_up_the_places() {
+    let place = Arc::new(Place::new());
+    let emulator = Emulator::start(&place, true);
+    let client = place.client();
+    // Some more than there are places.
+    for round in 0..12 {
+        let before = client.peek(0, REG, Width::Dword).unwrap();
+        let children: [_; 4] = std::array::from_fn(|_| Process::spawn(&place, "hammer"));
+        until("the children hammer", || {
+            let now = client.peek(0, REG, Width::Dword).unwrap();
+            now > 20 && now != before
+        });
+        children.into_iter().for_each(Process::kill);
+        client.poke(0, REG, Width::Dword, round).unwrap();
+    }
+    place.client().poke(0, REG, Width::Dword, 1).unwrap();
+    drop(client);
+    emulator.end();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+#[test]
+fn a_killed_emulator_is_noticed_and_can_be_started_again() {
+    let place = Place::new();
+    for _ in 0..3 {
+        let server = Process::spawn(&place, "server");
+        let client = place.connect(quick()).unwrap();
+        client.poke(0, REG, Width::Word, 1).unwrap();
+        server.kill();
+        let start = Instant::now();
+        let gone = client.peek(0, REG, Width::Word).unwrap_err();
+        assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
+        assert!(start.elapsed() < quick().reply, "a dead emulator is noticed before the timeout");
+        let gone = client.peek(0, REG, Width::Word).unwrap_err();
+        assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
+        // A new client does not wait for a dead emulator either.
+        let refused = place.connect(Patience::default()).unwrap_err();
+        assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");
+    }
+    let server = Process::spawn(&place, "server");
+    // The old announcement is still there; the new server has taken it over when its pid is.
+    until("the emulator is up again", || {
+        place.connect(quick()).is_ok_and(|c| c.peek(0, REG, Width::Word).is_ok())
+    });
+    place.connect(quick()).unwrap().stop().unwrap();
+    until("the emulator has ended", || is_gone(Pid::from_child(&server.0)));
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+#[test]
+fn a_client_in_the_middle_of_a_request_notices_the_death_of_the_emulator() {
+    let place = Place::new();
+    let server = Process::spawn(&place, "server");
+    let client = place.connect(quick()).unwrap();
+    std::thread::scope(|scope| {
+        let waiter = scope.spawn(|| {
+            let client = place.connect(quick()).unwrap();
+            let poke = Op::Poke { plc: 0, offset: REG + 2, width: Width::Word, value: 1 };
+            let (mask, value, within_us) = (1, 1, MAX_ADVANCE_US);
+            let wait = Op::Wait { plc: 0, offset: REG, width: Width::Word, mask, value, within_us };
+            client.request(&[poke, wait])
+        });
+        until("the other client waits", || client.peek(0, REG + 2, Width::Word).unwrap() == 1);
+        server.kill();
+        let gone = waiter.join().unwrap().unwrap_err();
+        assert!(matches!(gone, ClientError::EmulatorGone { .. }), "{gone}");
+    });
+}
+
+/// Random kills in the first milliseconds used to block the service for good, so kill at every stage.
+#[test]
+fn an_emulator_killed_while_it_starts_does_not_block_the_next() {
+    let place = Place::new();
+    let files = || {
+        let mut count = place.remains().len();
+        let mut directories = vec![place.root()];
+        while let Some(directory) = directories.pop() {
+            for entry in std::fs::read_dir(directory).into_iter().flatten().flatten() {
+                count += 1;
+                if entry.path().is_dir() {
+                    directories.push(entry.path());
+                }
+            }
+        }
+        count
+    };
+    for stage in 1..=14 {
+        let server = Process::spawn(&place, "server");
+        until("the emulator has got that far", || files() >= stage || place.root().join("ready").exists());
+        server.kill();
+    }
+    let server = Process::spawn(&place, "server");
+    place.connect(quick()).unwrap().stop().unwrap();
+    until("the emulator has ended", || is_gone(Pid::from_child(&server.0)));
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+#[test]
+fn the_dead_are_recognised() {
+    let place = Place::new();
+    let bells = place.bells();
+    bells.set_pid(std::process::id());
+    assert!(bells.emulator_alive());
+    let child = Process::spawn(&place, "idle");
+    bells.set_pid(child.0.id());
+    until("the child has ended", || !bells.emulator_alive());
+}

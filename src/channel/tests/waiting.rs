@@ -1,0 +1,121 @@
+use super::rig::{Emulator, LONG, Place};
+use crate::channel::client::Patience;
+use crate::channel::op::MAX_ADVANCE_US;
+use crate::channel::testing::Fake;
+use crate::channel::{Bells, ChannelError, ClientError, Op, Reply};
+use crate::memory::Width;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+
+const REG: u32 = 100_000;
+
+fn wait(offset: u32, value: u32, within_us: u64) -> Op {
+    Op::Wait { plc: 0, offset, width: Width::Word, mask: 0xFFFF, value, within_us }
+}
+
+#[test]
+fn waits_of_several_clients_end_when_their_register_matches() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start(&place, false);
+    let done = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for number in 0..5 {
+            let (place, done) = (&place, &done);
+            scope.spawn(move || {
+                let client = place.client();
+                let ready = Op::Poke { plc: 0, offset: REG + 100, width: Width::Word, value: number };
+                let ops = [ready, wait(REG + 2 * number, 0x44, MAX_ADVANCE_US), Op::Info];
+                let replies = client.request(&ops).unwrap();
+                assert!(matches!(replies[1], Reply::Waited { value: 0x44, .. }), "{replies:?}");
+                assert!(matches!(replies[2], Reply::Info(_)), "{replies:?}");
+                done.fetch_add(1, Ordering::Relaxed);
+            });
+        }
+        let client = place.client();
+        // In another order than they were asked for.
+        for number in [3, 0, 4, 2, 1] {
+            client.poke(0, REG + 2 * number, Width::Word, 0x44).unwrap();
+        }
+    });
+    assert_eq!(done.into_inner(), 5);
+}
+
+#[test]
+fn a_wait_in_real_time_fails_after_its_emulated_time() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start(&place, false);
+    let client = place.client();
+    client.poke(0, REG, Width::Word, 0x41).unwrap();
+    match client.request(&[wait(REG, 0x44, 7_000), Op::Info]).unwrap().as_slice() {
+        [Reply::Error(ChannelError::WaitTimedOut { address, last: 0x41, .. }), Reply::NotExecuted] => {
+            assert_eq!(*address, Width::Word.at(REG));
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Runs a server with a real-time clock that stands still, polled as long as `client` runs.
+fn with_frozen_server(client: impl FnOnce(&Place) + Send) -> (usize, usize) {
+    let place = Place::new();
+    let mut fake = Fake::new(false);
+    fake.frozen = true;
+    let mut server = place.server().unwrap();
+    let bells = place.bells();
+    let over = AtomicBool::new(false);
+    let mut most_waiting = 0;
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            client(&place);
+            over.store(true, Ordering::Release);
+            place.bells().ring_doorbell();
+        });
+        while !over.load(Ordering::Acquire) {
+            let seen = bells.doorbell_count();
+            if server.poll(&mut fake) == 0 {
+                bells.wait_doorbell(seen, Duration::from_millis(20));
+            }
+            most_waiting = most_waiting.max(server.waiting());
+        }
+    });
+    server.poll(&mut fake);
+    let left = server.waiting();
+    server.close();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+    (most_waiting, left)
+}
+
+#[test]
+fn a_client_that_gives_up_is_forgotten_and_may_ask_again() {
+    let (most, left) = with_frozen_server(|place| {
+        let patience = Patience { connect: LONG, reply: Duration::from_millis(50), ..Patience::default() };
+        let client = place.connect(patience).unwrap();
+        for _ in 0..3 {
+            let late = client.request(&[wait(REG, 1, 1_000)]).unwrap_err();
+            assert!(matches!(late, ClientError::Timeout { .. }), "{late}");
+        }
+        let client = place.client();
+        client.poke(0, REG, Width::Word, 1).unwrap();
+        assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
+    });
+    assert_eq!((most, left), (1, 0));
+}
+
+#[test]
+fn closing_answers_those_who_wait() {
+    let place = Arc::new(Place::new());
+    let mut fake = Fake::new(false);
+    fake.frozen = true;
+    let emulator = Emulator::start_with(&place, fake);
+    std::thread::scope(|scope| {
+        let waiter = scope.spawn(|| {
+            let here = Op::Poke { plc: 0, offset: REG + 2, width: Width::Word, value: 1 };
+            place.client().request(&[here, wait(REG, 1, MAX_ADVANCE_US)])
+        });
+        let other = place.client();
+        while other.peek(0, REG + 2, Width::Word).unwrap() == 0 {}
+        emulator.end();
+        let replies = waiter.join().unwrap().unwrap();
+        assert_eq!(replies, [Reply::Written, Reply::Error(ChannelError::ShuttingDown)]);
+    });
+}
