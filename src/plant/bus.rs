@@ -8,7 +8,6 @@ use super::agenda::{Agenda, Slot};
 use super::config::{BusConfig, PlantConfig, PlantError};
 use super::plc::Plc;
 use crate::bus::codec::action::ActionCommand;
-use crate::bus::codec::parameter::ParameterJob;
 use crate::bus::{Channel, Frame, FrameKind, wire};
 use crate::drive::Drive;
 use crate::firmware::Context;
@@ -470,9 +469,7 @@ impl Run<'_> {
                     self.drives().get_mut(index).and_then(|drive| drive.job(frame.payload()));
             }
             Station::Node(index) => {
-                if let Ok(job) = ParameterJob::decode(frame.payload()) {
-                    self.node(index, |slave, _| slave.parameter_job(&job));
-                }
+                self.node(index, |slave, ctx| slave.job(ctx, frame));
             }
         }
     }
@@ -482,7 +479,7 @@ impl Run<'_> {
         let answer = match self.station(number) {
             Station::Nobody => None,
             Station::Drive(_) => self.bus.drive_answer.take(),
-            Station::Node(index) => self.node(index, |slave, _| slave.response()).flatten(),
+            Station::Node(index) => self.node(index, |slave, ctx| slave.response(ctx)).flatten(),
         };
         if let Some(frame) = answer {
             self.bus.response = Some(frame);
@@ -496,7 +493,7 @@ impl Run<'_> {
         self.note_frame(frame);
         let Some(number) = self.bus.asked.take() else { return };
         if let Station::Node(index) = self.station(number) {
-            self.node(index, |slave, _| slave.response_sent());
+            self.node(index, |slave, ctx| slave.response_sent(ctx));
         }
         self.master(|master, ctx| master.response(ctx, number, &frame));
     }

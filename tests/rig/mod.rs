@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part of the rig")]
 
+pub mod bench;
+
 use commram::bus::Frame;
 use commram::journal::{Event, Record};
 use commram::layout::omega_drive_line_2::*;

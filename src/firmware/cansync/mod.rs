@@ -3,8 +3,8 @@
 //! `node` holds what both share: the general registers and the state machine between
 //! `w_CPU_CONTROL` and `w_OPTION_STATUS`; `init` checks initialization data; `master` and `slave`
 //! add the process data; `polling` is the master's set-up mode; `command` shares its command channel out
-//! in active operation, to `broadcast`, `parameter_job` and `updown_job`; `parameter` is the slave's side
-//! of parameter jobs.
+//! in active operation, to `broadcast`, `parameter_job` and `updown_job`; below `slave` lies its side of
+//! jobs.
 
 mod actual;
 mod block;
@@ -14,7 +14,6 @@ mod init;
 mod job_registers;
 mod master;
 mod node;
-mod parameter;
 mod parameter_job;
 mod polling;
 mod registers;

@@ -1,13 +1,22 @@
 //! A CANsync slave on node 1 (manual 5.00005.03a p. 169-193).
+//!
+//! Here are node state, process data and action commands. `lock` watches the SYNC signal; `jobs` sorts
+//! what comes in the command channel to `parameter` and `updown`.
+
+mod area;
+mod handshake;
+mod jobs;
+mod lock;
+mod parameter;
+mod transfer;
+mod updown;
 
 use super::actual::{ActualValueRegisters, store_word};
 use super::master::acknowledge;
 use super::node::{Change, Node, NodeState, Role};
-use super::parameter::ParameterServer;
-use super::polling::{STATUS_WORD, SYNCHRONIZED};
+use super::polling::SYNCHRONIZED;
 use super::registers::Code;
 use crate::bus::codec::action::{Action, ActionCommand};
-use crate::bus::codec::parameter::{Access, ParameterJob, ParameterResult, error_number};
 use crate::bus::codec::process::FrameConfig;
 use crate::bus::{Channel, Frame, FrameKind, Payload};
 use crate::firmware::Context;
@@ -15,6 +24,8 @@ use crate::journal::{Event, Missed};
 use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
+use jobs::Jobs;
+use lock::Lock;
 
 /// Where the cyclic area begins, behind the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
@@ -25,51 +36,12 @@ pub struct Slave {
     regs: View<CANsync_SL_CTRL_BMSTRUCT>,
     number: u8,
     lock: Lock,
-    parameters: ParameterServer,
+    jobs: Jobs,
     /// Configuration of the reference value frames as read at the start of the interval.
     config: [FrameConfig; 2],
     /// Own actual value frames, built and released for this interval.
     ready: [Option<Payload>; 2],
     interval_is_active: bool,
-}
-
-/// Locking to the SYNC signal (manual p. 134; how long it takes: decision D-07).
-struct Lock {
-    /// Emulated time that locking takes.
-    time_us: u64,
-    /// The master has sent "SYNC mode: on".
-    wanted: bool,
-    /// Start of the unbroken sequence of SYNC edges.
-    since: Option<u64>,
-    last_edge: u64,
-    now: u64,
-}
-
-impl Lock {
-    fn new(time_us: u64) -> Self {
-        Lock { time_us, wanted: false, since: None, last_edge: 0, now: 0 }
-    }
-
-    fn release(&mut self) {
-        self.wanted = false;
-        self.since = None;
-    }
-
-    fn edge(&mut self, now: u64, interval_us: u32) {
-        // One and a half intervals without an edge break the sequence.
-        let broken = now.saturating_sub(self.last_edge) * 2 > u64::from(interval_us) * 3;
-        if !self.wanted {
-            self.since = None;
-        } else if broken || self.since.is_none() {
-            self.since = Some(now);
-        }
-        self.last_edge = now;
-        self.now = now;
-    }
-
-    fn is_locked(&self) -> bool {
-        self.wanted && self.since.is_some_and(|since| self.now - since >= self.time_us)
-    }
 }
 
 impl Slave {
@@ -85,7 +57,7 @@ impl Slave {
             regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1)?,
             number,
             lock: Lock::new(lock_time_us),
-            parameters: ParameterServer::default(),
+            jobs: Jobs::new(number),
             config: [FrameConfig::new([0; 4]); 2],
             ready: [None; 2],
             interval_is_active: false,
@@ -141,20 +113,35 @@ impl Slave {
         let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
         match change {
             Change::Restarted => {
-                self.lock.release();
-                self.leave_active();
+                self.lock.set_mode(false);
+                self.leave_active(ctx);
             }
-            Change::SetUpStarted | Change::Disabled => self.leave_active(),
+            Change::SetUpStarted | Change::Disabled => self.leave_active(ctx),
             Change::None | Change::Progressed | Change::Enabled => {}
         }
+        self.watch_signal(ctx.now);
+        self.jobs.look(ctx, &self.regs);
         self.node.refresh_status(on_wire);
         change
     }
 
-    fn leave_active(&mut self) {
+    fn leave_active(&mut self, ctx: &mut Context) {
+        self.end_interval();
+        self.jobs.drop_all(ctx, &self.regs);
+    }
+
+    /// Without SYNC there is no interval, so no deadline and no frame. The state stays as the PLC set it,
+    /// and so do the jobs: their answers wait for the master (decision D-64).
+    fn watch_signal(&mut self, now: u64) {
+        if !self.lock.has_signal(now) {
+            self.lock.lose_signal();
+            self.end_interval();
+        }
+    }
+
+    fn end_interval(&mut self) {
         self.interval_is_active = false;
         self.ready = [None; 2];
-        self.parameters.forget();
     }
 
     /// Falling edge of SYNC: an interval begins; the configuration is read (manual p. 178).
@@ -262,11 +249,7 @@ impl Slave {
                 regs.b_STATREG_CONTROLWORD.store(Code::RECEIVED);
             }
             Action::SyncMode(on) => {
-                if on {
-                    self.lock.wanted = true;
-                } else {
-                    self.lock.release();
-                }
+                self.lock.set_mode(on);
                 regs.b_SYNC_MODUS.store(command.data_byte);
                 regs.b_STATREG_SYNC_MODUS.store(Code::RECEIVED);
             }
@@ -279,31 +262,30 @@ impl Slave {
         }
     }
 
-    /// A parameter job for this slave arrived. In set-up mode the firmware answers the status word by
-    /// itself, in active operation all jobs go to the application (decision D-06).
-    pub fn parameter_job(&mut self, job: &ParameterJob) {
+    /// A job frame for this slave arrived: in active operation for the application, in set-up mode for
+    /// the firmware.
+    pub fn job(&mut self, ctx: &mut Context, frame: &Frame) {
+        if !self.node.accepts(frame.id()) {
+            return;
+        }
         if self.node.state() == NodeState::Active {
-            self.parameters.job(&self.regs, job);
+            self.jobs.arrive(ctx, &self.regs, frame.payload());
         } else {
-            let result = match job.access() {
-                Access::Read if job.number() == STATUS_WORD => ParameterResult::Word(self.status_word()),
-                _ => ParameterResult::Error(error_number::NOT_AVAILABLE_NOW),
-            };
-            self.parameters.answer_with(job.answer(result));
+            self.jobs.arrive_early(frame.payload(), self.status_word());
         }
     }
 
     /// The answer to the last job, asked for at the start of the response slot.
-    pub fn response(&mut self) -> Option<Frame> {
+    pub fn response(&mut self, ctx: &mut Context) -> Option<Frame> {
         if !self.node.is_on_bus() {
             return None;
         }
-        self.parameters.response(&self.regs).map(|response| response.frame(self.number))
+        self.jobs.response(ctx, &self.regs)
     }
 
     /// The answer has left the bus.
-    pub fn response_sent(&mut self) {
-        self.parameters.response_sent(&self.regs);
+    pub fn response_sent(&mut self, ctx: &mut Context) {
+        self.jobs.response_sent(ctx, &self.regs);
     }
 
     fn status_word(&self) -> u16 {

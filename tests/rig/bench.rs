@@ -1,0 +1,118 @@
+//! A slave node on its own: the test is bus and master, frame by frame, at 500 kbit/s.
+
+use super::{Memory, RATES, segment, write_init_data};
+use commram::bus::Frame;
+use commram::bus::codec::{ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse};
+use commram::firmware::Context;
+use commram::firmware::cansync::Slave;
+use commram::journal::{Journal, Origin};
+use commram::layout::omega_drive_line_2::*;
+use commram::memory::{Image, View};
+
+/// The node's slave number.
+pub const NUMBER: u8 = 5;
+/// Time the node needs to lock.
+pub const LOCK_US: u64 = 20_000;
+const INTERVAL_US: u64 = 2000;
+const CYCLE_US: u64 = 500;
+
+pub struct Bench {
+    pub slave: Slave,
+    pub regs: View<CANsync_SL_CTRL_BMSTRUCT>,
+    pub journal: Journal,
+    now: u64,
+    _images: Vec<Image>,
+}
+
+impl Bench {
+    /// A node in set-up mode with the first SYNC edge behind it.
+    pub fn in_set_up(memory: Memory) -> Bench {
+        let mut images = Vec::new();
+        let segment = segment(memory, "b", &mut images).unwrap();
+        let mut slave = Slave::new(&segment, NUMBER, LOCK_US).unwrap();
+        slave.power_on();
+        let regs = segment.view(NODE1).unwrap();
+        let mut bench = Bench { slave, regs, journal: Journal::default(), now: 0, _images: images };
+        write_init_data(&segment.view(NODE1).unwrap(), RATES[0], 0x01);
+        for command in [0x0001, 0x0002, 0x0020] {
+            bench.command(command);
+        }
+        assert_eq!(bench.regs.w_OPTION_STATUS.load(), 0x0013);
+        bench.edge();
+        bench
+    }
+
+    /// A node in active operation with a SYNC edge behind it, its PLC ready for jobs in block 1.
+    pub fn active(memory: Memory) -> Bench {
+        let mut bench = Self::in_set_up(memory);
+        bench.command(0x0040);
+        assert_eq!(bench.regs.w_OPTION_STATUS.load(), 0x0020);
+        bench.edge();
+        bench.regs.b_EN_UPDOWNBLK1.store(1);
+        bench
+    }
+
+    /// Writes `w_CPU_CONTROL` and lets the firmware look at it.
+    pub fn command(&mut self, value: u16) {
+        self.regs.w_CPU_CONTROL.store(value);
+        self.pass(CYCLE_US);
+    }
+
+    /// Lets time pass without SYNC, with a processor cycle every 500 us.
+    pub fn pass(&mut self, us: u64) {
+        for _ in 0..us / CYCLE_US {
+            self.now += CYCLE_US;
+            self.with(|slave, ctx| slave.processor_cycle(ctx, None));
+        }
+    }
+
+    /// An interval goes by; ends just after the next SYNC edge.
+    pub fn edge(&mut self) {
+        self.pass(INTERVAL_US);
+        self.slave.sync_edge(self.now, INTERVAL_US as u32);
+    }
+
+    pub fn with<R>(&mut self, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> R {
+        let origin = Origin { plc: 0, node: 1 };
+        f(&mut self.slave, &mut Context { now: self.now, journal: &mut self.journal, origin })
+    }
+
+    /// A job frame comes in, and the interval ends.
+    pub fn deliver(&mut self, frame: &Frame) {
+        self.with(|slave, ctx| slave.job(ctx, frame));
+        self.edge();
+    }
+
+    /// The response slot: the node's answer goes out.
+    pub fn answer(&mut self) -> Option<Frame> {
+        let frame = self.with(|slave, ctx| slave.response(ctx));
+        if frame.is_some() {
+            self.with(|slave, ctx| slave.response_sent(ctx));
+        }
+        frame
+    }
+
+    /// One turn of the command and response channel.
+    pub fn turn(&mut self, frame: &Frame) -> Option<Frame> {
+        self.deliver(frame);
+        self.answer()
+    }
+
+    /// One turn with a parameter job.
+    pub fn parameter(&mut self, job: &ParameterJob) -> ParameterResponse {
+        let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
+        assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));
+        ParameterResponse::decode(job, frame.payload()).unwrap()
+    }
+
+    /// One turn with an up-/download job.
+    pub fn updown(&mut self, job: &UpDownJob) -> UpDownResponse {
+        let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
+        assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));
+        UpDownResponse::decode(job, frame.payload()).unwrap()
+    }
+
+    pub fn action(&mut self, command: ActionCommand) {
+        self.slave.action(&command.frame(), &command);
+    }
+}
