@@ -113,13 +113,16 @@ fn completions_for_all_shells() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
         let script = run(&["completions", shell]);
         assert!(script.ok().contains("commram") && script.out.contains("peek"), "{shell}");
+        assert!(!script.out.contains("demo-plc") && !script.out.contains("--parent"), "{shell}");
     }
     assert!(run(&["completions", "tcsh"]).fails(2).contains("possible values: bash"));
 }
 
 #[test]
 fn help_has_examples_and_no_colours() {
-    for command in ["run", "list", "stop", "map", "peek", "poke", "wait", "step", "dump", "completions"] {
+    for command in
+        ["run", "list", "stop", "map", "peek", "poke", "wait", "step", "dump", "demo", "completions"]
+    {
         let help = run(&[command, "--help"]);
         assert!(help.ok().contains("Examples:\n  "), "{command}: {}", help.out);
         assert!(!help.out.contains('\x1b'), "{command}");

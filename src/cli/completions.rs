@@ -19,7 +19,15 @@ pub struct Args {
 
 /// Prints the script.
 pub fn run(args: &Args) -> Result<(), CliError> {
+    let mut command = clap::Command::new("commram").version(env!("CARGO_PKG_VERSION"));
+    // Scripts have no notion of what is hidden, so it must not be there at all.
+    for known in Cli::command().get_subcommands().filter(|known| !known.is_hide_set()) {
+        let about = known.get_about().cloned().unwrap_or_default();
+        let visible = known.get_arguments().filter(|arg| !arg.is_hide_set()).cloned();
+        command =
+            command.subcommand(clap::Command::new(known.get_name().to_owned()).about(about).args(visible));
+    }
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "commram", &mut script);
+    clap_complete::generate(args.shell, &mut command, "commram", &mut script);
     output::print(&String::from_utf8_lossy(&script))
 }

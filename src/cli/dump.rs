@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::peek::{Holding, number};
 use super::place::{is_live, live_by, status_of, without_twins};
 use super::session::{Read, Session, Snapshot};
-use super::table::{self, FormatArg};
+use super::table::{self, Format, FormatArg};
 use super::time;
 use commram::layout::omega_drive_line_2::DEVICE;
 use commram::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value, split_plc};
@@ -50,15 +50,27 @@ struct Selection {
 
 /// Prints the dump.
 pub fn run(args: &Args) -> Result<(), CliError> {
-    let selections = select(&args.blocks)?;
-    let session = Session::open_for_reading(&args.instance.name)?;
+    print(&args.instance.name, &args.blocks, args.all, args.format.format)
+}
+
+/// Prints those registers of the blocks that differ from their reset value.
+///
+/// # Errors
+/// As all commands that read.
+pub fn show(instance: &str, blocks: &[String]) -> Result<(), CliError> {
+    print(instance, blocks, false, Format::Text)
+}
+
+fn print(instance: &str, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
+    let selections = select(blocks)?;
+    let session = Session::open_for_reading(instance)?;
     let parts = parts(&session, &selections)?;
     let reads: Vec<_> = parts.iter().flat_map(Part::reads).collect();
     let snapshot = session.read(&reads)?;
     let views = views(&session, &parts, &snapshot);
-    let rows: Vec<_> = views.iter().flat_map(|view| view.rows(args.all)).collect();
-    table::print(args.format.format, &rows, |rows| {
-        let head = format!("instance '{}' at {}\n", args.instance.name, time::seconds(snapshot.time_us));
+    let rows: Vec<_> = views.iter().flat_map(|view| view.rows(all)).collect();
+    table::print(format, &rows, |rows| {
+        let head = format!("instance '{instance}' at {}\n", time::seconds(snapshot.time_us));
         head + &text(rows, views.iter().any(View::has_live_registers))
     })
 }

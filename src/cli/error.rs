@@ -122,6 +122,35 @@ pub enum CliError {
     /// The emulator.
     #[error(transparent)]
     Runtime(#[from] RuntimeError),
+    /// The soft-PLC of the demonstration waits in vain.
+    #[error("{what}: {place} did not become {wanted} within {seconds} s, it holds {found}")]
+    Stuck {
+        /// What the wait was for.
+        what: String,
+        /// Name and address of the register.
+        place: String,
+        /// What was awaited.
+        wanted: String,
+        /// What it holds, with the meaning.
+        found: String,
+        /// How long, in real time.
+        seconds: u64,
+    },
+    /// The demonstration fails.
+    #[error("{0}")]
+    Demo(String),
+    /// The user does not want to wait for the end.
+    #[error("interrupted")]
+    Interrupted,
+    /// Another process has failed and has said why.
+    #[error("see above")]
+    Reported,
+    /// A process cannot be started or watched.
+    #[error("cannot handle a process: {reason}")]
+    Process {
+        /// What the system says.
+        reason: io::Error,
+    },
     /// Signals cannot be caught.
     #[error("cannot catch signals: {reason}")]
     Signals {

@@ -1,6 +1,7 @@
 //! The `commram` command line: one file per subcommand, each nothing but presentation.
 
 mod completions;
+mod demo;
 mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
@@ -48,6 +49,7 @@ Exit codes:
   2  wrong use
 
 Examples:
+  commram demo
   commram run --clock stepped &
   commram poke node2.w_CPU_CONTROL=16#0001
   commram step 1ms
@@ -65,6 +67,9 @@ enum Command {
     Wait(wait::Args),
     Step(step::Args),
     Dump(dump::Args),
+    Demo(demo::Args),
+    #[command(hide = true)]
+    DemoPlc(demo::plc::Args),
     Completions(completions::Args),
 }
 
@@ -96,6 +101,7 @@ pub fn main() -> ExitCode {
     match result {
         // Whoever reads our output has enough of it, as in `commram map | head`.
         Ok(()) | Err(CliError::BrokenPipe) => ExitCode::SUCCESS,
+        Err(CliError::Reported) => ExitCode::from(CliError::FAILED),
         Err(error) => {
             output::complain(&error.to_string());
             ExitCode::from(error.exit_code())
@@ -115,6 +121,8 @@ impl Command {
             Command::Wait(args) => wait::run(&args),
             Command::Step(args) => step::run(&args),
             Command::Dump(args) => dump::run(&args),
+            Command::Demo(args) => demo::run(&args),
+            Command::DemoPlc(args) => demo::plc::run(&args),
             Command::Completions(args) => completions::run(&args),
         }
     }

@@ -1,5 +1,6 @@
 //! `commram run`: be the emulator.
 
+use super::demo::end_with;
 use super::error::CliError;
 use super::{Instance, output};
 use clap::ValueEnum;
@@ -37,6 +38,9 @@ pub struct Args {
     /// Keep the NOVRAM of each PLC in this directory; without it, it is forgotten at the end
     #[arg(long, value_name = "DIR")]
     novram: Option<PathBuf>,
+    /// End when this process does
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<u32>,
     #[command(flatten)]
     instance: Instance,
 }
@@ -64,6 +68,9 @@ pub fn run(args: &Args) -> Result<(), CliError> {
     };
     // From here on a signal ends the emulator in good order, however early it comes.
     let signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|reason| CliError::Signals { reason })?;
+    if let Some(parent) = args.parent {
+        end_with(parent)?;
+    }
     let mut emulator = Emulator::start(&config, options)?;
     let stop = emulator.stop_handle();
     std::thread::spawn(move || stop_on_signal(signals, &stop));

@@ -34,7 +34,10 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 
 /// Takes the images of a dead instance over, as a new emulator would, and lets them go in good order. So
 /// nobody else can start meanwhile.
-fn remove_remains(instance: &str) -> Result<(), CliError> {
+///
+/// # Errors
+/// There is nothing, an emulator lives, or the system refuses.
+pub fn remove_remains(instance: &str) -> Result<(), CliError> {
     let spec = ImageSpec {
         layout_hash: LAYOUT_HASH,
         device: String::new(),

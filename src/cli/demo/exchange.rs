@@ -1,0 +1,142 @@
+//! The cyclic part of the soft-PLC: what a PLC does in its SYNC event task.
+
+use super::plc::DRIVES;
+use super::trace::{Trace, Who};
+use crate::cli::error::CliError;
+use crate::cli::output;
+use std::time::Duration;
+
+/// Intervals that are traced, enough for each drive to answer once: the question goes to slave 0 first, and
+/// answers are seen one interval later.
+const TRACED: u32 = 6;
+/// Length of the exchange: a second at 500 kbit/s.
+const INTERVALS: u32 = 500;
+/// How much the reference value grows in each interval.
+const SLOPE: u32 = 100;
+/// The reference value at the end, easy to recognize.
+const LAST: u32 = 0x1122_3344;
+/// In how many intervals it must have come back as actual value of all drives.
+const SETTLE: u32 = 250;
+/// How long to wait for a SYNC pulse, in real time.
+const SYNC: Duration = Duration::from_secs(5);
+
+/// Process data, with a count of what happened.
+pub struct Exchange<'a> {
+    trace: &'a Trace,
+    /// SYNC pulses seen so far.
+    syncs: u32,
+    /// Intervals in which the PLC came in time.
+    seen: u32,
+    /// Intervals that went by unseen, because this process did not get the processor.
+    unseen: u32,
+    /// Reference value frames that the firmware has taken over before the next interval.
+    sent: u32,
+    /// Actual value frames of each drive.
+    received: [u32; DRIVES.len()],
+}
+
+impl<'a> Exchange<'a> {
+    /// Begins with the next SYNC pulse.
+    pub fn new(trace: &'a Trace) -> Self {
+        Self { trace, syncs: trace.syncs(), seen: 0, unseen: 0, sent: 0, received: [0; DRIVES.len()] }
+    }
+
+    /// Exchanges process data for a second, then checks that a value comes back.
+    ///
+    /// # Errors
+    /// The emulator has gone, or a drive does not follow.
+    pub fn run(mut self) -> Result<(), CliError> {
+        self.trace.headline(&format!("Process data: the first {TRACED} of {INTERVALS} intervals"))?;
+        for interval in 0..INTERVALS {
+            self.interval(interval * SLOPE, interval < TRACED)?;
+        }
+        self.report()?;
+        self.trace.headline("One more reference value, until all drives have it")?;
+        for _ in 0..SETTLE {
+            self.interval(LAST, false)?;
+            if self.actual_values().all(|value| value == LAST) {
+                return self.show_settled();
+            }
+        }
+        let values: Vec<_> = self.actual_values().map(|value| format!("16#{value:08X}")).collect();
+        let text = format!("reference value 16#{LAST:08X}, but actual values {}", values.join(", "));
+        Err(CliError::Demo(format!("the drives have not followed within {SETTLE} intervals: {text}")))
+    }
+
+    fn actual_values(&self) -> impl Iterator<Item = u32> {
+        DRIVES.into_iter().map(|drive| self.trace.node.a_RD_BMARRAY[usize::from(drive)][0].load())
+    }
+
+    /// One interval: wait for SYNC, read what the one before has brought, give the next reference value.
+    fn interval(&mut self, reference: u32, traced: bool) -> Result<(), CliError> {
+        self.trace.await_change("a SYNC pulse on node 2", SYNC, || self.trace.syncs() != self.syncs)?;
+        let now = self.trace.syncs();
+        self.unseen += now.wrapping_sub(self.syncs) - 1;
+        self.syncs = now;
+        if traced {
+            self.trace.note_sync(now);
+        }
+        if self.seen > 0 {
+            self.sent += u32::from(self.trace.node.b_CTRLREG_WRC1.load() == 0x04);
+            if traced {
+                self.trace.note(Who::Firmware, &self.trace.node.b_CTRLREG_WRC1)?;
+            }
+        }
+        self.seen += 1;
+        self.read_actual_value(traced)?;
+        self.write_reference_value(reference, traced)
+    }
+
+    fn read_actual_value(&mut self, traced: bool) -> Result<(), CliError> {
+        let node = &self.trace.node;
+        let slave = node.b_STATREG_RDC1.load();
+        let Some(index) = DRIVES.iter().position(|drive| *drive == slave) else { return Ok(()) };
+        self.received[index] += 1;
+        if traced {
+            self.trace.note(Who::Firmware, &node.b_STATREG_RDC1)?;
+            self.trace.note(Who::Firmware, &node.a_RD_BMARRAY[usize::from(slave)][0])?;
+        }
+        // Any other number re-arms the register.
+        node.b_STATREG_RDC1.store(0xFF);
+        Ok(())
+    }
+
+    fn write_reference_value(&self, reference: u32, traced: bool) -> Result<(), CliError> {
+        let node = &self.trace.node;
+        node.a_WR_VALUE[0].store(reference);
+        node.b_CTRLREG_WRC1.store(0x05);
+        if traced {
+            self.trace.note(Who::Plc, &node.a_WR_VALUE[0])?;
+            self.trace.note(Who::Plc, &node.b_CTRLREG_WRC1)?;
+        }
+        self.trace.ring()
+    }
+
+    fn report(&self) -> Result<(), CliError> {
+        self.trace.print()?;
+        let received = DRIVES.iter().zip(self.received);
+        let received: Vec<_> = received.map(|(drive, count)| format!("drive {drive} {count}")).collect();
+        let answered = self.seen.saturating_sub(1);
+        let mut text = format!(
+            "in {} intervals: {} reference value frames sent in time, {} too late; actual value frames: {}\n",
+            self.seen,
+            self.sent,
+            answered.saturating_sub(self.sent),
+            received.join(", "),
+        );
+        if self.unseen > 0 {
+            let unseen = self.unseen;
+            text.push_str(&format!("{unseen} more went by while the soft-PLC did not get the processor\n"));
+        }
+        output::print(&text)
+    }
+
+    fn show_settled(&self) -> Result<(), CliError> {
+        let node = &self.trace.node;
+        self.trace.note(Who::Plc, &node.a_WR_VALUE[0])?;
+        for drive in DRIVES {
+            self.trace.note(Who::Firmware, &node.a_RD_BMARRAY[usize::from(drive)][0])?;
+        }
+        self.trace.print()
+    }
+}

@@ -1,0 +1,202 @@
+//! The processes of the demonstration. None of them survives it, whatever happens.
+
+use super::POLL;
+use crate::cli::error::CliError;
+use crate::cli::stop;
+use rustix::process::{Pid, Signal};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::io::{self, BufRead, BufReader};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+/// How long the emulator may take to get ready, and to end.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Whether the user wants it to end.
+pub struct Interrupts(Arc<AtomicBool>);
+
+impl Interrupts {
+    /// Catches the signals that ask for an end. A second one ends at once.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn catch() -> Result<Self, CliError> {
+        let flag = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            // The order counts: the second signal finds the flag raised.
+            signal_hook::flag::register_conditional_default(signal, Arc::clone(&flag))
+                .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&flag)))
+                .map_err(|reason| CliError::Signals { reason })?;
+        }
+        Ok(Self(flag))
+    }
+
+    /// Whether a signal has come.
+    pub fn any(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// This program again, with a subcommand. It ends when this process does, and gets no Ctrl-C of its own:
+/// this process ends it in good order.
+fn command(subcommand: &str) -> Result<Command, CliError> {
+    let program = std::env::current_exe().map_err(process_error)?;
+    let mut command = Command::new(program);
+    command.arg(subcommand).args(["--parent", &std::process::id().to_string()]);
+    command.env_remove("COMMRAM_INSTANCE").stdin(Stdio::null()).process_group(0);
+    Ok(command)
+}
+
+fn process_error(reason: io::Error) -> CliError {
+    CliError::Process { reason }
+}
+
+/// Makes this process end when its parent does, which must be `parent`.
+///
+/// # Errors
+/// The system refuses, or the parent has ended already.
+pub fn end_with(parent: u32) -> Result<(), CliError> {
+    rustix::process::set_parent_process_death_signal(Some(Signal::TERM))
+        .map_err(|errno| process_error(errno.into()))?;
+    let found = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get().unsigned_abs());
+    if found == Some(parent) { Ok(()) } else { Err(CliError::Interrupted) }
+}
+
+/// The emulator's process.
+pub struct Emulator {
+    child: Child,
+    instance: String,
+}
+
+impl Emulator {
+    /// Starts it and waits until it is ready.
+    ///
+    /// # Errors
+    /// It does not get ready, or the user has had enough.
+    pub fn start(instance: &str, interrupts: &Interrupts) -> Result<Self, CliError> {
+        let mut command = command("run")?;
+        command.args(["-i", instance]).stdout(Stdio::piped());
+        let mut child = command.spawn().map_err(process_error)?;
+        let out = child.stdout.take();
+        let mut this = Self { child, instance: instance.to_owned() };
+        let (send, ready) = mpsc::channel();
+        std::thread::spawn(move || {
+            let mut line = String::new();
+            let read = out.map(|out| BufReader::new(out).read_line(&mut line));
+            if matches!(read, Some(Ok(1..))) {
+                let _ = send.send(());
+            }
+        });
+        let start = Instant::now();
+        loop {
+            match ready.recv_timeout(POLL) {
+                Ok(()) => return Ok(this),
+                _ if interrupts.any() => return Err(CliError::Interrupted),
+                Err(RecvTimeoutError::Timeout) if start.elapsed() < PATIENCE => {}
+                Err(RecvTimeoutError::Timeout) => {
+                    return Err(CliError::Demo(format!("the emulator is not ready after {PATIENCE:?}")));
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    // It has said why.
+                    let _ = this.child.wait();
+                    return Err(CliError::Reported);
+                }
+            }
+        }
+    }
+
+    /// Its process id.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Whether it has ended.
+    ///
+    /// # Errors
+    /// The system refuses to tell.
+    pub fn has_ended(&mut self) -> Result<bool, CliError> {
+        Ok(self.child.try_wait().map_err(process_error)?.is_some())
+    }
+
+    /// Ends it in good order.
+    ///
+    /// # Errors
+    /// It does not end, or not in good order.
+    pub fn stop(mut self) -> Result<(), CliError> {
+        terminate(&mut self.child)?;
+        let status = self.child.wait().map_err(process_error)?;
+        if status.success() {
+            return Ok(());
+        }
+        Err(CliError::Demo(format!("the emulator has not ended in good order ({status})")))
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        // All of this is for the case that something went wrong, which has been or will be reported.
+        let _ = terminate(&mut self.child);
+        let _ = stop::remove_remains(&self.instance);
+    }
+}
+
+/// The soft-PLC's process.
+pub struct SoftPlc {
+    child: Child,
+}
+
+impl SoftPlc {
+    /// Starts it on the image of a PLC.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn start(instance: &str, plc: &str) -> Result<Self, CliError> {
+        let child = command("demo-plc")?.args([instance, plc]).spawn().map_err(process_error)?;
+        Ok(Self { child })
+    }
+
+    /// How it has ended; `None` while it runs.
+    ///
+    /// # Errors
+    /// The system refuses to tell.
+    pub fn outcome(&mut self) -> Result<Option<Result<(), CliError>>, CliError> {
+        let Some(status) = self.child.try_wait().map_err(process_error)? else { return Ok(None) };
+        Ok(Some(match status.code() {
+            Some(0) => Ok(()),
+            Some(_) => Err(CliError::Reported),
+            None => Err(CliError::Demo(format!("the soft-PLC has ended unexpectedly ({status})"))),
+        }))
+    }
+}
+
+impl Drop for SoftPlc {
+    fn drop(&mut self) {
+        let _ = terminate(&mut self.child);
+    }
+}
+
+/// Asks a process to end; kills it if it does not.
+fn terminate(child: &mut Child) -> Result<(), CliError> {
+    let start = Instant::now();
+    let mut asked = false;
+    while child.try_wait().map_err(process_error)?.is_none() {
+        if !asked {
+            asked = true;
+            // Not yet waited for, so the number still is its own.
+            let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+            if let Some(pid) = pid {
+                rustix::process::kill_process(pid, Signal::TERM)
+                    .map_err(|errno| process_error(errno.into()))?;
+            }
+        }
+        if start.elapsed() > PATIENCE {
+            child.kill().and_then(|()| child.wait()).map_err(process_error)?;
+        }
+        std::thread::sleep(POLL);
+    }
+    Ok(())
+}
