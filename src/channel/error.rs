@@ -8,7 +8,7 @@ use crate::memory::{Address, Width};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ChannelError {
     /// No register area covers the register.
-    #[error("{address}: no register area of the device covers this {}", .address.width)]
+    #[error("{address}: no register area of the device covers this {}", .address.width())]
     Unmapped {
         /// The refused access.
         address: Address,
@@ -24,7 +24,7 @@ pub enum ChannelError {
         hole: u32,
     },
     /// The address does not suit the width.
-    #[error("{address}: {}", alignment_rule(.address.width))]
+    #[error("{address}: {}", .address.width().alignment_rule())]
     Misaligned {
         /// The refused access.
         address: Address,
@@ -43,7 +43,7 @@ pub enum ChannelError {
     )]
     ReplyTooLong,
     /// The value, mask or comparison value has more bits than the register.
-    #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width, .address.width.max_value())]
+    #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width(), .address.width().max_value())]
     ValueTooWide {
         /// The register.
         address: Address,
@@ -76,7 +76,7 @@ pub enum ChannelError {
     )]
     ClockIsRealTime,
     /// The register did not match in time.
-    #[error("{address} did not become the awaited value in time; at {time_us} us it is 16#{:0digits$X}", .last, digits = digits(.address.width))]
+    #[error("{address} did not become the awaited value in time; at {time_us} us it is 16#{:0digits$X}", .last, digits = digits(.address.width()))]
     WaitTimedOut {
         /// The register.
         address: Address,
@@ -143,14 +143,6 @@ impl core::fmt::Display for Field {
             Field::Node => "the node",
             Field::Unused => "an unused field",
         })
-    }
-}
-
-fn alignment_rule(width: Width) -> &'static str {
-    match width {
-        Width::Byte => "a BYTE may have any address",
-        Width::Word => "a WORD needs an even address",
-        Width::Dword => "a DWORD needs an address divisible by 4",
     }
 }
 

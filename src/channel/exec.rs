@@ -200,7 +200,7 @@ impl Register {
 
     fn fits(self, value: u32) -> Result<(), ChannelError> {
         let address = self.address;
-        if value > address.width.max_value() {
+        if value > address.width().max_value() {
             return Err(ChannelError::ValueTooWide { address, value });
         }
         Ok(())
@@ -208,7 +208,7 @@ impl Register {
 
     fn load(self, machine: &dyn Machine) -> Result<u32, ChannelError> {
         let Register { plc, address } = self;
-        machine.load(plc, address.offset, address.width).map_err(|_| ChannelError::Unmapped { address })
+        machine.load(plc, address.offset(), address.width()).map_err(|_| ChannelError::Unmapped { address })
     }
 }
 

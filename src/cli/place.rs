@@ -4,7 +4,6 @@ use super::error::CliError;
 use super::value::{self, ValueError};
 use commram::layout::omega_drive_line_2::DEVICE;
 use commram::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value};
-use commram::memory;
 
 /// A register or an address that the user has named. It exists; whether its PLC does, the session knows.
 pub struct Place {
@@ -45,20 +44,13 @@ impl Place {
     }
 
     /// Width of the access.
-    pub fn width(&self) -> memory::Width {
-        match self.address.width() {
-            Width::Bit(_) | Width::Byte => memory::Width::Byte,
-            Width::Word => memory::Width::Word,
-            Width::Dword => memory::Width::Dword,
-        }
+    pub fn width(&self) -> Width {
+        self.address.width()
     }
 
     /// The bit of the byte, if the place is a single bit.
     pub fn bit(&self) -> Option<u8> {
-        match self.address.width() {
-            Width::Bit(bit) => Some(bit),
-            _ => None,
-        }
+        self.address.bit()
     }
 
     /// The address: `%MW3.200000`.
@@ -83,7 +75,7 @@ impl Place {
     pub fn ty(&self, live: Live) -> RegType {
         match (self.exact(live), self.address.width()) {
             (Some(register), _) => register.ty(),
-            (None, Width::Bit(_) | Width::Byte) => RegType::Byte,
+            (None, Width::Byte) => RegType::Byte,
             (None, Width::Word) => RegType::Word,
             (None, Width::Dword) => RegType::Dword,
         }

@@ -33,12 +33,7 @@ pub enum Read {
 impl Read {
     /// Reads a register of PLC `plc`.
     pub fn register(plc: u16, register: &RegisterRef) -> Self {
-        let width = match register.width() {
-            1 => Width::Byte,
-            2 => Width::Word,
-            _ => Width::Dword,
-        };
-        Self::Register { plc, offset: register.offset(), width }
+        Self::Register { plc, offset: register.offset(), width: Width::of(register.ty()) }
     }
 
     /// Reads a place of PLC `plc`.

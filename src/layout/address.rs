@@ -1,77 +1,45 @@
 //! Addresses in IEC 61131-3 notation: `%MB3.n`, `%MW3.n`, `%MD3.n`, `%MX3.n.b`.
 
-use super::descriptor::RegType;
 use super::error::LayoutError;
+use super::width::Width;
 use core::fmt;
 use core::str::FromStr;
 
 /// Segment of the communication RAM.
 const SEGMENT: u32 = 3;
 
-/// Width of an access.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Width {
-    /// `%MX`: one bit (0..=7) of a byte.
-    Bit(u8),
-    /// `%MB`.
-    Byte,
-    /// `%MW`.
-    Word,
-    /// `%MD`.
-    Dword,
-}
-
-impl Width {
-    /// The access a register of this type needs.
-    #[must_use]
-    pub const fn of(ty: RegType) -> Self {
-        match ty.width() {
-            1 => Width::Byte,
-            2 => Width::Word,
-            _ => Width::Dword,
-        }
-    }
-
-    /// Bytes touched: 1, 2 or 4. Addresses are divisible by it (manual 5.00005.03a ch. 4.4.4).
-    #[must_use]
-    pub const fn bytes(self) -> u32 {
-        match self {
-            Width::Bit(_) | Width::Byte => 1,
-            Width::Word => 2,
-            Width::Dword => 4,
-        }
-    }
-}
-
-/// A place in segment 3.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+/// A place in segment 3, with the width of the access: prints as `%MB3.n`, `%MW3.n`, `%MD3.n`, or
+/// `%MX3.n.b` for a single bit. The number is always the byte's, whatever the width.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address {
-    width: Width,
     offset: u32,
+    width: Width,
+    bit: Option<u8>,
 }
 
 impl Address {
     /// The address of byte `offset` of the segment, accessed at `width`.
     ///
     /// # Errors
-    /// [`LayoutError::Misaligned`] if the offset is not divisible by the width.
+    /// [`LayoutError::Misaligned`] if the offset is not divisible by the width (manual 5.00005.03a
+    /// ch. 4.4.4).
     pub fn new(width: Width, offset: u32) -> Result<Self, LayoutError> {
-        let address = Self { width, offset };
+        let address = Self::unchecked(width, offset);
         if offset.is_multiple_of(width.bytes()) {
             return Ok(address);
         }
-        let (ty, needs) = if width == Width::Word {
-            ("WORD", "an even address")
-        } else {
-            ("DWORD", "an address divisible by 4")
-        };
-        Err(LayoutError::Misaligned { address: address.to_string(), ty, needs })
+        Err(LayoutError::Misaligned { address: address.to_string(), rule: width.alignment_rule() })
+    }
+
+    /// As [`Address::new`] without the check, also for what was refused.
+    pub(super) const fn unchecked(width: Width, offset: u32) -> Self {
+        Self { offset, width, bit: None }
     }
 
     /// The byte with number `offset`.
     #[must_use]
     pub const fn byte(offset: u32) -> Self {
-        Self { width: Width::Byte, offset }
+        Self::unchecked(Width::Byte, offset)
     }
 
     /// Number of the first byte in the segment.
@@ -80,22 +48,29 @@ impl Address {
         self.offset
     }
 
-    /// Width of the access.
+    /// Width of the access; a single bit is accessed with its byte.
     #[must_use]
     pub const fn width(self) -> Width {
         self.width
+    }
+
+    /// The bit (0..=7) of the byte, if the address is that of a single bit.
+    #[must_use]
+    pub const fn bit(self) -> Option<u8> {
+        self.bit
     }
 }
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let offset = self.offset;
-        match self.width {
-            Width::Bit(bit) => f.pad(&format!("%MX{SEGMENT}.{offset}.{bit}")),
-            Width::Byte => f.pad(&format!("%MB{SEGMENT}.{offset}")),
-            Width::Word => f.pad(&format!("%MW{SEGMENT}.{offset}")),
-            Width::Dword => f.pad(&format!("%MD{SEGMENT}.{offset}")),
-        }
+        let text = match (self.bit, self.width) {
+            (Some(bit), _) => format!("%MX{SEGMENT}.{offset}.{bit}"),
+            (None, Width::Byte) => format!("%MB{SEGMENT}.{offset}"),
+            (None, Width::Word) => format!("%MW{SEGMENT}.{offset}"),
+            (None, Width::Dword) => format!("%MD{SEGMENT}.{offset}"),
+        };
+        f.pad(&text)
     }
 }
 
@@ -107,11 +82,11 @@ impl FromStr for Address {
         let wrong = || LayoutError::BadAddress { text: text.to_owned() };
         let rest = text.strip_prefix('%').ok_or_else(wrong)?;
         let (head, rest) = rest.split_at_checked(2).ok_or_else(wrong)?;
-        let kind = match head.to_ascii_uppercase().as_str() {
-            "MB" => Width::Byte,
-            "MW" => Width::Word,
-            "MD" => Width::Dword,
-            "MX" => Width::Bit(0),
+        let (width, single_bit) = match head.to_ascii_uppercase().as_str() {
+            "MB" => (Width::Byte, false),
+            "MW" => (Width::Word, false),
+            "MD" => (Width::Dword, false),
+            "MX" => (Width::Byte, true),
             _ => return Err(wrong()),
         };
         let mut numbers = rest.split('.').map(number);
@@ -128,15 +103,15 @@ impl FromStr for Address {
         if segment != SEGMENT {
             return Err(LayoutError::Segment { text: text.to_owned(), found: format!("segment {segment}") });
         }
-        let width = match (kind, bit) {
-            (Width::Bit(_), Some(Some(bit))) => match u8::try_from(bit) {
-                Ok(bit @ 0..=7) => Width::Bit(bit),
+        let bit = match (single_bit, bit) {
+            (true, Some(Some(bit))) => match u8::try_from(bit) {
+                Ok(bit @ 0..=7) => Some(bit),
                 _ => return Err(LayoutError::BadBit { text: text.to_owned(), bit }),
             },
-            (Width::Bit(_), _) | (_, Some(_)) => return Err(wrong()),
-            (kind, None) => kind,
+            (false, None) => None,
+            _ => return Err(wrong()),
         };
-        Address::new(width, offset)
+        Ok(Address { bit, ..Address::new(width, offset)? })
     }
 }
 
@@ -159,7 +134,7 @@ mod tests {
             assert_eq!(parse(text).unwrap().to_string(), text);
             assert_eq!(parse(&text.to_lowercase()).unwrap().to_string(), text);
         }
-        assert_eq!(parse("%MX3.5.2").unwrap().width(), Width::Bit(2));
+        assert_eq!(parse("%MX3.5.2").unwrap().bit(), Some(2));
     }
 
     #[test]

@@ -26,14 +26,12 @@ pub enum LayoutError {
         found: String,
     },
     /// An address that is not divisible by the access width.
-    #[error("{address}: a {ty} needs {needs}")]
+    #[error("{address}: {rule}")]
     Misaligned {
         /// The address.
         address: String,
-        /// The data type.
-        ty: &'static str,
-        /// The rule.
-        needs: &'static str,
+        /// What the width needs.
+        rule: &'static str,
     },
     /// An address in no area.
     #[error("{address} lies in no area; {hint}")]

@@ -23,8 +23,9 @@ mod lookup;
 mod name;
 mod nearest;
 mod register;
+mod width;
 
-pub use address::{Address, Width};
+pub use address::Address;
 pub use decode::format_value;
 pub use descriptor::{
     Area, BitField, Device, Dim, Live, Meaning, Owner, Placed, Provenance, RegType, Register, Structure,
@@ -35,6 +36,7 @@ pub use iter::Registers;
 pub use lookup::Target;
 pub use name::split_plc;
 pub use register::RegisterRef;
+pub use width::Width;
 
 /// The Omega Drive-Line II: its areas, structures and timing, generated from `layouts/omega-drive-line-2`.
 #[allow(non_snake_case, non_camel_case_types)]

@@ -1,8 +1,9 @@
 //! One concrete register: a descriptor with its place and its indices.
 
-use super::address::{Address, Width};
+use super::address::Address;
 use super::decode;
 use super::descriptor::{Area, Owner, RegType, Register, Structure};
+use super::width::Width;
 use core::fmt;
 
 /// A register in an area; of an array the element that `index` selects.

@@ -8,7 +8,7 @@ use std::{io, path::PathBuf, time::Duration};
 #[non_exhaustive]
 pub enum MemoryError {
     /// The address does not suit the width.
-    #[error("{address}: {}", .address.width.alignment_rule())]
+    #[error("{address}: {}", .address.width().alignment_rule())]
     Misaligned {
         /// The refused access.
         address: Address,
@@ -44,7 +44,7 @@ pub enum MemoryError {
         type_name: &'static str,
     },
     /// The value has more bits than the register.
-    #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width, .address.width.max_value())]
+    #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width(), .address.width().max_value())]
     ValueTooWide {
         /// The register.
         address: Address,
@@ -52,7 +52,7 @@ pub enum MemoryError {
         value: u32,
     },
     /// A partial access that is not part of the register it names.
-    #[error("{part} is no part of the {} at {register}", .register.width)]
+    #[error("{part} is no part of the {} at {register}", .register.width())]
     NotWithin {
         /// The whole register.
         register: Address,
@@ -185,7 +185,7 @@ pub enum MemoryError {
         found: u32,
     },
     /// A register did not get the awaited value in time.
-    #[error("{address} still holds 16#{last:0digits$X} after {timeout:?}", digits = 2 * .address.width.bytes() as usize)]
+    #[error("{address} still holds 16#{last:0digits$X} after {timeout:?}", digits = 2 * .address.width().bytes() as usize)]
     RegisterTimeout {
         /// The register.
         address: Address,

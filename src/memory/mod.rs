@@ -16,8 +16,8 @@ pub mod names;
 mod process;
 mod segment;
 mod view;
-mod width;
 
+pub use crate::layout::{Address, Width};
 pub use attach::{AttachMode, Attached};
 pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
@@ -27,7 +27,6 @@ pub use image::{Image, ImageSpec};
 pub use list::{Condition, ImageInfo, ImageSummary, list};
 pub use segment::{SEGMENT_SIZE, Segment};
 pub use view::View;
-pub use width::{Address, Width};
 
 #[cfg(test)]
 mod testing;

@@ -58,7 +58,7 @@ fn to<T: TryFrom<u64>>(number: u64) -> Option<T> {
 
 /// Width above, offset below.
 fn pack(address: Address) -> u64 {
-    u64::from(width_code(address.width)) << 32 | u64::from(address.offset)
+    u64::from(width_code(address.width())) << 32 | u64::from(address.offset())
 }
 
 fn unpack(number: u64) -> Option<Address> {

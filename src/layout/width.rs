@@ -1,5 +1,7 @@
-//! Access widths, and addresses written the way a PLC programmer writes them.
+//! Access widths.
 
+use super::address::Address;
+use super::descriptor::RegType;
 use core::fmt;
 
 /// The width of one register access.
@@ -37,13 +39,25 @@ impl Width {
         }
     }
 
-    /// The address of a register of this width that starts at byte `offset` of segment 3.
+    /// The access that a register of this type needs.
+    #[must_use]
+    pub const fn of(ty: RegType) -> Self {
+        match ty.width() {
+            1 => Width::Byte,
+            2 => Width::Word,
+            _ => Width::Dword,
+        }
+    }
+
+    /// An access of this width at byte `offset` of segment 3, aligned or not; see [`Address::new`] for
+    /// the check.
+    #[must_use]
     pub const fn at(self, offset: u32) -> Address {
-        Address { offset, width: self }
+        Address::unchecked(self, offset)
     }
 
     /// The address rule of this width, for error messages.
-    pub(super) const fn alignment_rule(self) -> &'static str {
+    pub(crate) const fn alignment_rule(self) -> &'static str {
         match self {
             Width::Byte => "a BYTE may have any address",
             Width::Word => "a WORD needs an even address",
@@ -55,28 +69,6 @@ impl Width {
 impl fmt::Display for Width {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.iec_name())
-    }
-}
-
-/// A register's place in segment 3; prints as `%MB3.n`, `%MW3.n` or `%MD3.n`.
-///
-/// The number is always the byte offset, whatever the width.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Address {
-    /// Byte offset in segment 3.
-    pub offset: u32,
-    /// Width of the access.
-    pub width: Width,
-}
-
-impl fmt::Display for Address {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let letter = match self.width {
-            Width::Byte => 'B',
-            Width::Word => 'W',
-            Width::Dword => 'D',
-        };
-        write!(f, "%M{letter}3.{}", self.offset)
     }
 }
 
