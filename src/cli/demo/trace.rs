@@ -80,7 +80,7 @@ impl Trace {
     /// The register is none of node 2.
     pub fn note<T: SharedRegs>(&self, who: Who, cell: &T) -> Result<(), CliError> {
         let address = self.address(cell)?;
-        let value = self.attached.segment().load(address.offset(), access_width(address))?;
+        let value = self.attached.segment().load(address.offset(), address.width())?;
         self.note_value(who, address, value);
         Ok(())
     }
@@ -103,7 +103,7 @@ impl Trace {
         patience: Duration,
     ) -> Result<(), CliError> {
         let address = self.address(cell)?;
-        let (offset, width) = (address.offset(), access_width(address));
+        let (offset, width) = (address.offset(), address.width());
         match self.attached.wait_register(offset, width, patience, |value| value == wanted) {
             Ok(value) => {
                 self.note_value(Who::Firmware, address, value);
@@ -159,14 +159,6 @@ impl Trace {
             _ => Width::Dword,
         };
         Ok(Address::new(width, offset)?)
-    }
-}
-
-fn access_width(address: Address) -> commram::memory::Width {
-    match address.width() {
-        Width::Bit(_) | Width::Byte => commram::memory::Width::Byte,
-        Width::Word => commram::memory::Width::Word,
-        Width::Dword => commram::memory::Width::Dword,
     }
 }
 
