@@ -23,6 +23,7 @@ enum Due {
 }
 
 /// All jobs of a slave node.
+#[derive(Clone, Debug)]
 pub(super) struct Jobs {
     /// The slave number, which the answers carry.
     number: u8,
@@ -145,3 +146,7 @@ impl Jobs {
         self.updown.drop_transfer(ctx, regs);
     }
 }
+
+#[cfg(test)]
+#[path = "jobs_tests.rs"]
+mod tests;

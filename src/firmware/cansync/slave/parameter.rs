@@ -20,7 +20,7 @@ const CHANGE: u8 = 1 << 3;
 const DOUBLEWORD: u8 = 1 << 4;
 
 /// A slave node's side of parameter jobs.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ParameterServer {
     /// Job in the registers, until its answer has gone out.
     entered: Option<ParameterJob>,

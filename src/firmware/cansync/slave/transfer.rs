@@ -31,7 +31,7 @@ pub(super) enum Successor {
 }
 
 /// A transfer under way.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Transfer {
     place: Place,
     init: UpDownJob,

@@ -29,7 +29,7 @@ enum Due {
 }
 
 /// A slave node's side of up-/downloads; there is one at a time.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct UpDownServer {
     transfer: Option<Transfer>,
     due: Option<(UpDownJob, Due)>,
