@@ -185,7 +185,9 @@ fn an_upload_empties_block_1() {
                     assert_eq!(BLOCK_1.job(&bench), 0x4D);
                     BLOCK_1.acknowledge(&bench);
                 }
-                assert_eq!(bench.updown(&frame).result(), UpDownResult::Data(bytes(offset)));
+                let mut sent = bytes(offset);
+                sent.iter_mut().skip(usize::from(length - offset)).for_each(|byte| *byte = 0);
+                assert_eq!(bench.updown(&frame).result(), UpDownResult::Data(sent), "filled with 0 (D-44)");
                 assert_eq!(BLOCK_1.job(&bench), if last { 0x0C } else { 0x08 });
                 assert_eq!(BLOCK_1.counter(&bench), (offset + 6).min(length));
             }

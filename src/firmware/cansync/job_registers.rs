@@ -1,5 +1,5 @@
-//! Control and status register of a job: the PLC enters it in both, the firmware shows in both how far
-//! it is (manual 5.00005.03a p. 165, 167).
+//! Control and status register of a job, at the master and at the slave: the PLC writes both, the
+//! firmware shows in both how far the job is (manual 5.00005.03a p. 165, 167, 189, 191).
 
 use crate::firmware::Context;
 use crate::journal::Event;
@@ -15,6 +15,23 @@ pub(super) struct JobRegisters<'a> {
 }
 
 impl JobRegisters<'_> {
+    /// The register that decides.
+    pub(super) fn control(&self) -> u8 {
+        self.control.load()
+    }
+
+    /// Puts `new` into both, whatever they held: first the status register, then the control register.
+    pub(super) fn show(&self, ctx: &mut Context, new: u8) {
+        self.change(ctx, |_| new);
+    }
+
+    /// Changes bits of both without losing what the PLC writes at the same time.
+    pub(super) fn change(&self, ctx: &mut Context, change: impl Fn(u8) -> u8) {
+        self.status.update(&change);
+        let seen = self.control.update(&change);
+        self.report(ctx, seen, change(seen));
+    }
+
     /// Replaces `seen` by `new`: first in the status register, then in the control register. Tells whether
     /// the control register still held `seen`; if not, the PLC has entered something else meanwhile,
     /// which is left alone.
@@ -22,17 +39,21 @@ impl JobRegisters<'_> {
         self.status.store(new);
         match self.control.compare_exchange(seen, new) {
             Ok(_) => {
-                if seen != new {
-                    let (origin, offset) = (ctx.origin, self.offset as u32);
-                    let (request, answer) = (u16::from(seen), u16::from(new));
-                    ctx.report(Event::Handshake { origin, offset, request, answer });
-                }
+                self.report(ctx, seen, new);
                 true
             }
             Err(entered) => {
                 self.status.store(entered);
                 false
             }
+        }
+    }
+
+    fn report(&self, ctx: &mut Context, seen: u8, new: u8) {
+        if seen != new {
+            let (origin, offset) = (ctx.origin, self.offset as u32);
+            let (request, answer) = (u16::from(seen), u16::from(new));
+            ctx.report(Event::Handshake { origin, offset, request, answer });
         }
     }
 }
@@ -57,5 +78,17 @@ mod tests {
         assert_eq!((control.load(), status.load()), (0x03, 0x03));
         assert!(registers.replace(&mut ctx, 0x03, 0x03));
         assert_eq!(journal.written(), 1, "only a change is an answer");
+    }
+    #[test]
+    fn bits_change_in_each_register_by_themselves() {
+        let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
+        let mut journal = Journal::default();
+        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 1 } };
+        let registers = JobRegisters { control: &control, status: &status, offset: 1 };
+        registers.show(&mut ctx, 0x45);
+        status.store(0x64);
+        registers.change(&mut ctx, |value| value & 0xBF);
+        assert_eq!((control.load(), status.load()), (0x05, 0x24));
+        assert_eq!(journal.written(), 2);
     }
 }

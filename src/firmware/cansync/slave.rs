@@ -4,7 +4,7 @@
 //! what comes in the command channel to `parameter` and `updown`.
 
 mod area;
-mod handshake;
+mod bits;
 mod jobs;
 mod lock;
 mod parameter;

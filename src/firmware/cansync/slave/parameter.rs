@@ -3,10 +3,11 @@
 //! A job is entered in the registers and stays there until its answer has gone out. Until the
 //! application has cleared bit 0, every repetition by the master is answered BUSY (p. 139-140).
 
-use super::handshake::{ACTIVE, BUSY, ERROR, Handshake, RESET};
+use super::bits::{ACTIVE, BUSY, ERROR, RESET};
 use crate::bus::codec::parameter::{VALUE_ELEMENT, error_number};
 use crate::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::firmware::Context;
+use crate::firmware::cansync::job_registers::JobRegisters;
 use crate::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use core::mem::offset_of;
 
@@ -51,7 +52,7 @@ impl ParameterServer {
             Some(entered) if entered == *job && self.changed.is_none() => {}
             Some(_) => {
                 self.changed = Some(*job);
-                handshake(regs).change(ctx, |value| value | CHANGE);
+                registers(regs).change(ctx, |value| value | CHANGE);
             }
             None => self.enter(ctx, regs, *job),
         }
@@ -70,7 +71,7 @@ impl ParameterServer {
             }
         };
         regs.w_PAR_NR.store(job.number());
-        handshake(regs).show(ctx, BUSY | ACTIVE | kind);
+        registers(regs).show(ctx, BUSY | ACTIVE | kind);
         self.entered = Some(job);
         self.changed = None;
     }
@@ -78,7 +79,7 @@ impl ParameterServer {
     /// Enters the changed job as soon as the application has confirmed with bit 7 (decision D-62).
     pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         if let Some(job) = self.changed
-            && handshake(regs).control() & RESET != 0
+            && registers(regs).control() & RESET != 0
         {
             self.enter(ctx, regs, job);
         }
@@ -96,7 +97,7 @@ impl ParameterServer {
             return Some(job.answer(ParameterResult::Busy));
         }
         let job = self.entered?;
-        let control = handshake(regs).control();
+        let control = registers(regs).control();
         if control & ACTIVE != 0 {
             return Some(job.answer(ParameterResult::Busy));
         }
@@ -119,19 +120,19 @@ impl ParameterServer {
         if self.ends {
             self.ends = false;
             self.entered = None;
-            handshake(regs).change(ctx, |value| value & !BUSY);
+            registers(regs).change(ctx, |value| value & !BUSY);
         }
     }
 
     /// Drops the job under way; the registers show none (decision D-63).
     pub(super) fn drop_job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         *self = ParameterServer::default();
-        handshake(regs).show(ctx, 0);
+        registers(regs).show(ctx, 0);
     }
 }
 
-fn handshake(regs: &CANsync_SL_CTRL_BMSTRUCT) -> Handshake<'_> {
-    Handshake {
+fn registers(regs: &CANsync_SL_CTRL_BMSTRUCT) -> JobRegisters<'_> {
+    JobRegisters {
         control: &regs.b_STEUREG_PAR_CMD,
         status: &regs.b_STATREG_PAR_CMD,
         offset: NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_PAR_CMD),

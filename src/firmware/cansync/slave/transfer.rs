@@ -1,11 +1,12 @@
 //! One up- or download from its init frame to its end, as the registers of its area show it
 //! (manual 5.00005.03a p. 141-143, 190-193).
 
-use super::area::{Area, BLOCK_1_BYTES, Place};
-use super::handshake::{ACTIVE, BUSY, ERROR, RESET};
+use super::area::{Area, Place};
+use super::bits::{ACTIVE, BUSY, ERROR, RESET};
 use crate::bus::codec::updown::{BLOCK, MAX_OFFSET, error_number};
 use crate::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
 use crate::firmware::Context;
+use crate::firmware::cansync::block;
 use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
 
 /// Bit 1: the master has changed the job.
@@ -56,7 +57,7 @@ impl Transfer {
         }
         area.length.store(length);
         area.counter.store(0);
-        area.handshake().show(ctx, transfer.direction_bit() | INIT | BUSY | ACTIVE);
+        area.job.show(ctx, transfer.direction_bit() | INIT | BUSY | ACTIVE);
         transfer
     }
 
@@ -85,22 +86,22 @@ impl Transfer {
         successor: Successor,
     ) {
         self.changed = Some(successor);
-        self.area(regs).handshake().change(ctx, |value| value | CHANGE);
+        self.area(regs).job.change(ctx, |value| value | CHANGE);
     }
 
     /// Whether the application has confirmed a change.
     pub(super) fn is_reset(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
-        self.changed.is_some() && self.area(regs).handshake().control() & RESET != 0
+        self.changed.is_some() && self.area(regs).job.control() & RESET != 0
     }
 
     /// Empties the registers of the area.
     pub(super) fn clear(&self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
-        self.area(regs).handshake().show(ctx, 0);
+        self.area(regs).job.show(ctx, 0);
     }
 
     /// Whether the application has given up between two frames by setting bit 5 (decision D-71).
     pub(super) fn is_given_up(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
-        self.shown.is_none() && self.area(regs).handshake().control() & ERROR != 0
+        self.shown.is_none() && self.area(regs).job.control() & ERROR != 0
     }
 
     /// The application's error number. Numbers up to 16#00FF are not the slave's (p. 192) and go out as
@@ -155,7 +156,7 @@ impl Transfer {
                 (if last { LAST } else { BODY }, UpDownResult::Done)
             }
             UpDownStep::Upload { last } => {
-                (if last { LAST } else { BODY }, UpDownResult::Data(area.get(self.next)))
+                (if last { LAST } else { BODY }, UpDownResult::Data(area.get(self.next, self.length)))
             }
             UpDownStep::Init { .. } => return None,
         };
@@ -165,12 +166,12 @@ impl Transfer {
                 area.counter.store(self.behind_next());
             }
             if mode == BODY {
-                area.handshake().change(ctx, |value| value & !MODE | BODY);
+                area.job.change(ctx, |value| value & !MODE | BODY);
                 return Some(job.answer(answer));
             }
         }
         self.shown = Some(*job);
-        area.handshake().show(ctx, direction | mode | BUSY | ACTIVE);
+        area.job.show(ctx, direction | mode | BUSY | ACTIVE);
         None
     }
 
@@ -182,7 +183,7 @@ impl Transfer {
     ) -> Option<Result<UpDownResponse, UpDownResponse>> {
         let shown = self.shown.filter(|_| self.changed.is_none())?;
         let area = self.area(regs);
-        let control = area.handshake().control();
+        let control = area.job.control();
         if control & ACTIVE != 0 {
             return None;
         }
@@ -193,7 +194,7 @@ impl Transfer {
         Some(Ok(match shown.step() {
             UpDownStep::Init { .. } if self.length == 0 => {
                 // The application has set the length (p. 141; decision D-67).
-                let limit = if self.place == Place::Block1 { BLOCK_1_BYTES } else { MAX_OFFSET };
+                let limit = if self.place == Place::Block1 { block::MAX_LENGTH } else { MAX_OFFSET };
                 match area.length.load() {
                     0 => return refuse(error_number::NOT_POSSIBLE),
                     length if length > limit => return refuse(error_number::TOO_LONG),
@@ -204,7 +205,7 @@ impl Transfer {
                 }
             }
             UpDownStep::Init { .. } | UpDownStep::Download { .. } => shown.answer(UpDownResult::Done),
-            UpDownStep::Upload { .. } => shown.answer(UpDownResult::Data(area.get(self.next))),
+            UpDownStep::Upload { .. } => shown.answer(UpDownResult::Data(area.get(self.next, self.length))),
         }))
     }
 
@@ -228,7 +229,7 @@ impl Transfer {
 
     /// The answer to the frame has left the bus: bit 6 is cleared (p. 191).
     pub(super) fn not_busy(&self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
-        self.area(regs).handshake().change(ctx, |value| value & !BUSY);
+        self.area(regs).job.change(ctx, |value| value & !BUSY);
     }
 
     /// Bytes transferred once the block that is due next is.
