@@ -4,19 +4,18 @@
 //! Its content is fixed at its start. Slot times are those of the manual's table (5.00005.03a p. 125),
 //! frame lengths those of the real frames, stuff bits included.
 
+mod command;
+mod process;
+
 use super::agenda::{Agenda, Slot};
 use super::config::{BusConfig, PlantConfig, PlantError};
 use super::plc::Plc;
-use crate::bus::codec::action::ActionCommand;
-use crate::bus::{Channel, Frame, FrameKind, wire};
+use crate::bus::{Channel, Frame, wire};
 use crate::drive::Drive;
 use crate::firmware::Context;
-use crate::firmware::cansync::Built;
+use crate::firmware::cansync::{Built, Master, Slave};
 use crate::journal::{Event, Journal, Origin};
 use crate::layout::omega_drive_line_2::BaudRate;
-
-/// Time to build or take over one word of a frame, in us (manual 5.00005.03a p. 154: 15 to 60 us).
-const WORD_US: u64 = 15;
 
 /// Who is connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -233,10 +232,7 @@ impl Run<'_> {
     }
 
     /// Runs `f` on the master's firmware.
-    fn master<R>(
-        &mut self,
-        f: impl FnOnce(&mut crate::firmware::cansync::Master, &mut Context) -> R,
-    ) -> Option<R> {
+    fn master<R>(&mut self, f: impl FnOnce(&mut Master, &mut Context) -> R) -> Option<R> {
         let index = self.bus.master?;
         let plc = self.plcs.get_mut(index)?;
         let origin = Origin { plc: index as u16, node: 2 };
@@ -244,17 +240,13 @@ impl Run<'_> {
     }
 
     /// Runs `f` on the slave node of PLC `index`, if it listens.
-    fn node<R>(
-        &mut self,
-        index: usize,
-        f: impl FnOnce(&mut crate::firmware::cansync::Slave, &mut Context) -> R,
-    ) -> Option<R> {
+    fn node<R>(&mut self, index: usize, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> Option<R> {
         let plc = self.plcs.get_mut(index).filter(|plc| plc.slave.hears(self.timing.kbit_per_s))?;
         let origin = Origin { plc: index as u16, node: 1 };
         Some(f(&mut plc.slave, &mut Context { now: self.now, journal: self.journal, origin }))
     }
 
-    fn each_node(&mut self, mut f: impl FnMut(&mut crate::firmware::cansync::Slave, &mut Context)) {
+    fn each_node(&mut self, mut f: impl FnMut(&mut Slave, &mut Context)) {
         for position in 0..self.bus.nodes.len() {
             let index = self.bus.nodes[position];
             self.node(index, &mut f);
@@ -288,223 +280,4 @@ impl Run<'_> {
     fn note_frame(&mut self, frame: Frame) {
         self.journal.push(self.now, Event::Frame { bus: self.bus.index, frame });
     }
-
-    fn sync_edge(&mut self, own_sync: bool) {
-        self.journal.push(self.now, Event::SyncEdge { bus: self.bus.index });
-        let timing = self.timing;
-        let interval_us = u32::from(timing.b_TIME_PATTERN) * 1000;
-        if own_sync {
-            self.at(Slot::Sync, interval_us);
-        }
-        self.bus.actual = [None; 2];
-        self.master(|master, _| master.sync_edge());
-        if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get(index)) {
-            plc.count_sync(2);
-        }
-        let now = self.now;
-        for &index in &self.bus.nodes {
-            if let Some(plc) = self.plcs.get_mut(index) {
-                plc.count_sync(1);
-                // SYNC is a line of its own: it is seen at any baud rate.
-                if plc.slave.is_on_bus() {
-                    plc.slave.sync_edge(now, interval_us);
-                }
-            }
-        }
-        for drive in &mut self.bus.drives {
-            drive.sync_edge(now, interval_us);
-        }
-        if self.bus.asked.is_some() || self.bus.command.is_some() {
-            self.at(Slot::ResponseStart, timing.t_RC);
-        }
-        self.at(Slot::Build1, timing.deadline);
-        self.at(Slot::CommandStart, timing.t_CC);
-    }
-
-    fn build_first(&mut self) {
-        self.build_actual(Channel::One);
-        let built = self.master(|master, ctx| master.build_reference(ctx, Channel::One)).flatten();
-        self.bus.reference[0] = built;
-        self.bus.agenda.set(Slot::Built1, self.now + build_time(built.as_ref()));
-    }
-
-    fn built_first(&mut self) {
-        self.send_reference(Channel::One);
-        let built = self.master(|master, ctx| master.build_reference(ctx, Channel::Two)).flatten();
-        self.bus.reference[1] = built;
-        self.bus.agenda.set(Slot::Built2, self.now + build_time(built.as_ref()));
-    }
-
-    fn built_second(&mut self) {
-        self.send_reference(Channel::Two);
-    }
-
-    /// Acknowledges a built frame and puts it into its slot.
-    fn send_reference(&mut self, channel: Channel) {
-        let Some(built) = self.bus.reference[channel.index()] else {
-            if channel == Channel::One {
-                self.at(Slot::BuildActual2, self.timing.t_WRC1 + self.actual2_window().1);
-            }
-            return;
-        };
-        self.master(|master, ctx| master.acknowledge_reference(ctx, channel));
-        let (slot, offset) = match channel {
-            Channel::One => (Slot::Reference1End, self.timing.t_WRC1),
-            Channel::Two => (Slot::Reference2End, self.timing.t_WRC2),
-        };
-        self.transmit(slot, &built.frame, self.start + u64::from(offset), Sender::Master);
-    }
-
-    fn reference_end(&mut self, channel: Channel) {
-        let Some(built) = self.bus.reference[channel.index()].take() else { return };
-        let frame = built.frame;
-        self.note_frame(frame);
-        for drive in self.drives() {
-            drive.reference_frame(channel, frame.payload());
-        }
-        self.each_node(|slave, _| slave.reference_value(channel, &frame));
-        if channel == Channel::One {
-            self.schedule_actual2();
-        }
-        if let Some(FrameKind::ReferenceValue(_, number)) = frame.kind() {
-            self.request_actual(channel, number);
-        }
-    }
-
-    /// The station that the identifier names sends its actual value frame in its slot.
-    fn request_actual(&mut self, channel: Channel, number: u8) {
-        let answer = match self.station(number) {
-            Station::Nobody => None,
-            Station::Drive(index) => self.drives().get_mut(index).and_then(|drive| {
-                let payload = drive.actual_value_frame(channel)?;
-                Some(Frame::of(FrameKind::ActualValue(channel, number), payload))
-            }),
-            Station::Node(index) => {
-                self.node(index, |slave, ctx| slave.requested_actual(ctx, channel)).flatten()
-            }
-        };
-        let Some(frame) = answer else { return };
-        self.bus.actual[channel.index()] = Some(frame);
-        let (slot, offset) = match channel {
-            Channel::One => (Slot::Actual1End, self.timing.t_RDC1),
-            Channel::Two => (Slot::Actual2End, self.timing.t_RDC2),
-        };
-        self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
-    }
-
-    fn actual_end(&mut self, channel: Channel) {
-        let Some(frame) = self.bus.actual[channel.index()].take() else { return };
-        let Some(FrameKind::ActualValue(_, number)) = frame.kind() else { return };
-        self.note_frame(frame);
-        self.master(|master, _| master.actual_value(channel, number, &frame));
-        let bit = 1u32.checked_shl(u32::from(number)).unwrap_or(0);
-        for drive in self.drives() {
-            if drive.wants_overheard() & bit != 0 {
-                drive.overheard_frame(number, channel, frame.payload());
-            }
-        }
-        self.each_node(|slave, _| slave.overheard_actual(channel, number, &frame));
-    }
-
-    fn build_actual(&mut self, channel: Channel) {
-        self.each_node(|slave, ctx| slave.build_actual(ctx, channel));
-    }
-
-    /// Deadline of the slaves' second actual value frame: WRC1 received and processed, within the
-    /// limits of the manual (p. 182; at other baud rates and for several slaves: decision D-26).
-    fn schedule_actual2(&mut self) {
-        let mut words = 1;
-        self.each_node(|slave, _| words = words.max(slave.words_taken()));
-        let (earliest, latest) = self.actual2_window();
-        let slot = self.start + u64::from(self.timing.t_WRC1);
-        let due = (self.now + WORD_US * u64::from(words))
-            .clamp(slot + u64::from(earliest), slot + u64::from(latest));
-        self.bus.agenda.set(Slot::BuildActual2, due);
-    }
-
-    /// Limits of that deadline after t_WRC1, in us: 70 to 270 at 500 kbit/s, that is 800 to 1000 after
-    /// SYNC; longer in proportion at lower baud rates.
-    fn actual2_window(&self) -> (u32, u32) {
-        let factor = 500 / u32::from(self.timing.kbit_per_s.max(1));
-        (70 * factor, 270 * factor)
-    }
-
-    fn command_start(&mut self) {
-        self.bus.asked = None;
-        self.bus.drive_answer = None;
-        self.bus.command = self.master(|master, ctx| master.command(ctx)).flatten();
-        if let Some(frame) = self.bus.command {
-            self.transmit(Slot::CommandEnd, &frame, self.now, Sender::Master);
-        }
-    }
-
-    fn command_end(&mut self) {
-        let Some(frame) = self.bus.command.take() else { return };
-        self.note_frame(frame);
-        match frame.kind() {
-            Some(FrameKind::Action) => self.deliver_action(&frame),
-            Some(FrameKind::Job(number)) => {
-                self.bus.asked = Some(number);
-                let due = self.now + u64::from(self.timing.t_RSPTO);
-                self.bus.agenda.set(Slot::ResponseTimeout, due);
-                self.deliver_job(number, &frame);
-            }
-            _ => {}
-        }
-    }
-
-    fn deliver_action(&mut self, frame: &Frame) {
-        let Ok(command) = ActionCommand::decode(frame.payload()) else { return };
-        for drive in self.drives() {
-            drive.action_command(&command);
-        }
-        self.each_node(|slave, _| slave.action(frame, &command));
-    }
-
-    fn deliver_job(&mut self, number: u8, frame: &Frame) {
-        match self.station(number) {
-            Station::Nobody => {}
-            Station::Drive(index) => {
-                self.bus.drive_answer =
-                    self.drives().get_mut(index).and_then(|drive| drive.job(frame.payload()));
-            }
-            Station::Node(index) => {
-                self.node(index, |slave, ctx| slave.job(ctx, frame));
-            }
-        }
-    }
-
-    fn response_start(&mut self) {
-        let Some(number) = self.bus.asked else { return };
-        let answer = match self.station(number) {
-            Station::Nobody => None,
-            Station::Drive(_) => self.bus.drive_answer.take(),
-            Station::Node(index) => self.node(index, |slave, ctx| slave.response(ctx)).flatten(),
-        };
-        if let Some(frame) = answer {
-            self.bus.response = Some(frame);
-            self.bus.agenda.cancel(Slot::ResponseTimeout);
-            self.transmit(Slot::ResponseEnd, &frame, self.now, Sender::Slave(number));
-        }
-    }
-
-    fn response_end(&mut self) {
-        let Some(frame) = self.bus.response.take() else { return };
-        self.note_frame(frame);
-        let Some(number) = self.bus.asked.take() else { return };
-        if let Station::Node(index) = self.station(number) {
-            self.node(index, |slave, ctx| slave.response_sent(ctx));
-        }
-        self.master(|master, ctx| master.response(ctx, number, &frame));
-    }
-
-    fn response_timeout(&mut self) {
-        self.bus.asked = None;
-        self.master(|master, ctx| master.response_timeout(ctx));
-    }
-}
-
-/// Time that building takes: 15 us for each used word, at least 15 us (decision D-09).
-fn build_time(built: Option<&Built>) -> u64 {
-    WORD_US * built.map_or(1, |built| u64::from(built.used_words.max(1)))
 }
