@@ -23,7 +23,7 @@ const MAX_BLOCK: u32 = 65_536;
 Examples:
   commram dump
   commram dump node2
-  commram dump node2.a_RD_BMARRAY[3] --all
+  commram dump 'node2.a_RD_BMARRAY[3]' --all
   commram dump line2:node1 --format csv")]
 pub struct Args {
     /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]

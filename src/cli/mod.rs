@@ -39,7 +39,7 @@ struct Cli {
 const AFTER_HELP: &str = "\
 Registers:
   node2.w_CPU_CONTROL          by name: block, register
-  node2.a_RD_BMARRAY[3][0]     an element of an array
+  'node2.a_RD_BMARRAY[3][0]'   an element of an array; the quotes are for the shell
   %MW3.200000                  by address: %MB3, %MW3, %MD3, %MX3 (one bit)
   line2:node2.w_CPU_CONTROL    with the PLC, where the instance has several
 
@@ -82,6 +82,7 @@ struct Instance {
         long = "instance",
         value_name = "NAME",
         env = "COMMRAM_INSTANCE",
+        hide_env_values = true,
         default_value = "default",
         value_parser = instance_name
     )]

@@ -15,7 +15,7 @@ use serde::Serialize;
 #[command(after_help = "\
 Examples:
   commram peek node2.w_OPTION_STATUS
-  commram peek node2.a_STAT_SL[1] node2.a_STAT_SL[2] node2.a_STAT_SL[3]
+  commram peek 'node2.a_STAT_SL[1]' 'node2.a_STAT_SL[2]' 'node2.a_STAT_SL[3]'
   commram peek --raw %MW3.200002
   commram peek line2:node1.w_OPTION_STATUS --format json")]
 pub struct Args {

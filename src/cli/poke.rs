@@ -14,7 +14,7 @@ use super::place::Place;
 #[command(after_help = "\
 Examples:
   commram poke node2.w_CPU_CONTROL=16#0001
-  commram poke node2.a_WR_VALUE[0]=-1000 node2.b_CTRLREG_WRC1=16#05
+  commram poke 'node2.a_WR_VALUE[0]=-1000' node2.b_CTRLREG_WRC1=16#05
   commram poke %MW3.200000=0x20
   commram poke line2:node2.w_CPU_CONTROL=0")]
 pub struct Args {
