@@ -4,6 +4,7 @@
 //! once.
 
 use super::registers::Code;
+use super::word_config::WordConfigs;
 use crate::bus::codec::process::FrameConfig;
 use crate::bus::{Channel, Frame};
 use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
@@ -73,22 +74,7 @@ macro_rules! actual_value_registers {
 
             #[inline]
             fn config(&self, slave: usize, channel: Channel) -> Option<[u8; 4]> {
-                let cfg = self.a_CFG_RDC_WORD.get(slave)?;
-                let words = match channel {
-                    Channel::One => [
-                        &cfg.b_CFG_RDC1_WORD0,
-                        &cfg.b_CFG_RDC1_WORD1,
-                        &cfg.b_CFG_RDC1_WORD2,
-                        &cfg.b_CFG_RDC1_WORD3,
-                    ],
-                    Channel::Two => [
-                        &cfg.b_CFG_RDC2_WORD0,
-                        &cfg.b_CFG_RDC2_WORD1,
-                        &cfg.b_CFG_RDC2_WORD2,
-                        &cfg.b_CFG_RDC2_WORD3,
-                    ],
-                };
-                Some(words.map(Cell8::load))
+                Some(self.a_CFG_RDC_WORD.get(slave)?.words(channel))
             }
 
             #[inline]

@@ -8,6 +8,7 @@ use super::init::SyncSource;
 use super::node::{Change, Node, NodeState, Role};
 use super::polling::Polling;
 use super::registers::Code;
+use super::word_config::WordConfigs;
 use crate::bus::codec::process::FrameConfig;
 use crate::bus::{Channel, Frame, FrameKind};
 use crate::firmware::Context;
@@ -122,14 +123,7 @@ impl Master {
         if !self.interval_is_active {
             return;
         }
-        let cfg = &self.regs._CFG_WRC_WORD;
-        self.config = [
-            [&cfg.b_CFG_WRC1_WORD0, &cfg.b_CFG_WRC1_WORD1, &cfg.b_CFG_WRC1_WORD2, &cfg.b_CFG_WRC1_WORD3]
-                .map(Cell8::load),
-            [&cfg.b_CFG_WRC2_WORD0, &cfg.b_CFG_WRC2_WORD1, &cfg.b_CFG_WRC2_WORD2, &cfg.b_CFG_WRC2_WORD3]
-                .map(Cell8::load),
-        ]
-        .map(FrameConfig::master_reference);
+        self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::master_reference);
         let max = self.regs.b_MAX_SL_NR.load();
         self.request.iter_mut().for_each(|counter| counter.next_interval(max));
         self.commands.next_interval(max);

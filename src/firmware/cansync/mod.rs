@@ -19,6 +19,7 @@ mod polling;
 mod registers;
 mod slave;
 mod updown_job;
+mod word_config;
 
 pub use init::{InitData, InitFault};
 pub use master::{Built, Master};

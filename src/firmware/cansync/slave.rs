@@ -16,6 +16,7 @@ use super::master::acknowledge;
 use super::node::{Change, Node, NodeState, Role};
 use super::polling::SYNCHRONIZED;
 use super::registers::Code;
+use super::word_config::WordConfigs;
 use crate::bus::codec::action::{Action, ActionCommand};
 use crate::bus::codec::process::FrameConfig;
 use crate::bus::{Channel, Frame, FrameKind, Payload};
@@ -152,14 +153,7 @@ impl Slave {
         if !self.interval_is_active {
             return;
         }
-        let cfg = &self.regs._CFG_WRC_WORD;
-        self.config = [
-            [&cfg.b_CFG_WRC1_WORD0, &cfg.b_CFG_WRC1_WORD1, &cfg.b_CFG_WRC1_WORD2, &cfg.b_CFG_WRC1_WORD3]
-                .map(Cell8::load),
-            [&cfg.b_CFG_WRC2_WORD0, &cfg.b_CFG_WRC2_WORD1, &cfg.b_CFG_WRC2_WORD2, &cfg.b_CFG_WRC2_WORD3]
-                .map(Cell8::load),
-        ]
-        .map(FrameConfig::new);
+        self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::new);
     }
 
     /// Words of reference value frame 1 that this slave takes; processing takes 15 us for each.
@@ -184,18 +178,8 @@ impl Slave {
         if register.load() != Code::RELEASED {
             return;
         }
-        let cfg = &self.regs._CFG_RDC_WORD;
-        let config = match channel {
-            Channel::One => {
-                [&cfg.b_CFG_RDC1_WORD0, &cfg.b_CFG_RDC1_WORD1, &cfg.b_CFG_RDC1_WORD2, &cfg.b_CFG_RDC1_WORD3]
-            }
-            Channel::Two => {
-                [&cfg.b_CFG_RDC2_WORD0, &cfg.b_CFG_RDC2_WORD1, &cfg.b_CFG_RDC2_WORD2, &cfg.b_CFG_RDC2_WORD3]
-            }
-        }
-        .map(Cell8::load);
         let values = &self.regs.a_RD_VALUE_SEND;
-        let built = FrameConfig::new(config)
+        let built = FrameConfig::new(self.regs._CFG_RDC_WORD.words(channel))
             .build(|number| values.get(usize::from(number)).map_or(0, |cell| cell.load()));
         self.ready[channel.index()] = Some(built.payload);
         acknowledge(ctx, register, NODE1 + offset);
