@@ -284,6 +284,8 @@ fn the_application_refuses_at_each_acknowledgement() {
             assert_eq!(bench.updown(&down(0, true)).result(), UpDownResult::Error(sent));
             assert_eq!(area.job(&bench), 0x3C);
             assert_eq!(bench.updown(&down(0, true)).result(), UpDownResult::Error(0x0108), "it is over");
+            assert_eq!(bench.updown(&init).result(), UpDownResult::Busy, "not the answer of the last time");
+            assert_eq!(area.job(&bench), 0x55);
         }
     }
 }

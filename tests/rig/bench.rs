@@ -19,7 +19,8 @@ const CYCLE_US: u64 = 500;
 pub struct Bench {
     pub slave: Slave,
     pub regs: View<CANsync_SL_CTRL_BMSTRUCT>,
-    pub journal: Journal,
+    init: View<CANsync_INIT_BMSTRUCT>,
+    journal: Journal,
     now: u64,
     _images: Vec<Image>,
 }
@@ -31,23 +32,39 @@ impl Bench {
         let segment = segment(memory, "b", &mut images).unwrap();
         let mut slave = Slave::new(&segment, NUMBER, LOCK_US).unwrap();
         slave.power_on();
-        let regs = segment.view(NODE1).unwrap();
-        let mut bench = Bench { slave, regs, journal: Journal::default(), now: 0, _images: images };
-        write_init_data(&segment.view(NODE1).unwrap(), RATES[0], 0x01);
-        for command in [0x0001, 0x0002, 0x0020] {
-            bench.command(command);
-        }
-        assert_eq!(bench.regs.w_OPTION_STATUS.load(), 0x0013);
-        bench.edge();
+        let (regs, init) = (segment.view(NODE1).unwrap(), segment.view(NODE1).unwrap());
+        let mut bench = Bench { slave, regs, init, journal: Journal::default(), now: 0, _images: images };
+        bench.set_up();
         bench
+    }
+
+    /// From restart to set-up mode and over a SYNC edge.
+    fn set_up(&mut self) {
+        self.command(0x0000);
+        self.command(0x0001);
+        write_init_data(&self.init, RATES[0], 0x01);
+        self.command(0x0002);
+        self.command(0x0020);
+        assert_eq!(self.regs.w_OPTION_STATUS.load(), 0x0013);
+        self.edge();
+    }
+
+    /// The PLC restarts the node and brings it back into active operation.
+    pub fn start_over(&mut self) {
+        self.set_up();
+        self.enable();
+    }
+
+    fn enable(&mut self) {
+        self.command(0x0040);
+        assert_eq!(self.regs.w_OPTION_STATUS.load(), 0x0020);
+        self.edge();
     }
 
     /// A node in active operation with a SYNC edge behind it, its PLC ready for jobs in block 1.
     pub fn active(memory: Memory) -> Bench {
         let mut bench = Self::in_set_up(memory);
-        bench.command(0x0040);
-        assert_eq!(bench.regs.w_OPTION_STATUS.load(), 0x0020);
-        bench.edge();
+        bench.enable();
         bench.regs.b_EN_UPDOWNBLK1.store(1);
         bench
     }
