@@ -88,7 +88,7 @@ proptest! {
         for step in steps {
             take(&mut bench, step);
         }
-        bench.start_over();
+        bench.start_over([0xFF, 0xFF]);
         let job = ParameterJob::new(300, Access::WriteWord(1)).unwrap();
         prop_assert_eq!(bench.parameter(&job).result(), ParameterResult::Busy);
         prop_assert_eq!(bench.regs.b_STEUREG_PAR_CMD.load(), 0x45);

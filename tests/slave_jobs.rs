@@ -281,3 +281,16 @@ fn a_frame_of_wrong_length_is_not_answered() {
     }
     assert_eq!(par_cmd(&bench), 0x00);
 }
+
+/// D-21: the acceptance filter holds for jobs and action commands too.
+#[test]
+fn the_acceptance_filter_keeps_frames_out() {
+    let mut bench = Bench::active(Memory::Heap);
+    let identifiers = [0x500 + u16::from(NUMBER), 0x010];
+    for (id, passes) in [(identifiers[0], [true, false]), (identifiers[1], [false, true])] {
+        bench.start_over([(id >> 3) as u8, 0x00]);
+        bench.action(ActionCommand::control_word(1 << NUMBER, 1));
+        let answered = bench.turn(&job(300, READ).frame(NUMBER)).is_some();
+        assert_eq!([answered, bench.regs.b_STATREG_CONTROLWORD.load() == 0x02], passes, "16#{id:03X}");
+    }
+}

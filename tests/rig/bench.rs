@@ -34,15 +34,17 @@ impl Bench {
         slave.power_on();
         let (regs, init) = (segment.view(NODE1).unwrap(), segment.view(NODE1).unwrap());
         let mut bench = Bench { slave, regs, init, journal: Journal::default(), now: 0, _images: images };
-        bench.set_up();
+        bench.set_up([0xFF, 0xFF]);
         bench
     }
 
-    /// From restart to set-up mode and over a SYNC edge.
-    fn set_up(&mut self) {
+    /// From restart to set-up mode and over a SYNC edge, with these `b_AC` and `b_AM`.
+    fn set_up(&mut self, [code, mask]: [u8; 2]) {
         self.command(0x0000);
         self.command(0x0001);
         write_init_data(&self.init, RATES[0], 0x01);
+        self.init.b_AC.store(code);
+        self.init.b_AM.store(mask);
         self.command(0x0002);
         self.command(0x0020);
         assert_eq!(self.regs.w_OPTION_STATUS.load(), 0x0013);
@@ -50,8 +52,8 @@ impl Bench {
     }
 
     /// The PLC restarts the node and brings it back into active operation.
-    pub fn start_over(&mut self) {
-        self.set_up();
+    pub fn start_over(&mut self, acceptance: [u8; 2]) {
+        self.set_up(acceptance);
         self.enable();
     }
 
