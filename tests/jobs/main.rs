@@ -8,5 +8,7 @@ mod rig;
 
 mod bench;
 mod broadcast;
+mod mixes;
+mod pairs;
 mod parameter;
 mod updown;
