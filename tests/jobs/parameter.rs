@@ -253,6 +253,16 @@ fn answers_that_do_not_fit_are_as_good_as_none() {
         bench.answer(0, &read, ParameterResult::Word(4));
         assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
     }
+    // Too late: another interval has begun.
+    bench.enter_parameter(0, 0x03, 300, 9);
+    assert_eq!(bench.parameter_job(), Some((0, read)));
+    bench.regs.b_SL_NR_PARAMETER.store(1);
+    assert_eq!(bench.interval(), None);
+    bench.answer(0, &read, ParameterResult::Word(1));
+    assert_eq!((bench.parameter(0), bench.value(0)), (0x0B, 9));
+    bench.regs.b_SL_NR_PARAMETER.store(0);
+    assert_eq!(bench.parameter_job(), Some((0, read)));
+    bench.answer(0, &read, ParameterResult::Word(4));
     // Nobody was asked.
     bench.answer(0, &read, ParameterResult::Word(1));
     assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));

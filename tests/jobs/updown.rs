@@ -373,6 +373,24 @@ fn a_changed_or_withdrawn_job_begins_anew_or_ends() {
     }
 }
 
+/// Whatever the registers hold after an end, a withdrawal or a cancellation: a job begins with its init frame.
+#[test]
+fn no_transfer_is_taken_up_again() {
+    let mut bench = Bench::new(Memory::Heap);
+    for end in [0x00, 0x80] {
+        bench.enter_block(DOWNLOAD | 0x20, 0, ADDRESS, 60);
+        init(&mut bench, Direction::Download, 60);
+        assert_eq!(bench.block(), 0x17, "the error bit of an earlier job is gone");
+        let (_, job) = bench.updown_job().unwrap();
+        bench.answer_block(0, &job, UpDownResult::Done);
+        assert_eq!(bench.block(), 0x1B);
+        bench.enter_block(end, 0, ADDRESS, 60);
+        assert_eq!(bench.interval().is_some(), end == 0x80);
+        bench.enter_block(0x1B, 0, ADDRESS, 60);
+        init(&mut bench, Direction::Download, 60);
+    }
+}
+
 #[test]
 fn the_job_waits_for_its_slaves_turn() {
     let mut bench = Bench::new(Memory::Heap);
