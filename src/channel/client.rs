@@ -4,10 +4,14 @@
 //! iceoryx2 loses what a client leaves behind when it ends. A client that gives up or dies does not
 //! disturb the others.
 
-use super::domain::{Domain, Ipc, RootError, Service};
+mod error;
+
+pub use error::ClientError;
+
+use super::domain::{Domain, Ipc, Service};
 use super::op::MAX_OPS;
-use super::wire::{self, Block, DecodeError, WireOp};
-use super::{Bells, ChannelError, InstanceInfo, Op, Reply};
+use super::wire::{self, Block, WireOp};
+use super::{Bells, InstanceInfo, Op, Reply};
 use crate::memory::Width;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::prelude::{BackpressureStrategy, Node, PortFactory};
@@ -23,96 +27,6 @@ type Pending = PendingResponse<Ipc, [WireOp], (), [Block], ()>;
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
 /// Pause between two tries to connect.
 const RETRY: Duration = Duration::from_millis(2);
-
-/// Why a request got no replies.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ClientError {
-    /// No emulator serves the channel.
-    #[error("instance {instance} is not running (no channel in {root}); start it with `commram run`")]
-    NotRunning {
-        /// Name of the instance.
-        instance: String,
-        /// Directory of its channel.
-        root: String,
-    },
-    /// The channel's directory cannot be used.
-    #[error(transparent)]
-    Root(#[from] RootError),
-    /// Too many clients are connected.
-    #[error(
-        "instance {instance} already has {} clients, which is all it takes; end one of them",
-        super::server::MAX_CLIENTS
-    )]
-    TooManyClients {
-        /// Name of the instance.
-        instance: String,
-    },
-    /// The emulator is of a version that speaks another format.
-    #[error("instance {instance} is of another version ({reason:?}); use the same version on both ends")]
-    Incompatible {
-        /// Name of the instance.
-        instance: String,
-        /// What iceoryx2 says.
-        reason: OpenError,
-    },
-    /// iceoryx2 cannot connect.
-    #[error("instance {instance}: no connection to the channel ({reason})")]
-    Connect {
-        /// Name of the instance.
-        instance: String,
-        /// What iceoryx2 says.
-        reason: String,
-    },
-    /// The emulator's process has ended.
-    #[error("instance {instance} has ended; start it again and connect anew")]
-    EmulatorGone {
-        /// Name of the instance.
-        instance: String,
-    },
-    /// The emulator lives, but did not answer in time.
-    #[error("instance {instance} did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
-    Timeout {
-        /// Name of the instance.
-        instance: String,
-        /// How long the client waited.
-        after: Duration,
-    },
-    /// The request has too many operations.
-    #[error("{count} operations in one request are too many, at most {MAX_OPS}; split the request")]
-    TooManyOperations {
-        /// Number of operations.
-        count: usize,
-    },
-    /// The request could not be sent.
-    #[error("instance {instance}: the request could not be sent ({reason})")]
-    Send {
-        /// Name of the instance.
-        instance: String,
-        /// What iceoryx2 says.
-        reason: String,
-    },
-    /// The emulator closed the request without an answer.
-    #[error("instance {instance} closed the request without an answer; is /dev/shm full?")]
-    Unanswered {
-        /// Name of the instance.
-        instance: String,
-    },
-    /// The reply makes no sense.
-    #[error(transparent)]
-    Reply(#[from] DecodeError),
-    /// The reply answers something else.
-    #[error(
-        "instance {instance} gave a reply that does not fit the operation; use the same version on both ends"
-    )]
-    WrongReply {
-        /// Name of the instance.
-        instance: String,
-    },
-    /// The emulator refused the operation.
-    #[error(transparent)]
-    Refused(#[from] ChannelError),
-}
 
 /// How a client waits.
 #[derive(Clone, Copy, Debug)]
@@ -370,13 +284,6 @@ impl Client {
 impl std::fmt::Debug for Client {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Client").field("instance", &self.instance).field("patience", &self.patience).finish()
-    }
-}
-
-impl ClientError {
-    /// Whether the failure to connect may be gone in a moment, while the emulator starts.
-    fn may_pass(&self) -> bool {
-        matches!(self, Self::NotRunning { .. } | Self::Connect { .. })
     }
 }
 

@@ -10,7 +10,7 @@ use rustix::process::Pid;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 const REG: u32 = 100_000;
 const ROLE: &str = "COMMRAM_TEST_ROLE";
@@ -87,7 +87,7 @@ fn until(what: &str, mut holds: impl FnMut() -> bool) {
 }
 
 fn quick() -> Patience {
-    Patience { connect: LONG, reply: Duration::from_secs(5), ..Patience::default() }
+    Patience { connect: LONG, reply: LONG, ..Patience::default() }
 }
 
 #[test]

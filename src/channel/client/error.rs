@@ -1,0 +1,105 @@
+//! Why the callers' end fails.
+
+use crate::channel::ChannelError;
+use crate::channel::domain::{MAX_CLIENTS, RootError};
+use crate::channel::op::MAX_OPS;
+use crate::channel::wire::DecodeError;
+use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
+use std::time::Duration;
+
+/// Why a request got no replies.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ClientError {
+    /// No emulator serves the channel.
+    #[error("instance {instance} is not running (no channel in {root}); start it with `commram run`")]
+    NotRunning {
+        /// Name of the instance.
+        instance: String,
+        /// Directory of its channel.
+        root: String,
+    },
+    /// The channel's directory cannot be used.
+    #[error(transparent)]
+    Root(#[from] RootError),
+    /// Too many clients are connected.
+    #[error(
+        "instance {instance} already has {} clients, which is all it takes; end one of them",
+        MAX_CLIENTS
+    )]
+    TooManyClients {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The emulator is of a version that speaks another format.
+    #[error("instance {instance} is of another version ({reason:?}); use the same version on both ends")]
+    Incompatible {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: OpenError,
+    },
+    /// iceoryx2 cannot connect.
+    #[error("instance {instance}: no connection to the channel ({reason})")]
+    Connect {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// The emulator's process has ended.
+    #[error("instance {instance} has ended; start it again and connect anew")]
+    EmulatorGone {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The emulator lives, but did not answer in time.
+    #[error("instance {instance} did not answer within {} ms; is it busy or stopped?", .after.as_millis())]
+    Timeout {
+        /// Name of the instance.
+        instance: String,
+        /// How long the client waited.
+        after: Duration,
+    },
+    /// The request has too many operations.
+    #[error("{count} operations in one request are too many, at most {MAX_OPS}; split the request")]
+    TooManyOperations {
+        /// Number of operations.
+        count: usize,
+    },
+    /// The request could not be sent.
+    #[error("instance {instance}: the request could not be sent ({reason})")]
+    Send {
+        /// Name of the instance.
+        instance: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// The emulator closed the request without an answer.
+    #[error("instance {instance} closed the request without an answer; is /dev/shm full?")]
+    Unanswered {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The reply makes no sense.
+    #[error(transparent)]
+    Reply(#[from] DecodeError),
+    /// The reply answers something else.
+    #[error(
+        "instance {instance} gave a reply that does not fit the operation; use the same version on both ends"
+    )]
+    WrongReply {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// The emulator refused the operation.
+    #[error(transparent)]
+    Refused(#[from] ChannelError),
+}
+
+impl ClientError {
+    /// Whether the failure to connect may be gone in a moment, while the emulator starts.
+    pub(super) fn may_pass(&self) -> bool {
+        matches!(self, Self::NotRunning { .. } | Self::Connect { .. })
+    }
+}
