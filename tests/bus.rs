@@ -174,7 +174,8 @@ fn a_cluster_forwards_the_sync_signal() {
     plant.advance_to(plant.now() + 50_000);
     let edges = |bus| -> Vec<u64> {
         let edge = |r: &&commram::journal::Record| r.event == Event::SyncEdge { bus };
-        plant.journal().records().filter(edge).map(|r| r.time_us).collect()
+        let (noted, pending) = (plant.journal().records(), plant.journal().pending());
+        noted.chain(&pending).filter(edge).flat_map(|r| r.times()).collect()
     };
     let (upper, lower) = (edges(0), edges(1));
     assert!(lower.len() > 20 && upper.ends_with(&lower), "{upper:?} {lower:?}");

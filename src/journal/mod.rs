@@ -1,68 +1,167 @@
 //! The journal: what happened, when, in emulated microseconds.
 //!
-//! A bounded ring of fixed-size records plus a running hash over **all** records ever written. Two runs
-//! are the same run if their hashes are equal; the ring is for reading, and forgets its oldest records.
+//! It has two parts. A running hash over **all** events ever written: two runs are the same run if their
+//! hashes are equal. And bounded rings of [`Record`]s for reading, which forget their oldest ones:
+//!
+//! - Frames, register traffic, missed deadlines and states have a ring each, so that bus traffic cannot push out
+//!   what an engineer looks for.
+//! - Events that repeat at equal distances (SYNC edges, handshakes and missed deadlines of every interval) are
+//!   counted in one record with first time, distance and number; nothing is lost by that. Frames are never
+//!   counted together.
+//! - Records are numbered without gaps, so a reader can go on where it stopped and sees how many it has missed.
+//!
+//! [`text`], [`jsonl`] and [`candump`] write records for people and programs; `docs/journal.md` describes the formats.
 
+pub mod candump;
 mod event;
+pub mod jsonl;
+mod names;
+mod record;
+mod requests;
+mod ring;
+mod tally;
+#[cfg(test)]
+mod tests;
+pub mod text;
 
 pub use event::{Command, Event, Missed, Origin};
+pub use names::Names;
+pub use record::Record;
+pub use ring::Records;
 
+use requests::Requests;
+use ring::Ring;
 use rustc_hash::FxHasher;
-use std::collections::VecDeque;
 use std::hash::Hasher;
+use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
-/// One line of the journal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Record {
-    /// Emulated time in microseconds since power-on.
-    pub time_us: u64,
-    /// What happened.
-    pub event: Event,
+/// Writes records one after the other in some format.
+pub trait Format {
+    /// Appends the lines of a record to `out`, if the format has any for it.
+    fn record(&mut self, record: &Record, out: &mut String);
+
+    /// Takes note of a record without writing it: what it tells about the state counts for those behind it.
+    fn skip(&mut self, record: &Record);
+
+    /// Appends that `lost` records are missing here, if the format can say so; returns whether it can.
+    fn gap(&mut self, lost: u64, out: &mut String) -> bool;
 }
 
 /// Bounded record of a run.
 pub struct Journal {
-    ring: VecDeque<Record>,
-    capacity: usize,
+    ring: Ring,
+    tally: Tally,
+    requests: Requests,
+    /// When to look for counts that are over.
+    next_look: u64,
     written: u64,
     hash: FxHasher,
 }
 
 impl Journal {
-    /// Records kept by default.
+    /// Records of each kind kept by default.
     pub const DEFAULT_CAPACITY: usize = 65_536;
 
-    /// A journal that keeps the last `capacity` records (at least one).
+    /// A journal that keeps the last `capacity` records (at least one) of each kind: frames, register traffic,
+    /// missed deadlines, everything else.
     pub fn new(capacity: usize) -> Self {
-        let capacity = capacity.max(1);
-        Journal { ring: VecDeque::new(), capacity, written: 0, hash: FxHasher::default() }
+        Journal {
+            ring: Ring::new(capacity),
+            tally: Tally::new(),
+            requests: Requests::new(),
+            next_look: LONGEST_PERIOD_US,
+            written: 0,
+            hash: FxHasher::default(),
+        }
     }
 
-    /// Appends a record; the oldest one is dropped when the ring is full.
+    /// Writes an event. Times must not decrease.
     #[inline]
     pub fn push(&mut self, time_us: u64, event: Event) {
+        let key = event.words();
         self.hash.write_u64(time_us);
-        for word in event.words() {
+        for word in key {
             self.hash.write_u64(word);
         }
         self.written += 1;
-        if self.ring.len() == self.capacity {
-            self.ring.pop_front();
+        match event {
+            Event::Frame { .. } => self.ring.note(Record::single(time_us, event)),
+            Event::SyncEdge { .. } | Event::Missed { .. } => self.count(time_us, event, key),
+            Event::Handshake { origin, offset, request, .. } => {
+                match self.requests.answered(time_us, origin.plc, offset, request) {
+                    None => self.count(time_us, event, key),
+                    latency_us => {
+                        self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
+                    }
+                }
+            }
+            _ => self.note_rare(time_us, event),
         }
-        self.ring.push_back(Record { time_us, event });
     }
 
-    /// The records still kept, oldest first.
-    pub fn records(&self) -> impl DoubleEndedIterator<Item = &Record> {
-        self.ring.iter()
+    #[inline]
+    fn count(&mut self, time_us: u64, event: Event, key: tally::Key) {
+        let Outcome { counted, single } = self.tally.see(time_us, &event, key);
+        if let Some(record) = counted {
+            self.ring.note(record);
+        }
+        if single {
+            self.ring.note(Record::single(time_us, event));
+        }
     }
 
-    /// Number of records written since the start, kept or not.
+    #[cold]
+    fn note_rare(&mut self, time_us: u64, event: Event) {
+        match event {
+            Event::ChannelWrite { plc, offset, value, .. } => {
+                self.requests.written(time_us, plc, offset, value);
+            }
+            // What was counted up to here belongs to the state before.
+            Event::State { .. } => self.tally.all().into_iter().for_each(|record| self.ring.note(record)),
+            _ => {}
+        }
+        self.ring.note(Record::single(time_us, event));
+    }
+
+    /// Lets the journal know the time, so that it notes the counts that are over also when nothing happens. Call it
+    /// at regular emulated times.
+    #[inline]
+    pub fn tick(&mut self, now_us: u64) {
+        if now_us >= self.next_look {
+            self.next_look = now_us + LONGEST_PERIOD_US;
+            self.tally.overdue(now_us).into_iter().for_each(|record| self.ring.note(record));
+        }
+    }
+
+    /// The records still kept, oldest first. Those that are still being counted come later, see
+    /// [`Journal::pending`].
+    pub fn records(&self) -> Records<'_> {
+        self.ring.records(0)
+    }
+
+    /// The records still kept from number `from` on, oldest first. A jump in their numbers tells how many are no
+    /// longer kept.
+    pub fn read(&self, from: u64) -> Records<'_> {
+        self.ring.records(from)
+    }
+
+    /// What is still being counted, in the order of time. These records have no number yet; each of them appears
+    /// among [`Journal::records`] as soon as it is complete, at the latest after a second.
+    pub fn pending(&self) -> Vec<Record> {
+        self.tally.pending()
+    }
+
+    /// The number that the next record will have.
+    pub fn end(&self) -> u64 {
+        self.ring.end()
+    }
+
+    /// Number of events written since the start, kept or not.
     pub fn written(&self) -> u64 {
         self.written
     }
 
-    /// Hash over all records written since the start. Equal for equal runs on equal versions of
+    /// Hash over all events written since the start. Equal for equal runs on equal versions of
     /// commram; the value itself may change from version to version.
     pub fn hash(&self) -> u64 {
         self.hash.finish()
@@ -72,41 +171,5 @@ impl Journal {
 impl Default for Journal {
     fn default() -> Self {
         Journal::new(Self::DEFAULT_CAPACITY)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn sync(bus: u16) -> Event {
-        Event::SyncEdge { bus }
-    }
-
-    #[test]
-    fn forgets_the_oldest_but_hashes_all() {
-        let mut small = Journal::new(2);
-        let mut large = Journal::new(10);
-        for t in 0..5 {
-            small.push(t, sync(0));
-            large.push(t, sync(0));
-        }
-        assert_eq!(small.records().map(|r| r.time_us).collect::<Vec<_>>(), [3, 4]);
-        assert_eq!((small.written(), small.hash()), (5, large.hash()));
-    }
-
-    #[test]
-    fn time_order_and_content_change_the_hash() {
-        let hash = |records: &[(u64, Event)]| {
-            let mut journal = Journal::default();
-            for &(t, e) in records {
-                journal.push(t, e);
-            }
-            journal.hash()
-        };
-        let base = hash(&[(1, sync(0)), (2, sync(1))]);
-        assert_ne!(base, hash(&[(1, sync(0)), (3, sync(1))]));
-        assert_ne!(base, hash(&[(1, sync(1)), (2, sync(0))]));
-        assert_ne!(base, hash(&[(1, sync(0))]));
     }
 }

@@ -11,7 +11,7 @@ mod plc;
 pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig};
 pub use plc::Plc;
 
-use crate::journal::{Event, Journal};
+use crate::journal::{Event, Journal, Names};
 use crate::memory::{MemoryError, Segment};
 use bus::SimBus;
 
@@ -90,6 +90,7 @@ impl Plant {
                 None => {
                     self.next_cycle += self.cycle_us;
                     self.processor_cycle();
+                    self.journal.tick(due);
                 }
                 Some(index) => self.bus_event(index),
             }
@@ -140,6 +141,14 @@ impl Plant {
     /// Names of the buses, in the order of the plant file.
     pub fn bus_names(&self) -> impl Iterator<Item = &str> {
         self.buses.iter().map(SimBus::name)
+    }
+
+    /// Names of PLCs and buses, for reading the journal.
+    pub fn names(&self) -> Names {
+        Names {
+            plcs: self.plcs.iter().map(|plc| plc.name().to_owned()).collect(),
+            buses: self.bus_names().map(str::to_owned).collect(),
+        }
     }
 
     /// The drives of all buses.

@@ -1,0 +1,47 @@
+//! One line of the journal.
+
+use super::Event;
+
+/// One line of the journal: an event, or several equal ones at equal distances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Number of the record, from 0; [`Record::PENDING`] while it is still being counted.
+    pub seq: u64,
+    /// Emulated time in microseconds since power-on; of several events that of the last one.
+    pub time_us: u64,
+    /// What happened.
+    pub event: Event,
+    /// How many equal events the record stands for, at least 1.
+    pub count: u32,
+    /// Distance between them in microseconds; 0 for a single event.
+    pub period_us: u32,
+    /// Of a handshake: microseconds from the request to the answer, if the request came through the channel.
+    pub latency_us: Option<u32>,
+}
+
+impl Record {
+    /// Number of a record that is still being counted and has none yet.
+    pub const PENDING: u64 = u64::MAX;
+
+    /// A record of one event, without number.
+    pub(super) fn single(time_us: u64, event: Event) -> Self {
+        Record { seq: Self::PENDING, time_us, event, count: 1, period_us: 0, latency_us: None }
+    }
+
+    /// Whether the record is still being counted.
+    pub fn is_pending(&self) -> bool {
+        self.seq == Self::PENDING
+    }
+
+    /// Time of the first event it stands for, in microseconds.
+    pub fn first_us(&self) -> u64 {
+        let distance = u64::from(self.count.saturating_sub(1)) * u64::from(self.period_us);
+        self.time_us.saturating_sub(distance)
+    }
+
+    /// Times of all events it stands for, in microseconds, ascending.
+    pub fn times(&self) -> impl DoubleEndedIterator<Item = u64> + use<> {
+        let (first, period) = (self.first_us(), u64::from(self.period_us));
+        (0..u64::from(self.count)).map(move |n| first + n * period)
+    }
+}

@@ -1,0 +1,107 @@
+//! The rings: one for each kind of record, read as one.
+
+use super::{Event, Record};
+use std::collections::VecDeque;
+
+/// Number of rings.
+const LANES: usize = 4;
+
+/// Which ring an event belongs to. Those that come often must not push out those that come rarely.
+#[inline]
+fn lane(event: &Event) -> usize {
+    match event {
+        Event::Frame { .. } => 0,
+        Event::SyncEdge { .. } | Event::Handshake { .. } | Event::ChannelWrite { .. } => 1,
+        Event::Missed { .. } => 2,
+        _ => 3,
+    }
+}
+
+/// The records that are kept.
+pub(super) struct Ring {
+    lanes: [VecDeque<Record>; LANES],
+    capacity: usize,
+    end: u64,
+}
+
+impl Ring {
+    /// Rings for `capacity` records each, at least one.
+    pub fn new(capacity: usize) -> Self {
+        Ring { lanes: [const { VecDeque::new() }; LANES], capacity: capacity.max(1), end: 0 }
+    }
+
+    /// Numbers a record and appends it; the oldest one of its kind is dropped when there is no room.
+    #[inline]
+    pub fn note(&mut self, mut record: Record) {
+        record.seq = self.end;
+        self.end += 1;
+        let lane = &mut self.lanes[lane(&record.event)];
+        if lane.len() == self.capacity {
+            lane.pop_front();
+        }
+        lane.push_back(record);
+    }
+
+    /// The number of the next record.
+    pub fn end(&self) -> u64 {
+        self.end
+    }
+
+    /// The records from number `from` on.
+    pub fn records(&self, from: u64) -> Records<'_> {
+        let rest = self.lanes.each_ref().map(|lane| {
+            let start = lane.partition_point(|record| record.seq < from);
+            Rest { lane, start, end: lane.len() }
+        });
+        Records { rest }
+    }
+}
+
+/// Records in the order of their numbers.
+pub struct Records<'a> {
+    rest: [Rest<'a>; LANES],
+}
+
+/// What is left of a ring.
+struct Rest<'a> {
+    lane: &'a VecDeque<Record>,
+    start: usize,
+    end: usize,
+}
+
+impl<'a> Rest<'a> {
+    fn front(&self) -> Option<&'a Record> {
+        if self.start < self.end { self.lane.get(self.start) } else { None }
+    }
+
+    fn back(&self) -> Option<&'a Record> {
+        if self.start < self.end { self.lane.get(self.end - 1) } else { None }
+    }
+}
+
+impl<'a> Iterator for Records<'a> {
+    type Item = &'a Record;
+
+    fn next(&mut self) -> Option<&'a Record> {
+        let fronts = self.rest.iter_mut().filter_map(|rest| Some((rest.front()?, rest)));
+        let (record, rest) = fronts.min_by_key(|(record, _)| record.seq)?;
+        rest.start += 1;
+        Some(record)
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.rest.iter().map(|rest| rest.end - rest.start).sum();
+        (left, Some(left))
+    }
+}
+
+impl DoubleEndedIterator for Records<'_> {
+    fn next_back(&mut self) -> Option<Self::Item> {
+        let backs = self.rest.iter_mut().filter_map(|rest| Some((rest.back()?, rest)));
+        let (record, rest) = backs.max_by_key(|(record, _)| record.seq)?;
+        rest.end -= 1;
+        Some(record)
+    }
+}
+
+impl ExactSizeIterator for Records<'_> {}

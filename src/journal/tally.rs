@@ -1,0 +1,148 @@
+//! Counting of events that repeat at equal distances.
+//!
+//! An event that has come twice is expected a third time at the same distance. From there on the events are only
+//! counted, until one is missing, comes early, or a second is full. First time, distance and number tell the
+//! time of each of them, so that nothing is lost.
+
+use super::{Event, Record};
+
+/// Longest distance at which equal events count as repetition: 100 ms of emulated time.
+pub(super) const LONGEST_PERIOD_US: u64 = 100_000;
+/// A count is noted at the latest after this time, so that who follows the journal hears of it.
+const LONGEST_TALLY_US: u64 = 1_000_000;
+
+/// Number of different events that can be watched; a power of two.
+const PLACES: usize = 128;
+/// Places where one event may be.
+const WAYS: usize = 4;
+
+/// The content of an event, which is equal for equal events.
+pub(super) type Key = [u64; 3];
+
+/// An event that was seen and may come again.
+#[derive(Clone, Copy)]
+struct Watched {
+    key: Key,
+    event: Event,
+    /// Time of the last one.
+    last: u64,
+    /// Its distance from the one before; 0 if there was none, or too far away.
+    period: u32,
+    /// Events counted and not noted yet; the last of them came at `last`.
+    count: u32,
+}
+
+impl Watched {
+    fn record(&self) -> Option<Record> {
+        (self.count > 0).then(|| Record {
+            count: self.count,
+            period_us: if self.count > 1 { self.period } else { 0 },
+            ..Record::single(self.last, self.event)
+        })
+    }
+}
+
+/// What to note because of an event.
+pub(super) struct Outcome {
+    /// A count that has ended.
+    pub counted: Option<Record>,
+    /// Whether the event itself is to be noted, since it was not counted.
+    pub single: bool,
+}
+
+/// All events that are watched.
+pub(super) struct Tally {
+    places: Vec<Option<Watched>>,
+}
+
+impl Tally {
+    pub fn new() -> Self {
+        Tally { places: vec![None; PLACES] }
+    }
+
+    /// Sees an event.
+    #[inline]
+    pub fn see(&mut self, time_us: u64, event: &Event, key: Key) -> Outcome {
+        let Some(place) = self.place(key) else { return Outcome { counted: None, single: true } };
+        match place {
+            Some(watched) if watched.key == key => {
+                let distance = time_us.saturating_sub(watched.last);
+                if distance != 0 && distance == u64::from(watched.period) {
+                    watched.last = time_us;
+                    watched.count += 1;
+                    let full = u64::from(watched.count) * distance >= LONGEST_TALLY_US;
+                    let counted = if full { watched.record() } else { None };
+                    if full {
+                        watched.count = 0;
+                    }
+                    return Outcome { counted, single: false };
+                }
+                let counted = watched.record();
+                watched.count = 0;
+                watched.last = time_us;
+                watched.period = if distance <= LONGEST_PERIOD_US { distance as u32 } else { 0 };
+                Outcome { counted, single: true }
+            }
+            _ => {
+                let counted = place.as_ref().and_then(Watched::record);
+                *place = Some(Watched { key, event: *event, last: time_us, period: 0, count: 0 });
+                Outcome { counted, single: true }
+            }
+        }
+    }
+
+    /// The place of the event, else an empty one near by, else that of an event that has not come for longest.
+    #[inline]
+    fn place(&mut self, key: Key) -> Option<&mut Option<Watched>> {
+        let mixed = key[0].wrapping_add(key[1].rotate_left(24)).wrapping_add(key[2].rotate_left(44));
+        let home = (mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize;
+        let mut best = home % PLACES;
+        let mut oldest = u64::MAX;
+        for way in 0..WAYS {
+            let at = (home + way) % PLACES;
+            match self.places.get(at)? {
+                Some(watched) if watched.key == key => {
+                    best = at;
+                    break;
+                }
+                Some(watched) if watched.last < oldest => (best, oldest) = (at, watched.last),
+                Some(_) => {}
+                // Places never become empty again, so the event cannot be further on.
+                None => {
+                    best = at;
+                    break;
+                }
+            }
+        }
+        self.places.get_mut(best)
+    }
+
+    /// Ends the counts whose next event should have come before `now`. Returns them in the order of time.
+    pub fn overdue(&mut self, now: u64) -> Vec<Record> {
+        self.end(|watched| watched.last + u64::from(watched.period) < now)
+    }
+
+    /// Ends all counts. Returns them in the order of time.
+    pub fn all(&mut self) -> Vec<Record> {
+        self.end(|_| true)
+    }
+
+    fn end(&mut self, is_over: impl Fn(&Watched) -> bool) -> Vec<Record> {
+        let mut records = Vec::new();
+        for watched in self.places.iter_mut().flatten() {
+            if watched.count > 0 && is_over(watched) {
+                records.extend(watched.record());
+                watched.count = 0;
+            }
+        }
+        records.sort_by_key(|record| record.time_us);
+        records
+    }
+
+    /// The counts that are not over, in the order of time.
+    pub fn pending(&self) -> Vec<Record> {
+        let mut records: Vec<_> = self.places.iter().flatten().filter_map(Watched::record).collect();
+        records.sort_by_key(|record| record.time_us);
+        records
+    }
+}

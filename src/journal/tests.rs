@@ -1,0 +1,226 @@
+use super::*;
+use proptest::prelude::*;
+
+fn sync(bus: u16) -> Event {
+    Event::SyncEdge { bus }
+}
+
+fn frame(data: u8) -> Event {
+    Event::Frame { bus: 0, frame: crate::bus::Frame::new(0x100, &[data]).unwrap() }
+}
+
+fn state(to: u16) -> Event {
+    Event::State { origin: Origin { plc: 0, node: 2 }, from: 0, to }
+}
+
+fn handshake(offset: u32) -> Event {
+    Event::Handshake { origin: Origin { plc: 0, node: 2 }, offset, request: 5, answer: 4 }
+}
+
+fn write(offset: u32, value: u32) -> Event {
+    Event::ChannelWrite { plc: 0, offset, width: 1, value }
+}
+
+fn journal(events: &[(u64, Event)]) -> Journal {
+    let mut journal = Journal::default();
+    for &(time, event) in events {
+        journal.push(time, event);
+    }
+    journal
+}
+
+/// Time, count and distance of the records of an event.
+fn counts<'a>(records: impl IntoIterator<Item = &'a Record>, event: Event) -> Vec<(u64, u32, u32)> {
+    let own = records.into_iter().filter(|record| record.event == event);
+    own.map(|record| (record.time_us, record.count, record.period_us)).collect()
+}
+
+#[test]
+fn forgets_the_oldest_but_hashes_all() {
+    let mut small = Journal::new(2);
+    let mut large = Journal::new(10);
+    for t in 0..5 {
+        small.push(t, frame(0));
+        large.push(t, frame(0));
+    }
+    assert_eq!(small.records().map(|r| r.time_us).collect::<Vec<_>>(), [3, 4]);
+    assert_eq!(small.records().rev().map(|r| r.time_us).collect::<Vec<_>>(), [4, 3]);
+    assert_eq!((small.written(), small.hash()), (5, large.hash()));
+}
+
+#[test]
+fn time_order_and_content_change_the_hash() {
+    let hash = |events: &[(u64, Event)]| journal(events).hash();
+    let base = hash(&[(1, sync(0)), (2, sync(1))]);
+    assert_ne!(base, hash(&[(1, sync(0)), (3, sync(1))]));
+    assert_ne!(base, hash(&[(1, sync(1)), (2, sync(0))]));
+    assert_ne!(base, hash(&[(1, sync(0))]));
+}
+
+#[test]
+fn bus_traffic_does_not_push_out_states() {
+    let mut journal = Journal::new(100);
+    journal.push(1, state(2));
+    for t in 0..1000 {
+        journal.push(10 + t, frame(t as u8));
+    }
+    assert_eq!(journal.records().next().map(|r| r.event), Some(state(2)));
+    assert_eq!(journal.records().count(), 101);
+    let numbers: Vec<_> = journal.records().map(|r| r.seq).take(3).collect();
+    assert_eq!(numbers, [0, 901, 902], "the jump tells that 900 are lost");
+}
+
+#[test]
+fn a_reader_goes_on_where_it_stopped() {
+    let mut journal = journal(&[(1, frame(1)), (2, state(2)), (3, frame(3))]);
+    assert_eq!(journal.read(1).map(|r| r.seq).collect::<Vec<_>>(), [1, 2]);
+    let end = journal.end();
+    assert_eq!(journal.read(end).count(), 0);
+    journal.push(4, frame(4));
+    assert_eq!(journal.read(end).map(|r| r.time_us).collect::<Vec<_>>(), [4]);
+    assert_eq!(journal.read(u64::MAX).count(), 0);
+}
+
+#[test]
+fn sync_edges_at_equal_distances_are_counted_once_a_second() {
+    let mut journal = Journal::default();
+    for n in 0..1_600 {
+        journal.push(n * 2_000, sync(0));
+        journal.push(n * 2_000 + 700, frame(n as u8));
+    }
+    // Two edges make the distance known; then half a thousand edges, 2 ms apart, fill a second.
+    let noted = counts(journal.records(), sync(0));
+    assert_eq!(noted[..3], [(0, 1, 0), (2_000, 1, 0), (1_002_000, 500, 2_000)]);
+    let pending = journal.pending();
+    assert_eq!(counts(&pending, sync(0)), [(3_198_000, 98, 2_000)]);
+    assert!(pending[0].is_pending());
+    let all: Vec<u64> =
+        journal.records().chain(&pending).filter(|r| r.event == sync(0)).flat_map(Record::times).collect();
+    assert_eq!(all, (0..1_600).map(|n| n * 2_000).collect::<Vec<_>>(), "no edge is lost");
+}
+
+#[test]
+fn a_count_that_is_over_is_noted_without_another_event() {
+    let mut journal = Journal::default();
+    for n in 0..10 {
+        journal.push(n * 2_000, sync(0));
+        journal.tick(n * 2_000);
+    }
+    journal.tick(LONGEST_PERIOD_US);
+    assert_eq!(counts(journal.records(), sync(0)).last(), Some(&(18_000, 8, 2_000)));
+    assert!(journal.pending().is_empty());
+}
+
+#[test]
+fn a_count_that_goes_on_is_left_alone_by_the_time() {
+    let mut journal = Journal::default();
+    for n in 0..=50 {
+        journal.tick(n * 2_000);
+        journal.push(n * 2_000, sync(0));
+    }
+    journal.tick(2 * LONGEST_PERIOD_US - 98_000);
+    assert_eq!(counts(&journal.pending(), sync(0)), [(100_000, 49, 2_000)]);
+}
+
+#[test]
+fn a_change_of_state_ends_all_counts() {
+    let mut journal = Journal::default();
+    for n in 0..10 {
+        journal.push(n * 2_000, sync(0));
+        journal.push(n * 2_000 + 500, handshake(200_012));
+    }
+    journal.push(20_000, state(0x80));
+    let last: Vec<_> = journal.records().rev().take(3).map(|r| (r.event, r.count)).collect();
+    assert_eq!(last, [(state(0x80), 1), (handshake(200_012), 8), (sync(0), 8)]);
+}
+
+#[test]
+fn irregular_and_rare_events_are_all_noted() {
+    let mut journal = Journal::default();
+    for t in [0, 10, 30, 60, 100, 150] {
+        journal.push(t, handshake(200_012));
+    }
+    for n in 1..10 {
+        journal.push(n * 1_000_000, handshake(200_012));
+    }
+    assert_eq!(journal.records().map(|r| r.count).collect::<Vec<_>>(), [1; 15]);
+}
+
+#[test]
+fn what_somebody_wrote_is_never_counted_together() {
+    let events: Vec<_> = (0..10).map(|n| (n * 2_000, write(200_012, 5))).collect();
+    assert_eq!(journal(&events).records().count(), 10);
+}
+
+#[test]
+fn handshakes_know_how_long_their_request_waited() {
+    let journal = journal(&[
+        (100, write(200_012, 5)),
+        (130, write(200_013, 5)),
+        (490, handshake(200_012)),
+        (2_490, handshake(200_012)),
+        (2_600, write(200_012, 4)),
+        (4_490, handshake(200_012)),
+    ]);
+    let latencies: Vec<_> =
+        journal.records().filter(|r| r.event == handshake(200_012)).map(|r| r.latency_us).collect();
+    assert_eq!(latencies, [Some(390), None, None], "written here, by a mapped client, something else");
+}
+
+#[test]
+fn many_watched_events_do_not_disturb_the_count() {
+    // More than a plant has, and far more than there are places for in one group.
+    let mut journal = Journal::default();
+    for n in 0..20 {
+        for register in 0..60 {
+            journal.push(n * 2_000, handshake(200_000 + register));
+        }
+    }
+    let counted = journal.pending().len() + journal.records().filter(|r| r.count > 1).count();
+    assert!(counted >= 50, "{counted} of 60 counted");
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Event(u64, u8),
+    Tick,
+}
+
+proptest! {
+    /// Whatever comes in whatever rhythm, the records give back every event with its time.
+    #[test]
+    fn counting_loses_nothing(
+        steps in proptest::collection::vec(
+            prop_oneof![
+                8 => (prop_oneof![Just(500u64), Just(2_000), 0..5_000u64], 0..6u8).prop_map(|(d, e)| Step::Event(d, e)),
+                1 => Just(Step::Tick),
+            ],
+            0..400,
+        ),
+    ) {
+        let events = [sync(0), sync(1), handshake(200_012), handshake(200_013), frame(1), state(2)];
+        let mut journal = Journal::default();
+        let (mut now, mut expected) = (0, Vec::new());
+        for step in steps {
+            match step {
+                Step::Event(distance, which) => {
+                    now += distance;
+                    journal.push(now, events[usize::from(which)]);
+                    expected.push((now, which));
+                }
+                Step::Tick => journal.tick(now),
+            }
+        }
+        let pending = journal.pending();
+        let mut found = Vec::new();
+        for record in journal.records().chain(&pending) {
+            let which = events.iter().position(|event| *event == record.event).unwrap() as u8;
+            found.extend(record.times().map(|time| (time, which)));
+        }
+        expected.sort_unstable();
+        found.sort_unstable();
+        prop_assert_eq!(found, expected);
+        let numbers: Vec<_> = journal.records().map(|r| r.seq).collect();
+        prop_assert_eq!(numbers, (0..journal.end()).collect::<Vec<_>>());
+    }
+}

@@ -1,0 +1,166 @@
+//! One line per record, for people.
+
+use super::names::Context;
+use super::{Command, Event, Format, Missed, Names, Record};
+use crate::bus::Frame;
+use crate::bus::codec;
+use crate::firmware::cansync::InitFault;
+use crate::layout::RegisterRef;
+use std::fmt::Write;
+
+/// Writes records as lines of text: time, source, what happened.
+pub struct Text {
+    context: Context,
+    /// Width of the column of sources.
+    width: usize,
+}
+
+impl Text {
+    /// A writer with these names.
+    pub fn new(names: Names) -> Self {
+        let nodes = names.plcs.iter().map(|name| name.len() + ":node1".len());
+        let width = nodes.chain(names.buses.iter().map(String::len)).max().unwrap_or(0);
+        Text { context: Context::new(names), width }
+    }
+
+    fn source(&self, event: &Event) -> String {
+        let names = &self.context.names;
+        match event {
+            Event::SyncEdge { bus } | Event::Frame { bus, .. } => names.bus(*bus).into_owned(),
+            Event::ChannelWrite { plc, .. } => names.plc(*plc).into_owned(),
+            Event::State { origin, .. }
+            | Event::Handshake { origin, .. }
+            | Event::Missed { origin, .. }
+            | Event::CommandIgnored { origin, .. }
+            | Event::InitRefused { origin, .. }
+            | Event::SlaveStatus { origin, .. }
+            | Event::BaudRateMismatch { origin, .. } => names.node(*origin),
+        }
+    }
+
+    fn what(&mut self, event: &Event) -> String {
+        match *event {
+            Event::SyncEdge { .. } => "SYNC".to_owned(),
+            Event::Frame { frame, .. } => frame_text(&frame),
+            Event::State { origin, from, to } => {
+                let status = self.context.of_node(origin, "w_OPTION_STATUS");
+                let before = value(status.as_ref(), from.into());
+                format!("{} {before} -> {}", label(status.as_ref()), with_meaning(status.as_ref(), to.into()))
+            }
+            Event::Handshake { origin, offset, request, answer } => {
+                let place = self.context.handshake(origin.plc, offset);
+                let [request, answer] = [request, answer].map(|value| place.value(value.into()));
+                format!("{} {request} -> {answer}", place.label())
+            }
+            Event::Missed { what, .. } => format!("missed: {}", missed_text(what)),
+            Event::CommandIgnored { origin, value: command, why } => {
+                let control = self.context.of_node(origin, "w_CPU_CONTROL");
+                let why = match why {
+                    Command::Unknown => "no such command",
+                    Command::NotNow => "not possible in this state",
+                };
+                let text = value(control.as_ref(), command.into());
+                format!("{} {text} ignored: {why}", label(control.as_ref()))
+            }
+            Event::InitRefused { reason, .. } => {
+                format!("initialization data refused: {}", refusal(reason))
+            }
+            Event::SlaveStatus { origin, slave, status } => {
+                let register = self.context.of_node(origin, &format!("a_STAT_SL[{slave}]"));
+                format!("{} {}", label(register.as_ref()), with_meaning(register.as_ref(), status.into()))
+            }
+            Event::BaudRateMismatch { node_kbit_s, bus_kbit_s, .. } => {
+                format!("is set to {node_kbit_s} kbit/s, its bus runs at {bus_kbit_s}: it hears nothing")
+            }
+            Event::ChannelWrite { plc, offset, width, value } => {
+                let place = self.context.accessed(plc, offset, width);
+                let meaning = place.meaning(value).map(|meaning| format!(" ({meaning})")).unwrap_or_default();
+                format!("{} := {}{meaning}", place.label(), place.value(value))
+            }
+        }
+    }
+}
+
+impl Format for Text {
+    fn record(&mut self, record: &Record, out: &mut String) {
+        self.context.observe(record);
+        let (source, what) = (self.source(&record.event), self.what(&record.event));
+        let width = self.width;
+        // Writing to a String cannot fail.
+        let _ = write!(out, "{}  {source:width$}  {what}", seconds(record.time_us));
+        if let Some(latency) = record.latency_us {
+            let _ = write!(out, ", answered after {latency} us");
+        }
+        if record.count > 1 {
+            let (count, period) = (record.count, record.period_us);
+            let _ = write!(out, ", {count} times every {period} us since {}", seconds(record.first_us()).trim_start());
+        }
+        if record.is_pending() {
+            out.push_str(", going on");
+        }
+        out.push('\n');
+    }
+
+    fn skip(&mut self, record: &Record) {
+        self.context.observe(record);
+    }
+
+    fn gap(&mut self, lost: u64, out: &mut String) -> bool {
+        self.context.gap();
+        let _ = writeln!(out, "-- {lost} records lost here --");
+        true
+    }
+}
+
+/// `    12.345678 s`
+fn seconds(us: u64) -> String {
+    format!("{:>6}.{:06} s", us / 1_000_000, us % 1_000_000)
+}
+
+fn label(register: Option<&RegisterRef>) -> String {
+    register.map_or_else(|| "?".to_owned(), |register| format!("{} ({})", register.path(), register.address()))
+}
+
+fn value(register: Option<&RegisterRef>, value: u32) -> String {
+    register.map_or_else(|| format!("16#{value:04X}"), |register| register.format_value(value))
+}
+
+fn with_meaning(register: Option<&RegisterRef>, bits: u32) -> String {
+    let meaning = register.map(|register| register.decode(bits)).unwrap_or_default();
+    format!("{}, {meaning}", value(register, bits))
+}
+
+/// The frame taken apart, or its bytes and why that cannot be done.
+pub(super) fn frame_text(frame: &Frame) -> String {
+    match codec::decode(frame) {
+        Ok(decoded) => format!("16#{:03X} {decoded}", frame.id()),
+        Err(error) => {
+            let bytes: String = frame.data().iter().map(|byte| format!(" {byte:02X}")).collect();
+            format!("16#{:03X}{bytes}: {error}", frame.id())
+        }
+    }
+}
+
+fn missed_text(missed: Missed) -> String {
+    match missed {
+        Missed::ReferenceValue(channel) => {
+            format!("WRC{channel} is left out in this interval, b_CTRLREG_WRC{channel} was not 16#05 in time")
+        }
+        Missed::ActualValue(channel) => {
+            format!("RDC{channel} is left out in this interval, b_CTRLREG_RD_RDC{channel} was not 16#05 in time")
+        }
+    }
+}
+
+/// Why initialization data were refused.
+pub(super) fn refusal(reason: u8) -> String {
+    InitFault::from_number(reason).map_or_else(|| format!("reason {reason}"), |fault| fault.to_string())
+}
+
+/// What the node missed, as short as on the bus: `WRC1`.
+pub(super) fn missed_frame(missed: Missed) -> String {
+    match missed {
+        Missed::ReferenceValue(channel) => format!("WRC{channel}"),
+        Missed::ActualValue(channel) => format!("RDC{channel}"),
+    }
+}
