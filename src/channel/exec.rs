@@ -4,7 +4,7 @@
 //! real time a wait cannot do so: [`Run::go`] returns [`Progress::Waiting`], and the caller calls it
 //! again after every firmware step.
 
-use super::op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE};
+use super::op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE, MAX_RECORDS};
 use super::wire::{ReplyBuffer, WireOp};
 use super::{ChannelError, Machine, Op};
 use crate::memory::{Address, Width};
@@ -114,6 +114,9 @@ impl Run {
                 limit(sync.saturating_sub(machine.now()))?;
                 advance(machine, sync)?;
                 self.replies.advanced(machine.now())?;
+            }
+            Op::Journal { from, max } => {
+                self.replies.journal(machine.journal(), from, max.min(MAX_RECORDS) as usize)?;
             }
             Op::Info => self.replies.info(&machine.info())?,
             Op::Stop => {

@@ -1,6 +1,7 @@
 //! What the channel needs of an emulator.
 
 use super::InstanceInfo;
+use crate::journal::Journal;
 use crate::memory::Width;
 
 /// No register area covers an address.
@@ -64,6 +65,9 @@ pub trait Machine {
 
     /// Time of the next SYNC on that node's bus, later than [`Machine::now`]; `None` if nobody sends any.
     fn next_sync(&self, plc: usize, node: u8) -> Option<u64>;
+
+    /// What has happened.
+    fn journal(&self) -> &Journal;
 
     /// What the instance says about itself.
     fn info(&self) -> InstanceInfo;

@@ -1,12 +1,15 @@
 //! Operations and replies, as the callers of both ends see them.
 
 use super::ChannelError;
+use crate::journal::Record;
 use crate::memory::{ClockMode, Width};
 
 /// Most operations one request may carry.
 pub const MAX_OPS: usize = 256;
 /// Longest [`Op::ReadRange`] in bytes.
 pub const MAX_RANGE: u32 = 65_536;
+/// Most records one [`Op::Journal`] is answered with.
+pub const MAX_RECORDS: u32 = 1024;
 /// Longest time one operation may let pass: 24 h of emulated time, in microseconds.
 pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 
@@ -88,6 +91,13 @@ pub enum Op {
         /// CANsync node (interface) of that PLC.
         node: u8,
     },
+    /// Reads the journal from record number `from` on. Answered by [`Reply::Journal`].
+    Journal {
+        /// Number of the first record wanted; what is no longer kept is left out.
+        from: u64,
+        /// Most records wanted; more than [`MAX_RECORDS`] are never sent.
+        max: u32,
+    },
     /// Asks who answers. Answered by [`Reply::Info`].
     Info,
     /// Asks the emulator to end. Answered by [`Reply::Stopping`].
@@ -132,6 +142,14 @@ pub enum Reply {
         /// Emulated time now, in microseconds.
         time_us: u64,
     },
+    /// A part of the journal.
+    Journal {
+        /// Records in the order of their numbers. If they reach the end, those that are still being counted
+        /// follow ([`Record::is_pending`]).
+        records: Vec<Record>,
+        /// The number that the next record will have.
+        end: u64,
+    },
     /// Who answers.
     Info(Box<InstanceInfo>),
     /// The emulator is going to end.
@@ -165,4 +183,6 @@ pub struct InstanceInfo {
     pub version: String,
     /// Names of the PLCs, in the order of their numbers.
     pub plcs: Vec<String>,
+    /// Names of the buses, in the order of their numbers.
+    pub buses: Vec<String>,
 }

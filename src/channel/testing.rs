@@ -1,6 +1,7 @@
 //! A test double of the emulator.
 
 use super::{InstanceInfo, Machine, Unmapped};
+use crate::journal::Journal;
 use crate::memory::{ClockMode, Width};
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,6 +15,7 @@ pub(crate) struct Fake {
     memory: Vec<Vec<u8>>,
     now: u64,
     pub stepped: bool,
+    pub journal: Journal,
     pub stop: Arc<AtomicBool>,
     /// Stores of the "firmware": time, offset, value (WORD in PLC 0).
     pub script: Vec<(u64, u32, u16)>,
@@ -31,6 +33,7 @@ impl Fake {
             memory: vec![vec![0; MAPPED.end as usize]; 2],
             now: 0,
             stepped,
+            journal: Journal::default(),
             stop: Arc::default(),
             script: Vec::new(),
             steps: 0,
@@ -134,6 +137,10 @@ impl Machine for Fake {
         (plc == 0 && node == 1).then_some((self.now / 2_000 + 1) * 2_000)
     }
 
+    fn journal(&self) -> &Journal {
+        &self.journal
+    }
+
     fn info(&self) -> InstanceInfo {
         InstanceInfo {
             name: "fake".into(),
@@ -146,6 +153,7 @@ impl Machine for Fake {
             abi_version: 1,
             version: env!("CARGO_PKG_VERSION").into(),
             plcs: vec!["press".into(), "saw".into()],
+            buses: vec!["drives".into()],
         }
     }
 

@@ -11,6 +11,7 @@
 
 mod error;
 mod info;
+mod journal;
 mod reply;
 #[cfg(test)]
 mod tests;
@@ -45,13 +46,13 @@ pub struct WireOp {
     pub node: u16,
     /// Byte offset in segment 3.
     pub offset: u32,
-    /// Value to write or awaited, or length of a range.
+    /// Value to write or awaited, length of a range, or number of records.
     pub value: u32,
     /// Mask of a wait, or expected value of a comparison.
     pub second: u32,
     /// Zero.
     pub reserved: u32,
-    /// Emulated time in microseconds.
+    /// Emulated time in microseconds, or number of a record.
     pub time_us: u64,
 }
 
@@ -68,7 +69,7 @@ pub struct Block {
     pub code: u16,
     /// Bytes of data in the blocks behind this one; what is left of the last block is zero.
     pub data_len: u32,
-    /// The reply's number: a value or a time.
+    /// The reply's number: a value, a time, or the end of the journal.
     pub value: u64,
 }
 
@@ -86,6 +87,7 @@ pub mod kind {
     pub const ADVANCE_TO_SYNC: u16 = 7;
     pub const INFO: u16 = 8;
     pub const STOP: u16 = 9;
+    pub const JOURNAL: u16 = 10;
 }
 
 /// Values of [`Block::kind`].
@@ -100,6 +102,7 @@ pub mod reply_kind {
     pub const INFO: u16 = 7;
     pub const STOPPING: u16 = 8;
     pub const ERROR: u16 = 9;
+    pub const JOURNAL: u16 = 10;
 }
 
 /// A field without meaning, and its content.
@@ -138,6 +141,9 @@ impl From<&Op> for WireOp {
             Op::AdvanceToSync { plc, node } => {
                 WireOp { kind: kind::ADVANCE_TO_SYNC, plc, node: node.into(), ..WireOp::default() }
             }
+            Op::Journal { from, max } => {
+                WireOp { kind: kind::JOURNAL, value: max, time_us: from, ..WireOp::default() }
+            }
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -165,6 +171,7 @@ impl TryFrom<WireOp> for Op {
                 node: u8::try_from(wire.node)
                     .map_err(|_| BadField { field: Field::Node, value: wire.node.into() })?,
             },
+            kind::JOURNAL => Op::Journal { from: time_us, max: value },
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField { field: Field::Kind, value: kind.into() }),

@@ -2,6 +2,7 @@
 
 use super::emulator::Emulator;
 use crate::channel::{InstanceInfo, Machine, Unmapped};
+use crate::journal::Journal;
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::memory::{MemoryError, Segment, Width};
 
@@ -231,8 +232,13 @@ impl Machine for Emulator {
         self.plant.next_sync(plc, node)
     }
 
+    fn journal(&self) -> &Journal {
+        self.plant.journal()
+    }
+
     fn info(&self) -> InstanceInfo {
         let header = self.header();
+        let names = self.plant.names();
         InstanceInfo {
             name: self.options.instance.clone(),
             clock_mode: self.options.clock.mode(),
@@ -243,7 +249,8 @@ impl Machine for Emulator {
             layout_hash: header.layout_hash.load(),
             abi_version: header.abi_version.load(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            plcs: self.plant.plcs().iter().map(|plc| plc.name().to_owned()).collect(),
+            plcs: names.plcs,
+            buses: names.buses,
         }
     }
 

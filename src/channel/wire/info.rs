@@ -14,7 +14,8 @@ struct Head {
     generation: u32,
     pid: u32,
     abi_version: u32,
-    plcs: u32,
+    plcs: u16,
+    buses: u16,
 }
 
 /// Appends the information to `bytes`. A text too long for its length field is cut.
@@ -27,14 +28,22 @@ pub(super) fn encode(info: &InstanceInfo, bytes: &mut Vec<u8>) {
         generation: info.generation,
         pid: info.pid,
         abi_version: info.abi_version,
-        plcs: u32::try_from(info.plcs.len()).unwrap_or(u32::MAX),
+        plcs: count(&info.plcs),
+        buses: count(&info.buses),
     };
     bytes.extend_from_slice(head.as_bytes());
-    for text in [&info.name, &info.version].into_iter().chain(&info.plcs) {
+    let plcs = info.plcs.iter().take(head.plcs.into());
+    let buses = info.buses.iter().take(head.buses.into());
+    for text in [&info.name, &info.version].into_iter().chain(plcs).chain(buses) {
         let text = &text[..text.floor_char_boundary(u16::MAX.into())];
         bytes.extend_from_slice((text.len() as u16).as_bytes());
         bytes.extend_from_slice(text.as_bytes());
     }
+}
+
+/// As many names as the number in the head can say.
+fn count(names: &[String]) -> u16 {
+    u16::try_from(names.len()).unwrap_or(u16::MAX)
 }
 
 /// The way back; `None` for what [`encode`] cannot have made.
@@ -42,10 +51,8 @@ pub(super) fn decode(bytes: &[u8]) -> Option<InstanceInfo> {
     let (head, mut rest) = Head::read_from_prefix(bytes).ok()?;
     let name = text(&mut rest)?;
     let version = text(&mut rest)?;
-    let mut plcs = Vec::new();
-    for _ in 0..head.plcs {
-        plcs.push(text(&mut rest)?);
-    }
+    let mut texts = |count| (0..count).map(|_| text(&mut rest)).collect::<Option<Vec<_>>>();
+    let (plcs, buses) = (texts(head.plcs)?, texts(head.buses)?);
     rest.is_empty().then_some(InstanceInfo {
         name,
         clock_mode: ClockMode::from_code(head.clock_mode)?,
@@ -57,6 +64,7 @@ pub(super) fn decode(bytes: &[u8]) -> Option<InstanceInfo> {
         abi_version: head.abi_version,
         version,
         plcs,
+        buses,
     })
 }
 

@@ -1,8 +1,10 @@
 //! Replies on the wire: building them without allocation, and the checked way back.
 
+use super::journal::WireRecord;
 use super::{Block, MAX_REPLY_BLOCKS, error, info, reply_kind};
 use crate::channel::op::InstanceInfo;
 use crate::channel::{ChannelError, Reply};
+use crate::journal::{Journal, Record};
 use zerocopy::{FromBytes, IntoBytes};
 
 /// Blocks an error takes; they are kept free so that a reply too long can say so.
@@ -102,6 +104,20 @@ impl ReplyBuffer {
         self.head(reply_kind::ADVANCED, 0, time_us, 0)
     }
 
+    /// Appends the journal's records from number `from` on, `max` at most. If they reach its end, those that are
+    /// still being counted follow.
+    pub fn journal(&mut self, journal: &Journal, from: u64, max: usize) -> Result<(), ChannelError> {
+        let records = journal.read(from);
+        let all = records.len() <= max;
+        let pending = if all { journal.pending() } else { Vec::new() };
+        let count = records.len().min(max) + pending.len();
+        self.head(reply_kind::JOURNAL, 0, journal.end(), count * size_of::<WireRecord>())?;
+        for record in records.take(max).chain(&pending) {
+            self.data(WireRecord::from(record).as_bytes());
+        }
+        Ok(())
+    }
+
     /// Appends what the instance says about itself.
     pub fn info(&mut self, information: &InstanceInfo) -> Result<(), ChannelError> {
         let mut bytes = Vec::new();
@@ -166,6 +182,7 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::BYTES => Reply::Bytes(data.to_vec()),
         reply_kind::WAITED => Reply::Waited { time_us: value, value: u32::read_from_bytes(data).ok()? },
         reply_kind::ADVANCED => Reply::Advanced { time_us: value },
+        reply_kind::JOURNAL => Reply::Journal { records: journal_records(data)?, end: value },
         reply_kind::INFO => Reply::Info(Box::new(info::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => {
@@ -173,6 +190,11 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         }
         _ => return None,
     })
+}
+
+fn journal_records(data: &[u8]) -> Option<Vec<Record>> {
+    let chunks = data.chunks(size_of::<WireRecord>());
+    chunks.map(|bytes| WireRecord::read_from_bytes(bytes).ok()?.record()).collect()
 }
 
 fn flag(code: u16) -> Option<bool> {

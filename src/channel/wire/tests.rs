@@ -32,6 +32,7 @@ fn op() -> impl Strategy<Value = Op> {
         ),
         any::<u64>().prop_map(|us| Op::Advance { us }),
         any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc, node }),
+        any::<(u64, u32)>().prop_map(|(from, max)| Op::Journal { from, max }),
         Just(Op::Info),
         Just(Op::Stop),
     ]
@@ -75,10 +76,11 @@ fn error() -> impl Strategy<Value = ChannelError> {
 }
 
 fn information() -> impl Strategy<Value = InstanceInfo> {
+    let names = || proptest::collection::vec(".*", 0..4);
     let mode = prop_oneof![Just(ClockMode::RealTime), Just(ClockMode::Stepped)];
-    let texts = (".*", ".*", proptest::collection::vec(".*", 0..4));
+    let texts = (".*", ".*", names(), names());
     (mode, any::<(u32, u64, u32, u32, u64, u32)>(), texts).prop_map(
-        |(clock_mode, (speed, time_us, generation, pid, layout_hash, abi_version), (name, version, plcs))| {
+        |(clock_mode, (speed, time_us, generation, pid, layout_hash, abi_version), (name, version, plcs, buses))| {
             InstanceInfo {
                 name,
                 clock_mode,
@@ -90,6 +92,7 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
                 abi_version,
                 version,
                 plcs,
+                buses,
             }
         },
     )
@@ -120,6 +123,7 @@ fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
         }),
         Reply::Waited { time_us, value } => buffer.waited(*time_us, *value),
         Reply::Advanced { time_us } => buffer.advanced(*time_us),
+        Reply::Journal { .. } => unreachable!("tested with journals"),
         Reply::Info(information) => buffer.info(information),
         Reply::Stopping => buffer.stopping(),
         Reply::Error(error) => {
