@@ -139,6 +139,8 @@ impl Place {
 
     /// What the value means, if it means more than a number.
     pub fn meaning(&self, value: u32) -> Option<String> {
-        self.register.filter(|register| register.register.meaning.is_some()).map(|register| register.decode(value))
+        self.register
+            .filter(|register| register.register.meaning.is_some())
+            .map(|register| register.decode(value))
     }
 }

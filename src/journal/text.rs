@@ -93,7 +93,11 @@ impl Format for Text {
         }
         if record.count > 1 {
             let (count, period) = (record.count, record.period_us);
-            let _ = write!(out, ", {count} times every {period} us since {}", seconds(record.first_us()).trim_start());
+            let _ = write!(
+                out,
+                ", {count} times every {period} us since {}",
+                seconds(record.first_us()).trim_start()
+            );
         }
         if record.is_pending() {
             out.push_str(", going on");
@@ -118,7 +122,8 @@ fn seconds(us: u64) -> String {
 }
 
 fn label(register: Option<&RegisterRef>) -> String {
-    register.map_or_else(|| "?".to_owned(), |register| format!("{} ({})", register.path(), register.address()))
+    register
+        .map_or_else(|| "?".to_owned(), |register| format!("{} ({})", register.path(), register.address()))
 }
 
 fn value(register: Option<&RegisterRef>, value: u32) -> String {
@@ -147,7 +152,9 @@ fn missed_text(missed: Missed) -> String {
             format!("WRC{channel} is left out in this interval, b_CTRLREG_WRC{channel} was not 16#05 in time")
         }
         Missed::ActualValue(channel) => {
-            format!("RDC{channel} is left out in this interval, b_CTRLREG_RD_RDC{channel} was not 16#05 in time")
+            format!(
+                "RDC{channel} is left out in this interval, b_CTRLREG_RD_RDC{channel} was not 16#05 in time"
+            )
         }
     }
 }

@@ -290,3 +290,44 @@ fn info_and_stop() {
         [Reply::Info(Box::new(information)), Reply::Stopping, Reply::Error(ChannelError::ShuttingDown)];
     assert_eq!(got, expected);
 }
+
+fn journal_records(reply: &Reply) -> (Vec<u64>, u64) {
+    match reply {
+        Reply::Journal { records, end } => (records.iter().map(|record| record.seq).collect(), *end),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_journal_is_read_in_parts() {
+    use crate::journal::{Event, Origin, Record};
+    let mut fake = Fake::new(true);
+    let origin = Origin { plc: 0, node: 2 };
+    for time in 0..3_000 {
+        fake.journal.push(time, Event::State { origin, from: 1, to: 2 });
+    }
+    let read = |fake: &mut Fake, from, max| journal_records(&all(fake, &[Op::Journal { from, max }])[0]);
+    assert_eq!(read(&mut fake, 5, 2), (vec![5, 6], 3_000));
+    assert_eq!(read(&mut fake, 2_999, 2), (vec![2_999], 3_000));
+    assert_eq!(read(&mut fake, 3_000, 2), (vec![], 3_000));
+    assert_eq!(read(&mut fake, u64::MAX, u32::MAX), (vec![], 3_000));
+    assert_eq!(read(&mut fake, 0, u32::MAX).0.len(), 1_024, "no more than the limit");
+
+    for time in [4_000, 6_000, 8_000] {
+        fake.journal.push(time, Event::SyncEdge { bus: 0 });
+    }
+    assert_eq!(read(&mut fake, 3_000, 1), (vec![3_000], 3_002));
+    assert_eq!(read(&mut fake, 3_001, 9), (vec![3_001, Record::PENDING], 3_002));
+}
+
+#[test]
+fn parts_of_the_journal_that_do_not_fit_together_are_refused() {
+    use crate::journal::{Event, Origin};
+    let mut fake = Fake::new(true);
+    for time in 0..3_000 {
+        fake.journal.push(time, Event::InitRefused { origin: Origin { plc: 0, node: 2 }, reason: 1 });
+    }
+    let got = all(&mut fake, &[Op::Journal { from: 0, max: 1_024 }; 8]);
+    assert_eq!(got.last(), Some(&Reply::Error(ChannelError::ReplyTooLong)));
+    assert!(got.len() > 5, "five of them do fit");
+}

@@ -6,10 +6,8 @@ use proptest::prelude::*;
 
 pub(crate) fn event() -> impl Strategy<Value = Event> {
     let origin = || any::<(u16, u8)>().prop_map(|(plc, node)| Origin { plc, node });
-    let missed = prop_oneof![
-        any::<u8>().prop_map(Missed::ReferenceValue),
-        any::<u8>().prop_map(Missed::ActualValue)
-    ];
+    let missed =
+        prop_oneof![any::<u8>().prop_map(Missed::ReferenceValue), any::<u8>().prop_map(Missed::ActualValue)];
     let why = prop_oneof![Just(Command::Unknown), Just(Command::NotNow)];
     let frame = (0..0x800_u16, proptest::collection::vec(any::<u8>(), 0..=8));
     prop_oneof![
@@ -21,16 +19,26 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
             Event::Handshake { origin, offset, request, answer }
         }),
         (origin(), missed).prop_map(|(origin, what)| Event::Missed { origin, what }),
-        (origin(), any::<u16>(), why)
-            .prop_map(|(origin, value, why)| Event::CommandIgnored { origin, value, why }),
+        (origin(), any::<u16>(), why).prop_map(|(origin, value, why)| Event::CommandIgnored {
+            origin,
+            value,
+            why
+        }),
         (origin(), any::<u8>()).prop_map(|(origin, reason)| Event::InitRefused { origin, reason }),
-        (origin(), any::<(u8, u8)>())
-            .prop_map(|(origin, (slave, status))| Event::SlaveStatus { origin, slave, status }),
+        (origin(), any::<(u8, u8)>()).prop_map(|(origin, (slave, status))| Event::SlaveStatus {
+            origin,
+            slave,
+            status
+        }),
         (origin(), any::<(u16, u16)>()).prop_map(|(origin, (node_kbit_s, bus_kbit_s))| {
             Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s }
         }),
-        any::<(u16, u32, u8, u32)>()
-            .prop_map(|(plc, offset, width, value)| Event::ChannelWrite { plc, offset, width, value }),
+        any::<(u16, u32, u8, u32)>().prop_map(|(plc, offset, width, value)| Event::ChannelWrite {
+            plc,
+            offset,
+            width,
+            value
+        }),
     ]
 }
 

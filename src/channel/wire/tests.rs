@@ -80,7 +80,11 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
     let mode = prop_oneof![Just(ClockMode::RealTime), Just(ClockMode::Stepped)];
     let texts = (".*", ".*", names(), names());
     (mode, any::<(u32, u64, u32, u32, u64, u32)>(), texts).prop_map(
-        |(clock_mode, (speed, time_us, generation, pid, layout_hash, abi_version), (name, version, plcs, buses))| {
+        |(
+            clock_mode,
+            (speed, time_us, generation, pid, layout_hash, abi_version),
+            (name, version, plcs, buses),
+        )| {
             InstanceInfo {
                 name,
                 clock_mode,
