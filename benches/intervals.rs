@@ -1,27 +1,28 @@
-//! Emulated CANsync intervals per second in stepped mode: 32 drives at 500 kbit/s, both reference value
-//! and both actual value channels busy in every interval.
+//! Emulated CANsync intervals per second in stepped mode: drives at 500 kbit/s, both reference value and
+//! both actual value channels busy in every interval.
 
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
-use commram::memory::{Segment, View};
+#[path = "support/active.rs"]
+mod active;
+
+use active::activate;
+use commram::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::fmt::Write;
 
 const INTERVAL_US: u64 = 2000;
+/// A reference value frame is released, and has been taken.
+const RELEASED: u8 = 0x05;
+const TAKEN: u8 = 0x04;
+/// An actual value frame has arrived.
+const RECEIVED: u8 = 0x02;
 
-#[derive(Debug)]
-struct Failed(#[expect(dead_code, reason = "shown by Debug")] String);
-
-impl From<PlantError> for Failed {
-    fn from(error: PlantError) -> Self {
-        Failed(error.to_string())
-    }
-}
-
-impl From<commram::memory::MemoryError> for Failed {
-    fn from(error: commram::memory::MemoryError) -> Self {
-        Failed(error.to_string())
-    }
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+enum Failed {
+    Memory(#[from] MemoryError),
+    Plant(#[from] PlantError),
 }
 
 /// A plant with `drives` drives in active operation, at a SYNC edge.
@@ -34,47 +35,7 @@ fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
     let mut plant =
         Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap())).expect("the plant can be built");
     let segment = plant.plcs()[0].segment().clone();
-    let init = segment.view::<CANsync_INIT_BMSTRUCT>(NODE2).expect("node 2 is there");
-    let master = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).expect("node 2 is there");
-
-    init.w_CPU_CONTROL.store(0x0001);
-    plant.advance_to(plant.now() + 1000);
-    init.b_BT_1.store(0x1C);
-    init.b_TIME_PATTERN.store(2);
-    init.b_AC.store(0xFF);
-    init.b_AM.store(0xFF);
-    init.a_SL_TYP.iter().for_each(|cell| cell.store(1));
-    for command in [0x0002, 0x0020] {
-        init.w_CPU_CONTROL.store(command);
-        plant.advance_to(plant.now() + 1000);
-    }
-    let cfg = &master._CFG_WRC_WORD;
-    for (cell, byte) in [
-        (&cfg.b_CFG_WRC1_WORD0, 0x01),
-        (&cfg.b_CFG_WRC1_WORD1, 0x03),
-        (&cfg.b_CFG_WRC1_WORD2, 0x05),
-        (&cfg.b_CFG_WRC1_WORD3, 0x07),
-        (&cfg.b_CFG_WRC2_WORD0, 0x11),
-        (&cfg.b_CFG_WRC2_WORD1, 0x13),
-        (&cfg.b_CFG_WRC2_WORD2, 0x15),
-        (&cfg.b_CFG_WRC2_WORD3, 0x17),
-    ] {
-        cell.store(byte);
-    }
-    for slave in &master.a_CFG_RDC_WORD {
-        slave.b_CFG_RDC1_WORD0.store(0x01);
-        slave.b_CFG_RDC1_WORD1.store(0x03);
-        slave.b_CFG_RDC2_WORD0.store(0x11);
-        slave.b_CFG_RDC2_WORD1.store(0x13);
-    }
-    master.b_MAX_SL_NR.store(31);
-    master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
-    master.b_CTRLREG_RD_ORDER_RDC2.store(0x80);
-    // Let all drives lock, then enable.
-    plant.advance_to(plant.now() + 2_000_000);
-    init.w_CPU_CONTROL.store(0x0040);
-    plant.advance_to(plant.now() + 1000);
-    assert_eq!(init.w_OPTION_STATUS.load(), 0x0080, "the master is active");
+    let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
     let edge = plant.next_sync(0, 2).expect("SYNC runs");
     plant.advance_to(edge);
     (plant, master)
@@ -92,15 +53,27 @@ fn intervals(criterion: &mut Criterion) {
                 master.a_WR_VALUE[0].store(value);
                 master.a_WR_VALUE[1].store(!value);
                 master.a_WR_VALUE[4].store(value);
-                master.b_CTRLREG_WRC1.store(0x05);
-                master.b_CTRLREG_WRC2.store(0x05);
+                master.b_CTRLREG_WRC1.store(RELEASED);
+                master.b_CTRLREG_WRC2.store(RELEASED);
                 plant.advance_to(plant.now() + INTERVAL_US);
             });
         });
-        // The figure counts only if all four frames went out in every interval.
-        assert_eq!(master.b_CTRLREG_WRC1.load(), 0x04);
-        assert_eq!(master.b_CTRLREG_WRC2.load(), 0x04);
-        assert_ne!(master.a_STATREG_RDC[drives as usize - 1].b_STATREG_RDC2.load(), 0);
+        // The figure counts only if all four frames go out in every interval.
+        for slave in &master.a_STATREG_RDC {
+            slave.b_STATREG_RDC1.store(0);
+            slave.b_STATREG_RDC2.store(0);
+        }
+        let written = plant.journal().written();
+        for _ in 0..drives {
+            master.b_CTRLREG_WRC1.store(RELEASED);
+            master.b_CTRLREG_WRC2.store(RELEASED);
+            plant.advance_to(plant.now() + INTERVAL_US);
+            assert_eq!([&master.b_CTRLREG_WRC1, &master.b_CTRLREG_WRC2].map(|c| c.load()), [TAKEN; 2]);
+        }
+        assert!(plant.journal().written() - written >= 5 * u64::from(drives), "a SYNC edge and four frames");
+        for slave in &master.a_STATREG_RDC[..usize::from(drives)] {
+            assert_eq!([&slave.b_STATREG_RDC1, &slave.b_STATREG_RDC2].map(|c| c.load()), [RECEIVED; 2]);
+        }
     }
     group.finish();
 }

@@ -1,0 +1,46 @@
+//! How long a client in another process waits for the emulator.
+//!
+//! Each latency that depends on the machine is measured beside the same thing without an emulator, in the
+//! same run. At the end the medians are printed beside their targets; see `docs/performance.md`.
+//!
+//! Processes are pinned: the client to the first processor, the other one to the second, unless it says
+//! otherwise. Nothing here changes a register of a running instance or leaves a file or process behind.
+
+mod bare;
+mod channel;
+mod handshake;
+mod start;
+#[path = "../support/mod.rs"]
+mod support;
+
+use criterion::Criterion;
+use support::report::Outcome;
+use support::{child, emulator};
+
+fn main() {
+    if let Some(role) = child::role() {
+        play(&role);
+        return;
+    }
+    let mut criterion = Criterion::default().configure_from_args();
+    let outcomes = [
+        handshake::doorbell(&mut criterion),
+        handshake::busy(&mut criterion),
+        channel::sleeping(&mut criterion),
+        channel::busy(&mut criterion),
+        channel::message(&mut criterion),
+        start::first_peek(&mut criterion),
+    ];
+    criterion.final_summary();
+    outcomes.iter().for_each(Outcome::print);
+}
+
+/// What a child process does.
+fn play(role: &[String]) {
+    match role.split_first() {
+        Some((role, args)) if role == emulator::ROLE => emulator::play(args),
+        Some((role, args)) if role == handshake::ROLE => handshake::play(args),
+        Some((role, args)) if role == bare::ROLE => bare::play(args),
+        _ => panic!("unknown role {role:?}"),
+    }
+}

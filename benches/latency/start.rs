@@ -1,0 +1,85 @@
+//! From the start of `commram run` to the first answered peek of a client that waits for it.
+
+use crate::support::PATIENCE;
+use crate::support::child;
+use crate::support::emulator::{attach, connect, unique_instance};
+use crate::support::report::{Outcome, Samples, Target};
+use commram::channel::Client;
+use commram::layout::omega_drive_line_2::NODE2;
+use commram::memory::Width;
+use criterion::Criterion;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// `w_OPTION_STATUS` of node 2, and its value after power-on.
+const W_OPTION_STATUS: u32 = NODE2 as u32 + 2;
+const START_UP: u32 = 0x0001;
+/// How often the client looks whether the emulator is ready.
+const LOOK: Duration = Duration::from_micros(200);
+
+/// Not pinned: this is what a script meets that starts an emulator and goes on at once.
+pub fn first_peek(criterion: &mut Criterion) -> Outcome {
+    let mut samples = Samples::new();
+    let mut group = criterion.benchmark_group("start");
+    group.sample_size(20);
+    group.bench_function("commram run to first answered peek", |bencher| {
+        bencher.iter_custom(|times| (0..times).map(|_| one_start(&mut samples)).sum());
+    });
+    group.finish();
+    let what = "process start to first answered peek";
+    Outcome { what, samples, target: Target::Microseconds(15_000.0) }
+}
+
+fn one_start(samples: &mut Samples) -> Duration {
+    let mut run = None;
+    let duration = samples.time(|| {
+        let run = run.insert(Run::start());
+        let client = run.connect();
+        let value = client.peek(0, W_OPTION_STATUS, Width::Word).expect("the emulator answers");
+        assert_eq!(value, START_UP);
+    });
+    if let Some(run) = run {
+        run.stop();
+    }
+    duration
+}
+
+/// A running `commram run`. Dropping it kills it.
+struct Run {
+    process: Child,
+    instance: String,
+}
+
+impl Run {
+    fn start() -> Self {
+        let instance = unique_instance();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_commram"));
+        command.args(["run", "--clock", "stepped", "--instance", &instance]).stdout(Stdio::null());
+        let process = command.spawn().expect("commram can be started");
+        Run { process, instance }
+    }
+
+    /// Waits until the emulator is ready, and connects.
+    fn connect(&mut self) -> Client {
+        let start = Instant::now();
+        while let Err(error) = attach(&self.instance) {
+            assert!(start.elapsed() < PATIENCE, "{error}");
+            std::thread::sleep(LOOK);
+        }
+        connect(&self.instance, Duration::ZERO)
+    }
+
+    fn stop(mut self) {
+        connect(&self.instance, Duration::ZERO).stop().expect("the emulator is told to end");
+        let status = child::wait(&mut self.process);
+        assert!(status.is_some_and(|status| status.success()), "commram run: {status:?}");
+    }
+}
+
+impl Drop for Run {
+    fn drop(&mut self) {
+        // Without effect on a process that has ended and been waited for.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

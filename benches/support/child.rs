@@ -1,0 +1,88 @@
+//! Child processes that cannot outlive the benchmark.
+//!
+//! A child is this executable once more, told by its first argument to play a role instead of measuring.
+//! Its standard input is a pipe that nobody writes to: when the benchmark ends, in whatever way, the pipe
+//! breaks and the child ends in good order.
+
+use super::PATIENCE;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use std::io::Read;
+use std::process::{Child as Process, Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// First argument of a child process.
+const ROLE: &str = "role";
+
+/// The role and its arguments, if this process is a child.
+pub fn role() -> Option<Vec<String>> {
+    let mut args = std::env::args().skip(1);
+    (args.next()? == ROLE).then(|| args.collect())
+}
+
+/// In a child: runs `stop` when the parent wants the child to end or is gone.
+pub fn when_parent_ends(stop: impl FnOnce() + Send + 'static) {
+    // Ctrl-C and `timeout` reach parent and children alike; the children end through the pipe.
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::default()).expect("the signal can be caught");
+    }
+    std::thread::spawn(move || {
+        // Nothing is ever written, so this returns at the end of the pipe.
+        let _ = std::io::stdin().read(&mut [0]);
+        stop();
+    });
+}
+
+/// A running child process. Dropping it ends it.
+pub struct Child {
+    process: Process,
+    name: String,
+}
+
+impl Child {
+    /// Starts this executable in the role `args`.
+    pub fn play(args: &[&str]) -> Self {
+        let executable = std::env::current_exe().expect("the benchmark knows its own path");
+        let process = Command::new(executable)
+            .arg(ROLE)
+            .args(args)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("a child process can be started");
+        Child { process, name: args.join(" ") }
+    }
+
+    /// Fails if the child has ended by itself.
+    pub fn check(&mut self) {
+        if let Some(status) = self.process.try_wait().expect("a child can be asked for its status") {
+            panic!("the child process `{}` has ended: {status}", self.name);
+        }
+    }
+}
+
+impl Drop for Child {
+    fn drop(&mut self) {
+        drop(self.process.stdin.take());
+        let status = wait(&mut self.process);
+        // A failure within a failure would end the benchmark without a word about the first one.
+        if !std::thread::panicking() {
+            assert!(status.is_some_and(|status| status.success()), "`{}`: {status:?}", self.name);
+        }
+    }
+}
+
+/// Waits for the end of a process; kills it if that takes too long, and then returns `None`.
+pub fn wait(process: &mut Process) -> Option<std::process::ExitStatus> {
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        match process.try_wait() {
+            Ok(Some(status)) => return Some(status),
+            Ok(None) => std::thread::sleep(Duration::from_millis(1)),
+            Err(_) => break,
+        }
+    }
+    let _ = process.kill();
+    let _ = process.wait();
+    None
+}

@@ -1,0 +1,106 @@
+//! An emulator in a child process, and the ways to reach it.
+
+use super::child::{Child, when_parent_ends};
+use super::{PATIENCE, cpu};
+use commram::channel::client::Patience;
+use commram::channel::{Client, HeaderBells};
+use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::memory::names::channel_root;
+use commram::memory::{AttachMode, Attached, Image, MemoryError};
+use commram::plant::PlantConfig;
+use commram::runtime::{Clock, Emulator, Options};
+use std::ops::RangeInclusive;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+/// Name of this role.
+pub const ROLE: &str = "emulator";
+/// The only PLC of the built-in plant.
+pub const PLC: &str = "line";
+/// Slave numbers of its drives.
+pub const DRIVES: RangeInclusive<u8> = 1..=3;
+
+/// How the emulator is run.
+#[derive(Clone, Copy)]
+pub struct How {
+    /// Real time or stepped.
+    pub clock: Clock,
+    /// Polls instead of sleeping.
+    pub busy: bool,
+    /// Its processor.
+    pub cpu: usize,
+}
+
+/// In the child: the built-in plant, run until the parent ends.
+pub fn play(args: &[String]) {
+    let [instance, clock, waiting, processor] = args else { panic!("emulator: wrong arguments {args:?}") };
+    cpu::pin(processor.parse().expect("the number of a processor"));
+    let clock = if clock == "stepped" { Clock::Stepped } else { Clock::RealTime { speed: 1.0 } };
+    let options = Options { instance: instance.clone(), clock, busy: waiting == "busy", novram: None };
+    let plant = PlantConfig::built_in().expect("the built-in plant is a good one");
+    let mut emulator = Emulator::start(&plant, options).expect("the emulator starts");
+    let stop = emulator.stop_handle();
+    when_parent_ends(move || stop.stop());
+    emulator.run();
+}
+
+/// An instance name that no other run has.
+pub fn unique_instance() -> String {
+    static NUMBER: AtomicU32 = AtomicU32::new(0);
+    format!("bench-{}-{}", std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed))
+}
+
+/// A running emulator. Dropping it ends it.
+pub struct Remote {
+    // Detached before the emulator ends.
+    attached: Attached,
+    instance: String,
+    _child: Child,
+}
+
+impl Remote {
+    /// Starts an emulator and attaches to it.
+    pub fn start(how: How) -> Self {
+        let instance = unique_instance();
+        let clock = if how.clock.is_stepped() { "stepped" } else { "realtime" };
+        let waiting = if how.busy { "busy" } else { "sleeping" };
+        let mut child = Child::play(&[ROLE, &instance, clock, waiting, &how.cpu.to_string()]);
+        let start = Instant::now();
+        let attached = loop {
+            match attach(&instance) {
+                Ok(attached) => break attached,
+                Err(error) => assert!(start.elapsed() < PATIENCE, "{error}"),
+            }
+            child.check();
+            std::thread::sleep(Duration::from_millis(1));
+        };
+        Remote { attached, instance, _child: child }
+    }
+
+    /// The mapped image.
+    pub fn attached(&self) -> &Attached {
+        &self.attached
+    }
+
+    /// Connects to the channel; the client looks for its reply for `spin` before it sleeps.
+    pub fn connect(&self, spin: Duration) -> Client {
+        connect(&self.instance, spin)
+    }
+}
+
+/// Attaches to the image of a ready emulator of the built-in plant.
+///
+/// # Errors
+/// It is not ready.
+pub fn attach(instance: &str) -> Result<Attached, MemoryError> {
+    Image::attach(instance, PLC, AttachMode::ReadWrite, Some(LAYOUT_HASH))
+}
+
+/// Connects to the channel of an emulator that is ready.
+pub fn connect(instance: &str, spin: Duration) -> Client {
+    let bells = HeaderBells::of_client(attach(instance).expect("the emulator is ready"));
+    let patience = Patience { connect: PATIENCE, spin, ..Patience::default() };
+    let root = channel_root(instance).expect("the instance's name is a good one");
+    Client::connect(instance, &root, Box::new(bells.expect("attached for writing")), patience)
+        .expect("the emulator has a channel")
+}

@@ -1,0 +1,29 @@
+//! What the benchmarks between processes share.
+
+pub mod active;
+pub mod child;
+pub mod cpu;
+pub mod emulator;
+pub mod page;
+pub mod report;
+
+use std::time::{Duration, Instant};
+
+/// Longest wait for anything another process has to do. Longer means that the benchmark is broken, and
+/// it fails instead of hanging.
+pub const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Looks for something without a pause until it is there.
+pub fn spin_until(mut is_there: impl FnMut() -> bool) {
+    /// Looks between two looks at the clock.
+    const LOOKS: u32 = 1 << 16;
+    let start = Instant::now();
+    loop {
+        for _ in 0..LOOKS {
+            if is_there() {
+                return;
+            }
+        }
+        assert!(start.elapsed() < PATIENCE, "the other process does not answer");
+    }
+}

@@ -1,0 +1,86 @@
+//! A bare page of shared memory: what two processes would use that have no emulator.
+
+use commram::memory::{Cell16, Cell32, SharedRegs};
+use memmap2::MmapRaw;
+use rustix::fs::MemfdFlags;
+use rustix::thread::futex;
+use std::fs::File;
+use std::os::fd::AsRawFd;
+use std::path::Path;
+use zerocopy::{FromBytes, IntoBytes, KnownLayout};
+
+/// What lies in the page: the two registers side by side and the two futex words in cache lines of their
+/// own, as in an image.
+#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
+#[repr(C)]
+pub struct Registers {
+    /// Rung by the client.
+    pub doorbell: Cell32,
+    reserved_4: [Cell32; 15],
+    /// Rung by the server.
+    pub answer: Cell32,
+    reserved_68: [Cell32; 15],
+    /// Written by the client.
+    pub control: Cell16,
+    /// Written by the server.
+    pub status: Cell16,
+}
+
+// SAFETY: nothing but cells, and IntoBytes proves that there is no padding.
+unsafe impl SharedRegs for Registers {}
+
+/// A mapped page.
+pub struct Page {
+    map: MmapRaw,
+    /// Keeps the memory, which has no name, reachable for [`Page::open`].
+    file: File,
+}
+
+impl Page {
+    const SIZE: u64 = 4096;
+
+    /// A new page, zeroed. It disappears with the last process that uses it.
+    pub fn create() -> Self {
+        let memory = rustix::fs::memfd_create("commram-bench", MemfdFlags::CLOEXEC);
+        let file = File::from(memory.expect("memory can be shared"));
+        file.set_len(Self::SIZE).expect("the page can be given its size");
+        Self::map(file)
+    }
+
+    /// Maps the page that another process has created; see [`Page::path`].
+    pub fn open(path: &str) -> Self {
+        let file = File::options().read(true).write(true).open(Path::new(path));
+        Self::map(file.expect("the parent's page can be opened"))
+    }
+
+    fn map(file: File) -> Self {
+        let map = MmapRaw::map_raw(&file).expect("the page can be mapped");
+        assert_eq!(map.len() as u64, Self::SIZE);
+        Page { map, file }
+    }
+
+    /// Where a child process finds the page while this process lives.
+    pub fn path(&self) -> String {
+        format!("/proc/{}/fd/{}", std::process::id(), self.file.as_raw_fd())
+    }
+
+    /// The registers in the page.
+    pub fn registers(&self) -> &Registers {
+        // SAFETY: the map is page-aligned, longer than `Registers` and lives as long as `self`; everybody
+        // accesses it through the same cells.
+        unsafe { &*self.map.as_mut_ptr().cast::<Registers>() }
+    }
+}
+
+/// Counts the word up and wakes who sleeps on it, in as few steps as there can be.
+pub fn ring(word: &Cell32) {
+    word.increment();
+    futex::wake(word.as_atomic(), futex::Flags::empty(), 1).expect("a futex can be woken");
+}
+
+/// Sleeps until the word is no longer `seen`; wakes up now and then to look whether all is well.
+pub fn sleep(word: &Cell32, seen: u32) {
+    let timeout = futex::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
+    // All of its errors mean: look again.
+    let _ = futex::wait(word.as_atomic(), futex::Flags::empty(), seen.to_le(), Some(&timeout));
+}
