@@ -23,7 +23,7 @@ use crate::bus::{Channel, Frame, FrameKind, Payload};
 use crate::firmware::Context;
 use crate::journal::{Event, Missed};
 use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1};
-use crate::memory::{Cell8, MemoryError, Segment, View};
+use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 use jobs::Jobs;
 use lock::Lock;
