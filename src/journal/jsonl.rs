@@ -1,9 +1,9 @@
 //! One JSON object per line, for programs. `docs/journal.md` describes the fields; new versions may add fields
 //! and kinds, and count `v` up when they change one.
 
-use super::names::{Context, Place};
+use super::names::{self, Context};
 use super::text::{missed_frame, refusal};
-use super::{Command, Event, Format, Names, Record};
+use super::{Command, Event, Format, Names, Origin, Record, Source};
 use crate::bus::codec;
 use crate::layout::RegisterRef;
 use serde::Serialize;
@@ -30,6 +30,9 @@ struct Line {
     time_us: u64,
     #[serde(flatten)]
     repeated: Option<Repeated>,
+    kind: &'static str,
+    #[serde(flatten)]
+    place: Place,
     #[serde(flatten)]
     what: What,
 }
@@ -48,28 +51,31 @@ struct Gap {
     lost: u64,
 }
 
+/// What it happened to.
 #[derive(Serialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
+#[serde(untagged)]
+enum Place {
+    Bus { bus: String },
+    Plc { plc: String },
+    Node { plc: String, node: u8 },
+}
+
+/// The fields that belong to one kind each.
+#[derive(Serialize)]
+#[serde(untagged)]
 enum What {
-    Sync {
-        bus: String,
-    },
+    Sync {},
     Frame {
-        bus: String,
         id: u16,
         data: String,
         text: String,
     },
     State {
-        plc: String,
-        node: u8,
         from: u16,
         to: u16,
         text: String,
     },
     Handshake {
-        plc: String,
-        node: u8,
         register: Option<String>,
         address: String,
         request: u16,
@@ -78,37 +84,26 @@ enum What {
         latency_us: Option<u32>,
     },
     Missed {
-        plc: String,
-        node: u8,
         frame: String,
     },
     Ignored {
-        plc: String,
-        node: u8,
         command: u16,
         why: &'static str,
     },
     InitRefused {
-        plc: String,
-        node: u8,
         reason: u8,
         text: String,
     },
     SlaveStatus {
-        plc: String,
-        node: u8,
         slave: u8,
         status: u8,
         text: String,
     },
     BaudRateMismatch {
-        plc: String,
-        node: u8,
         node_kbit_s: u16,
         bus_kbit_s: u16,
     },
     ChannelWrite {
-        plc: String,
         register: Option<String>,
         address: String,
         width: u8,
@@ -119,60 +114,59 @@ enum What {
 }
 
 impl Jsonl {
+    fn place(&self, source: Source) -> Place {
+        let names = &self.context.names;
+        match source {
+            Source::Bus(index) => Place::Bus { bus: names.bus(index).into_owned() },
+            Source::Plc(index) => Place::Plc { plc: names.plc(index).into_owned() },
+            Source::Node(Origin { plc, node }) => Place::Node { plc: names.plc(plc).into_owned(), node },
+        }
+    }
+
     fn what(&mut self, record: &Record) -> What {
         let context = &mut self.context;
-        let bus = |index| context.names.bus(index).into_owned();
-        let plc = |index| context.names.plc(index).into_owned();
         match record.event {
-            Event::SyncEdge { bus: index } => What::Sync { bus: bus(index) },
-            Event::Frame { bus: index, frame } => What::Frame {
-                bus: bus(index),
+            Event::SyncEdge { .. } => What::Sync {},
+            Event::Frame { frame, .. } => What::Frame {
                 id: frame.id(),
                 data: frame.data().iter().map(|byte| format!("{byte:02X}")).collect(),
                 text: codec::decode(&frame).map_or_else(|error| error.to_string(), |it| it.to_string()),
             },
             Event::State { origin, from, to } => {
                 let text = decode(context.of_node(origin, "w_OPTION_STATUS"), to.into());
-                What::State { plc: plc(origin.plc), node: origin.node, from, to, text }
+                What::State { from, to, text }
             }
             Event::Handshake { origin, offset, request, answer } => {
-                let (plc, node, latency_us) = (plc(origin.plc), origin.node, record.latency_us);
                 let (register, address) = named(&context.handshake(origin.plc, offset));
-                What::Handshake { plc, node, register, address, request, answer, latency_us }
+                What::Handshake { register, address, request, answer, latency_us: record.latency_us }
             }
-            Event::Missed { origin, what } => {
-                What::Missed { plc: plc(origin.plc), node: origin.node, frame: missed_frame(what) }
-            }
-            Event::CommandIgnored { origin, value, why } => {
+            Event::Missed { what, .. } => What::Missed { frame: missed_frame(what) },
+            Event::CommandIgnored { value, why, .. } => {
                 let why = match why {
                     Command::Unknown => "unknown",
                     Command::NotNow => "not_now",
                 };
-                What::Ignored { plc: plc(origin.plc), node: origin.node, command: value, why }
+                What::Ignored { command: value, why }
             }
-            Event::InitRefused { origin, reason } => {
-                What::InitRefused { plc: plc(origin.plc), node: origin.node, reason, text: refusal(reason) }
-            }
+            Event::InitRefused { reason, .. } => What::InitRefused { reason, text: refusal(reason) },
             Event::SlaveStatus { origin, slave, status } => {
                 let text = decode(context.of_node(origin, &format!("a_STAT_SL[{slave}]")), status.into());
-                What::SlaveStatus { plc: plc(origin.plc), node: origin.node, slave, status, text }
+                What::SlaveStatus { slave, status, text }
             }
-            Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s } => {
-                What::BaudRateMismatch { plc: plc(origin.plc), node: origin.node, node_kbit_s, bus_kbit_s }
+            Event::BaudRateMismatch { node_kbit_s, bus_kbit_s, .. } => {
+                What::BaudRateMismatch { node_kbit_s, bus_kbit_s }
             }
-            Event::ChannelWrite { plc: index, offset, width, value } => {
-                let plc = plc(index);
-                let place = context.accessed(index, offset, width);
+            Event::ChannelWrite { plc, offset, width, value } => {
+                let place = context.accessed(plc, offset, width);
                 let (register, address) = named(&place);
-                let text = place.meaning(value);
-                What::ChannelWrite { plc, register, address, width, value, text }
+                What::ChannelWrite { register, address, width, value, text: place.meaning(value) }
             }
         }
     }
 }
 
 /// Name and address.
-fn named(place: &Place) -> (Option<String>, String) {
+fn named(place: &names::Place) -> (Option<String>, String) {
     (place.register.map(|register| register.name()), place.address.to_string())
 }
 
@@ -188,8 +182,16 @@ impl Format for Jsonl {
             period_us: record.period_us,
             first_us: record.first_us(),
         });
-        let seq = (!record.is_pending()).then_some(record.seq);
-        write(&Line { v: VERSION, seq, time_us: record.time_us, repeated, what: self.what(record) }, out);
+        let line = Line {
+            v: VERSION,
+            seq: (!record.is_pending()).then_some(record.seq),
+            time_us: record.time_us,
+            repeated,
+            kind: record.event.kind().name(),
+            place: self.place(record.event.source()),
+            what: self.what(record),
+        };
+        write(&line, out);
     }
 
     fn skip(&mut self, record: &Record) {

@@ -13,18 +13,23 @@
 //! [`text`], [`jsonl`] and [`candump`] write records for people and programs; `docs/journal.md` describes the formats.
 
 pub mod candump;
+mod code;
 mod event;
 pub mod jsonl;
+mod kind;
 mod names;
 mod record;
 mod requests;
 mod ring;
+#[cfg(test)]
+pub(crate) mod samples;
 mod tally;
 #[cfg(test)]
 mod tests;
 pub mod text;
 
-pub use event::{Command, Event, Missed, Origin};
+pub use event::{Command, Event, Missed, Origin, Source};
+pub use kind::Kind;
 pub use names::Names;
 pub use record::Record;
 pub use ring::Records;
@@ -100,7 +105,7 @@ impl Journal {
     }
 
     #[inline]
-    fn count(&mut self, time_us: u64, event: Event, key: tally::Key) {
+    fn count(&mut self, time_us: u64, event: Event, key: code::Words) {
         let Outcome { counted, single } = self.tally.see(time_us, &event, key);
         if let Some(record) = counted {
             self.ring.note(record);

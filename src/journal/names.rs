@@ -1,6 +1,6 @@
 //! What numbers in records mean: names of PLCs, buses and registers.
 
-use super::{Event, Origin, Record};
+use super::{Event, Origin, Record, Source};
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::layout::{Address, Live, RegType, RegisterRef, Width, format_value};
 use std::borrow::Cow;
@@ -26,9 +26,13 @@ impl Names {
         name(&self.buses, index, "bus")
     }
 
-    /// The node, `line:node2`.
-    pub(super) fn node(&self, origin: Origin) -> String {
-        format!("{}:node{}", self.plc(origin.plc), origin.node)
+    /// Bus, PLC, or node as `line:node2`.
+    pub(super) fn source(&self, source: Source) -> String {
+        match source {
+            Source::Bus(index) => self.bus(index).into_owned(),
+            Source::Plc(index) => self.plc(index).into_owned(),
+            Source::Node(origin) => format!("{}:node{}", self.plc(origin.plc), origin.node),
+        }
     }
 }
 

@@ -1,25 +1,12 @@
 //! The rings: one for each kind of record, read as one.
 
-use super::{Event, Record};
+use super::Record;
+use super::kind::RINGS;
 use std::collections::VecDeque;
-
-/// Number of rings.
-const LANES: usize = 4;
-
-/// Which ring an event belongs to. Those that come often must not push out those that come rarely.
-#[inline]
-fn lane(event: &Event) -> usize {
-    match event {
-        Event::Frame { .. } => 0,
-        Event::SyncEdge { .. } | Event::Handshake { .. } | Event::ChannelWrite { .. } => 1,
-        Event::Missed { .. } => 2,
-        _ => 3,
-    }
-}
 
 /// The records that are kept.
 pub(super) struct Ring {
-    lanes: [VecDeque<Record>; LANES],
+    lanes: [VecDeque<Record>; RINGS],
     capacity: usize,
     end: u64,
 }
@@ -27,7 +14,7 @@ pub(super) struct Ring {
 impl Ring {
     /// Rings for `capacity` records each, at least one.
     pub fn new(capacity: usize) -> Self {
-        Ring { lanes: [const { VecDeque::new() }; LANES], capacity: capacity.max(1), end: 0 }
+        Ring { lanes: [const { VecDeque::new() }; RINGS], capacity: capacity.max(1), end: 0 }
     }
 
     /// Numbers a record and appends it; the oldest one of its kind is dropped when there is no room.
@@ -35,7 +22,7 @@ impl Ring {
     pub fn note(&mut self, mut record: Record) {
         record.seq = self.end;
         self.end += 1;
-        let lane = &mut self.lanes[lane(&record.event)];
+        let lane = &mut self.lanes[record.event.kind().ring() as usize];
         if lane.len() == self.capacity {
             lane.pop_front();
         }
@@ -59,7 +46,7 @@ impl Ring {
 
 /// Records in the order of their numbers.
 pub struct Records<'a> {
-    rest: [Rest<'a>; LANES],
+    rest: [Rest<'a>; RINGS],
 }
 
 /// What is left of a ring.

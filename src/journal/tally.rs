@@ -4,6 +4,7 @@
 //! counted, until one is missing, comes early, or a second is full. First time, distance and number tell the
 //! time of each of them, so that nothing is lost.
 
+use super::code::Words;
 use super::{Event, Record};
 
 /// Longest distance at which equal events count as repetition: 100 ms of emulated time.
@@ -16,13 +17,10 @@ const PLACES: usize = 128;
 /// Places where one event may be.
 const WAYS: usize = 4;
 
-/// The content of an event, which is equal for equal events.
-pub(super) type Key = [u64; 3];
-
 /// An event that was seen and may come again.
 #[derive(Clone, Copy)]
 struct Watched {
-    key: Key,
+    key: Words,
     event: Event,
     /// Time of the last one.
     last: u64,
@@ -62,7 +60,7 @@ impl Tally {
 
     /// Sees an event.
     #[inline]
-    pub fn see(&mut self, time_us: u64, event: &Event, key: Key) -> Outcome {
+    pub fn see(&mut self, time_us: u64, event: &Event, key: Words) -> Outcome {
         let Some(place) = self.place(key) else { return Outcome { counted: None, single: true } };
         match place {
             Some(watched) if watched.key == key => {
@@ -93,7 +91,7 @@ impl Tally {
 
     /// The place of the event, else an empty one near by, else that of an event that has not come for longest.
     #[inline]
-    fn place(&mut self, key: Key) -> Option<&mut Option<Watched>> {
+    fn place(&mut self, key: Words) -> Option<&mut Option<Watched>> {
         let mixed = key[0].wrapping_add(key[1].rotate_left(24)).wrapping_add(key[2].rotate_left(44));
         let home = (mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize;
         let mut best = home % PLACES;

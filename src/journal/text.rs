@@ -23,21 +23,6 @@ impl Text {
         Text { context: Context::new(names), width }
     }
 
-    fn source(&self, event: &Event) -> String {
-        let names = &self.context.names;
-        match event {
-            Event::SyncEdge { bus } | Event::Frame { bus, .. } => names.bus(*bus).into_owned(),
-            Event::ChannelWrite { plc, .. } => names.plc(*plc).into_owned(),
-            Event::State { origin, .. }
-            | Event::Handshake { origin, .. }
-            | Event::Missed { origin, .. }
-            | Event::CommandIgnored { origin, .. }
-            | Event::InitRefused { origin, .. }
-            | Event::SlaveStatus { origin, .. }
-            | Event::BaudRateMismatch { origin, .. } => names.node(*origin),
-        }
-    }
-
     fn what(&mut self, event: &Event) -> String {
         match *event {
             Event::SyncEdge { .. } => "SYNC".to_owned(),
@@ -84,7 +69,7 @@ impl Text {
 impl Format for Text {
     fn record(&mut self, record: &Record, out: &mut String) {
         self.context.observe(record);
-        let (source, what) = (self.source(&record.event), self.what(&record.event));
+        let (source, what) = (self.context.names.source(record.event.source()), self.what(&record.event));
         let width = self.width;
         // Writing to a String cannot fail.
         let _ = write!(out, "{}  {source:width$}  {what}", seconds(record.time_us));

@@ -1,0 +1,106 @@
+//! Events as three words: for the running hash, for counting equal ones, and for the channel.
+//!
+//! First word: bits 0-7 [`Kind`], 8-15 node, 16-31 index of the PLC or bus, 32-63 what the kind has for them. The
+//! other two belong to the kind.
+
+use super::event::{Command, Event, Missed, Origin};
+use super::kind::Kind;
+use crate::bus::Frame;
+
+/// An event as numbers. Equal events have equal words, different events different ones.
+pub(crate) type Words = [u64; 3];
+
+/// The first word.
+#[inline]
+fn head(kind: Kind, node: u8, index: u16, rest: u32) -> u64 {
+    kind as u64 | u64::from(node) << 8 | u64::from(index) << 16 | u64::from(rest) << 32
+}
+
+/// Two numbers in one word.
+#[inline]
+fn pair(high: u32, low: u32) -> u64 {
+    u64::from(high) << 32 | u64::from(low)
+}
+
+impl Event {
+    /// The event as words.
+    #[inline]
+    pub(crate) fn words(&self) -> Words {
+        let kind = self.kind();
+        let bus = |index: u16, rest: u32| head(kind, 0, index, rest);
+        let node = |origin: Origin, rest: u32| head(kind, origin.node, origin.plc, rest);
+        match *self {
+            Event::SyncEdge { bus: index } => [bus(index, 0), 0, 0],
+            Event::Frame { bus: index, frame } => {
+                let id_and_length = u32::from(frame.id()) << 8 | frame.data().len() as u32;
+                [bus(index, id_and_length), u64::from_le_bytes(frame.padded()), 0]
+            }
+            Event::State { origin, from, to } => [node(origin, 0), pair(from.into(), to.into()), 0],
+            Event::Handshake { origin, offset, request, answer } => {
+                [node(origin, offset), pair(request.into(), answer.into()), 0]
+            }
+            Event::Missed { origin, what } => {
+                let (what, channel) = match what {
+                    Missed::ReferenceValue(channel) => (0, channel),
+                    Missed::ActualValue(channel) => (1, channel),
+                };
+                [node(origin, 0), pair(what, channel.into()), 0]
+            }
+            Event::CommandIgnored { origin, value, why } => {
+                [node(origin, 0), pair(u32::from(why == Command::NotNow), value.into()), 0]
+            }
+            Event::InitRefused { origin, reason } => [node(origin, 0), u64::from(reason), 0],
+            Event::SlaveStatus { origin, slave, status } => {
+                [node(origin, 0), pair(slave.into(), status.into()), 0]
+            }
+            Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s } => {
+                [node(origin, 0), pair(node_kbit_s.into(), bus_kbit_s.into()), 0]
+            }
+            Event::ChannelWrite { plc, offset, width, value } => {
+                [head(kind, 0, plc, offset), pair(width.into(), value), 0]
+            }
+        }
+    }
+
+    /// The way back; `None` for words that no event has.
+    pub(crate) fn from_words(words: Words) -> Option<Event> {
+        let [first, second, _] = words;
+        let [kind, node, ..] = first.to_le_bytes();
+        let (index, rest) = ((first >> 16) as u16, (first >> 32) as u32);
+        let origin = Origin { plc: index, node };
+        let (high, low) = ((second >> 32) as u32, second as u32);
+        // Whatever is cut off here makes the words differ in the end.
+        let event = match Kind::from_number(kind)? {
+            Kind::Sync => Event::SyncEdge { bus: index },
+            Kind::Frame => {
+                let data = second.to_le_bytes();
+                let frame = Frame::new((rest >> 8) as u16, data.get(..usize::from(rest as u8))?)?;
+                Event::Frame { bus: index, frame }
+            }
+            Kind::State => Event::State { origin, from: high as u16, to: low as u16 },
+            Kind::Handshake => {
+                Event::Handshake { origin, offset: rest, request: high as u16, answer: low as u16 }
+            }
+            Kind::Missed => {
+                let what = match high {
+                    0 => Missed::ReferenceValue(low as u8),
+                    _ => Missed::ActualValue(low as u8),
+                };
+                Event::Missed { origin, what }
+            }
+            Kind::Ignored => {
+                let why = if high == 0 { Command::Unknown } else { Command::NotNow };
+                Event::CommandIgnored { origin, value: low as u16, why }
+            }
+            Kind::InitRefused => Event::InitRefused { origin, reason: low as u8 },
+            Kind::SlaveStatus => Event::SlaveStatus { origin, slave: high as u8, status: low as u8 },
+            Kind::BaudRateMismatch => {
+                Event::BaudRateMismatch { origin, node_kbit_s: high as u16, bus_kbit_s: low as u16 }
+            }
+            Kind::ChannelWrite => {
+                Event::ChannelWrite { plc: index, offset: rest, width: high as u8, value: low }
+            }
+        };
+        (event.words() == words).then_some(event)
+    }
+}

@@ -1,0 +1,80 @@
+//! Events to test with.
+
+use super::{Command, Event, Kind, Missed, Origin};
+use crate::bus::Frame;
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+
+/// Any event of any kind.
+pub(crate) fn event() -> impl Strategy<Value = Event> {
+    let origin = || any::<(u16, u8)>().prop_map(|(plc, node)| Origin { plc, node });
+    let missed =
+        prop_oneof![any::<u8>().prop_map(Missed::ReferenceValue), any::<u8>().prop_map(Missed::ActualValue)];
+    let why = prop_oneof![Just(Command::Unknown), Just(Command::NotNow)];
+    let frame = (0..0x800_u16, proptest::collection::vec(any::<u8>(), 0..=8));
+    prop_oneof![
+        any::<u16>().prop_map(|bus| Event::SyncEdge { bus }),
+        (any::<u16>(), frame)
+            .prop_map(|(bus, (id, data))| Event::Frame { bus, frame: Frame::new(id, &data).unwrap() }),
+        (origin(), any::<(u16, u16)>()).prop_map(|(origin, (from, to))| Event::State { origin, from, to }),
+        (origin(), any::<(u32, u16, u16)>()).prop_map(|(origin, (offset, request, answer))| {
+            Event::Handshake { origin, offset, request, answer }
+        }),
+        (origin(), missed).prop_map(|(origin, what)| Event::Missed { origin, what }),
+        (origin(), any::<u16>(), why).prop_map(|(origin, value, why)| Event::CommandIgnored {
+            origin,
+            value,
+            why
+        }),
+        (origin(), any::<u8>()).prop_map(|(origin, reason)| Event::InitRefused { origin, reason }),
+        (origin(), any::<(u8, u8)>()).prop_map(|(origin, (slave, status))| Event::SlaveStatus {
+            origin,
+            slave,
+            status
+        }),
+        (origin(), any::<(u16, u16)>()).prop_map(|(origin, (node_kbit_s, bus_kbit_s))| {
+            Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s }
+        }),
+        any::<(u16, u32, u8, u32)>().prop_map(|(plc, offset, width, value)| Event::ChannelWrite {
+            plc,
+            offset,
+            width,
+            value
+        }),
+    ]
+}
+
+#[test]
+fn every_kind_is_among_the_samples() {
+    let (mut runner, events) = (TestRunner::deterministic(), event());
+    let mut drawn = || events.new_tree(&mut runner).unwrap().current().kind();
+    let mut missing = Kind::ALL.to_vec();
+    for _ in 0..10_000 {
+        let kind = drawn();
+        missing.retain(|other| *other != kind);
+    }
+    assert_eq!(missing, []);
+}
+
+#[test]
+fn kinds_are_found_by_number_and_name() {
+    for kind in Kind::ALL {
+        assert_eq!(
+            (Kind::from_number(*kind as u8), Kind::from_name(kind.name())),
+            (Some(*kind), Some(*kind))
+        );
+    }
+}
+
+proptest! {
+    #[test]
+    fn words_give_the_event_back(event in event()) {
+        prop_assert_eq!(Event::from_words(event.words()), Some(event));
+    }
+
+    #[test]
+    fn words_differ_if_the_events_do(one in event(), other in event()) {
+        prop_assert_eq!(one == other, one.words() == other.words());
+    }
+}
