@@ -53,6 +53,17 @@ pub enum CliError {
         /// Its PLCs.
         plcs: String,
     },
+    /// A bus that the instance does not have.
+    #[cfg(feature = "channel")]
+    #[error("instance '{instance}' has no bus '{bus}'; its buses are: {buses}")]
+    UnknownBus {
+        /// The bus as given.
+        bus: String,
+        /// The instance.
+        instance: String,
+        /// Its buses.
+        buses: String,
+    },
     /// Nothing runs under this name.
     #[error("instance '{instance}' is not running; start it with `commram run -i {instance}`{running}")]
     NotRunning {
@@ -185,6 +196,8 @@ impl CliError {
             | Self::Plant(_)
             | Self::Memory(MemoryError::BadName { .. })
             | Self::Runtime(RuntimeError::Plant(_) | RuntimeError::Speed { .. }) => true,
+            #[cfg(feature = "channel")]
+            Self::UnknownBus { .. } => true,
             #[cfg(feature = "channel")]
             Self::Client(error) => is_wrong_use(error),
             _ => false,

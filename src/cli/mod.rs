@@ -17,6 +17,7 @@ mod step;
 mod stop;
 mod table;
 mod time;
+mod trace;
 mod value;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod wait;
@@ -67,6 +68,7 @@ enum Command {
     Wait(wait::Args),
     Step(step::Args),
     Dump(dump::Args),
+    Trace(trace::Args),
     Demo(demo::Args),
     #[command(hide = true)]
     DemoPlc(demo::plc::Args),
@@ -122,6 +124,7 @@ impl Command {
             Command::Wait(args) => wait::run(&args),
             Command::Step(args) => step::run(&args),
             Command::Dump(args) => dump::run(&args),
+            Command::Trace(args) => trace::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),
             Command::Completions(args) => completions::run(&args),

@@ -8,7 +8,7 @@ use super::kind::Kind;
 use crate::bus::Frame;
 
 /// An event as numbers. Equal events have equal words, different events different ones.
-pub(crate) type Words = [u64; 3];
+pub type Words = [u64; 3];
 
 /// The first word.
 #[inline]
@@ -25,7 +25,7 @@ fn pair(high: u32, low: u32) -> u64 {
 impl Event {
     /// The event as words.
     #[inline]
-    pub(crate) fn words(&self) -> Words {
+    pub fn words(&self) -> Words {
         let kind = self.kind();
         let bus = |index: u16, rest: u32| head(kind, 0, index, rest);
         let node = |origin: Origin, rest: u32| head(kind, origin.node, origin.plc, rest);
@@ -63,7 +63,7 @@ impl Event {
     }
 
     /// The way back; `None` for words that no event has.
-    pub(crate) fn from_words(words: Words) -> Option<Event> {
+    pub fn from_words(words: Words) -> Option<Event> {
         let [first, second, _] = words;
         let [kind, node, ..] = first.to_le_bytes();
         let (index, rest) = ((first >> 16) as u16, (first >> 32) as u32);

@@ -18,6 +18,7 @@ mod event;
 pub mod jsonl;
 mod kind;
 mod names;
+mod printer;
 mod record;
 mod requests;
 mod ring;
@@ -28,9 +29,11 @@ mod tally;
 mod tests;
 pub mod text;
 
+pub use code::Words;
 pub use event::{Command, Event, Missed, Origin, Source};
 pub use kind::Kind;
 pub use names::Names;
+pub use printer::{Printer, Selection};
 pub use record::Record;
 pub use ring::Records;
 

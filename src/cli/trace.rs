@@ -1,0 +1,131 @@
+//! `commram trace`: what has happened.
+
+#[cfg(feature = "channel")]
+mod follow;
+
+use super::Instance;
+use super::error::CliError;
+use super::time;
+use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use commram::journal::Kind;
+
+/// Show the journal: frames, states, handshakes with their latency, missed deadlines.
+///
+/// All times are emulated time since power-on. The emulator keeps the last 65536 records each of frames, of SYNC
+/// edges and register traffic, of missed deadlines, and of everything else. Events that repeat at equal distances
+/// are one record with their number and distance; frames are all there. Where records are lost the output says
+/// how many; candump has no place for it, there it is said on the standard error output.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram trace
+  commram trace --last 20 --kind state,handshake,channel_write
+  commram trace --follow
+  commram trace --since 1.5s --plc line --format jsonl | jq 'select(.latency_us > 1000)'
+  commram trace --bus drives --format candump >drives.log    # wireshark drives.log
+  commram trace --bus drives --format candump | log2asc drives
+
+--follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more.
+What happens in the last 50 ms of the emulator may be missing. docs/journal.md describes the formats.")]
+pub struct Args {
+    /// Wait for more and show it as it comes
+    #[arg(short, long)]
+    follow: bool,
+    /// Output format
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = FormatArg::Text)]
+    format: FormatArg,
+    /// Only these kinds of records, separated by commas
+    #[arg(
+        short,
+        long,
+        value_name = "KIND",
+        value_delimiter = ',',
+        value_parser = PossibleValuesParser::new(Kind::ALL.iter().map(|kind| kind.name()))
+            .try_map(|name| Kind::from_name(&name).ok_or("no such kind"))
+    )]
+    kind: Vec<Kind>,
+    /// Only what happens on this bus; may be given several times
+    #[arg(long, value_name = "NAME")]
+    bus: Vec<String>,
+    /// Only what happens to this PLC and its nodes; may be given several times, with --bus both are shown
+    #[arg(long, value_name = "NAME")]
+    plc: Vec<String>,
+    /// Only from this emulated time on
+    #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
+    since: u64,
+    /// Only from this record on, a number as in the field `seq` of jsonl: to read on where one stopped
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, hide_default_value = true)]
+    from: u64,
+    /// Only the last N of what there is by now; with --follow also 0, to see only what is new
+    #[arg(short = 'n', long, value_name = "N")]
+    last: Option<usize>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum FormatArg {
+    /// One line per record, for people
+    Text,
+    /// One JSON object per line, for programs
+    #[value(alias = "json")]
+    Jsonl,
+    /// The log format of can-utils (`candump -L`), which Wireshark reads too; only frames
+    Candump,
+}
+
+/// The wanted kinds that the format has lines for.
+fn kinds(args: &Args) -> Result<Vec<Kind>, CliError> {
+    match args.format {
+        FormatArg::Text | FormatArg::Jsonl => Ok(args.kind.clone()),
+        FormatArg::Candump if args.kind.is_empty() || args.kind.contains(&Kind::Frame) => {
+            Ok(vec![Kind::Frame])
+        }
+        FormatArg::Candump => {
+            let right = "there are only frames in this format; take text or jsonl for all else".to_owned();
+            Err(CliError::Argument { text: "--format candump".to_owned(), right })
+        }
+    }
+}
+
+/// Prints the journal.
+#[cfg(feature = "channel")]
+pub fn run(args: &Args) -> Result<(), CliError> {
+    use super::session::Session;
+    use commram::channel::Op;
+
+    let kinds = kinds(args)?;
+    let session = Session::open(&args.instance.name, 0)?;
+    let Some(commram::channel::Reply::Info(info)) = session.request(&[Op::Info])?.pop() else {
+        return Err(wrong_reply(args));
+    };
+    let number = |names: &[String], name: &String| names.iter().position(|other| other == name);
+    let bus = |name: &String| {
+        number(&info.buses, name).map(|number| number as u16).ok_or_else(|| CliError::UnknownBus {
+            bus: name.clone(),
+            instance: info.name.clone(),
+            buses: info.buses.join(", "),
+        })
+    };
+    let selection = commram::journal::Selection {
+        kinds,
+        buses: args.bus.iter().map(bus).collect::<Result<_, _>>()?,
+        plcs: args.plc.iter().map(|name| session.plc(Some(name), name)).collect::<Result<_, _>>()?,
+        since_us: args.since,
+    };
+    let names = commram::journal::Names { plcs: info.plcs, buses: info.buses };
+    follow::print(args, &session, selection, names)
+}
+
+#[cfg(feature = "channel")]
+fn wrong_reply(args: &Args) -> CliError {
+    commram::channel::ClientError::WrongReply { instance: args.instance.name.clone() }.into()
+}
+
+/// Checks the arguments and says that there is no channel.
+#[cfg(not(feature = "channel"))]
+pub fn run(args: &Args) -> Result<(), CliError> {
+    kinds(args)?;
+    Err(CliError::NoChannel { command: "trace" })
+}

@@ -1,0 +1,186 @@
+//! Records as they come from the journal, in a format: selects them and tells what is missing.
+
+use super::kind::RINGS;
+use super::{Format, Kind, Record, Source};
+
+/// Which records are wanted. Nothing said means all.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// These kinds.
+    pub kinds: Vec<Kind>,
+    /// These buses, by index.
+    pub buses: Vec<u16>,
+    /// These PLCs with their nodes, by index. With buses as well: both.
+    pub plcs: Vec<u16>,
+    /// Nothing that was over before this emulated time, in microseconds.
+    pub since_us: u64,
+}
+
+impl Selection {
+    /// Whether the record is wanted.
+    pub fn takes(&self, record: &Record) -> bool {
+        let from_there = match record.event.source() {
+            _ if self.buses.is_empty() && self.plcs.is_empty() => true,
+            Source::Bus(bus) => self.buses.contains(&bus),
+            Source::Plc(plc) => self.plcs.contains(&plc),
+            Source::Node(origin) => self.plcs.contains(&origin.plc),
+        };
+        from_there
+            && record.time_us >= self.since_us
+            && (self.kinds.is_empty() || self.kinds.contains(&record.event.kind()))
+    }
+}
+
+/// Prints records in the order of their numbers.
+///
+/// Records are missing where their numbers jump. That is told only if wanted ones may be among them: every ring
+/// forgets its oldest records only, so behind a record of a ring none of its kinds is missing in the same part
+/// of the journal.
+pub struct Printer {
+    format: Box<dyn Format>,
+    selection: Selection,
+    /// Number of the record to come.
+    next: u64,
+    /// Records missing in front of the next one that is printed.
+    lost: u64,
+    /// Rings that may have forgotten wanted records in front of the next one.
+    forgetful: [bool; RINGS],
+}
+
+impl Printer {
+    /// A printer that begins with record number `from`.
+    pub fn new(format: Box<dyn Format>, selection: Selection, from: u64) -> Self {
+        Printer { format, selection, next: from, lost: 0, forgetful: [true; RINGS] }
+    }
+
+    /// The records to come are a part of the journal, read at one moment.
+    pub fn begin_part(&mut self) {
+        let kinds = if self.selection.kinds.is_empty() { Kind::ALL } else { &self.selection.kinds };
+        self.forgetful = [false; RINGS];
+        kinds.iter().for_each(|kind| self.forgetful[kind.ring() as usize] = true);
+    }
+
+    /// Number of the record to come: where to read on.
+    pub fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// Appends the record to `out` if it is wanted, behind a note on what is missing in front of it. Returns
+    /// how many records are missing there if the format has no place for such a note, else 0.
+    ///
+    /// Records that have no number yet are printed as well. Whoever reads on should not print them, they
+    /// come again with their number.
+    pub fn print(&mut self, record: &Record, out: &mut String) -> u64 {
+        if !record.is_pending() {
+            if self.forgetful.contains(&true) {
+                self.lost += record.seq.saturating_sub(self.next);
+            }
+            self.next = record.seq.saturating_add(1);
+            self.forgetful[record.event.kind().ring() as usize] = false;
+        }
+        if record.time_us < self.selection.since_us {
+            // What is missing here is older still.
+            self.lost = 0;
+        }
+        if !self.selection.takes(record) {
+            self.format.skip(record);
+            return 0;
+        }
+        let lost = std::mem::take(&mut self.lost);
+        let untold = if lost == 0 || self.format.gap(lost, out) { 0 } else { lost };
+        self.format.record(record, out);
+        untold
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::text::Text;
+    use super::super::{Event, Names, Origin};
+    use super::*;
+    use crate::journal::candump::Candump;
+
+    fn names() -> Names {
+        Names { plcs: vec!["a".into(), "b".into()], buses: vec!["x".into(), "y".into()] }
+    }
+
+    fn record(seq: u64, event: Event) -> Record {
+        Record { seq, time_us: 10 * seq, event, count: 1, period_us: 0, latency_us: None }
+    }
+
+    fn sync(seq: u64, bus: u16) -> Record {
+        record(seq, Event::SyncEdge { bus })
+    }
+
+    fn write(seq: u64, plc: u16) -> Record {
+        record(seq, Event::ChannelWrite { plc, offset: 200_000, width: 2, value: 1 })
+    }
+
+    fn refused(seq: u64, plc: u16) -> Record {
+        record(seq, Event::InitRefused { origin: Origin { plc, node: 2 }, reason: 1 })
+    }
+
+    #[test]
+    fn sources_kinds_and_time_select() {
+        let all = [sync(0, 0), sync(1, 1), write(2, 0), write(3, 1), refused(4, 0), refused(5, 1)];
+        let numbers = |selection: Selection| {
+            all.iter().filter(|record| selection.takes(record)).map(|record| record.seq).collect::<Vec<_>>()
+        };
+        let none = Selection::default;
+        assert_eq!(numbers(none()), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(numbers(Selection { buses: vec![1], ..none() }), [1]);
+        assert_eq!(numbers(Selection { plcs: vec![1], ..none() }), [3, 5]);
+        assert_eq!(numbers(Selection { plcs: vec![1], buses: vec![0], ..none() }), [0, 3, 5]);
+        assert_eq!(numbers(Selection { kinds: vec![Kind::Sync, Kind::InitRefused], ..none() }), [0, 1, 4, 5]);
+        assert_eq!(numbers(Selection { since_us: 40, ..none() }), [4, 5]);
+    }
+
+    fn lost(selection: Selection, parts: &[&[Record]]) -> u64 {
+        let mut printer = Printer::new(Box::new(Candump::new(&names())), selection, 0);
+        let mut told = 0;
+        for part in parts {
+            printer.begin_part();
+            told += part.iter().map(|record| printer.print(record, &mut String::new())).sum::<u64>();
+        }
+        told
+    }
+
+    #[test]
+    fn what_is_missing_is_not_told_if_it_was_not_wanted() {
+        let kinds = |kind| Selection { kinds: vec![kind], ..Selection::default() };
+        // The ring of states still has its first record, so what is missing later is of another.
+        let first = [refused(0, 0), sync(9, 0), refused(10, 0)];
+        assert_eq!(lost(kinds(Kind::InitRefused), &[&first]), 0);
+        assert_eq!(lost(kinds(Kind::Sync), &[&first]), 8);
+        assert_eq!(lost(Selection::default(), &[&first]), 8);
+        // Later it may have forgotten some.
+        assert_eq!(lost(kinds(Kind::InitRefused), &[&first, &[refused(20, 0), refused(22, 0)]]), 9);
+        let since = Selection { since_us: 90, ..Selection::default() };
+        assert_eq!(lost(since.clone(), &[&[sync(3, 0), sync(8, 0), sync(9, 0)]]), 0);
+        assert_eq!(lost(since, &[&[sync(3, 0), sync(8, 0), sync(10, 0)]]), 1);
+    }
+
+    #[test]
+    fn what_is_missing_is_told_in_front_of_the_next_wanted_record() {
+        let selection = Selection { kinds: vec![Kind::Sync], ..Selection::default() };
+        let mut printer = Printer::new(Box::new(Text::new(names())), selection, 3);
+        let mut out = String::new();
+        for record in [sync(3, 0), write(5, 0), sync(8, 1), sync(9, 0)] {
+            assert_eq!(printer.print(&record, &mut out), 0);
+        }
+        assert_eq!(printer.next(), 10);
+        let lines: Vec<_> = out.lines().map(str::trim_start).collect();
+        let (first, last) = ("0.000030 s  x        SYNC", "0.000090 s  x        SYNC");
+        assert_eq!(lines, [first, "-- 3 records lost here --", "0.000080 s  y        SYNC", last]);
+    }
+
+    #[test]
+    fn formats_without_a_place_for_it_leave_it_to_the_caller() {
+        let selection = Selection::default();
+        let mut printer = Printer::new(Box::new(Candump::new(&names())), selection, 0);
+        let mut out = String::new();
+        assert_eq!(printer.print(&sync(7, 0), &mut out), 7);
+        assert_eq!(printer.print(&Record { seq: Record::PENDING, ..sync(8, 0) }, &mut out), 0);
+        assert_eq!((printer.next(), out.as_str()), (8, ""));
+    }
+}
