@@ -81,7 +81,7 @@ fn the_printed_client_refuses_what_it_should() {
     assert_eq!(refused("0123456789ABCDEF"), (Some(2), "the emulator is not ready or dead".to_owned()));
     image.set_ready();
     assert_eq!(refused("1"), (Some(2), "other register map".to_owned()));
-    image.header().abi_version.store(2);
+    image.header().abi_version.store(1);
     assert_eq!(refused("0123456789ABCDEF"), (Some(2), "other ABI version".to_owned()));
     drop(image);
     assert_eq!(refused("0123456789ABCDEF"), (Some(2), "no image there".to_owned()));

@@ -3,6 +3,7 @@
 //! First word: bits 0-7 [`Kind`], 8-15 node, 16-31 index of the PLC or bus, 32-63 what the kind has for them. The
 //! other two belong to the kind.
 
+use super::board::BoardEvent;
 use super::event::{Command, Event, Missed, Origin};
 use super::kind::Kind;
 use crate::bus::Frame;
@@ -59,6 +60,10 @@ impl Event {
             Event::ChannelWrite { plc, offset, width, value } => {
                 [head(kind, 0, plc, offset), pair(width.into(), value), 0]
             }
+            Event::Board { plc, what } => {
+                let (what, numbers) = what.words();
+                [head(kind, 0, plc, what.into()), numbers, 0]
+            }
         }
     }
 
@@ -100,6 +105,7 @@ impl Event {
             Kind::ChannelWrite => {
                 Event::ChannelWrite { plc: index, offset: rest, width: high as u8, value: low }
             }
+            Kind::Board => Event::Board { plc: index, what: BoardEvent::from_words(rest as u8, second)? },
         };
         (event.words() == words).then_some(event)
     }

@@ -9,6 +9,7 @@
 //! 5. a line in `samples.rs`, from which the tests draw events;
 //! 6. if it may come in every interval: `Journal::push`, so that repetitions are counted.
 
+use super::board::BoardEvent;
 use super::kind::Kind;
 use crate::bus::Frame;
 use core::fmt;
@@ -128,6 +129,13 @@ pub enum Event {
         /// The value written.
         value: u32,
     },
+    /// Something happened on the board of a PLC.
+    Board {
+        /// Index of the PLC in the plant.
+        plc: u16,
+        /// What.
+        what: BoardEvent,
+    },
 }
 
 /// What an event happened to.
@@ -156,6 +164,7 @@ impl Event {
             Event::SlaveStatus { .. } => Kind::SlaveStatus,
             Event::BaudRateMismatch { .. } => Kind::BaudRateMismatch,
             Event::ChannelWrite { .. } => Kind::ChannelWrite,
+            Event::Board { .. } => Kind::Board,
         }
     }
 
@@ -163,7 +172,7 @@ impl Event {
     pub fn source(&self) -> Source {
         match *self {
             Event::SyncEdge { bus } | Event::Frame { bus, .. } => Source::Bus(bus),
-            Event::ChannelWrite { plc, .. } => Source::Plc(plc),
+            Event::ChannelWrite { plc, .. } | Event::Board { plc, .. } => Source::Plc(plc),
             Event::State { origin, .. }
             | Event::Handshake { origin, .. }
             | Event::Missed { origin, .. }

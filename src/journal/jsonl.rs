@@ -111,6 +111,10 @@ enum What {
         #[serde(skip_serializing_if = "Option::is_none")]
         text: Option<String>,
     },
+    Board {
+        what: &'static str,
+        text: String,
+    },
 }
 
 impl Jsonl {
@@ -161,6 +165,7 @@ impl Jsonl {
                 let (register, address) = named(&place);
                 What::ChannelWrite { register, address, width, value, text: place.meaning(value) }
             }
+            Event::Board { what, .. } => What::Board { what: what.name(), text: what.text() },
         }
     }
 }

@@ -12,6 +12,7 @@
 //!
 //! [`text`], [`jsonl`] and [`candump`] write records for people and programs; `docs/journal.md` describes the formats.
 
+mod board;
 pub mod candump;
 mod code;
 mod event;
@@ -29,6 +30,7 @@ mod tally;
 mod tests;
 pub mod text;
 
+pub use board::BoardEvent;
 pub use code::Words;
 pub use event::{Command, Event, Missed, Origin, Source};
 pub use kind::Kind;

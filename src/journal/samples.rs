@@ -1,6 +1,6 @@
 //! Events to test with.
 
-use super::{Command, Event, Kind, Missed, Origin};
+use super::{BoardEvent, Command, Event, Kind, Missed, Origin};
 use crate::bus::Frame;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -42,6 +42,13 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
             width,
             value
         }),
+        (any::<u16>(), 1..=9u8, proptest::array::uniform4(0..5u8), any::<u16>()).prop_filter_map(
+            "numbers that mean something",
+            |(plc, what, bytes, factor)| {
+                let numbers = u64::from(u32::from_le_bytes(bytes)) | u64::from(factor) << 32;
+                Some(Event::Board { plc, what: BoardEvent::from_words(what, numbers)? })
+            }
+        ),
     ]
 }
 

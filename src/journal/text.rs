@@ -62,6 +62,7 @@ impl Text {
                 let meaning = place.meaning(value).map(|meaning| format!(" ({meaning})")).unwrap_or_default();
                 format!("{} := {}{meaning}", place.label(), place.value(value))
             }
+            Event::Board { what, .. } => what.text(),
         }
     }
 }

@@ -3,6 +3,16 @@
 //! It is the attach contract's data structure; `docs/attach.md` describes it byte by byte. Everything in
 //! it is a cell in little-endian order. Whoever is not named as a writer of a field only reads it.
 
+#[macro_use]
+mod codes;
+mod board;
+mod events;
+mod lockstep;
+
+pub use board::{Board, Power, Program, ProgramState, RunSwitch, Start};
+pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
+pub use lockstep::{Seat, SeatState};
+
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
 use core::mem::offset_of;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
@@ -12,9 +22,17 @@ pub const HEADER_SIZE: usize = 4096;
 /// The first eight bytes of an image: `commram` and a zero.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"commram\0");
 /// Version of the header's layout and rules. It changes when an old client would go wrong.
-pub const ABI_VERSION: u32 = 1;
+pub const ABI_VERSION: u32 = 2;
 /// Number of event slots, one per event number (manual 5.00005.03a p. 47-60 uses 0 to 12).
 pub const EVENT_SLOTS: usize = 16;
+/// Number of triggers that `OPT_INIT` routes: trigger 1, trigger 2, trigger controller (p. 57-58).
+pub const TRIGGERS: usize = 3;
+/// Tasks of one PLC that can take part in lockstep at the same time.
+pub const SEATS: usize = 8;
+/// Where the retain flags lie in the segment: `%MB10000000` is byte 8192 (decision D-194).
+pub const RETAIN_OFFSET: usize = 8192;
+/// Length of the retain flag area, `%MB10000000` to `%MB10019999` (manual 5.00005.03a p. 41).
+pub const RETAIN_SIZE: usize = 20_000;
 /// Length of the instance's and the PLC's name field in bytes, with the terminating zero.
 pub const NAME_LENGTH: usize = 32;
 /// Length of the device name field in bytes, with the terminating zero.
@@ -76,42 +94,41 @@ pub struct Header {
     pub device: [Cell8; DEVICE_LENGTH],
     /// What one can see and turn on the board's front.
     pub board: Board,
+    /// What the PLC program does, its starts, and the power switch.
+    pub program: Program,
+    /// Counted up by clients after each request in [`Header::interrupts`], [`Header::opt_init`],
+    /// [`Header::lockstep`] or [`Program::start_request`].
+    pub board_requests: Cell32,
     /// Zero.
-    pub reserved_720: [Cell8; HEADER_SIZE - 720],
+    pub reserved_756: Cell32,
+    /// `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated if the clock has another speed; 0 in stepped
+    /// mode and until the clock runs.
+    pub real_epoch_ns: Cell64,
+    /// Byte of this file that is `%MB10000000`, the first retain flag.
+    pub retain_offset: Cell32,
+    /// Number of retain flags in bytes.
+    pub retain_size: Cell32,
+    /// Zero.
+    pub reserved_776: [Cell32; 14],
+    /// Pulses on trigger 1, trigger 2 and trigger controller, as routed by `OPT_INIT`.
+    pub triggers: [EventSlot; TRIGGERS],
+    /// Pulses of board timer A and B.
+    pub timers: [EventSlot; 2],
+    /// Zero.
+    pub reserved_912: [Cell32; 12],
+    /// Function block `INTR_SET`, one slot per event number.
+    pub interrupts: [Interrupt; EVENT_SLOTS],
+    /// Function block `OPT_INIT`.
+    pub opt_init: OptInit,
+    /// Tasks that the emulated time waits for.
+    pub lockstep: [Seat; SEATS],
+    /// Zero.
+    pub reserved_1792: [Cell8; HEADER_SIZE - 1792],
 }
 
-/// An interrupt event: its bell counts the events of this number.
-#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
-#[repr(C)]
-pub struct EventSlot {
-    /// Rung by the firmware once per event.
-    pub bell: Bell,
-    /// Emulated time of the last event in microseconds; written before the bell rings.
-    pub time_us: Cell64,
-}
-
-/// The board's front: switches are written by clients, displays by the firmware.
-#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
-#[repr(C)]
-pub struct Board {
-    /// DIP switch S33, switches 1 to 5: 0 to 31. The firmware reads it at power-on and reset only.
-    pub dip: Cell32,
-    /// The four LEDs in bits 0 to 3, red top, green top, red bottom, green bottom: function block `LED`
-    /// (manual 5.00005.03a p. 51).
-    pub leds: Cell32,
-    /// The character on the seven-segment display (ASCII); 0 is dark.
-    pub display: Cell32,
-    /// A [`RunSwitch`].
-    pub switch: Cell32,
-}
-
-// SAFETY: every field of the three is a cell, an array of cells or such a struct; IntoBytes proves that
-// there is no padding and FromBytes that any bit pattern is valid.
+// SAFETY: every field is a cell, an array of cells or such a struct; IntoBytes proves that there is no padding
+// and FromBytes that any bit pattern is valid.
 unsafe impl SharedRegs for Header {}
-// SAFETY: as above.
-unsafe impl SharedRegs for EventSlot {}
-// SAFETY: as above.
-unsafe impl SharedRegs for Board {}
 
 macro_rules! offsets {
     ($($offset:literal => $field:ident),* $(,)?) => {
@@ -128,36 +145,14 @@ offsets! {
     48 => firmware_start, 56 => virtual_time_us, 64 => processor_cycle_us, 68 => sync_counter,
     76 => reserved_76, 128 => doorbell, 136 => reserved_136, 192 => answer, 200 => reserved_200,
     256 => channel_reply, 264 => reserved_264, 320 => events, 576 => instance, 608 => plc,
-    640 => device, 704 => board, 720 => reserved_720,
+    640 => device, 704 => board, 720 => program, 752 => board_requests, 756 => reserved_756,
+    760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => reserved_776,
+    832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
+    1280 => lockstep, 1792 => reserved_1792,
 }
 const _: () = assert!(size_of::<Header>() == HEADER_SIZE);
-const _: () = assert!(offset_of!(EventSlot, time_us) == 8 && size_of::<EventSlot>() == 16);
-const _: () = assert!(offset_of!(Board, leds) == 4 && offset_of!(Board, display) == 8);
-const _: () = assert!(offset_of!(Board, switch) == 12 && size_of::<Board>() == 16);
-
-macro_rules! codes {
-    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $value:literal,)* }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[repr(u32)]
-        pub enum $name { $($(#[$vdoc])* $variant = $value,)* }
-
-        impl $name {
-            /// The meaning of the number in the header, if it has one.
-            pub const fn from_code(code: u32) -> Option<Self> {
-                match code {
-                    $($value => Some(Self::$variant),)*
-                    _ => None,
-                }
-            }
-
-            /// The number in the header.
-            pub const fn code(self) -> u32 {
-                self as u32
-            }
-        }
-    };
-}
+// The retain flags lie between the header page and the first area of the device.
+const _: () = assert!(RETAIN_OFFSET >= HEADER_SIZE && RETAIN_OFFSET + RETAIN_SIZE <= 80_000);
 
 codes! {
     /// What the emulator behind an image is doing.
@@ -181,18 +176,6 @@ codes! {
         Stepped = 1,
     }
 }
-codes! {
-    /// The RUN/STOP/RESET switch (manual 5.00005.03a p. 40).
-    RunSwitch {
-        /// The PLC program may run.
-        Run = 0,
-        /// The PLC program is stopped.
-        Stop = 1,
-        /// Held in RESET; it springs back to STOP when released.
-        Reset = 2,
-    }
-}
-
 impl Header {
     /// Announces a change of state to everybody who waits for an answer. The bells of the events do not
     /// ring: they count events.
@@ -200,20 +183,25 @@ impl Header {
         self.answer.ring();
         self.channel_reply.ring();
     }
-}
 
-impl Board {
-    /// All dark, all switches at 0.
-    pub fn clear(&self) {
-        [&self.dip, &self.leds, &self.display, &self.switch].iter().for_each(|cell| cell.store(0));
+    /// Everything around the board as it is before power-on: nothing enabled, nobody seated. Bells go on counting.
+    pub(super) fn clear_board(&self) {
+        self.board.clear();
+        self.program.clear();
+        self.interrupts.iter().for_each(Interrupt::clear);
+        self.opt_init.clear();
+        self.lockstep.iter().for_each(Seat::clear);
+        let pulses = self.events.iter().chain(&self.triggers).chain(&self.timers);
+        pulses.for_each(|slot| slot.time_us.store(0));
+        self.real_epoch_ns.store(0);
+        self.retain_offset.store(RETAIN_OFFSET as u32);
+        self.retain_size.store(RETAIN_SIZE as u32);
     }
-}
 
-impl EventSlot {
-    /// Announces one event at the given emulated time, in microseconds.
-    pub fn fire(&self, time_us: u64) {
-        self.time_us.store(time_us);
-        self.bell.ring();
+    /// Tells the emulator that a request was stored.
+    pub fn submit_request(&self) {
+        self.board_requests.increment();
+        self.doorbell.ring();
     }
 }
 

@@ -159,11 +159,10 @@ impl Image {
         header.processor_cycle_us.store(spec.processor_cycle_us);
         header.virtual_time_us.store(0);
         header.sync_counter.iter().for_each(|counter| counter.store(0));
-        header.events.iter().for_each(|event| event.time_us.store(0));
         header::set_name(&header.instance, &self.file.instance);
         header::set_name(&header.plc, &self.file.plc);
         header::set_name(&header.device, &spec.device);
-        header.board.clear();
+        header.clear_board();
         // Whoever held this bell is dead, we hold its lock.
         header.doorbell.forget_waiters();
         header.magic.store(header::MAGIC);

@@ -121,6 +121,23 @@ impl SimBus {
         }
     }
 
+    /// Node 1 of PLC `plc` has another slave number; `false` if another station has it, and then the node is not
+    /// connected.
+    pub(super) fn renumber(&mut self, plc: usize, number: u8) -> bool {
+        for station in &mut self.stations {
+            if *station == Station::Node(plc) {
+                *station = Station::Nobody;
+            }
+        }
+        match self.stations.get_mut(usize::from(number)) {
+            Some(place) if *place == Station::Nobody => {
+                *place = Station::Node(plc);
+                true
+            }
+            _ => false,
+        }
+    }
+
     pub(super) fn name(&self) -> &str {
         &self.name
     }

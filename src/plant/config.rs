@@ -41,6 +41,8 @@ pub struct PlcConfig {
     /// Emulated time that node 1 needs to lock to the SYNC signal, in us (default 1 s; D-07).
     #[serde(default = "default_lock_time")]
     pub lock_time_us: u64,
+    /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
+    pub option_sync_us: Option<u32>,
 }
 
 /// A bus of the plant file.
@@ -212,6 +214,8 @@ impl PlantConfig {
         for plc in &self.plcs {
             range("dip", &plc.name, plc.dip.into(), 0..=31, "0 to 31")?;
             range("lock_time_us", &plc.name, plc.lock_time_us, 0..=3_600_000_000, "at most one hour")?;
+            let sync = plc.option_sync_us.map_or(50, u64::from);
+            range("option_sync_us", &plc.name, sync, 50..=1_000_000, "50 to 1000000")?;
             self.check_nodes(plc)?;
         }
         self.buses.iter().try_for_each(|bus| self.check_bus(bus))

@@ -8,6 +8,7 @@ mod bus;
 mod config;
 mod plc;
 
+pub use crate::firmware::board::Power;
 pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig};
 pub use plc::Plc;
 
@@ -20,6 +21,10 @@ pub struct Plant {
     now: u64,
     next_cycle: u64,
     cycle_us: u64,
+    /// When the next timer of a board is due.
+    next_timer: u64,
+    /// Whether a watched event is to stop [`Plant::advance_until`].
+    watching: bool,
     plcs: Vec<Plc>,
     buses: Vec<SimBus>,
     journal: Journal,
@@ -52,11 +57,20 @@ impl Plant {
             buses.push(SimBus::new(config, index, bus)?);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
-        let mut plant =
-            Plant { now: 0, next_cycle: cycle_us, cycle_us, plcs, buses, journal: Journal::default() };
-        for plc in &mut plant.plcs {
-            plc.power_on();
+        let mut plant = Plant {
+            now: 0,
+            next_cycle: cycle_us,
+            cycle_us,
+            next_timer: u64::MAX,
+            watching: false,
+            plcs,
+            buses,
+            journal: Journal::default(),
+        };
+        for (index, plc) in plant.plcs.iter_mut().enumerate() {
+            plc.power_on(index, 0, &mut plant.buses, &mut plant.journal);
         }
+        plant.find_next_timer();
         Ok(plant)
     }
 
@@ -67,19 +81,31 @@ impl Plant {
 
     /// When the next event is due; there always is one, the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
-        self.buses.iter().map(SimBus::next_time).fold(self.next_cycle, u64::min)
+        self.buses.iter().map(SimBus::next_time).fold(self.next_cycle.min(self.next_timer), u64::min)
     }
 
     /// Lets emulated time pass until `time`, handling everything that falls due on the way, events at
     /// `time` itself included. A time in the past changes nothing.
     pub fn advance_to(&mut self, time: u64) {
-        loop {
-            // At the same moment the processor cycle comes before the bus, buses in plant order.
+        while self.advance_until(time) {}
+    }
+
+    /// As [`Plant::advance_to`], but stops early as soon as an event has occurred that somebody watches
+    /// ([`Plant::watch`]), and then returns `true`. What is due at the same moment after the event is left for the
+    /// next call.
+    pub fn advance_until(&mut self, time: u64) -> bool {
+        let mut stopped = false;
+        while !stopped {
+            // At the same moment the processor cycle comes before timers and those before the bus, buses in
+            // plant order.
             let mut due = self.next_cycle;
-            let mut which = None;
+            let mut which = Due::Cycle;
+            if self.next_timer < due {
+                (due, which) = (self.next_timer, Due::Timer);
+            }
             for (index, bus) in self.buses.iter().enumerate() {
                 if bus.next_time() < due {
-                    (due, which) = (bus.next_time(), Some(index));
+                    (due, which) = (bus.next_time(), Due::Bus(index));
                 }
             }
             if due > time {
@@ -87,29 +113,97 @@ impl Plant {
             }
             self.now = due;
             match which {
-                None => {
+                Due::Cycle => {
                     self.next_cycle += self.cycle_us;
                     self.processor_cycle();
                     self.journal.tick(due);
                 }
-                Some(index) => self.bus_event(index),
+                Due::Timer => self.timers_due(),
+                Due::Bus(index) => self.bus_event(index),
             }
+            stopped = self.watching && self.take_stop();
         }
-        self.now = self.now.max(time);
+        if !stopped {
+            self.now = self.now.max(time);
+        }
         for plc in &self.plcs {
             plc.show_time(self.now);
         }
+        stopped
     }
 
-    /// One look of all nodes at their control registers at the present time: what a rung doorbell asks
+    /// Which events of PLC `plc` stop [`Plant::advance_until`], bit n for event n.
+    pub fn watch(&mut self, plc: usize, events: u16) {
+        if let Some(plc) = self.plcs.get_mut(plc) {
+            plc.watch(events);
+        }
+        self.watching = self.plcs.iter().any(Plc::is_watched);
+    }
+
+    /// Whether a watched event has occurred; all PLCs are asked, so that none is left to stop the next call.
+    fn take_stop(&mut self) -> bool {
+        self.plcs.iter_mut().fold(false, |stop, plc| stop | plc.board.take_stop())
+    }
+
+    #[cold]
+    fn timers_due(&mut self) {
+        for plc in &mut self.plcs {
+            if plc.board.next_time() == self.now {
+                plc.board.timers_due(self.now);
+            }
+        }
+        self.find_next_timer();
+    }
+
+    fn find_next_timer(&mut self) {
+        self.next_timer = self.plcs.iter().map(|plc| plc.board.next_time()).fold(u64::MAX, u64::min);
+    }
+
+    /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
+    /// whether there was anything.
+    pub fn look_at_boards(&mut self) -> bool {
+        let mut changed = false;
+        for index in 0..self.plcs.len() {
+            changed |= self.plcs[index].look_at_board(index, self.now, &mut self.buses, &mut self.journal);
+        }
+        if changed {
+            self.find_next_timer();
+        }
+        changed
+    }
+
+    /// Switches supply or RESET of a PLC at the present time. Other PLCs and their buses go on; the bus of its node
+    /// 2 stops as when its master is restarted.
+    pub fn set_power(&mut self, plc: usize, power: Power) {
+        if let Some(it) = self.plcs.get_mut(plc) {
+            it.set_power(power, plc, self.now, &mut self.buses, &mut self.journal);
+            self.find_next_timer();
+        }
+    }
+
+    /// Events of PLC `plc` since the last call, bit n for event n.
+    pub fn take_fired(&mut self, plc: usize) -> u16 {
+        self.plcs.get_mut(plc).map_or(0, |plc| plc.board.take_fired())
+    }
+
+    /// NOVRAM has kept the retain flags of a PLC: the first start of its program is a warm start.
+    pub fn retain_was_kept(&mut self, plc: usize) {
+        if let Some(plc) = self.plcs.get_mut(plc) {
+            plc.board.retain_was_kept();
+        }
+    }
+
+    /// One look of all boards at their switches and of all nodes at their control registers at the present time: what a rung doorbell asks
     /// for. Does not shift the regular processor cycle.
     pub fn processor_cycle(&mut self) {
+        self.look_at_boards();
         for index in 0..self.plcs.len() {
             self.plcs[index].processor_cycle(index, self.now, &mut self.buses, &mut self.journal);
         }
     }
 
-    /// Whether a PLC has written a `w_CPU_CONTROL` that the firmware has not looked at yet.
+    /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not
+    /// looked at yet.
     pub fn control_changed(&self) -> bool {
         self.plcs.iter().any(Plc::control_changed)
     }
@@ -179,4 +273,11 @@ impl Plant {
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
         self.journal.push(self.now, Event::ChannelWrite { plc: plc as u16, offset, width, value });
     }
+}
+
+/// What is due next.
+enum Due {
+    Cycle,
+    Timer,
+    Bus(usize),
 }

@@ -3,18 +3,21 @@
 use super::bus::SimBus;
 use super::config::PlcConfig;
 use crate::firmware::Context;
+use crate::firmware::board::{Board, Look, Power};
 use crate::firmware::cansync::{Change, Master, Slave};
-use crate::journal::{Event, Journal, Origin};
+use crate::journal::{BoardEvent, Event, Journal, Origin};
 use crate::memory::{Header, MemoryError, Segment, View};
 
 /// A PLC of the plant.
 pub struct Plc {
     name: String,
-    dip: u8,
+    lock_time_us: u64,
     segment: Segment,
     header: View<Header>,
     pub(super) slave: Slave,
     pub(super) master: Master,
+    pub(super) board: Board,
+    watched: bool,
     /// Index of the bus at node 1.
     bus1: Option<usize>,
     /// Index of the bus at node 2.
@@ -28,22 +31,99 @@ impl Plc {
         [bus1, bus2]: [Option<usize>; 2],
         segment: Segment,
     ) -> Result<Self, MemoryError> {
+        let header = segment.header()?;
+        header.board.dip.store(u32::from(config.dip));
         Ok(Plc {
             name: config.name.clone(),
-            dip: config.dip,
-            header: segment.header()?,
+            lock_time_us: config.lock_time_us,
+            header,
             slave: Slave::new(&segment, config.dip, config.lock_time_us)?,
             master: Master::new(&segment)?,
+            board: Board::new(&segment, config.option_sync_us)?,
+            watched: false,
             segment,
             bus1,
             bus2,
         })
     }
 
-    pub(super) fn power_on(&mut self) {
-        self.header.board.dip.store(u32::from(self.dip));
+    pub(super) fn power_on(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
+        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
+        let dip = self.board.start(&mut ctx);
+        if dip != self.slave.number() {
+            self.change_number(index, dip, &mut ctx, buses);
+        }
         self.slave.power_on();
-        self.master.power_on(self.dip);
+        self.master.power_on(dip);
+    }
+
+    /// The DIP switches were turned before the restart: node 1 is another slave now.
+    fn change_number(&mut self, index: usize, dip: u8, ctx: &mut Context, buses: &mut [SimBus]) {
+        let bus = self.bus1.and_then(|bus| buses.get_mut(bus));
+        if bus.is_some_and(|bus| !bus.renumber(index, dip)) {
+            let (plc, what) = (index as u16, BoardEvent::NumberTaken { number: dip });
+            ctx.report(Event::Board { plc, what });
+        }
+        // The segment was large enough before.
+        if let Ok(slave) = Slave::new(&self.segment, dip, self.lock_time_us) {
+            self.slave = slave;
+        }
+    }
+
+    /// Power-off or reset: both nodes leave their buses, that of the master stops.
+    fn go_down(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
+        self.board.stop();
+        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
+        ctx.report(Event::Board { plc: index as u16, what: BoardEvent::Down });
+        self.slave.power_off(&mut ctx);
+        ctx.origin.node = 2;
+        self.master.power_off(&mut ctx);
+        if let Some(bus) = self.bus2.and_then(|bus| buses.get_mut(bus)) {
+            bus.stop();
+        }
+        // Their RAM and all that they knew is gone.
+        let number = self.slave.number();
+        if let (Ok(slave), Ok(master)) =
+            (Slave::new(&self.segment, number, self.lock_time_us), Master::new(&self.segment))
+        {
+            (self.slave, self.master) = (slave, master);
+        }
+    }
+
+    /// Switches power or RESET, as if somebody had turned the switch.
+    pub(super) fn set_power(
+        &mut self,
+        power: Power,
+        index: usize,
+        now: u64,
+        buses: &mut [SimBus],
+        journal: &mut Journal,
+    ) {
+        let look = self.board.set_power(power);
+        self.follow(look, index, now, buses, journal);
+    }
+
+    /// One look at the board. Tells whether timers may run otherwise than before.
+    #[inline]
+    pub(super) fn look_at_board(
+        &mut self,
+        index: usize,
+        now: u64,
+        buses: &mut [SimBus],
+        journal: &mut Journal,
+    ) -> bool {
+        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
+        let look = self.board.look(&mut ctx);
+        self.follow(look, index, now, buses, journal);
+        look != Look::Nothing
+    }
+
+    fn follow(&mut self, look: Look, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
+        match look {
+            Look::Nothing | Look::Answered => {}
+            Look::Down => self.go_down(index, now, buses, journal),
+            Look::Up => self.power_on(index, now, buses, journal),
+        }
     }
 
     /// The PLC's name.
@@ -51,9 +131,9 @@ impl Plc {
         &self.name
     }
 
-    /// Number set at the DIP switches, 0..=31.
+    /// Number set at the DIP switches, 0..=31, as read at the last power-on or reset.
     pub fn dip(&self) -> u8 {
-        self.dip
+        self.board.dip()
     }
 
     /// The communication RAM.
@@ -83,7 +163,7 @@ impl Plc {
     }
 
     pub(super) fn control_changed(&self) -> bool {
-        self.slave.control_changed() || self.master.control_changed()
+        self.slave.control_changed() || self.master.control_changed() || self.board.has_changed()
     }
 
     pub(super) fn show_time(&self, now: u64) {
@@ -94,6 +174,26 @@ impl Plc {
         self.header.sync_counter[usize::from(node == 2)].increment();
     }
 
+    /// The SYNC signal of `node` as event of the board: that of node 1 if it is on its bus, else that of node 2
+    /// (decision D-182).
+    #[inline]
+    pub(super) fn sync_event(&mut self, node: u8, now: u64) {
+        let source = if self.slave.is_on_bus() { 1 } else { 2 };
+        if node == source {
+            self.board.sync_net(now);
+        }
+    }
+
+    pub(super) fn watch(&mut self, events: u16) {
+        self.watched = events != 0;
+        self.board.watch(events);
+    }
+
+    pub(super) fn is_watched(&self) -> bool {
+        self.watched
+    }
+
+    /// Looks at all control registers.
     pub(super) fn processor_cycle(
         &mut self,
         index: usize,
@@ -101,6 +201,9 @@ impl Plc {
         buses: &mut [SimBus],
         journal: &mut Journal,
     ) {
+        if !self.board.is_up() {
+            return;
+        }
         let origin = |node| Origin { plc: index as u16, node };
         let wire = |bus: Option<usize>, node| bus.and_then(|bus| buses.get(bus)?.on_wire(now, origin(node)));
         let (wire1, wire2) = (wire(self.bus1, 1), wire(self.bus2, 2));

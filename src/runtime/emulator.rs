@@ -177,7 +177,10 @@ impl Emulator {
 
     fn run_stepped(&mut self) {
         while !self.is_stopping() {
-            self.note_rings();
+            // What the boards are asked for needs no time to pass; everything else is seen when it does.
+            if self.note_rings() && self.plant.look_at_boards() {
+                self.announce();
+            }
             self.save_novram();
             if self.serve_channel() {
                 self.announce();

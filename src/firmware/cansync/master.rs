@@ -66,6 +66,12 @@ impl Master {
         self.node.power_on(omega_nr);
     }
 
+    /// Power-off: the node leaves the bus. Its registers are empty until [`Master::power_on`].
+    pub fn power_off(&mut self, ctx: &mut Context) {
+        self.node.power_off(ctx);
+        self.regs.reset_from(0);
+    }
+
     /// The present state.
     pub fn state(&self) -> NodeState {
         self.node.state()

@@ -84,6 +84,13 @@ impl Node {
         self.regs.w_OMEGA_NR.store(u16::from(omega_nr));
     }
 
+    /// Power-off: whatever it did, it is in start-up again.
+    pub(super) fn power_off(&mut self, ctx: &mut Context) {
+        if self.state != NodeState::StartUp {
+            self.show(ctx, NodeState::StartUp);
+        }
+    }
+
     /// The present state.
     #[inline]
     pub(super) fn state(&self) -> NodeState {

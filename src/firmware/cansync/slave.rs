@@ -71,6 +71,12 @@ impl Slave {
         self.node.power_on(self.number);
     }
 
+    /// Power-off: the node leaves the bus. Its registers are empty until [`Slave::power_on`].
+    pub fn power_off(&mut self, ctx: &mut Context) {
+        self.node.power_off(ctx);
+        self.regs.reset_from(0);
+    }
+
     /// The slave number.
     #[inline]
     pub fn number(&self) -> u8 {

@@ -40,6 +40,20 @@ impl Run<'_> {
         }
         self.at(Slot::Build1, timing.deadline);
         self.at(Slot::CommandStart, timing.t_CC);
+        self.sync_events();
+    }
+
+    /// The edge as event of the PLCs, when everything else has seen it.
+    fn sync_events(&mut self) {
+        let now = self.now;
+        if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get_mut(index)) {
+            plc.sync_event(2, now);
+        }
+        for &index in &self.bus.nodes {
+            if let Some(plc) = self.plcs.get_mut(index) {
+                plc.sync_event(1, now);
+            }
+        }
     }
 
     pub(super) fn build_first(&mut self) {

@@ -1,0 +1,220 @@
+//! Front and power of the board, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40).
+
+use super::{Look, report};
+use crate::firmware::Context;
+use crate::journal::BoardEvent;
+use crate::memory::Header;
+use crate::memory::header::{self, ProgramState, RunSwitch, Start};
+
+/// Highest number that the DIP switches can be set to.
+const DIP_MASK: u32 = 0x1F;
+/// Half the time in which the display blinks while a boot project is copied.
+const BLINK_US: u64 = 500_000;
+/// The decimal point of the display.
+const POINT: u32 = 1 << 8;
+
+/// What takes the board down or brings it up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Power {
+    /// Supply off.
+    Off,
+    /// Supply on.
+    On,
+    /// RESET held.
+    HoldReset,
+    /// RESET released; the switch then stands at STOP.
+    ReleaseReset,
+}
+
+/// The front as it was last seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Front {
+    seen: Seen,
+    switch: RunSwitch,
+    powered: bool,
+    program: ProgramState,
+    up: bool,
+    dip: u8,
+    /// The next start is a cold one: the project is a new one.
+    cold: bool,
+    /// The PLC program may run.
+    released: bool,
+}
+
+/// Cells that clients turn, as they stood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Seen {
+    switch: u32,
+    power: u32,
+    program: u32,
+}
+
+impl Seen {
+    #[inline]
+    fn now(header: &Header) -> Self {
+        Seen {
+            switch: header.board.switch.load(),
+            power: header.program.power.load(),
+            program: header.program.state.load(),
+        }
+    }
+}
+
+impl Front {
+    pub fn new(header: &Header) -> Self {
+        Front {
+            seen: Seen::now(header),
+            switch: RunSwitch::Run,
+            powered: true,
+            program: ProgramState::None,
+            up: false,
+            dip: 0,
+            cold: true,
+            released: false,
+        }
+    }
+
+    pub fn is_up(&self) -> bool {
+        self.up
+    }
+
+    pub fn dip(&self) -> u8 {
+        self.dip
+    }
+
+    pub fn retain_was_kept(&mut self) {
+        self.cold = false;
+    }
+
+    /// Whether something was turned since the last look, or the display has to blink.
+    #[inline]
+    pub fn has_changed(&self, header: &Header) -> bool {
+        Seen::now(header) != self.seen || self.program == ProgramState::CopyingBootProject
+    }
+
+    /// Power-on or end of reset: reads the DIP switches and returns their number.
+    pub fn start(&mut self, ctx: &mut Context, header: &Header) -> u8 {
+        self.up = true;
+        self.dip = (header.board.dip.load() & DIP_MASK) as u8;
+        header.program.dip_latched.store(self.dip.into());
+        // Everybody knows that there was a first time.
+        if header.program.restarts.increment() > 1 {
+            report(ctx, BoardEvent::Up { dip: self.dip });
+        }
+        self.see(ctx, header);
+        self.dip
+    }
+
+    /// Power-off, or RESET is held: everything dark.
+    pub fn stop(&mut self, header: &Header) {
+        self.up = false;
+        self.released = false;
+        header.board.leds.store(0);
+        header.board.display.store(0);
+    }
+
+    pub fn set_power(&mut self, header: &Header, power: Power) -> Look {
+        match power {
+            Power::Off => header.program.power.store(header::Power::Off.code()),
+            Power::On => header.program.power.store(header::Power::On.code()),
+            Power::HoldReset => header.board.switch.store(RunSwitch::Reset.code()),
+            Power::ReleaseReset => header.board.switch.store(RunSwitch::Stop.code()),
+        }
+        self.read(header);
+        self.change()
+    }
+
+    /// Takes over what clients have turned. Numbers that mean nothing leave things as they were.
+    fn read(&mut self, header: &Header) {
+        self.seen = Seen::now(header);
+        self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
+        if let Some(power) = header::Power::from_code(self.seen.power) {
+            self.powered = power == header::Power::On;
+        }
+    }
+
+    fn change(&self) -> Look {
+        match (self.up, self.powered && self.switch != RunSwitch::Reset) {
+            (true, false) => Look::Down,
+            (false, true) => Look::Up,
+            _ => Look::Nothing,
+        }
+    }
+
+    pub fn look(&mut self, ctx: &mut Context, header: &Header) -> Look {
+        let before = self.switch;
+        self.read(header);
+        if self.switch != before {
+            report(ctx, BoardEvent::Switch { to: self.switch });
+        }
+        let change = self.change();
+        if change == Look::Nothing && self.up {
+            self.see(ctx, header);
+        }
+        change
+    }
+
+    /// Program and switch: starts and stops the program, shows its state.
+    fn see(&mut self, ctx: &mut Context, header: &Header) {
+        self.read(header);
+        let program = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
+        if program == ProgramState::None {
+            // Whatever is loaded next is a new project.
+            self.cold |= self.program != ProgramState::None;
+        }
+        self.program = program;
+        let may_run = self.switch == RunSwitch::Run && program != ProgramState::None;
+        if may_run && !self.released {
+            let kind = if self.cold { Start::Cold } else { Start::Warm };
+            self.order(ctx, header, kind);
+        } else if self.released && !may_run && program != ProgramState::None {
+            self.order(ctx, header, Start::Stop);
+        }
+        self.released = may_run;
+        header.board.display.store(self.character(ctx.now));
+    }
+
+    /// A start that a client asks for, as the control dialog does: possible only at RUN (manual p. 38).
+    pub fn look_at_start_request(&mut self, ctx: &mut Context, header: &Header) {
+        let code = header.program.start_request.load();
+        if code == Start::None.code() {
+            return;
+        }
+        // If it was replaced meanwhile, the next look takes the new one.
+        if header.program.start_request.compare_exchange(code, Start::None.code()).is_err() {
+            return;
+        }
+        match Start::from_code(code) {
+            Some(kind) if self.released => self.order(ctx, header, kind),
+            _ => report(ctx, BoardEvent::StartRefused { code: code as u8 }),
+        }
+    }
+
+    fn order(&mut self, ctx: &mut Context, header: &Header, kind: Start) {
+        if kind == Start::Cold {
+            self.cold = false;
+        }
+        header.program.start_kind.store(kind.code());
+        header.program.start.ring();
+        report(ctx, BoardEvent::Start { kind });
+    }
+
+    /// The character on the display (manual p. 40).
+    fn character(&self, now: u64) -> u32 {
+        let program = self.program;
+        let stopped = if program == ProgramState::None { '0' } else { '1' };
+        let character = match (self.switch, program) {
+            (RunSwitch::Reset, _) => return 0,
+            (_, ProgramState::ErasingBootProject) => 'C',
+            (_, ProgramState::CopyingBootProject) => {
+                let point = if (now / BLINK_US).is_multiple_of(2) { POINT } else { 0 };
+                return u32::from('L') | point;
+            }
+            (_, ProgramState::BootProjectCopied) => 'A',
+            (RunSwitch::Run, ProgramState::Initializing) => '2',
+            (RunSwitch::Run, ProgramState::Cyclic) => '3',
+            _ => stopped,
+        };
+        character.into()
+    }
+}

@@ -1,0 +1,462 @@
+use super::*;
+use crate::journal::{Journal, Origin, Record};
+use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, RunSwitch, Start};
+
+/// A board on heap memory, with a clock that stands where the test puts it.
+struct Rig {
+    board: Board,
+    header: View<Header>,
+    journal: Journal,
+    now: u64,
+}
+
+impl Rig {
+    fn new() -> Self {
+        Self::with_option_card(None)
+    }
+
+    fn with_option_card(option_sync_us: Option<u32>) -> Self {
+        let segment = Segment::heap();
+        let board = Board::new(&segment, option_sync_us).unwrap();
+        let mut rig = Rig { board, header: segment.header().unwrap(), journal: Journal::default(), now: 0 };
+        rig.start();
+        rig
+    }
+
+    fn start(&mut self) {
+        let (board, mut ctx) = self.parts();
+        board.start(&mut ctx);
+    }
+
+    fn parts(&mut self) -> (&mut Board, Context<'_>) {
+        let ctx = Context { now: self.now, journal: &mut self.journal, origin: Origin { plc: 0, node: 1 } };
+        (&mut self.board, ctx)
+    }
+
+    fn look(&mut self) -> Look {
+        let (board, mut ctx) = self.parts();
+        board.look(&mut ctx)
+    }
+
+    fn set_event(&mut self, event: usize, factor: i16, enable: bool) -> InterruptResult {
+        let request = self.header.interrupts[event].ask(factor, enable);
+        self.header.submit_request();
+        self.look();
+        InterruptResult::from_code(self.header.interrupts[event].outcome(request).unwrap()).unwrap()
+    }
+
+    /// `OPT_INIT` with these trigger modes, and for timer A and B `(divider, enable, configuration mode)`.
+    fn opt_init(&mut self, modes: [u32; 3], timers: [(u32, u32, u32); 2]) -> OptInitResult {
+        let block = &self.header.opt_init;
+        block.triggers.iter().zip(modes).for_each(|(cell, mode)| cell.store(mode));
+        for (timer, (divider, enable, cfg_mode)) in block.timers.iter().zip(timers) {
+            timer.divider.store(divider);
+            timer.enable.store(enable);
+            timer.cfg_mode.store(cfg_mode);
+        }
+        let request = block.ask();
+        self.header.submit_request();
+        self.look();
+        OptInitResult::from_code(self.header.opt_init.outcome(request).unwrap()).unwrap()
+    }
+
+    fn run_to(&mut self, time: u64) {
+        while self.board.next_time() <= time {
+            self.now = self.board.next_time();
+            self.board.timers_due(self.now);
+        }
+        self.now = time;
+    }
+
+    fn count(&self, event: usize) -> u32 {
+        self.header.events[event].bell.rings()
+    }
+
+    fn counts(&self) -> Vec<(usize, u32)> {
+        (0..16).map(|event| (event, self.count(event))).filter(|(_, count)| *count > 0).collect()
+    }
+}
+
+const OFF: [(u32, u32, u32); 2] = [(0, 0, 0); 2];
+
+/// The event numbers and levels of p. 42 and 48.
+#[test]
+fn events_have_the_levels_of_the_manual() {
+    let expected =
+        [(0, 14), (2, 13), (4, 13), (5, 14), (6, 13), (8, 14), (11, 14), (12, 14)].map(|(n, l)| (n, Some(l)));
+    for event in 0..20 {
+        let wanted = expected.iter().find(|(n, _)| *n == event).and_then(|(_, level)| *level);
+        assert_eq!(level(event), wanted, "event {event}");
+    }
+}
+
+#[test]
+fn reserved_events_are_refused() {
+    for event in 0..16 {
+        let mut rig = Rig::new();
+        let wanted =
+            if level(event).is_some() { InterruptResult::Done } else { InterruptResult::NoSuchEvent };
+        assert_eq!(rig.set_event(event, 1, true), wanted, "event {event}");
+    }
+}
+
+/// p. 48: 11 and 12, 4 and 8 cannot be used at the same time; all others can.
+#[test]
+fn events_exclude_each_other_in_pairs() {
+    let events = [0, 2, 4, 5, 6, 8, 11, 12];
+    for first in events {
+        for second in events {
+            let mut rig = Rig::new();
+            assert_eq!(rig.set_event(first, 1, true), InterruptResult::Done);
+            let excluded = [(11, 12), (4, 8)]
+                .iter()
+                .any(|&(a, b)| (first, second) == (a, b) || (second, first) == (a, b));
+            let wanted = if excluded { InterruptResult::Excluded } else { InterruptResult::Done };
+            assert_eq!(rig.set_event(second, 1, true), wanted, "{first} then {second}");
+            // The one that was there goes on; once it is disabled the other one may come.
+            assert_eq!(rig.set_event(first, 1, false), InterruptResult::Done);
+            assert_eq!(rig.set_event(second, 1, true), InterruptResult::Done);
+        }
+    }
+}
+
+/// p. 49: i_PAR1 = 20 gives 1 ms, i_PAR1 x 50 us in general.
+#[test]
+fn cpu_timers_run_in_steps_of_50_us() {
+    for (event, factor, period) in [(0, 20, 1000), (2, 20, 1000), (0, 1, 50), (2, 32_767, 1_638_350)] {
+        let mut rig = Rig::new();
+        rig.now = 7;
+        assert_eq!(rig.set_event(event, factor, true), InterruptResult::Done);
+        rig.run_to(7 + 3 * period - 1);
+        assert_eq!(rig.counts(), [(event, 2)]);
+        rig.run_to(7 + 3 * period);
+        assert_eq!(rig.counts(), [(event, 3)]);
+        assert_eq!(rig.header.events[event].time_us.load(), 7 + 3 * period);
+    }
+}
+
+#[test]
+fn a_cpu_timer_needs_a_factor() {
+    for factor in [0, -1, i16::MIN] {
+        for event in [0, 2] {
+            assert_eq!(Rig::new().set_event(event, factor, true), InterruptResult::BadFactor);
+        }
+        assert_eq!(Rig::new().set_event(12, factor, true), InterruptResult::Done, "it has none");
+    }
+}
+
+#[test]
+fn a_timer_can_be_stopped_and_set_anew() {
+    let mut rig = Rig::new();
+    rig.set_event(0, 1, true);
+    rig.run_to(120);
+    rig.set_event(0, 4, true);
+    rig.run_to(319);
+    assert_eq!(rig.count(0), 2);
+    rig.run_to(320);
+    assert_eq!(rig.count(0), 3);
+    rig.set_event(0, 4, false);
+    rig.run_to(100_000);
+    assert_eq!(rig.count(0), 3);
+    assert_eq!(rig.board.next_time(), u64::MAX);
+}
+
+/// p. 50, 58, 66: 2499 gives 1 ms; events 5 and 6 both come from timer A.
+#[test]
+fn board_timer_a_divides_5_mhz() {
+    let mut rig = Rig::new();
+    rig.set_event(5, 0, true);
+    rig.set_event(6, 0, true);
+    rig.run_to(10_000);
+    assert_eq!(rig.counts(), [], "it does not run yet");
+    assert_eq!(rig.opt_init([0; 3], [(2499, 1, 0), (4999, 1, 0)]), OptInitResult::Done);
+    rig.run_to(19_999);
+    assert_eq!(rig.counts(), [(5, 9), (6, 9)]);
+    rig.run_to(20_000);
+    assert_eq!(rig.counts(), [(5, 10), (6, 10)]);
+    assert_eq!([0, 1].map(|n| rig.header.timers[n].bell.rings()), [10, 5], "timer B runs, without event");
+}
+
+/// A period that is no whole number of microseconds does not drift.
+#[test]
+fn odd_dividers_keep_their_phase() {
+    let mut rig = Rig::new();
+    rig.set_event(5, 0, true);
+    rig.opt_init([0; 3], [(1000, 1, 0), (0, 0, 0)]);
+    rig.run_to(400_400_000);
+    assert_eq!(rig.count(5), 1_000_000, "1001 x 2 / 5 MHz = 400.4 us");
+    assert_eq!(rig.header.events[5].time_us.load(), 400_400_000);
+}
+
+#[test]
+fn bad_timers_are_refused_and_start_nothing() {
+    for timer in [(123, 1, 0), (65_536, 1, 0), (2499, 2, 0), (2499, 1, 1)] {
+        let mut rig = Rig::new();
+        assert_eq!(rig.opt_init([0; 3], [timer, (0, 0, 0)]), OptInitResult::BadTimer, "{timer:?}");
+        assert_eq!(rig.opt_init([0; 3], [(2499, 1, 0), timer]), OptInitResult::BadTimer, "{timer:?}");
+        assert_eq!(rig.board.next_time(), u64::MAX);
+        // A refused one does not count as run.
+        assert_eq!(rig.opt_init([0; 3], [(124, 1, 0), (65_535, 1, 0)]), OptInitResult::Done);
+    }
+}
+
+#[test]
+fn opt_init_may_run_once_only() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.opt_init([3, 3, 1], OFF), OptInitResult::Done);
+    assert_eq!(rig.opt_init([4, 4, 2], OFF), OptInitResult::AlreadyRun);
+    rig.board.sync_net(5);
+    assert_eq!(rig.header.triggers[0].bell.rings(), 1, "the first one holds");
+    rig.start();
+    assert_eq!(rig.opt_init([4, 4, 2], OFF), OptInitResult::Done, "after a restart");
+}
+
+/// The three tables of p. 58.
+#[test]
+fn trigger_modes_are_those_of_the_manual() {
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    enum Pulsed {
+        Nothing,
+        Card,
+        Net,
+        TimerA,
+        Refused,
+    }
+    use Pulsed::{Card, Net, Nothing, Refused, TimerA};
+    let one_and_two = [Nothing, Refused, Card, Net, TimerA, Refused, Nothing, Refused];
+    let controller = [Card, Net, TimerA, Refused, Nothing, Nothing, Refused, Refused];
+    for (place, table) in [(0, one_and_two), (1, one_and_two), (2, controller)] {
+        for (mode, wanted) in table.into_iter().enumerate() {
+            let mut rig = Rig::with_option_card(Some(700));
+            let mut modes = [0; 3];
+            modes[place] = mode as u32;
+            let result = rig.opt_init(modes, [(2499, 1, 0), (0, 0, 0)]);
+            let pulses = |rig: &Rig| rig.header.triggers[place].bell.rings();
+            let mut seen = Vec::new();
+            rig.board.sync_net(1);
+            seen.extend((pulses(&rig) == 1).then_some(Net));
+            rig.run_to(700);
+            seen.extend((pulses(&rig) == 1 && seen.is_empty()).then_some(Card));
+            rig.run_to(1000);
+            seen.extend((pulses(&rig) == 1 && seen.is_empty()).then_some(TimerA));
+            let found = match (result, seen.as_slice()) {
+                (OptInitResult::BadTrigger, []) => Refused,
+                (OptInitResult::Done, []) => Nothing,
+                (OptInitResult::Done, [one]) => *one,
+                other => panic!("{other:?}"),
+            };
+            assert_eq!(found, wanted, "trigger {place}, mode {mode}");
+        }
+    }
+}
+
+#[test]
+fn events_that_are_not_enabled_leave_no_trace() {
+    let mut rig = Rig::with_option_card(Some(500));
+    rig.board.sync_net(0);
+    rig.board.baps(0);
+    rig.run_to(5_000);
+    assert_eq!((rig.counts(), rig.board.take_fired()), (vec![], 0));
+    rig.set_event(12, 0, true);
+    rig.set_event(8, 0, true);
+    rig.board.sync_net(6_000);
+    rig.board.baps(6_500);
+    assert_eq!(rig.counts(), [(8, 1), (12, 1)]);
+    assert_eq!((rig.board.take_fired(), rig.board.take_fired()), (1 << 8 | 1 << 12, 0));
+}
+
+#[test]
+fn an_option_card_makes_event_11() {
+    let mut rig = Rig::with_option_card(Some(500));
+    rig.set_event(11, 0, true);
+    rig.run_to(1_600);
+    assert_eq!(rig.counts(), [(11, 3)]);
+}
+
+#[test]
+fn a_restart_disables_everything() {
+    let mut rig = Rig::new();
+    for event in [0, 5, 8, 12] {
+        rig.set_event(event, 1, true);
+    }
+    rig.opt_init([0; 3], [(2499, 1, 0), (0, 0, 0)]);
+    rig.board.stop();
+    rig.start();
+    rig.run_to(10_000);
+    rig.board.sync_net(10_000);
+    rig.board.baps(10_000);
+    assert_eq!(rig.counts(), []);
+    assert_eq!(rig.header.program.restarts.load(), 2);
+    assert_eq!(rig.header.interrupts[0].request.load(), 0);
+}
+
+#[test]
+fn watched_events_ask_to_stop() {
+    let mut rig = Rig::new();
+    rig.board.watch(1 << 12);
+    rig.set_event(8, 0, true);
+    rig.board.baps(1);
+    rig.board.sync_net(2);
+    assert!(!rig.board.take_stop(), "12 is watched but not enabled");
+    rig.set_event(12, 0, true);
+    rig.board.sync_net(3);
+    assert!(rig.board.take_stop());
+    assert!(!rig.board.take_stop());
+}
+
+impl Rig {
+    fn turn(&mut self, switch: RunSwitch) -> Look {
+        self.header.board.switch.store(switch.code());
+        self.look()
+    }
+
+    fn program(&mut self, state: ProgramState) {
+        self.header.program.state.store(state.code());
+        self.look();
+    }
+
+    fn display(&self) -> (char, bool) {
+        let display = self.header.board.display.load();
+        (char::from(display as u8), display & 0x100 != 0)
+    }
+
+    /// Starts ordered so far, and the last one.
+    fn ordered(&self) -> (u32, Start) {
+        let kind = Start::from_code(self.header.program.start_kind.load()).unwrap();
+        (self.header.program.start.rings(), kind)
+    }
+
+    fn ask_for(&mut self, start: Start) {
+        self.header.program.start_request.store(start.code());
+        self.header.submit_request();
+        self.look();
+        assert_eq!(self.header.program.start_request.load(), 0, "taken");
+    }
+}
+
+/// The table of p. 40.
+#[test]
+fn the_display_shows_switch_and_program() {
+    use ProgramState::*;
+    use RunSwitch::{Run, Stop};
+    let table = [
+        (Stop, None, '0'),
+        (Stop, Stopped, '1'),
+        (Stop, Cyclic, '1'),
+        (Run, None, '0'),
+        (Run, Stopped, '1'),
+        (Run, Initializing, '2'),
+        (Run, Cyclic, '3'),
+        (Run, ErasingBootProject, 'C'),
+        (Run, BootProjectCopied, 'A'),
+    ];
+    for (switch, state, wanted) in table {
+        let mut rig = Rig::new();
+        rig.turn(switch);
+        rig.program(state);
+        assert_eq!(rig.display(), (wanted, false), "{switch:?} {state:?}");
+    }
+}
+
+#[test]
+fn the_display_blinks_while_a_boot_project_is_copied() {
+    let mut rig = Rig::new();
+    rig.program(ProgramState::CopyingBootProject);
+    let mut seen = Vec::new();
+    for _ in 0..4 {
+        seen.push(rig.display());
+        rig.now += 500_000;
+        rig.look();
+    }
+    assert_eq!(seen, [('L', true), ('L', false), ('L', true), ('L', false)]);
+}
+
+/// p. 40: dark while RESET is held.
+#[test]
+fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
+    let mut rig = Rig::new();
+    rig.header.board.leds.store(0b1010);
+    rig.header.board.dip.store(17);
+    rig.look();
+    assert_eq!(rig.board.dip(), 0, "not before a reset");
+    assert_eq!(rig.turn(RunSwitch::Reset), Look::Down);
+    rig.board.stop();
+    assert_eq!((rig.header.board.display.load(), rig.header.board.leds.load()), (0, 0));
+    assert_eq!(rig.look(), Look::Nothing, "still held");
+    assert_eq!(rig.turn(RunSwitch::Stop), Look::Up);
+    rig.start();
+    assert_eq!((rig.display().0, rig.board.dip(), rig.header.program.dip_latched.load()), ('0', 17, 17));
+}
+
+#[test]
+fn the_supply_takes_it_down_whatever_the_switch_says() {
+    let mut rig = Rig::new();
+    rig.header.program.power.store(1);
+    assert_eq!(rig.look(), Look::Down);
+    rig.board.stop();
+    assert_eq!(rig.turn(RunSwitch::Reset), Look::Nothing);
+    rig.header.program.power.store(0);
+    assert_eq!(rig.look(), Look::Nothing, "RESET is still held");
+    assert_eq!(rig.turn(RunSwitch::Stop), Look::Up);
+}
+
+#[test]
+fn numbers_that_mean_nothing_change_nothing() {
+    let mut rig = Rig::new();
+    rig.program(ProgramState::Cyclic);
+    let before = rig.ordered();
+    rig.header.board.switch.store(7);
+    rig.header.program.power.store(9);
+    rig.header.program.state.store(99);
+    assert_eq!(rig.look(), Look::Nothing);
+    assert_eq!((rig.display(), rig.ordered()), (('3', false), before));
+    rig.header.board.dip.store(u32::MAX);
+    rig.start();
+    assert_eq!(rig.board.dip(), 31, "five switches");
+}
+
+/// p. 38: cold start after a project was sent, warm start at every further change from STOP to RUN.
+#[test]
+fn a_new_project_starts_cold_and_then_warm() {
+    let mut rig = Rig::new();
+    rig.turn(RunSwitch::Stop);
+    rig.program(ProgramState::Stopped);
+    assert_eq!(rig.ordered(), (0, Start::None));
+    rig.turn(RunSwitch::Run);
+    assert_eq!(rig.ordered(), (1, Start::Cold));
+    rig.turn(RunSwitch::Stop);
+    assert_eq!(rig.ordered(), (2, Start::Stop));
+    rig.turn(RunSwitch::Run);
+    assert_eq!(rig.ordered(), (3, Start::Warm));
+    // Another project.
+    rig.program(ProgramState::None);
+    rig.program(ProgramState::Stopped);
+    assert_eq!(rig.ordered(), (4, Start::Cold), "at once, the switch is at RUN");
+}
+
+#[test]
+fn kept_retain_flags_make_the_first_start_a_warm_one() {
+    let mut rig = Rig::new();
+    rig.board.retain_was_kept();
+    rig.program(ProgramState::Stopped);
+    assert_eq!(rig.ordered(), (1, Start::Warm));
+}
+
+#[test]
+fn starts_can_be_asked_for_at_run_only() {
+    let mut rig = Rig::new();
+    rig.ask_for(Start::Warm);
+    assert_eq!(rig.ordered(), (0, Start::None), "no program");
+    rig.program(ProgramState::Stopped);
+    for (count, kind) in [(2, Start::Hot), (3, Start::Stop), (4, Start::Cold)] {
+        rig.ask_for(kind);
+        assert_eq!(rig.ordered(), (count, kind));
+    }
+    rig.turn(RunSwitch::Stop);
+    rig.ask_for(Start::Warm);
+    assert_eq!(rig.ordered(), (5, Start::Stop), "refused");
+    let refused = |record: &Record| {
+        matches!(record.event, Event::Board { what: BoardEvent::StartRefused { code: 2 }, .. })
+    };
+    assert_eq!(rig.journal.records().filter(|record| refused(record)).count(), 2);
+}

@@ -1,0 +1,99 @@
+//! The timers of a board: CPU timers in steps of 50 us, board timers from a divided 5 MHz clock, the SYNC signal of
+//! an option card.
+
+/// Periods are counted in fifths of a microsecond, the clock of 5 MHz, so that no rounding adds up.
+pub(super) const PER_US: u64 = 5;
+/// Step of the CPU timers, 50 us (manual 5.00005.03a p. 48).
+pub(super) const CPU_STEP: u64 = 50 * PER_US;
+
+/// A timer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Timer {
+    /// SYNC signal of the option card.
+    OptionSync,
+    /// Board timer A.
+    A,
+    /// Board timer B.
+    B,
+    /// CPU timer 1.
+    Cpu1,
+    /// CPU timer 2.
+    Cpu2,
+}
+
+const COUNT: usize = 5;
+const NEVER: u64 = u64::MAX;
+
+#[derive(Clone, Copy, Debug)]
+struct Clock {
+    /// In [`PER_US`].
+    period: u64,
+    start: u64,
+    /// Number of the next pulse, from 1.
+    next: u64,
+    due: u64,
+}
+
+/// All timers of a board.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Timers {
+    clocks: [Clock; COUNT],
+    next_time: u64,
+}
+
+/// Timers that were due.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Due(u8);
+
+impl Due {
+    pub fn has(self, timer: Timer) -> bool {
+        self.0 & 1 << timer as u8 != 0
+    }
+}
+
+impl Default for Timers {
+    fn default() -> Self {
+        let clock = Clock { period: 0, start: 0, next: 0, due: NEVER };
+        Timers { clocks: [clock; COUNT], next_time: NEVER }
+    }
+}
+
+impl Timers {
+    /// Starts a timer at `now`, or anew; its first pulse comes after a whole period, given in [`PER_US`], at least
+    /// 1 us.
+    pub fn start(&mut self, timer: Timer, now: u64, period: u64) {
+        self.set(timer, Clock { period, start: now, next: 1, due: now + period / PER_US });
+    }
+
+    pub fn stop(&mut self, timer: Timer) {
+        self.set(timer, Clock { period: 0, start: 0, next: 0, due: NEVER });
+    }
+
+    fn set(&mut self, timer: Timer, clock: Clock) {
+        self.clocks[timer as usize] = clock;
+        self.next_time = self.earliest();
+    }
+
+    fn earliest(&self) -> u64 {
+        self.clocks.iter().map(|clock| clock.due).fold(NEVER, u64::min)
+    }
+
+    #[inline]
+    pub fn next_time(&self) -> u64 {
+        self.next_time
+    }
+
+    /// Takes the timers that are due at `now`.
+    pub fn take_due(&mut self, now: u64) -> Due {
+        let mut due = Due::default();
+        for (index, clock) in self.clocks.iter_mut().enumerate() {
+            if clock.due == now {
+                due.0 |= 1 << index;
+                clock.next += 1;
+                clock.due = clock.start + clock.next * clock.period / PER_US;
+            }
+        }
+        self.next_time = self.earliest();
+        due
+    }
+}

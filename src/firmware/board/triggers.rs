@@ -1,0 +1,110 @@
+//! Triggers: which source pulses which unit, and `OPT_INIT` (manual 5.00005.03a p. 56-59).
+
+use super::timers::{Timer, Timers};
+use crate::memory::Header;
+use crate::memory::header::{OptInitResult, TRIGGERS, TimerSetup};
+
+/// A source of trigger pulses that this emulator has. Interrupts of option cards can be chosen and never pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    /// SYNC signal of an option card.
+    SyncOption,
+    /// SYNC signal of the CANsync network.
+    SyncNet,
+    /// Board timer A.
+    TimerA,
+}
+
+/// Shortest period of a board timer, 50 us: no PLC can follow a shorter one (decision D-183).
+const MIN_DIVIDER: u32 = 124;
+
+/// The routes of one PLC.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Triggers {
+    routes: [Option<Source>; TRIGGERS],
+    /// `OPT_INIT` has been run.
+    routed: bool,
+}
+
+impl Triggers {
+    /// A pulse of `source`.
+    #[inline]
+    pub fn pulse(&self, header: &Header, source: Source, now: u64) {
+        if !self.routed {
+            return;
+        }
+        for (route, slot) in self.routes.iter().zip(&header.triggers) {
+            if *route == Some(source) {
+                slot.fire(now);
+            }
+        }
+    }
+
+    /// Answers an `OPT_INIT`, if there is one; tells what became of it.
+    pub fn look(&mut self, now: u64, header: &Header, timers: &mut Timers) -> Option<OptInitResult> {
+        let request = header.opt_init.request.load();
+        if request == header.opt_init.answer.load() {
+            return None;
+        }
+        let result = self.set(now, header, timers);
+        header.opt_init.result.store(result.code());
+        header.opt_init.answer.store(request);
+        Some(result)
+    }
+
+    fn set(&mut self, now: u64, header: &Header, timers: &mut Timers) -> OptInitResult {
+        if self.routed {
+            return OptInitResult::AlreadyRun;
+        }
+        let [one, two, controller] = &header.opt_init.triggers;
+        let (Some(one), Some(two), Some(controller)) =
+            (option_mode(one.load()), option_mode(two.load()), controller_mode(controller.load()))
+        else {
+            return OptInitResult::BadTrigger;
+        };
+        let [Some(a), Some(b)] = [0, 1].map(|n| period(&header.opt_init.timers[n])) else {
+            return OptInitResult::BadTimer;
+        };
+        for (timer, period) in [(Timer::A, a), (Timer::B, b)] {
+            if let Some(period) = period {
+                timers.start(timer, now, period);
+            }
+        }
+        *self = Triggers { routes: [one, two, controller], routed: true };
+        OptInitResult::Done
+    }
+}
+
+/// Mode of trigger 1 and 2 (manual p. 58). 0 is what an open input reads: nothing is connected. Outer `None`:
+/// reserved.
+fn option_mode(mode: u32) -> Option<Option<Source>> {
+    match mode {
+        0 | 6 => Some(None),
+        2 => Some(Some(Source::SyncOption)),
+        3 => Some(Some(Source::SyncNet)),
+        4 => Some(Some(Source::TimerA)),
+        _ => None,
+    }
+}
+
+/// Mode of the trigger controller (manual p. 58). Outer `None`: reserved.
+fn controller_mode(mode: u32) -> Option<Option<Source>> {
+    match mode {
+        0 => Some(Some(Source::SyncOption)),
+        1 => Some(Some(Source::SyncNet)),
+        2 => Some(Some(Source::TimerA)),
+        4 | 5 => Some(None),
+        _ => None,
+    }
+}
+
+/// Period of a board timer in ticks of 5 MHz, (divider + 1) x 2 (manual p. 50, 58); inner `None`: not started.
+/// Outer `None`: refused.
+fn period(setup: &TimerSetup) -> Option<Option<u64>> {
+    let divider = setup.divider.load();
+    match (setup.enable.load(), setup.cfg_mode.load()) {
+        (0, _) => Some(None),
+        (1, 0) if (MIN_DIVIDER..=0xFFFF).contains(&divider) => Some(Some((u64::from(divider) + 1) * 2)),
+        _ => None,
+    }
+}

@@ -1,0 +1,187 @@
+//! What the journal tells about boards.
+
+use crate::memory::header::{InterruptResult, OptInitResult, RunSwitch, SeatState, Start};
+
+/// Something that happened on a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BoardEvent {
+    /// Power-on, or RESET was released: all registers have their start values.
+    Up {
+        /// The DIP number read.
+        dip: u8,
+    },
+    /// The supply was switched off, or RESET is held.
+    Down,
+    /// The RUN/STOP/RESET switch was turned.
+    Switch {
+        /// Its new position.
+        to: RunSwitch,
+    },
+    /// The PLC program is told to start or stop.
+    Start {
+        /// How.
+        kind: Start,
+    },
+    /// A start was asked for that is not possible: the switch is not at RUN, or there is no program or no such start.
+    StartRefused {
+        /// The number asked for.
+        code: u8,
+    },
+    /// `INTR_SET` was run.
+    Interrupt {
+        /// Event number.
+        event: u8,
+        /// `i_PAR1`.
+        factor: i16,
+        /// `x_EN`.
+        enable: bool,
+        /// What became of it.
+        result: InterruptResult,
+    },
+    /// `OPT_INIT` was run.
+    Triggers {
+        /// Modes of trigger 1, trigger 2 and trigger controller.
+        modes: [u8; 3],
+        /// What became of it.
+        result: OptInitResult,
+    },
+    /// The DIP number belongs to another station of the bus at node 1: nobody can address the node.
+    NumberTaken {
+        /// The number.
+        number: u8,
+    },
+    /// A task asked to take part in lockstep, or left it.
+    Lockstep {
+        /// Its event number.
+        event: u8,
+        /// What became of it.
+        state: SeatState,
+    },
+}
+
+impl BoardEvent {
+    /// What it is, and its numbers.
+    pub(super) fn words(&self) -> (u8, u64) {
+        let byte = |value: u8, place: u32| u64::from(value) << (8 * place);
+        match *self {
+            BoardEvent::Up { dip } => (1, dip.into()),
+            BoardEvent::Down => (2, 0),
+            BoardEvent::Switch { to } => (3, to.code().into()),
+            BoardEvent::Start { kind } => (4, kind.code().into()),
+            BoardEvent::StartRefused { code } => (5, code.into()),
+            BoardEvent::Interrupt { event, factor, enable, result } => {
+                let flags = byte(event, 0) | byte(enable.into(), 1) | byte(result.code() as u8, 2);
+                (6, flags | u64::from(factor as u16) << 32)
+            }
+            BoardEvent::Triggers { modes: [one, two, controller], result } => {
+                (7, byte(one, 0) | byte(two, 1) | byte(controller, 2) | byte(result.code() as u8, 3))
+            }
+            BoardEvent::NumberTaken { number } => (8, number.into()),
+            BoardEvent::Lockstep { event, state } => (9, byte(event, 0) | byte(state.code() as u8, 1)),
+        }
+    }
+
+    /// The way back; `None` for numbers that nothing has. Some that nothing has are let through.
+    pub(super) fn from_words(what: u8, numbers: u64) -> Option<Self> {
+        let [first, second, third, fourth, ..] = numbers.to_le_bytes();
+        let code = u32::from(first);
+        Some(match what {
+            1 => BoardEvent::Up { dip: first },
+            2 => BoardEvent::Down,
+            3 => BoardEvent::Switch { to: RunSwitch::from_code(code)? },
+            4 => BoardEvent::Start { kind: Start::from_code(code)? },
+            5 => BoardEvent::StartRefused { code: first },
+            6 => BoardEvent::Interrupt {
+                event: first,
+                factor: (numbers >> 32) as u16 as i16,
+                enable: second != 0,
+                result: InterruptResult::from_code(third.into())?,
+            },
+            7 => BoardEvent::Triggers {
+                modes: [first, second, third],
+                result: OptInitResult::from_code(fourth.into())?,
+            },
+            8 => BoardEvent::NumberTaken { number: first },
+            9 => BoardEvent::Lockstep { event: first, state: SeatState::from_code(second.into())? },
+            _ => return None,
+        })
+    }
+
+    /// Its name in JSON Lines.
+    pub fn name(&self) -> &'static str {
+        match self {
+            BoardEvent::Up { .. } => "up",
+            BoardEvent::Down => "down",
+            BoardEvent::Switch { .. } => "switch",
+            BoardEvent::Start { .. } => "start",
+            BoardEvent::StartRefused { .. } => "start_refused",
+            BoardEvent::Interrupt { .. } => "intr_set",
+            BoardEvent::Triggers { .. } => "opt_init",
+            BoardEvent::NumberTaken { .. } => "number_taken",
+            BoardEvent::Lockstep { .. } => "lockstep",
+        }
+    }
+
+    /// What happened, in words.
+    pub fn text(&self) -> String {
+        match *self {
+            BoardEvent::Up { dip } => format!("on, DIP number {dip}"),
+            BoardEvent::Down => "off, or held in RESET".to_owned(),
+            BoardEvent::Switch { to } => format!("switch at {}", format!("{to:?}").to_uppercase()),
+            BoardEvent::Start { kind: Start::Stop } => "program is to stop".to_owned(),
+            BoardEvent::Start { kind } => format!("program is to start, {} start", lower(kind)),
+            BoardEvent::StartRefused { code } => {
+                let kind = Start::from_code(code.into()).map_or_else(|| format!("number {code}"), lower);
+                format!("start refused ({kind}): it needs a program and the switch at RUN")
+            }
+            BoardEvent::Interrupt { event, factor, enable, result } => {
+                let what = if enable { "enabled" } else { "disabled" };
+                let factor = match event {
+                    0 | 2 if enable => format!(" every {} us", i32::from(factor) * 50),
+                    _ => String::new(),
+                };
+                match why_not(result) {
+                    None => format!("event {event} {what}{factor}"),
+                    Some(why) => format!("event {event} not {what}: {why}"),
+                }
+            }
+            BoardEvent::Triggers { modes: [one, two, controller], result } => {
+                let modes =
+                    format!("trigger 1 mode {one}, trigger 2 mode {two}, controller mode {controller}");
+                let why = match result {
+                    OptInitResult::Done => return format!("OPT_INIT: {modes}"),
+                    OptInitResult::AlreadyRun => "it may be run once only",
+                    OptInitResult::BadTrigger => "a mode is reserved",
+                    OptInitResult::BadTimer => "a timer's inputs are out of range",
+                };
+                format!("OPT_INIT refused ({modes}): {why}")
+            }
+            BoardEvent::NumberTaken { number } => {
+                format!("slave number {number} belongs to another station already, nobody can address node1")
+            }
+            BoardEvent::Lockstep { event, state } => {
+                let what = match state {
+                    SeatState::Free => "has left",
+                    SeatState::Asking => "wants to join",
+                    SeatState::Seated => "has joined",
+                    SeatState::Refused => "may not join",
+                    SeatState::Lost => "was given up, its process died or took too long",
+                };
+                format!("lockstep: the task of event {event} {what}")
+            }
+        }
+    }
+}
+
+fn lower(kind: Start) -> String {
+    format!("{kind:?}").to_lowercase()
+}
+
+fn why_not(result: InterruptResult) -> Option<&'static str> {
+    match result {
+        InterruptResult::Done => None,
+        InterruptResult::NoSuchEvent => Some("there is no such event"),
+        InterruptResult::Excluded => Some("the event that excludes it is enabled"),
+        InterruptResult::BadFactor => Some("i_PAR1 must be 1 to 32767"),
+    }
+}

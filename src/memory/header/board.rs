@@ -1,0 +1,129 @@
+//! The board's front, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
+
+use crate::memory::{Bell, Cell32, SharedRegs};
+use core::mem::offset_of;
+use zerocopy::{FromBytes, IntoBytes, KnownLayout};
+
+/// The board's front: switches and LEDs are written by clients, the display by the firmware.
+#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
+#[repr(C)]
+pub struct Board {
+    /// DIP switch S33, switches 1 to 5: 0 to 31. The firmware reads it at power-on and reset only.
+    pub dip: Cell32,
+    /// The four LEDs in bits 0 to 3, red top, green top, red bottom, green bottom: function block `LED`
+    /// (manual p. 51) of the PLC. The firmware clears them at reset.
+    pub leds: Cell32,
+    /// The character on the seven-segment display (ASCII) in bits 0 to 7, the decimal point in bit 8; 0 is dark.
+    pub display: Cell32,
+    /// A [`RunSwitch`].
+    pub switch: Cell32,
+}
+
+/// The PLC program, its starts, and the power switch.
+#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
+#[repr(C)]
+pub struct Program {
+    /// A [`ProgramState`], written by the PLC.
+    pub state: Cell32,
+    /// A [`Start`] that a client wants; the firmware sets it back to 0.
+    pub start_request: Cell32,
+    /// Rung by the firmware when the PLC program shall start or stop, as `start_kind` says.
+    pub start: Bell,
+    /// A [`Start`], stored before `start` rings.
+    pub start_kind: Cell32,
+    /// A [`Power`], written by clients.
+    pub power: Cell32,
+    /// Counts power-ons and resets of this PLC, from 1. The registers then have their start values, no event is
+    /// enabled, and `OPT_INIT` may run again.
+    pub restarts: Cell32,
+    /// The DIP number that counts: as latched at the last power-on or reset.
+    pub dip_latched: Cell32,
+}
+
+codes! {
+    /// The RUN/STOP/RESET switch (manual p. 40).
+    RunSwitch {
+        /// The PLC program may run.
+        Run = 0,
+        /// The PLC program is stopped.
+        Stop = 1,
+        /// Held in RESET; it springs back to STOP when released.
+        Reset = 2,
+    }
+}
+codes! {
+    /// What the PLC program does, for the seven-segment display (manual p. 40).
+    ProgramState {
+        /// No project is loaded.
+        None = 0,
+        /// A project is loaded and stands.
+        Stopped = 1,
+        /// Cold or warm start runs.
+        Initializing = 2,
+        /// The cyclic parts run.
+        Cyclic = 3,
+        /// The boot project is being erased.
+        ErasingBootProject = 4,
+        /// A boot project is being copied to the flash memory.
+        CopyingBootProject = 5,
+        /// The boot project has been copied.
+        BootProjectCopied = 6,
+    }
+}
+codes! {
+    /// How a PLC program starts (manual p. 38).
+    Start {
+        /// Nothing is wanted.
+        None = 0,
+        /// All variables get their initial values, retain ones too.
+        Cold = 1,
+        /// Retain variables keep their values.
+        Warm = 2,
+        /// No initialization at all.
+        Hot = 3,
+        /// The program stops.
+        Stop = 4,
+    }
+}
+codes! {
+    /// The supply of one PLC.
+    Power {
+        /// On.
+        On = 0,
+        /// Off.
+        Off = 1,
+    }
+}
+
+// SAFETY: every field is a cell or a struct of cells; IntoBytes proves that there is no padding and FromBytes
+// that any bit pattern is valid.
+unsafe impl SharedRegs for Board {}
+// SAFETY: as above.
+unsafe impl SharedRegs for Program {}
+
+const _: () = assert!(offset_of!(Board, leds) == 4 && offset_of!(Board, display) == 8);
+const _: () = assert!(offset_of!(Board, switch) == 12 && size_of::<Board>() == 16);
+const _: () = assert!(offset_of!(Program, start) == 8 && offset_of!(Program, start_kind) == 16);
+const _: () = assert!(offset_of!(Program, restarts) == 24 && size_of::<Program>() == 32);
+
+impl Board {
+    /// All dark, all switches at 0.
+    pub fn clear(&self) {
+        [&self.dip, &self.leds, &self.display, &self.switch].iter().for_each(|cell| cell.store(0));
+    }
+}
+
+impl Program {
+    /// As before power-on: no program, power on, no start wanted.
+    pub(super) fn clear(&self) {
+        let cells = [
+            &self.state,
+            &self.start_request,
+            &self.start_kind,
+            &self.power,
+            &self.restarts,
+            &self.dip_latched,
+        ];
+        cells.iter().for_each(|cell| cell.store(0));
+    }
+}

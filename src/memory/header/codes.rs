@@ -1,0 +1,25 @@
+//! Numbers in the header page that stand for something.
+
+macro_rules! codes {
+    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $value:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u32)]
+        pub enum $name { $($(#[$vdoc])* $variant = $value,)* }
+
+        impl $name {
+            /// The meaning of the number in the header, if it has one.
+            pub const fn from_code(code: u32) -> Option<Self> {
+                match code {
+                    $($value => Some(Self::$variant),)*
+                    _ => None,
+                }
+            }
+
+            /// The number in the header.
+            pub const fn code(self) -> u32 {
+                self as u32
+            }
+        }
+    };
+}

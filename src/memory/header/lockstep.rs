@@ -1,0 +1,69 @@
+//! Lockstep: tasks that the emulated time waits for. `docs/attach.md` describes the turns.
+
+use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
+use core::mem::offset_of;
+use zerocopy::{FromBytes, IntoBytes, KnownLayout};
+
+/// The place of one task that takes part in lockstep.
+#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
+#[repr(C)]
+pub struct Seat {
+    /// Process id of the task; 0: the seat is free. Taken by compare-exchange.
+    pub owner: Cell32,
+    /// A [`SeatState`].
+    pub state: Cell32,
+    /// Start time of that process: field 22 of `/proc/<pid>/stat`.
+    pub owner_start: Cell64,
+    /// Number of the event that the task runs on.
+    pub event: Cell32,
+    /// How long a turn may really take before the task counts as lost, in ms; 0: as long as its process lives.
+    pub patience_ms: Cell32,
+    /// Rung by the emulator when it is the task's turn: the time stands still until `done` has rung as often.
+    pub turn: Bell,
+    /// Emulated time of the turn in microseconds; written before `turn` rings.
+    pub time_us: Cell64,
+    /// What the task claims at the end of a turn: 0, it is done until the next event; otherwise, another turn after
+    /// this emulated run time in microseconds.
+    pub run_us: Cell32,
+    /// Zero.
+    pub reserved_44: Cell32,
+    /// Rung by the task at the end of its turn, after `run_us` was stored.
+    pub done: Bell,
+    /// Zero.
+    pub reserved_56: [Cell32; 2],
+}
+
+codes! {
+    /// How far a task is with taking part in lockstep.
+    SeatState {
+        /// Free, or the task has left.
+        Free = 0,
+        /// The task asks to take part.
+        Asking = 1,
+        /// The task takes part.
+        Seated = 2,
+        /// Refused: the clock is not stepped, or there is no such event.
+        Refused = 3,
+        /// The emulator gave the task up, because its process died or its turn took too long.
+        Lost = 4,
+    }
+}
+
+// SAFETY: every field is a cell, an array of cells or a struct of cells; IntoBytes proves that there is no
+// padding and FromBytes that any bit pattern is valid.
+unsafe impl SharedRegs for Seat {}
+
+const _: () = assert!(offset_of!(Seat, owner_start) == 8 && offset_of!(Seat, event) == 16);
+const _: () = assert!(offset_of!(Seat, turn) == 24 && offset_of!(Seat, time_us) == 32);
+const _: () = assert!(offset_of!(Seat, run_us) == 40 && offset_of!(Seat, done) == 48);
+const _: () = assert!(size_of::<Seat>() == 64);
+
+impl Seat {
+    /// Free; the bells go on counting.
+    pub(super) fn clear(&self) {
+        let cells = [&self.state, &self.event, &self.patience_ms, &self.run_us];
+        cells.iter().for_each(|cell| cell.store(0));
+        self.owner_start.store(0);
+        self.owner.store(0);
+    }
+}
