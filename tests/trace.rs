@@ -61,7 +61,7 @@ fn text_tells_what_has_happened() {
     for line in [
         "     0.000000 s  line        w_CPU_CONTROL (%MW3.200000) := 16#0001 (handshake)",
         "     0.000500 s  line:node2  w_OPTION_STATUS (%MW3.200002) 16#0001 -> 16#0002, \
-         waiting for \"take over initialization data\"",
+         waiting for \"take over initialization data\", answered after 500 us",
         "     0.004640 s  drives      16#010 CC to all slaves: SYNC mode on",
     ] {
         assert!(text.lines().any(|other| other == line), "{line}\nis not in\n{text}");
@@ -99,7 +99,7 @@ fn jsonl_has_the_documented_fields() {
     for (kind, expected) in [
         ("sync", "bus"),
         ("frame", "bus data id text"),
-        ("state", "from node plc text to"),
+        ("state", "from latency_us node plc text to"),
         ("handshake", "address answer latency_us node plc register request"),
         ("missed", "frame node plc"),
         ("ignored", "command node plc why"),

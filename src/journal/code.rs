@@ -40,6 +40,7 @@ impl Event {
             Event::Handshake { origin, offset, request, answer } => {
                 [node(origin, offset), pair(request.into(), answer.into()), 0]
             }
+            Event::Register { origin, offset, from, to } => [node(origin, offset), pair(from, to), 0],
             Event::Missed { origin, what } => {
                 let (what, channel) = match what {
                     Missed::ReferenceValue(channel) => (0, channel),
@@ -86,6 +87,7 @@ impl Event {
             Kind::Handshake => {
                 Event::Handshake { origin, offset: rest, request: high as u16, answer: low as u16 }
             }
+            Kind::Register => Event::Register { origin, offset: rest, from: high, to: low },
             Kind::Missed => {
                 let what = match high {
                     0 => Missed::ReferenceValue(low as u8),

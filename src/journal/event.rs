@@ -76,6 +76,17 @@ pub enum Event {
         /// What the firmware wrote instead.
         answer: u16,
     },
+    /// The firmware changed a register that is no handshake.
+    Register {
+        /// The node.
+        origin: Origin,
+        /// Absolute `%MB3` offset of the register.
+        offset: u32,
+        /// Value before.
+        from: u32,
+        /// Value now.
+        to: u32,
+    },
     /// A deadline was missed.
     Missed {
         /// The node.
@@ -158,6 +169,7 @@ impl Event {
             Event::Frame { .. } => Kind::Frame,
             Event::State { .. } => Kind::State,
             Event::Handshake { .. } => Kind::Handshake,
+            Event::Register { .. } => Kind::Register,
             Event::Missed { .. } => Kind::Missed,
             Event::CommandIgnored { .. } => Kind::Ignored,
             Event::InitRefused { .. } => Kind::InitRefused,
@@ -175,6 +187,7 @@ impl Event {
             Event::ChannelWrite { plc, .. } | Event::Board { plc, .. } => Source::Plc(plc),
             Event::State { origin, .. }
             | Event::Handshake { origin, .. }
+            | Event::Register { origin, .. }
             | Event::Missed { origin, .. }
             | Event::CommandIgnored { origin, .. }
             | Event::InitRefused { origin, .. }

@@ -35,6 +35,8 @@ struct Line {
     place: Place,
     #[serde(flatten)]
     what: What,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    latency_us: Option<u32>,
 }
 
 #[derive(Serialize)]
@@ -80,8 +82,14 @@ enum What {
         address: String,
         request: u16,
         answer: u16,
+    },
+    Register {
+        register: Option<String>,
+        address: String,
+        from: u32,
+        to: u32,
         #[serde(skip_serializing_if = "Option::is_none")]
-        latency_us: Option<u32>,
+        text: Option<String>,
     },
     Missed {
         frame: String,
@@ -141,8 +149,13 @@ impl Jsonl {
                 What::State { from, to, text }
             }
             Event::Handshake { origin, offset, request, answer } => {
-                let (register, address) = named(&context.handshake(origin.plc, offset));
-                What::Handshake { register, address, request, answer, latency_us: record.latency_us }
+                let (register, address) = named(&context.whole(origin.plc, offset));
+                What::Handshake { register, address, request, answer }
+            }
+            Event::Register { origin, offset, from, to } => {
+                let place = context.whole(origin.plc, offset);
+                let (register, address) = named(&place);
+                What::Register { register, address, from, to, text: place.meaning(to) }
             }
             Event::Missed { what, .. } => What::Missed { frame: missed_frame(what) },
             Event::CommandIgnored { value, why, .. } => {
@@ -195,6 +208,7 @@ impl Format for Jsonl {
             kind: record.event.kind().name(),
             place: self.place(record.event.source()),
             what: self.what(record),
+            latency_us: record.latency_us,
         };
         write(&line, out);
     }

@@ -69,6 +69,8 @@ kinds! {
     BaudRateMismatch = 9, "baud_rate_mismatch", Rare;
     /// A register written through the channel.
     ChannelWrite = 10, "channel_write", Registers;
+    /// A register changed by the firmware that is no handshake.
+    Register = 11, "register", Registers;
     /// Something on the board of a PLC.
     Board = 20, "board", Rare;
 }

@@ -96,9 +96,11 @@ impl Journal {
         self.written += 1;
         match event {
             Event::Frame { .. } => self.ring.note(Record::single(time_us, event)),
-            Event::SyncEdge { .. } | Event::Missed { .. } => self.count(time_us, event, key),
-            Event::Handshake { origin, offset, request, .. } => {
-                match self.requests.answered(time_us, origin.plc, offset, request) {
+            Event::SyncEdge { .. } | Event::Missed { .. } | Event::Register { .. } => {
+                self.count(time_us, event, key);
+            }
+            Event::Handshake { origin, offset, request, answer } => {
+                match self.requests.answered(time_us, origin, offset, request, answer) {
                     None => self.count(time_us, event, key),
                     latency_us => {
                         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
@@ -122,15 +124,19 @@ impl Journal {
 
     #[cold]
     fn note_rare(&mut self, time_us: u64, event: Event) {
+        let mut latency_us = None;
         match event {
             Event::ChannelWrite { plc, offset, value, .. } => {
                 self.requests.written(time_us, plc, offset, value);
             }
-            // What was counted up to here belongs to the state before.
-            Event::State { .. } => self.tally.all().into_iter().for_each(|record| self.ring.note(record)),
+            Event::State { origin, .. } => {
+                // What was counted up to here belongs to the state before.
+                self.tally.all().into_iter().for_each(|record| self.ring.note(record));
+                latency_us = self.requests.commanded(time_us, origin);
+            }
             _ => {}
         }
-        self.ring.note(Record::single(time_us, event));
+        self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
     }
 
     /// Lets the journal know the time, so that it notes the counts that are over also when nothing happens. Call it

@@ -104,8 +104,8 @@ impl Context {
         Place { register, address, ty }
     }
 
-    /// The register of a handshake, whatever its width.
-    pub fn handshake(&mut self, plc: u16, offset: u32) -> Place {
+    /// The register at `offset`, whatever its width.
+    pub fn whole(&mut self, plc: u16, offset: u32) -> Place {
         match self.register(plc, offset) {
             Some(register) => {
                 Place { register: Some(register), address: register.address(), ty: register.ty() }

@@ -15,7 +15,8 @@ pub struct Record {
     pub count: u32,
     /// Distance between them in microseconds; 0 for a single event.
     pub period_us: u32,
-    /// Of a handshake: microseconds from the request to the answer, if the request came through the channel.
+    /// Of a handshake or a state: microseconds from the request to this answer, if the request came through the
+    /// channel.
     pub latency_us: Option<u32>,
 }
 

@@ -1,5 +1,10 @@
 //! Requests of handshakes that came through the channel, until they are answered.
 
+use super::Origin;
+use crate::layout::omega_drive_line_2::{NODE1, NODE2};
+
+/// Number of the node that is the master.
+const MASTER: u8 = 2;
 /// Requests remembered; more than a client can have under way in one node.
 const PLACES: usize = 64;
 
@@ -9,6 +14,12 @@ struct Request {
     offset: u32,
     value: u32,
     time_us: u64,
+}
+
+impl Request {
+    fn latency(&self, time_us: u64) -> Option<u32> {
+        u32::try_from(time_us.checked_sub(self.time_us)?).ok()
+    }
 }
 
 /// The last writes through the channel, for the time from request to answer.
@@ -33,16 +44,42 @@ impl Requests {
     }
 
     /// A request was answered; returns the time since it was made, if that is known.
+    ///
+    /// While bit 0 of the answer is set, a job of the master is under way (manual 5.00005.03a p. 165, 167): the answers
+    /// to come belong to the same request.
     #[inline]
-    pub fn answered(&mut self, time_us: u64, plc: u16, offset: u32, value: u16) -> Option<u32> {
+    pub fn answered(
+        &mut self,
+        time_us: u64,
+        origin: Origin,
+        offset: u32,
+        request: u16,
+        answer: u16,
+    ) -> Option<u32> {
+        let made = self.take(origin.plc, offset)?;
+        if made.value != u32::from(request) {
+            return None;
+        }
+        if origin.node == MASTER && answer & 1 != 0 {
+            self.written(made.time_us, origin.plc, offset, answer.into());
+        }
+        made.latency(time_us)
+    }
+
+    /// A node changed its state; returns the time since the last command in its `w_CPU_CONTROL`, if that is known.
+    pub fn commanded(&mut self, time_us: u64, origin: Origin) -> Option<u32> {
+        let node = if origin.node == MASTER { NODE2 } else { NODE1 };
+        self.take(origin.plc, node as u32)?.latency(time_us)
+    }
+
+    /// The request in the register at `offset`, which is forgotten.
+    #[inline]
+    fn take(&mut self, plc: u16, offset: u32) -> Option<Request> {
         if self.open == 0 {
             return None;
         }
-        let place = self.place(plc, offset);
-        let request = place.filter(|request| (request.plc, request.offset) == (plc, offset))?;
-        *place = None;
+        let request = self.place(plc, offset).take_if(|it| (it.plc, it.offset) == (plc, offset))?;
         self.open -= 1;
-        let latency = time_us.checked_sub(request.time_us)?;
-        if request.value == u32::from(value) { u32::try_from(latency).ok() } else { None }
+        Some(request)
     }
 }

@@ -21,6 +21,12 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
         (origin(), any::<(u32, u16, u16)>()).prop_map(|(origin, (offset, request, answer))| {
             Event::Handshake { origin, offset, request, answer }
         }),
+        (origin(), any::<(u32, u32, u32)>()).prop_map(|(origin, (offset, from, to))| Event::Register {
+            origin,
+            offset,
+            from,
+            to
+        }),
         (origin(), missed).prop_map(|(origin, what)| Event::Missed { origin, what }),
         (origin(), any::<u16>(), why).prop_map(|(origin, value, why)| Event::CommandIgnored {
             origin,

@@ -33,9 +33,14 @@ impl Text {
                 format!("{} {before} -> {}", label(status.as_ref()), with_meaning(status.as_ref(), to.into()))
             }
             Event::Handshake { origin, offset, request, answer } => {
-                let place = self.context.handshake(origin.plc, offset);
+                let place = self.context.whole(origin.plc, offset);
                 let [request, answer] = [request, answer].map(|value| place.value(value.into()));
                 format!("{} {request} -> {answer}", place.label())
+            }
+            Event::Register { origin, offset, from, to } => {
+                let place = self.context.whole(origin.plc, offset);
+                let meaning = place.meaning(to).map(|meaning| format!(", {meaning}")).unwrap_or_default();
+                format!("{} {} -> {}{meaning}", place.label(), place.value(from), place.value(to))
             }
             Event::Missed { what, .. } => format!("missed: {}", missed_text(what)),
             Event::CommandIgnored { origin, value: command, why } => {

@@ -132,6 +132,6 @@ impl Bench {
     }
 
     pub fn action(&mut self, command: ActionCommand) {
-        self.slave.action(&command.frame(), &command);
+        self.with(|slave, ctx| slave.action(ctx, &command.frame(), &command));
     }
 }

@@ -118,7 +118,7 @@ impl Master {
             }
             Change::None | Change::Progressed => {}
         }
-        self.node.refresh_status(on_wire);
+        self.node.refresh_status(ctx, on_wire);
         change
     }
 

@@ -8,6 +8,7 @@ use crate::firmware::Context;
 use crate::journal::{Command, Event};
 use crate::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT;
 use crate::memory::View;
+use core::mem::offset_of;
 
 /// Which of the board's two nodes this is; the wiring is fixed (manual 5.00005.03a p. 61).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -247,8 +248,8 @@ impl Node {
     }
 
     /// Refreshes `w_CANsync_STATUS`. `on_wire` says what the controller is doing at this moment: `None`
-    /// idle, `Some(true)` sending, `Some(false)` receiving.
-    pub(super) fn refresh_status(&self, on_wire: Option<bool>) {
+    /// idle, `Some(true)` sending, `Some(false)` receiving. That alone is not worth a record.
+    pub(super) fn refresh_status(&self, ctx: &mut Context, on_wire: Option<bool>) {
         let mut value = 0;
         if self.init.is_some() {
             value = status::SEND_BUFFER_FREE | status::SEND_JOB_DONE;
@@ -263,8 +264,14 @@ impl Node {
         if self.refused.is_some() {
             value |= status::WARNING;
         }
-        if self.regs.w_CANsync_STATUS.load() != value {
+        let before = self.regs.w_CANsync_STATUS.load();
+        if before != value {
             self.regs.w_CANsync_STATUS.store(value);
+        }
+        if (before ^ value) & !status::TRAFFIC != 0 {
+            let origin = ctx.origin;
+            let offset = self.base + offset_of!(CANsync_INIT_BMSTRUCT, w_CANsync_STATUS) as u32;
+            ctx.report(Event::Register { origin, offset, from: before.into(), to: value.into() });
         }
     }
 }

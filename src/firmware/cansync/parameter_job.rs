@@ -5,6 +5,7 @@
 //! a job that nobody answers is simply sent again on the slave's next turn (decision D-11).
 
 use super::job_registers::JobRegisters;
+use super::shown::Shown;
 use crate::bus::Payload;
 use crate::bus::codec::parameter::{Access, ParameterJob, ParameterResponse, ParameterResult, error_number};
 use crate::firmware::Context;
@@ -28,6 +29,8 @@ mod bits {
 struct Area<'a> {
     job: JobRegisters<'a>,
     data: &'a DATA_PARAMETER,
+    /// `%MB3` offset of `data`, for the journal.
+    data_offset: usize,
 }
 
 impl<'a> Area<'a> {
@@ -44,6 +47,9 @@ impl<'a> Area<'a> {
                     + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD),
             },
             data: regs.a_DATA_PARAMETER.get(index)?,
+            data_offset: NODE2
+                + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
+                + index * size_of::<DATA_PARAMETER>(),
         })
     }
 
@@ -61,9 +67,15 @@ impl<'a> Area<'a> {
         ParameterJob::new(self.data.w_PAR_NR.load(), access).map_err(|_| error_number::NOT_PRESENT)
     }
 
+    /// Shows the job's result.
+    fn show_value(&self, ctx: &mut Context, value: u32) {
+        let offset = self.data_offset + offset_of!(DATA_PARAMETER, d_PAR_VALUE);
+        self.data.d_PAR_VALUE.show(ctx, offset, value);
+    }
+
     /// Ends the job that `control` holds with an error number; bit 3 goes off as at a good end (D-42).
     fn fail(&self, ctx: &mut Context, control: u8, number: u16) {
-        self.data.d_PAR_VALUE.store(u32::from(number));
+        self.show_value(ctx, u32::from(number));
         self.job.replace(ctx, control, ended(control) | bits::ERROR);
     }
 }
@@ -114,11 +126,11 @@ pub(super) fn answered(
         ParameterResult::Done => end,
         // The format is that of the answer, whatever was asked for (p. 165).
         ParameterResult::Word(value) => {
-            area.data.d_PAR_VALUE.store(u32::from(value));
+            area.show_value(ctx, u32::from(value));
             end & !bits::DOUBLEWORD
         }
         ParameterResult::Doubleword(value) => {
-            area.data.d_PAR_VALUE.store(value);
+            area.show_value(ctx, value);
             end | bits::DOUBLEWORD
         }
     };

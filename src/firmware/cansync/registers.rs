@@ -32,6 +32,8 @@ pub(super) mod status {
     pub const RECEIVING: u16 = 1 << 4;
     pub const SENDING: u16 = 1 << 5;
     pub const WARNING: u16 = 1 << 6;
+    /// The bits that change with every frame.
+    pub const TRAFFIC: u16 = SEND_BUFFER_FREE | SEND_JOB_DONE | RECEIVING | SENDING;
 }
 
 /// Automatic slave numbers (manual 5.00005.03a p. 159-160; counters: decision D-08).

@@ -16,6 +16,7 @@ use super::master::acknowledge;
 use super::node::{Change, Node, NodeState, Role};
 use super::polling::SYNCHRONIZED;
 use super::registers::Code;
+use super::shown::Shown;
 use super::word_config::WordConfigs;
 use crate::bus::codec::action::{Action, ActionCommand};
 use crate::bus::codec::process::FrameConfig;
@@ -128,7 +129,7 @@ impl Slave {
         }
         self.watch_signal(ctx.now);
         self.jobs.look(ctx, &self.regs);
-        self.node.refresh_status(on_wire);
+        self.node.refresh_status(ctx, on_wire);
         change
     }
 
@@ -228,26 +229,32 @@ impl Slave {
     }
 
     /// An action command was on the bus; only commands with this slave's bit are shown (manual p. 188).
-    pub fn action(&mut self, frame: &Frame, command: &ActionCommand) {
+    pub fn action(&mut self, ctx: &mut Context, frame: &Frame, command: &ActionCommand) {
         if !self.node.accepts(frame.id()) || !command.concerns(self.number) {
             return;
         }
         let regs = &self.regs;
+        // Stores a value and notes it if it is another one.
+        macro_rules! show {
+            ($register:ident, $value:expr) => {
+                regs.$register.show(ctx, NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, $register), $value)
+            };
+        }
         match command.action() {
             Action::ControlWord(word) => {
-                regs.w_CONTROLWORD.store(word);
-                regs.b_STATREG_CONTROLWORD.store(Code::RECEIVED);
+                show!(w_CONTROLWORD, word);
+                show!(b_STATREG_CONTROLWORD, Code::RECEIVED);
             }
             Action::SyncMode(on) => {
                 self.lock.set_mode(on);
-                regs.b_SYNC_MODUS.store(command.data_byte);
-                regs.b_STATREG_SYNC_MODUS.store(Code::RECEIVED);
+                show!(b_SYNC_MODUS, command.data_byte);
+                show!(b_STATREG_SYNC_MODUS, Code::RECEIVED);
             }
             Action::Other => {
-                regs.b_AKT_CMD.store(command.command);
-                regs.b_DATA_BYTE_AKT_CMD.store(command.data_byte);
-                regs.w_DATAWORD_AKT_CMD.store(command.data_word);
-                regs.b_STATREG_AKT_CMD.store(Code::RECEIVED);
+                show!(b_AKT_CMD, command.command);
+                show!(b_DATA_BYTE_AKT_CMD, command.data_byte);
+                show!(w_DATAWORD_AKT_CMD, command.data_word);
+                show!(b_STATREG_AKT_CMD, Code::RECEIVED);
             }
         }
     }

@@ -6,6 +6,7 @@
 
 use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;
+use super::shown::Shown;
 use crate::bus::Payload;
 use crate::bus::codec::CodecError;
 use crate::bus::codec::updown::{
@@ -156,7 +157,7 @@ impl BlockJob {
             Progress::Next => control & !bits::BUSY,
             Progress::Finished => ended(control),
             Progress::Failed(number) => {
-                regs.w_ERR_NR_UPDOWNBLK1.store(number);
+                show_error(ctx, regs, number);
                 ended(control) | bits::ERROR
             }
         };
@@ -242,7 +243,7 @@ const fn block_end(offset: u16) -> u16 {
 fn begin(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8, order: Order) -> Option<Transfer> {
     regs.w_COUNTER_UPDOWNBLK1.store(0);
     let refusal = order.refusal();
-    regs.w_ERR_NR_UPDOWNBLK1.store(refusal.unwrap_or(0));
+    show_error(ctx, regs, refusal.unwrap_or(0));
     if refusal.is_some() {
         registers(regs).replace(ctx, control, ended(control) | bits::ERROR);
         return None;
@@ -253,6 +254,11 @@ fn begin(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8, order:
 /// What is left of a control register when its job has ended: direction and mode.
 const fn ended(control: u8) -> u8 {
     control & !(bits::ACTIVE | bits::SENT | bits::BUSY | bits::ERROR)
+}
+
+fn show_error(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, number: u16) {
+    let offset = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_ERR_NR_UPDOWNBLK1);
+    regs.w_ERR_NR_UPDOWNBLK1.show(ctx, offset, number);
 }
 
 fn registers(regs: &CANsync_MA_CTRL_BMSTRUCT) -> JobRegisters<'_> {

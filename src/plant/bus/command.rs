@@ -35,7 +35,7 @@ impl Run<'_> {
         for drive in self.drives() {
             drive.action_command(&command);
         }
-        self.each_node(|slave, _| slave.action(frame, &command));
+        self.each_node(|slave, ctx| slave.action(ctx, frame, &command));
     }
 
     fn deliver_job(&mut self, number: u8, frame: &Frame) {

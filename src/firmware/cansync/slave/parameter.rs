@@ -8,6 +8,7 @@ use crate::bus::codec::parameter::{VALUE_ELEMENT, error_number};
 use crate::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::firmware::Context;
 use crate::firmware::cansync::job_registers::JobRegisters;
+use crate::firmware::cansync::shown::Shown;
 use crate::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use core::mem::offset_of;
 
@@ -59,18 +60,16 @@ impl ParameterServer {
     }
 
     fn enter(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: ParameterJob) {
-        let kind = match job.access() {
-            Access::Read => READ,
-            Access::WriteWord(value) => {
-                regs.d_DATA_PAR_CMD.store(u32::from(value));
-                WRITE
-            }
-            Access::WriteDoubleword(value) => {
-                regs.d_DATA_PAR_CMD.store(value);
-                WRITE | DOUBLEWORD
-            }
+        let (kind, value) = match job.access() {
+            Access::Read => (READ, None),
+            Access::WriteWord(value) => (WRITE, Some(u32::from(value))),
+            Access::WriteDoubleword(value) => (WRITE | DOUBLEWORD, Some(value)),
         };
-        regs.w_PAR_NR.store(job.number());
+        if let Some(value) = value {
+            let offset = NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, d_DATA_PAR_CMD);
+            regs.d_DATA_PAR_CMD.show(ctx, offset, value);
+        }
+        regs.w_PAR_NR.show(ctx, NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, w_PAR_NR), job.number());
         registers(regs).show(ctx, BUSY | ACTIVE | kind);
         self.entered = Some(job);
         self.changed = None;
