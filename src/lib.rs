@@ -44,6 +44,7 @@ pub mod layout;
 pub mod memory;
 pub mod plant;
 pub mod runtime;
+pub mod time;
 
 /// The examples of the README are tests.
 #[cfg(doctest)]

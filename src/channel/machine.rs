@@ -2,14 +2,7 @@
 
 use super::InstanceInfo;
 use crate::journal::Journal;
-use crate::memory::Width;
-
-/// No register area covers an address.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Unmapped {
-    /// Byte offset of the first byte that is not covered.
-    pub offset: u32,
-}
+use crate::memory::{Unmapped, Width};
 
 /// An emulator, seen from the channel.
 ///

@@ -29,11 +29,12 @@ pub mod server;
 mod testing;
 pub mod wire;
 
+pub use crate::memory::Unmapped;
 pub use bells::Bells;
 pub use client::{Client, ClientError};
 pub use error::ChannelError;
 pub use header_bells::HeaderBells;
-pub use machine::{Machine, Unmapped};
+pub use machine::Machine;
 pub use op::{InstanceInfo, Op, Reply};
 pub use server::{Server, ServerError};
 

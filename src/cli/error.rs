@@ -1,8 +1,8 @@
 //! What a command can end with instead of success.
 
 use super::time;
-use super::value::ValueError;
 use commram::layout::LayoutError;
+use commram::layout::place::BadValue;
 use commram::memory::MemoryError;
 use commram::plant::PlantError;
 use commram::runtime::RuntimeError;
@@ -16,13 +16,8 @@ pub enum CliError {
     #[error("{0}")]
     Layout(#[from] LayoutError),
     /// A value that the register cannot hold.
-    #[error("{place}: {source}")]
-    Value {
-        /// Name and address of the register.
-        place: String,
-        /// What is wrong with it.
-        source: ValueError,
-    },
+    #[error(transparent)]
+    Value(#[from] BadValue),
     /// An argument in a notation of its own.
     #[error("`{text}`: {right}")]
     Argument {
@@ -189,7 +184,7 @@ impl CliError {
     pub fn exit_code(&self) -> u8 {
         let wrong_use = match self {
             Self::Layout(_)
-            | Self::Value { .. }
+            | Self::Value(_)
             | Self::Argument { .. }
             | Self::WhichPlc { .. }
             | Self::UnknownPlc { .. }

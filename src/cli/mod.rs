@@ -9,20 +9,19 @@ mod list;
 mod map;
 mod output;
 mod peek;
-mod place;
 mod poke;
 mod run;
 mod session;
 mod step;
 mod stop;
 mod table;
-mod time;
 mod trace;
-mod value;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod wait;
 
 use clap::{Args, ColorChoice, Parser, Subcommand};
+use commram::layout::place;
+use commram::time;
 use error::CliError;
 use std::process::ExitCode;
 

@@ -22,7 +22,9 @@ mod iter;
 mod lookup;
 mod name;
 mod nearest;
+pub mod place;
 mod register;
+pub mod value;
 mod width;
 
 pub use address::Address;
@@ -35,6 +37,7 @@ pub use error::LayoutError;
 pub use iter::Registers;
 pub use lookup::Target;
 pub use name::split_plc;
+pub use place::Place;
 pub use register::RegisterRef;
 pub use width::Width;
 

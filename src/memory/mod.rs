@@ -16,6 +16,7 @@ pub mod names;
 mod process;
 mod segment;
 mod view;
+mod widths;
 
 pub use crate::layout::{Address, Width};
 pub use attach::{AttachMode, Attached};
@@ -27,6 +28,7 @@ pub use image::{Image, ImageSpec};
 pub use list::{Condition, ImageInfo, ImageSummary, list};
 pub use segment::{SEGMENT_SIZE, Segment};
 pub use view::View;
+pub use widths::{RegisterWidths, Unmapped};
 
 #[cfg(test)]
 mod testing;

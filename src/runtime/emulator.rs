@@ -82,7 +82,7 @@ pub struct Emulator {
     #[cfg(feature = "channel")]
     server: Option<crate::channel::Server>,
     #[cfg(feature = "channel")]
-    pub(super) registers: super::machine::RegisterWidths,
+    pub(super) registers: crate::memory::RegisterWidths,
 }
 
 impl Emulator {
@@ -134,7 +134,7 @@ impl Emulator {
             #[cfg(feature = "channel")]
             server,
             #[cfg(feature = "channel")]
-            registers: super::machine::RegisterWidths::of_device(),
+            registers: crate::memory::RegisterWidths::of_device(),
         })
     }
 

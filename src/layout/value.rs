@@ -1,6 +1,6 @@
 //! Register values as text.
 
-use commram::layout::RegType;
+use super::RegType;
 use thiserror::Error;
 
 /// A text that is no value of a register.
@@ -32,6 +32,9 @@ pub enum ValueError {
 
 /// Parses a value of a register of type `ty` into its bit pattern. Decimal numbers are numbers of the type,
 /// negative ones for signed types; with a base in front they are bit patterns.
+///
+/// # Errors
+/// [`ValueError`] with the notation or the range that would be right.
 pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     let wrong = || ValueError::Notation { text: text.to_owned() };
     let (base, digits) = split_base(text.trim());

@@ -1,0 +1,248 @@
+//! Accesses of any width: how they meet the registers, each of which has just one.
+
+use super::{MemoryError, Segment, Width};
+use crate::layout::omega_drive_line_2::DEVICE;
+
+/// No register area covers an address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unmapped {
+    /// Byte offset of the first byte that is not covered.
+    pub offset: u32,
+}
+
+/// Register widths of the device, byte by byte.
+///
+/// Rule of the shared memory: a register is accessed at its own width only. An access from outside may
+/// be narrower or wider than the registers it meets; this map says how to split it.
+pub struct RegisterWidths {
+    areas: Vec<AreaWidths>,
+}
+
+struct AreaWidths {
+    first: u32,
+    /// For each byte of the area: the width of its register in the low four bits (0: plain RAM) and the
+    /// byte's place in the register above them.
+    bytes: Vec<u8>,
+    /// One past the last byte.
+    end: u32,
+}
+
+/// A part of an access that lies within one register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Part {
+    /// Offset of the part.
+    offset: u32,
+    /// Bytes of the part: 1, 2 or 4.
+    bytes: u32,
+    /// Offset and width of the register it lies in.
+    register: (u32, Width),
+}
+
+impl RegisterWidths {
+    /// The widths of the Omega Drive-Line II.
+    #[must_use]
+    pub fn of_device() -> Self {
+        let areas = DEVICE.areas.iter().map(|area| {
+            // Only as many bytes as have registers; option interfaces are large and empty.
+            let described = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
+            let mut bytes = vec![0; described as usize];
+            for placed in area.structures {
+                for register in area.registers_of(placed.structure) {
+                    let start = (register.offset() - area.first) as usize;
+                    for place in 0..register.width() {
+                        if let Some(byte) = bytes.get_mut(start + place as usize) {
+                            *byte = (register.width() | place << 4) as u8;
+                        }
+                    }
+                }
+            }
+            AreaWidths { first: area.first, bytes, end: area.first + area.bytes }
+        });
+        RegisterWidths { areas: areas.collect() }
+    }
+
+    /// The area that holds all of `offset .. offset + len`; otherwise the first byte that has none.
+    fn area(&self, offset: u32, len: u32) -> Result<&AreaWidths, Unmapped> {
+        let area = self
+            .areas
+            .iter()
+            .find(|area| (area.first..area.end).contains(&offset))
+            .ok_or(Unmapped { offset })?;
+        if len > area.end - offset { Err(Unmapped { offset: area.end }) } else { Ok(area) }
+    }
+
+    /// Splits an access into parts that lie within one register each, in ascending order.
+    fn parts(&self, offset: u32, width: Width) -> Result<impl Iterator<Item = Part>, Unmapped> {
+        let end = offset + width.bytes();
+        let area = self.area(offset, width.bytes())?;
+        let mut at = offset;
+        Ok(core::iter::from_fn(move || {
+            if at >= end {
+                return None;
+            }
+            let part = area.part(at, end, offset, width);
+            at += part.bytes;
+            Some(part)
+        }))
+    }
+
+    /// Reads `width` at `offset`, whatever the widths of the registers it meets.
+    ///
+    /// # Errors
+    /// No register area covers the access.
+    pub fn load(&self, segment: &Segment, offset: u32, width: Width) -> Result<u32, Unmapped> {
+        let mut value = 0;
+        for part in self.parts(offset, width)? {
+            let bits = load_part(segment, part).map_err(|_| Unmapped { offset })?;
+            value |= bits << ((part.offset - offset) * 8);
+        }
+        Ok(value)
+    }
+
+    /// Writes `width` at `offset`; of registers that it covers in part, the rest stays.
+    ///
+    /// # Errors
+    /// No register area covers the access.
+    pub fn store(&self, segment: &Segment, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
+        for part in self.parts(offset, width)? {
+            let bits = value >> ((part.offset - offset) * 8) & mask(part.bytes);
+            store_part(segment, part, bits).map_err(|_| Unmapped { offset })?;
+        }
+        Ok(())
+    }
+
+    /// Writes `new` if `current` is there; the inner result is what was there, `Ok` if written.
+    ///
+    /// # Errors
+    /// No register area covers the access.
+    pub fn compare_exchange(
+        &self,
+        segment: &Segment,
+        offset: u32,
+        width: Width,
+        current: u32,
+        new: u32,
+    ) -> Result<Result<u32, u32>, Unmapped> {
+        let missing = Unmapped { offset };
+        let mut parts = self.parts(offset, width)?;
+        let first = parts.next().ok_or(missing)?;
+        if parts.next().is_none() {
+            return exchange_part(segment, first, current, new).map_err(|_| missing);
+        }
+        // Several registers cannot be exchanged in one go. The firmware does not run meanwhile, but a
+        // mapped client may write between the look and the write, as on the device.
+        let seen = self.load(segment, offset, width)?;
+        if seen != current {
+            return Ok(Err(seen));
+        }
+        self.store(segment, offset, width, new)?;
+        Ok(Ok(seen))
+    }
+
+    /// Copies bytes out of one area.
+    ///
+    /// # Errors
+    /// No register area covers one of the bytes.
+    pub fn read_range(&self, segment: &Segment, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
+        let missing = Unmapped { offset };
+        let len = u32::try_from(to.len()).map_err(|_| missing)?;
+        self.area(offset, len)?;
+        segment.read_range(offset, to).map_err(|_| missing)
+    }
+}
+
+impl AreaWidths {
+    fn part(&self, at: u32, end: u32, offset: u32, width: Width) -> Part {
+        let byte = self.bytes.get((at - self.first) as usize).copied().unwrap_or(0);
+        let register_width = match byte & 0x0F {
+            1 => Width::Byte,
+            2 => Width::Word,
+            4 => Width::Dword,
+            // Plain RAM has no registers: the access's own width is the right one.
+            _ => return Part { offset: at, bytes: end - at, register: (offset, width) },
+        };
+        let place = u32::from(byte >> 4);
+        let bytes = (register_width.bytes() - place).min(end - at);
+        Part { offset: at, bytes, register: (at - place, register_width) }
+    }
+}
+
+/// Reads `bytes` bytes at `offset` out of the register they lie in.
+fn load_part(segment: &Segment, part: Part) -> Result<u32, MemoryError> {
+    let (start, width) = part.register;
+    let value = segment.load(start, width)? >> ((part.offset - start) * 8);
+    Ok(value & mask(part.bytes))
+}
+
+fn store_part(segment: &Segment, part: Part, value: u32) -> Result<(), MemoryError> {
+    let (start, width) = part.register;
+    if part.bytes == width.bytes() {
+        return segment.store(start, width, value);
+    }
+    let shift = (part.offset - start) * 8;
+    let keep = !(mask(part.bytes) << shift);
+    segment.update(start, width, |old| old & keep | value << shift).map(|_| ())
+}
+
+/// Compare-exchange of a part, atomic for the register it lies in.
+fn exchange_part(
+    segment: &Segment,
+    part: Part,
+    current: u32,
+    new: u32,
+) -> Result<Result<u32, u32>, MemoryError> {
+    let (start, width) = part.register;
+    let shift = (part.offset - start) * 8;
+    let field = mask(part.bytes) << shift;
+    let old = segment.update(start, width, |old| {
+        if (old & field) >> shift == current { old & !field | new << shift } else { old }
+    })?;
+    let seen = (old & field) >> shift;
+    Ok(if seen == current { Ok(seen) } else { Err(seen) })
+}
+
+fn mask(bytes: u32) -> u32 {
+    u32::MAX >> (32 - 8 * bytes.clamp(1, 4))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parts(offset: u32, width: Width) -> Vec<Part> {
+        RegisterWidths::of_device().parts(offset, width).unwrap().collect()
+    }
+
+    #[test]
+    fn an_access_of_the_registers_width_is_one_part() {
+        let part = Part { offset: 200_000, bytes: 2, register: (200_000, Width::Word) };
+        assert_eq!(parts(200_000, Width::Word), [part]);
+    }
+
+    #[test]
+    fn a_narrow_access_lies_within_its_register() {
+        let part = Part { offset: 200_003, bytes: 1, register: (200_002, Width::Word) };
+        assert_eq!(parts(200_003, Width::Byte), [part]);
+    }
+
+    #[test]
+    fn a_wide_access_is_split_at_registers() {
+        let part = |offset| Part { offset, bytes: 2, register: (offset, Width::Word) };
+        assert_eq!(parts(200_000, Width::Dword), [part(200_000), part(200_002)]);
+        assert_eq!(parts(200_012, Width::Word).len(), 2, "two byte registers");
+    }
+
+    #[test]
+    fn plain_ram_is_accessed_as_asked() {
+        let part = Part { offset: 80_004, bytes: 4, register: (80_004, Width::Dword) };
+        assert_eq!(parts(80_004, Width::Dword), [part]);
+    }
+
+    #[test]
+    fn holes_are_named() {
+        let map = RegisterWidths::of_device();
+        assert_eq!(map.area(79_999, 1).err(), Some(Unmapped { offset: 79_999 }));
+        assert_eq!(map.area(88_190, 4).err(), Some(Unmapped { offset: 88_192 }));
+        assert!(map.area(88_190, 2).is_ok());
+    }
+}
