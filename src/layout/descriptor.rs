@@ -69,6 +69,8 @@ pub struct Placed {
     pub structure: &'static Structure,
     /// When the structure is the valid one of those that overlay each other.
     pub live: Live,
+    /// Name of the variable that the application declares there, the manual's where it has one.
+    pub variable: &'static str,
 }
 
 /// When a structure is valid: INIT and cyclic structure of a CANsync node overlay the same RAM.
@@ -116,6 +118,10 @@ pub struct Structure {
 pub struct Register {
     /// Sub-structure the register belongs to, for example `a_DATA_PARAMETER`, else empty.
     pub group: &'static str,
+    /// Type name of the sub-structure, else empty.
+    pub group_type: &'static str,
+    /// Size of one sub-structure in bytes, else 0.
+    pub group_bytes: u32,
     /// The vendor's name, for example `w_CPU_CONTROL`.
     pub name: &'static str,
     /// Data type.

@@ -17,8 +17,8 @@ fn canonical(device: &Device) -> String {
     areas.sort_by_key(|area| area.first);
     for area in areas {
         let _ = write!(text, "area {} {} {}", area.name, area.first, area.bytes);
-        for (index, live) in &area.structures {
-            let _ = write!(text, " {}:{live:?}", device.structures[*index].name);
+        for placed in &area.structures {
+            let _ = write!(text, " {}:{:?}", device.structures[placed.structure].name, placed.live);
         }
         text.push('\n');
     }

@@ -24,8 +24,16 @@ pub struct Area {
     pub cpu_last: u32,
     pub page: String,
     pub doc: String,
-    /// Indices into [`Device::structures`].
-    pub structures: Vec<(usize, Live)>,
+    pub structures: Vec<Placed>,
+}
+
+/// A structure in an area.
+pub struct Placed {
+    /// Index into [`Device::structures`].
+    pub structure: usize,
+    pub live: Live,
+    /// Name of the variable that the application declares there.
+    pub variable: String,
 }
 
 /// A structure or sub-structure: fields in ascending order that cover `0..size` without a gap.

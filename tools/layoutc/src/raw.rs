@@ -44,6 +44,7 @@ pub struct Area {
 pub struct Placed {
     pub name: Spanned<String>,
     pub live: Live,
+    pub variable: Option<Spanned<String>>,
 }
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]

@@ -1,8 +1,8 @@
 //! Areas of the segment: where the structures lie, and that overlaid structures agree on widths.
 
-use super::Names;
+use super::{Names, identifier};
 use crate::error::{Error, Reason};
-use crate::model::{Area, Field, Kind, Structure};
+use crate::model::{Area, Field, Kind, Placed, Structure};
 use crate::raw;
 use crate::source::{At, Sources, at};
 
@@ -49,7 +49,7 @@ fn area(
         return Err(sources.error(at(file, raw.last.span()), Reason::AreaReversed { name, first, last }));
     }
     let bytes = (last - first).saturating_add(1);
-    let mut placed: Vec<(usize, raw::Live)> = Vec::new();
+    let mut placed: Vec<Placed> = Vec::new();
     for entry in &raw.structure {
         let place = at(file, entry.name.span());
         let wanted = entry.name.get_ref();
@@ -65,10 +65,14 @@ fn area(
             let (structure, size) = (structure.name.clone(), structure.size);
             return Err(sources.error(place, Reason::PastAreaEnd { structure, size, area: name, bytes }));
         }
-        for (other, _) in &placed {
-            same_widths(sources, place, &name, structure, &structures[*other], subs)?;
+        for other in &placed {
+            same_widths(sources, place, &name, structure, &structures[other.structure], subs)?;
         }
-        placed.push((index, entry.live));
+        placed.push(Placed {
+            structure: index,
+            live: entry.live,
+            variable: variable(sources, file, &name, entry)?,
+        });
     }
     Ok(Area {
         name,
@@ -80,6 +84,19 @@ fn area(
         doc: raw.doc.clone(),
         structures: placed,
     })
+}
+
+/// The name the layout gives the application's variable, or one made from area and phase.
+fn variable(sources: &Sources, file: usize, area: &str, placed: &raw::Placed) -> Result<String, Error> {
+    let Some(given) = &placed.variable else {
+        return Ok(match placed.live {
+            raw::Live::Always => format!("_{area}"),
+            raw::Live::Init => format!("_{area}_INIT"),
+            raw::Live::Cyclic => format!("_{area}_CTRL"),
+        });
+    };
+    identifier(sources, at(file, given.span()), given.get_ref())?;
+    Ok(given.get_ref().clone())
 }
 
 /// Atomic accesses of different sizes to one byte are not defined, so overlaid registers must have

@@ -1,6 +1,6 @@
 //! Descriptor tables for tools: static data of the types in `commram::layout`.
 
-use crate::model::{Area, Bit, Device, Field, Kind, Meaning, Owner, Provenance, Structure, Value};
+use crate::model::{Area, Bit, Device, Field, Kind, Meaning, Owner, Placed, Provenance, Structure, Value};
 use std::fmt::Write;
 
 pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
@@ -39,9 +39,12 @@ fn areas(out: &mut String, device: &Device) {
             "        Area {{ name: {name:?}, first: {first}, bytes: {bytes}, cpu_first: 0x{cpu_first:X}, \
              cpu_last: 0x{cpu_last:X}, page: {page:?}, doc: {doc:?}, structures: &["
         );
-        for (index, live) in structures {
-            let item = static_name(&device.structures[*index].name);
-            let _ = write!(out, "Placed {{ structure: &{item}, live: Live::{live:?} }}, ");
+        for Placed { structure, live, variable } in structures {
+            let item = static_name(&device.structures[*structure].name);
+            let _ = write!(
+                out,
+                "Placed {{ structure: &{item}, live: Live::{live:?}, variable: {variable:?} }}, "
+            );
         }
         out.push_str("] },\n");
     }
@@ -81,6 +84,10 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
     let Kind::Scalar(scalar) = field.kind else { return };
     let mut dims = group.map_or(Vec::new(), |group| dims(device, group));
     let group_dims = dims.len();
+    let group_type = group.and_then(|group| match group.kind {
+        Kind::Sub(index) => device.substructures.get(index),
+        _ => None,
+    });
     dims.extend(self::dims(device, field));
     let meaning = match field.meaning {
         Some(index) => format!("Some(&{})", meaning_name(&device.meanings[index])),
@@ -94,10 +101,12 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
     };
     let _ = writeln!(
         out,
-        "            Register {{ group: {:?}, name: {name:?}, ty: RegType::{}, offset: {}, dims: &[{}], \
+        "            Register {{ group: {:?}, group_type: {:?}, group_bytes: {}, name: {name:?}, ty: RegType::{}, offset: {}, dims: &[{}], \
          group_dims: {group_dims}, owner: Owner::{owner}, reset: 0x{reset:X}, reserved: {reserved}, \
          doc: {doc:?}, page: {page:?}, meaning: {meaning}, name_from: {}, offset_from: {}, reset_from: {} }},",
         group.map_or("", |group| &group.name),
+        group_type.map_or("", |group| &group.name),
+        group_type.map_or(0, |group| group.size),
         scalar.variant(),
         group.map_or(0, |group| group.offset) + field.offset,
         dims.concat(),

@@ -13,6 +13,16 @@ fn name_that_is_no_name() {
 }
 
 #[test]
+fn variable_that_is_no_name() {
+    check(
+        "device.toml",
+        "live = \"init\" }",
+        "live = \"init\", variable = \"_INIT-1\" }",
+        "device.toml:17:46: `_INIT-1` is not a name (letters, digits and `_`, not starting with a digit)",
+    );
+}
+
+#[test]
 fn duplicate_register() {
     check(
         "CTRL.toml",
