@@ -7,6 +7,7 @@
 mod attach;
 pub mod bell;
 pub mod cell;
+pub mod contract;
 mod error;
 mod file;
 pub mod header;

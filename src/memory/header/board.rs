@@ -1,7 +1,7 @@
 //! The board's front, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
 
+use crate::memory::contract::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
-use core::mem::offset_of;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// The board's front: switches and LEDs are written by clients, the display by the firmware.
@@ -101,10 +101,11 @@ unsafe impl SharedRegs for Board {}
 // SAFETY: as above.
 unsafe impl SharedRegs for Program {}
 
-const _: () = assert!(offset_of!(Board, leds) == 4 && offset_of!(Board, display) == 8);
-const _: () = assert!(offset_of!(Board, switch) == 12 && size_of::<Board>() == 16);
-const _: () = assert!(offset_of!(Program, start) == 8 && offset_of!(Program, start_kind) == 16);
-const _: () = assert!(offset_of!(Program, restarts) == 24 && size_of::<Program>() == 32);
+publish! { Board: 0 => dip, 4 => leds, 8 => display, 12 => switch }
+publish! { Program:
+    0 => state, 4 => start_request, 8 => start, 16 => start_kind, 20 => power, 24 => restarts, 28 => dip_latched,
+}
+const _: () = assert!(size_of::<Board>() == 16 && size_of::<Program>() == 32);
 
 impl Board {
     /// All dark, all switches at 0.

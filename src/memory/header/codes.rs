@@ -1,13 +1,19 @@
 //! Numbers in the header page that stand for something.
 
 macro_rules! codes {
-    ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $value:literal,)* }) => {
+    ($(#[$doc:meta])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $value:literal,)* }) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u32)]
-        pub enum $name { $($(#[$vdoc])* $variant = $value,)* }
+        pub enum $name { $($(#[doc = $vdoc])* $variant = $value,)* }
 
         impl $name {
+            /// All numbers as data.
+            pub const CODES: $crate::memory::contract::Codes = $crate::memory::contract::Codes {
+                name: stringify!($name),
+                codes: &[$(($value, stringify!($variant), concat!($($vdoc),*))),*],
+            };
+
             /// The meaning of the number in the header, if it has one.
             pub const fn from_code(code: u32) -> Option<Self> {
                 match code {

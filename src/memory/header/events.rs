@@ -1,8 +1,8 @@
 //! Events and where they come from: the slots that count them, and the configuration that the function blocks
 //! `INTR_SET` and `OPT_INIT` write (manual 5.00005.03a p. 47-60).
 
+use crate::memory::contract::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
-use core::mem::offset_of;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// An interrupt event, a trigger or a timer: its bell counts the pulses.
@@ -106,11 +106,12 @@ unsafe impl SharedRegs for Interrupt {}
 // SAFETY: as above.
 unsafe impl SharedRegs for OptInit {}
 
-const _: () = assert!(offset_of!(EventSlot, time_us) == 8 && size_of::<EventSlot>() == 16);
-const _: () = assert!(offset_of!(Interrupt, answer) == 4 && offset_of!(Interrupt, result) == 8);
-const _: () = assert!(size_of::<Interrupt>() == 16 && size_of::<TimerSetup>() == 12);
-const _: () = assert!(offset_of!(OptInit, timers) == 12 && offset_of!(OptInit, request) == 36);
-const _: () = assert!(offset_of!(OptInit, result) == 44 && size_of::<OptInit>() == 64);
+publish! { EventSlot: 0 => bell, 8 => time_us }
+publish! { Interrupt: 0 => request, 4 => answer, 8 => result, 12 => reserved }
+publish! { TimerSetup: 0 => divider, 4 => enable, 8 => cfg_mode }
+publish! { OptInit: 0 => triggers, 12 => timers, 36 => request, 40 => answer, 44 => result, 48 => reserved }
+const _: () = assert!(size_of::<EventSlot>() == 16 && size_of::<Interrupt>() == 16);
+const _: () = assert!(size_of::<TimerSetup>() == 12 && size_of::<OptInit>() == 64);
 
 impl EventSlot {
     /// Announces one event at the given emulated time, in microseconds.

@@ -1,7 +1,7 @@
 //! Lockstep: tasks that the emulated time waits for. `docs/attach.md` describes the turns.
 
+use crate::memory::contract::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
-use core::mem::offset_of;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// The place of one task that takes part in lockstep.
@@ -53,9 +53,10 @@ codes! {
 // padding and FromBytes that any bit pattern is valid.
 unsafe impl SharedRegs for Seat {}
 
-const _: () = assert!(offset_of!(Seat, owner_start) == 8 && offset_of!(Seat, event) == 16);
-const _: () = assert!(offset_of!(Seat, turn) == 24 && offset_of!(Seat, time_us) == 32);
-const _: () = assert!(offset_of!(Seat, run_us) == 40 && offset_of!(Seat, done) == 48);
+publish! { Seat:
+    0 => owner, 4 => state, 8 => owner_start, 16 => event, 20 => patience_ms, 24 => turn, 32 => time_us,
+    40 => run_us, 44 => reserved_44, 48 => done, 56 => reserved_56,
+}
 const _: () = assert!(size_of::<Seat>() == 64);
 
 impl Seat {
