@@ -38,6 +38,7 @@ pub mod bus;
 #[cfg(feature = "channel")]
 pub mod channel;
 pub mod drive;
+pub mod export;
 pub mod firmware;
 pub mod journal;
 pub mod layout;

@@ -120,9 +120,20 @@ fn completions_for_all_shells() {
 
 #[test]
 fn help_has_examples_and_no_colours() {
-    for command in
-        ["run", "list", "stop", "map", "peek", "poke", "wait", "step", "dump", "demo", "completions"]
-    {
+    for command in [
+        "run",
+        "list",
+        "stop",
+        "map",
+        "export",
+        "peek",
+        "poke",
+        "wait",
+        "step",
+        "dump",
+        "demo",
+        "completions",
+    ] {
         let help = run(&[command, "--help"]);
         assert!(help.ok().contains("Examples:\n  "), "{command}: {}", help.out);
         assert!(!help.out.contains('\x1b'), "{command}");

@@ -7,6 +7,7 @@ use commram::memory::MemoryError;
 use commram::plant::PlantError;
 use commram::runtime::RuntimeError;
 use std::io;
+use std::path::PathBuf;
 use thiserror::Error;
 
 /// Why a command did not do what it was asked for.
@@ -166,6 +167,14 @@ pub enum CliError {
     /// The standard output cannot be written.
     #[error("cannot write the output: {reason}")]
     Output {
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// A file cannot be written.
+    #[error("cannot write {}: {reason}", .path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
         /// What the system says.
         reason: io::Error,
     },

@@ -5,6 +5,7 @@ mod demo;
 mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
+mod export;
 mod list;
 mod map;
 mod output;
@@ -62,6 +63,7 @@ enum Command {
     List(list::Args),
     Stop(stop::Args),
     Map(map::Args),
+    Export(export::Args),
     Peek(peek::Args),
     Poke(poke::Args),
     Wait(wait::Args),
@@ -118,6 +120,7 @@ impl Command {
             Command::List(args) => list::run(&args),
             Command::Stop(args) => stop::run(&args),
             Command::Map(args) => map::run(&args),
+            Command::Export(args) => export::run(&args),
             Command::Peek(args) => peek::run(&args),
             Command::Poke(args) => poke::run(&args),
             Command::Wait(args) => wait::run(&args),

@@ -2,6 +2,7 @@
 
 use super::{error::CliError, output};
 use clap::ValueEnum;
+use commram::export::{csv_line, md_table};
 use serde::Serialize;
 
 /// How a table is printed.
@@ -81,27 +82,11 @@ fn json<R: Row>(rows: &[R]) -> Result<String, CliError> {
 }
 
 fn csv<R: Row>(rows: &[R]) -> String {
-    let line =
-        |cells: Vec<String>| cells.iter().map(|cell| csv_cell(cell)).collect::<Vec<_>>().join(",") + "\n";
-    let head = R::COLUMNS.iter().map(|&column| column.to_owned()).collect();
-    std::iter::once(head).chain(rows.iter().map(Row::cells)).map(line).collect()
-}
-
-fn csv_cell(cell: &str) -> String {
-    if cell.contains(['"', ',', '\n', '\r']) {
-        format!("\"{}\"", cell.replace('"', "\"\""))
-    } else {
-        cell.to_owned()
-    }
+    csv_line(R::COLUMNS) + &rows.iter().map(|row| csv_line(&row.cells())).collect::<String>()
 }
 
 fn markdown<R: Row>(rows: &[R]) -> String {
-    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-    let head: Vec<_> = R::COLUMNS.iter().map(|&column| column.to_owned()).collect();
-    let rule = vec!["---".to_owned(); head.len()];
-    let escape = |cell: String| cell.replace('|', "\\|").replace('\n', " ");
-    let body = rows.iter().map(|row| line(&row.cells().into_iter().map(escape).collect::<Vec<_>>()));
-    line(&head) + &line(&rule) + &body.collect::<String>()
+    md_table(R::COLUMNS, rows.iter().map(Row::cells))
 }
 
 #[cfg(test)]

@@ -1,0 +1,60 @@
+//! `commram export`: the register map for other languages and tools; it needs no emulator.
+
+use super::error::CliError;
+use super::output;
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
+use commram::export::{self, Format};
+use std::path::PathBuf;
+
+/// Export declarations and documentation of the registers for other languages and tools.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram export c --output commram.h
+  commram export csv --block node2
+  commram export md > registers.md
+
+docs/export.md tells how each format is used.")]
+pub struct Args {
+    /// What to export
+    #[arg(value_enum)]
+    format: FormatArg,
+    /// File to write; the standard output if left out
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Only this block, for example `node2`
+    #[arg(long, value_name = "NAME")]
+    block: Option<String>,
+}
+
+#[derive(Clone, Copy)]
+struct FormatArg(Format);
+
+impl ValueEnum for FormatArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [FormatArg; Format::ALL.len()] = {
+            let mut all = [FormatArg(Format::C); Format::ALL.len()];
+            let mut i = 0;
+            while i < all.len() {
+                all[i] = FormatArg(Format::ALL[i]);
+                i += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.0.name()).help(self.0.about()))
+    }
+}
+
+/// Exports.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    let text = export::export(args.format.0, args.block.as_deref())?;
+    let Some(path) = &args.output else {
+        return output::print(&text);
+    };
+    std::fs::write(path, text).map_err(|reason| CliError::File { path: path.clone(), reason })
+}

@@ -1,0 +1,261 @@
+//! One C header, also for C++: header page, constants, structures with every offset and size asserted, and the
+//! functions of `c/attach.h` to meet an image.
+
+use super::constants;
+use super::members::{self, Member};
+use super::rows;
+use super::scope::Scope;
+use super::text;
+use crate::layout::{RegType, Structure, format_value};
+use crate::memory::contract::{HeaderStruct, Kind};
+use crate::memory::header::{ABI_VERSION, ClockMode, MAGIC, RunSwitch, State};
+use crate::memory::{HEADER_SIZE, Header, SEGMENT_SIZE};
+use std::fmt::Write;
+
+const PROLOGUE: &str = include_str!("c/prologue.h");
+const ATTACH: &str = include_str!("c/attach.h");
+const EPILOGUE: &str = include_str!("c/epilogue.h");
+
+/// Words of C and C++ that a field of the header page could be called.
+const KEYWORDS: [&str; 12] = [
+    "switch", "case", "default", "register", "class", "new", "delete", "this", "union", "signed", "short",
+    "long",
+];
+
+pub fn generate(scope: &Scope) -> String {
+    let mut out = String::from("/*\n");
+    for line in text::banner(scope, "c") {
+        let _ = writeln!(out, " * {line}");
+    }
+    out.push_str(" */\n");
+    out.push_str(PROLOGUE);
+    header_page(&mut out, scope);
+    meanings(&mut out, scope);
+    let structures = scope.structures();
+    out.push_str("\n/* Registers. Names are the manual's. */\n");
+    for group in members::groups(&structures) {
+        let remark = format!("Sub-structure {}.", group.member_name());
+        structure(&mut out, group.type_name(), group.bytes(), &remark, &group.members(), group.offset());
+    }
+    for of in structures {
+        let remark = format!("{} (p. {}).", of.doc, of.page);
+        structure(&mut out, of.name, of.bytes, &remark, &members::of(of), 0);
+    }
+    out.push_str(ATTACH);
+    places(&mut out, scope);
+    out.push_str(EPILOGUE);
+    out
+}
+
+fn header_page(out: &mut String, scope: &Scope) {
+    let numbers = [
+        ("MAGIC", format!("UINT64_C(0x{MAGIC:016X})"), "\"commram\" and a zero"),
+        ("ABI_VERSION", format!("{ABI_VERSION}u"), "of the attach contract"),
+        ("LAYOUT_HASH", format!("UINT64_C(0x{:016X})", scope.device.layout_hash), "of these registers"),
+        ("HEADER_SIZE", format!("{HEADER_SIZE}u"), "bytes of the header page"),
+        ("SEGMENT_SIZE", format!("{SEGMENT_SIZE}u"), "bytes of the image"),
+    ];
+    for (name, value, remark) in numbers {
+        let _ = writeln!(out, "#define COMMRAM_{name} {value} /* {remark} */");
+    }
+    for (name, codes) in
+        [("STATE", State::CODES), ("CLOCK_MODE", ClockMode::CODES), ("SWITCH", RunSwitch::CODES)]
+    {
+        out.push_str("\nenum {\n");
+        for (value, code, doc) in codes {
+            let code = format!("COMMRAM_{name}_{}", snake(code).to_uppercase());
+            let _ = writeln!(out, "    {code} = {value}, /* {} */", doc.trim());
+        }
+        out.push_str("};\n");
+    }
+    out.push_str("\n/* The header page: docs/attach.md, byte by byte. */\n");
+    header_struct(out, &Header::STRUCT, &mut Vec::new());
+}
+
+/// The structures a header structure needs, then the structure itself.
+fn header_struct(out: &mut String, of: &'static HeaderStruct, done: &mut Vec<&'static str>) {
+    if done.contains(&of.name) {
+        return;
+    }
+    done.push(of.name);
+    for field in of.fields {
+        if let Kind::Struct(of) = field.kind {
+            header_struct(out, of, done);
+        }
+    }
+    let name = format!("commram_{}", snake(of.name));
+    let _ = writeln!(out, "\ntypedef struct {name} {{");
+    for field in of.fields {
+        let ty = match field.kind {
+            Kind::Integer(bytes) => format!("COMMRAM_CELL(uint{}_t)", 8 * bytes),
+            Kind::Struct(of) => format!("commram_{}", snake(of.name)),
+        };
+        let bounds = field.count.map(|count| format!("[{count}]")).unwrap_or_default();
+        let meaning = field.meaning().filter(|meaning| !meaning.is_empty());
+        let remark = meaning.map(|meaning| format!(" /* {meaning} */")).unwrap_or_default();
+        let _ = writeln!(out, "    {ty} {}{bounds};{remark}", field_name(field.name));
+    }
+    let _ = writeln!(out, "}} {name};");
+    for field in of.fields {
+        assert_offset(out, &name, &field_name(field.name), field.offset as u32);
+    }
+    assert_size(out, &name, of.bytes as u32);
+}
+
+fn meanings(out: &mut String, scope: &Scope) {
+    out.push_str("\n/* Values and bits, named after what they mean. */\n");
+    for (meaning, register) in scope.meanings() {
+        let constants = constants::of(meaning);
+        if constants.is_empty() {
+            continue;
+        }
+        let _ = writeln!(out, "\n/* {}, for example of {}. */", meaning.name, register.name);
+        for constant in constants {
+            let value =
+                if constant.is_shift { constant.value.to_string() } else { hex(register.ty, constant.value) };
+            let _ = writeln!(out, "#define COMMRAM_{} {value} /* {} */", constant.name, constant.text);
+        }
+    }
+}
+
+/// The bit pattern in all digits of the type.
+fn hex(ty: RegType, value: u32) -> String {
+    format!("{}u", format_value(ty, value).replace("16#", "0x"))
+}
+
+/// `start` is what the offsets of the registers count from.
+fn structure(out: &mut String, name: &str, bytes: u32, remark: &str, members: &[Member], start: u32) {
+    let _ = writeln!(out, "\n/* {remark} */\ntypedef struct {name} {{");
+    let mut asserts = String::new();
+    for member in members {
+        let (declaration, field, offset) = match member {
+            Member::Register(register) => {
+                let dims = text::bounds(members::own_dims(register));
+                let remark = text::remark(register);
+                let declaration =
+                    format!("COMMRAM_CELL({}) {}{dims}; /* {remark} */", c_type(register.ty), register.name);
+                (declaration, register.name, register.offset - start)
+            }
+            Member::Group(group) => {
+                let dims = text::bounds(group.dims());
+                (
+                    format!("{} {}{dims};", group.type_name(), group.member_name()),
+                    group.member_name(),
+                    group.offset(),
+                )
+            }
+            Member::Padding { offset, bytes } => {
+                let _ = writeln!(out, "    uint8_t padding_{offset}[{bytes}];");
+                continue;
+            }
+        };
+        let _ = writeln!(out, "    {declaration}");
+        assert_offset(&mut asserts, name, field, offset);
+    }
+    let _ = writeln!(out, "}} {name};");
+    out.push_str(&asserts);
+    assert_size(out, name, bytes);
+}
+
+fn assert_offset(out: &mut String, name: &str, field: &str, offset: u32) {
+    let _ = writeln!(
+        out,
+        "_Static_assert(offsetof({name}, {field}) == {offset}, \"{name}.{field} is not at {offset}\");"
+    );
+}
+
+fn assert_size(out: &mut String, name: &str, bytes: u32) {
+    let _ = writeln!(out, "_Static_assert(sizeof({name}) == {bytes}, \"{name} has not {bytes} bytes\");");
+}
+
+/// Where the structures lie, and functions that find them in an image.
+fn places(out: &mut String, scope: &Scope) {
+    out.push_str("\n/* The areas, n of %MB3.n, and the structures in an image. */\n\n");
+    for area in &scope.areas {
+        let name = constants::upper(area.name);
+        let _ = writeln!(out, "#define COMMRAM_{name} {}u /* {} */", area.first, area.doc);
+        let _ = writeln!(out, "#define COMMRAM_{name}_BYTES {}u", area.bytes);
+    }
+    for (area, placed) in scope.placed() {
+        let Structure { name, doc, .. } = placed.structure;
+        let live = match rows::live(placed.live) {
+            "always" => String::new(),
+            "init" => ", until the node has taken over its initialization data".to_owned(),
+            _ => ", from then on".to_owned(),
+        };
+        let _ = writeln!(
+            out,
+            "\n/* {doc}{live}. */\nstatic inline {name} *commram{}(const commram *ram)\n{{\n    \
+             return ({name} *)(ram->base + {}u);\n}}",
+            placed.variable, area.first
+        );
+    }
+}
+
+/// `uint16_t` for a WORD.
+pub fn c_type(ty: RegType) -> &'static str {
+    match ty {
+        RegType::Byte | RegType::Usint => "uint8_t",
+        RegType::Word | RegType::Uint => "uint16_t",
+        RegType::Dword | RegType::Udint => "uint32_t",
+        RegType::Sint => "int8_t",
+        RegType::Int => "int16_t",
+        RegType::Dint => "int32_t",
+    }
+}
+
+/// The name of a field of the header page, with `_` behind it if it is a keyword.
+fn field_name(name: &str) -> String {
+    if KEYWORDS.contains(&name) { format!("{name}_") } else { name.to_owned() }
+}
+
+/// `event_slot` for `EventSlot`.
+fn snake(name: &str) -> String {
+    let mut snake = String::new();
+    for c in name.chars() {
+        if c.is_ascii_uppercase() && !snake.is_empty() {
+            snake.push('_');
+        }
+        snake.push(c.to_ascii_lowercase());
+    }
+    snake
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header() -> String {
+        generate(&Scope::new(None).unwrap())
+    }
+
+    #[test]
+    fn every_member_of_every_structure_has_an_assertion() {
+        let text = header();
+        for structure in Scope::new(None).unwrap().structures() {
+            for register in structure.registers.iter().filter(|register| register.group.is_empty()) {
+                let assertion = format!(
+                    "_Static_assert(offsetof({}, {}) == {},",
+                    structure.name, register.name, register.offset
+                );
+                assert!(text.contains(&assertion), "{assertion}");
+            }
+            assert!(
+                text.contains(&format!("_Static_assert(sizeof({}) == {},", structure.name, structure.bytes))
+            );
+        }
+        for field in Header::STRUCT.fields {
+            let name = field_name(field.name);
+            let assertion = format!("_Static_assert(offsetof(commram_header, {name}) == {},", field.offset);
+            assert!(text.contains(&assertion), "{assertion}");
+        }
+    }
+
+    #[test]
+    fn comments_do_not_end_early() {
+        for register in Scope::new(None).unwrap().structures().iter().flat_map(|of| of.registers) {
+            assert!(!register.doc.contains("*/"), "{}", register.name);
+        }
+        assert_eq!(header().matches("/*").count(), header().matches("*/").count());
+    }
+}

@@ -1,0 +1,7 @@
+
+#ifdef __cplusplus
+}
+#undef _Static_assert
+#endif
+
+#endif

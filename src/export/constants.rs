@@ -1,0 +1,126 @@
+//! Names for the values and bits of registers, made from what they mean (decision D-221).
+
+use crate::layout::{BitField, Meaning, ValueMeaning};
+
+/// A named number.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Constant {
+    /// `OPTION_STATUS_WAITING_FOR_START`.
+    pub name: String,
+    /// The value, or the mask of bits, as it stands in the register.
+    pub value: u32,
+    /// What it means.
+    pub text: String,
+    /// Whether it is the lowest bit's number of a field instead.
+    pub is_shift: bool,
+}
+
+impl Constant {
+    fn new(name: String, value: u32, text: impl Into<String>) -> Self {
+        Self { name, value, text: text.into(), is_shift: false }
+    }
+}
+
+/// The constants of a meaning: of its values first, then of its bits. Reserved values and bits have none.
+pub fn of(meaning: &Meaning) -> Vec<Constant> {
+    let mut constants = values(&upper(meaning.name), meaning.values, 0);
+    for field in meaning.bits.iter().filter(|field| !field.reserved) {
+        bits(&mut constants, meaning, field);
+    }
+    tell_apart(&mut constants);
+    constants
+}
+
+fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
+    let name = format!("{}_{}", upper(meaning.name), upper(field.name));
+    if field.first == field.last {
+        let text = if field.one.is_empty() { field.name } else { field.one };
+        constants.push(Constant::new(name, field.mask(), text));
+        return;
+    }
+    let text = field.text.replace("{}", "n");
+    let text = if text.is_empty() { field.name } else { text.as_str() };
+    constants.push(Constant::new(format!("{name}_MASK"), field.mask(), text));
+    let shift = Constant::new(format!("{name}_SHIFT"), field.first.into(), "lowest bit of it");
+    constants.push(Constant { is_shift: true, ..shift });
+    constants.extend(values(&name, field.values, field.first));
+}
+
+fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
+    let mut constants = Vec::new();
+    for ValueMeaning { first, last, text } in values {
+        let words = upper(gist(text));
+        if words == "RESERVED" {
+            continue;
+        }
+        let name = format!("{prefix}_{words}");
+        let name = name.trim_end_matches('_').to_owned();
+        let text = text.replace("{}", "n");
+        if first == last {
+            constants.push(Constant::new(name, first << shift, text));
+        } else {
+            constants.push(Constant::new(format!("{name}_FIRST"), first << shift, text.clone()));
+            constants.push(Constant::new(format!("{name}_LAST"), last << shift, text));
+        }
+    }
+    constants
+}
+
+/// The text up to a colon or bracket, which begin details, or to the value's place.
+fn gist(text: &str) -> &str {
+    let details = [":", " (", "{}"].into_iter().filter_map(|sign| text.find(sign)).min();
+    details.and_then(|end| text.get(..end)).filter(|gist| !gist.is_empty()).unwrap_or(text)
+}
+
+/// Appends the value to names that occur more than once.
+fn tell_apart(constants: &mut [Constant]) {
+    let names: Vec<String> = constants.iter().map(|constant| constant.name.clone()).collect();
+    for constant in constants {
+        if names.iter().filter(|name| **name == constant.name).count() > 1 {
+            constant.name = format!("{}_{:02X}", constant.name, constant.value);
+        }
+    }
+}
+
+/// Letters and digits in upper case, everything between them one `_`.
+pub fn upper(text: &str) -> String {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.map(str::to_ascii_uppercase).collect::<Vec<_>>().join("_")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::Scope;
+    use std::collections::BTreeSet;
+
+    fn constants(meaning: &str) -> Vec<(String, u32)> {
+        let scope = Scope::new(None).unwrap();
+        let (meaning, _) = *scope.meanings().iter().find(|(known, _)| known.name == meaning).unwrap();
+        of(meaning).into_iter().map(|constant| (constant.name, constant.value)).collect()
+    }
+
+    #[test]
+    fn values_and_bits_are_named_by_their_meaning() {
+        let pair = |name: &str, value| (name.to_owned(), value);
+        let send = constants("send");
+        assert!(send.contains(&pair("SEND_DATA_WRITTEN_TO_BE_SENT", 0x05)), "{send:?}");
+        let status = constants("cansync_status");
+        assert!(status.contains(&pair("CANSYNC_STATUS_BUS_OFF", 0x80)), "{status:?}");
+        assert!(!status.iter().any(|(name, _)| name.contains("RESERVED")), "{status:?}");
+        let word = constants("cfg_word");
+        assert!(word.contains(&pair("CFG_WORD_NUMBER_MASK", 0x3C)), "{word:?}");
+        assert!(word.contains(&pair("CFG_WORD_NUMBER_SHIFT", 2)), "{word:?}");
+    }
+
+    #[test]
+    fn no_name_is_given_twice() {
+        let mut names = BTreeSet::new();
+        for (meaning, _) in Scope::new(None).unwrap().meanings() {
+            for constant in of(meaning) {
+                assert!(names.insert(constant.name.clone()), "{}", constant.name);
+            }
+        }
+        assert!(names.len() > 50);
+    }
+}

@@ -1,0 +1,81 @@
+//! Comma-separated values (RFC 4180): a head line, then one line per register, arrays element by element.
+
+use super::rows;
+use super::scope::Scope;
+use crate::layout::format_value;
+
+const HEAD: [&str; 15] = [
+    "name",
+    "address",
+    "cpu_address",
+    "type",
+    "owner",
+    "reset",
+    "reserved",
+    "structure",
+    "offset",
+    "live",
+    "variable",
+    "page",
+    "provenance",
+    "meaning",
+    "doc",
+];
+
+pub fn generate(scope: &Scope) -> String {
+    let mut text = line(&HEAD);
+    for (placed, found) in rows::all(scope) {
+        let register = found.register;
+        let cells = [
+            found.name(),
+            found.address().to_string(),
+            rows::cpu_address(&found),
+            register.ty.to_string(),
+            register.owner.to_string(),
+            format_value(register.ty, register.reset),
+            found.is_reserved().to_string(),
+            placed.structure.name.to_owned(),
+            found.offset_in_structure().to_string(),
+            rows::live(placed.live).to_owned(),
+            format!("{}.{}", placed.variable, found.path()),
+            register.page.to_owned(),
+            rows::provenance(register),
+            register.meaning.map_or("", |meaning| meaning.name).to_owned(),
+            register.doc.to_owned(),
+        ];
+        text.push_str(&line(&cells));
+    }
+    text
+}
+
+/// A line of cells, quoted where they need it.
+pub fn line<S: AsRef<str>>(cells: &[S]) -> String {
+    cells.iter().map(|text| cell(text.as_ref())).collect::<Vec<_>>().join(",") + "\n"
+}
+
+fn cell(text: &str) -> String {
+    if text.contains(['"', ',', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_quoted_where_they_need_it() {
+        assert_eq!(line(&["a,b", "say \"x\"", "plain", ""]), "\"a,b\",\"say \"\"x\"\"\",plain,\n");
+    }
+
+    #[test]
+    fn every_register_has_a_line_with_all_cells() {
+        let text = generate(&Scope::new(Some("ethernet_config")).unwrap());
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(lines.len(), 1 + 10);
+        assert!(lines[1].starts_with("ethernet_config.d_IP_CONFIG,%MD3.180016,16#B0000010,DWORD,PLC,"));
+        assert!(lines[2].contains(",_Ethernet_config.a_IP_ADDRESS[0],"), "{}", lines[2]);
+    }
+}

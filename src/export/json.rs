@@ -1,0 +1,160 @@
+//! A JSON document with everything that is known about registers and header page. `docs/export.md` describes
+//! it; its shape changes only with [`VERSION`].
+
+use super::rows;
+use super::scope::Scope;
+use super::text;
+use crate::layout::{Area, BitField, Dim, Register, Structure, ValueMeaning};
+use crate::memory::contract::{HeaderStruct, Kind};
+use crate::memory::header::{ABI_VERSION, ClockMode, RunSwitch, State};
+use crate::memory::{Bell, Board, EventSlot, HEADER_SIZE, Header, SEGMENT_SIZE};
+use serde_json::{Map, Value, json};
+
+/// Version of the document's shape. New keys do not change it.
+const VERSION: u32 = 1;
+
+pub fn generate(scope: &Scope) -> String {
+    let device = scope.device;
+    let document = json!({
+        "schema": "commram.registers",
+        "schema_version": VERSION,
+        "made_by": format!("commram {}", text::version()),
+        "device": device.name,
+        "title": device.title,
+        "manual": device.manual,
+        "layout_hash": format!("{:016X}", device.layout_hash),
+        "segment": 3,
+        "segment_size": SEGMENT_SIZE,
+        "header": header(),
+        "areas": scope.areas.iter().map(|area| self::area(area)).collect::<Vec<_>>(),
+        "structures": scope.structures().into_iter().map(structure).collect::<Vec<_>>(),
+        "meanings": meanings(scope),
+    });
+    format!("{document:#}\n")
+}
+
+fn header() -> Value {
+    let structures = [&Header::STRUCT, &EventSlot::STRUCT, &Bell::STRUCT, &Board::STRUCT];
+    json!({
+        "size": HEADER_SIZE,
+        "abi_version": ABI_VERSION,
+        "structures": structures.map(header_struct).to_vec(),
+        "codes": {
+            "state": codes(State::CODES),
+            "clock_mode": codes(ClockMode::CODES),
+            "switch": codes(RunSwitch::CODES),
+        },
+    })
+}
+
+fn header_struct(of: &HeaderStruct) -> Value {
+    let fields = of.fields.iter().map(|field| {
+        let kind = match field.kind {
+            Kind::Integer(bytes) => format!("u{}", 8 * bytes),
+            Kind::Struct(of) => of.name.to_owned(),
+        };
+        json!({
+            "name": field.name,
+            "offset": field.offset,
+            "type": kind,
+            "count": field.count,
+            "bytes": field.bytes(),
+            "doc": field.meaning().unwrap_or_default(),
+        })
+    });
+    json!({ "name": of.name, "bytes": of.bytes, "fields": fields.collect::<Vec<_>>() })
+}
+
+fn codes(codes: &[(u32, &str, &str)]) -> Value {
+    let code =
+        |(value, name, doc): &(u32, &str, &str)| json!({ "value": value, "name": name, "doc": doc.trim() });
+    codes.iter().map(code).collect()
+}
+
+fn area(area: &Area) -> Value {
+    let structures = area.structures.iter().map(|placed| {
+        json!({
+            "structure": placed.structure.name,
+            "live": rows::live(placed.live),
+            "variable": placed.variable,
+        })
+    });
+    json!({
+        "name": area.name,
+        "first": area.first,
+        "bytes": area.bytes,
+        "cpu_first": area.cpu_first,
+        "cpu_last": area.cpu_last,
+        "doc": area.doc,
+        "page": area.page,
+        "structures": structures.collect::<Vec<_>>(),
+    })
+}
+
+fn structure(structure: &Structure) -> Value {
+    json!({
+        "name": structure.name,
+        "bytes": structure.bytes,
+        "doc": structure.doc,
+        "page": structure.page,
+        "registers": structure.registers.iter().map(register).collect::<Vec<_>>(),
+    })
+}
+
+fn register(register: &Register) -> Value {
+    let dim = |dim: &Dim| json!({ "count": dim.count, "used": dim.used, "stride": dim.stride });
+    json!({
+        "name": register.name,
+        "pattern": register.pattern(),
+        "group": register.group,
+        "group_type": register.group_type,
+        "group_bytes": register.group_bytes,
+        "group_dims": register.group_dims,
+        "dims": register.dims.iter().map(dim).collect::<Vec<_>>(),
+        "type": register.ty.name(),
+        "bytes": register.ty.width(),
+        "offset": register.offset,
+        "owner": register.owner.to_string().to_lowercase(),
+        "reset": register.reset,
+        "reserved": register.reserved,
+        "meaning": register.meaning.map(|meaning| meaning.name),
+        "doc": register.doc,
+        "page": register.page,
+        "provenance": {
+            "name": register.name_from.to_string(),
+            "offset": register.offset_from.to_string(),
+            "reset": register.reset_from.to_string(),
+        },
+    })
+}
+
+fn meanings(scope: &Scope) -> Value {
+    let meaning = |meaning: &crate::layout::Meaning| {
+        json!({
+            "values": values(meaning.values),
+            "bits": meaning.bits.iter().map(bit).collect::<Vec<_>>(),
+        })
+    };
+    let named = scope.meanings().into_iter().map(|(known, _)| (known.name.to_owned(), meaning(known)));
+    Value::Object(named.collect::<Map<_, _>>())
+}
+
+fn values(values: &[ValueMeaning]) -> Value {
+    let value =
+        |known: &ValueMeaning| json!({ "first": known.first, "last": known.last, "text": known.text });
+    values.iter().map(value).collect()
+}
+
+fn bit(field: &BitField) -> Value {
+    json!({
+        "first": field.first,
+        "last": field.last,
+        "name": field.name,
+        "zero": field.zero,
+        "one": field.one,
+        "text": field.text,
+        "values": values(field.values),
+        "joined": field.joined,
+        "reserved": field.reserved,
+    })
+}

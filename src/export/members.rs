@@ -1,0 +1,186 @@
+//! Structures as languages with record types declare them: registers, sub-structures, and padding in between.
+
+use crate::layout::{Dim, Register, Structure};
+
+/// A part of a structure or sub-structure.
+#[derive(Debug)]
+pub enum Member {
+    /// A register or an array of registers.
+    Register(&'static Register),
+    /// A sub-structure or an array of them.
+    Group(Group),
+    /// Bytes without a register.
+    Padding {
+        /// Where they begin, in bytes from the start of what they are a part of.
+        offset: u32,
+        /// How many there are.
+        bytes: u32,
+    },
+}
+
+/// A sub-structure.
+#[derive(Debug)]
+pub struct Group {
+    /// The registers; their offsets count from the start of the whole structure.
+    registers: &'static [Register],
+    /// The first of them.
+    first: &'static Register,
+}
+
+impl Group {
+    /// Name of the member.
+    pub const fn member_name(&self) -> &'static str {
+        self.first.group
+    }
+
+    /// Name of the type.
+    pub const fn type_name(&self) -> &'static str {
+        self.first.group_type
+    }
+
+    /// Size of one element in bytes.
+    pub const fn bytes(&self) -> u32 {
+        self.first.group_bytes
+    }
+
+    /// Array bounds; empty if there is only one element.
+    pub fn dims(&self) -> &'static [Dim] {
+        self.first.dims.get(..self.first.group_dims).unwrap_or_default()
+    }
+
+    /// Offset of the first element in the structure. The first register of a sub-structure begins with it.
+    pub const fn offset(&self) -> u32 {
+        self.first.offset
+    }
+
+    /// The parts of one element.
+    pub fn members(&self) -> Vec<Member> {
+        members(self.registers, self.offset(), self.bytes(), Member::Register)
+    }
+}
+
+/// Array bounds of the register alone, without those of its sub-structure.
+pub fn own_dims(register: &'static Register) -> &'static [Dim] {
+    register.dims.get(register.group_dims..).unwrap_or_default()
+}
+
+/// The parts of a structure in ascending order, without a gap.
+pub fn of(structure: &'static Structure) -> Vec<Member> {
+    members(structure.registers, 0, structure.bytes, |register| {
+        if register.group.is_empty() {
+            return Member::Register(register);
+        }
+        let same = |other: &&Register| other.group == register.group;
+        let start = structure.registers.iter().position(|other| same(&other)).unwrap_or_default();
+        let rest = structure.registers.get(start..).unwrap_or_default();
+        let count = rest.iter().take_while(same).count();
+        Member::Group(Group { registers: rest.get(..count).unwrap_or_default(), first: register })
+    })
+}
+
+/// The sub-structure types of several structures, each once.
+pub fn groups(structures: &[&'static Structure]) -> Vec<Group> {
+    let mut found: Vec<Group> = Vec::new();
+    for member in structures.iter().flat_map(|structure| of(structure)) {
+        if let Member::Group(group) = member
+            && !found.iter().any(|known| known.type_name() == group.type_name())
+        {
+            found.push(group);
+        }
+    }
+    found
+}
+
+/// Turns registers that begin at `start` into parts that fill `bytes`; `part` makes one of the register that is
+/// next.
+fn members(
+    registers: &'static [Register],
+    start: u32,
+    bytes: u32,
+    part: impl Fn(&'static Register) -> Member,
+) -> Vec<Member> {
+    let mut members = Vec::new();
+    let mut end = 0;
+    let pad = |members: &mut Vec<Member>, end: u32, next: u32| {
+        if end < next {
+            members.push(Member::Padding { offset: end, bytes: next - end });
+        }
+    };
+    for register in registers {
+        let offset = register.offset - start;
+        // The other registers of a sub-structure are in it already.
+        if offset < end {
+            continue;
+        }
+        pad(&mut members, end, offset);
+        let member = part(register);
+        end = offset + size(&member);
+        members.push(member);
+    }
+    pad(&mut members, end, bytes);
+    members
+}
+
+fn size(member: &Member) -> u32 {
+    let (element, dims) = match member {
+        Member::Register(register) => (register.ty.width(), own_dims(register)),
+        Member::Group(group) => (group.bytes(), group.dims()),
+        Member::Padding { bytes, .. } => return *bytes,
+    };
+    dims.iter().fold(element, |bytes, dim| bytes * u32::from(dim.count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::omega_drive_line_2::DEVICE;
+
+    fn structure(area: &str, name: &str) -> &'static Structure {
+        let placed = DEVICE.area(area).unwrap().structures.iter();
+        placed.map(|placed| placed.structure).find(|structure| structure.name == name).unwrap()
+    }
+
+    fn end_of(members: &[Member], start: u32) -> u32 {
+        members.iter().fold(0, |end, member| {
+            let offset = match member {
+                Member::Register(register) => register.offset - start,
+                Member::Group(group) => group.offset() - start,
+                Member::Padding { offset, .. } => *offset,
+            };
+            assert_eq!(offset, end, "{member:?}");
+            end + size(member)
+        })
+    }
+
+    #[test]
+    fn members_fill_every_structure_without_a_gap() {
+        for placed in DEVICE.areas.iter().flat_map(|area| area.structures) {
+            let members = of(placed.structure);
+            assert_eq!(end_of(&members, 0), placed.structure.bytes, "{}", placed.structure.name);
+            for member in &members {
+                if let Member::Group(group) = member {
+                    assert_eq!(end_of(&group.members(), group.offset()), group.bytes());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sub_structures_have_their_types() {
+        let master = structure("node2", "CANsync_MA_CTRL_BMSTRUCT");
+        let names: Vec<_> =
+            groups(&[master]).iter().map(|group| (group.member_name(), group.type_name())).collect();
+        assert_eq!(
+            names,
+            [
+                ("_CFG_WRC_WORD", "CFG_WRC_WORD_MA"),
+                ("a_STATREG_RDC", "STATREG_RDC"),
+                ("a_CFG_RDC_WORD", "CFG_RDC_WORD"),
+                ("a_CTRLREG_PAR_CMD_SL", "CTRLREG_PAR_CMD_SL"),
+                ("a_DATA_PARAMETER", "DATA_PARAMETER"),
+            ]
+        );
+        let padding = of(master).iter().filter(|member| matches!(member, Member::Padding { .. })).count();
+        assert_eq!(padding, 5);
+    }
+}

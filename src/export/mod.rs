@@ -1,0 +1,81 @@
+//! Declarations of the register map and the header page in other languages, and machine-readable forms of it.
+//!
+//! Everything comes from the descriptors of [`crate::layout`] and the header page's own structs
+//! ([`crate::memory::contract`]); no generator knows a register. `docs/export.md` tells how to use the results.
+
+mod c;
+mod constants;
+mod csv;
+mod json;
+mod md;
+mod members;
+mod rows;
+mod scope;
+mod text;
+
+use crate::layout::LayoutError;
+use std::fmt;
+
+pub use csv::line as csv_line;
+pub use md::table as md_table;
+pub use scope::Scope;
+
+/// What the register map can be turned into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// One C header, also for C++.
+    C,
+    /// A JSON document with a versioned schema.
+    Json,
+    /// Comma-separated values, one line per register.
+    Csv,
+    /// The register reference in Markdown.
+    Md,
+}
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Self; 4] = [Self::C, Self::Json, Self::Csv, Self::Md];
+
+    /// The name on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::C => "c",
+            Self::Json => "json",
+            Self::Csv => "csv",
+            Self::Md => "md",
+        }
+    }
+
+    /// What it is, in a few words.
+    #[must_use]
+    pub const fn about(self) -> &'static str {
+        match self {
+            Self::C => "C header with structures, constants and functions to attach; also for C++",
+            Self::Json => "everything known about the registers, for programs",
+            Self::Csv => "one line per register, for spreadsheets",
+            Self::Md => "register reference for people",
+        }
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// The register map in `format`; with `block` only that area.
+///
+/// # Errors
+/// [`LayoutError`] if there is no area of that name.
+pub fn export(format: Format, block: Option<&str>) -> Result<String, LayoutError> {
+    let scope = Scope::new(block)?;
+    Ok(match format {
+        Format::C => c::generate(&scope),
+        Format::Json => json::generate(&scope),
+        Format::Csv => csv::generate(&scope),
+        Format::Md => md::generate(&scope),
+    })
+}

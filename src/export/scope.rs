@@ -1,0 +1,55 @@
+//! What is exported: the whole device or one area of it.
+
+use crate::layout::omega_drive_line_2::DEVICE;
+use crate::layout::{Area, Device, LayoutError, Meaning, Placed, Register, Structure};
+
+/// The areas to export.
+#[derive(Debug)]
+pub struct Scope {
+    /// The device.
+    pub device: &'static Device,
+    /// The areas, in ascending order.
+    pub areas: Vec<&'static Area>,
+}
+
+impl Scope {
+    /// The whole device, or only the area called `block`.
+    ///
+    /// # Errors
+    /// [`LayoutError`] if there is none.
+    pub fn new(block: Option<&str>) -> Result<Self, LayoutError> {
+        let areas = match block {
+            Some(name) => vec![DEVICE.area(name)?],
+            None => DEVICE.areas.iter().collect(),
+        };
+        Ok(Self { device: &DEVICE, areas })
+    }
+
+    /// All structures with their places, in ascending order.
+    pub fn placed(&self) -> impl Iterator<Item = (&'static Area, &'static Placed)> {
+        self.areas.iter().flat_map(|area| area.structures.iter().map(move |placed| (*area, placed)))
+    }
+
+    /// The structures, each once.
+    pub fn structures(&self) -> Vec<&'static Structure> {
+        let mut found: Vec<&'static Structure> = Vec::new();
+        for (_, placed) in self.placed() {
+            if !found.iter().any(|known| core::ptr::eq(*known, placed.structure)) {
+                found.push(placed.structure);
+            }
+        }
+        found
+    }
+
+    /// The meanings that registers refer to, each once, with the first of these registers.
+    pub fn meanings(&self) -> Vec<(&'static Meaning, &'static Register)> {
+        let mut found: Vec<(&'static Meaning, &'static Register)> = Vec::new();
+        for register in self.structures().iter().flat_map(|structure| structure.registers) {
+            let Some(meaning) = register.meaning else { continue };
+            if !found.iter().any(|(known, _)| known.name == meaning.name) {
+                found.push((meaning, register));
+            }
+        }
+        found
+    }
+}
