@@ -7,9 +7,9 @@ use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{RegType, Structure, format_value};
-use crate::memory::contract::{HeaderStruct, Kind};
-use crate::memory::header::{ABI_VERSION, ClockMode, MAGIC, RunSwitch, State};
-use crate::memory::{HEADER_SIZE, Header, SEGMENT_SIZE};
+use crate::memory::contract::{self, HeaderStruct, Kind};
+use crate::memory::header::{ABI_VERSION, MAGIC};
+use crate::memory::{HEADER_SIZE, SEGMENT_SIZE};
 use std::fmt::Write;
 
 const PROLOGUE: &str = include_str!("c/prologue.h");
@@ -58,31 +58,21 @@ fn header_page(out: &mut String, scope: &Scope) {
     for (name, value, remark) in numbers {
         let _ = writeln!(out, "#define COMMRAM_{name} {value} /* {remark} */");
     }
-    for (name, codes) in
-        [("STATE", State::CODES), ("CLOCK_MODE", ClockMode::CODES), ("SWITCH", RunSwitch::CODES)]
-    {
+    for of in &contract::CODES {
         out.push_str("\nenum {\n");
-        for (value, code, doc) in codes {
-            let code = format!("COMMRAM_{name}_{}", snake(code).to_uppercase());
+        for (value, code, doc) in of.codes {
+            let code = format!("COMMRAM_{}_{}", snake(of.name), snake(code)).to_uppercase();
             let _ = writeln!(out, "    {code} = {value}, /* {} */", doc.trim());
         }
         out.push_str("};\n");
     }
     out.push_str("\n/* The header page: docs/attach.md, byte by byte. */\n");
-    header_struct(out, &Header::STRUCT, &mut Vec::new());
+    for of in contract::structures() {
+        header_struct(out, of);
+    }
 }
 
-/// The structures a header structure needs, then the structure itself.
-fn header_struct(out: &mut String, of: &'static HeaderStruct, done: &mut Vec<&'static str>) {
-    if done.contains(&of.name) {
-        return;
-    }
-    done.push(of.name);
-    for field in of.fields {
-        if let Kind::Struct(of) = field.kind {
-            header_struct(out, of, done);
-        }
-    }
+fn header_struct(out: &mut String, of: &HeaderStruct) {
     let name = format!("commram_{}", snake(of.name));
     let _ = writeln!(out, "\ntypedef struct {name} {{");
     for field in of.fields {
@@ -244,7 +234,7 @@ mod tests {
                 text.contains(&format!("_Static_assert(sizeof({}) == {},", structure.name, structure.bytes))
             );
         }
-        for field in Header::STRUCT.fields {
+        for field in crate::memory::Header::STRUCT.fields {
             let name = field_name(field.name);
             let assertion = format!("_Static_assert(offsetof(commram_header, {name}) == {},", field.offset);
             assert!(text.contains(&assertion), "{assertion}");

@@ -5,9 +5,9 @@ use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{Area, BitField, Dim, Register, Structure, ValueMeaning};
-use crate::memory::contract::{HeaderStruct, Kind};
-use crate::memory::header::{ABI_VERSION, ClockMode, RunSwitch, State};
-use crate::memory::{Bell, Board, EventSlot, HEADER_SIZE, Header, SEGMENT_SIZE};
+use crate::memory::contract::{self, HeaderStruct, Kind};
+use crate::memory::header::ABI_VERSION;
+use crate::memory::{HEADER_SIZE, SEGMENT_SIZE};
 use serde_json::{Map, Value, json};
 
 /// Version of the document's shape. New keys do not change it.
@@ -34,16 +34,15 @@ pub fn generate(scope: &Scope) -> String {
 }
 
 fn header() -> Value {
-    let structures = [&Header::STRUCT, &EventSlot::STRUCT, &Bell::STRUCT, &Board::STRUCT];
+    let code =
+        |(value, name, doc): &(u32, &str, &str)| json!({ "value": value, "name": name, "doc": doc.trim() });
+    let codes =
+        contract::CODES.iter().map(|of| (of.name.to_owned(), of.codes.iter().map(code).collect::<Value>()));
     json!({
         "size": HEADER_SIZE,
         "abi_version": ABI_VERSION,
-        "structures": structures.map(header_struct).to_vec(),
-        "codes": {
-            "state": codes(State::CODES),
-            "clock_mode": codes(ClockMode::CODES),
-            "switch": codes(RunSwitch::CODES),
-        },
+        "structures": contract::structures().into_iter().map(header_struct).collect::<Vec<_>>(),
+        "codes": codes.collect::<Map<_, _>>(),
     })
 }
 
@@ -63,12 +62,6 @@ fn header_struct(of: &HeaderStruct) -> Value {
         })
     });
     json!({ "name": of.name, "bytes": of.bytes, "fields": fields.collect::<Vec<_>>() })
-}
-
-fn codes(codes: &[(u32, &str, &str)]) -> Value {
-    let code =
-        |(value, name, doc): &(u32, &str, &str)| json!({ "value": value, "name": name, "doc": doc.trim() });
-    codes.iter().map(code).collect()
 }
 
 fn area(area: &Area) -> Value {
