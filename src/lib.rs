@@ -12,6 +12,8 @@
 //! | [`drive`] | a drive with CANsync card |
 //! | [`firmware`] | what the board does with its registers |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
+//! | [`plc`] | the PLC side: function blocks, tasks |
+//! | [`plc`] | the PLC side: function blocks, tasks |
 //! | [`journal`] | what happened, when |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
 //! | [`channel`] | the request-response door for tools and tests (feature `channel`) |
@@ -44,6 +46,7 @@ pub mod journal;
 pub mod layout;
 pub mod memory;
 pub mod plant;
+pub mod plc;
 pub mod runtime;
 pub mod time;
 
@@ -51,3 +54,8 @@ pub mod time;
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// So are those of the function blocks' documentation.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/function-blocks.md")]
+struct FunctionBlocks;

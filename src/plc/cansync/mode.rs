@@ -1,0 +1,121 @@
+//! `CANsync_MODE_MA`, `CANsync_MODE_SL`: commands to a node and what it shows (p. 216-221).
+
+use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::memory::Cell16;
+use crate::plc::Base;
+
+/// Bit 7 of `w_CPU_CONTROL`.
+const RESET_CONTROLLER: u16 = 1 << 7;
+const START_SYNCHRONOUS: u16 = 0x0020;
+const ENABLE_ACTIVE: u16 = 0x0040;
+
+macro_rules! mode {
+    ($name:ident, $base:ident, $who:literal, $page:literal) => {
+        #[doc = concat!("Sets the operating mode of a CANsync ", $who, " (manual p. ", $page, ").")]
+        ///
+        /// Inputs are commands, outputs show the node's state at the time of the call; an answer to a
+        /// command is seen at a later call. No input: no command. With `x_SYNC_MODE` and `x_CANsync_RUN`
+        /// together the mode is set up first and enabled by a later call; once it is active nothing more
+        /// is commanded (decision D-204).
+        #[derive(Clone, Debug, Default)]
+        pub struct $name {
+            /// Restarts the node.
+            pub x_RESET_SOFTWARE: bool,
+            /// Takes over initialization data.
+            pub x_SET_INIT_DATA: bool,
+            /// Enables active operation.
+            pub x_CANsync_RUN: bool,
+            /// Resets the CAN controller; ends BUS-off.
+            pub x_RESET_CANsync_CONTROLLER: bool,
+            /// Sets up synchronous operation.
+            pub x_SYNC_MODE: bool,
+            /// Reserved.
+            pub x_ASYNC_MODE0: bool,
+            /// Reserved.
+            pub x_ASYNC_MODE1: bool,
+            /// Handshake active (`w_OPTION_STATUS` 16#0001).
+            pub x_HS_ACTIV: bool,
+            /// Waits for initialization data (16#0002).
+            pub x_INIT_POSSIBLE: bool,
+            /// Waits for the command that sets the mode (16#0003).
+            pub x_WAIT: bool,
+            /// A mode is being set up (16#0013, 16#0043).
+            pub x_PREPARE_ACTIV: bool,
+            /// A mode is active (16#0020, 16#0080).
+            pub x_CANsync_ACTIV: bool,
+            /// The mode is synchronous operation.
+            pub x_SYNC_MODE_ACTIV: bool,
+            /// Asynchronous operation; reserved, always FALSE.
+            pub x_ASYNC_MODE_ACTIV: bool,
+            /// Runs as slave.
+            pub x_SL: bool,
+            /// Runs as master.
+            pub x_MA: bool,
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, _BASE: &Base<$base>) {
+                let state = _BASE.w_OPTION_STATUS.load();
+                let commands = Commands {
+                    restart: self.x_RESET_SOFTWARE,
+                    take_over: self.x_SET_INIT_DATA,
+                    synchronous: self.x_SYNC_MODE,
+                    run: self.x_CANsync_RUN,
+                    reset_controller: self.x_RESET_CANsync_CONTROLLER,
+                };
+                commands.give(&_BASE.w_CPU_CONTROL, state);
+                self.x_HS_ACTIV = state == 0x0001;
+                self.x_INIT_POSSIBLE = state == 0x0002;
+                self.x_WAIT = state == 0x0003;
+                self.x_PREPARE_ACTIV = is_set_up(state);
+                self.x_CANsync_ACTIV = is_active(state);
+                self.x_SYNC_MODE_ACTIV = is_set_up(state) || is_active(state);
+                self.x_ASYNC_MODE_ACTIV = false;
+                self.x_SL = matches!(state, 0x0013 | 0x0020);
+                self.x_MA = matches!(state, 0x0043 | 0x0080);
+            }
+        }
+    };
+}
+
+mode!(CANsync_MODE_MA, CANsync_MA_CTRL_BMSTRUCT, "master", "216-218");
+mode!(CANsync_MODE_SL, CANsync_SL_CTRL_BMSTRUCT, "slave", "219-221");
+
+fn is_set_up(state: u16) -> bool {
+    matches!(state, 0x0013 | 0x0043)
+}
+
+fn is_active(state: u16) -> bool {
+    matches!(state, 0x0020 | 0x0080)
+}
+
+struct Commands {
+    restart: bool,
+    take_over: bool,
+    synchronous: bool,
+    run: bool,
+    reset_controller: bool,
+}
+
+impl Commands {
+    /// Writes the command. If several are given, the one that comes earlier in a start counts.
+    fn give(&self, control: &Cell16, state: u16) {
+        let command = match self {
+            Commands { restart: true, .. } => Some(0x0000),
+            Commands { take_over: true, .. } => Some(0x0002),
+            Commands { synchronous: true, run: true, .. } if is_active(state) => None,
+            Commands { synchronous: true, run: true, .. } if is_set_up(state) => Some(ENABLE_ACTIVE),
+            Commands { synchronous: true, .. } => Some(START_SYNCHRONOUS),
+            Commands { run: true, .. } => Some(ENABLE_ACTIVE),
+            _ => None,
+        };
+        if let Some(command) = command {
+            control.store(command);
+        }
+        // A restart resets the controller as well.
+        if self.reset_controller && !self.restart {
+            control.update(|value| value | RESET_CONTROLLER);
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! What `CANsync_UPDOWNLOAD_MA` and `_SL` have in common: how a transfer of up to 2048 values is split
+//! into blocks of 75 (decision D-211).
+
+/// Values of one transfer at most (p. 264).
+pub const UPDOWN_VALUES: usize = 2048;
+/// The values of a transfer.
+pub type CANsync_UPDOWN_BMARRAY = [i32; UPDOWN_VALUES];
+
+/// Values of one block at most (p. 266).
+pub(super) const BLOCK_VALUES: usize = 75;
+/// Base address of a transfer's first value; those below belong to the operating system (p. 167).
+const FIRST_ADDRESS: u32 = 0x100;
+
+/// Bits 3 and 2: what the last frame did.
+pub(super) const MODE: u8 = 0b11 << 2;
+pub(super) const INIT: u8 = 0b01 << 2;
+pub(super) const LAST: u8 = 0b11 << 2;
+/// Bit 4.
+pub(super) const DOWNLOAD: u8 = 1 << 4;
+
+/// One block of a transfer: `d_BASE_ADR` and `w_LENGTH` of its job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Index of its first value.
+    pub(super) first: usize,
+    /// Its number of values.
+    pub(super) values: usize,
+    /// Values of the whole transfer.
+    pub(super) total: usize,
+}
+
+impl Block {
+    /// The block of a transfer that begins with value `first`.
+    pub(super) fn starting_at(first: usize, total: usize) -> Self {
+        Block { first, values: total.saturating_sub(first).min(BLOCK_VALUES), total }
+    }
+
+    /// The block behind this one, if the transfer has one.
+    pub(super) fn next(self) -> Option<Self> {
+        let behind = self.first + self.values;
+        (behind < self.total).then(|| Block::starting_at(behind, self.total))
+    }
+
+    /// Bits 31 to 16: values of the transfer; 15 to 0: 16#0100 plus the index of the first value.
+    pub(super) fn base_address(self) -> u32 {
+        (self.total as u32) << 16 | (FIRST_ADDRESS + self.first as u32)
+    }
+
+    /// Length in bytes.
+    pub(super) fn length(self) -> u16 {
+        (self.values * 4) as u16
+    }
+
+    /// The block of a job; the error number if it is none (p. 168). A master that does not name the
+    /// transfer's length (bits 31 to 16) transfers a single block.
+    pub(super) fn of_job(base_address: u32, length: u16) -> Result<Self, u16> {
+        let low = base_address & 0xFFFF;
+        let first = low.checked_sub(FIRST_ADDRESS).ok_or(BASE_ADDRESS)? as usize;
+        let values = usize::from(length / 4);
+        if values == 0 || !length.is_multiple_of(4) {
+            return Err(NOT_POSSIBLE);
+        }
+        let total = match base_address >> 16 {
+            0 => first + values,
+            total => total as usize,
+        };
+        if total > UPDOWN_VALUES || first + values > total {
+            return Err(TOO_LONG);
+        }
+        Ok(Block { first, values, total })
+    }
+}
+
+/// 16#0103: the slave cancels.
+pub(super) const SLAVE_CANCELS: u16 = 0x0103;
+const NOT_POSSIBLE: u16 = 0x0104;
+const BASE_ADDRESS: u16 = 0x0105;
+const TOO_LONG: u16 = 0x0107;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_cover_a_transfer_exactly_once() {
+        for total in [1, 74, 75, 76, 150, 151, UPDOWN_VALUES] {
+            let mut block = Some(Block::starting_at(0, total));
+            let mut covered = 0;
+            while let Some(at) = block {
+                assert_eq!(at.first, covered);
+                assert!((1..=BLOCK_VALUES).contains(&at.values));
+                assert_eq!(Block::of_job(at.base_address(), at.length()), Ok(at));
+                covered += at.values;
+                block = at.next();
+            }
+            assert_eq!(covered, total);
+        }
+    }
+
+    #[test]
+    fn jobs_that_are_no_block_are_refused() {
+        assert_eq!(Block::of_job(0x0000_0100, 300), Ok(Block { first: 0, values: 75, total: 75 }));
+        assert_eq!(Block::of_job(0x0000_00FF, 4), Err(0x0105));
+        assert_eq!(Block::of_job(0x0001_0000, 4), Err(0x0105));
+        assert_eq!(Block::of_job(0x0000_0100, 0), Err(0x0104));
+        assert_eq!(Block::of_job(0x0000_0100, 6), Err(0x0104));
+        assert_eq!(Block::of_job(0x0002_0100, 12), Err(0x0107));
+        assert_eq!(Block::of_job(0x0801_0100, 4), Err(0x0107));
+        assert_eq!(Block::of_job(0x0000_0900, 4), Err(0x0107));
+    }
+}

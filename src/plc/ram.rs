@@ -1,0 +1,91 @@
+//! What a PLC program sees of the board: the RAM and, in the header page, the clock.
+
+use crate::memory::{Header, MemoryError, Segment, SharedRegs, View};
+use core::ops::Deref;
+use core::time::Duration;
+
+/// The RAM of one PLC: a segment of this process or of an attached image.
+#[derive(Clone, Debug)]
+pub struct Ram {
+    segment: Segment,
+    header: View<Header>,
+}
+
+impl Ram {
+    /// The RAM in a segment.
+    ///
+    /// # Errors
+    /// The segment is read-only.
+    pub fn of(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Ram { segment: segment.clone(), header: segment.header()? })
+    }
+
+    /// A structure at `%MB3.offset`: what `_NAME AT %MB3.offset : T` declares in an IEC program.
+    ///
+    /// ```
+    /// use commram::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+    /// use commram::memory::Segment;
+    /// use commram::plc::Ram;
+    ///
+    /// let ram = Ram::of(&Segment::heap())?;
+    /// let _CANsync_CTRL_MA = ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?;
+    /// # Ok::<(), commram::memory::MemoryError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// The offset is misaligned for the structure or lies outside the RAM.
+    pub fn at<T: SharedRegs>(&self, offset: usize) -> Result<Base<T>, MemoryError> {
+        Ok(Base { registers: self.segment.view(offset)?, header: self.header.clone() })
+    }
+
+    /// The header page.
+    pub fn header(&self) -> &View<Header> {
+        &self.header
+    }
+
+    /// Emulated time in microseconds.
+    pub fn now_us(&self) -> u64 {
+        self.header.virtual_time_us.load()
+    }
+}
+
+/// A structure of registers with the board's clock: what is connected to `_BASE` of a function block.
+#[derive(Clone, Debug)]
+pub struct Base<T: SharedRegs> {
+    registers: View<T>,
+    header: View<Header>,
+}
+
+impl<T: SharedRegs> Base<T> {
+    /// Emulated time in microseconds.
+    pub(super) fn now_us(&self) -> u64 {
+        self.header.virtual_time_us.load()
+    }
+
+    /// A monitoring time that begins now.
+    pub(super) fn watch(&self, time: Duration) -> Watch {
+        let time_us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
+        Watch { ends_us: self.now_us().saturating_add(time_us) }
+    }
+}
+
+impl<T: SharedRegs> Deref for Base<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.registers
+    }
+}
+
+/// A monitoring time under way, in emulated time.
+#[derive(Clone, Copy, Debug)]
+pub struct Watch {
+    ends_us: u64,
+}
+
+impl Watch {
+    /// Whether the time is over.
+    pub(super) fn is_over<T: SharedRegs>(self, base: &Base<T>) -> bool {
+        base.now_us() >= self.ends_us
+    }
+}

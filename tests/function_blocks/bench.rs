@@ -1,0 +1,115 @@
+//! A rig whose PLCs are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
+
+use crate::rig::{Memory, RATES, Rig};
+use commram::layout::omega_drive_line_2::*;
+use commram::memory::{Segment, View};
+use commram::plc::*;
+
+const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
+    [[bus.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmax = 500\n";
+/// A PLC cycle.
+const CYCLE_US: u64 = 1000;
+/// Far more than any block takes without waiting for a monitoring time.
+const PATIENCE_US: u64 = 60_000_000;
+
+pub struct Bench {
+    pub rig: Rig,
+    pub ma: Base<CANsync_MA_CTRL_BMSTRUCT>,
+    pub sl: Base<CANsync_SL_CTRL_BMSTRUCT>,
+    pub ma_init: Base<CANsync_INIT_BMSTRUCT>,
+    pub sl_init: Base<CANsync_INIT_BMSTRUCT>,
+}
+
+impl Bench {
+    /// After power-on.
+    pub fn new(memory: Memory) -> Bench {
+        let rig = Rig::of(memory, RATES[0], DRIVE);
+        let [a, b] = [0, 1].map(|plc| Ram::of(rig.plant.plcs()[plc].segment()).unwrap());
+        Bench {
+            ma: a.at(NODE2).unwrap(),
+            ma_init: a.at(NODE2).unwrap(),
+            sl: b.at(NODE1).unwrap(),
+            sl_init: b.at(NODE1).unwrap(),
+            rig,
+        }
+    }
+
+    /// Both nodes in active operation with synchronized slaves, all jobs enabled for slaves 0 and 1.
+    pub fn active(memory: Memory) -> Bench {
+        let mut bench = Bench::new(memory);
+        let mut types = CANsync_SL_TYP_INIT { us_SL_TYP0: 1, us_SL_TYP1: 1, ..Default::default() };
+        types.call();
+        let mut init_sl = init();
+        init_sl.x_SL = true;
+        let mut init_ma = CANsync_INIT { a_SL_TYP: types.a_SL_TYP, ..init() };
+        bench.until(|b| {
+            init_sl.call(&b.sl_init);
+            init_sl.x_OK
+        });
+        bench.until(|b| {
+            init_ma.call(&b.ma_init);
+            init_ma.x_OK
+        });
+        CANsync_COMM_CONTROL_MA {
+            x_EN_CTRL: true,
+            x_EN_PAR: true,
+            x_EN_UDL: true,
+            si_MAX_SL_NR: 1,
+            ..Default::default()
+        }
+        .call(&bench.ma);
+        let mut mode_sl = CANsync_MODE_SL { x_SYNC_MODE: true, ..Default::default() };
+        let mut mode_ma = CANsync_MODE_MA { x_SYNC_MODE: true, ..Default::default() };
+        bench.until(|b| {
+            mode_sl.call(&b.sl);
+            mode_ma.call(&b.ma);
+            b.ma.a_STAT_SL.iter().take(2).all(|state| state.load() == 0x03)
+        });
+        (mode_sl.x_CANsync_RUN, mode_ma.x_CANsync_RUN) = (true, true);
+        bench.until(|b| {
+            mode_sl.call(&b.sl);
+            mode_ma.call(&b.ma);
+            mode_sl.x_CANsync_ACTIV && mode_ma.x_CANsync_ACTIV
+        });
+        bench
+    }
+
+    /// PLC cycles until `done` says so; the test fails if it never does.
+    pub fn until(&mut self, mut done: impl FnMut(&mut Bench) -> bool) {
+        let start = self.rig.plant.now();
+        while !done(self) {
+            self.rig.step(CYCLE_US);
+            assert!(self.rig.plant.now() - start < PATIENCE_US, "it never ends");
+        }
+    }
+
+    /// That many PLC cycles.
+    pub fn cycles(&mut self, count: u32, mut cycle: impl FnMut(&mut Bench)) {
+        for _ in 0..count {
+            cycle(self);
+            self.rig.step(CYCLE_US);
+        }
+    }
+}
+
+/// `CANsync_INIT` at 500 kbit/s.
+pub fn init() -> CANsync_INIT {
+    CANsync_INIT { us_BAUDRATE: 5, us_SYNC_INTERVAL: 2, ..Default::default() }
+}
+
+/// RAM behind which no firmware runs, with a clock that the test sets.
+pub struct Dead {
+    pub ram: Ram,
+    header: View<commram::memory::Header>,
+}
+
+impl Dead {
+    pub fn new() -> Dead {
+        let segment = Segment::heap();
+        Dead { ram: Ram::of(&segment).unwrap(), header: segment.header().unwrap() }
+    }
+
+    pub fn pass(&self, us: u64) {
+        self.header.virtual_time_us.store(self.header.virtual_time_us.load() + us);
+    }
+}

@@ -1,0 +1,14 @@
+//! The vendor's function blocks against the live firmware, in the roles the manual gives them.
+
+#![allow(non_snake_case, reason = "the manual's names, letter for letter")]
+
+#[path = "../rig/mod.rs"]
+mod rig;
+
+mod bench;
+mod command_channel;
+mod documented;
+mod parameter;
+mod process_data;
+mod start;
+mod updownload;
