@@ -102,21 +102,21 @@ fn peek_in_the_formats_of_programs() {
         serde_json::json!([{
             "time_us": 2000, "plc": "line", "register": "node2.a_WR_VALUE[1]", "address": "%MD3.200056",
             "type": "DINT", "value": -2, "hex": "16#FFFFFFFE",
-            "meaning": "-2 (CANsync_MA_CTRL_BMSTRUCT, not live)",
+            "meaning": "-2 (CANsync_MA_CTRL_BMSTRUCT, not live)", "forced": false,
         }])
     );
     let csv = emulator.run("peek", &["node2.w_OPTION_STATUS", "--format", "csv"]);
     assert_eq!(
         csv.ok(),
-        "time_us,plc,register,address,type,value,hex,meaning\n\
-         2000,line,node2.w_OPTION_STATUS,%MW3.200002,WORD,1,16#0001,start-up\n"
+        "time_us,plc,register,address,type,value,hex,meaning,forced\n\
+         2000,line,node2.w_OPTION_STATUS,%MW3.200002,WORD,1,16#0001,start-up,false\n"
     );
     let markdown = emulator.run("peek", &["node2.w_OPTION_STATUS", "--format", "md"]);
     assert_eq!(
         markdown.ok(),
-        "| time_us | plc | register | address | type | value | hex | meaning |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- |\n\
-         | 2000 | line | node2.w_OPTION_STATUS | %MW3.200002 | WORD | 1 | 16#0001 | start-up |\n"
+        "| time_us | plc | register | address | type | value | hex | meaning | forced |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n\
+         | 2000 | line | node2.w_OPTION_STATUS | %MW3.200002 | WORD | 1 | 16#0001 | start-up | false |\n"
     );
 }
 
@@ -232,7 +232,7 @@ fn a_dump_of_plain_ram_shows_what_is_not_zero() {
     let emulator = Emulator::stepped();
     emulator.poke(&["%MD3.1262140=16#DEADBEEF"]);
     let dump = emulator.run("dump", &["option1", "--format", "csv"]);
-    let line = "0,line,%MD3.1262140,%MD3.1262140,DWORD,3735928559,16#DEADBEEF,plain RAM of option1\n";
+    let line = "0,line,%MD3.1262140,%MD3.1262140,DWORD,3735928559,16#DEADBEEF,plain RAM of option1,false\n";
     assert!(dump.ok().ends_with(line), "{}", dump.out);
     assert_eq!(dump.out.lines().count(), 2);
 }

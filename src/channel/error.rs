@@ -117,6 +117,26 @@ pub enum ChannelError {
         /// The time asked for, in microseconds.
         us: u64,
     },
+    /// Only a part of a register shall be forced, or several registers.
+    #[error("{asked}: only a whole register can be forced, here {right}")]
+    NotWhole {
+        /// What was to be forced.
+        asked: Address,
+        /// The register there.
+        right: Address,
+    },
+    /// Too many registers are forced.
+    #[error("{count} registers are forced, which is all that can be; unforce one first")]
+    TooManyForces {
+        /// Number of forced registers.
+        count: u32,
+    },
+    /// The register is not forced.
+    #[error("{address} is not forced")]
+    NotForced {
+        /// The register.
+        address: Address,
+    },
     /// The emulator is ending.
     #[error("the emulator is shutting down")]
     ShuttingDown,

@@ -8,6 +8,7 @@ use super::op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE, MAX_RECORDS};
 use super::wire::{ReplyBuffer, WireOp};
 use super::{ChannelError, Machine, Op};
 use crate::memory::{Address, Width};
+use crate::plant::Forced;
 
 /// Longest advance between two looks at [`Machine::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
@@ -118,6 +119,19 @@ impl Run {
             Op::Journal { from, max } => {
                 self.replies.journal(machine.journal(), from, max.min(MAX_RECORDS) as usize)?;
             }
+            Op::Force { plc, offset, width, value } => {
+                Register::check(machine, plc, offset, width)?.fits(value)?;
+                machine.force(Forced { plc, offset, width, value })?;
+                self.replies.written()?;
+            }
+            Op::Unforce { plc, offset, width } => {
+                let Register { address, .. } = Register::check(machine, plc, offset, width)?;
+                if !machine.unforce(plc, offset) {
+                    return Err(ChannelError::NotForced { address });
+                }
+                self.replies.written()?;
+            }
+            Op::Forces => self.replies.forces(machine.forces())?,
             Op::Info => self.replies.info(&machine.info())?,
             Op::Stop => {
                 machine.request_stop();

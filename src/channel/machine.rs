@@ -1,8 +1,9 @@
 //! What the channel needs of an emulator.
 
-use super::InstanceInfo;
+use super::{ChannelError, InstanceInfo};
 use crate::journal::Journal;
 use crate::memory::{Unmapped, Width};
+use crate::plant::Forced;
 
 /// An emulator, seen from the channel.
 ///
@@ -58,6 +59,18 @@ pub trait Machine {
 
     /// Time of the next SYNC on that node's bus, later than [`Machine::now`]; `None` if nobody sends any.
     fn next_sync(&self, plc: usize, node: u8) -> Option<u64>;
+
+    /// Makes a register keep a value.
+    ///
+    /// # Errors
+    /// It is no whole register, or too many are forced.
+    fn force(&mut self, forced: Forced) -> Result<(), ChannelError>;
+
+    /// Lets a forced register go; `false` if it was not forced.
+    fn unforce(&mut self, plc: u16, offset: u32) -> bool;
+
+    /// The forced registers.
+    fn forces(&self) -> &[Forced];
 
     /// What has happened.
     fn journal(&self) -> &Journal;

@@ -3,6 +3,7 @@
 use super::ChannelError;
 use crate::journal::Record;
 use crate::memory::{ClockMode, Width};
+use crate::plant::Forced;
 
 /// Most operations one request may carry.
 pub const MAX_OPS: usize = 256;
@@ -98,6 +99,28 @@ pub enum Op {
         /// Most records wanted; more than [`MAX_RECORDS`] are never sent.
         max: u32,
     },
+    /// Forces a register: it keeps the value against firmware and PLC. Answered by [`Reply::Written`].
+    Force {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The value it keeps; must fit the width.
+        value: u32,
+    },
+    /// Lets a forced register go. Answered by [`Reply::Written`].
+    Unforce {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+    },
+    /// Asks which registers are forced. Answered by [`Reply::Forces`].
+    Forces,
     /// Asks who answers. Answered by [`Reply::Info`].
     Info,
     /// Asks the emulator to end. Answered by [`Reply::Stopping`].
@@ -150,6 +173,8 @@ pub enum Reply {
         /// The number that the next record will have.
         end: u64,
     },
+    /// The forced registers, in the order of PLCs and addresses.
+    Forces(Vec<Forced>),
     /// Who answers.
     Info(Box<InstanceInfo>),
     /// The emulator is going to end.

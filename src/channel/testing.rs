@@ -1,8 +1,9 @@
 //! A test double of the emulator.
 
-use super::{InstanceInfo, Machine, Unmapped};
+use super::{ChannelError, InstanceInfo, Machine, Unmapped};
 use crate::journal::Journal;
 use crate::memory::{ClockMode, Width};
+use crate::plant::Forced;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,6 +17,7 @@ pub(crate) struct Fake {
     now: u64,
     pub stepped: bool,
     pub journal: Journal,
+    forces: Vec<Forced>,
     pub stop: Arc<AtomicBool>,
     /// Stores of the "firmware": time, offset, value (WORD in PLC 0).
     pub script: Vec<(u64, u32, u16)>,
@@ -34,6 +36,7 @@ impl Fake {
             now: 0,
             stepped,
             journal: Journal::default(),
+            forces: Vec::new(),
             stop: Arc::default(),
             script: Vec::new(),
             steps: 0,
@@ -135,6 +138,24 @@ impl Machine for Fake {
 
     fn next_sync(&self, plc: usize, node: u8) -> Option<u64> {
         (plc == 0 && node == 1).then_some((self.now / 2_000 + 1) * 2_000)
+    }
+
+    fn force(&mut self, forced: Forced) -> Result<(), ChannelError> {
+        let Forced { plc, offset, width, value } = forced;
+        let address = width.at(offset);
+        self.store(plc.into(), offset, width, value).map_err(|_| ChannelError::Unmapped { address })?;
+        self.forces.push(forced);
+        Ok(())
+    }
+
+    fn unforce(&mut self, plc: u16, offset: u32) -> bool {
+        let before = self.forces.len();
+        self.forces.retain(|forced| (forced.plc, forced.offset) != (plc, offset));
+        self.forces.len() < before
+    }
+
+    fn forces(&self) -> &[Forced] {
+        &self.forces
     }
 
     fn journal(&self) -> &Journal {

@@ -10,6 +10,7 @@
 //! differ.
 
 mod error;
+mod forces;
 mod info;
 mod journal;
 mod reply;
@@ -88,6 +89,9 @@ pub mod kind {
     pub const INFO: u16 = 8;
     pub const STOP: u16 = 9;
     pub const JOURNAL: u16 = 10;
+    pub const FORCE: u16 = 30;
+    pub const UNFORCE: u16 = 31;
+    pub const FORCES: u16 = 32;
 }
 
 /// Values of [`Block::kind`].
@@ -103,6 +107,7 @@ pub mod reply_kind {
     pub const STOPPING: u16 = 8;
     pub const ERROR: u16 = 9;
     pub const JOURNAL: u16 = 10;
+    pub const FORCES: u16 = 30;
 }
 
 /// A field without meaning, and its content.
@@ -144,6 +149,11 @@ impl From<&Op> for WireOp {
             Op::Journal { from, max } => {
                 WireOp { kind: kind::JOURNAL, value: max, time_us: from, ..WireOp::default() }
             }
+            Op::Force { plc, offset, width, value } => {
+                WireOp { value, ..register(kind::FORCE, plc, offset, width) }
+            }
+            Op::Unforce { plc, offset, width } => register(kind::UNFORCE, plc, offset, width),
+            Op::Forces => WireOp { kind: kind::FORCES, ..WireOp::default() },
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -172,6 +182,9 @@ impl TryFrom<WireOp> for Op {
                     .map_err(|_| BadField { field: Field::Node, value: wire.node.into() })?,
             },
             kind::JOURNAL => Op::Journal { from: time_us, max: value },
+            kind::FORCE => Op::Force { plc, offset, width: width()?, value },
+            kind::UNFORCE => Op::Unforce { plc, offset, width: width()? },
+            kind::FORCES => Op::Forces,
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField { field: Field::Kind, value: kind.into() }),

@@ -153,14 +153,15 @@ impl Part<'_> {
     }
 }
 
-fn views<'a>(session: &Session, parts: &[Part<'a>], snapshot: &Snapshot) -> Vec<View<'a>> {
+fn views<'a>(session: &Session, parts: &[Part<'a>], snapshot: &'a Snapshot) -> Vec<View<'a>> {
     let mut blocks = snapshot.data.iter();
     let view = |part: &Part<'a>| View {
         selection: part.selection,
         bytes: blocks.by_ref().take(part.reads().len()).flatten().copied().collect(),
         prefix: session.prefix(part.plc),
         plc: session.plcs().get(usize::from(part.plc)).cloned().unwrap_or_default(),
-        time_us: snapshot.time_us,
+        number: part.plc,
+        snapshot,
     };
     parts.iter().map(view).collect()
 }
@@ -171,10 +172,15 @@ struct View<'a> {
     bytes: Vec<u8>,
     plc: String,
     prefix: String,
-    time_us: u64,
+    number: u16,
+    snapshot: &'a Snapshot,
 }
 
 impl View<'_> {
+    fn forced(&self, offset: u32, len: u32) -> bool {
+        self.snapshot.is_forced(self.number, offset, len)
+    }
+
     fn area(&self) -> &'static Area {
         self.selection.area
     }
@@ -209,13 +215,15 @@ impl View<'_> {
         }
         let value = |register: RegisterRef| (register, self.value(register.offset(), register.width()));
         let values = self.registers().into_iter().map(value);
-        let wanted = values.filter(|(register, value)| all || *value != register.reset());
+        let wanted = values.filter(|(register, value)| {
+            all || *value != register.reset() || self.forced(register.offset(), register.width())
+        });
         wanted.map(|(register, value)| self.holding(&register, value)).collect()
     }
 
     fn holding(&self, register: &RegisterRef, value: u32) -> Holding {
         Holding {
-            time_us: self.time_us,
+            time_us: self.snapshot.time_us,
             plc: self.plc.clone(),
             register: format!("{}{register}", self.prefix),
             address: register.address().to_string(),
@@ -223,6 +231,7 @@ impl View<'_> {
             value: register.ty().number(value),
             hex: register.format_value(value),
             meaning: register.decode(value),
+            forced: self.forced(register.offset(), register.width()),
         }
     }
 
@@ -234,7 +243,7 @@ impl View<'_> {
             let address = Address::new(Width::Dword, offset).unwrap_or(Address::byte(offset)).to_string();
             let ty = RegType::Dword;
             Holding {
-                time_us: self.time_us,
+                time_us: self.snapshot.time_us,
                 plc: self.plc.clone(),
                 register: format!("{}{address}", self.prefix),
                 address,
@@ -242,9 +251,10 @@ impl View<'_> {
                 value: ty.number(value),
                 hex: format_value(ty, value),
                 meaning: format!("plain RAM of {}", self.area().name),
+                forced: self.forced(offset, 4),
             }
         };
-        values.filter(|(_, value)| all || *value != 0).map(holding).collect()
+        values.filter(|(offset, value)| all || *value != 0 || self.forced(*offset, 4)).map(holding).collect()
     }
 }
 
@@ -254,7 +264,7 @@ fn text(rows: &[Holding], any_live: bool) -> String {
         ([], false) => "these registers are not live, see w_OPTION_STATUS\n".to_owned(),
         (rows, _) => {
             let cells = |row: &Holding| {
-                [&row.register, &row.address, &row.hex, &row.meaning].map(Clone::clone).to_vec()
+                vec![row.register.clone(), row.address.clone(), row.hex.clone(), row.marked_meaning()]
             };
             table::columns(&rows.iter().map(cells).collect::<Vec<_>>())
         }

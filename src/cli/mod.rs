@@ -6,6 +6,7 @@ mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
 mod export;
+mod force;
 mod list;
 mod map;
 mod output;
@@ -66,6 +67,8 @@ enum Command {
     Export(export::Args),
     Peek(peek::Args),
     Poke(poke::Args),
+    Force(force::Args),
+    Unforce(force::UnforceArgs),
     Wait(wait::Args),
     Step(step::Args),
     Dump(dump::Args),
@@ -123,6 +126,8 @@ impl Command {
             Command::Export(args) => export::run(&args),
             Command::Peek(args) => peek::run(&args),
             Command::Poke(args) => poke::run(&args),
+            Command::Force(args) => force::run(&args),
+            Command::Unforce(args) => force::unforce(&args),
             Command::Wait(args) => wait::run(&args),
             Command::Step(args) => step::run(&args),
             Command::Dump(args) => dump::run(&args),

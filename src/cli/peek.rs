@@ -51,11 +51,21 @@ pub struct Holding {
     pub hex: String,
     /// The meaning.
     pub meaning: String,
+    /// Whether the register is forced.
+    pub forced: bool,
+}
+
+impl Holding {
+    /// The meaning, with a mark if the register is forced.
+    pub fn marked_meaning(&self) -> String {
+        let mark = if self.forced { "[forced] " } else { "" };
+        format!("{mark}{}", self.meaning)
+    }
 }
 
 impl Row for Holding {
     const COLUMNS: &'static [&'static str] =
-        &["time_us", "plc", "register", "address", "type", "value", "hex", "meaning"];
+        &["time_us", "plc", "register", "address", "type", "value", "hex", "meaning", "forced"];
 
     fn cells(&self) -> Vec<String> {
         vec![
@@ -67,6 +77,7 @@ impl Row for Holding {
             self.value.to_string(),
             self.hex.clone(),
             self.meaning.clone(),
+            self.forced.to_string(),
         ]
     }
 }
@@ -104,7 +115,8 @@ pub fn read(session: &Session, places: &[Place]) -> Result<Vec<Holding>, CliErro
     let holdings =
         places.iter().zip(plcs).zip(statuses).enumerate().map(|(index, ((place, plc), status))| {
             let live = status.map_or(Live::Cyclic, |index| live_by(value(index)));
-            holding(session, place, plc, live, value(index), snapshot.time_us)
+            let forced = snapshot.is_forced(plc, place.offset(), place.width().bytes());
+            Holding { forced, ..holding(session, place, plc, live, value(index), snapshot.time_us) }
         });
     Ok(holdings.collect())
 }
@@ -122,13 +134,14 @@ pub fn holding(session: &Session, place: &Place, plc: u16, live: Live, value: u3
         value: bit.map_or(ty.number(value), |bit| i64::from(value >> bit & 1)),
         hex: place.format(live, value),
         meaning: place.meaning(live, value),
+        forced: false,
     }
 }
 
 /// `node2.w_OPTION_STATUS = 16#0043  synchronous operation of the master is being set up`
 pub fn line(holding: &Holding) -> String {
-    let Holding { register, hex, meaning, .. } = holding;
-    let line = format!("{register} = {hex}  {meaning}");
+    let Holding { register, hex, .. } = holding;
+    let line = format!("{register} = {hex}  {}", holding.marked_meaning());
     format!("{}\n", line.trim_end())
 }
 

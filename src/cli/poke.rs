@@ -25,7 +25,11 @@ pub struct Args {
     instance: Instance,
 }
 
-fn parse(text: &str) -> Result<(Place, u32), CliError> {
+/// A register and its new value.
+///
+/// # Errors
+/// What is wrong with the notation, the register or the value.
+pub fn parse(text: &str) -> Result<(Place, u32), CliError> {
     let wrong = |right: &str| CliError::Argument { text: text.to_owned(), right: right.to_owned() };
     let example = "write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001";
     let (register, value) = text.split_once('=').ok_or_else(|| wrong(example))?;

@@ -6,6 +6,7 @@ use super::place::Place;
 use commram::layout::RegisterRef;
 use commram::layout::omega_drive_line_2::LAYOUT_HASH;
 use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, Width};
+use commram::plant::Forced;
 
 /// Registers to be read.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +50,17 @@ pub struct Snapshot {
     pub time_us: u64,
     /// The bytes, one item per read; registers in little-endian order.
     pub data: Vec<Vec<u8>>,
+    /// The registers that were forced; none can be once the emulator is dead.
+    pub forces: Vec<Forced>,
+}
+
+impl Snapshot {
+    /// Whether one of `len` bytes at `offset` of PLC `plc` was forced.
+    pub fn is_forced(&self, plc: u16, offset: u32, len: u32) -> bool {
+        self.forces.iter().any(|forced| {
+            forced.plc == plc && forced.offset < offset + len && offset < forced.offset + forced.width.bytes()
+        })
+    }
 }
 
 /// An open way to an instance.
@@ -230,17 +242,19 @@ mod by_channel {
                 Read::Register { plc, offset, width } => Op::Peek { plc, offset, width },
                 Read::Block { plc, offset, len } => Op::ReadRange { plc, offset, len },
             };
-            let ops: Vec<_> = std::iter::once(Op::Info).chain(reads.iter().map(op)).collect();
-            let (mut time_us, mut data) = (0, Vec::with_capacity(reads.len()));
+            let ops: Vec<_> = [Op::Info, Op::Forces].into_iter().chain(reads.iter().map(op)).collect();
+            let (mut time_us, mut forces) = (0, Vec::new());
+            let mut data = Vec::with_capacity(reads.len());
             for reply in self.request(&ops)? {
                 match reply {
                     Reply::Info(info) => time_us = info.time_us,
+                    Reply::Forces(forced) => forces = forced,
                     Reply::Value(value) => data.push(value.to_le_bytes().to_vec()),
                     Reply::Bytes(bytes) => data.push(bytes),
                     _ => return Err(ClientError::WrongReply { instance: self.instance.clone() }.into()),
                 }
             }
-            Ok(Snapshot { time_us, data })
+            Ok(Snapshot { time_us, data, forces })
         }
     }
 
@@ -331,5 +345,5 @@ fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError
         });
     }
     let time_us = images.first().map_or(0, |image| image.header_snapshot().virtual_time_us.load());
-    Ok(Snapshot { time_us, data })
+    Ok(Snapshot { time_us, data, forces: Vec::new() })
 }

@@ -58,13 +58,15 @@ impl Event {
             Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s } => {
                 [node(origin, 0), pair(node_kbit_s.into(), bus_kbit_s.into()), 0]
             }
-            Event::ChannelWrite { plc, offset, width, value } => {
+            Event::ChannelWrite { plc, offset, width, value }
+            | Event::Force { plc, offset, width, value } => {
                 [head(kind, 0, plc, offset), pair(width.into(), value), 0]
             }
             Event::Board { plc, what } => {
                 let (what, numbers) = what.words();
                 [head(kind, 0, plc, what.into()), numbers, 0]
             }
+            Event::Unforce { plc, offset } => [head(kind, 0, plc, offset), 0, 0],
         }
     }
 
@@ -108,6 +110,8 @@ impl Event {
                 Event::ChannelWrite { plc: index, offset: rest, width: high as u8, value: low }
             }
             Kind::Board => Event::Board { plc: index, what: BoardEvent::from_words(rest as u8, second)? },
+            Kind::Force => Event::Force { plc: index, offset: rest, width: high as u8, value: low },
+            Kind::Unforce => Event::Unforce { plc: index, offset: rest },
         };
         (event.words() == words).then_some(event)
     }

@@ -147,6 +147,24 @@ pub enum Event {
         /// What.
         what: BoardEvent,
     },
+    /// A register is forced from now on.
+    Force {
+        /// Index of the PLC in the plant.
+        plc: u16,
+        /// Absolute `%MB3` offset.
+        offset: u32,
+        /// Width in bytes: 1, 2 or 4.
+        width: u8,
+        /// The value it keeps.
+        value: u32,
+    },
+    /// A register is no longer forced.
+    Unforce {
+        /// Index of the PLC in the plant.
+        plc: u16,
+        /// Absolute `%MB3` offset.
+        offset: u32,
+    },
 }
 
 /// What an event happened to.
@@ -177,6 +195,8 @@ impl Event {
             Event::BaudRateMismatch { .. } => Kind::BaudRateMismatch,
             Event::ChannelWrite { .. } => Kind::ChannelWrite,
             Event::Board { .. } => Kind::Board,
+            Event::Force { .. } => Kind::Force,
+            Event::Unforce { .. } => Kind::Unforce,
         }
     }
 
@@ -184,7 +204,10 @@ impl Event {
     pub fn source(&self) -> Source {
         match *self {
             Event::SyncEdge { bus } | Event::Frame { bus, .. } => Source::Bus(bus),
-            Event::ChannelWrite { plc, .. } | Event::Board { plc, .. } => Source::Plc(plc),
+            Event::ChannelWrite { plc, .. }
+            | Event::Force { plc, .. }
+            | Event::Unforce { plc, .. }
+            | Event::Board { plc, .. } => Source::Plc(plc),
             Event::State { origin, .. }
             | Event::Handshake { origin, .. }
             | Event::Register { origin, .. }

@@ -123,6 +123,16 @@ enum What {
         what: &'static str,
         text: String,
     },
+    Force {
+        register: Option<String>,
+        address: String,
+        width: u8,
+        value: u32,
+    },
+    Unforce {
+        register: Option<String>,
+        address: String,
+    },
 }
 
 impl Jsonl {
@@ -179,6 +189,14 @@ impl Jsonl {
                 What::ChannelWrite { register, address, width, value, text: place.meaning(value) }
             }
             Event::Board { what, .. } => What::Board { what: what.name(), text: what.text() },
+            Event::Force { plc, offset, width, value } => {
+                let (register, address) = named(&context.accessed(plc, offset, width));
+                What::Force { register, address, width, value }
+            }
+            Event::Unforce { plc, offset } => {
+                let (register, address) = named(&context.whole(plc, offset));
+                What::Unforce { register, address }
+            }
         }
     }
 }

@@ -73,6 +73,10 @@ kinds! {
     Register = 11, "register", Registers;
     /// Something on the board of a PLC.
     Board = 20, "board", Rare;
+    /// A register forced.
+    Force = 30, "force", Rare;
+    /// A forced register let go.
+    Unforce = 31, "unforce", Rare;
 }
 
 impl Kind {

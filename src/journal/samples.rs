@@ -55,6 +55,13 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
                 Some(Event::Board { plc, what: BoardEvent::from_words(what, numbers)? })
             }
         ),
+        any::<(u16, u32, u8, u32)>().prop_map(|(plc, offset, width, value)| Event::Force {
+            plc,
+            offset,
+            width,
+            value
+        }),
+        any::<(u16, u32)>().prop_map(|(plc, offset)| Event::Unforce { plc, offset }),
     ]
 }
 

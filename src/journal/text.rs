@@ -68,6 +68,13 @@ impl Text {
                 format!("{} := {}{meaning}", place.label(), place.value(value))
             }
             Event::Board { what, .. } => what.text(),
+            Event::Force { plc, offset, width, value } => {
+                let place = self.context.accessed(plc, offset, width);
+                format!("{} forced to {}", place.label(), place.value(value))
+            }
+            Event::Unforce { plc, offset } => {
+                format!("{} no longer forced", self.context.whole(plc, offset).label())
+            }
         }
     }
 }

@@ -230,9 +230,10 @@ impl Image {
 
 impl Drop for Image {
     fn drop(&mut self) {
-        self.set_state(State::Stopped);
         // Nobody is left to be told; the file then is a dead one, which the next emulator takes over.
         let _ = self.file.unlink();
+        // Last, so that who sees this finds the name free.
+        self.set_state(State::Stopped);
     }
 }
 

@@ -6,15 +6,18 @@
 mod agenda;
 mod bus;
 mod config;
+mod force;
 mod plc;
 
 pub use crate::firmware::board::Power;
 pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig};
+pub use force::{ForceError, Forced};
 pub use plc::Plc;
 
 use crate::journal::{Event, Journal, Names};
 use crate::memory::{MemoryError, Segment};
 use bus::SimBus;
+use force::Forces;
 
 /// Everything that is simulated, with its clock and its journal.
 pub struct Plant {
@@ -28,6 +31,7 @@ pub struct Plant {
     plcs: Vec<Plc>,
     buses: Vec<SimBus>,
     journal: Journal,
+    forces: Forces,
 }
 
 impl Plant {
@@ -66,6 +70,7 @@ impl Plant {
             plcs,
             buses,
             journal: Journal::default(),
+            forces: Forces::default(),
         };
         for (index, plc) in plant.plcs.iter_mut().enumerate() {
             plc.power_on(index, 0, &mut plant.buses, &mut plant.journal);
@@ -119,7 +124,11 @@ impl Plant {
                     self.journal.tick(due);
                 }
                 Due::Timer => self.timers_due(),
-                Due::Bus(index) => self.bus_event(index),
+                Due::Bus(index) => {
+                    self.forces.apply(&self.plcs);
+                    self.bus_event(index);
+                    self.forces.apply(&self.plcs);
+                }
             }
             stopped = self.watching && self.take_stop();
         }
@@ -178,6 +187,7 @@ impl Plant {
         if let Some(it) = self.plcs.get_mut(plc) {
             it.set_power(power, plc, self.now, &mut self.buses, &mut self.journal);
             self.find_next_timer();
+            self.forces.apply(&self.plcs);
         }
     }
 
@@ -193,13 +203,15 @@ impl Plant {
         }
     }
 
-    /// One look of all boards at their switches and of all nodes at their control registers at the present time: what a rung doorbell asks
-    /// for. Does not shift the regular processor cycle.
+    /// One look of all boards at their switches and of all nodes at their control registers at the present time:
+    /// what a rung doorbell asks for. Does not shift the regular processor cycle.
     pub fn processor_cycle(&mut self) {
         self.look_at_boards();
+        self.forces.apply(&self.plcs);
         for index in 0..self.plcs.len() {
             self.plcs[index].processor_cycle(index, self.now, &mut self.buses, &mut self.journal);
         }
+        self.forces.apply(&self.plcs);
     }
 
     /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not
@@ -269,8 +281,41 @@ impl Plant {
         &self.journal
     }
 
+    /// Makes a register keep `value` against firmware and PLC, from now until [`Plant::unforce`]. Forcing it
+    /// again changes the value.
+    ///
+    /// # Errors
+    /// [`ForceError`].
+    pub fn force(&mut self, forced: Forced) -> Result<(), ForceError> {
+        forced.check()?;
+        let Forced { plc, offset, width, value } = forced;
+        let target = self.plcs.get(usize::from(plc)).ok_or(ForceError::NoSuchPlc)?;
+        target.segment().load(offset, width)?;
+        if !self.forces.set(forced) {
+            return Err(ForceError::TooMany);
+        }
+        self.forces.apply(&self.plcs);
+        self.journal.push(self.now, Event::Force { plc, offset, width: width.bytes() as u8, value });
+        Ok(())
+    }
+
+    /// Lets a forced register go; it keeps the value until somebody writes it. Returns whether it was forced.
+    pub fn unforce(&mut self, plc: u16, offset: u32) -> bool {
+        let ended = self.forces.end(plc, offset);
+        if ended {
+            self.journal.push(self.now, Event::Unforce { plc, offset });
+        }
+        ended
+    }
+
+    /// The forced registers, in the order of PLCs and addresses.
+    pub fn forces(&self) -> &[Forced] {
+        self.forces.list()
+    }
+
     /// Notes a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
+        self.forces.apply(&self.plcs);
         self.journal.push(self.now, Event::ChannelWrite { plc: plc as u16, offset, width, value });
     }
 }

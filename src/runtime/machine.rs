@@ -1,9 +1,10 @@
 //! The emulator as the channel sees it.
 
 use super::emulator::Emulator;
-use crate::channel::{InstanceInfo, Machine, Unmapped};
+use crate::channel::{ChannelError, InstanceInfo, Machine, Unmapped};
 use crate::journal::Journal;
 use crate::memory::{Segment, Width};
+use crate::plant::{ForceError, Forced};
 
 impl Emulator {
     /// The RAM of PLC `plc`, for an access at `offset`.
@@ -65,6 +66,26 @@ impl Machine for Emulator {
 
     fn next_sync(&self, plc: usize, node: u8) -> Option<u64> {
         self.plant.next_sync(plc, node)
+    }
+
+    fn force(&mut self, forced: Forced) -> Result<(), ChannelError> {
+        let address = forced.width.at(forced.offset);
+        self.plant.force(forced).map_err(|error| match error {
+            ForceError::TooMany => ChannelError::TooManyForces { count: self.plant.forces().len() as u32 },
+            ForceError::NotWhole { asked, right } => ChannelError::NotWhole { asked, right },
+            ForceError::TooWide { address, value } => ChannelError::ValueTooWide { address, value },
+            ForceError::NoSuchPlc | ForceError::NoArea(_) | ForceError::Memory(_) => {
+                ChannelError::Unmapped { address }
+            }
+        })
+    }
+
+    fn unforce(&mut self, plc: u16, offset: u32) -> bool {
+        self.plant.unforce(plc, offset)
+    }
+
+    fn forces(&self) -> &[Forced] {
+        self.plant.forces()
     }
 
     fn journal(&self) -> &Journal {

@@ -26,6 +26,9 @@ pub(super) fn encode(error: &ChannelError) -> (u16, Numbers) {
         E::Malformed { index, field, value } => (13, [index.into(), field_code(field), value.into(), 0]),
         E::AdvanceTooLong { us } => (14, [us, 0, 0, 0]),
         E::ShuttingDown => (15, [0; 4]),
+        E::NotWhole { asked, right } => (30, [pack(asked), pack(right), 0, 0]),
+        E::TooManyForces { count } => (31, [count.into(), 0, 0, 0]),
+        E::NotForced { address } => (32, [pack(address), 0, 0, 0]),
     }
 }
 
@@ -48,6 +51,9 @@ pub(super) fn decode(code: u16, [a, b, c, _]: Numbers) -> Option<ChannelError> {
         13 => E::Malformed { index: to(a)?, field: field_from_code(b)?, value: to(c)? },
         14 => E::AdvanceTooLong { us: a },
         15 => E::ShuttingDown,
+        30 => E::NotWhole { asked: unpack(a)?, right: unpack(b)? },
+        31 => E::TooManyForces { count: to(a)? },
+        32 => E::NotForced { address: unpack(a)? },
         _ => return None,
     })
 }

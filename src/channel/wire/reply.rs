@@ -1,10 +1,11 @@
 //! Replies on the wire: building them without allocation, and the checked way back.
 
 use super::journal::WireRecord;
-use super::{Block, MAX_REPLY_BLOCKS, error, info, reply_kind};
+use super::{Block, MAX_REPLY_BLOCKS, error, forces, info, reply_kind};
 use crate::channel::op::InstanceInfo;
 use crate::channel::{ChannelError, Reply};
 use crate::journal::{Journal, Record};
+use crate::plant::Forced;
 use zerocopy::{FromBytes, IntoBytes};
 
 /// Blocks an error takes; they are kept free so that a reply too long can say so.
@@ -118,6 +119,11 @@ impl ReplyBuffer {
         Ok(())
     }
 
+    /// Appends the forced registers.
+    pub fn forces(&mut self, forced: &[Forced]) -> Result<(), ChannelError> {
+        self.bytes_of_kind(reply_kind::FORCES, &forces::encode(forced))
+    }
+
     /// Appends what the instance says about itself.
     pub fn info(&mut self, information: &InstanceInfo) -> Result<(), ChannelError> {
         let mut bytes = Vec::new();
@@ -183,6 +189,7 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::WAITED => Reply::Waited { time_us: value, value: u32::read_from_bytes(data).ok()? },
         reply_kind::ADVANCED => Reply::Advanced { time_us: value },
         reply_kind::JOURNAL => Reply::Journal { records: journal_records(data)?, end: value },
+        reply_kind::FORCES => Reply::Forces(forces::decode(data)?),
         reply_kind::INFO => Reply::Info(Box::new(info::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => {

@@ -1,6 +1,7 @@
 use super::*;
 use crate::channel::{ChannelError, InstanceInfo, Reply};
 use crate::memory::{Address, ClockMode};
+use crate::plant::Forced;
 use proptest::prelude::*;
 
 fn width() -> impl Strategy<Value = Width> {
@@ -33,6 +34,14 @@ fn op() -> impl Strategy<Value = Op> {
         any::<u64>().prop_map(|us| Op::Advance { us }),
         any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc, node }),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Journal { from, max }),
+        (register(), any::<u32>()).prop_map(|((plc, offset, width), value)| Op::Force {
+            plc,
+            offset,
+            width,
+            value
+        }),
+        register().prop_map(|(plc, offset, width)| Op::Unforce { plc, offset, width }),
+        Just(Op::Forces),
         Just(Op::Info),
         Just(Op::Stop),
     ]
@@ -72,7 +81,19 @@ fn error() -> impl Strategy<Value = ChannelError> {
         }),
         any::<u64>().prop_map(|us| E::AdvanceTooLong { us }),
         Just(E::ShuttingDown),
+        (address(), address()).prop_map(|(asked, right)| E::NotWhole { asked, right }),
+        any::<u32>().prop_map(|count| E::TooManyForces { count }),
+        address().prop_map(|address| E::NotForced { address }),
     ]
+}
+
+fn forced() -> impl Strategy<Value = Forced> {
+    (any::<u16>(), any::<u32>(), width(), any::<u32>()).prop_map(|(plc, offset, width, value)| Forced {
+        plc,
+        offset,
+        width,
+        value,
+    })
 }
 
 fn information() -> impl Strategy<Value = InstanceInfo> {
@@ -111,6 +132,7 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<(u64, u32)>().prop_map(|(time_us, value)| Reply::Waited { time_us, value }),
         any::<u64>().prop_map(|time_us| Reply::Advanced { time_us }),
         information().prop_map(|information| Reply::Info(Box::new(information))),
+        proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
         Just(Reply::Stopping),
         error().prop_map(Reply::Error),
     ]
@@ -128,6 +150,7 @@ fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
         Reply::Waited { time_us, value } => buffer.waited(*time_us, *value),
         Reply::Advanced { time_us } => buffer.advanced(*time_us),
         Reply::Journal { .. } => unreachable!("tested with journals"),
+        Reply::Forces(forces) => buffer.forces(forces),
         Reply::Info(information) => buffer.info(information),
         Reply::Stopping => buffer.stopping(),
         Reply::Error(error) => {

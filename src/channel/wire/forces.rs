@@ -1,0 +1,33 @@
+//! Forced registers on the wire.
+
+use super::{width_code, width_from_code};
+use crate::plant::Forced;
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+#[derive(Clone, Copy, FromBytes, IntoBytes, Immutable, KnownLayout)]
+#[repr(C)]
+struct WireForced {
+    plc: u16,
+    width: u16,
+    offset: u32,
+    value: u32,
+}
+
+pub(super) fn encode(forces: &[Forced]) -> Vec<u8> {
+    let wire = |&Forced { plc, offset, width, value }: &Forced| WireForced {
+        plc,
+        width: width_code(width),
+        offset,
+        value,
+    };
+    forces.iter().map(wire).flat_map(|forced| forced.as_bytes().to_vec()).collect()
+}
+
+/// The way back; `None` for what [`encode`] cannot have made.
+pub(super) fn decode(bytes: &[u8]) -> Option<Vec<Forced>> {
+    let forced = |bytes: &[u8]| {
+        let WireForced { plc, width, offset, value } = WireForced::read_from_bytes(bytes).ok()?;
+        Some(Forced { plc, offset, width: width_from_code(width)?, value })
+    };
+    bytes.chunks(size_of::<WireForced>()).map(forced).collect()
+}

@@ -1,0 +1,125 @@
+//! `commram force` and `commram unforce`: registers that keep their value.
+
+use super::Instance;
+use super::error::CliError;
+use super::place::Place;
+use super::table::FormatArg;
+
+/// Make registers keep a value, or list those that do.
+///
+/// A forced register keeps its value against firmware and PLC until it is unforced; all tables mark it. The
+/// firmware never sees another value. A PLC on the mapped RAM sees what it wrote itself until the next
+/// event of the bus or processor cycle, when the forced value is put back.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram force node2.w_OPTION_STATUS=16#0080
+  commram force 'node2.a_RD_BMARRAY[1][0]=-1000'
+  commram force                                      list all forced registers
+  commram force --format json")]
+pub struct Args {
+    /// Registers by name or address, and the values they keep; none: list the forced registers
+    #[arg(value_name = "REG=VALUE")]
+    writes: Vec<String>,
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Let forced registers go.
+///
+/// A register keeps its value until firmware or PLC writes it.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram unforce node2.w_OPTION_STATUS
+  commram unforce --all")]
+pub struct UnforceArgs {
+    /// Registers by name or address
+    #[arg(value_name = "REG", required_unless_present = "all")]
+    registers: Vec<String>,
+    /// All forced registers
+    #[arg(long, conflicts_with = "registers")]
+    all: bool,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Forces registers, or lists them.
+#[cfg(feature = "channel")]
+pub fn run(args: &Args) -> Result<(), CliError> {
+    use super::{poke, session::Session};
+    use commram::channel::Op;
+
+    let writes = args.writes.iter().map(|text| poke::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    if writes.is_empty() {
+        return list(args);
+    }
+    let session = Session::open(&args.instance.name, 0)?;
+    let op = |(place, value): &(Place, u32)| {
+        let (offset, width) = (place.offset(), place.width());
+        Ok(Op::Force { plc: session.plc_of(place)?, offset, width, value: *value })
+    };
+    let ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    session.request(&ops).map(drop)
+}
+
+#[cfg(feature = "channel")]
+fn list(args: &Args) -> Result<(), CliError> {
+    use super::peek::{Holding, holding};
+    use super::{session::Session, table};
+    use commram::layout::Live;
+
+    let session = Session::open(&args.instance.name, 0)?;
+    let snapshot = session.read(&[])?;
+    let row = |forced: &commram::plant::Forced| {
+        let place = Place::parse(&forced.width.at(forced.offset).to_string())?;
+        let row = holding(&session, &place, forced.plc, Live::Cyclic, forced.value, snapshot.time_us);
+        Ok(Holding { forced: true, ..row })
+    };
+    let rows = snapshot.forces.iter().map(row).collect::<Result<Vec<_>, CliError>>()?;
+    table::print(args.format.format, &rows, |rows| {
+        let cells =
+            |row: &Holding| [&row.register, &row.address, &row.hex, &row.meaning].map(Clone::clone).to_vec();
+        match rows {
+            [] => "no register is forced\n".to_owned(),
+            rows => table::columns(&rows.iter().map(cells).collect::<Vec<_>>()),
+        }
+    })
+}
+
+/// Checks the arguments and says that there is no channel.
+#[cfg(not(feature = "channel"))]
+pub fn run(args: &Args) -> Result<(), CliError> {
+    args.writes.iter().try_for_each(|text| super::poke::parse(text).map(drop))?;
+    Err(CliError::NoChannel { command: "force" })
+}
+
+/// Checks the arguments and says that there is no channel.
+#[cfg(not(feature = "channel"))]
+pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
+    args.registers.iter().try_for_each(|text| Place::parse(text).map(drop))?;
+    Err(CliError::NoChannel { command: "unforce" })
+}
+
+/// Lets registers go.
+#[cfg(feature = "channel")]
+pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
+    use super::session::Session;
+    use commram::channel::Op;
+
+    let places = args.registers.iter().map(|text| Place::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    let session = Session::open(&args.instance.name, 0)?;
+    let ops = if args.all {
+        let forces = session.read(&[])?.forces;
+        forces.iter().map(|f| Op::Unforce { plc: f.plc, offset: f.offset, width: f.width }).collect()
+    } else {
+        let op = |place: &Place| {
+            let (offset, width) = (place.offset(), place.width());
+            Ok(Op::Unforce { plc: session.plc_of(place)?, offset, width })
+        };
+        places.iter().map(op).collect::<Result<Vec<_>, CliError>>()?
+    };
+    session.request(&ops).map(drop)
+}

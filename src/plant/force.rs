@@ -1,0 +1,129 @@
+//! Forced registers: they keep their value whatever firmware and PLC write.
+//!
+//! Plain RAM cannot trap accesses, so a forced value is put back whenever the firmware is about to look and
+//! whenever it has written. The firmware therefore never sees another value; a PLC on the mapped RAM sees
+//! what it wrote itself until the next event of the bus or processor cycle (decision D-105).
+
+use super::Plc;
+use crate::layout::LayoutError;
+use crate::layout::omega_drive_line_2::DEVICE;
+use crate::memory::{Address, MemoryError, Width};
+
+/// A register with a forced value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Forced {
+    /// Index of the PLC in the plant.
+    pub plc: u16,
+    /// Absolute `%MB3` offset of the register.
+    pub offset: u32,
+    /// Its width.
+    pub width: Width,
+    /// The value it keeps.
+    pub value: u32,
+}
+
+/// Why a register cannot be forced.
+#[derive(Debug, thiserror::Error)]
+pub enum ForceError {
+    /// The plant has no such PLC.
+    #[error("there is no such PLC")]
+    NoSuchPlc,
+    /// Enough are forced.
+    #[error("{most} registers are forced, which is all that can be; unforce one first", most = Forces::MOST)]
+    TooMany,
+    /// No register area covers the address.
+    #[error(transparent)]
+    NoArea(#[from] LayoutError),
+    /// Only a part of a register, or several.
+    #[error("{asked}: only a whole register can be forced, here {right}")]
+    NotWhole {
+        /// What was to be forced.
+        asked: Address,
+        /// The register there.
+        right: Address,
+    },
+    /// More bits than the register has.
+    #[error("{address}: 16#{value:X} does not fit, a {} holds at most 16#{:X}", .address.width(), .address.width().max_value())]
+    TooWide {
+        /// The register.
+        address: Address,
+        /// The value.
+        value: u32,
+    },
+    /// The address is misaligned or outside the RAM.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+}
+
+impl Forced {
+    /// Checks that it is one whole register, or plain RAM, and that the value fits.
+    pub(super) fn check(&self) -> Result<(), ForceError> {
+        let address = self.width.at(self.offset);
+        DEVICE.area_at(address)?;
+        if self.value > self.width.max_value() {
+            return Err(ForceError::TooWide { address, value: self.value });
+        }
+        for byte in self.offset..self.offset + self.width.bytes() {
+            // Plain RAM and padding have no registers, which is no error here.
+            for register in DEVICE.registers_at(Address::byte(byte), None).unwrap_or_default() {
+                if (register.offset(), register.width()) != (self.offset, self.width.bytes()) {
+                    return Err(ForceError::NotWhole { asked: address, right: register.address() });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// All forced registers, in the order of PLCs and addresses.
+#[derive(Default)]
+pub(super) struct Forces {
+    list: Vec<Forced>,
+}
+
+impl Forces {
+    /// Most registers forced at a time.
+    pub(super) const MOST: usize = 256;
+
+    pub(super) fn list(&self) -> &[Forced] {
+        &self.list
+    }
+
+    /// Whether the register is forced, and where in the list it is or belongs.
+    fn find(&self, plc: u16, offset: u32) -> Result<usize, usize> {
+        self.list.binary_search_by_key(&(plc, offset), |forced| (forced.plc, forced.offset))
+    }
+
+    /// Adds or changes a force; `false` if there are too many.
+    pub(super) fn set(&mut self, forced: Forced) -> bool {
+        match self.find(forced.plc, forced.offset) {
+            Ok(at) => self.list[at] = forced,
+            Err(_) if self.list.len() >= Self::MOST => return false,
+            Err(at) => self.list.insert(at, forced),
+        }
+        true
+    }
+
+    /// Ends a force; `false` if there is none.
+    pub(super) fn end(&mut self, plc: u16, offset: u32) -> bool {
+        self.find(plc, offset).map(|at| self.list.remove(at)).is_ok()
+    }
+
+    /// Puts all forced values into the RAM.
+    #[inline]
+    pub(super) fn apply(&self, plcs: &[Plc]) {
+        if !self.list.is_empty() {
+            self.store(plcs);
+        }
+    }
+
+    #[cold]
+    fn store(&self, plcs: &[Plc]) {
+        for forced in &self.list {
+            // Both were checked when the force was taken, and neither PLCs nor segments ever change.
+            let _: Option<Result<(), MemoryError>> = plcs
+                .get(usize::from(forced.plc))
+                .map(|plc| plc.segment().store(forced.offset, forced.width, forced.value));
+        }
+    }
+}
