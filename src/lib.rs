@@ -15,6 +15,7 @@
 //! | [`plc`] | the PLC side: function blocks, tasks |
 //! | [`plc`] | the PLC side: function blocks, tasks |
 //! | [`journal`] | what happened, when |
+//! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
 //! | [`channel`] | the request-response door for tools and tests (feature `channel`) |
 //!
@@ -48,6 +49,7 @@ pub mod memory;
 pub mod plant;
 pub mod plc;
 pub mod runtime;
+pub mod script;
 pub mod time;
 
 /// The examples of the README are tests.
@@ -59,3 +61,8 @@ struct Readme;
 #[cfg(doctest)]
 #[doc = include_str!("../docs/function-blocks.md")]
 struct FunctionBlocks;
+
+/// So are those of the scenario reference.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/scenarios.md")]
+struct Scenarios;

@@ -152,6 +152,13 @@ pub enum CliError {
     /// Another process has failed and has said why.
     #[error("see above")]
     Reported,
+    /// Wrong use has been reported already.
+    #[error("see above")]
+    ReportedWrongUse,
+    /// A scenario cannot begin.
+    #[cfg(feature = "channel")]
+    #[error(transparent)]
+    Scenario(#[from] commram::script::ScenarioError),
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}")]
     Process {
@@ -197,6 +204,7 @@ impl CliError {
             | Self::Argument { .. }
             | Self::WhichPlc { .. }
             | Self::UnknownPlc { .. }
+            | Self::ReportedWrongUse
             | Self::Plant(_)
             | Self::Memory(MemoryError::BadName { .. })
             | Self::Runtime(RuntimeError::Plant(_) | RuntimeError::Speed { .. }) => true,

@@ -17,6 +17,7 @@ mod session;
 mod step;
 mod stop;
 mod table;
+mod test;
 mod trace;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod wait;
@@ -73,6 +74,7 @@ enum Command {
     Step(step::Args),
     Dump(dump::Args),
     Trace(trace::Args),
+    Test(test::Args),
     Demo(demo::Args),
     #[command(hide = true)]
     DemoPlc(demo::plc::Args),
@@ -108,7 +110,7 @@ pub fn main() -> ExitCode {
     match result {
         // Whoever reads our output has enough of it, as in `commram map | head`.
         Ok(()) | Err(CliError::BrokenPipe) => ExitCode::SUCCESS,
-        Err(CliError::Reported) => ExitCode::from(CliError::FAILED),
+        Err(error @ (CliError::Reported | CliError::ReportedWrongUse)) => ExitCode::from(error.exit_code()),
         Err(error) => {
             output::complain(&error.to_string());
             ExitCode::from(error.exit_code())
@@ -132,6 +134,7 @@ impl Command {
             Command::Step(args) => step::run(&args),
             Command::Dump(args) => dump::run(&args),
             Command::Trace(args) => trace::run(&args),
+            Command::Test(args) => test::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),
             Command::Completions(args) => completions::run(&args),

@@ -222,6 +222,17 @@ mod by_channel {
             Ok(Self { instance: instance.to_owned(), plcs, door: Door::Channel(client) })
         }
 
+        /// The bare connection.
+        ///
+        /// # Errors
+        /// There is none.
+        pub fn into_client(self) -> Result<Client, CliError> {
+            match self.door {
+                Door::Channel(client) => Ok(client),
+                Door::Images(_) => Err(no_channel(&self.instance)),
+            }
+        }
+
         /// Sends the operations as one request. All of them were done if there is no error.
         ///
         /// # Errors

@@ -134,7 +134,7 @@ fn with_meaning(register: Option<&RegisterRef>, bits: u32) -> String {
 }
 
 /// The frame taken apart, or its bytes and why that cannot be done.
-pub(super) fn frame_text(frame: &Frame) -> String {
+pub(crate) fn frame_text(frame: &Frame) -> String {
     match codec::decode(frame) {
         Ok(decoded) => format!("16#{:03X} {decoded}", frame.id()),
         Err(error) => {

@@ -1,0 +1,182 @@
+//! `commram test`: run scenario scripts.
+
+mod line;
+
+use super::error::CliError;
+use super::table::{self, Format, FormatArg};
+use super::{output, time};
+use commram::script::{Bench, Limits, Outcome, Report, junit, run_file};
+use line::{Line, summary};
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
+
+/// Scripts may nest calls deeply.
+const STACK: usize = 16 << 20;
+
+/// Run scenario scripts.
+///
+/// A scenario says in Rhai what to do with a plant and what to expect of it; docs/scenarios.md has all verbs. Each
+/// one runs on a plant of its own, in this process, with a stepped clock.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram test master.rhai
+  commram test tests/scenarios --jobs 4 --junit report.xml
+  commram test master.rhai --attach default
+
+Exit codes:
+  0  all scenarios passed
+  1  an expectation was not met, or a scenario does not end
+  2  wrong use: a script is missing, does not compile or uses a verb wrongly")]
+pub struct Args {
+    /// Scripts; of a directory all files that end in .rhai, in the order of their names
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+    /// Write a JUnit report for CI servers to this file
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// How many scenarios run at the same time [default: one per processor]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
+    /// Run on this running instance, one scenario after the other, instead of on plants of their own
+    #[arg(long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
+    attach: Option<String>,
+    /// Steps of a script after which it counts as endless
+    #[arg(long, value_name = "N", default_value_t = Limits::default().operations)]
+    max_operations: u64,
+    /// Emulated time after which a scenario counts as endless
+    #[arg(long, value_name = "TIME", default_value = "1h", value_parser = time::parse)]
+    max_time: u64,
+    #[command(flatten)]
+    format: FormatArg,
+}
+
+/// Runs the scenarios and reports.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    let files = scripts(&args.files)?;
+    let limits = Limits { operations: args.max_operations, time_us: args.max_time };
+    let mut reports = Vec::with_capacity(files.len());
+    let mut take = |report: Report| {
+        let line = (args.format.format == Format::Text).then(|| line::text(&report));
+        reports.push(report);
+        line.map_or(Ok(()), |line| output::print(&line))
+    };
+    match &args.attach {
+        Some(instance) => {
+            for file in &files {
+                take(run_file(file, Some(attach(instance, limits)?), limits))?;
+            }
+        }
+        None => run_all(&files, jobs(args.jobs, files.len()), limits, take)?,
+    }
+    match args.format.format {
+        Format::Text => output::print(&summary(&reports))?,
+        format => table::print(format, &reports.iter().map(Line::of).collect::<Vec<_>>(), |_| String::new())?,
+    }
+    if let Some(path) = &args.junit {
+        write_junit(path, &reports)?;
+    }
+    verdict(&reports)
+}
+
+/// The scripts themselves, where directories are named.
+fn scripts(named: &[PathBuf]) -> Result<Vec<PathBuf>, CliError> {
+    let mut files = Vec::new();
+    for path in named {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
+        let entries = path.read_dir().map_err(|reason| wrong(reason.to_string()))?;
+        let mut inside: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+        inside.retain(|file| file.is_file() && file.extension().is_some_and(|ending| ending == "rhai"));
+        if inside.is_empty() {
+            return Err(wrong("this directory has no files that end in .rhai".to_owned()));
+        }
+        inside.sort();
+        files.append(&mut inside);
+    }
+    Ok(files)
+}
+
+fn jobs(asked: Option<NonZero<usize>>, files: usize) -> usize {
+    let jobs = asked.or_else(|| std::thread::available_parallelism().ok());
+    jobs.map_or(1, NonZero::get).min(files)
+}
+
+/// Runs all files in so many threads; hands over the reports in the order of the files.
+fn run_all(
+    files: &[PathBuf],
+    jobs: usize,
+    limits: Limits,
+    mut take: impl FnMut(Report) -> Result<(), CliError>,
+) -> Result<(), CliError> {
+    let next = AtomicUsize::new(0);
+    let (send, receive) = mpsc::channel();
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            let (send, next) = (send.clone(), &next);
+            let work = move || {
+                while let Some((index, file)) = {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    files.get(index).map(|file| (index, file))
+                } {
+                    // Nobody listens any more if the output cannot be written.
+                    if send.send((index, run_file(file, None, limits))).is_err() {
+                        return;
+                    }
+                }
+            };
+            let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, work);
+            thread.map_err(|reason| CliError::Process { reason })?;
+        }
+        drop(send);
+        let mut waiting: Vec<Option<Report>> = files.iter().map(|_| None).collect();
+        let mut taken = 0;
+        for (index, report) in receive {
+            if let Some(place) = waiting.get_mut(index) {
+                *place = Some(report);
+            }
+            while let Some(report) = waiting.get_mut(taken).and_then(Option::take) {
+                taken += 1;
+                take(report)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+#[cfg(feature = "channel")]
+fn attach(instance: &str, limits: Limits) -> Result<Bench, CliError> {
+    let client = super::session::Session::open(instance, limits.time_us)?.into_client()?;
+    Bench::attach(client).map_err(CliError::Scenario)
+}
+
+#[cfg(not(feature = "channel"))]
+fn attach(_instance: &str, _limits: Limits) -> Result<Bench, CliError> {
+    Err(CliError::NoChannel { command: "test --attach" })
+}
+
+fn write_junit(path: &Path, reports: &[Report]) -> Result<(), CliError> {
+    let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
+    let text = junit(reports).map_err(|reason| wrong(reason.to_string()))?;
+    std::fs::write(path, text).map_err(|reason| wrong(reason.to_string()))
+}
+
+/// What the exit code says.
+fn verdict(reports: &[Report]) -> Result<(), CliError> {
+    let any = |is: fn(&Outcome) -> bool| reports.iter().any(|report| is(&report.outcome));
+    if any(|outcome| matches!(outcome, Outcome::Broken(_))) {
+        return Err(CliError::ReportedWrongUse);
+    }
+    if any(|outcome| matches!(outcome, Outcome::Failed(_))) { Err(CliError::Reported) } else { Ok(()) }
+}
+
+/// All real time taken.
+fn real_time(reports: &[Report]) -> Duration {
+    reports.iter().map(|report| report.took).sum()
+}

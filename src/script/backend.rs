@@ -1,0 +1,106 @@
+//! What the verbs need of a plant, be it in this process or behind a channel.
+
+use crate::journal::{Names, Record};
+use crate::memory::{Address, Width};
+use thiserror::Error;
+
+/// Why a plant did not do what it was asked for.
+#[derive(Debug, Error)]
+pub enum BackendError {
+    /// No register area covers the address.
+    #[error("{address}: no register area of the device covers this {}", .address.width())]
+    Unmapped {
+        /// The refused access.
+        address: Address,
+    },
+    /// Nobody sends SYNC on that bus, or there is no such bus.
+    #[error("PLC '{plc}': nobody sends SYNC on the bus of node{node}; initialize its master first")]
+    NoSync {
+        /// Name of the PLC.
+        plc: String,
+        /// The CANsync node.
+        node: u8,
+    },
+    /// The instance at the other end of the channel.
+    #[cfg(feature = "channel")]
+    #[error(transparent)]
+    Client(#[from] crate::channel::ClientError),
+}
+
+/// How a wait ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Waited {
+    /// Whether the register matched in time.
+    pub matched: bool,
+    /// The register's last value.
+    pub value: u32,
+}
+
+/// A register access: which PLC, where, how wide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Spot {
+    /// Number of the PLC in the plant.
+    pub plc: u16,
+    /// Byte offset in segment 3.
+    pub offset: u32,
+    /// Width of the access.
+    pub width: Width,
+}
+
+impl Spot {
+    /// The address: `%MW3.200000`.
+    pub fn address(&self) -> Address {
+        self.width.at(self.offset)
+    }
+}
+
+/// A plant that scenarios run on. Times are emulated time in microseconds.
+///
+/// The verbs have checked that PLC and address exist, so an error here is exceptional.
+pub trait Backend {
+    /// Names of the PLCs and buses.
+    fn names(&self) -> &Names;
+
+    /// Emulated time.
+    ///
+    /// # Errors
+    /// As for all functions here: [`BackendError`].
+    fn now(&mut self) -> Result<u64, BackendError>;
+
+    /// Reads a register.
+    fn load(&mut self, spot: Spot) -> Result<u32, BackendError>;
+
+    /// Writes a register.
+    fn store(&mut self, spot: Spot, value: u32) -> Result<(), BackendError>;
+
+    /// Writes `new` if the register holds `current`; the inner result is what it held, `Ok` if written.
+    fn compare_exchange(
+        &mut self,
+        spot: Spot,
+        current: u32,
+        new: u32,
+    ) -> Result<Result<u32, u32>, BackendError>;
+
+    /// Copies bytes of one area.
+    fn read_range(&mut self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, BackendError>;
+
+    /// Lets the time pass; returns the time then.
+    fn advance(&mut self, us: u64) -> Result<u64, BackendError>;
+
+    /// Time up to the next SYNC on the bus of CANsync node `node`.
+    fn advance_to_sync(&mut self, plc: u16, node: u8) -> Result<u64, BackendError>;
+
+    /// Lets the time pass until something may have happened, at the latest until `deadline`; returns the
+    /// time then.
+    fn advance_a_little(&mut self, deadline: u64) -> Result<u64, BackendError>;
+
+    /// Waits until `register AND mask = value`.
+    fn wait(&mut self, spot: Spot, mask: u32, value: u32, within_us: u64) -> Result<Waited, BackendError>;
+
+    /// Number of the journal record to come.
+    fn journal_end(&mut self) -> Result<u64, BackendError>;
+
+    /// The journal from record number `from` on, and the number of the record to come. What is still being
+    /// counted comes last.
+    fn journal(&mut self, from: u64) -> Result<(Vec<Record>, u64), BackendError>;
+}

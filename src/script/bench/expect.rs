@@ -1,0 +1,236 @@
+//! Waiting for registers and expecting values.
+
+use super::{Bench, Register};
+use crate::layout::Live;
+use crate::script::backend::Waited;
+use crate::script::{ScenarioError, Span, Value};
+use crate::time::{seconds, short};
+use core::panic::Location;
+
+impl Bench {
+    /// Waits until the register holds the value; returns the time waited, in microseconds.
+    ///
+    /// # Errors
+    /// It does not within this time; or wrong use, as with [`Bench::poke`].
+    #[track_caller]
+    pub fn wait(
+        &mut self,
+        register: &str,
+        value: impl Into<Value>,
+        within: impl Into<Span>,
+    ) -> Result<u64, ScenarioError> {
+        let at = Location::caller();
+        let register = self.register(register)?;
+        let (mask, value) = register.pattern(value.into().bits(&register.place)?);
+        self.wait_for(&register, mask, value, within.into(), at)
+    }
+
+    /// As [`Bench::wait`] for the bits of `mask` only.
+    ///
+    /// # Errors
+    /// As [`Bench::wait`]; or the value has bits outside the mask.
+    #[track_caller]
+    pub fn wait_bits(
+        &mut self,
+        register: &str,
+        mask: impl Into<Value>,
+        value: impl Into<Value>,
+        within: impl Into<Span>,
+    ) -> Result<u64, ScenarioError> {
+        let at = Location::caller();
+        let (register, mask, value) = self.masked(register, mask.into(), value.into())?;
+        self.wait_for(&register, mask, value, within.into(), at)
+    }
+
+    /// Waits until `condition` holds; it is looked at whenever something may have happened. Returns the time
+    /// waited, in microseconds.
+    ///
+    /// # Errors
+    /// It does not hold within this time; or what `condition` returns.
+    #[track_caller]
+    pub fn wait_until(
+        &mut self,
+        within: impl Into<Span>,
+        mut condition: impl FnMut(&mut Self) -> Result<bool, ScenarioError>,
+    ) -> Result<u64, ScenarioError> {
+        let at = Location::caller();
+        let (within_us, start) = (self.span(within)?, self.now()?);
+        while !condition(self)? {
+            self.pass_or_fail(start, within_us, at)?;
+        }
+        Ok(self.now()? - start)
+    }
+
+    /// Lets a little time pass on the way to the end of a wait, or fails if that is reached.
+    pub(in crate::script) fn pass_or_fail(
+        &mut self,
+        start_us: u64,
+        within_us: u64,
+        at: &Location<'_>,
+    ) -> Result<(), ScenarioError> {
+        if self.pass(start_us.saturating_add(within_us))? {
+            return Ok(());
+        }
+        let what =
+            format!("the condition did not hold within {} from {} on", short(within_us), seconds(start_us));
+        Err(self.failure(what, at)?.into())
+    }
+
+    /// Lets a little time pass on the way to `deadline`; `false` if it is over.
+    pub(super) fn pass(&mut self, deadline: u64) -> Result<bool, ScenarioError> {
+        let more = self.now()? < deadline;
+        if more {
+            self.backend.advance_a_little(deadline)?;
+        }
+        Ok(more)
+    }
+
+    /// Expects that the register holds the value.
+    ///
+    /// # Errors
+    /// It holds another one; or wrong use, as with [`Bench::poke`].
+    #[track_caller]
+    pub fn expect(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        let register = self.register(register)?;
+        let (mask, value) = register.pattern(value.into().bits(&register.place)?);
+        self.expect_pattern(&register, mask, value, at)
+    }
+
+    /// Expects that the register's bits under `mask` are those of `value`.
+    ///
+    /// # Errors
+    /// As [`Bench::expect`]; or the value has bits outside the mask.
+    #[track_caller]
+    pub fn expect_bits(
+        &mut self,
+        register: &str,
+        mask: impl Into<Value>,
+        value: impl Into<Value>,
+    ) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        let (register, mask, value) = self.masked(register, mask.into(), value.into())?;
+        self.expect_pattern(&register, mask, value, at)
+    }
+
+    /// Expects a number of the register's type that is at most `tolerance` away from `value`.
+    ///
+    /// # Errors
+    /// As [`Bench::expect`].
+    #[track_caller]
+    pub fn expect_near(
+        &mut self,
+        register: &str,
+        value: impl Into<Value>,
+        tolerance: u32,
+    ) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        let register = self.register(register)?;
+        let bits = value.into().bits(&register.place)?;
+        let found = self.backend.load(register.spot)?;
+        let live = self.live(&register)?;
+        let ty = register.place.ty(live);
+        let (wanted, actual) = (ty.number(bits), register.number(live, found));
+        if wanted.abs_diff(actual) <= u64::from(tolerance) {
+            return Ok(());
+        }
+        let what = format!("{} is {actual}, not {wanted} +- {tolerance}", register.label(live));
+        let expected = format!("{wanted} +- {tolerance}");
+        self.register_failure(&register, live, what, expected, found, at)
+    }
+
+    /// Expects that something holds that the scenario has found out by itself; `text` says what.
+    ///
+    /// # Errors
+    /// It does not hold.
+    #[track_caller]
+    pub fn expect_that(&mut self, holds: bool, text: &str) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        if holds { Ok(()) } else { Err(self.failure(format!("not so: {text}"), at)?.into()) }
+    }
+
+    /// Register, mask and value, checked against each other.
+    fn masked(&self, text: &str, mask: Value, value: Value) -> Result<(Register, u32, u32), ScenarioError> {
+        let register = self.whole_register(text)?;
+        let (mask, value) = (mask.bits(&register.place)?, value.bits(&register.place)?);
+        if value & !mask != 0 {
+            let right = "the value has bits outside the mask, so this can never be".to_owned();
+            return Err(ScenarioError::Argument { text: text.to_owned(), right });
+        }
+        Ok((register, mask, value))
+    }
+
+    fn wait_for(
+        &mut self,
+        register: &Register,
+        mask: u32,
+        value: u32,
+        within: Span,
+        at: &Location<'_>,
+    ) -> Result<u64, ScenarioError> {
+        let us = self.span(within)?;
+        let start = self.now()?;
+        let Waited { matched, value: found } = self.backend.wait(register.spot, mask, value, us)?;
+        if matched {
+            return Ok(self.now()? - start);
+        }
+        let live = self.live(register)?;
+        let expected = expected(register, live, mask, value);
+        let what = format!(
+            "{} did not become {} within {} from {} on",
+            register.label(live),
+            wanted(register, live, mask, value),
+            short(us),
+            seconds(start)
+        );
+        self.register_failure(register, live, what, expected, found, at)
+    }
+
+    fn expect_pattern(
+        &mut self,
+        register: &Register,
+        mask: u32,
+        value: u32,
+        at: &Location<'_>,
+    ) -> Result<(), ScenarioError> {
+        let found = self.backend.load(register.spot)?;
+        if found & mask == value {
+            return Ok(());
+        }
+        let live = self.live(register)?;
+        let expected = expected(register, live, mask, value);
+        let [is, not] = [register.place.format(live, found), wanted(register, live, mask, value)];
+        let what = format!("{} is {is}, not {not}", register.label(live));
+        self.register_failure(register, live, what, expected, found, at)
+    }
+
+    fn register_failure<T>(
+        &mut self,
+        register: &Register,
+        live: Live,
+        what: String,
+        expected: String,
+        found: u32,
+        at: &Location<'_>,
+    ) -> Result<T, ScenarioError> {
+        let mut failure = self.failure(what, at)?;
+        failure.register = Some(register.name(live));
+        failure.address = Some(register.place.address().to_string());
+        failure.expected = Some(expected);
+        failure.actual = Some(register.describe(live, found));
+        Err(failure.into())
+    }
+}
+
+/// What was awaited, as short as possible.
+fn wanted(register: &Register, live: Live, mask: u32, value: u32) -> String {
+    let (whole, _) = register.pattern(0);
+    let text = register.place.format(live, value);
+    if mask == whole { text } else { format!("{text} under mask {}", register.place.format(live, mask)) }
+}
+
+/// What was awaited, decoded if all bits count.
+fn expected(register: &Register, live: Live, mask: u32, value: u32) -> String {
+    let (whole, _) = register.pattern(0);
+    if mask == whole { register.describe(live, value) } else { wanted(register, live, mask, value) }
+}

@@ -1,0 +1,247 @@
+//! Frames on a bus.
+
+use super::Bench;
+use crate::bus::Frame;
+use crate::journal::text::frame_text;
+use crate::journal::{Event, Record};
+use crate::script::{ScenarioError, Span};
+use crate::time::{seconds, short};
+use core::panic::Location;
+
+/// How many frames a failure shows.
+const LAST_FRAMES: usize = 6;
+
+/// A frame that was on a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SeenFrame {
+    /// Emulated time of its end, in microseconds.
+    pub time_us: u64,
+    /// The frame.
+    pub frame: Frame,
+}
+
+/// Identifier and data of the frames that are looked for.
+struct Pattern {
+    id: u16,
+    mask: u16,
+    /// The data bytes, `None` for any; nothing at all for any data of any length.
+    data: Option<Vec<Option<u8>>>,
+}
+
+impl Pattern {
+    fn new(id: u16, mask: u16, data: &str) -> Result<Self, ScenarioError> {
+        if id > 0x7FF || mask > 0x7FF || id & !mask != 0 {
+            let text = format!("16#{id:X} under mask 16#{mask:X}");
+            let right = "identifiers have 11 bits, 0 to 16#7FF, and none outside the mask".to_owned();
+            return Err(ScenarioError::Argument { text, right });
+        }
+        Ok(Self { id, mask, data: parse_data(data)? })
+    }
+
+    fn matches(&self, frame: &Frame) -> bool {
+        let same = |data: &Vec<Option<u8>>| {
+            data.len() == frame.data().len()
+                && data.iter().zip(frame.data()).all(|(wanted, byte)| wanted.is_none_or(|w| w == *byte))
+        };
+        frame.id() & self.mask == self.id && self.data.as_ref().is_none_or(same)
+    }
+
+    /// `16#101 44 33 ..`
+    fn describe(&self, bus: &str) -> String {
+        let mut text = format!("frame 16#{:03X}", self.id);
+        if self.mask != 0x7FF {
+            text += &format!(" under mask 16#{:03X}", self.mask);
+        }
+        let byte = |byte: &Option<u8>| byte.map_or_else(|| "..".to_owned(), |byte| format!("{byte:02X}"));
+        match &self.data {
+            None => {}
+            Some(data) if data.is_empty() => text += " without data",
+            Some(data) => text += &format!(" {}", data.iter().map(byte).collect::<Vec<_>>().join(" ")),
+        }
+        format!("{text} on bus {bus}")
+    }
+}
+
+/// Parses `44 33 .. 11`, or `*` for any data.
+fn parse_data(text: &str) -> Result<Option<Vec<Option<u8>>>, ScenarioError> {
+    if text.trim() == "*" {
+        return Ok(None);
+    }
+    let byte = |word: &str| match word {
+        ".." => Some(None),
+        _ if word.len() == 2 && !word.starts_with('+') => u8::from_str_radix(word, 16).ok().map(Some),
+        _ => None,
+    };
+    let data: Option<Vec<_>> = text.split_whitespace().map(byte).collect();
+    data.filter(|data| data.len() <= 8).map(Some).ok_or_else(|| ScenarioError::Argument {
+        text: text.to_owned(),
+        right: "write up to eight bytes of two hexadecimal digits, `..` for any byte, or `*` for any data"
+            .to_owned(),
+    })
+}
+
+impl Bench {
+    /// Waits for a frame with identifier `id` and `data` whose end comes from now on; lets the time pass until
+    /// then. `data` is `44 33 .. 11` in the order of the bytes, `..` for any byte, or `*` for any data.
+    ///
+    /// # Errors
+    /// No such frame within this time; or there is no such bus, or no such identifier.
+    #[track_caller]
+    pub fn expect_frame(
+        &mut self,
+        bus: &str,
+        id: u16,
+        data: &str,
+        within: impl Into<Span>,
+    ) -> Result<SeenFrame, ScenarioError> {
+        self.expect_masked_frame(bus, id, 0x7FF, data, within)
+    }
+
+    /// As [`Bench::expect_frame`] for all identifiers whose bits under `mask` are those of `id`.
+    ///
+    /// # Errors
+    /// As [`Bench::expect_frame`].
+    #[track_caller]
+    pub fn expect_masked_frame(
+        &mut self,
+        bus: &str,
+        id: u16,
+        mask: u16,
+        data: &str,
+        within: impl Into<Span>,
+    ) -> Result<SeenFrame, ScenarioError> {
+        let at = Location::caller();
+        let (start, pattern) = (self.now()?, Pattern::new(id, mask, data)?);
+        let within = within.into();
+        if let Some(found) = self.look_for(bus, &pattern, within.clone())? {
+            return Ok(found);
+        }
+        let expected = pattern.describe(bus);
+        let others = self.frames(bus, start)?;
+        let last = others.get(others.len().saturating_sub(LAST_FRAMES)..).unwrap_or_default();
+        let last: Vec<_> = last.iter().map(SeenFrame::to_string).collect();
+        let what = format!("no {expected} within {}", short(within.us()?));
+        let mut failure = self.failure(what, at)?;
+        failure.expected = Some(expected);
+        failure.actual = Some(match last.as_slice() {
+            [] => "no frame at all".to_owned(),
+            last => format!("the last frames are\n    {}", last.join("\n    ")),
+        });
+        Err(failure.into())
+    }
+
+    /// Expects that no frame with the bits of `id` under `mask` ends within this time, and lets it pass.
+    ///
+    /// # Errors
+    /// There is such a frame; or wrong use as with [`Bench::expect_frame`].
+    #[track_caller]
+    pub fn expect_no_frame(
+        &mut self,
+        bus: &str,
+        id: u16,
+        mask: u16,
+        within: impl Into<Span>,
+    ) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        let pattern = Pattern::new(id, mask, "*")?;
+        let Some(found) = self.look_for(bus, &pattern, within.into())? else { return Ok(()) };
+        let wanted = pattern.describe(bus);
+        let mut failure = self.failure(format!("there is a {wanted}"), at)?;
+        failure.expected = Some(format!("no {wanted}"));
+        failure.actual = Some(found.to_string());
+        Err(failure.into())
+    }
+
+    /// The frames on a bus whose end came at time `since` (microseconds) or later, as far as the journal keeps
+    /// them.
+    ///
+    /// # Errors
+    /// There is no such bus.
+    pub fn frames(&mut self, bus: &str, since: u64) -> Result<Vec<SeenFrame>, ScenarioError> {
+        let bus = self.bus(bus)?;
+        let records = self.journal(since)?;
+        Ok(records.iter().filter_map(|record| frame_of(record, bus)).collect())
+    }
+
+    /// The records of the journal that reach to time `since` (microseconds) or later, as far as they are kept.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn journal(&mut self, since: u64) -> Result<Vec<Record>, ScenarioError> {
+        let (mut records, _) = self.backend.journal(0)?;
+        records.retain(|record| record.time_us >= since);
+        Ok(records)
+    }
+
+    /// The first frame from now on that matches.
+    fn look_for(
+        &mut self,
+        bus: &str,
+        pattern: &Pattern,
+        within: Span,
+    ) -> Result<Option<SeenFrame>, ScenarioError> {
+        let (bus, us) = (self.bus(bus)?, self.span(within)?);
+        let deadline = self.now()? + us;
+        let mut next = self.backend.journal_end()?;
+        loop {
+            let (records, end) = self.backend.journal(next)?;
+            next = end;
+            let mut frames = records.iter().filter_map(|record| frame_of(record, bus));
+            if let Some(found) = frames.find(|seen| pattern.matches(&seen.frame)) {
+                return Ok(Some(found));
+            }
+            if !self.pass(deadline)? {
+                return Ok(None);
+            }
+        }
+    }
+}
+
+/// The frame of a record, if it was on this bus.
+fn frame_of(record: &Record, on: u16) -> Option<SeenFrame> {
+    match record.event {
+        Event::Frame { bus, frame } if bus == on => Some(SeenFrame { time_us: record.time_us, frame }),
+        _ => None,
+    }
+}
+
+impl core::fmt::Display for SeenFrame {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let bytes: String = self.frame.data().iter().map(|byte| format!(" {byte:02X}")).collect();
+        write!(
+            f,
+            "{}  16#{:03X}{bytes}  ({})",
+            seconds(self.time_us),
+            self.frame.id(),
+            frame_text(&self.frame)
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn data_have_two_digits_per_byte() {
+        assert_eq!(parse_data("*").unwrap(), None);
+        assert_eq!(parse_data("").unwrap(), Some(vec![]));
+        assert_eq!(parse_data("0a .. FF").unwrap(), Some(vec![Some(10), None, Some(255)]));
+        for wrong in ["1", "123", "GG", "0x1", "+1", "00 00 00 00 00 00 00 00 00"] {
+            assert!(parse_data(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_pattern_matches_identifier_length_and_bytes() {
+        let frame = Frame::new(0x303, &[1, 2]).unwrap();
+        let matches = |id, mask, data| Pattern::new(id, mask, data).unwrap().matches(&frame);
+        assert!(
+            matches(0x303, 0x7FF, "01 02") && matches(0x300, 0x780, "*") && matches(0x303, 0x7FF, ".. 02")
+        );
+        assert!(
+            !matches(0x302, 0x7FF, "*") && !matches(0x303, 0x7FF, "01") && !matches(0x303, 0x7FF, "01 03")
+        );
+        assert!(Pattern::new(0x800, 0x7FF, "*").is_err() && Pattern::new(0x303, 0x780, "*").is_err());
+    }
+}

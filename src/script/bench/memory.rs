@@ -1,0 +1,128 @@
+//! Copies of register areas, and what has changed since.
+
+use super::Bench;
+use crate::layout::omega_drive_line_2::DEVICE;
+use crate::layout::place::{is_live, live_by, status_of, without_twins};
+use crate::layout::{Area, Live, RegisterRef, split_plc};
+use crate::script::ScenarioError;
+use core::panic::Location;
+
+/// All registers of an area at one moment.
+#[derive(Clone, Debug)]
+pub struct MemoryCopy {
+    plc: u16,
+    area: &'static Area,
+    bytes: Vec<u8>,
+}
+
+/// A register that holds something else than before.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// Its name.
+    pub register: String,
+    /// Its address.
+    pub address: String,
+    /// What it held.
+    pub before: u32,
+    /// What it holds.
+    pub after: u32,
+    /// Both with their meanings: `16#0001 ... -> 16#0002 ...`.
+    pub text: String,
+}
+
+impl MemoryCopy {
+    fn value(&self, register: &RegisterRef) -> u32 {
+        let start = (register.offset() - self.area.first) as usize;
+        let bytes = self.bytes.get(start..start + register.width() as usize).unwrap_or_default();
+        bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte))
+    }
+
+    fn live(&self) -> Live {
+        status_of(self.area).map_or(Live::Cyclic, |status| live_by(self.value(&status)))
+    }
+}
+
+impl Bench {
+    /// Copies the registers of an area, for example `node2` or `line2:node1`.
+    ///
+    /// # Errors
+    /// There is no such area, or it has no registers.
+    pub fn snapshot(&mut self, area: &str) -> Result<MemoryCopy, ScenarioError> {
+        let (plc, name) = split_plc(area);
+        let plc = self.plc(plc, name)?;
+        let with_registers = || DEVICE.areas.iter().filter(|area| !area.structures.is_empty());
+        let Some(area) = with_registers().find(|area| area.name == name) else {
+            let known: Vec<_> = with_registers().map(|area| area.name).collect();
+            return Err(ScenarioError::Unknown {
+                what: "area",
+                name: name.to_owned(),
+                known: known.join(", "),
+            });
+        };
+        self.copy(plc, area)
+    }
+
+    fn copy(&mut self, plc: u16, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {
+        let len = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
+        Ok(MemoryCopy { plc, area, bytes: self.backend.read_range(plc, area.first, len)? })
+    }
+
+    /// The registers that have changed since the snapshot, in the order of their addresses.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn changes(&mut self, since: &MemoryCopy) -> Result<Vec<Change>, ScenarioError> {
+        let now = self.copy(since.plc, since.area)?;
+        let (live, prefix) = (now.live(), self.prefix(since.plc));
+        let registers =
+            since.area.structures.iter().flat_map(|placed| since.area.registers_of(placed.structure));
+        let changed = registers.filter(|register| since.value(register) != now.value(register));
+        let live_ones = changed.filter(|register| is_live(register, live)).collect();
+        let change = |register: RegisterRef| {
+            let [before, after] = [since, &now].map(|copy| copy.value(&register));
+            let [was, is] = [before, after]
+                .map(|value| format!("{} {}", register.format_value(value), register.decode(value)));
+            Change {
+                register: format!("{prefix}{register}"),
+                address: register.address().to_string(),
+                before,
+                after,
+                text: format!("{} -> {}", was.trim_end(), is.trim_end()),
+            }
+        };
+        let mut changes: Vec<_> =
+            without_twins(live_ones).into_iter().map(|r| (r.offset(), change(r))).collect();
+        changes.sort_by_key(|(offset, _)| *offset);
+        Ok(changes.into_iter().map(|(_, change)| change).collect())
+    }
+
+    /// Expects that exactly these registers have changed since the snapshot, in any order.
+    ///
+    /// # Errors
+    /// Others have changed, or some have not; or a name is wrong.
+    #[track_caller]
+    pub fn expect_changes(&mut self, since: &MemoryCopy, registers: &[&str]) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        let mut wanted = Vec::with_capacity(registers.len());
+        for text in registers {
+            let register = self.register(text)?;
+            let live = self.live(&register)?;
+            wanted.push(register.name(live));
+        }
+        let changes = self.changes(since)?;
+        let too_many = changes.iter().filter(|change| !wanted.contains(&change.register));
+        let too_many =
+            too_many.map(|change| format!("{} ({}) {}", change.register, change.address, change.text));
+        let missing = wanted.iter().filter(|name| !changes.iter().any(|change| change.register == **name));
+        let missing = missing.map(|name| format!("{name} has not changed"));
+        let wrong: Vec<_> = too_many.chain(missing).collect();
+        if wrong.is_empty() {
+            return Ok(());
+        }
+        let what = format!("other registers of {} have changed than expected", since.area.name);
+        let mut failure = self.failure(what, at)?;
+        failure.expected = Some(if wanted.is_empty() { "no change".to_owned() } else { wanted.join(", ") });
+        failure.actual = Some(wrong.join("\n            "));
+        Err(failure.into())
+    }
+}

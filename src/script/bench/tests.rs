@@ -1,0 +1,108 @@
+use super::*;
+use crate::script::ScenarioError;
+
+fn message<T>(outcome: Result<T, ScenarioError>) -> String {
+    outcome.err().map(|error| error.to_string()).unwrap_or_default()
+}
+
+fn failure<T>(outcome: Result<T, ScenarioError>) -> Failure {
+    match outcome {
+        Err(ScenarioError::Failed(failure)) => *failure,
+        Err(other) => panic!("{other}"),
+        Ok(_) => panic!("the expectation is met"),
+    }
+}
+
+/// A bench whose master is in set-up mode.
+fn set_up() -> Result<Bench, ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    for (command, status) in [(1, 2), (2, 3), (0x20, 0x43)] {
+        if command == 2 {
+            bench.poke("node2.b_BT_1", 0x1C)?;
+            bench.poke("node2.b_TIME_PATTERN", 2)?;
+            bench.poke("node2.b_AC", 0xFF)?;
+            bench.poke("node2.b_AM", 0xFF)?;
+            bench.poke("node2.a_SL_TYP[1]", 1)?;
+        }
+        bench.poke("node2.w_CPU_CONTROL", command)?;
+        bench.wait("node2.w_OPTION_STATUS", status, "1ms")?;
+    }
+    Ok(bench)
+}
+
+#[test]
+fn a_failure_knows_register_values_time_section_and_the_line_of_the_test() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    bench.section("start");
+    bench.step("1ms")?;
+    let line = line!() + 1;
+    let failure = failure(bench.expect("%MW3.200002", "16#0002"));
+    assert_eq!(failure.register.as_deref(), Some("node2.w_OPTION_STATUS"));
+    assert_eq!(failure.address.as_deref(), Some("%MW3.200002"));
+    assert_eq!(failure.actual.as_deref(), Some("16#0001  start-up"));
+    assert_eq!((failure.time_us, failure.section.as_deref()), (1000, Some("start")));
+    let location = failure.location.unwrap_or_default();
+    assert!(location.starts_with(&format!("{}:{line}:", file!())), "{location}");
+    Ok(())
+}
+
+#[test]
+fn waits_end_at_the_moment_of_the_match() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    bench.poke("node2.w_CPU_CONTROL", 1)?;
+    assert_eq!(bench.wait("node2.w_OPTION_STATUS", 2, "10ms")?, 500);
+    assert_eq!(bench.wait("node2.w_OPTION_STATUS", 2, "10ms")?, 0);
+    assert_eq!(bench.now()?, 500);
+    let failure = failure(bench.wait("node2.w_OPTION_STATUS", 3, 1234));
+    assert_eq!(failure.time_us, 1734);
+    Ok(())
+}
+
+#[test]
+fn compare_exchange_writes_only_what_was_expected() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    assert!(!bench.compare_exchange("node2.b_BT_1", 5, 6)?);
+    assert!(bench.compare_exchange("node2.b_BT_1", 0, 6)?);
+    assert_eq!(bench.peek("node2.b_BT_1")?, 6);
+    Ok(())
+}
+
+#[test]
+fn frames_are_found_once_and_in_their_order() -> Result<(), ScenarioError> {
+    let mut bench = set_up()?;
+    let sync_mode = bench.expect_frame("drives", 0x010, "FF FF FF FF ..  .. .. ..", "4ms")?;
+    let job = bench.expect_masked_frame("drives", 0x500, 0x780, "*", "4ms")?;
+    assert_eq!(job.frame.id(), 0x501);
+    assert!(job.time_us > sync_mode.time_us);
+    assert_eq!(bench.now()?, job.time_us, "the wait ends with the frame");
+    bench.expect_no_frame("drives", 0x100, 0x780, "10ms")?;
+    let failure = failure(bench.expect_no_frame("drives", 0x501, 0x7FF, "10ms"));
+    assert!(failure.what.starts_with("there is a frame 16#501"), "{failure}");
+    assert_eq!(bench.frames("drives", job.time_us)?.first(), Some(&job));
+    Ok(())
+}
+
+#[test]
+fn changes_since_a_snapshot_are_those_of_the_live_structure() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    let before = bench.snapshot("node2")?;
+    assert_eq!(bench.changes(&before)?, []);
+    bench.poke("node2.w_CPU_CONTROL", 1)?;
+    bench.wait("node2.w_OPTION_STATUS", 2, "1ms")?;
+    bench.poke("node2.b_MA_SL_MODE", 1)?;
+    bench.expect_changes(&before, &["node2.b_MA_SL_MODE", "%MW3.200002", "node2.w_CPU_CONTROL"])?;
+    let changes = bench.changes(&before)?;
+    assert_eq!(changes.len(), 3, "{changes:?}");
+    assert_eq!((changes[1].before, changes[1].after), (1, 2));
+    Ok(())
+}
+
+#[test]
+fn time_has_a_limit() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    bench.set_limit(5_000);
+    bench.step("5ms")?;
+    assert!(message(bench.step(1)).contains("would go beyond the 5 ms"));
+    assert!(message(bench.wait("node2.w_OPTION_STATUS", 2, "1h")).contains("would go beyond"));
+    Ok(())
+}

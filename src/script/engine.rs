@@ -1,0 +1,339 @@
+//! The verbs of scenario scripts: what a Rhai script may call.
+
+mod arguments;
+
+use super::{Bench, Failure, MemoryCopy, ScenarioError, SeenFrame};
+use crate::journal::text::Text;
+use crate::journal::{Format, Record};
+use crate::plant::PlantConfig;
+use arguments::{data_bytes, identifier, number, register_names, span, value};
+use core::cell::RefCell;
+use core::panic::Location;
+use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, Map, NativeCallContext, RhaiNativeFunc};
+use std::path::PathBuf;
+use std::rc::Rc;
+
+type Fallible<T> = Result<T, Box<EvalAltResult>>;
+
+/// What a script acts on.
+pub(super) struct Stage {
+    /// None until the first verb.
+    bench: Option<Bench>,
+    /// Whether the bench is a running instance's.
+    attached: bool,
+    /// Directory that file names start from.
+    directory: PathBuf,
+    /// Longest emulated time, in microseconds.
+    limit_us: u64,
+    /// What the script has printed.
+    pub printed: String,
+}
+
+impl Stage {
+    /// For a script in `directory`; without a bench it makes its own.
+    pub fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
+        let mut stage =
+            Self { attached: bench.is_some(), bench: None, directory, limit_us, printed: String::new() };
+        stage.bench = bench.map(|bench| stage.limited(bench));
+        stage
+    }
+
+    /// Emulated time that the scenario has taken, in microseconds.
+    pub fn elapsed_us(&mut self) -> u64 {
+        self.bench.as_mut().and_then(|bench| bench.elapsed().ok()).unwrap_or(0)
+    }
+
+    /// A failure at the present moment, unless the plant has gone.
+    pub fn failure(&mut self, what: &str) -> Option<Failure> {
+        self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
+    }
+
+    fn limited(&self, mut bench: Bench) -> Bench {
+        bench.set_limit(self.limit_us);
+        bench
+    }
+
+    fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
+        if self.bench.is_none() {
+            self.bench = Some(self.limited(Bench::built_in()?));
+        }
+        // It has just been put there.
+        self.bench.as_mut().ok_or_else(|| ScenarioError::argument("bench", "there is none"))
+    }
+
+    /// The verb `plant`.
+    fn plant(&mut self, text: &str) -> Result<(), ScenarioError> {
+        let config = if text.contains(['\n', '=', '[']) {
+            PlantConfig::parse("plant", text)?
+        } else {
+            PlantConfig::load(&self.directory.join(text))?
+        };
+        match &self.bench {
+            Some(bench) if self.attached => {
+                let plcs: Vec<_> = config.plcs.iter().map(|plc| &plc.name).collect();
+                let buses: Vec<_> = config.buses.iter().map(|bus| &bus.name).collect();
+                let names = bench.names();
+                if plcs.iter().eq(&names.plcs.iter().collect::<Vec<_>>())
+                    && buses.iter().eq(&names.buses.iter().collect::<Vec<_>>())
+                {
+                    return Ok(());
+                }
+                let has = format!(
+                    "the instance has another plant, its PLCs are {} and its buses {}; start it with the \
+                     scenario's plant file",
+                    names.plcs.join(", "),
+                    names.buses.join(", ")
+                );
+                Err(ScenarioError::argument("plant", &has))
+            }
+            Some(_) => Err(ScenarioError::argument(
+                "plant",
+                "this must be the first verb; there is a plant already, the built-in one if none was named",
+            )),
+            None => {
+                self.bench = Some(self.limited(Bench::new(&config)?));
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Names of all verbs with their numbers of arguments, in alphabetical order.
+pub fn verbs() -> Vec<(&'static str, usize)> {
+    let stage = Stage::new(None, PathBuf::new(), Bench::LIMIT_US);
+    let mut names = engine(&Rc::new(RefCell::new(stage))).1;
+    names.sort_unstable();
+    names
+}
+
+/// An engine whose verbs act on the stage, and the verbs' names with their numbers of arguments.
+pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, usize)>) {
+    let mut verbs = Verbs { engine: Engine::new(), stage: Rc::clone(stage), names: Vec::new() };
+    verbs.registers();
+    verbs.time();
+    verbs.expectations();
+    verbs.traffic();
+    (verbs.engine, verbs.names)
+}
+
+struct Verbs {
+    engine: Engine,
+    stage: Rc<RefCell<Stage>>,
+    names: Vec<(&'static str, usize)>,
+}
+
+impl Verbs {
+    /// Registers a verb.
+    fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool>(
+        &mut self,
+        name: &'static str,
+        verb: impl RhaiNativeFunc<A, N, X, R, F> + 'static,
+    ) {
+        self.names.push((name, N));
+        self.engine.register_fn(name, verb);
+    }
+
+    /// A function that lets a verb act on the bench.
+    fn with<T>(
+        &self,
+    ) -> impl Fn(&mut dyn FnMut(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> + use<T> {
+        let stage = Rc::clone(&self.stage);
+        move |act| {
+            let mut stage = stage.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
+            stage.bench().and_then(act).map_err(thrown)
+        }
+    }
+
+    fn registers(&mut self) {
+        let stage = Rc::clone(&self.stage);
+        self.on("plant", move |text: &str| -> Fallible<()> {
+            let mut stage = stage.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
+            stage.plant(text).map_err(thrown)
+        });
+        let with = self.with();
+        self.on("peek", move |register: &str| with(&mut |bench| bench.peek(register)));
+        let with = self.with();
+        self.on("describe", move |register: &str| with(&mut |bench| bench.describe(register)));
+        let with = self.with();
+        self.on("poke", move |register: &str, new: Dynamic| {
+            with(&mut |bench| bench.poke(register, value(&new)?))
+        });
+        let with = self.with();
+        self.on("compare_exchange", move |register: &str, current: Dynamic, new: Dynamic| {
+            with(&mut |bench| bench.compare_exchange(register, value(&current)?, value(&new)?))
+        });
+        let with = self.with();
+        self.on("snapshot", move |area: &str| with(&mut |bench| bench.snapshot(area)));
+        let with = self.with();
+        self.on("changes", move |since: MemoryCopy| {
+            with(&mut |bench| {
+                let names = bench.changes(&since)?.into_iter().map(|change| change.register.into());
+                Ok(names.collect::<Array>())
+            })
+        });
+    }
+
+    fn time(&mut self) {
+        let with = self.with();
+        self.on("now", move || with(&mut |bench| Ok(int(bench.now()?))));
+        let with = self.with();
+        self.on("step", move |time: Dynamic| with(&mut |bench| bench.step(span(&time)?)));
+        let with = self.with();
+        self.on("step_to_sync", move || with(&mut |bench| bench.step_to_sync("node2")));
+        let with = self.with();
+        self.on("step_to_sync", move |node: &str| with(&mut |bench| bench.step_to_sync(node)));
+        let with = self.with();
+        self.on("wait", move |register: &str, wanted: Dynamic, within: Dynamic| {
+            with(&mut |bench| Ok(int(bench.wait(register, value(&wanted)?, span(&within)?)?)))
+        });
+        let with = self.with();
+        self.on("wait_bits", move |register: &str, mask: Dynamic, wanted: Dynamic, within: Dynamic| {
+            with(&mut |bench| {
+                Ok(int(bench.wait_bits(register, value(&mask)?, value(&wanted)?, span(&within)?)?))
+            })
+        });
+        let (time, pass) = (self.with(), self.with());
+        self.on(
+            "wait_until",
+            move |context: NativeCallContext, condition: FnPtr, within: Dynamic| -> Fallible<INT> {
+                let within_us = time(&mut |bench| bench.span(span(&within)?))?;
+                let start = time(&mut |bench| bench.now())?;
+                // The stage is free meanwhile, as the condition uses verbs.
+                while !condition.call_within_context::<bool>(&context, ())? {
+                    pass(&mut |bench| bench.pass_or_fail(start, within_us, Location::caller()))?;
+                }
+                time(&mut |bench| Ok(bench.now()? - start)).map(int)
+            },
+        );
+    }
+}
+
+/// Expectations and what scenarios are told apart by.
+impl Verbs {
+    fn expectations(&mut self) {
+        let with = self.with();
+        self.on("section", move |text: &str| {
+            with(&mut |bench| {
+                bench.section(text);
+                Ok(())
+            })
+        });
+        let with = self.with();
+        self.on("expect", move |register: &str, wanted: Dynamic| {
+            with(&mut |bench| bench.expect(register, value(&wanted)?))
+        });
+        let with = self.with();
+        self.on("expect_near", move |register: &str, wanted: Dynamic, tolerance: INT| {
+            with(&mut |bench| bench.expect_near(register, value(&wanted)?, number(tolerance, "tolerance")?))
+        });
+        let with = self.with();
+        self.on("expect_bits", move |register: &str, mask: Dynamic, wanted: Dynamic| {
+            with(&mut |bench| bench.expect_bits(register, value(&mask)?, value(&wanted)?))
+        });
+        let with = self.with();
+        self.on("expect_that", move |holds: bool, text: &str| {
+            with(&mut |bench| bench.expect_that(holds, text))
+        });
+        let with = self.with();
+        self.on("expect_changes", move |since: MemoryCopy, registers: Array| {
+            with(&mut |bench| {
+                let names = register_names(&registers)?;
+                bench.expect_changes(&since, &names.iter().map(String::as_str).collect::<Vec<_>>())
+            })
+        });
+    }
+
+    fn traffic(&mut self) {
+        let with = self.with();
+        self.on("expect_frame", move |bus: &str, id: INT, data: Dynamic, within: Dynamic| {
+            with(&mut |bench| {
+                let (id, data) = (identifier(id)?, data_bytes(&data)?);
+                bench.expect_frame(bus, id, &data, span(&within)?).map(|seen| seen_map(&seen))
+            })
+        });
+        let with = self.with();
+        self.on("expect_frame", move |bus: &str, id: INT, mask: INT, data: Dynamic, within: Dynamic| {
+            with(&mut |bench| {
+                let (id, mask, data) = (identifier(id)?, identifier(mask)?, data_bytes(&data)?);
+                bench.expect_masked_frame(bus, id, mask, &data, span(&within)?).map(|seen| seen_map(&seen))
+            })
+        });
+        let with = self.with();
+        self.on("expect_no_frame", move |bus: &str, id: INT, mask: INT, within: Dynamic| {
+            with(&mut |bench| bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?))
+        });
+        let with = self.with();
+        self.on("frames", move |bus: &str, since: INT| {
+            with(&mut |bench| {
+                let seen = bench.frames(bus, number(since, "time")?)?;
+                Ok(seen.iter().map(|seen| seen_map(seen).into()).collect::<Array>())
+            })
+        });
+        let with = self.with();
+        self.on("journal", move |since: INT| {
+            with(&mut |bench| {
+                let records = bench.journal(number(since, "time")?)?;
+                let mut text = Text::new(bench.names().clone());
+                Ok(records.iter().map(|record| record_map(record, &mut text).into()).collect::<Array>())
+            })
+        });
+    }
+}
+
+/// `#{time, id, data}`
+fn seen_map(seen: &SeenFrame) -> Map {
+    let data: Array = seen.frame.data().iter().map(|byte| INT::from(*byte).into()).collect();
+    Map::from([
+        ("time".into(), int(seen.time_us).into()),
+        ("id".into(), INT::from(seen.frame.id()).into()),
+        ("data".into(), data.into()),
+    ])
+}
+
+/// `#{time, kind, count, text}`
+fn record_map(record: &Record, text: &mut Text) -> Map {
+    let mut line = String::new();
+    text.record(record, &mut line);
+    Map::from([
+        ("time".into(), int(record.time_us).into()),
+        ("kind".into(), record.event.kind().name().into()),
+        ("count".into(), INT::from(record.count).into()),
+        ("text".into(), line.trim().into()),
+    ])
+}
+
+fn int(number: u64) -> INT {
+    INT::try_from(number).unwrap_or(INT::MAX)
+}
+
+/// The error as the script sees it.
+fn thrown(error: ScenarioError) -> Box<EvalAltResult> {
+    EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), rhai::Position::NONE).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::verbs;
+
+    /// Verbs with their numbers of arguments, as the tables of the reference have them in their first column.
+    fn documented() -> Vec<(String, usize)> {
+        let rows =
+            include_str!("../../docs/scenarios.md").lines().filter_map(|line| line.strip_prefix("| `"));
+        let cells = rows.filter_map(|row| row.split_once(" | ")).map(|(cell, _)| cell);
+        let calls = cells.flat_map(|cell| cell.split("`, `")).filter_map(|call| call.split_once('('));
+        let mut all: Vec<_> = calls
+            .map(|(name, rest)| {
+                let arguments = rest.trim_end_matches(['`', ')', ' ']);
+                (name.to_owned(), if arguments.is_empty() { 0 } else { arguments.split(", ").count() })
+            })
+            .collect();
+        all.sort();
+        all
+    }
+
+    #[test]
+    fn the_reference_lists_exactly_the_verbs() {
+        let registered: Vec<_> = verbs().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
+        assert_eq!(documented(), registered);
+    }
+}

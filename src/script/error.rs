@@ -1,0 +1,155 @@
+//! Why a scenario ends before its end.
+
+use super::backend::BackendError;
+use crate::layout::LayoutError;
+use crate::layout::place::BadValue;
+use crate::memory::MemoryError;
+use crate::plant::PlantError;
+use crate::time::{TimeError, seconds, short};
+use core::fmt;
+use thiserror::Error;
+
+/// An expectation that is not met, with all that is known at that moment.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Failure {
+    /// What is wrong, in one line.
+    pub what: String,
+    /// Name of the register, if it is about one.
+    pub register: Option<String>,
+    /// Its address.
+    pub address: Option<String>,
+    /// What was expected, decoded.
+    pub expected: Option<String>,
+    /// What was found, decoded.
+    pub actual: Option<String>,
+    /// Emulated time in microseconds.
+    pub time_us: u64,
+    /// The section of the scenario.
+    pub section: Option<String>,
+    /// The last lines of the journal, oldest first.
+    pub journal: Vec<String>,
+    /// Where the expectation stands: file, line, and for scripts the line's text.
+    pub location: Option<String>,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.what)?;
+        let rows = [
+            ("expected", &self.expected),
+            ("actual", &self.actual),
+            ("section", &self.section),
+            ("line", &self.location),
+        ];
+        for (name, text) in rows {
+            if let Some(text) = text {
+                write!(f, "\n  {name:<8}  {text}")?;
+            }
+        }
+        write!(f, "\n  {:<8}  {} emulated", "time", seconds(self.time_us))?;
+        if !self.journal.is_empty() {
+            f.write_str("\n  journal, last entries:")?;
+        }
+        self.journal.iter().try_for_each(|line| write!(f, "\n    {}", line.trim_start()))
+    }
+}
+
+/// Tests that return an error show it by `Debug`: a failure is for people in any case.
+impl fmt::Debug for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// Why a scenario ends before its end.
+#[derive(Error)]
+pub enum ScenarioError {
+    /// An expectation is not met.
+    #[error("{0}")]
+    Failed(Box<Failure>),
+    /// More emulated time than a scenario may take.
+    #[error("{} of emulated time at {} would go beyond the {} that a scenario may take; does it end at all?", short(*.us), seconds(*.now_us), short(*.limit_us))]
+    TooLong {
+        /// How much time was asked for, in microseconds.
+        us: u64,
+        /// Emulated time.
+        now_us: u64,
+        /// The limit.
+        limit_us: u64,
+    },
+    /// A register or address that does not exist.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// A value that the register cannot hold.
+    #[error(transparent)]
+    Value(#[from] BadValue),
+    /// A text that is no time.
+    #[error("`{text}`: {source}")]
+    Time {
+        /// As given.
+        text: String,
+        /// What is wrong with it.
+        source: TimeError,
+    },
+    /// An argument in a notation of its own.
+    #[error("`{text}`: {right}")]
+    Argument {
+        /// As given.
+        text: String,
+        /// What would be right.
+        right: String,
+    },
+    /// A register without a PLC in front, and several it could be in.
+    #[error("`{text}`: the plant has several PLCs ({plcs}); write for example {example}:{text}")]
+    WhichPlc {
+        /// As given.
+        text: String,
+        /// The PLCs.
+        plcs: String,
+        /// One of them.
+        example: String,
+    },
+    /// A PLC, bus or area that the plant does not have.
+    #[error("there is no {what} '{name}'; there are: {known}")]
+    Unknown {
+        /// "PLC", "bus" or "area".
+        what: &'static str,
+        /// As given.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// The plant is refused.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// The RAM cannot be used.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// The plant did not do what it was asked for.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
+}
+
+impl fmt::Debug for ScenarioError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl From<Failure> for ScenarioError {
+    fn from(failure: Failure) -> Self {
+        Self::Failed(Box::new(failure))
+    }
+}
+
+impl ScenarioError {
+    /// Something is not as it must be written.
+    pub(super) fn argument(text: &str, right: &str) -> Self {
+        Self::Argument { text: text.to_owned(), right: right.to_owned() }
+    }
+
+    /// Whether the plant did not behave as the scenario says; otherwise the scenario itself is wrong.
+    pub fn is_failure(&self) -> bool {
+        matches!(self, Self::Failed(_) | Self::TooLong { .. } | Self::Backend(_))
+    }
+}

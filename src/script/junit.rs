@@ -1,0 +1,45 @@
+//! The report that CI servers read.
+
+use super::{Outcome, Report};
+use quick_junit::{NonSuccessKind, SerializeError, TestCase, TestCaseStatus, TestSuite};
+use std::time::Duration;
+
+/// The reports as JUnit XML: one test suite, one test case per scenario. Times are real time; the emulated time
+/// is a property.
+///
+/// # Errors
+/// The XML cannot be written, which does not happen to strings.
+pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
+    let mut suite = TestSuite::new("commram test");
+    suite.set_time(reports.iter().map(|report| report.took).sum::<Duration>());
+    suite.add_test_cases(reports.iter().map(case));
+    let mut report = quick_junit::Report::new("commram");
+    report.add_test_suite(suite);
+    report.to_string()
+}
+
+fn case(report: &Report) -> TestCase {
+    let mut case = TestCase::new(report.name(), status(&report.outcome));
+    let directory = report.file.parent().map(|directory| directory.display().to_string());
+    case.set_classname(directory.filter(|name| !name.is_empty()).unwrap_or_else(|| ".".to_owned()));
+    case.set_time(report.took);
+    case.add_property(("emulated_us", report.emulated_us.to_string().as_str()));
+    if !report.printed.is_empty() {
+        case.set_system_out(report.printed.as_str());
+    }
+    case
+}
+
+fn status(outcome: &Outcome) -> TestCaseStatus {
+    let (kind, message, description) = match outcome {
+        Outcome::Passed => return TestCaseStatus::success(),
+        Outcome::Failed(failure) => (NonSuccessKind::Failure, failure.what.clone(), failure.to_string()),
+        Outcome::Broken(text) => {
+            (NonSuccessKind::Error, text.lines().next().unwrap_or_default().to_owned(), text.clone())
+        }
+    };
+    let mut status = TestCaseStatus::non_success(kind);
+    status.set_message(message);
+    status.set_description(description);
+    status
+}

@@ -1,0 +1,132 @@
+//! A plant in this process, on heap memory, with a stepped clock.
+
+use super::ScenarioError;
+use super::backend::{Backend, BackendError, Spot, Waited};
+use crate::journal::{Names, Record};
+use crate::memory::{Address, RegisterWidths, Segment, Unmapped};
+use crate::plant::{Plant, PlantConfig, Plc};
+
+/// A plant of its own.
+pub(super) struct Local {
+    plant: Plant,
+    names: Names,
+    widths: RegisterWidths,
+}
+
+impl Local {
+    /// Builds the plant and powers it on.
+    ///
+    /// # Errors
+    /// The plant is refused.
+    pub fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
+        let plant = Plant::new(config, |_plc| Ok::<_, ScenarioError>(Segment::heap()))?;
+        Ok(Self { names: plant.names(), plant, widths: RegisterWidths::of_device() })
+    }
+
+    fn segment(&self, plc: u16, offset: u32) -> Result<&Segment, Unmapped> {
+        self.plant.plcs().get(usize::from(plc)).map(Plc::segment).ok_or(Unmapped { offset })
+    }
+
+    fn note_write(&mut self, spot: Spot, value: u32) {
+        // A width is 1, 2 or 4.
+        self.plant.note_channel_write(spot.plc.into(), spot.offset, spot.width.bytes() as u8, value);
+    }
+}
+
+fn unmapped(spot: Spot) -> impl Fn(Unmapped) -> BackendError {
+    move |_| BackendError::Unmapped { address: spot.address() }
+}
+
+impl Backend for Local {
+    fn names(&self) -> &Names {
+        &self.names
+    }
+
+    fn now(&mut self) -> Result<u64, BackendError> {
+        Ok(self.plant.now())
+    }
+
+    fn load(&mut self, spot: Spot) -> Result<u32, BackendError> {
+        let Spot { plc, offset, width } = spot;
+        self.segment(plc, offset)
+            .and_then(|segment| self.widths.load(segment, offset, width))
+            .map_err(unmapped(spot))
+    }
+
+    fn store(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
+        let Spot { plc, offset, width } = spot;
+        self.segment(plc, offset)
+            .and_then(|segment| self.widths.store(segment, offset, width, value))
+            .map_err(unmapped(spot))?;
+        self.note_write(spot, value);
+        Ok(())
+    }
+
+    fn compare_exchange(
+        &mut self,
+        spot: Spot,
+        current: u32,
+        new: u32,
+    ) -> Result<Result<u32, u32>, BackendError> {
+        let Spot { plc, offset, width } = spot;
+        let outcome = self
+            .segment(plc, offset)
+            .and_then(|segment| self.widths.compare_exchange(segment, offset, width, current, new))
+            .map_err(unmapped(spot))?;
+        if outcome.is_ok() {
+            self.note_write(spot, new);
+        }
+        Ok(outcome)
+    }
+
+    fn read_range(&mut self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, BackendError> {
+        let mut bytes = vec![0; len as usize];
+        self.segment(plc, offset)
+            .and_then(|segment| self.widths.read_range(segment, offset, &mut bytes))
+            .map_err(|hole| BackendError::Unmapped { address: Address::byte(hole.offset) })?;
+        Ok(bytes)
+    }
+
+    fn advance(&mut self, us: u64) -> Result<u64, BackendError> {
+        self.plant.advance_to(self.plant.now().saturating_add(us));
+        Ok(self.plant.now())
+    }
+
+    fn advance_to_sync(&mut self, plc: u16, node: u8) -> Result<u64, BackendError> {
+        let Some(edge) = self.plant.next_sync(plc.into(), node) else {
+            let plc = self.names.plcs.get(usize::from(plc)).cloned().unwrap_or_default();
+            return Err(BackendError::NoSync { plc, node });
+        };
+        self.plant.advance_to(edge);
+        Ok(self.plant.now())
+    }
+
+    fn advance_a_little(&mut self, deadline: u64) -> Result<u64, BackendError> {
+        // Every event lies ahead, or handling it now makes it so.
+        let event = self.plant.next_event().max(self.plant.now());
+        self.plant.advance_to(event.min(deadline));
+        Ok(self.plant.now())
+    }
+
+    fn wait(&mut self, spot: Spot, mask: u32, value: u32, within_us: u64) -> Result<Waited, BackendError> {
+        let deadline = self.plant.now().saturating_add(within_us);
+        loop {
+            let found = self.load(spot)?;
+            let matched = found & mask == value;
+            if matched || self.plant.now() >= deadline {
+                return Ok(Waited { matched, value: found });
+            }
+            self.advance_a_little(deadline)?;
+        }
+    }
+
+    fn journal_end(&mut self) -> Result<u64, BackendError> {
+        Ok(self.plant.journal().end())
+    }
+
+    fn journal(&mut self, from: u64) -> Result<(Vec<Record>, u64), BackendError> {
+        let journal = self.plant.journal();
+        let records = journal.read(from).copied().chain(journal.pending()).collect();
+        Ok((records, journal.end()))
+    }
+}

@@ -1,0 +1,25 @@
+//! Scenarios: what to do with a plant and what to expect of it, as Rust tests or as scripts.
+//!
+//! [`Bench`] is a plant with verbs: poke, step, wait, expect, and so on. Tests in Rust use it directly; scripts
+//! in Rhai get the same verbs from [`run_file`] (`commram test`, reference in `docs/scenarios.md`). The plant
+//! is one of its own, on heap memory with a stepped clock, or a running instance behind its channel: one trait
+//! for both.
+
+mod backend;
+mod bench;
+mod engine;
+mod error;
+mod junit;
+mod local;
+#[cfg(feature = "channel")]
+mod remote;
+mod run;
+mod value;
+
+pub use backend::BackendError;
+pub use bench::{Bench, Change, MemoryCopy, SeenFrame};
+pub use engine::verbs;
+pub use error::{Failure, ScenarioError};
+pub use junit::junit;
+pub use run::{Limits, Outcome, Report, run_file};
+pub use value::{Span, Value};

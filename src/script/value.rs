@@ -1,0 +1,130 @@
+//! Values and times as scenarios give them.
+
+use super::ScenarioError;
+use crate::layout::place::BadValue;
+use crate::layout::{Live, Place};
+use crate::time;
+use std::time::Duration;
+
+/// A value for a register.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A number of the register's type, or its bit pattern.
+    Number(i64),
+    /// As engineers write it: `67`, `16#43`, `2#100_0011`.
+    Text(String),
+}
+
+impl Value {
+    /// The bits that the value is in the register at `place`.
+    ///
+    /// # Errors
+    /// The register cannot hold it.
+    pub(super) fn bits(&self, place: &Place) -> Result<u32, BadValue> {
+        match self {
+            Value::Text(text) => place.parse_value(text),
+            Value::Number(number) => place.parse_value(&number.to_string()).or_else(|error| {
+                // 16#FFFF is no number of an INT, but a pattern of its bits.
+                let pattern = u32::try_from(*number).ok();
+                let pattern = pattern.filter(|_| place.bit().is_none());
+                pattern.filter(|bits| *bits <= place.ty(Live::Cyclic).mask()).ok_or(error)
+            }),
+        }
+    }
+}
+
+macro_rules! value_from {
+    ($($number:ty)*) => {$(
+        impl From<$number> for Value {
+            fn from(number: $number) -> Self {
+                Value::Number(number.into())
+            }
+        }
+    )*};
+}
+
+value_from!(bool u8 u16 u32 i8 i16 i32 i64);
+
+impl From<&str> for Value {
+    fn from(text: &str) -> Self {
+        Value::Text(text.to_owned())
+    }
+}
+
+/// A span of emulated time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Span {
+    /// In microseconds.
+    Us(u64),
+    /// With a unit: `500us`, `2ms`, `1.5s`.
+    Text(String),
+}
+
+impl Span {
+    /// In microseconds.
+    ///
+    /// # Errors
+    /// The text is no time.
+    pub(super) fn us(&self) -> Result<u64, ScenarioError> {
+        match self {
+            Span::Us(us) => Ok(*us),
+            Span::Text(text) => {
+                time::parse(text).map_err(|source| ScenarioError::Time { text: text.clone(), source })
+            }
+        }
+    }
+}
+
+impl From<u64> for Span {
+    fn from(us: u64) -> Self {
+        Span::Us(us)
+    }
+}
+
+impl From<&str> for Span {
+    fn from(text: &str) -> Self {
+        Span::Text(text.to_owned())
+    }
+}
+
+impl From<Duration> for Span {
+    fn from(duration: Duration) -> Self {
+        Span::Us(u64::try_from(duration.as_micros()).unwrap_or(u64::MAX))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bits(register: &str, value: impl Into<Value>) -> Result<u32, String> {
+        value.into().bits(&Place::parse(register).unwrap()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn numbers_are_numbers_of_the_type_or_patterns_of_its_bits() {
+        assert_eq!(bits("node2.w_CPU_CONTROL", 0x40), Ok(0x40));
+        assert_eq!(bits("node2.w_CPU_CONTROL", "16#0040"), Ok(0x40));
+        assert_eq!(bits("node2.a_WR_VALUE[0]", -1), Ok(0xFFFF_FFFF));
+        assert_eq!(bits("node2.a_WR_VALUE[0]", 0xFFFF_FFFE_u32), Ok(0xFFFF_FFFE));
+        let refused = bits("node2.w_CPU_CONTROL", 0x1_0000).unwrap_err();
+        assert!(refused.contains("`65536` is out of range, a WORD holds 0 to 65535"), "{refused}");
+        assert!(bits("node2.w_CPU_CONTROL", -1).is_err());
+        assert!(bits("node2.a_WR_VALUE[0]", 1_i64 << 32).is_err());
+    }
+
+    #[test]
+    fn a_single_bit_is_0_or_1() {
+        assert_eq!(bits("%MX3.200000.3", true), Ok(1));
+        assert!(bits("%MX3.200000.3", 2).is_err());
+    }
+
+    #[test]
+    fn spans_have_units_or_are_microseconds() {
+        let us = |span: Span| span.us().map_err(|error| error.to_string());
+        assert_eq!(us("2ms".into()), Ok(2_000));
+        assert_eq!(us(2_000_u64.into()), Ok(2_000));
+        assert_eq!(us(Duration::from_millis(2).into()), Ok(2_000));
+        assert_eq!(us("2".into()), Err("`2`: a time needs a unit: 2us, 2ms or 2s".to_owned()));
+    }
+}
