@@ -108,7 +108,7 @@ pub fn verbs() -> Vec<(&'static str, usize)> {
 
 /// An engine whose verbs act on the stage, and the verbs' names with their numbers of arguments.
 pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, usize)>) {
-    let mut verbs = Verbs { engine: Engine::new(), stage: Rc::clone(stage), names: Vec::new() };
+    let mut verbs = Verbs { engine: Engine::new(), stage: Shared(Rc::clone(stage)), names: Vec::new() };
     verbs.registers();
     verbs.time();
     verbs.expectations();
@@ -116,166 +116,175 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, 
     (verbs.engine, verbs.names)
 }
 
+/// The stage as all verbs have it.
+#[derive(Clone)]
+struct Shared(Rc<RefCell<Stage>>);
+
+impl Shared {
+    fn with<T>(&self, act: impl FnOnce(&mut Stage) -> Result<T, ScenarioError>) -> Fallible<T> {
+        let mut stage = self.0.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
+        act(&mut stage).map_err(thrown)
+    }
+
+    fn act<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
+        self.with(|stage| stage.bench().and_then(act))
+    }
+}
+
 struct Verbs {
     engine: Engine,
-    stage: Rc<RefCell<Stage>>,
+    stage: Shared,
     names: Vec<(&'static str, usize)>,
 }
 
 impl Verbs {
-    /// Registers a verb.
-    fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool>(
+    /// Registers a verb, made from the stage.
+    fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
         &mut self,
         name: &'static str,
-        verb: impl RhaiNativeFunc<A, N, X, R, F> + 'static,
-    ) {
+        verb: impl FnOnce(Shared) -> V,
+    ) where
+        V: RhaiNativeFunc<A, N, X, R, F> + 'static,
+    {
         self.names.push((name, N));
-        self.engine.register_fn(name, verb);
-    }
-
-    /// A function that lets a verb act on the bench.
-    fn with<T>(
-        &self,
-    ) -> impl Fn(&mut dyn FnMut(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> + use<T> {
-        let stage = Rc::clone(&self.stage);
-        move |act| {
-            let mut stage = stage.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
-            stage.bench().and_then(act).map_err(thrown)
-        }
+        self.engine.register_fn(name, verb(self.stage.clone()));
     }
 
     fn registers(&mut self) {
-        let stage = Rc::clone(&self.stage);
-        self.on("plant", move |text: &str| -> Fallible<()> {
-            let mut stage = stage.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
-            stage.plant(text).map_err(thrown)
+        self.on("plant", |stage| move |text: &str| stage.with(|stage| stage.plant(text)));
+        self.on("peek", |stage| move |register: &str| stage.act(|bench| bench.peek(register)));
+        self.on("describe", |stage| move |register: &str| stage.act(|bench| bench.describe(register)));
+        self.on("poke", |stage| {
+            move |register: &str, new: Dynamic| stage.act(|bench| bench.poke(register, value(&new)?))
         });
-        let with = self.with();
-        self.on("peek", move |register: &str| with(&mut |bench| bench.peek(register)));
-        let with = self.with();
-        self.on("describe", move |register: &str| with(&mut |bench| bench.describe(register)));
-        let with = self.with();
-        self.on("poke", move |register: &str, new: Dynamic| {
-            with(&mut |bench| bench.poke(register, value(&new)?))
+        self.on("compare_exchange", |stage| {
+            move |register: &str, current: Dynamic, new: Dynamic| {
+                stage.act(|bench| bench.compare_exchange(register, value(&current)?, value(&new)?))
+            }
         });
-        let with = self.with();
-        self.on("compare_exchange", move |register: &str, current: Dynamic, new: Dynamic| {
-            with(&mut |bench| bench.compare_exchange(register, value(&current)?, value(&new)?))
-        });
-        let with = self.with();
-        self.on("snapshot", move |area: &str| with(&mut |bench| bench.snapshot(area)));
-        let with = self.with();
-        self.on("changes", move |since: MemoryCopy| {
-            with(&mut |bench| {
-                let names = bench.changes(&since)?.into_iter().map(|change| change.register.into());
-                Ok(names.collect::<Array>())
-            })
+        self.on("snapshot", |stage| move |area: &str| stage.act(|bench| bench.snapshot(area)));
+        self.on("changes", |stage| {
+            move |since: MemoryCopy| {
+                stage.act(|bench| {
+                    let names = bench.changes(&since)?.into_iter().map(|change| change.register.into());
+                    Ok(names.collect::<Array>())
+                })
+            }
         });
     }
 
     fn time(&mut self) {
-        let with = self.with();
-        self.on("now", move || with(&mut |bench| Ok(int(bench.now()?))));
-        let with = self.with();
-        self.on("step", move |time: Dynamic| with(&mut |bench| bench.step(span(&time)?)));
-        let with = self.with();
-        self.on("step_to_sync", move || with(&mut |bench| bench.step_to_sync("node2")));
-        let with = self.with();
-        self.on("step_to_sync", move |node: &str| with(&mut |bench| bench.step_to_sync(node)));
-        let with = self.with();
-        self.on("wait", move |register: &str, wanted: Dynamic, within: Dynamic| {
-            with(&mut |bench| Ok(int(bench.wait(register, value(&wanted)?, span(&within)?)?)))
+        self.on("now", |stage| move || stage.act(|bench| Ok(int(bench.now()?))));
+        self.on("step", |stage| move |time: Dynamic| stage.act(|bench| bench.step(span(&time)?)));
+        self.on("step_to_sync", |stage| move || stage.act(|bench| bench.step_to_sync("node2")));
+        self.on("step_to_sync", |stage| move |node: &str| stage.act(|bench| bench.step_to_sync(node)));
+        self.on("wait", |stage| {
+            move |register: &str, wanted: Dynamic, within: Dynamic| {
+                stage.act(|bench| Ok(int(bench.wait(register, value(&wanted)?, span(&within)?)?)))
+            }
         });
-        let with = self.with();
-        self.on("wait_bits", move |register: &str, mask: Dynamic, wanted: Dynamic, within: Dynamic| {
-            with(&mut |bench| {
-                Ok(int(bench.wait_bits(register, value(&mask)?, value(&wanted)?, span(&within)?)?))
-            })
+        self.on("wait_bits", |stage| {
+            move |register: &str, mask: Dynamic, wanted: Dynamic, within: Dynamic| {
+                stage.act(|bench| {
+                    Ok(int(bench.wait_bits(register, value(&mask)?, value(&wanted)?, span(&within)?)?))
+                })
+            }
         });
-        let (time, pass) = (self.with(), self.with());
-        self.on(
-            "wait_until",
+        self.on("wait_until", |stage| {
             move |context: NativeCallContext, condition: FnPtr, within: Dynamic| -> Fallible<INT> {
-                let within_us = time(&mut |bench| bench.span(span(&within)?))?;
-                let start = time(&mut |bench| bench.now())?;
+                let within_us = stage.act(|bench| bench.span(span(&within)?))?;
+                let start = stage.act(Bench::now)?;
                 // The stage is free meanwhile, as the condition uses verbs.
                 while !condition.call_within_context::<bool>(&context, ())? {
-                    pass(&mut |bench| bench.pass_or_fail(start, within_us, Location::caller()))?;
+                    stage.act(|bench| bench.pass_or_fail(start, within_us, Location::caller()))?;
                 }
-                time(&mut |bench| Ok(bench.now()? - start)).map(int)
-            },
-        );
+                stage.act(|bench| Ok(bench.now()? - start)).map(int)
+            }
+        });
     }
 }
 
 /// Expectations and what scenarios are told apart by.
 impl Verbs {
     fn expectations(&mut self) {
-        let with = self.with();
-        self.on("section", move |text: &str| {
-            with(&mut |bench| {
-                bench.section(text);
-                Ok(())
-            })
+        self.on("section", |stage| {
+            move |text: &str| {
+                stage.act(|bench| {
+                    bench.section(text);
+                    Ok(())
+                })
+            }
         });
-        let with = self.with();
-        self.on("expect", move |register: &str, wanted: Dynamic| {
-            with(&mut |bench| bench.expect(register, value(&wanted)?))
+        self.on("expect", |stage| {
+            move |register: &str, wanted: Dynamic| stage.act(|bench| bench.expect(register, value(&wanted)?))
         });
-        let with = self.with();
-        self.on("expect_near", move |register: &str, wanted: Dynamic, tolerance: INT| {
-            with(&mut |bench| bench.expect_near(register, value(&wanted)?, number(tolerance, "tolerance")?))
+        self.on("expect_near", |stage| {
+            move |register: &str, wanted: Dynamic, tolerance: INT| {
+                stage.act(|bench| {
+                    bench.expect_near(register, value(&wanted)?, number(tolerance, "tolerance")?)
+                })
+            }
         });
-        let with = self.with();
-        self.on("expect_bits", move |register: &str, mask: Dynamic, wanted: Dynamic| {
-            with(&mut |bench| bench.expect_bits(register, value(&mask)?, value(&wanted)?))
+        self.on("expect_bits", |stage| {
+            move |register: &str, mask: Dynamic, wanted: Dynamic| {
+                stage.act(|bench| bench.expect_bits(register, value(&mask)?, value(&wanted)?))
+            }
         });
-        let with = self.with();
-        self.on("expect_that", move |holds: bool, text: &str| {
-            with(&mut |bench| bench.expect_that(holds, text))
+        self.on("expect_that", |stage| {
+            move |holds: bool, text: &str| stage.act(|bench| bench.expect_that(holds, text))
         });
-        let with = self.with();
-        self.on("expect_changes", move |since: MemoryCopy, registers: Array| {
-            with(&mut |bench| {
-                let names = register_names(&registers)?;
-                bench.expect_changes(&since, &names.iter().map(String::as_str).collect::<Vec<_>>())
-            })
+        self.on("expect_changes", |stage| {
+            move |since: MemoryCopy, registers: Array| {
+                stage.act(|bench| {
+                    let names = register_names(&registers)?;
+                    bench.expect_changes(&since, &names.iter().map(String::as_str).collect::<Vec<_>>())
+                })
+            }
         });
     }
 
     fn traffic(&mut self) {
-        let with = self.with();
-        self.on("expect_frame", move |bus: &str, id: INT, data: Dynamic, within: Dynamic| {
-            with(&mut |bench| {
-                let (id, data) = (identifier(id)?, data_bytes(&data)?);
-                bench.expect_frame(bus, id, &data, span(&within)?).map(|seen| seen_map(&seen))
-            })
+        self.on("expect_frame", |stage| {
+            move |bus: &str, id: INT, data: Dynamic, within: Dynamic| {
+                stage.act(|bench| {
+                    let (id, data) = (identifier(id)?, data_bytes(&data)?);
+                    bench.expect_frame(bus, id, &data, span(&within)?).map(|seen| seen_map(&seen))
+                })
+            }
         });
-        let with = self.with();
-        self.on("expect_frame", move |bus: &str, id: INT, mask: INT, data: Dynamic, within: Dynamic| {
-            with(&mut |bench| {
-                let (id, mask, data) = (identifier(id)?, identifier(mask)?, data_bytes(&data)?);
-                bench.expect_masked_frame(bus, id, mask, &data, span(&within)?).map(|seen| seen_map(&seen))
-            })
+        self.on("expect_frame", |stage| {
+            move |bus: &str, id: INT, mask: INT, data: Dynamic, within: Dynamic| {
+                stage.act(|bench| {
+                    let (id, mask, data) = (identifier(id)?, identifier(mask)?, data_bytes(&data)?);
+                    bench
+                        .expect_masked_frame(bus, id, mask, &data, span(&within)?)
+                        .map(|seen| seen_map(&seen))
+                })
+            }
         });
-        let with = self.with();
-        self.on("expect_no_frame", move |bus: &str, id: INT, mask: INT, within: Dynamic| {
-            with(&mut |bench| bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?))
+        self.on("expect_no_frame", |stage| {
+            move |bus: &str, id: INT, mask: INT, within: Dynamic| {
+                stage.act(|bench| {
+                    bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?)
+                })
+            }
         });
-        let with = self.with();
-        self.on("frames", move |bus: &str, since: INT| {
-            with(&mut |bench| {
-                let seen = bench.frames(bus, number(since, "time")?)?;
-                Ok(seen.iter().map(|seen| seen_map(seen).into()).collect::<Array>())
-            })
+        self.on("frames", |stage| {
+            move |bus: &str, since: INT| {
+                stage.act(|bench| {
+                    let seen = bench.frames(bus, number(since, "time")?)?;
+                    Ok(seen.iter().map(|seen| seen_map(seen).into()).collect::<Array>())
+                })
+            }
         });
-        let with = self.with();
-        self.on("journal", move |since: INT| {
-            with(&mut |bench| {
-                let records = bench.journal(number(since, "time")?)?;
-                let mut text = Text::new(bench.names().clone());
-                Ok(records.iter().map(|record| record_map(record, &mut text).into()).collect::<Array>())
-            })
+        self.on("journal", |stage| {
+            move |since: INT| {
+                stage.act(|bench| {
+                    let records = bench.journal(number(since, "time")?)?;
+                    let mut text = Text::new(bench.names().clone());
+                    Ok(records.iter().map(|record| record_map(record, &mut text).into()).collect::<Array>())
+                })
+            }
         });
     }
 }
