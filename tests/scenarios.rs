@@ -88,7 +88,7 @@ expect(\"node2.w_OPTION_STATUS\", 0x0003);
 failed  one.rhai  0.001000 s emulated in R
   node2.w_OPTION_STATUS (%MW3.200002) is 16#0002, not 16#0003
     expected  16#0003  waiting for start
-    actual    16#0002  waiting for \"take over initialization data\", answered after 500 us
+    actual    16#0002  waiting for \"take over initialization data\"
     section   initialization
     line      one.rhai:6: expect(\"node2.w_OPTION_STATUS\", 0x0003);
     time      0.001000 s emulated
