@@ -6,8 +6,8 @@
 
 use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};
+use super::table::number::{CONTROL_WORD, STATUS_WORD};
 use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
-use super::{CONTROL_WORD, STATUS_WORD};
 use crate::bus::{Channel, Payload};
 
 /// The longest delay of ZK 24 plus the interval being received.

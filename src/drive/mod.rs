@@ -1,4 +1,6 @@
-//! A drive (V-Regler) with CANsync interface card: a slave on the CANsync bus.
+//! Drives (V-Regler): one with CANsync interface card, a slave on the bus, and the one behind the BAPS of each PLC.
+//!
+//! Both are the same `VRegler`, with the parameters of `layouts/v-regler`. The rest is about the one with the card.
 //!
 //! The drive knows no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and hands
 //! over frames; the drive answers at once. An interval runs like this:
@@ -14,19 +16,26 @@
 //! interval k+2. Reference values reach the drive only while it is synchronized (p. 22); actual values
 //! are sampled at every edge, so that a master can watch a drive on its way there.
 
+pub mod angle;
+mod built_in;
 mod card;
 mod config;
 mod drivecom;
 mod motion;
 mod parameters;
+mod regler;
 mod sync;
+mod table;
 #[cfg(test)]
 mod tests;
 mod zk;
 
+pub use built_in::{BuiltInDrive, BuiltInDriveConfig};
 pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
 pub use drivecom::{Enable, State};
 pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
+pub use regler::{MAXIMUM_ELEMENT, MINIMUM_ELEMENT};
+pub use table::{PARAMETERS, ParameterRow, number};
 pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 
 use crate::bus::codec::parameter::{VALUE_ELEMENT, error_number};
@@ -36,15 +45,9 @@ use crate::bus::codec::{
 };
 use crate::bus::{Channel, Frame, Payload};
 use card::Card;
-use drivecom::StateMachine;
-use motion::Motion;
-use parameters::{ParameterStore, Slot};
+use regler::{Setup, VRegler};
 use sync::SyncWatch;
 
-/// Number of the control word parameter (manual 5.01010.01 p. 14).
-pub const CONTROL_WORD: u16 = 120;
-/// Number of the status word parameter (manual 5.01010.01 p. 14).
-pub const STATUS_WORD: u16 = 121;
 /// Bit of the status word that the card overwrites with the SYNC state (manual 5.01010.01 p. 30).
 pub const SYNCHRONIZED: u16 = 0x8000;
 
@@ -55,11 +58,7 @@ pub struct Drive {
     slave_number: u8,
     sync: SyncWatch,
     card: Card,
-    machine: StateMachine,
-    motion: Motion,
-    store: ParameterStore,
-    speed_reference: Slot,
-    speed_actual: Slot,
+    regler: VRegler,
 }
 
 impl Drive {
@@ -72,39 +71,22 @@ impl Drive {
         if cfg.slave_number > 31 {
             return Err(DriveError::SlaveNumber { drive: drive(), number: cfg.slave_number });
         }
-        let numbers = &cfg.numbers;
-        let mut specs = vec![
-            ParameterSpec::new(CONTROL_WORD, ParamFormat::Word),
-            ParameterSpec::new(STATUS_WORD, ParamFormat::Word).read_only(),
-            ParameterSpec::new(numbers.speed_reference, ParamFormat::Doubleword),
-            ParameterSpec::new(numbers.speed_actual, ParamFormat::Doubleword).read_only(),
-            ParameterSpec::new(numbers.additional_reference, ParamFormat::Doubleword),
-        ];
-        specs.extend_from_slice(&cfg.parameters);
-        let store = ParameterStore::new(specs).map_err(|(number, reason)| DriveError::Parameter {
-            drive: drive(),
-            number,
-            reason,
+        let regler = VRegler::new(&Setup {
+            name: &cfg.name,
+            enable: cfg.enable,
+            ramp_per_second: cfg.ramp_per_second,
+            numbers: &cfg.numbers,
+            parameters: &cfg.parameters,
+            software: None,
         })?;
-        let card = Card::new(&cfg.mapping(), cfg.slave_number, &store)
+        let card = Card::new(&cfg.mapping(), cfg.slave_number, &regler.store)
             .map_err(|(zk, value, reason)| DriveError::Zk { drive: drive(), zk, value, reason })?;
-        let built_in = |number| {
-            store.slot(number).ok_or_else(|| DriveError::Parameter {
-                drive: drive(),
-                number,
-                reason: ParameterError::Number,
-            })
-        };
         Ok(Drive {
             name: drive(),
             slave_number: cfg.slave_number,
             sync: SyncWatch::new(cfg.lock_time_us),
             card,
-            machine: StateMachine::new(cfg.enable),
-            motion: Motion::new(cfg.ramp_per_second),
-            speed_reference: built_in(numbers.speed_reference)?,
-            speed_actual: built_in(numbers.speed_actual)?,
-            store,
+            regler,
         })
     }
 
@@ -124,35 +106,29 @@ impl Drive {
     pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
         let was_synchronized = self.is_synchronized();
         self.sync.edge(now_us, interval_us);
+        self.show_synchronized();
         let status_word = self.status_word();
-        self.card.sample(&mut self.store, status_word);
+        self.card.sample(&mut self.regler.store, status_word);
         // What came in an interval without lock is lost, also if the lock comes right after it.
         if was_synchronized && self.is_synchronized() {
-            self.card.hand_over(&mut self.store);
+            self.card.hand_over(&mut self.regler.store);
         } else {
             self.card.discard();
         }
-        self.drive(interval_us);
+        self.regler.step(interval_us);
     }
 
-    /// One run of the drive's control task.
+    /// The card overwrites bit 15 of the status word with the SYNC state (manual 5.01010.01 p. 30).
     #[inline]
-    fn drive(&mut self, interval_us: u32) {
-        let target = match self.machine.state() {
-            State::OperationEnabled => self.store.get(self.speed_reference) as i32,
-            _ => 0,
-        };
-        let speed = self.motion.step(target, interval_us);
-        self.store.set(self.speed_actual, speed as u32);
-        if speed == 0 {
-            self.machine.standstill();
-        }
+    fn show_synchronized(&mut self) {
+        self.regler.show_synchronized(self.sync.is_locked());
     }
 
     /// SYNC has stopped altogether: the drive is no longer synchronized. (A gap between two edges it
     /// notices by itself, at the second one.)
     pub fn sync_stopped(&mut self) {
         self.sync.unlock();
+        self.show_synchronized();
     }
 
     /// The master's reference value frame of `channel`. Frames that do not carry a mapped value entirely
@@ -195,9 +171,10 @@ impl Drive {
             return;
         }
         match command.action() {
-            Action::ControlWord(word) => self.machine.command(word),
+            Action::ControlWord(word) => self.regler.command(word),
             Action::SyncMode(on) => {
                 self.sync.set_mode(on);
+                self.show_synchronized();
                 if on {
                     self.card.resume();
                 }
@@ -230,51 +207,32 @@ impl Drive {
     }
 
     fn service(&mut self, job: &ParameterJob) -> Result<ParameterResult, u16> {
-        let slot = match job.sub_slave() {
-            0 => self.store.slot(job.number()),
-            _ => None,
+        if job.sub_slave() != 0 {
+            return Err(error_number::NOT_PRESENT);
         }
-        .ok_or(error_number::NOT_PRESENT)?;
         let (format, value) = match job.access() {
             Access::Read => {
-                let value = self.value(job.number(), slot);
-                return Ok(match self.store.format(slot) {
-                    ParamFormat::Word => ParameterResult::Word(value as u16),
-                    ParamFormat::Doubleword => ParameterResult::Doubleword(value),
+                return Ok(match self.regler.read_element(job.number(), VALUE_ELEMENT)? {
+                    (ParamFormat::Word, value) => ParameterResult::Word(value as u16),
+                    (ParamFormat::Doubleword, value) => ParameterResult::Doubleword(value),
                 });
             }
             Access::WriteWord(value) => (ParamFormat::Word, u32::from(value)),
             Access::WriteDoubleword(value) => (ParamFormat::Doubleword, value),
         };
-        if job.element() != VALUE_ELEMENT {
-            return Err(error_number::NOT_CHANGEABLE);
-        }
-        self.store.write(slot, format, value)?;
-        if job.number() == CONTROL_WORD {
-            self.machine.command(value as u16);
-        }
+        self.regler.write_element(job.number(), job.element(), format, value)?;
         Ok(ParameterResult::Done)
-    }
-
-    /// Control and status word live in the state machine, everything else in the store.
-    fn value(&self, number: u16, slot: Slot) -> u32 {
-        match number {
-            CONTROL_WORD => u32::from(self.machine.control_word()),
-            STATUS_WORD => u32::from(self.status_word()),
-            _ => self.store.get(slot),
-        }
     }
 
     /// The value of parameter `number`, if the drive has it.
     pub fn parameter(&self, number: u16) -> Option<u32> {
-        self.store.slot(number).map(|slot| self.value(number, slot))
+        self.regler.parameter(number)
     }
 
     /// The status word (parameter 121) with the SYNC state in bit 15.
     #[inline]
     pub fn status_word(&self) -> u16 {
-        let synchronized = if self.is_synchronized() { SYNCHRONIZED } else { 0 };
-        self.machine.status_word() | synchronized
+        self.regler.status_word()
     }
 
     /// Whether the drive runs in step with SYNC.
@@ -285,7 +243,7 @@ impl Drive {
 
     /// State of the drive's state machine.
     pub fn state(&self) -> State {
-        self.machine.state()
+        self.regler.state()
     }
 
     /// Reference value frames missed so far. Counted while synchronized, from the first frame on.
@@ -299,13 +257,14 @@ impl Drive {
         self.card.is_stopped()
     }
 
-    /// Brings a fault upon the drive: it brakes and waits for a fault reset.
-    pub fn trip(&mut self) {
-        self.machine.trip();
+    /// Brings a fault upon the drive: it brakes and waits for a fault reset (control word, bit 7). Parameter 308
+    /// shows the number of the first fault until then.
+    pub fn trip(&mut self, fault: u16) {
+        self.regler.trip(fault);
     }
 
     /// Sets or clears the warning bit of the status word.
     pub fn set_warning(&mut self, on: bool) {
-        self.machine.set_warning(on);
+        self.regler.set_warning(on);
     }
 }

@@ -1,44 +1,58 @@
-//! How the drive moves: the speed follows its reference, at once or along a ramp.
+//! How the drive moves: the speed follows its target, at once or along a ramp, and the angle follows the speed.
 
-use std::num::NonZeroU32;
-
-/// The speed of the drive, in increments of the drive's own speed format.
-#[derive(Clone, Copy, Debug)]
+/// Speed of the drive in increments per millisecond, and the angle it has come to in increments. An increment is
+/// the 2^32nd part of a revolution, so that the angle wraps around once per revolution (decision D-162).
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Motion {
     speed: i32,
-    ramp_per_second: Option<NonZeroU32>,
-    /// Part of an increment left over by the ramp, in millionths.
-    carry: u64,
+    angle: u32,
+    /// Part of an increment of speed left over by the ramp, in millionths.
+    speed_carry: u64,
+    /// Part of an increment of angle left over, in thousandths.
+    angle_carry: i64,
 }
 
 impl Motion {
-    /// A drive at standstill. Without a ramp the speed takes the value of its reference at once.
-    pub const fn new(ramp_per_second: Option<NonZeroU32>) -> Self {
-        Motion { speed: 0, ramp_per_second, carry: 0 }
+    /// The speed.
+    #[inline]
+    pub const fn speed(&self) -> i32 {
+        self.speed
     }
 
-    /// Moves on by `interval_us` towards `target`; returns the new speed.
+    /// The angle.
     #[inline]
-    pub fn step(&mut self, target: i32, interval_us: u32) -> i32 {
+    pub const fn angle(&self) -> u32 {
+        self.angle
+    }
+
+    /// Moves on by `interval_us` towards the speed `target`, by at most `ramp` increments of speed per second
+    /// (0: at once); returns the new speed.
+    #[inline]
+    pub fn step(&mut self, target: i32, interval_us: u32, ramp: u32) -> i32 {
         if self.speed != target {
-            match self.ramp_per_second {
-                None => self.speed = target,
-                Some(ramp) => self.ramp(target, ramp, interval_us),
+            match ramp {
+                0 => self.speed = target,
+                _ => self.ramp(target, ramp, interval_us),
             }
+        }
+        if self.speed != 0 {
+            let way = i64::from(self.speed) * i64::from(interval_us) + self.angle_carry;
+            self.angle = self.angle.wrapping_add((way / 1000) as u32);
+            self.angle_carry = way % 1000;
         }
         self.speed
     }
 
-    fn ramp(&mut self, target: i32, ramp: NonZeroU32, interval_us: u32) {
-        let way = u64::from(ramp.get()) * u64::from(interval_us) + self.carry;
+    fn ramp(&mut self, target: i32, ramp: u32, interval_us: u32) {
+        let way = u64::from(ramp) * u64::from(interval_us) + self.speed_carry;
         let step = way / 1_000_000;
         let distance = self.speed.abs_diff(target);
         if step >= u64::from(distance) {
             self.speed = target;
-            self.carry = 0;
+            self.speed_carry = 0;
             return;
         }
-        self.carry = way % 1_000_000;
+        self.speed_carry = way % 1_000_000;
         // Below the distance, so it fits 32 bits and cannot overshoot.
         let step = step as u32;
         self.speed = if target > self.speed {
@@ -55,43 +69,56 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn without_a_ramp_the_speed_is_the_reference() {
-        let mut motion = Motion::new(None);
-        assert_eq!(motion.step(0x1122_3344, 2000), 0x1122_3344);
-        assert_eq!(motion.step(-5, 2000), -5);
+    fn without_a_ramp_the_speed_is_the_target() {
+        let mut motion = Motion::default();
+        assert_eq!(motion.step(0x1122_3344, 2000, 0), 0x1122_3344);
+        assert_eq!(motion.step(-5, 2000, 0), -5);
     }
 
     #[test]
     fn ramp_takes_its_time_in_both_directions() {
-        let mut motion = Motion::new(NonZeroU32::new(1_000_000));
-        let speeds: Vec<i32> = (0..4).map(|_| motion.step(5000, 2000)).collect();
+        let mut motion = Motion::default();
+        let speeds: Vec<i32> = (0..4).map(|_| motion.step(5000, 2000, 1_000_000)).collect();
         assert_eq!(speeds, [2000, 4000, 5000, 5000]);
-        let speeds: Vec<i32> = (0..3).map(|_| motion.step(0, 2000)).collect();
+        let speeds: Vec<i32> = (0..3).map(|_| motion.step(0, 2000, 1_000_000)).collect();
         assert_eq!(speeds, [3000, 1000, 0]);
     }
 
     #[test]
     fn slow_ramp_does_not_stand_still() {
         // 100 increments per second are 0.2 per interval of 2 ms.
-        let mut motion = Motion::new(NonZeroU32::new(100));
-        let speeds: Vec<i32> = (0..10).map(|_| motion.step(50, 2000)).collect();
+        let mut motion = Motion::default();
+        let speeds: Vec<i32> = (0..10).map(|_| motion.step(50, 2000, 100)).collect();
         assert_eq!(speeds, [0, 0, 0, 0, 1, 1, 1, 1, 1, 2]);
     }
 
     #[test]
     fn whole_range_without_overflow() {
-        let mut motion = Motion::new(NonZeroU32::new(u32::MAX));
-        motion.step(i32::MIN, u32::MAX);
-        assert_eq!(motion.step(i32::MAX, 900_000), i32::MIN.wrapping_add_unsigned(3_865_470_565));
-        assert_eq!(motion.step(i32::MAX, 900_000), i32::MAX);
+        let mut motion = Motion::default();
+        motion.step(i32::MIN, u32::MAX, u32::MAX);
+        assert_eq!(motion.step(i32::MAX, 900_000, u32::MAX), i32::MIN.wrapping_add_unsigned(3_865_470_565));
+        assert_eq!(motion.step(i32::MAX, 900_000, u32::MAX), i32::MAX);
+    }
+
+    #[test]
+    fn angle_is_the_integral_of_the_speed_without_rounding_away() {
+        let mut motion = Motion::default();
+        for _ in 0..3 {
+            motion.step(1, 500, 0);
+        }
+        assert_eq!(motion.angle(), 1, "one increment per ms for 1.5 ms");
+        motion.step(-1, 2500, 0);
+        assert_eq!(motion.angle(), u32::MAX);
+        motion.step(1 << 30, 1000, 0);
+        assert_eq!(motion.angle(), (1 << 30) - 1);
     }
 
     proptest! {
         #[test]
-        fn never_overshoots(start: i32, target: i32, ramp: u32, interval: u32) {
-            let mut motion = Motion { speed: start, ramp_per_second: NonZeroU32::new(ramp), carry: 0 };
-            let speed = motion.step(target, interval);
-            prop_assert!((start.min(target)..=start.max(target)).contains(&speed));
+        fn never_overshoots(speed: i32, target: i32, ramp: u32, interval: u32) {
+            let mut motion = Motion { speed, ..Motion::default() };
+            let after = motion.step(target, interval, ramp);
+            prop_assert!((speed.min(target)..=speed.max(target)).contains(&after));
         }
     }
 }

@@ -51,12 +51,16 @@ pub struct ParameterSpec {
     /// Parameter jobs cannot change it.
     #[serde(default)]
     pub read_only: bool,
+    /// How long the drive recalculates after a parameter job has written it, in us; parameter jobs cannot have
+    /// it meanwhile.
+    #[serde(default)]
+    pub settle_us: u32,
 }
 
 impl ParameterSpec {
     /// A parameter with value 0 and without limits.
     pub const fn new(number: u16, format: ParamFormat) -> Self {
-        ParameterSpec { number, format, initial: 0, min: None, max: None, read_only: false }
+        ParameterSpec { number, format, initial: 0, min: None, max: None, read_only: false, settle_us: 0 }
     }
 
     /// The same, closed to parameter jobs.
@@ -64,10 +68,24 @@ impl ParameterSpec {
         ParameterSpec { read_only: true, ..self }
     }
 
+    /// Lowest and highest value.
+    fn limits(&self) -> (u32, u32) {
+        let (lowest, highest) = match (self.is_signed(), self.format) {
+            (false, format) => (0, format.mask()),
+            (true, ParamFormat::Word) => (0x8000, 0x7FFF),
+            (true, ParamFormat::Doubleword) => (0x8000_0000, 0x7FFF_FFFF),
+        };
+        let bits = |limit: i64| limit as u32 & self.format.mask();
+        (self.min.map_or(lowest, bits), self.max.map_or(highest, bits))
+    }
+
+    fn is_signed(&self) -> bool {
+        self.min.is_some_and(|min| min < 0)
+    }
+
     /// Refusal of a value: its error number (16#FFFE or 16#FFFD).
     fn check(&self, value: u32) -> Result<(), u16> {
-        let signed = self.min.is_some_and(|min| min < 0);
-        let value = match (signed, self.format) {
+        let value = match (self.is_signed(), self.format) {
             (false, _) => i64::from(value),
             (true, ParamFormat::Word) => i64::from(value as u16 as i16),
             (true, ParamFormat::Doubleword) => i64::from(value as i32),
@@ -89,7 +107,7 @@ pub enum ParameterError {
     #[error("the number is above 4095")]
     Number,
     /// Number in use already.
-    #[error("the number is there twice (120, 121 and the speed parameters are built in)")]
+    #[error("the number is there twice (layouts/v-regler lists the drive's own parameters)")]
     Twice,
     /// The initial value needs more bits.
     #[error("initial value 16#{0:X} does not fit a word")]
@@ -109,6 +127,11 @@ pub(super) struct ParameterStore {
     specs: Vec<ParameterSpec>,
     values: Vec<u32>,
     changed: bool,
+    /// The parameter whose writing is watched, see [`ParameterStore::watch`].
+    watched: Option<Slot>,
+    written: bool,
+    /// Parameters that are being recalculated, with the time left in us.
+    settling: Vec<(Slot, u32)>,
 }
 
 impl ParameterStore {
@@ -131,7 +154,46 @@ impl ParameterStore {
             return Err((twice[0].number, ParameterError::Twice));
         }
         let values = specs.iter().map(|spec| spec.initial).collect();
-        Ok(ParameterStore { specs, values, changed: true })
+        let (watched, settling) = (None, Vec::new());
+        Ok(ParameterStore { specs, values, changed: true, watched, written: false, settling })
+    }
+
+    /// Watches writes of one parameter, also those that do not change it.
+    pub fn watch(&mut self, slot: Slot) {
+        self.watched = Some(slot);
+    }
+
+    /// Whether the watched parameter was written since the last call.
+    #[inline]
+    pub fn take_written(&mut self) -> bool {
+        std::mem::take(&mut self.written)
+    }
+
+    /// Lets time pass for recalculations.
+    #[inline]
+    pub fn pass(&mut self, us: u32) {
+        if !self.settling.is_empty() {
+            self.settling.retain_mut(|(_, left)| {
+                *left = left.saturating_sub(us);
+                *left > 0
+            });
+        }
+    }
+
+    /// Whether any parameter is being recalculated.
+    pub fn is_settling(&self) -> bool {
+        !self.settling.is_empty()
+    }
+
+    /// Whether the parameter can be had: it is not being recalculated.
+    #[inline]
+    pub fn is_available(&self, slot: Slot) -> bool {
+        self.settling.iter().all(|(settling, _)| *settling != slot)
+    }
+
+    /// Lowest and highest value of a parameter, in its format.
+    pub fn limits(&self, slot: Slot) -> (u32, u32) {
+        self.specs[slot.0].limits()
     }
 
     /// Where parameter `number` is.
@@ -161,6 +223,7 @@ impl ParameterStore {
         let place = &mut self.values[slot.0];
         self.changed |= *place != value;
         *place = value;
+        self.written |= self.watched == Some(slot);
     }
 
     /// Whether any value has changed since the last call.
@@ -178,8 +241,15 @@ impl ParameterStore {
         if spec.format != format {
             return Err(error_number::DATA_FORMAT);
         }
+        let settle_us = spec.settle_us;
+        if !self.is_available(slot) {
+            return Err(error_number::NOT_AVAILABLE_NOW);
+        }
         spec.check(value)?;
         self.set(slot, value);
+        if settle_us > 0 {
+            self.settling.push((slot, settle_us));
+        }
         Ok(())
     }
 }
@@ -236,6 +306,43 @@ mod tests {
         ] {
             assert_eq!(spec.check(value), result, "{spec:?} 16#{value:X}");
         }
+    }
+
+    #[test]
+    fn limits_have_the_width_of_the_format() {
+        let word = ParameterSpec::new(1, Word);
+        for (spec, limits) in [
+            (word, (0, 0xFFFF)),
+            (ParameterSpec { min: Some(-10), ..word }, (0xFFF6, 0x7FFF)),
+            (ParameterSpec { min: Some(3), max: Some(4), ..word }, (3, 4)),
+            (ParameterSpec { min: Some(-1), format: Doubleword, ..word }, (0xFFFF_FFFF, 0x7FFF_FFFF)),
+        ] {
+            assert_eq!(spec.limits(), limits, "{spec:?}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_that_is_being_recalculated_cannot_be_written() {
+        let mut store = store(&[ParameterSpec { settle_us: 1000, ..ParameterSpec::new(1, Word) }]).unwrap();
+        let slot = store.slot(1).unwrap();
+        assert_eq!(store.write(slot, Word, 5), Ok(()));
+        assert_eq!(store.write(slot, Word, 6), Err(error_number::NOT_AVAILABLE_NOW));
+        store.pass(999);
+        assert!(store.is_settling() && !store.is_available(slot));
+        store.pass(1);
+        assert!(!store.is_settling());
+        assert_eq!((store.write(slot, Word, 6), store.get(slot)), (Ok(()), 6));
+    }
+
+    #[test]
+    fn watched_parameter_counts_as_written_also_with_the_same_value() {
+        let mut store = store(&[ParameterSpec::new(1, Word), ParameterSpec::new(2, Word)]).unwrap();
+        let (watched, other) = (store.slot(1).unwrap(), store.slot(2).unwrap());
+        store.watch(watched);
+        store.set(other, 1);
+        assert!(!store.take_written());
+        store.set(watched, 0);
+        assert!(store.take_written() && !store.take_written());
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! whether they lie on the heap or in a mapped image. It has no clock of its own: the plant calls it at
 //! the emulated times at which the device would look at its registers.
 
+pub mod baps;
 pub mod board;
 pub mod cansync;
 

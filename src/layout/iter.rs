@@ -143,6 +143,6 @@ mod tests {
         let node1 = DEVICE.area("node1").unwrap();
         assert_eq!(node1.registers(Live::Init).count(), 6 + 8 + 32);
         assert!(node1.registers(Live::Cyclic).all(|r| r.structure.name == "CANsync_SL_CTRL_BMSTRUCT"));
-        assert_eq!(DEVICE.area("baps").unwrap().registers(Live::Cyclic).count(), 0);
+        assert_eq!(DEVICE.area("option1").unwrap().registers(Live::Cyclic).count(), 0);
     }
 }

@@ -170,7 +170,7 @@ mod tests {
             error("%MB3.4000000"),
             "%MB3.4000000 lies in no area; the last one, `option3`, ends at %MB3.3262143"
         );
-        assert!(error("%MB3.80000").ends_with("area `baps` has no register there (plain RAM)"));
+        assert!(error("%MB3.1000000").ends_with("area `option1` has no register there (plain RAM)"));
         assert!(error("%MB3.232767").contains("the last register is `a_STAT_SL[31]` at %MB3.203995"));
         let padding = error("%MW3.202894");
         assert!(padding.ends_with("(padding between `b_CTRL_REG_BC1` and `d_SL_MASK_BC1`)"), "{padding}");
@@ -183,9 +183,9 @@ mod tests {
         let target = DEVICE.target("%mw3.200002").unwrap();
         assert_eq!(target.register(Live::Init).unwrap().structure.name, "CANsync_INIT_BMSTRUCT");
         assert_eq!(target.register(Live::Cyclic).unwrap().structure.name, "CANsync_MA_CTRL_BMSTRUCT");
-        let plain = DEVICE.target("%MD3.80000").unwrap();
+        let plain = DEVICE.target("%MD3.1000000").unwrap();
         assert!(plain.registers.is_empty());
-        assert_eq!(plain.area.name, "baps");
+        assert_eq!(plain.area.name, "option1");
         assert!(DEVICE.target("%MD3.0").is_err());
     }
 }

@@ -234,8 +234,8 @@ mod tests {
 
     #[test]
     fn plain_ram_is_accessed_as_asked() {
-        let part = Part { offset: 80_004, bytes: 4, register: (80_004, Width::Dword) };
-        assert_eq!(parts(80_004, Width::Dword), [part]);
+        let part = Part { offset: 1_000_004, bytes: 4, register: (1_000_004, Width::Dword) };
+        assert_eq!(parts(1_000_004, Width::Dword), [part]);
     }
 
     #[test]

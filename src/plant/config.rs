@@ -1,6 +1,6 @@
 //! The plant file: which PLCs, buses and drives there are.
 
-use crate::drive::{DriveConfig, DriveError};
+use crate::drive::{BuiltInDriveConfig, DriveConfig, DriveError};
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -43,6 +43,9 @@ pub struct PlcConfig {
     pub lock_time_us: u64,
     /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
     pub option_sync_us: Option<u32>,
+    /// The drive behind the BAPS.
+    #[serde(default)]
+    pub drive: BuiltInDriveConfig,
 }
 
 /// A bus of the plant file.
@@ -213,7 +216,13 @@ impl PlantConfig {
         check_names("drive", self.buses.iter().flat_map(|bus| &bus.drives).map(|drive| drive.name.as_str()))?;
         for plc in &self.plcs {
             range("dip", &plc.name, plc.dip.into(), 0..=31, "0 to 31")?;
-            range("lock_time_us", &plc.name, plc.lock_time_us, 0..=3_600_000_000, "at most one hour")?;
+            for (what, us) in [
+                ("lock_time_us", plc.lock_time_us),
+                ("drive.lock_time_us", plc.drive.lock_time_us),
+                ("drive.service_time_us", plc.drive.service_time_us),
+            ] {
+                range(what, &plc.name, us, 0..=3_600_000_000, "at most one hour")?;
+            }
             let sync = plc.option_sync_us.map_or(50, u64::from);
             range("option_sync_us", &plc.name, sync, 50..=1_000_000, "50 to 1000000")?;
             self.check_nodes(plc)?;
@@ -346,6 +355,10 @@ mod tests {
             (
                 format!("{plc}dip = 4\nnode1 = 'b'\n{bus}{}", drive("d", 4)),
                 "slave number 4 is used twice on bus 'b', by 'p' and 'd'",
+            ),
+            (
+                format!("{plc}[plc.drive]\nservice_time_us = 3600000001\n"),
+                "drive.service_time_us of 'p' is 3600000001; it must be at most one hour",
             ),
             (format!("{plc}{bus}kbit_s = 1000\n"), "kbit_s of 'b' is 1000; it must be 500, 250 or 125"),
             (

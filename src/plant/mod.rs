@@ -14,6 +14,7 @@ pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig};
 pub use force::{ForceError, Forced};
 pub use plc::Plc;
 
+use crate::firmware::baps::Baps;
 use crate::journal::{Event, Journal, Names};
 use crate::memory::{MemoryError, Segment};
 use bus::SimBus;
@@ -23,6 +24,8 @@ use force::Forces;
 pub struct Plant {
     now: u64,
     next_cycle: u64,
+    /// The next BAPS time slice of any PLC.
+    next_slice: u64,
     cycle_us: u64,
     /// When the next timer of a board is due.
     next_timer: u64,
@@ -54,7 +57,7 @@ impl Plant {
         let mut plcs = Vec::with_capacity(config.plcs.len());
         for plc in &config.plcs {
             let buses = [bus_index(&plc.node1), bus_index(&plc.node2)];
-            plcs.push(Plc::new(plc, buses, segment(&plc.name)?)?);
+            plcs.push(Plc::new::<E>(plc, buses, segment(&plc.name)?)?);
         }
         let mut buses = Vec::with_capacity(config.buses.len());
         for (index, bus) in config.buses.iter().enumerate() {
@@ -64,6 +67,7 @@ impl Plant {
         let mut plant = Plant {
             now: 0,
             next_cycle: cycle_us,
+            next_slice: Baps::NEVER,
             cycle_us,
             next_timer: u64::MAX,
             watching: false,
@@ -86,7 +90,8 @@ impl Plant {
 
     /// When the next event is due; there always is one, the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
-        self.buses.iter().map(SimBus::next_time).fold(self.next_cycle.min(self.next_timer), u64::min)
+        let first = self.next_cycle.min(self.next_slice).min(self.next_timer);
+        self.buses.iter().map(SimBus::next_time).fold(first, u64::min)
     }
 
     /// Lets emulated time pass until `time`, handling everything that falls due on the way, events at
@@ -101,10 +106,13 @@ impl Plant {
     pub fn advance_until(&mut self, time: u64) -> bool {
         let mut stopped = false;
         while !stopped {
-            // At the same moment the processor cycle comes before timers and those before the bus, buses in
+            // At the same moment the processor cycle comes first, then the BAPS, then timers, then the buses in
             // plant order.
             let mut due = self.next_cycle;
             let mut which = Due::Cycle;
+            if self.next_slice < due {
+                (due, which) = (self.next_slice, Due::Slice);
+            }
             if self.next_timer < due {
                 (due, which) = (self.next_timer, Due::Timer);
             }
@@ -122,6 +130,11 @@ impl Plant {
                     self.next_cycle += self.cycle_us;
                     self.processor_cycle();
                     self.journal.tick(due);
+                }
+                Due::Slice => {
+                    self.forces.apply(&self.plcs);
+                    self.time_slices();
+                    self.forces.apply(&self.plcs);
                 }
                 Due::Timer => self.timers_due(),
                 Due::Bus(index) => {
@@ -158,10 +171,11 @@ impl Plant {
     fn timers_due(&mut self) {
         for plc in &mut self.plcs {
             if plc.board.next_time() == self.now {
-                plc.board.timers_due(self.now);
+                plc.timers_due(self.now);
             }
         }
         self.find_next_timer();
+        self.find_next_slice();
     }
 
     fn find_next_timer(&mut self) {
@@ -212,6 +226,22 @@ impl Plant {
             self.plcs[index].processor_cycle(index, self.now, &mut self.buses, &mut self.journal);
         }
         self.forces.apply(&self.plcs);
+        self.find_next_slice();
+    }
+
+    /// The BAPS time slices that are due now.
+    fn time_slices(&mut self) {
+        for plc in &mut self.plcs {
+            if plc.baps.next_time() == self.now {
+                plc.time_slice(self.now);
+            }
+        }
+        self.find_next_slice();
+    }
+
+    #[inline]
+    fn find_next_slice(&mut self) {
+        self.next_slice = self.plcs.iter().map(|plc| plc.baps.next_time()).fold(Baps::NEVER, u64::min);
     }
 
     /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not
@@ -225,6 +255,17 @@ impl Plant {
         let edge = bus.event(self.now, &mut self.plcs, &mut self.journal);
         if edge {
             self.forward_sync(index);
+            self.note_slices(index);
+        }
+    }
+
+    /// A SYNC edge may have begun or moved time slices of the PLCs on the bus. One that has moved on is looked for too
+    /// early then, which does no harm.
+    fn note_slices(&mut self, bus: usize) {
+        for plc in self.buses.get(bus).into_iter().flat_map(SimBus::plcs) {
+            if let Some(plc) = self.plcs.get(plc) {
+                self.next_slice = self.next_slice.min(plc.baps.next_time());
+            }
         }
     }
 
@@ -260,6 +301,20 @@ impl Plant {
     /// The drives of all buses.
     pub fn drives(&self) -> impl Iterator<Item = &crate::drive::Drive> {
         self.buses.iter().flat_map(SimBus::drives)
+    }
+
+    /// Brings fault number `fault` upon a drive: one of a bus by its name, the one behind the BAPS of PLC `line` as
+    /// `line.drive`. `false`: there is no such drive.
+    pub fn trip_drive(&mut self, name: &str, fault: u16) -> bool {
+        if let Some(drive) = self.buses.iter_mut().find_map(|bus| bus.drive_mut(name)) {
+            drive.trip(fault);
+            return true;
+        }
+        let Some(plc) = name.strip_suffix(".drive") else { return false };
+        let Some(plc) = self.plcs.iter_mut().find(|it| it.name() == plc) else { return false };
+        plc.trip_drive(self.now, fault);
+        self.find_next_slice();
+        true
     }
 
     /// Emulated time of the next SYNC edge on the bus at node `node` (1 or 2) of PLC `plc`; `None` while
@@ -323,6 +378,7 @@ impl Plant {
 /// What is due next.
 enum Due {
     Cycle,
+    Slice,
     Timer,
     Bus(usize),
 }

@@ -1,8 +1,10 @@
-//! One PLC: its communication RAM, its two CANsync nodes, its board.
+//! One PLC: its communication RAM, its two CANsync nodes, its board, the drive that it is built into.
 
 use super::bus::SimBus;
-use super::config::PlcConfig;
+use super::config::{PlantError, PlcConfig};
+use crate::drive::BuiltInDrive;
 use crate::firmware::Context;
+use crate::firmware::baps::Baps;
 use crate::firmware::board::{Board, Look, Power};
 use crate::firmware::cansync::{Change, Master, Slave};
 use crate::journal::{BoardEvent, Event, Journal, Origin};
@@ -16,6 +18,7 @@ pub struct Plc {
     header: View<Header>,
     pub(super) slave: Slave,
     pub(super) master: Master,
+    pub(super) baps: Baps,
     pub(super) board: Board,
     watched: bool,
     /// Index of the bus at node 1.
@@ -26,11 +29,15 @@ pub struct Plc {
 
 impl Plc {
     /// The PLC with the indices of the buses at its nodes 1 and 2.
-    pub(super) fn new(
+    pub(super) fn new<E>(
         config: &PlcConfig,
         [bus1, bus2]: [Option<usize>; 2],
         segment: Segment,
-    ) -> Result<Self, MemoryError> {
+    ) -> Result<Self, E>
+    where
+        E: From<MemoryError> + From<PlantError>,
+    {
+        let drive = BuiltInDrive::new(&config.name, &config.drive).map_err(PlantError::from)?;
         let header = segment.header()?;
         header.board.dip.store(u32::from(config.dip));
         Ok(Plc {
@@ -39,6 +46,7 @@ impl Plc {
             header,
             slave: Slave::new(&segment, config.dip, config.lock_time_us)?,
             master: Master::new(&segment)?,
+            baps: Baps::new(&segment, drive, &config.drive)?,
             board: Board::new(&segment, config.option_sync_us)?,
             watched: false,
             segment,
@@ -55,6 +63,7 @@ impl Plc {
         }
         self.slave.power_on();
         self.master.power_on(dip);
+        self.baps.power_on();
     }
 
     /// The DIP switches were turned before the restart: node 1 is another slave now.
@@ -70,7 +79,7 @@ impl Plc {
         }
     }
 
-    /// Power-off or reset: both nodes leave their buses, that of the master stops.
+    /// Power-off or reset: both nodes leave their buses, that of the master stops, and so does the drive.
     fn go_down(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
         self.board.stop();
         let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
@@ -78,6 +87,7 @@ impl Plc {
         self.slave.power_off(&mut ctx);
         ctx.origin.node = 2;
         self.master.power_off(&mut ctx);
+        self.baps.power_off();
         if let Some(bus) = self.bus2.and_then(|bus| buses.get_mut(bus)) {
             bus.stop();
         }
@@ -141,6 +151,11 @@ impl Plc {
         &self.segment
     }
 
+    /// The BAPS with the drive behind it.
+    pub fn baps(&self) -> &Baps {
+        &self.baps
+    }
+
     /// Bus index at node 1 or 2.
     pub(super) fn bus_of(&self, node: u8) -> Option<usize> {
         match node {
@@ -163,7 +178,10 @@ impl Plc {
     }
 
     pub(super) fn control_changed(&self) -> bool {
-        self.slave.control_changed() || self.master.control_changed() || self.board.has_changed()
+        self.slave.control_changed()
+            || self.master.control_changed()
+            || self.baps.is_called()
+            || self.board.has_changed()
     }
 
     pub(super) fn show_time(&self, now: u64) {
@@ -181,6 +199,37 @@ impl Plc {
         let source = if self.slave.is_on_bus() { 1 } else { 2 };
         if node == source {
             self.board.sync_net(now);
+            self.pass_trigger(now);
+        }
+    }
+
+    /// The timers of the board that are due.
+    pub(super) fn timers_due(&mut self, now: u64) {
+        self.board.timers_due(now);
+        self.pass_trigger(now);
+    }
+
+    /// The trigger controller is part of the drive.
+    #[inline]
+    fn pass_trigger(&mut self, now: u64) {
+        if self.board.take_controller_pulse() {
+            self.baps.trigger_edge(now);
+        }
+    }
+
+    /// A time slice of the drive, which may have process data for an event task.
+    pub(super) fn time_slice(&mut self, now: u64) {
+        let events = self.baps.process_data_events();
+        self.baps.slice(now);
+        if self.baps.process_data_events() != events {
+            self.board.baps(now);
+        }
+    }
+
+    /// Brings fault number `fault` upon the drive, if it has power.
+    pub(super) fn trip_drive(&mut self, now: u64, fault: u16) {
+        if self.board.is_up() {
+            self.baps.trip(now, fault);
         }
     }
 
@@ -204,6 +253,7 @@ impl Plc {
         if !self.board.is_up() {
             return;
         }
+        self.baps.processor_cycle(now);
         let origin = |node| Origin { plc: index as u16, node };
         let wire = |bus: Option<usize>, node| bus.and_then(|bus| buses.get(bus)?.on_wire(now, origin(node)));
         let (wire1, wire2) = (wire(self.bus1, 1), wire(self.bus2, 2));

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::bus::codec::WordConfig;
+use crate::drive::number::STATUS_WORD;
 use proptest::prelude::*;
 
 #[test]

@@ -85,7 +85,7 @@ fn ramp_brakes_down_to_the_end_of_a_quick_stop() {
 fn fault_stops_the_drive_until_it_is_reset() {
     let mut bench = Bench::synchronized(&demo());
     bench.send(Channel::One, &[120, 0]).edge();
-    bench.drive.trip();
+    bench.drive.trip(17);
     assert_eq!(bench.drive.state(), State::FaultReactionActive);
     bench.edge();
     assert_eq!((bench.p(301), bench.drive.status_word()), (0, 0x8018));

@@ -182,6 +182,12 @@ impl Board {
         self.interrupts.fire(&self.header, 4, now);
     }
 
+    /// Whether the trigger controller of the drive was pulsed since the last call.
+    #[inline]
+    pub fn take_controller_pulse(&mut self) -> bool {
+        core::mem::take(&mut self.triggers.controller_pulsed)
+    }
+
     /// Events that have occurred since the last call, bit n for event n.
     #[inline]
     pub fn take_fired(&mut self) -> u16 {

@@ -2,7 +2,7 @@
 
 use super::timers::{Timer, Timers};
 use crate::memory::Header;
-use crate::memory::header::{OptInitResult, TRIGGERS, TimerSetup};
+use crate::memory::header::{OptInitResult, TRIGGERS, TimerSetup, Trigger};
 
 /// A source of trigger pulses that this emulator has. Interrupts of option cards can be chosen and never pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,12 +24,14 @@ pub(super) struct Triggers {
     routes: [Option<Source>; TRIGGERS],
     /// `OPT_INIT` has been run.
     routed: bool,
+    /// The trigger controller was pulsed.
+    pub controller_pulsed: bool,
 }
 
 impl Triggers {
     /// A pulse of `source`.
     #[inline]
-    pub fn pulse(&self, header: &Header, source: Source, now: u64) {
+    pub fn pulse(&mut self, header: &Header, source: Source, now: u64) {
         if !self.routed {
             return;
         }
@@ -38,6 +40,7 @@ impl Triggers {
                 slot.fire(now);
             }
         }
+        self.controller_pulsed |= self.routes[Trigger::Controller as usize] == Some(source);
     }
 
     /// Answers an `OPT_INIT`, if there is one; tells what became of it.
@@ -70,7 +73,7 @@ impl Triggers {
                 timers.start(timer, now, period);
             }
         }
-        *self = Triggers { routes: [one, two, controller], routed: true };
+        *self = Triggers { routes: [one, two, controller], routed: true, controller_pulsed: false };
         OptInitResult::Done
     }
 }

@@ -107,4 +107,16 @@ pub enum Reason {
          a byte of the RAM must always be accessed at one width"
     )]
     MixedWidth { structure: String, other: String, area: String, offset: u32, width: u32, other_width: u32 },
+    #[error("parameter number {0}: numbers are 1 to 4095")]
+    ParameterNumber(u16),
+    #[error("parameter {number} after {last}: parameters stand in the order of their numbers, each once")]
+    ParameterOrder { number: u16, last: u16 },
+    #[error("`{0}` is no id (capital letters, digits and `_`, starting with a letter)")]
+    ParameterId(String),
+    #[error("`{what}` of parameter {number} is {value}; its format holds {first} to {last}")]
+    ParameterValue { what: &'static str, number: u16, value: i64, first: i64, last: i64 },
+    #[error("`default` of parameter {number} lies outside its limits {first} to {last}")]
+    ParameterDefault { number: u16, first: i64, last: i64 },
+    #[error("parameter {0} needs either `page`, or `inferred` with the decision")]
+    ParameterSource(u16),
 }

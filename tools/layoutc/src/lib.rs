@@ -8,6 +8,7 @@ mod emit;
 mod error;
 mod hash;
 mod model;
+pub mod parameters;
 mod raw;
 mod source;
 

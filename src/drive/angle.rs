@@ -1,0 +1,143 @@
+//! Mode "synchronous reference position": how the angle reference value (P258) becomes a speed.
+//!
+//! The drive interpolates from one reference value to the next over the SYNC slot (P167) and goes on with the same
+//! slope if no new one comes (manual 5.00005.03a p. 74, 5.01010.01 p. 22). A proportional loop with speed
+//! feed-forward follows that set point (decision D-163).
+
+/// Bits of the angle reference value that take effect (table of manual 5.00005.03a p. 74).
+///
+/// The drive's control interval is half a PWM period: 125 us at 4 kHz. The slot must be divided into equal whole
+/// steps, so as many low bits are masked as a power of two of steps needs. Slots that the table does not list
+/// are rounded up to the next one that it does (decision D-161).
+pub const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
+    if sync_slot_us == 0 {
+        return 0xFFF8_0000;
+    }
+    // Two control intervals for each kHz and millisecond.
+    let steps = (sync_slot_us as u32 * pwm_khz as u32 * 2).div_ceil(1000);
+    !(steps.next_power_of_two() - 1)
+}
+
+/// The set point between two reference values.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SetPoint {
+    /// Where the present slope begins.
+    from: u32,
+    /// Way within one slot.
+    way: i32,
+    elapsed_us: u64,
+    slot_us: u32,
+}
+
+impl SetPoint {
+    /// The drive stands at `angle` and is to stay there.
+    #[inline]
+    pub fn hold(&mut self, angle: u32) {
+        *self = SetPoint { from: angle, ..SetPoint::default() };
+    }
+
+    /// A reference value came: it is to be reached in one slot; in a slot of 0 us at once.
+    #[inline]
+    pub fn reference(&mut self, value: u32, slot_us: u16) {
+        let (from, _) = self.now();
+        *self = match slot_us {
+            0 => SetPoint { from: value, ..SetPoint::default() },
+            _ => SetPoint {
+                from,
+                way: value.wrapping_sub(from) as i32,
+                elapsed_us: 0,
+                slot_us: u32::from(slot_us),
+            },
+        };
+    }
+
+    /// Lets time pass.
+    #[inline]
+    pub fn pass(&mut self, us: u32) {
+        self.elapsed_us += u64::from(us);
+    }
+
+    /// Set point and its speed in increments per millisecond.
+    #[inline]
+    pub fn now(&self) -> (u32, i64) {
+        if self.way == 0 {
+            return (self.from, 0);
+        }
+        let slot = i64::from(self.slot_us.max(1));
+        let moved = i128::from(self.way) * i128::from(self.elapsed_us) / i128::from(slot);
+        (self.from.wrapping_add(moved as u32), i64::from(self.way) * 1000 / slot)
+    }
+}
+
+/// Speed that brings `angle` to `set_point` with `gain` (1/s), on top of the set point's own speed.
+///
+/// Within one step of `step_us` no more than the whole way is made up.
+#[inline]
+pub(super) fn follow((set_point, speed): (u32, i64), angle: u32, gain: u32, step_us: u32) -> i64 {
+    let error = i64::from(set_point.wrapping_sub(angle) as i32);
+    let gain = i64::from(gain.min(1_000_000 / step_us.max(1)));
+    speed + error * gain / 1000
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_of_page_74() {
+        for (pwm, masks) in [
+            (4, [0xFFF8_0000, 0xFFFF_FFFC, 0xFFFF_FFF8, 0xFFFF_FFF0, 0xFFFF_FFE0, 0xFFFF_FFC0]),
+            (8, [0xFFF8_0000, 0xFFFF_FFF8, 0xFFFF_FFF0, 0xFFFF_FFE0, 0xFFFF_FFC0, 0xFFFF_FF80]),
+        ] {
+            for (slot, expected) in [0, 500, 1000, 2000, 4000, 8000].into_iter().zip(masks) {
+                assert_eq!(mask(slot, pwm), expected, "P167 {slot} P103 {pwm}");
+            }
+        }
+    }
+
+    #[test]
+    fn slots_between_are_rounded_up() {
+        assert_eq!(mask(1500, 4), mask(2000, 4));
+        assert_eq!(mask(7999, 8), mask(8000, 8));
+        assert_eq!(mask(1, 4), 0xFFFF_FFFF);
+    }
+
+    #[test]
+    fn set_point_moves_evenly_and_goes_on_without_a_new_reference() {
+        let mut set_point = SetPoint::default();
+        set_point.hold(1000);
+        set_point.reference(1400, 2000);
+        let points: Vec<u32> = (0..6)
+            .map(|_| {
+                set_point.pass(500);
+                set_point.now().0
+            })
+            .collect();
+        assert_eq!(points, [1100, 1200, 1300, 1400, 1500, 1600]);
+        assert_eq!(set_point.now().1, 200);
+    }
+
+    #[test]
+    fn the_shorter_way_round() {
+        let mut set_point = SetPoint::default();
+        set_point.hold(100);
+        set_point.reference(0xFFFF_FF9C, 1000);
+        set_point.pass(500);
+        assert_eq!(set_point.now(), (0, -200));
+    }
+
+    #[test]
+    fn a_slot_of_0_is_a_step() {
+        let mut set_point = SetPoint::default();
+        set_point.reference(0x8000_0000, 0);
+        assert_eq!(set_point.now(), (0x8000_0000, 0));
+    }
+
+    #[test]
+    fn no_more_than_the_whole_way_in_one_step() {
+        // 8000 increments in 8 ms are 1000 per ms, whatever the gain.
+        assert_eq!(follow((8000, 0), 0, 1000, 8000), 1000);
+        assert_eq!(follow((8000, 0), 0, 50, 8000), 400);
+        assert_eq!(follow((8000, 7), 8000, 50, 500), 7);
+    }
+}

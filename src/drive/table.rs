@@ -1,0 +1,44 @@
+//! The parameters that every drive has, compiled from `layouts/v-regler/parameters.toml`.
+
+use super::parameters::{ParamFormat, ParameterSpec};
+
+/// One parameter of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ParameterRow {
+    /// Parameter number, 1 to 4095.
+    pub number: u16,
+    /// What it is.
+    pub name: &'static str,
+    /// Word or doubleword.
+    pub format: ParamFormat,
+    /// Lowest value; a negative one makes the parameter signed.
+    pub min: i64,
+    /// Highest value.
+    pub max: i64,
+    /// Value after power-on.
+    pub default: u32,
+    /// Only the drive itself writes it.
+    pub read_only: bool,
+    /// Unit of the value; empty if it has none.
+    pub unit: &'static str,
+    /// Page of the manual that names the parameter, or the decision by which it is `inferred`.
+    pub source: &'static str,
+    /// How long the drive recalculates after a write, in us; the parameter cannot be had meanwhile.
+    pub settle_us: u32,
+}
+
+include!(concat!(env!("OUT_DIR"), "/v_regler.rs"));
+
+impl From<&ParameterRow> for ParameterSpec {
+    fn from(row: &ParameterRow) -> Self {
+        ParameterSpec {
+            number: row.number,
+            format: row.format,
+            initial: row.default,
+            min: Some(row.min),
+            max: Some(row.max),
+            read_only: row.read_only,
+            settle_us: row.settle_us,
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! `w_COMMAND_REG`: which values are exchanged when (manual 5.00005.03a p. 88-91).
+
+use core::ops::Range;
+
+/// Time slice of the drive for the BAPS, in us.
+pub const SLICE_US: u64 = 500;
+/// Reference values in the same cycle.
+const SAME_CYCLE_WRITES: usize = 2;
+/// From this drive software on there are four actual values in the same cycle (manual p. 104).
+pub(super) const FOUR_ACTUAL_VALUES: u32 = 309;
+
+/// Selection of reference and actual values, bits 2-1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Time-slice method: one of up to eight values in each communication, value x half as often as value x-1.
+    TimeSlice,
+    /// Two reference values and two (four) actual values in each communication.
+    SameCycle,
+}
+
+/// The cycle times that a value of `w_COMMAND_REG` stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cycle {
+    method: Method,
+    period: u64,
+    first: u64,
+}
+
+impl Cycle {
+    /// Reads `w_COMMAND_REG`; `None` if method or number are reserved. The other reserved bits do not matter
+    /// (decision D-153).
+    pub fn from_register(word: u16) -> Option<Self> {
+        let method = match word >> 1 & 0b11 {
+            0b00 => Method::TimeSlice,
+            0b10 => Method::SameCycle,
+            _ => return None,
+        };
+        let number = word >> 4 & 0xF;
+        // A counter comes round after as many slices as its number says; time slot v of a binary division comes every
+        // 2^v slices, first as slice 2^(v-1), and the communication follows one slice later (decision D-154).
+        let (period, first) = match (number, word & 0x0008 != 0) {
+            (0, _) => return None,
+            (number, false) => (u64::from(number), u64::from(number)),
+            (number, true) => (1 << number, (1 << (number - 1)) + 1),
+        };
+        Some(Cycle { method, period: period * SLICE_US, first: first * SLICE_US })
+    }
+
+    /// Selection of the values.
+    #[inline]
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
+    /// t_cycK: time between two communications, in us.
+    #[inline]
+    pub fn communication_us(&self) -> u64 {
+        self.period
+    }
+
+    /// Time from the configuration to the first communication, in us.
+    pub fn first_us(&self) -> u64 {
+        self.first
+    }
+
+    /// t_cycP: time between two exchanges of value `x` (0 to 7), in us.
+    pub fn value_us(&self, x: u8) -> u64 {
+        match self.method {
+            Method::TimeSlice => (2 * self.period) << x,
+            Method::SameCycle => self.period,
+        }
+    }
+
+    /// Reference and actual values of communication `count`, counted from 1, with this version of the drive
+    /// software (D-15).
+    pub fn values(&self, count: u64, software: u32) -> (Range<usize>, Range<usize>) {
+        match self.method {
+            Method::TimeSlice => {
+                let x = count.trailing_zeros() as usize;
+                let due = if x < 8 { x..x + 1 } else { 0..0 };
+                (due.clone(), due)
+            }
+            Method::SameCycle if software < FOUR_ACTUAL_VALUES => (0..SAME_CYCLE_WRITES, 0..2),
+            Method::SameCycle => (0..SAME_CYCLE_WRITES, 0..4),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cycle(word: u16) -> Cycle {
+        Cycle::from_register(word).unwrap()
+    }
+
+    #[test]
+    fn communication_cycle_by_counter() {
+        // Page 89: 0.5 ms times 1, 2, 3, 4 and 15.
+        for (number, us) in [(1, 500), (2, 1000), (3, 1500), (4, 2000), (15, 7500)] {
+            assert_eq!(cycle(number << 4).communication_us(), us);
+            assert_eq!(cycle(number << 4).first_us(), us);
+        }
+    }
+
+    #[test]
+    fn communication_cycle_by_time_slice() {
+        // Page 89: 0.5 ms times two to the power of 1, 2, 3, 4, 5 and 15.
+        for (number, ms) in [(1, 1), (2, 2), (3, 4), (4, 8), (5, 16), (15, 16384)] {
+            assert_eq!(cycle(number << 4 | 8).communication_us(), ms * 1000);
+        }
+        // One slice after the slot: slots 1 are the odd slices, slots 2 the slices 2, 6, 10.
+        for (number, first) in [(1, 1000), (2, 1500), (3, 2500), (15, 8_192_500)] {
+            assert_eq!(cycle(number << 4 | 8).first_us(), first);
+        }
+    }
+
+    #[test]
+    fn value_cycles_of_the_time_slice_method() {
+        // Page 90: t_cycK 0.5 ms and 2 ms.
+        for x in 0..8 {
+            assert_eq!(cycle(0x10).value_us(x), 1000 << x);
+            assert_eq!(cycle(0x40).value_us(x), 4000 << x);
+            assert_eq!(cycle(0x28).value_us(x), 4000 << x);
+        }
+        assert_eq!(cycle(0x10).value_us(7), 128_000);
+        assert_eq!(cycle(0x40).value_us(7), 512_000);
+        assert_eq!(cycle(0xF8).value_us(7), 4_194_304_000, "more than an hour");
+    }
+
+    #[test]
+    fn every_value_comes_exactly_as_often_as_its_cycle_says() {
+        let cycle = cycle(0x10);
+        let mut last = [None; 8];
+        for count in 1..=4096u64 {
+            let (writes, reads) = cycle.values(count, 309);
+            assert_eq!(writes, reads);
+            for x in writes {
+                if let Some(last) = last[x] {
+                    assert_eq!(
+                        (count - last) * cycle.communication_us(),
+                        cycle.value_us(x as u8),
+                        "value {x}"
+                    );
+                }
+                last[x] = Some(count);
+            }
+        }
+        assert!(last.iter().all(Option::is_some));
+        assert_eq!(cycle.values(256, 309), (0..0, 0..0));
+    }
+
+    #[test]
+    fn the_same_cycle_for_all() {
+        let cycle = cycle(0x44);
+        assert_eq!(cycle.method(), Method::SameCycle);
+        for x in 0..4 {
+            assert_eq!(cycle.value_us(x), 2000);
+        }
+        assert_eq!(cycle.values(1, 309), (0..2, 0..4));
+        assert_eq!(cycle.values(2, 308), (0..2, 0..2));
+    }
+
+    #[test]
+    fn reserved_methods_and_number_0() {
+        for word in [0x0000, 0x0008, 0x0012, 0x0016, 0x00FA, 0x0004] {
+            assert_eq!(Cycle::from_register(word), None, "16#{word:04X}");
+        }
+        assert_eq!(Cycle::from_register(0xFF11), Cycle::from_register(0x0010));
+    }
+}

@@ -1,0 +1,209 @@
+//! Process data: configuration, re-initialization, cyclic exchange (manual 5.00005.03a p. 86-92, 99-116).
+
+use super::config::Numbers;
+use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
+use super::{command, quit};
+use crate::bus::codec::parameter::VALUE_ELEMENT;
+use crate::drive::BuiltInDrive;
+use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+
+/// Communications in which a re-initialization is active: one for each number (decision D-157).
+const RE_INITIALIZATION: u8 = 6;
+
+/// A configuration in force.
+#[derive(Clone, Copy, Debug)]
+struct Configured {
+    cycle: Cycle,
+    numbers: Numbers,
+    /// Communications so far.
+    count: u64,
+    /// When the next one is due.
+    next: u64,
+    re_init: ReInit,
+}
+
+/// Where a re-initialization is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ReInit {
+    /// None, or its result was read.
+    Idle,
+    /// So many communications are left.
+    Active { numbers: Numbers, left: u8 },
+    /// Over with this acknowledgement, which stands until another command comes.
+    Over(u8),
+}
+
+/// The process data of one BAPS.
+#[derive(Default)]
+pub(super) struct Process {
+    configured: Option<Configured>,
+    /// Communications, each of which is an event "BAPS process data".
+    events: u64,
+}
+
+impl Process {
+    pub fn power_off(&mut self) {
+        self.configured = None;
+    }
+
+    pub fn is_configured(&self) -> bool {
+        self.configured.is_some()
+    }
+
+    /// Communications since power-on.
+    pub fn events(&self) -> u64 {
+        self.events
+    }
+
+    /// The communications go on with this slot of the trigger signal, if there is one.
+    pub fn align(&mut self, slot: Option<u64>) {
+        if let (Some(configured), Some(slot)) = (&mut self.configured, slot) {
+            configured.next = slot;
+        }
+    }
+
+    /// One time slice of the drive.
+    pub fn slice(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+        let word = regs.b_COMMAND.load();
+        match word {
+            command::NONE => {}
+            command::CONFIGURE => {
+                let answer = self.configure(now, regs, drive);
+                acknowledge(regs, word, answer);
+                return;
+            }
+            command::EXCHANGE | command::RE_INITIALIZE if self.is_configured() => {}
+            command::EXCHANGE | command::RE_INITIALIZE => acknowledge(regs, word, quit::NOT_CONFIGURED),
+            _ => acknowledge(regs, word, quit::NOT_UNDERSTOOD),
+        }
+        if let Some(configured) = &mut self.configured
+            && configured.next <= now
+        {
+            configured.communicate(now, regs, drive);
+            self.events += 1;
+        }
+    }
+
+    fn configure(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> u8 {
+        self.configured = None;
+        let Some(cycle) = Cycle::from_register(regs.w_COMMAND_REG.load()) else {
+            return quit::NOT_UNDERSTOOD;
+        };
+        let numbers = Numbers::of(regs);
+        if let Err(answer) = numbers.check(drive) {
+            return answer;
+        }
+        let next = drive.next_slot(now + 1).unwrap_or(now + cycle.first_us());
+        self.configured = Some(Configured { cycle, numbers, count: 0, next, re_init: ReInit::Idle });
+        quit::CONFIGURED
+    }
+}
+
+impl Configured {
+    /// Actual values and status word to the PLC, then reference values and control word from it, if it has
+    /// given the command.
+    fn communicate(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+        // Slots that lie behind an alignment to the trigger signal are left out.
+        self.next = now + self.cycle.communication_us();
+        self.count += 1;
+        let software = drive.regler().software();
+        let (writes, reads) = self.cycle.values(self.count, software);
+        let mut answer = quit::EXCHANGED;
+        for x in reads {
+            if !self.read(x, regs, drive) {
+                answer = quit::UNREADABLE;
+            }
+        }
+        regs.w_STATUSWORD.store(drive.status_word());
+
+        let word = regs.b_COMMAND.load();
+        if !matches!(word, command::EXCHANGE | command::RE_INITIALIZE) {
+            return;
+        }
+        if word == command::RE_INITIALIZE
+            && (software < FOUR_ACTUAL_VALUES || self.cycle.method() != Method::SameCycle)
+        {
+            return acknowledge(regs, word, quit::NOT_UNDERSTOOD);
+        }
+        drive.regler_mut().command(regs.w_CONTROLWORD.load());
+        for x in writes {
+            if !self.write(x, regs, drive) {
+                answer = quit::UNWRITABLE;
+            }
+        }
+        let answer = self.re_initialize(word, regs, drive).unwrap_or(answer);
+        acknowledge(regs, word, answer);
+    }
+
+    /// Actual value `x` to the PLC; `false` if it cannot be read now.
+    fn read(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> bool {
+        let number = self.numbers.reads[x];
+        if number == 0 || self.is_undefined(|numbers| numbers.reads[x] != number) {
+            return true;
+        }
+        match drive.regler().read_element(number, VALUE_ELEMENT) {
+            Ok((_, value)) => {
+                regs.a_RD_VALUE[x].store(value);
+                true
+            }
+            Err(_) => false,
+        }
+    }
+
+    /// Reference value `x` to the drive; `false` if it cannot be written now. A word takes the low half of the value.
+    fn write(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> bool {
+        let number = self.numbers.writes[x];
+        if number == 0 || self.is_undefined(|numbers| numbers.writes[x] != number) {
+            return true;
+        }
+        let regler = drive.regler_mut();
+        let Some(format) = regler.format_of(number) else { return false };
+        let value = regs.a_WR_VALUE[x].load() & format.mask();
+        regler.write_element(number, VALUE_ELEMENT, format, value).is_ok()
+    }
+
+    /// Values that are being re-initialized are not exchanged (manual p. 109: they are not defined).
+    fn is_undefined(&self, changes: impl FnOnce(&Numbers) -> bool) -> bool {
+        matches!(&self.re_init, ReInit::Active { numbers, .. } if changes(numbers))
+    }
+
+    /// Starts a re-initialization or goes on with it; its acknowledgement, if there is one to give.
+    fn re_initialize(&mut self, word: u8, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> Option<u8> {
+        let wanted = word == command::RE_INITIALIZE;
+        match self.re_init {
+            ReInit::Idle if wanted => {
+                let numbers = self.numbers.re_initialized(&Numbers::of(regs));
+                self.re_init = ReInit::Active { numbers, left: RE_INITIALIZATION - 1 };
+            }
+            ReInit::Idle => return None,
+            ReInit::Active { numbers, left: 0 } => {
+                let answer = match numbers.check(drive) {
+                    Ok(()) => {
+                        self.numbers = numbers;
+                        quit::EXCHANGED
+                    }
+                    Err(quit::UNWRITABLE) => quit::RE_INIT_UNWRITABLE,
+                    Err(_) => quit::RE_INIT_UNREADABLE,
+                };
+                self.re_init = ReInit::Over(answer);
+                return Some(answer);
+            }
+            ReInit::Active { numbers, left } => {
+                self.re_init = ReInit::Active { numbers, left: left - 1 };
+            }
+            ReInit::Over(answer) if wanted => return Some(answer),
+            ReInit::Over(_) => {
+                self.re_init = ReInit::Idle;
+                return None;
+            }
+        }
+        Some(quit::RE_INITIALIZING)
+    }
+}
+
+/// Answers a command: the acknowledgement first, then the command register, which the PLC watches. A command that the
+/// PLC has entered meanwhile stays.
+fn acknowledge(regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
+    regs.b_SL_QUIT.store(answer);
+    let _ = regs.b_COMMAND.compare_exchange(word, command::NONE);
+}

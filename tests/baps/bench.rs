@@ -1,0 +1,192 @@
+//! A plant of one PLC, nothing but its BAPS in use.
+
+use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
+use commram::drive::BuiltInDrive;
+use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2};
+use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
+use commram::memory::{Header, Image, View};
+use commram::plant::{Plant, PlantConfig};
+
+/// Commands in `b_COMMAND`.
+pub const EXCHANGE: u8 = 0x01;
+pub const CONFIGURE: u8 = 0x02;
+pub const RE_INITIALIZE: u8 = 0x03;
+
+/// Two reference and four actual values every 0.5 ms.
+pub const SAME_CYCLE: u16 = 0x0014;
+/// Eight values in time slices, 0.5 ms.
+pub const TIME_SLICES: u16 = 0x0010;
+
+pub const SPEED_REFERENCE: u16 = 300;
+pub const SPEED_ACTUAL: u16 = 301;
+pub const ADDITIONAL: u16 = 302;
+
+pub struct Bench {
+    pub plant: Plant,
+    pub regs: View<BAPS_CTRL_BMSTRUCT>,
+    _images: Vec<Image>,
+}
+
+impl Bench {
+    /// `drive` is TOML text for the section `[plc.drive]`.
+    pub fn new(memory: Memory, drive: &str) -> Bench {
+        let text = format!("[[plc]]\nname = 'line'\n[plc.drive]\n{drive}");
+        Self::of_plant(memory, &text)
+    }
+
+    pub fn of_plant(memory: Memory, text: &str) -> Bench {
+        let config = PlantConfig::parse("baps", text).unwrap();
+        let mut images = Vec::new();
+        let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
+        let regs = plant.plcs()[0].segment().view(BAPS).unwrap();
+        Bench { plant, regs, _images: images }
+    }
+
+    /// The same test on heap and mapped memory.
+    pub fn on_both(drive: &str, test: impl Fn(Bench)) {
+        for memory in BOTH {
+            test(Bench::new(memory, drive));
+        }
+    }
+
+    pub fn step(&mut self, us: u64) {
+        self.plant.advance_to(self.plant.now() + us);
+    }
+
+    pub fn drive(&self) -> &BuiltInDrive {
+        self.plant.plcs()[0].baps().drive()
+    }
+
+    pub fn p(&self, number: u16) -> u32 {
+        self.drive().parameter(number).unwrap()
+    }
+
+    pub fn events(&self) -> u64 {
+        self.plant.plcs()[0].baps().process_data_events()
+    }
+
+    /// Node 2 starts SYNC.
+    pub fn start_sync(&mut self, rate: Rate) {
+        let node = self.plant.plcs()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+        node.w_CPU_CONTROL.store(0x0001);
+        self.step(500);
+        write_init_data(&node, rate, 0x00);
+        for command in [0x0002, 0x0020] {
+            node.w_CPU_CONTROL.store(command);
+            self.step(500);
+        }
+    }
+
+    fn header(&self) -> View<Header> {
+        self.plant.plcs()[0].segment().header().unwrap()
+    }
+
+    /// `OPT_INIT`: source of the trigger controller (1 SYNC net, 2 timer A) and period of timer A, 0: not started.
+    pub fn opt_init(&mut self, controller: u32, timer_a_us: u32) {
+        let header = self.header();
+        header.opt_init.triggers[Trigger::Controller as usize].store(controller);
+        header.opt_init.timers[0].divider.store((timer_a_us * 5 / 2).saturating_sub(1));
+        header.opt_init.timers[0].enable.store(u32::from(timer_a_us != 0));
+        let request = header.opt_init.ask();
+        header.submit_request();
+        self.plant.look_at_boards();
+        assert_eq!(header.opt_init.outcome(request), Some(OptInitResult::Done.code()));
+    }
+
+    /// `INTR_SET`: enables an event.
+    pub fn intr_set(&mut self, event: usize) {
+        let header = self.header();
+        let request = header.interrupts[event].ask(1, true);
+        header.submit_request();
+        self.plant.look_at_boards();
+        assert_eq!(header.interrupts[event].outcome(request), Some(InterruptResult::Done.code()));
+    }
+
+    /// How often an event has occurred.
+    pub fn occurred(&self, event: usize) -> u32 {
+        self.header().events[event].bell.rings()
+    }
+
+    pub fn numbers(&self, writes: &[u16], reads: &[u16]) {
+        let all = |numbers: &[u16], x: usize| numbers.get(x).copied().unwrap_or(0);
+        for x in 0..8 {
+            self.regs.a_WR_PAR_NR[x].store(all(writes, x));
+            self.regs.a_RD_PAR_NR[x].store(all(reads, x));
+        }
+    }
+
+    /// Gives a command, lets `us` go by and returns the acknowledgement.
+    #[track_caller]
+    pub fn command(&mut self, command: u8, us: u64) -> u8 {
+        self.regs.b_SL_QUIT.store(0xFF);
+        self.regs.b_COMMAND.store(command);
+        self.step(us);
+        assert_eq!(self.regs.b_COMMAND.load(), 0, "the command is not answered");
+        self.regs.b_SL_QUIT.load()
+    }
+
+    /// What `BAPS_INIT` does.
+    #[track_caller]
+    pub fn configure(&mut self, command_reg: u16, writes: &[u16], reads: &[u16]) -> u8 {
+        self.regs.w_COMMAND_REG.store(command_reg);
+        self.numbers(writes, reads);
+        self.command(CONFIGURE, 500)
+    }
+
+    /// One call of `BAPS_PD_COMM` in each of `count` slices.
+    #[track_caller]
+    pub fn exchange(&mut self, count: usize) {
+        for _ in 0..count {
+            self.regs.w_TIMEOUT.update(|count| count.wrapping_add(1));
+            assert_eq!(self.command(EXCHANGE, 500), 0x01);
+        }
+    }
+
+    /// Brings the drive into operation.
+    pub fn enable(&mut self) {
+        for word in [0x0006, 0x0007, 0x000F] {
+            self.regs.w_CONTROLWORD.store(word);
+            self.exchange(1);
+        }
+    }
+
+    /// A job as `BAPS_SD_CONTROL` runs it; the result.
+    #[track_caller]
+    pub fn job(&mut self, code: u8, number: u16, element: u8, value: (u8, u32)) -> i16 {
+        let regs = &self.regs;
+        assert_eq!((regs.b_MA_SEMAPHORE.load(), regs.b_SL_SEMAPHORE.load()), (0, 0));
+        regs.b_JOB.store(code);
+        regs.u_PAR_NR.store(number);
+        regs.us_PAR_ELEMENT.store(element);
+        regs.us_NUMBER.store(1);
+        regs.b_PAR_FORMAT.store(value.0);
+        regs.ud_PAR_VALUE.store(value.1);
+        self.run_job()
+    }
+
+    /// The job that stands in the registers.
+    #[track_caller]
+    pub fn run_job(&mut self) -> i16 {
+        self.regs.b_MA_SEMAPHORE.store(1);
+        self.step(3000);
+        assert_eq!(self.regs.b_SL_SEMAPHORE.load(), 1, "the job is not answered");
+        let result = self.regs.i_ERR_DETAIL.load() as i16;
+        self.regs.b_MA_SEMAPHORE.store(0);
+        self.step(1000);
+        assert_eq!(self.regs.b_SL_SEMAPHORE.load(), 0);
+        result
+    }
+
+    pub fn read(&mut self, number: u16) -> (i16, u8, u32) {
+        let result = self.job(1, number, 7, (0, 0));
+        (result, self.regs.b_PAR_FORMAT.load(), self.regs.ud_PAR_VALUE.load())
+    }
+
+    pub fn write_word(&mut self, number: u16, value: u16) -> i16 {
+        self.job(2, number, 7, (0, value.into()))
+    }
+
+    pub fn write_doubleword(&mut self, number: u16, value: u32) -> i16 {
+        self.job(2, number, 7, (1, value))
+    }
+}

@@ -1,0 +1,11 @@
+//! The BAPS of a PLC on plant level: registers on the one side, the drive on the other.
+
+#[path = "../rig/mod.rs"]
+mod rig;
+
+mod bench;
+mod configuration;
+mod exchange;
+mod mixes;
+mod service;
+mod sync;
