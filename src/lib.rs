@@ -42,6 +42,7 @@ pub mod bus;
 pub mod channel;
 pub mod drive;
 pub mod export;
+pub mod fault;
 pub mod firmware;
 pub mod journal;
 pub mod layout;

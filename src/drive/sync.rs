@@ -26,12 +26,13 @@ impl SyncWatch {
     }
 
     /// An edge at `now_us`; `interval_us` is the time from edge to edge. More than one and a half
-    /// intervals since the last edge are a gap, which unlocks.
+    /// intervals since the last edge are a gap, which unlocks; so does less than three quarters (decision D-125).
     #[inline]
     pub fn edge(&mut self, now_us: u64, interval_us: u32) {
-        let gap = self.last.map_or(0, |last| now_us.saturating_sub(last));
+        let interval = u64::from(interval_us);
+        let distance = self.last.map_or(interval, |last| now_us.saturating_sub(last));
         self.last = Some(now_us);
-        if gap > u64::from(interval_us) * 3 / 2 {
+        if !(interval * 3 / 4..=interval * 3 / 2).contains(&distance) {
             self.unlock();
         }
         if self.mode_on && !self.locked {
@@ -93,6 +94,18 @@ mod tests {
         watch.edge(16_001, 2000);
         assert!(!watch.is_locked());
         assert_eq!(run(&mut watch, 18_001, 40_001), Some(26_001));
+    }
+
+    #[test]
+    fn an_early_edge_unlocks_and_starts_over() {
+        let mut watch = SyncWatch::new(10_000);
+        watch.set_mode(true);
+        run(&mut watch, 0, 10_000);
+        watch.edge(11_500, 2000); // exactly three quarters of an interval
+        assert!(watch.is_locked());
+        watch.edge(12_999, 2000);
+        assert!(!watch.is_locked());
+        assert_eq!(run(&mut watch, 14_999, 60_999), Some(22_999));
     }
 
     #[test]

@@ -4,9 +4,10 @@
 //! other two belong to the kind.
 
 use super::board::BoardEvent;
-use super::event::{Command, Event, Missed, Origin};
+use super::event::{Command, Event, FaultNews, Missed, Origin};
 use super::kind::Kind;
 use crate::bus::Frame;
+use crate::fault;
 
 /// An event as numbers. Equal events have equal words, different events different ones.
 pub type Words = [u64; 3];
@@ -21,6 +22,15 @@ fn head(kind: Kind, node: u8, index: u16, rest: u32) -> u64 {
 #[inline]
 fn pair(high: u32, low: u32) -> u64 {
     u64::from(high) << 32 | u64::from(low)
+}
+
+fn news_words(news: FaultNews) -> u64 {
+    match news {
+        FaultNews::Added => pair(0, 0),
+        FaultNews::Hit(detail) => pair(1, detail.cast_unsigned()),
+        FaultNews::Over => pair(2, 0),
+        FaultNews::Cleared => pair(3, 0),
+    }
 }
 
 impl Event {
@@ -67,6 +77,10 @@ impl Event {
                 [head(kind, 0, plc, what.into()), numbers, 0]
             }
             Event::Unforce { plc, offset } => [head(kind, 0, plc, offset), 0, 0],
+            Event::Fault { id, kind: fault, target, news } => {
+                let (index, number) = target.numbers();
+                [head(kind, number, index, u32::from(id) << 16 | fault as u32), news_words(news), 0]
+            }
         }
     }
 
@@ -112,6 +126,16 @@ impl Event {
             Kind::Board => Event::Board { plc: index, what: BoardEvent::from_words(rest as u8, second)? },
             Kind::Force => Event::Force { plc: index, offset: rest, width: high as u8, value: low },
             Kind::Unforce => Event::Unforce { plc: index, offset: rest },
+            Kind::Fault => {
+                let kind = fault::Kind::from_code(rest as u8)?;
+                let news = match high {
+                    0 => FaultNews::Added,
+                    1 => FaultNews::Hit(low.cast_signed()),
+                    2 => FaultNews::Over,
+                    _ => FaultNews::Cleared,
+                };
+                Event::Fault { id: (rest >> 16) as u16, kind, target: kind.target(index, node), news }
+            }
         };
         (event.words() == words).then_some(event)
     }

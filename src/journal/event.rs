@@ -12,6 +12,7 @@
 use super::board::BoardEvent;
 use super::kind::Kind;
 use crate::bus::Frame;
+use crate::fault::{self, Target};
 use core::fmt;
 
 /// Where a record comes from: a CANsync node of a PLC.
@@ -39,6 +40,20 @@ pub enum Missed {
     ReferenceValue(u8),
     /// Own actual value frame 1 or 2 was asked for but had not been released by 16#05 in time.
     ActualValue(u8),
+}
+
+/// What there is to tell about an injected fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultNews {
+    /// It was added; it begins at its time.
+    Added,
+    /// It has hit. The number is the identifier of the frame concerned, the shift of a SYNC edge in
+    /// microseconds, or else 0.
+    Hit(i32),
+    /// Its count or duration is over.
+    Over,
+    /// It was cleared.
+    Cleared,
 }
 
 /// One thing that happened. Register offsets are absolute `%MB3` byte numbers.
@@ -165,6 +180,17 @@ pub enum Event {
         /// Absolute `%MB3` offset.
         offset: u32,
     },
+    /// News of an injected fault.
+    Fault {
+        /// Its number in the plant.
+        id: u16,
+        /// What it is.
+        kind: fault::Kind,
+        /// Where it acts.
+        target: Target,
+        /// What happened.
+        news: FaultNews,
+    },
 }
 
 /// What an event happened to.
@@ -197,6 +223,7 @@ impl Event {
             Event::Board { .. } => Kind::Board,
             Event::Force { .. } => Kind::Force,
             Event::Unforce { .. } => Kind::Unforce,
+            Event::Fault { .. } => Kind::Fault,
         }
     }
 
@@ -208,6 +235,8 @@ impl Event {
             | Event::Force { plc, .. }
             | Event::Unforce { plc, .. }
             | Event::Board { plc, .. } => Source::Plc(plc),
+            Event::Fault { target: Target::Bus(bus) | Target::Slave { bus, .. }, .. } => Source::Bus(bus),
+            Event::Fault { target: Target::Node { plc, node }, .. } => Source::Node(Origin { plc, node }),
             Event::State { origin, .. }
             | Event::Handshake { origin, .. }
             | Event::Register { origin, .. }

@@ -3,8 +3,9 @@
 
 use super::names::{self, Context};
 use super::text::{missed_frame, refusal};
-use super::{Command, Event, Format, Names, Origin, Record, Source};
+use super::{Command, Event, FaultNews, Format, Names, Origin, Record, Source};
 use crate::bus::codec;
+use crate::fault::{self, Target};
 use crate::layout::RegisterRef;
 use serde::Serialize;
 
@@ -133,6 +134,31 @@ enum What {
         register: Option<String>,
         address: String,
     },
+    Fault {
+        fault: u16,
+        what: &'static str,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        slave: Option<u8>,
+        news: &'static str,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        id: Option<i32>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        shift_us: Option<i32>,
+    },
+}
+
+/// Name of the news, and what a hit concerns.
+fn fault_news(kind: fault::Kind, news: FaultNews) -> (&'static str, Option<i32>, Option<i32>) {
+    match news {
+        FaultNews::Added => ("added", None, None),
+        FaultNews::Over => ("over", None, None),
+        FaultNews::Cleared => ("cleared", None, None),
+        FaultNews::Hit(detail) => match kind {
+            fault::Kind::LoseSync | fault::Kind::BusOff => ("hit", None, None),
+            fault::Kind::JitterSync => ("hit", None, Some(detail)),
+            _ => ("hit", Some(detail), None),
+        },
+    }
 }
 
 impl Jsonl {
@@ -196,6 +222,14 @@ impl Jsonl {
             Event::Unforce { plc, offset } => {
                 let (register, address) = named(&context.whole(plc, offset));
                 What::Unforce { register, address }
+            }
+            Event::Fault { id: fault, kind, target, news } => {
+                let slave = match target {
+                    Target::Slave { slave, .. } => Some(slave),
+                    Target::Bus(_) | Target::Node { .. } => None,
+                };
+                let (news, id, shift_us) = fault_news(kind, news);
+                What::Fault { fault, what: kind.name(), slave, news, id, shift_us }
             }
         }
     }

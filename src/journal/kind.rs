@@ -10,7 +10,7 @@ pub(super) enum Ring {
     Traffic,
     /// SYNC edges and what happens in registers.
     Registers,
-    /// Missed deadlines.
+    /// Missed deadlines and injected faults.
     Missed,
     /// Everything that is rare in a good run.
     Rare,
@@ -77,6 +77,8 @@ kinds! {
     Force = 30, "force", Rare;
     /// A forced register let go.
     Unforce = 31, "unforce", Rare;
+    /// News of an injected fault.
+    Fault = 21, "fault", Missed;
 }
 
 impl Kind {

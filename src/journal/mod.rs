@@ -32,7 +32,7 @@ pub mod text;
 
 pub use board::BoardEvent;
 pub use code::Words;
-pub use event::{Command, Event, Missed, Origin, Source};
+pub use event::{Command, Event, FaultNews, Missed, Origin, Source};
 pub use kind::Kind;
 pub use names::Names;
 pub use printer::{Printer, Selection};
@@ -96,7 +96,10 @@ impl Journal {
         self.written += 1;
         match event {
             Event::Frame { .. } => self.ring.note(Record::single(time_us, event)),
-            Event::SyncEdge { .. } | Event::Missed { .. } | Event::Register { .. } => {
+            Event::SyncEdge { .. }
+            | Event::Missed { .. }
+            | Event::Register { .. }
+            | Event::Fault { news: FaultNews::Hit(_), .. } => {
                 self.count(time_us, event, key);
             }
             Event::Handshake { origin, offset, request, answer } => {

@@ -17,12 +17,12 @@ pub struct Names {
 
 impl Names {
     /// The PLC's name; `plc3` if it has none.
-    pub(super) fn plc(&self, index: u16) -> Cow<'_, str> {
+    pub(crate) fn plc(&self, index: u16) -> Cow<'_, str> {
         name(&self.plcs, index, "plc")
     }
 
     /// The bus's name; `bus3` if it has none.
-    pub(super) fn bus(&self, index: u16) -> Cow<'_, str> {
+    pub(crate) fn bus(&self, index: u16) -> Cow<'_, str> {
         name(&self.buses, index, "bus")
     }
 

@@ -1,7 +1,8 @@
 //! Events to test with.
 
-use super::{BoardEvent, Command, Event, Kind, Missed, Origin};
+use super::{BoardEvent, Command, Event, FaultNews, Kind, Missed, Origin};
 use crate::bus::Frame;
+use crate::fault;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -12,6 +13,13 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
     let missed =
         prop_oneof![any::<u8>().prop_map(Missed::ReferenceValue), any::<u8>().prop_map(Missed::ActualValue)];
     let why = prop_oneof![Just(Command::Unknown), Just(Command::NotNow)];
+    let news = prop_oneof![
+        Just(FaultNews::Added),
+        any::<i32>().prop_map(FaultNews::Hit),
+        Just(FaultNews::Over),
+        Just(FaultNews::Cleared),
+    ];
+    let fault = (proptest::sample::select(&fault::Kind::ALL[..]), any::<(u16, u16, u8)>(), news);
     let frame = (0..0x800_u16, proptest::collection::vec(any::<u8>(), 0..=8));
     prop_oneof![
         any::<u16>().prop_map(|bus| Event::SyncEdge { bus }),
@@ -62,6 +70,9 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
             value
         }),
         any::<(u16, u32)>().prop_map(|(plc, offset)| Event::Unforce { plc, offset }),
+        fault.prop_map(|(kind, (id, index, number), news)| {
+            Event::Fault { id, kind, target: kind.target(index, number), news }
+        }),
     ]
 }
 

@@ -1,9 +1,10 @@
 //! One line per record, for people.
 
 use super::names::Context;
-use super::{Command, Event, Format, Missed, Names, Record};
+use super::{Command, Event, FaultNews, Format, Missed, Names, Record};
 use crate::bus::Frame;
 use crate::bus::codec;
+use crate::fault::{self, Target};
 use crate::firmware::cansync::InitFault;
 use crate::layout::RegisterRef;
 use std::fmt::Write;
@@ -74,6 +75,13 @@ impl Text {
             }
             Event::Unforce { plc, offset } => {
                 format!("{} no longer forced", self.context.whole(plc, offset).label())
+            }
+            Event::Fault { id, kind, target, news } => {
+                let slave = match target {
+                    Target::Slave { slave, .. } => format!(" of slave {slave}"),
+                    Target::Bus(_) | Target::Node { .. } => String::new(),
+                };
+                format!("fault {id}, {}{slave}: {}", kind.name(), news_text(kind, news))
             }
         }
     }
@@ -154,6 +162,17 @@ fn missed_text(missed: Missed) -> String {
                 "RDC{channel} is left out in this interval, b_CTRLREG_RD_RDC{channel} was not 16#05 in time"
             )
         }
+    }
+}
+
+fn news_text(kind: fault::Kind, news: FaultNews) -> String {
+    match (news, kind) {
+        (FaultNews::Added, _) => "added".to_owned(),
+        (FaultNews::Hit(_), fault::Kind::LoseSync | fault::Kind::BusOff) => "hits".to_owned(),
+        (FaultNews::Hit(us), fault::Kind::JitterSync) => format!("hits, edge moved by {us:+} us"),
+        (FaultNews::Hit(id), _) => format!("hits frame 16#{id:03X}"),
+        (FaultNews::Over, _) => "over".to_owned(),
+        (FaultNews::Cleared, _) => "cleared".to_owned(),
     }
 }
 

@@ -32,9 +32,11 @@ pub(super) enum Slot {
     Actual2End,
     /// t_CC: the command frame is chosen and starts.
     CommandStart,
+    /// End of a frame that a fault has delayed or repeated.
+    Stray,
 }
 
-const ALL: [Slot; 14] = [
+const ALL: [Slot; 15] = [
     Slot::CommandEnd,
     Slot::ResponseTimeout,
     Slot::Sync,
@@ -49,6 +51,7 @@ const ALL: [Slot; 14] = [
     Slot::Reference2End,
     Slot::Actual2End,
     Slot::CommandStart,
+    Slot::Stray,
 ];
 
 /// Due times of all slots of one bus; each slot is due at most once at a time.

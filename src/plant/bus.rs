@@ -5,10 +5,12 @@
 //! frame lengths those of the real frames, stuff bits included.
 
 mod command;
+mod fault;
 mod process;
 
 use super::agenda::{Agenda, Slot};
 use super::config::{BusConfig, PlantConfig, PlantError};
+use super::faults::Faults;
 use super::plc::Plc;
 use crate::bus::{Channel, Frame, wire};
 use crate::drive::Drive;
@@ -16,6 +18,7 @@ use crate::firmware::Context;
 use crate::firmware::cansync::{Built, Master, Slave};
 use crate::journal::{Event, Journal, Origin};
 use crate::layout::omega_drive_line_2::BaudRate;
+use fault::{Disturbance, Fate};
 
 /// Who is connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +60,8 @@ pub(super) struct SimBus {
     master: Option<usize>,
     stations: [Station; 32],
     drives: Vec<Drive>,
+    /// The drives as they are at power-on.
+    fresh: Vec<Drive>,
     /// Baud rate that the drives' DIP switches are set to.
     drives_kbit_s: u16,
     /// PLCs whose node 1 is on this bus.
@@ -74,6 +79,7 @@ pub(super) struct SimBus {
     /// A drive's answer, ready for the response slot.
     drive_answer: Option<Frame>,
     response: Option<Frame>,
+    disturbance: Disturbance,
 }
 
 impl SimBus {
@@ -85,6 +91,7 @@ impl SimBus {
             master: None,
             stations: [Station::Nobody; 32],
             drives: Vec::new(),
+            fresh: Vec::new(),
             drives_kbit_s: config.kbit_s,
             nodes: Vec::new(),
             running: None,
@@ -97,6 +104,7 @@ impl SimBus {
             asked: None,
             drive_answer: None,
             response: None,
+            disturbance: Disturbance::default(),
         };
         for (number, plc) in plant.plcs.iter().enumerate() {
             if plc.node1.as_ref() == Some(&config.name) {
@@ -112,6 +120,7 @@ impl SimBus {
             bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
             bus.drives.push(drive);
         }
+        bus.fresh.clone_from(&bus.drives);
         Ok(bus)
     }
 
@@ -174,6 +183,9 @@ impl SimBus {
     /// What the controller of `node` is doing: `Some(true)` sending, `Some(false)` receiving.
     pub(super) fn on_wire(&self, now: u64, node: Origin) -> Option<bool> {
         let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
+        if node.node == 1 && self.is_off(node.plc.into()) {
+            return None;
+        }
         Some(match wire.sender {
             Sender::Master => node.node == 2,
             Sender::Slave(number) => {
@@ -181,6 +193,12 @@ impl SimBus {
                     && self.stations.get(usize::from(number)) == Some(&Station::Node(usize::from(node.plc)))
             }
         })
+    }
+
+    /// Whether the plug of PLC `plc`'s node 1 is pulled.
+    fn is_off(&self, plc: usize) -> bool {
+        let number = self.stations.iter().position(|station| *station == Station::Node(plc));
+        number.is_some_and(|number| self.disturbance.is_off(number as u8)) // at most 31
     }
 
     /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
@@ -201,6 +219,7 @@ impl SimBus {
         self.on_wire = [None; 6];
         self.asked = None;
         self.drive_answer = None;
+        self.disturbance.forget_frames();
         self.drives.iter_mut().for_each(Drive::sync_stopped);
     }
 
@@ -212,17 +231,24 @@ impl SimBus {
         }
     }
 
-    /// Handles the slot that is due at `now`; tells whether it was a SYNC edge.
-    pub(super) fn event(&mut self, now: u64, plcs: &mut [Plc], journal: &mut Journal) -> bool {
+    /// Handles the slot that is due at `now`; tells whether it was a SYNC edge that went out on the line.
+    pub(super) fn event(
+        &mut self,
+        now: u64,
+        plcs: &mut [Plc],
+        journal: &mut Journal,
+        faults: &mut Faults,
+    ) -> bool {
         let Some(slot) = self.agenda.take(now) else { return false };
         let Some(running) = &mut self.running else { return false };
         if slot == Slot::Sync {
             running.start = now;
         }
         let (timing, own_sync, start) = (running.timing, running.own_sync, running.start);
-        let mut run = Run { bus: self, now, start, timing, plcs, journal };
+        let mut run = Run { bus: self, now, start, timing, plcs, journal, faults };
+        let mut edge = false;
         match slot {
-            Slot::Sync => run.sync_edge(own_sync),
+            Slot::Sync => edge = run.sync_edge(own_sync),
             Slot::ResponseStart => run.response_start(),
             Slot::ResponseEnd => run.response_end(),
             Slot::ResponseTimeout => run.response_timeout(),
@@ -236,9 +262,10 @@ impl SimBus {
             Slot::Actual2End => run.actual_end(Channel::Two),
             Slot::CommandStart => run.command_start(),
             Slot::CommandEnd => run.command_end(),
+            Slot::Stray => run.stray_frames(),
         }
         self.next = self.agenda.next_time();
-        slot == Slot::Sync
+        edge
     }
 }
 
@@ -250,6 +277,7 @@ struct Run<'a> {
     timing: &'static BaudRate,
     plcs: &'a mut [Plc],
     journal: &'a mut Journal,
+    faults: &'a mut Faults,
 }
 
 impl Run<'_> {
@@ -267,7 +295,9 @@ impl Run<'_> {
 
     /// Runs `f` on the slave node of PLC `index`, if it listens.
     fn node<R>(&mut self, index: usize, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> Option<R> {
-        let plc = self.plcs.get_mut(index).filter(|plc| plc.slave.hears(self.timing.kbit_per_s))?;
+        let (kbit_per_s, disturbance) = (self.timing.kbit_per_s, &self.bus.disturbance);
+        let hears = |slave: &Slave| slave.hears(kbit_per_s) && !disturbance.is_off(slave.number());
+        let plc = self.plcs.get_mut(index).filter(|plc| hears(&plc.slave))?;
         let origin = Origin { plc: index as u16, node: 1 };
         Some(f(&mut plc.slave, &mut Context { now: self.now, journal: self.journal, origin }))
     }
@@ -280,30 +310,58 @@ impl Run<'_> {
     }
 
     fn station(&self, number: u8) -> Station {
-        self.bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody)
+        let station = self.bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody);
+        if self.bus.disturbance.is_off(number) { Station::Nobody } else { station }
     }
 
-    /// Puts a frame on the wire now or at a later slot start; its end is due as `slot`.
-    fn transmit(&mut self, slot: Slot, frame: &Frame, from: u64, sender: Sender) {
-        let until = from + u64::from(wire::duration_us(frame, u32::from(self.timing.kbit_per_s)));
-        let place = match slot {
-            Slot::Reference1End => 0,
-            Slot::Actual1End => 1,
-            Slot::Reference2End => 2,
-            Slot::Actual2End => 3,
-            Slot::CommandEnd => 4,
-            _ => 5,
-        };
-        self.bus.on_wire[place] = Some(OnWire { from, until, sender });
-        self.bus.agenda.set(slot, until);
+    /// Puts a frame on the wire now or at a later slot start; its end is due as `slot`. Returns when it begins, as
+    /// its receivers see it: faults may delay or lose it.
+    fn transmit(&mut self, slot: Slot, frame: &Frame, from: u64, sender: Sender) -> Option<u64> {
+        let duration = u64::from(wire::duration_us(frame, u32::from(self.timing.kbit_per_s)));
+        let place = place_on_wire(slot);
+        let begin =
+            if self.faults.is_empty() { Some(from) } else { self.disturb(place, frame, from, duration) };
+        let from_seen = begin.unwrap_or(from);
+        self.bus.on_wire[place] = Some(OnWire { from: from_seen, until: from_seen + duration, sender });
+        self.bus.agenda.set(slot, from + duration);
+        begin
     }
 
-    /// The drives, if they are set to the bus's baud rate; otherwise they hear nothing.
-    fn drives(&mut self) -> &mut [Drive] {
-        if self.bus.drives_kbit_s == self.timing.kbit_per_s { &mut self.bus.drives } else { &mut [] }
+    /// The drive at `index`, if it is set to the bus's baud rate; otherwise it hears nothing.
+    fn drive(&mut self, index: usize) -> Option<&mut Drive> {
+        if self.bus.drives_kbit_s == self.timing.kbit_per_s { self.bus.drives.get_mut(index) } else { None }
+    }
+
+    /// The drives, if they are set to the bus's baud rate, but for those that are off.
+    fn drives(&mut self) -> impl Iterator<Item = &mut Drive> {
+        let hear = self.bus.drives_kbit_s == self.timing.kbit_per_s;
+        let drives = if hear { &mut self.bus.drives[..] } else { &mut [] };
+        let disturbance = &self.bus.disturbance;
+        drives.iter_mut().filter(|drive| !disturbance.is_off(drive.slave_number()))
+    }
+
+    /// The regular end of a frame: notes it, if it arrives now.
+    fn arrives(&mut self, slot: Slot, frame: &Frame) -> Fate {
+        let fate = self.bus.disturbance.take_fate(place_on_wire(slot));
+        if fate == Fate::Arrives {
+            self.note_frame(*frame);
+        }
+        fate
     }
 
     fn note_frame(&mut self, frame: Frame) {
         self.journal.push(self.now, Event::Frame { bus: self.bus.index, frame });
+    }
+}
+
+/// Where the frame that ends with `slot` stands in [`SimBus::on_wire`].
+fn place_on_wire(slot: Slot) -> usize {
+    match slot {
+        Slot::Reference1End => 0,
+        Slot::Actual1End => 1,
+        Slot::Reference2End => 2,
+        Slot::Actual2End => 3,
+        Slot::CommandEnd => 4,
+        _ => 5,
     }
 }

@@ -1,6 +1,8 @@
 //! The plant file: which PLCs, buses and drives there are.
 
 use crate::drive::{BuiltInDriveConfig, DriveConfig, DriveError};
+use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
+use crate::journal::Names;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -23,6 +25,9 @@ pub struct PlantConfig {
     /// The CANsync buses.
     #[serde(rename = "bus", default)]
     pub buses: Vec<BusConfig>,
+    /// Faults that are injected from power-on or from a time on; see `docs/faults.md`.
+    #[serde(rename = "fault", default)]
+    pub faults: Vec<FaultSpec>,
 }
 
 /// A PLC of the plant file.
@@ -172,6 +177,14 @@ pub enum PlantError {
     /// A drive's settings are refused.
     #[error(transparent)]
     Drive(#[from] DriveError),
+    /// A fault is refused.
+    #[error("[[fault]] {number}: {source}")]
+    Fault {
+        /// Position in the file, from 1.
+        number: usize,
+        /// Why.
+        source: FaultError,
+    },
 }
 
 impl PlantConfig {
@@ -227,7 +240,55 @@ impl PlantConfig {
             range("option_sync_us", &plc.name, sync, 50..=1_000_000, "50 to 1000000")?;
             self.check_nodes(plc)?;
         }
-        self.buses.iter().try_for_each(|bus| self.check_bus(bus))
+        self.buses.iter().try_for_each(|bus| self.check_bus(bus))?;
+        self.resolved_faults().map(|_| ())
+    }
+
+    /// The faults of the file, checked.
+    ///
+    /// # Errors
+    /// [`PlantError::Fault`] names the field and what would be right.
+    pub fn resolved_faults(&self) -> Result<Vec<Fault>, PlantError> {
+        let (names, sites) = (self.names(), self.sites());
+        let resolve = |spec: &FaultSpec| {
+            let fault = spec.resolve(&names)?;
+            fault.check(&sites).map_err(|refusal| FaultError::refused(fault.kind(), refusal, &names))?;
+            Ok(fault)
+        };
+        let numbered = self.faults.iter().enumerate();
+        let faults: Vec<Fault> = numbered
+            .map(|(index, spec)| {
+                resolve(spec).map_err(|source| PlantError::Fault { number: index + 1, source })
+            })
+            .collect::<Result<_, _>>()?;
+        match faults.get(MAX_FAULTS) {
+            None => Ok(faults),
+            Some(fault) => {
+                let source = FaultError::Refused { kind: fault.kind(), refusal: Refusal::TooMany };
+                Err(PlantError::Fault { number: MAX_FAULTS + 1, source })
+            }
+        }
+    }
+
+    fn names(&self) -> Names {
+        Names {
+            plcs: self.plcs.iter().map(|plc| plc.name.clone()).collect(),
+            buses: self.buses.iter().map(|bus| bus.name.clone()).collect(),
+        }
+    }
+
+    /// What faults can concern. Meant for a plant whose numbers have been checked.
+    pub(super) fn sites(&self) -> Sites {
+        let bit = |number: u8| 1u32.checked_shl(number.into()).unwrap_or(0);
+        let slaves = |bus: &BusConfig| {
+            let nodes = self.plcs.iter().filter(|plc| plc.node1.as_ref() == Some(&bus.name));
+            let drives = bus.drives.iter().map(|drive| drive.slave_number);
+            nodes.map(|plc| plc.dip).chain(drives).fold(0, |mask, number| mask | bit(number))
+        };
+        Sites {
+            slaves: self.buses.iter().map(slaves).collect(),
+            nodes: self.plcs.iter().map(|plc| [plc.node1.is_some(), plc.node2.is_some()]).collect(),
+        }
     }
 
     fn check_nodes(&self, plc: &PlcConfig) -> Result<(), PlantError> {

@@ -6,7 +6,9 @@
 mod agenda;
 mod bus;
 mod config;
+mod faults;
 mod force;
+mod injection;
 mod plc;
 
 pub use crate::firmware::board::Power;
@@ -18,6 +20,7 @@ use crate::firmware::baps::Baps;
 use crate::journal::{Event, Journal, Names};
 use crate::memory::{MemoryError, Segment};
 use bus::SimBus;
+use faults::Faults;
 use force::Forces;
 
 /// Everything that is simulated, with its clock and its journal.
@@ -35,6 +38,7 @@ pub struct Plant {
     buses: Vec<SimBus>,
     journal: Journal,
     forces: Forces,
+    faults: Faults,
 }
 
 impl Plant {
@@ -75,11 +79,16 @@ impl Plant {
             buses,
             journal: Journal::default(),
             forces: Forces::default(),
+            faults: Faults::default(),
         };
         for (index, plc) in plant.plcs.iter_mut().enumerate() {
             plc.power_on(index, 0, &mut plant.buses, &mut plant.journal);
         }
         plant.find_next_timer();
+        for fault in config.resolved_faults()? {
+            // Checked a moment ago, and there is room for all of them.
+            let _ = plant.add_fault(fault);
+        }
         Ok(plant)
     }
 
@@ -90,7 +99,7 @@ impl Plant {
 
     /// When the next event is due; there always is one, the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
-        let first = self.next_cycle.min(self.next_slice).min(self.next_timer);
+        let first = self.next_cycle.min(self.next_slice).min(self.next_timer).min(self.faults.next_time());
         self.buses.iter().map(SimBus::next_time).fold(first, u64::min)
     }
 
@@ -106,8 +115,8 @@ impl Plant {
     pub fn advance_until(&mut self, time: u64) -> bool {
         let mut stopped = false;
         while !stopped {
-            // At the same moment the processor cycle comes first, then the BAPS, then timers, then the buses in
-            // plant order.
+            // At the same moment faults come first, then the processor cycle, then the BAPS, then timers, then the
+            // buses in plant order.
             let mut due = self.next_cycle;
             let mut which = Due::Cycle;
             if self.next_slice < due {
@@ -120,6 +129,11 @@ impl Plant {
                 if bus.next_time() < due {
                     (due, which) = (bus.next_time(), Due::Bus(index));
                 }
+            }
+            if self.faults.next_time() <= due.min(time) {
+                self.now = self.now.max(self.faults.next_time());
+                self.advance_faults();
+                continue;
             }
             if due > time {
                 break;
@@ -222,6 +236,9 @@ impl Plant {
     pub fn processor_cycle(&mut self) {
         self.look_at_boards();
         self.forces.apply(&self.plcs);
+        if !self.faults.is_empty() {
+            self.strike_controllers();
+        }
         for index in 0..self.plcs.len() {
             self.plcs[index].processor_cycle(index, self.now, &mut self.buses, &mut self.journal);
         }
@@ -252,7 +269,7 @@ impl Plant {
 
     fn bus_event(&mut self, index: usize) {
         let Some(bus) = self.buses.get_mut(index) else { return };
-        let edge = bus.event(self.now, &mut self.plcs, &mut self.journal);
+        let edge = bus.event(self.now, &mut self.plcs, &mut self.journal, &mut self.faults);
         if edge {
             self.forward_sync(index);
             self.note_slices(index);

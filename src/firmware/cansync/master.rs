@@ -172,6 +172,9 @@ impl Master {
     /// (decision D-40).
     #[inline]
     pub fn command(&mut self, ctx: &mut Context) -> Option<Frame> {
+        if !self.node.is_connected() {
+            return None;
+        }
         match (self.node.state(), self.node.init()) {
             (NodeState::SetUp, Some(init)) => Some(self.polling.frame(init.expected)),
             // A PLC may enable active operation before the first command slot; the slaves must be told
@@ -212,7 +215,23 @@ impl Master {
     }
 
     fn is_exchanging(&self) -> bool {
-        self.interval_is_active && self.node.state() == NodeState::Active
+        self.interval_is_active && self.node.state() == NodeState::Active && self.node.is_connected()
+    }
+
+    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    pub fn go_bus_off(&mut self) -> bool {
+        self.node.go_bus_off()
+    }
+
+    /// An overrun loses the frame that is arriving, up to [`Master::frame_is_past`]; tells whether the node would
+    /// have received it.
+    pub fn overrun(&mut self) -> bool {
+        self.node.overrun()
+    }
+
+    /// The frame lost to an overrun is past.
+    pub fn frame_is_past(&mut self) {
+        self.node.controller.frame_is_past();
     }
 
     fn control_register(&self, channel: Channel) -> &Cell8 {

@@ -2,6 +2,7 @@
 //! and `w_OPTION_STATUS` (manual 5.00005.03a p. 147-150, 173-175; which state follows which command:
 //! decision D-05).
 
+use super::controller::Controller;
 use super::init::{InitData, InitFault};
 use super::registers::{control, status};
 use crate::firmware::Context;
@@ -64,6 +65,7 @@ pub(super) struct Node {
     /// Value that the firmware's own clearing of bit 7 left in `w_CPU_CONTROL`. It is no command
     /// (decision D-29): clearing 16#0080 leaves 16#0000, which would otherwise mean restart.
     left_behind: Option<u16>,
+    pub(super) controller: Controller,
 }
 
 impl Node {
@@ -77,6 +79,7 @@ impl Node {
             refused: None,
             seen: control::RESTART,
             left_behind: None,
+            controller: Controller::default(),
         }
     }
 
@@ -116,15 +119,33 @@ impl Node {
         self.regs.w_CPU_CONTROL.load() != self.seen
     }
 
-    /// Whether an identifier passes this node's acceptance filter.
+    /// Whether the CAN controller takes part in bus traffic, as far as the PLC wants it to.
+    #[inline]
+    pub(super) fn is_connected(&self) -> bool {
+        self.controller.is_connected()
+    }
+
+    /// Whether a frame with this identifier is received: it reaches the controller and passes its acceptance
+    /// filter.
     #[inline]
     pub(super) fn accepts(&self, identifier: u16) -> bool {
-        self.init.as_ref().is_some_and(|init| init.accepts(identifier))
+        self.is_connected() && self.init.as_ref().is_some_and(|init| init.accepts(identifier))
+    }
+
+    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    pub(super) fn go_bus_off(&mut self) -> bool {
+        self.is_on_bus() && self.controller.go_off()
+    }
+
+    /// An overrun loses the frame that is arriving; tells whether the node would have received it.
+    pub(super) fn overrun(&mut self) -> bool {
+        self.is_on_bus() && self.controller.overrun()
     }
 
     /// One look at `w_CPU_CONTROL`. `clear` empties the cyclic area; it is called when initialization
     /// data were taken over and before 16#0003 is shown (decision D-03).
     pub(super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        self.controller.recover(ctx.now);
         let value = self.take_controller_reset(ctx);
         let first_look = value != self.seen;
         self.seen = value;
@@ -137,6 +158,7 @@ impl Node {
             (_, control::RESTART) => {
                 self.init = None;
                 self.refused = None;
+                self.controller = Controller::default();
                 self.show(ctx, NodeState::StartUp);
                 Change::Restarted
             }
@@ -175,6 +197,8 @@ impl Node {
         let before = self.regs.w_CPU_CONTROL.update(|v| v & !control::RESET_CONTROLLER);
         let after = before & !control::RESET_CONTROLLER;
         self.left_behind = Some(after);
+        let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
+        self.controller.reset(ctx.now, kbit_per_s);
         let (origin, offset) = (ctx.origin, self.base);
         ctx.report(Event::Handshake { origin, offset, request: before, answer: after });
         after
@@ -251,10 +275,13 @@ impl Node {
     /// idle, `Some(true)` sending, `Some(false)` receiving. That alone is not worth a record.
     pub(super) fn refresh_status(&self, ctx: &mut Context, on_wire: Option<bool>) {
         let mut value = 0;
-        if self.init.is_some() {
+        if self.controller.is_off() {
+            // Nothing is sent or received, nothing waits to be sent (decision D-121).
+            value = status::BUS_OFF | status::WARNING;
+        } else if self.init.is_some() {
             value = status::SEND_BUFFER_FREE | status::SEND_JOB_DONE;
         }
-        if self.is_on_bus() {
+        if self.is_on_bus() && self.is_connected() {
             match on_wire {
                 Some(true) => value = status::SENDING,
                 Some(false) => value |= status::RECEIVING,
@@ -263,6 +290,9 @@ impl Node {
         }
         if self.refused.is_some() {
             value |= status::WARNING;
+        }
+        if self.controller.has_overrun() {
+            value |= status::OVERRUN;
         }
         let before = self.regs.w_CANsync_STATUS.load();
         if before != value {

@@ -27,11 +27,13 @@ pub(super) mod control {
 
 /// `w_CANsync_STATUS` (manual 5.00005.03a p. 147, 173).
 pub(super) mod status {
+    pub const OVERRUN: u16 = 1 << 1;
     pub const SEND_BUFFER_FREE: u16 = 1 << 2;
     pub const SEND_JOB_DONE: u16 = 1 << 3;
     pub const RECEIVING: u16 = 1 << 4;
     pub const SENDING: u16 = 1 << 5;
     pub const WARNING: u16 = 1 << 6;
+    pub const BUS_OFF: u16 = 1 << 7;
     /// The bits that change with every frame.
     pub const TRAFFIC: u16 = SEND_BUFFER_FREE | SEND_JOB_DONE | RECEIVING | SENDING;
 }

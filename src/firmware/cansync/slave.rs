@@ -94,15 +94,39 @@ impl Slave {
         self.node.init().map(|init| init.timing)
     }
 
-    /// Whether the node listens at `kbit_s`: set-up mode or active operation at the same baud rate.
+    /// Whether the node listens at `kbit_s`: set-up mode or active operation at the same baud rate, and not
+    /// BUS-off.
     #[inline]
     pub fn hears(&self, kbit_s: u16) -> bool {
-        self.node.is_on_bus() && self.timing().is_some_and(|timing| timing.kbit_per_s == kbit_s)
+        self.node.is_on_bus()
+            && self.node.is_connected()
+            && self.timing().is_some_and(|timing| timing.kbit_per_s == kbit_s)
     }
 
     /// Whether the node is in set-up mode or active operation, whatever its baud rate.
     pub fn is_on_bus(&self) -> bool {
         self.node.is_on_bus()
+    }
+
+    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    pub fn go_bus_off(&mut self) -> bool {
+        self.node.go_bus_off()
+    }
+
+    /// An overrun loses the frame that is arriving, up to [`Slave::frame_is_past`]; tells whether the node would
+    /// have received it.
+    pub fn overrun(&mut self) -> bool {
+        self.node.overrun()
+    }
+
+    /// The frame lost to an overrun is past.
+    pub fn frame_is_past(&mut self) {
+        self.node.controller.frame_is_past();
+    }
+
+    /// An edge of SYNC was lost on its way: this is no interval for the node (decision D-124).
+    pub fn edge_lost(&mut self) {
+        self.end_interval();
     }
 
     /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.

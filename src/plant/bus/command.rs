@@ -1,9 +1,9 @@
 //! The command channel and its answers: the frame at t_CC, the response at t_RC of the next interval.
 
-use super::{Run, Sender, Station};
+use super::{Fate, Run, Sender, Station};
 use crate::bus::codec::action::ActionCommand;
 use crate::bus::{Frame, FrameKind};
-use crate::plant::agenda::Slot;
+use crate::plant::agenda::{Agenda, Slot};
 
 impl Run<'_> {
     pub(super) fn command_start(&mut self) {
@@ -17,20 +17,19 @@ impl Run<'_> {
 
     pub(super) fn command_end(&mut self) {
         let Some(frame) = self.bus.command.take() else { return };
-        self.note_frame(frame);
-        match frame.kind() {
-            Some(FrameKind::Action) => self.deliver_action(&frame),
-            Some(FrameKind::Job(number)) => {
-                self.bus.asked = Some(number);
-                let due = self.now + u64::from(self.timing.t_RSPTO);
-                self.bus.agenda.set(Slot::ResponseTimeout, due);
-                self.deliver_job(number, &frame);
-            }
-            _ => {}
+        match (self.arrives(Slot::CommandEnd, &frame), frame.kind()) {
+            (Fate::Arrives, _) => self.deliver(&frame, false),
+            // The master does not know it and waits for the answer.
+            (Fate::Lost, Some(FrameKind::Job(_))) => self.start_timeout(),
+            (Fate::Lost | Fate::Late, _) => {}
         }
     }
 
-    fn deliver_action(&mut self, frame: &Frame) {
+    fn start_timeout(&mut self) {
+        self.bus.agenda.set(Slot::ResponseTimeout, self.now + u64::from(self.timing.t_RSPTO));
+    }
+
+    pub(super) fn deliver_action(&mut self, frame: &Frame) {
         let Ok(command) = ActionCommand::decode(frame.payload()) else { return };
         for drive in self.drives() {
             drive.action_command(&command);
@@ -38,41 +37,64 @@ impl Run<'_> {
         self.each_node(|slave, ctx| slave.action(ctx, frame, &command));
     }
 
-    fn deliver_job(&mut self, number: u8, frame: &Frame) {
+    pub(super) fn deliver_job(&mut self, number: u8, frame: &Frame) {
+        self.bus.asked = Some(number);
+        self.start_timeout();
+        let frame = if self.faults.is_empty() { *frame } else { self.wrong_job(number, *frame) };
         match self.station(number) {
             Station::Nobody => {}
             Station::Drive(index) => {
-                self.bus.drive_answer =
-                    self.drives().get_mut(index).and_then(|drive| drive.job(frame.payload()));
+                let hears = self.drive(index).is_some();
+                if hears && !self.faults.is_empty() && self.answer_in_place(number, &frame) {
+                    return;
+                }
+                self.bus.drive_answer = self.drive(index).and_then(|drive| drive.job(frame.payload()));
             }
             Station::Node(index) => {
-                self.node(index, |slave, ctx| slave.job(ctx, frame));
+                let hears = self.node(index, |_, _| ()).is_some();
+                if hears && !self.faults.is_empty() && self.answer_in_place(number, &frame) {
+                    return;
+                }
+                self.node(index, |slave, ctx| slave.job(ctx, &frame));
             }
         }
     }
 
     pub(super) fn response_start(&mut self) {
         let Some(number) = self.bus.asked else { return };
-        let answer = match self.station(number) {
-            Station::Nobody => None,
-            Station::Drive(_) => self.bus.drive_answer.take(),
-            Station::Node(index) => self.node(index, |slave, ctx| slave.response(ctx)).flatten(),
+        let answer = match (self.bus.disturbance.take_answer(), self.station(number)) {
+            (_, Station::Nobody) => None,
+            (Some(answer), _) => Some(answer),
+            (None, Station::Drive(_)) => self.bus.drive_answer.take(),
+            (None, Station::Node(index)) => self.node(index, |slave, ctx| slave.response(ctx)).flatten(),
         };
-        if let Some(frame) = answer {
-            self.bus.response = Some(frame);
+        let Some(frame) = answer else { return };
+        let frame = if self.faults.is_empty() { frame } else { self.wrong_answer(number, frame) };
+        self.bus.response = Some(frame);
+        let begin = self.transmit(Slot::ResponseEnd, &frame, self.now, Sender::Slave(number));
+        let timeout = self.bus.agenda.at(Slot::ResponseTimeout).unwrap_or(Agenda::NEVER);
+        if begin.is_some_and(|begin| begin <= timeout) {
             self.bus.agenda.cancel(Slot::ResponseTimeout);
-            self.transmit(Slot::ResponseEnd, &frame, self.now, Sender::Slave(number));
         }
     }
 
     pub(super) fn response_end(&mut self) {
         let Some(frame) = self.bus.response.take() else { return };
-        self.note_frame(frame);
+        let fate = self.arrives(Slot::ResponseEnd, &frame);
         let Some(number) = self.bus.asked.take() else { return };
+        if fate != Fate::Late {
+            self.answer_has_left(number);
+        }
+        if fate == Fate::Arrives {
+            self.deliver(&frame, false);
+        }
+    }
+
+    /// The sender's part of an answer.
+    pub(super) fn answer_has_left(&mut self, number: u8) {
         if let Station::Node(index) = self.station(number) {
             self.node(index, |slave, ctx| slave.response_sent(ctx));
         }
-        self.master(|master, ctx| master.response(ctx, number, &frame));
     }
 
     pub(super) fn response_timeout(&mut self) {

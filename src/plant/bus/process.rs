@@ -1,6 +1,6 @@
 //! Process data within an interval: SYNC, WRC1, RDC1, WRC2, RDC2.
 
-use super::{Run, Sender, Station};
+use super::{Fate, Run, Sender, Station};
 use crate::bus::{Channel, Frame, FrameKind};
 use crate::firmware::cansync::Built;
 use crate::journal::Event;
@@ -10,21 +10,70 @@ use crate::plant::agenda::Slot;
 const WORD_US: u64 = 15;
 
 impl Run<'_> {
-    pub(super) fn sync_edge(&mut self, own_sync: bool) {
-        self.journal.push(self.now, Event::SyncEdge { bus: self.bus.index });
+    /// An edge of the master's SYNC signal; tells whether it went out on the line.
+    pub(super) fn sync_edge(&mut self, own_sync: bool) -> bool {
         let timing = self.timing;
         let interval_us = u32::from(timing.b_TIME_PATTERN) * 1000;
         if own_sync {
-            self.at(Slot::Sync, interval_us);
+            self.schedule_next_edge(interval_us);
         }
         self.bus.actual = [None; 2];
         self.master(|master, _| master.sync_edge());
         if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get(index)) {
             plc.count_sync(2);
         }
+        if self.bus.asked.is_some() || self.bus.command.is_some() {
+            self.at(Slot::ResponseStart, timing.t_RC);
+        }
+        self.at(Slot::Build1, timing.deadline);
+        self.at(Slot::CommandStart, timing.t_CC);
+        let lost = !self.faults.is_empty() && self.edge_is_lost();
+        if lost {
+            self.each_node(|slave, _| slave.edge_lost());
+        } else {
+            self.journal.push(self.now, Event::SyncEdge { bus: self.bus.index });
+            self.deliver_edge(interval_us);
+        }
+        self.sync_events(lost);
+        !lost
+    }
+
+    /// The edge as event of the PLCs, when everything else has seen it; slaves have not if it is `lost`.
+    fn sync_events(&mut self, lost: bool) {
         let now = self.now;
+        if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get_mut(index)) {
+            plc.sync_event(2, now);
+        }
+        if lost {
+            return;
+        }
+        let disturbance = &self.bus.disturbance;
         for &index in &self.bus.nodes {
-            if let Some(plc) = self.plcs.get_mut(index) {
+            if let Some(plc) = self.plcs.get_mut(index).filter(|plc| !disturbance.is_off(plc.slave.number()))
+            {
+                plc.sync_event(1, now);
+            }
+        }
+    }
+
+    fn schedule_next_edge(&mut self, interval_us: u32) {
+        let regular =
+            (self.start + u64::from(interval_us)).saturating_add_signed(-self.bus.disturbance.shift());
+        if !self.faults.is_empty() {
+            self.move_next_edge();
+        } else {
+            self.bus.disturbance.end_jitter();
+        }
+        let shift = self.bus.disturbance.shift();
+        self.bus.agenda.set(Slot::Sync, regular.saturating_add_signed(shift));
+    }
+
+    fn deliver_edge(&mut self, interval_us: u32) {
+        let now = self.now;
+        let disturbance = &self.bus.disturbance;
+        for &index in &self.bus.nodes {
+            if let Some(plc) = self.plcs.get_mut(index).filter(|plc| !disturbance.is_off(plc.slave.number()))
+            {
                 plc.count_sync(1);
                 // SYNC is a line of its own: it is seen at any baud rate.
                 if plc.slave.is_on_bus() {
@@ -33,25 +82,8 @@ impl Run<'_> {
             }
         }
         for drive in &mut self.bus.drives {
-            drive.sync_edge(now, interval_us);
-        }
-        if self.bus.asked.is_some() || self.bus.command.is_some() {
-            self.at(Slot::ResponseStart, timing.t_RC);
-        }
-        self.at(Slot::Build1, timing.deadline);
-        self.at(Slot::CommandStart, timing.t_CC);
-        self.sync_events();
-    }
-
-    /// The edge as event of the PLCs, when everything else has seen it.
-    fn sync_events(&mut self) {
-        let now = self.now;
-        if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get_mut(index)) {
-            plc.sync_event(2, now);
-        }
-        for &index in &self.bus.nodes {
-            if let Some(plc) = self.plcs.get_mut(index) {
-                plc.sync_event(1, now);
+            if !disturbance.is_off(drive.slave_number()) {
+                drive.sync_edge(now, interval_us);
             }
         }
     }
@@ -92,25 +124,30 @@ impl Run<'_> {
 
     pub(super) fn reference_end(&mut self, channel: Channel) {
         let Some(built) = self.bus.reference[channel.index()].take() else { return };
-        let frame = built.frame;
-        self.note_frame(frame);
-        for drive in self.drives() {
-            drive.reference_frame(channel, frame.payload());
+        let slot = match channel {
+            Channel::One => Slot::Reference1End,
+            Channel::Two => Slot::Reference2End,
+        };
+        if self.arrives(slot, &built.frame) == Fate::Arrives {
+            self.deliver(&built.frame, false);
         }
-        self.each_node(|slave, _| slave.reference_value(channel, &frame));
         if channel == Channel::One {
             self.schedule_actual2();
         }
-        if let Some(FrameKind::ReferenceValue(_, number)) = frame.kind() {
-            self.request_actual(channel, number);
+    }
+
+    pub(super) fn deliver_reference(&mut self, channel: Channel, frame: &Frame) {
+        for drive in self.drives() {
+            drive.reference_frame(channel, frame.payload());
         }
+        self.each_node(|slave, _| slave.reference_value(channel, frame));
     }
 
     /// The station that the identifier names sends its actual value frame in its slot.
-    fn request_actual(&mut self, channel: Channel, number: u8) {
+    pub(super) fn request_actual(&mut self, channel: Channel, number: u8) {
         let answer = match self.station(number) {
             Station::Nobody => None,
-            Station::Drive(index) => self.drives().get_mut(index).and_then(|drive| {
+            Station::Drive(index) => self.drive(index).and_then(|drive| {
                 let payload = drive.actual_value_frame(channel)?;
                 Some(Frame::of(FrameKind::ActualValue(channel, number), payload))
             }),
@@ -124,21 +161,31 @@ impl Run<'_> {
             Channel::One => (Slot::Actual1End, self.timing.t_RDC1),
             Channel::Two => (Slot::Actual2End, self.timing.t_RDC2),
         };
-        self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
+        // A request that a fault has delayed is answered at once.
+        let begin = (self.start + u64::from(offset)).max(self.now);
+        self.transmit(slot, &frame, begin, Sender::Slave(number));
     }
 
     pub(super) fn actual_end(&mut self, channel: Channel) {
         let Some(frame) = self.bus.actual[channel.index()].take() else { return };
-        let Some(FrameKind::ActualValue(_, number)) = frame.kind() else { return };
-        self.note_frame(frame);
-        self.master(|master, _| master.actual_value(channel, number, &frame));
+        let slot = match channel {
+            Channel::One => Slot::Actual1End,
+            Channel::Two => Slot::Actual2End,
+        };
+        if self.arrives(slot, &frame) == Fate::Arrives {
+            self.deliver(&frame, false);
+        }
+    }
+
+    pub(super) fn deliver_actual(&mut self, channel: Channel, number: u8, frame: &Frame) {
+        self.master(|master, _| master.actual_value(channel, number, frame));
         let bit = 1u32.checked_shl(u32::from(number)).unwrap_or(0);
         for drive in self.drives() {
             if drive.wants_overheard() & bit != 0 {
                 drive.overheard_frame(number, channel, frame.payload());
             }
         }
-        self.each_node(|slave, _| slave.overheard_actual(channel, number, &frame));
+        self.each_node(|slave, _| slave.overheard_actual(channel, number, frame));
     }
 
     pub(super) fn build_actual(&mut self, channel: Channel) {

@@ -30,7 +30,9 @@ impl Lock {
     /// A falling edge at `now`; `interval_us` is the bus's interval.
     pub(super) fn edge(&mut self, now: u64, interval_us: u32) {
         self.patience_us = u64::from(interval_us) * 3 / 2;
-        if !self.has_signal(now) {
+        // Too early is as bad as too late (decision D-125).
+        let early = now.saturating_sub(self.last_edge) < u64::from(interval_us) * 3 / 4;
+        if early || !self.has_signal(now) {
             self.since = None;
         }
         if self.wanted {
@@ -88,6 +90,18 @@ mod tests {
         assert!(lock.is_locked(), "exactly one and a half intervals");
         assert!(lock.has_signal(16_000) && !lock.has_signal(16_001));
         assert_eq!(run(&mut lock, 16_001, 40_001), Some(26_001));
+    }
+
+    #[test]
+    fn an_edge_earlier_than_three_quarters_of_an_interval_begins_anew() {
+        let mut lock = Lock::new(10_000);
+        lock.set_mode(true);
+        run(&mut lock, 2_000, 20_000);
+        lock.edge(13_500, 2000);
+        assert!(lock.is_locked(), "exactly three quarters");
+        lock.edge(14_999, 2000);
+        assert!(!lock.is_locked());
+        assert_eq!(run(&mut lock, 16_999, 60_999), Some(24_999));
     }
 
     #[test]

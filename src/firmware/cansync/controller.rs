@@ -1,0 +1,113 @@
+//! The CAN controller of a node, as far as it can fail (manual 5.00005.03a p. 147-149, 173-174).
+
+/// Bits that must have been recessive before a controller comes back from BUS-off: 128 times 11 (ISO 11898-1).
+const RECOVERY_BITS: u64 = 128 * 11;
+
+/// Why the node hears and sends nothing, as bits.
+mod cut {
+    /// The controller is BUS-off.
+    pub const BUS_OFF: u8 = 1 << 0;
+    /// The frame that is just arriving is lost to an overrun.
+    pub const FRAME: u8 = 1 << 1;
+}
+
+/// State of a CAN controller.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Controller {
+    /// Bits of [`cut`].
+    cut: u8,
+    overrun: bool,
+    /// End of the recovery from BUS-off, once it was reset.
+    back_at: Option<u64>,
+}
+
+impl Controller {
+    #[inline]
+    pub(super) fn is_connected(&self) -> bool {
+        self.cut == 0
+    }
+
+    fn set(&mut self, bit: u8, on: bool) {
+        self.cut = if on { self.cut | bit } else { self.cut & !bit };
+    }
+
+    /// Goes BUS-off; tells whether it was working before.
+    pub(super) fn go_off(&mut self) -> bool {
+        let goes = !self.is_off();
+        self.set(cut::BUS_OFF, true);
+        goes
+    }
+
+    pub(super) fn is_off(&self) -> bool {
+        self.cut & cut::BUS_OFF != 0
+    }
+
+    /// Bit 7 of `w_CPU_CONTROL`: forgets an overrun and begins to recover from BUS-off (decision D-121).
+    pub(super) fn reset(&mut self, now: u64, kbit_per_s: u16) {
+        self.overrun = false;
+        if self.is_off() {
+            let recovery_us = (RECOVERY_BITS * 1000).div_ceil(u64::from(kbit_per_s.max(1)));
+            self.back_at.get_or_insert(now + recovery_us);
+        }
+    }
+
+    /// Ends a recovery that is over at `now`.
+    pub(super) fn recover(&mut self, now: u64) {
+        if self.back_at.is_some_and(|at| at <= now) {
+            self.back_at = None;
+            self.set(cut::BUS_OFF, false);
+        }
+    }
+
+    /// The frame that is arriving cannot be received; tells whether it could have been.
+    pub(super) fn overrun(&mut self) -> bool {
+        let connected = self.is_connected();
+        if connected {
+            self.overrun = true;
+            self.set(cut::FRAME, true);
+        }
+        connected
+    }
+
+    /// The frame lost to an overrun is past.
+    pub(super) fn frame_is_past(&mut self) {
+        self.set(cut::FRAME, false);
+    }
+
+    pub(super) fn has_overrun(&self) -> bool {
+        self.overrun
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comes_back_from_bus_off_after_128_times_11_bits() {
+        for (kbit_per_s, us) in [(500, 2816), (250, 5632), (125, 11_264)] {
+            let mut controller = Controller::default();
+            assert!(controller.go_off() && !controller.go_off());
+            controller.recover(u64::MAX);
+            assert!(controller.is_off(), "not without a reset");
+            controller.reset(1000, kbit_per_s);
+            controller.reset(1500, kbit_per_s);
+            controller.recover(999 + us);
+            assert!(controller.is_off() && !controller.is_connected());
+            controller.recover(1000 + us);
+            assert!(controller.is_connected(), "the first reset counts");
+        }
+    }
+
+    #[test]
+    fn an_overrun_stays_until_it_is_reset() {
+        let mut controller = Controller::default();
+        assert!(controller.overrun() && !controller.is_connected());
+        controller.frame_is_past();
+        assert!(controller.is_connected() && controller.has_overrun());
+        controller.reset(0, 500);
+        assert!(!controller.has_overrun());
+        controller.go_off();
+        assert!(!controller.overrun() && !controller.has_overrun(), "nothing is received anyway");
+    }
+}

@@ -1,0 +1,146 @@
+//! The faults of a plant: which wait, which act, how often they have hit.
+
+use super::agenda::Agenda;
+use crate::fault::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, Refusal};
+use crate::journal::{Event, FaultNews, Journal};
+
+/// A fault in the list.
+struct Entry {
+    status: FaultStatus,
+    begins: u64,
+    ends: u64,
+    done: bool,
+}
+
+impl Entry {
+    fn report(&self, now: u64, journal: &mut Journal, news: FaultNews) {
+        let FaultStatus { id, fault, .. } = self.status;
+        journal.push(now, Event::Fault { id, kind: fault.kind(), target: fault.target(), news });
+    }
+
+    fn next_time(&self) -> u64 {
+        if self.status.acting { self.ends } else { self.begins }
+    }
+}
+
+/// The list of faults. While it is empty, it costs one look at [`Faults::is_empty`].
+#[derive(Default)]
+pub(super) struct Faults {
+    entries: Vec<Entry>,
+    last_id: u16,
+    /// When the next fault begins or ends.
+    next: Option<u64>,
+}
+
+impl Faults {
+    #[inline]
+    pub(super) fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// When the next fault begins or ends; [`Agenda::NEVER`] if none does.
+    #[inline]
+    pub(super) fn next_time(&self) -> u64 {
+        self.next.unwrap_or(Agenda::NEVER)
+    }
+
+    /// Adds a fault that was checked; it begins with the next call of [`Faults::advance`]. Returns its number.
+    pub(super) fn add(&mut self, now: u64, fault: Fault, journal: &mut Journal) -> Result<u16, Refusal> {
+        if self.entries.len() >= MAX_FAULTS {
+            return Err(Refusal::TooMany);
+        }
+        let id = self.free_id();
+        self.last_id = id;
+        let begins = fault.at_us.max(now);
+        let ends = match fault.limit {
+            Limit::Duration(us) => begins.saturating_add(us.into()),
+            Limit::UntilCleared | Limit::Count(_) => Agenda::NEVER,
+        };
+        let status = FaultStatus { id, fault, acting: false, hits: 0 };
+        let entry = Entry { status, begins, ends, done: false };
+        entry.report(now, journal, FaultNews::Added);
+        self.entries.push(entry);
+        self.schedule();
+        Ok(id)
+    }
+
+    /// The number after the last one given; after 65535 those that are free again.
+    fn free_id(&self) -> u16 {
+        let taken = |id: &u16| self.entries.iter().any(|entry| entry.status.id == *id);
+        let mut id = self.last_id;
+        loop {
+            id = id.checked_add(1).unwrap_or(1);
+            // At most MAX_FAULTS of 65535 numbers are taken.
+            if !taken(&id) {
+                return id;
+            }
+        }
+    }
+
+    /// Begins and ends what is due at `now`.
+    pub(super) fn advance(&mut self, now: u64, journal: &mut Journal) {
+        for entry in &mut self.entries {
+            entry.status.acting |= entry.begins <= now;
+            if entry.ends <= now {
+                entry.report(now, journal, FaultNews::Over);
+                entry.done = true;
+            }
+        }
+        self.tidy_up();
+    }
+
+    /// Clears a fault.
+    pub(super) fn clear(&mut self, now: u64, id: u16, journal: &mut Journal) -> Result<(), Refusal> {
+        let entry = self.entries.iter_mut().find(|entry| entry.status.id == id);
+        let entry = entry.ok_or(Refusal::UnknownFault { id })?;
+        entry.report(now, journal, FaultNews::Cleared);
+        entry.done = true;
+        self.tidy_up();
+        Ok(())
+    }
+
+    /// Lets the acting faults strike, in the order in which they were added. `strike` gets the effect and the
+    /// number of hits before; it says whether this is a hit, and what to note of it.
+    pub(super) fn strike(
+        &mut self,
+        now: u64,
+        journal: &mut Journal,
+        mut strike: impl FnMut(&Effect, u32) -> Option<i32>,
+    ) {
+        let mut over = false;
+        for entry in self.entries.iter_mut().filter(|entry| entry.status.acting) {
+            let Some(detail) = strike(&entry.status.fault.effect, entry.status.hits) else {
+                continue;
+            };
+            entry.status.hits = entry.status.hits.saturating_add(1);
+            entry.report(now, journal, FaultNews::Hit(detail));
+            if matches!(entry.status.fault.limit, Limit::Count(count) if entry.status.hits >= count) {
+                entry.report(now, journal, FaultNews::Over);
+                entry.done = true;
+                over = true;
+            }
+        }
+        if over {
+            self.tidy_up();
+        }
+    }
+
+    /// The effects that act now.
+    pub(super) fn acting(&self) -> impl Iterator<Item = &Effect> {
+        self.entries.iter().filter(|entry| entry.status.acting).map(|entry| &entry.status.fault.effect)
+    }
+
+    /// All faults in the order in which they were added.
+    pub(super) fn list(&self) -> impl Iterator<Item = FaultStatus> {
+        self.entries.iter().map(|entry| entry.status)
+    }
+
+    fn tidy_up(&mut self) {
+        self.entries.retain(|entry| !entry.done);
+        self.schedule();
+    }
+
+    fn schedule(&mut self) {
+        self.next = self.entries.iter().map(Entry::next_time).filter(|time| *time != Agenda::NEVER).min();
+    }
+}

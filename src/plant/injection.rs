@@ -1,0 +1,92 @@
+//! Faults as the plant's callers see them, and what acts on nodes and slaves as a whole.
+
+use super::Plant;
+use super::bus::SimBus;
+use super::faults::Faults;
+use crate::fault::{Effect, Fault, FaultStatus, NodeEffect, Refusal, Sites, SlaveEffect};
+
+impl Plant {
+    /// Adds a fault; one whose time has come begins at once. Returns its number.
+    ///
+    /// # Errors
+    /// [`Refusal`]: a number out of range, a bus, slave or node that the plant does not have, too many faults.
+    pub fn add_fault(&mut self, fault: Fault) -> Result<u16, Refusal> {
+        fault.check(&self.sites())?;
+        let id = self.faults.add(self.now, fault, &mut self.journal)?;
+        self.advance_faults();
+        Ok(id)
+    }
+
+    /// Clears fault number `id`.
+    ///
+    /// # Errors
+    /// [`Refusal::UnknownFault`] if there is none of that number, or no longer.
+    pub fn clear_fault(&mut self, id: u16) -> Result<(), Refusal> {
+        self.faults.clear(self.now, id, &mut self.journal)?;
+        self.switch_slaves();
+        Ok(())
+    }
+
+    /// Clears all faults; returns how many there were.
+    pub fn clear_faults(&mut self) -> usize {
+        let ids: Vec<u16> = self.faults().map(|fault| fault.id).collect();
+        for id in &ids {
+            // They have just been listed.
+            let _ = self.clear_fault(*id);
+        }
+        ids.len()
+    }
+
+    /// The faults that wait or act, in the order in which they were added.
+    pub fn faults(&self) -> impl Iterator<Item = FaultStatus> {
+        self.faults.list()
+    }
+
+    /// Begins and ends what is due now.
+    pub(super) fn advance_faults(&mut self) {
+        self.faults.advance(self.now, &mut self.journal);
+        self.switch_slaves();
+        self.strike_controllers();
+    }
+
+    fn switch_slaves(&mut self) {
+        for (index, bus) in self.buses.iter_mut().enumerate() {
+            bus.set_off(slaves_off(&self.faults, index));
+        }
+    }
+
+    /// What faults can concern.
+    fn sites(&self) -> Sites {
+        Sites {
+            slaves: self.buses.iter().map(SimBus::slaves).collect(),
+            nodes: self.plcs.iter().map(|plc| [1, 2].map(|node| plc.bus_of(node).is_some())).collect(),
+        }
+    }
+
+    /// BUS-off of nodes whose CAN controller works.
+    pub(super) fn strike_controllers(&mut self) {
+        let (plcs, buses) = (&mut self.plcs, &mut self.buses);
+        self.faults.strike(self.now, &mut self.journal, |effect, _| {
+            let Effect::Node { plc, node, what: NodeEffect::BusOff } = *effect else { return None };
+            let plc = plcs.get_mut(usize::from(plc))?;
+            let (goes, slave) = match node {
+                1 => (plc.slave.go_bus_off(), Some(plc.slave.number())),
+                _ => (plc.master.go_bus_off(), None),
+            };
+            if let Some(bus) = plc.bus_of(node).and_then(|bus| buses.get_mut(bus)).filter(|_| goes) {
+                bus.node_went_off(slave);
+            }
+            goes.then_some(0)
+        });
+    }
+}
+
+/// Slaves of a bus that are off, bit n for slave n.
+fn slaves_off(faults: &Faults, index: usize) -> u32 {
+    faults.acting().fold(0, |off, effect| match *effect {
+        Effect::Slave { bus, slave, what: SlaveEffect::Off } if usize::from(bus) == index => {
+            off | 1u32.checked_shl(slave.into()).unwrap_or(0)
+        }
+        _ => off,
+    })
+}
