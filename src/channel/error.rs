@@ -2,6 +2,7 @@
 
 use super::op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE};
 use super::wire::MAX_REPLY_BYTES;
+use crate::fault::Refusal;
 use crate::memory::{Address, Width};
 
 /// Why the emulator refused an operation: what, where, and what would be right.
@@ -137,6 +138,9 @@ pub enum ChannelError {
         /// The register.
         address: Address,
     },
+    /// A fault that cannot be added or cleared.
+    #[error(transparent)]
+    Fault(Refusal),
     /// The emulator is ending.
     #[error("the emulator is shutting down")]
     ShuttingDown,
@@ -153,6 +157,8 @@ pub enum Field {
     Node,
     /// A field this operation does not use, which must be zero.
     Unused,
+    /// The description of a fault.
+    Fault,
 }
 
 impl core::fmt::Display for Field {
@@ -162,6 +168,7 @@ impl core::fmt::Display for Field {
             Field::Width => "the width",
             Field::Node => "the node",
             Field::Unused => "an unused field",
+            Field::Fault => "the fault",
         })
     }
 }

@@ -132,6 +132,15 @@ impl Run {
                 self.replies.written()?;
             }
             Op::Forces => self.replies.forces(machine.forces())?,
+            Op::FaultAdd { fault } => {
+                let id = machine.add_fault(fault).map_err(ChannelError::Fault)?;
+                self.replies.fault_added(id)?;
+            }
+            Op::FaultList => self.replies.faults(&machine.faults())?,
+            Op::FaultClear { id } => {
+                let count = machine.clear_faults(id).map_err(ChannelError::Fault)?;
+                self.replies.faults_cleared(count)?;
+            }
             Op::Info => self.replies.info(&machine.info())?,
             Op::Stop => {
                 machine.request_stop();

@@ -1,9 +1,11 @@
 //! What the channel needs of an emulator.
 
 use super::{ChannelError, InstanceInfo};
+use crate::fault::{Fault, FaultStatus, Refusal};
 use crate::journal::Journal;
 use crate::memory::{Unmapped, Width};
 use crate::plant::Forced;
+use core::num::NonZeroU16;
 
 /// An emulator, seen from the channel.
 ///
@@ -74,6 +76,21 @@ pub trait Machine {
 
     /// What has happened.
     fn journal(&self) -> &Journal;
+
+    /// Adds a fault; returns its number.
+    ///
+    /// # Errors
+    /// The plant does not have what it concerns, or a number is out of its range.
+    fn add_fault(&mut self, fault: Fault) -> Result<u16, Refusal>;
+
+    /// Clears the fault of that number, or all; returns how many there were.
+    ///
+    /// # Errors
+    /// There is no fault of that number.
+    fn clear_faults(&mut self, id: Option<NonZeroU16>) -> Result<u16, Refusal>;
+
+    /// The faults that wait or act.
+    fn faults(&self) -> Vec<FaultStatus>;
 
     /// What the instance says about itself.
     fn info(&self) -> InstanceInfo;

@@ -1,9 +1,11 @@
 //! Operations and replies, as the callers of both ends see them.
 
 use super::ChannelError;
+use crate::fault::{Fault, FaultStatus};
 use crate::journal::Record;
 use crate::memory::{ClockMode, Width};
 use crate::plant::Forced;
+use core::num::NonZeroU16;
 
 /// Most operations one request may carry.
 pub const MAX_OPS: usize = 256;
@@ -121,6 +123,18 @@ pub enum Op {
     },
     /// Asks which registers are forced. Answered by [`Reply::Forces`].
     Forces,
+    /// Adds a fault. Answered by [`Reply::FaultAdded`].
+    FaultAdd {
+        /// The fault.
+        fault: Fault,
+    },
+    /// Lists the faults that wait or act. Answered by [`Reply::Faults`].
+    FaultList,
+    /// Clears faults. Answered by [`Reply::FaultsCleared`].
+    FaultClear {
+        /// Number of the fault, at least 1; `None`: all.
+        id: Option<NonZeroU16>,
+    },
     /// Asks who answers. Answered by [`Reply::Info`].
     Info,
     /// Asks the emulator to end. Answered by [`Reply::Stopping`].
@@ -175,6 +189,18 @@ pub enum Reply {
     },
     /// The forced registers, in the order of PLCs and addresses.
     Forces(Vec<Forced>),
+    /// The fault was added.
+    FaultAdded {
+        /// Its number in the instance.
+        id: u16,
+    },
+    /// The faults that wait or act, in the order in which they were added.
+    Faults(Vec<FaultStatus>),
+    /// Faults were cleared.
+    FaultsCleared {
+        /// How many.
+        count: u16,
+    },
     /// Who answers.
     Info(Box<InstanceInfo>),
     /// The emulator is going to end.

@@ -1,9 +1,11 @@
 //! A test double of the emulator.
 
 use super::{ChannelError, InstanceInfo, Machine, Unmapped};
+use crate::fault::{Fault, FaultStatus, Refusal};
 use crate::journal::Journal;
 use crate::memory::{ClockMode, Width};
 use crate::plant::Forced;
+use std::num::NonZeroU16;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +20,7 @@ pub(crate) struct Fake {
     pub stepped: bool,
     pub journal: Journal,
     forces: Vec<Forced>,
+    faults: Vec<FaultStatus>,
     pub stop: Arc<AtomicBool>,
     /// Stores of the "firmware": time, offset, value (WORD in PLC 0).
     pub script: Vec<(u64, u32, u16)>,
@@ -37,6 +40,7 @@ impl Fake {
             stepped,
             journal: Journal::default(),
             forces: Vec::new(),
+            faults: Vec::new(),
             stop: Arc::default(),
             script: Vec::new(),
             steps: 0,
@@ -160,6 +164,26 @@ impl Machine for Fake {
 
     fn journal(&self) -> &Journal {
         &self.journal
+    }
+
+    /// Takes any fault.
+    fn add_fault(&mut self, fault: Fault) -> Result<u16, Refusal> {
+        let id = self.faults.last().map_or(1, |last| last.id + 1);
+        self.faults.push(FaultStatus { id, fault, acting: true, hits: 0 });
+        Ok(id)
+    }
+
+    fn clear_faults(&mut self, id: Option<NonZeroU16>) -> Result<u16, Refusal> {
+        let before = self.faults.len();
+        self.faults.retain(|fault| id.is_some_and(|id| id.get() != fault.id));
+        match (id, (before - self.faults.len()) as u16) {
+            (Some(id), 0) => Err(Refusal::UnknownFault { id: id.get() }),
+            (_, count) => Ok(count),
+        }
+    }
+
+    fn faults(&self) -> Vec<FaultStatus> {
+        self.faults.clone()
     }
 
     fn info(&self) -> InstanceInfo {

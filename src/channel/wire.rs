@@ -10,6 +10,7 @@
 //! differ.
 
 mod error;
+mod fault;
 mod forces;
 mod info;
 mod journal;
@@ -22,6 +23,7 @@ pub use reply::{DecodeError, ReplyBuffer, decode};
 use super::error::Field;
 use super::op::{MAX_OPS, MAX_RANGE, Op};
 use crate::memory::Width;
+use core::num::NonZeroU16;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -30,7 +32,7 @@ pub const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
 /// Longest reply in blocks.
 pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 
-/// One operation of a request.
+/// One operation of a request. A fault is laid out by `fault.rs`.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
@@ -92,6 +94,9 @@ pub mod kind {
     pub const FORCE: u16 = 30;
     pub const UNFORCE: u16 = 31;
     pub const FORCES: u16 = 32;
+    pub const FAULT_ADD: u16 = 20;
+    pub const FAULT_LIST: u16 = 21;
+    pub const FAULT_CLEAR: u16 = 22;
 }
 
 /// Values of [`Block::kind`].
@@ -108,6 +113,9 @@ pub mod reply_kind {
     pub const ERROR: u16 = 9;
     pub const JOURNAL: u16 = 10;
     pub const FORCES: u16 = 30;
+    pub const FAULT_ADDED: u16 = 20;
+    pub const FAULTS: u16 = 21;
+    pub const FAULTS_CLEARED: u16 = 22;
 }
 
 /// A field without meaning, and its content.
@@ -154,6 +162,12 @@ impl From<&Op> for WireOp {
             }
             Op::Unforce { plc, offset, width } => register(kind::UNFORCE, plc, offset, width),
             Op::Forces => WireOp { kind: kind::FORCES, ..WireOp::default() },
+            Op::FaultAdd { fault } => fault::encode(&fault),
+            Op::FaultList => WireOp { kind: kind::FAULT_LIST, ..WireOp::default() },
+            Op::FaultClear { id } => {
+                let value = id.map_or(0, |id| u32::from(id.get()));
+                WireOp { kind: kind::FAULT_CLEAR, value, ..WireOp::default() }
+            }
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -185,6 +199,15 @@ impl TryFrom<WireOp> for Op {
             kind::FORCE => Op::Force { plc, offset, width: width()?, value },
             kind::UNFORCE => Op::Unforce { plc, offset, width: width()? },
             kind::FORCES => Op::Forces,
+            kind::FAULT_ADD => {
+                let bad = BadField { field: Field::Fault, value: wire.width.into() };
+                Op::FaultAdd { fault: fault::decode(&wire).ok_or(bad)? }
+            }
+            kind::FAULT_LIST => Op::FaultList,
+            kind::FAULT_CLEAR => {
+                let id = u16::try_from(value).map_err(|_| BadField { field: Field::Fault, value })?;
+                Op::FaultClear { id: NonZeroU16::new(id) }
+            }
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField { field: Field::Kind, value: kind.into() }),

@@ -1,6 +1,7 @@
 //! What a command can end with instead of success.
 
 use super::time;
+use commram::fault::FaultError;
 use commram::layout::LayoutError;
 use commram::layout::place::BadValue;
 use commram::memory::MemoryError;
@@ -112,6 +113,9 @@ pub enum CliError {
         /// How long it was waited for.
         seconds: u64,
     },
+    /// A fault that cannot be, or not here.
+    #[error(transparent)]
+    Fault(#[from] FaultError),
     /// The channel.
     #[cfg(feature = "channel")]
     #[error(transparent)]
@@ -206,6 +210,7 @@ impl CliError {
             | Self::UnknownPlc { .. }
             | Self::ReportedWrongUse
             | Self::Plant(_)
+            | Self::Fault(_)
             | Self::Memory(MemoryError::BadName { .. })
             | Self::Runtime(RuntimeError::Plant(_) | RuntimeError::Speed { .. }) => true,
             #[cfg(feature = "channel")]

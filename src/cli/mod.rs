@@ -6,6 +6,7 @@ mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
 mod export;
+mod fault;
 mod force;
 mod list;
 mod map;
@@ -73,6 +74,7 @@ enum Command {
     Wait(wait::Args),
     Step(step::Args),
     Dump(dump::Args),
+    Fault(fault::Args),
     Trace(trace::Args),
     Test(test::Args),
     Demo(demo::Args),
@@ -133,6 +135,7 @@ impl Command {
             Command::Wait(args) => wait::run(&args),
             Command::Step(args) => step::run(&args),
             Command::Dump(args) => dump::run(&args),
+            Command::Fault(args) => fault::run(&args),
             Command::Trace(args) => trace::run(&args),
             Command::Test(args) => test::run(&args),
             Command::Demo(args) => demo::run(&args),

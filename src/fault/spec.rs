@@ -131,6 +131,25 @@ impl FaultSpec {
         spec
     }
 
+    /// Sets a field that holds a number; fields that hold a name stay as they are.
+    pub fn set_value(&mut self, field: Field, value: u64) {
+        let place = match field {
+            Field::Bus | Field::Plc | Field::Slot => return,
+            Field::Node => &mut self.node,
+            Field::Slave => &mut self.slave,
+            Field::Id => &mut self.id,
+            Field::Mask => &mut self.mask,
+            Field::DelayUs => &mut self.delay_us,
+            Field::AmplitudeUs => &mut self.amplitude_us,
+            Field::Error => &mut self.error,
+            Field::Offset => &mut self.offset,
+            Field::AtUs => &mut self.at_us,
+            Field::Count => &mut self.count,
+            Field::DurationUs => &mut self.duration_us,
+        };
+        *place = Some(value);
+    }
+
     fn value(&self, field: Field) -> Option<u64> {
         match field {
             Field::Bus | Field::Plc | Field::Slot => None,

@@ -28,13 +28,10 @@ impl Plant {
     }
 
     /// Clears all faults; returns how many there were.
-    pub fn clear_faults(&mut self) -> usize {
+    pub fn clear_faults(&mut self) -> u16 {
         let ids: Vec<u16> = self.faults().map(|fault| fault.id).collect();
-        for id in &ids {
-            // They have just been listed.
-            let _ = self.clear_fault(*id);
-        }
-        ids.len()
+        let cleared = ids.into_iter().filter(|id| self.clear_fault(*id).is_ok());
+        cleared.count() as u16 // at most MAX_FAULTS
     }
 
     /// The faults that wait or act, in the order in which they were added.

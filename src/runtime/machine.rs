@@ -2,9 +2,11 @@
 
 use super::emulator::Emulator;
 use crate::channel::{ChannelError, InstanceInfo, Machine, Unmapped};
+use crate::fault::{Fault, FaultStatus, Refusal};
 use crate::journal::Journal;
 use crate::memory::{Segment, Width};
 use crate::plant::{ForceError, Forced};
+use core::num::NonZeroU16;
 
 impl Emulator {
     /// The RAM of PLC `plc`, for an access at `offset`.
@@ -90,6 +92,21 @@ impl Machine for Emulator {
 
     fn journal(&self) -> &Journal {
         self.plant.journal()
+    }
+
+    fn add_fault(&mut self, fault: Fault) -> Result<u16, Refusal> {
+        self.plant.add_fault(fault)
+    }
+
+    fn clear_faults(&mut self, id: Option<NonZeroU16>) -> Result<u16, Refusal> {
+        match id {
+            Some(id) => self.plant.clear_fault(id.get()).map(|()| 1),
+            None => Ok(self.plant.clear_faults()),
+        }
+    }
+
+    fn faults(&self) -> Vec<FaultStatus> {
+        self.plant.faults().collect()
     }
 
     fn info(&self) -> InstanceInfo {

@@ -3,6 +3,8 @@ use crate::channel::Reply;
 use crate::channel::error::Field;
 use crate::channel::testing::{Fake, MAPPED};
 use crate::channel::wire;
+use crate::fault::{Effect, Fault, FaultStatus, Limit, Refusal, SlaveEffect};
+use core::num::NonZeroU16;
 
 const REG: u32 = 100_000;
 
@@ -54,6 +56,37 @@ fn poke_step_and_peek_in_one_request() {
     ];
     let expected = [Reply::Written, Reply::Value(5), Reply::Advanced { time_us: 2_000 }, Reply::Value(0x44)];
     assert_eq!(all(&mut fake, &ops), expected);
+}
+
+#[test]
+fn faults_are_added_listed_and_cleared_by_number() {
+    let mut fake = Fake::new(true);
+    let effect = Effect::Slave { bus: 0, slave: 3, what: SlaveEffect::Busy };
+    let fault = Fault { effect, at_us: 7, limit: Limit::Count(2) };
+    let add = Op::FaultAdd { fault };
+    let clear = |id| Op::FaultClear { id: NonZeroU16::new(id) };
+    let status = |id| FaultStatus { id, fault, acting: true, hits: 0 };
+    let ops = [add, add, Op::FaultList, clear(1), Op::FaultList, clear(0), clear(9)];
+    let expected = [
+        Reply::FaultAdded { id: 1 },
+        Reply::FaultAdded { id: 2 },
+        Reply::Faults(vec![status(1), status(2)]),
+        Reply::FaultsCleared { count: 1 },
+        Reply::Faults(vec![status(2)]),
+        Reply::FaultsCleared { count: 1 },
+        Reply::Error(ChannelError::Fault(Refusal::UnknownFault { id: 9 })),
+    ];
+    assert_eq!(all(&mut fake, &ops), expected);
+}
+
+#[test]
+fn a_fault_that_no_version_knows_is_malformed() {
+    let mut fake = Fake::new(true);
+    let wire = WireOp { kind: wire::kind::FAULT_ADD, width: 99, ..WireOp::default() };
+    let mut run = Run::default();
+    run.go(&mut fake, &[wire]);
+    let expected = ChannelError::Malformed { index: 0, field: Field::Fault, value: 99 };
+    assert_eq!(replies(&run), [Reply::Error(expected)]);
 }
 
 #[test]

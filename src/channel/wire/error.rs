@@ -2,6 +2,7 @@
 
 use super::{width_code, width_from_code};
 use crate::channel::error::{ChannelError, Field};
+use crate::fault::{self, Refusal};
 use crate::memory::Address;
 
 /// The fields of an error, in the order of its definition.
@@ -29,12 +30,14 @@ pub(super) fn encode(error: &ChannelError) -> (u16, Numbers) {
         E::NotWhole { asked, right } => (30, [pack(asked), pack(right), 0, 0]),
         E::TooManyForces { count } => (31, [count.into(), 0, 0, 0]),
         E::NotForced { address } => (32, [pack(address), 0, 0, 0]),
+        E::Fault(refusal) => encode_refusal(refusal),
     }
 }
 
 /// The way back; `None` for what [`encode`] cannot have made.
-pub(super) fn decode(code: u16, [a, b, c, _]: Numbers) -> Option<ChannelError> {
+pub(super) fn decode(code: u16, numbers: Numbers) -> Option<ChannelError> {
     use ChannelError as E;
+    let [a, b, c, _] = numbers;
     Some(match code {
         1 => E::Unmapped { address: unpack(a)? },
         2 => E::RangeUnmapped { offset: to(a)?, len: to(b)?, hole: to(c)? },
@@ -54,6 +57,37 @@ pub(super) fn decode(code: u16, [a, b, c, _]: Numbers) -> Option<ChannelError> {
         30 => E::NotWhole { asked: unpack(a)?, right: unpack(b)? },
         31 => E::TooManyForces { count: to(a)? },
         32 => E::NotForced { address: unpack(a)? },
+        _ => E::Fault(decode_refusal(code, numbers)?),
+    })
+}
+
+fn encode_refusal(refusal: Refusal) -> (u16, Numbers) {
+    use Refusal as R;
+    match refusal {
+        R::Range { field, value, least, most } => (20, [field as u64, value, least, most]),
+        R::NeverMatches { id, mask } => (21, [id.into(), mask.into(), 0, 0]),
+        R::NotCounted => (22, [0; 4]),
+        R::UnknownBus { bus, count } => (23, [bus.into(), count.into(), 0, 0]),
+        R::UnknownPlc { plc, count } => (24, [plc.into(), count.into(), 0, 0]),
+        R::NoSlave { bus, slave, present } => (25, [bus.into(), slave.into(), present.into(), 0]),
+        R::NoNode { plc, node } => (26, [plc.into(), node.into(), 0, 0]),
+        R::TooMany => (27, [0; 4]),
+        R::UnknownFault { id } => (28, [id.into(), 0, 0, 0]),
+    }
+}
+
+fn decode_refusal(code: u16, [a, b, c, d]: Numbers) -> Option<Refusal> {
+    use Refusal as R;
+    Some(match code {
+        20 => R::Range { field: fault::Field::from_code(to(a)?)?, value: b, least: c, most: d },
+        21 => R::NeverMatches { id: to(a)?, mask: to(b)? },
+        22 => R::NotCounted,
+        23 => R::UnknownBus { bus: to(a)?, count: to(b)? },
+        24 => R::UnknownPlc { plc: to(a)?, count: to(b)? },
+        25 => R::NoSlave { bus: to(a)?, slave: to(b)?, present: to(c)? },
+        26 => R::NoNode { plc: to(a)?, node: to(b)? },
+        27 => R::TooMany,
+        28 => R::UnknownFault { id: to(a)? },
         _ => return None,
     })
 }
@@ -78,6 +112,7 @@ fn field_code(field: Field) -> u64 {
         Field::Width => 2,
         Field::Node => 3,
         Field::Unused => 4,
+        Field::Fault => 5,
     }
 }
 
@@ -87,6 +122,7 @@ fn field_from_code(code: u64) -> Option<Field> {
         2 => Field::Width,
         3 => Field::Node,
         4 => Field::Unused,
+        5 => Field::Fault,
         _ => return None,
     })
 }

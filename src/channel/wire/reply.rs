@@ -1,9 +1,11 @@
 //! Replies on the wire: building them without allocation, and the checked way back.
 
+use super::fault::WireFault;
 use super::journal::WireRecord;
 use super::{Block, MAX_REPLY_BLOCKS, error, forces, info, reply_kind};
 use crate::channel::op::InstanceInfo;
 use crate::channel::{ChannelError, Reply};
+use crate::fault::FaultStatus;
 use crate::journal::{Journal, Record};
 use crate::plant::Forced;
 use zerocopy::{FromBytes, IntoBytes};
@@ -124,6 +126,22 @@ impl ReplyBuffer {
         self.bytes_of_kind(reply_kind::FORCES, &forces::encode(forced))
     }
 
+    /// Appends the number of a fault that was added.
+    pub fn fault_added(&mut self, id: u16) -> Result<(), ChannelError> {
+        self.head(reply_kind::FAULT_ADDED, 0, id.into(), 0)
+    }
+
+    /// Appends the faults that wait or act.
+    pub fn faults(&mut self, faults: &[FaultStatus]) -> Result<(), ChannelError> {
+        let faults: Vec<_> = faults.iter().map(WireFault::from).collect();
+        self.bytes_of_kind(reply_kind::FAULTS, faults.as_bytes())
+    }
+
+    /// Appends how many faults were cleared.
+    pub fn faults_cleared(&mut self, count: u16) -> Result<(), ChannelError> {
+        self.head(reply_kind::FAULTS_CLEARED, 0, count.into(), 0)
+    }
+
     /// Appends what the instance says about itself.
     pub fn info(&mut self, information: &InstanceInfo) -> Result<(), ChannelError> {
         let mut bytes = Vec::new();
@@ -190,6 +208,9 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::ADVANCED => Reply::Advanced { time_us: value },
         reply_kind::JOURNAL => Reply::Journal { records: journal_records(data)?, end: value },
         reply_kind::FORCES => Reply::Forces(forces::decode(data)?),
+        reply_kind::FAULT_ADDED => Reply::FaultAdded { id: value.try_into().ok()? },
+        reply_kind::FAULTS => Reply::Faults(faults(data)?),
+        reply_kind::FAULTS_CLEARED => Reply::FaultsCleared { count: value.try_into().ok()? },
         reply_kind::INFO => Reply::Info(Box::new(info::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => {
@@ -202,6 +223,11 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
 fn journal_records(data: &[u8]) -> Option<Vec<Record>> {
     let chunks = data.chunks(size_of::<WireRecord>());
     chunks.map(|bytes| WireRecord::read_from_bytes(bytes).ok()?.record()).collect()
+}
+
+fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {
+    let chunks = data.chunks(size_of::<WireFault>());
+    chunks.map(|bytes| WireFault::read_from_bytes(bytes).ok()?.status()).collect()
 }
 
 fn flag(code: u16) -> Option<bool> {

@@ -1,5 +1,9 @@
 use super::*;
 use crate::channel::{ChannelError, InstanceInfo, Reply};
+use crate::fault::{
+    self, Effect, Fault, FaultStatus, FrameEffect, FrameSlot, Frames, Limit, NodeEffect, OffsetAt, Refusal,
+    SlaveEffect, SyncEffect,
+};
 use crate::memory::{Address, ClockMode};
 use crate::plant::Forced;
 use proptest::prelude::*;
@@ -42,13 +46,22 @@ fn op() -> impl Strategy<Value = Op> {
         }),
         register().prop_map(|(plc, offset, width)| Op::Unforce { plc, offset, width }),
         Just(Op::Forces),
+        fault().prop_map(|fault| Op::FaultAdd { fault }),
+        Just(Op::FaultList),
+        any::<u16>().prop_map(|id| Op::FaultClear { id: NonZeroU16::new(id) }),
         Just(Op::Info),
         Just(Op::Stop),
     ]
 }
 
 fn field() -> impl Strategy<Value = Field> {
-    prop_oneof![Just(Field::Kind), Just(Field::Width), Just(Field::Node), Just(Field::Unused)]
+    prop_oneof![
+        Just(Field::Kind),
+        Just(Field::Width),
+        Just(Field::Node),
+        Just(Field::Unused),
+        Just(Field::Fault)
+    ]
 }
 
 fn error() -> impl Strategy<Value = ChannelError> {
@@ -84,6 +97,7 @@ fn error() -> impl Strategy<Value = ChannelError> {
         (address(), address()).prop_map(|(asked, right)| E::NotWhole { asked, right }),
         any::<u32>().prop_map(|count| E::TooManyForces { count }),
         address().prop_map(|address| E::NotForced { address }),
+        refusal().prop_map(E::Fault),
     ]
 }
 
@@ -94,6 +108,71 @@ fn forced() -> impl Strategy<Value = Forced> {
         width,
         value,
     })
+}
+
+fn refusal() -> impl Strategy<Value = Refusal> {
+    use Refusal as R;
+    let field = proptest::sample::select(&fault::Field::ALL[..]);
+    prop_oneof![
+        (field, any::<(u64, u64, u64)>()).prop_map(|(field, (value, least, most))| R::Range {
+            field,
+            value,
+            least,
+            most
+        }),
+        any::<(u16, u16)>().prop_map(|(id, mask)| R::NeverMatches { id, mask }),
+        Just(R::NotCounted),
+        any::<(u16, u16)>().prop_map(|(bus, count)| R::UnknownBus { bus, count }),
+        any::<(u16, u16)>().prop_map(|(plc, count)| R::UnknownPlc { plc, count }),
+        any::<(u16, u8, u32)>().prop_map(|(bus, slave, present)| R::NoSlave { bus, slave, present }),
+        any::<(u16, u8)>().prop_map(|(plc, node)| R::NoNode { plc, node }),
+        Just(R::TooMany),
+        any::<u16>().prop_map(|id| R::UnknownFault { id }),
+    ]
+}
+
+/// Any fault, whether its numbers are in range or not.
+fn fault() -> impl Strategy<Value = Fault> {
+    let slot = || proptest::option::of(proptest::sample::select(&FrameSlot::ALL[..]));
+    let frame = prop_oneof![
+        Just(FrameEffect::Lose),
+        any::<u32>().prop_map(FrameEffect::Delay),
+        any::<u32>().prop_map(FrameEffect::Duplicate),
+    ];
+    let sync = prop_oneof![Just(SyncEffect::Lose), any::<u32>().prop_map(SyncEffect::Jitter)];
+    let at = prop_oneof![Just(OffsetAt::Job), Just(OffsetAt::Answer)];
+    let slave = prop_oneof![
+        Just(SlaveEffect::Off),
+        any::<u32>().prop_map(SlaveEffect::Late),
+        Just(SlaveEffect::Busy),
+        any::<u16>().prop_map(SlaveEffect::Error),
+        (at, any::<Option<u16>>()).prop_map(|(at, offset)| SlaveEffect::WrongOffset { at, offset }),
+    ];
+    let node = prop_oneof![Just(NodeEffect::BusOff), Just(NodeEffect::Overrun)];
+    let effect = prop_oneof![
+        (any::<(u16, u16, u16)>(), slot(), frame).prop_map(|((bus, id, mask), slot, what)| {
+            Effect::Frame { bus, frames: Frames { id, mask, slot }, what }
+        }),
+        (any::<u16>(), sync).prop_map(|(bus, what)| Effect::Sync { bus, what }),
+        (any::<(u16, u8)>(), slave).prop_map(|((bus, slave), what)| Effect::Slave { bus, slave, what }),
+        (any::<(u16, u8)>(), node).prop_map(|((plc, node), what)| Effect::Node { plc, node, what }),
+    ];
+    let limit = prop_oneof![
+        Just(Limit::UntilCleared),
+        any::<u32>().prop_map(Limit::Count),
+        any::<u32>().prop_map(Limit::Duration),
+    ];
+    (effect, any::<u64>(), limit).prop_map(|(effect, at_us, limit)| Fault { effect, at_us, limit })
+}
+
+fn faults() -> impl Strategy<Value = Vec<FaultStatus>> {
+    let status = (any::<(u16, bool, u32)>(), fault()).prop_map(|((id, acting, hits), fault)| FaultStatus {
+        id,
+        fault,
+        acting,
+        hits,
+    });
+    proptest::collection::vec(status, 0..5)
 }
 
 fn information() -> impl Strategy<Value = InstanceInfo> {
@@ -131,6 +210,9 @@ fn reply() -> impl Strategy<Value = Reply> {
         proptest::collection::vec(any::<u8>(), 0..100).prop_map(Reply::Bytes),
         any::<(u64, u32)>().prop_map(|(time_us, value)| Reply::Waited { time_us, value }),
         any::<u64>().prop_map(|time_us| Reply::Advanced { time_us }),
+        any::<u16>().prop_map(|id| Reply::FaultAdded { id }),
+        faults().prop_map(Reply::Faults),
+        any::<u16>().prop_map(|count| Reply::FaultsCleared { count }),
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
         Just(Reply::Stopping),
@@ -151,6 +233,9 @@ fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
         Reply::Advanced { time_us } => buffer.advanced(*time_us),
         Reply::Journal { .. } => unreachable!("tested with journals"),
         Reply::Forces(forces) => buffer.forces(forces),
+        Reply::FaultAdded { id } => buffer.fault_added(*id),
+        Reply::Faults(faults) => buffer.faults(faults),
+        Reply::FaultsCleared { count } => buffer.faults_cleared(*count),
         Reply::Info(information) => buffer.info(information),
         Reply::Stopping => buffer.stopping(),
         Reply::Error(error) => {

@@ -1,0 +1,225 @@
+//! `commram fault`: let things go wrong.
+
+mod spec;
+
+use super::Instance;
+use super::error::CliError;
+use super::table::FormatArg;
+use clap::{Args as ClapArgs, Subcommand};
+use std::num::NonZeroU16;
+
+/// Let things go wrong: lost frames, silent slaves, BUS-off ...
+///
+/// Faults act on the simulated bus, on slaves and on nodes; they show in the registers as on the device, and
+/// `commram trace --kind fault` tells when each of them hits. docs/faults.md describes every kind.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram fault add lose_frame slot=WRC1 count=3
+  commram fault list
+  commram fault clear --all")]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Add(Add),
+    List(List),
+    Clear(Clear),
+}
+
+/// Add a fault and print its number.
+///
+/// A fault is its kind and its fields, the same as in a [[fault]] of the plant file. Times can also be given
+/// with a unit: duration=5ms for duration_us=5000. Without `at` the fault begins at once; without `count` and
+/// `duration` it lasts until it is cleared (bus_off and overrun: once). The bus or PLC need not be named if there
+/// is only one.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Fields of all kinds:
+  at=2s          begin, emulated time since power-on
+  count=3        ends after so many hits
+  duration=5ms   ends after this emulated time
+
+Examples, one of each kind:
+  commram fault add lose_frame slot=WRC1 count=3                  # nobody receives it
+  commram fault add lose_frame bus=drives id=16#301 mask=16#77F   # RDC1 and RDC2 of slave 1
+  commram fault add delay_frame slot=RC delay=500us count=1       # comes later than its slot
+  commram fault add duplicate_frame slot=CC delay=50us            # comes once more
+  commram fault add lose_sync bus=drives count=2                  # slaves miss edges
+  commram fault add jitter_sync amplitude=40us duration=1s        # edges late and early in turn
+  commram fault add slave_off slave=2 duration=100ms              # no power, or plug pulled
+  commram fault add slave_late slave=1 delay=700us                # answers behind t_RSPTO
+  commram fault add slave_busy slave=1 count=5                    # answers BUSY
+  commram fault add slave_error slave=1 error=16#FFFB count=1     # refuses a job
+  commram fault add wrong_offset slave=5 slot=CC                  # in an up-/download; CC job, RC answer
+  commram fault add bus_off plc=line node=2                       # ended by bit 7 of w_CPU_CONTROL
+  commram fault add overrun node=2 count=2                        # the node loses frames it should receive")]
+struct Add {
+    /// The kind: lose_frame, slave_busy ...
+    kind: String,
+    /// Its fields
+    #[arg(value_name = "FIELD=VALUE")]
+    fields: Vec<String>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// List the faults that wait or act.
+///
+/// Faults that are over are not listed; `commram trace --kind fault` shows them.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram fault list
+  commram fault list --format json")]
+struct List {
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Clear faults by their numbers.
+///
+/// What they have done stays done: a node that is BUS-off must be reset by its PLC.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram fault clear 2
+  commram fault clear 3 4
+  commram fault clear --all")]
+struct Clear {
+    /// Numbers of the faults, as `add` and `list` print them
+    #[arg(value_name = "NUMBER", required_unless_present = "all")]
+    numbers: Vec<NonZeroU16>,
+    /// All faults
+    #[arg(long, conflicts_with = "numbers")]
+    all: bool,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Adds, lists or clears faults.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    match &args.command {
+        Command::Add(args) => {
+            let spec = spec::parse(&args.kind, &args.fields)?;
+            by_channel::add(&spec, &args.instance.name)
+        }
+        Command::List(args) => by_channel::list(args.format.format, &args.instance.name),
+        Command::Clear(args) => by_channel::clear(&args.numbers, &args.instance.name),
+    }
+}
+
+#[cfg(feature = "channel")]
+mod by_channel {
+    use super::super::session::Session;
+    use super::super::table::{self, Format, Row};
+    use super::super::{error::CliError, output};
+    use commram::channel::{ChannelError, ClientError, Op, Reply};
+    use commram::fault::{FaultError, FaultSpec, FaultStatus};
+    use commram::journal::Names;
+    use serde::Serialize;
+    use std::num::NonZeroU16;
+
+    /// A fault of the list.
+    #[derive(Serialize)]
+    struct Entry {
+        number: u16,
+        state: &'static str,
+        hits: u32,
+        #[serde(flatten)]
+        fault: FaultSpec,
+    }
+
+    impl Row for Entry {
+        const COLUMNS: &'static [&'static str] = &["number", "state", "hits", "fault"];
+
+        fn cells(&self) -> Vec<String> {
+            let Entry { number, state, hits, fault } = self;
+            vec![number.to_string(), (*state).to_owned(), hits.to_string(), fault.to_string()]
+        }
+    }
+
+    /// Names of PLCs and buses.
+    fn names(session: &Session, instance: &str) -> Result<Names, CliError> {
+        match session.request(&[Op::Info])?.pop() {
+            Some(Reply::Info(info)) => Ok(Names { plcs: info.plcs, buses: info.buses }),
+            _ => Err(wrong_reply(instance)),
+        }
+    }
+
+    fn wrong_reply(instance: &str) -> CliError {
+        ClientError::WrongReply { instance: instance.to_owned() }.into()
+    }
+
+    pub(super) fn add(spec: &FaultSpec, instance: &str) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let names = names(&session, instance)?;
+        let fault = spec.resolve(&names)?;
+        match session.request(&[Op::FaultAdd { fault }]) {
+            Ok(replies) => match replies[..] {
+                [Reply::FaultAdded { id }] => output::print(&format!("{id}\n")),
+                _ => Err(wrong_reply(instance)),
+            },
+            Err(CliError::Client(ClientError::Refused(ChannelError::Fault(refusal)))) => {
+                Err(FaultError::refused(fault.kind(), refusal, &names).into())
+            }
+            Err(other) => Err(other),
+        }
+    }
+
+    pub(super) fn list(format: Format, instance: &str) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let names = names(&session, instance)?;
+        let entry = |status: &FaultStatus| Entry {
+            number: status.id,
+            state: if status.acting { "acting" } else { "waiting" },
+            hits: status.hits,
+            fault: FaultSpec::of(&status.fault, &names),
+        };
+        let entries: Vec<_> = match &session.request(&[Op::FaultList])?[..] {
+            [Reply::Faults(faults)] => faults.iter().map(entry).collect(),
+            _ => return Err(wrong_reply(instance)),
+        };
+        table::print(format, &entries, |entries| match entries {
+            [] => "no faults\n".to_owned(),
+            entries => table::aligned(entries),
+        })
+    }
+
+    pub(super) fn clear(numbers: &[NonZeroU16], instance: &str) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let one = |id: &NonZeroU16| Op::FaultClear { id: Some(*id) };
+        let ops: Vec<_> = if numbers.is_empty() {
+            vec![Op::FaultClear { id: None }]
+        } else {
+            numbers.iter().map(one).collect()
+        };
+        session.request(&ops).map(|_| ())
+    }
+}
+
+#[cfg(not(feature = "channel"))]
+mod by_channel {
+    use super::super::{error::CliError, table::Format};
+    use commram::fault::FaultSpec;
+    use std::num::NonZeroU16;
+
+    const NO_CHANNEL: CliError = CliError::NoChannel { command: "fault" };
+
+    pub(super) fn add(_: &FaultSpec, _: &str) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+
+    pub(super) fn list(_: Format, _: &str) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+
+    pub(super) fn clear(_: &[NonZeroU16], _: &str) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+}
