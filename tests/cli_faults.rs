@@ -118,7 +118,7 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
     let journal = emulator.run("trace", &["--kind", "fault"]).ok().to_owned();
     for told in [
         "fault 1, lose_frame: added",
-        "fault 1, lose_frame: hits frame 16#101",
+        "fault 1, lose_frame: hits frame 16#100",
         "fault 1, lose_frame: over",
         "fault 8, slave_busy of slave 1: hits frame 16#581",
         "fault 9, slave_error of slave 1: over",
