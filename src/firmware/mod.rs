@@ -7,6 +7,7 @@
 pub mod baps;
 pub mod board;
 pub mod cansync;
+mod shown;
 
 use crate::journal::{Event, Journal, Origin};
 

@@ -248,9 +248,9 @@ impl Plant {
 
     /// The BAPS time slices that are due now.
     fn time_slices(&mut self) {
-        for plc in &mut self.plcs {
+        for (index, plc) in self.plcs.iter_mut().enumerate() {
             if plc.baps.next_time() == self.now {
-                plc.time_slice(self.now);
+                plc.time_slice(index, self.now, &mut self.journal);
             }
         }
         self.find_next_slice();

@@ -7,7 +7,7 @@ use crate::firmware::Context;
 use crate::firmware::baps::Baps;
 use crate::firmware::board::{Board, Look, Power};
 use crate::firmware::cansync::{Change, Master, Slave};
-use crate::journal::{BoardEvent, Event, Journal, Origin};
+use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::memory::{Header, MemoryError, Segment, View};
 
 /// A PLC of the plant.
@@ -218,9 +218,10 @@ impl Plc {
     }
 
     /// A time slice of the drive, which may have process data for an event task.
-    pub(super) fn time_slice(&mut self, now: u64) {
+    pub(super) fn time_slice(&mut self, index: usize, now: u64, journal: &mut Journal) {
         let events = self.baps.process_data_events();
-        self.baps.slice(now);
+        let origin = Origin { plc: index as u16, node: BAPS_NODE };
+        self.baps.slice(&mut Context { now, journal, origin });
         if self.baps.process_data_events() != events {
             self.board.baps(now);
         }
