@@ -87,6 +87,7 @@ fn the_output_goes_where_it_is_told_to() {
 fn wrong_use_is_explained() {
     let block = run(&["export", "c", "--block", "node3"]);
     assert!(block.fails(2).contains("unknown area `node3`; the areas are baps, node1"), "{}", block.err);
+    assert!(run(&["export", "c", "--elementary"]).fails(2).contains("only `st` has elementary variables"));
     assert!(run(&["export", "cobol"]).fails(2).contains("possible values: c, "));
     assert!(run(&["export"]).fails(2).contains("<FORMAT>"));
 }

@@ -12,7 +12,8 @@ use std::path::PathBuf;
 #[command(after_help = "\
 Examples:
   commram export c --output commram.h
-  commram export csv --block node2
+  commram export python --output commram.py
+  commram export st --elementary --block node2
   commram export md > registers.md
 
 docs/export.md tells how each format is used.")]
@@ -26,6 +27,9 @@ pub struct Args {
     /// Only this block, for example `node2`
     #[arg(long, value_name = "NAME")]
     block: Option<String>,
+    /// With `st`: an elementary variable per register instead of structures
+    #[arg(long)]
+    elementary: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -52,7 +56,15 @@ impl ValueEnum for FormatArg {
 
 /// Exports.
 pub fn run(args: &Args) -> Result<(), CliError> {
-    let text = export::export(args.format.0, args.block.as_deref())?;
+    let format = match (args.format.0, args.elementary) {
+        (format, false) => format,
+        (Format::St, true) => Format::StElementary,
+        (other, true) => {
+            let right = "only `st` has elementary variables".to_owned();
+            return Err(CliError::Argument { text: format!("{other} --elementary"), right });
+        }
+    };
+    let text = export::export(format, args.block.as_deref())?;
     let Some(path) = &args.output else {
         return output::print(&text);
     };

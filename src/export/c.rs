@@ -61,7 +61,7 @@ fn header_page(out: &mut String, scope: &Scope) {
     for of in &contract::CODES {
         out.push_str("\nenum {\n");
         for (value, code, doc) in of.codes {
-            let code = format!("COMMRAM_{}_{}", snake(of.name), snake(code)).to_uppercase();
+            let code = format!("COMMRAM_{}_{}", text::snake(of.name), text::snake(code)).to_uppercase();
             let _ = writeln!(out, "    {code} = {value}, /* {} */", doc.trim());
         }
         out.push_str("};\n");
@@ -73,12 +73,12 @@ fn header_page(out: &mut String, scope: &Scope) {
 }
 
 fn header_struct(out: &mut String, of: &HeaderStruct) {
-    let name = format!("commram_{}", snake(of.name));
+    let name = format!("commram_{}", text::snake(of.name));
     let _ = writeln!(out, "\ntypedef struct {name} {{");
     for field in of.fields {
         let ty = match field.kind {
             Kind::Integer(bytes) => format!("COMMRAM_CELL(uint{}_t)", 8 * bytes),
-            Kind::Struct(of) => format!("commram_{}", snake(of.name)),
+            Kind::Struct(of) => format!("commram_{}", text::snake(of.name)),
         };
         let bounds = field.count.map(|count| format!("[{count}]")).unwrap_or_default();
         let meaning = field.meaning().filter(|meaning| !meaning.is_empty());
@@ -197,18 +197,6 @@ pub fn c_type(ty: RegType) -> &'static str {
 /// The name of a field of the header page, with `_` behind it if it is a keyword.
 fn field_name(name: &str) -> String {
     if KEYWORDS.contains(&name) { format!("{name}_") } else { name.to_owned() }
-}
-
-/// `event_slot` for `EventSlot`.
-fn snake(name: &str) -> String {
-    let mut snake = String::new();
-    for c in name.chars() {
-        if c.is_ascii_uppercase() && !snake.is_empty() {
-            snake.push('_');
-        }
-        snake.push(c.to_ascii_lowercase());
-    }
-    snake
 }
 
 #[cfg(test)]

@@ -31,16 +31,36 @@ pub fn of(meaning: &Meaning) -> Vec<Constant> {
     constants
 }
 
+/// The values that stand for themselves, without ranges and reserved ones, named by their meaning alone.
+pub fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
+    let alone = known.iter().filter(|value| value.first == value.last);
+    let mut constants: Vec<_> = alone.flat_map(|value| values("", core::slice::from_ref(value), 0)).collect();
+    tell_apart(&mut constants);
+    for constant in &mut constants {
+        constant.name = own_name("", &constant.name);
+    }
+    constants
+}
+
+/// A constant's name without `prefix`, as a name of its own.
+pub fn own_name(prefix: &str, name: &str) -> String {
+    let own = name.strip_prefix(prefix).map_or(name, |rest| rest.trim_start_matches('_'));
+    if own.starts_with(|c: char| c.is_ascii_digit()) { format!("VALUE_{own}") } else { own.to_owned() }
+}
+
+/// What a field of bits is about, in a few words.
+pub fn about(field: &BitField) -> String {
+    let text = [field.one, field.text, field.name].into_iter().find(|text| !text.is_empty());
+    text.unwrap_or_default().replace("{}", "n")
+}
+
 fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
     let name = format!("{}_{}", upper(meaning.name), upper(field.name));
     if field.first == field.last {
-        let text = if field.one.is_empty() { field.name } else { field.one };
-        constants.push(Constant::new(name, field.mask(), text));
+        constants.push(Constant::new(name, field.mask(), about(field)));
         return;
     }
-    let text = field.text.replace("{}", "n");
-    let text = if text.is_empty() { field.name } else { text.as_str() };
-    constants.push(Constant::new(format!("{name}_MASK"), field.mask(), text));
+    constants.push(Constant::new(format!("{name}_MASK"), field.mask(), about(field)));
     let shift = Constant::new(format!("{name}_SHIFT"), field.first.into(), "lowest bit of it");
     constants.push(Constant { is_shift: true, ..shift });
     constants.extend(values(&name, field.values, field.first));
@@ -111,6 +131,12 @@ mod tests {
         let word = constants("cfg_word");
         assert!(word.contains(&pair("CFG_WORD_NUMBER_MASK", 0x3C)), "{word:?}");
         assert!(word.contains(&pair("CFG_WORD_NUMBER_SHIFT", 2)), "{word:?}");
+    }
+
+    #[test]
+    fn names_stand_without_their_prefix() {
+        assert_eq!(own_name("SEND", "SEND_IDLE"), "IDLE");
+        assert_eq!(own_name("TIME_PATTERN", "TIME_PATTERN_8_MS"), "VALUE_8_MS");
     }
 
     #[test]

@@ -7,11 +7,17 @@ mod c;
 mod constants;
 mod csv;
 mod json;
+mod matiec;
 mod md;
 mod members;
+mod python;
 mod rows;
 mod scope;
+mod st;
+mod svd;
+mod systemrdl;
 mod text;
+mod xml;
 
 use crate::layout::LayoutError;
 use std::fmt;
@@ -25,6 +31,18 @@ pub use scope::Scope;
 pub enum Format {
     /// One C header, also for C++.
     C,
+    /// The C header with glue for programs compiled by matiec.
+    Matiec,
+    /// IEC 61131-3 declarations with the manual's structures.
+    St,
+    /// IEC 61131-3 declarations of one elementary variable per register.
+    StElementary,
+    /// A Python module.
+    Python,
+    /// CMSIS-SVD.
+    Svd,
+    /// SystemRDL 2.0.
+    SystemRdl,
     /// A JSON document with a versioned schema.
     Json,
     /// Comma-separated values, one line per register.
@@ -34,14 +52,29 @@ pub enum Format {
 }
 
 impl Format {
-    /// All formats.
-    pub const ALL: [Self; 4] = [Self::C, Self::Json, Self::Csv, Self::Md];
+    /// One of each name.
+    pub const ALL: [Self; 9] = [
+        Self::C,
+        Self::Matiec,
+        Self::St,
+        Self::Python,
+        Self::Svd,
+        Self::SystemRdl,
+        Self::Json,
+        Self::Csv,
+        Self::Md,
+    ];
 
     /// The name on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::C => "c",
+            Self::Matiec => "matiec",
+            Self::St | Self::StElementary => "st",
+            Self::Python => "python",
+            Self::Svd => "svd",
+            Self::SystemRdl => "systemrdl",
             Self::Json => "json",
             Self::Csv => "csv",
             Self::Md => "md",
@@ -53,6 +86,12 @@ impl Format {
     pub const fn about(self) -> &'static str {
         match self {
             Self::C => "C header with structures, constants and functions to attach; also for C++",
+            Self::Matiec => "C header that binds located variables of programs compiled by matiec",
+            Self::St => "IEC 61131-3 types and variables, as in the manual",
+            Self::StElementary => "IEC 61131-3 variables, one per register",
+            Self::Python => "Python module without dependencies",
+            Self::Svd => "CMSIS-SVD for debuggers and viewers",
+            Self::SystemRdl => "SystemRDL 2.0 for PeakRDL and hardware tools",
             Self::Json => "everything known about the registers, for programs",
             Self::Csv => "one line per register, for spreadsheets",
             Self::Md => "register reference for people",
@@ -74,6 +113,12 @@ pub fn export(format: Format, block: Option<&str>) -> Result<String, LayoutError
     let scope = Scope::new(block)?;
     Ok(match format {
         Format::C => c::generate(&scope),
+        Format::Matiec => matiec::generate(&scope),
+        Format::St => st::generate(&scope),
+        Format::StElementary => st::elementary(&scope),
+        Format::Python => python::generate(&scope),
+        Format::Svd => svd::generate(&scope),
+        Format::SystemRdl => systemrdl::generate(&scope),
         Format::Json => json::generate(&scope),
         Format::Csv => csv::generate(&scope),
         Format::Md => md::generate(&scope),

@@ -4,16 +4,13 @@ use super::scope::Scope;
 use crate::layout::{Dim, Register};
 
 /// What the comment at the head of every exported file says.
-pub fn banner(scope: &Scope, format: &str) -> Vec<String> {
+pub fn banner(scope: &Scope, format: &str) -> [String; 3] {
     let device = scope.device;
-    let [area] = scope.areas.as_slice() else {
-        return banner_lines(device, format, "");
+    let block = match scope.areas.as_slice() {
+        [area] => format!(" --block {}", area.name),
+        _ => String::new(),
     };
-    banner_lines(device, format, &format!(" --block {}", area.name))
-}
-
-fn banner_lines(device: &crate::layout::Device, format: &str, block: &str) -> Vec<String> {
-    vec![
+    [
         format!("Registers of the {} (manual {}), segment 3.", device.title, device.manual),
         format!("Made by commram {} with `commram export {format}{block}`; do not edit.", version()),
         format!("Layout hash 16#{:016X}.", device.layout_hash),
@@ -48,4 +45,16 @@ pub fn remark(register: &Register) -> String {
         Some(used) => format!("{owner}: {}; {used} in use", register.doc),
         None => format!("{owner}: {}", register.doc),
     }
+}
+
+/// `event_slot` for `EventSlot`.
+pub fn snake(name: &str) -> String {
+    let mut snake = String::new();
+    for c in name.chars() {
+        if c.is_ascii_uppercase() && !snake.is_empty() {
+            snake.push('_');
+        }
+        snake.push(c.to_ascii_lowercase());
+    }
+    snake
 }

@@ -1,0 +1,201 @@
+//! One Python module without dependencies: the tables here, what works with them in `python/attach.py`.
+
+use super::constants;
+use super::rows;
+use super::scope::Scope;
+use super::text;
+use crate::layout::{BitField, Meaning, RegType, Register, ValueMeaning};
+use crate::memory::contract::{self, Codes, Field, HeaderStruct, Kind};
+use crate::memory::header::{ABI_VERSION, MAGIC};
+use crate::memory::{HEADER_SIZE, SEGMENT_SIZE};
+use std::fmt::Write;
+
+const IMPORTS: &str = "\
+import enum
+import fcntl
+import itertools
+import mmap
+import os
+import re
+import stat
+import struct
+import sys
+import time
+from typing import Callable, Iterator, NamedTuple, Optional, Union
+
+";
+const ATTACH: &str = include_str!("python/attach.py");
+
+pub fn generate(scope: &Scope) -> String {
+    let mut out = String::from("\"\"\"");
+    out.push_str(&text::banner(scope, "python").join("\n"));
+    out.push_str("\n\"\"\"\n\n");
+    out.push_str(IMPORTS);
+    let _ = writeln!(out, "MAGIC = 0x{MAGIC:016X}");
+    let _ = writeln!(out, "ABI_VERSION = {ABI_VERSION}");
+    let _ = writeln!(out, "LAYOUT_HASH = 0x{:016X}", scope.device.layout_hash);
+    let _ = writeln!(out, "HEADER_SIZE = {HEADER_SIZE}");
+    let _ = writeln!(out, "SEGMENT_SIZE = {SEGMENT_SIZE}");
+    contract::CODES.iter().for_each(|of| codes(&mut out, of));
+    out.push_str(
+        "\n\n# Structures of the header page: offset, kind, number of elements, bytes of one.\n_HEADER = {\n",
+    );
+    contract::structures().into_iter().for_each(|of| header_struct(&mut out, of));
+    out.push_str("}\n");
+    scope.meanings().iter().for_each(|(meaning, _)| enumeration(&mut out, meaning));
+    areas(&mut out, scope);
+    structures(&mut out, scope);
+    out.push_str("\n# Values: first, last, text. Bits: first, last, zero, one, text, values, joined, reserved.\n_MEANINGS = {\n");
+    scope.meanings().iter().for_each(|(meaning, _)| self::meaning(&mut out, meaning));
+    out.push_str("}\n");
+    out.push_str(ATTACH);
+    out
+}
+
+fn codes(out: &mut String, of: &Codes) {
+    let _ = writeln!(out, "\n\nclass {}(enum.IntEnum):", of.name);
+    for (value, name, doc) in of.codes {
+        let _ = writeln!(out, "    {} = {value}  # {}", text::snake(name).to_uppercase(), doc.trim());
+    }
+}
+
+fn header_struct(out: &mut String, of: &HeaderStruct) {
+    let _ = writeln!(out, "    {:?}: {{", of.name);
+    for Field { offset, name, kind, count } in of.fields {
+        let code = match kind {
+            Kind::Integer(1) => "B",
+            Kind::Integer(4) => "I",
+            Kind::Integer(_) => "Q",
+            Kind::Struct(of) => of.name,
+        };
+        let count = count.map_or("None".to_owned(), |count| count.to_string());
+        let _ = writeln!(out, "        {name:?}: ({offset}, {code:?}, {count}, {}),", kind.bytes());
+    }
+    out.push_str("    },\n");
+}
+
+/// An enumeration of the values, or flags if there are bits. Numbers of lowest bits are no members of it.
+fn enumeration(out: &mut String, meaning: &Meaning) {
+    let constants = constants::of(meaning);
+    let class = constants::upper(meaning.name);
+    let (shifts, members): (Vec<_>, Vec<_>) = constants.iter().partition(|constant| constant.is_shift);
+    if !members.is_empty() {
+        let base = if meaning.bits.is_empty() { "IntEnum" } else { "IntFlag" };
+        let _ = writeln!(out, "\n\nclass {class}(enum.{base}):");
+        for constant in members {
+            let name = constants::own_name(&class, &constant.name);
+            let _ = writeln!(out, "    {name} = 0x{:X}  # {}", constant.value, constant.text);
+        }
+    }
+    if !shifts.is_empty() {
+        out.push_str("\n\n");
+    }
+    for constant in shifts {
+        let _ = writeln!(out, "{} = {}", constant.name, constant.value);
+    }
+}
+
+fn areas(out: &mut String, scope: &Scope) {
+    out.push_str(
+        "\n\n# First byte (n of %MB3.n), size in bytes, purpose; structures: type, when it is valid, variable.\n\
+         AREAS = {\n",
+    );
+    for area in &scope.areas {
+        let placed = area.structures.iter().map(|placed| {
+            format!("({:?}, {:?}, {:?}), ", placed.structure.name, rows::live(placed.live), placed.variable)
+        });
+        let _ = writeln!(
+            out,
+            "    {:?}: ({}, {}, {:?}, ({})),",
+            area.name,
+            area.first,
+            area.bytes,
+            area.doc,
+            placed.collect::<String>().trim_end()
+        );
+    }
+    out.push_str("}\n");
+}
+
+fn structures(out: &mut String, scope: &Scope) {
+    out.push_str(
+        "\n# Sub-structure, name, code, offset, dimensions (count, used, stride), how many of them are the\n\
+         # sub-structure's, owner, value after power-on, reserved, meaning, purpose.\n_STRUCTURES = {\n",
+    );
+    for structure in scope.structures() {
+        let _ = writeln!(out, "    {:?}: (", structure.name);
+        for register in structure.registers {
+            self::register(out, register);
+        }
+        out.push_str("    ),\n");
+    }
+    out.push_str("}\n");
+}
+
+fn register(out: &mut String, register: &Register) {
+    let dims = register.dims.iter().map(|dim| format!("({}, {}, {}), ", dim.count, dim.used, dim.stride));
+    let _ = writeln!(
+        out,
+        "        ({:?}, {:?}, {:?}, {}, ({}), {}, {:?}, 0x{:X}, {}, {}, {:?}),",
+        register.group,
+        register.name,
+        code(register.ty),
+        register.offset,
+        dims.collect::<String>().trim_end(),
+        register.group_dims,
+        register.owner.to_string(),
+        register.reset,
+        boolean(register.reserved),
+        register.meaning.map_or("None".to_owned(), |meaning| format!("{:?}", meaning.name)),
+        register.doc
+    );
+}
+
+fn meaning(out: &mut String, meaning: &Meaning) {
+    let _ = writeln!(out, "    {:?}: (\n        ({}),\n        (", meaning.name, values(meaning.values));
+    for BitField { first, last, zero, one, text, values, joined, reserved, .. } in meaning.bits {
+        let values = self::values(values);
+        let (joined, reserved) = (boolean(*joined), boolean(*reserved));
+        let _ = writeln!(
+            out,
+            "            ({first}, {last}, {zero:?}, {one:?}, {text:?}, ({values}), {joined}, {reserved}),"
+        );
+    }
+    out.push_str("        ),\n    ),\n");
+}
+
+fn values(values: &[ValueMeaning]) -> String {
+    let value = |known: &ValueMeaning| format!("({}, {}, {:?}), ", known.first, known.last, known.text);
+    values.iter().map(value).collect::<String>().trim_end().to_owned()
+}
+
+const fn boolean(value: bool) -> &'static str {
+    if value { "True" } else { "False" }
+}
+
+/// As in Python's modules `struct` and `array`.
+const fn code(ty: RegType) -> &'static str {
+    match ty {
+        RegType::Byte | RegType::Usint => "B",
+        RegType::Word | RegType::Uint => "H",
+        RegType::Dword | RegType::Udint => "I",
+        RegType::Sint => "b",
+        RegType::Int => "h",
+        RegType::Dint => "i",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_register_stands_in_the_tables() {
+        let module = generate(&Scope::new(None).unwrap());
+        assert!(module.contains(
+            "(\"\", \"a_RD_BMARRAY\", \"i\", 832, ((32, 32, 64), (16, 8, 4),), 0, \"firmware\", 0x0, False, None, "
+        ));
+        assert!(module.contains("    \"node2\": (200000, 32768, "));
+        assert!(module.contains("        \"answer\": (192, \"Bell\", None, 8),\n"));
+    }
+}

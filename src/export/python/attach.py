@@ -1,0 +1,323 @@
+
+
+class Error(Exception):
+    """Anything that goes wrong with an image."""
+
+
+class NotAttached(Error):
+    """The image is not there, or not what it should be."""
+
+
+class Gone(Error):
+    """The emulator has ended, was killed, or has been replaced."""
+
+
+class Timeout(Error, TimeoutError):
+    """A register did not become what was awaited."""
+
+
+class Register(NamedTuple):
+    """One register; of an array one element."""
+
+    name: str
+    address: int  # n of %MB3.n
+    code: str  # as in the modules struct and array
+    owner: str  # "PLC", "firmware" or "both"
+    reset: int
+    reserved: bool
+    meaning: Optional[str]
+    doc: str
+
+    @property
+    def width(self) -> int:
+        """Width in bytes: 1, 2 or 4."""
+        return _WIDTHS[self.code]
+
+    @property
+    def iec_address(self) -> str:
+        """The address as the PLC programmer writes it, for example %MW3.200000."""
+        return f"%M{' BW D'[self.width]}3.{self.address}"
+
+    def decode(self, value: int) -> str:
+        """What a value means."""
+        if self.reserved:
+            return "reserved"
+        return decode(self.meaning, value, self.width) if self.meaning else str(value)
+
+
+_WIDTHS = {"b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "Q": 8}
+_UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
+_INDEX = re.compile(r"\[(\d+)\]")
+_ADDRESS = re.compile(r"%M([BWD])3\.(\d+)", re.IGNORECASE)
+
+
+def _mask(width: int) -> int:
+    return (1 << (8 * width)) - 1
+
+
+def _known_value(values, value: int) -> Optional[str]:
+    for first, last, text in values:
+        if first <= value <= last:
+            return text.replace("{}", str(value))
+    return None
+
+
+def _hex(value: int, width: int) -> str:
+    return f"16#{value & _mask(width):0{2 * width}X}"
+
+
+def decode(meaning: str, value: int, width: int) -> str:
+    """What `value` means in a register of `width` bytes with this meaning."""
+    values, bits = _MEANINGS[meaning]
+    value &= _mask(width)
+    known = _known_value(values, value)
+    if known is not None:
+        return known
+    if not bits:
+        return f"{_hex(value, width)} has no meaning"
+    text, described = "", 0
+    for first, last, zero, one, field_text, field_values, joined, reserved in bits:
+        mask = (1 << (last - first + 1)) - 1
+        part = (value >> first) & mask
+        described |= mask << first
+        if reserved:
+            span = str(first) if first == last else f"{first}-{last}"
+            found = f"reserved bits {span} set" if part else ""
+        else:
+            found = _known_value(field_values, part)
+            if found is None:
+                found = (one if part else zero) if first == last else field_text.replace("{}", str(part))
+        if text and found:
+            text += " " if joined else ", "
+        text += found
+    if value & ~described:
+        text += f"{', ' if text else ''}bits {_hex(value & ~described, width)} have no meaning"
+    return text
+
+
+def _table():
+    """All registers by their names without indices; the first structure that has a name counts."""
+    table = {}
+    for area, (first, _bytes, _doc, structures) in AREAS.items():
+        for structure, _live, _variable in structures:
+            for row in _STRUCTURES[structure]:
+                group, name = row[0], row[1]
+                key = f"{area}.{group}.{name}" if group else f"{area}.{name}"
+                table.setdefault(key, (first, row))
+    return table
+
+
+_TABLE = _table()
+
+
+def register(name: str) -> Register:
+    """The register called `name`, for example "node2.a_RD_BMARRAY[1][0]" or "%MW3.200002"."""
+    address = _ADDRESS.fullmatch(name)
+    if address:
+        width, offset = {"B": 1, "W": 2, "D": 4}[address[1].upper()], int(address[2])
+        if offset % width or not HEADER_SIZE <= offset <= SEGMENT_SIZE - width:
+            raise KeyError(f"{name}: not an address of a register {width} bytes wide")
+        return Register(name, offset, _UNSIGNED[width], "both", 0, False, None, "")
+    known = _TABLE.get(_INDEX.sub("", name))
+    if known is None:
+        raise KeyError(f"{name}: no such register")
+    first, (group, own, code, offset, dims, _group_dims, owner, reset, reserved, meaning, doc) = known
+    indices = [int(index) for index in _INDEX.findall(name)]
+    if len(indices) != len(dims):
+        raise KeyError(f"{name}: {len(dims)} indices are needed, not {len(indices)}")
+    for index, (count, used, stride) in zip(indices, dims):
+        if index >= count:
+            raise KeyError(f"{name}: index {index} is not below {count}")
+        offset += index * stride
+        reserved = reserved or index >= used
+    return Register(name, first + offset, code, owner, reset, reserved, meaning, doc)
+
+
+def names(area: Optional[str] = None) -> Iterator[str]:
+    """The names of all registers, or of those of one area, arrays element by element."""
+    for key, (_first, row) in _TABLE.items():
+        place, group, own = key.split(".", 1)[0], row[0], row[1]
+        if area not in (None, place):
+            continue
+        for index in itertools.product(*(range(count) for count, _used, _stride in row[4])):
+            text = [f"[{i}]" for i in index]
+            outer = f"{group}{''.join(text[:row[5]])}." if group else ""
+            yield f"{place}.{outer}{own}{''.join(text[row[5]:])}"
+
+
+def _header_field(path: str):
+    """Offset and code of a field of the header page, for example "events[12].bell.word"."""
+    offset, kind = 0, "Header"
+    for part in path.split("."):
+        name, indices = _INDEX.sub("", part), _INDEX.findall(part)
+        fields = _HEADER[kind] if kind in _HEADER else {}
+        if name not in fields:
+            raise KeyError(f"{path}: the header page has no such field")
+        start, kind, count, width = fields[name]
+        if (count is not None) != bool(indices) or (indices and int(indices[0]) >= count):
+            raise KeyError(f"{path}: {name} has {count or 'no'} elements")
+        offset += start + (int(indices[0]) * width if indices else 0)
+    if kind not in _WIDTHS:
+        raise KeyError(f"{path}: not a number but a structure")
+    return offset, kind
+
+
+class Ram:
+    """An attached image. Use it as a dictionary from register names to numbers."""
+
+    def __init__(self, path: str, writable: bool = True):
+        if sys.byteorder != "little":
+            raise NotAttached("the registers are little endian, this computer is not")
+        flags = (os.O_RDWR if writable else os.O_RDONLY) | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
+        self.path = path
+        try:
+            self._file = os.open(path, flags)
+        except OSError as error:
+            raise NotAttached(f"{path}: {error.strerror}") from error
+        try:
+            self._check_file()
+            access = mmap.ACCESS_WRITE if writable else mmap.ACCESS_READ
+            self._map = mmap.mmap(self._file, SEGMENT_SIZE, access=access)
+        except BaseException:
+            os.close(self._file)
+            raise
+        # One element of such a view is loaded and stored as a whole, in one access of its width.
+        whole = memoryview(self._map)
+        self._views = {code: whole.cast(code) for code in _WIDTHS}
+        whole.release()
+        self.generation = self.header("generation")
+        try:
+            self.check()
+        except BaseException:
+            self.close()
+            raise
+
+    def _check_file(self):
+        """The checks of docs/attach.md, in its order."""
+        info = os.fstat(self._file)
+        if not stat.S_ISREG(info.st_mode):
+            raise NotAttached(f"{self.path}: no image")
+        if info.st_uid != os.geteuid():
+            raise NotAttached(f"{self.path}: the image belongs to another user")
+        head = os.pread(self._file, 28, 0)
+        if len(head) < 28:
+            raise NotAttached(f"{self.path}: the image is too short")
+        magic, abi, _size, layout, segment = struct.unpack("<QIIQI", head)
+        if magic != MAGIC:
+            raise NotAttached(f"{self.path}: the file is no image of a communication RAM")
+        if abi != ABI_VERSION:
+            raise NotAttached(f"{self.path}: attach contract {abi}, this module knows {ABI_VERSION}")
+        if layout != LAYOUT_HASH:
+            raise NotAttached(f"{self.path}: the image has another register map; export this module again")
+        if segment != SEGMENT_SIZE or info.st_size < SEGMENT_SIZE:
+            raise NotAttached(f"{self.path}: the image is too short")
+
+    def close(self):
+        """Unmaps the image. The emulator is not touched."""
+        if self._views:
+            for view in self._views.values():
+                view.release()
+            self._views = {}
+            self._map.close()
+            os.close(self._file)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_exception):
+        self.close()
+
+    def _load(self, offset: int, code: str) -> int:
+        return self._views[code][offset // _WIDTHS[code]]
+
+    def _store(self, name: str, offset: int, code: str, value: int):
+        width = _WIDTHS[code]
+        if not -(1 << (8 * width - 1)) <= value <= _mask(width):
+            raise ValueError(f"{name}: {value} does not fit into {width} bytes")
+        # A signed register takes bit patterns, an unsigned one negative numbers.
+        self._views[_UNSIGNED[width]][offset // width] = value & _mask(width)
+
+    def read(self, name: str) -> int:
+        """The register's value; negative numbers in signed registers."""
+        found = register(name)
+        return self._load(found.address, found.code)
+
+    def write(self, name: str, value: int):
+        """Stores to a register. The firmware sees it at its next look, at the latest after a processor cycle."""
+        found = register(name)
+        self._store(name, found.address, found.code, int(value))
+
+    __getitem__ = read
+    __setitem__ = write
+
+    def text(self, name: str) -> str:
+        """What the register's present value means."""
+        return register(name).decode(self.read(name))
+
+    def header(self, path: str) -> int:
+        """A number of the header page, for example "virtual_time_us" or "board.display"."""
+        return self._load(*_header_field(path))
+
+    def write_header(self, path: str, value: int):
+        """Stores to a field of the header page that the attach contract gives to clients."""
+        offset, code = _header_field(path)
+        self._store(path, offset, code, int(value))
+
+    def check(self):
+        """Raises Gone or NotAttached unless the emulator that was attached to runs and is ready."""
+        if self.header("generation") != self.generation:
+            raise Gone(f"{self.path}: another emulator has taken the image over")
+        state = self.header("state")
+        if state == State.STARTING:
+            raise NotAttached(f"{self.path}: the emulator is not ready yet")
+        if state != State.READY:
+            raise Gone(f"{self.path}: the emulator has ended")
+        if not self._process_runs() and not self._file_is_locked():
+            raise Gone(f"{self.path}: the emulator was killed")
+
+    def _process_runs(self) -> bool:
+        try:
+            with open(f"/proc/{self.header('firmware_pid')}/stat", "rb") as file:
+                fields = file.read().rpartition(b")")[2].split()
+        except OSError:
+            return False
+        return len(fields) > 19 and fields[0] not in b"ZX" and int(fields[19]) == self.header("firmware_start")
+
+    def _file_is_locked(self) -> bool:
+        """Whether an emulator holds the file, one whose process cannot be seen from here."""
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        fcntl.flock(self._file, fcntl.LOCK_UN)
+        return False
+
+    def wait(self, name: str, wanted: Union[int, Callable[[int], bool]], timeout: float = 5.0) -> int:
+        """Waits until the register has the wanted value, or until `wanted(value)` is true; returns the value.
+
+        `timeout` is in seconds of real time. In stepped mode somebody else has to move the time on.
+        """
+        found = register(name)
+        expected = None if callable(wanted) else int(wanted) & _mask(found.width)
+        end = time.monotonic() + timeout
+        next_check = 0.0
+        while True:
+            value = self._load(found.address, found.code)
+            if wanted(value) if callable(wanted) else value & _mask(found.width) == expected:
+                return value
+            now = time.monotonic()
+            if now >= next_check:
+                self.check()
+                next_check = now + 0.1
+            if now >= end:
+                aim = "what was awaited" if expected is None else _hex(expected, found.width)
+                raise Timeout(
+                    f"{found.name} ({found.iec_address}) did not become {aim} within {timeout} s, "
+                    f"it is {_hex(value, found.width)}: {found.decode(value)}"
+                )
+            time.sleep(0.0005)
+
+
+def attach(instance: str = "default", plc: str = "line", writable: bool = True) -> Ram:
+    """Attaches to the RAM of a PLC of an emulator instance."""
+    return Ram(f"/dev/shm/commram.{instance}.{plc}", writable)

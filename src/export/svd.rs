@@ -1,0 +1,166 @@
+//! CMSIS-SVD, the register description that debuggers and peripheral viewers read. Addresses are the CPU's.
+
+use super::constants;
+use super::members::{self, Group, Member};
+use super::scope::Scope;
+use super::text;
+use super::xml::Xml;
+use crate::layout::{Area, Dim, Meaning, Owner, Placed, Register, ValueMeaning};
+
+pub fn generate(scope: &Scope) -> String {
+    let device = scope.device;
+    let mut xml = Xml::new();
+    for line in text::banner(scope, "svd") {
+        xml.comment(&line);
+    }
+    let attributes = "schemaVersion=\"1.3\" xmlns:xs=\"http://www.w3.org/2001/XMLSchema-instance\" \
+                      xs:noNamespaceSchemaLocation=\"CMSIS-SVD.xsd\"";
+    xml.node("device", attributes, |xml| {
+        xml.leaf("name", device.name.replace('-', "_"));
+        xml.leaf("version", text::version());
+        xml.leaf("description", format!("Communication RAM of the {}", device.title));
+        xml.leaf("addressUnitBits", 8);
+        xml.leaf("width", 32);
+        xml.leaf("size", 32);
+        xml.leaf("access", "read-write");
+        xml.leaf("resetValue", "0x0");
+        xml.leaf("resetMask", "0xFFFFFFFF");
+        xml.node("peripherals", "", |xml| {
+            for area in &scope.areas {
+                if area.structures.is_empty() {
+                    plain(xml, area);
+                }
+                for placed in area.structures {
+                    peripheral(xml, area, placed);
+                }
+            }
+        });
+    });
+    xml.finish()
+}
+
+/// An area without registers.
+fn plain(xml: &mut Xml, area: &Area) {
+    xml.node("peripheral", "", |xml| {
+        xml.leaf("name", area.name);
+        place(xml, area, area.doc, area.bytes, "buffer");
+    });
+}
+
+/// A structure. Of those that overlay each other all name the first one as their alternative.
+fn peripheral(xml: &mut Xml, area: &Area, placed: &Placed) {
+    let name = |placed: &Placed| placed.variable.trim_start_matches('_').to_owned();
+    let first = area.structures.first().map(name);
+    xml.node("peripheral", "", |xml| {
+        xml.leaf("name", name(placed));
+        if let Some(first) = first.filter(|first| *first != name(placed)) {
+            xml.leaf("alternatePeripheral", first);
+        }
+        let doc = format!("{} (p. {})", placed.structure.doc, placed.structure.page);
+        place(xml, area, &doc, placed.structure.bytes, "registers");
+        xml.node("registers", "", |xml| {
+            for member in members::of(placed.structure) {
+                match member {
+                    Member::Register(of) => register(xml, of, 0),
+                    Member::Group(of) => group(xml, &of),
+                    Member::Padding { .. } => {}
+                }
+            }
+        });
+    });
+}
+
+fn place(xml: &mut Xml, area: &Area, doc: &str, bytes: u32, usage: &str) {
+    xml.leaf("description", doc);
+    xml.leaf("groupName", area.name);
+    xml.leaf("baseAddress", format!("0x{:08X}", area.cpu_first));
+    xml.node("addressBlock", "", |xml| {
+        xml.leaf("offset", "0x0");
+        xml.leaf("size", format!("0x{bytes:X}"));
+        xml.leaf("usage", usage);
+    });
+}
+
+fn group(xml: &mut Xml, group: &Group) {
+    xml.node("cluster", "", |xml| {
+        dimensions(xml, group.member_name(), group.dims());
+        xml.leaf("description", group.type_name());
+        xml.leaf("addressOffset", format!("0x{:X}", group.offset()));
+        for member in group.members() {
+            if let Member::Register(of) = member {
+                register(xml, of, group.offset());
+            }
+        }
+    });
+}
+
+/// The number of elements and the name with the place of the index.
+fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
+    let Some(inner) = dims.last() else {
+        return xml.leaf("name", name);
+    };
+    xml.leaf("dim", dims.iter().map(|dim| u32::from(dim.count)).product::<u32>());
+    xml.leaf("dimIncrement", inner.stride);
+    let [outer, inner] = dims else {
+        return xml.leaf("name", format!("{name}[%s]"));
+    };
+    // There is only one index; it counts both.
+    let pairs = (0..outer.count).flat_map(|i| (0..inner.count).map(move |j| format!("{i}_{j}")));
+    xml.leaf("dimIndex", pairs.collect::<Vec<_>>().join(","));
+    xml.leaf("name", format!("{name}_%s"));
+}
+
+/// `start` is what the offset counts from.
+fn register(xml: &mut Xml, of: &'static Register, start: u32) {
+    xml.node("register", "", |xml| {
+        dimensions(xml, of.name, members::own_dims(of));
+        xml.leaf("description", format!("{} (p. {})", text::remark(of), of.page));
+        xml.leaf("addressOffset", format!("0x{:X}", of.offset - start));
+        xml.leaf("size", 8 * of.ty.width());
+        xml.leaf("access", if of.owner == Owner::Firmware { "read-only" } else { "read-write" });
+        xml.leaf("resetValue", format!("0x{:X}", of.reset));
+        if let Some(meaning) = of.meaning {
+            xml.node("fields", "", |xml| fields(xml, meaning, 8 * of.ty.width()));
+        }
+    });
+}
+
+fn fields(xml: &mut Xml, meaning: &Meaning, width: u32) {
+    if meaning.bits.is_empty() {
+        field(xml, "VALUE", meaning.name, 0, width, meaning.values);
+    }
+    for bits in meaning.bits.iter().filter(|bits| !bits.reserved) {
+        let width = u32::from(bits.last - bits.first) + 1;
+        field(
+            xml,
+            &constants::upper(bits.name),
+            &constants::about(bits),
+            bits.first.into(),
+            width,
+            bits.values,
+        );
+    }
+}
+
+/// Ranges of values cannot be expressed and are left out.
+fn field(xml: &mut Xml, name: &str, doc: &str, offset: u32, width: u32, values: &[ValueMeaning]) {
+    xml.node("field", "", |xml| {
+        xml.leaf("name", name);
+        xml.leaf("description", doc);
+        xml.leaf("bitOffset", offset);
+        xml.leaf("bitWidth", width);
+        let values = constants::singles(values);
+        if values.is_empty() {
+            return;
+        }
+        xml.node("enumeratedValues", "", |xml| {
+            for constant in values {
+                xml.node("enumeratedValue", "", |xml| {
+                    xml.leaf("name", constant.name);
+                    xml.leaf("description", constant.text);
+                    xml.leaf("value", constant.value);
+                });
+            }
+        });
+    });
+}

@@ -1,0 +1,154 @@
+//! SystemRDL 2.0, the register description that hardware tools and PeakRDL read. Addresses are n of `%MB3.n`.
+
+use super::constants::{self, upper};
+use super::members::{self, Group, Member};
+use super::rows;
+use super::scope::Scope;
+use super::text;
+use crate::layout::{Area, BitField, Meaning, Owner, Placed, Register, ValueMeaning};
+use std::fmt::Write;
+
+pub fn generate(scope: &Scope) -> String {
+    let mut out: String =
+        text::banner(scope, "systemrdl").iter().map(|line| format!("// {line}\n")).collect();
+    for (meaning, register) in scope.meanings() {
+        enumerations(&mut out, meaning, 8 * register.ty.width());
+    }
+    for group in members::groups(&scope.structures()) {
+        self::group(&mut out, &group);
+    }
+    for of in scope.structures() {
+        let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", of.name, of.doc);
+        for member in members::of(of) {
+            match member {
+                Member::Register(of) => register(&mut out, of, 0),
+                Member::Group(of) => {
+                    let (ty, name, offset) = (of.type_name(), of.member_name(), of.offset());
+                    let _ = writeln!(out, "    {ty} {name}{} @ 0x{offset:X};", text::bounds(of.dims()));
+                }
+                Member::Padding { .. } => {}
+            }
+        }
+        out.push_str("};\n");
+    }
+    maps(&mut out, scope);
+    out
+}
+
+/// Structures that overlay each other stand in maps of their own: one for each phase.
+fn maps(out: &mut String, scope: &Scope) {
+    let name = scope.device.name.replace('-', "_");
+    for phase in ["init", "cyclic"] {
+        let _ = writeln!(
+            out,
+            "\naddrmap {name}_{phase} {{\n    desc = \"Segment 3 of the {}, {phase} structures\";\n    \
+             littleendian;\n    addressing = compact;",
+            scope.device.title
+        );
+        for (area, placed) in scope.placed() {
+            let Placed { structure, variable, live } = placed;
+            if [phase, "always"].contains(&rows::live(*live)) {
+                let _ = writeln!(out, "    {} {variable} @ {};", structure.name, area.first);
+            }
+        }
+        for area in scope.areas.iter().filter(|area| area.structures.is_empty()) {
+            plain(out, area);
+        }
+        out.push_str("};\n");
+    }
+}
+
+/// An area without registers.
+fn plain(out: &mut String, area: &Area) {
+    let Area { name, first, bytes, doc, .. } = area;
+    let entries = bytes / 4;
+    let _ = writeln!(
+        out,
+        "    external mem {{ desc = {doc:?}; mementries = {entries}; memwidth = 32; sw = rw; }} {name} @ {first};"
+    );
+}
+
+fn group(out: &mut String, group: &Group) {
+    let _ = writeln!(out, "\nregfile {} {{", group.type_name());
+    for member in group.members() {
+        if let Member::Register(of) = member {
+            register(out, of, group.offset());
+        }
+    }
+    out.push_str("};\n");
+}
+
+/// `start` is what the offset counts from.
+fn register(out: &mut String, of: &'static Register, start: u32) {
+    let Register { name, ty, page, offset, meaning, reset, .. } = of;
+    let bits = 8 * ty.width();
+    let desc = format!("{ty}, {} (p. {page})", text::remark(of));
+    let _ = writeln!(out, "    reg {{\n        desc = {desc:?};\n        regwidth = {bits};");
+    let access = match of.owner {
+        Owner::Plc => "sw = rw; hw = r;",
+        Owner::Firmware => "sw = r; hw = w;",
+        Owner::Both => "sw = rw; hw = rw;",
+    };
+    match meaning {
+        Some(meaning) if !meaning.bits.is_empty() => {
+            for field in meaning.bits.iter().filter(|field| !field.reserved) {
+                let BitField { first, last, .. } = field;
+                let encode = encode(&enumeration_of(meaning, Some(field)), field.values);
+                let (desc, name) = (constants::about(field), field_name(field));
+                let (width, reset) = (last - first + 1, field.of(*reset));
+                let _ = writeln!(
+                    out,
+                    "        field {{ desc = {desc:?}; {access}{encode} }} {name}[{last}:{first}] = {width}'h{reset:X};"
+                );
+            }
+        }
+        _ => {
+            let encode = meaning
+                .map_or(String::new(), |meaning| encode(&enumeration_of(meaning, None), meaning.values));
+            let last = bits - 1;
+            let _ =
+                writeln!(out, "        field {{ {access}{encode} }} value[{last}:0] = {bits}'h{reset:X};");
+        }
+    }
+    let array = text::bounds(members::own_dims(of));
+    let _ = writeln!(out, "    }} {name}{array} @ 0x{:X};", offset - start);
+}
+
+/// Not all names of bits are free: `f_enable`.
+fn field_name(field: &BitField) -> String {
+    format!("f_{}", upper(field.name).to_lowercase())
+}
+
+/// Name of the enumeration of a meaning's values or of those of one of its fields.
+fn enumeration_of(meaning: &Meaning, field: Option<&BitField>) -> String {
+    let of = field.map_or(String::new(), |field| format!("_{}", upper(field.name).to_lowercase()));
+    format!("e_{}{of}", meaning.name)
+}
+
+/// The property that gives a field its enumeration, if it has one.
+fn encode(enumeration: &str, values: &[ValueMeaning]) -> String {
+    if constants::singles(values).is_empty() { String::new() } else { format!(" encode = {enumeration};") }
+}
+
+fn enumerations(out: &mut String, meaning: &Meaning, bits: u32) {
+    if meaning.bits.is_empty() {
+        enumeration(out, &enumeration_of(meaning, None), meaning.values, bits);
+    }
+    for field in meaning.bits.iter().filter(|field| !field.reserved) {
+        let width = u32::from(field.last - field.first) + 1;
+        enumeration(out, &enumeration_of(meaning, Some(field)), field.values, width);
+    }
+}
+
+fn enumeration(out: &mut String, name: &str, values: &[ValueMeaning], bits: u32) {
+    let singles = constants::singles(values);
+    if singles.is_empty() {
+        return;
+    }
+    let _ = writeln!(out, "\nenum {name} {{");
+    for constant in singles {
+        let (name, value, doc) = (constant.name, constant.value, constant.text);
+        let _ = writeln!(out, "    {name} = {bits}'h{value:X} {{ desc = {doc:?}; }};");
+    }
+    out.push_str("};\n");
+}

@@ -1,0 +1,63 @@
+//! A writer for indented XML.
+
+use std::fmt::{Display, Write};
+
+/// A document under construction.
+pub struct Xml {
+    text: String,
+    depth: usize,
+}
+
+impl Xml {
+    /// Begins a document.
+    pub fn new() -> Self {
+        Self { text: "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n".to_owned(), depth: 0 }
+    }
+
+    /// An element with text.
+    pub fn leaf(&mut self, name: &str, text: impl Display) {
+        let text = escape(&text.to_string());
+        self.line(&format!("<{name}>{text}</{name}>"));
+    }
+
+    /// An element with what `inside` writes. `attributes` are written as they are.
+    pub fn node(&mut self, name: &str, attributes: &str, inside: impl FnOnce(&mut Self)) {
+        let blank = if attributes.is_empty() { "" } else { " " };
+        self.line(&format!("<{name}{blank}{attributes}>"));
+        self.depth += 1;
+        inside(self);
+        self.depth -= 1;
+        self.line(&format!("</{name}>"));
+    }
+
+    /// A comment.
+    pub fn comment(&mut self, text: &str) {
+        self.line(&format!("<!-- {} -->", text.replace("--", "- -")));
+    }
+
+    /// The document.
+    pub fn finish(self) -> String {
+        self.text
+    }
+
+    fn line(&mut self, line: &str) {
+        let _ = writeln!(self.text, "{:width$}{line}", "", width = 2 * self.depth);
+    }
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_are_nested_and_text_is_escaped() {
+        let mut xml = Xml::new();
+        xml.node("a", "b=\"c\"", |xml| xml.leaf("d", "1 < 2 & 3"));
+        let lines: Vec<_> = xml.finish().lines().skip(1).map(str::to_owned).collect();
+        assert_eq!(lines, ["<a b=\"c\">", "  <d>1 &lt; 2 &amp; 3</d>", "</a>"]);
+    }
+}

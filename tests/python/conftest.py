@@ -1,0 +1,61 @@
+"""Emulators for tests: the program that the variable COMMRAM names, one instance per test."""
+
+import os
+import subprocess
+import uuid
+
+import pytest
+
+import commram
+
+PROGRAM = os.environ.get("COMMRAM", "commram")
+
+
+class Emulator:
+    """A running `commram run`."""
+
+    def __init__(self, *arguments):
+        self.name = f"py{os.getpid()}-{uuid.uuid4().hex[:8]}"
+        command = [PROGRAM, "run", *arguments, "-i", self.name]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        ready = self.process.stdout.readline()
+        assert "ready" in ready, ready
+
+    def command(self, name, *arguments):
+        """What a subcommand prints about this instance."""
+        command = [PROGRAM, name, *arguments, "-i", self.name]
+        return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+
+    def attach(self, writable=True):
+        return commram.attach(self.name, "line", writable)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.wait(timeout=60)
+        self.process.stdout.close()
+        subprocess.run([PROGRAM, "stop", "--clean", "-i", self.name], capture_output=True, check=False)
+
+
+@pytest.fixture
+def emulator():
+    """Starts emulators; all end with the test."""
+    running = []
+
+    def start(*arguments):
+        running.append(Emulator(*arguments))
+        return running[-1]
+
+    yield start
+    for one in running:
+        one.stop()
+
+
+@pytest.fixture
+def stepped(emulator):
+    """An emulator with the stepped clock."""
+    return emulator("--clock", "stepped")
