@@ -155,6 +155,8 @@ pub enum Field {
     Width,
     /// The CANsync node.
     Node,
+    /// The setting of a board.
+    Board,
     /// A field this operation does not use, which must be zero.
     Unused,
     /// The description of a fault.
@@ -167,6 +169,7 @@ impl core::fmt::Display for Field {
             Field::Kind => "the kind",
             Field::Width => "the width",
             Field::Node => "the node",
+            Field::Board => "the setting",
             Field::Unused => "an unused field",
             Field::Fault => "the fault",
         })

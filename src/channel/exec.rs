@@ -141,6 +141,15 @@ impl Run {
                 let count = machine.clear_faults(id).map_err(ChannelError::Fault)?;
                 self.replies.faults_cleared(count)?;
             }
+            Op::Board { plc } => {
+                let plc = known_plc(machine, plc)?;
+                self.replies.board(&machine.board(plc))?;
+            }
+            Op::SetBoard { plc, setting } => {
+                let plc = known_plc(machine, plc)?;
+                machine.set_board(plc, setting);
+                self.replies.written()?;
+            }
             Op::Info => self.replies.info(&machine.info())?,
             Op::Stop => {
                 machine.request_stop();

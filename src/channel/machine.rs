@@ -3,6 +3,7 @@
 use super::{ChannelError, InstanceInfo};
 use crate::fault::{Fault, FaultStatus, Refusal};
 use crate::journal::Journal;
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Unmapped, Width};
 use crate::plant::Forced;
 use core::num::NonZeroU16;
@@ -73,6 +74,12 @@ pub trait Machine {
 
     /// The forced registers.
     fn forces(&self) -> &[Forced];
+
+    /// The board of a PLC.
+    fn board(&self, plc: usize) -> BoardState;
+
+    /// Does something to the board of a PLC, at the present time.
+    fn set_board(&mut self, plc: usize, setting: BoardSetting);
 
     /// What has happened.
     fn journal(&self) -> &Journal;

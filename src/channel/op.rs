@@ -3,6 +3,7 @@
 use super::ChannelError;
 use crate::fault::{Fault, FaultStatus};
 use crate::journal::Record;
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{ClockMode, Width};
 use crate::plant::Forced;
 use core::num::NonZeroU16;
@@ -135,6 +136,18 @@ pub enum Op {
         /// Number of the fault, at least 1; `None`: all.
         id: Option<NonZeroU16>,
     },
+    /// Looks at a PLC's board. Answered by [`Reply::Board`].
+    Board {
+        /// Number of the PLC.
+        plc: u16,
+    },
+    /// Does something to a PLC's board, at the present emulated time. Answered by [`Reply::Written`].
+    SetBoard {
+        /// Number of the PLC.
+        plc: u16,
+        /// What.
+        setting: BoardSetting,
+    },
     /// Asks who answers. Answered by [`Reply::Info`].
     Info,
     /// Asks the emulator to end. Answered by [`Reply::Stopping`].
@@ -201,6 +214,8 @@ pub enum Reply {
         /// How many.
         count: u16,
     },
+    /// A PLC's board.
+    Board(BoardState),
     /// Who answers.
     Info(Box<InstanceInfo>),
     /// The emulator is going to end.

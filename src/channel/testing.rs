@@ -3,6 +3,7 @@
 use super::{ChannelError, InstanceInfo, Machine, Unmapped};
 use crate::fault::{Fault, FaultStatus, Refusal};
 use crate::journal::Journal;
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{ClockMode, Width};
 use crate::plant::Forced;
 use std::num::NonZeroU16;
@@ -16,6 +17,8 @@ pub(crate) const MAPPED: Range<u32> = 1_000..200_000;
 /// Two PLCs of plain bytes, a processor cycle of 1 ms, SYNC each 2 ms on node 1 of PLC 0.
 pub(crate) struct Fake {
     memory: Vec<Vec<u8>>,
+    /// Which setting came last, as DIP number, and its value, as LEDs.
+    pub boards: Vec<BoardState>,
     now: u64,
     pub stepped: bool,
     pub journal: Journal,
@@ -36,6 +39,7 @@ impl Fake {
     pub fn new(stepped: bool) -> Self {
         Self {
             memory: vec![vec![0; MAPPED.end as usize]; 2],
+            boards: vec![BoardState::default(); 2],
             now: 0,
             stepped,
             journal: Journal::default(),
@@ -160,6 +164,15 @@ impl Machine for Fake {
 
     fn forces(&self) -> &[Forced] {
         &self.forces
+    }
+
+    fn board(&self, plc: usize) -> BoardState {
+        self.boards[plc]
+    }
+
+    fn set_board(&mut self, plc: usize, setting: BoardSetting) {
+        let (which, value) = setting.numbers();
+        self.boards[plc] = BoardState { dip: which, leds: value, ..BoardState::default() };
     }
 
     fn journal(&self) -> &Journal {

@@ -23,6 +23,7 @@ pub use reply::{DecodeError, ReplyBuffer, decode};
 use super::error::Field;
 use super::op::{MAX_OPS, MAX_RANGE, Op};
 use crate::memory::Width;
+use crate::memory::header::BoardSetting;
 use core::num::NonZeroU16;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -47,7 +48,7 @@ pub struct WireOp {
     pub width: u16,
     /// CANsync node.
     pub node: u16,
-    /// Byte offset in segment 3.
+    /// Byte offset in segment 3, or which setting of a board.
     pub offset: u32,
     /// Value to write or awaited, length of a range, or number of records.
     pub value: u32,
@@ -97,6 +98,8 @@ pub mod kind {
     pub const FAULT_ADD: u16 = 20;
     pub const FAULT_LIST: u16 = 21;
     pub const FAULT_CLEAR: u16 = 22;
+    pub const BOARD: u16 = 40;
+    pub const SET_BOARD: u16 = 41;
 }
 
 /// Values of [`Block::kind`].
@@ -116,6 +119,7 @@ pub mod reply_kind {
     pub const FAULT_ADDED: u16 = 20;
     pub const FAULTS: u16 = 21;
     pub const FAULTS_CLEARED: u16 = 22;
+    pub const BOARD: u16 = 40;
 }
 
 /// A field without meaning, and its content.
@@ -168,6 +172,11 @@ impl From<&Op> for WireOp {
                 let value = id.map_or(0, |id| u32::from(id.get()));
                 WireOp { kind: kind::FAULT_CLEAR, value, ..WireOp::default() }
             }
+            Op::Board { plc } => WireOp { kind: kind::BOARD, plc, ..WireOp::default() },
+            Op::SetBoard { plc, setting } => {
+                let (offset, value) = setting.numbers();
+                WireOp { kind: kind::SET_BOARD, plc, offset, value, ..WireOp::default() }
+            }
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -208,6 +217,12 @@ impl TryFrom<WireOp> for Op {
                 let id = u16::try_from(value).map_err(|_| BadField { field: Field::Fault, value })?;
                 Op::FaultClear { id: NonZeroU16::new(id) }
             }
+            kind::BOARD => Op::Board { plc },
+            kind::SET_BOARD => Op::SetBoard {
+                plc,
+                setting: BoardSetting::from_numbers(offset, value)
+                    .ok_or(BadField { field: Field::Board, value: offset })?,
+            },
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField { field: Field::Kind, value: kind.into() }),

@@ -1,5 +1,6 @@
 //! The `commram` command line: one file per subcommand, each nothing but presentation.
 
+mod board;
 mod completions;
 mod demo;
 mod dump;
@@ -80,6 +81,7 @@ enum Command {
     Demo(demo::Args),
     #[command(hide = true)]
     DemoPlc(demo::plc::Args),
+    Board(board::Args),
     Completions(completions::Args),
 }
 
@@ -140,6 +142,7 @@ impl Command {
             Command::Test(args) => test::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),
+            Command::Board(args) => board::run(&args),
             Command::Completions(args) => completions::run(&args),
         }
     }

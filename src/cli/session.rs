@@ -5,6 +5,7 @@ use super::output;
 use super::place::Place;
 use commram::layout::RegisterRef;
 use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::memory::header::BoardState;
 use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, Width};
 use commram::plant::Forced;
 
@@ -172,6 +173,19 @@ impl Session {
         }
     }
 
+    /// The boards of all PLCs, with the names of these.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub fn boards(&self) -> Result<Vec<(String, BoardState)>, CliError> {
+        let states = match &self.door {
+            #[cfg(feature = "channel")]
+            Door::Channel(_) => self.boards_by_channel()?,
+            Door::Images(images) => images.iter().map(board_of).collect(),
+        };
+        Ok(self.plcs.iter().cloned().zip(states).collect())
+    }
+
     /// Opens what can be seen of an instance without the channel.
     fn map(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
         // After a restart with fewer PLCs, images of the emulator before may be left.
@@ -246,6 +260,15 @@ mod by_channel {
                 Some(Reply::Error(refused)) => Err(ClientError::Refused(*refused).into()),
                 _ => Ok(replies),
             }
+        }
+
+        pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {
+            let ops: Vec<_> = (0..self.plcs.len()).map(|plc| Op::Board { plc: plc as u16 }).collect();
+            let state = |reply| match reply {
+                Reply::Board(state) => Ok(state),
+                _ => Err(ClientError::WrongReply { instance: self.instance.clone() }.into()),
+            };
+            self.request(&ops)?.into_iter().map(state).collect()
         }
 
         pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
@@ -336,6 +359,11 @@ fn dead(images: &[ImageInfo]) -> Option<u32> {
         _ => None,
     };
     images.iter().map(pid).collect::<Option<Vec<_>>>()?.first().copied()
+}
+
+fn board_of(image: &Attached) -> BoardState {
+    let header = image.header_snapshot();
+    BoardState::of(&header.board, &header.program)
 }
 
 fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError> {

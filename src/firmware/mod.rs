@@ -7,7 +7,7 @@
 pub mod baps;
 pub mod board;
 pub mod cansync;
-mod shown;
+pub mod ethernet;
 
 use crate::journal::{Event, Journal, Origin};
 

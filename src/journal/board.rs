@@ -1,6 +1,7 @@
 //! What the journal tells about boards.
 
 use crate::memory::header::{InterruptResult, OptInitResult, RunSwitch, SeatState, Start};
+use std::net::Ipv4Addr;
 
 /// Something that happened on a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,11 +58,34 @@ pub enum BoardEvent {
         /// What became of it.
         state: SeatState,
     },
+    /// An IP address was stored by writing `d_IP_CONFIG`.
+    AddressStored {
+        /// `d_IP_CONFIG`.
+        config: u32,
+        /// `a_IP_ADDRESS`.
+        address: Ipv4Addr,
+    },
+    /// An IP address was refused and the old configuration put back: it would end in 0 or 255.
+    AddressRefused {
+        /// `d_IP_CONFIG`.
+        config: u32,
+        /// `a_IP_ADDRESS`.
+        address: Ipv4Addr,
+    },
+    /// With this DIP number the stored address is not allowed; the board has none.
+    NoAddress {
+        /// `d_IP_CONFIG`.
+        config: u32,
+        /// `a_IP_ADDRESS`.
+        address: Ipv4Addr,
+    },
 }
 
 impl BoardEvent {
     /// What it is, and its numbers.
     pub(super) fn words(&self) -> (u8, u64) {
+        let address_words =
+            |config: u32, address: Ipv4Addr| u64::from(config) << 32 | u64::from(address.to_bits());
         let byte = |value: u8, place: u32| u64::from(value) << (8 * place);
         match *self {
             BoardEvent::Up { dip } => (1, dip.into()),
@@ -78,6 +102,9 @@ impl BoardEvent {
             }
             BoardEvent::NumberTaken { number } => (8, number.into()),
             BoardEvent::Lockstep { event, state } => (9, byte(event, 0) | byte(state.code() as u8, 1)),
+            BoardEvent::AddressStored { config, address } => (10, address_words(config, address)),
+            BoardEvent::AddressRefused { config, address } => (11, address_words(config, address)),
+            BoardEvent::NoAddress { config, address } => (12, address_words(config, address)),
         }
     }
 
@@ -85,6 +112,7 @@ impl BoardEvent {
     pub(super) fn from_words(what: u8, numbers: u64) -> Option<Self> {
         let [first, second, third, fourth, ..] = numbers.to_le_bytes();
         let code = u32::from(first);
+        let (config, address) = ((numbers >> 32) as u32, Ipv4Addr::from_bits(numbers as u32));
         Some(match what {
             1 => BoardEvent::Up { dip: first },
             2 => BoardEvent::Down,
@@ -103,6 +131,9 @@ impl BoardEvent {
             },
             8 => BoardEvent::NumberTaken { number: first },
             9 => BoardEvent::Lockstep { event: first, state: SeatState::from_code(second.into())? },
+            10 => BoardEvent::AddressStored { config, address },
+            11 => BoardEvent::AddressRefused { config, address },
+            12 => BoardEvent::NoAddress { config, address },
             _ => return None,
         })
     }
@@ -119,6 +150,9 @@ impl BoardEvent {
             BoardEvent::Triggers { .. } => "opt_init",
             BoardEvent::NumberTaken { .. } => "number_taken",
             BoardEvent::Lockstep { .. } => "lockstep",
+            BoardEvent::AddressStored { .. } => "address_stored",
+            BoardEvent::AddressRefused { .. } => "address_refused",
+            BoardEvent::NoAddress { .. } => "no_address",
         }
     }
 
@@ -169,6 +203,16 @@ impl BoardEvent {
                 };
                 format!("lockstep: the task of event {event} {what}")
             }
+            BoardEvent::AddressStored { config, address } => {
+                format!("IP address {address} stored, d_IP_CONFIG 16#{config:08X}")
+            }
+            BoardEvent::AddressRefused { config, address } => format!(
+                "IP address {address}, d_IP_CONFIG 16#{config:08X}, refused: a device's address must not end in \
+                 0 or 255; the old configuration stays"
+            ),
+            BoardEvent::NoAddress { config, address } => format!(
+                "no IP address: {address}, d_IP_CONFIG 16#{config:08X}, ends in 0 or 255 with this DIP number"
+            ),
         }
     }
 }

@@ -56,7 +56,7 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
             width,
             value
         }),
-        (any::<u16>(), 1..=9u8, proptest::array::uniform4(0..5u8), any::<u16>()).prop_filter_map(
+        (any::<u16>(), 1..=12u8, proptest::array::uniform4(0..5u8), any::<u16>()).prop_filter_map(
             "numbers that mean something",
             |(plc, what, bytes, factor)| {
                 let numbers = u64::from(u32::from_le_bytes(bytes)) | u64::from(factor) << 32;

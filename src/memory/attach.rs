@@ -1,5 +1,9 @@
 //! The client's side of an image: attach, exchange registers, notice when the emulator is gone.
 
+mod lockstep;
+
+pub use lockstep::LockstepTask;
+
 use super::{
     Bell, Header, Image, MemoryError, SEGMENT_SIZE, Segment, State, View, Width,
     file::{self, ImageFile},

@@ -208,6 +208,28 @@ pub enum MemoryError {
         /// The refused number.
         number: usize,
     },
+    /// Too many tasks take part in lockstep.
+    #[error("all {seats} places for tasks in lockstep are taken")]
+    NoSeat {
+        /// How many there are.
+        seats: usize,
+    },
+    /// A task may not take part in lockstep.
+    #[error(
+        "the task of event {event} cannot take part in lockstep: the clock must be stepped, and the event one of 0, 2, 4, 5, 6, 8, 11, 12"
+    )]
+    LockstepRefused {
+        /// Event of the task.
+        event: usize,
+    },
+    /// The emulator has gone on without a task.
+    #[error(
+        "the emulator has given up the task of event {event}, whose turn took longer than its patience; join again"
+    )]
+    LockstepLost {
+        /// Event of the task.
+        event: usize,
+    },
     /// The operating system refused.
     #[error("{}: cannot {doing}: {reason}", .path.display())]
     System {

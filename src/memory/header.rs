@@ -9,7 +9,7 @@ mod board;
 mod events;
 mod lockstep;
 
-pub use board::{Board, Power, Program, ProgramState, RunSwitch, Start};
+pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, RunSwitch, Start};
 pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
 pub use lockstep::{Seat, SeatState};
 

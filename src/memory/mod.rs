@@ -20,7 +20,7 @@ mod view;
 mod widths;
 
 pub use crate::layout::{Address, Width};
-pub use attach::{AttachMode, Attached};
+pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use error::MemoryError;

@@ -51,6 +51,9 @@ pub struct PlcConfig {
     /// The drive behind the BAPS.
     #[serde(default)]
     pub drive: BuiltInDriveConfig,
+    /// Speed of the Ethernet link in Mbit/s: 100 (default), 10, or 0 for no link.
+    #[serde(default = "default_ethernet_mbit")]
+    pub ethernet_mbit: u16,
 }
 
 /// A bus of the plant file.
@@ -74,6 +77,10 @@ fn default_cycle() -> u32 {
 
 fn default_lock_time() -> u64 {
     1_000_000
+}
+
+fn default_ethernet_mbit() -> u16 {
+    100
 }
 
 fn default_kbit_s() -> u16 {
@@ -238,6 +245,10 @@ impl PlantConfig {
             }
             let sync = plc.option_sync_us.map_or(50, u64::from);
             range("option_sync_us", &plc.name, sync, 50..=1_000_000, "50 to 1000000")?;
+            if ![0, 10, 100].contains(&plc.ethernet_mbit) {
+                let (name, value) = (plc.name.clone(), plc.ethernet_mbit.into());
+                return Err(PlantError::Range { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
+            }
             self.check_nodes(plc)?;
         }
         self.buses.iter().try_for_each(|bus| self.check_bus(bus))?;
@@ -397,6 +408,8 @@ mod tests {
             ("[[plc]]\nname = 'a b'\n".into(), "PLC name 'a b': use 1 to 31 characters"),
             (format!("{plc}{plc}"), "there are two PLCs named 'p'"),
             (format!("{plc}dip = 32\n"), "dip of 'p' is 32; it must be 0 to 31"),
+            (format!("{plc}option_sync_us = 49\n"), "option_sync_us of 'p' is 49; it must be 50 to 1000000"),
+            (format!("{plc}ethernet_mbit = 1\n"), "ethernet_mbit of 'p' is 1; it must be 100, 10 or 0"),
             (
                 format!("{plc}node2 = 'x'\n{bus}"),
                 "node2 of PLC 'p' is on bus 'x', which does not exist; buses are: b",

@@ -17,7 +17,9 @@ pub use force::{ForceError, Forced};
 pub use plc::Plc;
 
 use crate::firmware::baps::Baps;
-use crate::journal::{Event, Journal, Names};
+use crate::journal::{BoardEvent, Event, Journal, Names};
+use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
+use crate::memory::header::{BoardSetting, SeatState};
 use crate::memory::{MemoryError, Segment};
 use bus::SimBus;
 use faults::Faults;
@@ -219,6 +221,33 @@ impl Plant {
         }
     }
 
+    /// Does something to the board of a PLC at the present time.
+    pub fn set_board(&mut self, plc: usize, setting: BoardSetting) {
+        let steps = match setting {
+            BoardSetting::Reset => [Power::HoldReset, Power::ReleaseReset],
+            BoardSetting::PowerCycle => [Power::Off, Power::On],
+            _ => {
+                if let Some(plc) = self.plcs.get(plc) {
+                    plc.turn(setting);
+                }
+                self.look_at_boards();
+                return;
+            }
+        };
+        steps.into_iter().for_each(|step| self.set_power(plc, step));
+    }
+
+    /// Notes what became of a task in lockstep.
+    pub fn note_lockstep(&mut self, plc: usize, event: usize, state: SeatState) {
+        let (plc, event) = (plc as u16, u8::try_from(event).unwrap_or(u8::MAX));
+        self.journal.push(self.now, Event::Board { plc, what: BoardEvent::Lockstep { event, state } });
+    }
+
+    /// What stands in the NOVRAM registers counts as stored, as at power-off.
+    pub fn keep_novram(&mut self) {
+        self.plcs.iter_mut().for_each(Plc::keep_ethernet_config);
+    }
+
     /// Events of PLC `plc` since the last call, bit n for event n.
     pub fn take_fired(&mut self, plc: usize) -> u16 {
         self.plcs.get_mut(plc).map_or(0, |plc| plc.board.take_fired())
@@ -248,9 +277,9 @@ impl Plant {
 
     /// The BAPS time slices that are due now.
     fn time_slices(&mut self) {
-        for (index, plc) in self.plcs.iter_mut().enumerate() {
+        for plc in &mut self.plcs {
             if plc.baps.next_time() == self.now {
-                plc.time_slice(index, self.now, &mut self.journal);
+                plc.time_slice(self.now);
             }
         }
         self.find_next_slice();
@@ -389,6 +418,11 @@ impl Plant {
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
         self.forces.apply(&self.plcs);
         self.journal.push(self.now, Event::ChannelWrite { plc: plc as u16, offset, width, value });
+        if offset == ETHERNET_CONFIG as u32
+            && let Some(it) = self.plcs.get_mut(plc)
+        {
+            it.ip_config_written(plc, self.now, &mut self.journal);
+        }
     }
 }
 

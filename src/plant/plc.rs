@@ -7,7 +7,9 @@ use crate::firmware::Context;
 use crate::firmware::baps::Baps;
 use crate::firmware::board::{Board, Look, Power};
 use crate::firmware::cansync::{Change, Master, Slave};
-use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
+use crate::firmware::ethernet::{Ethernet, Stored};
+use crate::journal::{BoardEvent, Event, Journal, Origin};
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, MemoryError, Segment, View};
 
 /// A PLC of the plant.
@@ -20,6 +22,7 @@ pub struct Plc {
     pub(super) master: Master,
     pub(super) baps: Baps,
     pub(super) board: Board,
+    ethernet: Ethernet,
     watched: bool,
     /// Index of the bus at node 1.
     bus1: Option<usize>,
@@ -48,6 +51,7 @@ impl Plc {
             master: Master::new(&segment)?,
             baps: Baps::new(&segment, drive, &config.drive)?,
             board: Board::new(&segment, config.option_sync_us)?,
+            ethernet: Ethernet::new(&segment, config.ethernet_mbit)?,
             watched: false,
             segment,
             bus1,
@@ -58,6 +62,7 @@ impl Plc {
     pub(super) fn power_on(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
         let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
         let dip = self.board.start(&mut ctx);
+        self.ethernet.power_on(&mut ctx, dip);
         if dip != self.slave.number() {
             self.change_number(index, dip, &mut ctx, buses);
         }
@@ -82,6 +87,7 @@ impl Plc {
     /// Power-off or reset: both nodes leave their buses, that of the master stops, and so does the drive.
     fn go_down(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
         self.board.stop();
+        self.ethernet.power_off();
         let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
         ctx.report(Event::Board { plc: index as u16, what: BoardEvent::Down });
         self.slave.power_off(&mut ctx);
@@ -144,6 +150,44 @@ impl Plc {
     /// Number set at the DIP switches, 0..=31, as read at the last power-on or reset.
     pub fn dip(&self) -> u8 {
         self.board.dip()
+    }
+
+    /// The Ethernet configuration that NOVRAM holds, and a number that changes with it.
+    pub fn ethernet_config(&self) -> (&Stored, u32) {
+        self.ethernet.stored()
+    }
+
+    /// What stands in the NOVRAM registers counts as stored, as at power-off.
+    pub(super) fn keep_ethernet_config(&mut self) {
+        self.ethernet.keep();
+    }
+
+    /// `d_IP_CONFIG` was written through the channel, where also an unchanged value is seen.
+    pub(super) fn ip_config_written(&mut self, index: usize, now: u64, journal: &mut Journal) {
+        if self.board.is_up() {
+            let origin = Origin { plc: index as u16, node: 1 };
+            self.ethernet.take(&mut Context { now, journal, origin });
+        }
+    }
+
+    /// The board as it stands.
+    pub fn board(&self) -> BoardState {
+        BoardState::of(&self.header.board, &self.header.program)
+    }
+
+    /// Turns a switch in the header page or puts in a request, as a client does. The next look at the boards sees it.
+    pub(super) fn turn(&self, setting: BoardSetting) {
+        match setting {
+            BoardSetting::Dip(number) => self.header.board.dip.store(number.into()),
+            BoardSetting::Leds(leds) => self.header.board.leds.store(leds.into()),
+            BoardSetting::Switch(switch) => self.header.board.switch.store(switch.code()),
+            BoardSetting::Power(power) => self.header.program.power.store(power.code()),
+            BoardSetting::Start(start) => {
+                self.header.program.start_request.store(start.code());
+                self.header.board_requests.increment();
+            }
+            BoardSetting::Reset | BoardSetting::PowerCycle => {}
+        }
     }
 
     /// The communication RAM.
@@ -218,10 +262,9 @@ impl Plc {
     }
 
     /// A time slice of the drive, which may have process data for an event task.
-    pub(super) fn time_slice(&mut self, index: usize, now: u64, journal: &mut Journal) {
+    pub(super) fn time_slice(&mut self, now: u64) {
         let events = self.baps.process_data_events();
-        let origin = Origin { plc: index as u16, node: BAPS_NODE };
-        self.baps.slice(&mut Context { now, journal, origin });
+        self.baps.slice(now);
         if self.baps.process_data_events() != events {
             self.board.baps(now);
         }
@@ -260,6 +303,7 @@ impl Plc {
         let (wire1, wire2) = (wire(self.bus1, 1), wire(self.bus2, 2));
 
         let mut ctx = Context { now, journal, origin: origin(1) };
+        self.ethernet.look(&mut ctx);
         let change = self.slave.processor_cycle(&mut ctx, wire1);
         if change == Change::SetUpStarted {
             self.report_mismatch(&mut ctx, buses);

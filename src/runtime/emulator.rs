@@ -5,7 +5,8 @@
 //! sleep unless it rang since" makes sure that nothing is slept through.
 
 use super::clock::{Clock, WallClock};
-use super::novram::{Found, Novram, NovramError};
+use super::lockstep::Lockstep;
+use super::novram::{Found, Keeper, Novram, NovramError};
 use crate::layout::omega_drive_line_2 as device;
 use crate::memory::{Header, Image, ImageSpec, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
@@ -47,6 +48,12 @@ pub enum RuntimeError {
     /// A NOVRAM file cannot be used.
     #[error(transparent)]
     Novram(#[from] NovramError),
+    /// No thread can be started.
+    #[error("cannot start a thread: {reason}")]
+    Thread {
+        /// Why not.
+        reason: std::io::Error,
+    },
     /// A speed factor out of range.
     #[error("speed {speed}: must be {} to {}", Clock::SLOWEST, Clock::FASTEST)]
     Speed {
@@ -75,10 +82,12 @@ pub struct Emulator {
     pub(super) plant: Plant,
     pub(super) options: Options,
     pub(super) stop: Arc<AtomicBool>,
+    pub(super) lockstep: Lockstep,
+    /// Before the images: it must have written everything before another emulator can have them.
+    novram: Keeper,
     images: Vec<Image>,
     /// Rings of each PLC's doorbell as last noted.
     rings: Vec<u32>,
-    novram: Vec<Novram>,
     #[cfg(feature = "channel")]
     server: Option<crate::channel::Server>,
     #[cfg(feature = "channel")]
@@ -105,27 +114,35 @@ impl Emulator {
             processor_cycle_us: config.processor_cycle_us,
         };
         let mut images = Vec::with_capacity(config.plcs.len());
-        let plant = Plant::new(config, |plc| {
+        let mut novram = Vec::new();
+        let mut warm = Vec::new();
+        let mut plant = Plant::new(config, |plc| {
             let image = Image::create(&options.instance, plc, &spec)?;
             let segment = image.segment().clone();
             images.push(image);
+            if let Some(directory) = &options.novram {
+                let (content, found) = Novram::power_on(directory, plc, &segment)?;
+                if let Found::SetAside(path) = &found {
+                    tracing::warn!("damaged NOVRAM of {plc}: kept as {}", path.display());
+                }
+                warm.push(found == Found::Content { retain: true });
+                novram.push(content);
+            }
             Ok::<_, RuntimeError>(segment)
         })?;
+        for (plc, _) in warm.iter().enumerate().filter(|(_, warm)| **warm) {
+            plant.retain_was_kept(plc);
+        }
         #[cfg(feature = "channel")]
         let server = Self::open_channel(&options.instance, &images);
-        let mut novram = Vec::new();
-        for plc in plant.plcs() {
-            let Some(directory) = &options.novram else { break };
-            let (content, found) = Novram::power_on(directory, plc.name(), plc.segment())?;
-            if let Found::SetAside(path) = found {
-                tracing::warn!("damaged NOVRAM of {}: kept as {}", plc.name(), path.display());
-            }
-            novram.push(content);
-        }
+        let novram = Keeper::new(novram).map_err(|reason| RuntimeError::Thread { reason })?;
+        let headers = images.iter().map(|image| image.header().clone()).collect();
+        let lockstep = Lockstep::new(headers, options.clock.is_stepped());
         let rings = vec![0; images.len()];
         images.iter().for_each(Image::set_ready);
         Ok(Emulator {
             rings,
+            lockstep,
             novram,
             plant,
             options,
@@ -172,16 +189,20 @@ impl Emulator {
         }
         self.images.iter().for_each(Image::set_stopping);
         self.close_channel();
-        self.save_novram();
+        self.plant.keep_novram();
+        self.save_novram(true);
     }
 
     fn run_stepped(&mut self) {
         while !self.is_stopping() {
             // What the boards are asked for needs no time to pass; everything else is seen when it does.
-            if self.note_rings() && self.plant.look_at_boards() {
-                self.announce();
+            if self.note_rings() {
+                let (boards, tasks) = (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant));
+                if boards || tasks {
+                    self.announce();
+                }
             }
-            self.save_novram();
+            self.save_novram(false);
             if self.serve_channel() {
                 self.announce();
             } else if !self.options.busy {
@@ -199,11 +220,12 @@ impl Emulator {
             let look = rung || self.options.busy && self.plant.control_changed();
             if look {
                 self.plant.processor_cycle();
+                self.lockstep.look(&mut self.plant);
             }
             if look || due {
                 self.announce();
             }
-            self.save_novram();
+            self.save_novram(false);
             if self.serve_channel() {
                 // A write through the channel is as good as a ring.
                 self.plant.processor_cycle();
@@ -239,17 +261,14 @@ impl Emulator {
         bell::wait_any(&bells, Some(timeout));
     }
 
-    /// Writes NOVRAM that has changed; a failure is reported once per change.
-    fn save_novram(&mut self) {
-        for novram in &mut self.novram {
-            if let Err(error) = novram.save_if_changed() {
-                tracing::error!("{error}");
-            }
-        }
+    /// Writes NOVRAM that has changed.
+    fn save_novram(&mut self, last: bool) {
+        let plcs = self.plant.plcs();
+        self.novram.save(|plc| plcs.get(plc).map(|plc| plc.ethernet_config()), last);
     }
 
     /// Tells waiting clients that registers may have changed.
-    fn announce(&self) {
+    pub(super) fn announce(&self) {
         self.images.iter().for_each(|image| image.header().answer.ring());
     }
 

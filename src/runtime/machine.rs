@@ -4,8 +4,9 @@ use super::emulator::Emulator;
 use crate::channel::{ChannelError, InstanceInfo, Machine, Unmapped};
 use crate::fault::{Fault, FaultStatus, Refusal};
 use crate::journal::Journal;
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Segment, Width};
-use crate::plant::{ForceError, Forced};
+use crate::plant::{ForceError, Forced, Plc};
 use core::num::NonZeroU16;
 
 impl Emulator {
@@ -63,7 +64,8 @@ impl Machine for Emulator {
     }
 
     fn advance_to(&mut self, t: u64) {
-        self.plant.advance_to(t);
+        let stop = &self.stop;
+        self.lockstep.advance(&mut self.plant, t, || stop.load(std::sync::atomic::Ordering::Acquire));
     }
 
     fn next_sync(&self, plc: usize, node: u8) -> Option<u64> {
@@ -88,6 +90,15 @@ impl Machine for Emulator {
 
     fn forces(&self) -> &[Forced] {
         self.plant.forces()
+    }
+
+    fn board(&self, plc: usize) -> BoardState {
+        self.plant.plcs().get(plc).map(Plc::board).unwrap_or_default()
+    }
+
+    fn set_board(&mut self, plc: usize, setting: BoardSetting) {
+        self.plant.set_board(plc, setting);
+        self.announce();
     }
 
     fn journal(&self) -> &Journal {

@@ -2,10 +2,12 @@
 
 mod clock;
 mod emulator;
+#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "without it stepped time never passes"))]
+mod lockstep;
 #[cfg(feature = "channel")]
 mod machine;
 mod novram;
 
 pub use clock::Clock;
 pub use emulator::{Emulator, Options, RuntimeError, StopHandle};
-pub use novram::{Found, Novram, NovramError};
+pub use novram::{Found, Keeper, Novram, NovramError};

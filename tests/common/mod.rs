@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, mpsc};
 use std::time::{Duration, Instant};
 
 /// No step of a test takes longer than this, however slow the machine.
@@ -111,7 +111,8 @@ pub struct Emulator {
     /// What it said when it was ready.
     pub ready: String,
     child: Child,
-    err: Option<mpsc::Receiver<String>>,
+    /// Behind a lock only so that threads can share an emulator.
+    err: Mutex<Option<mpsc::Receiver<String>>>,
 }
 
 impl Emulator {
@@ -132,7 +133,8 @@ impl Emulator {
         let mut child = command.spawn().unwrap();
         let err = collect(child.stderr.take().unwrap());
         let mut out = BufReader::new(child.stdout.take().unwrap());
-        let mut this = Self { name: name.to_owned(), ready: String::new(), child, err: Some(err) };
+        let mut this =
+            Self { name: name.to_owned(), ready: String::new(), child, err: Mutex::new(Some(err)) };
         let (send, receive) = mpsc::channel();
         std::thread::spawn(move || {
             let mut line = String::new();
@@ -199,7 +201,7 @@ impl Emulator {
 
     /// Everything it has said on stderr; it must have ended.
     pub fn complaints(&mut self) -> String {
-        self.err.take().and_then(|err| err.recv_timeout(WATCHDOG).ok()).unwrap_or_default()
+        self.err.get_mut().unwrap().take().and_then(|err| err.recv_timeout(WATCHDOG).ok()).unwrap_or_default()
     }
 
     /// Its files in /dev/shm that bear its name.

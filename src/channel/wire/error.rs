@@ -113,6 +113,7 @@ fn field_code(field: Field) -> u64 {
         Field::Node => 3,
         Field::Unused => 4,
         Field::Fault => 5,
+        Field::Board => 6,
     }
 }
 
@@ -123,6 +124,7 @@ fn field_from_code(code: u64) -> Option<Field> {
         3 => Field::Node,
         4 => Field::Unused,
         5 => Field::Fault,
+        6 => Field::Board,
         _ => return None,
     })
 }

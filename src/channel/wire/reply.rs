@@ -7,6 +7,7 @@ use crate::channel::op::InstanceInfo;
 use crate::channel::{ChannelError, Reply};
 use crate::fault::FaultStatus;
 use crate::journal::{Journal, Record};
+use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -155,6 +156,11 @@ impl ReplyBuffer {
         Ok(())
     }
 
+    /// Appends what a board looks like.
+    pub fn board(&mut self, state: &BoardState) -> Result<(), ChannelError> {
+        self.bytes_of_kind(reply_kind::BOARD, state.as_bytes())
+    }
+
     /// Appends that the emulator is going to end.
     pub fn stopping(&mut self) -> Result<(), ChannelError> {
         self.head(reply_kind::STOPPING, 0, 0, 0)
@@ -211,6 +217,7 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::FAULT_ADDED => Reply::FaultAdded { id: value.try_into().ok()? },
         reply_kind::FAULTS => Reply::Faults(faults(data)?),
         reply_kind::FAULTS_CLEARED => Reply::FaultsCleared { count: value.try_into().ok()? },
+        reply_kind::BOARD => Reply::Board(BoardState::read_from_bytes(data).ok()?),
         reply_kind::INFO => Reply::Info(Box::new(info::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => {

@@ -49,6 +49,10 @@ fn op() -> impl Strategy<Value = Op> {
         fault().prop_map(|fault| Op::FaultAdd { fault }),
         Just(Op::FaultList),
         any::<u16>().prop_map(|id| Op::FaultClear { id: NonZeroU16::new(id) }),
+        any::<u16>().prop_map(|plc| Op::Board { plc }),
+        (any::<u16>(), 1..=7u32, 0..40u32).prop_filter_map("a setting", |(plc, which, value)| {
+            Some(Op::SetBoard { plc, setting: BoardSetting::from_numbers(which, value)? })
+        }),
         Just(Op::Info),
         Just(Op::Stop),
     ]
@@ -60,7 +64,8 @@ fn field() -> impl Strategy<Value = Field> {
         Just(Field::Width),
         Just(Field::Node),
         Just(Field::Unused),
-        Just(Field::Fault)
+        Just(Field::Fault),
+        Just(Field::Board)
     ]
 }
 
@@ -213,6 +218,7 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<u16>().prop_map(|id| Reply::FaultAdded { id }),
         faults().prop_map(Reply::Faults),
         any::<u16>().prop_map(|count| Reply::FaultsCleared { count }),
+        any::<[u32; 9]>().prop_map(|numbers| Reply::Board(zerocopy::transmute!(numbers))),
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
         Just(Reply::Stopping),
@@ -236,6 +242,7 @@ fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
         Reply::FaultAdded { id } => buffer.fault_added(*id),
         Reply::Faults(faults) => buffer.faults(faults),
         Reply::FaultsCleared { count } => buffer.faults_cleared(*count),
+        Reply::Board(state) => buffer.board(state),
         Reply::Info(information) => buffer.info(information),
         Reply::Stopping => buffer.stopping(),
         Reply::Error(error) => {

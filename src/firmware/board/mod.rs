@@ -27,7 +27,7 @@ use triggers::{Source, Triggers};
 pub enum Look {
     /// Nothing.
     Nothing,
-    /// A request was answered; timers may run otherwise than before.
+    /// A switch was turned or a request answered; timers may run otherwise than before.
     Answered,
     /// The supply failed or RESET is held: everything stops.
     Down,
@@ -129,7 +129,7 @@ impl Board {
             return look;
         }
         if !asked {
-            return Look::Nothing;
+            return Look::Answered;
         }
         self.front.look_at_start_request(ctx, &self.header);
         self.interrupts.look(ctx, &self.header, &mut self.timers);

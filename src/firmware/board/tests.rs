@@ -408,7 +408,7 @@ fn numbers_that_mean_nothing_change_nothing() {
     rig.header.board.switch.store(7);
     rig.header.program.power.store(9);
     rig.header.program.state.store(99);
-    assert_eq!(rig.look(), Look::Nothing);
+    assert_eq!(rig.look(), Look::Answered);
     assert_eq!((rig.display(), rig.ordered()), (('3', false), before));
     rig.header.board.dip.store(u32::MAX);
     rig.start();

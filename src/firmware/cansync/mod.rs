@@ -18,6 +18,7 @@ mod node;
 mod parameter_job;
 mod polling;
 mod registers;
+mod shown;
 mod slave;
 mod updown_job;
 mod word_config;

@@ -2,7 +2,7 @@
 
 use crate::memory::contract::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
-use zerocopy::{FromBytes, IntoBytes, KnownLayout};
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 /// The board's front: switches and LEDs are written by clients, the display by the firmware.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
@@ -126,5 +126,105 @@ impl Program {
             &self.dip_latched,
         ];
         cells.iter().for_each(|cell| cell.store(0));
+    }
+}
+
+/// The board as it stands, for tools. Numbers are those of the header page.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout)]
+#[repr(C)]
+pub struct BoardState {
+    /// DIP switch S33 as set.
+    pub dip: u32,
+    /// The DIP number that counts.
+    pub dip_latched: u32,
+    /// The LEDs.
+    pub leds: u32,
+    /// The seven-segment display.
+    pub display: u32,
+    /// The [`RunSwitch`].
+    pub switch: u32,
+    /// The [`Power`].
+    pub power: u32,
+    /// The [`ProgramState`].
+    pub program: u32,
+    /// The last [`Start`] ordered.
+    pub start_kind: u32,
+    /// Power-ons and resets.
+    pub restarts: u32,
+}
+
+impl BoardState {
+    /// What a header page says.
+    pub fn of(board: &Board, program: &Program) -> Self {
+        BoardState {
+            dip: board.dip.load(),
+            dip_latched: program.dip_latched.load(),
+            leds: board.leds.load(),
+            display: board.display.load(),
+            switch: board.switch.load(),
+            power: program.power.load(),
+            program: program.state.load(),
+            start_kind: program.start_kind.load(),
+            restarts: program.restarts.load(),
+        }
+    }
+
+    /// The display as one sees it: a character, with a point behind it if that is lit; a blank if it is dark.
+    pub fn display_text(&self) -> String {
+        let character = match self.display as u8 {
+            0 => ' ',
+            code => char::from(code),
+        };
+        let point = if self.display & 0x100 != 0 { "." } else { "" };
+        format!("{character}{point}")
+    }
+}
+
+/// Something that a tool does to a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BoardSetting {
+    /// Sets the DIP switch, 0 to 31.
+    Dip(u8),
+    /// Sets the LEDs, four bits.
+    Leds(u8),
+    /// Turns the RUN/STOP/RESET switch.
+    Switch(RunSwitch),
+    /// Switches the supply.
+    Power(Power),
+    /// Asks for a start or a stop of the program.
+    Start(Start),
+    /// Presses RESET and releases it.
+    Reset,
+    /// Switches the supply off and on.
+    PowerCycle,
+}
+
+impl BoardSetting {
+    /// As two numbers: which setting, and its value.
+    pub fn numbers(self) -> (u32, u32) {
+        match self {
+            BoardSetting::Dip(number) => (1, number.into()),
+            BoardSetting::Leds(leds) => (2, leds.into()),
+            BoardSetting::Switch(switch) => (3, switch.code()),
+            BoardSetting::Power(power) => (4, power.code()),
+            BoardSetting::Start(start) => (5, start.code()),
+            BoardSetting::Reset => (6, 0),
+            BoardSetting::PowerCycle => (7, 0),
+        }
+    }
+
+    /// The way back; `None` for numbers that mean nothing.
+    pub fn from_numbers(which: u32, value: u32) -> Option<Self> {
+        let byte = |limit: u8| u8::try_from(value).ok().filter(|value| *value <= limit);
+        Some(match (which, value) {
+            (1, _) => BoardSetting::Dip(byte(31)?),
+            (2, _) => BoardSetting::Leds(byte(15)?),
+            (3, _) => BoardSetting::Switch(RunSwitch::from_code(value)?),
+            (4, _) => BoardSetting::Power(Power::from_code(value)?),
+            (5, _) => BoardSetting::Start(Start::from_code(value).filter(|start| *start != Start::None)?),
+            (6, 0) => BoardSetting::Reset,
+            (7, 0) => BoardSetting::PowerCycle,
+            _ => return None,
+        })
     }
 }

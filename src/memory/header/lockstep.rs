@@ -1,6 +1,7 @@
 //! Lockstep: tasks that the emulated time waits for. `docs/attach.md` describes the turns.
 
 use crate::memory::contract::publish;
+use crate::memory::process::ProcessId;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
@@ -60,8 +61,13 @@ publish! { Seat:
 const _: () = assert!(size_of::<Seat>() == 64);
 
 impl Seat {
+    /// Whether the process that has taken the seat still lives.
+    pub fn owner_is_running(&self) -> bool {
+        ProcessId { pid: self.owner.load(), start: self.owner_start.load() }.is_running()
+    }
+
     /// Free; the bells go on counting.
-    pub(super) fn clear(&self) {
+    pub fn clear(&self) {
         let cells = [&self.state, &self.event, &self.patience_ms, &self.run_us];
         cells.iter().for_each(|cell| cell.store(0));
         self.owner_start.store(0);

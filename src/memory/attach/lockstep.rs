@@ -1,0 +1,121 @@
+//! A task that the emulated time waits for.
+//!
+//! The clock stands still during a turn. A task that takes its run time seriously looks at its inputs, lets the time
+//! that it claims pass with [`LockstepTask::run_for`], and only then stores its outputs: they are in the RAM at
+//! exactly that emulated time, be it before or after a deadline.
+
+use super::Attached;
+use crate::memory::header::{SEATS, Seat, SeatState};
+use crate::memory::process::ProcessId;
+use crate::memory::{Header, MemoryError, View};
+use core::num::NonZeroU32;
+use std::time::Duration;
+
+/// A task in lockstep. Dropping it leaves.
+#[derive(Debug)]
+pub struct LockstepTask<'a> {
+    attached: &'a Attached,
+    header: View<Header>,
+    seat: View<Seat>,
+    event: usize,
+    /// Turns so far.
+    turns: u32,
+    in_turn: bool,
+}
+
+impl Attached {
+    /// Takes part in lockstep with the task of event `event`: from now on the emulated time stands still whenever
+    /// the event has occurred, until the task is done. Stepped mode only. `INTR_SET` enables the event.
+    ///
+    /// A turn that really takes longer than `patience` (in whole milliseconds; zero: no limit) makes the emulator go
+    /// on without the task. `timeout` is how long to wait for the emulator's consent.
+    ///
+    /// # Errors
+    /// Attached read-only, no seat is free, the clock is not stepped, no such event, or as [`Attached::check`].
+    pub fn join_lockstep(
+        &self,
+        event: usize,
+        patience: Duration,
+        timeout: Duration,
+    ) -> Result<LockstepTask<'_>, MemoryError> {
+        let header = self.header()?.clone();
+        let own = ProcessId::own();
+        let free = |seat: &Seat| seat.owner.compare_exchange(0, own.pid).is_ok();
+        let Some(place) = header.lockstep.iter().position(free) else {
+            return Err(MemoryError::NoSeat { seats: SEATS });
+        };
+        let seat = header.project(|header| &header.lockstep[place]);
+        // From here on the seat is given back by dropping the task.
+        let turns = seat.turn.rings();
+        let task = LockstepTask { attached: self, header, seat, event, turns, in_turn: false };
+        task.seat.owner_start.store(own.start);
+        task.seat.event.store(u32::try_from(event).unwrap_or(u32::MAX));
+        task.seat.patience_ms.store(u32::try_from(patience.as_millis()).unwrap_or(u32::MAX));
+        task.seat.state.store(SeatState::Asking.code());
+        task.header.submit_request();
+        let state = || SeatState::from_code(task.seat.state.load());
+        let answer = self.wait_until("the answer to joining lockstep", timeout, |_| {
+            state().filter(|state| *state != SeatState::Asking)
+        })?;
+        match answer {
+            SeatState::Seated => Ok(task),
+            _ => Err(MemoryError::LockstepRefused { event }),
+        }
+    }
+}
+
+impl LockstepTask<'_> {
+    /// Ends the present turn, if there is one, and waits for the next event; returns its emulated time in
+    /// microseconds. An event that came during the last run is there at once. `timeout` is real time.
+    ///
+    /// # Errors
+    /// As [`Attached::check`], [`MemoryError::Timeout`], or [`MemoryError::LockstepLost`] if the emulator has gone on
+    /// without this task.
+    pub fn next_event(&mut self, timeout: Duration) -> Result<u64, MemoryError> {
+        self.end_turn(0);
+        self.await_turn(timeout)
+    }
+
+    /// Lets `us` microseconds of emulated time pass as run time of this task, longer if tasks of a higher level of
+    /// the same PLC interrupt it; returns the emulated time then. To be called within a turn.
+    ///
+    /// # Errors
+    /// As [`LockstepTask::next_event`].
+    pub fn run_for(&mut self, us: NonZeroU32, timeout: Duration) -> Result<u64, MemoryError> {
+        self.end_turn(us.get());
+        self.await_turn(timeout)
+    }
+
+    fn end_turn(&mut self, run_us: u32) {
+        if core::mem::take(&mut self.in_turn) {
+            self.seat.run_us.store(run_us);
+            self.seat.done.ring();
+        }
+    }
+
+    fn await_turn(&mut self, timeout: Duration) -> Result<u64, MemoryError> {
+        let seat = &self.seat;
+        let turns = self.turns;
+        let turn = self.attached.wait_on(Some(&seat.turn), timeout, || {
+            let now = seat.turn.rings();
+            (now != turns).then_some(now)
+        })?;
+        let Some(turn) = turn else {
+            return Err(MemoryError::Timeout { what: format!("a turn on event {}", self.event), timeout });
+        };
+        self.turns = turn;
+        if SeatState::from_code(seat.state.load()) != Some(SeatState::Seated) {
+            return Err(MemoryError::LockstepLost { event: self.event });
+        }
+        self.in_turn = true;
+        Ok(seat.time_us.load())
+    }
+}
+
+impl Drop for LockstepTask<'_> {
+    fn drop(&mut self) {
+        self.seat.state.store(SeatState::Free.code());
+        self.seat.owner.store(0);
+        self.header.submit_request();
+    }
+}

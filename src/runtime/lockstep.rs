@@ -1,0 +1,241 @@
+//! Lockstep: tasks of PLC processes that the emulated time waits for.
+//!
+//! When the event of a task has occurred, the plant stops and the task gets a turn. At its end it claims run time: it
+//! gets another turn when that is over, and the time goes on. Tasks of one PLC share its processor: a task of a
+//! higher level interrupts one of a lower level, which then needs as much longer; tasks of the same level wait for
+//! each other (manual 5.00005.03a p. 42, 73). Who dies, leaves or takes too long is given up.
+
+use crate::firmware::board::level;
+use crate::memory::header::{Seat, SeatState};
+use crate::memory::{Header, View, bell};
+use crate::plant::Plant;
+use std::time::{Duration, Instant};
+
+/// How often the emulator looks whether a task in its turn still lives.
+const LIVENESS: Duration = Duration::from_millis(20);
+
+/// A task that takes part.
+struct Task {
+    plc: usize,
+    seat: View<Seat>,
+    event: usize,
+    level: u8,
+    /// Events seen by it.
+    seen: u32,
+    /// It runs, until this emulated time.
+    until: Option<u64>,
+}
+
+impl Task {
+    fn has_seat(&self) -> bool {
+        self.seat.state.load() == SeatState::Seated.code()
+    }
+
+    fn gone(&self) -> bool {
+        !self.has_seat() || !self.seat.owner_is_running()
+    }
+}
+
+/// All tasks that take part.
+pub(super) struct Lockstep {
+    headers: Vec<View<Header>>,
+    /// Requests of each PLC as last seen.
+    requests: Vec<u32>,
+    tasks: Vec<Task>,
+    /// Whether tasks may take part.
+    stepped: bool,
+}
+
+impl Lockstep {
+    pub fn new(headers: Vec<View<Header>>, stepped: bool) -> Self {
+        let requests = vec![0; headers.len()];
+        Lockstep { headers, requests, tasks: Vec::new(), stepped }
+    }
+
+    /// Seats those that ask for it and forgets those that have left; tells whether there was anything.
+    pub fn look(&mut self, plant: &mut Plant) -> bool {
+        let mut changed = false;
+        for plc in 0..self.headers.len() {
+            let requests = self.headers[plc].board_requests.load();
+            if requests != self.requests[plc] {
+                self.requests[plc] = requests;
+                changed |= self.look_at(plc, plant);
+            }
+        }
+        changed
+    }
+
+    fn look_at(&mut self, plc: usize, plant: &mut Plant) -> bool {
+        let before = self.tasks.len();
+        self.tasks.retain(|task| {
+            let stays = task.plc != plc || task.has_seat();
+            if !stays {
+                plant.note_lockstep(task.plc, task.event, SeatState::Free);
+            }
+            stays
+        });
+        let mut changed = self.tasks.len() != before;
+        for place in 0..self.headers[plc].lockstep.len() {
+            let seat = self.headers[plc].project(|header| &header.lockstep[place]);
+            match SeatState::from_code(seat.state.load()) {
+                Some(SeatState::Asking) => self.seat(plc, seat, plant),
+                Some(SeatState::Refused | SeatState::Lost) if !seat.owner_is_running() => seat.clear(),
+                _ => continue,
+            }
+            changed = true;
+        }
+        self.watch(plc, plant);
+        changed
+    }
+
+    fn seat(&mut self, plc: usize, seat: View<Seat>, plant: &mut Plant) {
+        let event = seat.event.load() as usize;
+        let (Some(level), Some(slot), true) =
+            (level(event), self.headers[plc].events.get(event), self.stepped)
+        else {
+            seat.state.store(SeatState::Refused.code());
+            plant.note_lockstep(plc, event, SeatState::Refused);
+            return;
+        };
+        let seen = slot.bell.rings();
+        seat.state.store(SeatState::Seated.code());
+        plant.note_lockstep(plc, event, SeatState::Seated);
+        self.tasks.push(Task { plc, seat, event, level, seen, until: None });
+    }
+
+    /// The plant stops at the events that tasks of a PLC wait for.
+    fn watch(&self, plc: usize, plant: &mut Plant) {
+        let tasks = self.tasks.iter().filter(|task| task.plc == plc);
+        plant.watch(plc, tasks.fold(0, |events, task| events | 1 << task.event));
+    }
+
+    /// Lets emulated time pass until `target`, with a turn for each task whenever it is due. Returns early if `stop`
+    /// says so while a task has its turn.
+    pub fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
+        self.look(plant);
+        loop {
+            if !self.give_turns(plant, &stop) {
+                return;
+            }
+            let until = self.tasks.iter().filter_map(|task| task.until).fold(target, u64::min);
+            let stopped = plant.advance_until(until);
+            if !stopped && until == target {
+                self.give_turns(plant, &stop);
+                return;
+            }
+        }
+    }
+
+    /// Turns for all tasks that are due now. `false`: told to stop.
+    fn give_turns(&mut self, plant: &mut Plant, stop: &impl Fn() -> bool) -> bool {
+        while let Some(index) = self.due(plant.now()) {
+            if stop() {
+                return false;
+            }
+            self.give_turn(index, plant, stop);
+            self.look(plant);
+        }
+        true
+    }
+
+    /// The task that is to run now: the highest level first.
+    fn due(&self, now: u64) -> Option<usize> {
+        let ready = |task: &Task| match task.until {
+            Some(until) => until <= now,
+            None => self.has_event(task) && !self.is_held_up(task),
+        };
+        let tasks = self.tasks.iter().enumerate().filter(|(_, task)| ready(task));
+        // Of equals the first one.
+        tasks.rev().max_by_key(|(_, task)| task.level).map(|(index, _)| index)
+    }
+
+    fn has_event(&self, task: &Task) -> bool {
+        self.rings(task) != task.seen
+    }
+
+    fn rings(&self, task: &Task) -> u32 {
+        self.headers[task.plc].events[task.event].bell.rings()
+    }
+
+    /// Whether a task of the same or a higher level of the same PLC is running.
+    fn is_held_up(&self, task: &Task) -> bool {
+        self.tasks
+            .iter()
+            .any(|other| other.plc == task.plc && other.until.is_some() && other.level >= task.level)
+    }
+
+    fn give_turn(&mut self, index: usize, plant: &mut Plant, stop: &impl Fn() -> bool) {
+        let (now, rings) = (plant.now(), self.rings(&self.tasks[index]));
+        let task = &mut self.tasks[index];
+        if task.until.take().is_none() {
+            task.seen = rings;
+        }
+        let done = task.seat.done.rings();
+        task.seat.time_us.store(now);
+        task.seat.turn.ring();
+        if !self.await_end(index, done, plant, stop) {
+            return;
+        }
+        let task = &mut self.tasks[index];
+        let run_us = u64::from(task.seat.run_us.load());
+        if run_us == 0 {
+            return;
+        }
+        task.until = Some(now + run_us);
+        // It takes the processor from those below it.
+        let (plc, level) = (task.plc, task.level);
+        for other in self.tasks.iter_mut().filter(|other| other.plc == plc && other.level < level) {
+            other.until = other.until.map(|until| until + run_us);
+        }
+    }
+
+    /// Waits for the end of a turn. Meanwhile the boards answer, so that the task can ask them. `false`: the task is
+    /// gone, or the emulator is to stop.
+    fn await_end(&mut self, index: usize, done: u32, plant: &mut Plant, stop: &impl Fn() -> bool) -> bool {
+        let (plc, seat) = (self.tasks[index].plc, self.tasks[index].seat.clone());
+        let patience = match seat.patience_ms.load() {
+            0 => Duration::MAX,
+            ms => Duration::from_millis(ms.into()),
+        };
+        let start = Instant::now();
+        loop {
+            let header = &self.headers[plc];
+            let rings = header.doorbell.rings();
+            if plant.look_at_boards() {
+                header.answer.ring();
+            }
+            if seat.done.rings() != done {
+                return true;
+            }
+            if stop() {
+                return false;
+            }
+            let slice = LIVENESS.min(patience.saturating_sub(start.elapsed()));
+            let rung = bell::wait_any(&[(&seat.done, done), (&header.doorbell, rings)], Some(slice));
+            if rung == Some(0) {
+                return true;
+            }
+            if !self.tasks[index].has_seat()
+                || rung.is_none() && (self.tasks[index].gone() || start.elapsed() >= patience)
+            {
+                self.give_up(index, plant);
+                return false;
+            }
+        }
+    }
+
+    fn give_up(&mut self, index: usize, plant: &mut Plant) {
+        let task = self.tasks.remove(index);
+        let state = if task.has_seat() { SeatState::Lost } else { SeatState::Free };
+        plant.note_lockstep(task.plc, task.event, state);
+        if state == SeatState::Lost {
+            tracing::warn!("the task of event {} was given up: it died or took too long", task.event);
+            task.seat.state.store(state.code());
+            task.seat.turn.ring();
+            if !task.seat.owner_is_running() {
+                task.seat.clear();
+            }
+        }
+        self.watch(task.plc, plant);
+    }
+}
