@@ -133,6 +133,10 @@ fn every_kind_of_expectation_can_fail() {
             "let s = snapshot(\"node2\"); expect_changes(s, [\"node2.b_BT_0\"])",
             "node2.b_BT_0 has not changed",
         ),
+        (
+            "let b = block(\"CANsync_INIT\", \"node2\"); b.us_BAUDRATE = 9; cycle_until(b, \"x_OK\", \"1s\")",
+            "CANsync_INIT at node2: x_OK did not become TRUE",
+        ),
         ("step_to_sync()", "PLC 'line': nobody sends SYNC on the bus of node2"),
     ];
     for (verb, expected) in cases {
@@ -171,6 +175,30 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("expect_frame(\"drives\", 1, [256], \"1ms\")", "data are an array of bytes"),
         ("expect_near(\"node2.b_BT_0\", 0, -1)", "the tolerance must not be negative"),
         ("snapshot(\"node3\")", "there is no area 'node3'; there are: "),
+        ("force(\"%MX3.200000.1\", 1)", "a single bit cannot be written"),
+        ("force(\"%MB3.200000\", 1)", "only a whole register can be forced, here %MW3.200000"),
+        ("unforce(\"node2.b_BT_0\")", "%MB3.200007 is not forced"),
+        (
+            "block(\"CANsync_INI\", \"node2\")",
+            "there is no function block 'CANsync_INI'; there are: CANsync_BC_MA0",
+        ),
+        (
+            "block(\"CANsync_MODE_SL\", \"node2\")",
+            "`node2`: CANsync_MODE_SL needs CANsync_SL_CTRL_BMSTRUCT, which is in node1",
+        ),
+        (
+            "block(\"CANsync_INIT\", \"node2\").x_OKAY",
+            "`x_OKAY`: CANsync_INIT has no such input or output; it has x_SL",
+        ),
+        (
+            "let b = block(\"CANsync_INIT\", \"node2\"); b.us_BAUDRATE = 256",
+            "`256`: us_BAUDRATE of CANsync_INIT is an integer from 0 to 255",
+        ),
+        (
+            "let b = block(\"CANsync_INIT\", \"node2\"); b.a_SL_TYP = [1]",
+            "a_SL_TYP of CANsync_INIT is an array of 32",
+        ),
+        ("cycle_until(block(\"CANsync_INIT\", \"node2\"), \"w_ERR\", 0)", "`w_ERR`: this output is no BOOL"),
         ("expect_changes(snapshot(\"node2\"), [1])", "`1`: this is no register's name"),
         ("plant(\"missing.toml\")", "missing.toml: No such file"),
         ("plant(`[[plc]]\nname = \"a b\"`)", "PLC name 'a b': use 1 to 31 characters"),

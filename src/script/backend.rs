@@ -1,7 +1,8 @@
 //! What the verbs need of a plant, be it in this process or behind a channel.
 
 use crate::journal::{Names, Record};
-use crate::memory::{Address, Width};
+use crate::memory::{Address, MemoryError, Segment, Width};
+use crate::plant::ForceError;
 use thiserror::Error;
 
 /// Why a plant did not do what it was asked for.
@@ -21,6 +22,23 @@ pub enum BackendError {
         /// The CANsync node.
         node: u8,
     },
+    /// The register cannot be forced.
+    #[error("{address}: {source}")]
+    Force {
+        /// The register.
+        address: Address,
+        /// Why.
+        source: ForceError,
+    },
+    /// The register is not forced.
+    #[error("{address} is not forced")]
+    NotForced {
+        /// The register.
+        address: Address,
+    },
+    /// The RAM cannot be mapped.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// The instance at the other end of the channel.
     #[cfg(feature = "channel")]
     #[error(transparent)]
@@ -96,6 +114,15 @@ pub trait Backend {
 
     /// Waits until `register AND mask = value`.
     fn wait(&mut self, spot: Spot, mask: u32, value: u32, within_us: u64) -> Result<Waited, BackendError>;
+
+    /// Makes a register keep a value.
+    fn force(&mut self, spot: Spot, value: u32) -> Result<(), BackendError>;
+
+    /// Lets a forced register go.
+    fn unforce(&mut self, spot: Spot) -> Result<(), BackendError>;
+
+    /// The RAM of a PLC, as a program on that PLC has it.
+    fn segment(&mut self, plc: u16) -> Result<Segment, BackendError>;
 
     /// Number of the journal record to come.
     fn journal_end(&mut self) -> Result<u64, BackendError>;

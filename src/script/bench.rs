@@ -15,8 +15,9 @@ use super::{Failure, ScenarioError, Span, Value};
 use crate::journal::text::Text;
 use crate::journal::{Format, Names};
 use crate::layout::place::live_by;
-use crate::layout::{Live, Place, split_plc};
+use crate::layout::{Area, Live, Place, split_plc};
 use crate::plant::PlantConfig;
+use crate::plc::Ram;
 use core::panic::Location;
 use std::path::Path;
 
@@ -221,6 +222,48 @@ impl Bench {
         let register = self.whole_register(register)?;
         let (current, new) = (current.into().bits(&register.place)?, new.into().bits(&register.place)?);
         Ok(self.backend.compare_exchange(register.spot, current, new)?.is_ok())
+    }
+
+    /// Makes a register keep the value against firmware and PLC, until [`Bench::unforce`].
+    ///
+    /// # Errors
+    /// There is no such register, it cannot hold the value, it is a single bit, or too many are forced.
+    pub fn force(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
+        let register = self.whole_register(register)?;
+        let bits = value.into().bits(&register.place)?;
+        Ok(self.backend.force(register.spot, bits)?)
+    }
+
+    /// Lets a forced register go; it keeps its value until somebody writes it.
+    ///
+    /// # Errors
+    /// There is no such register, or it is not forced.
+    pub fn unforce(&mut self, register: &str) -> Result<(), ScenarioError> {
+        let register = self.whole_register(register)?;
+        Ok(self.backend.unforce(register.spot)?)
+    }
+
+    /// The RAM of a PLC, for its function blocks and tasks; `""` is the only one.
+    ///
+    /// # Errors
+    /// There is no such PLC, or its RAM cannot be mapped.
+    pub fn ram(&mut self, plc: &str) -> Result<Ram, ScenarioError> {
+        let plc = self.plc(Some(plc).filter(|plc| !plc.is_empty()), "ram")?;
+        self.ram_of(plc)
+    }
+
+    fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {
+        Ok(Ram::of(&self.backend.segment(plc)?)?)
+    }
+
+    /// The RAM of the PLC and the area that are meant by `node2` or `line2:node1`.
+    ///
+    /// # Errors
+    /// There is no such PLC or area of registers.
+    pub(super) fn area(&mut self, text: &str) -> Result<(Ram, &'static Area), ScenarioError> {
+        let (plc, name) = split_plc(text);
+        let plc = self.plc(plc, name)?;
+        Ok((self.ram_of(plc)?, memory::register_area(name)?))
     }
 
     /// Lets the time pass.

@@ -1,6 +1,9 @@
 //! The verbs of scenario scripts: what a Rhai script may call.
 
 mod arguments;
+mod block;
+mod blocks;
+mod pins;
 
 use super::{Bench, Failure, MemoryCopy, ScenarioError, SeenFrame};
 use crate::journal::text::Text;
@@ -113,6 +116,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, 
     verbs.time();
     verbs.expectations();
     verbs.traffic();
+    verbs.blocks();
     (verbs.engine, verbs.names)
 }
 
@@ -162,6 +166,10 @@ impl Verbs {
                 stage.act(|bench| bench.compare_exchange(register, value(&current)?, value(&new)?))
             }
         });
+        self.on("force", |stage| {
+            move |register: &str, kept: Dynamic| stage.act(|bench| bench.force(register, value(&kept)?))
+        });
+        self.on("unforce", |stage| move |register: &str| stage.act(|bench| bench.unforce(register)));
         self.on("snapshot", |stage| move |area: &str| stage.act(|bench| bench.snapshot(area)));
         self.on("changes", |stage| {
             move |since: MemoryCopy| {

@@ -150,6 +150,12 @@ impl ScenarioError {
 
     /// Whether the plant did not behave as the scenario says; otherwise the scenario itself is wrong.
     pub fn is_failure(&self) -> bool {
-        matches!(self, Self::Failed(_) | Self::TooLong { .. } | Self::Backend(_))
+        match self {
+            Self::Failed(_) | Self::TooLong { .. } => true,
+            Self::Backend(BackendError::NoSync { .. }) => true,
+            #[cfg(feature = "channel")]
+            Self::Backend(BackendError::Client(_)) => true,
+            _ => false,
+        }
     }
 }

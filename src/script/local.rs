@@ -3,8 +3,8 @@
 use super::ScenarioError;
 use super::backend::{Backend, BackendError, Spot, Waited};
 use crate::journal::{Names, Record};
-use crate::memory::{Address, RegisterWidths, Segment, Unmapped};
-use crate::plant::{Plant, PlantConfig, Plc};
+use crate::memory::{Address, HEADER_SIZE, RegisterWidths, Segment, Unmapped};
+use crate::plant::{Forced, Plant, PlantConfig, Plc};
 
 /// A plant of its own.
 pub(super) struct Local {
@@ -23,7 +23,7 @@ impl Local {
         Ok(Self { names: plant.names(), plant, widths: RegisterWidths::of_device() })
     }
 
-    fn segment(&self, plc: u16, offset: u32) -> Result<&Segment, Unmapped> {
+    fn ram(&self, plc: u16, offset: u32) -> Result<&Segment, Unmapped> {
         self.plant.plcs().get(usize::from(plc)).map(Plc::segment).ok_or(Unmapped { offset })
     }
 
@@ -48,14 +48,14 @@ impl Backend for Local {
 
     fn load(&mut self, spot: Spot) -> Result<u32, BackendError> {
         let Spot { plc, offset, width } = spot;
-        self.segment(plc, offset)
+        self.ram(plc, offset)
             .and_then(|segment| self.widths.load(segment, offset, width))
             .map_err(unmapped(spot))
     }
 
     fn store(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
         let Spot { plc, offset, width } = spot;
-        self.segment(plc, offset)
+        self.ram(plc, offset)
             .and_then(|segment| self.widths.store(segment, offset, width, value))
             .map_err(unmapped(spot))?;
         self.note_write(spot, value);
@@ -70,7 +70,7 @@ impl Backend for Local {
     ) -> Result<Result<u32, u32>, BackendError> {
         let Spot { plc, offset, width } = spot;
         let outcome = self
-            .segment(plc, offset)
+            .ram(plc, offset)
             .and_then(|segment| self.widths.compare_exchange(segment, offset, width, current, new))
             .map_err(unmapped(spot))?;
         if outcome.is_ok() {
@@ -81,7 +81,7 @@ impl Backend for Local {
 
     fn read_range(&mut self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, BackendError> {
         let mut bytes = vec![0; len as usize];
-        self.segment(plc, offset)
+        self.ram(plc, offset)
             .and_then(|segment| self.widths.read_range(segment, offset, &mut bytes))
             .map_err(|hole| BackendError::Unmapped { address: Address::byte(hole.offset) })?;
         Ok(bytes)
@@ -118,6 +118,24 @@ impl Backend for Local {
             }
             self.advance_a_little(deadline)?;
         }
+    }
+
+    fn force(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
+        let Spot { plc, offset, width } = spot;
+        let address = spot.address();
+        self.plant
+            .force(Forced { plc, offset, width, value })
+            .map_err(|source| BackendError::Force { address, source })
+    }
+
+    fn unforce(&mut self, spot: Spot) -> Result<(), BackendError> {
+        let forced = self.plant.unforce(spot.plc, spot.offset);
+        if forced { Ok(()) } else { Err(BackendError::NotForced { address: spot.address() }) }
+    }
+
+    fn segment(&mut self, plc: u16) -> Result<Segment, BackendError> {
+        let segment = self.ram(plc, HEADER_SIZE as u32).cloned();
+        segment.map_err(|hole| BackendError::Unmapped { address: Address::byte(hole.offset) })
     }
 
     fn journal_end(&mut self) -> Result<u64, BackendError> {

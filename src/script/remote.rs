@@ -4,7 +4,8 @@ use super::backend::{Backend, BackendError, Spot, Waited};
 use crate::channel::op::MAX_RECORDS;
 use crate::channel::{ChannelError, Client, ClientError, Op, Reply};
 use crate::journal::{Names, Record};
-use crate::memory::ClockMode;
+use crate::layout::omega_drive_line_2::LAYOUT_HASH;
+use crate::memory::{AttachMode, ClockMode, Image, Segment};
 use std::time::Duration;
 
 /// Emulated time between two looks where the channel has no wait of its own.
@@ -121,6 +122,32 @@ impl Backend for Remote {
             Ok(_) => Err(self.wrong_reply().into()),
             Err(error) => Err(error.into()),
         }
+    }
+
+    fn force(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
+        let Spot { plc, offset, width } = spot;
+        match self.ask(Op::Force { plc, offset, width, value })? {
+            Reply::Written => Ok(()),
+            _ => Err(self.wrong_reply().into()),
+        }
+    }
+
+    fn unforce(&mut self, spot: Spot) -> Result<(), BackendError> {
+        let Spot { plc, offset, width } = spot;
+        match self.ask(Op::Unforce { plc, offset, width }) {
+            Ok(Reply::Written) => Ok(()),
+            Ok(_) => Err(self.wrong_reply().into()),
+            Err(ClientError::Refused(ChannelError::NotForced { address })) => {
+                Err(BackendError::NotForced { address })
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn segment(&mut self, plc: u16) -> Result<Segment, BackendError> {
+        let name = self.names.plcs.get(usize::from(plc)).map_or("", String::as_str);
+        let attached = Image::attach(&self.instance, name, AttachMode::ReadWrite, Some(LAYOUT_HASH))?;
+        Ok(attached.segment().clone())
     }
 
     fn journal_end(&mut self) -> Result<u64, BackendError> {

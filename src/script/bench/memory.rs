@@ -42,6 +42,15 @@ impl MemoryCopy {
     }
 }
 
+/// The area with registers that has this name.
+pub(super) fn register_area(name: &str) -> Result<&'static Area, ScenarioError> {
+    let with_registers = || DEVICE.areas.iter().filter(|area| !area.structures.is_empty());
+    with_registers().find(|area| area.name == name).ok_or_else(|| {
+        let known: Vec<_> = with_registers().map(|area| area.name).collect();
+        ScenarioError::Unknown { what: "area", name: name.to_owned(), known: known.join(", ") }
+    })
+}
+
 impl Bench {
     /// Copies the registers of an area, for example `node2` or `line2:node1`.
     ///
@@ -50,16 +59,7 @@ impl Bench {
     pub fn snapshot(&mut self, area: &str) -> Result<MemoryCopy, ScenarioError> {
         let (plc, name) = split_plc(area);
         let plc = self.plc(plc, name)?;
-        let with_registers = || DEVICE.areas.iter().filter(|area| !area.structures.is_empty());
-        let Some(area) = with_registers().find(|area| area.name == name) else {
-            let known: Vec<_> = with_registers().map(|area| area.name).collect();
-            return Err(ScenarioError::Unknown {
-                what: "area",
-                name: name.to_owned(),
-                known: known.join(", "),
-            });
-        };
-        self.copy(plc, area)
+        self.copy(plc, register_area(name)?)
     }
 
     fn copy(&mut self, plc: u16, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {
@@ -119,7 +119,11 @@ impl Bench {
         if wrong.is_empty() {
             return Ok(());
         }
-        let what = format!("other registers of {} have changed than expected", since.area.name);
+        let what = format!(
+            "other registers of {}{} have changed than expected",
+            self.prefix(since.plc),
+            since.area.name
+        );
         let mut failure = self.failure(what, at)?;
         failure.expected = Some(if wanted.is_empty() { "no change".to_owned() } else { wanted.join(", ") });
         failure.actual = Some(wrong.join("\n            "));

@@ -106,3 +106,33 @@ fn time_has_a_limit() -> Result<(), ScenarioError> {
     assert!(message(bench.wait("node2.w_OPTION_STATUS", 2, "1h")).contains("would go beyond"));
     Ok(())
 }
+
+#[test]
+fn a_forced_register_keeps_its_value_until_it_is_unforced() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    bench.force("node2.w_CPU_CONTROL", 0)?;
+    bench.poke("node2.w_CPU_CONTROL", 1)?;
+    bench.step("2ms")?;
+    bench.expect("node2.w_OPTION_STATUS", 1)?;
+    bench.unforce("node2.w_CPU_CONTROL")?;
+    bench.poke("node2.w_CPU_CONTROL", 1)?;
+    bench.wait("node2.w_OPTION_STATUS", 2, "1ms")?;
+    assert!(message(bench.unforce("node2.w_CPU_CONTROL")).contains("is not forced"));
+    Ok(())
+}
+
+#[test]
+fn function_blocks_work_on_the_ram_of_a_bench() -> Result<(), ScenarioError> {
+    use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+
+    let mut bench = Bench::built_in()?;
+    let base = bench.ram("line")?.at::<CANsync_INIT_BMSTRUCT>(NODE2)?;
+    let mut init = crate::plc::CANsync_INIT { us_BAUDRATE: 5, us_SYNC_INTERVAL: 2, ..Default::default() };
+    bench.wait_until("1s", |_| {
+        init.call(&base);
+        Ok(init.x_OK)
+    })?;
+    bench.expect("node2.w_OPTION_STATUS", "16#0003")?;
+    assert!(message(bench.ram("other")).contains("there is no PLC 'other'"));
+    Ok(())
+}

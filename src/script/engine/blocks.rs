@@ -1,0 +1,173 @@
+//! The vendor's function blocks by name, with their pins as properties.
+
+#![allow(non_snake_case, reason = "the manual's names, letter for letter")]
+
+use super::pins::Pin;
+use crate::layout::omega_drive_line_2::{
+    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
+};
+use crate::memory::MemoryError;
+use crate::plc::{self, Base, CANsync_RD_BMARRAY, CANsync_UPDOWN_BMARRAY, Ram};
+use crate::script::ScenarioError;
+use core::cell::RefCell;
+use rhai::Dynamic;
+use std::rc::Rc;
+
+/// A function block with the registers that are connected to its `_BASE`, and its in-out data.
+pub(super) trait Instance {
+    /// An input or output, or in-out data.
+    fn get(&self, pin: &str) -> Option<Dynamic>;
+
+    /// Sets one.
+    fn set(&mut self, pin: &str, value: &Dynamic) -> Option<Result<(), ScenarioError>>;
+
+    /// One PLC cycle.
+    fn call(&mut self);
+}
+
+/// What the names of function blocks stand for.
+pub(super) struct Kind {
+    /// The block's name.
+    pub name: &'static str,
+    /// The structure of its `_BASE`.
+    pub base: &'static str,
+    /// Its pins.
+    pub pins: &'static [&'static str],
+    /// Makes one at `%MB3.offset`.
+    pub make: fn(&Ram, usize) -> Result<Rc<RefCell<dyn Instance>>, MemoryError>,
+}
+
+macro_rules! blocks {
+    ($(
+        $name:ident ($base:ident $(, $data:ident: $type:ty)*)
+        [$($pin:ident)*]
+        |$block:ident, $registers:ident| $call:expr;
+    )*) => {
+        /// The blocks that scripts can use.
+        pub(super) const KINDS: &[Kind] = &[$(Kind {
+            name: stringify!($name),
+            base: stringify!($base),
+            pins: &[$(stringify!($pin),)* $(stringify!($data)),*],
+            make: |ram, offset| {
+                struct Placed {
+                    block: plc::$name,
+                    base: Base<$base>,
+                    $($data: Box<$type>,)*
+                }
+                impl Instance for Placed {
+                    fn get(&self, pin: &str) -> Option<Dynamic> {
+                        match pin {
+                            $(stringify!($pin) => Some(self.block.$pin.show()),)*
+                            $(stringify!($data) => Some(self.$data.show()),)*
+                            _ => None,
+                        }
+                    }
+
+                    fn set(&mut self, pin: &str, value: &Dynamic) -> Option<Result<(), ScenarioError>> {
+                        match pin {
+                            $(stringify!($pin) => Some(self.block.$pin.take(value)),)*
+                            $(stringify!($data) => Some(self.$data.take(value)),)*
+                            _ => None,
+                        }
+                    }
+
+                    fn call(&mut self) {
+                        let Placed { block: $block, base: $registers, $($data),* } = self;
+                        $call
+                    }
+                }
+                let base = ram.at(offset)?;
+                Ok(Rc::new(RefCell::new(Placed {
+                    block: plc::$name::default(),
+                    base,
+                    $($data: zeroed::<$type>(),)*
+                })))
+            },
+        }),*];
+    };
+}
+
+/// In-out data begin as zeros.
+fn zeroed<T: zerocopy::FromZeros>() -> Box<T> {
+    Box::new(T::new_zeroed())
+}
+
+blocks! {
+    CANsync_BC_MA0(CANsync_MA_CTRL_BMSTRUCT)
+        [us_BC_CMD_NR si_BC_BYTE i_BC_WORD d_SL_MASK x_EN x_OK]
+        |block, base| block.call(base);
+    CANsync_BC_MA1(CANsync_MA_CTRL_BMSTRUCT)
+        [us_BC_CMD_NR si_BC_BYTE i_BC_WORD d_SL_MASK x_EN x_OK]
+        |block, base| block.call(base);
+    CANsync_BC_MA2(CANsync_MA_CTRL_BMSTRUCT)
+        [us_BC_CMD_NR si_BC_BYTE i_BC_WORD d_SL_MASK x_EN x_OK]
+        |block, base| block.call(base);
+    CANsync_BC_SL(CANsync_SL_CTRL_BMSTRUCT)
+        [us_BC_CMD_NR si_BC_BYTE i_BC_WORD si_BC_RECEIVED]
+        |block, base| block.call(base);
+    CANsync_COMM_CONTROL_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [si_SL_NR_CTRL x_EN_CTRL si_SL_NR_PAR x_EN_PAR si_SL_NR_UDL x_EN_UDL si_MAX_SL_NR]
+        |block, base| block.call(base);
+    CANsync_CONTROLWORD_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [si_SL_NR_CTRL w_CONTROLWORD x_EN x_OK]
+        |block, base| block.call(base);
+    CANsync_CONTROLWORD_SL(CANsync_SL_CTRL_BMSTRUCT)
+        [w_CONTROLWORD si_RECEIVED]
+        |block, base| block.call(base);
+    CANsync_INIT(CANsync_INIT_BMSTRUCT)
+        [x_SL x_SYNC_IN x_SYNC_MODE x_ASYNC_MODE0 x_ASYNC_MODE1 a_SL_TYP b_ACCEPT_CODE b_ACCEPT_MASK
+         b_BIT_TIMING0 b_BIT_TIMING1 us_BAUDRATE us_SYNC_INTERVAL w_ERR x_ERR x_OK]
+        |block, base| block.call(base);
+    CANsync_MODE_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [x_RESET_SOFTWARE x_SET_INIT_DATA x_CANsync_RUN x_RESET_CANsync_CONTROLLER x_SYNC_MODE x_ASYNC_MODE0
+         x_ASYNC_MODE1 x_HS_ACTIV x_INIT_POSSIBLE x_WAIT x_PREPARE_ACTIV x_CANsync_ACTIV x_SYNC_MODE_ACTIV
+         x_ASYNC_MODE_ACTIV x_SL x_MA]
+        |block, base| block.call(base);
+    CANsync_MODE_SL(CANsync_SL_CTRL_BMSTRUCT)
+        [x_RESET_SOFTWARE x_SET_INIT_DATA x_CANsync_RUN x_RESET_CANsync_CONTROLLER x_SYNC_MODE x_ASYNC_MODE0
+         x_ASYNC_MODE1 x_HS_ACTIV x_INIT_POSSIBLE x_WAIT x_PREPARE_ACTIV x_CANsync_ACTIV x_SYNC_MODE_ACTIV
+         x_ASYNC_MODE_ACTIV x_SL x_MA]
+        |block, base| block.call(base);
+    CANsync_PAR_READ_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [si_SL_NR u_PAR_NR x_PAR_FORMAT i_SUB_SL t_TIME x_EN x_RESET ud_PAR_VALUE x_PAR_FORMAT_READ x_BUSY b_ERR i_ERR x_ERR x_OK]
+        |block, base| block.call(base);
+    CANsync_PAR_WRITE_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [si_SL_NR u_PAR_NR x_PAR_FORMAT i_SUB_SL ud_PAR_VALUE t_TIME x_EN x_RESET x_BUSY b_ERR i_ERR x_ERR x_OK]
+        |block, base| block.call(base);
+    CANsync_PAR_SL(CANsync_SL_CTRL_BMSTRUCT)
+        [ud_PAR_VALUE_READ x_PAR_FORMAT_READ i_ERR x_ERR_IN x_OK_IN x_EN x_RESET x_RESET_JOB x_READ x_WRITE
+         u_PAR_NR x_PAR_FORMAT_WRITE ud_PAR_VALUE_WRITE x_ACTIV x_BUSY x_OK]
+        |block, base| block.call(base);
+    CANsync_PD_CFG_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [a_WRC1 a_HL_WRC1 a_WRC2 a_HL_WRC2]
+        |block, base| block.call(base);
+    CANsync_PD_CFG_READ_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [si_SL_NR a_RDC1 a_HL_RDC1 a_RDC2 a_HL_RDC2]
+        |block, base| block.call(base);
+    CANsync_PD_CFG_READ_SL(CANsync_SL_CTRL_BMSTRUCT)
+        [si_SL_NR a_RDC1 a_HL_RDC1 a_RDC2 a_HL_RDC2]
+        |block, base| block.call(base);
+    CANsync_PD_CFG_SL(CANsync_SL_CTRL_BMSTRUCT)
+        [a_WRC1 a_HL_WRC1 a_WRC2 a_HL_WRC2 a_RDC1 a_HL_RDC1 a_RDC2 a_HL_RDC2]
+        |block, base| block.call(base);
+    CANsync_PD_COMM_MA(CANsync_MA_CTRL_BMSTRUCT, a_RD_ARRAY: CANsync_RD_BMARRAY)
+        [a_WR_VALUES_SEND si_WRC1_SEND si_WRC2_SEND si_RD_SL_NR1_RECEIVE si_RD_SL_NR2_RECEIVE si_MAX_SL_NR
+         x_COPY_TO_RD_ARRAY si_RD_SL_NR1_RECEIVED si_RD_SL_NR2_RECEIVED]
+        |block, base| block.call(base, a_RD_ARRAY);
+    CANsync_PD_COMM_READ_MA(CANsync_MA_CTRL_BMSTRUCT)
+        [si_SL_NR a_RD_VALUES si_RD_SL_NR1_RECEIVED si_RD_SL_NR2_RECEIVED]
+        |block, base| block.call(base);
+    CANsync_PD_COMM_READ_SL(CANsync_SL_CTRL_BMSTRUCT)
+        [si_SL_NR a_RD_VALUES si_RD_SL_NR1_RECEIVED si_RD_SL_NR2_RECEIVED]
+        |block, base| block.call(base);
+    CANsync_PD_COMM_SL(CANsync_SL_CTRL_BMSTRUCT, a_RD_ARRAY: CANsync_RD_BMARRAY)
+        [a_RD_VALUES_SEND si_RDC1_SEND si_RDC2_SEND x_COPY_TO_RD_ARRAY a_WR_VALUES_RECEIVED si_WRC1_RECEIVED
+         si_WRC2_RECEIVED si_RD_SL_NR1_RECEIVED si_RD_SL_NR2_RECEIVED]
+        |block, base| block.call(base, a_RD_ARRAY);
+    CANsync_UPDOWNLOAD_MA(CANsync_MA_CTRL_BMSTRUCT, a_DOWNLOAD: CANsync_UPDOWN_BMARRAY, a_UPLOAD: CANsync_UPDOWN_BMARRAY)
+        [si_SL_NR x_UPDOWN u_LENGTH us_MAX_NR_OF_COMM t_TIME x_EN x_RESET x_BUSY w_ERR_SL x_ERR_SL b_ERR x_ERR x_OK]
+        |block, base| block.call(base, a_DOWNLOAD, a_UPLOAD);
+    CANsync_UPDOWNLOAD_SL(CANsync_SL_CTRL_BMSTRUCT, a_DOWNLOAD: CANsync_UPDOWN_BMARRAY, a_UPLOAD: CANsync_UPDOWN_BMARRAY)
+        [t_TIME x_EN x_RESET x_UPDOWN x_ORDER_ACTIV u_LENGTH x_BUSY w_ERR x_ERR x_OK]
+        |block, base| block.call(base, a_DOWNLOAD, a_UPLOAD);
+}
