@@ -159,6 +159,9 @@ pub enum CliError {
     /// Wrong use has been reported already.
     #[error("see above")]
     ReportedWrongUse,
+    /// A fault that cannot be read.
+    #[error(transparent)]
+    FaultWord(#[from] commram::fault::WordError),
     /// A scenario cannot begin.
     #[cfg(feature = "channel")]
     #[error(transparent)]
@@ -209,6 +212,7 @@ impl CliError {
             | Self::WhichPlc { .. }
             | Self::UnknownPlc { .. }
             | Self::ReportedWrongUse
+            | Self::FaultWord(_)
             | Self::Plant(_)
             | Self::Fault(_)
             | Self::Memory(MemoryError::BadName { .. })

@@ -1,7 +1,5 @@
 //! `commram fault`: let things go wrong.
 
-mod spec;
-
 use super::Instance;
 use super::error::CliError;
 use super::table::FormatArg;
@@ -106,7 +104,7 @@ struct Clear {
 pub fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Add(args) => {
-            let spec = spec::parse(&args.kind, &args.fields)?;
+            let spec = commram::fault::FaultSpec::from_words(&args.kind, &args.fields)?;
             by_channel::add(&spec, &args.instance.name)
         }
         Command::List(args) => by_channel::list(args.format.format, &args.instance.name),

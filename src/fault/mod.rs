@@ -10,11 +10,13 @@ mod sites;
 mod spec;
 #[cfg(test)]
 mod tests;
+mod words;
 
 pub use error::{FaultError, Refusal, slave_list};
 pub use kind::{Field, Kind, Target};
 pub use sites::Sites;
 pub use spec::FaultSpec;
+pub use words::WordError;
 
 use crate::bus::codec::updown::MAX_OFFSET;
 use crate::bus::{Channel, Frame, FrameKind};

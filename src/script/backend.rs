@@ -1,8 +1,10 @@
 //! What the verbs need of a plant, be it in this process or behind a channel.
 
+use crate::fault::{Fault, Refusal};
 use crate::journal::{Names, Record};
 use crate::memory::{Address, MemoryError, Segment, Width};
 use crate::plant::ForceError;
+use core::num::NonZeroU16;
 use thiserror::Error;
 
 /// Why a plant did not do what it was asked for.
@@ -36,6 +38,9 @@ pub enum BackendError {
         /// The register.
         address: Address,
     },
+    /// The fault does not exist, or the plant cannot have it.
+    #[error("{0}")]
+    Fault(Refusal),
     /// The RAM cannot be mapped.
     #[error(transparent)]
     Memory(#[from] MemoryError),
@@ -120,6 +125,12 @@ pub trait Backend {
 
     /// Lets a forced register go.
     fn unforce(&mut self, spot: Spot) -> Result<(), BackendError>;
+
+    /// Adds a fault; returns its number.
+    fn add_fault(&mut self, fault: Fault) -> Result<u16, BackendError>;
+
+    /// Clears one fault, or all.
+    fn clear_faults(&mut self, number: Option<NonZeroU16>) -> Result<(), BackendError>;
 
     /// The RAM of a PLC, as a program on that PLC has it.
     fn segment(&mut self, plc: u16) -> Result<Segment, BackendError>;

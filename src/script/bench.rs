@@ -12,12 +12,14 @@ pub use memory::{Change, MemoryCopy};
 use super::backend::{Backend, BackendError, Spot};
 use super::local::Local;
 use super::{Failure, ScenarioError, Span, Value};
+use crate::fault::{FaultError, FaultSpec, Refusal};
 use crate::journal::text::Text;
 use crate::journal::{Format, Names};
 use crate::layout::place::live_by;
 use crate::layout::{Area, Live, Place, split_plc};
 use crate::plant::PlantConfig;
 use crate::plc::Ram;
+use core::num::NonZeroU16;
 use core::panic::Location;
 use std::path::Path;
 
@@ -241,6 +243,38 @@ impl Bench {
     pub fn unforce(&mut self, register: &str) -> Result<(), ScenarioError> {
         let register = self.whole_register(register)?;
         Ok(self.backend.unforce(register.spot)?)
+    }
+
+    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number.
+    ///
+    /// # Errors
+    /// The fault does not exist, has a wrong field, or concerns something that the plant does not have.
+    pub fn fault(&mut self, words: &str) -> Result<u16, ScenarioError> {
+        let mut words = words.split_whitespace();
+        let kind = words.next().unwrap_or_default();
+        let spec = FaultSpec::from_words(kind, &words.collect::<Vec<_>>())?;
+        let fault = spec.resolve(&self.names)?;
+        self.backend.add_fault(fault).map_err(|error| match error {
+            BackendError::Fault(refusal) => FaultError::refused(fault.kind(), refusal, &self.names).into(),
+            other => other.into(),
+        })
+    }
+
+    /// Clears the fault of this number. What it has done stays done.
+    ///
+    /// # Errors
+    /// There is no such fault; it may have ended.
+    pub fn clear_fault(&mut self, number: u16) -> Result<(), ScenarioError> {
+        let known = NonZeroU16::new(number).ok_or(Refusal::UnknownFault { id: number });
+        Ok(self.backend.clear_faults(Some(known.map_err(BackendError::Fault)?))?)
+    }
+
+    /// Clears all faults.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn clear_faults(&mut self) -> Result<(), ScenarioError> {
+        Ok(self.backend.clear_faults(None)?)
     }
 
     /// The RAM of a PLC, for its function blocks and tasks; `""` is the only one.

@@ -117,6 +117,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, 
     verbs.expectations();
     verbs.traffic();
     verbs.blocks();
+    verbs.faults();
     (verbs.engine, verbs.names)
 }
 
@@ -249,6 +250,14 @@ impl Verbs {
                 })
             }
         });
+    }
+
+    fn faults(&mut self) {
+        self.on("fault", |stage| move |words: &str| stage.act(|bench| bench.fault(words).map(INT::from)));
+        self.on("clear_fault", |stage| {
+            move |fault: INT| stage.act(|bench| bench.clear_fault(number(fault, "fault's number")?))
+        });
+        self.on("clear_faults", |stage| move || stage.act(Bench::clear_faults));
     }
 
     fn traffic(&mut self) {

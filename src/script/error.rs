@@ -1,6 +1,7 @@
 //! Why a scenario ends before its end.
 
 use super::backend::BackendError;
+use crate::fault::{FaultError, WordError};
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
 use crate::memory::MemoryError;
@@ -119,6 +120,12 @@ pub enum ScenarioError {
         /// What there is.
         known: String,
     },
+    /// A fault with a field that cannot be read.
+    #[error(transparent)]
+    FaultWord(#[from] WordError),
+    /// A fault that the plant cannot have.
+    #[error(transparent)]
+    Fault(#[from] FaultError),
     /// The plant is refused.
     #[error(transparent)]
     Plant(#[from] PlantError),

@@ -2,9 +2,11 @@
 
 use super::ScenarioError;
 use super::backend::{Backend, BackendError, Spot, Waited};
+use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::memory::{Address, HEADER_SIZE, RegisterWidths, Segment, Unmapped};
 use crate::plant::{Forced, Plant, PlantConfig, Plc};
+use core::num::NonZeroU16;
 
 /// A plant of its own.
 pub(super) struct Local {
@@ -131,6 +133,20 @@ impl Backend for Local {
     fn unforce(&mut self, spot: Spot) -> Result<(), BackendError> {
         let forced = self.plant.unforce(spot.plc, spot.offset);
         if forced { Ok(()) } else { Err(BackendError::NotForced { address: spot.address() }) }
+    }
+
+    fn add_fault(&mut self, fault: Fault) -> Result<u16, BackendError> {
+        self.plant.add_fault(fault).map_err(BackendError::Fault)
+    }
+
+    fn clear_faults(&mut self, number: Option<NonZeroU16>) -> Result<(), BackendError> {
+        match number {
+            Some(number) => self.plant.clear_fault(number.get()).map_err(BackendError::Fault),
+            None => {
+                self.plant.clear_faults();
+                Ok(())
+            }
+        }
     }
 
     fn segment(&mut self, plc: u16) -> Result<Segment, BackendError> {

@@ -3,9 +3,11 @@
 use super::backend::{Backend, BackendError, Spot, Waited};
 use crate::channel::op::MAX_RECORDS;
 use crate::channel::{ChannelError, Client, ClientError, Op, Reply};
+use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::layout::omega_drive_line_2::LAYOUT_HASH;
 use crate::memory::{AttachMode, ClockMode, Image, Segment};
+use core::num::NonZeroU16;
 use std::time::Duration;
 
 /// Emulated time between two looks where the channel has no wait of its own.
@@ -57,6 +59,14 @@ impl Remote {
             Reply::Journal { records, end } => Ok((records, end)),
             _ => Err(self.wrong_reply()),
         }
+    }
+}
+
+/// A fault was refused, or something else went wrong.
+fn refused(error: ClientError) -> BackendError {
+    match error {
+        ClientError::Refused(ChannelError::Fault(refusal)) => BackendError::Fault(refusal),
+        other => other.into(),
     }
 }
 
@@ -141,6 +151,22 @@ impl Backend for Remote {
                 Err(BackendError::NotForced { address })
             }
             Err(error) => Err(error.into()),
+        }
+    }
+
+    fn add_fault(&mut self, fault: Fault) -> Result<u16, BackendError> {
+        match self.ask(Op::FaultAdd { fault }) {
+            Ok(Reply::FaultAdded { id }) => Ok(id),
+            Ok(_) => Err(self.wrong_reply().into()),
+            Err(error) => Err(refused(error)),
+        }
+    }
+
+    fn clear_faults(&mut self, id: Option<NonZeroU16>) -> Result<(), BackendError> {
+        match self.ask(Op::FaultClear { id }) {
+            Ok(Reply::FaultsCleared { .. }) => Ok(()),
+            Ok(_) => Err(self.wrong_reply().into()),
+            Err(error) => Err(refused(error)),
         }
     }
 

@@ -1,19 +1,30 @@
-//! A fault on the command line: `kind field=value ...`.
+//! A fault in words, as on the command line: `kind field=value ...`.
 
-use super::super::error::CliError;
-use super::super::time;
-use commram::fault::{FaultSpec, Field};
-use commram::layout::{RegType, value};
+use super::{FaultSpec, Field};
+use crate::layout::{RegType, value};
+use crate::time;
+use thiserror::Error;
+
+/// A word that is no field of a fault.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("`{text}`: {right}")]
+pub struct WordError {
+    /// As given.
+    pub text: String,
+    /// What would be right.
+    pub right: String,
+}
 
 /// Fields that are times; on the command line their names may stand without the unit, with it in the value.
 const TIMES: [Field; 4] = [Field::AtUs, Field::DelayUs, Field::AmplitudeUs, Field::DurationUs];
 
 /// Reads a fault. Whether its fields suit its kind is not looked at here.
-pub fn parse(kind: &str, fields: &[String]) -> Result<FaultSpec, CliError> {
+fn parse(kind: &str, fields: &[impl AsRef<str>]) -> Result<FaultSpec, WordError> {
     let mut spec = FaultSpec { kind: kind.to_owned(), ..FaultSpec::default() };
     let mut seen = Vec::new();
     for text in fields {
-        let wrong = |right: String| CliError::Argument { text: text.clone(), right };
+        let text = text.as_ref();
+        let wrong = |right: String| WordError { text: text.to_owned(), right };
         let (name, given) = text
             .split_once('=')
             .ok_or_else(|| wrong("write a field as name=value, for example count=3".to_owned()))?;
@@ -35,6 +46,18 @@ pub fn parse(kind: &str, fields: &[String]) -> Result<FaultSpec, CliError> {
         }
     }
     Ok(spec)
+}
+
+impl FaultSpec {
+    /// Reads a kind and its fields, each as `name=value`. The fields are those of a plant file; times may have a
+    /// unit, without `_us` in the field's name then (`delay=500us`), and numbers a base (`id=16#101`). Whether the
+    /// fields suit the kind only [`FaultSpec::resolve`] tells.
+    ///
+    /// # Errors
+    /// [`WordError`] for the first field that cannot be read.
+    pub fn from_words(kind: &str, fields: &[impl AsRef<str>]) -> Result<Self, WordError> {
+        parse(kind, fields)
+    }
 }
 
 /// The field of a name, and whether its value has a unit.
