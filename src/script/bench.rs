@@ -240,9 +240,14 @@ impl Bench {
     ///
     /// # Errors
     /// There is no such register, or it is not forced.
-    pub fn unforce(&mut self, register: &str) -> Result<(), ScenarioError> {
-        let register = self.whole_register(register)?;
-        Ok(self.backend.unforce(register.spot)?)
+    pub fn unforce(&mut self, text: &str) -> Result<(), ScenarioError> {
+        let register = self.whole_register(text)?;
+        self.backend.unforce(register.spot).map_err(|error| match error {
+            BackendError::NotForced { .. } => {
+                ScenarioError::argument(text, &format!("{} is not forced", register.place.address()))
+            }
+            other => other.into(),
+        })
     }
 
     /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number.

@@ -1,15 +1,13 @@
 //! The verbs of function blocks.
 
 use super::arguments::span;
-use super::blocks::{Instance, KINDS, Kind};
+use super::blocks::{KINDS, Kind, Placed};
 use super::{Fallible, Verbs, int, thrown};
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::script::{Bench, ScenarioError};
-use core::cell::RefCell;
 use core::fmt::Write;
 use core::panic::Location;
 use rhai::{Dynamic, INT};
-use std::rc::Rc;
 
 /// Time from one call to the next while a scenario waits for a block, in microseconds.
 const CYCLE_US: u64 = 500;
@@ -20,7 +18,7 @@ pub(super) struct Block {
     kind: &'static Kind,
     /// Where its registers are, as given.
     place: String,
-    instance: Rc<RefCell<dyn Instance>>,
+    instance: Placed,
 }
 
 impl Block {

@@ -25,6 +25,9 @@ pub(super) trait Instance {
     fn call(&mut self);
 }
 
+/// A block that several variables of a script may refer to.
+pub(super) type Placed = Rc<RefCell<dyn Instance>>;
+
 /// What the names of function blocks stand for.
 pub(super) struct Kind {
     /// The block's name.
@@ -34,7 +37,7 @@ pub(super) struct Kind {
     /// Its pins.
     pub pins: &'static [&'static str],
     /// Makes one at `%MB3.offset`.
-    pub make: fn(&Ram, usize) -> Result<Rc<RefCell<dyn Instance>>, MemoryError>,
+    pub make: fn(&Ram, usize) -> Result<Placed, MemoryError>,
 }
 
 macro_rules! blocks {
@@ -49,12 +52,12 @@ macro_rules! blocks {
             base: stringify!($base),
             pins: &[$(stringify!($pin),)* $(stringify!($data)),*],
             make: |ram, offset| {
-                struct Placed {
+                struct This {
                     block: plc::$name,
                     base: Base<$base>,
                     $($data: Box<$type>,)*
                 }
-                impl Instance for Placed {
+                impl Instance for This {
                     fn get(&self, pin: &str) -> Option<Dynamic> {
                         match pin {
                             $(stringify!($pin) => Some(self.block.$pin.show()),)*
@@ -72,12 +75,12 @@ macro_rules! blocks {
                     }
 
                     fn call(&mut self) {
-                        let Placed { block: $block, base: $registers, $($data),* } = self;
+                        let This { block: $block, base: $registers, $($data),* } = self;
                         $call
                     }
                 }
                 let base = ram.at(offset)?;
-                Ok(Rc::new(RefCell::new(Placed {
+                Ok(Rc::new(RefCell::new(This {
                     block: plc::$name::default(),
                     base,
                     $($data: zeroed::<$type>(),)*
