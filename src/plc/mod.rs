@@ -10,9 +10,15 @@
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 
+mod baps;
+mod board;
 mod cansync;
 mod ram;
 mod registers;
+mod tasks;
 
+pub use baps::*;
+pub use board::{INTR_SET, LED, OPT_INIT, TIME_MEASURE_END, TIME_MEASURE_START};
 pub use cansync::*;
 pub use ram::{Base, Ram};
+pub use tasks::{Program, Progress, RunError, Tasks};

@@ -35,7 +35,7 @@ impl Ram {
     /// # Errors
     /// The offset is misaligned for the structure or lies outside the RAM.
     pub fn at<T: SharedRegs>(&self, offset: usize) -> Result<Base<T>, MemoryError> {
-        Ok(Base { registers: self.segment.view(offset)?, header: self.header.clone() })
+        Ok(Base { registers: self.segment.view(offset)?, ram: self.clone() })
     }
 
     /// The header page.
@@ -43,9 +43,23 @@ impl Ram {
         &self.header
     }
 
-    /// Emulated time in microseconds.
+    /// Emulated time in microseconds, as it was when the firmware last did anything.
     pub fn now_us(&self) -> u64 {
         self.header.virtual_time_us.load()
+    }
+
+    /// Emulated time in microseconds at this very moment: in real time it goes on between two things the
+    /// firmware does.
+    pub(super) fn exact_us(&self) -> u64 {
+        let epoch_ns = self.header.real_epoch_ns.load();
+        if epoch_ns == 0 {
+            return self.now_us();
+        }
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        let now_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
+        let passed = u128::from(now_ns.saturating_sub(epoch_ns));
+        let us = passed * u128::from(self.header.speed.load()) / 1_000_000;
+        u64::try_from(us).unwrap_or(u64::MAX).max(self.now_us())
     }
 }
 
@@ -53,19 +67,19 @@ impl Ram {
 #[derive(Clone, Debug)]
 pub struct Base<T: SharedRegs> {
     registers: View<T>,
-    header: View<Header>,
+    ram: Ram,
 }
 
 impl<T: SharedRegs> Base<T> {
-    /// Emulated time in microseconds.
-    pub(super) fn now_us(&self) -> u64 {
-        self.header.virtual_time_us.load()
+    /// The RAM that the structure lies in.
+    pub(super) fn ram(&self) -> &Ram {
+        &self.ram
     }
 
     /// A monitoring time that begins now.
     pub(super) fn watch(&self, time: Duration) -> Watch {
         let time_us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
-        Watch { ends_us: self.now_us().saturating_add(time_us) }
+        Watch { ends_us: self.ram.now_us().saturating_add(time_us) }
     }
 }
 
@@ -86,6 +100,6 @@ pub struct Watch {
 impl Watch {
     /// Whether the time is over.
     pub(super) fn is_over<T: SharedRegs>(self, base: &Base<T>) -> bool {
-        base.now_us() >= self.ends_us
+        base.ram.now_us() >= self.ends_us
     }
 }

@@ -90,10 +90,42 @@ fn presets_are_the_manuals() {
     assert!(!CANsync_PD_COMM_SL::default().x_COPY_TO_RD_ARRAY, "p. 259");
     assert_eq!(CANsync_UPDOWNLOAD_MA::default().us_MAX_NR_OF_COMM, 1, "p. 266");
     assert_eq!(CANsync_UPDOWNLOAD_SL::default().t_TIME, Duration::from_secs(30), "p. 270");
+
+    let init = BAPS_INIT::default();
+    assert_eq!((init.us_HW_TYPE, init.i_EVENT, init.x_EN), (0, 0, true), "p. 87, 91");
+    assert_eq!(init.t_TIME, Duration::from_secs(3), "p. 91");
+    assert_eq!(BAPS_PAR_READ::default().us_PAR_ELEMENT, 7, "p. 94");
+    assert!(BAPS_PAR_WRITE::default().x_EN_ERR_FORMAT, "p. 97");
+    let [two, eight] = [
+        (
+            BAPS_PD_COMM2::default().us_HW_TYPE,
+            BAPS_PD_COMM2::default().us_MODE,
+            BAPS_PD_COMM2::default().x_EN,
+        ),
+        (
+            BAPS_PD_COMM8::default().us_HW_TYPE,
+            BAPS_PD_COMM8::default().us_MODE,
+            BAPS_PD_COMM8::default().x_EN,
+        ),
+    ];
+    assert_eq!([two, eight], [(0, 0, true); 2], "p. 99-102, 112-115");
+    let comm = BAPS_PD_COMM24::default();
+    assert_eq!((comm.us_HW_TYPE, comm.us_MODE, comm.x_EN), (0, 0, true), "p. 104-107");
+    assert_eq!(comm.t_RE_INIT_TIME, Duration::from_secs(1), "p. 109");
+    assert_eq!(BAPS_PD_CONTROL::default().t_TIME, Duration::from_secs(3), "p. 117");
+    assert_eq!(BAPS_SD_CONTROL::default().t_TIME, Duration::from_secs(3), "p. 119");
 }
 
 fn documented() -> Vec<Block> {
     blocks! {
+        BAPS_INIT { us_HW_TYPE, i_EVENT, w_COMMAND_REG, us_MODE, u_WR_PAR_NR0, u_WR_PAR_NR1, u_WR_PAR_NR2, u_WR_PAR_NR3, u_WR_PAR_NR4, u_WR_PAR_NR5, u_WR_PAR_NR6, u_WR_PAR_NR7, u_RD_PAR_NR0, u_RD_PAR_NR1, u_RD_PAR_NR2, u_RD_PAR_NR3, u_RD_PAR_NR4, u_RD_PAR_NR5, u_RD_PAR_NR6, u_RD_PAR_NR7, t_TIME, x_EN, x_RESET, w_STATUS_REG, x_BUSY, b_SL_QUIT, b_ERR, x_ERR, x_OK }
+        BAPS_PAR_READ { u_PAR_NR, us_PAR_ELEMENT, x_EN, x_RESET, ud_PAR_VALUE, x_PAR_FORMAT, x_BUSY, i_ERR_DETAIL, i_ERR_COMM, x_ERR, x_OK }
+        BAPS_PAR_WRITE { u_PAR_NR, x_PAR_FORMAT, ud_PAR_VALUE, x_EN_ERR_FORMAT, x_EN, x_RESET, x_BUSY, i_ERR_DETAIL, i_ERR_COMM, x_ERR, x_OK }
+        BAPS_PD_COMM2 { us_HW_TYPE, w_CONTROLWORD, w_COMMAND_REG, us_MODE, ud_WR_VALUE0, ud_WR_VALUE1, x_EN, w_STATUSWORD, w_STATUS_REG, ud_RD_VALUE0, ud_RD_VALUE1, b_SL_QUIT, b_ERR, x_ERR }
+        BAPS_PD_COMM24 { us_HW_TYPE, w_CONTROLWORD, w_COMMAND_REG, us_MODE, ud_WR_VALUE0, ud_WR_VALUE1, t_RE_INIT_TIME, x_RE_INIT_START, x_EN, w_STATUSWORD, w_STATUS_REG, ud_RD_VALUE0, ud_RD_VALUE1, ud_RD_VALUE2, ud_RD_VALUE3, b_SL_QUIT, b_ERR, x_ERR, x_RE_INIT_ERR, x_RE_INIT_OK }
+        BAPS_PD_COMM8 { us_HW_TYPE, w_CONTROLWORD, w_COMMAND_REG, us_MODE, ud_WR_VALUE0, ud_WR_VALUE1, ud_WR_VALUE2, ud_WR_VALUE3, ud_WR_VALUE4, ud_WR_VALUE5, ud_WR_VALUE6, ud_WR_VALUE7, x_EN, w_STATUSWORD, w_STATUS_REG, ud_RD_VALUE0, ud_RD_VALUE1, ud_RD_VALUE2, ud_RD_VALUE3, ud_RD_VALUE4, ud_RD_VALUE5, ud_RD_VALUE6, ud_RD_VALUE7, b_SL_QUIT, b_ERR, x_ERR }
+        BAPS_PD_CONTROL { x_RESET, t_TIME, x_ERR }
+        BAPS_SD_CONTROL { x_RESET, t_TIME, b_ERR, x_ERR }
         CANsync_BC_MA0 { us_BC_CMD_NR, si_BC_BYTE, i_BC_WORD, d_SL_MASK, x_EN, x_OK }
         CANsync_BC_MA1 { us_BC_CMD_NR, si_BC_BYTE, i_BC_WORD, d_SL_MASK, x_EN, x_OK }
         CANsync_BC_MA2 { us_BC_CMD_NR, si_BC_BYTE, i_BC_WORD, d_SL_MASK, x_EN, x_OK }
@@ -117,5 +149,10 @@ fn documented() -> Vec<Block> {
         CANsync_PD_COMM_SL { a_RD_VALUES_SEND, si_RDC1_SEND, si_RDC2_SEND, x_COPY_TO_RD_ARRAY, a_WR_VALUES_RECEIVED, si_WRC1_RECEIVED, si_WRC2_RECEIVED, si_RD_SL_NR1_RECEIVED, si_RD_SL_NR2_RECEIVED }
         CANsync_UPDOWNLOAD_MA { si_SL_NR, x_UPDOWN, u_LENGTH, us_MAX_NR_OF_COMM, t_TIME, x_EN, x_RESET, x_BUSY, w_ERR_SL, x_ERR_SL, b_ERR, x_ERR, x_OK }
         CANsync_UPDOWNLOAD_SL { t_TIME, x_EN, x_RESET, x_UPDOWN, x_ORDER_ACTIV, u_LENGTH, x_BUSY, w_ERR, x_ERR, x_OK }
+        INTR_SET { i_EVENT, i_MODE, i_PAR1, i_PAR2, x_EN, x_ERR }
+        LED { b_LEDS }
+        OPT_INIT { us_MODE_TRIGGER_1, us_MODE_TRIGGER_2, us_MODE_TRIGGER_CONTROLLER, u_DIVIDER_TIMER_A, x_EN_TIMER_A, ud_CFG_MODE_TIMER_A, u_DIVIDER_TIMER_B, x_EN_TIMER_B, ud_CFG_MODE_TIMER_B, x_ERR, x_OK }
+        TIME_MEASURE_END { ud_TIME, ud_TIME_DIFF }
+        TIME_MEASURE_START { ud_TIME }
     }
 }

@@ -5,10 +5,14 @@
 #[path = "../rig/mod.rs"]
 mod rig;
 
+mod baps;
 mod bench;
+mod board;
 mod command_channel;
 mod documented;
 mod parameter;
 mod process_data;
+mod service_data;
 mod start;
+mod tasks;
 mod updownload;

@@ -1,0 +1,27 @@
+//! The BAPS function blocks (manual 5.00005.03a chapter 6.2, p. 85-120).
+//!
+//! The manual's blocks find the BAPS by themselves; here it is connected to `_BASE` as with all others
+//! (decision D-215).
+
+mod init;
+mod par;
+mod pd_comm;
+mod pd_comm24;
+mod pd_control;
+mod sd_control;
+mod service_data;
+
+pub use init::BAPS_INIT;
+pub use par::{BAPS_PAR_READ, BAPS_PAR_WRITE};
+pub use pd_comm::{BAPS_PD_COMM2, BAPS_PD_COMM8};
+pub use pd_comm24::BAPS_PD_COMM24;
+pub use pd_control::BAPS_PD_CONTROL;
+pub use sd_control::BAPS_SD_CONTROL;
+pub use service_data::BAPS_BMSTRUCT;
+
+/// Values of `b_COMMAND`, and of `b_SL_QUIT` when they succeed.
+mod command {
+    pub const EXCHANGE: u8 = 0x01;
+    pub const CONFIGURE: u8 = 0x02;
+    pub const RE_INITIALIZE: u8 = 0x03;
+}

@@ -1,0 +1,123 @@
+//! `BAPS_PD_COMM2`, `BAPS_PD_COMM8`: process data (p. 99-103, 112-116), and what `BAPS_PD_COMM24` shares with
+//! them.
+
+use super::command::{CONFIGURE, EXCHANGE};
+use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::plc::Base;
+
+/// Bit 0 of `b_ERR`.
+pub(super) const NOT_EXCHANGED: u8 = 1 << 0;
+
+/// One exchange: reads what the drive has handed over, then gives `command` with new values.
+pub(super) fn exchange(
+    base: &BAPS_CTRL_BMSTRUCT,
+    command: u8,
+    w_CONTROLWORD: u16,
+    references: &[u32],
+    actuals: &mut [&mut u32],
+) {
+    base.w_TIMEOUT.update(|value| value.wrapping_add(1));
+    actuals.iter_mut().zip(&base.a_RD_VALUE).for_each(|(value, cell)| **value = cell.load());
+    base.w_CONTROLWORD.store(w_CONTROLWORD);
+    references.iter().zip(&base.a_WR_VALUE).for_each(|(value, cell)| cell.store(*value));
+    base.b_COMMAND.store(command);
+}
+
+/// Whether an acknowledgement tells that values have not been exchanged. 16#00, 16#FF mean nothing and
+/// 16#02 is that of the configuration before (decision D-216).
+pub(super) fn is_error(b_SL_QUIT: u8) -> bool {
+    !matches!(b_SL_QUIT, 0x00 | EXCHANGE | CONFIGURE | 0xFF)
+}
+
+macro_rules! block {
+    ($name:ident, $count:literal, $page:literal, [$($index:literal $wr:ident $rd:ident),*]) => {
+        #[doc = concat!("Exchanges control word, status word and up to ", $count, " reference and actual values with")]
+        #[doc = concat!("the drive (manual p. ", $page, ").")]
+        ///
+        /// A call reads what the last communication has brought and gives the values for the next one, whose
+        /// acknowledgement the next call shows.
+        #[derive(Clone, Debug)]
+        pub struct $name {
+            /// 0: Omega Drive-Line II; nothing else exists.
+            pub us_HW_TYPE: u8,
+            /// Control word.
+            pub w_CONTROLWORD: u16,
+            /// As at `BAPS_INIT`; what counts was given there.
+            pub w_COMMAND_REG: u16,
+            /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
+            pub us_MODE: u8,
+            $(
+                #[doc = concat!("Reference value ", $index, ".")]
+                pub $wr: u32,
+            )*
+            /// Enables the exchange; TRUE by default.
+            pub x_EN: bool,
+            /// Status word.
+            pub w_STATUSWORD: u16,
+            /// Bit 0: the drive is synchronized to the trigger controller.
+            pub w_STATUS_REG: u16,
+            $(
+                #[doc = concat!("Actual value ", $index, ".")]
+                pub $rd: u32,
+            )*
+            /// Acknowledgement of the drive.
+            pub b_SL_QUIT: u8,
+            /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why.
+            pub b_ERR: u8,
+            /// `b_ERR` is not 0.
+            pub x_ERR: bool,
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                $name {
+                    us_HW_TYPE: 0,
+                    w_CONTROLWORD: 0,
+                    w_COMMAND_REG: 0,
+                    us_MODE: 0,
+                    $($wr: 0,)*
+                    x_EN: true,
+                    w_STATUSWORD: 0,
+                    w_STATUS_REG: 0,
+                    $($rd: 0,)*
+                    b_SL_QUIT: 0,
+                    b_ERR: 0,
+                    x_ERR: false,
+                }
+            }
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
+                if !self.x_EN {
+                    return;
+                }
+                self.b_SL_QUIT = _BASE.b_SL_QUIT.load();
+                self.w_STATUSWORD = _BASE.w_STATUSWORD.load();
+                self.w_STATUS_REG = _BASE.w_STATUS_REG.load();
+                let actuals = &mut [$(&mut self.$rd),*];
+                exchange(_BASE, EXCHANGE, self.w_CONTROLWORD, &[$(self.$wr),*], actuals);
+                self.b_ERR = if is_error(self.b_SL_QUIT) { NOT_EXCHANGED } else { 0 };
+                self.x_ERR = self.b_ERR != 0;
+            }
+        }
+    };
+}
+
+block!(BAPS_PD_COMM2, "two", "99-103", [0 ud_WR_VALUE0 ud_RD_VALUE0, 1 ud_WR_VALUE1 ud_RD_VALUE1]);
+block!(
+    BAPS_PD_COMM8,
+    "eight",
+    "112-116",
+    [
+        0 ud_WR_VALUE0 ud_RD_VALUE0,
+        1 ud_WR_VALUE1 ud_RD_VALUE1,
+        2 ud_WR_VALUE2 ud_RD_VALUE2,
+        3 ud_WR_VALUE3 ud_RD_VALUE3,
+        4 ud_WR_VALUE4 ud_RD_VALUE4,
+        5 ud_WR_VALUE5 ud_RD_VALUE5,
+        6 ud_WR_VALUE6 ud_RD_VALUE6,
+        7 ud_WR_VALUE7 ud_RD_VALUE7
+    ]
+);

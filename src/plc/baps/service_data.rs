@@ -1,0 +1,137 @@
+//! What `BAPS_PAR_READ`, `BAPS_PAR_WRITE` and `BAPS_SD_CONTROL` share: one job at a time.
+
+/// Variable that connects the blocks of the service data (manual p. 94, 97, 119). Its content is the blocks'
+/// own (decision D-215).
+#[derive(Clone, Debug, Default)]
+pub struct BAPS_BMSTRUCT {
+    pub(super) stage: Stage,
+    /// Tells apart the blocks that enter jobs.
+    pub(super) tickets: u32,
+}
+
+/// How far the job is.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) enum Stage {
+    #[default]
+    Free,
+    /// A block has entered a job.
+    Entered(Job),
+    /// `BAPS_SD_CONTROL` has answered it.
+    Answered(Job, Answer),
+    /// The block that has entered it has dropped it.
+    Dropped(Kind),
+}
+
+/// A parameter job.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Job {
+    pub(super) ticket: u32,
+    pub(super) kind: Kind,
+    pub(super) number: u16,
+    pub(super) element: u8,
+    pub(super) doubleword: bool,
+    pub(super) value: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Read,
+    Write,
+}
+
+/// What became of a job.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Answer {
+    pub(super) detail: i16,
+    /// `i_ERR_COMM`: 0 or -1.
+    pub(super) communication: i16,
+    pub(super) doubleword: bool,
+    pub(super) value: u32,
+}
+
+/// A block's side of the shared variable.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Client {
+    phase: Phase,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+enum Phase {
+    #[default]
+    Idle,
+    /// Another block's job is under way.
+    Waiting,
+    /// The job with this ticket is.
+    Running(u32),
+    /// Ends when `x_EN` falls.
+    Done,
+    /// Cancelled or disturbed: only `x_RESET` helps.
+    Locked,
+}
+
+/// What a call means for the outputs.
+pub(super) enum Outcome {
+    Unchanged,
+    Cleared,
+    Busy,
+    Answered(Answer),
+}
+
+impl Client {
+    /// One call: enters `job` on `enable`, waits for its answer.
+    pub(super) fn step(
+        &mut self,
+        shared: &mut BAPS_BMSTRUCT,
+        [enable, reset]: [bool; 2],
+        job: impl FnOnce(u32) -> Job,
+    ) -> Outcome {
+        if reset {
+            self.drop_job(shared);
+            self.phase = Phase::Idle;
+            return Outcome::Cleared;
+        }
+        match (self.phase, enable) {
+            (Phase::Waiting | Phase::Running(_), false) => {
+                self.drop_job(shared);
+                self.phase = Phase::Locked;
+                return Outcome::Cleared;
+            }
+            (Phase::Done, false) => self.phase = Phase::Idle,
+            (Phase::Idle, true) => self.phase = Phase::Waiting,
+            _ => {}
+        }
+        match (self.phase, shared.stage) {
+            (Phase::Waiting, Stage::Free) => {
+                shared.tickets = shared.tickets.wrapping_add(1);
+                shared.stage = Stage::Entered(job(shared.tickets));
+                self.phase = Phase::Running(shared.tickets);
+                Outcome::Busy
+            }
+            (Phase::Running(ticket), Stage::Answered(of, answer)) if of.ticket == ticket => {
+                shared.stage = Stage::Free;
+                self.phase = if answer.communication == 0 { Phase::Done } else { Phase::Locked };
+                Outcome::Answered(answer)
+            }
+            (Phase::Running(ticket), Stage::Entered(of)) if of.ticket == ticket => Outcome::Busy,
+            // The variable was reset in between: nobody will answer.
+            (Phase::Running(_), _) => {
+                self.phase = Phase::Locked;
+                Outcome::Answered(Answer { communication: -1, ..Answer::default() })
+            }
+            (Phase::Waiting, _) => Outcome::Busy,
+            _ => Outcome::Unchanged,
+        }
+    }
+
+    fn drop_job(&self, shared: &mut BAPS_BMSTRUCT) {
+        match (self.phase, shared.stage) {
+            (Phase::Running(ticket), Stage::Entered(job)) if job.ticket == ticket => {
+                shared.stage = Stage::Dropped(job.kind);
+            }
+            (Phase::Running(ticket), Stage::Answered(job, _)) if job.ticket == ticket => {
+                shared.stage = Stage::Free;
+            }
+            _ => {}
+        }
+    }
+}

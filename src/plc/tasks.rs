@@ -1,0 +1,260 @@
+//! A small runner of a PLC program's tasks: start tasks, cyclic task, event tasks.
+//!
+//! Two steps: [`Tasks::scan`] runs what is due at the present emulated time and returns; a test calls it
+//! between two `advance_to` of a plant in the same process. [`Tasks::run`] does so for an attached image
+//! whenever emulated time has passed.
+//!
+//! The board's switch rules: the program starts when the switch stands at RUN, stops at STOP, and starts warm
+//! after a reset (`docs/board.md`). Tasks do not interrupt each other; event tasks come first, in the order
+//! they were given.
+
+use super::Ram;
+use crate::memory::header::{Power, ProgramState, RunSwitch, Start};
+use crate::memory::{Attached, MemoryError};
+use core::fmt;
+use core::time::Duration;
+use thiserror::Error;
+
+/// A PLC program.
+pub trait Program {
+    /// What can go wrong in it for good.
+    type Error;
+
+    /// A start begins: variables get their initial values, at a cold start the retained ones, too (manual
+    /// p. 38). Function blocks are variables.
+    fn initialize(&mut self, start: Start);
+
+    /// Start task after a cold start: called in every processor cycle until it is [`Progress::Done`].
+    ///
+    /// # Errors
+    /// The program gives up.
+    fn cold_start(&mut self) -> Result<Progress, Self::Error>;
+
+    /// Start task after a warm start, likewise: retained variables keep their values. As the cold start unless
+    /// the program says otherwise.
+    ///
+    /// # Errors
+    /// The program gives up.
+    fn warm_start(&mut self) -> Result<Progress, Self::Error> {
+        self.cold_start()
+    }
+
+    /// The cyclic task. [`Progress::Done`] ends the program.
+    ///
+    /// # Errors
+    /// The program gives up.
+    fn cyclic(&mut self) -> Result<Progress, Self::Error>;
+
+    /// The task of an event. `missed` counts events of this number that no call was made for.
+    ///
+    /// # Errors
+    /// The program gives up.
+    fn event(&mut self, number: usize, missed: u32) -> Result<(), Self::Error> {
+        let _ = (number, missed);
+        Ok(())
+    }
+}
+
+/// Whether there is more to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// Call again.
+    Again,
+    /// It is done.
+    Done,
+}
+
+impl Progress {
+    /// `Done` if that is so.
+    pub fn done_if(done: bool) -> Self {
+        if done { Progress::Done } else { Progress::Again }
+    }
+}
+
+/// Why a program has ended.
+#[derive(Debug, Error)]
+pub enum RunError<E: fmt::Display + fmt::Debug> {
+    /// The emulator is gone, or nothing fell due for too long.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// The program gave up.
+    #[error("{0}")]
+    Program(E),
+}
+
+/// What the program does at the moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// No start was ordered yet, or a stop was.
+    Stopped,
+    Starting(Start),
+    Cyclic,
+}
+
+/// The tasks of a program.
+pub struct Tasks<P: Program> {
+    ram: Ram,
+    program: P,
+    period_us: u64,
+    /// Event numbers and how often each event had come at the last look.
+    events: Vec<(usize, u32)>,
+    phase: Phase,
+    /// Orders of the board seen so far.
+    orders: u32,
+    /// When the start task or the cyclic task is due.
+    next_us: u64,
+}
+
+impl<P: Program> Tasks<P> {
+    /// Loads a program with a cyclic task every `period` of emulated time and a task for each of the event
+    /// numbers, which the program enables with [`INTR_SET`](super::INTR_SET).
+    pub fn load(ram: &Ram, program: P, period: Duration, events: &[usize]) -> Self {
+        let board = ram.header().program.start.rings();
+        let state = &ram.header().program.state;
+        // After a program that has not ended in good order the board takes this one for the same.
+        if state.load() != ProgramState::None.code() {
+            ram.header().program.start_request.store(Start::Cold.code());
+        }
+        state.store(ProgramState::Stopped.code());
+        ram.header().submit_request();
+        Tasks {
+            ram: ram.clone(),
+            program,
+            period_us: u64::try_from(period.as_micros()).unwrap_or(u64::MAX).max(1),
+            events: events.iter().map(|&number| (number, 0)).collect(),
+            phase: Phase::Stopped,
+            orders: board,
+            next_us: 0,
+        }
+    }
+
+    /// The program.
+    pub fn program(&self) -> &P {
+        &self.program
+    }
+
+    /// When the start task or the cyclic task is due, in microseconds of emulated time; `None` while the program
+    /// stands still.
+    pub fn next_us(&self) -> Option<u64> {
+        (self.phase != Phase::Stopped).then_some(self.next_us)
+    }
+
+    /// Runs what is due now. [`Progress::Done`]: the program has ended.
+    ///
+    /// # Errors
+    /// The program gave up.
+    pub fn scan(&mut self) -> Result<Progress, P::Error> {
+        self.obey();
+        let now = self.ram.now_us();
+        match self.phase {
+            Phase::Stopped => {}
+            Phase::Starting(kind) if now >= self.next_us => {
+                let progress = match kind {
+                    Start::Cold => self.program.cold_start()?,
+                    _ => self.program.warm_start()?,
+                };
+                self.next_us = now + u64::from(self.ram.header().processor_cycle_us.load()).max(1);
+                if progress == Progress::Done {
+                    self.go_cyclic(now);
+                }
+            }
+            Phase::Starting(_) => {}
+            Phase::Cyclic => {
+                self.run_events()?;
+                if now >= self.next_us {
+                    // The phase is kept; periods that were slept through are left out.
+                    self.next_us += self.period_us * ((now - self.next_us) / self.period_us + 1);
+                    return self.program.cyclic();
+                }
+            }
+        }
+        Ok(Progress::Again)
+    }
+
+    /// Runs the program until it ends. `patience` is how long, in real time, nothing may fall due.
+    ///
+    /// # Errors
+    /// The program gave up, the emulator has gone, or `patience` is over.
+    pub fn run(&mut self, attached: &Attached, patience: Duration) -> Result<(), RunError<P::Error>>
+    where
+        P::Error: fmt::Display + fmt::Debug,
+    {
+        loop {
+            if self.scan().map_err(RunError::Program)? == Progress::Done {
+                return Ok(());
+            }
+            attached.ring()?;
+            attached.wait_until("a task to fall due", patience, |_| self.is_due().then_some(()))?;
+        }
+    }
+
+    fn is_due(&self) -> bool {
+        let header = self.ram.header();
+        header.program.start.rings() != self.orders
+            || self.next_us().is_some_and(|time| self.ram.now_us() >= time)
+            || self.phase == Phase::Cyclic
+                && self.events.iter().any(|&(event, seen)| count(&self.ram, event) != seen)
+    }
+
+    /// Does what the board orders.
+    fn obey(&mut self) {
+        let header = self.ram.header();
+        let orders = header.program.start.rings();
+        if core::mem::replace(&mut self.orders, orders) != orders {
+            let now = self.ram.now_us();
+            match Start::from_code(header.program.start_kind.load()) {
+                Some(kind @ (Start::Cold | Start::Warm)) => {
+                    self.program.initialize(kind);
+                    self.next_us = now;
+                    self.enter(Phase::Starting(kind), ProgramState::Initializing);
+                }
+                Some(Start::Hot) => self.go_cyclic(now),
+                _ => self.enter(Phase::Stopped, ProgramState::Stopped),
+            }
+        }
+        // RESET and a missing supply stop everything without an order.
+        let header = self.ram.header();
+        let may_run = header.board.switch.load() == RunSwitch::Run.code()
+            && header.program.power.load() == Power::On.code();
+        if !may_run && self.phase != Phase::Stopped {
+            self.enter(Phase::Stopped, ProgramState::Stopped);
+        }
+    }
+
+    fn enter(&mut self, phase: Phase, state: ProgramState) {
+        self.phase = phase;
+        self.ram.header().program.state.store(state.code());
+        self.ram.header().submit_request();
+    }
+
+    fn go_cyclic(&mut self, now: u64) {
+        self.next_us = now;
+        let ram = &self.ram;
+        self.events.iter_mut().for_each(|(event, seen)| *seen = count(ram, *event));
+        self.enter(Phase::Cyclic, ProgramState::Cyclic);
+    }
+
+    fn run_events(&mut self) -> Result<(), P::Error> {
+        for (event, seen) in &mut self.events {
+            let count = count(&self.ram, *event);
+            let new = count.wrapping_sub(core::mem::replace(seen, count));
+            if let Some(missed) = new.checked_sub(1) {
+                self.program.event(*event, missed)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How often an event has come.
+fn count(ram: &Ram, event: usize) -> u32 {
+    ram.header().events.get(event).map_or(0, |slot| slot.bell.rings())
+}
+
+impl<P: Program> Drop for Tasks<P> {
+    /// Nothing is loaded any more.
+    fn drop(&mut self) {
+        self.ram.header().program.state.store(ProgramState::None.code());
+        self.ram.header().submit_request();
+    }
+}

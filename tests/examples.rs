@@ -1,0 +1,96 @@
+//! The example programs of `tools/examples`, each as a process of its own at a live emulator.
+
+mod common;
+
+use common::{Emulator, eventually};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::Once;
+
+const PLANT: &str = "tools/examples/plant.toml";
+
+/// `cargo test` builds examples only if it is not told which test to run; this does nothing if they are there.
+fn build() {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["build", "--quiet", "--examples"]);
+    if !cfg!(feature = "channel") {
+        cargo.arg("--no-default-features");
+    }
+    if !cfg!(debug_assertions) {
+        cargo.arg("--release");
+    }
+    assert!(cargo.status().unwrap().success());
+}
+
+/// A running example. It is killed when this value is dropped.
+struct Example {
+    name: &'static str,
+    child: Child,
+}
+
+impl Example {
+    fn start(name: &'static str, emulator: &Emulator, arguments: &[&str]) -> Self {
+        static BUILT: Once = Once::new();
+        BUILT.call_once(build);
+        let mut path = PathBuf::from(env!("CARGO_BIN_EXE_commram"));
+        path.pop();
+        let mut command = Command::new(path.join("examples").join(name));
+        command.args(["-i", &emulator.name]).args(arguments);
+        let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        Example { name, child: child.unwrap() }
+    }
+
+    /// What it has printed, once it has ended well.
+    fn output(mut self) -> String {
+        let name = self.name;
+        let ended = eventually(|| self.child.try_wait().unwrap().is_some());
+        if !ended {
+            let _ = self.child.kill();
+        }
+        let read = |stream: Option<&mut dyn std::io::Read>| {
+            let mut text = String::new();
+            stream.unwrap().read_to_string(&mut text).unwrap();
+            text
+        };
+        let out = read(self.child.stdout.as_mut().map(|stream| stream as &mut dyn std::io::Read));
+        let err = read(self.child.stderr.as_mut().map(|stream| stream as &mut dyn std::io::Read));
+        let status = self.child.wait().unwrap();
+        assert!(ended && status.success() && err.is_empty(), "{name}: {status}\n{out}{err}");
+        out
+    }
+}
+
+impl Drop for Example {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn the_master_brings_up_the_built_in_plant() {
+    let emulator = Emulator::start(&[]);
+    let out = Example::start("master", &emulator, &[]).output();
+    assert!(out.contains("initialized, waiting for slaves [1, 2, 3]"), "{out}");
+    assert!(out.contains("parameter 301 of slave 1: 5000"), "{out}");
+}
+
+#[test]
+fn master_slave_and_cluster_work_together() {
+    let emulator = Emulator::start(&[PLANT]);
+    let slave = Example::start("slave", &emulator, &[]);
+    let cluster = Example::start("cluster", &emulator, &[]);
+    let master = Example::start("master", &emulator, &["line", "1", "4", "5"]);
+    let out = master.output();
+    assert!(out.contains("all slaves have reached reference value 5000"), "{out}");
+    assert!(slave.output().contains("last reference value 5000"));
+    assert!(cluster.output().contains("the drive was at 5000"));
+}
+
+#[test]
+fn the_drive_behind_the_baps_runs() {
+    let emulator = Emulator::start(&[]);
+    let out = Example::start("baps", &emulator, &[]).output();
+    assert!(out.contains("the drive runs at 5000"), "{out}");
+    assert!(out.contains("parameter 305: "), "{out}");
+}

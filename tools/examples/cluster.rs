@@ -1,0 +1,148 @@
+//! A CANsync cluster: slave on the upper bus, master of the lower one, whose SYNC signal is the upper one's. It
+//! passes the reference value on to its drive and the drive's actual value back.
+//!
+//! `commram run tools/examples/plant.toml`, then `cargo run --example cluster` and, at the same time,
+//! `cargo run --example master -- line 1 5`.
+
+#![allow(non_snake_case, reason = "the manual's names, letter for letter")]
+
+mod common;
+
+use common::{Application, Arguments, END, SYNC, check};
+use commram::layout::omega_drive_line_2::{
+    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1, NODE2,
+};
+use commram::memory::MemoryError;
+use commram::memory::header::Start;
+use commram::plc::*;
+
+/// The drive on the lower bus.
+const DRIVE: usize = 7;
+/// State of a slave that responds and is synchronized.
+const SYNCHRONIZED: u8 = 0x03;
+
+struct Cluster {
+    ram: Ram,
+    _CANsync_INIT_SL: Base<CANsync_INIT_BMSTRUCT>,
+    _CANsync_INIT_MA: Base<CANsync_INIT_BMSTRUCT>,
+    _CANsync_CTRL_SL: Base<CANsync_SL_CTRL_BMSTRUCT>,
+    _CANsync_CTRL_MA: Base<CANsync_MA_CTRL_BMSTRUCT>,
+    a_RD_ARRAY_SL: CANsync_RD_BMARRAY,
+    a_RD_ARRAY_MA: CANsync_RD_BMARRAY,
+    init_sl: CANsync_INIT,
+    init_ma: CANsync_INIT,
+    event: INTR_SET,
+    mode_sl: CANsync_MODE_SL,
+    mode_ma: CANsync_MODE_MA,
+    comm_sl: CANsync_PD_COMM_SL,
+    comm_ma: CANsync_PD_COMM_MA,
+    command: CANsync_BC_SL,
+    application: Application,
+}
+
+impl Cluster {
+    fn new(ram: Ram) -> Result<Self, MemoryError> {
+        let init = || CANsync_INIT { us_BAUDRATE: 5, us_SYNC_INTERVAL: 2, ..Default::default() };
+        let mut types = CANsync_SL_TYP_INIT { us_SL_TYP7: 1, ..Default::default() };
+        types.call();
+        Ok(Cluster {
+            _CANsync_INIT_SL: ram.at(NODE1)?,
+            _CANsync_INIT_MA: ram.at(NODE2)?,
+            _CANsync_CTRL_SL: ram.at(NODE1)?,
+            _CANsync_CTRL_MA: ram.at(NODE2)?,
+            a_RD_ARRAY_SL: [[0; 16]; 32],
+            a_RD_ARRAY_MA: [[0; 16]; 32],
+            init_sl: CANsync_INIT { x_SL: true, ..init() },
+            init_ma: CANsync_INIT { x_SYNC_IN: true, a_SL_TYP: types.a_SL_TYP, ..init() },
+            event: INTR_SET { i_EVENT: SYNC as i8, x_EN: true, ..Default::default() },
+            mode_sl: CANsync_MODE_SL { x_SYNC_MODE: true, x_CANsync_RUN: true, ..Default::default() },
+            mode_ma: CANsync_MODE_MA { x_SYNC_MODE: true, ..Default::default() },
+            comm_sl: CANsync_PD_COMM_SL { si_RDC1_SEND: 5, ..Default::default() },
+            comm_ma: CANsync_PD_COMM_MA {
+                si_RD_SL_NR1_RECEIVE: DRIVE as i8,
+                x_COPY_TO_RD_ARRAY: true,
+                ..Default::default()
+            },
+            command: CANsync_BC_SL::default(),
+            application: Application::default(),
+            ram,
+        })
+    }
+
+    /// Value 0 is a doubleword in words 0 and 1 of each frame 1.
+    fn configure(&self) {
+        let (number, high) = ([0, 0, -1, -1], [false, true, false, false]);
+        CANsync_PD_CFG_SL {
+            a_WRC1: number,
+            a_HL_WRC1: high,
+            a_RDC1: number,
+            a_HL_RDC1: high,
+            ..Default::default()
+        }
+        .call(&self._CANsync_CTRL_SL);
+        CANsync_PD_CFG_MA { a_WRC1: number, a_HL_WRC1: high, ..Default::default() }
+            .call(&self._CANsync_CTRL_MA);
+        CANsync_PD_CFG_READ_MA {
+            si_SL_NR: DRIVE as i8,
+            a_RDC1: number,
+            a_HL_RDC1: high,
+            ..Default::default()
+        }
+        .call(&self._CANsync_CTRL_MA);
+    }
+}
+
+impl Program for Cluster {
+    type Error = String;
+
+    fn initialize(&mut self, _: Start) {
+        if let Ok(new) = Cluster::new(self.ram.clone()) {
+            *self = new;
+        }
+    }
+
+    /// Node 1 first, then node 2 (manual p. 132).
+    fn cold_start(&mut self) -> Result<Progress, String> {
+        for (init, base) in
+            [(&mut self.init_sl, &self._CANsync_INIT_SL), (&mut self.init_ma, &self._CANsync_INIT_MA)]
+        {
+            if !init.x_OK {
+                init.call(base);
+                check(init.x_ERR, "CANsync_INIT", init.w_ERR)?;
+                return Ok(Progress::Again);
+            }
+        }
+        self.configure();
+        self.event.call(&self.ram);
+        check(self.event.x_ERR, "INTR_SET", 0)?;
+        self.mode_sl.call(&self._CANsync_CTRL_SL);
+        self.mode_ma.x_CANsync_RUN = self._CANsync_CTRL_MA.a_STAT_SL[DRIVE].load() == SYNCHRONIZED;
+        self.mode_ma.call(&self._CANsync_CTRL_MA);
+        let active = self.mode_sl.x_CANsync_ACTIV && self.mode_ma.x_CANsync_ACTIV;
+        Ok(Progress::done_if(active && self.event.is_answered()))
+    }
+
+    /// Right after the SYNC edge, the slave's block before the master's (manual p. 133).
+    fn event(&mut self, _number: usize, _missed: u32) -> Result<(), String> {
+        self.comm_sl.a_RD_VALUES_SEND[0] = self.a_RD_ARRAY_MA[DRIVE][0];
+        self.comm_sl.call(&self._CANsync_CTRL_SL, &mut self.a_RD_ARRAY_SL);
+        self.comm_ma.a_WR_VALUES_SEND[0] = self.comm_sl.a_WR_VALUES_RECEIVED[0];
+        self.comm_ma.si_WRC1_SEND = 5;
+        self.comm_ma.call(&self._CANsync_CTRL_MA, &mut self.a_RD_ARRAY_MA);
+        self.application.cycle(&self._CANsync_CTRL_SL);
+        Ok(())
+    }
+
+    fn cyclic(&mut self) -> Result<Progress, String> {
+        self.command.call(&self._CANsync_CTRL_SL);
+        let end = self.command.si_BC_RECEIVED == 2 && self.command.us_BC_CMD_NR == END;
+        if end {
+            println!("the master ends it; the drive was at {}", self.a_RD_ARRAY_MA[DRIVE][0]);
+        }
+        Ok(Progress::done_if(end))
+    }
+}
+
+fn main() -> std::process::ExitCode {
+    common::run(Arguments::parse("cell"), SYNC, |ram, _| Cluster::new(ram))
+}

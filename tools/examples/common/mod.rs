@@ -1,0 +1,97 @@
+//! What all example programs do: attach to a PLC of a running emulator, and run their tasks.
+
+#![allow(dead_code, reason = "each example uses a part of it")]
+
+use commram::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, LAYOUT_HASH};
+use commram::memory::{AttachMode, Image, MemoryError};
+use commram::plc::{Base, CANsync_PAR_SL, Program, Ram, Tasks};
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Number of the event "SYNC of the network".
+pub const SYNC: usize = 12;
+/// Command number with which the master ends the example programs of its slaves.
+pub const END: u8 = 128;
+/// How long nothing may happen.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Where a program runs, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`.
+pub struct Arguments {
+    instance: String,
+    plc: String,
+    /// What comes after the PLC.
+    pub numbers: Vec<u8>,
+}
+
+impl Arguments {
+    /// The command line; `plc` is meant if it names none.
+    pub fn parse(plc: &str) -> Result<Self, String> {
+        let mut words = std::env::args().skip(1).peekable();
+        let mut instance = "default".to_owned();
+        if words.next_if(|word| word == "-i").is_some() {
+            instance = words.next().ok_or("-i needs the name of an instance")?;
+        }
+        let plc = words.next().unwrap_or_else(|| plc.to_owned());
+        let number = |word: String| word.parse().map_err(|_| format!("'{word}' is no slave number"));
+        Ok(Arguments { instance, plc, numbers: words.map(number).collect::<Result<_, _>>()? })
+    }
+}
+
+/// Runs a program until it ends: cyclic task every 10 ms, a task for one event.
+pub fn run<P: Program<Error = String>>(
+    arguments: Result<Arguments, String>,
+    event: usize,
+    program: impl FnOnce(Ram, &Arguments) -> Result<P, MemoryError>,
+) -> ExitCode {
+    let result = arguments.and_then(|arguments| {
+        let (instance, plc) = (&arguments.instance, &arguments.plc);
+        let attached = Image::attach(instance, plc, AttachMode::ReadWrite, Some(LAYOUT_HASH));
+        let attached = attached.map_err(|error| error.to_string())?;
+        let ram = Ram::of(attached.segment()).map_err(|error| error.to_string())?;
+        let program = program(ram.clone(), &arguments).map_err(|error| error.to_string())?;
+        let mut tasks = Tasks::load(&ram, program, Duration::from_millis(10), &[event]);
+        tasks.run(&attached, PATIENCE).map_err(|error| error.to_string())
+    });
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The error of a block that has failed.
+pub fn check(failed: bool, block: &str, error: u16) -> Result<(), String> {
+    if failed { Err(format!("{block} has failed: 16#{error:04X}")) } else { Ok(()) }
+}
+
+/// Parameter "status word": the master asks each slave for it while it waits for them (manual p. 134).
+const STATUS_WORD: u16 = 121;
+/// Bit 15 of the status word: synchronized.
+const IS_SYNCHRONIZED: u32 = 1 << 15;
+/// Error number "no such parameter".
+const NOT_PRESENT: i16 = -5;
+
+/// What a slave answers to parameter jobs.
+pub struct Application {
+    jobs: CANsync_PAR_SL,
+}
+
+impl Default for Application {
+    fn default() -> Self {
+        let ud_PAR_VALUE_READ = IS_SYNCHRONIZED;
+        let jobs = CANsync_PAR_SL { x_EN: true, ud_PAR_VALUE_READ, i_ERR: NOT_PRESENT, ..Default::default() };
+        Application { jobs }
+    }
+}
+
+impl Application {
+    /// One PLC cycle.
+    pub fn cycle(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        self.jobs.call(_BASE);
+        let known = self.jobs.x_READ && self.jobs.u_PAR_NR == STATUS_WORD;
+        self.jobs.x_OK_IN = self.jobs.x_ACTIV && known;
+        self.jobs.x_ERR_IN = self.jobs.x_ACTIV && !known;
+    }
+}
