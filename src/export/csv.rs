@@ -29,7 +29,7 @@ pub fn generate(scope: &Scope) -> String {
         let cells = [
             found.name(),
             found.address().to_string(),
-            rows::cpu_address(&found),
+            found.area.cpu_address(found.offset()),
             register.ty.to_string(),
             register.owner.to_string(),
             format_value(register.ty, register.reset),
@@ -39,7 +39,7 @@ pub fn generate(scope: &Scope) -> String {
             rows::live(placed.live).to_owned(),
             format!("{}.{}", placed.variable, found.path()),
             register.page.to_owned(),
-            rows::provenance(register),
+            register.provenance(),
             register.meaning.map_or("", |meaning| meaning.name).to_owned(),
             register.doc.to_owned(),
         ];

@@ -1,6 +1,5 @@
 //! The register reference: a chapter per area, a table per structure, and what the values mean.
 
-use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{
@@ -59,7 +58,7 @@ fn structure(area: &'static Area, placed: &'static Placed) -> String {
             format_value(register.ty, register.reset),
             what(register),
             register.page.to_owned(),
-            rows::provenance(register),
+            register.provenance(),
         ]
     });
     let head = ["Register", "Address", "Type", "Owner", "Reset", "What", "Page", "From"];

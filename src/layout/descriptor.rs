@@ -43,6 +43,12 @@ impl Area {
         self.first + (self.bytes - 1)
     }
 
+    /// Where the CPU finds byte `offset` of the segment, one of this area's: `16#B414A004`.
+    #[must_use]
+    pub fn cpu_address(&self, offset: u32) -> String {
+        format!("16#{:08X}", self.cpu_first + (offset - self.first))
+    }
+
     /// Whether the area has byte `offset` of the segment.
     #[must_use]
     pub const fn contains(&self, offset: u32) -> bool {
@@ -150,6 +156,22 @@ pub struct Register {
     pub offset_from: Provenance,
     /// Source of the reset value.
     pub reset_from: Provenance,
+}
+
+impl Register {
+    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-03`.
+    #[must_use]
+    pub fn provenance(&self) -> String {
+        let facts = [("name", self.name_from), ("offset", self.offset_from), ("reset", self.reset_from)];
+        let inferred: Vec<_> = facts
+            .into_iter()
+            .filter_map(|(fact, from)| match from {
+                Provenance::Manual => None,
+                Provenance::Inferred(decision) => Some(format!("{fact} {decision}")),
+            })
+            .collect();
+        if inferred.is_empty() { Provenance::Manual.to_string() } else { inferred.join(", ") }
+    }
 }
 
 /// One dimension of an array.

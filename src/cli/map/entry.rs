@@ -49,6 +49,9 @@ pub struct Sources {
     name: String,
     offset: String,
     reset: String,
+    /// The inferred ones only.
+    #[serde(skip)]
+    short: String,
 }
 
 /// A value, or a range of values, with its meaning.
@@ -103,7 +106,7 @@ impl Row for Entry {
             self.reset.clone(),
             self.reserved.to_string(),
             self.page.to_owned(),
-            self.provenance.short(),
+            self.provenance.short.clone(),
             self.meaning.to_owned(),
         ]
     }
@@ -115,7 +118,7 @@ impl Entry {
         let page = format!("p. {}", self.page);
         let meaning = self.meaning.to_owned();
         let texts = [&self.name, &self.address, &self.ty, &self.owner].map(Clone::clone);
-        texts.into_iter().chain([page, self.provenance.short(), meaning]).collect()
+        texts.into_iter().chain([page, self.provenance.short.clone(), meaning]).collect()
     }
 }
 
@@ -123,24 +126,12 @@ impl Sources {
     fn of(register: &Register) -> Self {
         let Register { name_from, offset_from, reset_from, .. } = register;
         let [name, offset, reset] = [name_from, offset_from, reset_from].map(Provenance::to_string);
-        Self { name, offset, reset }
+        Self { name, offset, reset, short: register.provenance() }
     }
 
     /// All facts with their sources.
     pub fn all(&self) -> [(&'static str, &str); 3] {
         [("name", &self.name), ("offset", &self.offset), ("reset", &self.reset)]
-    }
-
-    /// `manual`, or which facts follow from which decision.
-    fn short(&self) -> String {
-        let manual = Provenance::Manual.to_string();
-        let inferred: Vec<_> = self
-            .all()
-            .into_iter()
-            .filter(|(_, source)| *source != manual)
-            .map(|(fact, source)| format!("{fact} {}", source.trim_start_matches("inferred ")))
-            .collect();
-        if inferred.is_empty() { manual } else { inferred.join(", ") }
     }
 }
 
@@ -187,7 +178,7 @@ pub fn of_register(register: &RegisterRef) -> Entry {
     Entry {
         name: register.name(),
         address: register.address().to_string(),
-        cpu_address: cpu(register.area, register.offset()),
+        cpu_address: register.area.cpu_address(register.offset()),
         reserved: register.is_reserved(),
         used: String::new(),
         ..of_array(register.area, register.structure, register.register)
@@ -203,7 +194,7 @@ fn of_array(area: &'static Area, structure: &'static Structure, register: &'stat
         structure: structure.name,
         used: used(register),
         address: first.address().to_string(),
-        cpu_address: cpu(area, first.offset()),
+        cpu_address: area.cpu_address(first.offset()),
         ty: register.ty.name().to_owned(),
         owner: register.owner.to_string(),
         reset: format_value(register.ty, register.reset),
@@ -225,13 +216,18 @@ fn plain(area: &'static Area) -> Entry {
         structure: "",
         used: String::new(),
         address: format!("%MB3.{}", area.first),
-        cpu_address: cpu(area, area.first),
+        cpu_address: area.cpu_address(area.first),
         ty: format!("BYTE[{}]", area.bytes),
         owner: "both".to_owned(),
         reset: "16#00".to_owned(),
         reserved: false,
         page: area.page,
-        provenance: Sources { name: manual.clone(), offset: manual.clone(), reset: manual },
+        provenance: Sources {
+            name: manual.clone(),
+            offset: manual.clone(),
+            reset: manual.clone(),
+            short: manual,
+        },
         meaning: area.doc,
         values: Vec::new(),
         bits: Vec::new(),
@@ -244,10 +240,6 @@ fn used(register: &Register) -> String {
         return String::new();
     }
     register.dims.iter().map(|dim| format!("[0..{}]", dim.used.saturating_sub(1))).collect()
-}
-
-fn cpu(area: &Area, offset: u32) -> String {
-    format!("16#{:08X}", area.cpu_first + (offset - area.first))
 }
 
 fn values(register: &Register) -> Vec<Value> {
