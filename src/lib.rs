@@ -13,7 +13,7 @@
 //! | [`firmware`] | what the board does with its registers |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
 //! | [`plc`] | the PLC side: function blocks, tasks |
-//! | [`plc`] | the PLC side: function blocks, tasks |
+//! | [`check`] | the access checker: what a PLC program does against the manual |
 //! | [`journal`] | what happened, when |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
@@ -40,6 +40,7 @@
 pub mod bus;
 #[cfg(feature = "channel")]
 pub mod channel;
+pub mod check;
 pub mod drive;
 pub mod export;
 pub mod fault;

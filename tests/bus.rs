@@ -3,6 +3,7 @@
 mod rig;
 
 use commram::bus::wire;
+use commram::check::Rule;
 use commram::journal::{Event, Missed};
 use rig::{BOTH, Memory, RATES, Rig};
 
@@ -131,6 +132,7 @@ fn the_second_actual_value_frame_has_a_later_deadline() {
 #[test]
 fn another_baud_rate_is_deaf() {
     let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    rig.expect_errors(&[Rule::BusBaudRate]);
     rig.rate = RATES[1];
     rig.initialize_master();
     rig.rate = RATES[0];

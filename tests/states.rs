@@ -2,6 +2,7 @@
 
 mod rig;
 
+use commram::check::Rule;
 use commram::journal::{Command, Event};
 use commram::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT;
 use commram::memory::View;
@@ -71,6 +72,9 @@ fn every_command_in_every_state() {
                     }
                     // A command that already stands in the register is no new one.
                     let again = regs.w_CPU_CONTROL.load() == command;
+                    let is_refused =
+                        !again && next(state, command).is_none() && !(state == 4 && command & 0x0040 != 0);
+                    rig.expect_errors(if is_refused { &[Rule::Command] } else { &[] });
                     regs.w_CPU_CONTROL.store(command);
                     rig.step(500);
                     let expected = if again { state } else { next(state, command).unwrap_or(state) };
@@ -89,6 +93,7 @@ fn every_command_in_every_state() {
 #[test]
 fn an_ignored_command_is_noted_once() {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.expect_errors(&[Rule::Command]);
     let regs = bring_to(&mut rig, Role::Master, 0);
     for (value, why) in [(0x0040, Command::NotNow), (0x0012, Command::Unknown), (0x0007, Command::Unknown)] {
         regs.w_CPU_CONTROL.store(value);
@@ -139,6 +144,7 @@ fn after_a_controller_reset_commands_are_taken_again() {
 fn bad_initialization_data_are_refused_until_they_are_right() {
     for memory in BOTH {
         let mut rig = Rig::new(memory, RATES[0]);
+        rig.expect_errors(&[Rule::InitInterval]);
         let regs = bring_to(&mut rig, Role::Master, 1);
         write_init_data(&regs, RATES[0], 0x00);
         regs.b_TIME_PATTERN.store(4);
@@ -162,6 +168,7 @@ fn bad_initialization_data_are_refused_until_they_are_right() {
 fn taking_over_init_data_clears_the_cyclic_area() {
     for memory in BOTH {
         let mut rig = Rig::new(memory, RATES[0]);
+        rig.expect_errors(&[Rule::BeforeInit]);
         rig.master.a_RD_BMARRAY[31][7].store(0xDEAD_BEEF);
         rig.master.a_STAT_SL[5].store(3);
         bring_to(&mut rig, Role::Master, 2);

@@ -150,6 +150,11 @@ impl Run {
                 machine.set_board(plc, setting);
                 self.replies.written()?;
             }
+            Op::Findings => self.replies.findings(machine.journal().findings())?,
+            Op::ClearFindings => {
+                machine.clear_findings();
+                self.replies.cleared()?;
+            }
             Op::Info => self.replies.info(&machine.info())?,
             Op::Stop => {
                 machine.request_stop();

@@ -99,6 +99,9 @@ pub trait Machine {
     /// The faults that wait or act.
     fn faults(&self) -> Vec<FaultStatus>;
 
+    /// Forgets what the access checker has found.
+    fn clear_findings(&mut self);
+
     /// What the instance says about itself.
     fn info(&self) -> InstanceInfo;
 

@@ -1,6 +1,7 @@
 //! Operations and replies, as the callers of both ends see them.
 
 use super::ChannelError;
+use crate::check::Entry;
 use crate::fault::{Fault, FaultStatus};
 use crate::journal::Record;
 use crate::memory::header::{BoardSetting, BoardState};
@@ -148,6 +149,10 @@ pub enum Op {
         /// What.
         setting: BoardSetting,
     },
+    /// Asks what the access checker has found. Answered by [`Reply::Findings`].
+    Findings,
+    /// Forgets what the access checker has found. Answered by [`Reply::Cleared`].
+    ClearFindings,
     /// Asks who answers. Answered by [`Reply::Info`].
     Info,
     /// Asks the emulator to end. Answered by [`Reply::Stopping`].
@@ -216,6 +221,10 @@ pub enum Reply {
     },
     /// A PLC's board.
     Board(BoardState),
+    /// What the access checker has found, in the order of the first findings.
+    Findings(Vec<Entry>),
+    /// It is forgotten.
+    Cleared,
     /// Who answers.
     Info(Box<InstanceInfo>),
     /// The emulator is going to end.

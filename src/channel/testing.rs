@@ -199,6 +199,10 @@ impl Machine for Fake {
         self.faults.clone()
     }
 
+    fn clear_findings(&mut self) {
+        self.journal.clear_findings();
+    }
+
     fn info(&self) -> InstanceInfo {
         InstanceInfo {
             name: "fake".into(),

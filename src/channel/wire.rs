@@ -11,6 +11,7 @@
 
 mod error;
 mod fault;
+mod findings;
 mod forces;
 mod info;
 mod journal;
@@ -100,6 +101,8 @@ pub mod kind {
     pub const FAULT_CLEAR: u16 = 22;
     pub const BOARD: u16 = 40;
     pub const SET_BOARD: u16 = 41;
+    pub const FINDINGS: u16 = 50;
+    pub const CLEAR_FINDINGS: u16 = 51;
 }
 
 /// Values of [`Block::kind`].
@@ -120,6 +123,8 @@ pub mod reply_kind {
     pub const FAULTS: u16 = 21;
     pub const FAULTS_CLEARED: u16 = 22;
     pub const BOARD: u16 = 40;
+    pub const FINDINGS: u16 = 50;
+    pub const CLEARED: u16 = 51;
 }
 
 /// A field without meaning, and its content.
@@ -177,6 +182,8 @@ impl From<&Op> for WireOp {
                 let (offset, value) = setting.numbers();
                 WireOp { kind: kind::SET_BOARD, plc, offset, value, ..WireOp::default() }
             }
+            Op::Findings => WireOp { kind: kind::FINDINGS, ..WireOp::default() },
+            Op::ClearFindings => WireOp { kind: kind::CLEAR_FINDINGS, ..WireOp::default() },
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -223,6 +230,8 @@ impl TryFrom<WireOp> for Op {
                 setting: BoardSetting::from_numbers(offset, value)
                     .ok_or(BadField { field: Field::Board, value: offset })?,
             },
+            kind::FINDINGS => Op::Findings,
+            kind::CLEAR_FINDINGS => Op::ClearFindings,
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField { field: Field::Kind, value: kind.into() }),

@@ -153,7 +153,10 @@ pub enum CliError {
     /// The user does not want to wait for the end.
     #[error("interrupted")]
     Interrupted,
-    /// Another process has failed and has said why.
+    /// The access checker cannot be asked. Exit code 1 of `check` means findings, so this is another one.
+    #[error(transparent)]
+    Unchecked(Box<CliError>),
+    /// What is wrong has been said already.
     #[error("see above")]
     Reported,
     /// Wrong use has been reported already.
@@ -207,6 +210,7 @@ impl CliError {
     pub fn exit_code(&self) -> u8 {
         let wrong_use = match self {
             Self::Layout(_)
+            | Self::Unchecked(_)
             | Self::Value(_)
             | Self::Argument { .. }
             | Self::WhichPlc { .. }

@@ -1,6 +1,7 @@
 //! The `commram` command line: one file per subcommand, each nothing but presentation.
 
 mod board;
+mod check;
 mod completions;
 mod demo;
 mod dump;
@@ -78,6 +79,7 @@ enum Command {
     Fault(fault::Args),
     Trace(trace::Args),
     Test(test::Args),
+    Check(check::Args),
     Demo(demo::Args),
     #[command(hide = true)]
     DemoPlc(demo::plc::Args),
@@ -140,6 +142,7 @@ impl Command {
             Command::Fault(args) => fault::run(&args),
             Command::Trace(args) => trace::run(&args),
             Command::Test(args) => test::run(&args),
+            Command::Check(args) => check::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),
             Command::Board(args) => board::run(&args),

@@ -9,7 +9,9 @@ pub mod board;
 pub mod cansync;
 pub mod ethernet;
 
+use crate::check::{Finding, Rule};
 use crate::journal::{Event, Journal, Origin};
+use crate::layout::Live;
 
 /// What the firmware is given at each call: the time, a place to report to, and who is reporting.
 pub struct Context<'a> {
@@ -25,5 +27,12 @@ impl Context<'_> {
     /// Writes `event` into the journal at the present time.
     pub fn report(&mut self, event: Event) {
         self.journal.push(self.now, event);
+    }
+
+    /// Reports that the PLC has broken a rule at the register at `offset` of the RAM, which belongs to the
+    /// structure of phase `live`.
+    pub fn find(&mut self, rule: Rule, live: Live, offset: u32, value: u32) {
+        let plc = self.origin.plc;
+        self.report(Event::Finding(Finding { rule, plc, offset, live, value, late_us: 0 }));
     }
 }

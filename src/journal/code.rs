@@ -7,7 +7,9 @@ use super::board::BoardEvent;
 use super::event::{Command, Event, FaultNews, Missed, Origin};
 use super::kind::Kind;
 use crate::bus::Frame;
+use crate::check::{Finding, Rule};
 use crate::fault;
+use crate::layout::Live;
 
 /// An event as numbers. Equal events have equal words, different events different ones.
 pub type Words = [u64; 3];
@@ -81,12 +83,15 @@ impl Event {
                 let (index, number) = target.numbers();
                 [head(kind, number, index, u32::from(id) << 16 | fault as u32), news_words(news), 0]
             }
+            Event::Finding(Finding { rule, plc, offset, live, value, late_us }) => {
+                [head(kind, live_code(live), plc, offset), pair(rule as u32, value), late_us.into()]
+            }
         }
     }
 
     /// The way back; `None` for words that no event has.
     pub fn from_words(words: Words) -> Option<Event> {
-        let [first, second, _] = words;
+        let [first, second, third] = words;
         let [kind, node, ..] = first.to_le_bytes();
         let (index, rest) = ((first >> 16) as u16, (first >> 32) as u32);
         let origin = Origin { plc: index, node };
@@ -136,7 +141,29 @@ impl Event {
                 };
                 Event::Fault { id: (rest >> 16) as u16, kind, target: kind.target(index, node), news }
             }
+            Kind::Finding => Event::Finding(Finding {
+                rule: Rule::from_number(high as u8)?,
+                plc: index,
+                offset: rest,
+                live: live_from_code(node)?,
+                value: low,
+                late_us: third as u32,
+            }),
         };
         (event.words() == words).then_some(event)
     }
+}
+
+/// Which of the structures that overlay each other, as a number.
+fn live_code(live: Live) -> u8 {
+    match live {
+        Live::Always => 0,
+        Live::Init => 1,
+        Live::Cyclic => 2,
+    }
+}
+
+/// The way back from [`live_code`].
+fn live_from_code(code: u8) -> Option<Live> {
+    [Live::Always, Live::Init, Live::Cyclic].into_iter().find(|live| live_code(*live) == code)
 }

@@ -12,6 +12,7 @@
 use super::board::BoardEvent;
 use super::kind::Kind;
 use crate::bus::Frame;
+use crate::check::Finding;
 use crate::fault::{self, Target};
 use core::fmt;
 
@@ -191,6 +192,8 @@ pub enum Event {
         /// What happened.
         news: FaultNews,
     },
+    /// The access checker has found something.
+    Finding(Finding),
 }
 
 /// What an event happened to.
@@ -224,6 +227,7 @@ impl Event {
             Event::Force { .. } => Kind::Force,
             Event::Unforce { .. } => Kind::Unforce,
             Event::Fault { .. } => Kind::Fault,
+            Event::Finding(_) => Kind::Finding,
         }
     }
 
@@ -234,7 +238,8 @@ impl Event {
             Event::ChannelWrite { plc, .. }
             | Event::Force { plc, .. }
             | Event::Unforce { plc, .. }
-            | Event::Board { plc, .. } => Source::Plc(plc),
+            | Event::Board { plc, .. }
+            | Event::Finding(Finding { plc, .. }) => Source::Plc(plc),
             Event::Fault { target: Target::Bus(bus) | Target::Slave { bus, .. }, .. } => Source::Bus(bus),
             Event::Fault { target: Target::Node { plc, node }, .. } => Source::Node(Origin { plc, node }),
             Event::State { origin, .. }

@@ -145,6 +145,16 @@ enum What {
         #[serde(skip_serializing_if = "Option::is_none")]
         shift_us: Option<i32>,
     },
+    Finding {
+        rule: &'static str,
+        severity: &'static str,
+        register: Option<String>,
+        address: String,
+        value: u32,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        late_us: Option<u32>,
+        text: &'static str,
+    },
 }
 
 /// Name of the news, and what a hit concerns.
@@ -231,6 +241,15 @@ impl Jsonl {
                 let (news, id, shift_us) = fault_news(kind, news);
                 What::Fault { fault, what: kind.name(), slave, news, id, shift_us }
             }
+            Event::Finding(finding) => What::Finding {
+                rule: finding.rule.id(),
+                severity: finding.rule.severity().name(),
+                register: finding.name(),
+                address: finding.address().to_string(),
+                value: finding.value,
+                late_us: Some(finding.late_us).filter(|late| *late > 0),
+                text: finding.rule.text(),
+            },
         }
     }
 }

@@ -79,6 +79,8 @@ kinds! {
     Unforce = 31, "unforce", Rare;
     /// News of an injected fault.
     Fault = 21, "fault", Missed;
+    /// What the access checker has found.
+    Finding = 40, "finding", Rare;
 }
 
 impl Kind {

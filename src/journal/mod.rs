@@ -1,7 +1,8 @@
 //! The journal: what happened, when, in emulated microseconds.
 //!
-//! It has two parts. A running hash over **all** events ever written: two runs are the same run if their
-//! hashes are equal. And bounded rings of [`Record`]s for reading, which forget their oldest ones:
+//! It has three parts. A running hash over **all** events ever written: two runs are the same run if their
+//! hashes are equal. A table that counts the [`Findings`] of the access checker. And bounded rings of [`Record`]s
+//! for reading, which forget their oldest ones:
 //!
 //! - Frames, register traffic, missed deadlines and states have a ring each, so that bus traffic cannot push out
 //!   what an engineer looks for.
@@ -39,6 +40,7 @@ pub use printer::{Printer, Selection};
 pub use record::Record;
 pub use ring::Records;
 
+use crate::check::Findings;
 use requests::Requests;
 use ring::Ring;
 use rustc_hash::FxHasher;
@@ -62,6 +64,7 @@ pub struct Journal {
     ring: Ring,
     tally: Tally,
     requests: Requests,
+    findings: Findings,
     /// When to look for counts that are over.
     next_look: u64,
     written: u64,
@@ -79,6 +82,7 @@ impl Journal {
             ring: Ring::new(capacity),
             tally: Tally::new(),
             requests: Requests::new(),
+            findings: Findings::default(),
             next_look: LONGEST_PERIOD_US,
             written: 0,
             hash: FxHasher::default(),
@@ -137,6 +141,7 @@ impl Journal {
                 self.tally.all().into_iter().for_each(|record| self.ring.note(record));
                 latency_us = self.requests.commanded(time_us, origin);
             }
+            Event::Finding(finding) if !self.findings.note(time_us, finding) => return,
             _ => {}
         }
         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
@@ -173,6 +178,16 @@ impl Journal {
     /// The number that the next record will have.
     pub fn end(&self) -> u64 {
         self.ring.end()
+    }
+
+    /// What the access checker has found, counted.
+    pub fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// Forgets what the access checker has found. The records stay.
+    pub fn clear_findings(&mut self) {
+        self.findings.clear();
     }
 
     /// Number of events written since the start, kept or not.

@@ -2,7 +2,9 @@
 
 use super::{BoardEvent, Command, Event, FaultNews, Kind, Missed, Origin};
 use crate::bus::Frame;
+use crate::check::{Finding, Rule};
 use crate::fault;
+use crate::layout::Live;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -21,7 +23,15 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
     ];
     let fault = (proptest::sample::select(&fault::Kind::ALL[..]), any::<(u16, u16, u8)>(), news);
     let frame = (0..0x800_u16, proptest::collection::vec(any::<u8>(), 0..=8));
+    let finding = (
+        proptest::sample::select(Rule::ALL),
+        proptest::sample::select(vec![Live::Always, Live::Init, Live::Cyclic]),
+        any::<(u16, u32, u32, u32)>(),
+    );
     prop_oneof![
+        finding.prop_map(|(rule, live, (plc, offset, value, late_us))| {
+            Event::Finding(Finding { rule, plc, offset, live, value, late_us })
+        }),
         any::<u16>().prop_map(|bus| Event::SyncEdge { bus }),
         (any::<u16>(), frame)
             .prop_map(|(bus, (id, data))| Event::Frame { bus, frame: Frame::new(id, &data).unwrap() }),

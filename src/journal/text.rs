@@ -4,6 +4,7 @@ use super::names::Context;
 use super::{Command, Event, FaultNews, Format, Missed, Names, Record};
 use crate::bus::Frame;
 use crate::bus::codec;
+use crate::check::Finding;
 use crate::fault::{self, Target};
 use crate::firmware::cansync::InitFault;
 use crate::layout::RegisterRef;
@@ -83,6 +84,7 @@ impl Text {
                 };
                 format!("fault {id}, {}{slave}: {}", kind.name(), news_text(kind, news))
             }
+            Event::Finding(finding) => finding_text(&finding),
         }
     }
 }
@@ -150,6 +152,14 @@ pub(crate) fn frame_text(frame: &Frame) -> String {
             format!("16#{:03X}{bytes}: {error}", frame.id())
         }
     }
+}
+
+fn finding_text(finding: &Finding) -> String {
+    let Finding { rule, late_us, .. } = *finding;
+    let name = finding.name().unwrap_or_default();
+    let late = if late_us > 0 { format!(", {late_us} us late") } else { String::new() };
+    let (severity, address, value) = (rule.severity(), finding.address(), finding.value_text());
+    format!("{severity} {rule}: {name} ({address}) {value}{late}")
 }
 
 fn missed_text(missed: Missed) -> String {

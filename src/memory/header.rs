@@ -168,6 +168,13 @@ codes! {
         Stepped = 1,
     }
 }
+
+/// Name of the field that byte `offset` of the header page lies in, or in which array or bell.
+pub fn field_at(offset: usize) -> Option<&'static str> {
+    let field = Header::STRUCT.fields.iter().rev().find(|field| field.offset <= offset)?;
+    (offset < HEADER_SIZE).then_some(field.name)
+}
+
 impl Header {
     /// Announces a change of state to everybody who waits for an answer. The bells of the events do not
     /// ring: they count events.

@@ -6,14 +6,14 @@
 //! 2. One width per register. The segment does not know the registers, so whoever uses the raw accesses
 //!    takes the width from the register map; a part of a register is written with
 //!    [`Segment::store_within`], which replaces the whole register by compare-exchange.
-//! 3. The one exception are the bulk copies ([`Segment::read_range`], [`Segment::snapshot`]): they load
-//!    aligned 32-bit words whatever the registers' widths are. They never write, each word is one
+//! 3. The one exception are bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the
+//!    access checker): they load aligned 32-bit or 64-bit words whatever the registers' widths are. They never write, each word is one
 //!    single-copy atomic load on every platform Linux runs on, and field-wise copies of megabytes would
 //!    cost four times as much. A copy may be torn between words; what belongs together is read under its
 //!    handshake.
 //! 4. The first [`HEADER_SIZE`] bytes are the header page and cannot be reached by raw accesses.
 
-use super::{HEADER_SIZE, Header, MemoryError, View, Width, cell::SharedRegs};
+use super::{Cell64, HEADER_SIZE, Header, MemoryError, View, Width, cell::SharedRegs};
 use core::{
     fmt,
     ptr::NonNull,
@@ -103,6 +103,19 @@ impl Segment {
     /// The segment is read-only; use [`Segment::header_snapshot`] there.
     pub fn header(&self) -> Result<View<Header>, MemoryError> {
         self.need_writable(0)?;
+        View::new(Arc::clone(&self.backing), 0)
+    }
+
+    /// The beginning of the header page in words of 64 bits, for comparing it as a whole.
+    ///
+    /// # Errors
+    /// The segment is read-only, or the words reach beyond the header page.
+    pub(crate) fn header_words<const N: usize>(&self) -> Result<View<[Cell64; N]>, MemoryError> {
+        self.need_writable(0)?;
+        let size = N * size_of::<u64>();
+        if size > HEADER_SIZE {
+            return Err(MemoryError::BlockOutOfRange { offset: 0, size });
+        }
         View::new(Arc::clone(&self.backing), 0)
     }
 

@@ -16,6 +16,7 @@ pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig};
 pub use force::{ForceError, Forced};
 pub use plc::Plc;
 
+use crate::check::Checker;
 use crate::firmware::baps::Baps;
 use crate::journal::{BoardEvent, Event, Journal, Names};
 use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
@@ -41,6 +42,7 @@ pub struct Plant {
     journal: Journal,
     forces: Forces,
     faults: Faults,
+    checker: Checker,
 }
 
 impl Plant {
@@ -70,6 +72,11 @@ impl Plant {
             buses.push(SimBus::new(config, index, bus)?);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
+        let mut journal = Journal::default();
+        for (index, plc) in plcs.iter_mut().enumerate() {
+            plc.power_on(index, 0, &mut buses, &mut journal);
+        }
+        let checker = Checker::new(plcs.iter().map(Plc::segment))?;
         let mut plant = Plant {
             now: 0,
             next_cycle: cycle_us,
@@ -79,13 +86,11 @@ impl Plant {
             watching: false,
             plcs,
             buses,
-            journal: Journal::default(),
+            journal,
+            checker,
             forces: Forces::default(),
             faults: Faults::default(),
         };
-        for (index, plc) in plant.plcs.iter_mut().enumerate() {
-            plc.power_on(index, 0, &mut plant.buses, &mut plant.journal);
-        }
         plant.find_next_timer();
         for fault in config.resolved_faults()? {
             // Checked a moment ago, and there is room for all of them.
@@ -115,6 +120,8 @@ impl Plant {
     /// ([`Plant::watch`]), and then returns `true`. What is due at the same moment after the event is left for the
     /// next call.
     pub fn advance_until(&mut self, time: u64) -> bool {
+        self.look_for_writes();
+        let mut has_run = false;
         let mut stopped = false;
         while !stopped {
             // At the same moment faults come first, then the processor cycle, then the BAPS, then timers, then the
@@ -141,10 +148,11 @@ impl Plant {
                 break;
             }
             self.now = due;
+            has_run = true;
             match which {
                 Due::Cycle => {
                     self.next_cycle += self.cycle_us;
-                    self.processor_cycle();
+                    self.run_cycle();
                     self.journal.tick(due);
                 }
                 Due::Slice => {
@@ -167,7 +175,24 @@ impl Plant {
         for plc in &self.plcs {
             plc.show_time(self.now);
         }
+        if has_run {
+            self.leave();
+        } else {
+            self.checker.show_time(self.now);
+        }
         stopped
+    }
+
+    /// What others have written since the firmware last ran is judged before it runs again.
+    #[inline]
+    fn look_for_writes(&mut self) {
+        self.checker.look(self.now, self.plcs.iter().map(Plc::facts), &mut self.journal);
+    }
+
+    /// The firmware has run: from now on, others write.
+    #[inline]
+    fn leave(&mut self) {
+        self.checker.leave(self.plcs.iter().map(Plc::facts));
     }
 
     /// Which events of PLC `plc` stop [`Plant::advance_until`], bit n for event n.
@@ -201,6 +226,13 @@ impl Plant {
     /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
     /// whether there was anything.
     pub fn look_at_boards(&mut self) -> bool {
+        self.look_for_writes();
+        let changed = self.look_at_requests();
+        self.leave();
+        changed
+    }
+
+    fn look_at_requests(&mut self) -> bool {
         let mut changed = false;
         for index in 0..self.plcs.len() {
             changed |= self.plcs[index].look_at_board(index, self.now, &mut self.buses, &mut self.journal);
@@ -214,11 +246,13 @@ impl Plant {
     /// Switches supply or RESET of a PLC at the present time. Other PLCs and their buses go on; the bus of its node
     /// 2 stops as when its master is restarted.
     pub fn set_power(&mut self, plc: usize, power: Power) {
+        self.look_for_writes();
         if let Some(it) = self.plcs.get_mut(plc) {
             it.set_power(power, plc, self.now, &mut self.buses, &mut self.journal);
             self.find_next_timer();
             self.forces.apply(&self.plcs);
         }
+        self.leave();
     }
 
     /// Does something to the board of a PLC at the present time.
@@ -263,7 +297,13 @@ impl Plant {
     /// One look of all boards at their switches and of all nodes at their control registers at the present time:
     /// what a rung doorbell asks for. Does not shift the regular processor cycle.
     pub fn processor_cycle(&mut self) {
-        self.look_at_boards();
+        self.look_for_writes();
+        self.run_cycle();
+        self.leave();
+    }
+
+    fn run_cycle(&mut self) {
+        self.look_at_requests();
         self.forces.apply(&self.plcs);
         if !self.faults.is_empty() {
             self.strike_controllers();
@@ -302,6 +342,10 @@ impl Plant {
         if edge {
             self.forward_sync(index);
             self.note_slices(index);
+            let Plant { now, plcs, journal, checker, .. } = self;
+            let concerns =
+                |plc: usize, node| plcs.get(plc).is_some_and(|plc| plc.bus_of(node) == Some(index));
+            checker.sync_edge(*now, plcs.iter().map(Plc::facts), concerns, journal);
         }
     }
 
@@ -395,7 +439,9 @@ impl Plant {
         if !self.forces.set(forced) {
             return Err(ForceError::TooMany);
         }
+        self.look_for_writes();
         self.forces.apply(&self.plcs);
+        self.leave();
         self.journal.push(self.now, Event::Force { plc, offset, width: width.bytes() as u8, value });
         Ok(())
     }
@@ -414,6 +460,11 @@ impl Plant {
         self.forces.list()
     }
 
+    /// Forgets what the access checker has found.
+    pub fn clear_findings(&mut self) {
+        self.journal.clear_findings();
+    }
+
     /// Notes a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
         self.forces.apply(&self.plcs);
@@ -422,6 +473,9 @@ impl Plant {
             && let Some(it) = self.plcs.get_mut(plc)
         {
             it.ip_config_written(plc, self.now, &mut self.journal);
+        }
+        if let Some(facts) = self.plcs.get(plc).map(Plc::facts) {
+            self.checker.written(plc, offset, width, self.now, &facts, &mut self.journal);
         }
     }
 }

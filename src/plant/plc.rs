@@ -2,6 +2,7 @@
 
 use super::bus::SimBus;
 use super::config::{PlantError, PlcConfig};
+use crate::check::{Facts, Rule};
 use crate::drive::BuiltInDrive;
 use crate::firmware::Context;
 use crate::firmware::baps::Baps;
@@ -9,8 +10,11 @@ use crate::firmware::board::{Board, Look, Power};
 use crate::firmware::cansync::{Change, Master, Slave};
 use crate::firmware::ethernet::{Ethernet, Stored};
 use crate::journal::{BoardEvent, Event, Journal, Origin};
+use crate::layout::Live;
+use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, MemoryError, Segment, View};
+use core::mem::offset_of;
 
 /// A PLC of the plant.
 pub struct Plc {
@@ -228,6 +232,12 @@ impl Plc {
             || self.board.has_changed()
     }
 
+    /// What the access checker must know about node 1 and node 2.
+    #[inline]
+    pub(super) fn facts(&self) -> [Facts; 2] {
+        [self.slave.facts(), self.master.facts()]
+    }
+
     pub(super) fn show_time(&self, now: u64) {
         self.header.virtual_time_us.store(now);
     }
@@ -329,6 +339,8 @@ impl Plc {
         {
             let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
             ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
+            let offset = NODE1 + offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
+            ctx.find(Rule::BusBaudRate, Live::Init, offset as u32, timing.b_BT_0.into());
         }
     }
 }

@@ -120,6 +120,10 @@ impl Machine for Emulator {
         self.plant.faults().collect()
     }
 
+    fn clear_findings(&mut self) {
+        self.plant.clear_findings();
+    }
+
     fn info(&self) -> InstanceInfo {
         let header = self.header();
         let names = self.plant.names();

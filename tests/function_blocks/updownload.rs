@@ -116,6 +116,7 @@ fn one_transfer_after_another() {
 fn every_error_of_the_masters_block() {
     // Nobody there: a timeout after all tries.
     let mut both = Both::new(Memory::Heap);
+    both.bench.rig.expect_errors(&[commram::check::Rule::NeverPolled]);
     (both.ma.si_SL_NR, both.ma.u_LENGTH, both.ma.us_MAX_NR_OF_COMM) = (5, 1, 3);
     both.ma.t_TIME = Duration::from_millis(100);
     let start = both.bench.rig.plant.now();

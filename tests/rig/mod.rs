@@ -5,6 +5,7 @@
 pub mod bench;
 
 use commram::bus::Frame;
+use commram::check::{Rule, Severity};
 use commram::journal::{Event, Record};
 use commram::layout::omega_drive_line_2::*;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
@@ -46,10 +47,45 @@ pub struct Rig {
     /// Node 1 of PLC `b`.
     pub slave: View<CANsync_SL_CTRL_BMSTRUCT>,
     pub slave_init: View<CANsync_INIT_BMSTRUCT>,
+    /// Errors that the access checker is to find in this test; any other one, or a missing one, fails it.
+    expected: Vec<Rule>,
+    /// Errors that it may find as well.
+    tolerated: Vec<Rule>,
     _images: Vec<Image>,
 }
 
+/// Every test ends with a look at what the access checker has found.
+impl Drop for Rig {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            return;
+        }
+        let findings = self.plant.journal().findings();
+        let mut errors = findings.errors();
+        errors.retain(|rule| !self.tolerated.contains(rule));
+        let wrong = errors != self.expected;
+        let all: String =
+            findings.iter().map(|entry| format!("{:?} {}\n", entry.last.name(), describe(entry))).collect();
+        assert!(!wrong, "expected {:?}, found\n{all}", self.expected);
+    }
+}
+
+fn describe(entry: &commram::check::Entry) -> String {
+    format!("{} {} x {}", entry.last.rule, entry.last.value_text(), entry.count)
+}
+
 impl Rig {
+    /// Names errors that the access checker may find, because the test is about something else.
+    pub fn tolerate_errors(&mut self, rules: &[Rule]) {
+        self.tolerated = rules.to_vec();
+    }
+
+    /// Names the errors that the access checker is to find in this test. Warnings are never looked at.
+    pub fn expect_errors(&mut self, rules: &[Rule]) {
+        self.expected = Rule::ALL.iter().copied().filter(|rule| rules.contains(rule)).collect();
+        self.expected.retain(|rule| rule.severity() == Severity::Error);
+    }
+
     pub fn new(memory: Memory, rate: Rate) -> Rig {
         Self::of(memory, rate, "")
     }
@@ -73,6 +109,8 @@ impl Rig {
             slave: view(1).view(NODE1).unwrap(),
             slave_init: view(1).view(NODE1).unwrap(),
             plant,
+            expected: Vec::new(),
+            tolerated: Vec::new(),
             _images: images,
         }
     }

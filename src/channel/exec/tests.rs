@@ -364,3 +364,19 @@ fn parts_of_the_journal_that_do_not_fit_together_are_refused() {
     assert_eq!(got.last(), Some(&Reply::Error(ChannelError::ReplyTooLong)));
     assert!(got.len() > 4, "four of them do fit");
 }
+
+#[test]
+fn findings_are_told_and_cleared() {
+    use crate::check::{Finding, MAX_ENTRIES, Rule};
+    use crate::journal::Event;
+    use crate::layout::Live;
+    let mut fake = Fake::new(true);
+    for offset in 0..2 * MAX_ENTRIES as u32 {
+        let finding = Finding { rule: Rule::Owner, plc: 0, offset, live: Live::Cyclic, value: 7, late_us: 0 };
+        fake.journal.push(u64::from(offset), Event::Finding(finding));
+    }
+    let noted: Vec<_> = fake.journal.findings().iter().copied().collect();
+    assert_eq!(noted.len(), MAX_ENTRIES + 1);
+    let got = all(&mut fake, &[Op::Findings, Op::ClearFindings, Op::Findings]);
+    assert_eq!(got, [Reply::Findings(noted), Reply::Cleared, Reply::Findings(Vec::new())]);
+}

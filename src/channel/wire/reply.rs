@@ -1,10 +1,12 @@
 //! Replies on the wire: building them without allocation, and the checked way back.
 
 use super::fault::WireFault;
+use super::findings::WireEntry;
 use super::journal::WireRecord;
 use super::{Block, MAX_REPLY_BLOCKS, error, forces, info, reply_kind};
 use crate::channel::op::InstanceInfo;
 use crate::channel::{ChannelError, Reply};
+use crate::check::{Entry, Findings};
 use crate::fault::FaultStatus;
 use crate::journal::{Journal, Record};
 use crate::memory::header::BoardState;
@@ -143,6 +145,20 @@ impl ReplyBuffer {
         self.head(reply_kind::FAULTS_CLEARED, 0, count.into(), 0)
     }
 
+    /// Appends what the access checker has found.
+    pub fn findings(&mut self, findings: &Findings) -> Result<(), ChannelError> {
+        self.head(reply_kind::FINDINGS, 0, 0, findings.len() * size_of::<WireEntry>())?;
+        for entry in findings.iter() {
+            self.data(WireEntry::from(entry).as_bytes());
+        }
+        Ok(())
+    }
+
+    /// Appends that this is forgotten.
+    pub fn cleared(&mut self) -> Result<(), ChannelError> {
+        self.head(reply_kind::CLEARED, 0, 0, 0)
+    }
+
     /// Appends what the instance says about itself.
     pub fn info(&mut self, information: &InstanceInfo) -> Result<(), ChannelError> {
         let mut bytes = Vec::new();
@@ -218,6 +234,8 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::FAULTS => Reply::Faults(faults(data)?),
         reply_kind::FAULTS_CLEARED => Reply::FaultsCleared { count: value.try_into().ok()? },
         reply_kind::BOARD => Reply::Board(BoardState::read_from_bytes(data).ok()?),
+        reply_kind::FINDINGS => Reply::Findings(entries(data)?),
+        reply_kind::CLEARED => Reply::Cleared,
         reply_kind::INFO => Reply::Info(Box::new(info::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => {
@@ -235,6 +253,11 @@ fn journal_records(data: &[u8]) -> Option<Vec<Record>> {
 fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {
     let chunks = data.chunks(size_of::<WireFault>());
     chunks.map(|bytes| WireFault::read_from_bytes(bytes).ok()?.status()).collect()
+}
+
+fn entries(data: &[u8]) -> Option<Vec<Entry>> {
+    let chunks = data.chunks(size_of::<WireEntry>());
+    chunks.map(|bytes| WireEntry::read_from_bytes(bytes).ok()?.entry()).collect()
 }
 
 fn flag(code: u16) -> Option<bool> {

@@ -53,6 +53,8 @@ fn op() -> impl Strategy<Value = Op> {
         (any::<u16>(), 1..=7u32, 0..40u32).prop_filter_map("a setting", |(plc, which, value)| {
             Some(Op::SetBoard { plc, setting: BoardSetting::from_numbers(which, value)? })
         }),
+        Just(Op::Findings),
+        Just(Op::ClearFindings),
         Just(Op::Info),
         Just(Op::Stop),
     ]
@@ -219,6 +221,7 @@ fn reply() -> impl Strategy<Value = Reply> {
         faults().prop_map(Reply::Faults),
         any::<u16>().prop_map(|count| Reply::FaultsCleared { count }),
         any::<[u32; 9]>().prop_map(|numbers| Reply::Board(zerocopy::transmute!(numbers))),
+        Just(Reply::Cleared),
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
         Just(Reply::Stopping),
@@ -237,7 +240,8 @@ fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
         }),
         Reply::Waited { time_us, value } => buffer.waited(*time_us, *value),
         Reply::Advanced { time_us } => buffer.advanced(*time_us),
-        Reply::Journal { .. } => unreachable!("tested with journals"),
+        Reply::Journal { .. } | Reply::Findings(_) => unreachable!("tested with journals"),
+        Reply::Cleared => buffer.cleared(),
         Reply::Forces(forces) => buffer.forces(forces),
         Reply::FaultAdded { id } => buffer.fault_added(*id),
         Reply::Faults(faults) => buffer.faults(faults),

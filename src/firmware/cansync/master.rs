@@ -7,10 +7,12 @@ use super::command::CommandChannel;
 use super::init::SyncSource;
 use super::node::{Change, Node, NodeState, Role};
 use super::polling::Polling;
+use super::punctual::Punctual;
 use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::bus::codec::process::FrameConfig;
 use crate::bus::{Channel, Frame, FrameKind};
+use crate::check::Facts;
 use crate::firmware::Context;
 use crate::journal::{Event, Missed};
 use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
@@ -40,6 +42,8 @@ pub struct Master {
     config: [FrameConfig; 2],
     /// Whether the present interval began in active operation.
     interval_is_active: bool,
+    /// Deadlines of the two reference value frames.
+    punctual: [Punctual; 2],
 }
 
 impl Master {
@@ -57,6 +61,7 @@ impl Master {
             request: [Counter::default(); 2],
             config: [FrameConfig::master_reference([0; 4]); 2],
             interval_is_active: false,
+            punctual: [Punctual::default(); 2],
         })
     }
 
@@ -80,6 +85,12 @@ impl Master {
     /// Slot times, once initialization data were taken over.
     pub fn timing(&self) -> Option<&'static BaudRate> {
         self.node.init().map(|init| init.timing)
+    }
+
+    /// What the access checker must know.
+    #[inline]
+    pub fn facts(&self) -> Facts {
+        self.node.facts(self.punctual)
     }
 
     /// Whether this master passes on the SYNC signal of its PLC's node 1.
@@ -126,6 +137,7 @@ impl Master {
     /// (manual p. 154; D-08).
     pub fn sync_edge(&mut self) {
         self.interval_is_active = self.node.state() == NodeState::Active;
+        self.punctual.iter_mut().for_each(Punctual::next_interval);
         if !self.interval_is_active {
             return;
         }
@@ -141,7 +153,9 @@ impl Master {
         if !self.is_exchanging() {
             return None;
         }
-        if self.control_register(channel).load() != Code::RELEASED {
+        let released = self.control_register(channel).load() == Code::RELEASED;
+        self.punctual[channel.index()].deadline(ctx.now, released);
+        if !released {
             let origin = ctx.origin;
             ctx.report(Event::Missed { origin, what: Missed::ReferenceValue(channel.number()) });
             return None;

@@ -1,8 +1,9 @@
 //! The two CANsync nodes of the board: node 1 as slave, node 2 as master.
 //!
 //! `node` holds what both share: the general registers and the state machine between
-//! `w_CPU_CONTROL` and `w_OPTION_STATUS`; `controller` is its CAN controller, which can fail; `init` checks initialization data; `master` and `slave`
-//! add the process data; `polling` is the master's set-up mode; `command` shares its command channel out
+//! `w_CPU_CONTROL` and `w_OPTION_STATUS`; `controller` is its CAN controller, which can fail; `init` checks
+//! initialization data; `master` and `slave` add the process data; `polling` is the master's set-up mode; `punctual`
+//! remembers missed deadlines for the access checker; `command` shares its command channel out
 //! in active operation, to `broadcast`, `parameter_job` and `updown_job`; below `slave` lies its side of
 //! jobs.
 
@@ -17,6 +18,7 @@ mod master;
 mod node;
 mod parameter_job;
 mod polling;
+mod punctual;
 mod registers;
 mod shown;
 mod slave;

@@ -4,9 +4,12 @@
 
 use super::controller::Controller;
 use super::init::{InitData, InitFault};
+use super::punctual::Punctual;
 use super::registers::{control, status};
+use crate::check::{Facts, Rule};
 use crate::firmware::Context;
 use crate::journal::{Command, Event};
+use crate::layout::Live;
 use crate::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT;
 use crate::memory::View;
 use core::mem::offset_of;
@@ -99,6 +102,28 @@ impl Node {
     #[inline]
     pub(super) fn state(&self) -> NodeState {
         self.state
+    }
+
+    /// What the access checker must know; `punctual` are the deadlines of the node's two process data frames.
+    #[inline]
+    pub(super) fn facts(&self, punctual: [Punctual; 2]) -> Facts {
+        let ordered = || self.regs.w_CPU_CONTROL.load() == control::TAKE_OVER_INIT_DATA;
+        Facts {
+            is_master: self.role == Role::Master,
+            live: self.live(),
+            takes_over_init: self.state == NodeState::WaitingForInit && ordered(),
+            is_active: self.state == NodeState::Active,
+            missed: punctual.map(|frame| frame.missed_at()),
+            expected: self.init.as_ref().map_or(0, |init| init.expected),
+        }
+    }
+
+    /// Which structure is valid (decision D-03).
+    fn live(&self) -> Live {
+        match self.state {
+            NodeState::StartUp | NodeState::WaitingForInit => Live::Init,
+            NodeState::WaitingForStart | NodeState::SetUp | NodeState::Active => Live::Cyclic,
+        }
     }
 
     /// The initialization data taken over; `None` before that.
@@ -211,6 +236,7 @@ impl Node {
         };
         match data {
             Ok(data) => {
+                self.check_controller(ctx);
                 self.init = Some(data);
                 self.refused = None;
                 clear();
@@ -221,8 +247,40 @@ impl Node {
                 if self.refused.replace(fault) != Some(fault) {
                     let origin = ctx.origin;
                     ctx.report(Event::InitRefused { origin, reason: fault as u8 });
+                    self.report_refused(ctx, fault);
                 }
                 Change::None
+            }
+        }
+    }
+
+    fn report_refused(&self, ctx: &mut Context, fault: InitFault) {
+        let regs = &self.regs;
+        let (rule, offset, value) = match fault {
+            InitFault::Mode => {
+                (Rule::InitMode, offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE), regs.b_MA_SL_MODE.load())
+            }
+            InitFault::BitTiming => {
+                (Rule::InitBaudRate, offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0), regs.b_BT_0.load())
+            }
+            InitFault::TimePattern => (
+                Rule::InitInterval,
+                offset_of!(CANsync_INIT_BMSTRUCT, b_TIME_PATTERN),
+                regs.b_TIME_PATTERN.load(),
+            ),
+        };
+        ctx.find(rule, Live::Init, self.base + offset as u32, value.into());
+    }
+
+    /// The two values that the manual gives for the CAN controller (p. 149). The bus is simulated, so other ones
+    /// do no harm here; on the device they would.
+    fn check_controller(&self, ctx: &mut Context) {
+        let output = (&self.regs.b_OUTPUT_CONTROL, offset_of!(CANsync_INIT_BMSTRUCT, b_OUTPUT_CONTROL), 0xFA);
+        let clock = (&self.regs.b_CLOCK_DIVIDER, offset_of!(CANsync_INIT_BMSTRUCT, b_CLOCK_DIVIDER), 0x07);
+        for (register, offset, right) in [output, clock] {
+            let value = register.load();
+            if value != right {
+                ctx.find(Rule::InitController, Live::Init, self.base + offset as u32, value.into());
             }
         }
     }
@@ -249,6 +307,7 @@ impl Node {
         let why = if known { Command::NotNow } else { Command::Unknown };
         let origin = ctx.origin;
         ctx.report(Event::CommandIgnored { origin, value, why });
+        ctx.find(Rule::Command, self.live(), self.base, value.into());
     }
 
     fn show(&mut self, ctx: &mut Context, state: NodeState) {

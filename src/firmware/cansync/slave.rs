@@ -15,12 +15,14 @@ use super::actual::{ActualValueRegisters, store_word};
 use super::master::acknowledge;
 use super::node::{Change, Node, NodeState, Role};
 use super::polling::SYNCHRONIZED;
+use super::punctual::Punctual;
 use super::registers::Code;
 use super::shown::Shown;
 use super::word_config::WordConfigs;
 use crate::bus::codec::action::{Action, ActionCommand};
 use crate::bus::codec::process::FrameConfig;
 use crate::bus::{Channel, Frame, FrameKind, Payload};
+use crate::check::Facts;
 use crate::firmware::Context;
 use crate::journal::{Event, Missed};
 use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1};
@@ -44,6 +46,8 @@ pub struct Slave {
     /// Own actual value frames, built and released for this interval.
     ready: [Option<Payload>; 2],
     interval_is_active: bool,
+    /// Deadlines of the two actual value frames.
+    punctual: [Punctual; 2],
 }
 
 impl Slave {
@@ -63,6 +67,7 @@ impl Slave {
             config: [FrameConfig::new([0; 4]); 2],
             ready: [None; 2],
             interval_is_active: false,
+            punctual: [Punctual::default(); 2],
         })
     }
 
@@ -92,6 +97,12 @@ impl Slave {
     /// Slot times, once initialization data were taken over.
     pub fn timing(&self) -> Option<&'static BaudRate> {
         self.node.init().map(|init| init.timing)
+    }
+
+    /// What the access checker must know.
+    #[inline]
+    pub fn facts(&self) -> Facts {
+        self.node.facts(self.punctual)
     }
 
     /// Whether the node listens at `kbit_s`: set-up mode or active operation at the same baud rate, and not
@@ -181,6 +192,7 @@ impl Slave {
         self.lock.edge(now, interval_us);
         self.ready = [None; 2];
         self.interval_is_active = self.node.state() == NodeState::Active;
+        self.punctual.iter_mut().for_each(Punctual::next_interval);
         if !self.interval_is_active {
             return;
         }
@@ -206,7 +218,9 @@ impl Slave {
                 (&self.regs.b_CTRLREG_RD_RDC2, offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC2))
             }
         };
-        if register.load() != Code::RELEASED {
+        let released = register.load() == Code::RELEASED;
+        self.punctual[channel.index()].deadline(ctx.now, released);
+        if !released {
             return;
         }
         let values = &self.regs.a_RD_VALUE_SEND;

@@ -1,0 +1,164 @@
+//! The table of findings: counted by rule and register, bounded.
+
+use super::{Finding, Rule, Severity};
+
+/// Most pairs of rule and register that are kept apart.
+pub const MAX_ENTRIES: usize = 256;
+/// Most changes of value of one entry that are worth a record in the journal.
+const MAX_RECORDS: u8 = 8;
+
+/// What is known about a rule at a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// The last finding.
+    pub last: Finding,
+    /// False: counts findings of the rule at all the registers for which there was no room; place and value are
+    /// those of the last one.
+    pub is_single: bool,
+    /// How often.
+    pub count: u64,
+    /// Emulated time of the first finding, in microseconds.
+    pub first_us: u64,
+    /// Emulated time of the last one.
+    pub last_us: u64,
+    /// The longest delay of all of them, in microseconds; 0 for rules without a deadline.
+    pub latest_us: u32,
+}
+
+impl Entry {
+    fn new(finding: Finding, time_us: u64, is_single: bool) -> Self {
+        let latest_us = finding.late_us;
+        Entry { last: finding, is_single, count: 1, first_us: time_us, last_us: time_us, latest_us }
+    }
+
+    fn add(&mut self, finding: Finding, time_us: u64) {
+        self.count += 1;
+        self.last = finding;
+        self.last_us = time_us;
+        self.latest_us = self.latest_us.max(finding.late_us);
+    }
+
+    fn is_of(&self, finding: &Finding) -> bool {
+        let Finding { rule, plc, offset, live, .. } = self.last;
+        (rule, plc, offset, live) == (finding.rule, finding.plc, finding.offset, finding.live)
+    }
+}
+
+/// All findings since the start or since they were cleared.
+#[derive(Clone, Debug, Default)]
+pub struct Findings {
+    entries: Vec<Entry>,
+    /// How many records each entry has been worth, in the same order.
+    records: Vec<u8>,
+    /// One for each rule that has run out of room.
+    further: Vec<Entry>,
+}
+
+impl Findings {
+    /// Counts a finding. Tells whether it is worth a record in the journal: a new rule or register, or another
+    /// value than last time, so that a program that goes wrong in every interval does not fill the journal.
+    pub fn note(&mut self, time_us: u64, finding: Finding) -> bool {
+        if let Some(index) = self.entries.iter().position(|entry| entry.is_of(&finding)) {
+            let (entry, records) = (&mut self.entries[index], &mut self.records[index]);
+            let is_news = entry.last.value != finding.value && *records < MAX_RECORDS;
+            *records += u8::from(is_news);
+            entry.add(finding, time_us);
+            return is_news;
+        }
+        if self.entries.len() < MAX_ENTRIES {
+            self.entries.push(Entry::new(finding, time_us, true));
+            self.records.push(1);
+            return true;
+        }
+        match self.further.iter_mut().find(|entry| entry.last.rule == finding.rule) {
+            Some(entry) => {
+                entry.add(finding, time_us);
+                false
+            }
+            None => {
+                self.further.push(Entry::new(finding, time_us, false));
+                true
+            }
+        }
+    }
+
+    /// The entries in the order of their first findings, those that stand for several registers last.
+    pub fn iter(&self) -> impl Iterator<Item = &Entry> + Clone {
+        self.entries.iter().chain(&self.further)
+    }
+
+    /// Number of entries.
+    pub fn len(&self) -> usize {
+        self.entries.len() + self.further.len()
+    }
+
+    /// Whether nothing was found.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The rules of severity [`Severity::Error`] that were broken, each one once.
+    pub fn errors(&self) -> Vec<Rule> {
+        self.rules(Severity::Error)
+    }
+
+    /// The rules of one severity that were broken, each one once, in the order of the rules.
+    pub fn rules(&self, severity: Severity) -> Vec<Rule> {
+        let broken = |rule: &Rule| self.iter().any(|entry| entry.last.rule == *rule);
+        Rule::ALL.iter().copied().filter(|rule| rule.severity() == severity && broken(rule)).collect()
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        *self = Findings::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::Live;
+
+    fn finding(rule: Rule, offset: u32, value: u32) -> Finding {
+        Finding { rule, plc: 0, offset, live: Live::Cyclic, value, late_us: value }
+    }
+
+    #[test]
+    fn equal_findings_are_counted_with_first_and_last_time() {
+        let mut findings = Findings::default();
+        for time in [10, 20, 30] {
+            findings.note(time, finding(Rule::Owner, 200_002, 7));
+        }
+        findings.note(40, finding(Rule::Owner, 200_004, 7));
+        let [first, second] = findings.iter().collect::<Vec<_>>()[..] else { panic!("{findings:?}") };
+        assert_eq!((first.count, first.first_us, first.last_us), (3, 10, 30));
+        assert_eq!((second.count, second.first_us, second.last_us), (1, 40, 40));
+    }
+
+    #[test]
+    fn only_news_is_worth_a_record_and_not_for_ever() {
+        let mut findings = Findings::default();
+        let records = |findings: &mut Findings, values: &mut dyn Iterator<Item = u32>| {
+            values.filter(|&value| findings.note(0, finding(Rule::Owner, 200_002, value))).count()
+        };
+        assert_eq!(records(&mut findings, &mut [1, 1, 1, 2, 2].into_iter()), 2);
+        assert_eq!(records(&mut findings, &mut (0..100)), 6);
+        assert_eq!(findings.iter().next().unwrap().latest_us, 99);
+    }
+
+    #[test]
+    fn without_room_findings_are_counted_under_their_rule() {
+        let mut findings = Findings::default();
+        for offset in 0..2 * MAX_ENTRIES as u32 {
+            findings.note(u64::from(offset), finding(Rule::Owner, offset, 0));
+        }
+        findings.note(1000, finding(Rule::Order, 0, 0));
+        assert_eq!(findings.len(), MAX_ENTRIES + 2);
+        let rest: Vec<_> = findings.iter().filter(|entry| !entry.is_single).collect();
+        assert_eq!((rest[0].last.rule, rest[0].count), (Rule::Owner, MAX_ENTRIES as u64));
+        assert_eq!((rest[1].last.rule, rest[1].count), (Rule::Order, 1));
+        assert_eq!(findings.errors(), [Rule::Owner, Rule::Order]);
+        findings.clear();
+        assert!(findings.is_empty());
+    }
+}

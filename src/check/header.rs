@@ -1,0 +1,138 @@
+//! The watch over the header page.
+
+use super::{Finding, Rule};
+use crate::journal::{Event, Journal};
+use crate::layout::Live;
+use crate::memory::header::{EVENT_SLOTS, EventSlot, Header};
+use crate::memory::{Bell, Cell64, MemoryError, Segment, View};
+use core::mem::offset_of;
+
+const WORD: usize = size_of::<u64>();
+/// Words up to the board. From there on clients and emulator write side by side, and in the requests both write the
+/// same fields.
+const WORDS: usize = offset_of!(Header, board) / WORD;
+
+/// For each word the bits that only the emulator changes, and only while the firmware runs.
+const WATCHED: [u64; WORDS] = {
+    let mut bytes = [true; WORDS * WORD];
+    bytes = without(bytes, offset_of!(Header, state), size_of::<u32>());
+    bytes = without(bytes, offset_of!(Header, doorbell), size_of::<Bell>());
+    bytes = without(bytes, offset_of!(Header, answer), size_of::<Bell>());
+    bytes = without(bytes, offset_of!(Header, channel_reply), size_of::<Bell>());
+    let mut slot = 0;
+    while slot < EVENT_SLOTS {
+        bytes = without(bytes, offset_of!(Header, events) + slot * size_of::<EventSlot>(), size_of::<Bell>());
+        slot += 1;
+    }
+    let mut words = [0; WORDS];
+    let mut byte = 0;
+    while byte < WORDS * WORD {
+        if bytes[byte] {
+            words[byte / WORD] |= 0xFF << (8 * (byte % WORD));
+        }
+        byte += 1;
+    }
+    words
+};
+
+const fn without(mut bytes: [bool; WORDS * WORD], offset: usize, len: usize) -> [bool; WORDS * WORD] {
+    let mut at = offset;
+    while at < offset + len {
+        bytes[at] = false;
+        at += 1;
+    }
+    bytes
+}
+
+/// The watch over the header page of a PLC.
+pub(super) struct HeaderWatch {
+    plc: u16,
+    now: View<[Cell64; WORDS]>,
+    left: [u64; WORDS],
+}
+
+impl HeaderWatch {
+    pub fn new(plc: u16, segment: &Segment) -> Result<Self, MemoryError> {
+        let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: [0; WORDS] };
+        watch.leave();
+        Ok(watch)
+    }
+
+    /// Notes the page as the firmware leaves it.
+    #[inline]
+    pub fn leave(&mut self) {
+        for (left, now) in self.left.iter_mut().zip(self.now.iter()) {
+            *left = now.load();
+        }
+    }
+
+    /// Notes the emulated time, which goes on also when the firmware has nothing to do.
+    #[inline]
+    pub fn show_time(&mut self, now: u64) {
+        const TIME: usize = offset_of!(Header, virtual_time_us) / WORD;
+        self.left[TIME] = now;
+    }
+
+    /// Reports what was written since.
+    #[inline]
+    pub fn look(&mut self, now: u64, journal: &mut Journal) {
+        let words = self.now.iter().zip(&self.left).zip(&WATCHED);
+        let differs = words.fold(0, |all, ((now, left), watched)| all | (now.load() ^ left) & watched);
+        if differs != 0 {
+            self.report(now, journal);
+        }
+    }
+
+    #[cold]
+    fn report(&mut self, time: u64, journal: &mut Journal) {
+        let words = self.now.iter().zip(&mut self.left).zip(&WATCHED).enumerate();
+        for (index, ((now, left), watched)) in words {
+            let word = now.load();
+            let differs = (word ^ *left) & watched;
+            // Fields are 32 or 64 bits wide, or text; of each half that differs the value is told.
+            for half in [0, 1] {
+                if differs >> (32 * half) & u64::from(u32::MAX) != 0 {
+                    let offset = (index * WORD + 4 * half) as u32;
+                    let value = (word >> (32 * half)) as u32;
+                    let finding = Finding {
+                        rule: Rule::Header,
+                        plc: self.plc,
+                        offset,
+                        live: Live::Always,
+                        value,
+                        late_us: 0,
+                    };
+                    journal.push(time, Event::Finding(finding));
+                }
+            }
+            *left = word;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_clients_write_is_not_watched() {
+        let watched = |offset: usize| WATCHED[offset / WORD] >> (8 * (offset % WORD)) & 1 != 0;
+        for (offset, is_watched) in [
+            (0, true),
+            (28, true),
+            (32, false),
+            (36, true),
+            (56, true),
+            (128, false),
+            (136, true),
+            (192, false),
+            (256, false),
+            (320, false),
+            (328, true),
+            (576, true),
+            (700, true),
+        ] {
+            assert_eq!(watched(offset), is_watched, "byte {offset}");
+        }
+    }
+}

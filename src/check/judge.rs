@@ -1,0 +1,226 @@
+//! What is wrong with a write: the rules that can be seen at the moment of writing.
+
+use super::node::Registers;
+use super::registers::{Kind, Limit, Watched};
+use super::{Facts, Finding, Rule};
+use crate::journal::{Event, Journal};
+use crate::layout::Live;
+use crate::layout::omega_drive_line_2::{
+    CANsync_MA_CTRL_BMSTRUCT as Master, CTRLREG_PAR_CMD_SL, DATA_PARAMETER,
+};
+use core::mem::offset_of;
+
+/// 16#05: data are valid, send them.
+const RELEASED: u32 = 0x05;
+/// 16#80: the next slave number in every interval.
+const AUTOMATIC: u8 = 0x80;
+/// 16#FF: no slave at all, as the vendor's function blocks write it (decision D-148).
+const NOBODY: u8 = 0xFF;
+/// Highest slave number.
+const LAST_SLAVE: u32 = 31;
+/// Highest value number.
+const LAST_VALUE: u32 = 7;
+
+/// Bits of the control registers of jobs (p. 164, 166, 189, 191).
+mod job {
+    pub const ACTIVE: u8 = 1 << 0;
+    /// Master, parameter job.
+    pub const WRITE: u8 = 1 << 2;
+    pub const PARAMETER_SENT: u8 = 1 << 3;
+    /// Read, write and format.
+    pub const PARAMETER_COMMAND: u8 = 0x16;
+    /// Master, block 1.
+    pub const BLOCK_SENT: u8 = 1 << 1;
+    pub const DOWNLOAD: u8 = 1 << 4;
+    pub const RESET: u8 = 1 << 7;
+}
+
+/// Where the judge is at work.
+pub(super) struct Place {
+    pub plc: u16,
+    /// First byte of the node.
+    pub base: usize,
+    /// Which structure is valid.
+    pub live: Live,
+}
+
+/// Judges the writes to a node's registers.
+pub(super) struct Judge<'a> {
+    pub place: Place,
+    pub now: u64,
+    pub facts: &'a Facts,
+    pub registers: &'a Registers,
+    pub journal: &'a mut Journal,
+    /// Set when the mapping was changed.
+    pub unsettled: &'a mut bool,
+}
+
+impl Judge<'_> {
+    /// Reports a finding at the register at `offset` in the node.
+    pub fn find(&mut self, rule: Rule, offset: usize, value: u32) {
+        self.find_late(rule, offset, value, 0);
+    }
+
+    fn find_late(&mut self, rule: Rule, offset: usize, value: u32, late_us: u32) {
+        let Place { plc, base, live } = self.place;
+        let finding = Finding { rule, plc, offset: (base + offset) as u32, live, value, late_us };
+        self.journal.push(self.now, Event::Finding(finding));
+    }
+
+    /// A register that held `before` was given `after`, which is different, or through the channel the same.
+    pub fn write(&mut self, register: &Watched, before: u32, after: u32) {
+        let offset = usize::from(register.offset);
+        match register.kind {
+            Kind::Owned => return self.find(Rule::Owner, offset, after),
+            Kind::Reserved => return self.find(Rule::ReservedRegister, offset, after),
+            Kind::ReservedUnderInit => return self.find(Rule::AfterInit, offset, after),
+            _ => {}
+        }
+        if after & register.reserved_bits != 0 {
+            self.find(Rule::ReservedBit, offset, after);
+        }
+        self.limits(register, after);
+        let [was, is] = [before, after].map(|value| value as u8);
+        match register.kind {
+            Kind::Mapping => self.mapping(register, after),
+            Kind::Request => *self.unsettled = true,
+            Kind::Release(frame) => self.release(frame, offset, after),
+            Kind::ControlWord(slave) if after == RELEASED => {
+                self.polled(offset_of!(Master, b_SL_NR_CONTROLWORD), slave, offset);
+            }
+            Kind::Parameter(slave) => self.parameter(slave, offset, was, is),
+            Kind::ParameterData(slave, is_value) => self.parameter_data(slave, is_value, offset, after),
+            Kind::Block => self.block(offset, was, is),
+            Kind::BlockData(is_data) => self.block_data(is_data, offset, after),
+            Kind::SlaveJob => {
+                // The application ends the job or confirms a change.
+                let acted = was & job::ACTIVE & !is | is & job::RESET & !was;
+                if acted != 0 && (is ^ self.status_of(offset)) & (job::ACTIVE | job::RESET) != 0 {
+                    self.find(Rule::Order, offset, after);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn limits(&mut self, register: &Watched, after: u32) {
+        let offset = usize::from(register.offset);
+        let is_slave = after <= LAST_SLAVE;
+        match register.limit {
+            Limit::Slave if !is_slave => self.find(Rule::SlaveNumber, offset, after),
+            Limit::SlaveOrAutomatic if !is_slave && ![AUTOMATIC, NOBODY].map(u32::from).contains(&after) => {
+                self.find(Rule::SlaveNumber, offset, after);
+            }
+            Limit::NotReserved(meaning) => {
+                let value = meaning.values.iter().find(|value| (value.first..=value.last).contains(&after));
+                if value.is_some_and(|value| value.text == "reserved") {
+                    self.find(Rule::ReservedValue, offset, after);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn mapping(&mut self, register: &Watched, after: u32) {
+        let offset = usize::from(register.offset);
+        *self.unsettled = true;
+        let used = after & !register.reserved_bits;
+        if used & 1 == 0 && used != 0 {
+            self.find(Rule::WordUnassigned, offset, after);
+        } else if used >> 2 > LAST_VALUE {
+            self.find(Rule::ValueNumber, offset, after);
+        }
+    }
+
+    fn release(&mut self, frame: usize, offset: usize, after: u32) {
+        if let Some(Some(deadline)) = self.facts.missed.get(frame)
+            && after == RELEASED
+        {
+            let rule = if self.facts.is_master { Rule::LateReference } else { Rule::LateActual };
+            self.find_late(rule, offset, after, u32::try_from(self.now - deadline).unwrap_or(u32::MAX));
+        }
+    }
+
+    /// The status register of a job lies behind its control register.
+    fn status_of(&self, control: usize) -> u8 {
+        self.registers.now(control + 1)
+    }
+
+    /// A job for `slave` was entered; `polling` is the register that says whose turn it is.
+    fn polled(&mut self, polling: usize, slave: u8, offset: usize) {
+        let max = self.registers.now(offset_of!(Master, b_MAX_SL_NR));
+        if self.facts.is_active && self.registers.now(polling) == AUTOMATIC && slave > max {
+            self.find(Rule::NeverPolled, offset, self.registers.now(offset).into());
+        }
+    }
+
+    fn parameter(&mut self, slave: u8, offset: usize, was: u8, is: u8) {
+        const UNDER_WAY: u8 = job::ACTIVE | job::PARAMETER_SENT;
+        self.entered(offset, was, is, job::PARAMETER_SENT);
+        if is & UNDER_WAY == job::ACTIVE {
+            self.polled(offset_of!(Master, b_SL_NR_PARAMETER), slave, offset);
+        }
+        if was & is & UNDER_WAY == UNDER_WAY && (was ^ is) & job::PARAMETER_COMMAND != 0 {
+            self.find(Rule::JobChanged, offset, is.into());
+        }
+    }
+
+    /// A new job: bit 0 set and the Send bit, which the firmware sets, not.
+    fn entered(&mut self, offset: usize, was: u8, is: u8, sent: u8) {
+        if is & (job::ACTIVE | sent) != job::ACTIVE {
+            return;
+        }
+        if self.status_of(offset) != is {
+            self.find(Rule::Order, offset, is.into());
+        }
+        if was & job::ACTIVE != 0 && was & sent != 0 {
+            self.find(Rule::JobReplaced, offset, is.into());
+        }
+    }
+
+    /// Whether a job is under way whose control register the PLC has left alone.
+    fn is_untouched(&self, control: usize, sent: u8) -> bool {
+        let now = self.registers.now(control);
+        now == self.registers.left(control) && now & (job::ACTIVE | sent) == job::ACTIVE | sent
+    }
+
+    fn parameter_data(&mut self, slave: u8, is_value: bool, offset: usize, after: u32) {
+        let control = offset_of!(Master, a_CTRLREG_PAR_CMD_SL)
+            + usize::from(slave) * size_of::<CTRLREG_PAR_CMD_SL>()
+            + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
+        // The value of a read job is the firmware's to fill in.
+        let matters = !is_value || self.registers.now(control) & job::WRITE != 0;
+        if matters && self.is_untouched(control, job::PARAMETER_SENT) {
+            self.find(Rule::JobChanged, offset, after);
+        }
+    }
+
+    fn block(&mut self, offset: usize, was: u8, is: u8) {
+        if is & job::RESET != 0 {
+            return;
+        }
+        self.entered(offset, was, is, job::BLOCK_SENT);
+        if is & (job::ACTIVE | job::BLOCK_SENT) == job::ACTIVE {
+            let slave = self.registers.now(offset_of!(Master, b_SL_NR_UPDOWNBLK1));
+            self.polled(offset_of!(Master, b_SL_NR_UPDOWN), slave, offset);
+        }
+        if was & is & (job::ACTIVE | job::BLOCK_SENT) == job::ACTIVE | job::BLOCK_SENT
+            && (was ^ is) & job::DOWNLOAD != 0
+        {
+            self.find(Rule::JobChanged, offset, is.into());
+        }
+    }
+
+    fn block_data(&mut self, is_data: bool, offset: usize, after: u32) {
+        let control = offset_of!(Master, b_STEUREG_UPDOWNBLK1);
+        // The data of an upload are the firmware's to fill in.
+        let matters = !is_data || self.registers.now(control) & job::DOWNLOAD != 0;
+        if matters && self.is_untouched(control, job::BLOCK_SENT) {
+            self.find(Rule::JobChanged, offset, after);
+        }
+    }
+}
+
+// The rules rely on it: a status register lies right behind its control register, in the same word.
+const _: () =
+    assert!(offset_of!(CTRLREG_PAR_CMD_SL, b_STATREG_PAR_CMD) == 1 && size_of::<DATA_PARAMETER>() == 8);

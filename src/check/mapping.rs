@@ -1,0 +1,60 @@
+//! Rules about the mapping of frames as a whole. A program writes it byte by byte, so it is judged only when the
+//! firmware takes it over.
+
+use super::Rule;
+use super::judge::Judge;
+use crate::layout::omega_drive_line_2::{
+    CANsync_MA_CTRL_BMSTRUCT as Master, CANsync_SL_CTRL_BMSTRUCT as Slave, CFG_RDC_WORD,
+};
+use core::mem::offset_of;
+
+/// Words of the two frames together.
+const WORDS: usize = 8;
+
+/// Judges the mapping of node 1 or 2.
+pub(super) fn judge(judge: &mut Judge, node: u8) {
+    let (single, others): (&[usize], usize) = if node == 1 {
+        let own = [offset_of!(Slave, _CFG_WRC_WORD), offset_of!(Slave, _CFG_RDC_WORD)];
+        (&{ own }, offset_of!(Slave, a_CFG_RDC_WORD))
+    } else {
+        (&[offset_of!(Master, _CFG_WRC_WORD)], offset_of!(Master, a_CFG_RDC_WORD))
+    };
+    let others = (0..32).map(|slave| others + slave * size_of::<CFG_RDC_WORD>());
+    for group in single.iter().copied().chain(others) {
+        split_doublewords(judge, group);
+    }
+    if node == 2 {
+        requests(judge);
+    }
+}
+
+/// Looks for values whose halves travel in different frames: one half in just one frame, the other half in just
+/// the other one.
+fn split_doublewords(judge: &mut Judge, group: usize) {
+    let config: [u8; WORDS] = core::array::from_fn(|word| judge.registers.now(group + word));
+    // For each frame the values, a bit each, of which it carries the low word and the high word.
+    let mut halves = [[0u8; 2]; 2];
+    for (word, byte) in config.iter().enumerate().filter(|(_, byte)| **byte & 1 != 0) {
+        let number = u32::from(byte >> 2 & 0x0F);
+        halves[word / 4][usize::from(byte >> 1 & 1)] |= 1u8.checked_shl(number).unwrap_or(0);
+    }
+    let [[low1, high1], [low2, high2]] = halves;
+    let split = low1 & high2 & !(high1 | low2) | low2 & high1 & !(high2 | low1);
+    for (word, byte) in config.iter().enumerate() {
+        let is_low_word_of_split =
+            byte & 3 == 1 && 1u8.checked_shl(u32::from(byte >> 2 & 0x0F)).unwrap_or(0) & split != 0;
+        if is_low_word_of_split {
+            judge.find(Rule::SplitDoubleword, group + word, (*byte).into());
+        }
+    }
+}
+
+/// Looks for expected slaves that automatic requests for actual values never reach.
+fn requests(judge: &mut Judge) {
+    let orders = [offset_of!(Master, b_CTRLREG_RD_ORDER_RDC1), offset_of!(Master, b_CTRLREG_RD_ORDER_RDC2)];
+    let max = judge.registers.now(offset_of!(Master, b_MAX_SL_NR));
+    let never_asked = judge.facts.expected.checked_shr(u32::from(max) + 1).unwrap_or(0);
+    if never_asked != 0 && orders.iter().any(|&order| judge.registers.now(order) == 0x80) {
+        judge.find(Rule::NotRequested, offset_of!(Master, b_MAX_SL_NR), max.into());
+    }
+}

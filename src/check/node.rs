@@ -1,0 +1,245 @@
+//! The watch over one CANsync node: what a PLC program has written since the firmware last ran.
+//!
+//! Plain RAM traps nothing. So the checker keeps a copy of the node's registers as the firmware left them and
+//! compares before the firmware runs again: whatever differs was written by somebody else.
+
+use super::judge::{Judge, Place};
+use super::registers::{INIT_BYTES, Map, Watched};
+use super::{Facts, Rule, mapping};
+use crate::journal::Journal;
+use crate::layout::Live;
+use crate::layout::omega_drive_line_2::{NODE1, NODE2};
+use crate::memory::{Cell64, MemoryError, Segment, View};
+
+const WORD: usize = size_of::<u64>();
+/// 64-bit words that hold the longest structure.
+const WORDS: usize = 500;
+/// Words that hold the initialization structure.
+const INIT_WORDS: usize = (INIT_BYTES as usize).div_ceil(WORD);
+/// Words compared in one go.
+const STRIDE: usize = 4;
+
+/// The registers of a node, now and as the firmware left them.
+pub(super) struct Registers {
+    /// In words as wide as possible, and only ever loaded.
+    now: View<[Cell64; WORDS]>,
+    left: Box<[u64; WORDS]>,
+}
+
+impl Registers {
+    /// A byte register as it is now.
+    pub fn now(&self, offset: usize) -> u8 {
+        self.now.get(offset / WORD).map_or(0, |word| byte(word.load(), offset))
+    }
+
+    /// A byte register as the firmware left it.
+    pub fn left(&self, offset: usize) -> u8 {
+        self.left.get(offset / WORD).map_or(0, |word| byte(*word, offset))
+    }
+
+    /// Notes the first `words` words as they are now.
+    #[inline]
+    fn copy(&mut self, words: usize) {
+        for (left, now) in self.left.iter_mut().zip(self.now.iter()).take(words) {
+            *left = now.load();
+        }
+    }
+
+    /// Notes the last bytes of the initialization structure, which share a word with what lies behind.
+    #[inline]
+    fn copy_end_of_init(&mut self) {
+        const BEHIND: u64 = u64::MAX << (8 * (INIT_BYTES as usize % WORD));
+        if let (Some(left), Some(now)) = (self.left.get_mut(INIT_WORDS - 1), self.now.get(INIT_WORDS - 1)) {
+            *left = *left & BEHIND | now.load() & !BEHIND;
+        }
+    }
+
+    /// Notes one register.
+    fn copy_register(&mut self, register: &Watched) {
+        let index = usize::from(register.offset) / WORD;
+        if let (Some(left), Some(now)) = (self.left.get_mut(index), self.now.get(index)) {
+            *left = *left & !register.mask() | now.load() & register.mask();
+        }
+    }
+
+    /// Collects the words of `range` that differ, with what they hold now.
+    #[inline]
+    fn compare(&self, range: core::ops::Range<usize>, changed: &mut Vec<(usize, u64)>) {
+        let (Some(now), Some(left)) = (self.now.get(range.clone()), self.left.get(range.clone())) else {
+            return;
+        };
+        for (number, (now, left)) in now.chunks(STRIDE).zip(left.chunks(STRIDE)).enumerate() {
+            let differs = now.iter().zip(left).fold(0, |all, (now, left)| all | (now.load() ^ left));
+            if differs != 0 {
+                let first = range.start + STRIDE * number;
+                let words = now.iter().map(Cell64::load).zip(left).enumerate();
+                changed.extend(
+                    words.filter_map(|(index, (now, left))| (now != *left).then_some((first + index, now))),
+                );
+            }
+        }
+    }
+}
+
+fn byte(word: u64, offset: usize) -> u8 {
+    (word >> (8 * (offset % WORD))) as u8
+}
+
+/// The watch over a node.
+pub(super) struct NodeWatch {
+    plc: u16,
+    /// 1 or 2.
+    node: u8,
+    registers: Registers,
+    live: Live,
+    /// Words that differ. Kept for its memory.
+    changed: Vec<(usize, u64)>,
+    /// The mapping was changed and is judged when the firmware takes it over.
+    unsettled: bool,
+}
+
+impl NodeWatch {
+    /// The watch over node `node` (1 or 2) of PLC `plc`, whose registers are as the firmware left them.
+    pub fn new(plc: u16, node: u8, segment: &Segment) -> Result<Self, MemoryError> {
+        let registers = Registers { now: segment.view(base(node))?, left: Box::new([0; WORDS]) };
+        let mut watch =
+            NodeWatch { plc, node, registers, live: Live::Init, changed: Vec::new(), unsettled: false };
+        watch.registers.copy(WORDS);
+        Ok(watch)
+    }
+
+    /// Words of the structure that is valid.
+    fn words(&self) -> usize {
+        if self.live == Live::Init { INIT_WORDS } else { Map::of(self.node, self.live).len().div_ceil(WORD) }
+    }
+
+    /// Notes the registers as the firmware leaves them.
+    #[inline]
+    pub fn leave(&mut self, live: Live) {
+        if self.live == Live::Init && live == Live::Init {
+            self.registers.copy(INIT_WORDS - 1);
+            self.registers.copy_end_of_init();
+            return;
+        }
+        // A node that was restarted still has its cyclic registers behind the initialization structure.
+        let words = self.words();
+        self.live = live;
+        let words = words.max(self.words());
+        self.registers.copy(words);
+    }
+
+    /// Judges what was written since. Tells whether the mapping waits to be judged.
+    #[inline]
+    pub fn look(&mut self, now: u64, facts: &Facts, journal: &mut Journal) -> bool {
+        self.changed.clear();
+        self.registers.compare(0..self.words(), &mut self.changed);
+        if !self.changed.is_empty() {
+            self.judge(now, facts, journal);
+        }
+        if facts.takes_over_init {
+            self.judge_before_init(now, facts, journal);
+        }
+        self.unsettled
+    }
+
+    fn judge_with<'a>(
+        &'a mut self,
+        now: u64,
+        facts: &'a Facts,
+        journal: &'a mut Journal,
+    ) -> (Judge<'a>, &'a [(usize, u64)]) {
+        let place = Place { plc: self.plc, base: base(self.node), live: self.live };
+        let judge =
+            Judge { place, now, facts, registers: &self.registers, journal, unsettled: &mut self.unsettled };
+        (judge, &self.changed)
+    }
+
+    #[cold]
+    fn judge(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
+        let map = Map::of(self.node, self.live);
+        let (mut judge, changed) = self.judge_with(now, facts, journal);
+        for &(index, word) in changed {
+            for register in map.registers(index * WORD, WORD) {
+                let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
+                if before != after {
+                    judge.write(register, before, after);
+                }
+            }
+        }
+        // Only now: a rule may look at what other registers held before.
+        let is_init = self.live == Live::Init;
+        for &(index, word) in &self.changed {
+            if is_init && index == INIT_WORDS - 1 {
+                self.registers.copy_end_of_init();
+            } else {
+                self.registers.left[index] = word;
+            }
+        }
+    }
+
+    /// The firmware is going to clear everything behind the initialization structure: what was written there
+    /// is lost.
+    #[cold]
+    fn judge_before_init(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
+        let map = Map::of(self.node, Live::Cyclic);
+        self.changed.clear();
+        self.registers.compare(INIT_WORDS - 1..map.len().div_ceil(WORD), &mut self.changed);
+        let (mut judge, changed) = self.judge_with(now, facts, journal);
+        judge.place.live = Live::Cyclic;
+        for &(index, word) in changed {
+            let behind = map.registers(index * WORD, WORD).filter(|register| register.offset >= INIT_BYTES);
+            for register in behind {
+                let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
+                if before != after {
+                    judge.find(Rule::BeforeInit, register.offset.into(), after);
+                }
+            }
+        }
+        for &(index, word) in &self.changed {
+            self.registers.left[index] = word;
+        }
+    }
+
+    /// A write of `bytes` bytes at `offset` in the node came through the channel. Unlike those through the map it
+    /// is seen even if it has changed nothing. Tells whether the mapping waits to be judged.
+    pub fn written(
+        &mut self,
+        offset: usize,
+        bytes: usize,
+        now: u64,
+        facts: &Facts,
+        journal: &mut Journal,
+    ) -> bool {
+        let map = Map::of(self.node, self.live);
+        let (mut judge, _) = self.judge_with(now, facts, journal);
+        for register in map.registers(offset, bytes) {
+            let start = usize::from(register.offset);
+            let Some(word) = judge.registers.now.get(start / WORD).map(Cell64::load) else { continue };
+            let [before, after] = [judge.registers.left[start / WORD], word].map(|word| register.of(word));
+            judge.write(register, before, after);
+        }
+        for register in map.registers(offset, bytes) {
+            self.registers.copy_register(register);
+        }
+        self.unsettled
+    }
+
+    /// The firmware has taken the mapping over, at a SYNC edge in active operation.
+    #[cold]
+    pub fn settle(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
+        let node = self.node;
+        let (mut judge, _) = self.judge_with(now, facts, journal);
+        *judge.unsettled = false;
+        mapping::judge(&mut judge, node);
+    }
+
+    /// Whether the mapping waits to be judged.
+    pub fn is_unsettled(&self) -> bool {
+        self.unsettled
+    }
+}
+
+/// First byte of a node.
+fn base(node: u8) -> usize {
+    if node == 1 { NODE1 } else { NODE2 }
+}

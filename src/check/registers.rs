@@ -1,0 +1,232 @@
+//! What is to be watched at each register of a CANsync structure, taken from the register maps.
+
+use crate::layout::omega_drive_line_2::DEVICE;
+use crate::layout::{Live, Meaning, Owner, RegisterRef};
+use std::sync::LazyLock;
+
+/// What the rules have to do with a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Nothing beyond its value.
+    Plain,
+    /// Only the firmware writes it.
+    Owned,
+    /// Nobody writes it.
+    Reserved,
+    /// Reserved, and under the initialization data.
+    ReservedUnderInit,
+    /// Tells which value travels in a word of a frame.
+    Mapping,
+    /// Says which slaves are asked for actual values.
+    Request,
+    /// Releases frame 1 or 2 (index 0 or 1).
+    Release(usize),
+    /// Control register of the control word for a slave.
+    ControlWord(u8),
+    /// Control register of the master's parameter job for a slave.
+    Parameter(u8),
+    /// Number, or with `true` value, of the master's parameter job for a slave.
+    ParameterData(u8, bool),
+    /// Control register of the master's block 1 job.
+    Block,
+    /// What the block 1 job does, or with `true` its data.
+    BlockData(bool),
+    /// Control register of a job at the slave; the status register lies behind it.
+    SlaveJob,
+}
+
+/// Values that make no sense.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Limit {
+    None,
+    /// A slave number, 0 to 31.
+    Slave,
+    /// A slave number or 16#80.
+    SlaveOrAutomatic,
+    /// Not one of the values that the manual reserves.
+    NotReserved(&'static Meaning),
+}
+
+/// A register to be watched.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watched {
+    /// Offset in the structure.
+    pub offset: u16,
+    /// Bytes.
+    pub width: u8,
+    pub kind: Kind,
+    pub limit: Limit,
+    pub reserved_bits: u32,
+}
+
+impl Watched {
+    fn shift(&self) -> u32 {
+        8 * (u32::from(self.offset) % 8)
+    }
+
+    /// The register's bits in the 64-bit word it lies in.
+    pub fn mask(&self) -> u64 {
+        u64::MAX >> (64 - 8 * u32::from(self.width)) << self.shift()
+    }
+
+    /// The register's value in that word.
+    pub fn of(&self, word: u64) -> u32 {
+        ((word & self.mask()) >> self.shift()) as u32
+    }
+}
+
+/// The registers of a structure by their bytes.
+pub(super) struct Map {
+    registers: Vec<Watched>,
+    /// Index into `registers` for each byte; [`Map::NONE`] for padding.
+    bytes: Vec<u16>,
+}
+
+impl Map {
+    const NONE: u16 = u16::MAX;
+
+    /// The map of a node's structure in phase `live`.
+    fn new(area: &str, live: Live) -> Self {
+        let mut map = Map { registers: Vec::new(), bytes: Vec::new() };
+        let Ok(area) = DEVICE.area(area) else { return map };
+        for register in area.registers(live) {
+            let watched = watched(&register, live);
+            let (start, end) =
+                (usize::from(watched.offset), usize::from(watched.offset) + register.width() as usize);
+            map.bytes.resize(map.bytes.len().max(end), Self::NONE);
+            map.bytes[start..end].fill(map.registers.len() as u16);
+            map.registers.push(watched);
+        }
+        map
+    }
+
+    /// The map of a node, 1 or 2, in a phase.
+    pub fn of(node: u8, live: Live) -> &'static Map {
+        static MAPS: LazyLock<[Map; 4]> = LazyLock::new(|| {
+            [("node1", Live::Init), ("node1", Live::Cyclic), ("node2", Live::Init), ("node2", Live::Cyclic)]
+                .map(|(area, live)| Map::new(area, live))
+        });
+        let [init1, cyclic1, init2, cyclic2] = &*MAPS;
+        match (node, live == Live::Init) {
+            (1, true) => init1,
+            (1, false) => cyclic1,
+            (_, true) => init2,
+            (_, false) => cyclic2,
+        }
+    }
+
+    /// Length of the structure in bytes.
+    pub fn len(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// The registers that begin within `first .. first + bytes`, in ascending order.
+    pub fn registers(&self, first: usize, bytes: usize) -> impl Iterator<Item = &Watched> {
+        let covered = self.bytes.get(first..self.bytes.len().min(first + bytes)).unwrap_or_default();
+        let mut last = Self::NONE;
+        covered.iter().filter_map(move |&index| {
+            let is_new = index != last;
+            last = index;
+            self.registers.get(usize::from(index)).filter(|_| is_new)
+        })
+    }
+}
+
+fn watched(register: &RegisterRef, live: Live) -> Watched {
+    let meaning = register.register.meaning;
+    let mut watched = Watched {
+        offset: register.offset_in_structure() as u16,
+        width: register.width() as u8,
+        kind: Kind::Plain,
+        limit: Limit::None,
+        reserved_bits: 0,
+    };
+    if register.is_reserved() {
+        let under_init = live == Live::Cyclic && (watched.offset) < INIT_BYTES;
+        watched.kind = if under_init { Kind::ReservedUnderInit } else { Kind::Reserved };
+        return watched;
+    }
+    if register.owner() == Owner::Firmware {
+        watched.kind = Kind::Owned;
+        return watched;
+    }
+    let reserved = meaning.iter().flat_map(|meaning| meaning.bits).filter(|bits| bits.reserved);
+    watched.reserved_bits = reserved.map(|bits| bits.mask()).fold(0, |all, mask| all | mask);
+    (watched.kind, watched.limit) = match (meaning.map_or("", |meaning| meaning.name), meaning) {
+        ("cfg_word" | "cfg_wrc_master", _) => (Kind::Mapping, Limit::None),
+        ("max_sl_nr", _) => (Kind::Request, Limit::Slave),
+        ("sl_nr", _) => (Kind::Plain, Limit::Slave),
+        ("request", _) => (Kind::Plain, Limit::SlaveOrAutomatic),
+        ("sl_typ" | "action_command", Some(meaning)) => (Kind::Plain, Limit::NotReserved(meaning)),
+        _ => (Kind::Plain, Limit::None),
+    };
+    let slave = register.index[0] as u8;
+    let is_master = register.area.name == "node2";
+    watched.kind = match register.register.name {
+        "b_CTRLREG_RD_ORDER_RDC1" | "b_CTRLREG_RD_ORDER_RDC2" => Kind::Request,
+        "b_CTRLREG_WRC1" if is_master => Kind::Release(0),
+        "b_CTRLREG_WRC2" if is_master => Kind::Release(1),
+        "b_CTRLREG_RD_RDC1" => Kind::Release(0),
+        "b_CTRLREG_RD_RDC2" => Kind::Release(1),
+        "a_STEUREG_CONTROLWORD" => Kind::ControlWord(slave),
+        "b_STEUREG_PAR_CMD" if is_master => Kind::Parameter(slave),
+        "w_PAR_NR" => Kind::ParameterData(slave, false),
+        "d_PAR_VALUE" => Kind::ParameterData(slave, true),
+        "b_STEUREG_UPDOWNBLK1" if is_master => Kind::Block,
+        "b_SL_NR_UPDOWNBLK1" | "w_SUBSL_NR_UPDOWNBLK1" | "d_BASE_ADR_UPDOWNBLK1" | "w_LENGTH_UPDOWNBLK1"
+            if is_master =>
+        {
+            Kind::BlockData(false)
+        }
+        "a_DATA_UPDOWNBLK1" if is_master => Kind::BlockData(true),
+        "b_STEUREG_PAR_CMD" | "b_STEUREG_UPDOWNBLK1" | "b_STEUREG_UPDOWN_SINGLE" => Kind::SlaveJob,
+        _ => watched.kind,
+    };
+    watched
+}
+
+/// Length of the structure that overlays the cyclic ones.
+pub(super) const INIT_BYTES: u16 =
+    size_of::<crate::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT>() as u16;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(node: u8, live: Live, offset: usize) -> Option<Watched> {
+        Map::of(node, live).registers(offset, 1).next().copied()
+    }
+
+    #[test]
+    fn registers_are_found_by_each_of_their_bytes_and_once_per_stretch() {
+        let map = Map::of(2, Live::Cyclic);
+        assert_eq!(at(2, Live::Cyclic, 3).unwrap().offset, 2);
+        assert_eq!(map.registers(0, 8).map(|register| register.offset).collect::<Vec<_>>(), [0, 2, 4, 6]);
+        assert_eq!(map.registers(829, 3).count(), 0, "padding");
+        assert_eq!(
+            (map.len(), Map::of(1, Live::Cyclic).len(), Map::of(1, Live::Init).len()),
+            (3996, 3542, 52)
+        );
+    }
+
+    #[test]
+    fn the_register_maps_say_what_is_watched() {
+        let kind = |node, offset| at(node, Live::Cyclic, offset).unwrap().kind;
+        assert_eq!(kind(2, 0), Kind::Plain, "w_CPU_CONTROL");
+        assert_eq!(kind(2, 2), Kind::Owned, "w_OPTION_STATUS");
+        assert_eq!(kind(2, 12), Kind::Release(0));
+        assert_eq!(kind(2, 14), Kind::ReservedUnderInit);
+        assert_eq!(kind(2, 84), Kind::Reserved, "a_WR_VALUE[8]");
+        assert_eq!(kind(2, 832 + 4 * 7), Kind::Owned, "a_RD_BMARRAY[0][7]");
+        assert_eq!(kind(2, 832 + 4 * 8), Kind::Reserved, "a_RD_BMARRAY[0][8]");
+        assert_eq!(kind(2, 2916 + 5), Kind::ControlWord(5));
+        assert_eq!(kind(2, 3012 + 2 * 31), Kind::Parameter(31));
+        assert_eq!(kind(2, 3012 + 2 * 31 + 1), Kind::Plain, "b_STATREG_PAR_CMD");
+        assert_eq!(kind(2, 3076 + 8), Kind::ParameterData(1, true));
+        assert_eq!(kind(1, 2892), Kind::Owned, "w_PAR_NR is the firmware's at the slave");
+        assert_eq!(kind(1, 12), Kind::Plain, "b_CTRLREG_WRC1 of a slave only reports");
+        assert_eq!(kind(1, 2884), Kind::SlaveJob);
+        assert_eq!(at(2, Live::Cyclic, 317).unwrap().reserved_bits, 0xC0);
+        assert_eq!(at(2, Live::Cyclic, 20).unwrap().reserved_bits, 0x80);
+    }
+}

@@ -1,0 +1,190 @@
+//! `commram check`: what the access checker has found.
+
+use super::error::CliError;
+use super::table::{self, FormatArg, Row};
+use super::{Instance, time};
+use commram::check::{Entry, Rule, Severity};
+use serde::Serialize;
+
+/// Show what PLC programs have done against the manual.
+///
+/// An error is what the manual forbids or what cannot have the effect that was wanted; a warning is allowed or has no
+/// effect, but hardly what was meant. docs/checker.md tells what can be seen and what cannot.
+///
+/// Exit code 1: there is an error among the findings. Exit code 2: nothing could be checked, because the emulator is
+/// not there.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram check
+  commram check --clear
+  commram check --format json
+  commram check --rules")]
+pub struct Args {
+    /// Forget the findings after having shown them
+    #[arg(long)]
+    clear: bool,
+    /// List the rules instead; needs no emulator
+    #[arg(long, conflicts_with = "clear")]
+    rules: bool,
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Prints findings or rules.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    if args.rules {
+        let rules: Vec<_> = Rule::ALL.iter().copied().map(RuleRow::new).collect();
+        return table::print(args.format.format, &rules, rules_text);
+    }
+    let checked = findings(args).map_err(|error| CliError::Unchecked(Box::new(error)))?;
+    let rows: Vec<_> = checked.entries.iter().map(|entry| FindingRow::new(entry, &checked)).collect();
+    table::print(args.format.format, &rows, |rows| text(rows, &checked))?;
+    if checked.entries.iter().any(|entry| entry.last.rule.severity() == Severity::Error) {
+        return Err(CliError::Reported);
+    }
+    Ok(())
+}
+
+/// What an instance answers.
+struct Checked {
+    instance: String,
+    plcs: Vec<String>,
+    time_us: u64,
+    entries: Vec<Entry>,
+}
+
+#[cfg(feature = "channel")]
+fn findings(args: &Args) -> Result<Checked, CliError> {
+    use super::session::Session;
+    use commram::channel::{ClientError, Op, Reply};
+    let instance = args.instance.name.clone();
+    let session = Session::open(&instance, 0)?;
+    let mut ops = vec![Op::Info, Op::Findings];
+    ops.extend(args.clear.then_some(Op::ClearFindings));
+    let mut replies = session.request(&ops)?.into_iter();
+    match (replies.next(), replies.next()) {
+        (Some(Reply::Info(info)), Some(Reply::Findings(entries))) => {
+            Ok(Checked { instance, plcs: info.plcs, time_us: info.time_us, entries })
+        }
+        _ => Err(ClientError::WrongReply { instance }.into()),
+    }
+}
+
+#[cfg(not(feature = "channel"))]
+fn findings(_args: &Args) -> Result<Checked, CliError> {
+    Err(CliError::NoChannel { command: "check" })
+}
+
+/// A rule at a register.
+#[derive(Serialize)]
+struct FindingRow {
+    severity: &'static str,
+    rule: &'static str,
+    plc: String,
+    /// `None`: all the registers of the rule for which there was no room.
+    register: Option<String>,
+    address: Option<String>,
+    value: u32,
+    #[serde(skip)]
+    value_text: String,
+    count: u64,
+    first_us: u64,
+    last_us: u64,
+    late_us: Option<u32>,
+    text: &'static str,
+    source: &'static str,
+}
+
+impl FindingRow {
+    fn new(entry: &Entry, checked: &Checked) -> Self {
+        let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
+        let plc = checked.plcs.get(usize::from(last.plc)).cloned().unwrap_or_default();
+        let prefix = if checked.plcs.len() > 1 { format!("{plc}:") } else { String::new() };
+        FindingRow {
+            severity: last.rule.severity().name(),
+            rule: last.rule.id(),
+            register: last.name().filter(|_| is_single).map(|name| prefix + &name),
+            plc,
+            address: is_single.then(|| last.address().to_string()),
+            value: last.value,
+            value_text: last.value_text(),
+            count,
+            first_us,
+            last_us,
+            late_us: Some(latest_us).filter(|late| *late > 0),
+            text: last.rule.text(),
+            source: last.rule.source(),
+        }
+    }
+}
+
+impl Row for FindingRow {
+    const COLUMNS: &'static [&'static str] =
+        &["severity", "rule", "register", "address", "value", "count", "first", "last", "late"];
+
+    fn cells(&self) -> Vec<String> {
+        let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
+        vec![
+            self.severity.to_owned(),
+            self.rule.to_owned(),
+            self.register.clone().unwrap_or_else(|| "(further registers)".to_owned()),
+            or_dash(&self.address),
+            self.value_text.clone(),
+            self.count.to_string(),
+            time::seconds(self.first_us),
+            time::seconds(self.last_us),
+            or_dash(&self.late_us.map(|late| format!("{late} us"))),
+        ]
+    }
+}
+
+fn text(rows: &[FindingRow], checked: &Checked) -> String {
+    let number = |severity: &str| rows.iter().filter(|row| row.severity == severity).count();
+    let counted = |severity: Severity| match number(severity.name()) {
+        1 => format!("1 {severity}"),
+        count => format!("{count} {severity}s"),
+    };
+    let head = format!("instance '{}' at {}: ", checked.instance, time::seconds(checked.time_us));
+    if rows.is_empty() {
+        return head + "nothing against the manual\n";
+    }
+    let mut text = format!("{head}{}, {}\n", counted(Severity::Error), counted(Severity::Warning));
+    text += &table::aligned(rows);
+    let broken = |rule: &&Rule| rows.iter().any(|row| row.rule == rule.id());
+    for rule in Rule::ALL.iter().filter(broken) {
+        text += &format!("\n{rule} ({})\n  {}\n", rule.source(), rule.text());
+    }
+    text
+}
+
+/// A rule.
+#[derive(Serialize)]
+struct RuleRow {
+    rule: &'static str,
+    severity: &'static str,
+    text: &'static str,
+    source: &'static str,
+}
+
+impl RuleRow {
+    fn new(rule: Rule) -> Self {
+        let severity = rule.severity().name();
+        RuleRow { rule: rule.id(), severity, text: rule.text(), source: rule.source() }
+    }
+}
+
+impl Row for RuleRow {
+    const COLUMNS: &'static [&'static str] = &["rule", "severity", "text", "source"];
+
+    fn cells(&self) -> Vec<String> {
+        [self.rule, self.severity, self.text, self.source].map(str::to_owned).to_vec()
+    }
+}
+
+fn rules_text(rules: &[RuleRow]) -> String {
+    let rule = |row: &RuleRow| format!("{} ({}, {})\n  {}\n", row.rule, row.severity, row.source, row.text);
+    rules.iter().map(rule).collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,677 @@
+//! The access checker: for each rule something that breaks it, and next to it something much alike that is right.
+
+mod rig;
+
+use commram::check::{Entry, Rule};
+use commram::layout::omega_drive_line_2::*;
+use commram::memory::Width;
+use rig::{BOTH, Memory, RATES, Rig, write_init_data};
+
+/// How a rule is broken, and how its correct neighbour goes. Both start from a fresh plant.
+struct Case {
+    rule: Rule,
+    /// Name of the register that the finding is about.
+    register: &'static str,
+    /// Value in the finding.
+    value: u32,
+    wrong: fn(&mut Rig),
+    right: fn(&mut Rig),
+}
+
+const CASES: &[Case] = &[
+    Case {
+        rule: Rule::Owner,
+        register: "node2.w_OPTION_STATUS",
+        value: 0x0080,
+        wrong: |rig| rig.master.w_OPTION_STATUS.store(0x0080),
+        right: |rig| rig.master.w_CPU_CONTROL.store(0x0001),
+    },
+    Case {
+        rule: Rule::Owner,
+        register: "node2.a_RD_BMARRAY[31][7]",
+        value: 1,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.a_RD_BMARRAY[31][7].store(1);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.a_STATREG_RDC[31].b_STATREG_RDC1.store(0xFF);
+        },
+    },
+    Case {
+        rule: Rule::Owner,
+        register: "node1.w_CONTROLWORD",
+        value: 7,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave.w_CONTROLWORD.store(7);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave.b_STATREG_CONTROLWORD.store(0);
+        },
+    },
+    Case {
+        rule: Rule::ReservedRegister,
+        register: "node2.a_WR_VALUE[8]",
+        value: 5,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.a_WR_VALUE[8].store(5);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.a_WR_VALUE[7].store(5);
+        },
+    },
+    Case {
+        rule: Rule::ReservedBit,
+        register: "node2.a_CFG_RDC_WORD[3].b_CFG_RDC1_WORD0",
+        value: 0x41,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.a_CFG_RDC_WORD[3].b_CFG_RDC1_WORD0.store(0x41);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.a_CFG_RDC_WORD[3].b_CFG_RDC1_WORD0.store(0x01);
+        },
+    },
+    Case {
+        rule: Rule::ReservedValue,
+        register: "node2.b_CMD_BC0",
+        value: 0x10,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_CMD_BC0.store(0x10);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_CMD_BC0.store(0x80);
+        },
+    },
+    Case {
+        rule: Rule::ValueNumber,
+        register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD2",
+        value: 0x21,
+        wrong: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0, 0, 0x21, 0]); // value 8
+        },
+        right: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0, 0, 0x1D, 0]); // value 7
+        },
+    },
+    Case {
+        rule: Rule::ValueNumber,
+        register: "node1.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3",
+        value: 0x3F,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3.store(0x3F);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3.store(0x1F);
+        },
+    },
+    Case {
+        rule: Rule::WordUnassigned,
+        register: "node1._CFG_WRC_WORD.b_CFG_WRC1_WORD1",
+        value: 0x0C,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave._CFG_WRC_WORD.b_CFG_WRC1_WORD1.store(0x0C);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave._CFG_WRC_WORD.b_CFG_WRC1_WORD1.store(0x0D);
+        },
+    },
+    Case {
+        rule: Rule::SplitDoubleword,
+        register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD3",
+        value: 0x09,
+        wrong: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0x01, 0x03, 0x05, 0x09]);
+            rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x0B);
+            rig.run_to_sync();
+        },
+        // Moved from frame to frame within one interval; values 0 and 1 are words of their own.
+        right: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0x01, 0x03, 0x05, 0x09]);
+            rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x0B);
+            rig.step(100);
+            rig.configure_wrc1([0x01, 0x03, 0x05, 0x00]);
+            rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD1.store(0x09);
+            rig.run_to_sync();
+        },
+    },
+    Case {
+        rule: Rule::SplitDoubleword,
+        register: "node1._CFG_RDC_WORD.b_CFG_RDC2_WORD0",
+        value: 0x01,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x03);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+            rig.run_to_sync();
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x03);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD3.store(0x01);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+            rig.run_to_sync();
+        },
+    },
+    Case {
+        rule: Rule::SlaveNumber,
+        register: "node2.b_CTRLREG_RD_ORDER_RDC2",
+        value: 32,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_RD_ORDER_RDC2.store(32);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_RD_ORDER_RDC2.store(31);
+        },
+    },
+    Case {
+        rule: Rule::SlaveNumber,
+        register: "node2.b_MAX_SL_NR",
+        value: 0x80,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(0x80);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(31);
+            rig.master.b_SL_NR_PARAMETER.store(0x80);
+        },
+    },
+    Case {
+        rule: Rule::NeverPolled,
+        register: "node2.a_CTRLREG_PAR_CMD_SL[3].b_STEUREG_PAR_CMD",
+        value: 0x03,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(2);
+            rig.master.b_SL_NR_PARAMETER.store(0x80);
+            enter_parameter(rig, 3, 0x03);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(3);
+            rig.master.b_SL_NR_PARAMETER.store(0x80);
+            enter_parameter(rig, 3, 0x03);
+        },
+    },
+    Case {
+        rule: Rule::NeverPolled,
+        register: "node2.a_STEUREG_CONTROLWORD[1]",
+        value: 0x05,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_SL_NR_CONTROLWORD.store(0x80);
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_SL_NR_CONTROLWORD.store(1);
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+        },
+    },
+    Case {
+        rule: Rule::NeverPolled,
+        register: "node2.b_STEUREG_UPDOWNBLK1",
+        value: 0x15,
+        wrong: |rig| enter_download(rig, 2, 1),
+        right: |rig| enter_download(rig, 2, 2),
+    },
+    Case {
+        rule: Rule::NotRequested,
+        register: "node2.b_MAX_SL_NR",
+        value: 2,
+        wrong: |rig| {
+            rig.activate(); // slaves 0 to 3 are expected
+            rig.master.b_MAX_SL_NR.store(2);
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
+            rig.run_to_sync();
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
+            rig.step(100);
+            rig.master.b_MAX_SL_NR.store(3);
+            rig.run_to_sync();
+        },
+    },
+    Case {
+        rule: Rule::Command,
+        register: "node2.w_CPU_CONTROL",
+        value: 0x0020,
+        wrong: |rig| rig.master.w_CPU_CONTROL.store(0x0020),
+        right: |rig| rig.set_up(),
+    },
+    Case {
+        rule: Rule::Command,
+        register: "node1.w_CPU_CONTROL",
+        value: 0x0013,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave.w_CPU_CONTROL.store(0x0013);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave.w_CPU_CONTROL.store(0x0080);
+        },
+    },
+    Case {
+        rule: Rule::Order,
+        register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: 0x05,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x05);
+            rig.step(100);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STATREG_PAR_CMD.store(0x05);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STATREG_PAR_CMD.store(0x05);
+            rig.step(100);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x05);
+        },
+    },
+    Case {
+        rule: Rule::Order,
+        register: "node1.b_STEUREG_PAR_CMD",
+        value: 0x42,
+        wrong: |rig| answer_parameter(rig, |slave| slave.b_STEUREG_PAR_CMD.store(0x42)),
+        right: |rig| {
+            answer_parameter(rig, |slave| {
+                slave.b_STATREG_PAR_CMD.store(0x42);
+                slave.b_STEUREG_PAR_CMD.store(0x42);
+            });
+        },
+    },
+    Case {
+        rule: Rule::JobChanged,
+        register: "node2.a_DATA_PARAMETER[0].w_PAR_NR",
+        value: 9,
+        wrong: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(9);
+        },
+        // Given up as D-11 says; then the data are free.
+        right: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(9);
+            rig.step(100);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(10);
+        },
+    },
+    Case {
+        rule: Rule::JobChanged,
+        register: "node2.a_DATA_UPDOWNBLK1[74]",
+        value: 1,
+        wrong: |rig| {
+            enter_download(rig, 0, 0);
+            rig.run_to_sync();
+            rig.master.a_DATA_UPDOWNBLK1[74].store(1);
+        },
+        right: |rig| {
+            enter_download(rig, 0, 0);
+            rig.run_to_sync();
+            rig.master.b_STATREG_UPDOWNBLK1.update(|value| value | 0x80);
+            rig.master.b_STEUREG_UPDOWNBLK1.update(|value| value | 0x80);
+            rig.run_to_sync();
+            rig.master.a_DATA_UPDOWNBLK1[74].store(1);
+        },
+    },
+    Case {
+        rule: Rule::JobReplaced,
+        register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: 0x05,
+        wrong: |rig| {
+            parameter_under_way(rig);
+            enter_parameter(rig, 0, 0x05);
+        },
+        right: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
+            rig.step(100);
+            enter_parameter(rig, 0, 0x05);
+        },
+    },
+    Case {
+        rule: Rule::LateReference,
+        register: "node2.b_CTRLREG_WRC1",
+        value: 0x05,
+        wrong: |rig| release_reference(rig, 490 + 37),
+        right: |rig| release_reference(rig, 489),
+    },
+    Case {
+        rule: Rule::LateActual,
+        register: "node1.b_CTRLREG_RD_RDC1",
+        value: 0x05,
+        wrong: |rig| release_actual(rig, 500),
+        right: |rig| release_actual(rig, 400),
+    },
+    Case {
+        rule: Rule::InitMode,
+        register: "node2.b_MA_SL_MODE",
+        value: 1,
+        wrong: |rig| take_over_init_data(rig, |init| init.b_MA_SL_MODE.store(1)),
+        right: |rig| take_over_init_data(rig, |init| init.b_MA_SL_MODE.store(2)),
+    },
+    Case {
+        rule: Rule::InitBaudRate,
+        register: "node2.b_BT_0",
+        value: 2,
+        wrong: |rig| take_over_init_data(rig, |init| init.b_BT_0.store(2)),
+        right: |rig| take_over_init_data(rig, |_| ()),
+    },
+    Case {
+        rule: Rule::InitInterval,
+        register: "node2.b_TIME_PATTERN",
+        value: 2,
+        wrong: |rig| take_over_init_data(rig, |init| init.b_BT_0.store(1)),
+        right: |rig| {
+            take_over_init_data(rig, |init| {
+                init.b_BT_0.store(1);
+                init.b_TIME_PATTERN.store(4);
+            });
+        },
+    },
+    Case {
+        rule: Rule::InitController,
+        register: "node2.b_CLOCK_DIVIDER",
+        value: 0,
+        wrong: |rig| take_over_init_data(rig, |init| init.b_CLOCK_DIVIDER.store(0)),
+        right: |rig| take_over_init_data(rig, |init| init.b_AM.store(0)),
+    },
+    Case {
+        rule: Rule::BusBaudRate,
+        register: "node1.b_BT_0",
+        value: 0,
+        wrong: |rig| start_both(rig, [1, 0]),
+        right: |rig| start_both(rig, [0, 0]),
+    },
+    Case {
+        rule: Rule::BeforeInit,
+        register: "node2.a_WR_VALUE[0]",
+        value: 3,
+        wrong: |rig| {
+            rig.master.a_WR_VALUE[0].store(3);
+            rig.initialize_master();
+        },
+        right: |rig| {
+            rig.initialize_master();
+            rig.master.a_WR_VALUE[0].store(3);
+        },
+    },
+    Case {
+        rule: Rule::AfterInit,
+        register: "node2.b_CTRLREG_WRC5",
+        value: 0x1C,
+        wrong: |rig| {
+            rig.initialize_master();
+            rig.master_init.b_BT_1.store(0x1C);
+        },
+        right: |rig| {
+            rig.initialize_master();
+            rig.master_init.w_CPU_CONTROL.store(0x0000);
+            rig.step(500);
+            rig.master_init.b_BT_1.store(0x00);
+        },
+    },
+    Case {
+        rule: Rule::Header,
+        register: "header.sync_counter",
+        value: 77,
+        wrong: |rig| header(rig, |header| header.sync_counter[0].store(77)),
+        right: |rig| {
+            header(rig, |header| {
+                header.doorbell.ring();
+                header.board.dip.store(3);
+                header.board.switch.store(1);
+            });
+        },
+    },
+];
+
+fn enter_parameter(rig: &mut Rig, slave: usize, command: u8) {
+    let job = &rig.master.a_CTRLREG_PAR_CMD_SL[slave];
+    job.b_STATREG_PAR_CMD.store(command);
+    job.b_STEUREG_PAR_CMD.store(command);
+}
+
+/// A write job for slave 0 that its application has not answered yet.
+fn parameter_under_way(rig: &mut Rig) {
+    rig.activate();
+    rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(8);
+    enter_parameter(rig, 0, 0x05);
+    rig.run_to_sync();
+    rig.step(100);
+    assert_eq!(rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.load(), 0x0D);
+}
+
+/// The slave's application meets a read job and clears bit 0 by `answer`.
+fn answer_parameter(rig: &mut Rig, answer: fn(&CANsync_SL_CTRL_BMSTRUCT)) {
+    rig.activate();
+    enter_parameter(rig, 0, 0x03);
+    rig.run_to_sync();
+    rig.step(500);
+    assert_eq!(rig.slave.b_STEUREG_PAR_CMD.load(), 0x43);
+    answer(&rig.slave);
+}
+
+/// A download of 300 bytes to `slave`, while slaves 0 to `max` are polled.
+fn enter_download(rig: &mut Rig, slave: u8, max: u8) {
+    rig.activate();
+    rig.master.b_MAX_SL_NR.store(max);
+    rig.master.b_SL_NR_UPDOWN.store(0x80);
+    rig.master.b_SL_NR_UPDOWNBLK1.store(slave);
+    rig.master.d_BASE_ADR_UPDOWNBLK1.store(0x100);
+    rig.master.w_LENGTH_UPDOWNBLK1.store(300);
+    rig.master.b_STATREG_UPDOWNBLK1.store(0x15);
+    rig.master.b_STEUREG_UPDOWNBLK1.store(0x15);
+}
+
+/// One interval in time, then one in which WRC1 is released at this time.
+fn release_reference(rig: &mut Rig, at: u64) {
+    rig.activate();
+    rig.send_wrc1();
+    rig.step(at);
+    rig.master.b_CTRLREG_WRC1.store(0x05);
+}
+
+fn release_actual(rig: &mut Rig, at: u64) {
+    rig.activate();
+    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+    rig.run_to_sync();
+    rig.step(at);
+    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+}
+
+fn take_over_init_data(rig: &mut Rig, change: fn(&CANsync_INIT_BMSTRUCT)) {
+    let init = rig.master_init.clone();
+    init.w_CPU_CONTROL.store(0x0001);
+    rig.step(500);
+    write_init_data(&init, rig.rate, 0);
+    change(&init);
+    init.w_CPU_CONTROL.store(0x0002);
+    rig.step(500);
+}
+
+/// Starts master and slave at these rates.
+fn start_both(rig: &mut Rig, [master, slave]: [usize; 2]) {
+    rig.rate = RATES[master];
+    rig.initialize_master();
+    rig.rate = RATES[slave];
+    rig.initialize_slave();
+    rig.master.w_CPU_CONTROL.store(0x0020);
+    rig.step(500);
+    rig.slave.w_CPU_CONTROL.store(0x0020);
+    rig.step(500);
+}
+
+fn header(rig: &mut Rig, write: fn(&commram::memory::Header)) {
+    rig.step(500);
+    write(&rig.plant.plcs()[0].segment().header().unwrap());
+}
+
+fn findings(rig: &Rig) -> Vec<Entry> {
+    rig.plant.journal().findings().iter().copied().collect()
+}
+
+fn names(entries: &[Entry]) -> Vec<(&'static str, Option<String>)> {
+    entries.iter().map(|entry| (entry.last.rule.id(), entry.last.name())).collect()
+}
+
+#[test]
+fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
+    for memory in BOTH {
+        for case in CASES {
+            let rule = case.rule;
+            let mut rig = Rig::new(memory, RATES[0]);
+            rig.expect_errors(&[rule]);
+            (case.wrong)(&mut rig);
+            rig.step(500);
+            let found = findings(&rig);
+            let [entry] = found[..] else { panic!("{rule}, {memory:?}: {:?}", names(&found)) };
+            assert_eq!(entry.last.rule, rule);
+            assert_eq!(entry.last.name().as_deref(), Some(case.register), "{rule}");
+            assert_eq!(entry.last.value, case.value, "{rule}");
+            assert_eq!(entry.count, 1, "{rule} is reported once");
+
+            let mut rig = Rig::new(memory, RATES[0]);
+            (case.right)(&mut rig);
+            rig.step(500);
+            assert_eq!(names(&findings(&rig)), [], "the right way beside {rule}, {memory:?}");
+        }
+    }
+}
+
+#[test]
+fn every_rule_has_a_case() {
+    let without: Vec<_> =
+        Rule::ALL.iter().filter(|rule| CASES.iter().all(|case| case.rule != **rule)).collect();
+    assert_eq!(without, Vec::<&Rule>::new());
+}
+
+#[test]
+fn how_late_it_was_is_told() {
+    for (rate, deadline) in [(RATES[0], 490), (RATES[2], 2780)] {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.expect_errors(&[Rule::LateReference]);
+        for late in [12, 37, 5] {
+            if rig.plant.now() == 0 {
+                rig.activate();
+            }
+            rig.run_to_sync();
+            rig.send_wrc1();
+            rig.step(deadline + late);
+            rig.master.b_CTRLREG_WRC1.store(0x05);
+            rig.run_to_sync();
+        }
+        let found = findings(&rig);
+        assert_eq!((found[0].count, found[0].last.late_us, found[0].latest_us), (3, 5, 37));
+    }
+}
+
+/// D-142: who releases one interval ahead, or now and then, is not late.
+#[test]
+fn working_ahead_and_pausing_are_not_late() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.activate();
+    for _ in 0..5 {
+        rig.step(1000);
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        rig.run_to_sync();
+    }
+    for _ in 0..3 {
+        rig.run_to_sync();
+        rig.run_to_sync();
+        rig.step(700);
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        rig.run_to_sync();
+        rig.run_to_sync();
+    }
+    assert_eq!(names(&findings(&rig)), []);
+}
+
+/// A finding bears the emulated time of the write, however the time passes afterwards.
+#[test]
+fn the_time_is_that_of_the_write() {
+    for slice in [1, 77, 5000] {
+        let mut rig = Rig::new(Memory::Mapped, RATES[0]);
+        rig.expect_errors(&[Rule::Owner]);
+        rig.activate();
+        rig.step(333);
+        let at = rig.plant.now();
+        rig.master.w_OMEGA_NR.store(1);
+        for _ in 0..5000 / slice {
+            rig.step(slice);
+        }
+        rig.master.w_OMEGA_NR.store(2);
+        let again = rig.plant.now();
+        rig.plant.processor_cycle();
+        let found = findings(&rig);
+        assert_eq!((found[0].first_us, found[0].last_us, found[0].count), (at, again, 2));
+    }
+}
+
+/// The same value again is no change of the RAM; through the channel it is a write all the same.
+#[test]
+fn through_the_channel_every_write_is_seen() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.expect_errors(&[Rule::Owner]);
+    rig.activate();
+    for _ in 0..3 {
+        rig.plant.note_channel_write(0, NODE2 as u32 + 2, 2, 0x0080);
+    }
+    let status = NODE2 as u32 + 2;
+    rig.plant.plcs()[0].segment().store(status, Width::Word, 0x0043).unwrap();
+    rig.plant.note_channel_write(0, status, 2, 0x0043);
+    rig.step(100);
+    let found = findings(&rig);
+    assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 4, 0x0043), "not found a second time");
+}
+
+#[test]
+fn findings_can_be_forgotten() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.expect_errors(&[Rule::Owner]);
+    for value in [5, 6] {
+        rig.plant.clear_findings();
+        rig.master.w_OMEGA_NR.store(value);
+        rig.step(100);
+        let found = findings(&rig);
+        assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 1, u32::from(value)));
+    }
+}
+
+/// Findings are events like all others: the same run has the same ones, and other ones make another run.
+#[test]
+fn findings_belong_to_the_run() {
+    let run = |memory, value| {
+        let mut rig = Rig::new(memory, RATES[0]);
+        rig.expect_errors(&[Rule::Owner]);
+        rig.activate();
+        rig.master.w_OMEGA_NR.store(value);
+        rig.step(3000);
+        rig.plant.journal().hash()
+    };
+    assert_eq!(run(Memory::Heap, 5), run(Memory::Mapped, 5));
+    assert_ne!(run(Memory::Heap, 5), run(Memory::Heap, 6));
+}
