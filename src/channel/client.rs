@@ -287,15 +287,21 @@ impl std::fmt::Debug for Client {
     }
 }
 
+/// The domain of an emulator that is ready.
+pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Result<Domain, ClientError> {
+    if !Domain::is_announced(root, bells.emulator_pid()) || !bells.emulator_alive() {
+        let root = root.display().to_string();
+        return Err(ClientError::NotRunning { instance: instance.to_owned(), root });
+    }
+    Ok(Domain::new(instance, root)?)
+}
+
 fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Service, Node<Ipc>), ClientError> {
     let name = || instance.to_owned();
     let not_running = || ClientError::NotRunning { instance: name(), root: root.display().to_string() };
     let connect = |reason: String| ClientError::Connect { instance: name(), reason };
     let announced = || Domain::is_announced(root, bells.emulator_pid());
-    if !announced() || !bells.emulator_alive() {
-        return Err(not_running());
-    }
-    let domain = Domain::new(instance, root)?;
+    let domain = domain_of(instance, root, bells)?;
     let node = domain.node().map_err(|e| connect(e.to_string()))?;
     let service = match open(&node).ok_or_else(|| connect("no service".into()))? {
         // Others that were killed may hold the places.

@@ -24,7 +24,7 @@ pub(super) type Service =
 /// Clients that can be connected at the same time.
 pub const MAX_CLIENTS: usize = 32;
 /// The clients' nodes, the server's, and some that died and are not yet cleaned up.
-const MAX_NODES: usize = MAX_CLIENTS + 8;
+pub(super) const MAX_NODES: usize = MAX_CLIENTS + 8;
 /// Longest root directory in bytes: what iceoryx2 puts below it must stay within its 255 bytes.
 pub(super) const MAX_ROOT: usize = 120;
 /// Where POSIX shared memory lies on Linux.

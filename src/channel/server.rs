@@ -9,7 +9,7 @@ pub use super::domain::{MAX_CLIENTS, RootError};
 use super::domain::{Domain, Ipc, Service};
 use super::exec::{Progress, Run};
 use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
-use super::{Bells, Machine};
+use super::{Bells, EventNotifier, Machine};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::{BackpressureStrategy, Node};
@@ -121,6 +121,16 @@ impl Server {
         };
         server.domain.announce().map_err(|source| RootError::Io { path: root.to_owned(), source })?;
         Ok(server)
+    }
+
+    /// The event services of the PLCs `plcs`, which are to be dropped before the server.
+    ///
+    /// # Errors
+    /// iceoryx2 gets no resources.
+    pub fn event_notifier(&self, instance: &str, plcs: &[String]) -> Result<EventNotifier, ServerError> {
+        let gone =
+            || ServerError::Service { instance: instance.to_owned(), reason: "the server ends".into() };
+        EventNotifier::open(instance, self.node.as_ref().ok_or_else(gone)?, plcs)
     }
 
     /// Number of requests that wait in real time. While it is not zero, poll after every firmware step.

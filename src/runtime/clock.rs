@@ -1,6 +1,7 @@
 //! Where emulated time comes from.
 
 use crate::memory::ClockMode;
+use rustix::time::{ClockId, clock_gettime};
 use std::time::{Duration, Instant};
 
 /// The clock of an emulator.
@@ -44,13 +45,22 @@ impl Clock {
 #[derive(Debug)]
 pub(super) struct WallClock {
     started: Instant,
+    /// The same on `CLOCK_MONOTONIC`, in ns.
+    epoch_ns: u64,
     speed: f64,
 }
 
 impl WallClock {
     /// Starts at emulated time 0 now.
     pub(super) fn start(speed: f64) -> Self {
-        WallClock { started: Instant::now(), speed }
+        let epoch = clock_gettime(ClockId::Monotonic);
+        let epoch_ns = epoch.tv_sec as u64 * 1_000_000_000 + epoch.tv_nsec as u64;
+        WallClock { started: Instant::now(), epoch_ns, speed }
+    }
+
+    /// `CLOCK_MONOTONIC` at emulated time 0, in ns.
+    pub(super) fn epoch_ns(&self) -> u64 {
+        self.epoch_ns
     }
 
     /// The present emulated time.
@@ -81,8 +91,8 @@ mod tests {
     #[test]
     fn a_fast_clock_is_ahead_of_a_slow_one() {
         let started = Instant::now();
-        let fast = WallClock { started, speed: 10.0 };
-        let slow = WallClock { started, speed: 0.1 };
+        let fast = WallClock { started, epoch_ns: 0, speed: 10.0 };
+        let slow = WallClock { started, epoch_ns: 0, speed: 0.1 };
         let slow_now = slow.now();
         assert!(fast.now() >= slow_now);
         assert!(slow.until(slow_now + 1_000_000) > fast.until(slow_now + 1_000_000));

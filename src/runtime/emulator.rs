@@ -88,6 +88,9 @@ pub struct Emulator {
     images: Vec<Image>,
     /// Rings of each PLC's doorbell as last noted.
     rings: Vec<u32>,
+    /// Before the server, on whose node it is.
+    #[cfg(feature = "channel")]
+    events: Option<crate::channel::EventNotifier>,
     #[cfg(feature = "channel")]
     server: Option<crate::channel::Server>,
     #[cfg(feature = "channel")]
@@ -135,6 +138,11 @@ impl Emulator {
         }
         #[cfg(feature = "channel")]
         let server = Self::open_channel(&options.instance, &images);
+        #[cfg(feature = "channel")]
+        let events = server.as_ref().and_then(|server| {
+            let notifier = server.event_notifier(&options.instance, &plant.names().plcs);
+            notifier.inspect_err(|error| tracing::error!("no event services: {error}")).ok()
+        });
         let novram = Keeper::new(novram).map_err(|reason| RuntimeError::Thread { reason })?;
         let headers = images.iter().map(|image| image.header().clone()).collect();
         let lockstep = Lockstep::new(headers, options.clock.is_stepped());
@@ -148,6 +156,8 @@ impl Emulator {
             options,
             stop: Arc::new(AtomicBool::new(false)),
             images,
+            #[cfg(feature = "channel")]
+            events,
             #[cfg(feature = "channel")]
             server,
             #[cfg(feature = "channel")]
@@ -185,7 +195,14 @@ impl Emulator {
     pub fn run(&mut self) {
         match self.options.clock {
             Clock::Stepped => self.run_stepped(),
-            Clock::RealTime { speed } => self.run_real_time(&WallClock::start(speed)),
+            Clock::RealTime { speed } => {
+                // The default of 50 us would make each SYNC edge that much later. Without it, it is later.
+                let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
+                let clock = WallClock::start(speed);
+                let epoch = clock.epoch_ns();
+                self.images.iter().for_each(|image| image.header().real_epoch_ns.store(epoch));
+                self.run_real_time(&clock);
+            }
         }
         self.images.iter().for_each(Image::set_stopping);
         self.close_channel();
@@ -224,6 +241,7 @@ impl Emulator {
             }
             if look || due {
                 self.announce();
+                self.tell_events();
             }
             self.save_novram(false);
             if self.serve_channel() {
@@ -299,8 +317,25 @@ impl Emulator {
         false
     }
 
+    /// Tells listeners of the event services what has occurred.
+    #[cfg(feature = "channel")]
+    pub(super) fn tell_events(&mut self) {
+        for plc in 0..self.images.len() {
+            let fired = self.plant.take_fired(plc);
+            if fired != 0
+                && let Some(events) = &self.events
+            {
+                events.notify(plc, fired);
+            }
+        }
+    }
+
+    #[cfg(not(feature = "channel"))]
+    fn tell_events(&mut self) {}
+
     #[cfg(feature = "channel")]
     fn close_channel(&mut self) {
+        self.events = None;
         if let Some(server) = self.server.take() {
             server.close();
         }

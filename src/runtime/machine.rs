@@ -66,6 +66,7 @@ impl Machine for Emulator {
     fn advance_to(&mut self, t: u64) {
         let stop = &self.stop;
         self.lockstep.advance(&mut self.plant, t, || stop.load(std::sync::atomic::Ordering::Acquire));
+        self.tell_events();
     }
 
     fn next_sync(&self, plc: usize, node: u8) -> Option<u64> {

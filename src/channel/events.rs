@@ -1,0 +1,120 @@
+//! Events of the boards as an iceoryx2 event service, one for each PLC: `commram.events.<plc>`, in the domain of the
+//! channel. The id of a notification is the number of the event.
+//!
+//! Notifications wake; they do not count: several events of one number become one notification. How many there were
+//! say the counters in the header page, which are ahead of the notification.
+
+use super::client::{ClientError, domain_of};
+use super::domain::{Domain, Ipc, MAX_CLIENTS, MAX_NODES};
+use super::{Bells, ServerError};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::prelude::*;
+use iceoryx2::service::builder::event::Builder;
+use iceoryx2::service::port_factory::event::PortFactory as Service;
+use std::path::Path as FsPath;
+use std::time::{Duration, Instant};
+
+/// Highest event number that can be notified.
+const LAST_EVENT: usize = crate::memory::header::EVENT_SLOTS - 1;
+/// How often a listener looks whether the emulator lives.
+const ALIVE_CHECK: Duration = Duration::from_millis(100);
+
+fn builder(node: &Node<Ipc>, plc: &str) -> Option<Builder<Ipc>> {
+    let name = ServiceName::new(&format!("commram.events.{plc}")).ok()?;
+    let builder = node.service_builder(&name).event();
+    let builder = builder.max_notifiers(1).max_listeners(MAX_CLIENTS).max_nodes(MAX_NODES);
+    Some(builder.event_id_max_value(LAST_EVENT))
+}
+
+/// The emulator's end: tells listeners of events. Costs next to nothing while nobody listens.
+pub struct EventNotifier {
+    /// One per PLC.
+    services: Vec<(Service<Ipc>, Notifier<Ipc>)>,
+}
+
+impl EventNotifier {
+    pub(super) fn open(instance: &str, node: &Node<Ipc>, plcs: &[String]) -> Result<Self, ServerError> {
+        let failed = |reason: String| ServerError::Service { instance: instance.to_owned(), reason };
+        let open = |plc: &String| {
+            let builder = builder(node, plc).ok_or_else(|| failed(format!("no service for {plc}")))?;
+            let service = builder.open_or_create().map_err(|error| failed(error.to_string()))?;
+            let notifier = service.notifier_builder().create().map_err(|error| failed(error.to_string()))?;
+            Ok((service, notifier))
+        };
+        Ok(EventNotifier { services: plcs.iter().map(open).collect::<Result<_, ServerError>>()? })
+    }
+
+    /// Events of PLC `plc` have occurred, bit n for event n.
+    #[inline]
+    pub fn notify(&self, plc: usize, events: u16) {
+        let Some((service, notifier)) = self.services.get(plc) else { return };
+        if service.dynamic_config().number_of_listeners() == 0 {
+            return;
+        }
+        for event in (0..=LAST_EVENT).filter(|event| events & 1 << event != 0) {
+            if let Err(reason) = notifier.notify_with_custom_event_id(EventId::new(event)) {
+                // A listener has died; the others have been told.
+                tracing::debug!(?reason, "an event could not be told");
+            }
+        }
+    }
+}
+
+/// A client's end: waits for events of one PLC.
+pub struct EventListener {
+    listener: Listener<Ipc>,
+    // After the port, which belongs to them.
+    _service: Service<Ipc>,
+    _node: Node<Ipc>,
+    bells: Box<dyn Bells>,
+    instance: String,
+}
+
+impl EventListener {
+    /// Listens to the events of PLC `plc` of `instance`, whose channel lies in the directory `root`.
+    ///
+    /// # Errors
+    /// The instance is not running or has no such PLC, or iceoryx2 refuses.
+    pub fn connect(
+        instance: &str,
+        root: &FsPath,
+        plc: &str,
+        bells: Box<dyn Bells>,
+    ) -> Result<Self, ClientError> {
+        let connect = |reason: String| ClientError::Connect { instance: instance.to_owned(), reason };
+        let domain: Domain = domain_of(instance, root, &*bells)?;
+        let node = domain.node().map_err(|error| connect(error.to_string()))?;
+        let builder = builder(&node, plc).ok_or_else(|| connect(format!("{plc} is no name of a PLC")))?;
+        let service = builder.open().map_err(|error| connect(format!("events of PLC {plc}: {error}")))?;
+        let listener = service.listener_builder().create().map_err(|error| connect(format!("{error:?}")))?;
+        Ok(EventListener { listener, _service: service, _node: node, bells, instance: instance.to_owned() })
+    }
+
+    /// Waits until events have occurred since the last call, at most for `timeout`; bit n of the result stands for
+    /// event n, and 0 for none. Look at the counters before the first call, and after each one.
+    ///
+    /// # Errors
+    /// [`ClientError::EmulatorGone`], noticed within 100 ms, or iceoryx2 fails.
+    pub fn wait(&self, timeout: Duration) -> Result<u16, ClientError> {
+        let start = Instant::now();
+        loop {
+            let mut events = 0;
+            let left = timeout.saturating_sub(start.elapsed());
+            let waited = self.listener.timed_wait(
+                |event| events |= 1u16.checked_shl(event.id.as_value() as u32).unwrap_or(0),
+                left.min(ALIVE_CHECK),
+            );
+            if let Err(reason) = waited {
+                let reason = reason.to_string();
+                return Err(ClientError::Connect { instance: self.instance.clone(), reason });
+            }
+            if events != 0 || left.is_zero() {
+                return Ok(events);
+            }
+            if !self.bells.emulator_alive() {
+                return Err(ClientError::EmulatorGone { instance: self.instance.clone() });
+            }
+        }
+    }
+}
