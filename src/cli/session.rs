@@ -178,7 +178,7 @@ impl Session {
     /// # Errors
     /// The emulator has gone.
     pub fn boards(&self) -> Result<Vec<(String, BoardState)>, CliError> {
-        let states = match &self.door {
+        let states: Vec<BoardState> = match &self.door {
             #[cfg(feature = "channel")]
             Door::Channel(_) => self.boards_by_channel()?,
             Door::Images(images) => images.iter().map(board_of).collect(),
