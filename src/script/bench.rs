@@ -287,22 +287,43 @@ impl Bench {
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
     pub fn ram(&mut self, plc: &str) -> Result<Ram, ScenarioError> {
-        let plc = self.plc(Some(plc).filter(|plc| !plc.is_empty()), "ram")?;
+        let plc = self.only_plc(plc)?;
         self.ram_of(plc)
     }
 
-    fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {
+    /// The PLC of this name; `""` is the only one.
+    pub(super) fn only_plc(&self, name: &str) -> Result<u16, ScenarioError> {
+        match self.names.plcs.as_slice() {
+            [_] if name.is_empty() => Ok(0),
+            all => position("PLC", all, name),
+        }
+    }
+
+    /// How often an event of a PLC has come since power-on; `""` is the only PLC. `docs/board.md` has the numbers
+    /// of the events, which count while they are enabled.
+    ///
+    /// # Errors
+    /// There is no such PLC or event.
+    pub fn event_count(&mut self, plc: &str, event: usize) -> Result<u32, ScenarioError> {
+        let ram = self.ram(plc)?;
+        let slot = ram.header().events.get(event).ok_or_else(|| {
+            ScenarioError::argument(&event.to_string(), "event numbers are 0 to 12, see docs/board.md")
+        })?;
+        Ok(slot.bell.rings())
+    }
+
+    pub(super) fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {
         Ok(Ram::of(&self.backend.segment(plc)?)?)
     }
 
-    /// The RAM of the PLC and the area that are meant by `node2` or `line2:node1`.
+    /// The PLC and the area that are meant by `node2` or `line2:node1`.
     ///
     /// # Errors
     /// There is no such PLC or area of registers.
-    pub(super) fn area(&mut self, text: &str) -> Result<(Ram, &'static Area), ScenarioError> {
+    pub(super) fn area(&self, text: &str) -> Result<(u16, &'static Area), ScenarioError> {
         let (plc, name) = split_plc(text);
         let plc = self.plc(plc, name)?;
-        Ok((self.ram_of(plc)?, memory::register_area(name)?))
+        Ok((plc, memory::register_area(name)?))
     }
 
     /// Lets the time pass.

@@ -4,6 +4,7 @@ mod arguments;
 mod block;
 mod blocks;
 mod pins;
+mod wires;
 
 use super::{Bench, Failure, MemoryCopy, ScenarioError, SeenFrame};
 use crate::journal::text::Text;
@@ -184,6 +185,14 @@ impl Verbs {
 
     fn time(&mut self) {
         self.on("now", |stage| move || stage.act(|bench| Ok(int(bench.now()?))));
+        self.on("event_count", |stage| {
+            move |event: INT| stage.act(|bench| bench.event_count("", number(event, "event")?).map(INT::from))
+        });
+        self.on("event_count", |stage| {
+            move |event: INT, plc: &str| {
+                stage.act(|bench| bench.event_count(plc, number(event, "event")?).map(INT::from))
+            }
+        });
         self.on("step", |stage| move |time: Dynamic| stage.act(|bench| bench.step(span(&time)?)));
         self.on("step_to_sync", |stage| move || stage.act(|bench| bench.step_to_sync("node2")));
         self.on("step_to_sync", |stage| move |node: &str| stage.act(|bench| bench.step_to_sync(node)));

@@ -3,11 +3,16 @@
 use super::arguments::span;
 use super::blocks::{KINDS, Kind, Placed};
 use super::{Fallible, Verbs, int, thrown};
+use super::wires::{ServiceData, Wires};
+use crate::layout::Area;
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::script::{Bench, ScenarioError};
+use core::cell::RefCell;
 use core::fmt::Write;
 use core::panic::Location;
 use rhai::{Dynamic, INT};
+use std::collections::BTreeMap;
+use std::rc::Rc;
 
 /// Time from one call to the next while a scenario waits for a block, in microseconds.
 const CYCLE_US: u64 = 500;
@@ -22,21 +27,27 @@ pub(super) struct Block {
 }
 
 impl Block {
-    fn new(bench: &mut Bench, name: &str, place: &str) -> Result<Self, ScenarioError> {
+    fn new(
+        bench: &mut Bench,
+        service_data: &mut BTreeMap<u16, ServiceData>,
+        name: &str,
+        place: &str,
+    ) -> Result<Self, ScenarioError> {
         let kind = KINDS.iter().find(|kind| kind.name == name).ok_or_else(|| {
             let known: Vec<_> = KINDS.iter().map(|kind| kind.name).collect();
             ScenarioError::Unknown { what: "function block", name: name.to_owned(), known: known.join(", ") }
         })?;
-        let (ram, area) = bench.area(place)?;
-        if !area.structures.iter().any(|placed| placed.structure.name == kind.base) {
-            let fitting = |area: &&crate::layout::Area| {
-                area.structures.iter().any(|placed| placed.structure.name == kind.base)
-            };
-            let areas: Vec<_> = DEVICE.areas.iter().filter(fitting).map(|area| area.name).collect();
-            let right = format!("{name} needs {}, which is in {}", kind.base, areas.join(", "));
-            return Err(ScenarioError::argument(place, &right));
-        }
-        let instance = (kind.make)(&ram, area.first as usize)?;
+        let (plc, offset) = match kind.base {
+            Some(structure) => {
+                let (plc, area) = bench.area(place)?;
+                check_area(kind, structure, area, place)?;
+                (plc, area.first as usize)
+            }
+            None => (bench.only_plc(place)?, 0),
+        };
+        let ram = bench.ram_of(plc)?;
+        let service_data = Rc::clone(service_data.entry(plc).or_default());
+        let instance = (kind.make)(&Wires { ram: &ram, offset, service_data: &service_data })?;
         Ok(Self { kind, place: place.to_owned(), instance })
     }
 
@@ -112,10 +123,25 @@ impl Block {
     }
 }
 
+/// Checks that the area has the registers that the block needs.
+fn check_area(kind: &Kind, structure: &str, area: &Area, place: &str) -> Result<(), ScenarioError> {
+    let fits = |area: &Area| area.structures.iter().any(|placed| placed.structure.name == structure);
+    if fits(area) {
+        return Ok(());
+    }
+    let areas: Vec<_> = DEVICE.areas.iter().filter(|area| fits(area)).map(|area| area.name).collect();
+    let right = format!("{} needs {structure}, which is in {}", kind.name, areas.join(", "));
+    Err(ScenarioError::argument(place, &right))
+}
+
 impl Verbs {
     pub(super) fn blocks(&mut self) {
+        // Of each PLC, what connects the blocks of its service data.
+        let service_data = RefCell::<BTreeMap<u16, ServiceData>>::default();
         self.on("block", |stage| {
-            move |name: &str, place: &str| stage.act(|bench| Block::new(bench, name, place))
+            move |name: &str, place: &str| {
+                stage.act(|bench| Block::new(bench, &mut service_data.borrow_mut(), name, place))
+            }
         });
         self.on("cycle", |_| move |block: &mut Block| block.instance.borrow_mut().call());
         self.on("cycle_until", |stage| {

@@ -3,11 +3,12 @@
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
 use super::pins::Pin;
+use super::wires::{Board, Connected, Jobs, JobsAndRegisters, Wires};
 use crate::layout::omega_drive_line_2::{
-    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
+    BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
 use crate::memory::MemoryError;
-use crate::plc::{self, Base, CANsync_RD_BMARRAY, CANsync_UPDOWN_BMARRAY, Ram};
+use crate::plc::{self, CANsync_RD_BMARRAY, CANsync_UPDOWN_BMARRAY};
 use crate::script::ScenarioError;
 use core::cell::RefCell;
 use rhai::Dynamic;
@@ -32,12 +33,12 @@ pub(super) type Placed = Rc<RefCell<dyn Instance>>;
 pub(super) struct Kind {
     /// The block's name.
     pub name: &'static str,
-    /// The structure of its `_BASE`.
-    pub base: &'static str,
+    /// The structure of its `_BASE`; none for blocks of the board.
+    pub base: Option<&'static str>,
     /// Its pins.
     pub pins: &'static [&'static str],
-    /// Makes one at `%MB3.offset`.
-    pub make: fn(&Ram, usize) -> Result<Placed, MemoryError>,
+    /// Makes one.
+    pub make: fn(&Wires<'_>) -> Result<Placed, MemoryError>,
 }
 
 macro_rules! blocks {
@@ -49,12 +50,12 @@ macro_rules! blocks {
         /// The blocks that scripts can use.
         pub(super) const KINDS: &[Kind] = &[$(Kind {
             name: stringify!($name),
-            base: stringify!($base),
+            base: <$base as Connected>::STRUCTURE,
             pins: &[$(stringify!($pin),)* $(stringify!($data)),*],
-            make: |ram, offset| {
+            make: |wires| {
                 struct This {
                     block: plc::$name,
-                    base: Base<$base>,
+                    base: <$base as Connected>::Base,
                     $($data: Box<$type>,)*
                 }
                 impl Instance for This {
@@ -79,10 +80,9 @@ macro_rules! blocks {
                         $call
                     }
                 }
-                let base = ram.at(offset)?;
                 Ok(Rc::new(RefCell::new(This {
                     block: plc::$name::default(),
-                    base,
+                    base: <$base as Connected>::connect(wires)?,
                     $($data: zeroed::<$type>(),)*
                 })))
             },
@@ -173,4 +173,46 @@ blocks! {
     CANsync_UPDOWNLOAD_SL(CANsync_SL_CTRL_BMSTRUCT, a_DOWNLOAD: CANsync_UPDOWN_BMARRAY, a_UPLOAD: CANsync_UPDOWN_BMARRAY)
         [t_TIME x_EN x_RESET x_UPDOWN x_ORDER_ACTIV u_LENGTH x_BUSY w_ERR x_ERR x_OK]
         |block, base| block.call(base, a_DOWNLOAD, a_UPLOAD);
+    BAPS_INIT(BAPS_CTRL_BMSTRUCT)
+        [us_HW_TYPE i_EVENT w_COMMAND_REG us_MODE u_WR_PAR_NR0 u_WR_PAR_NR1 u_WR_PAR_NR2 u_WR_PAR_NR3 u_WR_PAR_NR4
+         u_WR_PAR_NR5 u_WR_PAR_NR6 u_WR_PAR_NR7 u_RD_PAR_NR0 u_RD_PAR_NR1 u_RD_PAR_NR2 u_RD_PAR_NR3 u_RD_PAR_NR4
+         u_RD_PAR_NR5 u_RD_PAR_NR6 u_RD_PAR_NR7 t_TIME x_EN x_RESET w_STATUS_REG x_BUSY b_SL_QUIT b_ERR x_ERR x_OK]
+        |block, base| block.call(base);
+    BAPS_PD_COMM2(BAPS_CTRL_BMSTRUCT)
+        [us_HW_TYPE w_CONTROLWORD w_COMMAND_REG us_MODE ud_WR_VALUE0 ud_WR_VALUE1 x_EN w_STATUSWORD w_STATUS_REG
+         ud_RD_VALUE0 ud_RD_VALUE1 b_SL_QUIT b_ERR x_ERR]
+        |block, base| block.call(base);
+    BAPS_PD_COMM8(BAPS_CTRL_BMSTRUCT)
+        [us_HW_TYPE w_CONTROLWORD w_COMMAND_REG us_MODE ud_WR_VALUE0 ud_WR_VALUE1 ud_WR_VALUE2 ud_WR_VALUE3
+         ud_WR_VALUE4 ud_WR_VALUE5 ud_WR_VALUE6 ud_WR_VALUE7 x_EN w_STATUSWORD w_STATUS_REG ud_RD_VALUE0
+         ud_RD_VALUE1 ud_RD_VALUE2 ud_RD_VALUE3 ud_RD_VALUE4 ud_RD_VALUE5 ud_RD_VALUE6 ud_RD_VALUE7 b_SL_QUIT
+         b_ERR x_ERR]
+        |block, base| block.call(base);
+    BAPS_PD_COMM24(BAPS_CTRL_BMSTRUCT)
+        [us_HW_TYPE w_CONTROLWORD w_COMMAND_REG us_MODE ud_WR_VALUE0 ud_WR_VALUE1 t_RE_INIT_TIME x_RE_INIT_START
+         x_EN w_STATUSWORD w_STATUS_REG ud_RD_VALUE0 ud_RD_VALUE1 ud_RD_VALUE2 ud_RD_VALUE3 b_SL_QUIT b_ERR x_ERR
+         x_RE_INIT_ERR x_RE_INIT_OK]
+        |block, base| block.call(base);
+    BAPS_PD_CONTROL(BAPS_CTRL_BMSTRUCT)
+        [x_RESET t_TIME x_ERR]
+        |block, base| block.call(base);
+    BAPS_PAR_READ(Jobs)
+        [u_PAR_NR us_PAR_ELEMENT x_EN x_RESET ud_PAR_VALUE x_PAR_FORMAT x_BUSY i_ERR_DETAIL i_ERR_COMM x_ERR x_OK]
+        |block, jobs| block.call(&mut jobs.borrow_mut());
+    BAPS_PAR_WRITE(Jobs)
+        [u_PAR_NR x_PAR_FORMAT ud_PAR_VALUE x_EN_ERR_FORMAT x_EN x_RESET x_BUSY i_ERR_DETAIL i_ERR_COMM x_ERR x_OK]
+        |block, jobs| block.call(&mut jobs.borrow_mut());
+    BAPS_SD_CONTROL(JobsAndRegisters)
+        [x_RESET t_TIME b_ERR x_ERR]
+        |block, base| block.call(&base.0, &mut base.1.borrow_mut());
+    LED(Board) [b_LEDS] |block, ram| block.call(ram);
+    INTR_SET(Board)
+        [i_EVENT i_MODE i_PAR1 i_PAR2 x_EN x_ERR]
+        |block, ram| block.call(ram);
+    OPT_INIT(Board)
+        [us_MODE_TRIGGER_1 us_MODE_TRIGGER_2 us_MODE_TRIGGER_CONTROLLER u_DIVIDER_TIMER_A x_EN_TIMER_A
+         ud_CFG_MODE_TIMER_A u_DIVIDER_TIMER_B x_EN_TIMER_B ud_CFG_MODE_TIMER_B x_ERR x_OK]
+        |block, ram| block.call(ram);
+    TIME_MEASURE_START(Board) [ud_TIME] |block, ram| block.call(ram);
+    TIME_MEASURE_END(Board) [ud_TIME ud_TIME_DIFF] |block, ram| block.call(ram);
 }
