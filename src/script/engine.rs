@@ -57,12 +57,13 @@ impl Stage {
         bench
     }
 
+    /// The plant; the built-in one if none was named.
     fn bench(&mut self) -> Result<&mut Bench, ScenarioError> {
-        if self.bench.is_none() {
-            self.bench = Some(self.limited(Bench::built_in()?));
-        }
-        // It has just been put there.
-        self.bench.as_mut().ok_or_else(|| ScenarioError::argument("bench", "there is none"))
+        let bench = match self.bench.take() {
+            Some(bench) => bench,
+            None => self.limited(Bench::built_in()?),
+        };
+        Ok(self.bench.insert(bench))
     }
 
     /// The verb `plant`.

@@ -4,7 +4,7 @@ use super::engine::{Stage, engine};
 use super::{Bench, Failure, ScenarioError};
 use core::cell::RefCell;
 use rhai::module_resolvers::FileModuleResolver;
-use rhai::{Engine, EvalAltResult, ParseError, Position};
+use rhai::{Engine, EvalAltResult, ParseError};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -216,7 +216,7 @@ impl Place {
 
 /// Where an error comes from: the innermost line of a script.
 fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> Place {
-    let mut place = Place { file: file.to_owned(), line: line(error.position()) };
+    let mut place = Place { file: file.to_owned(), line: error.position().line() };
     let mut at = error;
     while let EvalAltResult::ErrorInFunctionCall(_, source, inner, _)
     | EvalAltResult::ErrorInModule(source, inner, _) = at
@@ -224,16 +224,10 @@ fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> Place {
         if !source.is_empty() {
             place.file = module_file(source, directory);
         }
-        if let Some(line) = line(inner.position()) {
-            place.line = Some(line);
-        }
+        place.line = inner.position().line().or(place.line);
         at = inner;
     }
     place
-}
-
-fn line(position: Position) -> Option<usize> {
-    position.line()
 }
 
 /// The file of an imported script.

@@ -2,8 +2,8 @@
 
 use super::arguments::span;
 use super::blocks::{KINDS, Kind, Placed};
-use super::{Fallible, Verbs, int, thrown};
 use super::wires::{ServiceData, Wires};
+use super::{Fallible, Verbs, int, thrown};
 use crate::layout::Area;
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::script::{Bench, ScenarioError};
