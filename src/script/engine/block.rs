@@ -173,7 +173,9 @@ mod tests {
             section.lines().next().is_some_and(|title| title.split(", ").any(|name| name == block))
         });
         let section = section.unwrap_or_default();
-        let name = |text: &str| text.split('`').nth(1).map(str::to_owned);
+        // What connects blocks to each other is no pin of a script.
+        let name =
+            |text: &str| text.split('`').nth(1).filter(|name| !name.starts_with('_')).map(str::to_owned);
         let rows = section.lines().filter(|row| row.starts_with("| in |") || row.starts_with("| out |"));
         let in_out = section.split("In/out: ").nth(1).and_then(|text| text.split(" (").next());
         rows.filter_map(name).chain(in_out.unwrap_or_default().split(", ").filter_map(name)).collect()
