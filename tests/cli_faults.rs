@@ -86,7 +86,7 @@ fn bus_off_shows_in_the_status_and_is_reset_by_bit_7() {
 fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
     let emulator = Emulator::stepped();
     activate(&emulator);
-    let kinds: [&[&str]; 12] = [
+    let kinds: [&[&str]; 14] = [
         &["lose_frame", "slot=WRC1", "count=1"],
         &["delay_frame", "id=16#101", "delay=300us", "count=1"],
         &["duplicate_frame", "slot=WRC2", "delay=50us"],
@@ -99,6 +99,8 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
         &["wrong_offset", "slave=1", "slot=CC", "offset=12"],
         &["bus_off", "plc=line", "node=2", "at=1h"],
         &["overrun", "node=2", "count=2"],
+        &["drive_fault", "slave=2", "error=17"],
+        &["baps_drive_fault", "error=16#12"],
     ];
     for (index, fault) in kinds.iter().enumerate() {
         assert_eq!(add(&emulator, fault), (index + 1).to_string());
@@ -123,6 +125,8 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
         "fault 8, slave_busy of slave 1: hits frame 16#581",
         "fault 9, slave_error of slave 1: over",
         "fault 12, overrun: hits frame 16#581",
+        "fault 13, drive_fault of slave 2: hits",
+        "fault 14, baps_drive_fault: hits",
     ] {
         assert!(journal.contains(told), "{told}\n{journal}");
     }

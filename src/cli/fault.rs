@@ -54,7 +54,9 @@ Examples, one of each kind:
   commram fault add slave_error slave=1 error=16#FFFB count=1     # refuses a job
   commram fault add wrong_offset slave=5 slot=CC                  # in an up-/download; CC job, RC answer
   commram fault add bus_off plc=line node=2                       # ended by bit 7 of w_CPU_CONTROL
-  commram fault add overrun node=2 count=2                        # the node loses frames it should receive")]
+  commram fault add overrun node=2 count=2                        # the node loses frames it should receive
+  commram fault add drive_fault slave=1 error=17                  # a drive brakes and waits for a fault reset
+  commram fault add baps_drive_fault error=17                     # the same for the drive behind the BAPS")]
 struct Add {
     /// The kind: lose_frame, slave_busy ...
     kind: String,

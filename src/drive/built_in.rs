@@ -164,8 +164,8 @@ impl BuiltInDrive {
     }
 
     /// Brings a fault upon the drive, as [`Drive::trip`](super::Drive::trip) does.
-    pub(crate) fn trip(&mut self, fault: u16) {
-        self.regler.trip(fault);
+    pub(crate) fn trip(&mut self, fault: u16) -> bool {
+        self.regler.trip(fault)
     }
 }
 

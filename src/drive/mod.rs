@@ -258,9 +258,9 @@ impl Drive {
     }
 
     /// Brings a fault upon the drive: it brakes and waits for a fault reset (control word, bit 7). Parameter 308
-    /// shows the number of the first fault until then.
-    pub fn trip(&mut self, fault: u16) {
-        self.regler.trip(fault);
+    /// shows the number of the first fault until then. `false`: the drive has a fault already, which stays.
+    pub fn trip(&mut self, fault: u16) -> bool {
+        self.regler.trip(fault)
     }
 
     /// Sets or clears the warning bit of the status word.

@@ -256,12 +256,14 @@ impl VRegler {
         self.machine.state()
     }
 
-    /// Brings a fault upon the drive: it brakes and waits for a fault reset. The first fault's number stays.
-    pub(crate) fn trip(&mut self, number: u16) {
-        self.machine.trip();
-        if self.store.get(self.slots.fault) == 0 {
-            self.store.set(self.slots.fault, u32::from(number));
+    /// Brings a fault upon the drive, unless it has one: it brakes and waits for a fault reset. Tells whether it did.
+    pub(crate) fn trip(&mut self, number: u16) -> bool {
+        if matches!(self.machine.state(), State::FaultReactionActive | State::Fault) {
+            return false;
         }
+        self.machine.trip();
+        self.store.set(self.slots.fault, u32::from(number));
+        true
     }
 
     /// Sets or clears the warning bit of the status word.

@@ -30,6 +30,10 @@ pub enum Kind {
     BusOff,
     /// A CAN controller loses frames it receives.
     Overrun,
+    /// A drive on a bus has a fault.
+    DriveFault,
+    /// The drive behind the BAPS of a PLC has a fault.
+    BapsDriveFault,
 }
 
 /// A field of a fault's description, as plant files name it.
@@ -78,11 +82,11 @@ pub enum Target {
         /// Slave number.
         slave: u8,
     },
-    /// A CANsync node of a PLC.
+    /// A CANsync node of a PLC, or its BAPS.
     Node {
         /// The PLC.
         plc: u16,
-        /// 1 or 2.
+        /// 1 or 2; 0 is the BAPS.
         node: u8,
     },
 }
@@ -100,7 +104,7 @@ impl Target {
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Kind; 12] = [
+    pub const ALL: [Kind; 14] = [
         Kind::LoseFrame,
         Kind::DelayFrame,
         Kind::DuplicateFrame,
@@ -113,6 +117,8 @@ impl Kind {
         Kind::WrongOffset,
         Kind::BusOff,
         Kind::Overrun,
+        Kind::DriveFault,
+        Kind::BapsDriveFault,
     ];
 
     /// Its name in plant files, on the command line and in the journal.
@@ -130,6 +136,8 @@ impl Kind {
             Kind::WrongOffset => "wrong_offset",
             Kind::BusOff => "bus_off",
             Kind::Overrun => "overrun",
+            Kind::DriveFault => "drive_fault",
+            Kind::BapsDriveFault => "baps_drive_fault",
         }
     }
 
@@ -149,10 +157,13 @@ impl Kind {
             Kind::LoseFrame | Kind::DelayFrame | Kind::DuplicateFrame | Kind::LoseSync | Kind::JitterSync => {
                 Target::Bus(index)
             }
-            Kind::SlaveOff | Kind::SlaveLate | Kind::SlaveBusy | Kind::SlaveError | Kind::WrongOffset => {
-                Target::Slave { bus: index, slave: number }
-            }
-            Kind::BusOff | Kind::Overrun => Target::Node { plc: index, node: number },
+            Kind::SlaveOff
+            | Kind::SlaveLate
+            | Kind::SlaveBusy
+            | Kind::SlaveError
+            | Kind::WrongOffset
+            | Kind::DriveFault => Target::Slave { bus: index, slave: number },
+            Kind::BusOff | Kind::Overrun | Kind::BapsDriveFault => Target::Node { plc: index, node: number },
         }
     }
 
@@ -166,9 +177,10 @@ impl Kind {
             Kind::JitterSync => &[Bus, AmplitudeUs],
             Kind::SlaveOff | Kind::SlaveBusy => &[Bus, Slave],
             Kind::SlaveLate => &[Bus, Slave, DelayUs],
-            Kind::SlaveError => &[Bus, Slave, Error],
+            Kind::SlaveError | Kind::DriveFault => &[Bus, Slave, Error],
             Kind::WrongOffset => &[Bus, Slave, Slot, Offset],
             Kind::BusOff | Kind::Overrun => &[Plc, Node],
+            Kind::BapsDriveFault => &[Plc, Error],
         }
     }
 
@@ -180,9 +192,14 @@ impl Kind {
         }
     }
 
+    /// Whether its hits have nothing more to tell.
+    pub(crate) const fn hits_speak_for_themselves(self) -> bool {
+        matches!(self, Kind::LoseSync | Kind::BusOff | Kind::DriveFault | Kind::BapsDriveFault)
+    }
+
     /// Whether it happens once if nobody says how often. All others last until they are cleared.
     pub const fn happens_once(self) -> bool {
-        matches!(self, Kind::BusOff | Kind::Overrun)
+        matches!(self, Kind::BusOff | Kind::Overrun | Kind::DriveFault | Kind::BapsDriveFault)
     }
 }
 

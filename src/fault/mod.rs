@@ -96,11 +96,11 @@ pub enum Effect {
         /// What is wrong with it.
         what: SlaveEffect,
     },
-    /// The CAN controller of a CANsync node.
+    /// The CAN controller of a CANsync node, or the drive behind the BAPS.
     Node {
         /// Index of the PLC.
         plc: u16,
-        /// 1 (slave) or 2 (master).
+        /// 1 (slave) or 2 (master); 0 for the BAPS.
         node: u8,
         /// What is wrong with it.
         what: NodeEffect,
@@ -145,6 +145,8 @@ pub enum SlaveEffect {
         /// The wrong offset; `None`: the right one plus 6.
         offset: Option<u16>,
     },
+    /// It is a drive and has this fault, 1 to 65535.
+    Trip(u16),
 }
 
 /// Which frame carries the wrong offset.
@@ -156,13 +158,15 @@ pub enum OffsetAt {
     Answer,
 }
 
-/// What is wrong with a CAN controller.
+/// What is wrong with a CAN controller, or with the drive behind the BAPS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NodeEffect {
     /// It switches itself off.
     BusOff,
     /// It cannot receive frames in time and loses them.
     Overrun,
+    /// The drive has this fault, 1 to 65535.
+    Trip(u16),
 }
 
 /// A slot of the CANsync interval.
@@ -252,6 +256,8 @@ impl Fault {
             Effect::Slave { what: SlaveEffect::WrongOffset { .. }, .. } => Kind::WrongOffset,
             Effect::Node { what: NodeEffect::BusOff, .. } => Kind::BusOff,
             Effect::Node { what: NodeEffect::Overrun, .. } => Kind::Overrun,
+            Effect::Slave { what: SlaveEffect::Trip(_), .. } => Kind::DriveFault,
+            Effect::Node { what: NodeEffect::Trip(_), .. } => Kind::BapsDriveFault,
         }
     }
 
@@ -308,6 +314,10 @@ impl Fault {
             Effect::Slave { what: SlaveEffect::Late(us), .. } => within(Field::DelayUs, us.into(), 1, delay),
             Effect::Slave { what: SlaveEffect::WrongOffset { offset: Some(offset), .. }, .. } => {
                 within(Field::Offset, offset.into(), 0, MAX_OFFSET.into())
+            }
+            Effect::Slave { what: SlaveEffect::Trip(number), .. }
+            | Effect::Node { what: NodeEffect::Trip(number), .. } => {
+                within(Field::Error, number.into(), 1, u16::MAX.into())
             }
             _ => Ok(()),
         }

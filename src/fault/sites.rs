@@ -23,11 +23,13 @@ impl Sites {
                 }
                 Ok(())
             }
-            Effect::Node { plc, node, what: NodeEffect::BusOff | NodeEffect::Overrun } => {
+            Effect::Node { plc, node, what } => {
                 let count = self.nodes.len() as u16; // the plant file's indices are 16 bits wide
                 let nodes = self.nodes.get(usize::from(plc)).ok_or(Refusal::UnknownPlc { plc, count })?;
-                match (node, nodes) {
-                    (1, [true, _]) | (2, [_, true]) => Ok(()),
+                match (what, node, nodes) {
+                    (NodeEffect::Trip(_), 0, _) => Ok(()),
+                    (NodeEffect::BusOff | NodeEffect::Overrun, 1, [true, _]) => Ok(()),
+                    (NodeEffect::BusOff | NodeEffect::Overrun, 2, [_, true]) => Ok(()),
                     _ => Err(Refusal::NoNode { plc, node }),
                 }
             }

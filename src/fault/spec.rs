@@ -6,7 +6,7 @@ use super::{
     MAX_JITTER_US, NodeEffect, OffsetAt, Refusal, SlaveEffect, SyncEffect,
 };
 use crate::bus::codec::updown::MAX_OFFSET;
-use crate::journal::Names;
+use crate::journal::{BAPS_NODE, Names};
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
@@ -112,7 +112,9 @@ impl FaultSpec {
                 match what {
                     SlaveEffect::Off | SlaveEffect::Busy => {}
                     SlaveEffect::Late(us) => spec.delay_us = Some(us.into()),
-                    SlaveEffect::Error(number) => spec.error = Some(number.into()),
+                    SlaveEffect::Error(number) | SlaveEffect::Trip(number) => {
+                        spec.error = Some(number.into());
+                    }
                     SlaveEffect::WrongOffset { at, offset } => {
                         let slot = match at {
                             OffsetAt::Job => FrameSlot::Cc,
@@ -126,6 +128,10 @@ impl FaultSpec {
             Effect::Node { plc, node, what: NodeEffect::BusOff | NodeEffect::Overrun } => {
                 spec.plc = Some(names.plc(plc).into_owned());
                 spec.node = Some(node.into());
+            }
+            Effect::Node { plc, what: NodeEffect::Trip(number), .. } => {
+                spec.plc = Some(names.plc(plc).into_owned());
+                spec.error = Some(number.into());
             }
         }
         spec
@@ -225,6 +231,7 @@ impl Reader<'_> {
         };
         let in_us = "give it in microseconds";
         let delay = || self.required(Field::DelayUs, 1, MAX_DELAY_US.into(), in_us);
+        let fault_number = || self.required(Field::Error, 1, 0xFFFF, "give the fault number, 1 to 16#FFFF");
         match self.kind {
             Kind::LoseFrame => frame(FrameEffect::Lose),
             Kind::DelayFrame => frame(FrameEffect::Delay(delay()?)),
@@ -254,6 +261,11 @@ impl Reader<'_> {
             }
             Kind::BusOff => node(NodeEffect::BusOff),
             Kind::Overrun => node(NodeEffect::Overrun),
+            Kind::DriveFault => slave(SlaveEffect::Trip(fault_number()?)),
+            Kind::BapsDriveFault => {
+                let what = NodeEffect::Trip(fault_number()?);
+                Ok(Effect::Node { plc: self.plc()?, node: BAPS_NODE, what })
+            }
         }
     }
 

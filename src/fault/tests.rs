@@ -11,7 +11,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// One description of each kind with all its fields, and how it is written in a list.
-const EACH_KIND: [(&str, &str); 12] = [
+const EACH_KIND: [(&str, &str); 14] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",
@@ -39,6 +39,11 @@ const EACH_KIND: [(&str, &str); 12] = [
     ),
     ("kind = 'bus_off'\nplc = 'saw'\nnode = 1", "bus_off plc=saw node=1 count=1"),
     ("kind = 'overrun'\nplc = 'line'\nnode = 2\ncount = 4", "overrun plc=line node=2 count=4"),
+    (
+        "kind = 'drive_fault'\nbus = 'drives'\nslave = 1\nerror = 17",
+        "drive_fault bus=drives slave=1 error=16#0011 count=1",
+    ),
+    ("kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 17", "baps_drive_fault plc=saw error=16#0011 count=1"),
 ];
 
 #[test]
@@ -62,7 +67,19 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
             "kind = 'explode'",
             "kind = \"explode\": there is no such fault; the kinds are: lose_frame, delay_frame, \
              duplicate_frame, lose_sync, jitter_sync, slave_off, slave_late, slave_busy, slave_error, \
-             wrong_offset, bus_off, overrun",
+             wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault",
+        ),
+        (
+            "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",
+            "baps_drive_fault: error is 16#000; it must be 16#001 to 16#FFFF",
+        ),
+        (
+            "kind = 'baps_drive_fault'\nplc = 'saw'\nnode = 1\nerror = 1",
+            "baps_drive_fault: node has no meaning; its fields are: plc, error, at_us, count, duration_us",
+        ),
+        (
+            "kind = 'drive_fault'\nbus = 'drives'\nslave = 1",
+            "drive_fault: error is missing; give the fault number, 1 to 16#FFFF",
         ),
         ("kind = 'lose_sync'", "lose_sync: bus is missing; give one of: drives, upper"),
         ("kind = 'lose_sync'\nbus = 'x'", "lose_sync: bus \"x\" does not exist; buses are: drives, upper"),

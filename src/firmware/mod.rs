@@ -8,6 +8,7 @@ pub mod baps;
 pub mod board;
 pub mod cansync;
 pub mod ethernet;
+mod shown;
 
 use crate::check::{Finding, Rule};
 use crate::journal::{Event, Journal, Origin};

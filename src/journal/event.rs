@@ -16,12 +16,15 @@ use crate::check::Finding;
 use crate::fault::{self, Target};
 use core::fmt;
 
-/// Where a record comes from: a CANsync node of a PLC.
+/// [`Origin::node`] of the BAPS, which is no node.
+pub const BAPS_NODE: u8 = 0;
+
+/// Where a record comes from: a CANsync node of a PLC, or its BAPS.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
     /// Index of the PLC in the plant.
     pub plc: u16,
-    /// CANsync node, 1 (slave) or 2 (master).
+    /// CANsync node, 1 (slave) or 2 (master); [`BAPS_NODE`] is the BAPS.
     pub node: u8,
 }
 

@@ -164,7 +164,7 @@ fn fault_news(kind: fault::Kind, news: FaultNews) -> (&'static str, Option<i32>,
         FaultNews::Over => ("over", None, None),
         FaultNews::Cleared => ("cleared", None, None),
         FaultNews::Hit(detail) => match kind {
-            fault::Kind::LoseSync | fault::Kind::BusOff => ("hit", None, None),
+            kind if kind.hits_speak_for_themselves() => ("hit", None, None),
             fault::Kind::JitterSync => ("hit", None, Some(detail)),
             _ => ("hit", Some(detail), None),
         },

@@ -33,7 +33,7 @@ pub mod text;
 
 pub use board::BoardEvent;
 pub use code::Words;
-pub use event::{Command, Event, FaultNews, Missed, Origin, Source};
+pub use event::{BAPS_NODE, Command, Event, FaultNews, Missed, Origin, Source};
 pub use kind::Kind;
 pub use names::Names;
 pub use printer::{Printer, Selection};

@@ -1,6 +1,6 @@
 //! What numbers in records mean: names of PLCs, buses and registers.
 
-use super::{Event, Origin, Record, Source};
+use super::{BAPS_NODE, Event, Origin, Record, Source};
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::layout::{Address, Live, RegType, RegisterRef, Width, format_value};
 use std::borrow::Cow;
@@ -31,6 +31,7 @@ impl Names {
         match source {
             Source::Bus(index) => self.bus(index).into_owned(),
             Source::Plc(index) => self.plc(index).into_owned(),
+            Source::Node(Origin { plc, node: BAPS_NODE }) => format!("{}:baps", self.plc(plc)),
             Source::Node(origin) => format!("{}:node{}", self.plc(origin.plc), origin.node),
         }
     }

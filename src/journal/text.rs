@@ -178,7 +178,7 @@ fn missed_text(missed: Missed) -> String {
 fn news_text(kind: fault::Kind, news: FaultNews) -> String {
     match (news, kind) {
         (FaultNews::Added, _) => "added".to_owned(),
-        (FaultNews::Hit(_), fault::Kind::LoseSync | fault::Kind::BusOff) => "hits".to_owned(),
+        (FaultNews::Hit(_), kind) if kind.hits_speak_for_themselves() => "hits".to_owned(),
         (FaultNews::Hit(us), fault::Kind::JitterSync) => format!("hits, edge moved by {us:+} us"),
         (FaultNews::Hit(id), _) => format!("hits frame 16#{id:03X}"),
         (FaultNews::Over, _) => "over".to_owned(),

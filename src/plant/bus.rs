@@ -155,10 +155,6 @@ impl SimBus {
         &self.drives
     }
 
-    pub(super) fn drive_mut(&mut self, name: &str) -> Option<&mut Drive> {
-        self.drives.iter_mut().find(|drive| drive.name() == name)
-    }
-
     /// The PLCs on this bus, the master first.
     pub(super) fn plcs(&self) -> impl Iterator<Item = usize> {
         self.master.into_iter().chain(self.nodes.iter().copied())

@@ -44,6 +44,7 @@ impl Plant {
         self.faults.advance(self.now, &mut self.journal);
         self.switch_slaves();
         self.strike_controllers();
+        self.find_next_slice();
     }
 
     fn switch_slaves(&mut self) {
@@ -60,11 +61,22 @@ impl Plant {
         }
     }
 
-    /// BUS-off of nodes whose CAN controller works.
+    /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
     pub(super) fn strike_controllers(&mut self) {
-        let (plcs, buses) = (&mut self.plcs, &mut self.buses);
-        self.faults.strike(self.now, &mut self.journal, |effect, _| {
-            let Effect::Node { plc, node, what: NodeEffect::BusOff } = *effect else { return None };
+        let (now, plcs, buses) = (self.now, &mut self.plcs, &mut self.buses);
+        self.faults.strike(now, &mut self.journal, |effect, _| {
+            let (plc, node) = match *effect {
+                Effect::Node { plc, node, what: NodeEffect::BusOff } => (plc, node),
+                Effect::Node { plc, what: NodeEffect::Trip(number), .. } => {
+                    let trips = plcs.get_mut(usize::from(plc))?.trip_drive(now, number);
+                    return trips.then_some(0);
+                }
+                Effect::Slave { bus, slave, what: SlaveEffect::Trip(number) } => {
+                    let trips = buses.get_mut(usize::from(bus))?.trip_drive(slave, number);
+                    return trips.then_some(0);
+                }
+                _ => return None,
+            };
             let plc = plcs.get_mut(usize::from(plc))?;
             let (goes, slave) = match node {
                 1 => (plc.slave.go_bus_off(), Some(plc.slave.number())),

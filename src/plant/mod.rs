@@ -317,9 +317,9 @@ impl Plant {
 
     /// The BAPS time slices that are due now.
     fn time_slices(&mut self) {
-        for plc in &mut self.plcs {
+        for (index, plc) in self.plcs.iter_mut().enumerate() {
             if plc.baps.next_time() == self.now {
-                plc.time_slice(self.now);
+                plc.time_slice(index, self.now, &mut self.journal);
             }
         }
         self.find_next_slice();
@@ -391,20 +391,6 @@ impl Plant {
     /// The drives of all buses.
     pub fn drives(&self) -> impl Iterator<Item = &crate::drive::Drive> {
         self.buses.iter().flat_map(SimBus::drives)
-    }
-
-    /// Brings fault number `fault` upon a drive: one of a bus by its name, the one behind the BAPS of PLC `line` as
-    /// `line.drive`. `false`: there is no such drive.
-    pub fn trip_drive(&mut self, name: &str, fault: u16) -> bool {
-        if let Some(drive) = self.buses.iter_mut().find_map(|bus| bus.drive_mut(name)) {
-            drive.trip(fault);
-            return true;
-        }
-        let Some(plc) = name.strip_suffix(".drive") else { return false };
-        let Some(plc) = self.plcs.iter_mut().find(|it| it.name() == plc) else { return false };
-        plc.trip_drive(self.now, fault);
-        self.find_next_slice();
-        true
     }
 
     /// Emulated time of the next SYNC edge on the bus at node `node` (1 or 2) of PLC `plc`; `None` while

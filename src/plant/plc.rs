@@ -9,7 +9,7 @@ use crate::firmware::baps::Baps;
 use crate::firmware::board::{Board, Look, Power};
 use crate::firmware::cansync::{Change, Master, Slave};
 use crate::firmware::ethernet::{Ethernet, Stored};
-use crate::journal::{BoardEvent, Event, Journal, Origin};
+use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::layout::Live;
 use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1};
 use crate::memory::header::{BoardSetting, BoardState};
@@ -272,19 +272,18 @@ impl Plc {
     }
 
     /// A time slice of the drive, which may have process data for an event task.
-    pub(super) fn time_slice(&mut self, now: u64) {
+    pub(super) fn time_slice(&mut self, index: usize, now: u64, journal: &mut Journal) {
         let events = self.baps.process_data_events();
-        self.baps.slice(now);
+        let origin = Origin { plc: index as u16, node: BAPS_NODE };
+        self.baps.slice(&mut Context { now, journal, origin });
         if self.baps.process_data_events() != events {
             self.board.baps(now);
         }
     }
 
-    /// Brings fault number `fault` upon the drive, if it has power.
-    pub(super) fn trip_drive(&mut self, now: u64, fault: u16) {
-        if self.board.is_up() {
-            self.baps.trip(now, fault);
-        }
+    /// Brings fault number `fault` upon the drive. Tells whether it has power and had no fault.
+    pub(super) fn trip_drive(&mut self, now: u64, fault: u16) -> bool {
+        self.board.is_up() && self.baps.trip(now, fault)
     }
 
     pub(super) fn watch(&mut self, events: u16) {

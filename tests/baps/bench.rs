@@ -2,6 +2,8 @@
 
 use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
 use commram::drive::BuiltInDrive;
+use commram::fault::{Effect, Fault, Limit, NodeEffect};
+use commram::journal::BAPS_NODE;
 use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2};
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
 use commram::memory::{Header, Image, View};
@@ -105,6 +107,13 @@ impl Bench {
     /// How often an event has occurred.
     pub fn occurred(&self, event: usize) -> u32 {
         self.header().events[event].bell.rings()
+    }
+
+    /// Brings a fault upon the drive.
+    pub fn trip(&mut self, number: u16) {
+        let effect = Effect::Node { plc: 0, node: BAPS_NODE, what: NodeEffect::Trip(number) };
+        let fault = Fault { effect, at_us: 0, limit: Limit::Count(1) };
+        self.plant.add_fault(fault).unwrap();
     }
 
     pub fn numbers(&self, writes: &[u16], reads: &[u16]) {

@@ -6,6 +6,7 @@ mod rig;
 mod bench;
 mod configuration;
 mod exchange;
+mod journal;
 mod mixes;
 mod service;
 mod sync;

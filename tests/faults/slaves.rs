@@ -156,3 +156,45 @@ fn a_wrong_offset_in_a_job_is_refused_by_the_slave() {
     let wrong = rig.frames().iter().any(|(_, frame)| frame.id() == 0x580 && frame.data()[0] & 0x20 != 0);
     assert!(wrong, "the refusal was on the bus");
 }
+
+#[test]
+fn a_drive_with_a_fault_brakes_until_it_is_reset() {
+    for memory in BOTH {
+        let mut rig = running(memory);
+        let state = |rig: &Rig| rig.plant.drives().next().unwrap().status_word() & 0x006F;
+        assert_eq!(state(&rig), 0x0027);
+        let fault = add(&mut rig, &format!("kind = 'drive_fault'\nslave = {DRIVE}\nerror = 17"));
+        // A second one has to wait until the first is reset.
+        let second = add(&mut rig, &format!("kind = 'drive_fault'\nslave = {DRIVE}\nerror = 18"));
+        intervals(&mut rig, 2);
+        assert_eq!(state(&rig), 0x0008);
+        enter_parameter(&rig, DRIVE, 0x03, 308, 0);
+        intervals(&mut rig, 3);
+        assert_eq!(parameter(&rig, DRIVE), (0x02, 17));
+        enter_parameter(&rig, DRIVE, 0x05, 120, 0x0080);
+        intervals(&mut rig, 3);
+        assert_eq!(parameter(&rig, DRIVE).0, 0x04, "the fault reset");
+        enter_parameter(&rig, DRIVE, 0x03, 308, 0);
+        intervals(&mut rig, 3);
+        assert_eq!((state(&rig), parameter(&rig, DRIVE)), (0x0008, (0x02, 18)));
+        assert_eq!(
+            news(&rig).iter().map(|n| (n.1, n.2)).collect::<Vec<_>>(),
+            [
+                (fault, FaultNews::Added),
+                (fault, FaultNews::Hit(0)),
+                (fault, FaultNews::Over),
+                (second, FaultNews::Added),
+                (second, FaultNews::Hit(0)),
+                (second, FaultNews::Over)
+            ]
+        );
+    }
+}
+
+#[test]
+fn a_node_of_a_plc_is_no_drive() {
+    let mut rig = running(Memory::Heap);
+    add(&mut rig, "kind = 'drive_fault'\nslave = 0\nerror = 1");
+    intervals(&mut rig, 3);
+    assert!(hits(&rig).is_empty());
+}

@@ -46,7 +46,8 @@ impl Details {
             }
             Effect::Sync { what: SyncEffect::Jitter(us), .. } => value(us),
             Effect::Slave { what: SlaveEffect::Late(us), .. } => value(us),
-            Effect::Slave { what: SlaveEffect::Error(number), .. } => value(number.into()),
+            Effect::Slave { what: SlaveEffect::Error(number) | SlaveEffect::Trip(number), .. }
+            | Effect::Node { what: NodeEffect::Trip(number), .. } => value(number.into()),
             Effect::Slave { what: SlaveEffect::WrongOffset { at, offset }, .. } => {
                 let slot = match at {
                     OffsetAt::Job => FrameSlot::Cc,
@@ -93,6 +94,8 @@ impl Details {
             }
             Kind::BusOff => node(NodeEffect::BusOff),
             Kind::Overrun => node(NodeEffect::Overrun),
+            Kind::DriveFault => slave(SlaveEffect::Trip(u16::try_from(value).ok()?)),
+            Kind::BapsDriveFault => node(NodeEffect::Trip(u16::try_from(value).ok()?)),
         })
     }
 }

@@ -153,9 +153,14 @@ fn fault() -> impl Strategy<Value = Fault> {
         any::<u32>().prop_map(SlaveEffect::Late),
         Just(SlaveEffect::Busy),
         any::<u16>().prop_map(SlaveEffect::Error),
+        any::<u16>().prop_map(SlaveEffect::Trip),
         (at, any::<Option<u16>>()).prop_map(|(at, offset)| SlaveEffect::WrongOffset { at, offset }),
     ];
-    let node = prop_oneof![Just(NodeEffect::BusOff), Just(NodeEffect::Overrun)];
+    let node = prop_oneof![
+        Just(NodeEffect::BusOff),
+        Just(NodeEffect::Overrun),
+        any::<u16>().prop_map(NodeEffect::Trip)
+    ];
     let effect = prop_oneof![
         (any::<(u16, u16, u16)>(), slot(), frame).prop_map(|((bus, id, mask), slot, what)| {
             Effect::Frame { bus, frames: Frames { id, mask, slot }, what }

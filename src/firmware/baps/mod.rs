@@ -11,9 +11,12 @@ mod service;
 
 pub use cycle::{Cycle, Method, SLICE_US};
 
+use super::Context;
+use super::shown::Shown;
 use crate::drive::{BuiltInDrive, BuiltInDriveConfig};
 use crate::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
 use crate::memory::{MemoryError, Segment, View};
+use core::mem::offset_of;
 use process::Process;
 use service::Service;
 
@@ -40,6 +43,11 @@ mod quit {
 
 /// `w_STATUS_REG`, bit 0.
 const SYNCHRONIZED: u16 = 0x0001;
+
+/// `%MB3` number of the register at `offset`.
+const fn place(offset: usize) -> usize {
+    BAPS + offset
+}
 
 /// The BAPS of one PLC with the drive behind it.
 pub struct Baps {
@@ -138,14 +146,16 @@ impl Baps {
         earliest + (self.phase + SLICE_US - earliest % SLICE_US) % SLICE_US
     }
 
-    /// The time slice that is due at `now`.
-    pub fn slice(&mut self, now: u64) {
+    /// The time slice that is due.
+    pub fn slice(&mut self, ctx: &mut Context) {
+        let now = ctx.now;
         let us = self.last.map_or(SLICE_US, |last| (now - last).min(SLICE_US));
         self.last = Some(now);
         self.drive.step(now, us as u32);
-        self.process.slice(now, &self.regs, &mut self.drive);
-        self.service.slice(now, &self.regs, &mut self.drive);
-        self.show_synchronized();
+        self.process.slice(ctx, &self.regs, &mut self.drive);
+        self.service.slice(ctx, &self.regs, &mut self.drive);
+        let synchronized = if self.drive.is_synchronized() { SYNCHRONIZED } else { 0 };
+        self.regs.w_STATUS_REG.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUS_REG)), synchronized);
         self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
     }
 
@@ -156,19 +166,11 @@ impl Baps {
             || self.drive.is_synchronized()
     }
 
-    fn show_synchronized(&self) {
-        let bit = if self.drive.is_synchronized() { SYNCHRONIZED } else { 0 };
-        if self.regs.w_STATUS_REG.load() != bit {
-            self.regs.w_STATUS_REG.store(bit);
-        }
-    }
-
     /// A pulse of the trigger controller. The drive's slices lie at the SYNC offset (P168) after it; when the drive gets
     /// synchronized, the communications begin with such a slice (decision D-155).
     pub fn trigger_edge(&mut self, now: u64) {
         let was_synchronized = self.drive.is_synchronized();
         self.drive.trigger_edge(now);
-        self.show_synchronized();
         self.phase = (now + u64::from(self.drive.sync_offset_us())) % SLICE_US;
         if !was_synchronized {
             // The slice at the edge itself may be over already.
@@ -183,11 +185,12 @@ impl Baps {
         }
     }
 
-    /// Brings fault number `fault` upon the drive: it brakes and waits for a fault reset.
-    pub fn trip(&mut self, now: u64, fault: u16) {
-        self.drive.trip(fault);
-        if self.next == Self::NEVER {
+    /// Brings fault number `fault` upon the drive, as [`Drive::trip`](crate::drive::Drive::trip) does.
+    pub fn trip(&mut self, now: u64, fault: u16) -> bool {
+        let trips = self.drive.trip(fault);
+        if trips && self.next == Self::NEVER {
             self.wake(now);
         }
+        trips
     }
 }

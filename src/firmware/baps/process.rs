@@ -2,10 +2,14 @@
 
 use super::config::Numbers;
 use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
-use super::{command, quit};
+use super::{command, place, quit};
 use crate::bus::codec::parameter::VALUE_ELEMENT;
 use crate::drive::BuiltInDrive;
+use crate::firmware::Context;
+use crate::firmware::shown::Shown;
+use crate::journal::Event;
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use core::mem::offset_of;
 
 /// Communications in which a re-initialization is active: one for each number (decision D-157).
 const RE_INITIALIZATION: u8 = 6;
@@ -63,23 +67,23 @@ impl Process {
     }
 
     /// One time slice of the drive.
-    pub fn slice(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+    pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let word = regs.b_COMMAND.load();
         match word {
             command::NONE => {}
             command::CONFIGURE => {
-                let answer = self.configure(now, regs, drive);
-                acknowledge(regs, word, answer);
+                let answer = self.configure(ctx.now, regs, drive);
+                acknowledge(ctx, regs, word, answer);
                 return;
             }
             command::EXCHANGE | command::RE_INITIALIZE if self.is_configured() => {}
-            command::EXCHANGE | command::RE_INITIALIZE => acknowledge(regs, word, quit::NOT_CONFIGURED),
-            _ => acknowledge(regs, word, quit::NOT_UNDERSTOOD),
+            command::EXCHANGE | command::RE_INITIALIZE => acknowledge(ctx, regs, word, quit::NOT_CONFIGURED),
+            _ => acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD),
         }
         if let Some(configured) = &mut self.configured
-            && configured.next <= now
+            && configured.next <= ctx.now
         {
-            configured.communicate(now, regs, drive);
+            configured.communicate(ctx, regs, drive);
             self.events += 1;
         }
     }
@@ -102,9 +106,9 @@ impl Process {
 impl Configured {
     /// Actual values and status word to the PLC, then reference values and control word from it, if it has
     /// given the command.
-    fn communicate(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+    fn communicate(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         // Slots that lie behind an alignment to the trigger signal are left out.
-        self.next = now + self.cycle.communication_us();
+        self.next = ctx.now + self.cycle.communication_us();
         self.count += 1;
         let software = drive.regler().software();
         let (writes, reads) = self.cycle.values(self.count, software);
@@ -114,7 +118,7 @@ impl Configured {
                 answer = quit::UNREADABLE;
             }
         }
-        regs.w_STATUSWORD.store(drive.status_word());
+        regs.w_STATUSWORD.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUSWORD)), drive.status_word());
 
         let word = regs.b_COMMAND.load();
         if !matches!(word, command::EXCHANGE | command::RE_INITIALIZE) {
@@ -123,7 +127,7 @@ impl Configured {
         if word == command::RE_INITIALIZE
             && (software < FOUR_ACTUAL_VALUES || self.cycle.method() != Method::SameCycle)
         {
-            return acknowledge(regs, word, quit::NOT_UNDERSTOOD);
+            return acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD);
         }
         drive.regler_mut().command(regs.w_CONTROLWORD.load());
         for x in writes {
@@ -132,7 +136,7 @@ impl Configured {
             }
         }
         let answer = self.re_initialize(word, regs, drive).unwrap_or(answer);
-        acknowledge(regs, word, answer);
+        acknowledge(ctx, regs, word, answer);
     }
 
     /// Actual value `x` to the PLC; `false` if it cannot be read now.
@@ -203,7 +207,11 @@ impl Configured {
 
 /// Answers a command: the acknowledgement first, then the command register, which the PLC watches. A command that the
 /// PLC has entered meanwhile stays.
-fn acknowledge(regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
-    regs.b_SL_QUIT.store(answer);
-    let _ = regs.b_COMMAND.compare_exchange(word, command::NONE);
+fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
+    regs.b_SL_QUIT.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT)), answer);
+    if regs.b_COMMAND.compare_exchange(word, command::NONE).is_ok() {
+        let offset = place(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND)) as u32;
+        let (origin, request, answer) = (ctx.origin, word.into(), command::NONE.into());
+        ctx.report(Event::Handshake { origin, offset, request, answer });
+    }
 }

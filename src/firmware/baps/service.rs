@@ -7,9 +7,13 @@
 //! | 1 | 1 | the result is the PLC's |
 //! | 0 | 1 | the PLC has read it; the drive goes back to idle |
 
+use super::place;
 use crate::bus::codec::parameter::error_number;
 use crate::drive::{BuiltInDrive, ParamFormat};
+use crate::firmware::Context;
+use crate::firmware::shown::Shown;
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use core::mem::offset_of;
 
 /// Both semaphores know 0 and 1 only.
 mod semaphore {
@@ -89,34 +93,39 @@ impl Service {
     }
 
     /// One look of the drive at the semaphores.
-    pub fn slice(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+    pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let master = regs.b_MA_SEMAPHORE.load();
         match self.phase {
             Phase::Idle if master == semaphore::TAKEN => {
-                self.phase = Phase::Working(Job::of(regs), now + self.time_us);
-                self.work(now, regs, drive);
+                self.phase = Phase::Working(Job::of(regs), ctx.now + self.time_us);
+                self.work(ctx, regs, drive);
             }
             // The PLC has given up: the job is not carried out (decision D-159).
             Phase::Working(..) if master == semaphore::FREE => self.phase = Phase::Idle,
-            Phase::Working(..) => self.work(now, regs, drive),
+            Phase::Working(..) => self.work(ctx, regs, drive),
             Phase::Answered if master == semaphore::FREE => {
-                regs.b_SL_SEMAPHORE.store(semaphore::FREE);
+                show_semaphore(ctx, regs, semaphore::FREE);
                 self.phase = Phase::Idle;
             }
             Phase::Idle | Phase::Answered => {}
         }
     }
 
-    fn work(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+    fn work(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let Phase::Working(job, due) = self.phase else { return };
-        if now < due {
+        if ctx.now < due {
             return;
         }
         let result = carry_out(&job, regs, drive);
-        regs.i_ERR_DETAIL.store(result.err().unwrap_or(NO_ERROR));
-        regs.b_SL_SEMAPHORE.store(semaphore::TAKEN);
+        let detail = result.err().unwrap_or(NO_ERROR);
+        regs.i_ERR_DETAIL.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, i_ERR_DETAIL)), detail);
+        show_semaphore(ctx, regs, semaphore::TAKEN);
         self.phase = Phase::Answered;
     }
+}
+
+fn show_semaphore(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, value: u8) {
+    regs.b_SL_SEMAPHORE.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_SEMAPHORE)), value);
 }
 
 /// The job itself; the error is the value of `i_ERR_DETAIL`.

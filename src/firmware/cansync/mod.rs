@@ -20,7 +20,6 @@ mod parameter_job;
 mod polling;
 mod punctual;
 mod registers;
-mod shown;
 mod slave;
 mod updown_job;
 mod word_config;

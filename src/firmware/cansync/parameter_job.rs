@@ -5,10 +5,10 @@
 //! a job that nobody answers is simply sent again on the slave's next turn (decision D-11).
 
 use super::job_registers::JobRegisters;
-use super::shown::Shown;
 use crate::bus::Payload;
 use crate::bus::codec::parameter::{Access, ParameterJob, ParameterResponse, ParameterResult, error_number};
 use crate::firmware::Context;
+use crate::firmware::shown::Shown;
 use crate::layout::omega_drive_line_2::{
     CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER, NODE2,
 };

@@ -6,13 +6,13 @@
 
 use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;
-use super::shown::Shown;
 use crate::bus::Payload;
 use crate::bus::codec::CodecError;
 use crate::bus::codec::updown::{
     BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, error_number,
 };
 use crate::firmware::Context;
+use crate::firmware::shown::Shown;
 use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use core::mem::offset_of;
 

@@ -113,6 +113,14 @@ impl SimBus {
         }
     }
 
+    /// Brings a fault upon the drive with this slave number. Tells whether there is one, with power and without a
+    /// fault.
+    pub(in crate::plant) fn trip_drive(&mut self, slave: u8, fault: u16) -> bool {
+        let Some(Station::Drive(index)) = self.stations.get(usize::from(slave)) else { return false };
+        let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
+        drive.is_some_and(|drive| drive.trip(fault))
+    }
+
     /// The slaves of this bus, bit n for slave n.
     pub(in crate::plant) fn slaves(&self) -> u32 {
         let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
@@ -361,7 +369,10 @@ impl Run<'_> {
                 answer = match what {
                     SlaveEffect::Busy => busy_or_error(frame, number, None),
                     SlaveEffect::Error(error) => busy_or_error(frame, number, Some(error)),
-                    SlaveEffect::Off | SlaveEffect::Late(_) | SlaveEffect::WrongOffset { .. } => None,
+                    SlaveEffect::Off
+                    | SlaveEffect::Late(_)
+                    | SlaveEffect::WrongOffset { .. }
+                    | SlaveEffect::Trip(_) => None,
                 };
                 answer.map(|answer| answer.id().into())
             }

@@ -8,7 +8,7 @@ use crate::bus::codec::parameter::{VALUE_ELEMENT, error_number};
 use crate::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::firmware::Context;
 use crate::firmware::cansync::job_registers::JobRegisters;
-use crate::firmware::cansync::shown::Shown;
+use crate::firmware::shown::Shown;
 use crate::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use core::mem::offset_of;
 
