@@ -67,8 +67,8 @@ impl INTR_SET {
         let inputs = (self.i_EVENT, self.i_PAR1, self.x_EN);
         let slot = usize::try_from(self.i_EVENT).ok().and_then(|event| ram.header().interrupts.get(event));
         let Some(slot) = slot else {
-            self.x_ERR = true;
-            self.internal = Some((inputs, Request::new(ram, 0), true));
+            // No slot to ask in.
+            (self.x_ERR, self.internal) = (true, None);
             return;
         };
         match self.internal {
@@ -88,7 +88,7 @@ impl INTR_SET {
 
     /// Whether `x_ERR` tells what became of the inputs of the last call.
     pub fn is_answered(&self) -> bool {
-        matches!(self.internal, Some((.., true)))
+        self.x_ERR || matches!(self.internal, Some((.., true)))
     }
 }
 

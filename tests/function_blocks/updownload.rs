@@ -111,6 +111,19 @@ fn one_transfer_after_another() {
     }
 }
 
+/// What was asked for at the start counts until the end.
+#[test]
+fn inputs_that_change_meanwhile_change_nothing() {
+    let mut both = Both::new(Memory::Heap);
+    (both.ma.u_LENGTH, both.ma.x_UPDOWN) = (76, true);
+    both.at_master = values(5);
+    both.until(|both| both.sl.x_BUSY);
+    (both.ma.u_LENGTH, both.ma.x_UPDOWN, both.ma.si_SL_NR) = (1, false, 1);
+    both.until(|both| !both.ma.x_BUSY);
+    assert!(both.ma.x_OK);
+    assert_eq!(both.at_slave[..76], values(5)[..76]);
+}
+
 /// Manual p. 267: each bit of `b_ERR` and errors of the slave.
 #[test]
 fn every_error_of_the_masters_block() {

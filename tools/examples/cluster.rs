@@ -8,7 +8,7 @@
 
 mod common;
 
-use common::{Application, Arguments, END, SYNC, check};
+use common::{Application, Arguments, END, HIGH, SYNC, VALUES, check, map_slave};
 use commram::layout::omega_drive_line_2::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1, NODE2,
 };
@@ -69,26 +69,13 @@ impl Cluster {
         })
     }
 
-    /// Value 0 is a doubleword in words 0 and 1 of each frame 1.
     fn configure(&self) {
-        let (number, high) = ([0, 0, -1, -1], [false, true, false, false]);
-        CANsync_PD_CFG_SL {
-            a_WRC1: number,
-            a_HL_WRC1: high,
-            a_RDC1: number,
-            a_HL_RDC1: high,
-            ..Default::default()
-        }
-        .call(&self._CANsync_CTRL_SL);
-        CANsync_PD_CFG_MA { a_WRC1: number, a_HL_WRC1: high, ..Default::default() }
+        map_slave(&self._CANsync_CTRL_SL);
+        CANsync_PD_CFG_MA { a_WRC1: VALUES, a_HL_WRC1: HIGH, ..Default::default() }
             .call(&self._CANsync_CTRL_MA);
-        CANsync_PD_CFG_READ_MA {
-            si_SL_NR: DRIVE as i8,
-            a_RDC1: number,
-            a_HL_RDC1: high,
-            ..Default::default()
-        }
-        .call(&self._CANsync_CTRL_MA);
+        let (si_SL_NR, a_RDC1, a_HL_RDC1) = (DRIVE as i8, VALUES, HIGH);
+        CANsync_PD_CFG_READ_MA { si_SL_NR, a_RDC1, a_HL_RDC1, ..Default::default() }
+            .call(&self._CANsync_CTRL_MA);
     }
 }
 

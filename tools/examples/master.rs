@@ -8,7 +8,7 @@
 
 mod common;
 
-use common::{Arguments, END, SYNC, check};
+use common::{Arguments, END, HIGH, SYNC, VALUES, check};
 use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use commram::memory::MemoryError;
 use commram::memory::header::Start;
@@ -67,14 +67,12 @@ impl Master {
         })
     }
 
-    /// Value 0 is a doubleword in words 0 and 1 of frame 1.
     fn configure(&self) {
-        let words = ([0, 0, -1, -1], [false, true, false, false]);
-        CANsync_PD_CFG_MA { a_WRC1: words.0, a_HL_WRC1: words.1, ..Default::default() }
+        CANsync_PD_CFG_MA { a_WRC1: VALUES, a_HL_WRC1: HIGH, ..Default::default() }
             .call(&self._CANsync_CTRL_MA);
         for slave in &self.slaves {
-            let si_SL_NR = *slave as i8;
-            CANsync_PD_CFG_READ_MA { si_SL_NR, a_RDC1: words.0, a_HL_RDC1: words.1, ..Default::default() }
+            let (si_SL_NR, a_RDC1, a_HL_RDC1) = (*slave as i8, VALUES, HIGH);
+            CANsync_PD_CFG_READ_MA { si_SL_NR, a_RDC1, a_HL_RDC1, ..Default::default() }
                 .call(&self._CANsync_CTRL_MA);
         }
         CANsync_COMM_CONTROL_MA { x_EN_CTRL: true, x_EN_PAR: true, x_EN_UDL: true, ..Default::default() }

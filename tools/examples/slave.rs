@@ -7,7 +7,7 @@
 
 mod common;
 
-use common::{Application, Arguments, END, SYNC, check};
+use common::{Application, Arguments, END, SYNC, check, map_slave};
 use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use commram::memory::MemoryError;
 use commram::memory::header::Start;
@@ -60,16 +60,7 @@ impl Program for Slave {
             if !self.init.x_OK {
                 return Ok(Progress::Again);
             }
-            // Value 0 is a doubleword in words 0 and 1 of frame 1, as reference and as actual value.
-            let (number, high) = ([0, 0, -1, -1], [false, true, false, false]);
-            CANsync_PD_CFG_SL {
-                a_WRC1: number,
-                a_HL_WRC1: high,
-                a_RDC1: number,
-                a_HL_RDC1: high,
-                ..Default::default()
-            }
-            .call(&self._CANsync_CTRL_SL);
+            map_slave(&self._CANsync_CTRL_SL);
             println!("initialized as slave {}", self._CANsync_CTRL_SL.w_OMEGA_NR.load());
         }
         self.event.call(&self.ram);

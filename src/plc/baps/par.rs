@@ -1,6 +1,6 @@
 //! `BAPS_PAR_READ`, `BAPS_PAR_WRITE`: parameter jobs to the own drive (p. 93-98).
 
-use super::service_data::{Answer, BAPS_BMSTRUCT, Client, Job, Kind, Outcome};
+use super::service_data::{BAPS_BMSTRUCT, Client, Job, Kind};
 
 /// Element "value of the parameter".
 const VALUE: u8 = 7;
@@ -61,24 +61,16 @@ impl BAPS_PAR_READ {
     pub fn call(&mut self, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         let (number, element) = (self.u_PAR_NR, self.us_PAR_ELEMENT);
         let job = |ticket| Job { ticket, kind: Kind::Read, number, element, doubleword: false, value: 0 };
-        match self.internal.step(_BAPS_SD_DATA, [self.x_EN, self.x_RESET], job) {
-            Outcome::Unchanged => {}
-            Outcome::Busy => self.show(true, Answer::default()),
-            Outcome::Cleared => self.show(false, Answer::default()),
-            Outcome::Answered(answer) => {
-                self.show(false, answer);
-                self.x_ERR = answer.detail != 0 || answer.communication != 0;
-                self.x_OK = !self.x_ERR;
-                if self.x_OK {
-                    (self.ud_PAR_VALUE, self.x_PAR_FORMAT) = (answer.value, answer.doubleword);
-                }
-            }
-        }
-    }
-
-    fn show(&mut self, busy: bool, answer: Answer) {
-        (self.x_BUSY, self.x_OK, self.x_ERR) = (busy, false, false);
+        let outcome = self.internal.step(_BAPS_SD_DATA, [self.x_EN, self.x_RESET], job);
+        let Some((busy, answered)) = outcome.shown() else { return };
+        let answer = answered.unwrap_or_default();
         (self.i_ERR_DETAIL, self.i_ERR_COMM) = (answer.detail, answer.communication);
+        self.x_BUSY = busy;
+        self.x_OK = answered.is_some() && answer.detail == 0 && answer.communication == 0;
+        self.x_ERR = answered.is_some() && !self.x_OK;
+        if self.x_OK {
+            (self.ud_PAR_VALUE, self.x_PAR_FORMAT) = (answer.value, answer.doubleword);
+        }
     }
 }
 
@@ -136,24 +128,16 @@ impl BAPS_PAR_WRITE {
     pub fn call(&mut self, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         let (number, doubleword, value) = (self.u_PAR_NR, self.x_PAR_FORMAT, self.ud_PAR_VALUE);
         let job = |ticket| Job { ticket, kind: Kind::Write, number, element: VALUE, doubleword, value };
-        match self.internal.step(_BAPS_SD_DATA, [self.x_EN, self.x_RESET], job) {
-            Outcome::Unchanged => {}
-            Outcome::Busy => self.show(true, Answer::default()),
-            Outcome::Cleared => self.show(false, Answer::default()),
-            Outcome::Answered(answer) => {
-                self.show(false, answer);
-                let passed = match answer.detail {
-                    WRONG_FORMAT => !self.x_EN_ERR_FORMAT,
-                    detail => detail == 0,
-                };
-                self.x_OK = passed && answer.communication == 0;
-                self.x_ERR = !self.x_OK;
-            }
-        }
-    }
-
-    fn show(&mut self, busy: bool, answer: Answer) {
-        (self.x_BUSY, self.x_OK, self.x_ERR) = (busy, false, false);
+        let outcome = self.internal.step(_BAPS_SD_DATA, [self.x_EN, self.x_RESET], job);
+        let Some((busy, answered)) = outcome.shown() else { return };
+        let answer = answered.unwrap_or_default();
         (self.i_ERR_DETAIL, self.i_ERR_COMM) = (answer.detail, answer.communication);
+        self.x_BUSY = busy;
+        let passed = match answer.detail {
+            WRONG_FORMAT => !self.x_EN_ERR_FORMAT,
+            detail => detail == 0,
+        };
+        self.x_OK = answered.is_some() && passed && answer.communication == 0;
+        self.x_ERR = answered.is_some() && !self.x_OK;
     }
 }

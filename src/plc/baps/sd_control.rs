@@ -64,7 +64,7 @@ pub enum Phase {
     /// The drive's semaphore at 1.
     Running(Watch),
     /// The drive's semaphore back at 0.
-    Ending(Watch),
+    Ending(Watch, Answer),
     /// `x_RESET`.
     Locked,
 }
@@ -108,14 +108,13 @@ impl BAPS_SD_CONTROL {
                 None
             }
             (Phase::Running(_), (1, 1)) => {
-                // What the drive has written stays until the next job.
+                let answer = read_answer(base);
                 base.b_MA_SEMAPHORE.store(0);
-                self.internal = Phase::Ending(base.watch(self.t_TIME));
+                self.internal = Phase::Ending(base.watch(self.t_TIME), answer);
                 None
             }
-            (Phase::Ending(_), (0, 0)) => {
+            (Phase::Ending(_, answer), (0, 0)) => {
                 self.internal = Phase::Idle;
-                let answer = read_answer(base);
                 self.show(match answer.detail {
                     0 => 0,
                     WRONG_FORMAT => error::FORMAT,
@@ -125,7 +124,7 @@ impl BAPS_SD_CONTROL {
             }
             (Phase::Starting(watch), _) if watch.is_over(base) => Some(self.give_up(base, error::NO_START)),
             (Phase::Running(watch), _) if watch.is_over(base) => Some(self.give_up(base, error::INTERRUPTED)),
-            (Phase::Ending(watch), _) if watch.is_over(base) => Some(self.give_up(base, error::NO_END)),
+            (Phase::Ending(watch, _), _) if watch.is_over(base) => Some(self.give_up(base, error::NO_END)),
             (Phase::Locked, _) => Some(Answer { communication: -1, ..Answer::default() }),
             _ => None,
         }

@@ -41,7 +41,7 @@ pub(super) enum Kind {
 
 /// What became of a job.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Answer {
+pub struct Answer {
     pub(super) detail: i16,
     /// `i_ERR_COMM`: 0 or -1.
     pub(super) communication: i16,
@@ -75,6 +75,18 @@ pub(super) enum Outcome {
     Cleared,
     Busy,
     Answered(Answer),
+}
+
+impl Outcome {
+    /// `x_BUSY` and, if there is one, the answer; `None` if the outputs stay as they are.
+    pub(super) fn shown(self) -> Option<(bool, Option<Answer>)> {
+        match self {
+            Outcome::Unchanged => None,
+            Outcome::Cleared => Some((false, None)),
+            Outcome::Busy => Some((true, None)),
+            Outcome::Answered(answer) => Some((false, Some(answer))),
+        }
+    }
 }
 
 impl Client {

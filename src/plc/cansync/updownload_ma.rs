@@ -87,6 +87,9 @@ pub enum Phase {
 /// A try to transfer a block.
 #[derive(Clone, Copy, Debug)]
 pub struct Try {
+    /// Slave and direction of the transfer, whatever the inputs show meanwhile.
+    slave: u8,
+    download: bool,
     block: Block,
     number: u8,
     watch: Watch,
@@ -139,12 +142,15 @@ impl CANsync_UPDOWNLOAD_MA {
         if total == 0 || total > UPDOWN_VALUES {
             return self.end(Phase::Locked, LENGTH, 0);
         }
-        self.end(Phase::Waiting(self.attempt(base, Block::starting_at(0, total), 1)), 0, 0);
+        let first = Try {
+            slave: self.si_SL_NR as u8,
+            download: self.x_UPDOWN,
+            block: Block::starting_at(0, total),
+            number: 1,
+            watch: base.watch(self.t_TIME),
+        };
+        self.end(Phase::Waiting(first), 0, 0);
         self.x_BUSY = true;
-    }
-
-    fn attempt(&self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, block: Block, number: u8) -> Try {
-        Try { block, number, watch: base.watch(self.t_TIME) }
     }
 
     /// Goes on to `phase` with these errors; the job is neither busy nor done.
@@ -158,15 +164,15 @@ impl CANsync_UPDOWNLOAD_MA {
     /// Enters the job of a block.
     fn enter(&mut self, base: &CANsync_MA_CTRL_BMSTRUCT, this: Try, a_DOWNLOAD: &CANsync_UPDOWN_BMARRAY) {
         let block = this.block;
-        base.b_SL_NR_UPDOWNBLK1.store(self.si_SL_NR as u8);
+        base.b_SL_NR_UPDOWNBLK1.store(this.slave);
         base.w_SUBSL_NR_UPDOWNBLK1.store(0);
         base.d_BASE_ADR_UPDOWNBLK1.store(block.base_address());
         base.w_LENGTH_UPDOWNBLK1.store(block.length());
-        if self.x_UPDOWN {
+        if this.download {
             let values = a_DOWNLOAD.iter().skip(block.first).take(block.values);
             base.a_DATA_UPDOWNBLK1.iter().zip(values).for_each(|(cell, value)| cell.store(*value as u32));
         }
-        job(base).enter(ENTERED | if self.x_UPDOWN { DOWNLOAD } else { 0 });
+        job(base).enter(ENTERED | if this.download { DOWNLOAD } else { 0 });
         self.internal = Phase::Running(this);
     }
 
@@ -176,12 +182,15 @@ impl CANsync_UPDOWNLOAD_MA {
         this: Try,
         a_UPLOAD: &mut CANsync_UPDOWN_BMARRAY,
     ) {
-        if !self.x_UPDOWN {
+        if !this.download {
             let values = a_UPLOAD.iter_mut().skip(this.block.first).take(this.block.values);
             values.zip(&base.a_DATA_UPDOWNBLK1).for_each(|(value, cell)| *value = cell.load() as i32);
         }
         match this.block.next() {
-            Some(block) => self.internal = Phase::Waiting(self.attempt(base, block, 1)),
+            Some(block) => {
+                let watch = base.watch(self.t_TIME);
+                self.internal = Phase::Waiting(Try { block, number: 1, watch, ..this });
+            }
             None => {
                 self.end(Phase::Done, 0, 0);
                 self.x_OK = true;
@@ -199,7 +208,8 @@ impl CANsync_UPDOWNLOAD_MA {
             if let Phase::Running(_) = self.internal {
                 job(base).enter(0);
             }
-            self.internal = Phase::Waiting(self.attempt(base, this.block, this.number + 1));
+            let watch = base.watch(self.t_TIME);
+            self.internal = Phase::Waiting(Try { number: this.number + 1, watch, ..this });
         } else {
             self.cancel(base);
             self.end(Phase::Locked, TIMEOUT, 0);

@@ -4,7 +4,7 @@
 
 use commram::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, LAYOUT_HASH};
 use commram::memory::{AttachMode, Image, MemoryError};
-use commram::plc::{Base, CANsync_PAR_SL, Program, Ram, Tasks};
+use commram::plc::{Base, CANsync_PAR_SL, CANsync_PD_CFG_SL, Program, Ram, Tasks};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -12,6 +12,10 @@ use std::time::Duration;
 pub const SYNC: usize = 12;
 /// Command number with which the master ends the example programs of its slaves.
 pub const END: u8 = 128;
+/// Value 0 is a doubleword in words 0 and 1 of each frame 1: number of the value in each word ...
+pub const VALUES: [i8; 4] = [0, 0, -1, -1];
+/// ... and whether the word is its high one.
+pub const HIGH: [bool; 4] = [false, true, false, false];
 /// How long nothing may happen.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -32,7 +36,10 @@ impl Arguments {
             instance = words.next().ok_or("-i needs the name of an instance")?;
         }
         let plc = words.next().unwrap_or_else(|| plc.to_owned());
-        let number = |word: String| word.parse().map_err(|_| format!("'{word}' is no slave number"));
+        let number = |word: String| {
+            let number = word.parse().ok().filter(|number| *number < 32);
+            number.ok_or_else(|| format!("'{word}' is no slave number: 0 to 31"))
+        };
         Ok(Arguments { instance, plc, numbers: words.map(number).collect::<Result<_, _>>()? })
     }
 }
@@ -64,6 +71,12 @@ pub fn run<P: Program<Error = String>>(
 /// The error of a block that has failed.
 pub fn check(failed: bool, block: &str, error: u16) -> Result<(), String> {
     if failed { Err(format!("{block} has failed: 16#{error:04X}")) } else { Ok(()) }
+}
+
+/// Maps the process data of a slave.
+pub fn map_slave(_BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+    let (a_WRC1, a_HL_WRC1, a_RDC1, a_HL_RDC1) = (VALUES, HIGH, VALUES, HIGH);
+    CANsync_PD_CFG_SL { a_WRC1, a_HL_WRC1, a_RDC1, a_HL_RDC1, ..Default::default() }.call(_BASE);
 }
 
 /// Parameter "status word": the master asks each slave for it while it waits for them (manual p. 134).
