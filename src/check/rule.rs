@@ -129,6 +129,10 @@ rules! {
     AfterInit: "after-init", Error, "p. 145, D-02, D-03",
         "A register of the initialization structure was written after the data had been taken over: it has no \
          effect and hits a reserved register. Restart the node with 16#0000 to initialize it anew.";
+    IpAddress: "ip-address", Error, "p. 79-80, D-190",
+        "An IP address that ends in 0 or 255, by itself or with the DIP number added, was stored by writing d_IP_CONFIG; \
+         the firmware put the old configuration back. Choose a last byte from 1 to 254, from which the DIP number stays \
+         below 255.";
     Header: "header", Error, "docs/attach.md",
         "A field of the header page that belongs to the emulator was written. Only read it.";
 }

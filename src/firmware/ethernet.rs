@@ -5,11 +5,14 @@
 //! D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows what came out of it.
 
 use super::Context;
+use crate::check::{Finding, Rule};
 use crate::journal::{BoardEvent, Event};
+use crate::layout::Live;
 use crate::layout::omega_drive_line_2::{
     ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_CONFIG_BYTES, ETHERNET_DIAGNOSE_BMSTRUCT,
 };
 use crate::memory::{MemoryError, Segment, View};
+use core::mem::offset_of;
 use std::net::Ipv4Addr;
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -135,6 +138,10 @@ impl Ethernet {
             return;
         }
         self.report(ctx, |config, address| BoardEvent::AddressRefused { config, address });
+        let offset = (ETHERNET_CONFIG + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3) as u32;
+        let (plc, value) = (ctx.origin.plc, address.octets()[3].into());
+        let (rule, live) = (Rule::IpAddress, Live::Always);
+        ctx.report(Event::Finding(Finding { rule, plc, offset, live, value, late_us: 0 }));
         self.put_back();
         self.keep();
         self.show(true);

@@ -51,10 +51,10 @@ impl Rig {
 
     fn events(&self) -> Vec<BoardEvent> {
         let what = |record: &crate::journal::Record| match record.event {
-            Event::Board { what, .. } => what,
-            other => panic!("{other:?}"),
+            Event::Board { what, .. } => Some(what),
+            _ => None,
         };
-        self.journal.records().map(what).collect()
+        self.journal.records().filter_map(what).collect()
     }
 }
 
@@ -134,6 +134,10 @@ fn a_refused_address_leaves_the_old_configuration() {
         assert_eq!(rig.status() & status::REFUSED, status::REFUSED);
         let refused = BoardEvent::AddressRefused { config, address: Ip::new(10, 1, 2, last) };
         assert_eq!(rig.events().last(), Some(&refused));
+        let finding = rig.journal.records().next_back().unwrap().event;
+        let Event::Finding(finding) = finding else { panic!("{finding:?}") };
+        assert_eq!((finding.rule, finding.value), (Rule::IpAddress, last.into()));
+        assert_eq!(finding.name().as_deref(), Some("ethernet_config.a_IP_ADDRESS[3]"));
     }
     rig.store(PLUS_DIP, Ip::new(10, 1, 2, 1), OTHER_MASK);
     assert_eq!((rig.address().0, rig.status() & status::REFUSED), (Ip::new(10, 1, 2, 32), 0));
