@@ -137,6 +137,10 @@ fn every_kind_of_expectation_can_fail() {
             "let b = block(\"CANsync_INIT\", \"node2\"); b.us_BAUDRATE = 9; cycle_until(b, \"x_OK\", \"1s\")",
             "CANsync_INIT at node2: x_OK did not become TRUE",
         ),
+        (
+            "poke(\"node2.w_OPTION_STATUS\", 3); step(\"1ms\"); expect_no_findings()",
+            "error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 1 times since 0.000000 s: A register",
+        ),
         ("step_to_sync()", "PLC 'line': nobody sends SYNC on the bus of node2"),
     ];
     for (verb, expected) in cases {
@@ -202,6 +206,7 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("fault(\"lose_bus\")", "there is no such fault; the kinds are: lose_frame"),
         ("fault(\"lose_frame count=many\")", "`count=many`: `many` is no number"),
         ("fault(\"slave_busy slave=9\")", "bus \"drives\" has no slave 9; its slaves are: 1, 2, 3"),
+        ("expect_no_findings([\"nothing\"])", "there is no rule 'nothing'; there are: owner"),
         ("clear_fault(0)", "there is no fault 0; it may have ended"),
         ("clear_fault(-1)", "`-1`: the fault's number must not be negative"),
         ("expect_changes(snapshot(\"node2\"), [1])", "`1`: this is no register's name"),

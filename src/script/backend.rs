@@ -1,5 +1,6 @@
 //! What the verbs need of a plant, be it in this process or behind a channel.
 
+use crate::check::Entry;
 use crate::fault::{Fault, Refusal};
 use crate::journal::{Names, Record};
 use crate::memory::{Address, MemoryError, Segment, Width};
@@ -131,6 +132,12 @@ pub trait Backend {
 
     /// Clears one fault, or all.
     fn clear_faults(&mut self, number: Option<NonZeroU16>) -> Result<(), BackendError>;
+
+    /// What the access checker has found.
+    fn findings(&mut self) -> Result<Vec<Entry>, BackendError>;
+
+    /// Forgets it.
+    fn clear_findings(&mut self) -> Result<(), BackendError>;
 
     /// The RAM of a PLC, as a program on that PLC has it.
     fn segment(&mut self, plc: u16) -> Result<Segment, BackendError>;

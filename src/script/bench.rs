@@ -1,6 +1,7 @@
 //! The verbs of scenarios, in Rust.
 
 mod expect;
+mod findings;
 mod frames;
 mod memory;
 #[cfg(test)]

@@ -7,10 +7,11 @@ mod pins;
 mod wires;
 
 use super::{Bench, Failure, MemoryCopy, ScenarioError, SeenFrame};
+use crate::check::Entry;
 use crate::journal::text::Text;
 use crate::journal::{Format, Record};
 use crate::plant::PlantConfig;
-use arguments::{data_bytes, identifier, number, register_names, span, value};
+use arguments::{data_bytes, identifier, names, number, span, value};
 use core::cell::RefCell;
 use core::panic::Location;
 use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, Map, NativeCallContext, RhaiNativeFunc};
@@ -120,6 +121,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, 
     verbs.traffic();
     verbs.blocks();
     verbs.faults();
+    verbs.findings();
     (verbs.engine, verbs.names)
 }
 
@@ -255,7 +257,7 @@ impl Verbs {
         self.on("expect_changes", |stage| {
             move |since: MemoryCopy, registers: Array| {
                 stage.act(|bench| {
-                    let names = register_names(&registers)?;
+                    let names = names(&registers, "register")?;
                     bench.expect_changes(&since, &names.iter().map(String::as_str).collect::<Vec<_>>())
                 })
             }
@@ -268,6 +270,27 @@ impl Verbs {
             move |fault: INT| stage.act(|bench| bench.clear_fault(number(fault, "fault's number")?))
         });
         self.on("clear_faults", |stage| move || stage.act(Bench::clear_faults));
+    }
+
+    fn findings(&mut self) {
+        self.on("expect_no_findings", |stage| move || stage.act(|bench| bench.expect_no_findings(&[])));
+        self.on("expect_no_findings", |stage| {
+            move |allowed: Array| {
+                stage.act(|bench| {
+                    let rules = names(&allowed, "rule")?;
+                    bench.expect_no_findings(&rules.iter().map(String::as_str).collect::<Vec<_>>())
+                })
+            }
+        });
+        self.on("findings", |stage| {
+            move || {
+                stage.act(|bench| {
+                    let found = bench.findings()?;
+                    Ok(found.iter().map(|entry| finding_map(bench, entry).into()).collect::<Array>())
+                })
+            }
+        });
+        self.on("clear_findings", |stage| move || stage.act(Bench::clear_findings));
     }
 
     fn traffic(&mut self) {
@@ -323,6 +346,20 @@ fn seen_map(seen: &SeenFrame) -> Map {
         ("time".into(), int(seen.time_us).into()),
         ("id".into(), INT::from(seen.frame.id()).into()),
         ("data".into(), data.into()),
+    ])
+}
+
+/// `#{severity, rule, register, value, count, time, text}`
+fn finding_map(bench: &Bench, entry: &Entry) -> Map {
+    let rule = entry.last.rule;
+    Map::from([
+        ("severity".into(), rule.severity().name().into()),
+        ("rule".into(), rule.id().into()),
+        ("register".into(), bench.finding_place(entry).into()),
+        ("value".into(), INT::from(entry.last.value).into()),
+        ("count".into(), int(entry.count).into()),
+        ("time".into(), int(entry.first_us).into()),
+        ("text".into(), rule.text().into()),
     ])
 }
 

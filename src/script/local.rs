@@ -2,6 +2,7 @@
 
 use super::ScenarioError;
 use super::backend::{Backend, BackendError, Spot, Waited};
+use crate::check::Entry;
 use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::memory::{Address, HEADER_SIZE, RegisterWidths, Segment, Unmapped};
@@ -147,6 +148,15 @@ impl Backend for Local {
                 Ok(())
             }
         }
+    }
+
+    fn findings(&mut self) -> Result<Vec<Entry>, BackendError> {
+        Ok(self.plant.journal().findings().iter().copied().collect())
+    }
+
+    fn clear_findings(&mut self) -> Result<(), BackendError> {
+        self.plant.clear_findings();
+        Ok(())
     }
 
     fn segment(&mut self, plc: u16) -> Result<Segment, BackendError> {

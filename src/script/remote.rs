@@ -3,6 +3,7 @@
 use super::backend::{Backend, BackendError, Spot, Waited};
 use crate::channel::op::MAX_RECORDS;
 use crate::channel::{ChannelError, Client, ClientError, Op, Reply};
+use crate::check::Entry;
 use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::layout::omega_drive_line_2::LAYOUT_HASH;
@@ -168,6 +169,17 @@ impl Backend for Remote {
             Ok(_) => Err(self.wrong_reply().into()),
             Err(error) => Err(refused(error)),
         }
+    }
+
+    fn findings(&mut self) -> Result<Vec<Entry>, BackendError> {
+        match self.ask(Op::Findings)? {
+            Reply::Findings(entries) => Ok(entries),
+            _ => Err(self.wrong_reply().into()),
+        }
+    }
+
+    fn clear_findings(&mut self) -> Result<(), BackendError> {
+        self.ask(Op::ClearFindings).map(drop).map_err(BackendError::from)
     }
 
     fn segment(&mut self, plc: u16) -> Result<Segment, BackendError> {

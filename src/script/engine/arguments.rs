@@ -56,10 +56,10 @@ pub fn data_bytes(given: &Dynamic) -> Result<String, ScenarioError> {
     Ok(bytes.iter().map(hex).collect::<Result<Vec<_>, _>>()?.join(" "))
 }
 
-/// Names of registers.
-pub fn register_names(given: &[Dynamic]) -> Result<Vec<String>, ScenarioError> {
-    let name =
-        |item: &Dynamic| item.clone().into_string().map_err(|_| wrong(item, "this is no register's name"));
+/// Names of registers or of other things.
+pub fn names(given: &[Dynamic], what: &str) -> Result<Vec<String>, ScenarioError> {
+    let right = format!("this is no {what}'s name");
+    let name = |item: &Dynamic| item.clone().into_string().map_err(|_| wrong(item, &right));
     given.iter().map(name).collect()
 }
 

@@ -1,0 +1,71 @@
+//! What the access checker has found.
+
+use super::Bench;
+use crate::check::{Entry, Rule};
+use crate::script::ScenarioError;
+use crate::time::seconds;
+use core::panic::Location;
+
+impl Bench {
+    /// What the access checker has found so far, by rule and register, in the order of the first findings.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn findings(&mut self) -> Result<Vec<Entry>, ScenarioError> {
+        Ok(self.backend.findings()?)
+    }
+
+    /// Forgets what the access checker has found.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn clear_findings(&mut self) -> Result<(), ScenarioError> {
+        Ok(self.backend.clear_findings()?)
+    }
+
+    /// Expects that the access checker has found nothing, neither errors nor warnings, but for these rules.
+    ///
+    /// # Errors
+    /// It has found something; or there is no such rule.
+    #[track_caller]
+    pub fn expect_no_findings(&mut self, allowed: &[&str]) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        let unknown = |name: &&&str| !Rule::ALL.iter().any(|rule| rule.id() == **name);
+        if let Some(name) = allowed.iter().find(unknown) {
+            let known: Vec<_> = Rule::ALL.iter().map(|rule| rule.id()).collect();
+            let (name, known) = ((*name).to_owned(), known.join(", "));
+            return Err(ScenarioError::Unknown { what: "rule", name, known });
+        }
+        let mut found = self.findings()?;
+        found.retain(|entry| !allowed.contains(&entry.last.rule.id()));
+        if found.is_empty() {
+            return Ok(());
+        }
+        let lines: Vec<_> = found.iter().map(|entry| self.finding_text(entry)).collect();
+        let mut failure = self.failure(format!("the access checker has {} findings", found.len()), at)?;
+        failure.expected = Some("no findings".to_owned());
+        failure.actual = Some(lines.join("\n            "));
+        Err(failure.into())
+    }
+
+    /// The register of a finding, with the PLC in front if there are several; its address if it has no name.
+    pub(in crate::script) fn finding_place(&self, entry: &Entry) -> String {
+        let name = entry.last.name().unwrap_or_else(|| entry.last.address().to_string());
+        format!("{}{name}", self.prefix(entry.last.plc))
+    }
+
+    /// `error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 2 times since 0.001000 s: ...`
+    fn finding_text(&self, entry: &Entry) -> String {
+        let Entry { last, count, first_us, .. } = entry;
+        format!(
+            "{}: {}: {} ({}) := {}, {count} times since {}: {}",
+            last.rule.severity(),
+            last.rule.id(),
+            self.finding_place(entry),
+            last.address(),
+            last.value_text(),
+            seconds(*first_us),
+            last.rule.text()
+        )
+    }
+}
