@@ -20,6 +20,13 @@ struct Case {
 
 const CASES: &[Case] = &[
     Case {
+        rule: Rule::IpAddress,
+        register: "ethernet_config.a_IP_ADDRESS[3]",
+        value: 255,
+        wrong: |rig| store_ip_config(rig, 255),
+        right: |rig| store_ip_config(rig, 7),
+    },
+    Case {
         rule: Rule::Owner,
         register: "node2.w_OPTION_STATUS",
         value: 0x0080,
@@ -560,6 +567,15 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
             assert_eq!(names(&findings(&rig)), [], "the right way beside {rule}, {memory:?}");
         }
     }
+}
+
+/// Stores a fixed IP address of PLC `a` that ends in `last` (manual p. 79).
+fn store_ip_config(rig: &mut Rig, last: u8) {
+    let segment = rig.plant.plcs()[0].segment();
+    let config = segment.view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
+    config.a_IP_ADDRESS.iter().zip([192, 168, 75, last]).for_each(|(cell, byte)| cell.store(byte));
+    config.a_IP_MASK.iter().zip([255, 255, 255, 0]).for_each(|(cell, byte)| cell.store(byte));
+    config.d_IP_CONFIG.store(0x1234_5678);
 }
 
 #[test]

@@ -17,7 +17,7 @@ const WORDS: usize = 500;
 /// Words that hold the initialization structure.
 const INIT_WORDS: usize = (INIT_BYTES as usize).div_ceil(WORD);
 /// Words compared in one go.
-const STRIDE: usize = 4;
+const STRIDE: usize = 10;
 
 /// The registers of a node, now and as the firmware left them.
 pub(super) struct Registers {
@@ -68,17 +68,28 @@ impl Registers {
         let (Some(now), Some(left)) = (self.now.get(range.clone()), self.left.get(range.clone())) else {
             return;
         };
-        for (number, (now, left)) in now.chunks(STRIDE).zip(left.chunks(STRIDE)).enumerate() {
-            let differs = now.iter().zip(left).fold(0, |all, (now, left)| all | (now.load() ^ left));
-            if differs != 0 {
-                let first = range.start + STRIDE * number;
-                let words = now.iter().map(Cell64::load).zip(left).enumerate();
-                changed.extend(
-                    words.filter_map(|(index, (now, left))| (now != *left).then_some((first + index, now))),
-                );
+        // Arrays of fixed length: atomic loads are not vectorized, so at least the loop shall be unrolled.
+        let (now_rows, now_rest) = now.as_chunks::<STRIDE>();
+        let (left_rows, left_rest) = left.as_chunks::<STRIDE>();
+        let mut first = range.start;
+        for (now, left) in now_rows.iter().zip(left_rows) {
+            let mut differs = 0;
+            for (now, left) in now.iter().zip(left) {
+                differs |= now.load() ^ left;
             }
+            if differs != 0 {
+                collect(first, now, left, changed);
+            }
+            first += STRIDE;
         }
+        collect(first, now_rest, left_rest, changed);
     }
+}
+
+/// Adds the words that differ; `first` is the index of the first of them.
+fn collect(first: usize, now: &[Cell64], left: &[u64], changed: &mut Vec<(usize, u64)>) {
+    let words = now.iter().map(Cell64::load).zip(left).enumerate();
+    changed.extend(words.filter_map(|(index, (now, left))| (now != *left).then_some((first + index, now))));
 }
 
 fn byte(word: u64, offset: usize) -> u8 {
