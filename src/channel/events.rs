@@ -65,7 +65,7 @@ impl EventNotifier {
 pub struct EventListener {
     listener: Listener<Ipc>,
     // After the port, which belongs to them.
-    _service: Service<Ipc>,
+    service: Service<Ipc>,
     _node: Node<Ipc>,
     bells: Box<dyn Bells>,
     instance: String,
@@ -88,7 +88,7 @@ impl EventListener {
         let builder = builder(&node, plc).ok_or_else(|| connect(format!("{plc} is no name of a PLC")))?;
         let service = builder.open().map_err(|error| connect(format!("events of PLC {plc}: {error}")))?;
         let listener = service.listener_builder().create().map_err(|error| connect(format!("{error:?}")))?;
-        Ok(EventListener { listener, _service: service, _node: node, bells, instance: instance.to_owned() })
+        Ok(EventListener { listener, service, _node: node, bells, instance: instance.to_owned() })
     }
 
     /// Waits until events have occurred since the last call, at most for `timeout`; bit n of the result stands for
@@ -112,7 +112,8 @@ impl EventListener {
             if events != 0 || left.is_zero() {
                 return Ok(events);
             }
-            if !self.bells.emulator_alive() {
+            // An ending emulator takes its port back before it waits for its clients to leave.
+            if self.service.dynamic_config().number_of_notifiers() == 0 || !self.bells.emulator_alive() {
                 return Err(ClientError::EmulatorGone { instance: self.instance.clone() });
             }
         }
