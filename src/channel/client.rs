@@ -8,7 +8,7 @@ mod error;
 
 pub use error::ClientError;
 
-use super::domain::{Domain, Ipc, Service};
+use super::domain::{Domain, Guest, Ipc, Service};
 use super::op::MAX_OPS;
 use super::wire::{self, Block, WireOp};
 use super::{Bells, InstanceInfo, Op, Reply};
@@ -51,7 +51,8 @@ impl Default for Patience {
 pub struct Client {
     port: Port,
     service: Service,
-    _node: Node<Ipc>,
+    // After the ports, which belong to its node.
+    _guest: Guest,
     bells: Box<dyn Bells>,
     patience: Patience,
     instance: String,
@@ -71,9 +72,9 @@ impl Client {
         let start = Instant::now();
         loop {
             let failure = match ports(instance, root, &*bells) {
-                Ok((port, service, node)) => {
+                Ok((port, service, guest)) => {
                     let instance = instance.to_owned();
-                    return Ok(Self { port, service, _node: node, bells, patience, instance });
+                    return Ok(Self { port, service, _guest: guest, bells, patience, instance });
                 }
                 Err(failure) => failure,
             };
@@ -296,18 +297,19 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
     Ok(Domain::new(instance, root)?)
 }
 
-fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Service, Node<Ipc>), ClientError> {
+fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Service, Guest), ClientError> {
     let name = || instance.to_owned();
     let not_running = || ClientError::NotRunning { instance: name(), root: root.display().to_string() };
     let connect = |reason: String| ClientError::Connect { instance: name(), reason };
     let announced = || Domain::is_announced(root, bells.emulator_pid());
     let domain = domain_of(instance, root, bells)?;
-    let node = domain.node().map_err(|e| connect(e.to_string()))?;
-    let service = match open(&node).ok_or_else(|| connect("no service".into()))? {
+    let guest = Guest::enter(&domain).map_err(|e| connect(e.to_string()))?;
+    let node = &guest.node;
+    let service = match open(node).ok_or_else(|| connect("no service".into()))? {
         // Others that were killed may hold the places.
         Err(OpenError::ExceedsMaxNumberOfNodes) => {
-            domain.clean_up_after_the_dead(&node);
-            open(&node).ok_or_else(|| connect("no service".into()))?
+            domain.clean_up_after_the_dead(node);
+            open(node).ok_or_else(|| connect("no service".into()))?
         }
         other => other,
     };
@@ -321,7 +323,7 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
     })?;
     let port = match create(&service) {
         Err(ClientCreateError::ExceedsMaxSupportedClients) => {
-            domain.clean_up_after_the_dead(&node);
+            domain.clean_up_after_the_dead(node);
             create(&service)
         }
         other => other,
@@ -334,7 +336,7 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
     if !announced() {
         return Err(not_running());
     }
-    Ok((port, service, node))
+    Ok((port, service, guest))
 }
 
 fn open(node: &Node<Ipc>) -> Option<Result<Service, OpenError>> {

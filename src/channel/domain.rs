@@ -5,13 +5,16 @@
 //! prefix made from that directory, so instances do not see each other. iceoryx2 removes most of what a
 //! killed process leaves, but not all: a run killed while it creates the service can block it for good,
 //! and a 16-byte counter per prefix always stays. So whoever owns the instance sweeps the domain before
-//! the start and after the end, if nobody alive uses it.
+//! the start and after the end, if nobody alive uses it; and a client that outlives the emulator does so
+//! when it leaves ([`Guest`]).
 
 use super::wire::{Block, WireOp};
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::request_response::Builder;
+use std::fs::File;
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path as FsPath, PathBuf};
 use std::sync::Once;
 use std::time::{Duration, Instant};
@@ -111,6 +114,39 @@ impl Domain {
         Some(builder)
     }
 
+    /// Keeps those who leave from sweeping, as long as the value lives: for the owner while it moves in.
+    pub fn hold(&self) -> io::Result<File> {
+        loop {
+            std::fs::create_dir_all(&self.root)?;
+            let directory = File::open(&self.root)?;
+            directory.lock()?;
+            // Whoever held it may have removed it meanwhile.
+            let is_there = |there: std::fs::Metadata| Ok(there.ino() == directory.metadata()?.ino());
+            if std::fs::metadata(&self.root).and_then(is_there).unwrap_or(false) {
+                return Ok(directory);
+            }
+        }
+    }
+
+    /// A client leaves. If the server has gone before, nobody else would remove what stays.
+    fn leave(&self) {
+        if self.is_served() {
+            return;
+        }
+        let Ok(directory) = File::open(&self.root) else { return };
+        if directory.try_lock().is_ok() && !self.is_served() && !self.in_use() {
+            self.withdraw();
+            self.sweep();
+            self.remove_root();
+        }
+    }
+
+    /// Whether a living process has announced itself.
+    fn is_served(&self) -> bool {
+        let pid = std::fs::read_to_string(self.root.join(READY)).unwrap_or_default();
+        !pid.is_empty() && FsPath::new("/proc").join(pid.trim_end()).exists()
+    }
+
     /// Says that the server is ready. Clients stay away from the domain until then, so that they do not
     /// meet the sweep before it.
     pub fn announce(&self) -> io::Result<()> {
@@ -198,6 +234,30 @@ impl Domain {
     #[cfg(test)]
     pub fn remains(&self) -> Vec<PathBuf> {
         shared_memory(&self.prefix).collect()
+    }
+}
+
+/// A client in a domain. Dropping it leaves.
+pub(super) struct Guest {
+    pub node: Node<Ipc>,
+    // Behind the node, which must be gone by then.
+    _leave: Leave,
+}
+
+impl Guest {
+    /// Enters a domain.
+    pub fn enter(domain: &Domain) -> Result<Self, NodeCreationFailure> {
+        // Ahead of the node: an attempt that fails leaves things behind as well.
+        let leave = Leave(domain.clone());
+        Ok(Guest { node: domain.node()?, _leave: leave })
+    }
+}
+
+struct Leave(Domain);
+
+impl Drop for Leave {
+    fn drop(&mut self) {
+        self.0.leave();
     }
 }
 

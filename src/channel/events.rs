@@ -5,7 +5,7 @@
 //! say the counters in the header page, which are ahead of the notification.
 
 use super::client::{ClientError, domain_of};
-use super::domain::{Domain, Ipc, MAX_CLIENTS, MAX_NODES};
+use super::domain::{Domain, Guest, Ipc, MAX_CLIENTS, MAX_NODES};
 use super::{Bells, ServerError};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -66,7 +66,7 @@ pub struct EventListener {
     listener: Listener<Ipc>,
     // After the port, which belongs to them.
     service: Service<Ipc>,
-    _node: Node<Ipc>,
+    _guest: Guest,
     bells: Box<dyn Bells>,
     instance: String,
 }
@@ -84,11 +84,12 @@ impl EventListener {
     ) -> Result<Self, ClientError> {
         let connect = |reason: String| ClientError::Connect { instance: instance.to_owned(), reason };
         let domain: Domain = domain_of(instance, root, &*bells)?;
-        let node = domain.node().map_err(|error| connect(error.to_string()))?;
-        let builder = builder(&node, plc).ok_or_else(|| connect(format!("{plc} is no name of a PLC")))?;
+        let guest = Guest::enter(&domain).map_err(|error| connect(error.to_string()))?;
+        let builder =
+            builder(&guest.node, plc).ok_or_else(|| connect(format!("{plc} is no name of a PLC")))?;
         let service = builder.open().map_err(|error| connect(format!("events of PLC {plc}: {error}")))?;
         let listener = service.listener_builder().create().map_err(|error| connect(format!("{error:?}")))?;
-        Ok(EventListener { listener, service, _node: node, bells, instance: instance.to_owned() })
+        Ok(EventListener { listener, service, _guest: guest, bells, instance: instance.to_owned() })
     }
 
     /// Waits until events have occurred since the last call, at most for `timeout`; bit n of the result stands for

@@ -95,6 +95,7 @@ impl Server {
     pub fn open(instance: &str, root: &Path, bells: Box<dyn Bells>) -> Result<Self, ServerError> {
         std::fs::create_dir_all(root).map_err(|source| RootError::Io { path: root.to_owned(), source })?;
         let domain = Domain::new(instance, root)?;
+        let _held = domain.hold().map_err(|source| RootError::Io { path: root.to_owned(), source })?;
         domain.withdraw();
         domain.sweep_if_unused(Duration::ZERO);
         let (node, service, port) = match ports(instance, &domain) {

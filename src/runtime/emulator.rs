@@ -234,9 +234,10 @@ impl Emulator {
             let now = clock.now().min(self.plant.now() + LONGEST_STEP_US);
             let due = self.plant.next_event() <= now;
             let look = rung || self.options.busy && self.plant.control_changed();
-            // Polling, most rounds find nothing to do; they shall not hold up the one that does.
-            if look || due || !self.options.busy {
+            if due {
                 self.plant.advance_to(now);
+            } else {
+                self.plant.pass_to(now);
             }
             if look {
                 self.plant.processor_cycle();

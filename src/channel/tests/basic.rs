@@ -166,6 +166,19 @@ fn a_clean_end_leaves_nothing_behind() {
 }
 
 #[test]
+fn the_last_client_removes_what_an_ended_emulator_had_to_leave() {
+    let place = place();
+    let emulator = Emulator::start(&place, true);
+    let clients = [place.client(), place.client()];
+    emulator.end();
+    let [first, last] = clients;
+    drop(first);
+    assert!(!place.remains().is_empty());
+    drop(last);
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+#[test]
 fn stop_ends_the_emulator_and_whoever_asks_then_is_told() {
     let place = place();
     let emulator = Emulator::start(&place, true);

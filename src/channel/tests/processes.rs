@@ -147,9 +147,11 @@ fn a_killed_emulator_is_noticed_and_can_be_started_again() {
         // A new client does not wait for a dead emulator either.
         let refused = place.connect(Patience::default()).unwrap_err();
         assert!(matches!(refused, ClientError::NotRunning { .. }), "{refused}");
+        assert!(!place.remains().is_empty());
+        drop(client);
+        assert!(place.remains().is_empty(), "the last client removes them: {:?}", place.remains());
     }
     let server = Process::spawn(&place, "server");
-    // The old announcement is still there; the new server has taken it over when its pid is.
     until("the emulator is up again", || {
         place.connect(quick()).is_ok_and(|c| c.peek(0, REG, Width::Word).is_ok())
     });
