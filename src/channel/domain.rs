@@ -248,12 +248,12 @@ impl Guest {
     /// Enters a domain.
     pub fn enter(domain: &Domain) -> Result<Self, NodeCreationFailure> {
         // Ahead of the node: an attempt that fails leaves things behind as well.
-        let leave = Leave(domain.clone());
+        let leave = Leave(Box::new(domain.clone()));
         Ok(Guest { node: domain.node()?, _leave: leave })
     }
 }
 
-struct Leave(Domain);
+struct Leave(Box<Domain>);
 
 impl Drop for Leave {
     fn drop(&mut self) {
