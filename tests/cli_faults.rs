@@ -5,30 +5,9 @@ mod common;
 
 use common::Emulator;
 
-/// Brings the master of the built-in plant into set-up mode; its drives 1 to 3 are expected and respond.
+/// Brings the master of the built-in plant into set-up mode; its drives 1 to 3 respond.
 fn set_up(emulator: &Emulator) {
-    for writes in [
-        &["node2.w_CPU_CONTROL=16#0000"][..],
-        &["node2.w_CPU_CONTROL=16#0001"],
-        &[
-            "node2.b_MA_SL_MODE=16#00",
-            "node2.b_AC=16#FF",
-            "node2.b_AM=16#FF",
-            "node2.b_BT_0=16#00",
-            "node2.b_BT_1=16#1C",
-            "node2.b_OUTPUT_CONTROL=16#FA",
-            "node2.b_CLOCK_DIVIDER=16#07",
-            "node2.b_TIME_PATTERN=2",
-            "node2.a_SL_TYP[1]=16#01",
-            "node2.a_SL_TYP[2]=16#01",
-            "node2.a_SL_TYP[3]=16#01",
-            "node2.w_CPU_CONTROL=16#0002",
-        ],
-        &["node2.w_CPU_CONTROL=16#0020"],
-    ] {
-        emulator.poke(writes);
-        emulator.step(&["1ms"]);
-    }
+    emulator.set_up(&[]);
     emulator.run("wait", &["node2.a_STAT_SL[3]==1", "--within", "100ms"]).ok();
 }
 

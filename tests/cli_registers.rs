@@ -5,42 +5,16 @@ mod common;
 
 use common::{Emulator, run};
 
-/// Puts node 2 into set-up mode as the manual orders, in stepped mode: p. 132 and 150.
+/// Set-up mode with two values mapped in each direction of drive 1.
 fn set_up(emulator: &Emulator) {
-    let state = |expected: &str| {
-        let condition = format!("node2.w_OPTION_STATUS=={expected}");
-        emulator.run("wait", &[&condition, "--within", "10ms"]).ok();
-    };
-    emulator.poke(&["node2.w_CPU_CONTROL=16#0000"]);
-    state("16#0001");
-    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
-    state("16#0002");
-    emulator.poke(&[
-        "node2.b_MA_SL_MODE=16#00",
-        "node2.b_AC=16#FF",
-        "node2.b_AM=16#FF",
-        "node2.b_BT_0=16#00",
-        "node2.b_BT_1=16#1C",
-        "node2.b_OUTPUT_CONTROL=16#FA",
-        "node2.b_CLOCK_DIVIDER=16#07",
-        "node2.b_TIME_PATTERN=2",
-        "node2.a_SL_TYP[1]=16#01",
-        "node2.a_SL_TYP[2]=16#01",
-        "node2.a_SL_TYP[3]=16#01",
-        "node2.w_CPU_CONTROL=16#0002",
-    ]);
-    state("16#0003");
-    // Taking over the initialization data has cleared the cyclic structure.
-    emulator.poke(&[
+    emulator.set_up(&[
         "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0=16#01",
         "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD1=16#03",
         "node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD0=16#01",
         "node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD1=16#03",
         "node2.b_MAX_SL_NR=3",
         "node2.b_CTRLREG_RD_ORDER_RDC1=16#80",
-        "node2.w_CPU_CONTROL=16#0020",
     ]);
-    state("16#0043");
 }
 
 /// The walk through the manual's start sequence up to the first exchanged process data.

@@ -184,6 +184,37 @@ impl Emulator {
         self.run("step", args).ok().trim_end().to_owned()
     }
 
+    /// Puts node 2 of the built-in plant into set-up mode, its drives 1 to 3 expected, as the manual orders (p. 132 and
+    /// 150); `writes` are the PLC's first in the cyclic structure. In stepped mode.
+    #[track_caller]
+    pub fn set_up(&self, writes: &[&str]) {
+        let init = [
+            "node2.b_MA_SL_MODE=16#00",
+            "node2.b_AC=16#FF",
+            "node2.b_AM=16#FF",
+            "node2.b_BT_0=16#00",
+            "node2.b_BT_1=16#1C",
+            "node2.b_OUTPUT_CONTROL=16#FA",
+            "node2.b_CLOCK_DIVIDER=16#07",
+            "node2.b_TIME_PATTERN=2",
+            "node2.a_SL_TYP[1]=16#01",
+            "node2.a_SL_TYP[2]=16#01",
+            "node2.a_SL_TYP[3]=16#01",
+        ];
+        for (writes, command, status) in [
+            (&[][..], "16#0000", "16#0001"),
+            (&[], "16#0001", "16#0002"),
+            (&init, "16#0002", "16#0003"),
+            // Taking over the initialization data has cleared the cyclic structure.
+            (writes, "16#0020", "16#0043"),
+        ] {
+            let command = format!("node2.w_CPU_CONTROL={command}");
+            self.poke(&[writes, &[&command]].concat());
+            let condition = format!("node2.w_OPTION_STATUS=={status}");
+            self.run("wait", &[&condition, "--within", "10ms"]).ok();
+        }
+    }
+
     pub fn signal(&self, signal: &str) {
         let pid = self.pid().to_string();
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
