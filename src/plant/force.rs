@@ -4,7 +4,8 @@
 //! whenever it has written. The firmware therefore never sees another value; a PLC on the mapped RAM sees
 //! what it wrote itself until the next event of the bus or processor cycle (decision D-105).
 
-use super::Plc;
+use super::{Plant, Plc};
+use crate::journal::Event;
 use crate::layout::LayoutError;
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::memory::{Address, MemoryError, Width};
@@ -53,6 +54,42 @@ pub enum ForceError {
     /// The address is misaligned or outside the RAM.
     #[error(transparent)]
     Memory(#[from] MemoryError),
+}
+
+impl Plant {
+    /// Makes a register keep `value` against firmware and PLC, from now until [`Plant::unforce`]. Forcing it
+    /// again changes the value.
+    ///
+    /// # Errors
+    /// [`ForceError`].
+    pub fn force(&mut self, forced: Forced) -> Result<(), ForceError> {
+        forced.check()?;
+        let Forced { plc, offset, width, value } = forced;
+        let target = self.plcs.get(usize::from(plc)).ok_or(ForceError::NoSuchPlc)?;
+        target.segment().load(offset, width)?;
+        if !self.forces.set(forced) {
+            return Err(ForceError::TooMany);
+        }
+        self.look_for_writes();
+        self.forces.apply(&self.plcs);
+        self.leave();
+        self.journal.push(self.now, Event::Force { plc, offset, width: width.bytes() as u8, value });
+        Ok(())
+    }
+
+    /// Lets a forced register go; it keeps the value until somebody writes it. Returns whether it was forced.
+    pub fn unforce(&mut self, plc: u16, offset: u32) -> bool {
+        let ended = self.forces.end(plc, offset);
+        if ended {
+            self.journal.push(self.now, Event::Unforce { plc, offset });
+        }
+        ended
+    }
+
+    /// The forced registers, in the order of PLCs and addresses.
+    pub fn forces(&self) -> &[Forced] {
+        self.forces.list()
+    }
 }
 
 impl Forced {

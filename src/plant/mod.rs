@@ -4,6 +4,7 @@
 //! writes at the same emulated times give the same journal, byte for byte.
 
 mod agenda;
+mod boards;
 mod bus;
 mod config;
 mod faults;
@@ -18,9 +19,8 @@ pub use plc::Plc;
 
 use crate::check::Checker;
 use crate::firmware::baps::Baps;
-use crate::journal::{BoardEvent, Event, Journal, Names};
+use crate::journal::{Event, Journal, Names};
 use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
-use crate::memory::header::{BoardSetting, SeatState};
 use crate::memory::{MemoryError, Segment};
 use bus::SimBus;
 use faults::Faults;
@@ -227,77 +227,6 @@ impl Plant {
         self.next_timer = self.plcs.iter().map(|plc| plc.board.next_time()).fold(u64::MAX, u64::min);
     }
 
-    /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
-    /// whether there was anything.
-    pub fn look_at_boards(&mut self) -> bool {
-        self.look_for_writes();
-        let changed = self.look_at_requests();
-        self.leave();
-        changed
-    }
-
-    fn look_at_requests(&mut self) -> bool {
-        let mut changed = false;
-        for index in 0..self.plcs.len() {
-            changed |= self.plcs[index].look_at_board(index, self.now, &mut self.buses, &mut self.journal);
-        }
-        if changed {
-            self.find_next_timer();
-        }
-        changed
-    }
-
-    /// Switches supply or RESET of a PLC at the present time. Other PLCs and their buses go on; the bus of its node
-    /// 2 stops as when its master is restarted.
-    pub fn set_power(&mut self, plc: usize, power: Power) {
-        self.look_for_writes();
-        if let Some(it) = self.plcs.get_mut(plc) {
-            it.set_power(power, plc, self.now, &mut self.buses, &mut self.journal);
-            self.find_next_timer();
-            self.forces.apply(&self.plcs);
-        }
-        self.leave();
-    }
-
-    /// Does something to the board of a PLC at the present time.
-    pub fn set_board(&mut self, plc: usize, setting: BoardSetting) {
-        let steps = match setting {
-            BoardSetting::Reset => [Power::HoldReset, Power::ReleaseReset],
-            BoardSetting::PowerCycle => [Power::Off, Power::On],
-            _ => {
-                if let Some(plc) = self.plcs.get(plc) {
-                    plc.turn(setting);
-                }
-                self.look_at_boards();
-                return;
-            }
-        };
-        steps.into_iter().for_each(|step| self.set_power(plc, step));
-    }
-
-    /// Notes what became of a task in lockstep.
-    pub fn note_lockstep(&mut self, plc: usize, event: usize, state: SeatState) {
-        let (plc, event) = (plc as u16, u8::try_from(event).unwrap_or(u8::MAX));
-        self.journal.push(self.now, Event::Board { plc, what: BoardEvent::Lockstep { event, state } });
-    }
-
-    /// What stands in the NOVRAM registers counts as stored, as at power-off.
-    pub fn keep_novram(&mut self) {
-        self.plcs.iter_mut().for_each(Plc::keep_ethernet_config);
-    }
-
-    /// Events of PLC `plc` since the last call, bit n for event n.
-    pub fn take_fired(&mut self, plc: usize) -> u16 {
-        self.plcs.get_mut(plc).map_or(0, |plc| plc.board.take_fired())
-    }
-
-    /// NOVRAM has kept the retain flags of a PLC: the first start of its program is a warm start.
-    pub fn retain_was_kept(&mut self, plc: usize) {
-        if let Some(plc) = self.plcs.get_mut(plc) {
-            plc.board.retain_was_kept();
-        }
-    }
-
     /// One look of all boards at their switches and of all nodes at their control registers at the present time:
     /// what a rung doorbell asks for. Does not shift the regular processor cycle.
     pub fn processor_cycle(&mut self) {
@@ -414,40 +343,6 @@ impl Plant {
     /// The journal.
     pub fn journal(&self) -> &Journal {
         &self.journal
-    }
-
-    /// Makes a register keep `value` against firmware and PLC, from now until [`Plant::unforce`]. Forcing it
-    /// again changes the value.
-    ///
-    /// # Errors
-    /// [`ForceError`].
-    pub fn force(&mut self, forced: Forced) -> Result<(), ForceError> {
-        forced.check()?;
-        let Forced { plc, offset, width, value } = forced;
-        let target = self.plcs.get(usize::from(plc)).ok_or(ForceError::NoSuchPlc)?;
-        target.segment().load(offset, width)?;
-        if !self.forces.set(forced) {
-            return Err(ForceError::TooMany);
-        }
-        self.look_for_writes();
-        self.forces.apply(&self.plcs);
-        self.leave();
-        self.journal.push(self.now, Event::Force { plc, offset, width: width.bytes() as u8, value });
-        Ok(())
-    }
-
-    /// Lets a forced register go; it keeps the value until somebody writes it. Returns whether it was forced.
-    pub fn unforce(&mut self, plc: u16, offset: u32) -> bool {
-        let ended = self.forces.end(plc, offset);
-        if ended {
-            self.journal.push(self.now, Event::Unforce { plc, offset });
-        }
-        ended
-    }
-
-    /// The forced registers, in the order of PLCs and addresses.
-    pub fn forces(&self) -> &[Forced] {
-        self.forces.list()
     }
 
     /// Forgets what the access checker has found.
