@@ -87,10 +87,36 @@ fn master_slave_and_cluster_work_together() {
     assert!(cluster.output().contains("the drive was at 5000"));
 }
 
+/// Configuration example A of the manual (p. 62-63).
 #[test]
 fn the_drive_behind_the_baps_runs() {
     let emulator = Emulator::start(&[]);
     let out = Example::start("baps", &emulator, &[]).output();
     assert!(out.contains("the drive runs at 5000"), "{out}");
     assert!(out.contains("parameter 305: "), "{out}");
+}
+
+/// Configuration examples B and D, one after the other on one emulator: each start may run `OPT_INIT` (D-260).
+#[test]
+fn board_timers_drive_event_tasks() {
+    let emulator = Emulator::start(&[]);
+    for _ in 0..2 {
+        let out = Example::start("baps_timer", &emulator, &[]).output();
+        assert!(out.contains("the drive has followed timer A to angle"), "{out}");
+    }
+    for event in ["2", "0", "5", "6"] {
+        let out = Example::start("timer_task", &emulator, &["line", event]).output();
+        assert!(out.contains(&format!("event {event}: 1")), "{out}");
+    }
+    let outcome = emulator.run("check", &[]);
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+}
+
+/// Configuration example C (p. 67-70).
+#[test]
+fn the_sync_signal_drives_bus_and_baps_in_one_task() {
+    let emulator = Emulator::start(&[]);
+    let out = Example::start("baps_cansync", &emulator, &[]).output();
+    assert!(out.contains("the drive has followed SYNC to angle"), "{out}");
+    assert!(out.contains("slaves [1, 2, 3] have reached reference value 5000"), "{out}");
 }

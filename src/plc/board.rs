@@ -92,7 +92,7 @@ impl INTR_SET {
     }
 }
 
-/// Routes triggers and starts board timers (manual p. 56-60). May be run once after power-on or reset.
+/// Routes triggers and starts board timers (manual p. 56-60). May be run once in each start of the program (D-260).
 ///
 /// The first call submits the inputs; call on until `x_OK` or `x_ERR`. Later calls do nothing, unless the board
 /// has been reset (decisions D-213, D-214).
@@ -116,7 +116,7 @@ pub struct OPT_INIT {
     pub x_EN_TIMER_B: bool,
     /// Clock of board timer B; 0: 5 MHz.
     pub ud_CFG_MODE_TIMER_B: u32,
-    /// The inputs were refused, or `OPT_INIT` has been run before.
+    /// The inputs were refused, or `OPT_INIT` has been run before in this start of the program.
     pub x_ERR: bool,
     /// Triggers are routed, timers run.
     pub x_OK: bool,

@@ -256,5 +256,7 @@ impl<P: Program> Drop for Tasks<P> {
     fn drop(&mut self) {
         self.ram.header().program.state.store(ProgramState::None.code());
         self.ram.header().submit_request();
+        // The board has to see it before the next program is loaded, also while the clock stands.
+        self.ram.header().doorbell.ring();
     }
 }

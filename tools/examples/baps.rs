@@ -1,5 +1,6 @@
-//! The drive behind the BAPS: configures the process data, brings the drive into operation, waits until it runs at
-//! the speed wanted, and reads its speed limit.
+//! Configuration example A of the manual (5.00005.03a p. 62-63): process data of the BAPS in the event task that the
+//! drive itself starts. Brings the drive into operation, waits until it runs at the speed wanted, and reads its speed
+//! limit.
 //!
 //! `commram run`, then `cargo run --example baps`.
 
@@ -7,6 +8,7 @@
 
 mod common;
 
+use common::drive::{CYCLES_BEFORE_INIT, control_word};
 use common::{Arguments, check};
 use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
 use commram::memory::MemoryError;
@@ -23,8 +25,10 @@ const SPEED_ACTUAL: u16 = 301;
 const SPEED_LIMIT: u16 = 305;
 const SPEED: u32 = 5000;
 
-struct Drive {
+/// The program.
+pub struct Drive {
     ram: Ram,
+    cycles: u32,
     _BAPS: Base<BAPS_CTRL_BMSTRUCT>,
     _BAPS_SD_DATA: BAPS_BMSTRUCT,
     init: BAPS_INIT,
@@ -35,7 +39,8 @@ struct Drive {
 }
 
 impl Drive {
-    fn new(ram: Ram) -> Result<Self, MemoryError> {
+    /// On the RAM of a PLC.
+    pub fn new(ram: Ram) -> Result<Self, MemoryError> {
         Ok(Drive {
             _BAPS: ram.at(BAPS)?,
             _BAPS_SD_DATA: BAPS_BMSTRUCT::default(),
@@ -50,17 +55,9 @@ impl Drive {
             watch: BAPS_PD_CONTROL::default(),
             read: BAPS_PAR_READ { u_PAR_NR: SPEED_LIMIT, ..Default::default() },
             service: BAPS_SD_CONTROL::default(),
+            cycles: 0,
             ram,
         })
-    }
-}
-
-/// The control word that brings a drive with this status word nearer to operation.
-fn control_word(status: u16) -> u16 {
-    match status & 0x006F {
-        0x0021 => 0x0007,
-        0x0023 | 0x0027 => 0x000F,
-        _ => 0x0006,
     }
 }
 
@@ -73,10 +70,9 @@ impl Program for Drive {
         }
     }
 
+    /// Nothing: the event is started from the cyclic task.
     fn cold_start(&mut self) -> Result<Progress, String> {
-        self.init.call(&self._BAPS);
-        check(self.init.x_ERR, "BAPS_INIT", self.init.b_ERR.into())?;
-        Ok(Progress::done_if(self.init.x_OK))
+        Ok(Progress::Done)
     }
 
     /// The drive has handed over its values.
@@ -86,7 +82,15 @@ impl Program for Drive {
         check(self.comm.x_ERR, "BAPS_PD_COMM2", self.comm.b_SL_QUIT.into())
     }
 
+    /// `BAPS_INIT` belongs here: not before the sixth cycle, and once only (p. 62). It enables the event as well.
     fn cyclic(&mut self) -> Result<Progress, String> {
+        self.cycles += 1;
+        if !self.init.x_OK {
+            if self.cycles > CYCLES_BEFORE_INIT {
+                self.init.call(&self._BAPS);
+            }
+            return check(self.init.x_ERR, "BAPS_INIT", self.init.b_ERR.into()).map(|()| Progress::Again);
+        }
         self.watch.call(&self._BAPS);
         check(self.watch.x_ERR, "BAPS_PD_CONTROL", 0)?;
         if self.comm.ud_RD_VALUE0 == SPEED && !self.read.x_EN {

@@ -39,6 +39,8 @@ pub(super) struct Front {
     cold: bool,
     /// The PLC program may run.
     released: bool,
+    /// A cold or warm start was ordered since somebody asked last.
+    started: bool,
 }
 
 /// Cells that clients turn, as they stood.
@@ -71,6 +73,7 @@ impl Front {
             dip: 0,
             cold: true,
             released: false,
+            started: false,
         }
     }
 
@@ -194,9 +197,15 @@ impl Front {
         if kind == Start::Cold {
             self.cold = false;
         }
+        self.started |= matches!(kind, Start::Cold | Start::Warm);
         header.program.start_kind.store(kind.code());
         header.program.start.ring();
         report(ctx, BoardEvent::Start { kind });
+    }
+
+    /// Whether a cold or warm start was ordered since the last call.
+    pub fn take_start(&mut self) -> bool {
+        core::mem::take(&mut self.started)
     }
 
     /// The character on the display (manual p. 40).

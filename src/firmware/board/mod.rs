@@ -128,10 +128,15 @@ impl Board {
         if look != Look::Nothing || !self.is_up() {
             return look;
         }
+        if asked {
+            self.front.look_at_start_request(ctx, &self.header);
+        }
+        if self.front.take_start() {
+            self.triggers.permit();
+        }
         if !asked {
             return Look::Answered;
         }
-        self.front.look_at_start_request(ctx, &self.header);
         self.interrupts.look(ctx, &self.header, &mut self.timers);
         if let Some(result) = self.triggers.look(ctx.now, &self.header, &mut self.timers) {
             let modes = [0, 1, 2].map(|n| self.header.opt_init.triggers[n].load() as u8);

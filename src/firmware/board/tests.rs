@@ -211,6 +211,31 @@ fn opt_init_may_run_once_only() {
     assert_eq!(rig.opt_init([4, 4, 2], OFF), OptInitResult::Done, "after a restart");
 }
 
+/// D-260: the start tasks of a program run it, so each cold or warm start may; a hot start has none.
+#[test]
+fn opt_init_may_run_once_in_each_start_of_the_program() {
+    let mut rig = Rig::new();
+    let with_timer = [(2499, 1, 0), (0, 0, 0)];
+    assert_eq!(rig.opt_init([4, 4, 2], with_timer), OptInitResult::Done);
+    rig.program(ProgramState::Stopped);
+    assert_eq!(rig.ordered().1, Start::Cold);
+    assert_eq!(rig.opt_init([4, 4, 2], with_timer), OptInitResult::Done, "another program");
+    for (start, wanted) in [(Start::Hot, OptInitResult::AlreadyRun), (Start::Warm, OptInitResult::Done)] {
+        rig.ask_for(start);
+        assert_eq!(rig.opt_init([3, 3, 1], OFF), wanted, "{start:?}");
+        assert_eq!(rig.opt_init([3, 3, 1], OFF), OptInitResult::AlreadyRun, "{start:?}");
+    }
+    assert_eq!(rig.board.next_time(), u64::MAX, "the last one has not started timer A");
+    rig.turn(RunSwitch::Stop);
+    rig.turn(RunSwitch::Run);
+    assert_eq!(rig.opt_init([4, 4, 2], with_timer), OptInitResult::Done, "warm start by the switch");
+    // A program that starts with the request already there.
+    let mut rig = Rig::new();
+    assert_eq!(rig.opt_init([0; 3], OFF), OptInitResult::Done);
+    rig.header.program.state.store(ProgramState::Stopped.code());
+    assert_eq!(rig.opt_init([3, 3, 1], OFF), OptInitResult::Done);
+}
+
 /// The three tables of p. 58.
 #[test]
 fn trigger_modes_are_those_of_the_manual() {

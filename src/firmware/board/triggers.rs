@@ -24,6 +24,8 @@ pub(super) struct Triggers {
     routes: [Option<Source>; TRIGGERS],
     /// `OPT_INIT` has been run.
     routed: bool,
+    /// It must not be run again in this start of the program.
+    closed: bool,
     /// The trigger controller was pulsed.
     pub controller_pulsed: bool,
 }
@@ -43,6 +45,11 @@ impl Triggers {
         self.controller_pulsed |= self.routes[Trigger::Controller as usize] == Some(source);
     }
 
+    /// The program starts anew: its start task may run `OPT_INIT` again (decision D-260).
+    pub fn permit(&mut self) {
+        self.closed = false;
+    }
+
     /// Answers an `OPT_INIT`, if there is one; tells what became of it.
     pub fn look(&mut self, now: u64, header: &Header, timers: &mut Timers) -> Option<OptInitResult> {
         let request = header.opt_init.request.load();
@@ -56,7 +63,7 @@ impl Triggers {
     }
 
     fn set(&mut self, now: u64, header: &Header, timers: &mut Timers) -> OptInitResult {
-        if self.routed {
+        if self.closed {
             return OptInitResult::AlreadyRun;
         }
         let [one, two, controller] = &header.opt_init.triggers;
@@ -69,11 +76,13 @@ impl Triggers {
             return OptInitResult::BadTimer;
         };
         for (timer, period) in [(Timer::A, a), (Timer::B, b)] {
-            if let Some(period) = period {
-                timers.start(timer, now, period);
+            match period {
+                Some(period) => timers.start(timer, now, period),
+                None => timers.stop(timer),
             }
         }
-        *self = Triggers { routes: [one, two, controller], routed: true, controller_pulsed: false };
+        *self =
+            Triggers { routes: [one, two, controller], routed: true, closed: true, controller_pulsed: false };
         OptInitResult::Done
     }
 }

@@ -89,7 +89,7 @@ codes! {
     OptInitResult {
         /// Triggers are routed, timers run.
         Done = 0,
-        /// It has been run since power-on or reset, and may be run once only (manual p. 59).
+        /// It has been run since the last power-on, reset, cold or warm start, and may be run once only (manual p. 59).
         AlreadyRun = 1,
         /// A trigger mode is reserved or does not exist.
         BadTrigger = 2,

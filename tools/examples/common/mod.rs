@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each example uses a part of it")]
 
+pub mod drive;
+
 use commram::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, LAYOUT_HASH};
 use commram::memory::{AttachMode, Image, MemoryError};
 use commram::plc::{Base, CANsync_PAR_SL, CANsync_PD_CFG_SL, Program, Ram, Tasks};
