@@ -104,6 +104,7 @@ fn a_start_needs_a_program() {
 #[test]
 fn the_ip_address_follows_the_dip_switch_at_the_reset() {
     let emulator = Emulator::stepped();
+    emulator.breaks(&["ip-address"]);
     let last = || emulator.peek(&["ethernet.a_IP_ADDRESS[3]"]);
     assert_eq!(last(), "16#01");
     emulator.run("board", &["set", "dip=30"]).ok();

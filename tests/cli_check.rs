@@ -26,6 +26,7 @@ fn a_program_that_does_nothing_wrong_passes() {
 #[test]
 fn an_error_fails_with_all_that_is_known_about_it() {
     let emulator = Emulator::stepped();
+    emulator.breaks(&["owner"]);
     emulator.step(&["2ms"]);
     for value in ["16#0043", "16#0080"] {
         emulator.poke(&[&format!("node2.w_OPTION_STATUS={value}")]);
@@ -88,6 +89,7 @@ fn writes_through_the_map_are_seen() {
     let path = std::env::temp_dir().join(format!("{}.toml", unique_name()));
     std::fs::write(&path, "[[plc]]\nname = 'saw'\n[[plc]]\nname = 'press'\n").unwrap();
     let emulator = Emulator::start(&["--clock", "stepped", path.to_str().unwrap()]);
+    emulator.breaks(&["owner"]);
     std::fs::remove_file(&path).unwrap();
     let press = Image::attach(&emulator.name, "press", AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap();
     let node1 = press.segment().view::<CANsync_INIT_BMSTRUCT>(NODE1).unwrap();

@@ -187,6 +187,21 @@ fn a_reader_that_has_enough_is_no_error() {
     assert!(files_of(&format!("demo-{}", child.id())).is_empty());
 }
 
+/// Its soft-PLC is the first program that newcomers see: nothing against the manual, not even a warning. How soon it gets
+/// the processor is not its business.
+#[cfg(feature = "channel")]
+#[test]
+fn the_access_checker_finds_nothing() {
+    let emulator = Emulator::start(&[]);
+    finish(commram().args(["demo-plc", &emulator.name, "line"])).ok();
+    let findings = emulator.run("check", &["--format", "json"]).out;
+    let findings: Vec<serde_json::Value> = serde_json::from_str(&findings).unwrap();
+    let others: Vec<_> = findings.iter().filter(|finding| finding["rule"] != "late-reference").collect();
+    assert_eq!(others, Vec::<&serde_json::Value>::new());
+    let journal = emulator.run("trace", &["--kind", "state", "--format", "jsonl"]).out;
+    assert!(journal.contains("128"), "it was in active operation: {journal}");
+}
+
 /// In stepped mode nobody lets the time pass, so the firmware does not answer.
 #[test]
 fn a_handshake_that_is_not_answered_ends_with_a_message() {

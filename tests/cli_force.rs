@@ -8,6 +8,7 @@ use common::Emulator;
 #[test]
 fn a_forced_register_keeps_its_value_and_is_marked_everywhere() {
     let emulator = Emulator::stepped();
+    emulator.breaks(&["owner"]);
     emulator.run("force", &["node2.w_OPTION_STATUS=16#0080", "node2.w_CANsync_STATUS=16#00FF"]).ok();
     emulator.poke(&["node2.w_OPTION_STATUS=16#0001", "node2.w_CPU_CONTROL=16#0001"]);
     emulator.step(&["10ms"]);

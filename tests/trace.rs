@@ -39,6 +39,7 @@ fn in_operation() -> Emulator {
     let emulator = with_frames("1.1s");
     emulator.poke(&["node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0=16#01", "node2.w_CPU_CONTROL=16#0040"]);
     emulator.step(&["--to-sync"]);
+    emulator.breaks(&["command"]);
     emulator.poke(&["node2.b_CTRLREG_WRC1=16#05", "node2.w_CPU_CONTROL=16#0002"]);
     emulator.step(&["10ms"]);
     emulator

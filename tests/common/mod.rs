@@ -11,6 +11,9 @@ use std::time::{Duration, Instant};
 /// No step of a test takes longer than this, however slow the machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
 
+/// With a clock that runs by itself it is the machine's business whether a process is in time.
+const TOO_LATE: [&str; 2] = ["late-reference", "late-actual"];
+
 /// A name that no other test and no other test run uses.
 pub fn unique_name() -> String {
     static COUNTER: AtomicU32 = AtomicU32::new(0);
@@ -113,6 +116,10 @@ pub struct Emulator {
     child: Child,
     /// Behind a lock only so that threads can share an emulator.
     err: Mutex<Option<mpsc::Receiver<String>>>,
+    /// Errors that the access checker is to find in this test; any other one, or a missing one, fails it.
+    expected: Mutex<Vec<&'static str>>,
+    /// Errors that do not count.
+    tolerated: &'static [&'static str],
 }
 
 impl Emulator {
@@ -133,8 +140,15 @@ impl Emulator {
         let mut child = command.spawn().unwrap();
         let err = collect(child.stderr.take().unwrap());
         let mut out = BufReader::new(child.stdout.take().unwrap());
-        let mut this =
-            Self { name: name.to_owned(), ready: String::new(), child, err: Mutex::new(Some(err)) };
+        let tolerated = if args.contains(&"stepped") { &[][..] } else { &TOO_LATE };
+        let mut this = Self {
+            name: name.to_owned(),
+            ready: String::new(),
+            child,
+            err: Mutex::new(Some(err)),
+            expected: Mutex::default(),
+            tolerated,
+        };
         let (send, receive) = mpsc::channel();
         std::thread::spawn(move || {
             let mut line = String::new();
@@ -235,6 +249,35 @@ impl Emulator {
         self.err.get_mut().unwrap().take().and_then(|err| err.recv_timeout(WATCHDOG).ok()).unwrap_or_default()
     }
 
+    /// Names the rules, errors all of them, that this test breaks on purpose. Warnings are never looked at.
+    pub fn breaks(&self, rules: &[&'static str]) {
+        *self.expected.lock().unwrap() = rules.to_vec();
+    }
+
+    /// Every test ends with a look at what the access checker has found, unless there is nobody left to ask.
+    #[cfg(feature = "channel")]
+    fn assert_no_other_errors(&mut self) {
+        let outcome = self.run("check", &["--format", "json"]);
+        if outcome.code == Some(2) {
+            let ends = eventually(|| self.child.try_wait().is_ok_and(|status| status.is_some()));
+            assert!(ends, "it goes on, but cannot be asked: {}", outcome.err);
+            return;
+        }
+        let findings: Vec<serde_json::Value> = serde_json::from_str(&outcome.out).unwrap();
+        let errors = findings.iter().filter(|finding| finding["severity"] == "error");
+        let mut found: Vec<_> = errors.filter_map(|finding| finding["rule"].as_str()).collect();
+        found.retain(|rule| !self.tolerated.contains(rule));
+        let mut expected = self.expected.lock().unwrap().clone();
+        for rules in [&mut found, &mut expected] {
+            rules.sort_unstable();
+            rules.dedup();
+        }
+        assert_eq!(found, expected, "errors that the access checker has found: {}", outcome.out);
+    }
+
+    #[cfg(not(feature = "channel"))]
+    fn assert_no_other_errors(&mut self) {}
+
     /// Its files in /dev/shm that bear its name.
     pub fn files(&self) -> Vec<PathBuf> {
         files_of(&self.name)
@@ -251,6 +294,23 @@ pub fn files_of(instance: &str) -> Vec<PathBuf> {
 
 impl Drop for Emulator {
     fn drop(&mut self) {
+        /// Ends the process and removes its files, also when the look at the findings fails the test.
+        struct End<'a>(&'a mut Emulator);
+        impl Drop for End<'_> {
+            fn drop(&mut self) {
+                self.0.end();
+            }
+        }
+        let end = End(self);
+        let is_running = end.0.child.try_wait().is_ok_and(|status| status.is_none());
+        if is_running && !std::thread::panicking() {
+            end.0.assert_no_other_errors();
+        }
+    }
+}
+
+impl Emulator {
+    fn end(&mut self) {
         if self.child.try_wait().is_ok_and(|status| status.is_none()) {
             let _ = Command::new("kill").args(["-TERM", &self.child.id().to_string()]).status();
             let ended = eventually(|| self.child.try_wait().is_ok_and(|status| status.is_some()));

@@ -4,6 +4,7 @@
 mod rig;
 
 mod controller;
+mod each_kind;
 mod error_numbers;
 mod frames;
 mod list;
@@ -58,6 +59,12 @@ fn hits(rig: &Rig) -> Vec<i32> {
 /// Both nodes active and the drives locked; ends at a SYNC edge.
 fn running(memory: Memory) -> Rig {
     let mut rig = Rig::of(memory, RATES[0], DRIVES);
+    start(&mut rig);
+    rig
+}
+
+/// See [`running`].
+fn start(rig: &mut Rig) {
     rig.activate();
     rig.step(60_000);
     rig.configure_wrc1([0x01, 0x03, 0, 0]);
@@ -70,7 +77,6 @@ fn running(memory: Memory) -> Rig {
     rig.slave.b_EN_UPDOWNBLK1.store(1);
     rig.master.b_CTRLREG_RD_ORDER_RDC1.store(DRIVE as u8);
     rig.run_to_sync();
-    rig
 }
 
 /// Enters a parameter job at the master for one slave, whose turn it is from then on.

@@ -47,6 +47,14 @@ enum Failed {
     Plant(#[from] PlantError),
 }
 
+/// Every test ends with a look at what the access checker has found: a cluster does nothing against the manual.
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        let errors = self.plant.journal().findings().errors();
+        assert!(std::thread::panicking() || errors.is_empty(), "{errors:?}");
+    }
+}
+
 impl Cluster {
     /// `widths[n]`: participants on each bus of level n; those of the last level are drives.
     pub fn new(widths: &[usize]) -> Cluster {
