@@ -9,6 +9,7 @@ mod baps;
 mod bench;
 mod board;
 mod command_channel;
+mod disturbed;
 mod documented;
 mod parameter;
 mod process_data;
