@@ -3,24 +3,9 @@
 mod common;
 
 use common::{Emulator, eventually};
-use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::sync::Once;
 
 const PLANT: &str = "tools/examples/plant.toml";
-
-/// `cargo test` builds examples only if it is not told which test to run; this does nothing if they are there.
-fn build() {
-    let mut cargo = Command::new(env!("CARGO"));
-    cargo.args(["build", "--quiet", "--examples"]);
-    if !cfg!(feature = "channel") {
-        cargo.arg("--no-default-features");
-    }
-    if !cfg!(debug_assertions) {
-        cargo.arg("--release");
-    }
-    assert!(cargo.status().unwrap().success());
-}
 
 /// A running example. It is killed when this value is dropped.
 struct Example {
@@ -30,11 +15,7 @@ struct Example {
 
 impl Example {
     fn start(name: &'static str, emulator: &Emulator, arguments: &[&str]) -> Self {
-        static BUILT: Once = Once::new();
-        BUILT.call_once(build);
-        let mut path = PathBuf::from(env!("CARGO_BIN_EXE_commram"));
-        path.pop();
-        let mut command = Command::new(path.join("examples").join(name));
+        let mut command = Command::new(common::example(name));
         command.args(["-i", &emulator.name]).args(arguments);
         let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
         Example { name, child: child.unwrap() }

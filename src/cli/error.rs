@@ -5,6 +5,7 @@ use commram::fault::FaultError;
 use commram::layout::LayoutError;
 use commram::layout::place::BadValue;
 use commram::memory::MemoryError;
+use commram::memory::header::BoardWordError;
 use commram::plant::PlantError;
 use commram::runtime::RuntimeError;
 use std::io;
@@ -28,6 +29,9 @@ pub enum CliError {
         /// What would be right.
         right: String,
     },
+    /// A text that is no setting of a board.
+    #[error(transparent)]
+    Board(#[from] BoardWordError),
     /// A register without a PLC in front, and several it could be in.
     #[error("{text}: instance '{instance}' has several PLCs ({plcs}); write for example {example}:{text}")]
     WhichPlc {
@@ -213,6 +217,7 @@ impl CliError {
             | Self::Unchecked(_)
             | Self::Value(_)
             | Self::Argument { .. }
+            | Self::Board(_)
             | Self::WhichPlc { .. }
             | Self::UnknownPlc { .. }
             | Self::ReportedWrongUse

@@ -6,10 +6,12 @@
 #[macro_use]
 mod codes;
 mod board;
+mod board_words;
 mod events;
 mod lockstep;
 
 pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, RunSwitch, Start};
+pub use board_words::{BoardWordError, BoardWords};
 pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
 pub use lockstep::{Seat, SeatState};
 

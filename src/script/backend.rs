@@ -3,6 +3,7 @@
 use crate::check::Entry;
 use crate::fault::{Fault, Refusal};
 use crate::journal::{Names, Record};
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, MemoryError, Segment, Width};
 use crate::plant::ForceError;
 use core::num::NonZeroU16;
@@ -132,6 +133,12 @@ pub trait Backend {
 
     /// Clears one fault, or all.
     fn clear_faults(&mut self, number: Option<NonZeroU16>) -> Result<(), BackendError>;
+
+    /// The board of a PLC.
+    fn board(&mut self, plc: u16) -> Result<BoardState, BackendError>;
+
+    /// Does something to the board of a PLC.
+    fn set_board(&mut self, plc: u16, setting: BoardSetting) -> Result<(), BackendError>;
 
     /// What the access checker has found.
     fn findings(&mut self) -> Result<Vec<Entry>, BackendError>;

@@ -1,5 +1,6 @@
 //! The verbs of scenarios, in Rust.
 
+mod board;
 mod expect;
 mod findings;
 mod frames;
@@ -298,19 +299,6 @@ impl Bench {
             [_] if name.is_empty() => Ok(0),
             all => position("PLC", all, name),
         }
-    }
-
-    /// How often an event of a PLC has come since power-on; `""` is the only PLC. `docs/board.md` has the numbers
-    /// of the events, which count while they are enabled.
-    ///
-    /// # Errors
-    /// There is no such PLC or event.
-    pub fn event_count(&mut self, plc: &str, event: usize) -> Result<u32, ScenarioError> {
-        let ram = self.ram(plc)?;
-        let slot = ram.header().events.get(event).ok_or_else(|| {
-            ScenarioError::argument(&event.to_string(), "event numbers are 0 to 12, see docs/board.md")
-        })?;
-        Ok(slot.bell.rings())
     }
 
     pub(super) fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {

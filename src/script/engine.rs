@@ -3,6 +3,7 @@
 mod arguments;
 mod block;
 mod blocks;
+mod board;
 mod pins;
 mod wires;
 
@@ -120,6 +121,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, 
     verbs.expectations();
     verbs.traffic();
     verbs.blocks();
+    verbs.board();
     verbs.faults();
     verbs.findings();
     (verbs.engine, verbs.names)
@@ -188,14 +190,6 @@ impl Verbs {
 
     fn time(&mut self) {
         self.on("now", |stage| move || stage.act(|bench| Ok(int(bench.now()?))));
-        self.on("event_count", |stage| {
-            move |event: INT| stage.act(|bench| bench.event_count("", number(event, "event")?).map(INT::from))
-        });
-        self.on("event_count", |stage| {
-            move |event: INT, plc: &str| {
-                stage.act(|bench| bench.event_count(plc, number(event, "event")?).map(INT::from))
-            }
-        });
         self.on("step", |stage| move |time: Dynamic| stage.act(|bench| bench.step(span(&time)?)));
         self.on("step_to_sync", |stage| move || stage.act(|bench| bench.step_to_sync("node2")));
         self.on("step_to_sync", |stage| move |node: &str| stage.act(|bench| bench.step_to_sync(node)));

@@ -5,6 +5,7 @@ use crate::fault::{FaultError, WordError};
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
 use crate::memory::MemoryError;
+use crate::memory::header::BoardWordError;
 use crate::plant::PlantError;
 use crate::time::{TimeError, seconds, short};
 use core::fmt;
@@ -120,6 +121,9 @@ pub enum ScenarioError {
         /// What there is.
         known: String,
     },
+    /// A text that is no setting of a board.
+    #[error(transparent)]
+    Board(#[from] BoardWordError),
     /// A fault with a field that cannot be read.
     #[error(transparent)]
     FaultWord(#[from] WordError),

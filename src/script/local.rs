@@ -5,6 +5,7 @@ use super::backend::{Backend, BackendError, Spot, Waited};
 use crate::check::Entry;
 use crate::fault::Fault;
 use crate::journal::{Names, Record};
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, HEADER_SIZE, RegisterWidths, Segment, Unmapped};
 use crate::plant::{Forced, Plant, PlantConfig, Plc};
 use core::num::NonZeroU16;
@@ -148,6 +149,15 @@ impl Backend for Local {
                 Ok(())
             }
         }
+    }
+
+    fn board(&mut self, plc: u16) -> Result<BoardState, BackendError> {
+        Ok(self.plant.plcs().get(usize::from(plc)).map(Plc::board).unwrap_or_default())
+    }
+
+    fn set_board(&mut self, plc: u16, setting: BoardSetting) -> Result<(), BackendError> {
+        self.plant.set_board(plc.into(), setting);
+        Ok(())
     }
 
     fn findings(&mut self) -> Result<Vec<Entry>, BackendError> {

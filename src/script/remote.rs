@@ -7,6 +7,7 @@ use crate::check::Entry;
 use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::layout::omega_drive_line_2::LAYOUT_HASH;
+use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{AttachMode, ClockMode, Image, Segment};
 use core::num::NonZeroU16;
 use std::time::Duration;
@@ -168,6 +169,20 @@ impl Backend for Remote {
             Ok(Reply::FaultsCleared { .. }) => Ok(()),
             Ok(_) => Err(self.wrong_reply().into()),
             Err(error) => Err(refused(error)),
+        }
+    }
+
+    fn board(&mut self, plc: u16) -> Result<BoardState, BackendError> {
+        match self.ask(Op::Board { plc })? {
+            Reply::Board(state) => Ok(state),
+            _ => Err(self.wrong_reply().into()),
+        }
+    }
+
+    fn set_board(&mut self, plc: u16, setting: BoardSetting) -> Result<(), BackendError> {
+        match self.ask(Op::SetBoard { plc, setting })? {
+            Reply::Written => Ok(()),
+            _ => Err(self.wrong_reply().into()),
         }
     }
 

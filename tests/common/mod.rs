@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Mutex, mpsc};
+use std::sync::{Mutex, Once, mpsc};
 use std::time::{Duration, Instant};
 
 /// No step of a test takes longer than this, however slow the machine.
@@ -25,6 +25,25 @@ pub fn commram() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_commram"));
     command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
     command
+}
+
+/// The path of an example program. `cargo test` builds examples only if it is not told which test to run; building
+/// them here does nothing if they are there.
+pub fn example(name: &str) -> PathBuf {
+    static BUILT: Once = Once::new();
+    BUILT.call_once(|| {
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.args(["build", "--quiet", "--examples"]);
+        if !cfg!(feature = "channel") {
+            cargo.arg("--no-default-features");
+        }
+        if !cfg!(debug_assertions) {
+            cargo.arg("--release");
+        }
+        assert!(cargo.status().unwrap().success());
+    });
+    let programs = PathBuf::from(env!("CARGO_BIN_EXE_commram"));
+    programs.with_file_name("examples").join(name)
 }
 
 /// What a command has said and how it ended.

@@ -2,11 +2,16 @@
 
 import os
 import subprocess
+import sys
 import uuid
+from pathlib import Path
 
 import pytest
 
 import commram
+
+# The soft-PLC is an example and a test.
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools" / "python"))
 
 PROGRAM = os.environ.get("COMMRAM", "commram")
 

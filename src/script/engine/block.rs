@@ -177,8 +177,18 @@ mod tests {
         let name =
             |text: &str| text.split('`').nth(1).filter(|name| !name.starts_with('_')).map(str::to_owned);
         let rows = section.lines().filter(|row| row.starts_with("| in |") || row.starts_with("| out |"));
+        // `us_SL_TYP0` ... `us_SL_TYP31`
+        let range = |row: &str| {
+            let numbers = if row.contains("0` ... `") { 1..32 } else { 1..1 };
+            let stem = name(row).unwrap_or_default().trim_end_matches('0').to_owned();
+            numbers.map(move |number| format!("{stem}{number}"))
+        };
         let in_out = section.split("In/out: ").nth(1).and_then(|text| text.split(" (").next());
-        rows.filter_map(name).chain(in_out.unwrap_or_default().split(", ").filter_map(name)).collect()
+        rows.clone()
+            .flat_map(range)
+            .chain(rows.filter_map(name))
+            .chain(in_out.unwrap_or_default().split(", ").filter_map(name))
+            .collect()
     }
 
     #[test]

@@ -3,7 +3,7 @@
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
 use super::pins::Pin;
-use super::wires::{Board, Connected, Jobs, JobsAndRegisters, Wires};
+use super::wires::{Board, Connected, Jobs, JobsAndRegisters, Nothing, Wires};
 use crate::layout::omega_drive_line_2::{
     BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
@@ -33,7 +33,7 @@ pub(super) type Placed = Rc<RefCell<dyn Instance>>;
 pub(super) struct Kind {
     /// The block's name.
     pub name: &'static str,
-    /// The structure of its `_BASE`; none for blocks of the board.
+    /// The structure of its `_BASE`; none for blocks without.
     pub base: Option<&'static str>,
     /// Its pins.
     pub pins: &'static [&'static str],
@@ -167,6 +167,12 @@ blocks! {
         [a_RD_VALUES_SEND si_RDC1_SEND si_RDC2_SEND x_COPY_TO_RD_ARRAY a_WR_VALUES_RECEIVED si_WRC1_RECEIVED
          si_WRC2_RECEIVED si_RD_SL_NR1_RECEIVED si_RD_SL_NR2_RECEIVED]
         |block, base| block.call(base, a_RD_ARRAY);
+    CANsync_SL_TYP_INIT(Nothing)
+        [us_SL_TYP0 us_SL_TYP1 us_SL_TYP2 us_SL_TYP3 us_SL_TYP4 us_SL_TYP5 us_SL_TYP6 us_SL_TYP7 us_SL_TYP8
+         us_SL_TYP9 us_SL_TYP10 us_SL_TYP11 us_SL_TYP12 us_SL_TYP13 us_SL_TYP14 us_SL_TYP15 us_SL_TYP16
+         us_SL_TYP17 us_SL_TYP18 us_SL_TYP19 us_SL_TYP20 us_SL_TYP21 us_SL_TYP22 us_SL_TYP23 us_SL_TYP24
+         us_SL_TYP25 us_SL_TYP26 us_SL_TYP27 us_SL_TYP28 us_SL_TYP29 us_SL_TYP30 us_SL_TYP31 a_SL_TYP]
+        |block, _base| block.call();
     CANsync_UPDOWNLOAD_MA(CANsync_MA_CTRL_BMSTRUCT, a_DOWNLOAD: CANsync_UPDOWN_BMARRAY, a_UPLOAD: CANsync_UPDOWN_BMARRAY)
         [si_SL_NR x_UPDOWN u_LENGTH us_MAX_NR_OF_COMM t_TIME x_EN x_RESET x_BUSY w_ERR_SL x_ERR_SL b_ERR x_ERR x_OK]
         |block, base| block.call(base, a_DOWNLOAD, a_UPLOAD);

@@ -64,6 +64,18 @@ impl Connected for Board {
     }
 }
 
+/// Nothing: the block touches no register.
+pub(super) struct Nothing;
+
+impl Connected for Nothing {
+    const STRUCTURE: Option<&'static str> = None;
+    type Base = ();
+
+    fn connect(_: &Wires<'_>) -> Result<(), MemoryError> {
+        Ok(())
+    }
+}
+
 /// The service data alone.
 pub(super) struct Jobs;
 

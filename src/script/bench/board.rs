@@ -1,0 +1,82 @@
+//! The boards of the PLCs: switches, supply, what they show, their events.
+
+use super::Bench;
+use crate::memory::header::{BoardSetting, BoardState};
+use crate::script::ScenarioError;
+
+impl Bench {
+    /// What the board of a PLC shows and how its switches stand; `""` is the only PLC.
+    ///
+    /// # Errors
+    /// There is no such PLC.
+    pub fn board(&mut self, plc: &str) -> Result<BoardState, ScenarioError> {
+        let plc = self.only_plc(plc)?;
+        Ok(self.backend.board(plc)?)
+    }
+
+    /// Turns switches, in the words of `commram board set`: `dip=5 switch=stop`, `line2:power=off`, `start=cold`. All
+    /// at the present emulated time, one after the other.
+    ///
+    /// # Errors
+    /// There is no such PLC or setting, or it cannot be that; then none is made.
+    pub fn set_board(&mut self, words: &str) -> Result<(), ScenarioError> {
+        let setting = |word| {
+            let (plc, setting) = BoardSetting::parse(word)?;
+            Ok((self.plc(plc, word)?, setting))
+        };
+        let settings = words.split_whitespace().map(setting).collect::<Result<Vec<_>, ScenarioError>>()?;
+        if settings.is_empty() {
+            return Err(ScenarioError::argument(words, "write NAME=VALUE, for example dip=5"));
+        }
+        for (plc, setting) in settings {
+            self.backend.set_board(plc, setting)?;
+        }
+        Ok(())
+    }
+
+    /// Presses RESET of a PLC and releases it; the switch then stands at STOP. `""` is the only PLC.
+    ///
+    /// # Errors
+    /// There is no such PLC.
+    pub fn reset(&mut self, plc: &str) -> Result<(), ScenarioError> {
+        let plc = self.only_plc(plc)?;
+        Ok(self.backend.set_board(plc, BoardSetting::Reset)?)
+    }
+
+    /// Switches the supply of a PLC off and on; `""` is the only PLC.
+    ///
+    /// # Errors
+    /// There is no such PLC.
+    pub fn power_cycle(&mut self, plc: &str) -> Result<(), ScenarioError> {
+        let plc = self.only_plc(plc)?;
+        Ok(self.backend.set_board(plc, BoardSetting::PowerCycle)?)
+    }
+
+    /// How often an event of a PLC has come since power-on; `""` is the only PLC. `docs/board.md` has the numbers
+    /// of the events, which count while they are enabled.
+    ///
+    /// # Errors
+    /// There is no such PLC or event.
+    pub fn event_count(&mut self, plc: &str, event: usize) -> Result<u32, ScenarioError> {
+        let ram = self.ram(plc)?;
+        let slot = ram.header().events.get(event).ok_or_else(|| {
+            ScenarioError::argument(&event.to_string(), "event numbers are 0 to 12, see docs/board.md")
+        })?;
+        Ok(slot.bell.rings())
+    }
+
+    /// How often a trigger of a PLC has pulsed since power-on: 1, 2, or 3 for the trigger controller; `""` is the only
+    /// PLC. `OPT_INIT` routes them (`docs/board.md`).
+    ///
+    /// # Errors
+    /// There is no such PLC or trigger.
+    pub fn trigger_count(&mut self, plc: &str, trigger: usize) -> Result<u32, ScenarioError> {
+        let ram = self.ram(plc)?;
+        let slot = trigger.checked_sub(1).and_then(|index| ram.header().triggers.get(index));
+        let slot = slot.ok_or_else(|| {
+            let right = "triggers are 1, 2, and 3 for the trigger controller, see docs/board.md";
+            ScenarioError::argument(&trigger.to_string(), right)
+        })?;
+        Ok(slot.bell.rings())
+    }
+}
