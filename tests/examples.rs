@@ -101,3 +101,33 @@ fn the_sync_signal_drives_bus_and_baps_in_one_task() {
     assert!(out.contains("the drive has followed SYNC to angle"), "{out}");
     assert!(out.contains("slaves [1, 2, 3] have reached reference value 5000"), "{out}");
 }
+
+/// One command starts each example with an emulator of its own, and leaves nothing behind.
+#[test]
+fn each_example_is_one_command() {
+    let built = common::example("master");
+    let programs = built.ancestors().nth(2).unwrap();
+    let mut examples = vec![
+        ("master", "parameter 301 of slave 1: 5000\n"),
+        ("slave", "last reference value 5000\n"),
+        ("cluster", "the drive was at 5000\n"),
+        ("baps", "the drive runs at 5000\n"),
+        ("c", "a_RD_BMARRAY[1][0] = 5000\n"),
+    ];
+    let python = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    match Command::new(&python).arg("--version").output() {
+        Ok(_) => examples.push(("python", "a_RD_BMARRAY[1][0] = 5000\n")),
+        Err(reason) => eprintln!("skipped: {python}: {reason}"),
+    }
+    if cfg!(feature = "channel") {
+        examples.push(("scenario", "1 passed, 0 failed, 0 broken; "));
+    }
+    for (example, says) in examples {
+        let mut command = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tools/examples/run"));
+        let outcome = common::finish(command.arg(example).env("COMMRAM_PROGRAMS", programs));
+        assert!(outcome.ok().contains(says), "{example}: {}", outcome.out);
+        let (_, behind) = outcome.out.split_once('\'').unwrap();
+        let (instance, _) = behind.split_once('\'').unwrap();
+        assert_eq!(common::files_of(instance), Vec::<std::path::PathBuf>::new(), "{example}");
+    }
+}

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Emulator, Outcome, commram, finish, run};
+use common::{Emulator, Outcome, finish, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -13,8 +13,8 @@ fn answer(emulator: &Emulator) -> String {
     let registers =
         ["node2.w_OPTION_STATUS", "node2.a_STAT_SL[1]", "node2.a_WR_VALUE[0]", "node2.a_RD_BMARRAY[1][0]"];
     let trace = emulator.run("trace", &["--bus", "drives", "--format", "candump"]);
-    let frames = trace.ok().lines().filter_map(|line| line.split(' ').nth(2));
-    let last = frames.filter(|frame| frame.starts_with("301#")).next_back().unwrap_or("no frame");
+    let mut frames = trace.ok().lines().filter_map(|line| line.split(' ').nth(2));
+    let last = frames.rfind(|frame| frame.starts_with("301#")).unwrap_or("no frame");
     format!("{} {last}", emulator.peek(&registers))
 }
 
@@ -87,7 +87,7 @@ fn of_a_drive_to_a_scenario() {
     sees_the_answer(
         |emulator| {
             let script = root("tests/scenarios/28-one-answer.rhai");
-            finish(commram().arg("test").arg(script).args(["--attach", &emulator.name]))
+            finish(common::commram().arg("test").arg(script).args(["--attach", &emulator.name]))
         },
         "| a_RD_BMARRAY[1][0] = 5000\n",
     );

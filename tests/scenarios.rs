@@ -239,6 +239,15 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("expect_no_findings([\"nothing\"])", "there is no rule 'nothing'; there are: owner"),
         ("clear_fault(0)", "there is no fault 0; it may have ended"),
         ("clear_fault(-1)", "`-1`: the fault's number must not be negative"),
+        ("set_board(\"dip=32\")", "`dip=32`: dip is a number from 0 to 31"),
+        ("set_board(\"\")", "write NAME=VALUE, for example dip=5"),
+        ("set_board(\"line9:dip=3\")", "there is no PLC 'line9'; there are: line"),
+        ("board(\"line9\")", "there is no PLC 'line9'; there are: line"),
+        ("reset(\"line9\")", "there is no PLC 'line9'; there are: line"),
+        ("power_cycle(\"line9\")", "there is no PLC 'line9'; there are: line"),
+        ("event_count(16)", "`16`: event numbers are 0 to 12"),
+        ("trigger_count(0)", "`0`: triggers are 1, 2, and 3"),
+        ("block(\"LED\", \"node2\")", "there is no PLC 'node2'; there are: line"),
         ("expect_changes(snapshot(\"node2\"), [1])", "`1`: this is no register's name"),
         ("plant(\"missing.toml\")", "missing.toml: No such file"),
         ("plant(`[[plc]]\nname = \"a b\"`)", "PLC name 'a b': use 1 to 31 characters"),
@@ -371,6 +380,8 @@ fn the_junit_report_is_xml_that_parsers_read() {
 mod attached {
     use super::*;
     use common::{Emulator, unique_name};
+    use std::path::PathBuf;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     const START: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/01-start-of-the-master.rhai");
 
@@ -381,6 +392,43 @@ mod attached {
         let there = run(&["test", START, "--attach", &emulator.name]);
         assert_eq!(without_real_times(there.ok()), without_real_times(own.ok()));
         assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0080");
+    }
+
+    /// The plant file of a scenario: one it names, or one it has in itself.
+    fn plant_of(script: &Path, directory: &TempDir) -> Option<PathBuf> {
+        let text = std::fs::read_to_string(script).unwrap();
+        let (_, plant) = text.split_once("\nplant(")?;
+        if let Some((file, _)) = plant.strip_prefix('"').and_then(|rest| rest.split_once('"')) {
+            return Some(script.with_file_name(file));
+        }
+        let (toml, _) = plant.strip_prefix('`').and_then(|rest| rest.split_once('`')).unwrap();
+        let path = directory.path().join("plant.toml");
+        std::fs::write(&path, toml).unwrap();
+        Some(path)
+    }
+
+    /// All verbs behave at a live instance as they do on a plant of one's own: blocks, forces, faults, findings, boards.
+    #[test]
+    fn every_scenario_of_the_tutorial_passes_on_a_running_instance() {
+        let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenarios");
+        let entries = directory.read_dir().unwrap().map(|entry| entry.unwrap().path());
+        let mut scripts: Vec<_> =
+            entries.filter(|path| path.extension().is_some_and(|it| it == "rhai")).collect();
+        scripts.sort();
+        assert!(scripts.len() > 20, "{scripts:?}");
+        let next = AtomicUsize::new(0);
+        let work = || {
+            while let Some(script) = scripts.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let plants = TempDir::new().unwrap();
+                let plant = plant_of(script, &plants);
+                let plant = plant.iter().map(|path| path.to_str().unwrap());
+                let emulator =
+                    Emulator::start(&["--clock", "stepped"].into_iter().chain(plant).collect::<Vec<_>>());
+                let there = run(&["test", script.to_str().unwrap(), "--attach", &emulator.name]);
+                assert_eq!((there.code, there.err.as_str()), (Some(0), ""), "{}", there.out);
+            }
+        };
+        std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(work))));
     }
 
     #[test]
