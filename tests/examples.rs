@@ -112,6 +112,9 @@ fn each_example_is_one_command() {
         ("slave", "last reference value 5000\n"),
         ("cluster", "the drive was at 5000\n"),
         ("baps", "the drive runs at 5000\n"),
+        ("baps_timer", "the drive has followed timer A to angle"),
+        ("baps_cansync", "the drive has followed SYNC to angle"),
+        ("timer_task", "event 2: 1"),
         ("c", "a_RD_BMARRAY[1][0] = 5000\n"),
     ];
     let python = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
