@@ -10,7 +10,11 @@ impl Plant {
     pub fn look_at_boards(&mut self) -> bool {
         self.look_for_writes();
         let changed = self.look_at_requests();
-        self.leave();
+        // Without an answer nothing was written here, and what a task stores meanwhile, in its turn, must not pass for
+        // the firmware's own.
+        if changed {
+            self.leave();
+        }
         changed
     }
 
