@@ -6,8 +6,8 @@
 //! integers here, no `bool`, `char` or enum, and the way back is a checked conversion. Both ends are on
 //! one machine, so integers have its byte order.
 //!
-//! The type names carry the version of this format. iceoryx2 refuses a client whose type names or sizes
-//! differ.
+//! `docs/channel.md` describes the format for other languages. The type names carry its version: iceoryx2 refuses
+//! a client whose type names or sizes differ.
 
 mod error;
 mod fault;
