@@ -94,7 +94,10 @@ fn a_plc_without_power_is_dark_and_empty() {
 #[test]
 fn a_start_needs_a_program() {
     let emulator = Emulator::stepped();
-    emulator.run("board", &["set", "start=cold"]).ok();
+    for start in ["start=cold", "start=stop"] {
+        let outcome = emulator.run("board", &["set", start]);
+        assert!(outcome.fails(1).contains("needs a loaded program, the switch at RUN"), "{}", outcome.err);
+    }
     let trace = emulator.run("trace", &["--kind", "board"]);
     assert!(trace.ok().contains("start refused (cold)"), "{}", trace.out);
     assert_eq!(board(&emulator, "line")["start"], "none");

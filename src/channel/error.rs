@@ -138,6 +138,12 @@ pub enum ChannelError {
         /// The register.
         address: Address,
     },
+    /// No program can be started or stopped on that PLC.
+    #[error("PLC {plc}: a start or stop needs a loaded program, the switch at RUN and the supply on")]
+    StartRefused {
+        /// Number of the PLC.
+        plc: u16,
+    },
     /// A fault that cannot be added or cleared.
     #[error(transparent)]
     Fault(Refusal),

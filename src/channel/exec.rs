@@ -7,6 +7,7 @@
 use super::op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE, MAX_RECORDS};
 use super::wire::{ReplyBuffer, WireOp};
 use super::{ChannelError, Machine, Op};
+use crate::memory::header::BoardSetting;
 use crate::memory::{Address, Width};
 use crate::plant::Forced;
 
@@ -146,8 +147,11 @@ impl Run {
                 self.replies.board(&machine.board(plc))?;
             }
             Op::SetBoard { plc, setting } => {
-                let plc = known_plc(machine, plc)?;
-                machine.set_board(plc, setting);
+                let number = known_plc(machine, plc)?;
+                machine.set_board(number, setting);
+                if matches!(setting, BoardSetting::Start(_)) && !machine.board(number).takes_starts() {
+                    return Err(ChannelError::StartRefused { plc });
+                }
                 self.replies.written()?;
             }
             Op::Findings => self.replies.findings(machine.journal().findings())?,

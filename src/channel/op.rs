@@ -142,7 +142,8 @@ pub enum Op {
         /// Number of the PLC.
         plc: u16,
     },
-    /// Does something to a PLC's board, at the present emulated time. Answered by [`Reply::Written`].
+    /// Does something to a PLC's board, at the present emulated time. Answered by [`Reply::Written`]; a start that is
+    /// not possible is refused.
     SetBoard {
         /// Number of the PLC.
         plc: u16,

@@ -242,7 +242,8 @@ fn is_wrong_use(error: &commram::channel::ClientError) -> bool {
     match error {
         ClientError::TooManyOperations { .. } => true,
         ClientError::Refused(refused) => {
-            !matches!(refused, Refused::WaitTimedOut { .. } | Refused::NoSync { .. } | Refused::ShuttingDown)
+            use Refused::{NoSync, ShuttingDown, StartRefused, WaitTimedOut};
+            !matches!(refused, WaitTimedOut { .. } | NoSync { .. } | StartRefused { .. } | ShuttingDown)
         }
         _ => false,
     }

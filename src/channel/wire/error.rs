@@ -30,6 +30,7 @@ pub(super) fn encode(error: &ChannelError) -> (u16, Numbers) {
         E::NotWhole { asked, right } => (30, [pack(asked), pack(right), 0, 0]),
         E::TooManyForces { count } => (31, [count.into(), 0, 0, 0]),
         E::NotForced { address } => (32, [pack(address), 0, 0, 0]),
+        E::StartRefused { plc } => (33, [plc.into(), 0, 0, 0]),
         E::Fault(refusal) => encode_refusal(refusal),
     }
 }
@@ -57,6 +58,7 @@ pub(super) fn decode(code: u16, numbers: Numbers) -> Option<ChannelError> {
         30 => E::NotWhole { asked: unpack(a)?, right: unpack(b)? },
         31 => E::TooManyForces { count: to(a)? },
         32 => E::NotForced { address: unpack(a)? },
+        33 => E::StartRefused { plc: to(a)? },
         _ => E::Fault(decode_refusal(code, numbers)?),
     })
 }

@@ -104,6 +104,7 @@ fn error() -> impl Strategy<Value = ChannelError> {
         (address(), address()).prop_map(|(asked, right)| E::NotWhole { asked, right }),
         any::<u32>().prop_map(|count| E::TooManyForces { count }),
         address().prop_map(|address| E::NotForced { address }),
+        any::<u16>().prop_map(|plc| E::StartRefused { plc }),
         refusal().prop_map(E::Fault),
     ]
 }

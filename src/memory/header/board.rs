@@ -169,6 +169,14 @@ impl BoardState {
         }
     }
 
+    /// Whether a program can be started or stopped: one is loaded, the switch stands at RUN, there is power (manual
+    /// p. 38).
+    pub fn takes_starts(&self) -> bool {
+        self.switch == RunSwitch::Run.code()
+            && self.power == Power::On.code()
+            && self.program != ProgramState::None.code()
+    }
+
     /// The display as one sees it: a character, with a point behind it if that is lit; a blank if it is dark.
     pub fn display_text(&self) -> String {
         let character = match self.display as u8 {
