@@ -89,8 +89,6 @@ fn board_timers_drive_event_tasks() {
         let out = Example::start("timer_task", &emulator, &["line", event]).output();
         assert!(out.contains(&format!("event {event}: 1")), "{out}");
     }
-    let outcome = emulator.run("check", &[]);
-    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
 }
 
 /// Configuration example C (p. 67-70).
@@ -132,5 +130,34 @@ fn each_example_is_one_command() {
         let (_, behind) = outcome.out.split_once('\'').unwrap();
         let (instance, _) = behind.split_once('\'').unwrap();
         assert_eq!(common::files_of(instance), Vec::<std::path::PathBuf>::new(), "{example}");
+    }
+}
+
+/// In stepped mode the emulated time waits for the event tasks: one long step, and no event is missed.
+#[cfg(feature = "channel")]
+#[test]
+fn a_standing_clock_waits_for_event_tasks() {
+    use commram::memory::header::ProgramState;
+    use commram::memory::{AttachMode, Image};
+
+    let emulator = Emulator::stepped();
+    let attach = || Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
+    let programs = [
+        ("timer_task", "1ms", "event 2: 1000 ms\nmissed 0, longest run 0 us"),
+        ("baps_timer", "1ms", "the drive has followed timer A to angle"),
+        ("baps_cansync", "20ms", "slaves [1, 2, 3] have reached reference value 5000"),
+    ];
+    for (program, step, wanted) in programs {
+        let running = Example::start(program, &emulator, &[]);
+        let image = attach();
+        let state = &image.header().unwrap().program.state;
+        // It does not wait for the start task.
+        assert!(eventually(|| {
+            emulator.step(&[step]);
+            state.load() == ProgramState::Cyclic.code()
+        }));
+        emulator.step(&["5s"]);
+        let out = running.output();
+        assert!(out.contains(wanted), "{out}");
     }
 }

@@ -10,7 +10,7 @@
 
 use super::Ram;
 use crate::memory::header::{Power, ProgramState, RunSwitch, Start};
-use crate::memory::{Attached, MemoryError};
+use crate::memory::{Attached, ClockMode, MemoryError};
 use core::fmt;
 use core::time::Duration;
 use thiserror::Error;
@@ -173,18 +173,29 @@ impl<P: Program> Tasks<P> {
 
     /// Runs the program until it ends. `patience` is how long, in real time, nothing may fall due.
     ///
+    /// In stepped mode the emulated time waits for the event tasks (lockstep): each event gets its call, at its own
+    /// emulated time. Event tasks take no emulated time. It does not wait for start and cyclic tasks.
+    ///
     /// # Errors
     /// The program gave up, the emulator has gone, or `patience` is over.
     pub fn run(&mut self, attached: &Attached, patience: Duration) -> Result<(), RunError<P::Error>>
     where
         P::Error: fmt::Display + fmt::Debug,
     {
+        let stepped = self.ram.header().clock_mode.load() == ClockMode::Stepped.code();
+        let mut seats = Vec::new();
+        for (event, _) in self.events.iter().filter(|_| stepped) {
+            seats.push(attached.join_lockstep(*event, patience, patience)?);
+        }
         loop {
             if self.scan().map_err(RunError::Program)? == Progress::Done {
                 return Ok(());
             }
             attached.ring()?;
-            attached.wait_until("a task to fall due", patience, |_| self.is_due().then_some(()))?;
+            if !attached.wait_turns(&mut seats, patience, || self.is_due())? {
+                let what = "a task to fall due".to_owned();
+                return Err(MemoryError::Timeout { what, timeout: patience }.into());
+            }
         }
     }
 

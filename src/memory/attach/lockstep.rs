@@ -4,12 +4,12 @@
 //! that it claims pass with [`LockstepTask::run_for`], and only then stores its outputs: they are in the RAM at
 //! exactly that emulated time, be it before or after a deadline.
 
-use super::Attached;
+use super::{Attached, LIVENESS};
 use crate::memory::header::{SEATS, Seat, SeatState};
 use crate::memory::process::ProcessId;
-use crate::memory::{Header, MemoryError, View};
+use crate::memory::{Header, MemoryError, View, bell};
 use core::num::NonZeroU32;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A task in lockstep. Dropping it leaves.
 #[derive(Debug)]
@@ -62,6 +62,40 @@ impl Attached {
             _ => Err(MemoryError::LockstepRefused { event }),
         }
     }
+
+    /// Ends the turns of `tasks`, then waits until one of them has its next turn or `condition` holds. The condition is
+    /// asked again whenever the firmware has changed registers. `false`: neither, within `timeout` of real time.
+    pub(crate) fn wait_turns(
+        &self,
+        tasks: &mut [LockstepTask<'_>],
+        timeout: Duration,
+        mut condition: impl FnMut() -> bool,
+    ) -> Result<bool, MemoryError> {
+        tasks.iter_mut().for_each(|task| task.end_turn(0));
+        let (start, answer) = (Instant::now(), &self.header()?.answer);
+        loop {
+            let mut bells = vec![(answer, answer.rings())];
+            bells.extend(tasks.iter().map(|task| (&task.seat.turn, task.turns)));
+            if condition() {
+                return Ok(true);
+            }
+            self.check_generation(&self.header_snapshot())?;
+            let left = timeout.saturating_sub(start.elapsed());
+            match bell::wait_any(&bells, Some(left.min(LIVENESS))) {
+                Some(0) => {}
+                Some(rung) => {
+                    tasks[rung - 1].begin_turn()?;
+                    return Ok(true);
+                }
+                None => {
+                    self.check()?;
+                    if left.is_zero() {
+                        return Ok(false);
+                    }
+                }
+            }
+        }
+    }
 }
 
 impl LockstepTask<'_> {
@@ -100,10 +134,16 @@ impl LockstepTask<'_> {
             let now = seat.turn.rings();
             (now != turns).then_some(now)
         })?;
-        let Some(turn) = turn else {
+        if turn.is_none() {
             return Err(MemoryError::Timeout { what: format!("a turn on event {}", self.event), timeout });
-        };
-        self.turns = turn;
+        }
+        self.begin_turn()
+    }
+
+    /// The turn that has been rung for; returns its emulated time.
+    fn begin_turn(&mut self) -> Result<u64, MemoryError> {
+        let seat = &self.seat;
+        self.turns = seat.turn.rings();
         if SeatState::from_code(seat.state.load()) != Some(SeatState::Seated) {
             return Err(MemoryError::LockstepLost { event: self.event });
         }
