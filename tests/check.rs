@@ -4,7 +4,7 @@ mod rig;
 
 use commram::check::{Entry, Rule};
 use commram::layout::omega_drive_line_2::*;
-use commram::memory::Width;
+use commram::memory::{View, Width};
 use rig::{BOTH, Memory, RATES, Rig, write_init_data};
 
 /// How a rule is broken, and how its correct neighbour goes. Both start from a fresh plant.
@@ -58,6 +58,13 @@ const CASES: &[Case] = &[
             rig.activate();
             rig.slave.b_STATREG_CONTROLWORD.store(0);
         },
+    },
+    Case {
+        rule: Rule::Owner,
+        register: "baps.w_STATUSWORD",
+        value: 0x1234,
+        wrong: |rig| baps(rig).w_STATUSWORD.store(0x1234),
+        right: |rig| baps(rig).w_CONTROLWORD.store(0x1234),
     },
     Case {
         rule: Rule::ReservedRegister,
@@ -569,6 +576,12 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
     }
 }
 
+/// BAPS registers of PLC `a`, at whose drive the clock has been running.
+fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
+    rig.step(5000);
+    rig.plant.plcs()[0].segment().view(BAPS).unwrap()
+}
+
 /// Stores a fixed IP address of PLC `a` that ends in `last` (manual p. 79).
 fn store_ip_config(rig: &mut Rig, last: u8) {
     let segment = rig.plant.plcs()[0].segment();
@@ -662,6 +675,13 @@ fn through_the_channel_every_write_is_seen() {
     rig.step(100);
     let found = findings(&rig);
     assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 4, 0x0043), "not found a second time");
+    let baps_status = BAPS as u32 + 2;
+    for times in [1, 2] {
+        rig.plant.plcs()[0].segment().store(baps_status, Width::Word, 0x0008).unwrap();
+        rig.plant.note_channel_write(0, baps_status, 2, 0x0008);
+        let found = findings(&rig);
+        assert_eq!((found[1].last.name().as_deref(), found[1].count), (Some("baps.w_STATUS_REG"), times));
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod header;
 mod judge;
 mod mapping;
 mod node;
+mod owned;
 mod registers;
 mod rule;
 
@@ -28,6 +29,7 @@ use crate::layout::omega_drive_line_2::{NODE1, NODE2};
 use crate::memory::{MemoryError, Segment};
 use header::HeaderWatch;
 use node::NodeWatch;
+use owned::OwnedWatch;
 
 /// What the rules must know about a node beyond its registers.
 #[derive(Clone, Copy, Debug)]
@@ -51,6 +53,8 @@ struct PlcWatch {
     header: HeaderWatch,
     /// Node 1 and node 2.
     nodes: [NodeWatch; 2],
+    /// What else the firmware owns.
+    owned: OwnedWatch,
 }
 
 /// Watches over the RAM of all PLCs of a plant. The facts it is given are those of node 1 and node 2 of each PLC,
@@ -72,6 +76,7 @@ impl Checker {
             Ok(PlcWatch {
                 header: HeaderWatch::new(plc, segment)?,
                 nodes: [NodeWatch::new(plc, 1, segment)?, NodeWatch::new(plc, 2, segment)?],
+                owned: OwnedWatch::new(plc, segment)?,
             })
         };
         let plcs = segments.into_iter().enumerate().map(watch).collect::<Result<_, MemoryError>>()?;
@@ -84,6 +89,7 @@ impl Checker {
         let mut is_unsettled = false;
         for (plc, facts) in self.plcs.iter_mut().zip(facts) {
             plc.header.look(now, journal);
+            plc.owned.look(now, journal);
             for (node, facts) in plc.nodes.iter_mut().zip(&facts) {
                 is_unsettled |= node.look(now, facts, journal);
             }
@@ -96,6 +102,7 @@ impl Checker {
     pub fn leave(&mut self, facts: impl Iterator<Item = [Facts; 2]>) {
         for (plc, facts) in self.plcs.iter_mut().zip(facts) {
             plc.header.leave();
+            plc.owned.leave();
             for (node, facts) in plc.nodes.iter_mut().zip(&facts) {
                 node.leave(facts.live);
             }
@@ -140,6 +147,7 @@ impl Checker {
         journal: &mut Journal,
     ) {
         let Some(plc) = self.plcs.get_mut(plc) else { return };
+        plc.owned.written(offset, width.into(), now, journal);
         for ((node, base), facts) in plc.nodes.iter_mut().zip([NODE1, NODE2]).zip(facts) {
             if let Some(offset) = (offset as usize).checked_sub(base) {
                 self.is_unsettled |= node.written(offset, width.into(), now, facts, journal);

@@ -354,10 +354,12 @@ impl Plant {
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
         self.forces.apply(&self.plcs);
         self.journal.push(self.now, Event::ChannelWrite { plc: plc as u16, offset, width, value });
-        if offset == ETHERNET_CONFIG as u32
-            && let Some(it) = self.plcs.get_mut(plc)
-        {
-            it.ip_config_written(plc, self.now, &mut self.journal);
+        if offset == ETHERNET_CONFIG as u32 {
+            self.look_for_writes();
+            if let Some(it) = self.plcs.get_mut(plc) {
+                it.ip_config_written(plc, self.now, &mut self.journal);
+            }
+            self.leave();
         }
         if let Some(facts) = self.plcs.get(plc).map(Plc::facts) {
             self.checker.written(plc, offset, width, self.now, &facts, &mut self.journal);
