@@ -11,5 +11,5 @@ typedef struct {
     __DECLARE_LOCATED(UINT, CYCLES)
 } START_UP;
 
-void START_UP_init__(START_UP *data__);
+void START_UP_init__(START_UP *data__, BOOL retain);
 void START_UP_body__(START_UP *data__);

@@ -13,7 +13,7 @@ int main(int argc, char **argv)
     int scan;
     if (argc != 2)
         return 2;
-    START_UP_init__(&program);
+    START_UP_init__(&program, 0);
     printf("initial values: %02X %ld\n", *__MB3_200012, (long)*__MD3_200052);
     result = commram_matiec_attach(&ram, argv[1]);
     if (result != COMMRAM_DONE) {
