@@ -102,6 +102,18 @@ failed  one.rhai  0.001000 s emulated in R
 }
 
 #[test]
+fn forced_registers_are_marked() {
+    let script = "force(\"node2.w_CPU_CONTROL\", 0); print(describe(\"node2.w_CPU_CONTROL\"));\n\
+                  expect(\"%MX3.200001.3\", 1);";
+    let report = run_one(script, 1);
+    assert!(report.contains("\n  | node2.w_CPU_CONTROL = 16#0000  [forced] restart\n"), "{report}");
+    assert!(report.contains("\n    actual    0  [forced] bit 11 of node2.w_CPU_CONTROL\n"), "{report}");
+    let freed =
+        run_one("force(\"node2.b_BT_0\", 1); unforce(\"node2.b_BT_0\"); expect(\"node2.b_BT_0\", 0);", 1);
+    assert!(!freed.contains("[forced]"), "{freed}");
+}
+
+#[test]
 fn every_kind_of_expectation_can_fail() {
     let cases = [
         (

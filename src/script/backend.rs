@@ -5,7 +5,7 @@ use crate::fault::{Fault, Refusal};
 use crate::journal::{Names, Record};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, MemoryError, Segment, Width};
-use crate::plant::ForceError;
+use crate::plant::{ForceError, Forced};
 use core::num::NonZeroU16;
 use thiserror::Error;
 
@@ -127,6 +127,9 @@ pub trait Backend {
 
     /// Lets a forced register go.
     fn unforce(&mut self, spot: Spot) -> Result<(), BackendError>;
+
+    /// The forced registers.
+    fn forces(&mut self) -> Result<Vec<Forced>, BackendError>;
 
     /// Adds a fault; returns its number.
     fn add_fault(&mut self, fault: Fault) -> Result<u16, BackendError>;

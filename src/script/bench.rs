@@ -19,7 +19,7 @@ use crate::journal::text::Text;
 use crate::journal::{Format, Names};
 use crate::layout::place::live_by;
 use crate::layout::{Area, Live, Place, split_plc};
-use crate::plant::PlantConfig;
+use crate::plant::{Forced, PlantConfig};
 use crate::plc::Ram;
 use core::num::NonZeroU16;
 use core::panic::Location;
@@ -76,10 +76,11 @@ impl Register {
         format!("{}{}", self.prefix, self.place.label(live))
     }
 
-    /// The value with its meaning: `16#0043  synchronous operation of the master is being set up`
-    fn describe(&self, live: Live, value: u32) -> String {
-        let text = format!("{}  {}", self.place.format(live, value), self.place.meaning(live, value));
-        text.trim_end().to_owned()
+    /// The value with its meaning, marked as by `commram peek`: `16#0043  [forced] synchronous operation ...`.
+    fn describe(&self, live: Live, value: u32, forced: bool) -> String {
+        let mark = if forced { "[forced] " } else { "" };
+        let meaning = self.place.meaning(live, value);
+        format!("{}  {mark}{meaning}", self.place.format(live, value)).trim_end().to_owned()
     }
 
     /// The value as a number of the register's type.
@@ -200,7 +201,16 @@ impl Bench {
         let register = self.register(register)?;
         let value = self.backend.load(register.spot)?;
         let live = self.live(&register)?;
-        Ok(format!("{} = {}", register.name(live), register.describe(live, value)))
+        let forced = self.is_forced(&register)?;
+        Ok(format!("{} = {}", register.name(live), register.describe(live, value, forced)))
+    }
+
+    fn is_forced(&mut self, register: &Register) -> Result<bool, ScenarioError> {
+        let Spot { plc, offset, .. } = register.spot;
+        // Only whole registers are forced; a single bit may lie behind the first byte of one.
+        let is_there =
+            |it: &Forced| it.plc == plc && (it.offset..it.offset + it.width.bytes()).contains(&offset);
+        Ok(self.backend.forces()?.iter().any(is_there))
     }
 
     /// Writes a register.

@@ -137,6 +137,10 @@ impl Backend for Local {
         if forced { Ok(()) } else { Err(BackendError::NotForced { address: spot.address() }) }
     }
 
+    fn forces(&mut self) -> Result<Vec<Forced>, BackendError> {
+        Ok(self.plant.forces().to_vec())
+    }
+
     fn add_fault(&mut self, fault: Fault) -> Result<u16, BackendError> {
         self.plant.add_fault(fault).map_err(BackendError::Fault)
     }

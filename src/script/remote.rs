@@ -9,6 +9,7 @@ use crate::journal::{Names, Record};
 use crate::layout::omega_drive_line_2::LAYOUT_HASH;
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{AttachMode, ClockMode, Image, Segment};
+use crate::plant::Forced;
 use core::num::NonZeroU16;
 use std::time::Duration;
 
@@ -153,6 +154,13 @@ impl Backend for Remote {
                 Err(BackendError::NotForced { address })
             }
             Err(error) => Err(error.into()),
+        }
+    }
+
+    fn forces(&mut self) -> Result<Vec<Forced>, BackendError> {
+        match self.ask(Op::Forces)? {
+            Reply::Forces(forces) => Ok(forces),
+            _ => Err(self.wrong_reply().into()),
         }
     }
 

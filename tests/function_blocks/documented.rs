@@ -1,6 +1,7 @@
 //! `docs/function-blocks.md` names every input and output with its preset, and the presets are the manual's.
 
 use commram::plc::*;
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 const DOCS: &str = include_str!("../../docs/function-blocks.md");
@@ -69,6 +70,30 @@ fn every_input_and_output_is_documented_with_its_preset() {
             let fits = row[4] == preset || hex.is_ok_and(|hex| row[4] == hex);
             assert!(fits || row[1] == "out" && row[4].is_empty(), "{block}.{field}: {preset}");
         }
+    }
+}
+
+/// Every block is called by a test against the firmware.
+#[test]
+fn every_block_is_tested() {
+    let tests = [
+        include_str!("baps.rs"),
+        include_str!("bench.rs"),
+        include_str!("board.rs"),
+        include_str!("command_channel.rs"),
+        include_str!("parameter.rs"),
+        include_str!("process_data.rs"),
+        include_str!("service_data.rs"),
+        include_str!("start.rs"),
+        include_str!("updownload.rs"),
+    ];
+    let titles = DOCS.lines().filter_map(|line| line.strip_prefix("### "));
+    let blocks: Vec<_> = titles.flat_map(|title| title.split(", ")).collect();
+    assert_eq!(blocks.len(), 24 + 8 + 5, "{blocks:?}");
+    let words: BTreeSet<_> =
+        tests.iter().flat_map(|test| test.split(|c: char| !c.is_alphanumeric() && c != '_')).collect();
+    for block in blocks {
+        assert!(words.contains(block), "{block}");
     }
 }
 

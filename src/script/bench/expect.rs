@@ -217,7 +217,7 @@ impl Bench {
         failure.register = Some(register.name(live));
         failure.address = Some(register.place.address().to_string());
         failure.expected = Some(expected);
-        failure.actual = Some(register.describe(live, found));
+        failure.actual = Some(register.describe(live, found, self.is_forced(register)?));
         Err(failure.into())
     }
 }
@@ -232,5 +232,5 @@ fn wanted(register: &Register, live: Live, mask: u32, value: u32) -> String {
 /// What was awaited, decoded if all bits count.
 fn expected(register: &Register, live: Live, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
-    if mask == whole { register.describe(live, value) } else { wanted(register, live, mask, value) }
+    if mask == whole { register.describe(live, value, false) } else { wanted(register, live, mask, value) }
 }
