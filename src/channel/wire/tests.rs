@@ -358,3 +358,22 @@ fn a_failed_range_leaves_nothing_behind() {
     assert_eq!(buffer.bytes(32, |_| Err(error)), Err(error));
     assert_eq!(buffer.blocks().len(), 1);
 }
+
+/// The operations that `docs/channel.md` lists are those that exist, but for the four that it names in a sentence.
+#[test]
+fn the_channels_page_lists_every_operation() {
+    let page = include_str!("../../../docs/channel.md");
+    let (_, table) = page.split_once("| `kind` | What it does |").unwrap();
+    let (table, sentence) = table.split_once("\n\n").unwrap();
+    let cells = table.lines().skip(2).filter_map(|row| row.split('|').nth(1));
+    let mut documented: Vec<u16> =
+        cells.flat_map(|cell| cell.split(',')).map(|number| number.trim().parse().unwrap()).collect();
+    assert!(sentence.starts_with("10 reads the journal, 20 to 22 are faults."), "{sentence}");
+    documented.extend([kind::JOURNAL, kind::FAULT_ADD, kind::FAULT_LIST, kind::FAULT_CLEAR]);
+    documented.sort_unstable();
+    let exists = |kind: &u16| {
+        let op = WireOp { kind: *kind, width: 2, ..WireOp::default() };
+        !matches!(Op::try_from(op), Err(BadField { field: Field::Kind, .. }))
+    };
+    assert_eq!(documented, (0..=u16::MAX).filter(exists).collect::<Vec<_>>());
+}
