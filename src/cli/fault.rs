@@ -32,8 +32,8 @@ enum Command {
 ///
 /// A fault is its kind and its fields, the same as in a [[fault]] of the plant file. Times can also be given
 /// with a unit: duration=5ms for duration_us=5000. Without `at` the fault begins at once; without `count` and
-/// `duration` it lasts until it is cleared (bus_off and overrun: once). The bus or PLC need not be named if there
-/// is only one.
+/// `duration` it lasts until it is cleared (bus_off, overrun and faults of drives: once). The bus or PLC need not be
+/// named if there is only one.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Fields of all kinds:
