@@ -56,3 +56,21 @@ fn the_map_says_that_names_and_offsets_are_inferred() {
         assert!(map.contains(text), "{text}\n{map}");
     }
 }
+
+#[test]
+fn control_and_status_word_are_told_in_words() {
+    let map = run(&["map", "baps.w_COMMAND_REG"]).ok().to_owned();
+    assert!(map.contains("4-7   number      n") && !map.contains("{}"), "{map}");
+    let emulator = Emulator::stepped();
+    let words = |register: &str| emulator.run("peek", &[register]).ok().to_owned();
+    command(&emulator, &["baps.w_COMMAND_REG=16#0014", "baps.b_COMMAND=16#02"]);
+    command(&emulator, &["baps.w_CONTROLWORD=16#0006", "baps.b_COMMAND=16#01"]);
+    emulator.step(&["1ms"]);
+    let control = words("baps.w_CONTROLWORD");
+    assert!(control.contains("16#0006  enable voltage, no quick stop"), "{control}");
+    let status = words("baps.w_STATUSWORD");
+    assert!(
+        status.contains("16#0031  ready to switch on, voltage on, no quick stop, not synchronized"),
+        "{status}"
+    );
+}

@@ -26,8 +26,7 @@ pub fn text(entry: &Entry) -> String {
         lines.push(line("reserved", "yes".to_owned()));
     }
     let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
-    let values =
-        entry.values.iter().map(|value| vec![format!("    {}", value.hex), value.meaning.to_owned()]);
+    let values = entry.values.iter().map(|value| vec![format!("    {}", value.hex), value.meaning.clone()]);
     section(&mut text, "values", &values.collect::<Vec<_>>());
     let bits = entry.bits.iter().map(|bit| {
         let range =

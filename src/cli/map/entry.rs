@@ -63,8 +63,8 @@ pub struct Value {
     pub last: u32,
     /// In IEC notation.
     pub hex: String,
-    /// The meaning.
-    pub meaning: &'static str,
+    /// The meaning; n stands for the value.
+    pub meaning: String,
 }
 
 /// A bit, or a field of bits, with its meaning.
@@ -247,7 +247,7 @@ fn values(register: &Register) -> Vec<Value> {
     let value = |known: &commram::layout::ValueMeaning| {
         let [first, last] = [known.first, known.last].map(|value| format_value(register.ty, value));
         let hex = if first == last { first } else { format!("{first}-{last}") };
-        Value { first: known.first, last: known.last, hex, meaning: known.text }
+        Value { first: known.first, last: known.last, hex, meaning: known.text.replace("{}", "n") }
     };
     known.iter().map(value).collect()
 }
@@ -263,7 +263,12 @@ fn bits(meaning: &'static Meaning) -> Vec<Bit> {
         if field.reserved {
             texts.push("reserved".to_owned());
         }
-        Bit { first: field.first, last: field.last, name: field.name, meaning: texts.join("; ") }
+        Bit {
+            first: field.first,
+            last: field.last,
+            name: field.name,
+            meaning: texts.join("; ").replace("{}", "n"),
+        }
     };
     meaning.bits.iter().map(bit).collect()
 }
