@@ -226,7 +226,7 @@ mod tests {
             error
                 .unwrap_err()
                 .to_string()
-                .starts_with("drive line: parameter 120: the number is there twice")
+                .starts_with("drive line: parameter 120: the drive has this parameter itself")
         );
     }
 

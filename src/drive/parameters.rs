@@ -68,6 +68,12 @@ impl ParameterSpec {
         ParameterSpec { read_only: true, ..self }
     }
 
+    /// Whether it says nothing but the value after power-on of a parameter that the drive has itself, and may.
+    pub(super) fn is_value_of(&self, own: &ParameterSpec) -> bool {
+        !own.read_only
+            && *self == ParameterSpec { initial: self.initial, ..ParameterSpec::new(own.number, own.format) }
+    }
+
     /// Lowest and highest value.
     fn limits(&self) -> (u32, u32) {
         let (lowest, highest) = match (self.is_signed(), self.format) {
@@ -107,8 +113,13 @@ pub enum ParameterError {
     #[error("the number is above 4095")]
     Number,
     /// Number in use already.
-    #[error("the number is there twice (layouts/v-regler lists the drive's own parameters)")]
+    #[error("the number is there twice")]
     Twice,
+    /// One of the drive's own parameters, described anew.
+    #[error(
+        "the drive has this parameter itself (layouts/v-regler); give number, its format and `initial` only, and none that is read only or the control word"
+    )]
+    Own,
     /// The initial value needs more bits.
     #[error("initial value 16#{0:X} does not fit a word")]
     Width(u32),

@@ -77,8 +77,21 @@ impl VRegler {
                 _ => {}
             }
         }
-        specs.extend_from_slice(setup.parameters);
         let fault = |(number, reason)| DriveError::Parameter { drive: setup.name.to_owned(), number, reason };
+        for spec in setup.parameters {
+            let same = |other: &ParameterSpec| other.number == spec.number;
+            if setup.parameters.iter().filter(|other| same(other)).count() > 1 {
+                return Err(fault((spec.number, ParameterError::Twice)));
+            }
+            match specs.iter_mut().find(|own| same(own)) {
+                None => specs.push(*spec),
+                // The control word after power-on is what `enable` says.
+                Some(own) if own.number != number::CONTROL_WORD && spec.is_value_of(own) => {
+                    own.initial = spec.initial;
+                }
+                Some(_) => return Err(fault((spec.number, ParameterError::Own))),
+            }
+        }
         let mut store = ParameterStore::new(specs).map_err(fault)?;
         let slot = |number| store.slot(number).ok_or_else(|| fault((number, ParameterError::Number)));
         let slots = Slots {

@@ -2,6 +2,7 @@
 
 use crate::bench::*;
 use crate::rig::Memory;
+use commram::plant::Power;
 
 #[test]
 fn read_and_write() {
@@ -115,4 +116,17 @@ fn parameters_of_the_plant_file() {
             assert_eq!(bench.read(400), (0, 0, 9));
         },
     );
+}
+
+/// They are there again after power-off (D-166).
+#[test]
+fn own_parameters_of_the_drive_in_the_plant_file() {
+    let drive = "parameters = [{ number = 167, format = 'word', initial = 1000 }]";
+    Bench::on_both(drive, |mut bench| {
+        assert_eq!(bench.read(167), (0, 0, 1000));
+        assert_eq!(bench.write_word(167, 500), 0);
+        bench.plant.set_power(0, Power::Off);
+        bench.plant.set_power(0, Power::On);
+        assert_eq!(bench.read(167), (0, 0, 1000));
+    });
 }

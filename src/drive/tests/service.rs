@@ -42,14 +42,31 @@ fn faulty_drives_are_refused() {
         Drive::new(&DriveConfig::demo("a", 32)),
         Err(DriveError::SlaveNumber { number: 32, .. })
     ));
-    for number in [120, 121, 300, 301, 302] {
-        let parameters = vec![ParameterSpec::new(number, ParamFormat::Word)];
+    let refused = |parameters: Vec<ParameterSpec>| {
+        let number = parameters[0].number;
         let err = Drive::new(&DriveConfig { parameters, ..demo() }).unwrap_err();
-        assert_eq!(
-            err,
-            DriveError::Parameter { drive: "drive".into(), number, reason: ParameterError::Twice }
-        );
+        let DriveError::Parameter { drive, number: named, reason } = err else { panic!("{err:?}") };
+        assert_eq!((drive.as_str(), named), ("drive", number));
+        reason
+    };
+    let word = |number| ParameterSpec::new(number, ParamFormat::Word);
+    for number in [120, 121, 300, 301, 302] {
+        assert_eq!(refused(vec![word(number)]), ParameterError::Own);
     }
+    assert_eq!(refused(vec![ParameterSpec { max: Some(9), ..word(167) }]), ParameterError::Own);
+    assert_eq!(refused(vec![ParameterSpec { initial: 9, ..word(103) }]), ParameterError::Limits(9));
+    for number in [167, 1000] {
+        assert_eq!(refused(vec![word(number), word(number)]), ParameterError::Twice);
+    }
+}
+
+/// The drive's own parameters after power-on, as an engineer leaves them behind.
+#[test]
+fn own_parameters_get_their_values_from_the_plant_file() {
+    let value = |number, initial| ParameterSpec { initial, ..ParameterSpec::new(number, ParamFormat::Word) };
+    let drive =
+        Drive::new(&DriveConfig { parameters: vec![value(167, 4000), value(103, 8)], ..demo() }).unwrap();
+    assert_eq!([103, 167, 168].map(|number| drive.parameter(number)), [Some(8), Some(4000), Some(0)]);
 }
 
 #[test]
