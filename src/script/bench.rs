@@ -4,24 +4,23 @@ mod board;
 mod expect;
 mod findings;
 mod frames;
+mod interfere;
 mod memory;
+mod register;
 #[cfg(test)]
 mod tests;
+mod time;
 
 pub use frames::SeenFrame;
 pub use memory::{Change, MemoryCopy};
 
-use super::backend::{Backend, BackendError, Spot};
+use super::backend::{Backend, BackendError};
 use super::local::Local;
-use super::{Failure, ScenarioError, Span, Value};
-use crate::fault::{FaultError, FaultSpec, Refusal};
+use super::{Failure, ScenarioError, Value};
 use crate::journal::text::Text;
 use crate::journal::{Format, Names};
-use crate::layout::place::live_by;
-use crate::layout::{Area, Live, Place, split_plc};
-use crate::plant::{Forced, PlantConfig};
+use crate::plant::PlantConfig;
 use crate::plc::Ram;
-use core::num::NonZeroU16;
 use core::panic::Location;
 use std::path::Path;
 
@@ -55,49 +54,6 @@ pub struct Bench {
     started_us: u64,
     /// Longest time from there.
     limit_us: u64,
-}
-
-/// A register of the plant.
-struct Register {
-    place: Place,
-    spot: Spot,
-    /// With the PLC in front, if there are several.
-    prefix: String,
-}
-
-impl Register {
-    /// `node2.w_CPU_CONTROL`, with the PLC in front where there are several.
-    fn name(&self, live: Live) -> String {
-        format!("{}{}", self.prefix, self.place.name(live))
-    }
-
-    /// `node2.w_CPU_CONTROL (%MW3.200000)`
-    fn label(&self, live: Live) -> String {
-        format!("{}{}", self.prefix, self.place.label(live))
-    }
-
-    /// The value with its meaning, marked as by `commram peek`: `16#0043  [forced] synchronous operation ...`.
-    fn describe(&self, live: Live, value: u32, forced: bool) -> String {
-        let mark = if forced { "[forced] " } else { "" };
-        let meaning = self.place.meaning(live, value);
-        format!("{}  {mark}{meaning}", self.place.format(live, value)).trim_end().to_owned()
-    }
-
-    /// The value as a number of the register's type.
-    fn number(&self, live: Live, value: u32) -> i64 {
-        match self.place.bit() {
-            Some(bit) => i64::from(value >> bit & 1),
-            None => self.place.ty(live).number(value),
-        }
-    }
-
-    /// The bits that count, and what `value` makes of them.
-    fn pattern(&self, value: u32) -> (u32, u32) {
-        match self.place.bit() {
-            Some(bit) => (1 << bit, value << bit),
-            None => (self.spot.width.max_value(), value),
-        }
-    }
 }
 
 impl Bench {
@@ -205,14 +161,6 @@ impl Bench {
         Ok(format!("{} = {}", register.name(live), register.describe(live, value, forced)))
     }
 
-    fn is_forced(&mut self, register: &Register) -> Result<bool, ScenarioError> {
-        let Spot { plc, offset, .. } = register.spot;
-        // Only whole registers are forced; a single bit may lie behind the first byte of one.
-        let is_there =
-            |it: &Forced| it.plc == plc && (it.offset..it.offset + it.width.bytes()).contains(&offset);
-        Ok(self.backend.forces()?.iter().any(is_there))
-    }
-
     /// Writes a register.
     ///
     /// # Errors
@@ -238,62 +186,6 @@ impl Bench {
         Ok(self.backend.compare_exchange(register.spot, current, new)?.is_ok())
     }
 
-    /// Makes a register keep the value against firmware and PLC, until [`Bench::unforce`].
-    ///
-    /// # Errors
-    /// There is no such register, it cannot hold the value, it is a single bit, or too many are forced.
-    pub fn force(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
-        let register = self.whole_register(register)?;
-        let bits = value.into().bits(&register.place)?;
-        Ok(self.backend.force(register.spot, bits)?)
-    }
-
-    /// Lets a forced register go; it keeps its value until somebody writes it.
-    ///
-    /// # Errors
-    /// There is no such register, or it is not forced.
-    pub fn unforce(&mut self, text: &str) -> Result<(), ScenarioError> {
-        let register = self.whole_register(text)?;
-        self.backend.unforce(register.spot).map_err(|error| match error {
-            BackendError::NotForced { .. } => {
-                ScenarioError::argument(text, &format!("{} is not forced", register.place.address()))
-            }
-            other => other.into(),
-        })
-    }
-
-    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number.
-    ///
-    /// # Errors
-    /// The fault does not exist, has a wrong field, or concerns something that the plant does not have.
-    pub fn fault(&mut self, words: &str) -> Result<u16, ScenarioError> {
-        let mut words = words.split_whitespace();
-        let kind = words.next().unwrap_or_default();
-        let spec = FaultSpec::from_words(kind, &words.collect::<Vec<_>>())?;
-        let fault = spec.resolve(&self.names)?;
-        self.backend.add_fault(fault).map_err(|error| match error {
-            BackendError::Fault(refusal) => FaultError::refused(fault.kind(), refusal, &self.names).into(),
-            other => other.into(),
-        })
-    }
-
-    /// Clears the fault of this number. What it has done stays done.
-    ///
-    /// # Errors
-    /// There is no such fault; it may have ended.
-    pub fn clear_fault(&mut self, number: u16) -> Result<(), ScenarioError> {
-        let known = NonZeroU16::new(number).ok_or(Refusal::UnknownFault { id: number });
-        Ok(self.backend.clear_faults(Some(known.map_err(BackendError::Fault)?))?)
-    }
-
-    /// Clears all faults.
-    ///
-    /// # Errors
-    /// The instance has gone.
-    pub fn clear_faults(&mut self) -> Result<(), ScenarioError> {
-        Ok(self.backend.clear_faults(None)?)
-    }
-
     /// The RAM of a PLC, for its function blocks and tasks; `""` is the only one.
     ///
     /// # Errors
@@ -303,121 +195,8 @@ impl Bench {
         self.ram_of(plc)
     }
 
-    /// The PLC of this name; `""` is the only one.
-    pub(super) fn only_plc(&self, name: &str) -> Result<u16, ScenarioError> {
-        match self.names.plcs.as_slice() {
-            [_] if name.is_empty() => Ok(0),
-            all => position("PLC", all, name),
-        }
-    }
-
     pub(super) fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {
         Ok(Ram::of(&self.backend.segment(plc)?)?)
-    }
-
-    /// The PLC and the area that are meant by `node2` or `line2:node1`.
-    ///
-    /// # Errors
-    /// There is no such PLC or area of registers.
-    pub(super) fn area(&self, text: &str) -> Result<(u16, &'static Area), ScenarioError> {
-        let (plc, name) = split_plc(text);
-        let plc = self.plc(plc, name)?;
-        Ok((plc, memory::register_area(name)?))
-    }
-
-    /// Lets the time pass.
-    ///
-    /// # Errors
-    /// No time, or more than the scenario may take.
-    pub fn step(&mut self, time: impl Into<Span>) -> Result<(), ScenarioError> {
-        let us = self.span(time)?;
-        self.backend.advance(us)?;
-        Ok(())
-    }
-
-    /// Lets the time pass up to the next SYNC on the bus of a CANsync node, `node1` or `node2`, with the PLC in
-    /// front where there are several.
-    ///
-    /// # Errors
-    /// There is no such node, or nobody sends SYNC.
-    pub fn step_to_sync(&mut self, node: &str) -> Result<(), ScenarioError> {
-        let (plc, name) = split_plc(node);
-        let number = match name {
-            "node1" => 1,
-            "node2" => 2,
-            _ => return Err(ScenarioError::argument(node, "the CANsync nodes are node1 and node2")),
-        };
-        let plc = self.plc(plc, name)?;
-        self.within_limit(0)?;
-        self.backend.advance_to_sync(plc, number)?;
-        Ok(())
-    }
-
-    /// The time in microseconds, if the scenario may still take it.
-    pub(super) fn span(&mut self, time: impl Into<Span>) -> Result<u64, ScenarioError> {
-        let us = time.into().us()?;
-        self.within_limit(us)?;
-        Ok(us)
-    }
-
-    fn within_limit(&mut self, us: u64) -> Result<(), ScenarioError> {
-        let now_us = self.now()?;
-        let limit_us = self.limit_us;
-        if now_us.saturating_sub(self.started_us).saturating_add(us) > limit_us {
-            return Err(ScenarioError::TooLong { us, now_us, limit_us });
-        }
-        Ok(())
-    }
-
-    fn register(&self, text: &str) -> Result<Register, ScenarioError> {
-        let place = Place::parse(text)?;
-        let plc = self.plc(place.plc.as_deref(), place.text())?;
-        let spot = Spot { plc, offset: place.offset(), width: place.width() };
-        Ok(Register { place, spot, prefix: self.prefix(plc) })
-    }
-
-    fn whole_register(&self, text: &str) -> Result<Register, ScenarioError> {
-        let register = self.register(text)?;
-        if register.place.bit().is_some() {
-            return Err(ScenarioError::argument(
-                text,
-                "a single bit cannot be written; name the whole register",
-            ));
-        }
-        Ok(register)
-    }
-
-    /// What stands in front of names of this PLC.
-    fn prefix(&self, plc: u16) -> String {
-        match self.names.plcs.get(usize::from(plc)) {
-            Some(name) if self.names.plcs.len() > 1 => format!("{name}:"),
-            _ => String::new(),
-        }
-    }
-
-    /// Number of the PLC that is meant by `plc` in front of `text`.
-    fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, ScenarioError> {
-        match (plc, self.names.plcs.as_slice()) {
-            (Some(name), all) => position("PLC", all, name),
-            (None, [_]) => Ok(0),
-            (None, all) => Err(ScenarioError::WhichPlc {
-                text: text.to_owned(),
-                plcs: all.join(", "),
-                example: all.first().cloned().unwrap_or_default(),
-            }),
-        }
-    }
-
-    fn bus(&self, name: &str) -> Result<u16, ScenarioError> {
-        position("bus", &self.names.buses, name)
-    }
-
-    /// Which of overlaid structures is live where the register lies.
-    fn live(&mut self, register: &Register) -> Result<Live, ScenarioError> {
-        let Some(status) = register.place.status() else { return Ok(Live::Cyclic) };
-        let address = status.address();
-        let spot = Spot { plc: register.spot.plc, offset: address.offset(), width: address.width() };
-        Ok(live_by(self.backend.load(spot)?))
     }
 
     /// A failure at the present moment.
@@ -446,10 +225,4 @@ impl Bench {
         last.iter().for_each(|record| text.record(record, &mut lines));
         Ok(lines.lines().map(str::to_owned).collect())
     }
-}
-
-fn position(what: &'static str, all: &[String], name: &str) -> Result<u16, ScenarioError> {
-    let found = all.iter().position(|known| known == name).and_then(|index| u16::try_from(index).ok());
-    let known = || if all.is_empty() { "none".to_owned() } else { all.join(", ") };
-    found.ok_or_else(|| ScenarioError::Unknown { what, name: name.to_owned(), known: known() })
 }

@@ -1,6 +1,7 @@
 //! Waiting for registers and expecting values.
 
-use super::{Bench, Register};
+use super::Bench;
+use super::register::Register;
 use crate::layout::Live;
 use crate::script::backend::Waited;
 use crate::script::{ScenarioError, Span, Value};

@@ -1,0 +1,75 @@
+//! Verbs that interfere with the plant: forced registers and faults.
+
+use super::Bench;
+use super::register::Register;
+use crate::fault::{FaultError, FaultSpec, Refusal};
+use crate::plant::Forced;
+use crate::script::backend::{BackendError, Spot};
+use crate::script::{ScenarioError, Value};
+use core::num::NonZeroU16;
+
+impl Bench {
+    /// Makes a register keep the value against firmware and PLC, until [`Bench::unforce`].
+    ///
+    /// # Errors
+    /// There is no such register, it cannot hold the value, it is a single bit, or too many are forced.
+    pub fn force(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
+        let register = self.whole_register(register)?;
+        let bits = value.into().bits(&register.place)?;
+        Ok(self.backend.force(register.spot, bits)?)
+    }
+
+    /// Lets a forced register go; it keeps its value until somebody writes it.
+    ///
+    /// # Errors
+    /// There is no such register, or it is not forced.
+    pub fn unforce(&mut self, text: &str) -> Result<(), ScenarioError> {
+        let register = self.whole_register(text)?;
+        self.backend.unforce(register.spot).map_err(|error| match error {
+            BackendError::NotForced { .. } => {
+                ScenarioError::argument(text, &format!("{} is not forced", register.place.address()))
+            }
+            other => other.into(),
+        })
+    }
+
+    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number.
+    ///
+    /// # Errors
+    /// The fault does not exist, has a wrong field, or concerns something that the plant does not have.
+    pub fn fault(&mut self, words: &str) -> Result<u16, ScenarioError> {
+        let mut words = words.split_whitespace();
+        let kind = words.next().unwrap_or_default();
+        let spec = FaultSpec::from_words(kind, &words.collect::<Vec<_>>())?;
+        let fault = spec.resolve(&self.names)?;
+        self.backend.add_fault(fault).map_err(|error| match error {
+            BackendError::Fault(refusal) => FaultError::refused(fault.kind(), refusal, &self.names).into(),
+            other => other.into(),
+        })
+    }
+
+    /// Clears the fault of this number. What it has done stays done.
+    ///
+    /// # Errors
+    /// There is no such fault; it may have ended.
+    pub fn clear_fault(&mut self, number: u16) -> Result<(), ScenarioError> {
+        let known = NonZeroU16::new(number).ok_or(Refusal::UnknownFault { id: number });
+        Ok(self.backend.clear_faults(Some(known.map_err(BackendError::Fault)?))?)
+    }
+
+    /// Clears all faults.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn clear_faults(&mut self) -> Result<(), ScenarioError> {
+        Ok(self.backend.clear_faults(None)?)
+    }
+
+    pub(super) fn is_forced(&mut self, register: &Register) -> Result<bool, ScenarioError> {
+        let Spot { plc, offset, .. } = register.spot;
+        // Only whole registers are forced; a single bit may lie behind the first byte of one.
+        let is_there =
+            |it: &Forced| it.plc == plc && (it.offset..it.offset + it.width.bytes()).contains(&offset);
+        Ok(self.backend.forces()?.iter().any(is_there))
+    }
+}

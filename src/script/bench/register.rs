@@ -1,0 +1,127 @@
+//! Which register, PLC or bus a name means.
+
+use super::{Bench, memory};
+use crate::layout::place::live_by;
+use crate::layout::{Area, Live, Place, split_plc};
+use crate::script::ScenarioError;
+use crate::script::backend::Spot;
+
+/// A register of the plant.
+pub(super) struct Register {
+    pub(super) place: Place,
+    pub(super) spot: Spot,
+    /// With the PLC in front, if there are several.
+    pub(super) prefix: String,
+}
+
+impl Register {
+    /// `node2.w_CPU_CONTROL`, with the PLC in front where there are several.
+    pub(super) fn name(&self, live: Live) -> String {
+        format!("{}{}", self.prefix, self.place.name(live))
+    }
+
+    /// `node2.w_CPU_CONTROL (%MW3.200000)`
+    pub(super) fn label(&self, live: Live) -> String {
+        format!("{}{}", self.prefix, self.place.label(live))
+    }
+
+    /// The value with its meaning, marked as by `commram peek`: `16#0043  [forced] synchronous operation ...`.
+    pub(super) fn describe(&self, live: Live, value: u32, forced: bool) -> String {
+        let mark = if forced { "[forced] " } else { "" };
+        let meaning = self.place.meaning(live, value);
+        format!("{}  {mark}{meaning}", self.place.format(live, value)).trim_end().to_owned()
+    }
+
+    /// The value as a number of the register's type.
+    pub(super) fn number(&self, live: Live, value: u32) -> i64 {
+        match self.place.bit() {
+            Some(bit) => i64::from(value >> bit & 1),
+            None => self.place.ty(live).number(value),
+        }
+    }
+
+    /// The bits that count, and what `value` makes of them.
+    pub(super) fn pattern(&self, value: u32) -> (u32, u32) {
+        match self.place.bit() {
+            Some(bit) => (1 << bit, value << bit),
+            None => (self.spot.width.max_value(), value),
+        }
+    }
+}
+
+impl Bench {
+    /// The PLC of this name; `""` is the only one.
+    pub(in crate::script) fn only_plc(&self, name: &str) -> Result<u16, ScenarioError> {
+        match self.names.plcs.as_slice() {
+            [_] if name.is_empty() => Ok(0),
+            all => position("PLC", all, name),
+        }
+    }
+
+    /// The PLC and the area that are meant by `node2` or `line2:node1`.
+    ///
+    /// # Errors
+    /// There is no such PLC or area of registers.
+    pub(in crate::script) fn area(&self, text: &str) -> Result<(u16, &'static Area), ScenarioError> {
+        let (plc, name) = split_plc(text);
+        let plc = self.plc(plc, name)?;
+        Ok((plc, memory::register_area(name)?))
+    }
+
+    pub(super) fn register(&self, text: &str) -> Result<Register, ScenarioError> {
+        let place = Place::parse(text)?;
+        let plc = self.plc(place.plc.as_deref(), place.text())?;
+        let spot = Spot { plc, offset: place.offset(), width: place.width() };
+        Ok(Register { place, spot, prefix: self.prefix(plc) })
+    }
+
+    pub(super) fn whole_register(&self, text: &str) -> Result<Register, ScenarioError> {
+        let register = self.register(text)?;
+        if register.place.bit().is_some() {
+            return Err(ScenarioError::argument(
+                text,
+                "a single bit cannot be written; name the whole register",
+            ));
+        }
+        Ok(register)
+    }
+
+    /// What stands in front of names of this PLC.
+    pub(super) fn prefix(&self, plc: u16) -> String {
+        match self.names.plcs.get(usize::from(plc)) {
+            Some(name) if self.names.plcs.len() > 1 => format!("{name}:"),
+            _ => String::new(),
+        }
+    }
+
+    /// Number of the PLC that is meant by `plc` in front of `text`.
+    pub(super) fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, ScenarioError> {
+        match (plc, self.names.plcs.as_slice()) {
+            (Some(name), all) => position("PLC", all, name),
+            (None, [_]) => Ok(0),
+            (None, all) => Err(ScenarioError::WhichPlc {
+                text: text.to_owned(),
+                plcs: all.join(", "),
+                example: all.first().cloned().unwrap_or_default(),
+            }),
+        }
+    }
+
+    pub(super) fn bus(&self, name: &str) -> Result<u16, ScenarioError> {
+        position("bus", &self.names.buses, name)
+    }
+
+    /// Which of overlaid structures is live where the register lies.
+    pub(super) fn live(&mut self, register: &Register) -> Result<Live, ScenarioError> {
+        let Some(status) = register.place.status() else { return Ok(Live::Cyclic) };
+        let address = status.address();
+        let spot = Spot { plc: register.spot.plc, offset: address.offset(), width: address.width() };
+        Ok(live_by(self.backend.load(spot)?))
+    }
+}
+
+fn position(what: &'static str, all: &[String], name: &str) -> Result<u16, ScenarioError> {
+    let found = all.iter().position(|known| known == name).and_then(|index| u16::try_from(index).ok());
+    let known = || if all.is_empty() { "none".to_owned() } else { all.join(", ") };
+    found.ok_or_else(|| ScenarioError::Unknown { what, name: name.to_owned(), known: known() })
+}
