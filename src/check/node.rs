@@ -17,7 +17,7 @@ const WORDS: usize = 500;
 /// Words that hold the initialization structure.
 const INIT_WORDS: usize = (INIT_BYTES as usize).div_ceil(WORD);
 /// Words compared in one go.
-const STRIDE: usize = 10;
+const STRIDE: usize = 40;
 
 /// The registers of a node, now and as the firmware left them.
 pub(super) struct Registers {
@@ -68,22 +68,28 @@ impl Registers {
         let (Some(now), Some(left)) = (self.now.get(range.clone()), self.left.get(range.clone())) else {
             return;
         };
-        // Arrays of fixed length: atomic loads are not vectorized, so at least the loop shall be unrolled.
-        let (now_rows, now_rest) = now.as_chunks::<STRIDE>();
-        let (left_rows, left_rest) = left.as_chunks::<STRIDE>();
-        let mut first = range.start;
-        for (now, left) in now_rows.iter().zip(left_rows) {
-            let mut differs = 0;
-            for (now, left) in now.iter().zip(left) {
-                differs |= now.load() ^ left;
-            }
-            if differs != 0 {
+        let rows = now.chunks(STRIDE).zip(left.chunks(STRIDE));
+        for (first, (now, left)) in range.step_by(STRIDE).zip(rows) {
+            if differences(now, left) != 0 {
                 collect(first, now, left, changed);
             }
-            first += STRIDE;
         }
-        collect(first, now_rest, left_rest, changed);
     }
+}
+
+/// All bits in which the words differ. The compiler does not vectorize atomic loads: four words at a time, each with
+/// a result of its own, keep the processor's load ports busy.
+#[inline]
+fn differences(now: &[Cell64], left: &[u64]) -> u64 {
+    let ((now, now_rest), (left, left_rest)) = (now.as_chunks::<4>(), left.as_chunks::<4>());
+    let mut bits = [0; 4];
+    for (now, left) in now.iter().zip(left) {
+        for ((bits, now), left) in bits.iter_mut().zip(now).zip(left) {
+            *bits |= now.load() ^ left;
+        }
+    }
+    let rest = now_rest.iter().zip(left_rest).fold(0, |bits, (now, left)| bits | now.load() ^ left);
+    bits.into_iter().fold(rest, |all, bits| all | bits)
 }
 
 /// Adds the words that differ; `first` is the index of the first of them.
