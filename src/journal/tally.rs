@@ -51,11 +51,13 @@ pub(super) struct Outcome {
 /// All events that are watched.
 pub(super) struct Tally {
     places: Vec<Option<Watched>>,
+    /// No event has been counted since all counts were ended.
+    is_quiet: bool,
 }
 
 impl Tally {
     pub fn new() -> Self {
-        Tally { places: vec![None; PLACES] }
+        Tally { places: vec![None; PLACES], is_quiet: true }
     }
 
     /// Sees an event.
@@ -73,6 +75,7 @@ impl Tally {
                     if full {
                         watched.count = 0;
                     }
+                    self.is_quiet = false;
                     return Outcome { counted, single: false };
                 }
                 let counted = watched.record();
@@ -122,7 +125,7 @@ impl Tally {
 
     /// Ends all counts. Returns them in the order of time.
     pub fn all(&mut self) -> Vec<Record> {
-        self.end(|_| true)
+        if core::mem::replace(&mut self.is_quiet, true) { Vec::new() } else { self.end(|_| true) }
     }
 
     fn end(&mut self, is_over: impl Fn(&Watched) -> bool) -> Vec<Record> {
