@@ -14,7 +14,7 @@ mod time;
 pub use frames::SeenFrame;
 pub use memory::{Change, MemoryCopy};
 
-use super::backend::{Backend, BackendError};
+use super::backend::Backend;
 use super::local::Local;
 use super::{Failure, ScenarioError, Value};
 use crate::journal::text::Text;
@@ -98,7 +98,7 @@ impl Bench {
     /// The instance does not answer.
     #[cfg(feature = "channel")]
     pub fn attach(client: crate::channel::Client) -> Result<Self, ScenarioError> {
-        Self::on(Box::new(super::remote::Remote::new(client).map_err(BackendError::from)?))
+        Self::on(Box::new(super::remote::Remote::new(client).map_err(super::backend::BackendError::from)?))
     }
 
     fn on(mut backend: Box<dyn Backend>) -> Result<Self, ScenarioError> {
