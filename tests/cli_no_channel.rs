@@ -19,6 +19,7 @@ fn everything_else_says_that_there_is_no_channel() {
         &["poke", "node2.w_CPU_CONTROL=1"][..],
         &["wait", "node2.w_CPU_CONTROL==1"],
         &["step", "1ms"],
+        &["watch"],
         &["fault", "list"],
         &["stop"],
     ] {

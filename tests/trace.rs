@@ -3,11 +3,10 @@
 
 mod common;
 
-use common::{Emulator, eventually, finish, run, wait_for};
+use common::{Emulator, Follower, eventually, finish, run, wait_for};
 use serde_json::Value;
 use std::fs;
-use std::io::{BufRead, BufReader, Lines};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::Command;
 
 /// An emulator whose node 2 has been in set-up mode for `time`, so that frames run.
 fn with_frames(time: &str) -> Emulator {
@@ -169,38 +168,15 @@ fn lost_records_are_told() {
 }
 
 /// `commram trace --follow` under way.
-struct Follower {
-    child: Child,
-    lines: Lines<BufReader<ChildStdout>>,
-}
-
-impl Follower {
-    fn start(emulator: &Emulator, args: &[&str]) -> Self {
-        let args = [&["--follow"], args].concat();
-        let mut command = emulator.command("trace", &args);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        Self { child, lines }
-    }
-
-    fn line(&mut self) -> String {
-        self.lines.next().expect("a line").unwrap()
-    }
-
-    /// Exit code and the rest of its words.
-    fn end(mut self) -> (Option<i32>, Vec<String>, String) {
-        let rest = self.lines.map(Result::unwrap).collect();
-        let status = wait_for(&mut self.child, "commram trace");
-        let err = std::io::read_to_string(self.child.stderr.take().unwrap()).unwrap();
-        (status.code(), rest, err)
-    }
+fn follow(emulator: &Emulator, args: &[&str]) -> Follower {
+    Follower::start(emulator, "trace", &[&["--follow"], args].concat())
 }
 
 #[test]
 fn following_shows_what_comes_and_ends_with_the_emulator() {
     let emulator = Emulator::stepped();
     emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
-    let mut follower = Follower::start(&emulator, &[]);
+    let mut follower = follow(&emulator, &[]);
     assert!(follower.line().contains(":= 16#0001 (handshake)"), "what was there");
     emulator.step(&["1ms"]);
     assert!(follower.line().contains("16#0001 -> 16#0002"), "what comes");
@@ -216,7 +192,7 @@ fn following_shows_what_comes_and_ends_with_the_emulator() {
 fn following_a_killed_emulator_ends_as_well() {
     let mut emulator = Emulator::stepped();
     emulator.poke(&["node2.b_AC=16#FF"]);
-    let mut follower = Follower::start(&emulator, &["--last", "1"]);
+    let mut follower = follow(&emulator, &["--last", "1"]);
     follower.line();
     emulator.kill();
     assert_eq!(follower.end().0, Some(0));
@@ -226,7 +202,7 @@ fn following_a_killed_emulator_ends_as_well() {
 fn following_ends_on_a_signal_with_what_is_being_counted() {
     for signal in ["-INT", "-TERM"] {
         let emulator = with_frames("100ms");
-        let mut follower = Follower::start(&emulator, &["--kind", "sync"]);
+        let mut follower = follow(&emulator, &["--kind", "sync"]);
         follower.line();
         follower.line();
         let pid = follower.child.id().to_string();
@@ -243,7 +219,7 @@ fn following_ends_on_a_signal_with_what_is_being_counted() {
 #[test]
 fn following_ends_when_nobody_reads_though_nothing_happens() {
     let emulator = with_frames("10ms");
-    let mut follower = Follower::start(&emulator, &[]);
+    let mut follower = follow(&emulator, &[]);
     follower.line();
     drop(follower.lines);
     assert_eq!(wait_for(&mut follower.child, "commram trace").code(), Some(0));
@@ -332,9 +308,9 @@ fn wireshark_reads_the_candump_format() {
 #[test]
 fn following_frames_can_be_piped_into_the_tools() {
     let emulator = with_frames("10ms");
-    let follower = Follower::start(&emulator, &["--format", "candump", "--last", "0"]);
+    let follower = follow(&emulator, &["--format", "candump", "--last", "0"]);
     // Its first look may come later than the step: then there is nothing new, so step until it has seen a frame.
-    let Follower { child, mut lines } = follower;
+    let Follower { child, mut lines, .. } = follower;
     let (send, receive) = std::sync::mpsc::channel();
     let reader = std::thread::spawn(move || {
         if let Some(Ok(line)) = lines.next() {

@@ -62,17 +62,62 @@ pub fn show(instance: &str, blocks: &[String]) -> Result<(), CliError> {
 }
 
 fn print(instance: &str, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
-    let selections = select(blocks)?;
+    let blocks = Blocks::parse(blocks)?;
     let session = Session::open_for_reading(instance)?;
-    let parts = parts(&session, &selections)?;
-    let reads: Vec<_> = parts.iter().flat_map(Part::reads).collect();
-    let snapshot = session.read(&reads)?;
-    let views = views(&session, &parts, &snapshot);
-    let rows: Vec<_> = views.iter().flat_map(|view| view.rows(all)).collect();
+    let dump = blocks.read(&session)?;
+    let wanted = dump.rows.into_iter().filter(|row| all || row.differs || row.holding.forced);
+    let rows: Vec<_> = wanted.map(|row| row.holding).collect();
     table::print(format, &rows, |rows| {
-        let head = format!("instance '{instance}' at {}\n", time::seconds(snapshot.time_us));
-        head + &text(rows, views.iter().any(View::has_live_registers))
+        let head = format!("instance '{instance}' at {}\n", time::seconds(dump.time_us));
+        head + &text(rows, dump.is_live)
     })
+}
+
+/// Blocks, arrays and registers by name.
+pub struct Blocks(Vec<Selection>);
+
+/// All registers of some blocks at one moment.
+pub struct Dump {
+    /// Emulated time, in microseconds.
+    pub time_us: u64,
+    /// The registers that are live.
+    pub rows: Vec<DumpRow>,
+    /// Whether any of the blocks has live registers.
+    is_live: bool,
+}
+
+/// A register in a dump.
+pub struct DumpRow {
+    /// What it holds.
+    pub holding: Holding,
+    /// Whether this is not its reset value.
+    pub differs: bool,
+}
+
+impl Blocks {
+    /// Finds the blocks; without names all areas with registers.
+    ///
+    /// # Errors
+    /// There is no such block or register.
+    pub fn parse(names: &[String]) -> Result<Self, CliError> {
+        Ok(Blocks(select(names)?))
+    }
+
+    /// Reads all of them at one moment.
+    ///
+    /// # Errors
+    /// There is no such PLC, or the emulator has gone.
+    pub fn read(&self, session: &Session) -> Result<Dump, CliError> {
+        let parts = parts(session, &self.0)?;
+        let reads: Vec<_> = parts.iter().flat_map(Part::reads).collect();
+        let snapshot = session.read(&reads)?;
+        let views = views(session, &parts, &snapshot);
+        Ok(Dump {
+            time_us: snapshot.time_us,
+            rows: views.iter().flat_map(View::rows).collect(),
+            is_live: views.iter().any(View::has_live_registers),
+        })
+    }
 }
 
 /// The areas and registers that the user names; without names all areas with registers.
@@ -209,16 +254,15 @@ impl View<'_> {
         self.area().structures.is_empty() || !self.registers().is_empty()
     }
 
-    fn rows(&self, all: bool) -> Vec<Holding> {
+    fn rows(&self) -> Vec<DumpRow> {
         if self.area().structures.is_empty() {
-            return self.plain(all);
+            return self.plain();
         }
-        let value = |register: RegisterRef| (register, self.value(register.offset(), register.width()));
-        let values = self.registers().into_iter().map(value);
-        let wanted = values.filter(|(register, value)| {
-            all || *value != register.reset() || self.forced(register.offset(), register.width())
-        });
-        wanted.map(|(register, value)| self.holding(&register, value)).collect()
+        let row = |register: RegisterRef| {
+            let value = self.value(register.offset(), register.width());
+            DumpRow { holding: self.holding(&register, value), differs: value != register.reset() }
+        };
+        self.registers().into_iter().map(row).collect()
     }
 
     fn holding(&self, register: &RegisterRef, value: u32) -> Holding {
@@ -236,13 +280,13 @@ impl View<'_> {
     }
 
     /// Plain RAM, as doublewords.
-    fn plain(&self, all: bool) -> Vec<Holding> {
+    fn plain(&self) -> Vec<DumpRow> {
         let offsets = (self.area().first..=self.area().last()).step_by(4);
-        let values = offsets.map(|offset| (offset, self.value(offset, 4)));
-        let holding = |(offset, value)| {
+        let row = |offset| {
+            let value = self.value(offset, 4);
             let address = Address::new(Width::Dword, offset).unwrap_or(Address::byte(offset)).to_string();
             let ty = RegType::Dword;
-            Holding {
+            let holding = Holding {
                 time_us: self.snapshot.time_us,
                 plc: self.plc.clone(),
                 register: format!("{}{address}", self.prefix),
@@ -252,9 +296,10 @@ impl View<'_> {
                 hex: format_value(ty, value),
                 meaning: format!("plain RAM of {}", self.area().name),
                 forced: self.forced(offset, 4),
-            }
+            };
+            DumpRow { holding, differs: value != 0 }
         };
-        values.filter(|(offset, value)| all || *value != 0 || self.forced(*offset, 4)).map(holding).collect()
+        offsets.map(row).collect()
     }
 }
 

@@ -199,6 +199,14 @@ pub enum CliError {
         /// What the system says.
         reason: io::Error,
     },
+    /// A file is no dump, or cannot be read.
+    #[error("{name} is no dump: {reason}; `commram dump --format json` writes one")]
+    NoDump {
+        /// The file.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// Nobody reads the standard output any more.
     #[error("nobody reads the output")]
     BrokenPipe,
@@ -222,6 +230,7 @@ impl CliError {
             | Self::UnknownPlc { .. }
             | Self::ReportedWrongUse
             | Self::FaultWord(_)
+            | Self::NoDump { .. }
             | Self::Plant(_)
             | Self::Fault(_)
             | Self::Memory(MemoryError::BadName { .. })

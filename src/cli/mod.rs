@@ -1,9 +1,11 @@
 //! The `commram` command line: one file per subcommand, each nothing but presentation.
 
 mod board;
+mod change;
 mod check;
 mod completions;
 mod demo;
+mod diff;
 mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
@@ -13,6 +15,8 @@ mod force;
 mod list;
 mod map;
 mod output;
+#[cfg(feature = "channel")]
+mod pause;
 mod peek;
 mod poke;
 mod run;
@@ -24,6 +28,8 @@ mod test;
 mod trace;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod wait;
+#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
+mod watch;
 
 use clap::{Args, ColorChoice, Parser, Subcommand};
 use commram::layout::place;
@@ -76,6 +82,8 @@ enum Command {
     Wait(wait::Args),
     Step(step::Args),
     Dump(dump::Args),
+    Diff(diff::Args),
+    Watch(watch::Args),
     Fault(fault::Args),
     Trace(trace::Args),
     Test(test::Args),
@@ -139,6 +147,8 @@ impl Command {
             Command::Wait(args) => wait::run(&args),
             Command::Step(args) => step::run(&args),
             Command::Dump(args) => dump::run(&args),
+            Command::Diff(args) => diff::run(&args),
+            Command::Watch(args) => watch::run(&args),
             Command::Fault(args) => fault::run(&args),
             Command::Trace(args) => trace::run(&args),
             Command::Test(args) => test::run(&args),

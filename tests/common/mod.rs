@@ -1,9 +1,9 @@
 //! Emulators and commands as processes of their own, for tests that drive the built program.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Lines, Read};
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, Once, mpsc};
 use std::time::{Duration, Instant};
@@ -124,6 +124,41 @@ impl Outcome {
         assert_eq!(self.out, "", "a command that fails prints nothing");
         assert!(self.err.starts_with("commram: "), "{}", self.err);
         &self.err
+    }
+}
+
+/// A command under way that shows what happens at an emulator.
+pub struct Follower {
+    pub child: Child,
+    pub lines: Lines<BufReader<ChildStdout>>,
+    notes: Lines<BufReader<ChildStderr>>,
+}
+
+impl Follower {
+    pub fn start(emulator: &Emulator, subcommand: &str, args: &[&str]) -> Self {
+        let mut command = emulator.command(subcommand, args);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let notes = BufReader::new(child.stderr.take().unwrap()).lines();
+        Self { child, lines, notes }
+    }
+
+    /// What it shows next.
+    pub fn line(&mut self) -> String {
+        self.lines.next().expect("a line").unwrap()
+    }
+
+    /// What it says next beside that.
+    pub fn note(&mut self) -> String {
+        self.notes.next().expect("a note").unwrap()
+    }
+
+    /// Exit code and the rest of its words.
+    pub fn end(mut self) -> (Option<i32>, Vec<String>, String) {
+        let rest = self.lines.map(Result::unwrap).collect();
+        let status = wait_for(&mut self.child, "a command that follows");
+        let err = self.notes.map(|note| note.unwrap() + "\n").collect();
+        (status.code(), rest, err)
     }
 }
 

@@ -3,25 +3,16 @@
 use super::{Args, FormatArg, wrong_reply};
 use crate::cli::error::CliError;
 use crate::cli::output;
+use crate::cli::pause::{Look, Pause, Wake};
 use crate::cli::session::Session;
 use crate::cli::time;
 use commram::channel::op::MAX_RECORDS;
-use commram::channel::{ChannelError, ClientError, Op, Reply};
+use commram::channel::{Op, Reply};
 use commram::journal::candump::Candump;
 use commram::journal::jsonl::Jsonl;
 use commram::journal::text::Text;
 use commram::journal::{Format, Names, Printer, Record, Selection};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::Errno;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::collections::VecDeque;
-use std::io;
-use std::os::unix::net::UnixStream;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
-/// Real time between two looks at the journal.
-const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
 /// Prints what there is, and what comes if asked for.
 pub fn print(args: &Args, session: &Session, selection: Selection, names: Names) -> Result<(), CliError> {
@@ -43,17 +34,10 @@ pub fn print(args: &Args, session: &Session, selection: Selection, names: Names)
     }
     let mut pause = Pause::new()?;
     loop {
-        match trace.read() {
-            Ok(()) => trace.out.release()?,
-            // Another client lets much time pass; a stepped emulator answers when it has.
-            Err(CliError::Client(ClientError::Timeout { .. })) => {}
-            Err(CliError::Client(
-                ClientError::EmulatorGone { .. } | ClientError::Refused(ChannelError::ShuttingDown),
-            )) => {
-                output::note(&format!("instance '{}' has ended", args.instance.name));
-                return trace.end();
-            }
-            Err(error) => return Err(error),
+        match Look::of(trace.read(), &args.instance.name)? {
+            Look::Seen(()) => trace.out.release()?,
+            Look::Later => {}
+            Look::Ended => return trace.end(),
         }
         match pause.wait()? {
             Wake::Time => {}
@@ -150,49 +134,5 @@ impl Out {
         }
         let text: String = self.lines.drain(..).collect();
         output::print(&text)
-    }
-}
-
-/// Why a pause is over.
-enum Wake {
-    Time,
-    Signal,
-    NobodyReads,
-}
-
-/// Pauses that end early when there is no more to do.
-struct Pause {
-    /// A signal writes a byte to its other end.
-    signals: UnixStream,
-}
-
-impl Pause {
-    /// From here on the first signal ends a pause, the second one the process.
-    fn new() -> Result<Self, CliError> {
-        Self::on_signals().map_err(|reason| CliError::Signals { reason })
-    }
-
-    fn on_signals() -> io::Result<Self> {
-        let (signals, sender) = UnixStream::pair()?;
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
-            let again = Arc::new(AtomicBool::new(false));
-            signal_hook::flag::register_conditional_default(signal, Arc::clone(&again))?;
-            signal_hook::flag::register(signal, again)?;
-            signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
-        }
-        Ok(Self { signals })
-    }
-
-    fn wait(&mut self) -> Result<Wake, CliError> {
-        let out = io::stdout();
-        // Nothing is asked of the output: that its reader has gone is always told.
-        let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];
-        match poll(&mut files, Some(&INTERVAL)) {
-            // The signal has written its byte, which the next call finds.
-            Err(Errno::INTR) | Ok(0) => Ok(Wake::Time),
-            Err(reason) => Err(CliError::Output { reason: reason.into() }),
-            Ok(_) if !files[0].revents().is_empty() => Ok(Wake::Signal),
-            Ok(_) => Ok(Wake::NobodyReads),
-        }
     }
 }

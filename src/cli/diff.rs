@@ -1,0 +1,87 @@
+//! `commram diff`: which registers differ from an earlier dump.
+
+use super::Instance;
+use super::change::{self, Held, Known};
+use super::dump::Blocks;
+use super::error::CliError;
+use super::session::Session;
+use super::table::{self, FormatArg};
+use commram::layout::omega_drive_line_2::DEVICE;
+use commram::layout::{Address, Area};
+use std::path::{Path, PathBuf};
+
+/// Compare two dumps, or a dump with what the registers hold now.
+///
+/// Dumps are files that `commram dump --format json` has written. A plain dump has only registers that differ from
+/// their reset value; one that is missing in a file is shown as `-`, since the file does not say what it held. With
+/// `dump --all` all of them are there. With one file, the blocks that occur in it are compared with the running
+/// instance (all blocks, if the file is empty).
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram dump --all --format json >before.json
+  commram step 10ms && commram diff before.json
+  commram diff before.json after.json --format md
+
+Exit codes:
+  0  nothing differs
+  1  something differs, or the emulator is not there
+  2  wrong use, or a file cannot be read")]
+pub struct Args {
+    /// A dump in JSON
+    #[arg(value_name = "BEFORE")]
+    before: PathBuf,
+    /// A later one [default: the running instance]
+    #[arg(value_name = "AFTER")]
+    after: Option<PathBuf>,
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Prints what differs.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    let before = read(&args.before)?;
+    let known = Known::new(before.iter().cloned());
+    let after = match &args.after {
+        Some(path) => read(path)?,
+        None => now(&args.instance.name, &before, &known)?,
+    };
+    let mut changes = known.changed(&after);
+    changes.extend(known.missing(&Known::new(after)));
+    table::print(args.format.format, &changes, |changes| match changes {
+        [] => "nothing differs\n".to_owned(),
+        changes => change::text(changes),
+    })?;
+    if changes.is_empty() { Ok(()) } else { Err(CliError::Reported) }
+}
+
+fn read(path: &Path) -> Result<Vec<Held>, CliError> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| CliError::NoDump { name: name.clone(), reason: error.to_string() })?;
+    change::parse(&name, &text)
+}
+
+/// The registers of the blocks in `before`: those that are there, and those that differ from their reset value.
+fn now(instance: &str, before: &[Held], known: &Known) -> Result<Vec<Held>, CliError> {
+    let areas = before.iter().map(|held| area(&held.address)).collect::<Result<Vec<_>, _>>()?;
+    let session = Session::open_for_reading(instance)?;
+    let dump = Blocks::parse(&[])?.read(&session)?;
+    let mut registers = Vec::new();
+    for row in dump.rows {
+        let differs = row.differs;
+        let held = Held::from(row.holding);
+        let first = area(&held.address)?.first;
+        let is_meant = areas.is_empty() || areas.iter().any(|area| area.first == first);
+        if known.has(&held) || is_meant && differs {
+            registers.push(held);
+        }
+    }
+    Ok(registers)
+}
+
+fn area(address: &str) -> Result<&'static Area, CliError> {
+    Ok(DEVICE.area_at(address.parse::<Address>()?)?)
+}

@@ -1,0 +1,92 @@
+//! Waiting between two looks at an emulator.
+
+use super::error::CliError;
+use super::output;
+use commram::channel::{ChannelError, ClientError};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::io;
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Real time between two looks.
+const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+
+/// What came of a look.
+pub enum Look<T> {
+    /// The emulator has answered.
+    Seen(T),
+    /// Not this time: another client lets much time pass, and a stepped emulator answers when it has.
+    Later,
+    /// The emulator has ended.
+    Ended,
+}
+
+impl<T> Look<T> {
+    /// Tells the user if the emulator, `instance`, has ended.
+    ///
+    /// # Errors
+    /// Any other error.
+    pub fn of(result: Result<T, CliError>, instance: &str) -> Result<Self, CliError> {
+        match result {
+            Ok(seen) => Ok(Look::Seen(seen)),
+            Err(CliError::Client(ClientError::Timeout { .. })) => Ok(Look::Later),
+            Err(CliError::Client(
+                ClientError::EmulatorGone { .. } | ClientError::Refused(ChannelError::ShuttingDown),
+            )) => {
+                output::note(&format!("instance '{instance}' has ended"));
+                Ok(Look::Ended)
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// Why a pause is over.
+pub enum Wake {
+    /// Its time.
+    Time,
+    /// A signal asks the process to end.
+    Signal,
+    /// Nobody reads the standard output any more.
+    NobodyReads,
+}
+
+/// Pauses that end early when there is no more to do.
+pub struct Pause {
+    /// A signal writes a byte to its other end.
+    signals: UnixStream,
+}
+
+impl Pause {
+    /// From here on the first signal ends a pause, the second one the process.
+    pub fn new() -> Result<Self, CliError> {
+        Self::on_signals().map_err(|reason| CliError::Signals { reason })
+    }
+
+    fn on_signals() -> io::Result<Self> {
+        let (signals, sender) = UnixStream::pair()?;
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            let again = Arc::new(AtomicBool::new(false));
+            signal_hook::flag::register_conditional_default(signal, Arc::clone(&again))?;
+            signal_hook::flag::register(signal, again)?;
+            signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
+        }
+        Ok(Self { signals })
+    }
+
+    pub fn wait(&mut self) -> Result<Wake, CliError> {
+        let out = io::stdout();
+        // Nothing is asked of the output: that its reader has gone is always told.
+        let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];
+        match poll(&mut files, Some(&INTERVAL)) {
+            // The signal has written its byte, which the next call finds.
+            Err(Errno::INTR) | Ok(0) => Ok(Wake::Time),
+            Err(reason) => Err(CliError::Output { reason: reason.into() }),
+            Ok(_) if !files[0].revents().is_empty() => Ok(Wake::Signal),
+            Ok(_) => Ok(Wake::NobodyReads),
+        }
+    }
+}
