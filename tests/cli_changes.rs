@@ -116,7 +116,8 @@ fn watching_ends_after_as_many_changes_as_wanted() {
     assert!(run(&["watch", "node2.no_such_register"]).fails(2).contains("no_such_register"));
 }
 
-/// The cyclic structure becomes live and is empty but for what the PLC has written.
+/// The cyclic structure becomes live and is empty but for what the PLC has written. Whether a look falls between the
+/// two is chance: then the register was there with 0.
 #[test]
 fn registers_that_become_live_are_shown_if_they_hold_something() {
     let emulator = Emulator::stepped();
@@ -127,5 +128,6 @@ fn registers_that_become_live_are_shown_if_they_hold_something() {
     while line.contains("w_OPTION_STATUS") {
         line = watcher.line();
     }
-    assert!(line.contains("node2.b_MAX_SL_NR") && line.contains("- -> 16#03"), "{line}");
+    assert!(line.contains("node2.b_MAX_SL_NR"), "{line}");
+    assert!(line.contains("- -> 16#03") || line.contains("16#00 -> 16#03"), "{line}");
 }
