@@ -71,6 +71,27 @@ fn what_a_file_does_not_tell_is_not_made_up() {
     assert!(told.contains("node2.w_OPTION_STATUS  %MW3.200002  16#0002 -> -\n"), "{told}");
 }
 
+/// The structure of the initialization data gives way to the cyclic one, whose registers the file does not know.
+#[test]
+fn of_registers_that_are_no_longer_live_only_the_number_is_told() {
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    let before = save(&emulator, &directory, "before.json", &["node2", "--all"]);
+    emulator.set_up(&["node2.b_MAX_SL_NR=3"]);
+    let outcome = emulator.run("diff", &[before.to_str().unwrap()]);
+    assert_eq!(outcome.code, Some(1));
+    assert!(
+        outcome.out.contains("node2.b_MAX_SL_NR  ") && !outcome.out.contains("a_SL_TYP"),
+        "{}",
+        outcome.out
+    );
+    let note = outcome.err.strip_prefix("commram: note: ").unwrap();
+    assert!(
+        note.contains(" registers are in ") && note.ends_with(" and not live now, see w_OPTION_STATUS\n"),
+        "{note}"
+    );
+}
+
 #[test]
 fn what_is_no_dump_is_wrong_use() {
     let directory = TempDir::new().unwrap();

@@ -105,10 +105,9 @@ impl Known {
         after.into_iter().filter_map(change).collect()
     }
 
-    /// Those that are not in `after`.
-    pub fn missing(&self, after: &Known) -> Vec<Change> {
-        let gone = self.0.iter().filter(|(key, _)| !after.0.contains_key(key));
-        let change = |(_, held): (&(String, String), &Held)| Change {
+    /// Those of `before` that are not among them, in their order.
+    pub fn missing(&self, before: &[Held]) -> Vec<Change> {
+        let change = |held: &Held| Change {
             plc: held.plc.clone(),
             register: held.register.clone(),
             address: held.address.clone(),
@@ -116,7 +115,7 @@ impl Known {
             after: None,
             meaning: String::new(),
         };
-        gone.map(change).collect()
+        before.iter().filter(|held| !self.has(held)).map(change).collect()
     }
 }
 
@@ -153,9 +152,12 @@ mod tests {
 
     #[test]
     fn missing_registers_are_told() {
-        let before = Known::new([held("a", "16#01"), held("b", "16#02")]);
-        let missing = before.missing(&Known::new([held("b", "16#09")]));
-        assert_eq!(told(&missing), [("a", Some("16#01"), None)]);
+        let missing = Known::new([held("b", "16#09")]).missing(&[
+            held("c", "16#03"),
+            held("b", "16#02"),
+            held("a", "16#01"),
+        ]);
+        assert_eq!(told(&missing), [("c", Some("16#03"), None), ("a", Some("16#01"), None)]);
     }
 
     #[test]

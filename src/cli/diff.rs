@@ -4,6 +4,7 @@ use super::Instance;
 use super::change::{self, Held, Known};
 use super::dump::Blocks;
 use super::error::CliError;
+use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
 use commram::layout::omega_drive_line_2::DEVICE;
@@ -15,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Dumps are files that `commram dump --format json` has written. A plain dump has only registers that differ from
 /// their reset value; one that is missing in a file is shown as `-`, since the file does not say what it held. With
 /// `dump --all` all of them are there. With one file, the blocks that occur in it are compared with the running
-/// instance (all blocks, if the file is empty).
+/// instance (all blocks, if the file is empty); of registers that are no longer live only the number is told.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -44,12 +45,24 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), CliError> {
     let before = read(&args.before)?;
     let known = Known::new(before.iter().cloned());
-    let after = match &args.after {
-        Some(path) => read(path)?,
-        None => now(&args.instance.name, &before, &known)?,
+    let changes = match &args.after {
+        Some(path) => {
+            let after = read(path)?;
+            let mut changes = known.changed(&after);
+            changes.extend(Known::new(after).missing(&before));
+            changes
+        }
+        None => {
+            let now = now(&args.instance.name, &before, &known)?;
+            let changes = known.changed(&now);
+            let gone = Known::new(now).missing(&before).len();
+            if gone > 0 {
+                let (path, s) = (args.before.display(), if gone == 1 { " is" } else { "s are" });
+                output::note(&format!("{gone} register{s} in {path} and not live now, see w_OPTION_STATUS"));
+            }
+            changes
+        }
     };
-    let mut changes = known.changed(&after);
-    changes.extend(known.missing(&Known::new(after)));
     table::print(args.format.format, &changes, |changes| match changes {
         [] => "nothing differs\n".to_owned(),
         changes => change::text(changes),

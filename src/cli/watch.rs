@@ -65,7 +65,11 @@ mod by_channel {
         let session = Session::open(&args.instance.name, 0)?;
         let mut pause = Pause::new()?;
         let first = blocks.read(&session)?;
-        output::note(&format!("{} registers at {}", first.rows.len(), time::seconds(first.time_us)));
+        output::note(&format!(
+            "watching {} registers from {} on; Ctrl-C ends",
+            first.rows.len(),
+            time::seconds(first.time_us)
+        ));
         let mut known = Known::new(first.rows.into_iter().map(|row| row.holding.into()));
         let mut left = args.count;
         loop {
