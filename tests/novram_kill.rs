@@ -78,22 +78,14 @@ fn restored(image: &Attached) -> u16 {
     n
 }
 
-/// A generator of numbers that are the same in every run.
-struct Numbers(u64);
-
-impl Numbers {
-    fn below(&mut self, limit: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % limit
-    }
-}
-
 #[test]
 fn the_next_emulator_finds_the_old_or_the_new_content() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().to_str().unwrap();
     let name = unique_name();
-    let (mut numbers, mut last) = (Numbers(815), 0);
+    // The same in every run.
+    let mut numbers = fastrand::Rng::with_seed(815);
+    let mut last = 0;
     let mut contents = std::collections::BTreeSet::new();
     for _ in 0..KILLS {
         let mut emulator = Emulator::start_as(&name, &["--novram", path]);
@@ -104,7 +96,7 @@ fn the_next_emulator_finds_the_old_or_the_new_content() {
         contents.insert(found);
         std::thread::scope(|scope| {
             let writer = scope.spawn(|| store_on(&image, found + 1));
-            let (start, moment) = (Instant::now(), Duration::from_micros(numbers.below(LONGEST_US)));
+            let (start, moment) = (Instant::now(), Duration::from_micros(numbers.u64(..LONGEST_US)));
             while start.elapsed() < moment {
                 std::hint::spin_loop();
             }

@@ -9,6 +9,7 @@
 //! when it leaves ([`Guest`]).
 
 use super::wire::{Block, WireOp};
+use crate::memory::process;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::request_response::Builder;
@@ -143,8 +144,7 @@ impl Domain {
 
     /// Whether a living process has announced itself.
     fn is_served(&self) -> bool {
-        let pid = std::fs::read_to_string(self.root.join(READY)).unwrap_or_default();
-        !pid.is_empty() && FsPath::new("/proc").join(pid.trim_end()).exists()
+        announced(&self.root).is_some_and(process::is_running)
     }
 
     /// Says that the server is ready. Clients stay away from the domain until then, so that they do not
@@ -161,7 +161,7 @@ impl Domain {
     /// Whether the server with process id `pid` has announced itself in `root` and not taken it back. An
     /// announcement that a killed server left has another id.
     pub fn is_announced(root: &FsPath, pid: u32) -> bool {
-        std::fs::read_to_string(root.join(READY)).is_ok_and(|text| text.trim_end().parse() == Ok(pid))
+        announced(root) == Some(pid)
     }
 
     /// Removes all that remains of earlier runs, unless a living process still uses the domain after
@@ -259,6 +259,11 @@ impl Drop for Leave {
     fn drop(&mut self) {
         self.0.leave();
     }
+}
+
+/// Which process has announced itself in `root`.
+fn announced(root: &FsPath) -> Option<u32> {
+    std::fs::read_to_string(root.join(READY)).ok()?.trim_end().parse().ok()
 }
 
 /// Whether it is so now or within `patience`.

@@ -18,6 +18,7 @@ mod node;
 mod owned;
 mod registers;
 mod rule;
+mod word;
 
 pub use finding::Finding;
 pub use findings::{Entry, Findings, MAX_ENTRIES};

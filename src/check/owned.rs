@@ -1,14 +1,14 @@
 //! The watch over the registers of BAPS and Ethernet diagnosis that only the firmware writes. The CANsync nodes have
 //! a [`NodeWatch`](super::node::NodeWatch), which knows many more rules.
 
-use super::{Finding, Rule};
+use super::{Finding, Rule, word};
 use crate::journal::{Event, Journal};
 use crate::layout::omega_drive_line_2::{BAPS, DEVICE, ETHERNET};
 use crate::layout::{Live, Owner, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
 use std::sync::LazyLock;
 
-const WORD: u32 = size_of::<u64>() as u32;
+const WORD: u32 = word::WORD as u32;
 
 /// The registers, in ascending order.
 static OWNED: LazyLock<Vec<RegisterRef>> = LazyLock::new(|| {
@@ -17,13 +17,9 @@ static OWNED: LazyLock<Vec<RegisterRef>> = LazyLock::new(|| {
     registers.filter(|register| register.owner() == Owner::Firmware).collect()
 });
 
-/// Where a register lies in its word.
+/// The bits of a register in its word.
 fn mask(register: &RegisterRef) -> u64 {
-    (u64::MAX >> (64 - 8 * register.width())) << shift(register)
-}
-
-fn shift(register: &RegisterRef) -> u32 {
-    8 * (register.offset() % WORD)
+    word::mask(register.offset(), register.width())
 }
 
 /// A word with such registers in it, now and as the firmware left it.
@@ -108,7 +104,7 @@ impl OwnedWatch {
 
 fn find(plc: u16, register: &RegisterRef, word: u64, time: u64, journal: &mut Journal) {
     let (offset, live) = (register.offset(), Live::Always);
-    let value = ((word & mask(register)) >> shift(register)) as u32;
+    let value = word::value(word, offset, register.width());
     let finding = Finding { rule: Rule::Owner, plc, offset, live, value, late_us: 0 };
     journal.push(time, Event::Finding(finding));
 }

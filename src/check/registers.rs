@@ -1,5 +1,6 @@
 //! What is to be watched at each register of a CANsync structure, taken from the register maps.
 
+use super::word;
 use crate::layout::omega_drive_line_2::DEVICE;
 use crate::layout::{Live, Meaning, Owner, RegisterRef};
 use std::sync::LazyLock;
@@ -60,18 +61,14 @@ pub(super) struct Watched {
 }
 
 impl Watched {
-    fn shift(&self) -> u32 {
-        8 * (u32::from(self.offset) % 8)
-    }
-
     /// The register's bits in the 64-bit word it lies in.
     pub fn mask(&self) -> u64 {
-        u64::MAX >> (64 - 8 * u32::from(self.width)) << self.shift()
+        word::mask(self.offset.into(), self.width.into())
     }
 
     /// The register's value in that word.
     pub fn of(&self, word: u64) -> u32 {
-        ((word & self.mask()) >> self.shift()) as u32
+        word::value(word, self.offset.into(), self.width.into())
     }
 }
 

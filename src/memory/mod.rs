@@ -14,7 +14,7 @@ pub mod header;
 mod image;
 mod list;
 pub mod names;
-mod process;
+pub(crate) mod process;
 mod segment;
 mod view;
 mod widths;

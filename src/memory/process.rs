@@ -21,9 +21,20 @@ impl ProcessId {
 
     /// Whether the process exists, in this pid namespace, and has not ended (a zombie has).
     pub fn is_running(self) -> bool {
-        let stat = read_stat(self.pid).and_then(|stat| parse_stat(&stat));
-        stat.is_some_and(|(state, start)| start == self.start && !matches!(state, 'Z' | 'X' | 'x'))
+        running_since(self.pid) == Some(self.start)
     }
+}
+
+/// Whether a process of this number exists and has not ended. In time it may be another one.
+#[cfg(feature = "channel")]
+pub(crate) fn is_running(pid: u32) -> bool {
+    running_since(pid).is_some()
+}
+
+/// Start time of the process of this number, if it has not ended (a zombie has).
+fn running_since(pid: u32) -> Option<u64> {
+    let (state, start) = parse_stat(&read_stat(pid)?)?;
+    (!matches!(state, 'Z' | 'X' | 'x')).then_some(start)
 }
 
 fn read_stat(pid: u32) -> Option<String> {

@@ -13,12 +13,6 @@ use zerocopy::FromBytes;
 
 const REG: u32 = 100_000;
 
-/// A sequence of numbers without visible order, the same in every run.
-fn noise(state: &mut u64) -> u64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    *state ^ (*state >> 29)
-}
-
 /// Sends raw operations; `None` if the reply is not waited for.
 fn send_raw(place: &Place, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Reply>> {
     let node = place.domain().node().unwrap();
@@ -75,19 +69,20 @@ fn noise_is_survived() {
     let place = Arc::new(Place::new());
     let _emulator = Emulator::start(&place, false);
     let client = place.client();
-    let mut state = 1;
+    // The same in every run.
+    let mut noise = fastrand::Rng::with_seed(1);
     let requests: Vec<Vec<WireOp>> = (0..300)
         .map(|_| {
-            let len = noise(&mut state) as usize % 8 + 1;
+            let len = noise.usize(1..=8);
             (0..len)
                 .map(|_| {
-                    let bytes: [u8; 32] = std::array::from_fn(|_| noise(&mut state) as u8);
+                    let bytes: [u8; 32] = std::array::from_fn(|_| noise.u8(..));
                     let mut op = WireOp::read_from_bytes(&bytes).unwrap();
                     // Half of them look right at first; none stops the emulator or waits for long.
-                    if noise(&mut state).is_multiple_of(2) {
-                        op.kind = noise(&mut state) as u16 % 8;
+                    if noise.bool() {
+                        op.kind = noise.u16(..8);
                         op.plc %= 3;
-                        op.width = [1, 2, 4][noise(&mut state) as usize % 3];
+                        op.width = [1, 2, 4][noise.usize(..3)];
                         op.time_us %= 10_000;
                         op.reserved = 0;
                     }

@@ -146,21 +146,12 @@ mod killed {
         }
     }
 
-    /// A generator of numbers that are the same in every run.
-    struct Numbers(u64);
-
-    impl Numbers {
-        fn below(&mut self, limit: u64) -> u64 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (self.0 >> 33) % limit
-        }
-    }
-
     #[test]
     fn the_file_holds_the_old_or_the_new_content_never_a_mixture() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("line.novram");
-        let mut numbers = Numbers(4711);
+        // The same in every run.
+        let mut numbers = fastrand::Rng::with_seed(4711);
         let mut contents = std::collections::BTreeSet::new();
         for _ in 0..KILLS {
             let mut child = Command::new(std::env::current_exe().unwrap())
@@ -171,7 +162,7 @@ mod killed {
                 .unwrap();
             let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
             assert!(lines.any(|line| line.unwrap() == "writing"), "the child has ended by itself");
-            let (start, moment) = (Instant::now(), Duration::from_micros(numbers.below(LONGEST_US)));
+            let (start, moment) = (Instant::now(), Duration::from_micros(numbers.u64(..LONGEST_US)));
             while start.elapsed() < moment {
                 std::hint::spin_loop();
             }
