@@ -4,6 +4,7 @@ use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use super::{Instance, time};
 use commram::check::{Entry, Rule, Severity};
+use commram::layout::plc_prefix;
 use serde::Serialize;
 
 /// Show what PLC programs have done against the manual.
@@ -102,7 +103,7 @@ impl FindingRow {
     fn new(entry: &Entry, checked: &Checked) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
         let plc = checked.plcs.get(usize::from(last.plc)).cloned().unwrap_or_default();
-        let prefix = if checked.plcs.len() > 1 { format!("{plc}:") } else { String::new() };
+        let prefix = plc_prefix(&checked.plcs, last.plc);
         FindingRow {
             severity: last.rule.severity().name(),
             rule: last.rule.id(),

@@ -3,8 +3,8 @@
 use super::error::CliError;
 use super::output;
 use super::place::Place;
-use commram::layout::RegisterRef;
 use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::layout::{RegisterRef, plc_prefix};
 use commram::memory::header::BoardState;
 use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, Width};
 use commram::plant::Forced;
@@ -155,10 +155,7 @@ impl Session {
 
     /// What stands in front of register names: the PLC, if there are several.
     pub fn prefix(&self, plc: u16) -> String {
-        match self.plcs.get(usize::from(plc)) {
-            Some(name) if self.plcs.len() > 1 => format!("{name}:"),
-            _ => String::new(),
-        }
+        plc_prefix(&self.plcs, plc)
     }
 
     /// Reads everything at once.

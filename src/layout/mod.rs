@@ -36,7 +36,7 @@ pub use descriptor::{
 pub use error::LayoutError;
 pub use iter::Registers;
 pub use lookup::Target;
-pub use name::split_plc;
+pub use name::{plc_prefix, split_plc};
 pub use place::Place;
 pub use register::RegisterRef;
 pub use width::Width;

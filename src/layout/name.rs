@@ -15,6 +15,16 @@ pub fn split_plc(text: &str) -> (Option<&str>, &str) {
     }
 }
 
+/// What stands in front of names of PLC number `plc`: its name, if there are several PLCs. The reverse of
+/// [`split_plc`].
+#[must_use]
+pub fn plc_prefix(plcs: &[String], plc: u16) -> String {
+    match plcs.get(usize::from(plc)) {
+        Some(name) if plcs.len() > 1 => format!("{name}:"),
+        _ => String::new(),
+    }
+}
+
 /// A name with the indices behind it.
 struct Part<'a> {
     name: &'a str,

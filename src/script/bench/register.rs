@@ -2,7 +2,7 @@
 
 use super::{Bench, memory};
 use crate::layout::place::live_by;
-use crate::layout::{Area, Live, Place, split_plc};
+use crate::layout::{Area, Live, Place, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 use crate::script::backend::Spot;
 
@@ -88,10 +88,7 @@ impl Bench {
 
     /// What stands in front of names of this PLC.
     pub(super) fn prefix(&self, plc: u16) -> String {
-        match self.names.plcs.get(usize::from(plc)) {
-            Some(name) if self.names.plcs.len() > 1 => format!("{name}:"),
-            _ => String::new(),
-        }
+        plc_prefix(&self.names.plcs, plc)
     }
 
     /// Number of the PLC that is meant by `plc` in front of `text`.
