@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part of the rig")]
 
 pub mod bench;
+pub mod cluster;
 
 use commram::bus::Frame;
 use commram::check::{Rule, Severity};

@@ -1,0 +1,104 @@
+//! The C client printed in `docs/attach.md` is compiled and meets an emulator's memory, so what the
+//! contract says is what a program that knows nothing else needs.
+
+use commram::memory::{ClockMode, Image, ImageSpec, Width};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+    thread,
+    time::Duration,
+};
+
+const HASH: u64 = 0x0123_4567_89AB_CDEF;
+const WATCHDOG: Option<Duration> = Some(Duration::from_secs(60));
+
+/// Compiles the document's C code, without a warning.
+fn client(directory: &Path) -> PathBuf {
+    let contract = include_str!("../../docs/attach.md");
+    let code = contract.split("```c\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let (source, program) = (directory.join("client.c"), directory.join("client"));
+    fs::write(&source, code).unwrap();
+    let compiled = Command::new("cc")
+        .args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-o"])
+        .args([&program, &source])
+        .output()
+        .unwrap();
+    assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    program
+}
+
+fn image(test: &str) -> Image {
+    let spec = ImageSpec {
+        layout_hash: HASH,
+        device: "omega-drive-line-2".to_owned(),
+        clock_mode: ClockMode::RealTime,
+        speed: 1000,
+        processor_cycle_us: 1_000,
+    };
+    Image::create(&format!("contract-{}-{test}", std::process::id()), "plc", &spec).unwrap()
+}
+
+fn run(program: &Path, image: &Path, hash: &str) -> Output {
+    Command::new(program).arg(image).args([hash, "4711"]).output().unwrap()
+}
+
+fn refusal(output: &Output) -> (Option<i32>, String) {
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).trim().to_owned())
+}
+
+#[test]
+fn the_printed_client_meets_the_firmware() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = client(directory.path());
+    let image = image("meets");
+    image.set_ready();
+    thread::scope(|scope| {
+        let firmware = scope.spawn(|| {
+            let (segment, bell) = (image.segment(), &image.header().doorbell);
+            loop {
+                let seen = bell.rings();
+                if segment.compare_exchange(200_012, Width::Byte, 0x05, 0x04).unwrap().is_ok() {
+                    image.header().answer.ring();
+                    return segment.load(200_052, Width::Dword).unwrap();
+                }
+                assert!(bell.wait(seen, WATCHDOG), "the client did not ring");
+            }
+        });
+        let output = run(&program, image.path(), "0123456789ABCDEF");
+        assert_eq!(refusal(&output), (Some(0), String::new()));
+        assert_eq!(firmware.join().unwrap(), 4711);
+    });
+}
+
+#[test]
+fn the_printed_client_refuses_what_it_should() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = client(directory.path());
+    let image = image("refuses");
+    let path = image.path().to_owned();
+    let refused = |hash| refusal(&run(&program, &path, hash));
+    assert_eq!(refused("0123456789ABCDEF"), (Some(2), "the emulator is not ready or dead".to_owned()));
+    image.set_ready();
+    assert_eq!(refused("1"), (Some(2), "other register map".to_owned()));
+    image.header().abi_version.store(1);
+    assert_eq!(refused("0123456789ABCDEF"), (Some(2), "other ABI version".to_owned()));
+    drop(image);
+    assert_eq!(refused("0123456789ABCDEF"), (Some(2), "no image there".to_owned()));
+}
+
+#[test]
+fn the_printed_client_gives_up_when_the_emulator_ends() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = client(directory.path());
+    let image = image("ends");
+    image.set_ready();
+    let seen = image.header().doorbell.rings();
+    let path = image.path().to_owned();
+    thread::scope(|scope| {
+        let client = scope.spawn(|| run(&program, &path, "0123456789ABCDEF"));
+        assert!(image.header().doorbell.wait(seen, WATCHDOG), "the client did not ring");
+        drop(image);
+        assert_eq!(client.join().unwrap().status.code(), Some(1));
+    });
+}

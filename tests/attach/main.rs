@@ -1,0 +1,12 @@
+//! Programs that attach to an emulator through shared memory.
+
+#[cfg(feature = "channel")]
+#[path = "../../tools/benches/support/active.rs"]
+mod active;
+#[path = "../common/mod.rs"]
+mod common;
+
+mod attach_contract;
+mod events;
+mod lockstep;
+mod novram_kill;

@@ -1,0 +1,110 @@
+//! Emulators that are killed at random moments while a PLC stores IP addresses: the next one finds the NOVRAM as it was
+//! before or after the last store, on the same image.
+
+use crate::common::{Emulator, unique_name};
+use commram::layout::omega_drive_line_2::{
+    ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_DIAGNOSE_BMSTRUCT, LAYOUT_HASH,
+};
+use commram::memory::header::RETAIN_OFFSET;
+use commram::memory::{AttachMode, Attached, Image, MemoryError, Width};
+use std::time::{Duration, Instant};
+
+const KILLS: u64 = 100;
+/// The PLC stores for this long before the emulator is killed, at most.
+const LONGEST_US: u64 = 30_000;
+/// How soon the PLC notices that nobody answers any more.
+const SHORT: Duration = Duration::from_millis(5);
+/// Retain flags that go with the address, each a word.
+const FLAGS: u32 = 64;
+/// The two ways to choose an own address; with DIP number 0 they mean the same.
+const CHOICES: [u32; 2] = [0x1234_5678, 0x1234_5600];
+
+fn attach(emulator: &Emulator) -> Attached {
+    Image::attach(&emulator.name, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap()
+}
+
+fn flag(n: u32) -> u32 {
+    RETAIN_OFFSET as u32 + 2 * n
+}
+
+/// Address, mask and choice that belong to number `n`.
+fn content(n: u16) -> ([u8; 4], [u8; 4], u32) {
+    let [low, high] = n.to_le_bytes();
+    ([10, high, low, low % 250 + 1], [255, 255, high, low], CHOICES[usize::from(n % 2)])
+}
+
+/// Stores one address after the other, until the emulator is gone.
+fn store_on(image: &Attached, first: u16) -> MemoryError {
+    let config = image.segment().view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
+    let shown = image.segment().view::<ETHERNET_DIAGNOSE_BMSTRUCT>(ETHERNET).unwrap();
+    for n in first.. {
+        let (address, mask, choice) = content(n);
+        for at in 0..FLAGS {
+            image.segment().store(flag(at), Width::Word, n.into()).unwrap();
+        }
+        config.a_IP_ADDRESS.iter().zip(address).for_each(|(cell, byte)| cell.store(byte));
+        config.a_IP_MASK.iter().zip(mask).for_each(|(cell, byte)| cell.store(byte));
+        config.d_IP_CONFIG.store(choice);
+        let counts = |_: &_| (shown.a_IP_MASK.each_ref().map(|cell| cell.load()) == mask).then_some(());
+        image.ring().unwrap();
+        loop {
+            match image.wait_until("the address", SHORT, counts) {
+                Ok(()) => break,
+                Err(MemoryError::Timeout { .. }) => {}
+                Err(error) => return error,
+            }
+        }
+    }
+    unreachable!("the emulator is killed before 65536 addresses are stored")
+}
+
+/// The number whose content stands in NOVRAM; 0: delivery state.
+fn restored(image: &Attached) -> u16 {
+    let config = image.segment().view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
+    let address = config.a_IP_ADDRESS.each_ref().map(|cell| cell.load());
+    let mask = config.a_IP_MASK.each_ref().map(|cell| cell.load());
+    let choice = config.d_IP_CONFIG.load();
+    let n = u16::from_le_bytes([mask[3], mask[2]]);
+    if (address, mask, choice) != ([0; 4], [0; 4], 0) {
+        assert_eq!((address, mask, choice), content(n), "a mixture");
+    }
+    // The PLC may have written the flags of the next one already when the file was made.
+    for at in 0..FLAGS {
+        let flag = image.segment().load(flag(at), Width::Word).unwrap();
+        assert!(flag == u32::from(n) || flag == u32::from(n) + 1, "flag {at} is {flag}, address {n}");
+    }
+    n
+}
+
+#[test]
+fn the_next_emulator_finds_the_old_or_the_new_content() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().to_str().unwrap();
+    let name = unique_name();
+    // The same in every run.
+    let mut numbers = fastrand::Rng::with_seed(815);
+    let mut last = 0;
+    let mut contents = std::collections::BTreeSet::new();
+    for _ in 0..KILLS {
+        let mut emulator = Emulator::start_as(&name, &["--novram", path]);
+        let image = attach(&emulator);
+        let found = restored(&image);
+        assert!(found >= last, "{found} after {last}");
+        last = found;
+        contents.insert(found);
+        std::thread::scope(|scope| {
+            let writer = scope.spawn(|| store_on(&image, found + 1));
+            let (start, moment) = (Instant::now(), Duration::from_micros(numbers.u64(..LONGEST_US)));
+            while start.elapsed() < moment {
+                std::hint::spin_loop();
+            }
+            emulator.kill();
+            let error = writer.join().unwrap();
+            assert!(matches!(error, MemoryError::EmulatorDied { .. }), "{error}");
+        });
+    }
+    assert!(contents.len() > 10, "the kills meet different contents: {contents:?}");
+    let names: Vec<_> =
+        std::fs::read_dir(directory.path()).unwrap().map(|it| it.unwrap().file_name()).collect();
+    assert!(names.iter().all(|name| name == "line.novram" || name == "line.novram.new"), "{names:?}");
+}

@@ -1,0 +1,240 @@
+//! Configuration examples A to D of the manual (5.00005.03a p. 62-73): the example programs of `tools/examples` in
+//! step with a plant of this process, so that each event and each trigger can be counted.
+#![allow(dead_code, reason = "each example has a `main` of its own")]
+#![allow(clippy::duplicate_mod, reason = "each example has a module `common` of its own")]
+
+#[path = "../../tools/examples/baps.rs"]
+mod a;
+#[path = "../../tools/examples/baps_timer.rs"]
+mod b;
+#[path = "../../tools/examples/baps_cansync.rs"]
+mod c;
+#[path = "../../tools/examples/timer_task.rs"]
+mod d;
+
+use crate::rig::{BOTH, Memory, segment};
+use commram::journal::{Event, Missed};
+use commram::memory::Image;
+use commram::memory::header::Start;
+use commram::plant::{Plant, PlantConfig, Power};
+use commram::plc::{Program, Progress, Ram, Tasks};
+use std::time::Duration;
+
+const PLANT: &str = "[[plc]]\nname = 'line'\nnode2 = 'drives'\n[plc.drive]\nlock_time_us = 50000\n\
+    [[bus]]\nname = 'drives'\n";
+/// How often the program looks, in us.
+const SCAN_US: u64 = 50;
+/// No program takes longer, in emulated time.
+const LONGEST_US: u64 = 20_000_000;
+
+/// A program whose event tasks are noted: when each event came.
+struct Noted<P> {
+    program: P,
+    ram: Ram,
+    event: usize,
+    times: Vec<u64>,
+    missed: u32,
+    starts: Vec<Start>,
+}
+
+impl<P: Program<Error = String>> Program for Noted<P> {
+    type Error = String;
+
+    fn initialize(&mut self, start: Start) {
+        self.starts.push(start);
+        self.program.initialize(start);
+    }
+
+    fn cold_start(&mut self) -> Result<Progress, String> {
+        self.program.cold_start()
+    }
+
+    fn cyclic(&mut self) -> Result<Progress, String> {
+        self.program.cyclic()
+    }
+
+    fn event(&mut self, number: usize, missed: u32) -> Result<(), String> {
+        assert_eq!(number, self.event);
+        self.missed += missed;
+        self.times.push(self.ram.header().events[number].time_us.load());
+        self.program.event(number, missed)
+    }
+}
+
+struct Stage {
+    plant: Plant,
+    ram: Ram,
+    _images: Vec<Image>,
+}
+
+impl Stage {
+    fn new(memory: Memory) -> Stage {
+        let drives: String = (1..=3)
+            .map(|n| format!("[[bus.drive]]\nname = 'd{n}'\nslave_number = {n}\nlock_time_us = 50000\n"))
+            .collect();
+        let config = PlantConfig::parse("configurations", &format!("{PLANT}{drives}")).unwrap();
+        let mut images = Vec::new();
+        let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
+        let ram = Ram::of(plant.plcs()[0].segment()).unwrap();
+        Stage { plant, ram, _images: images }
+    }
+
+    fn load<P: Program<Error = String>>(&self, event: usize, program: P) -> Tasks<Noted<P>> {
+        let (ram, times, starts) = (self.ram.clone(), Vec::new(), Vec::new());
+        let noted = Noted { program, ram, event, times, missed: 0, starts };
+        Tasks::load(&self.ram, noted, Duration::from_millis(10), &[event])
+    }
+
+    /// Runs a program to its end.
+    fn run<P: Program<Error = String>>(&mut self, tasks: &mut Tasks<Noted<P>>) {
+        let start = self.plant.now();
+        while self.scan(tasks) == Progress::Again {
+            assert!(self.plant.now() - start < LONGEST_US, "it does not end");
+        }
+    }
+
+    fn scan<P: Program<Error = String>>(&mut self, tasks: &mut Tasks<Noted<P>>) -> Progress {
+        self.plant.advance_to(self.plant.now() + SCAN_US);
+        tasks.scan().unwrap()
+    }
+
+    /// How often trigger 1, trigger 2 and trigger controller have come, and when last.
+    fn triggers(&self) -> [(u32, u64); 3] {
+        self.ram.header().triggers.each_ref().map(|slot| (slot.bell.rings(), slot.time_us.load()))
+    }
+
+    fn parameter(&self, number: u16) -> u32 {
+        self.plant.plcs()[0].baps().drive().parameter(number).unwrap()
+    }
+
+    /// The drive is in operation, synchronized to its trigger, and stands where P258 wants it.
+    fn has_followed(&self, mask: u32) {
+        assert_eq!(self.parameter(121) & 0x806F, 0x8027, "enabled and synchronized");
+        let reference = self.parameter(258);
+        assert_ne!(reference, 0);
+        assert_eq!(reference & !mask, 0, "bits that do not count (p. 74)");
+        assert!(self.parameter(303).abs_diff(reference) <= 32, "{} {reference}", self.parameter(303));
+    }
+
+    /// When the frame 1 with reference values was released too late; nobody uses frame 2.
+    fn missed_deadlines(&self) -> Vec<u64> {
+        let frame_1 = |event: &Event| matches!(event, Event::Missed { what: Missed::ReferenceValue(1), .. });
+        let journal = self.plant.journal();
+        journal.records().filter(|record| frame_1(&record.event)).flat_map(|it| it.times()).collect()
+    }
+}
+
+/// The programs are to use the registers as the manual wants it.
+impl Drop for Stage {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            assert_eq!(self.plant.journal().findings().errors(), [], "the access checker finds nothing");
+        }
+    }
+}
+
+/// Nothing lost, nothing twice: one call for each event, all at the same distance.
+#[track_caller]
+fn evenly<P: Program<Error = String>>(tasks: &Tasks<Noted<P>>, period_us: u64, at_least: usize) {
+    let noted = tasks.program();
+    assert_eq!(noted.missed, 0);
+    assert!(noted.times.len() >= at_least, "{} events", noted.times.len());
+    assert!(noted.times.windows(2).all(|pair| pair[1] - pair[0] == period_us), "{:?}", noted.times);
+}
+
+/// p. 62-63: the drive raises event 8 in each of its communications; `BAPS_INIT` starts it from the cyclic task.
+#[test]
+fn a_the_drive_starts_the_event_task() {
+    for memory in BOTH {
+        let mut stage = Stage::new(memory);
+        let mut tasks = stage.load(8, a::Drive::new(stage.ram.clone()).unwrap());
+        for _ in 0..50_000 / SCAN_US {
+            stage.scan(&mut tasks);
+        }
+        assert_eq!(stage.ram.header().events[8].bell.rings(), 0, "five cycles of 10 ms first");
+        stage.run(&mut tasks);
+        evenly(&tasks, 2_000, 5);
+        assert_eq!((stage.parameter(301), stage.parameter(121) & 0x6F), (5000, 0x27), "{memory:?}");
+        assert_eq!(stage.triggers().map(|trigger| trigger.0), [0; 3], "it triggers no option card");
+    }
+}
+
+/// p. 64-66: board timer A is event and trigger at the same time.
+#[test]
+fn b_board_timer_a_drives_task_and_triggers() {
+    for memory in BOTH {
+        let mut stage = Stage::new(memory);
+        let mut tasks = stage.load(5, b::Timer::new(stage.ram.clone()).unwrap());
+        stage.run(&mut tasks);
+        evenly(&tasks, 1_000, 400);
+        let [one, two, controller] = stage.triggers();
+        assert_eq!((one, two), (controller, controller));
+        assert_eq!(Some(&controller.1), tasks.program().times.last(), "{memory:?}");
+        assert_eq!(stage.parameter(167), 1000);
+        stage.has_followed(0xFFFF_FFF8);
+    }
+}
+
+/// p. 67-70: SYNC is event and trigger; the bus comes first in the task, and none of its deadlines is missed.
+#[test]
+fn c_sync_of_cansync_drives_task_and_triggers() {
+    for memory in BOTH {
+        let mut stage = Stage::new(memory);
+        let mut tasks = stage.load(12, c::Master::new(stage.ram.clone()).unwrap());
+        stage.run(&mut tasks);
+        evenly(&tasks, 2_000, 400);
+        let [one, two, controller] = stage.triggers();
+        assert_eq!((one, two), (controller, controller));
+        assert_eq!(Some(&controller.1), tasks.program().times.last(), "{memory:?}");
+        let missed = stage.missed_deadlines();
+        let first = tasks.program().times[0];
+        assert!(missed.iter().all(|time| *time < first), "{missed:?} {first}");
+        stage.has_followed(0xFFFF_FFF0);
+    }
+}
+
+/// p. 71-73: all four timer events; only board timer A triggers anything.
+#[test]
+fn d_a_timer_drives_a_task() {
+    for (event, triggers) in [(0, false), (2, false), (5, true), (6, true)] {
+        let mut stage = Stage::new(Memory::Heap);
+        let mut tasks = stage.load(event, d::Timer::new(stage.ram.clone(), event));
+        stage.run(&mut tasks);
+        evenly(&tasks, 1_000, 1_000);
+        assert!(tasks.program().times.len() <= 1_010, "disabled at the end");
+        assert_eq!(stage.triggers().map(|trigger| trigger.0 > 0), [triggers; 3], "event {event}");
+    }
+}
+
+/// D-260: `OPT_INIT` stands in the start tasks (p. 59), and each start runs them.
+#[test]
+fn a_program_with_opt_init_starts_again() {
+    let mut stage = Stage::new(Memory::Heap);
+    let mut tasks = stage.load(5, b::Timer::new(stage.ram.clone()).unwrap());
+    for _ in 0..200_000 / SCAN_US {
+        stage.scan(&mut tasks);
+    }
+    // STOP and RUN: warm start.
+    for switch in [1, 0] {
+        stage.ram.header().board.switch.store(switch);
+        for _ in 0..20_000 / SCAN_US {
+            stage.scan(&mut tasks);
+        }
+    }
+    stage.run(&mut tasks);
+    assert_eq!(tasks.program().starts, [Start::Cold, Start::Warm]);
+    stage.has_followed(0xFFFF_FFF8);
+    drop(tasks);
+    stage.plant.advance_to(stage.plant.now() + 1_000);
+    // Another program, then the supply: cold start both times.
+    for cycle in [false, true] {
+        if cycle {
+            stage.plant.set_power(0, Power::Off);
+            stage.plant.set_power(0, Power::On);
+        }
+        let mut tasks = stage.load(12, c::Master::new(stage.ram.clone()).unwrap());
+        stage.run(&mut tasks);
+        assert_eq!(tasks.program().starts, [Start::Cold]);
+        stage.has_followed(0xFFFF_FFF0);
+    }
+}

@@ -1,0 +1,130 @@
+//! `CANsync_COMM_CONTROL_MA`, `CANsync_BC_...`, `CANsync_CONTROLWORD_...`.
+
+use super::bench::{Bench, Dead};
+use crate::rig::{BOTH, Memory};
+use commram::layout::omega_drive_line_2::*;
+use commram::plc::*;
+
+/// Manual p. 204-206: only enabled inputs are taken over, and only legal ones.
+#[test]
+fn comm_control_takes_over_what_is_enabled() {
+    let dead = Dead::new();
+    let base = dead.ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).unwrap();
+    let registers = || {
+        [&base.b_SL_NR_CONTROLWORD, &base.b_SL_NR_PARAMETER, &base.b_SL_NR_UPDOWN, &base.b_MAX_SL_NR]
+            .map(|cell| cell.load())
+    };
+    let mut block = CANsync_COMM_CONTROL_MA::default();
+    block.call(&base);
+    assert_eq!(registers(), [0, 0, 0, 0]);
+    block.x_EN_CTRL = true;
+    block.si_MAX_SL_NR = 31;
+    block.call(&base);
+    assert_eq!(registers(), [0x80, 0, 0, 31]);
+    (block.x_EN_PAR, block.si_SL_NR_PAR, block.si_MAX_SL_NR) = (true, 7, -1);
+    block.call(&base);
+    assert_eq!(registers(), [0x80, 7, 0, 31]);
+    (block.x_EN_UDL, block.si_SL_NR_UDL, block.si_SL_NR_PAR) = (true, 31, 32);
+    block.call(&base);
+    assert_eq!(registers(), [0x80, 7, 31, 31]);
+}
+
+/// Manual p. 196-203: a command of each rank reaches the slave it is meant for, once.
+#[test]
+fn broadcast_commands_of_each_rank_reach_the_slave() {
+    for memory in BOTH {
+        let mut bench = Bench::active(memory);
+        let mut received = CANsync_BC_SL::default();
+        let mut check = |bench: &mut Bench, number| {
+            let mut seen = Vec::new();
+            bench.cycles(6, |b| {
+                received.call(&b.sl);
+                seen.extend((received.si_BC_RECEIVED == 2).then_some(received.us_BC_CMD_NR));
+            });
+            assert_eq!(seen, [number], "{memory:?}");
+            assert_eq!(received.si_BC_RECEIVED, 0);
+            assert_eq!((received.si_BC_BYTE, received.i_BC_WORD), (-3, -4));
+        };
+        macro_rules! send {
+            ($block:ident, $number:expr) => {
+                let mut block = $block {
+                    us_BC_CMD_NR: $number,
+                    si_BC_BYTE: -3,
+                    i_BC_WORD: -4,
+                    d_SL_MASK: 1,
+                    x_EN: true,
+                    ..Default::default()
+                };
+                block.call(&bench.ma);
+                block.x_EN = false;
+                block.call(&bench.ma);
+                assert!(!block.x_OK, "not sent yet");
+                check(&mut bench, $number);
+                block.call(&bench.ma);
+                assert!(block.x_OK, "sent");
+            };
+        }
+        send!(CANsync_BC_MA0, 128);
+        send!(CANsync_BC_MA1, 129);
+        send!(CANsync_BC_MA2, 255);
+    }
+}
+
+#[test]
+fn a_broadcast_command_for_others_is_not_received() {
+    let mut bench = Bench::active(Memory::Heap);
+    let mut block = CANsync_BC_MA0 { us_BC_CMD_NR: 200, d_SL_MASK: !1, x_EN: true, ..Default::default() };
+    let mut received = CANsync_BC_SL::default();
+    block.call(&bench.ma);
+    block.x_EN = false;
+    bench.until(|b| {
+        block.call(&b.ma);
+        block.x_OK
+    });
+    bench.rig.step(2000);
+    received.call(&bench.sl);
+    assert_eq!((received.si_BC_RECEIVED, received.us_BC_CMD_NR), (0, 0));
+}
+
+/// Manual p. 207-210.
+#[test]
+fn a_control_word_reaches_its_slave_once() {
+    let mut bench = Bench::active(Memory::Heap);
+    let mut send = CANsync_CONTROLWORD_MA { w_CONTROLWORD: 0x000F, x_EN: true, ..Default::default() };
+    let mut receive = CANsync_CONTROLWORD_SL::default();
+    send.call(&bench.ma);
+    assert!(!send.x_OK);
+    send.x_EN = false;
+    bench.until(|b| {
+        send.call(&b.ma);
+        send.x_OK
+    });
+    bench.until(|b| {
+        receive.call(&b.sl);
+        receive.si_RECEIVED == 2
+    });
+    assert_eq!(receive.w_CONTROLWORD, 0x000F);
+    receive.call(&bench.sl);
+    assert_eq!((receive.si_RECEIVED, receive.w_CONTROLWORD), (0, 0x000F));
+    // The drive took none of it, and a slave that does not exist takes nothing at all.
+    assert_eq!(bench.ma.a_STEUREG_CONTROLWORD[1].load(), 0);
+    (send.si_SL_NR_CTRL, send.x_EN) = (-1, true);
+    send.call(&bench.ma);
+    assert!(!send.x_OK);
+}
+
+/// Manual p. 207: "as long as x_EN is TRUE", the control word is sent again and again.
+#[test]
+fn a_control_word_is_repeated_while_enabled() {
+    let mut bench = Bench::active(Memory::Heap);
+    let mut send = CANsync_CONTROLWORD_MA { si_SL_NR_CTRL: 0, x_EN: true, ..Default::default() };
+    let mut receive = CANsync_CONTROLWORD_SL::default();
+    let mut count = 0;
+    bench.cycles(40, |b| {
+        send.call(&b.ma);
+        receive.call(&b.sl);
+        count += receive.si_RECEIVED / 2;
+    });
+    // Slaves 0 and 1 have their turn in every other interval of 2 ms each.
+    assert!((8..=10).contains(&count), "{count}");
+}

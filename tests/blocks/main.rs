@@ -1,0 +1,7 @@
+//! The vendor's function blocks, alone and as the manual's configuration examples.
+
+#[path = "../rig/mod.rs"]
+mod rig;
+
+mod configurations;
+mod function_blocks;

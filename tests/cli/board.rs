@@ -1,0 +1,139 @@
+//! `commram board`, and the same through the channel.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, run, unique_name};
+
+const TWO_PLCS: &str = "\
+[[plc]]
+name = 'saw'
+node2 = 'b'
+
+[[plc]]
+name = 'press'
+dip = 3
+node1 = 'b'
+
+[[bus]]
+name = 'b'
+";
+
+fn two_plcs(directory: &tempfile::TempDir) -> Emulator {
+    let path = directory.path().join("plant.toml");
+    std::fs::write(&path, TWO_PLCS).unwrap();
+    Emulator::start(&[path.to_str().unwrap(), "--clock", "stepped"])
+}
+
+fn board(emulator: &Emulator, plc: &str) -> serde_json::Value {
+    let outcome = emulator.run("board", &["get", plc, "--format", "json"]);
+    let mut rows: Vec<serde_json::Value> = serde_json::from_str(outcome.ok()).unwrap();
+    assert_eq!(rows.len(), 1);
+    rows.remove(0)
+}
+
+#[test]
+fn a_board_is_a_line_of_a_table() {
+    let emulator = Emulator::stepped();
+    let outcome = emulator.run("board", &["get"]);
+    let lines: Vec<&str> = outcome.ok().lines().collect();
+    assert!(
+        lines[0].starts_with("PLC   DISPLAY  LEDS    SWITCH  POWER  DIP  DIP LATCHED  PROGRAM"),
+        "{}",
+        lines[0]
+    );
+    assert!(
+        lines[1].starts_with("line  0        2#0000  run     on     0    0            none"),
+        "{}",
+        lines[1]
+    );
+}
+
+#[test]
+fn switches_are_turned_and_the_dip_switch_counts_after_the_reset() {
+    let directory = tempfile::tempdir().unwrap();
+    let emulator = two_plcs(&directory);
+    emulator.run("board", &["set", "press:dip=9", "press:leds=2#0110", "press:switch=stop"]).ok();
+    let press = board(&emulator, "press");
+    assert_eq!((&press["dip"], &press["dip_latched"]), (&9.into(), &3.into()));
+    assert_eq!((&press["leds"], &press["switch"]), (&"2#0110".into(), &"stop".into()));
+    assert_eq!(emulator.peek(&["press:node1.w_OMEGA_NR"]), "16#0003");
+    emulator.run("board", &["reset", "press"]).ok();
+    let press = board(&emulator, "press");
+    assert_eq!(
+        (&press["dip_latched"], &press["restarts"], &press["leds"]),
+        (&9.into(), &2.into(), &"2#0000".into())
+    );
+    assert_eq!(emulator.peek(&["press:node1.w_OMEGA_NR"]), "16#0009");
+    let saw = board(&emulator, "saw");
+    assert_eq!((&saw["restarts"], &saw["switch"]), (&1.into(), &"run".into()), "the other one goes on");
+}
+
+#[test]
+fn a_plc_without_power_is_dark_and_empty() {
+    let directory = tempfile::tempdir().unwrap();
+    let emulator = two_plcs(&directory);
+    emulator.poke(&["saw:node2.w_CPU_CONTROL=1"]);
+    emulator.step(&["1ms"]);
+    assert_eq!(emulator.peek(&["saw:node2.w_OPTION_STATUS"]), "16#0002");
+    emulator.run("board", &["set", "saw:power=off"]).ok();
+    let saw = board(&emulator, "saw");
+    assert_eq!((&saw["power"], &saw["display"]), (&"off".into(), &" ".into()));
+    emulator.poke(&["saw:node2.w_CPU_CONTROL=1"]);
+    emulator.step(&["1ms"]);
+    assert_eq!(emulator.peek(&["saw:node2.w_OPTION_STATUS"]), "16#0001");
+    emulator.run("board", &["set", "saw:power=on"]).ok();
+    assert_eq!(emulator.peek(&["saw:node2.w_CPU_CONTROL", "saw:node2.w_OPTION_STATUS"]), "16#0000 16#0001");
+    emulator.run("board", &["power-cycle", "saw"]).ok();
+    assert_eq!(board(&emulator, "saw")["restarts"], 3);
+    let trace = emulator.run("trace", &["--kind", "board"]);
+    let downs = trace.ok().lines().filter(|line| line.contains("off, or held in RESET")).count();
+    assert_eq!(downs, 2, "{}", trace.out);
+}
+
+#[test]
+fn a_start_needs_a_program() {
+    let emulator = Emulator::stepped();
+    for start in ["start=cold", "start=stop"] {
+        let outcome = emulator.run("board", &["set", start]);
+        assert!(outcome.fails(1).contains("needs a loaded program, the switch at RUN"), "{}", outcome.err);
+    }
+    let trace = emulator.run("trace", &["--kind", "board"]);
+    assert!(trace.ok().contains("start refused (cold)"), "{}", trace.out);
+    assert_eq!(board(&emulator, "line")["start"], "none");
+}
+
+/// The address that follows from the DIP switch, by way of the registers.
+#[test]
+fn the_ip_address_follows_the_dip_switch_at_the_reset() {
+    let emulator = Emulator::stepped();
+    emulator.breaks(&["ip-address"]);
+    let last = || emulator.peek(&["ethernet.a_IP_ADDRESS[3]"]);
+    assert_eq!(last(), "16#01");
+    emulator.run("board", &["set", "dip=30"]).ok();
+    assert_eq!(last(), "16#01");
+    emulator.run("board", &["reset"]).ok();
+    assert_eq!(last(), "16#1F", "192.168.1.31");
+    // An address that is not allowed goes back, also if d_IP_CONFIG was the same before.
+    emulator.poke(&["ethernet_config.a_IP_ADDRESS[3]=7", "ethernet_config.d_IP_CONFIG=16#12345678"]);
+    assert_eq!(last(), "16#07");
+    emulator.poke(&["ethernet_config.a_IP_ADDRESS[3]=255", "ethernet_config.d_IP_CONFIG=16#12345678"]);
+    assert_eq!(last(), "16#07");
+    assert_eq!(emulator.peek(&["ethernet_config.a_IP_ADDRESS[3]"]), "16#07");
+    let trace = emulator.run("trace", &["--kind", "board"]);
+    assert!(trace.ok().contains("IP address 0.0.0.255"), "{}", trace.out);
+}
+
+#[test]
+fn mistakes_are_named() {
+    let emulator = Emulator::stepped();
+    for (args, code, text) in [
+        (vec!["set", "dip=32"], 2, "dip is a number from 0 to 31"),
+        (vec!["set", "display=8"], 2, "there are dip, leds, switch, power and start"),
+        (vec!["set", "press:dip=1"], 2, "press"),
+        (vec!["get", "press"], 2, "press"),
+    ] {
+        let outcome = emulator.run("board", &args);
+        assert!(outcome.fails(code).contains(text), "{args:?}: {}", outcome.err);
+    }
+    let name = unique_name();
+    assert!(run(&["board", "get", "-i", &name]).fails(1).contains(&name));
+}

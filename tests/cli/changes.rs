@@ -1,0 +1,152 @@
+//! `watch` and `diff` on a running emulator.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, Follower, run};
+use serde_json::Value;
+use std::fs;
+use std::path::PathBuf;
+use tempfile::TempDir;
+
+/// Saves a dump and returns its path.
+fn save(emulator: &Emulator, directory: &TempDir, name: &str, args: &[&str]) -> PathBuf {
+    let path = directory.path().join(name);
+    let dump = emulator.run("dump", &[args, &["--format", "json"]].concat());
+    fs::write(&path, dump.ok()).unwrap();
+    path
+}
+
+/// Runs `diff` on the instance of the emulator; what it prints with exit code `code`.
+#[track_caller]
+fn diff(emulator: &Emulator, args: &[&str], code: i32) -> String {
+    let outcome = emulator.run("diff", args);
+    assert_eq!((outcome.code, outcome.err.as_str()), (Some(code), ""));
+    outcome.out
+}
+
+/// Restart to "waiting for initialization data": two registers change.
+fn handshake(emulator: &Emulator) {
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["1ms"]);
+}
+
+#[test]
+fn two_dumps_and_the_running_instance_differ_in_what_has_changed() {
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    let before = save(&emulator, &directory, "before.json", &["--all"]);
+    let before = before.to_str().unwrap();
+    assert_eq!(diff(&emulator, &[before], 0), "nothing differs\n");
+    handshake(&emulator);
+    let expected = "\
+node2.w_CPU_CONTROL    %MW3.200000  16#0000 -> 16#0001  handshake
+node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for \"take over initialization data\"
+";
+    assert_eq!(diff(&emulator, &[before], 1), expected);
+    let after = save(&emulator, &directory, "after.json", &["--all"]);
+    let after = after.to_str().unwrap();
+    assert_eq!(diff(&emulator, &[before, after], 1), expected);
+    assert_eq!(diff(&emulator, &[after, after], 0), "nothing differs\n");
+
+    let json: Value = serde_json::from_str(&diff(&emulator, &[before, "--format", "json"], 1)).unwrap();
+    assert_eq!((&json[1]["before"], &json[1]["after"]), (&"16#0001".into(), &"16#0002".into()));
+    let csv = diff(&emulator, &[before, after, "--format", "csv"], 1);
+    assert!(csv.starts_with("plc,register,address,before,after,meaning\n"), "{csv}");
+}
+
+/// A file without a register does not say what it held.
+#[test]
+fn what_a_file_does_not_tell_is_not_made_up() {
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    handshake(&emulator);
+    let before = save(&emulator, &directory, "before.json", &["node2"]);
+    emulator.poke(&["node2.b_AC=16#FF", "node1.b_AC=16#FF"]);
+    let told = diff(&emulator, &[before.to_str().unwrap()], 1);
+    assert!(told.starts_with("node2.b_AC  %MB3.200013  - -> 16#FF"), "{told}");
+    assert_eq!(told.lines().count(), 1, "the file has only registers of node2: {told}");
+    let after = save(&emulator, &directory, "after.json", &["node1"]);
+    let told = diff(&emulator, &[before.to_str().unwrap(), after.to_str().unwrap()], 1);
+    assert!(told.contains("node2.w_OPTION_STATUS  %MW3.200002  16#0002 -> -\n"), "{told}");
+}
+
+/// The structure of the initialization data gives way to the cyclic one, whose registers the file does not know.
+#[test]
+fn of_registers_that_are_no_longer_live_only_the_number_is_told() {
+    let emulator = Emulator::stepped();
+    let directory = TempDir::new().unwrap();
+    let before = save(&emulator, &directory, "before.json", &["node2", "--all"]);
+    emulator.set_up(&["node2.b_MAX_SL_NR=3"]);
+    let outcome = emulator.run("diff", &[before.to_str().unwrap()]);
+    assert_eq!(outcome.code, Some(1));
+    assert!(
+        outcome.out.contains("node2.b_MAX_SL_NR  ") && !outcome.out.contains("a_SL_TYP"),
+        "{}",
+        outcome.out
+    );
+    let note = outcome.err.strip_prefix("commram: note: ").unwrap();
+    assert!(
+        note.contains(" registers are in ") && note.ends_with(" and not live now, see w_OPTION_STATUS\n"),
+        "{note}"
+    );
+}
+
+#[test]
+fn what_is_no_dump_is_wrong_use() {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("x.json");
+    let path = path.to_str().unwrap();
+    assert!(run(&["diff", path]).fails(2).contains("No such file"));
+    fs::write(path, "{}").unwrap();
+    assert!(run(&["diff", path]).fails(2).contains("`commram dump --format json` writes one"));
+    fs::write(path, "[]").unwrap();
+    assert!(run(&["diff", path, "-i", "no-such-instance"]).fails(1).contains("no-such-instance"));
+}
+
+#[test]
+fn watching_shows_changes_with_their_time_and_ends_with_the_emulator() {
+    let emulator = Emulator::stepped();
+    let mut watcher = Follower::start(&emulator, "watch", &["node2.w_OPTION_STATUS", "node1"]);
+    assert!(watcher.note().starts_with("commram: note: "), "it has looked for the first time");
+    handshake(&emulator);
+    assert_eq!(
+        watcher.line(),
+        "0.001000 s  node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for \"take over initialization data\""
+    );
+    emulator.poke(&["node1.b_AC=16#FF"]);
+    assert!(watcher.line().contains("node1.b_AC"));
+    emulator.run("stop", &[]);
+    let (code, rest, err) = watcher.end();
+    let ended = format!("commram: note: instance '{}' has ended\n", emulator.name);
+    assert_eq!((code, rest.as_slice(), err.as_str()), (Some(0), &[][..], ended.as_str()));
+}
+
+#[test]
+fn watching_ends_after_as_many_changes_as_wanted() {
+    let emulator = Emulator::stepped();
+    let mut watcher = Follower::start(&emulator, "watch", &["--count", "1", "--format", "jsonl"]);
+    watcher.note();
+    handshake(&emulator);
+    let (code, lines, _) = watcher.end();
+    assert_eq!((code, lines.len()), (Some(0), 1));
+    let line: Value = serde_json::from_str(&lines[0]).unwrap();
+    assert_eq!(line["register"], "node2.w_CPU_CONTROL");
+    assert_eq!((&line["before"], &line["after"]), (&"16#0000".into(), &"16#0001".into()));
+    assert!(line["time_us"].is_u64());
+    assert!(run(&["watch", "node2.no_such_register"]).fails(2).contains("no_such_register"));
+}
+
+/// The cyclic structure becomes live and is empty but for what the PLC has written. Whether a look falls between the
+/// two is chance: then the register was there with 0.
+#[test]
+fn registers_that_become_live_are_shown_if_they_hold_something() {
+    let emulator = Emulator::stepped();
+    let mut watcher = Follower::start(&emulator, "watch", &["node2.b_MAX_SL_NR", "node2.w_OPTION_STATUS"]);
+    watcher.note();
+    emulator.set_up(&["node2.b_MAX_SL_NR=3"]);
+    let mut line = watcher.line();
+    while line.contains("w_OPTION_STATUS") {
+        line = watcher.line();
+    }
+    assert!(line.contains("node2.b_MAX_SL_NR"), "{line}");
+    assert!(line.contains("- -> 16#03") || line.contains("16#00 -> 16#03"), "{line}");
+}

@@ -1,0 +1,217 @@
+//! `commram demo`: the whole way of a newcomer, and that it leaves nothing behind whatever happens.
+
+use crate::common::{Emulator, commram, eventually, files_of, finish, wait_for};
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::time::Duration;
+
+/// A demonstration under way.
+struct Demo {
+    child: Child,
+    lines: Receiver<String>,
+    emulator: u32,
+    soft_plc: u32,
+    instance: String,
+}
+
+impl Demo {
+    /// Starts it and reads on until a line that begins with `text`.
+    fn start_until(text: &str) -> Self {
+        let mut child = commram().arg("demo").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let out = BufReader::new(child.stdout.take().unwrap());
+        let (send, lines) = mpsc::channel();
+        std::thread::spawn(move || out.lines().map_while(Result::ok).try_for_each(|line| send.send(line)));
+        let instance = format!("demo-{}", child.id());
+        let mut this = Self { child, lines, emulator: 0, soft_plc: 0, instance };
+        this.emulator = number(&this.line("emulator: process "));
+        this.soft_plc = number(&this.line("soft-PLC: process "));
+        this.line(text);
+        this
+    }
+
+    fn line(&mut self, start: &str) -> String {
+        loop {
+            match self.lines.recv_timeout(Duration::from_secs(60)) {
+                Ok(line) if line.starts_with(start) => return line,
+                Ok(_) => {}
+                Err(error) => {
+                    let _ = self.child.kill();
+                    panic!("no line `{start}`: {error}");
+                }
+            }
+        }
+    }
+
+    /// Waits for the end; gives its exit code and what it has said on stderr.
+    fn end(&mut self) -> (Option<i32>, String) {
+        let status = wait_for(&mut self.child, "the demonstration");
+        let mut text = String::new();
+        self.child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+        (status.code(), text)
+    }
+
+    #[track_caller]
+    fn has_left_nothing(&self) {
+        let gone = |pid: u32| eventually(|| !runs(pid));
+        assert!(gone(self.emulator), "the emulator still runs");
+        assert!(gone(self.soft_plc), "the soft-PLC still runs");
+        assert_eq!(files_of(&self.instance), Vec::<std::path::PathBuf>::new());
+    }
+}
+
+impl Drop for Demo {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        crate::common::remove_remains(&self.instance);
+    }
+}
+
+fn number(line: &str) -> u32 {
+    let digits = line.chars().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit);
+    digits.collect::<String>().parse().unwrap()
+}
+
+/// Whether the process exists and is no zombie that waits for init to collect it.
+fn runs(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(Path::new("/proc").join(pid.to_string()).join("stat"));
+    stat.is_ok_and(|stat| !stat.rsplit(") ").next().unwrap_or("").starts_with('Z'))
+}
+
+fn signal(pid: u32, signal: &str) {
+    assert!(Command::new("kill").args([signal, &pid.to_string()]).status().unwrap().success());
+}
+
+#[test]
+fn it_shows_every_handshake_and_ends_with_a_dump() {
+    let mut demo = commram();
+    let outcome = finish(demo.arg("demo"));
+    let out = outcome.ok();
+    // In this order: command and answer of each step, then process data, then the dump.
+    let mut rest = out;
+    for (who, register, value) in [
+        ("PLC", "node2.w_CPU_CONTROL ", "16#0000"),
+        ("firmware", "node2.w_OPTION_STATUS ", "16#0001"),
+        ("PLC", "node2.w_CPU_CONTROL ", "16#0001"),
+        ("firmware", "node2.w_OPTION_STATUS ", "16#0002"),
+        ("PLC", "node2.a_SL_TYP[3] ", "16#01"),
+        ("PLC", "node2.w_CPU_CONTROL ", "16#0002"),
+        ("firmware", "node2.w_OPTION_STATUS ", "16#0003"),
+        ("PLC", "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD1 ", "16#03"),
+        ("PLC", "node2.w_CPU_CONTROL ", "16#0020"),
+        ("firmware", "node2.w_OPTION_STATUS ", "16#0043"),
+        ("firmware", "node2.a_STAT_SL[1] ", "16#03"),
+        ("PLC", "node2.w_CPU_CONTROL ", "16#0040"),
+        ("firmware", "node2.w_OPTION_STATUS ", "16#0080"),
+        ("PLC", "node2.b_CTRLREG_WRC1 ", "16#05"),
+        ("firmware", "node2.b_CTRLREG_WRC1 ", "16#04"),
+        ("PLC", "node2.a_WR_VALUE[0] ", "16#11223344"),
+        ("firmware", "node2.a_RD_BMARRAY[1][0] ", "16#11223344"),
+        ("firmware", "node2.a_RD_BMARRAY[2][0] ", "16#11223344"),
+        ("firmware", "node2.a_RD_BMARRAY[3][0] ", "16#11223344"),
+        ("", "node2.w_OPTION_STATUS ", "16#0080"),
+        ("", "node2.a_STAT_SL[3] ", "16#03"),
+    ] {
+        let found = rest.lines().find(|line| {
+            line.contains(who) && line.contains(register) && line.contains(value) && line.contains("%M")
+        });
+        let line = found.unwrap_or_else(|| panic!("no `{who} {register} {value}` in\n{rest}\nof\n{out}"));
+        let at = line.as_ptr().addr() - rest.as_ptr().addr();
+        rest = &rest[at + line.len()..];
+    }
+    assert!(files_of(&format!("demo-{}", number(out))).is_empty());
+}
+
+#[test]
+fn ctrl_c_ends_everything() {
+    for name in ["-INT", "-TERM", "-HUP"] {
+        let mut demo = Demo::start_until("Set-up mode");
+        signal(demo.child.id(), name);
+        assert_eq!(demo.end(), (Some(1), "commram: interrupted\n".to_owned()));
+        demo.has_left_nothing();
+    }
+}
+
+#[test]
+fn an_emulator_that_dies_is_noticed() {
+    let mut demo = Demo::start_until("Set-up mode");
+    signal(demo.emulator, "-KILL");
+    let (code, message) = demo.end();
+    assert_eq!(code, Some(1), "{message}");
+    assert!(message.starts_with("commram: ") && message.contains("has died"), "{message}");
+    demo.has_left_nothing();
+}
+
+#[test]
+fn an_emulator_that_is_stopped_by_somebody_else_is_noticed() {
+    let mut demo = Demo::start_until("Set-up mode");
+    signal(demo.emulator, "-TERM");
+    let (code, message) = demo.end();
+    assert_eq!(code, Some(1), "{message}");
+    assert!(message.contains("the emulator has stopped"), "{message}");
+    demo.has_left_nothing();
+}
+
+#[test]
+fn a_soft_plc_that_dies_is_noticed() {
+    let mut demo = Demo::start_until("Set-up mode");
+    signal(demo.soft_plc, "-KILL");
+    let (code, message) = demo.end();
+    assert_eq!(code, Some(1));
+    assert!(message.starts_with("commram: the soft-PLC has ended unexpectedly"), "{message}");
+    demo.has_left_nothing();
+}
+
+#[test]
+fn even_if_it_is_killed_itself_nothing_is_left() {
+    let mut demo = Demo::start_until("Set-up mode");
+    demo.child.kill().unwrap();
+    demo.child.wait().unwrap();
+    demo.has_left_nothing();
+}
+
+#[test]
+fn a_reader_that_has_enough_is_no_error() {
+    let mut child = commram().arg("demo").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let status = wait_for(&mut child, "the demonstration");
+    let mut message = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+    assert_eq!((status.code(), message.as_str()), (Some(0), ""));
+    assert!(eventually(|| !runs(number(&line))));
+    assert!(files_of(&format!("demo-{}", child.id())).is_empty());
+}
+
+/// Its soft-PLC is the first program that newcomers see: nothing against the manual, not even a warning. How soon it gets
+/// the processor is not its business.
+#[cfg(feature = "channel")]
+#[test]
+fn the_access_checker_finds_nothing() {
+    let emulator = Emulator::start(&[]);
+    finish(commram().args(["demo-plc", &emulator.name, "line"])).ok();
+    let findings = emulator.run("check", &["--format", "json"]).out;
+    let findings: Vec<serde_json::Value> = serde_json::from_str(&findings).unwrap();
+    let others: Vec<_> = findings.iter().filter(|finding| finding["rule"] != "late-reference").collect();
+    assert_eq!(others, Vec::<&serde_json::Value>::new());
+    let journal = emulator.run("trace", &["--kind", "state", "--format", "jsonl"]).out;
+    assert!(journal.contains("128"), "it was in active operation: {journal}");
+}
+
+/// In stepped mode nobody lets the time pass, so the firmware does not answer.
+#[test]
+fn a_handshake_that_is_not_answered_ends_with_a_message() {
+    let emulator = Emulator::stepped();
+    let outcome = finish(commram().args(["demo-plc", &emulator.name, "line"]));
+    assert_eq!(outcome.code, Some(1), "{}", outcome.out);
+    assert!(
+        outcome
+            .err
+            .starts_with("commram: the state after command 16#0001: node2.w_OPTION_STATUS (%MW3.200002)"),
+        "{}",
+        outcome.err
+    );
+    assert!(outcome.err.contains("did not become 16#0002 within 5 s, it holds 16#0001, start-up"));
+}

@@ -1,0 +1,427 @@
+//! `run`, `list`, `stop`: instances that come and go, side by side, killed and restarted.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, commram, eventually, files_of, finish, remove_remains, run, unique_name};
+use std::io::Write;
+use std::process::Stdio;
+use std::time::Duration;
+
+const TWO_PLCS: &str = "\
+[[plc]]
+name = 'saw'
+
+[[plc]]
+name = 'press'
+node2 = 'b'
+
+[[bus]]
+name = 'b'
+";
+
+fn plant(text: &str) -> tempfile::NamedTempFile {
+    let mut file = tempfile::Builder::new().suffix(".toml").tempfile().unwrap();
+    file.write_all(text.as_bytes()).unwrap();
+    file
+}
+
+fn start_with_plant(text: &str) -> Emulator {
+    let file = plant(text);
+    Emulator::start(&[file.path().to_str().unwrap(), "--clock", "stepped"])
+}
+
+#[test]
+fn run_says_in_one_line_when_it_is_ready() {
+    let emulator = Emulator::stepped();
+    let name = &emulator.name;
+    assert_eq!(
+        emulator.ready,
+        format!("commram: instance '{name}' ready: line (/dev/shm/commram.{name}.line), clock stepped\n")
+    );
+    let emulator = Emulator::start(&["--speed", "2.5"]);
+    assert!(emulator.ready.ends_with(", clock real time x 2.5\n"), "{}", emulator.ready);
+    let emulator = Emulator::start(&[]);
+    assert!(emulator.ready.ends_with(", clock real time\n"), "{}", emulator.ready);
+}
+
+#[test]
+fn signals_end_it_in_good_order_and_nothing_stays() {
+    for signal in ["-TERM", "-INT", "-HUP"] {
+        for clock in ["stepped", "realtime"] {
+            let mut emulator = Emulator::start(&["--clock", clock]);
+            assert!(!emulator.files().is_empty());
+            emulator.signal(signal);
+            assert_eq!(emulator.wait().code(), Some(0), "{signal} {clock}");
+            assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+            assert_eq!(emulator.complaints(), "");
+        }
+    }
+}
+
+#[test]
+fn stop_ends_it_and_waits_until_it_has_cleaned_up() {
+    let mut emulator = Emulator::stepped();
+    let outcome = emulator.run("stop", &[]);
+    let image = format!("/dev/shm/commram.{}.line", emulator.name);
+    assert!(!std::path::Path::new(&image).exists());
+    assert_eq!(outcome.ok(), format!("instance '{}' has stopped\n", emulator.name));
+    assert_eq!(emulator.wait().code(), Some(0));
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn the_instance_can_be_named_by_the_environment() {
+    let emulator = Emulator::stepped();
+    let mut command = commram();
+    command.args(["peek", "--raw", "node2.w_OPTION_STATUS"]).env("COMMRAM_INSTANCE", &emulator.name);
+    assert_eq!(finish(&mut command).ok(), "16#0001\n");
+}
+
+#[test]
+fn two_instances_do_not_see_each_other() {
+    let (one, two) = (Emulator::stepped(), Emulator::stepped());
+    one.poke(&["%MB3.1000000=1"]);
+    two.poke(&["%MB3.1000000=2"]);
+    one.step(&["5ms"]);
+    assert_eq!((one.peek(&["%MB3.1000000"]), two.peek(&["%MB3.1000000"])), ("16#01".into(), "16#02".into()));
+    assert_eq!(two.step(&["0s"]), "0.000000 s");
+    one.run("stop", &[]).ok();
+    assert_eq!(two.peek(&["%MB3.1000000"]), "16#02");
+}
+
+#[test]
+fn two_clients_at_once_are_both_served() {
+    let emulator = Emulator::stepped();
+    let spawn = |from: usize| {
+        let mut children = Vec::new();
+        for i in from..from + 4 {
+            let write = format!("%MB3.{}={}", 1_000_000 + i, i + 1);
+            let mut command = emulator.command("poke", &[&write]);
+            children.push(command.stdout(Stdio::null()).stderr(Stdio::inherit()).spawn().unwrap());
+        }
+        children
+    };
+    for mut child in spawn(0).into_iter().chain(spawn(4)) {
+        assert!(crate::common::wait_for(&mut child, "a poke").success());
+    }
+    assert_eq!(emulator.peek(&["%MD3.1000000", "%MD3.1000004"]), "16#04030201 16#08070605");
+}
+
+#[test]
+fn a_killed_client_does_not_disturb_the_others() {
+    let emulator = Emulator::start(&[]);
+    let mut waiting = emulator.command("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "1h"]);
+    let mut clients: Vec<_> =
+        (0..3).map(|_| waiting.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()).collect();
+    emulator.peek(&["node2.w_OPTION_STATUS"]);
+    for client in &mut clients {
+        client.kill().unwrap();
+        client.wait().unwrap();
+    }
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    emulator.run("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "10s"]).ok();
+}
+
+#[test]
+fn a_client_that_waits_learns_that_the_emulator_was_killed() {
+    let mut emulator = Emulator::start(&[]);
+    // The client's node is in the channel's directory before it sends its request.
+    let nodes = format!("/dev/shm/commram.{}.iox.d/nodes", emulator.name);
+    let count = || std::fs::read_dir(&nodes).map_or(0, |entries| entries.count());
+    let alone = count();
+    let mut waiting = emulator.command("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "1h"]);
+    let client = std::thread::spawn(move || finish(&mut waiting));
+    assert!(eventually(|| count() > alone));
+    emulator.kill();
+    let outcome = client.join().unwrap();
+    assert!(outcome.fails(1).contains(&emulator.name), "{}", outcome.err);
+}
+
+#[test]
+fn what_a_killed_emulator_left_can_be_read_but_not_used() {
+    let mut emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    emulator.step(&["1ms"]);
+    let (name, pid) = (emulator.name.clone(), emulator.pid());
+    emulator.kill();
+
+    let note = format!(
+        "commram: note: instance '{name}' is dead, its emulator (process {pid}) was killed; this is what it left\n"
+    );
+    let peek = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
+    assert_eq!((peek.code, &peek.err), (Some(0), &note));
+    assert!(peek.out.starts_with("node2.w_OPTION_STATUS = 16#0002  "), "{}", peek.out);
+    let dump = emulator.run("dump", &["node2.w_CPU_CONTROL"]);
+    assert_eq!((dump.code, &dump.err), (Some(0), &note));
+    let register = "node2.w_CPU_CONTROL  %MW3.200000  16#0001  handshake\n";
+    assert_eq!(dump.out, format!("instance '{name}' at 0.001000 s\n{register}"));
+
+    for args in [
+        &["poke", "node2.w_CPU_CONTROL=0"][..],
+        &["wait", "node2.w_CPU_CONTROL==0"],
+        &["step", "1ms"],
+        &["stop"],
+    ] {
+        let outcome = emulator.run(args[0], &args[1..]);
+        let message = outcome.fails(1);
+        assert!(message.contains("is dead") && message.contains("commram run"), "{message}");
+    }
+    let list = run(&["list"]);
+    let line = list.ok().lines().find(|line| line.starts_with(&name)).unwrap();
+    // How wide the columns are depends on what else runs.
+    let cells: Vec<_> = line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).collect();
+    assert_eq!(cells, [name.as_str(), "line", &pid.to_string(), "stepped", "0.001000 s", "dead"]);
+}
+
+#[test]
+fn a_killed_emulator_is_restarted_on_the_same_image() {
+    let mut emulator = Emulator::stepped();
+    emulator.poke(&["%MB3.1000000=1"]);
+    let (name, pid) = (emulator.name.clone(), emulator.pid());
+    emulator.kill();
+
+    let mut again = Emulator::start_as(&name, &["--clock", "stepped"]);
+    assert_eq!(again.peek(&["%MB3.1000000"]), "16#00", "a restart is a power-on");
+    assert_eq!(again.step(&["1ms"]), "0.001000 s");
+    again.run("stop", &[]).ok();
+    again.wait();
+    let note = format!(
+        "commram: note: took over /dev/shm/commram.{name}.line, which a killed emulator (process {pid}) had left\n"
+    );
+    assert_eq!(again.complaints(), note);
+    assert_eq!(again.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn stop_can_clean_up_after_a_killed_emulator() {
+    let mut emulator = Emulator::stepped();
+    emulator.kill();
+    assert!(!emulator.files().is_empty());
+    let outcome = emulator.run("stop", &["--clean"]);
+    assert_eq!(outcome.ok(), format!("instance '{}' was dead, what it left is removed\n", emulator.name));
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn stop_with_clean_also_ends_a_living_one() {
+    let mut emulator = Emulator::stepped();
+    emulator.run("stop", &["--clean"]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+}
+
+#[test]
+fn a_name_that_is_taken_is_refused() {
+    let emulator = Emulator::stepped();
+    let outcome = emulator.run("run", &["--clock", "stepped"]);
+    let (name, pid) = (&emulator.name, emulator.pid());
+    assert!(
+        outcome.fails(1).contains(&format!("{name}.line is already running (process {pid})")),
+        "{}",
+        outcome.err
+    );
+    assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+}
+
+#[test]
+fn an_instance_that_is_not_there_is_named_with_those_that_are() {
+    let emulator = Emulator::stepped();
+    let name = unique_name();
+    for args in [
+        &["peek", "node2.w_CPU_CONTROL"][..],
+        &["poke", "node2.w_CPU_CONTROL=0"],
+        &["wait", "node2.w_CPU_CONTROL==0"],
+        &["step", "1ms"],
+        &["dump"],
+        &["stop"],
+        &["stop", "--clean"],
+    ] {
+        let outcome = run(&[args, &["-i", &name]].concat());
+        let expected =
+            format!("commram: instance '{name}' is not running; start it with `commram run -i {name}`");
+        let message = outcome.fails(1);
+        assert!(message.starts_with(&expected), "{message}");
+        assert!(message.contains(&emulator.name), "{message}");
+    }
+}
+
+#[test]
+fn names_that_cannot_be_are_wrong_use() {
+    for name in ["a.b", "a/b", "", "way-too-long-for-the-name-of-an-instance"] {
+        let outcome = run(&["peek", "node2.w_CPU_CONTROL", "-i", name]);
+        assert!(outcome.fails(2).contains("1 to 31 characters of A-Z a-z 0-9 _ -"), "{}", outcome.err);
+    }
+}
+
+#[test]
+fn list_shows_what_runs() {
+    let emulator = start_with_plant(TWO_PLCS);
+    emulator.step(&["3ms"]);
+    let (name, pid) = (&emulator.name, emulator.pid());
+    let json = run(&["list", "--format", "json"]);
+    let json: Vec<serde_json::Value> = serde_json::from_str(json.ok()).unwrap();
+    let own = json.iter().find(|entry| entry["name"] == name.as_str()).unwrap();
+    assert_eq!(
+        *own,
+        serde_json::json!({
+            "name": name, "plcs": ["press", "saw"], "pid": pid, "clock": "stepped", "time_us": 3000,
+            "state": "ready",
+        })
+    );
+    let csv = run(&["list", "--format", "csv"]);
+    assert!(csv.ok().starts_with("name,plcs,pid,clock,time,state\n"));
+    assert!(csv.out.contains(&format!("{name},press saw,{pid},stepped,0.003000 s,ready\n")), "{}", csv.out);
+}
+
+#[test]
+fn with_several_plcs_registers_need_one() {
+    let emulator = start_with_plant(TWO_PLCS);
+    let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
+    let name = &emulator.name;
+    assert_eq!(
+        outcome.fails(2),
+        format!(
+            "commram: node2.w_OPTION_STATUS: instance '{name}' has several PLCs (saw, press); \
+             write for example saw:node2.w_OPTION_STATUS\n"
+        )
+    );
+    let outcome = emulator.run("poke", &["lathe:node2.w_CPU_CONTROL=1"]);
+    assert!(outcome.fails(2).contains("has no PLC 'lathe'; its PLCs are: saw, press"), "{}", outcome.err);
+    assert!(emulator.run("dump", &["node2"]).fails(2).contains("several PLCs"));
+    assert!(emulator.run("step", &["--to-sync"]).fails(2).contains("saw:node2"));
+
+    emulator.poke(&["press:%MB3.1000000=1", "saw:%MB3.1000000=2"]);
+    let both = emulator.run("peek", &["saw:%MB3.1000000", "press:%MB3.1000000"]);
+    assert_eq!(both.ok(), "saw:%MB3.1000000 = 16#02  no register\npress:%MB3.1000000 = 16#01  no register\n");
+
+    emulator.poke(&["press:node2.w_CPU_CONTROL=1"]);
+    let done = emulator.run("wait", &["press:node2.w_OPTION_STATUS==2"]);
+    assert!(done.ok().starts_with("press:node2.w_OPTION_STATUS = 16#0002  "), "{}", done.out);
+    let dump = emulator.run("dump", &["press:node2.w_OPTION_STATUS"]);
+    assert!(dump.ok().contains("\npress:node2.w_OPTION_STATUS  %MW3.200002  16#0002"), "{}", dump.out);
+    let everything = emulator.run("dump", &["--all", "--format", "csv"]);
+    assert!(everything.ok().contains(",saw,saw:node1.w_OPTION_STATUS,"));
+    assert!(everything.out.contains(",press,press:node2.w_OPTION_STATUS,"));
+    let one = emulator.run("dump", &["press:", "--all", "--format", "csv"]);
+    assert!(!one.ok().contains(",saw,") && one.out.contains(",press,press:node1.w_OPTION_STATUS,"));
+}
+
+#[test]
+fn images_of_plcs_that_a_restart_does_not_have_are_dead_ones_of_the_same_name() {
+    let mut emulator = start_with_plant(TWO_PLCS);
+    let name = emulator.name.clone();
+    emulator.kill();
+    let one_plc = plant("[[plc]]\nname = 'saw'\n");
+    let again = Emulator::start_as(&name, &[one_plc.path().to_str().unwrap(), "--clock", "stepped"]);
+    assert_eq!(again.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+    let list = run(&["list"]);
+    let states: Vec<_> = list.ok().lines().filter(|line| line.starts_with(&name)).collect();
+    assert_eq!(states.len(), 2, "{states:?}");
+    assert!(states[0].contains("press") && states[0].ends_with("dead"), "{states:?}");
+    assert!(states[1].contains("saw") && states[1].ends_with("ready"), "{states:?}");
+}
+
+#[test]
+fn plant_files_that_cannot_be_are_wrong_use() {
+    let outcome = run(&["run", "/nowhere/plant.toml", "-i", &unique_name()]);
+    assert!(outcome.fails(2).contains("/nowhere/plant.toml"), "{}", outcome.err);
+    let bad = plant("[[plc]]\nname = 'a b'\n");
+    let name = unique_name();
+    let outcome = run(&["run", bad.path().to_str().unwrap(), "-i", &name]);
+    assert!(outcome.fails(2).contains("PLC name"), "{}", outcome.err);
+    assert!(files_of(&name).is_empty());
+}
+
+#[test]
+fn speeds_that_cannot_be_are_wrong_use() {
+    let name = unique_name();
+    let fails = |args: &[&str]| run(&[&["run", "-i", &name], args].concat()).fails(2).to_owned();
+    assert!(fails(&["--speed", "0"]).contains("0.001 to 1000"));
+    assert!(fails(&["--speed", "NaN"]).contains("0.001 to 1000"));
+    assert!(fails(&["--speed", "fast"]).contains("fast"));
+    assert!(fails(&["--speed", "2", "--clock", "stepped"]).contains("there is no speed"));
+}
+
+#[test]
+fn something_else_under_the_images_name_is_left_alone() {
+    let name = unique_name();
+    let path = format!("/dev/shm/commram.{name}.line");
+    std::fs::write(&path, "not an image").unwrap();
+    let outcomes = [
+        run(&["run", "-i", &name]),
+        run(&["peek", "node2.w_CPU_CONTROL", "-i", &name]),
+        run(&["stop", "--clean", "-i", &name]),
+    ];
+    let content = std::fs::read_to_string(&path);
+    std::fs::remove_file(&path).unwrap();
+    remove_remains(&name);
+    assert_eq!(content.unwrap(), "not an image");
+    for outcome in outcomes {
+        assert!(outcome.fails(1).contains("is no commram image"), "{}", outcome.err);
+    }
+}
+
+#[test]
+fn busy_polling_answers_too() {
+    let emulator = Emulator::start(&["--busy"]);
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    emulator.run("wait", &["node2.w_OPTION_STATUS==2", "--within", "10s"]).ok();
+}
+
+#[test]
+fn the_novram_survives_if_it_has_a_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().to_str().unwrap();
+    let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
+    let first = start();
+    first.poke(&["ethernet_config.a_IP_ADDRESS[3]=190", "ethernet_config.d_IP_CONFIG=16#12345678"]);
+    first.run("stop", &[]).ok();
+    let second = start();
+    assert_eq!(
+        second.peek(&["ethernet_config.a_IP_ADDRESS[3]", "ethernet_config.d_IP_CONFIG"]),
+        "16#BE 16#12345678"
+    );
+    let without = Emulator::stepped();
+    assert_eq!(without.peek(&["ethernet_config.d_IP_CONFIG"]), "16#00000000");
+}
+
+/// The flags are in the image, at the byte that its header names.
+#[test]
+fn retain_flags_survive_if_they_have_a_directory() {
+    use commram::memory::header::Start;
+    use commram::memory::{AttachMode, Attached, Image, Width};
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().to_str().unwrap();
+    let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
+    let attach = |emulator: &Emulator| -> Attached {
+        Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap()
+    };
+    let flag = |image: &Attached| image.header().unwrap().retain_offset.load() + 19_996;
+    let loaded = |image: &Attached| {
+        let program = &image.header().unwrap().program;
+        program.state.store(1);
+        let asked = program.start.rings();
+        image.ring().unwrap();
+        image
+            .wait_until("start", Duration::from_secs(60), |_| (program.start.rings() != asked).then_some(()))
+            .unwrap();
+        Start::from_code(program.start_kind.load()).unwrap()
+    };
+    let mut emulator = start();
+    let image = attach(&emulator);
+    assert_eq!(loaded(&image), Start::Cold, "nothing was kept");
+    image.segment().store(flag(&image), Width::Dword, 0x1234_5678).unwrap();
+    emulator.run("stop", &[]).ok();
+    emulator.wait();
+    let emulator = start();
+    let image = attach(&emulator);
+    assert_eq!(image.segment().load(flag(&image), Width::Dword).unwrap(), 0x1234_5678);
+    assert_eq!(loaded(&image), Start::Warm);
+}
+
+#[test]
+fn a_novram_directory_that_cannot_be_used_is_an_error() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let name = unique_name();
+    let outcome = run(&["run", "-i", &name, "--novram", file.path().to_str().unwrap()]);
+    assert!(outcome.fails(1).contains("--novram needs a writable directory"), "{}", outcome.err);
+    assert!(files_of(&name).is_empty());
+}

@@ -1,0 +1,19 @@
+//! The built program on the command line, against emulators as processes of their own.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod baps;
+mod board;
+mod changes;
+mod check;
+mod demo;
+mod faults;
+mod force;
+mod instances;
+mod no_channel;
+mod offline;
+mod one_answer;
+mod registers;
+mod scenarios;
+mod trace;

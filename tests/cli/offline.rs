@@ -1,0 +1,188 @@
+//! What needs no emulator: `map`, `completions`, help, and how errors are told.
+
+use crate::common::{commram, finish, run};
+use std::process::Stdio;
+
+#[test]
+fn the_map_tells_all_about_a_register() {
+    assert_eq!(
+        run(&["map", "node2.w_CANsync_STATUS"]).ok(),
+        "\
+node2.w_CANsync_STATUS
+  meaning      Status of the CAN controller, refreshed every processor cycle
+  address      %MW3.200004 (CPU 16#B414A004)
+  type         WORD
+  owner        firmware
+  reset value  16#0000
+  structure    CANsync_MA_CTRL_BMSTRUCT
+  manual       5.00005.03a p. 148, 173
+  name from    manual
+  offset from  inferred D-02
+  reset from   inferred D-03
+  values
+    16#0000  nothing to report
+  bits
+    0     reserved     reserved
+    1     overrun      1: overrun, a message was lost
+    2     buffer free  1: send buffer free
+    3     sent         1: last send job done
+    4     receiving    1: receiving
+    5     sending      1: sending
+    6     warning      1: error present (warning)
+    7     BUS-off      1: node deactivated (BUS-off)
+    8-15  reserved     reserved
+"
+    );
+}
+
+#[test]
+fn the_map_shows_arrays_compactly() {
+    let map = run(&["map", "node2.a_RD_BMARRAY"]);
+    assert!(map.ok().starts_with("node2.a_RD_BMARRAY[0..31][0..15]\n"), "{}", map.out);
+    assert!(map.out.contains("  elements     [0..31][0..7] used, the others reserved\n"), "{}", map.out);
+    let all = run(&["map"]);
+    assert_eq!(all.ok().matches("node2.a_RD_BMARRAY").count(), 1);
+    let one = run(&["map", "node2.a_RD_BMARRAY[3][1]"]);
+    assert!(
+        one.ok().starts_with("node2.a_RD_BMARRAY[3][1]\n") && one.out.contains("%MD3.201028"),
+        "{}",
+        one.out
+    );
+}
+
+#[test]
+fn the_map_shows_reserved_registers_on_request_only() {
+    assert!(!run(&["map", "node2"]).ok().contains("b_CTRLREG_WRC3"));
+    assert!(run(&["map", "node2", "--all"]).ok().contains("node2.b_CTRLREG_WRC3"));
+    assert!(run(&["map", "node2.b_CTRLREG_WRC3"]).ok().contains("reserved     yes"));
+}
+
+#[test]
+fn the_map_finds_registers_by_address() {
+    let both = run(&["map", "%MB3.200012"]);
+    assert!(both.ok().contains("node2.b_MA_SL_MODE\n") && both.out.contains("node2.b_CTRLREG_WRC1\n"));
+    assert_eq!(run(&["map", "%MW3.200000"]).ok().matches("node2.w_CPU_CONTROL").count(), 1);
+}
+
+#[test]
+fn the_map_lists_each_register_of_a_block_once_under_its_structure() {
+    let map = run(&["map", "node2"]);
+    assert_eq!(map.ok().matches("node2.w_OPTION_STATUS").count(), 1);
+    let heads: Vec<_> =
+        map.out.lines().filter(|line| line.starts_with("node2  %MB3.200000-232767")).collect();
+    assert_eq!(heads.len(), 2, "{heads:?}");
+    assert!(heads[0].contains("CANsync_INIT_BMSTRUCT") && heads[1].contains("CANsync_MA_CTRL_BMSTRUCT"));
+}
+
+#[test]
+fn the_map_in_the_formats_of_programs() {
+    let json = run(&["map", "--all", "--format", "json"]);
+    let json: Vec<serde_json::Value> = serde_json::from_str(json.ok()).unwrap();
+    let status = json.iter().find(|entry| entry["name"] == "node2.w_OPTION_STATUS").unwrap();
+    assert_eq!(status["address"], "%MW3.200002");
+    assert_eq!(status["provenance"]["offset"], "inferred D-02");
+    assert_eq!(
+        status["values"][0],
+        serde_json::json!({
+            "first": 1, "last": 1, "hex": "16#0001", "meaning": "start-up",
+        })
+    );
+    let plain = json.iter().find(|entry| entry["name"] == "option1").unwrap();
+    assert_eq!(plain["type"], "BYTE[262144]");
+    let csv = run(&["map", "node1", "--format", "csv"]);
+    let head = "name,structure,address,cpu_address,type,owner,reset,reserved,page,provenance,meaning\n";
+    assert!(csv.ok().starts_with(head), "{}", csv.out);
+    let line = "node1.w_CPU_CONTROL,CANsync_INIT_BMSTRUCT,%MW3.100000,16#B4142000,WORD,both,16#0000,false,\
+                \"149, 175\",\"offset D-02, reset D-03\",Command to the CANsync node\n";
+    assert!(csv.out.contains(line), "{}", csv.out);
+    assert!(run(&["map", "node1", "--format", "md"]).ok().starts_with("| name | structure |"));
+}
+
+#[test]
+fn the_map_refuses_what_does_not_exist() {
+    assert!(run(&["map", "node9"]).fails(2).contains("unknown area `node9`; the areas are baps, node1"));
+    assert!(run(&["map", "node2.w_CPU_CONTRL"]).fails(2).contains("nearest: w_CPU_CONTROL"));
+    assert!(run(&["map", "%MB3.1000000"]).fails(2).contains("plain RAM"));
+    assert!(run(&["map", "%MX3.200000.8"]).fails(2).contains("bits 0 to 7"));
+}
+
+#[test]
+fn completions_for_all_shells() {
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = run(&["completions", shell]);
+        assert!(script.ok().contains("commram") && script.out.contains("peek"), "{shell}");
+        assert!(!script.out.contains("demo-plc") && !script.out.contains("--parent"), "{shell}");
+    }
+    assert!(run(&["completions", "tcsh"]).fails(2).contains("possible values: bash"));
+}
+
+#[test]
+fn help_has_examples_and_no_colours() {
+    for command in [
+        "run",
+        "list",
+        "stop",
+        "map",
+        "export",
+        "peek",
+        "poke",
+        "wait",
+        "step",
+        "dump",
+        "demo",
+        "completions",
+    ] {
+        let help = run(&[command, "--help"]);
+        assert!(help.ok().contains("Examples:\n  "), "{command}: {}", help.out);
+        assert!(!help.out.contains('\x1b'), "{command}");
+        assert!(help.out.lines().all(|line| line.chars().count() <= 100), "{command}: {}", help.out);
+    }
+    let help = run(&["--help"]);
+    assert!(help.ok().contains("Exit codes:"));
+    assert!(run(&["--version"]).ok().starts_with("commram 0."));
+}
+
+#[test]
+fn the_command_line_is_refused_like_everything_else() {
+    let none = run(&[]);
+    assert_eq!((none.code, none.out.as_str()), (Some(2), ""));
+    assert!(none.err.contains("Usage: commram <COMMAND>"), "{}", none.err);
+    assert!(run(&["peak"]).fails(2).contains("peek"));
+    assert!(run(&["peek", "--row", "x"]).fails(2).contains("--raw"));
+    assert!(run(&["list", "--format", "xml"]).fails(2).contains("[possible values: text, json, csv, md]"));
+    assert!(run(&["peek", "--raw", "--format", "json", "node2.w_CPU_CONTROL"]).fails(2).contains("--raw"));
+}
+
+/// `commram map | head -1`: the reader has enough, which is no error and no panic.
+#[test]
+fn a_closed_pipe_is_no_error() {
+    for args in [&["map", "--all"][..], &["completions", "bash"], &["--help"]] {
+        let mut command = commram();
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let mut child = command.args(args).stdout(writer).stderr(Stdio::piped()).spawn().unwrap();
+        assert_eq!(crate::common::wait_for(&mut child, "a command").code(), Some(0), "{args:?}");
+        let mut err = String::new();
+        std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut err).unwrap();
+        assert_eq!(err, "", "{args:?}");
+    }
+}
+
+#[test]
+fn a_full_disk_is_an_error() {
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut child = commram().arg("map").stdout(full).stderr(Stdio::piped()).spawn().unwrap();
+    assert_eq!(crate::common::wait_for(&mut child, "map").code(), Some(1));
+    let mut err = String::new();
+    std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut err).unwrap();
+    assert!(err.starts_with("commram: cannot write the output: "), "{err}");
+}
+
+#[test]
+fn no_instance_is_a_friendly_line_or_a_table() {
+    let list = finish(commram().arg("list"));
+    assert!(
+        list.ok().starts_with("NAME  ")
+            || list.out == "no instance is running; start one with `commram run`\n"
+    );
+}

@@ -1,0 +1,92 @@
+//! A C program, a Python program, a Rust soft-PLC and a scenario each bring up the master of the built-in plant with a
+//! reference value of 5000, and all see the same answer of the same drive.
+
+use crate::common::{Emulator, Outcome, finish, run};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What drive 1 has answered: status of the master, state of the slave, reference value, actual value, and the drive's
+/// last frame on the bus.
+fn answer(emulator: &Emulator) -> String {
+    let registers =
+        ["node2.w_OPTION_STATUS", "node2.a_STAT_SL[1]", "node2.a_WR_VALUE[0]", "node2.a_RD_BMARRAY[1][0]"];
+    let trace = emulator.run("trace", &["--bus", "drives", "--format", "candump"]);
+    let mut frames = trace.ok().lines().filter_map(|line| line.split(' ').nth(2));
+    let last = frames.rfind(|frame| frame.starts_with("301#")).unwrap_or("no frame");
+    format!("{} {last}", emulator.peek(&registers))
+}
+
+/// Active operation; responds and is synchronized; 5000 there and back; on the bus low byte first, then the drive's
+/// status word 16#8037: operation enabled, synchronized.
+const ANSWER: &str = "16#0080 16#03 16#00001388 16#00001388 301#881300003780";
+
+/// Runs a program at an emulator of its own; it must end well, and the drive must have answered.
+#[track_caller]
+fn sees_the_answer(program: impl FnOnce(&Emulator) -> Outcome, says: &str) {
+    let emulator = Emulator::start(&[]);
+    let outcome = program(&emulator);
+    assert!(outcome.ok().contains(says), "{}", outcome.out);
+    assert_eq!(answer(&emulator), ANSWER);
+}
+
+fn root(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+#[test]
+fn of_a_drive_to_a_c_program() {
+    let directory = tempfile::tempdir().unwrap();
+    run(&["export", "c", "--output", directory.path().join("commram.h").to_str().unwrap()]).ok();
+    let program = directory.path().join("soft_plc");
+    let mut compile = Command::new("cc");
+    compile.args(["-Wall", "-Werror", "-I"]).arg(directory.path()).arg(root("tools/c/soft_plc.c"));
+    finish(compile.arg("-o").arg(&program)).ok();
+    sees_the_answer(
+        |emulator| {
+            let image = format!("/dev/shm/commram.{}.line", emulator.name);
+            finish(Command::new(&program).args([&image, "5000"]))
+        },
+        "a_RD_BMARRAY[1][0] = 5000\n",
+    );
+}
+
+#[test]
+fn of_a_drive_to_a_python_program() {
+    let python = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    if Command::new(&python).arg("--version").output().is_err() {
+        eprintln!("skipped: there is no {python}");
+        return;
+    }
+    let directory = tempfile::tempdir().unwrap();
+    run(&["export", "python", "--output", directory.path().join("commram.py").to_str().unwrap()]).ok();
+    sees_the_answer(
+        |emulator| {
+            let mut command = Command::new(&python);
+            command.arg(root("tools/python/soft_plc.py")).args([&emulator.name, "5000"]);
+            command.env("PYTHONPATH", directory.path()).env("PYTHONDONTWRITEBYTECODE", "1");
+            finish(&mut command)
+        },
+        "a_RD_BMARRAY[1][0] = 5000\n",
+    );
+}
+
+#[test]
+fn of_a_drive_to_a_rust_program() {
+    let example = crate::common::example("master");
+    sees_the_answer(
+        |emulator| finish(Command::new(&example).args(["-i", &emulator.name])),
+        "all slaves have reached reference value 5000\n",
+    );
+}
+
+#[cfg(feature = "channel")]
+#[test]
+fn of_a_drive_to_a_scenario() {
+    sees_the_answer(
+        |emulator| {
+            let script = root("tests/scenarios/28-one-answer.rhai");
+            finish(crate::common::commram().arg("test").arg(script).args(["--attach", &emulator.name]))
+        },
+        "| a_RD_BMARRAY[1][0] = 5000\n",
+    );
+}

@@ -1,0 +1,281 @@
+//! `peek`, `poke`, `wait`, `step`, `dump` on a running emulator.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, run};
+
+/// Set-up mode with two values mapped in each direction of drive 1.
+fn set_up(emulator: &Emulator) {
+    emulator.set_up(&[
+        "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0=16#01",
+        "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD1=16#03",
+        "node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD0=16#01",
+        "node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD1=16#03",
+        "node2.b_MAX_SL_NR=3",
+        "node2.b_CTRLREG_RD_ORDER_RDC1=16#80",
+    ]);
+}
+
+/// The walk through the manual's start sequence up to the first exchanged process data.
+#[test]
+fn a_reference_value_comes_back_as_actual_value_of_a_drive() {
+    let emulator = Emulator::stepped();
+    set_up(&emulator);
+    emulator.run("wait", &["node2.a_STAT_SL[1]==3", "--within", "2s"]).ok();
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0040"]);
+    emulator.run("wait", &["node2.w_OPTION_STATUS==16#0080", "--within", "10ms"]).ok();
+
+    emulator.poke(&["node2.a_WR_VALUE[0]=16#11223344"]);
+    for _ in 0..16 {
+        emulator.step(&["--to-sync"]);
+        emulator.poke(&["node2.b_CTRLREG_WRC1=16#05"]);
+    }
+    emulator.step(&["--to-sync"]);
+    assert_eq!(emulator.peek(&["node2.b_CTRLREG_WRC1"]), "16#04", "the firmware has taken the frame over");
+    assert_eq!(emulator.peek(&["node2.a_RD_BMARRAY[1][0]"]), "16#11223344");
+}
+
+#[test]
+fn the_same_walk_takes_the_same_emulated_time_each_time() {
+    let time = || {
+        let emulator = Emulator::stepped();
+        set_up(&emulator);
+        emulator.run("wait", &["node2.a_STAT_SL[3]==3", "--within", "2s"]).ok();
+        emulator.step(&["1ms"])
+    };
+    assert_eq!(time(), time());
+}
+
+#[test]
+fn peek_prints_register_value_and_meaning() {
+    let emulator = Emulator::stepped();
+    let line = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
+    assert_eq!(line.ok(), "node2.w_OPTION_STATUS = 16#0001  start-up\n");
+    let lines = emulator.run("peek", &["%MW3.200002", "%MB3.200003", "%MX3.200002.0", "%MD3.1000000"]);
+    assert_eq!(
+        lines.ok(),
+        "node2.w_OPTION_STATUS = 16#0001  start-up\n\
+         %MB3.200003 = 16#00  part of node2.w_OPTION_STATUS\n\
+         %MX3.200002.0 = 1  bit 0 of node2.w_OPTION_STATUS\n\
+         %MD3.1000000 = 16#00000000  no register\n"
+    );
+    let raw = emulator.run("peek", &["--raw", "node2.w_OPTION_STATUS", "node2.a_RD_BMARRAY[3][0]"]);
+    assert_eq!(raw.ok(), "16#0001\n16#00000000\n");
+}
+
+#[test]
+fn peek_in_the_formats_of_programs() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["node2.a_WR_VALUE[1]=-2"]);
+    emulator.step(&["2ms"]);
+    let json = emulator.run("peek", &["line:node2.a_WR_VALUE[1]", "--format", "json"]);
+    let json: serde_json::Value = serde_json::from_str(json.ok()).unwrap();
+    assert_eq!(
+        json,
+        serde_json::json!([{
+            "time_us": 2000, "plc": "line", "register": "node2.a_WR_VALUE[1]", "address": "%MD3.200056",
+            "type": "DINT", "value": -2, "hex": "16#FFFFFFFE",
+            "meaning": "-2 (CANsync_MA_CTRL_BMSTRUCT, not live)", "forced": false,
+        }])
+    );
+    let csv = emulator.run("peek", &["node2.w_OPTION_STATUS", "--format", "csv"]);
+    assert_eq!(
+        csv.ok(),
+        "time_us,plc,register,address,type,value,hex,meaning,forced\n\
+         2000,line,node2.w_OPTION_STATUS,%MW3.200002,WORD,1,16#0001,start-up,false\n"
+    );
+    let markdown = emulator.run("peek", &["node2.w_OPTION_STATUS", "--format", "md"]);
+    assert_eq!(
+        markdown.ok(),
+        "| time_us | plc | register | address | type | value | hex | meaning | forced |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n\
+         | 2000 | line | node2.w_OPTION_STATUS | %MW3.200002 | WORD | 1 | 16#0001 | start-up | false |\n"
+    );
+}
+
+#[test]
+fn pokes_are_done_in_order() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["%MD3.1000000=16#AABBCCDD", "%MB3.1000001=0", "%MW3.1000002=0x1234"]);
+    assert_eq!(emulator.peek(&["%MD3.1000000"]), "16#123400DD");
+    emulator.poke(&["%MB3.1000000=1", "%MB3.1000000=2", "%MB3.1000000=3"]);
+    assert_eq!(emulator.peek(&["%MB3.1000000"]), "16#03");
+}
+
+#[test]
+fn one_bad_poke_and_none_is_done() {
+    let emulator = Emulator::stepped();
+    let outcome = emulator.run("poke", &["%MB3.1000000=7", "node2.w_CPU_CONTROL=65536"]);
+    assert!(outcome.fails(2).contains("node2.w_CPU_CONTROL (%MW3.200000): `65536` is out of range"));
+    assert_eq!(emulator.peek(&["%MB3.1000000"]), "16#00");
+}
+
+#[test]
+fn time_passes_on_request_only() {
+    let emulator = Emulator::stepped();
+    assert_eq!(emulator.step(&["2ms"]), "0.002000 s");
+    assert_eq!(emulator.step(&["500us"]), "0.002500 s");
+    assert_eq!(emulator.step(&["1.5s"]), "1.502500 s");
+    assert_eq!(emulator.step(&["0s"]), "1.502500 s");
+    let outcome = emulator.run("step", &["--to-sync"]);
+    assert_eq!(outcome.fails(1), "commram: PLC 0: nobody sends SYNC on the bus of CANsync node 2\n");
+}
+
+#[test]
+fn stepping_to_sync_meets_each_interval() {
+    let emulator = Emulator::stepped();
+    set_up(&emulator);
+    let micros = |text: String| text.trim_end_matches(" s").replace('.', "").parse::<u64>().unwrap();
+    let first = micros(emulator.step(&["--to-sync"]));
+    let second = micros(emulator.step(&["--to-sync", "node2"]));
+    let third = micros(emulator.step(&["--to-sync", "line:node2"]));
+    assert_eq!((second - first, third - second), (2_000, 2_000));
+}
+
+#[test]
+fn a_wait_that_is_not_met_says_what_the_register_held() {
+    let emulator = Emulator::stepped();
+    let outcome = emulator.run("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "10ms"]);
+    assert_eq!(
+        outcome.fails(1),
+        "commram: node2.w_OPTION_STATUS (%MW3.200002) did not become 16#0002 within 10 ms; \
+         at 0.010000 s it holds 16#0001, start-up\n"
+    );
+    let outcome = emulator.run("wait", &["node2.w_OPTION_STATUS&16#0080==16#0080", "--within", "1ms"]);
+    assert!(
+        outcome.fails(1).contains("did not become 16#0080 under mask 16#0080 within 1 ms; at 0.011000 s")
+    );
+}
+
+#[test]
+fn a_wait_that_is_met_stops_the_time_at_the_match() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    let outcome = emulator.run("wait", &["node2.w_OPTION_STATUS&3==2", "--within", "1h"]);
+    let expected =
+        "node2.w_OPTION_STATUS = 16#0002  waiting for \"take over initialization data\"  at 0.000500 s\n";
+    assert_eq!(outcome.ok(), expected);
+    assert_eq!(emulator.step(&["0us"]), "0.000500 s");
+}
+
+#[test]
+fn a_dump_shows_what_differs_and_follows_the_live_structure() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    emulator.step(&["1ms"]);
+    emulator.poke(&["node2.b_BT_1=16#1C", "node2.a_SL_TYP[3]=1"]);
+    let name = &emulator.name;
+    assert_eq!(
+        emulator.run("dump", &["node2"]).ok(),
+        format!(
+            "instance '{name}' at 0.001000 s\n\
+             node2.w_CPU_CONTROL    %MW3.200000  16#0001  handshake\n\
+             node2.w_OPTION_STATUS  %MW3.200002  16#0002  waiting for \"take over initialization data\"\n\
+             node2.b_BT_1           %MB3.200016  16#1C    as required for every baud rate\n\
+             node2.a_SL_TYP[3]      %MB3.200023  16#01    expected\n"
+        )
+    );
+    set_up(&emulator);
+    let dump = emulator.run("dump", &["node2"]);
+    assert!(dump.ok().contains("node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD1"), "{}", dump.out);
+    assert!(!dump.out.contains("b_BT_1") && !dump.out.contains("a_SL_TYP"), "{}", dump.out);
+}
+
+#[test]
+fn a_dump_changes_nothing() {
+    let emulator = Emulator::stepped();
+    set_up(&emulator);
+    let first = emulator.run("dump", &["--all", "--format", "csv"]);
+    let second = emulator.run("dump", &["--all", "--format", "csv"]);
+    assert_eq!(first.ok(), second.ok());
+}
+
+#[test]
+fn a_dump_of_nothing_special_says_so() {
+    let emulator = Emulator::stepped();
+    let name = &emulator.name;
+    let empty = format!("instance '{name}' at 0.000000 s\nall registers hold their reset values\n");
+    assert_eq!(emulator.run("dump", &["node2.a_SL_TYP"]).ok(), empty);
+    assert_eq!(emulator.run("dump", &["option1"]).ok(), empty);
+    assert_eq!(emulator.run("dump", &["node2.a_SL_TYP", "--format", "json"]).ok(), "[]\n");
+}
+
+#[test]
+fn a_dump_of_plain_ram_shows_what_is_not_zero() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["%MD3.1262140=16#DEADBEEF"]);
+    let dump = emulator.run("dump", &["option1", "--format", "csv"]);
+    let line = "0,line,%MD3.1262140,%MD3.1262140,DWORD,3735928559,16#DEADBEEF,plain RAM of option1,false\n";
+    assert!(dump.ok().ends_with(line), "{}", dump.out);
+    assert_eq!(dump.out.lines().count(), 2);
+}
+
+#[test]
+fn a_dump_with_all_registers_has_the_reserved_ones_too() {
+    let emulator = Emulator::stepped();
+    set_up(&emulator);
+    let lines = |args: &[&str]| emulator.run("dump", args).ok().lines().count() - 1;
+    assert_eq!(lines(&["node2.a_RD_BMARRAY[3]", "--all"]), 16);
+    assert_eq!(lines(&["node2.a_RD_BMARRAY[3][15]", "--all"]), 1);
+    assert_eq!(lines(&["%MW3.200002"]), 1);
+}
+
+/// The structure that is not live is RAM with another meaning; its registers are not shown.
+#[test]
+fn a_dump_of_a_structure_that_is_not_live_is_empty() {
+    let emulator = Emulator::stepped();
+    for args in [&["node2.a_STAT_SL", "--all"][..], &["node2.a_STAT_SL"]] {
+        let dump = emulator.run("dump", args);
+        assert!(dump.ok().ends_with("these registers are not live, see w_OPTION_STATUS\n"), "{}", dump.out);
+    }
+}
+
+#[test]
+fn stepping_a_real_time_clock_is_wrong_use() {
+    let emulator = Emulator::start(&[]);
+    assert_eq!(
+        emulator.run("step", &["1ms"]).fails(2),
+        "commram: the clock runs in real time; time can be advanced in stepped mode only \
+         (use a wait, or start the instance stepped)\n"
+    );
+}
+
+#[test]
+fn a_wait_in_real_time_is_met_by_the_running_clock() {
+    let emulator = Emulator::start(&["--speed", "100"]);
+    set_up(&emulator);
+    emulator.run("wait", &["node2.a_STAT_SL[2]==3", "--within", "10s"]).ok();
+}
+
+#[test]
+fn what_does_not_exist_is_wrong_use_before_any_emulator_is_asked() {
+    let fails = |args: &[&str]| run(args).fails(2).to_owned();
+    assert!(fails(&["peek", "node2.w_CPU_CONTRL"]).contains("nearest: w_CPU_CONTROL"));
+    assert!(fails(&["peek", "node3.w_CPU_CONTROL"]).contains("node1, ethernet_config, node2"));
+    assert!(fails(&["peek", "node2.w_cpu_control"]).contains("is spelled `w_CPU_CONTROL`"));
+    assert_eq!(fails(&["peek", "%MW3.200001"]), "commram: %MW3.200001: a WORD needs an even address\n");
+    assert!(fails(&["peek", "%MB3.79999"]).contains("lies in no area"));
+    assert!(fails(&["peek", "node2.a_RD_BMARRAY[32][0]"]).contains("index 32 is out of range"));
+    assert!(fails(&["dump", "node7"]).contains("unknown area `node7`"));
+    assert!(fails(&["dump", "%MB3.1000000"]).contains("option1"));
+    assert!(fails(&["wait", "node2.w_CPU_CONTROL=1"]).contains("write REG==VALUE"));
+    assert!(fails(&["wait", "node2.w_CPU_CONTROL==1", "--within", "5"]).contains("5us, 5ms or 5s"));
+    assert!(fails(&["poke", "node2.w_CPU_CONTROL"]).contains("write REG=VALUE"));
+    assert!(fails(&["step", "--to-sync", "node3"]).contains("node1 and node2"));
+    assert!(fails(&["step", "2 parsecs"]).contains("for example 250us, 2ms or 1.5s"));
+    assert!(fails(&["step"]).contains("<TIME>"));
+    assert!(fails(&["peek"]).contains("<REG>"));
+}
+
+#[test]
+fn a_step_beyond_a_day_is_refused() {
+    let emulator = Emulator::stepped();
+    assert!(emulator.run("step", &["25h"]).fails(2).contains("24 h"));
+}
+
+#[test]
+fn more_pokes_than_one_message_takes_are_refused() {
+    let emulator = Emulator::stepped();
+    let writes = vec!["%MB3.1000000=1"; 257];
+    assert!(emulator.run("poke", &writes).fails(2).contains("at most 256"));
+    assert_eq!(emulator.peek(&["%MB3.1000000"]), "16#00");
+}

@@ -1,0 +1,461 @@
+//! `commram test`: the scenarios of the tutorial, and everything that can go wrong with a scenario.
+
+use crate::common::{Outcome, commram, finish, run};
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// Scripts in a directory of their own, which is where the command runs.
+struct Scripts(TempDir);
+
+impl Scripts {
+    fn new(scripts: &[(&str, &str)]) -> Self {
+        let directory = TempDir::new().unwrap();
+        for (name, text) in scripts {
+            std::fs::write(directory.path().join(name), text).unwrap();
+        }
+        Self(directory)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = commram();
+        command.arg("test").args(args).current_dir(self.0.path());
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Outcome {
+        finish(&mut self.command(args))
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.0.path().join(name)).unwrap()
+    }
+}
+
+/// Runs one script; its report without the real times.
+fn run_one(script: &str, code: i32) -> String {
+    let scripts = Scripts::new(&[("one.rhai", script)]);
+    let outcome = scripts.run(&["one.rhai"]);
+    assert_eq!((outcome.code, outcome.err.as_str()), (Some(code), ""), "{}", outcome.out);
+    without_real_times(&outcome.out)
+}
+
+/// Replaces `in 12 ms` at the ends of lines.
+fn without_real_times(text: &str) -> String {
+    let line = |line: &str| match line.rfind(" emulated in ") {
+        Some(at) if line.ends_with(" ms") => format!("{} emulated in R\n", &line[..at]),
+        _ => format!("{line}\n"),
+    };
+    text.lines().map(line).collect()
+}
+
+#[test]
+fn every_scenario_of_the_tutorial_passes() {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenarios");
+    let scripts = directory.read_dir().unwrap().filter(|entry| {
+        entry.as_ref().unwrap().path().extension().is_some_and(|extension| extension == "rhai")
+    });
+    let outcome = run(&["test", directory.to_str().unwrap()]);
+    let passed = outcome.ok().lines().filter(|line| line.starts_with("passed ")).count();
+    assert_eq!(passed, scripts.count(), "{}", outcome.out);
+    let summary = outcome.out.lines().last().unwrap();
+    assert!(summary.starts_with(&format!("{passed} passed, 0 failed, 0 broken; ")), "{summary}");
+}
+
+#[test]
+fn the_emulated_time_of_a_scenario_is_the_same_in_every_run() {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/01-start-of-the-master.rhai");
+    let report = || without_real_times(run(&["test", script, script, "--jobs", "2"]).ok());
+    let first = report();
+    assert_eq!(first, report());
+    let lines: Vec<_> = first.lines().collect();
+    assert_eq!(lines[0], lines[2], "two at a time do not disturb each other");
+}
+
+#[test]
+fn a_failing_expectation_tells_all_that_is_known() {
+    let script = "\
+// a comment
+section(\"initialization\");
+poke(\"node2.w_CPU_CONTROL\", 0x0001);
+step(\"1ms\");
+print(\"so far so good\");
+expect(\"node2.w_OPTION_STATUS\", 0x0003);
+";
+    let expected = "\
+failed  one.rhai  0.001000 s emulated in R
+  node2.w_OPTION_STATUS (%MW3.200002) is 16#0002, not 16#0003
+    expected  16#0003  waiting for start
+    actual    16#0002  waiting for \"take over initialization data\"
+    section   initialization
+    line      one.rhai:6: expect(\"node2.w_OPTION_STATUS\", 0x0003);
+    time      0.001000 s emulated
+    journal, last entries:
+      0.000000 s  line        w_CPU_CONTROL (%MW3.200000) := 16#0001 (handshake)
+      0.000500 s  line:node2  w_OPTION_STATUS (%MW3.200002) 16#0001 -> 16#0002, waiting for \"take over initialization data\", answered after 500 us
+  | so far so good
+0 passed, 1 failed, 0 broken; 0.001000 s emulated in R
+";
+    assert_eq!(run_one(script, 1), expected);
+}
+
+#[test]
+fn forced_registers_are_marked() {
+    let script = "force(\"node2.w_CPU_CONTROL\", 0); print(describe(\"node2.w_CPU_CONTROL\"));\n\
+                  expect(\"%MX3.200001.3\", 1);";
+    let report = run_one(script, 1);
+    assert!(report.contains("\n  | node2.w_CPU_CONTROL = 16#0000  [forced] restart\n"), "{report}");
+    assert!(report.contains("\n    actual    0  [forced] bit 11 of node2.w_CPU_CONTROL\n"), "{report}");
+    let freed =
+        run_one("force(\"node2.b_BT_0\", 1); unforce(\"node2.b_BT_0\"); expect(\"node2.b_BT_0\", 0);", 1);
+    assert!(!freed.contains("[forced]"), "{freed}");
+}
+
+#[test]
+fn every_kind_of_expectation_can_fail() {
+    let cases = [
+        (
+            "wait(\"node2.w_OPTION_STATUS\", 2, \"3ms\")",
+            "node2.w_OPTION_STATUS (%MW3.200002) did not become 16#0002 within 3 ms from 0.000000 s on",
+        ),
+        (
+            "wait_bits(\"node2.w_OPTION_STATUS\", 3, 2, 5)",
+            "did not become 16#0002 under mask 16#0003 within 5 us",
+        ),
+        (
+            "wait_until(|| peek(\"node2.w_OPTION_STATUS\") == 2, \"2ms\")",
+            "the condition did not hold within 2 ms",
+        ),
+        ("expect(\"node2.w_OPTION_STATUS\", true == false)", "is 16#0001, not 16#0000"),
+        ("expect(\"%MX3.200002.0\", 0)", "%MX3.200002.0 is 1, not 0"),
+        ("expect_bits(\"node2.w_OPTION_STATUS\", 0x0F, 0x02)", "is 16#0001, not 16#0002 under mask 16#000F"),
+        ("expect_near(\"node2.a_WR_VALUE[0]\", -5, 4)", "is 0, not -5 +- 4"),
+        ("expect_that(1 > 2, \"one is more than two\")", "not so: one is more than two"),
+        (
+            "expect_frame(\"drives\", 0x101, \"44 ..\", \"2ms\")",
+            "no frame 16#101 44 .. on bus drives within 2 ms",
+        ),
+        (
+            "let s = snapshot(\"node2\"); poke(\"node2.b_BT_0\", 1); expect_changes(s, [])",
+            "other registers of node2 have changed than expected",
+        ),
+        (
+            "let s = snapshot(\"node2\"); expect_changes(s, [\"node2.b_BT_0\"])",
+            "node2.b_BT_0 has not changed",
+        ),
+        (
+            "let b = block(\"CANsync_INIT\", \"node2\"); b.us_BAUDRATE = 9; cycle_until(b, \"x_OK\", \"1s\")",
+            "CANsync_INIT at node2: x_OK did not become TRUE",
+        ),
+        (
+            "poke(\"node2.w_OPTION_STATUS\", 3); step(\"1ms\"); expect_no_findings()",
+            "error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 1 times since 0.000000 s: A register",
+        ),
+        ("step_to_sync()", "PLC 'line': nobody sends SYNC on the bus of node2"),
+    ];
+    for (verb, expected) in cases {
+        let report = run_one(verb, 1);
+        assert!(report.starts_with("failed  one.rhai") && report.contains(expected), "{verb}\n{report}");
+        assert!(report.contains("    line      one.rhai:1: "), "{report}");
+    }
+}
+
+#[test]
+fn a_script_that_does_not_compile_is_told_with_its_line() {
+    let report = run_one("let x = 1;\npoke(\"node2.w_CPU_CONTROL\", ;\n", 2);
+    assert!(report.starts_with("broken  one.rhai  0.000000 s emulated in R\n  one.rhai:2: "), "{report}");
+    assert!(report.contains("\n    line      poke(\"node2.w_CPU_CONTROL\", ;\n"), "{report}");
+}
+
+#[test]
+fn wrong_use_of_a_verb_says_what_would_be_right() {
+    let cases = [
+        ("peek(\"node2.w_CPU_CONTRL\")", "w_CPU_CONTROL"),
+        ("peek(\"%MW3.200001\")", "a WORD needs an even address"),
+        ("peek(\"line9:node2.w_CPU_CONTROL\")", "there is no PLC 'line9'; there are: line"),
+        ("poke(\"node2.w_CPU_CONTROL\", 0x10000)", "a WORD holds 0 to 65535"),
+        ("poke(\"node2.w_CPU_CONTROL\", \"16#\")", "is no number; write it decimal"),
+        ("poke(\"node2.w_CPU_CONTROL\", 1.5)", "`1.5`: a value is an integer"),
+        ("poke(\"%MX3.200000.1\", 1)", "a single bit cannot be written"),
+        ("step(\"2\")", "a time needs a unit"),
+        ("step(-1)", "`-1`: the time must not be negative"),
+        ("step(1.5)", "a time is a text with a unit"),
+        ("step_to_sync(\"node3\")", "the CANsync nodes are node1 and node2"),
+        ("wait_bits(\"node2.w_OPTION_STATUS\", 1, 2, 0)", "the value has bits outside the mask"),
+        ("expect_frame(\"upper\", 0x101, \"*\", \"1ms\")", "there is no bus 'upper'; there are: drives"),
+        ("expect_frame(\"drives\", 0x801, \"*\", \"1ms\")", "identifiers have 11 bits"),
+        ("expect_frame(\"drives\", -1, \"*\", \"1ms\")", "identifiers have 11 bits"),
+        ("expect_frame(\"drives\", 1, \"4\", \"1ms\")", "two hexadecimal digits"),
+        ("expect_frame(\"drives\", 1, [256], \"1ms\")", "data are an array of bytes"),
+        ("expect_near(\"node2.b_BT_0\", 0, -1)", "the tolerance must not be negative"),
+        ("snapshot(\"node3\")", "there is no area 'node3'; there are: "),
+        ("force(\"%MX3.200000.1\", 1)", "a single bit cannot be written"),
+        ("force(\"%MB3.200000\", 1)", "only a whole register can be forced, here %MW3.200000"),
+        ("unforce(\"node2.b_BT_0\")", "`node2.b_BT_0`: %MB3.200015 is not forced"),
+        (
+            "block(\"CANsync_INI\", \"node2\")",
+            "there is no function block 'CANsync_INI'; there are: CANsync_BC_MA0",
+        ),
+        (
+            "block(\"CANsync_MODE_SL\", \"node2\")",
+            "`node2`: CANsync_MODE_SL needs CANsync_SL_CTRL_BMSTRUCT, which is in node1",
+        ),
+        (
+            "block(\"CANsync_INIT\", \"node2\").x_OKAY",
+            "`x_OKAY`: CANsync_INIT has no such input or output; it has x_SL",
+        ),
+        (
+            "let b = block(\"CANsync_INIT\", \"node2\"); b.us_BAUDRATE = 256",
+            "`256`: us_BAUDRATE of CANsync_INIT is an integer from 0 to 255",
+        ),
+        (
+            "let b = block(\"CANsync_INIT\", \"node2\"); b.a_SL_TYP = [1]",
+            "a_SL_TYP of CANsync_INIT is an array of 32",
+        ),
+        ("cycle_until(block(\"CANsync_INIT\", \"node2\"), \"w_ERR\", 0)", "`w_ERR`: this output is no BOOL"),
+        ("fault(\"lose_bus\")", "there is no such fault; the kinds are: lose_frame"),
+        ("fault(\"lose_frame count=many\")", "`count=many`: `many` is no number"),
+        ("fault(\"slave_busy slave=9\")", "bus \"drives\" has no slave 9; its slaves are: 1, 2, 3"),
+        ("expect_no_findings([\"nothing\"])", "there is no rule 'nothing'; there are: owner"),
+        ("clear_fault(0)", "there is no fault 0; it may have ended"),
+        ("clear_fault(-1)", "`-1`: the fault's number must not be negative"),
+        ("set_board(\"dip=32\")", "`dip=32`: dip is a number from 0 to 31"),
+        ("set_board(\"\")", "write NAME=VALUE, for example dip=5"),
+        ("set_board(\"line9:dip=3\")", "there is no PLC 'line9'; there are: line"),
+        ("board(\"line9\")", "there is no PLC 'line9'; there are: line"),
+        ("reset(\"line9\")", "there is no PLC 'line9'; there are: line"),
+        ("power_cycle(\"line9\")", "there is no PLC 'line9'; there are: line"),
+        ("event_count(16)", "`16`: event numbers are 0 to 12"),
+        ("trigger_count(0)", "`0`: triggers are 1, 2, and 3"),
+        ("block(\"LED\", \"node2\")", "there is no PLC 'node2'; there are: line"),
+        ("expect_changes(snapshot(\"node2\"), [1])", "`1`: this is no register's name"),
+        ("plant(\"missing.toml\")", "missing.toml: No such file"),
+        ("plant(`[[plc]]\nname = \"a b\"`)", "PLC name 'a b': use 1 to 31 characters"),
+        ("step(0); plant(`[[plc]]\nname = \"a\"`)", "`plant`: this must be the first verb"),
+        ("no_such_verb(1)", "Function not found: no_such_verb"),
+        ("throw \"enough\"", "the script throws enough"),
+        ("import \"nothing\" as nothing", "nothing"),
+        ("wait_until(|| wait_until(1, 2), 3)", "wait_until"),
+        ("fn deep(n) { deep(n + 1) } deep(0)", "Stack overflow"),
+    ];
+    for (script, expected) in cases {
+        let report = run_one(script, 2);
+        assert!(report.starts_with("broken  one.rhai"), "{script}\n{report}");
+        assert!(report.contains(expected), "{script}\n{report}\nlacks: {expected}");
+    }
+}
+
+#[test]
+fn several_plcs_need_a_name_in_front() {
+    let plant = "plant(`[[plc]]\nname = \"a\"\n[[plc]]\nname = \"b\"`);\n";
+    let report = run_one(&format!("{plant}peek(\"node2.w_CPU_CONTROL\")"), 2);
+    let expected = "one.rhai:5: `node2.w_CPU_CONTROL`: the plant has several PLCs (a, b); write for example \
+                    a:node2.w_CPU_CONTROL";
+    assert!(report.contains(expected), "{report}");
+    run_one(&format!("{plant}expect(\"b:node2.w_OPTION_STATUS\", 1)"), 0);
+}
+
+#[test]
+fn endless_scenarios_are_ended() {
+    let scripts =
+        Scripts::new(&[("loop.rhai", "let n = 0;\nloop { n += 1 }"), ("time.rhai", "loop { step(\"1s\") }")]);
+    let outcome = scripts.run(&["loop.rhai", "time.rhai", "--max-operations", "10000", "--max-time", "5s"]);
+    assert_eq!(outcome.code, Some(1), "{}", outcome.out);
+    let expected = "the script does not end: stopped after 10000 operations (--max-operations)";
+    assert!(outcome.out.contains(expected), "{}", outcome.out);
+    let expected = "1 s of emulated time at 5.000000 s would go beyond the 5 s that a scenario may take";
+    assert!(outcome.out.contains(expected), "{}", outcome.out);
+    assert!(outcome.out.contains("line      time.rhai:1: loop"), "{}", outcome.out);
+}
+
+#[test]
+fn a_failure_in_an_imported_script_is_found_there() {
+    let scripts = Scripts::new(&[
+        ("part.rhai", "fn check() {\n    expect(\"node2.w_OPTION_STATUS\", 2);\n}\n"),
+        ("whole.rhai", "import \"part\" as part;\npart::check();\n"),
+    ]);
+    let outcome = scripts.run(&["whole.rhai"]);
+    assert_eq!(outcome.code, Some(1));
+    let expected = "line      part.rhai:2: expect(\"node2.w_OPTION_STATUS\", 2);";
+    assert!(outcome.out.contains(expected), "{}", outcome.out);
+}
+
+#[test]
+fn what_is_missing_is_wrong_use_and_the_others_run() {
+    let scripts = Scripts::new(&[("good.rhai", "step(\"1ms\")")]);
+    let outcome = scripts.run(&["missing.rhai", "good.rhai"]);
+    assert_eq!(outcome.code, Some(2));
+    assert!(outcome.out.contains("missing.rhai: No such file or directory"), "{}", outcome.out);
+    assert!(outcome.out.contains("passed  good.rhai  0.001000 s"), "{}", outcome.out);
+
+    let empty = Scripts::new(&[]);
+    assert!(empty.run(&["."]).fails(2).contains("this directory has no files that end in .rhai"));
+    assert!(empty.run(&[]).fails(2).contains("FILE"));
+    let absent = scripts.run(&["good.rhai", "--junit", "no/such/directory.xml"]);
+    assert_eq!(absent.code, Some(2));
+    assert!(absent.err.contains("`no/such/directory.xml`: No such file"), "{}", absent.err);
+}
+
+const MIXED: [(&str, &str); 3] = [
+    ("a.rhai", "print(\"1 < 2 & so on\"); step(\"2ms\");"),
+    ("b.rhai", "expect(\"node2.w_OPTION_STATUS\", 2);"),
+    ("c.rhai", "peek(\"node2.nothing\");"),
+];
+
+#[test]
+fn json_has_everything() {
+    let outcome = Scripts::new(&MIXED).run(&["a.rhai", "b.rhai", "c.rhai", "--format", "json"]);
+    assert_eq!(outcome.code, Some(2));
+    let reports: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
+    let outcomes: Vec<_> = reports.as_array().unwrap().iter().map(|report| &report["outcome"]).collect();
+    assert_eq!(outcomes, ["passed", "failed", "broken"]);
+    assert_eq!(
+        (&reports[0]["emulated_us"], &reports[0]["printed"]),
+        (&2000.into(), &"1 < 2 & so on\n".into())
+    );
+    let failed = &reports[1];
+    assert_eq!(failed["register"], "node2.w_OPTION_STATUS");
+    assert_eq!(failed["address"], "%MW3.200002");
+    assert_eq!(failed["actual"], "16#0001  start-up");
+    assert_eq!(failed["line"], "b.rhai:1: expect(\"node2.w_OPTION_STATUS\", 2);");
+    assert_eq!((&failed["time_us"], &failed["journal"]), (&0.into(), &serde_json::json!([])));
+}
+
+#[test]
+fn the_junit_report_is_xml_that_parsers_read() {
+    use quick_xml::events::Event;
+
+    let scripts = Scripts::new(&MIXED);
+    let outcome = scripts.run(&["a.rhai", "b.rhai", "c.rhai", "--junit", "report.xml"]);
+    assert_eq!((outcome.code, outcome.err.as_str()), (Some(2), ""));
+    let text = scripts.read("report.xml");
+    let mut reader = quick_xml::Reader::from_str(&text);
+    let (mut names, mut content) = (Vec::new(), String::new());
+    loop {
+        match reader.read_event().unwrap() {
+            Event::Start(tag) | Event::Empty(tag) => {
+                let mut name = String::from_utf8(tag.name().as_ref().to_vec()).unwrap();
+                for attribute in tag.attributes().map(Result::unwrap) {
+                    let key = String::from_utf8(attribute.key.as_ref().to_vec()).unwrap();
+                    if ["name", "message", "tests", "failures", "errors"].contains(&key.as_str()) {
+                        name += &format!(" {key}={}", String::from_utf8_lossy(&attribute.value));
+                    }
+                }
+                names.push(name);
+            }
+            Event::Text(part) => content += &String::from_utf8_lossy(&part),
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    assert_eq!(names[0], "testsuites name=commram tests=3 failures=1 errors=1");
+    assert!(names.contains(&"testcase name=b".to_owned()), "{names:?}");
+    let failure = "failure message=node2.w_OPTION_STATUS (%MW3.200002) is 16#0001, not 16#0002";
+    assert!(names.contains(&failure.to_owned()), "{names:?}");
+    assert!(content.contains("expected  16#0002") && content.contains("b.rhai:1: expect("), "{content}");
+    assert!(names.iter().any(|name| name.starts_with("error message=c.rhai:1: ")), "{names:?}");
+}
+
+#[cfg(feature = "channel")]
+mod attached {
+    use super::*;
+    use crate::common::{Emulator, unique_name};
+    use std::path::PathBuf;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    const START: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/01-start-of-the-master.rhai");
+
+    #[test]
+    fn a_scenario_runs_alike_on_a_running_instance() {
+        let emulator = Emulator::stepped();
+        let own = run(&["test", START]);
+        let there = run(&["test", START, "--attach", &emulator.name]);
+        assert_eq!(without_real_times(there.ok()), without_real_times(own.ok()));
+        assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0080");
+    }
+
+    /// The plant file of a scenario: one it names, or one it has in itself.
+    fn plant_of(script: &Path, directory: &TempDir) -> Option<PathBuf> {
+        let text = std::fs::read_to_string(script).unwrap();
+        let (_, plant) = text.split_once("\nplant(")?;
+        if let Some((file, _)) = plant.strip_prefix('"').and_then(|rest| rest.split_once('"')) {
+            return Some(script.with_file_name(file));
+        }
+        let (toml, _) = plant.strip_prefix('`').and_then(|rest| rest.split_once('`')).unwrap();
+        let path = directory.path().join("plant.toml");
+        std::fs::write(&path, toml).unwrap();
+        Some(path)
+    }
+
+    /// What scenarios do against the manual, to show what happens then; all others do nothing.
+    const ON_PURPOSE: [(&str, &str); 3] = [
+        ("04-deadlines", "late-reference"),
+        ("12-forced-registers", "owner"),
+        ("21-ip-address", "ip-address"),
+    ];
+
+    /// All verbs behave at a live instance as they do on a plant of one's own: blocks, forces, faults, findings, boards.
+    #[test]
+    fn every_scenario_of_the_tutorial_passes_on_a_running_instance() {
+        let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenarios");
+        let entries = directory.read_dir().unwrap().map(|entry| entry.unwrap().path());
+        let mut scripts: Vec<_> =
+            entries.filter(|path| path.extension().is_some_and(|it| it == "rhai")).collect();
+        scripts.sort();
+        assert!(scripts.len() > 20, "{scripts:?}");
+        let next = AtomicUsize::new(0);
+        let work = || {
+            while let Some(script) = scripts.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let plants = TempDir::new().unwrap();
+                let plant = plant_of(script, &plants);
+                let plant = plant.iter().map(|path| path.to_str().unwrap());
+                let emulator =
+                    Emulator::start(&["--clock", "stepped"].into_iter().chain(plant).collect::<Vec<_>>());
+                let broken = ON_PURPOSE.iter().find(|(name, _)| script.file_stem() == Some(name.as_ref()));
+                emulator.breaks(broken.map(|(_, rule)| *rule).as_slice());
+                let there = run(&["test", script.to_str().unwrap(), "--attach", &emulator.name]);
+                assert_eq!((there.code, there.err.as_str()), (Some(0), ""), "{}", there.out);
+            }
+        };
+        std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(work))));
+    }
+
+    #[test]
+    fn what_an_instance_cannot_do_is_told() {
+        let emulator = Emulator::stepped();
+        let scripts = Scripts::new(&[
+            ("plant.rhai", "plant(`[[plc]]\nname = \"other\"`);"),
+            ("fails.rhai", "expect(\"node2.w_OPTION_STATUS\", 9);"),
+            ("sync.rhai", "step_to_sync();"),
+        ]);
+        let on = |script: &str, name: &str| scripts.run(&[script, "--attach", name]);
+        let plant = on("plant.rhai", &emulator.name);
+        assert_eq!(plant.code, Some(2));
+        assert!(plant.out.contains("the instance has another plant, its PLCs are line"), "{}", plant.out);
+        let fails = on("fails.rhai", &emulator.name);
+        assert_eq!(fails.code, Some(1));
+        assert!(fails.out.contains("is 16#0001, not 16#0009"), "{}", fails.out);
+        assert_eq!(on("sync.rhai", &emulator.name).code, Some(1));
+        let nobody = unique_name();
+        assert!(on("fails.rhai", &nobody).fails(1).contains("is not running"));
+        let both = scripts.run(&["fails.rhai", "--attach", &nobody, "--jobs", "2"]);
+        assert!(both.fails(2).contains("cannot be used with"));
+    }
+
+    #[test]
+    fn a_clock_that_runs_by_itself_can_be_waited_for_but_not_stepped() {
+        let emulator = Emulator::start(&[]);
+        let scripts = Scripts::new(&[
+            (
+                "wait.rhai",
+                "poke(\"node2.w_CPU_CONTROL\", 1); wait(\"node2.w_OPTION_STATUS\", 2, \"30s\");
+                           wait_until(|| peek(\"node2.w_OPTION_STATUS\") == 2, \"30s\");",
+            ),
+            ("step.rhai", "step(\"1ms\");"),
+        ]);
+        let outcome = scripts.run(&["wait.rhai", "step.rhai", "--attach", &emulator.name]);
+        assert!(outcome.out.contains("passed  wait.rhai"), "{}", outcome.out);
+        assert!(outcome.out.contains("the clock runs in real time"), "{}", outcome.out);
+        assert_eq!(outcome.code, Some(1));
+    }
+}

@@ -1,0 +1,9 @@
+//! The BAPS of a PLC on plant level: registers on the one side, the drive on the other.
+
+mod bench;
+mod configuration;
+mod exchange;
+mod journal;
+mod mixes;
+mod service;
+mod sync;

@@ -1,0 +1,236 @@
+//! Boards in a plant: events from the SYNC signal, reset and power of one PLC while the others go on.
+
+use crate::rig::{BOTH, Memory, RATES, Rig};
+use commram::journal::{BoardEvent, Event};
+use commram::layout::omega_drive_line_2::*;
+use commram::memory::Segment;
+use commram::memory::header::{InterruptResult, OptInitResult};
+use commram::plant::{Plant, PlantConfig, Power};
+
+const A: usize = 0;
+const B: usize = 1;
+const SYNC: usize = 12;
+
+/// `INTR_SET` in the header page of a PLC.
+fn set_event(plant: &mut Plant, plc: usize, event: usize, factor: i16) {
+    let header = plant.plcs()[plc].segment().header().unwrap();
+    let request = header.interrupts[event].ask(factor, true);
+    header.submit_request();
+    assert!(plant.look_at_boards());
+    assert_eq!(header.interrupts[event].outcome(request), Some(InterruptResult::Done.code()));
+}
+
+/// How often an event has come, and when last.
+fn event(plant: &Plant, plc: usize, event: usize) -> (u32, u64) {
+    let header = plant.plcs()[plc].segment().header().unwrap();
+    (header.events[event].bell.rings(), header.events[event].time_us.load())
+}
+
+fn edges(rig: &Rig) -> Vec<u64> {
+    let journal = rig.plant.journal();
+    let mut times: Vec<u64> = journal
+        .records()
+        .copied()
+        .chain(journal.pending())
+        .filter(|record| matches!(record.event, Event::SyncEdge { .. }))
+        .flat_map(|record| record.times())
+        .collect();
+    times.sort_unstable();
+    times
+}
+
+#[test]
+fn every_sync_edge_is_one_event_however_the_time_passes() {
+    for memory in BOTH {
+        for step in [1, 37, 1000, 2000, 123_457] {
+            let mut rig = Rig::new(memory, RATES[0]);
+            rig.set_up();
+            set_event(&mut rig.plant, A, SYNC, 0);
+            set_event(&mut rig.plant, B, SYNC, 0);
+            let start = rig.plant.now();
+            let end = start + 60_000;
+            while rig.plant.now() < end {
+                rig.plant.advance_to((rig.plant.now() + step).min(end));
+            }
+            let edges: Vec<u64> = edges(&rig).into_iter().filter(|time| *time > start).collect();
+            assert_eq!(edges.len(), 30);
+            for plc in [A, B] {
+                assert_eq!(event(&rig.plant, plc, SYNC), (30, *edges.last().unwrap()), "steps of {step} us");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_watched_event_stops_the_time_at_each_edge() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.set_up();
+    set_event(&mut rig.plant, B, SYNC, 0);
+    rig.plant.watch(B, 1 << SYNC);
+    let start = rig.plant.now();
+    let mut stops = Vec::new();
+    while rig.plant.advance_until(start + 10_000) {
+        stops.push(rig.plant.now());
+        assert_eq!(event(&rig.plant, B, SYNC), (stops.len() as u32, rig.plant.now()));
+    }
+    assert_eq!((stops.len(), rig.plant.now()), (5, start + 10_000));
+    rig.plant.watch(B, 0);
+    assert!(!rig.plant.advance_until(start + 20_000));
+    assert_eq!(event(&rig.plant, B, SYNC).0, 10);
+}
+
+/// Stopping at events changes nothing in what happens.
+#[test]
+fn a_watched_run_is_the_same_run() {
+    let run = |watch: u16| {
+        let mut rig = Rig::new(Memory::Heap, RATES[0]);
+        rig.activate();
+        set_event(&mut rig.plant, A, SYNC, 0);
+        set_event(&mut rig.plant, A, 0, 7);
+        rig.plant.watch(A, watch);
+        let end = rig.plant.now() + 50_000;
+        while rig.plant.advance_until(end) {}
+        (rig.plant.journal().hash(), event(&rig.plant, A, SYNC), event(&rig.plant, A, 0))
+    };
+    assert_eq!(run(0), run(1 << SYNC | 1));
+}
+
+/// Node 1 on the upper bus, node 2 master of the lower one with the SYNC signal passed on: one edge, one event.
+#[test]
+fn a_forwarded_edge_is_one_event() {
+    let text = "[[plc]]\nname='a'\nnode2='upper'\n[[plc]]\nname='b'\ndip=3\nnode1='upper'\nnode2='lower'\n\
+                [[bus]]\nname='upper'\n[[bus]]\nname='lower'\n";
+    let config = PlantConfig::parse("cluster", text).unwrap();
+    let mut plant = Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap())).unwrap();
+    let init =
+        |plc: usize, node| plant.plcs()[plc].segment().clone().view::<CANsync_INIT_BMSTRUCT>(node).unwrap();
+    let nodes = [(init(A, NODE2), 0), (init(B, NODE1), 1), (init(B, NODE2), 2)];
+    for (node, mode) in &nodes {
+        for command in [0x0001, 0x0002] {
+            if command == 2 {
+                crate::rig::write_init_data(node, RATES[0], *mode);
+            }
+            node.w_CPU_CONTROL.store(command);
+            plant.advance_to(plant.now() + 500);
+        }
+    }
+    set_event(&mut plant, B, SYNC, 0);
+    for (node, _) in nodes.iter().rev() {
+        node.w_CPU_CONTROL.store(0x0020);
+    }
+    plant.advance_to(plant.now() + 500);
+    let edges = || plant.plcs()[B].segment().header().unwrap().sync_counter.each_ref().map(|it| it.load());
+    let before = (event(&plant, B, SYNC).0, edges());
+    assert!(before.0 > 0);
+    plant.advance_to(plant.now() + 20_000);
+    let header = plant.plcs()[B].segment().header().unwrap();
+    let after = header.sync_counter.each_ref().map(|it| it.load());
+    assert_eq!(after.map(|count| count - before.1[0]), [10, 10], "both buses have edges");
+    assert_eq!(event(&plant, B, SYNC).0 - before.0, 10);
+}
+
+#[test]
+fn the_trigger_controller_follows_the_sync_signal() {
+    let mut rig = Rig::new(Memory::Heap, RATES[1]);
+    rig.set_up();
+    let header = rig.plant.plcs()[A].segment().header().unwrap();
+    header.opt_init.triggers.iter().zip([3, 0, 1]).for_each(|(cell, mode)| cell.store(mode));
+    let request = header.opt_init.ask();
+    header.submit_request();
+    rig.step(40_000);
+    assert_eq!(header.opt_init.outcome(request), Some(OptInitResult::Done.code()));
+    let pulses = header.triggers.each_ref().map(|slot| slot.bell.rings());
+    let edge = *edges(&rig).last().unwrap();
+    assert_eq!(pulses, [10, 0, 10]);
+    assert_eq!(header.triggers[2].time_us.load(), edge);
+}
+
+#[test]
+fn a_reset_slave_leaves_the_bus_to_the_others() {
+    for how in [[Power::HoldReset, Power::ReleaseReset], [Power::Off, Power::On]] {
+        let mut rig = Rig::new(Memory::Heap, RATES[0]);
+        rig.activate();
+        set_event(&mut rig.plant, A, SYNC, 0);
+        set_event(&mut rig.plant, B, SYNC, 0);
+        rig.plant.set_power(B, how[0]);
+        assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0001);
+        let before = (event(&rig.plant, A, SYNC).0, event(&rig.plant, B, SYNC).0);
+        rig.step(20_000);
+        assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x0080, "the master goes on");
+        assert_eq!((event(&rig.plant, A, SYNC).0, event(&rig.plant, B, SYNC).0), (before.0 + 10, before.1));
+        rig.slave.w_CPU_CONTROL.store(0x0001);
+        rig.step(1_000);
+        assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0001, "nobody is there");
+        rig.plant.set_power(B, how[1]);
+        assert_eq!(rig.slave.w_CPU_CONTROL.load(), 0x0000, "start values");
+        rig.initialize_slave();
+        rig.slave.w_CPU_CONTROL.store(0x0020);
+        rig.step(1_000);
+        assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0013, "it comes up again");
+    }
+}
+
+#[test]
+fn a_reset_master_stops_its_bus() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.activate();
+    rig.plant.set_power(A, Power::HoldReset);
+    assert_eq!(rig.plant.next_sync(A, 2), None);
+    let edges_before = edges(&rig).len();
+    rig.step(20_000);
+    assert_eq!(edges(&rig).len(), edges_before);
+    assert_eq!(rig.slave.w_OPTION_STATUS.load(), 0x0020, "the other PLC goes on");
+    rig.plant.set_power(A, Power::ReleaseReset);
+    rig.initialize_master();
+    rig.master.w_CPU_CONTROL.store(0x0020);
+    rig.step(10_000);
+    assert!(edges(&rig).len() > edges_before);
+}
+
+#[test]
+fn dip_switches_count_after_the_reset() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.plant.plcs()[B].segment().header().unwrap().board.dip.store(2);
+    rig.step(10_000);
+    assert_eq!((rig.plant.plcs()[B].dip(), rig.slave.w_OMEGA_NR.load()), (0, 0));
+    rig.plant.set_power(B, Power::HoldReset);
+    rig.plant.set_power(B, Power::ReleaseReset);
+    assert_eq!((rig.plant.plcs()[B].dip(), rig.slave.w_OMEGA_NR.load()), (2, 2));
+    // The master finds it under its new number.
+    rig.set_up();
+    rig.step(100_000);
+    let answering: Vec<_> = (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect();
+    assert_eq!(answering, [2]);
+}
+
+#[test]
+fn a_number_that_is_taken_leaves_the_node_alone() {
+    let mut rig = Rig::of(Memory::Heap, RATES[0], "[[bus.drive]]\nname = 'd'\nslave_number = 2\n");
+    rig.plant.plcs()[B].segment().header().unwrap().board.dip.store(2);
+    rig.plant.set_power(B, Power::Off);
+    rig.plant.set_power(B, Power::On);
+    let taken = Event::Board { plc: B as u16, what: BoardEvent::NumberTaken { number: 2 } };
+    assert!(rig.records().any(|record| record.event == taken));
+    // Back to a free one.
+    rig.plant.plcs()[B].segment().header().unwrap().board.dip.store(1);
+    rig.plant.set_power(B, Power::Off);
+    rig.plant.set_power(B, Power::On);
+    rig.set_up();
+    rig.step(100_000);
+    let answering: Vec<_> = (0..4).filter(|n| rig.master.a_STAT_SL[*n].load() & 1 != 0).collect();
+    assert_eq!(answering, [1, 2], "the node and the drive");
+}
+
+/// A client turns the switch in the header page; the firmware sees it at its next look.
+#[test]
+fn the_switch_in_the_header_page_works_without_a_ring() {
+    let mut rig = Rig::new(Memory::Mapped, RATES[0]);
+    rig.activate();
+    let header = rig.plant.plcs()[A].segment().header().unwrap();
+    header.board.switch.store(2);
+    rig.step(500);
+    assert_eq!((rig.master.w_OPTION_STATUS.load(), header.board.display.load()), (0x0001, 0));
+    header.board.switch.store(1);
+    rig.step(500);
+    assert_eq!((header.program.restarts.load(), header.board.display.load()), (2, u32::from('0')));
+}

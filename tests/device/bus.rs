@@ -1,0 +1,184 @@
+//! Process data between a master, a slave node and drives: who hears what, when, and who does not.
+
+use crate::rig::{BOTH, Memory, RATES, Rig};
+use commram::bus::wire;
+use commram::check::Rule;
+use commram::journal::{Event, Missed};
+
+const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
+                      [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
+
+/// Drives active, reference value 0 as doubleword in WRC1, actual value 0 of each slave from RDC1.
+fn with_drives(memory: Memory, rate: crate::rig::Rate) -> Rig {
+    let mut rig = Rig::of(memory, rate, DRIVES);
+    rig.activate();
+    rig.step(60_000); // until the drives are locked
+    rig.configure_wrc1([0x01, 0x03, 0, 0]);
+    for slave in &rig.master.a_CFG_RDC_WORD {
+        slave.b_CFG_RDC1_WORD0.store(0x01);
+        slave.b_CFG_RDC1_WORD1.store(0x03);
+    }
+    rig.run_to_sync();
+    rig
+}
+
+/// Manual 5.00005.03a p. 125 (slots), 5.01010.01 p. 20 (when a reference value acts); D-34.
+#[test]
+fn a_reference_value_comes_back_as_actual_value_two_intervals_later() {
+    for memory in BOTH {
+        for rate in RATES {
+            let mut rig = with_drives(memory, rate);
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(2);
+            rig.master.a_WR_VALUE[0].store(0x1122_3344);
+            let seen: Vec<u32> = (0..3)
+                .map(|_| {
+                    rig.send_wrc1();
+                    rig.master.a_RD_BMARRAY[2][0].load()
+                })
+                .collect();
+            assert_eq!(seen, [0, 0, 0x1122_3344]);
+            assert_eq!(rig.master.b_STATREG_RDC1.load(), 2);
+        }
+    }
+}
+
+#[test]
+fn frames_start_in_their_slots_and_last_as_long_as_their_bits() {
+    let slots = [(500, 730, 1060), (250, 1430, 2100), (125, 3020, 4310)];
+    for (rate, (kbit_s, wrc1, rdc1)) in RATES.into_iter().zip(slots) {
+        assert_eq!(rate.kbit_s, kbit_s);
+        let mut rig = with_drives(Memory::Heap, rate);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(1);
+        let sync = rig.plant.now();
+        rig.send_wrc1();
+        let end = |id: u16| {
+            let frames = rig.frames();
+            let (time, frame) =
+                frames.iter().rev().find(|(_, frame)| frame.id() == id).expect("the frame went out");
+            time - u64::from(wire::duration_us(frame, u32::from(kbit_s))) - sync
+        };
+        assert_eq!((end(0x101), end(0x301)), (wrc1, rdc1));
+    }
+}
+
+/// Manual 5.00005.03a p. 182-187: a slave reads the frames of the others, never its own.
+#[test]
+fn a_slave_node_overhears_other_slaves_but_not_itself() {
+    for memory in BOTH {
+        let mut rig = with_drives(memory, RATES[0]);
+        for slave in [0, 1] {
+            rig.slave.a_CFG_RDC_WORD[slave].b_CFG_RDC1_WORD0.store(0x05);
+        }
+        rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+        rig.master.a_WR_VALUE[0].store(0x0000_7788);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(1);
+        for _ in 0..3 {
+            rig.send_wrc1();
+        }
+        assert_eq!(rig.slave.a_RD_BMARRAY[1][1].load(), 0x7788);
+        assert_eq!(rig.slave.a_STATREG_RDC[1].b_STATREG_RDC1.load(), 0x02);
+        assert_eq!(rig.slave.b_STATREG_RDC1.load(), 1);
+
+        rig.slave.b_STATREG_RDC1.store(0xFF);
+        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
+        rig.send_wrc1();
+        assert_eq!(rig.master.b_STATREG_RDC1.load(), 0, "the master has it");
+        assert_eq!(rig.slave.b_STATREG_RDC1.load(), 0xFF, "the sender has not");
+    }
+}
+
+/// Manual 5.00005.03a p. 182: sent only if released in time and asked for.
+#[test]
+fn an_own_actual_value_needs_release_and_request() {
+    let mut rig = with_drives(Memory::Heap, RATES[0]);
+    rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(1);
+    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+    rig.send_wrc1();
+    assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x04, "acknowledged when built, asked for or not");
+    assert_eq!(rig.last_frame(0x300..=0x300), None, "not asked for");
+
+    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
+    rig.send_wrc1();
+    assert_eq!(rig.last_frame(0x300..=0x300), None, "not released");
+    let missed = rig.records().any(|r| matches!(r.event, Event::Missed { what: Missed::ActualValue(1), .. }));
+    assert!(missed);
+
+    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+    rig.send_wrc1();
+    assert!(rig.last_frame(0x300..=0x300).is_some());
+}
+
+/// The slave's second frame may be released until WRC1 is processed (p. 182; D-26).
+#[test]
+fn the_second_actual_value_frame_has_a_later_deadline() {
+    for (release_at, sent) in [(600, true), (799, true), (1000, false)] {
+        let mut rig = with_drives(Memory::Heap, RATES[0]);
+        rig.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+        rig.master.b_CTRLREG_RD_ORDER_RDC2.store(0);
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        rig.master.b_CTRLREG_WRC2.store(0x05);
+        rig.step(release_at);
+        rig.slave.b_CTRLREG_RD_RDC2.store(0x05);
+        rig.run_to_sync();
+        assert_eq!(rig.last_frame(0x380..=0x380).is_some(), sent, "released {release_at} us after SYNC");
+    }
+}
+
+/// A node or a drive at another baud rate than the bus hears nothing and disturbs nobody.
+#[test]
+fn another_baud_rate_is_deaf() {
+    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    rig.expect_errors(&[Rule::BusBaudRate]);
+    rig.rate = RATES[1];
+    rig.initialize_master();
+    rig.rate = RATES[0];
+    rig.initialize_slave();
+    rig.master.w_CPU_CONTROL.store(0x0020);
+    rig.step(500);
+    rig.slave.w_CPU_CONTROL.store(0x0020);
+    rig.step(100_000);
+    assert_eq!(rig.master.a_STAT_SL[0].load(), 0, "the slave node is set to 500 kbit/s, the bus to 250");
+    assert_eq!(rig.master.a_STAT_SL[1].load(), 0, "so are the drives");
+    assert!(rig.records().any(|r| matches!(r.event, Event::BaudRateMismatch { .. })));
+}
+
+/// D-12: the lower bus gets its edges at the same microsecond as the upper one.
+#[test]
+fn a_cluster_forwards_the_sync_signal() {
+    use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+    use commram::memory::Segment;
+    use commram::plant::{Plant, PlantConfig};
+
+    let text = "[[plc]]\nname = 'top'\nnode2 = 'upper'\n\
+                [[plc]]\nname = 'middle'\ndip = 3\nnode1 = 'upper'\nnode2 = 'lower'\n\
+                [[bus]]\nname = 'upper'\n[[bus]]\nname = 'lower'\n\
+                [[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n";
+    let config = PlantConfig::parse("cluster", text).unwrap();
+    let mut plant = Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap())).unwrap();
+    let init = |plc: usize, node: usize| -> commram::memory::View<CANsync_INIT_BMSTRUCT> {
+        plant.plcs()[plc].segment().view(node).unwrap()
+    };
+    let nodes = [(init(0, NODE2), 0x00), (init(1, NODE1), 0x01), (init(1, NODE2), 0x02)];
+    for (regs, mode) in &nodes {
+        regs.w_CPU_CONTROL.store(0x0001);
+        plant.advance_to(plant.now() + 500);
+        crate::rig::write_init_data(regs, RATES[0], *mode);
+        regs.w_CPU_CONTROL.store(0x0002);
+        plant.advance_to(plant.now() + 500);
+        regs.w_CPU_CONTROL.store(0x0020);
+        plant.advance_to(plant.now() + 500);
+    }
+    assert_eq!(nodes[2].0.w_OPTION_STATUS.load(), 0x0043);
+    plant.advance_to(plant.now() + 50_000);
+    let edges = |bus| -> Vec<u64> {
+        let edge = |r: &&commram::journal::Record| r.event == Event::SyncEdge { bus };
+        let (noted, pending) = (plant.journal().records(), plant.journal().pending());
+        noted.chain(&pending).filter(edge).flat_map(|r| r.times()).collect()
+    };
+    let (upper, lower) = (edges(0), edges(1));
+    assert!(lower.len() > 20 && upper.ends_with(&lower), "{upper:?} {lower:?}");
+    assert_eq!(plant.next_sync(1, 2), plant.next_sync(0, 2), "asked at either master");
+    assert!(plant.drives().all(|drive| drive.is_synchronized()));
+}

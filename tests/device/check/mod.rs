@@ -1,0 +1,162 @@
+//! The access checker: for each rule something that breaks it, and next to it something much alike that is right.
+
+mod cases;
+
+use crate::rig::{BOTH, Memory, RATES, Rig};
+use cases::CASES;
+use commram::check::{Entry, Rule};
+use commram::layout::omega_drive_line_2::*;
+use commram::memory::Width;
+
+fn findings(rig: &Rig) -> Vec<Entry> {
+    rig.plant.journal().findings().iter().copied().collect()
+}
+
+fn names(entries: &[Entry]) -> Vec<(&'static str, Option<String>)> {
+    entries.iter().map(|entry| (entry.last.rule.id(), entry.last.name())).collect()
+}
+
+#[test]
+fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
+    for memory in BOTH {
+        for case in CASES {
+            let rule = case.rule;
+            let mut rig = Rig::new(memory, RATES[0]);
+            rig.expect_errors(&[rule]);
+            (case.wrong)(&mut rig);
+            rig.step(500);
+            let found = findings(&rig);
+            let [entry] = found[..] else { panic!("{rule}, {memory:?}: {:?}", names(&found)) };
+            assert_eq!(entry.last.rule, rule);
+            assert_eq!(entry.last.name().as_deref(), Some(case.register), "{rule}");
+            assert_eq!(entry.last.value, case.value, "{rule}");
+            assert_eq!(entry.count, 1, "{rule} is reported once");
+
+            let mut rig = Rig::new(memory, RATES[0]);
+            (case.right)(&mut rig);
+            rig.step(500);
+            assert_eq!(names(&findings(&rig)), [], "the right way beside {rule}, {memory:?}");
+        }
+    }
+}
+
+#[test]
+fn every_rule_has_a_case() {
+    let without: Vec<_> =
+        Rule::ALL.iter().filter(|rule| CASES.iter().all(|case| case.rule != **rule)).collect();
+    assert_eq!(without, Vec::<&Rule>::new());
+}
+
+#[test]
+fn how_late_it_was_is_told() {
+    for (rate, deadline) in [(RATES[0], 490), (RATES[2], 2780)] {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.expect_errors(&[Rule::LateReference]);
+        for late in [12, 37, 5] {
+            if rig.plant.now() == 0 {
+                rig.activate();
+            }
+            rig.run_to_sync();
+            rig.send_wrc1();
+            rig.step(deadline + late);
+            rig.master.b_CTRLREG_WRC1.store(0x05);
+            rig.run_to_sync();
+        }
+        let found = findings(&rig);
+        assert_eq!((found[0].count, found[0].last.late_us, found[0].latest_us), (3, 5, 37));
+    }
+}
+
+/// D-142: who releases one interval ahead, or now and then, is not late.
+#[test]
+fn working_ahead_and_pausing_are_not_late() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.activate();
+    for _ in 0..5 {
+        rig.step(1000);
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        rig.run_to_sync();
+    }
+    for _ in 0..3 {
+        rig.run_to_sync();
+        rig.run_to_sync();
+        rig.step(700);
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        rig.run_to_sync();
+        rig.run_to_sync();
+    }
+    assert_eq!(names(&findings(&rig)), []);
+}
+
+/// A finding bears the emulated time of the write, however the time passes afterwards.
+#[test]
+fn the_time_is_that_of_the_write() {
+    for slice in [1, 77, 5000] {
+        let mut rig = Rig::new(Memory::Mapped, RATES[0]);
+        rig.expect_errors(&[Rule::Owner]);
+        rig.activate();
+        rig.step(333);
+        let at = rig.plant.now();
+        rig.master.w_OMEGA_NR.store(1);
+        for _ in 0..5000 / slice {
+            rig.step(slice);
+        }
+        rig.master.w_OMEGA_NR.store(2);
+        let again = rig.plant.now();
+        rig.plant.processor_cycle();
+        let found = findings(&rig);
+        assert_eq!((found[0].first_us, found[0].last_us, found[0].count), (at, again, 2));
+    }
+}
+
+/// The same value again is no change of the RAM; through the channel it is a write all the same.
+#[test]
+fn through_the_channel_every_write_is_seen() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.expect_errors(&[Rule::Owner]);
+    rig.activate();
+    for _ in 0..3 {
+        rig.plant.note_channel_write(0, NODE2 as u32 + 2, 2, 0x0080);
+    }
+    let status = NODE2 as u32 + 2;
+    rig.plant.plcs()[0].segment().store(status, Width::Word, 0x0043).unwrap();
+    rig.plant.note_channel_write(0, status, 2, 0x0043);
+    rig.step(100);
+    let found = findings(&rig);
+    assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 4, 0x0043), "not found a second time");
+    let baps_status = BAPS as u32 + 2;
+    for times in [1, 2] {
+        rig.plant.plcs()[0].segment().store(baps_status, Width::Word, 0x0008).unwrap();
+        rig.plant.note_channel_write(0, baps_status, 2, 0x0008);
+        let found = findings(&rig);
+        assert_eq!((found[1].last.name().as_deref(), found[1].count), (Some("baps.w_STATUS_REG"), times));
+    }
+}
+
+#[test]
+fn findings_can_be_forgotten() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    rig.expect_errors(&[Rule::Owner]);
+    for value in [5, 6] {
+        rig.plant.clear_findings();
+        rig.master.w_OMEGA_NR.store(value);
+        rig.step(100);
+        let found = findings(&rig);
+        assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 1, u32::from(value)));
+    }
+}
+
+/// Findings are events like all others: the same run has the same ones, and other ones make another run.
+#[test]
+fn findings_belong_to_the_run() {
+    let run = |memory, value| {
+        let mut rig = Rig::new(memory, RATES[0]);
+        rig.expect_errors(&[Rule::Owner]);
+        rig.activate();
+        rig.master.w_OMEGA_NR.store(value);
+        rig.step(3000);
+        rig.plant.journal().hash()
+    };
+    assert_eq!(run(Memory::Heap, 5), run(Memory::Mapped, 5));
+    assert_ne!(run(Memory::Heap, 5), run(Memory::Heap, 6));
+}

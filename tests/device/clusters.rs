@@ -1,0 +1,85 @@
+//! Clusters: PLCs that are slaves on one bus and masters of another, with one SYNC signal for all (D-12).
+
+use crate::rig::cluster::{Cluster, INTERVAL_US};
+use commram::journal::{Event, Record};
+
+/// Times of the SYNC edges of a bus.
+fn edges(cluster: &Cluster, bus: u16) -> Vec<u64> {
+    let journal = cluster.plant.journal();
+    let edge = |record: &&Record| record.event == Event::SyncEdge { bus };
+    journal.records().chain(&journal.pending()).filter(edge).flat_map(|record| record.times()).collect()
+}
+
+/// Frames so far on a bus.
+fn frames(cluster: &Cluster, bus: u16) -> usize {
+    let of_bus = |record: &&Record| matches!(record.event, Event::Frame { bus: b, .. } if b == bus);
+    cluster.plant.journal().records().filter(of_bus).count()
+}
+
+/// Three PLCs, one below the other, and a drive: a value goes one level down in each interval, takes two in
+/// the drive (D-34) and comes up again one level in each.
+#[test]
+fn a_value_goes_through_three_levels_and_back() {
+    let mut cluster = Cluster::new(&[1, 1, 1]);
+    cluster.activate();
+    cluster.plcs[0].master.a_WR_VALUE[0].store(0x1122_3344);
+    let mut seen = [None; 3];
+    for interval in 0..10 {
+        cluster.interval();
+        for (level, plc) in cluster.plcs.iter().enumerate() {
+            if plc.sum() == 0x1122_3344 {
+                seen[level].get_or_insert(interval);
+            }
+        }
+    }
+    assert_eq!(seen, [Some(6), Some(5), Some(4)]);
+}
+
+#[test]
+fn all_levels_have_their_edges_at_the_same_microsecond() {
+    let mut cluster = Cluster::new(&[2, 1, 1]);
+    cluster.activate();
+    (0..10).for_each(|_| cluster.interval());
+    let buses: Vec<_> = (0..cluster.plcs.len() as u16).map(|bus| edges(&cluster, bus)).collect();
+    assert_eq!(buses.len(), 5, "one bus at the top, two below it, two below those");
+    assert!(buses[0].len() > 100 && buses[0].windows(2).all(|pair| pair[1] - pair[0] == INTERVAL_US));
+    assert!(buses.iter().all(|bus| bus.len() > 100 && buses[0].ends_with(bus)));
+}
+
+/// The top restarts: no edges anywhere below, so no frames and no answers; with the signal comes all else.
+#[test]
+fn a_cluster_stands_still_while_its_top_restarts() {
+    let mut cluster = Cluster::new(&[1, 1, 2]);
+    cluster.activate();
+    cluster.interval();
+    let top = cluster.plcs[0].master.clone();
+    top.w_CPU_CONTROL.store(0x0000);
+    cluster.plant.advance_to(cluster.plant.now() + INTERVAL_US);
+    let before = [0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus)));
+    assert_eq!(cluster.plant.next_sync(2, 2), None);
+    cluster.plant.advance_to(cluster.plant.now() + 20 * INTERVAL_US);
+    assert_eq!([0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus))), before);
+    assert_eq!(cluster.plcs[2].master.w_OPTION_STATUS.load(), 0x0080, "nobody told it to leave");
+
+    let mut again = Cluster::new(&[1, 1, 2]);
+    again.activate();
+    cluster.activate();
+    for cluster in [&mut cluster, &mut again] {
+        cluster.plcs[0].master.a_WR_VALUE[0].store(500);
+        (0..20).for_each(|_| cluster.interval());
+        assert_eq!(cluster.plcs[0].sum(), 1000);
+    }
+}
+
+/// 1 + 32 + 32 x 32 participants: nobody is left out, no value is lost or invented.
+#[test]
+fn the_largest_two_level_cluster_runs() {
+    let mut cluster = Cluster::new(&[32, 32]);
+    assert_eq!(cluster.plcs.len() + cluster.plant.drives().count(), 1 + 32 + 32 * 32);
+    cluster.activate();
+    cluster.plcs[0].master.a_WR_VALUE[0].store(7);
+    // Two rounds of asking 32 slaves on each level, and the way down and up.
+    (0..2 * 64 + 8).for_each(|_| cluster.interval());
+    assert!(cluster.plcs[1..].iter().all(|plc| plc.sum() == 7 * 32));
+    assert_eq!(cluster.plcs[0].sum(), 7 * 1024);
+}

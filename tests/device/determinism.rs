@@ -1,0 +1,55 @@
+//! The same plant and the same register writes at the same emulated times give the same journal.
+
+use crate::rig::{BOTH, Memory, RATES, Rig};
+
+const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
+                      [[bus.drive]]\nname = 'd2'\nslave_number = 2\nramp_per_second = 100000\n";
+
+/// A run with handshakes, process data and a restart in the middle. `slice_us` is the largest step in
+/// which emulated time is asked for; it must not matter.
+fn run(memory: Memory, rate: crate::rig::Rate, slice_us: u64, value: u32) -> (u64, u64) {
+    let mut rig = Rig::of(memory, rate, DRIVES);
+    let pass = |rig: &mut Rig, us: u64| {
+        let end = rig.plant.now() + us;
+        while rig.plant.now() < end {
+            rig.step(slice_us.min(end - rig.plant.now()));
+        }
+    };
+    rig.set_up();
+    pass(&mut rig, 60_000);
+    rig.configure_wrc1([0x01, 0x03, 0x05, 0x07]);
+    rig.master.b_MAX_SL_NR.store(2);
+    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
+    rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+    rig.master.w_CPU_CONTROL.store(0x0040);
+    rig.slave.w_CPU_CONTROL.store(0x0040);
+    for round in 0..40u32 {
+        rig.master.a_WR_VALUE[0].store(value.wrapping_mul(round));
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        rig.slave.a_RD_VALUE_SEND[0].store(round);
+        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+        pass(&mut rig, rate.interval_us - 137);
+    }
+    rig.master.w_CPU_CONTROL.store(0x0000);
+    pass(&mut rig, 10_000);
+    let journal = rig.plant.journal();
+    (journal.hash(), journal.written())
+}
+
+#[test]
+fn equal_runs_have_equal_journals_on_both_memories_in_any_slices() {
+    for rate in RATES {
+        let (hash, written) = run(Memory::Heap, rate, u64::MAX, 3);
+        assert!(written > 250, "{written} records: the run did not get going");
+        for memory in BOTH {
+            for slice_us in [u64::MAX, 1000, 333] {
+                assert_eq!(
+                    run(memory, rate, slice_us, 3),
+                    (hash, written),
+                    "{memory:?}, slices of {slice_us} us"
+                );
+            }
+        }
+        assert_ne!(run(Memory::Heap, rate, u64::MAX, 4).0, hash, "other values, other journal");
+    }
+}

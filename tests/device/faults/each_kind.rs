@@ -1,0 +1,118 @@
+//! Every kind of fault through every door, with every way to end: plant file, words of the command line, and
+//! [`Plant::add_fault`](commram::plant::Plant::add_fault), which the channel calls.
+
+use super::*;
+use crate::rig::Memory;
+use commram::fault::Kind;
+
+/// When the faults begin; both nodes are active then and the drives locked.
+const AT_US: u64 = 100_003;
+/// How long they last, if not by count.
+const DURATION_US: u64 = 40_000;
+
+/// Each kind with its fields, and how many hits it is given. A drive has one fault until it is reset.
+const KINDS: [(&str, &[&str], Option<u32>); 14] = [
+    ("lose_frame", &["slot=WRC1"], Some(2)),
+    ("delay_frame", &["slot=RDC1", "delay_us=77"], Some(3)),
+    ("duplicate_frame", &["id=16#501", "delay_us=20"], Some(2)),
+    ("lose_sync", &[], Some(2)),
+    ("jitter_sync", &["amplitude_us=50"], Some(5)),
+    ("slave_off", &["slave=2"], None),
+    ("slave_late", &["slave=1", "delay_us=700"], Some(2)),
+    ("slave_busy", &["slave=1"], Some(3)),
+    ("slave_error", &["slave=1", "error=16#FFFA"], Some(2)),
+    ("wrong_offset", &["slave=0"], Some(2)),
+    ("bus_off", &["plc=b", "node=1"], Some(2)),
+    ("overrun", &["plc=a", "node=2"], Some(4)),
+    ("drive_fault", &["slave=2", "error=17"], Some(1)),
+    ("baps_drive_fault", &["plc=a", "error=18"], Some(1)),
+];
+
+/// How a fault gets into the plant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Door {
+    PlantFile,
+    Running,
+}
+
+/// The fault as words of the command line and the same in a plant file.
+fn spellings(kind: &str, fields: &[&str], end: &str) -> (FaultSpec, String) {
+    let begin = format!("at_us={AT_US}");
+    let words: Vec<&str> = fields.iter().copied().chain([begin.as_str(), end]).collect();
+    let spec = FaultSpec::from_words(kind, &words).unwrap();
+    let text = format!("[[fault]]\n{}", toml::to_string(&spec).unwrap());
+    (spec, text)
+}
+
+/// Runs the fault while there is traffic of every kind, well beyond its end.
+fn run(spec: &FaultSpec, text: &str, door: Door) -> Rig {
+    let in_file = if door == Door::PlantFile { text } else { "" };
+    let mut rig = Rig::of(Memory::Heap, RATES[0], &format!("{DRIVES}{in_file}"));
+    if door == Door::Running {
+        let fault = spec.resolve(&rig.plant.names()).unwrap();
+        rig.plant.add_fault(fault).unwrap();
+    }
+    start(&mut rig);
+    for interval in 0.. {
+        if rig.plant.now() > AT_US + 2 * DURATION_US {
+            break;
+        }
+        traffic(&mut rig, interval);
+    }
+    rig
+}
+
+/// An interval with work for every frame and register that a fault can concern.
+fn traffic(rig: &mut Rig, interval: u64) {
+    rig.master.b_CTRLREG_WRC1.store(0x05);
+    if parameter(rig, DRIVE).0 & 0x01 == 0 {
+        enter_parameter(rig, DRIVE, 0x03, 1000, 0);
+    }
+    // Parameter jobs come first, so the blocks need intervals without one.
+    rig.master.b_SL_NR_PARAMETER.store(if interval.is_multiple_of(2) { DRIVE as u8 } else { 31 });
+    if block(rig).0 & 0x01 == 0 {
+        enter_block(rig, 0x05, 0x1000, 6);
+    }
+    if rig.slave.w_CANsync_STATUS.load() & 0x80 != 0 {
+        rig.slave.w_CPU_CONTROL.store(0x00C0);
+    }
+    serve_block(rig, 1);
+}
+
+#[test]
+fn every_kind_comes_through_every_door_and_ends_by_count_and_by_time() {
+    assert!(KINDS.iter().map(|(kind, ..)| Some(*kind)).eq(Kind::ALL.map(|kind| Some(kind.name()))));
+    for (kind, fields, hits) in KINDS {
+        let by_count = hits.map(|hits| (format!("count={hits}"), Some(hits)));
+        for (end, hits) in by_count.into_iter().chain([(format!("duration_us={DURATION_US}"), None)]) {
+            let what = format!("{kind} {end}");
+            let (spec, text) = spellings(kind, fields, &end);
+            let rig = run(&spec, &text, Door::Running);
+            assert_eq!(rig.plant.faults().count(), 0, "{what} is over");
+            let mut news = news(&rig);
+            // Hits that are still being counted come behind those that are not.
+            news.sort_by_key(|(time, _, news)| (*time, *news == FaultNews::Over));
+            let [(0, 1, FaultNews::Added), ref hit @ .., (over, 1, FaultNews::Over)] = news[..] else {
+                panic!("{what}: {news:?}")
+            };
+            assert!(
+                hit.iter().all(|(_, id, news)| *id == 1 && matches!(news, FaultNews::Hit(_))),
+                "{news:?}"
+            );
+            let times = || hit.iter().map(|(time, ..)| *time);
+            assert!(times().all(|time| time >= AT_US), "{what} waits for its time: {news:?}");
+            match hits {
+                Some(hits) => {
+                    assert_eq!((hit.len() as u32, times().next_back()), (hits, Some(over)), "{what}")
+                }
+                None => {
+                    assert_eq!(over, AT_US + DURATION_US, "{what}");
+                    assert!(times().all(|time| time < over), "{what}: {news:?}");
+                    assert_eq!(hit.is_empty(), kind == "slave_off", "{what}: {news:?}");
+                }
+            }
+            let from_file = run(&spec, &text, Door::PlantFile);
+            assert_eq!(from_file.plant.journal().hash(), rig.plant.journal().hash(), "{what}, plant file");
+        }
+    }
+}

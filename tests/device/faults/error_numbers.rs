@@ -1,0 +1,130 @@
+//! Every error number of both lists, provoked once and seen by the master's PLC.
+
+use super::*;
+use crate::rig::Memory;
+use commram::bus::codec::{parameter, updown};
+
+/// How a number comes about.
+#[derive(Clone, Copy)]
+enum By {
+    /// A job to the drive: control register, parameter, value.
+    Job(u8, u16, u32),
+    /// A job that the application of slave node 0 refuses with that number.
+    Application,
+    /// An up-/download to slave node 0: control register, base address, length.
+    Block(u8, u32, u16),
+    /// The same, with a fault.
+    Fault(&'static str),
+    /// A fault that answers in place of the slave.
+    Slave,
+}
+
+/// Manual 5.00005.03a p. 166.
+const PARAMETER: [(u16, By); 7] = [
+    (parameter::error_number::GENERAL, By::Job(0x01, 1000, 0)), // neither read nor write (D-41)
+    (parameter::error_number::BELOW_MINIMUM, By::Job(0x05, 1000, 9)),
+    (parameter::error_number::ABOVE_MAXIMUM, By::Job(0x05, 1000, 501)),
+    (parameter::error_number::NOT_CHANGEABLE, By::Job(0x05, 121, 0)),
+    (parameter::error_number::NOT_PRESENT, By::Job(0x03, 999, 0)),
+    (parameter::error_number::NOT_AVAILABLE_NOW, By::Application),
+    (parameter::error_number::DATA_FORMAT, By::Job(0x15, 1000, 100)),
+];
+
+/// Manual 5.00005.03a p. 168; the list has no 16#0106.
+const UPDOWN: [(u16, By); 11] = [
+    (updown::error_number::WRONG_BLOCK, By::Fault("kind = 'wrong_offset'\nslave = 0\ncount = 1")),
+    (updown::error_number::LENGTH, By::Block(0x15, 0x1000, 301)),
+    (
+        updown::error_number::EXPECTS_OTHER_BLOCK,
+        By::Fault("kind = 'wrong_offset'\nslave = 0\nslot = 'CC'\noffset = 12\ncount = 1"),
+    ),
+    (updown::error_number::EXPECTS_END, By::Slave),
+    (updown::error_number::END_TOO_EARLY, By::Slave),
+    (updown::error_number::SLAVE_CANCELS, By::Application),
+    (updown::error_number::NOT_POSSIBLE, By::Block(0x15, 0x1000, 0)),
+    (updown::error_number::BASE_ADDRESS, By::Block(0x05, 0xFF, 6)),
+    (updown::error_number::TOO_LONG, By::Slave),
+    (updown::error_number::MODE, By::Slave),
+    (0x0200, By::Application), // above 16#00FF: a number of the slave's application (p. 192)
+];
+
+#[test]
+fn every_error_number_of_a_parameter_job() {
+    for (number, by) in PARAMETER {
+        let mut rig = running(Memory::Heap);
+        let slave = match by {
+            By::Job(control, parameter, value) => {
+                enter_parameter(&rig, DRIVE, control, parameter, value);
+                DRIVE
+            }
+            By::Application => {
+                enter_parameter(&rig, 0, 0x03, 300, 0);
+                intervals(&mut rig, 3);
+                rig.slave.w_ERR_NR_PAR_CMD.store(number);
+                rig.slave.b_STATREG_PAR_CMD.store(0x62);
+                rig.slave.b_STEUREG_PAR_CMD.store(0x62);
+                0
+            }
+            By::Block(..) | By::Fault(_) | By::Slave => unreachable!(),
+        };
+        intervals(&mut rig, 3);
+        let (control, value) = parameter(&rig, slave);
+        assert_eq!((control & 0x61, value), (0x20, number.into()), "16#{number:04X}");
+    }
+}
+
+#[test]
+fn every_error_number_of_an_up_or_download() {
+    for (number, by) in UPDOWN {
+        let mut rig = running(Memory::Heap);
+        match by {
+            By::Block(control, address, length) => enter_block(&rig, control, address, length),
+            By::Fault(fault) => {
+                add(&mut rig, fault);
+                enter_block(&rig, 0x15, 0x1000, 24);
+            }
+            By::Slave => {
+                let at = rig.plant.now() + 10_000;
+                add(
+                    &mut rig,
+                    &format!("kind = 'slave_error'\nslave = 0\nerror = {number}\nat_us = {at}\ncount = 1"),
+                );
+                enter_block(&rig, 0x15, 0x1000, 60);
+            }
+            By::Application => {
+                enter_block(&rig, 0x15, 0x1000, 24);
+                intervals(&mut rig, 3);
+                rig.slave.w_ERR_NR_UPDOWNBLK1.store(number);
+                rig.slave.b_STATREG_UPDOWNBLK1.store(0x74);
+                rig.slave.b_STEUREG_UPDOWNBLK1.store(0x74);
+            }
+            By::Job(..) => unreachable!(),
+        }
+        serve_block(&mut rig, 20);
+        let (control, error, _) = block(&rig);
+        assert_eq!((control & 0x61, error), (0x20, number), "16#{number:04X}");
+    }
+}
+
+/// The fault can bring up any number of either list, of a drive and of a node.
+#[test]
+fn a_slave_can_be_made_to_answer_any_error_number() {
+    for (number, _) in PARAMETER {
+        for slave in [0, DRIVE] {
+            let mut rig = running(Memory::Heap);
+            add(&mut rig, &format!("kind = 'slave_error'\nslave = {slave}\nerror = {number}\ncount = 1"));
+            enter_parameter(&rig, slave, 0x15, 300, 1);
+            intervals(&mut rig, 2);
+            assert_eq!(parameter(&rig, slave), (0x34, number.into()));
+            assert_eq!(rig.slave.b_STEUREG_PAR_CMD.load(), 0, "no application has seen the job");
+        }
+    }
+    for (number, _) in UPDOWN {
+        let mut rig = running(Memory::Heap);
+        add(&mut rig, &format!("kind = 'slave_error'\nslave = 0\nerror = {number}\ncount = 1"));
+        enter_block(&rig, 0x05, 0x1000, 12);
+        intervals(&mut rig, 2);
+        let (control, error, _) = block(&rig);
+        assert_eq!((control, error), (0x24, number));
+    }
+}

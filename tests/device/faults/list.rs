@@ -1,0 +1,150 @@
+//! The list of faults: when they begin and end, what is refused, and that runs with faults are repeatable.
+
+use super::*;
+use crate::rig::{BOTH, Memory};
+use commram::fault::{Effect, Limit, MAX_AT_US, MAX_FAULTS, NodeEffect, Refusal, SlaveEffect, SyncEffect};
+use commram::memory::Segment;
+use commram::plant::{Plant, PlantConfig};
+
+const LOSE: Effect = Effect::Sync { bus: 0, what: SyncEffect::Lose };
+
+#[test]
+fn a_fault_waits_for_its_time_and_ends_after_its_duration() {
+    let mut rig = running(Memory::Heap);
+    let now = rig.plant.now();
+    let at = now + 3_333;
+    let id = add(&mut rig, &format!("kind = 'slave_off'\nslave = 2\nat_us = {at}\nduration_us = 444"));
+    let acting = |rig: &Rig| rig.plant.faults().map(|fault| fault.acting).collect::<Vec<_>>();
+    assert_eq!(acting(&rig), [false]);
+    rig.plant.advance_to(at - 1);
+    assert_eq!(acting(&rig), [false]);
+    assert_eq!(rig.plant.next_event(), at);
+    rig.plant.advance_to(at);
+    assert_eq!(acting(&rig), [true]);
+    rig.plant.advance_to(at + 444);
+    assert!(acting(&rig).is_empty());
+    assert_eq!(news(&rig), [(now, id, FaultNews::Added), (at + 444, id, FaultNews::Over)]);
+}
+
+#[test]
+fn numbers_count_up_and_cleared_ones_are_gone() {
+    let mut rig = running(Memory::Heap);
+    let ids = [0; 3].map(|_| add(&mut rig, "kind = 'lose_sync'\nat_us = 1000000000"));
+    assert_eq!(ids, [1, 2, 3]);
+    rig.plant.clear_fault(2).unwrap();
+    assert_eq!(rig.plant.clear_fault(2), Err(Refusal::UnknownFault { id: 2 }));
+    assert_eq!(rig.plant.faults().map(|fault| fault.id).collect::<Vec<_>>(), [1, 3]);
+    assert_eq!(add(&mut rig, "kind = 'lose_sync'"), 4, "a number is not given away again at once");
+    assert_eq!(rig.plant.clear_faults(), 3);
+    assert_eq!(rig.plant.faults().count(), 0);
+    let cleared = news(&rig).iter().filter(|(_, _, news)| *news == FaultNews::Cleared).count();
+    assert_eq!(cleared, 4);
+}
+
+#[test]
+fn what_the_plant_does_not_have_is_refused() {
+    let mut rig = running(Memory::Heap);
+    let slave = |bus, slave| Effect::Slave { bus, slave, what: SlaveEffect::Busy };
+    let node = |plc, node| Effect::Node { plc, node, what: NodeEffect::BusOff };
+    let cases = [
+        (LOSE, 0, Limit::Count(0), "count is 0; it must be 1 to 4294967295"),
+        (LOSE, 0, Limit::Duration(0), "duration_us is 0; it must be 1 to 3600000000"),
+        (LOSE, MAX_AT_US + 1, Limit::UntilCleared, "at_us is 31536000000001; it must be 0 to 31536000000000"),
+        (slave(0, 7), 0, Limit::UntilCleared, "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
+        (slave(0, 200), 0, Limit::UntilCleared, "bus 0 has no slave 200"),
+        (slave(1, 0), 0, Limit::UntilCleared, "bus 1 does not exist; there are 1"),
+        (node(0, 1), 0, Limit::UntilCleared, "node1 of PLC 0 is not on a bus"),
+        (node(0, 3), 0, Limit::UntilCleared, "node3 of PLC 0 is not on a bus"),
+        (node(2, 1), 0, Limit::UntilCleared, "PLC 2 does not exist; there are 2"),
+    ];
+    for (effect, at_us, limit, expected) in cases {
+        let refusal = rig.plant.add_fault(Fault { effect, at_us, limit }).unwrap_err().to_string();
+        assert!(refusal.starts_with(expected), "{refusal}\n{expected}");
+    }
+    assert!(news(&rig).is_empty(), "a refused fault leaves no trace");
+    for _ in 0..MAX_FAULTS {
+        add(&mut rig, "kind = 'lose_sync'\nat_us = 1000000000");
+    }
+    let one_more = Fault { effect: LOSE, at_us: 0, limit: Limit::UntilCleared };
+    assert_eq!(rig.plant.add_fault(one_more), Err(Refusal::TooMany));
+}
+
+#[test]
+fn faults_of_the_plant_file_begin_at_their_time() {
+    let text = "[[plc]]\nname = 'p'\nnode2 = 'b'\n[[bus]]\nname = 'b'\n[[bus.drive]]\nname = 'd'\nslave_number = 3\n\
+                [[fault]]\nkind = 'slave_off'\nslave = 3\n\
+                [[fault]]\nkind = 'lose_frame'\nbus = 'b'\nslot = 'WRC1'\nat_us = 5000\n";
+    let config = PlantConfig::parse("faults", text).unwrap();
+    let mut plant = Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap())).unwrap();
+    let acting = |plant: &Plant| plant.faults().map(|fault| (fault.id, fault.acting)).collect::<Vec<_>>();
+    assert_eq!(acting(&plant), [(1, true), (2, false)]);
+    plant.advance_to(5_000);
+    assert_eq!(acting(&plant), [(1, true), (2, true)]);
+}
+
+#[test]
+fn mistakes_in_the_plant_file_are_named() {
+    let plant = "[[plc]]\nname = 'p'\nnode2 = 'b'\n[[bus]]\nname = 'b'\n[[bus.drive]]\nname = 'd'\nslave_number = 3\n";
+    for (fault, expected) in [
+        (
+            "kind = 'slave_busy'\nslave = 4",
+            "[[fault]] 2: slave_busy: bus \"b\" has no slave 4; its slaves are: 3",
+        ),
+        ("kind = 'bus_off'\nnode = 1", "[[fault]] 2: bus_off: node1 of PLC \"p\" is not on a bus"),
+        ("kind = 'lose_sync'\nbus = 'x'", "[[fault]] 2: lose_sync: bus \"x\" does not exist; buses are: b"),
+        ("kind = 'lose_sync'\ncolour = 1", "unknown field `colour`"),
+        ("slave = 4", "missing field `kind`"),
+    ] {
+        let text = format!("{plant}[[fault]]\nkind = 'lose_sync'\n[[fault]]\n{fault}\n");
+        let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}\n{expected}");
+    }
+}
+
+/// Several faults of every kind; the same on both memories, however time is cut into steps.
+fn run(memory: Memory, slice_us: u64, count: u32) -> (u64, u64) {
+    let mut rig = running(memory);
+    let now = rig.plant.now();
+    for text in [
+        "kind = 'lose_frame'\nslot = 'RDC1'\ncount = 2".to_owned(),
+        format!(
+            "kind = 'delay_frame'\nslot = 'WRC1'\ndelay_us = 777\nat_us = {}\ncount = {count}",
+            now + 7_000
+        ),
+        format!("kind = 'duplicate_frame'\nslot = 'CC'\ndelay_us = 50\nat_us = {}", now + 3_001),
+        format!("kind = 'lose_sync'\nat_us = {}\ncount = 2", now + 20_000),
+        format!("kind = 'jitter_sync'\namplitude_us = 40\nat_us = {}\nduration_us = 9000", now + 4_000),
+        format!("kind = 'slave_off'\nslave = 2\nat_us = {}\nduration_us = 5555", now + 6_000),
+        "kind = 'slave_late'\nslave = 1\ndelay_us = 333\ncount = 3".to_owned(),
+        "kind = 'slave_busy'\nslave = 0\ncount = 3".to_owned(),
+        format!("kind = 'slave_error'\nslave = 1\nerror = 0xFFFA\nat_us = {}\ncount = 1", now + 15_000),
+        "kind = 'wrong_offset'\nslave = 0\ncount = 1".to_owned(),
+        format!("kind = 'overrun'\nplc = 'a'\nnode = 2\nat_us = {}", now + 12_345),
+        format!("kind = 'bus_off'\nplc = 'b'\nnode = 1\nat_us = {}", now + 30_000),
+    ] {
+        add(&mut rig, &text);
+    }
+    for round in 0..30 {
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
+        if round == 20 {
+            rig.slave.w_CPU_CONTROL.store(0x00C0);
+        }
+        let end = rig.plant.now() + 1_937;
+        while rig.plant.now() < end {
+            rig.step(slice_us.min(end - rig.plant.now()));
+        }
+    }
+    (rig.plant.journal().hash(), rig.plant.journal().written())
+}
+
+#[test]
+fn runs_with_faults_are_repeatable() {
+    let first = run(Memory::Heap, u64::MAX, 3);
+    for memory in BOTH {
+        for slice_us in [u64::MAX, 1000, 333] {
+            assert_eq!(run(memory, slice_us, 3), first, "{memory:?}, slices of {slice_us} us");
+        }
+    }
+    assert_ne!(run(Memory::Heap, u64::MAX, 4).0, first.0, "another fault, another journal");
+}

@@ -1,0 +1,22 @@
+//! The emulated device in this process: nodes, buses, BAPS, board, faults and access checker, at the microsecond.
+
+#[path = "../rig/mod.rs"]
+mod rig;
+
+mod any_plc;
+mod baps;
+mod board;
+mod bus;
+mod check;
+mod clusters;
+mod determinism;
+mod faults;
+mod forces;
+mod jobs;
+mod journal;
+mod slave_any;
+mod slave_jobs;
+mod slave_on_bus;
+mod slave_updown;
+mod states;
+mod vectors;

@@ -1,0 +1,217 @@
+//! A slave node's jobs and actual values over the simulated bus, with the master's firmware at the other
+//! end: what both PLCs see, and what is left of it when the SYNC signal fails.
+
+use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
+use commram::journal::Event;
+
+/// Both nodes active, slave 0's turn in every interval, block 1 of the slave enabled.
+fn connected(memory: Memory, rate: Rate) -> Rig {
+    let mut rig = Rig::new(memory, rate);
+    rig.activate();
+    rig.slave.b_EN_UPDOWNBLK1.store(1);
+    rig.run_to_sync();
+    rig
+}
+
+fn enter_parameter(rig: &Rig, value: u8) {
+    let registers = &rig.master.a_CTRLREG_PAR_CMD_SL[0];
+    registers.b_STATREG_PAR_CMD.store(value);
+    registers.b_STEUREG_PAR_CMD.store(value);
+}
+
+fn enter_block(rig: &Rig, value: u8) {
+    rig.master.b_STATREG_UPDOWNBLK1.store(value);
+    rig.master.b_STEUREG_UPDOWNBLK1.store(value);
+}
+
+fn master_par(rig: &Rig) -> u8 {
+    rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.load()
+}
+
+fn slave_par(rig: &Rig) -> u8 {
+    rig.slave.b_STEUREG_PAR_CMD.load()
+}
+
+fn write_slave_par(rig: &Rig, value: u8) {
+    rig.slave.b_STATREG_PAR_CMD.store(value);
+    rig.slave.b_STEUREG_PAR_CMD.store(value);
+}
+
+/// The slave's application of block 1: allows and takes whatever comes, once an interval.
+fn serve_block(rig: &Rig) {
+    let control = rig.slave.b_STEUREG_UPDOWNBLK1.load();
+    if control & 0x01 != 0 {
+        rig.slave.b_STATREG_UPDOWNBLK1.store(control & 0xFE);
+        rig.slave.b_STEUREG_UPDOWNBLK1.store(control & 0xFE);
+    }
+}
+
+/// Runs until `done`, at most for `intervals`.
+fn run_until(rig: &mut Rig, intervals: usize, done: impl Fn(&Rig) -> bool) {
+    for _ in 0..intervals {
+        if done(rig) {
+            return;
+        }
+        serve_block(rig);
+        rig.run_to_sync();
+    }
+    assert!(done(rig), "not done after {intervals} intervals");
+}
+
+/// P. 164-165 and 189-190. The slave is busy for three intervals.
+#[test]
+fn a_parameter_job_runs_through_both_register_sets() {
+    for memory in BOTH {
+        for rate in RATES {
+            let mut rig = connected(memory, rate);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
+            enter_parameter(&rig, 0x03);
+            rig.run_to_sync();
+            assert_eq!((master_par(&rig), slave_par(&rig)), (0x0B, 0x00), "the frame is still on the wire");
+            for _ in 0..3 {
+                rig.run_to_sync();
+                assert_eq!((master_par(&rig), slave_par(&rig)), (0x4B, 0x43));
+            }
+            assert_eq!(rig.slave.w_PAR_NR.load(), 300);
+            rig.slave.d_DATA_PAR_CMD.store(0x1234_5678);
+            write_slave_par(&rig, 0x52);
+            rig.run_to_sync();
+            rig.run_to_sync();
+            assert_eq!((master_par(&rig), slave_par(&rig)), (0x12, 0x12));
+            assert_eq!(rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), 0x1234_5678);
+
+            rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.store(7);
+            enter_parameter(&rig, 0x05);
+            rig.run_to_sync();
+            rig.run_to_sync();
+            assert_eq!((slave_par(&rig), rig.slave.d_DATA_PAR_CMD.load()), (0x45, 7));
+            rig.slave.w_ERR_NR_PAR_CMD.store(0xFFFD);
+            write_slave_par(&rig, 0x64);
+            rig.run_to_sync();
+            rig.run_to_sync();
+            assert_eq!((master_par(&rig), slave_par(&rig)), (0x24, 0x24));
+            assert_eq!(rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), 0xFFFD);
+        }
+    }
+}
+
+/// P. 166-168 and 190-193: 300 bytes down and up again.
+#[test]
+fn a_block_travels_down_and_up() {
+    for memory in BOTH {
+        for rate in RATES {
+            let mut rig = connected(memory, rate);
+            let value = |n: usize| 0x1122_3344u32.rotate_left(n as u32).wrapping_add(n as u32);
+            for (n, cell) in rig.master.a_DATA_UPDOWNBLK1.iter().enumerate() {
+                cell.store(value(n));
+            }
+            rig.master.d_BASE_ADR_UPDOWNBLK1.store(0x1000);
+            rig.master.w_LENGTH_UPDOWNBLK1.store(300);
+            enter_block(&rig, 0x15);
+            run_until(&mut rig, 200, |rig| rig.slave.b_STEUREG_UPDOWNBLK1.load() == 0x1C);
+            run_until(&mut rig, 2, |rig| rig.master.b_STEUREG_UPDOWNBLK1.load() == 0x1C);
+            for (n, cell) in rig.slave.a_DATA_UPDOWNBLK1.iter().enumerate() {
+                assert_eq!(cell.load(), value(n));
+                cell.store(!value(n));
+            }
+            assert_eq!(rig.slave.w_COUNTER_UPDOWNBLK1.load(), 300);
+
+            enter_block(&rig, 0x05);
+            run_until(&mut rig, 200, |rig| rig.master.b_STEUREG_UPDOWNBLK1.load() == 0x0C);
+            assert_eq!(rig.slave.b_STEUREG_UPDOWNBLK1.load(), 0x0C);
+            let uploaded: Vec<u32> = rig.master.a_DATA_UPDOWNBLK1.iter().map(|cell| cell.load()).collect();
+            assert_eq!(uploaded, (0..75).map(|n| !value(n)).collect::<Vec<_>>());
+        }
+    }
+}
+
+/// P. 168 (bit 7 of the master), 192 (change bit of the slave); D-45, D-70.
+#[test]
+fn a_cancelled_block_shows_at_the_slave() {
+    let mut rig = connected(Memory::Heap, RATES[0]);
+    rig.master.d_BASE_ADR_UPDOWNBLK1.store(0x1000);
+    rig.master.w_LENGTH_UPDOWNBLK1.store(300);
+    enter_block(&rig, 0x15);
+    run_until(&mut rig, 50, |rig| rig.slave.w_COUNTER_UPDOWNBLK1.load() == 60);
+    enter_block(&rig, 0x80);
+    run_until(&mut rig, 3, |rig| rig.slave.b_STEUREG_UPDOWNBLK1.load() == 0x1A);
+    assert_eq!(rig.master.b_STEUREG_UPDOWNBLK1.load(), 0x00);
+    rig.slave.b_STATREG_UPDOWNBLK1.store(0x9A);
+    rig.slave.b_STEUREG_UPDOWNBLK1.store(0x9A);
+    rig.step(500);
+    assert_eq!(rig.slave.b_STEUREG_UPDOWNBLK1.load(), 0x00);
+}
+
+/// D-63: the master gets an end, not silence, when the slave's PLC leaves active operation.
+#[test]
+fn a_slave_that_leaves_active_operation_refuses_the_jobs() {
+    let mut rig = connected(Memory::Heap, RATES[0]);
+    rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
+    enter_parameter(&rig, 0x03);
+    run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
+    rig.slave.w_CPU_CONTROL.store(0x0020);
+    run_until(&mut rig, 5, |rig| master_par(rig) == 0x22);
+    assert_eq!(slave_par(&rig), 0x00);
+    assert_eq!(rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), 0xFFFA);
+}
+
+/// P. 134-135; D-64: no SYNC, no interval. What the slave's PLC has entered waits.
+#[test]
+fn without_sync_nothing_is_due_and_nothing_is_lost() {
+    for memory in BOTH {
+        let mut rig = connected(memory, RATES[0]);
+        rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+        rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
+        enter_parameter(&rig, 0x03);
+        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
+
+        rig.master.w_CPU_CONTROL.store(0x0000);
+        rig.step(500);
+        assert_eq!(rig.plant.next_sync(0, 2), None);
+        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+        write_slave_par(&rig, 0x42);
+        let frames = rig.frames().len();
+        rig.step(50_000);
+        assert_eq!(rig.frames().len(), frames, "silence");
+        assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x05, "no deadline");
+        assert_eq!((rig.slave.w_OPTION_STATUS.load(), slave_par(&rig)), (0x0020, 0x42));
+
+        rig.initialize_master();
+        rig.master.w_CPU_CONTROL.store(0x0020);
+        rig.step(500);
+        rig.run_to_sync();
+        assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x04, "intervals again");
+        // The restarted master asks for the status word: another job than the one that waits.
+        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x4A);
+        write_slave_par(&rig, 0xCA);
+        rig.step(500);
+        assert_eq!((slave_par(&rig), rig.slave.w_PAR_NR.load()), (0x43, 121));
+        rig.slave.d_DATA_PAR_CMD.store(0x8000);
+        write_slave_par(&rig, 0x42);
+        run_until(&mut rig, 10, |rig| rig.master.a_STAT_SL[0].load() == 0x03);
+    }
+}
+
+/// P. 181-182 with the deadlines of D-09; built and acknowledged whether or not it is asked for.
+#[test]
+fn own_actual_values_are_taken_at_their_deadline() {
+    for (rate, deadline) in RATES.into_iter().zip([490, 1190, 2780]) {
+        for (release_at, in_time) in [(0, true), (deadline - 1, true), (deadline, false)] {
+            for asked in [0, 1] {
+                let mut rig = connected(Memory::Heap, rate);
+                rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+                rig.master.b_CTRLREG_RD_ORDER_RDC1.store(asked);
+                rig.master.b_CTRLREG_WRC1.store(0x05);
+                rig.step(release_at);
+                rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+                rig.run_to_sync();
+                assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), if in_time { 0x04 } else { 0x05 });
+                assert_eq!(rig.last_frame(0x300..=0x37F).is_some(), in_time && asked == 0);
+                let missed =
+                    |event: &Event| matches!(event, Event::Missed { origin, .. } if origin.node == 1);
+                let missed = rig.records().any(|record| missed(&record.event));
+                assert_eq!(missed, !in_time && asked == 0, "only a frame that was asked for is missed");
+            }
+        }
+    }
+}

@@ -1,0 +1,7 @@
+//! What documentation and examples promise, word by word.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod pages;
+mod programs;

@@ -1,0 +1,145 @@
+//! The documentation: links lead somewhere, the book has every page, what is printed as a session works.
+
+use crate::common::{Emulator, finish};
+use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// README, CHANGELOG and everything in `docs`.
+fn pages() -> Vec<PathBuf> {
+    let docs = std::fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().path());
+    let mut pages: Vec<_> = docs.filter(|path| path.extension().is_some_and(|it| it == "md")).collect();
+    pages.extend(["README.md", "CHANGELOG.md"].map(|name| root().join(name)));
+    pages.sort();
+    pages
+}
+
+fn parse(text: &str) -> impl Iterator<Item = Event<'_>> {
+    Parser::new_ext(text, Options::ENABLE_TABLES)
+}
+
+/// The anchors of a page's headings, as GitHub and mdBook make them.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let (mut anchors, mut heading) = (BTreeSet::new(), None::<String>);
+    for event in parse(text) {
+        match event {
+            Event::Start(Tag::Heading { .. }) => heading = Some(String::new()),
+            Event::End(TagEnd::Heading(_)) => {
+                let text = heading.take().unwrap_or_default().to_lowercase();
+                let kept = text.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+                anchors.insert(kept.map(|c| if c == ' ' { '-' } else { c }).collect());
+            }
+            Event::Text(text) | Event::Code(text) => {
+                if let Some(heading) = &mut heading {
+                    heading.push_str(&text);
+                }
+            }
+            _ => {}
+        }
+    }
+    anchors
+}
+
+fn links(text: &str) -> Vec<String> {
+    let link = |event| match event {
+        Event::Start(Tag::Link { dest_url, .. } | Tag::Image { dest_url, .. }) => {
+            Some(dest_url.into_string())
+        }
+        _ => None,
+    };
+    parse(text).filter_map(link).collect()
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let mut checked = 0;
+    for page in pages() {
+        let text = std::fs::read_to_string(&page).unwrap();
+        for link in links(&text).iter().filter(|link| !link.contains("://")) {
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { page.clone() } else { page.parent().unwrap().join(file) };
+            assert!(target.exists(), "{}: {link} does not exist", page.display());
+            if !anchor.is_empty() {
+                let known = anchors(&std::fs::read_to_string(&target).unwrap());
+                assert!(known.contains(anchor), "{}: {link}: known are {known:?}", page.display());
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked > 20, "{checked}");
+}
+
+#[test]
+fn the_book_has_every_page_once() {
+    let summary = std::fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();
+    let mut in_book = links(&summary);
+    in_book.sort();
+    let name = |page: PathBuf| page.file_name().unwrap().to_str().unwrap().to_owned();
+    let of_docs = pages().into_iter().filter(|page| page.parent().unwrap().ends_with("docs")).map(name);
+    let mut pages: Vec<_> = of_docs.filter(|name| name != "SUMMARY.md").collect();
+    pages.sort();
+    assert_eq!(in_book, pages);
+}
+
+/// The commands of the console sessions in `text`, each with the output printed below it (empty where none
+/// is shown).
+fn session(text: &str) -> Vec<(String, String)> {
+    let blocks = text.split("```console\n").skip(1).filter_map(|rest| rest.split("```").next());
+    let mut steps: Vec<(String, String)> = Vec::new();
+    for line in blocks.collect::<String>().replace("\\\n", " ").lines() {
+        match line.strip_prefix("$ ") {
+            Some(command) => steps.push((command.to_owned(), String::new())),
+            None => {
+                let (_, output) = steps.last_mut().expect("output stands below a command");
+                output.push_str(line);
+                output.push('\n');
+            }
+        }
+    }
+    steps
+}
+
+/// Types the steps into a shell; the emulator of `commram run --clock stepped` is running.
+fn type_in(steps: &[(String, String)]) {
+    let emulator = Emulator::stepped();
+    let programs = Path::new(env!("CARGO_BIN_EXE_commram")).parent().unwrap();
+    let path = format!("{}:{}", programs.display(), std::env::var("PATH").unwrap_or_default());
+    assert!(steps.len() > 8, "{steps:?}");
+    for (command, shown) in steps {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", command]).env("PATH", &path).env("COMMRAM_INSTANCE", &emulator.name);
+        let outcome = finish(&mut shell);
+        assert_eq!(outcome.code, Some(0), "{command}\n{}", outcome.err);
+        if !shown.is_empty() {
+            assert_eq!(&outcome.out, shown, "{command}");
+        }
+    }
+}
+
+/// What a newcomer types must work, and print what is printed.
+#[test]
+fn the_session_of_the_readme_works_as_printed() {
+    let readme = include_str!("../../README.md");
+    let behind = readme.split("from restart to cyclic process data:").nth(1).expect("the session's title");
+    let block = behind.split("## ").next().unwrap();
+    let steps = session(block);
+    let last_peek = "peek 'node2.a_RD_BMARRAY[1][0]'";
+    let (_, shown) =
+        steps.iter().find(|(command, _)| command.contains(last_peek)).expect("it ends with a value");
+    assert!(shown.contains("16#11223344"), "the reference value came back: {shown}");
+    type_in(&steps);
+}
+
+#[test]
+fn the_session_of_getting_started_works_as_printed() {
+    let mut steps = session(include_str!("../../docs/getting-started.md"));
+    // These have tests of their own, or are there already.
+    let elsewhere = ["cargo install", "commram demo", "commram run"];
+    steps.retain(|(command, _)| !elsewhere.iter().any(|other| command.starts_with(other)));
+    type_in(&steps);
+}

@@ -1,0 +1,115 @@
+//! The exported C header and the soft-PLC of `tools/c`, compiled by the machine's compilers, against a live emulator.
+
+use crate::common::{Emulator, Outcome, finish, run};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const SOFT_PLC: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/c/soft_plc.c");
+const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+
+/// Compiles the soft-PLC with the exported header into `directory`.
+fn compile(compiler: &str, flags: &[&str], directory: &Path) -> PathBuf {
+    let header = directory.join("commram.h");
+    run(&["export", "c", "--output", header.to_str().unwrap()]).ok();
+    let program = directory.join("soft_plc");
+    let mut command = Command::new(compiler);
+    command.args(STRICT).args(flags).arg("-I").arg(directory).arg(SOFT_PLC).arg("-o").arg(&program);
+    finish(&mut command).ok();
+    program
+}
+
+fn image(emulator: &Emulator) -> PathBuf {
+    format!("/dev/shm/commram.{}.line", emulator.name).into()
+}
+
+fn start(program: &Path, image: &Path) -> Outcome {
+    finish(Command::new(program).arg(image).arg("4711"))
+}
+
+#[test]
+fn a_c_program_brings_up_a_master() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = compile("cc", &["-std=c11", "-O2"], directory.path());
+    let emulator = Emulator::start(&[]);
+    let outcome = start(&program, &image(&emulator));
+    assert_eq!(
+        outcome.ok(),
+        "\
+w_CPU_CONTROL 16#0000 -> w_OPTION_STATUS 16#0001
+w_CPU_CONTROL 16#0001 -> w_OPTION_STATUS 16#0002
+w_CPU_CONTROL 16#0002 -> w_OPTION_STATUS 16#0003
+w_CPU_CONTROL 16#0020 -> w_OPTION_STATUS 16#0043
+w_CPU_CONTROL 16#0040 -> w_OPTION_STATUS 16#0080
+a_RD_BMARRAY[1][0] = 4711
+"
+    );
+    assert_eq!(emulator.peek(&["node2.a_RD_BMARRAY[1][0]"]), "16#00001267");
+}
+
+#[test]
+fn a_cpp_program_does_the_same() {
+    if Command::new("c++").arg("--version").output().is_err() {
+        eprintln!("skipped: there is no c++");
+        return;
+    }
+    let directory = tempfile::tempdir().unwrap();
+    let program = compile("c++", &["-std=c++17", "-O2", "-x", "c++"], directory.path());
+    let emulator = Emulator::start(&[]);
+    assert!(start(&program, &image(&emulator)).ok().ends_with("a_RD_BMARRAY[1][0] = 4711\n"));
+}
+
+/// Attaching to images that are not what they should be.
+#[test]
+fn what_is_wrong_with_an_image_is_told() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = compile("cc", &["-std=c11"], directory.path());
+    let emulator = Emulator::stepped();
+    let good = fs::read(image(&emulator)).unwrap();
+    let path = directory.path().join("image");
+    let refused = |bytes: &[u8], why: &str| {
+        fs::write(&path, bytes).unwrap();
+        let outcome = start(&program, &path);
+        assert_eq!((outcome.code, outcome.err), (Some(2), format!("{}: {why}\n", path.display())));
+    };
+    let changed = |at: usize| {
+        let mut bytes = good.clone();
+        bytes[at] ^= 0xFF;
+        bytes
+    };
+    refused(&good[..20], "the image is too short");
+    refused(&good[..4096], "the image is too short");
+    refused(&changed(0), "the file is no image of a communication RAM");
+    refused(&changed(8), "the image has another version of the attach contract");
+    refused(&changed(16), "the image has another register map");
+    refused(&changed(48), "the emulator is gone");
+    // State 1, then 4.
+    let mut state = good.clone();
+    state[32] = 1;
+    refused(&state, "the emulator is not ready yet");
+    state[32] = 4;
+    refused(&state, "the emulator is gone");
+    let nothing = start(&program, Path::new("/dev/shm"));
+    assert!(
+        nothing.err.ends_with("there is no image of that name\n") && nothing.code == Some(2),
+        "{nothing:?}"
+    );
+}
+
+/// At this speed the drive takes minutes to lock; the program waits for it until the emulator dies.
+#[test]
+fn a_c_program_notices_that_the_emulator_was_killed() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = compile("cc", &["-std=c11"], directory.path());
+    let mut emulator = Emulator::start(&["--speed", "0.01"]);
+    let mut command = Command::new(&program);
+    command.arg(image(&emulator)).arg("1");
+    let waiting = std::thread::spawn(move || finish(&mut command));
+    assert!(crate::common::eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0043"));
+    emulator.kill();
+    let outcome = waiting.join().unwrap();
+    assert_eq!(
+        (outcome.code, outcome.err.as_str()),
+        (Some(1), "a_STAT_SL[1]: the emulator is gone (16#0000)\n")
+    );
+}

@@ -1,0 +1,91 @@
+//! `commram export`: what is the same for all formats, and the formats that are data and documents.
+
+use crate::common::run;
+use serde_json::Value;
+
+/// How to bring `docs/registers.md` up to date.
+const RENEW: &str = "cargo run -- export md --output docs/registers.md";
+
+#[test]
+fn the_register_reference_is_up_to_date() {
+    let export = run(&["export", "md"]);
+    assert!(
+        export.ok() == include_str!("../../docs/registers.md"),
+        "docs/registers.md is old; renew it: {RENEW}"
+    );
+}
+
+#[test]
+fn the_csv_has_every_register_that_the_map_knows() {
+    let export = run(&["export", "csv"]);
+    let mut lines = export.ok().lines();
+    assert!(lines.next().unwrap().starts_with("name,address,cpu_address,type,owner,reset,"));
+    let rows: Vec<_> = lines.collect();
+    assert!(rows.len() > 3000);
+    for name in ["node2.a_RD_BMARRAY[31][15]", "node1.b_STEUREG_PAR_CMD", "ethernet_config.d_ROUTER"] {
+        assert_eq!(rows.iter().filter(|row| row.starts_with(&format!("{name},"))).count(), 1, "{name}");
+    }
+    let status = rows.iter().find(|row| row.starts_with("node2.w_OPTION_STATUS,")).unwrap();
+    assert!(status.contains(",%MW3.200002,16#B414A002,WORD,firmware,16#0001,false,"), "{status}");
+    assert!(status.contains(",\"150, 175\",\"offset D-02, reset D-03\",option_status,"), "{status}");
+}
+
+/// The keys that `docs/export.md` promises, with their values for known registers.
+#[test]
+fn the_json_keeps_its_schema() {
+    let export = run(&["export", "json"]);
+    let document: Value = serde_json::from_str(export.ok()).unwrap();
+    assert_eq!(document["schema"], "commram.registers");
+    assert_eq!(document["schema_version"], 1);
+    assert_eq!(document["segment_size"], 3_262_144);
+    assert_eq!(document["layout_hash"].as_str().unwrap().len(), 16);
+    let find = |list: &Value, name: &str| -> Value {
+        list.as_array().unwrap().iter().find(|one| one["name"] == name).unwrap().clone()
+    };
+    let area = find(&document["areas"], "node2");
+    assert_eq!((area["first"].clone(), area["bytes"].clone()), (200_000.into(), 32_768.into()));
+    assert_eq!(area["structures"][1]["structure"], "CANsync_MA_CTRL_BMSTRUCT");
+    assert_eq!(area["structures"][1]["live"], "cyclic");
+    assert_eq!(area["structures"][1]["variable"], "_CANsync_CTRL_MA");
+    let structure = find(&document["structures"], "CANsync_MA_CTRL_BMSTRUCT");
+    let register = find(&structure["registers"], "a_RD_BMARRAY");
+    assert_eq!((register["offset"].clone(), register["type"].clone()), (832.into(), "DINT".into()));
+    assert_eq!(register["dims"][1], serde_json::json!({ "count": 16, "used": 8, "stride": 4 }));
+    let status = find(&structure["registers"], "w_OPTION_STATUS");
+    let values = &document["meanings"][status["meaning"].as_str().unwrap()]["values"];
+    assert!(values.as_array().unwrap().iter().any(|value| value["first"] == 0x43), "{values}");
+    let page = find(&document["header"]["structures"], "Header");
+    assert_eq!(find(&page["fields"], "events")["type"], "EventSlot");
+    assert_eq!(find(&page["fields"], "answer")["offset"], 192);
+}
+
+#[test]
+fn a_block_limits_the_export() {
+    let whole = run(&["export", "csv"]);
+    let block = run(&["export", "csv", "--block", "ethernet_config"]);
+    assert_eq!(block.ok().lines().count(), 11);
+    assert!(whole.ok().contains(block.out.lines().nth(1).unwrap()));
+    let header = run(&["export", "c", "--block", "node1"]);
+    assert!(header.ok().contains("CANsync_SL_CTRL_BMSTRUCT") && !header.out.contains("MA_CTRL"));
+    assert!(header.out.contains("`commram export c --block node1`"));
+}
+
+#[test]
+fn the_output_goes_where_it_is_told_to() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("registers.md");
+    let path = path.to_str().unwrap();
+    assert_eq!(run(&["export", "md", "--output", path]).ok(), "");
+    assert_eq!(std::fs::read_to_string(path).unwrap(), run(&["export", "md"]).ok());
+    let nowhere = run(&["export", "md", "--output", "/nowhere/registers.md"]);
+    assert!(nowhere.fails(1).starts_with("commram: cannot write /nowhere/registers.md: "), "{}", nowhere.err);
+}
+
+#[test]
+fn wrong_use_is_explained() {
+    let block = run(&["export", "c", "--block", "node3"]);
+    assert!(block.fails(2).contains("unknown area `node3`; the areas are baps, node1"), "{}", block.err);
+    assert!(run(&["export", "c", "--elementary"]).fails(2).contains("only `st` has elementary variables"));
+    assert!(run(&["export", "cobol"]).fails(2).contains("possible values: c, "));
+    assert!(run(&["export"]).fails(2).contains("<FORMAT>"));
+}

@@ -1,0 +1,10 @@
+//! Declarations for other languages and tools, and what reads them.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod c;
+mod formats;
+mod layout_moves;
+mod matiec;
+mod tools;

@@ -1,0 +1,99 @@
+//! Exports checked with the tools of their worlds.
+
+use crate::common::{Outcome, finish, run};
+use std::path::Path;
+use std::process::Command;
+use svd_parser::svd::{Device, Peripheral, RegisterInfo};
+
+fn peripheral<'a>(device: &'a Device, name: &str) -> &'a Peripheral {
+    device.peripherals.iter().find(|known| known.name == name).unwrap()
+}
+
+fn expanded() -> Device {
+    let export = run(&["export", "svd"]);
+    let config = svd_parser::Config::default().validate_level(svd_parser::ValidateLevel::Strict);
+    let device = svd_parser::parse_with_config(export.ok(), &config).unwrap();
+    svd_parser::expand(&device).unwrap()
+}
+
+#[test]
+fn svd_is_valid_and_says_where_the_cpu_finds_a_register() {
+    let device = expanded();
+    let node = peripheral(&device, "CANsync_CTRL_MA");
+    assert_eq!(node.base_address, 0xB414_A000);
+    let find = |name: &str| -> &RegisterInfo {
+        node.all_registers().find(|known| known.name == name).unwrap_or_else(|| panic!("{name}"))
+    };
+    let status = find("w_OPTION_STATUS");
+    assert_eq!((status.address_offset, status.properties.size), (2, Some(16)));
+    let values = &status.fields.as_ref().unwrap()[0].enumerated_values[0].values;
+    assert!(values.iter().any(|value| value.name == "WAITING_FOR_START" && value.value == Some(3)));
+    assert_eq!(find("a_RD_BMARRAY_1_0").address_offset, 832 + 64);
+    assert_eq!(find("a_CONTROLWORD_SL3").address_offset, 2948 + 6);
+    assert_eq!(peripheral(&device, "CANsync_INIT_MA").registers().count(), 15 + 31);
+}
+
+/// Python with the packages, or why there is none.
+fn python(packages: &[&str]) -> Result<Command, String> {
+    let imports = packages.iter().map(|package| format!("import {package}\n")).collect::<String>();
+    let program = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    match Command::new(&program).args(["-c", &imports]).output() {
+        Ok(output) if output.status.success() => Ok(Command::new(program)),
+        Ok(output) => {
+            Err(String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_owned())
+        }
+        Err(error) => Err(format!("{program}: {error}")),
+    }
+}
+
+/// Exports `format` to a file, then runs a script of `tests/python` with the file's path.
+fn check(format: &[&str], file: &str, script: &str, packages: &[&str]) -> Option<Outcome> {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join(file);
+    run(&[&["export"], format, &["--output", path.to_str().unwrap()]].concat()).ok();
+    match python(packages) {
+        Ok(mut command) => {
+            let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script);
+            Some(finish(command.arg(script).arg(path)))
+        }
+        Err(reason) => {
+            eprintln!("skipped: {reason}");
+            None
+        }
+    }
+}
+
+#[test]
+fn systemrdl_compiles_and_elaborates() {
+    if let Some(outcome) = check(&["systemrdl"], "registers.rdl", "check_rdl.py", &["systemrdl"]) {
+        assert!(outcome.ok().ends_with("CTRL_MA.a_RD_BMARRAY[1][0] 200896\n"), "{}", outcome.out);
+    }
+}
+
+#[test]
+fn declarations_are_structured_text() {
+    // The parser takes a minute for the elementary variables of all areas.
+    for format in [&["st"][..], &["st", "--elementary", "--block", "ethernet_config"]] {
+        if let Some(outcome) = check(format, "registers.st", "check_st.py", &["blark"]) {
+            assert!(outcome.ok().starts_with("parsed "), "{}", outcome.out);
+        }
+    }
+}
+
+/// The suite in `tests/python`, each test with an emulator of its own.
+#[test]
+fn the_python_suite_passes() {
+    let directory = tempfile::tempdir().unwrap();
+    run(&["export", "python", "--output", directory.path().join("commram.py").to_str().unwrap()]).ok();
+    match python(&["pytest"]) {
+        Ok(mut command) => {
+            let suite = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python");
+            command.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).arg(suite);
+            command.env("PYTHONPATH", directory.path()).env("PYTHONDONTWRITEBYTECODE", "1");
+            command.env("COMMRAM", env!("CARGO_BIN_EXE_commram")).env_remove("COMMRAM_INSTANCE");
+            let outcome = finish(&mut command);
+            assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+        }
+        Err(reason) => eprintln!("skipped: {reason}"),
+    }
+}
