@@ -17,6 +17,7 @@ mod board;
 pub mod candump;
 mod code;
 mod event;
+mod fingerprint;
 pub mod jsonl;
 mod kind;
 mod names;
@@ -41,10 +42,9 @@ pub use record::Record;
 pub use ring::Records;
 
 use crate::check::Findings;
+use fingerprint::Fingerprint;
 use requests::Requests;
 use ring::Ring;
-use rustc_hash::FxHasher;
-use std::hash::Hasher;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
 /// Writes records one after the other in some format.
@@ -68,7 +68,7 @@ pub struct Journal {
     /// When to look for counts that are over.
     next_look: u64,
     written: u64,
-    hash: FxHasher,
+    fingerprint: Fingerprint,
 }
 
 impl Journal {
@@ -85,7 +85,7 @@ impl Journal {
             findings: Findings::default(),
             next_look: LONGEST_PERIOD_US,
             written: 0,
-            hash: FxHasher::default(),
+            fingerprint: Fingerprint::new(),
         }
     }
 
@@ -93,10 +93,7 @@ impl Journal {
     #[inline]
     pub fn push(&mut self, time_us: u64, event: Event) {
         let key = event.words();
-        self.hash.write_u64(time_us);
-        for word in key {
-            self.hash.write_u64(word);
-        }
+        self.fingerprint.add(time_us, key);
         self.written += 1;
         match event {
             Event::Frame { .. } => self.ring.note(Record::single(time_us, event)),
@@ -198,7 +195,7 @@ impl Journal {
     /// Hash over all events written since the start. Equal for equal runs on equal versions of
     /// commram; the value itself may change from version to version.
     pub fn hash(&self) -> u64 {
-        self.hash.finish()
+        self.fingerprint.get()
     }
 }
 
