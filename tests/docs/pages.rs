@@ -110,7 +110,15 @@ fn type_in(steps: &[(String, String)]) {
     let programs = Path::new(env!("CARGO_BIN_EXE_commram")).parent().unwrap();
     let path = format!("{}:{}", programs.display(), std::env::var("PATH").unwrap_or_default());
     assert!(steps.len() > 8, "{steps:?}");
+    assert!(steps.last().is_some_and(|(last, _)| last == "commram stop"), "the session ends with stop");
     for (command, shown) in steps {
+        if command == "commram stop" {
+            assert_eq!(
+                emulator.run("check", &["--format", "json"]).ok(),
+                "[]\n",
+                "findings, warnings included"
+            );
+        }
         let mut shell = Command::new("sh");
         shell.args(["-c", command]).env("PATH", &path).env("COMMRAM_INSTANCE", &emulator.name);
         let outcome = finish(&mut shell);
