@@ -88,7 +88,8 @@ impl Plc {
         }
     }
 
-    /// Power-off or reset: both nodes leave their buses, that of the master stops, and so does the drive.
+    /// Power-off or reset: both nodes leave their buses, that of the master stops. The drive notices nothing but
+    /// that nobody asks for anything any more.
     fn go_down(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
         self.board.stop();
         self.ethernet.power_off();
@@ -97,7 +98,7 @@ impl Plc {
         self.slave.power_off(&mut ctx);
         ctx.origin.node = 2;
         self.master.power_off(&mut ctx);
-        self.baps.power_off();
+        self.baps.reset();
         if let Some(bus) = self.bus2.and_then(|bus| buses.get_mut(bus)) {
             bus.stop();
         }
@@ -141,7 +142,13 @@ impl Plc {
     fn follow(&mut self, look: Look, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
         match look {
             Look::Nothing | Look::Answered => {}
-            Look::Down => self.go_down(index, now, buses, journal),
+            Look::Held => self.go_down(index, now, buses, journal),
+            Look::Off => {
+                if self.board.is_up() {
+                    self.go_down(index, now, buses, journal);
+                }
+                self.baps.power_off();
+            }
             Look::Up => self.power_on(index, now, buses, journal),
         }
     }
@@ -283,7 +290,7 @@ impl Plc {
 
     /// Brings fault number `fault` upon the drive. Tells whether it has power and had no fault.
     pub(super) fn trip_drive(&mut self, now: u64, fault: u16) -> bool {
-        self.board.is_up() && self.baps.trip(now, fault)
+        self.board.has_supply() && self.baps.trip(now, fault)
     }
 
     pub(super) fn watch(&mut self, events: u16) {

@@ -57,6 +57,8 @@ pub struct Baps {
     powered_on: BuiltInDrive,
     process: Process,
     service: Service,
+    /// Whether the Omega Drive-Line II's side runs; the drive does without it.
+    is_up: bool,
     /// The next time slice; [`Baps::NEVER`] while nobody uses the BAPS.
     next: u64,
     last: Option<u64>,
@@ -83,22 +85,31 @@ impl Baps {
             drive,
             process: Process::default(),
             service: Service::new(config.service_time_us),
+            is_up: false,
             next: Self::NEVER,
             last: None,
             phase: 0,
         })
     }
 
-    /// Power-on: the registers hold their reset values.
+    /// Power-on, or RESET was released: the registers hold their reset values.
     pub fn power_on(&mut self) {
         self.regs.reset_from(0);
+        self.is_up = true;
     }
 
-    /// Power-off or reset: drive and interface start anew (decision D-166).
+    /// RESET of the board: the interface starts anew, while the drive keeps its parameters and goes on with what it
+    /// was told last (decision D-166).
+    pub fn reset(&mut self) {
+        self.is_up = false;
+        self.process.reset();
+        self.service.reset();
+    }
+
+    /// Power-off: the drive has the same supply.
     pub fn power_off(&mut self) {
+        self.reset();
         self.drive = self.powered_on.clone();
-        self.process.power_off();
-        self.service.power_off();
         (self.next, self.last, self.phase) = (Self::NEVER, None, 0);
     }
 
@@ -123,6 +134,7 @@ impl Baps {
     #[inline]
     pub fn is_called(&self) -> bool {
         self.next == Self::NEVER
+            && self.is_up
             && (self.regs.b_COMMAND.load() != command::NONE || self.regs.b_MA_SEMAPHORE.load() != 0)
     }
 
@@ -152,11 +164,18 @@ impl Baps {
         let us = self.last.map_or(SLICE_US, |last| (now - last).min(SLICE_US));
         self.last = Some(now);
         self.drive.step(now, us as u32);
+        if self.is_up {
+            self.exchange(ctx);
+        }
+        self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
+    }
+
+    /// The drive looks at the registers.
+    fn exchange(&mut self, ctx: &mut Context) {
         self.process.slice(ctx, &self.regs, &mut self.drive);
         self.service.slice(ctx, &self.regs, &mut self.drive);
         let synchronized = if self.drive.is_synchronized() { SYNCHRONIZED } else { 0 };
         self.regs.w_STATUS_REG.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUS_REG)), synchronized);
-        self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
     }
 
     fn is_in_use(&self) -> bool {

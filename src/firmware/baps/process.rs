@@ -46,7 +46,8 @@ pub(super) struct Process {
 }
 
 impl Process {
-    pub fn power_off(&mut self) {
+    /// The board starts anew: without configuration, as at first (manual p. 90).
+    pub fn reset(&mut self) {
         self.configured = None;
     }
 

@@ -84,7 +84,8 @@ impl Service {
         Service { phase: Phase::default(), time_us }
     }
 
-    pub fn power_off(&mut self) {
+    /// The board starts anew: a job under way is forgotten.
+    pub fn reset(&mut self) {
         self.phase = Phase::Idle;
     }
 

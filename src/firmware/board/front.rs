@@ -81,6 +81,10 @@ impl Front {
         self.up
     }
 
+    pub fn has_supply(&self) -> bool {
+        self.powered
+    }
+
     pub fn dip(&self) -> u8 {
         self.dip
     }
@@ -123,8 +127,9 @@ impl Front {
             Power::HoldReset => header.board.switch.store(RunSwitch::Reset.code()),
             Power::ReleaseReset => header.board.switch.store(RunSwitch::Stop.code()),
         }
+        let had_supply = self.powered;
         self.read(header);
-        self.change()
+        self.change(had_supply)
     }
 
     /// Takes over what clients have turned. Numbers that mean nothing leave things as they were.
@@ -136,21 +141,23 @@ impl Front {
         }
     }
 
-    fn change(&self) -> Look {
-        match (self.up, self.powered && self.switch != RunSwitch::Reset) {
-            (true, false) => Look::Down,
-            (false, true) => Look::Up,
+    fn change(&self, had_supply: bool) -> Look {
+        let held = self.switch == RunSwitch::Reset;
+        match (self.up, self.powered) {
+            (_, false) if had_supply => Look::Off,
+            (true, true) if held => Look::Held,
+            (false, true) if !held => Look::Up,
             _ => Look::Nothing,
         }
     }
 
     pub fn look(&mut self, ctx: &mut Context, header: &Header) -> Look {
-        let before = self.switch;
+        let (before, had_supply) = (self.switch, self.powered);
         self.read(header);
         if self.switch != before {
             report(ctx, BoardEvent::Switch { to: self.switch });
         }
-        let change = self.change();
+        let change = self.change(had_supply);
         if change == Look::Nothing && self.up {
             self.see(ctx, header);
         }

@@ -29,9 +29,11 @@ pub enum Look {
     Nothing,
     /// A switch was turned or a request answered; timers may run otherwise than before.
     Answered,
-    /// The supply failed or RESET is held: everything stops.
-    Down,
-    /// Power-on, or RESET was released: everything starts anew.
+    /// RESET is held: the board stops.
+    Held,
+    /// The supply failed, be RESET held or not: the board stops, and what shares its supply.
+    Off,
+    /// Power-on, or RESET was released: the board starts anew.
     Up,
 }
 
@@ -90,6 +92,11 @@ impl Board {
     /// Whether the board has power and is not held in RESET.
     pub fn is_up(&self) -> bool {
         self.front.is_up()
+    }
+
+    /// Whether there is supply, be RESET held or not.
+    pub fn has_supply(&self) -> bool {
+        self.front.has_supply()
     }
 
     /// Switches the supply or holds RESET from outside, as [`Board::look`] does when a client has turned a switch.

@@ -2,7 +2,6 @@
 
 use super::bench::*;
 use crate::rig::Memory;
-use commram::plant::Power;
 
 #[test]
 fn reference_values_move_the_drive() {
@@ -43,28 +42,6 @@ fn each_communication_is_an_event() {
             bench.configure(SAME_CYCLE, &[], &[]);
             bench.step(10_000);
             assert_eq!((bench.occurred(event), bench.occurred(12 - event)), (20, 0));
-        });
-    }
-}
-
-#[test]
-fn reset_and_power_off_restart_the_drive() {
-    for (down, up) in [(Power::Off, Power::On), (Power::HoldReset, Power::ReleaseReset)] {
-        Bench::on_both("", |mut bench| {
-            bench.configure(SAME_CYCLE, &[SPEED_REFERENCE], &[SPEED_ACTUAL]);
-            bench.regs.a_WR_VALUE[0].store(1000);
-            bench.enable();
-            bench.regs.b_MA_SEMAPHORE.store(1);
-            bench.step(500);
-            bench.plant.set_power(0, down);
-            bench.regs.b_COMMAND.store(CONFIGURE);
-            bench.step(5000);
-            assert_eq!(bench.regs.b_COMMAND.load(), CONFIGURE, "nobody is there");
-            bench.plant.set_power(0, up);
-            bench.step(5000);
-            assert_eq!((bench.p(SPEED_REFERENCE), bench.p(SPEED_ACTUAL), bench.p(121)), (0, 0, 0x0050));
-            assert_eq!(bench.regs.b_SL_SEMAPHORE.load(), 0);
-            assert_eq!(bench.command(EXCHANGE, 500), 0x81);
         });
     }
 }

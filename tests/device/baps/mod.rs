@@ -5,5 +5,6 @@ mod configuration;
 mod exchange;
 mod journal;
 mod mixes;
+mod restart;
 mod service;
 mod sync;

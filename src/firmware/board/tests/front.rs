@@ -77,7 +77,7 @@ fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
     rig.header.board.dip.store(17);
     rig.look();
     assert_eq!(rig.board.dip(), 0, "not before a reset");
-    assert_eq!(rig.turn(RunSwitch::Reset), Look::Down);
+    assert_eq!(rig.turn(RunSwitch::Reset), Look::Held);
     rig.board.stop();
     assert_eq!((rig.header.board.display.load(), rig.header.board.leds.load()), (0, 0));
     assert_eq!(rig.look(), Look::Nothing, "still held");
@@ -90,12 +90,26 @@ fn reset_is_dark_and_reads_the_dip_switches_at_its_end() {
 fn the_supply_takes_it_down_whatever_the_switch_says() {
     let mut rig = Rig::new();
     rig.header.program.power.store(1);
-    assert_eq!(rig.look(), Look::Down);
+    assert_eq!(rig.look(), Look::Off);
     rig.board.stop();
     assert_eq!(rig.turn(RunSwitch::Reset), Look::Nothing);
     rig.header.program.power.store(0);
     assert_eq!(rig.look(), Look::Nothing, "RESET is still held");
     assert_eq!(rig.turn(RunSwitch::Stop), Look::Up);
+}
+
+#[test]
+fn the_supply_may_fail_while_reset_is_held() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.turn(RunSwitch::Reset), Look::Held);
+    rig.board.stop();
+    rig.header.program.power.store(1);
+    assert!(rig.board.has_supply(), "before anybody looks");
+    assert_eq!(rig.look(), Look::Off);
+    assert_eq!((rig.look(), rig.board.has_supply()), (Look::Nothing, false));
+    assert_eq!(rig.turn(RunSwitch::Stop), Look::Nothing, "no supply");
+    rig.header.program.power.store(0);
+    assert_eq!((rig.look(), rig.board.has_supply()), (Look::Up, true));
 }
 
 #[test]
