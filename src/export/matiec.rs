@@ -28,17 +28,15 @@ pub fn generate(scope: &Scope) -> String {
 }
 
 /// Stretches of registers of one width: first byte, end, width. Structures that overlay each other agree on
-/// widths, but not on where they end.
+/// the widths of what is used, but not on where they end.
 fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
     for area in &scope.areas {
         let mut bytes = vec![0; area.bytes as usize];
-        for placed in area.structures {
-            for found in area.registers_of(placed.structure) {
-                let first = found.offset_in_structure() as usize;
-                let width = found.width();
-                bytes.iter_mut().skip(first).take(width as usize).for_each(|byte| *byte = width);
-            }
+        for found in area.used_registers() {
+            let first = found.offset_in_structure() as usize;
+            let width = found.width();
+            bytes.iter_mut().skip(first).take(width as usize).for_each(|byte| *byte = width);
         }
         for (offset, width) in (area.first..).zip(bytes).filter(|(_, width)| *width > 0) {
             match stretches.last_mut() {

@@ -46,7 +46,7 @@ fn maps(out: &mut String, scope: &Scope) {
             scope.device.title
         );
         for (area, placed) in scope.placed() {
-            let Placed { structure, variable, live } = placed;
+            let Placed { structure, variable, live, .. } = placed;
             if [phase, "always"].contains(&rows::live(*live)) {
                 let _ = writeln!(out, "    {} {variable} @ {};", structure.name, area.first);
             }

@@ -77,6 +77,9 @@ pub struct Placed {
     pub live: Live,
     /// Name of the variable that the application declares there, the manual's where it has one.
     pub variable: &'static str,
+    /// Registers of the structure that nobody uses in this area: other structures may have registers of
+    /// another width there, and theirs is the one that counts.
+    pub unused: &'static [&'static str],
 }
 
 /// When a structure is valid: INIT and cyclic structure of a CANsync node overlay the same RAM.

@@ -90,6 +90,14 @@ impl Area {
         Registers::new(self, structure)
     }
 
+    /// The registers that somebody uses in this area, structure by structure. They agree on widths wherever
+    /// structures overlay each other.
+    pub fn used_registers(&'static self) -> impl Iterator<Item = RegisterRef> {
+        self.structures.iter().flat_map(|placed| {
+            self.registers_of(placed.structure).filter(|found| !placed.unused.contains(&found.register.name))
+        })
+    }
+
     /// The registers that are valid in phase `live`, in address order.
     pub fn registers(&'static self, live: Live) -> impl Iterator<Item = RegisterRef> {
         let placed = self.structures.iter().filter(move |placed| placed.live.is_valid_in(live));
@@ -101,6 +109,7 @@ impl Area {
 mod tests {
     use crate::layout::omega_drive_line_2::DEVICE;
     use crate::layout::{Live, RegisterRef};
+    use std::collections::BTreeMap;
 
     /// The iterator, the names and the addresses must agree on every single register.
     #[test]
@@ -136,6 +145,28 @@ mod tests {
         assert_eq!(count(&|r| r.register.group == "_CFG_WRC_WORD"), 24);
         assert_eq!(count(&|r| r.register.name == "a_DATA_UPDOWNBLK0"), 75);
         assert_eq!(count(&|r| r.register.name == "w_CPU_CONTROL"), 0);
+    }
+
+    #[test]
+    fn used_registers_agree_on_the_width_of_every_byte() {
+        for area in DEVICE.areas {
+            let mut widths = BTreeMap::new();
+            for found in area.used_registers() {
+                for byte in found.offset()..found.offset() + found.width() {
+                    let cell = (found.offset(), found.width());
+                    assert_eq!(*widths.entry(byte).or_insert(cell), cell, "{found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_slave_types_are_the_masters_alone() {
+        let used = |area: &str| {
+            let registers = DEVICE.area(area).unwrap().used_registers();
+            registers.filter(|found| found.register.name == "a_SL_TYP").count()
+        };
+        assert_eq!((used("node1"), used("node2")), (0, 32));
     }
 
     #[test]

@@ -54,12 +54,31 @@ mod tests {
     use zerocopy::FromZeros;
 
     #[test]
-    fn init_overlays_exactly_the_mapping_bytes_of_both_cyclic_structures() {
+    fn init_overlays_the_beginning_of_both_cyclic_structures() {
         assert_eq!(size_of::<CANsync_INIT_BMSTRUCT>(), 52);
-        assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_WR_VALUE), 52);
-        assert_eq!(offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_WR_VALUE_RECEIVE), 52);
         assert_eq!(offset_of!(CANsync_INIT_BMSTRUCT, w_CPU_CONTROL), 0);
         assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS), 2);
+        assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_WR_VALUE), 52);
+    }
+
+    /// Manual 5.00005.03a p. 176-186 prints the slave's registers in an order in which each is naturally
+    /// aligned right behind the one before.
+    #[test]
+    fn the_slave_structure_is_in_the_order_of_the_manuals_tables_without_padding() {
+        let ends = [
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1), 12),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, _CFG_WRC_WORD), 16),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_WR_VALUE_RECEIVE), 32),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC1), 96),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, _CFG_RDC_WORD), 100),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_RD_VALUE_SEND), 116),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STATREG_RDC1), 180),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_STATREG_RDC), 184),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_CFG_RDC_WORD), 312),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_RD_BMARRAY), 824),
+            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STATREG_AKT_CMD), 2872),
+        ];
+        assert!(ends.iter().all(|(offset, expected)| offset == expected), "{ends:?}");
     }
 
     #[test]

@@ -261,7 +261,7 @@ mod tests {
             ("node1.w_OPTION_STATUS", "%MW3.100002"),
             ("node2.b_MA_SL_MODE", "%MB3.200012"),
             ("node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0", "%MB3.200020"),
-            ("node1._CFG_RDC_WORD.b_CFG_RDC1_WORD0", "%MB3.100036"),
+            ("node1._CFG_RDC_WORD.b_CFG_RDC1_WORD0", "%MB3.100100"),
             ("node2.a_WR_VALUE[31]", "%MD3.200176"),
             ("node2.a_RD_BMARRAY[3][0]", "%MD3.201024"),
             ("node2.a_CFG_RDC_WORD[31].b_CFG_RDC2_WORD3", "%MB3.200820"),

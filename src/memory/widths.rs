@@ -12,8 +12,12 @@ pub struct Unmapped {
 
 /// Register widths of the device, byte by byte.
 ///
-/// Rule of the shared memory: a register is accessed at its own width only. An access from outside may
-/// be narrower or wider than the registers it meets; this map says how to split it.
+/// Rule of the shared memory: a byte is accessed at one width only, that of the register which is used there.
+/// Where the initialization structure overlays a cyclic one, both have the same width, except under registers
+/// that nobody uses in that area: `a_SL_TYP[12]` to `[31]` are the master's alone (manual 5.00005.03a
+/// p. 149-150, 174-175), so on node 1 an access to them is an access to a part of `a_WR_VALUE_RECEIVE`.
+///
+/// An access from outside may be narrower or wider than the registers it meets; this map says how to split it.
 pub struct RegisterWidths {
     areas: Vec<AreaWidths>,
 }
@@ -46,13 +50,11 @@ impl RegisterWidths {
             // Only as many bytes as have registers; option interfaces are large and empty.
             let described = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
-            for placed in area.structures {
-                for register in area.registers_of(placed.structure) {
-                    let start = (register.offset() - area.first) as usize;
-                    for place in 0..register.width() {
-                        if let Some(byte) = bytes.get_mut(start + place as usize) {
-                            *byte = (register.width() | place << 4) as u8;
-                        }
+            for register in area.used_registers() {
+                let start = (register.offset() - area.first) as usize;
+                for place in 0..register.width() {
+                    if let Some(byte) = bytes.get_mut(start + place as usize) {
+                        *byte = (register.width() | place << 4) as u8;
                     }
                 }
             }
@@ -230,6 +232,17 @@ mod tests {
         let part = |offset| Part { offset, bytes: 2, register: (offset, Width::Word) };
         assert_eq!(parts(200_000, Width::Dword), [part(200_000), part(200_002)]);
         assert_eq!(parts(200_012, Width::Word).len(), 2, "two byte registers");
+    }
+
+    /// The slave types are the master's alone: on node 1 they are parts of the reference values under them.
+    #[test]
+    fn where_nobody_uses_a_register_the_one_under_it_says_the_width() {
+        let slave = DEVICE.register("node1.a_SL_TYP[13]").unwrap().offset();
+        let part = Part { offset: slave, bytes: 1, register: (100_032, Width::Dword) };
+        assert_eq!(parts(slave, Width::Byte), [part]);
+        let master = DEVICE.register("node2.a_SL_TYP[13]").unwrap().offset();
+        let part = Part { offset: master, bytes: 1, register: (master, Width::Byte) };
+        assert_eq!(parts(master, Width::Byte), [part]);
     }
 
     #[test]

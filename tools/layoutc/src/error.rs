@@ -53,6 +53,8 @@ pub enum Reason {
     Prefix { name: String, expected: String, found: String },
     #[error("unknown structure `{0}`; `structures` of device.toml lists the known ones")]
     UnknownStructure(String),
+    #[error("`{structure}` has no register `{name}` that could be unused")]
+    UnknownRegister { structure: String, name: String },
     #[error("unknown block `{0}`; blocks are defined in the files that `parts` of device.toml lists")]
     UnknownBlock(String),
     #[error("unknown meaning `{0}`; meanings are defined in the files that `parts` of device.toml lists")]
@@ -104,7 +106,7 @@ pub enum Reason {
     #[error(
         "`{structure}` has a register of {width} bytes at offset {offset} where `{other}`, \
          which lies over it in area `{area}`, has one of {other_width}: \
-         a byte of the RAM must always be accessed at one width"
+         a byte of the RAM must always be accessed at one width; name the one that nobody uses there in `unused`"
     )]
     MixedWidth { structure: String, other: String, area: String, offset: u32, width: u32, other_width: u32 },
     #[error("parameter number {0}: numbers are 1 to 4095")]

@@ -34,6 +34,8 @@ pub struct Placed {
     pub live: Live,
     /// Name of the variable that the application declares there.
     pub variable: String,
+    /// Names of the structure's registers that nobody uses here.
+    pub unused: Vec<String>,
 }
 
 /// A structure or sub-structure: fields in ascending order that cover `0..size` without a gap.

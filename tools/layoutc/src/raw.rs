@@ -45,6 +45,8 @@ pub struct Placed {
     pub name: Spanned<String>,
     pub live: Live,
     pub variable: Option<Spanned<String>>,
+    #[serde(default)]
+    pub unused: Vec<Spanned<String>>,
 }
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]

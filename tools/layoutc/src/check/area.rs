@@ -5,6 +5,7 @@ use crate::error::{Error, Reason};
 use crate::model::{Area, Field, Kind, Placed, Structure};
 use crate::raw;
 use crate::source::{At, Sources, at};
+use toml::Spanned;
 
 /// Checks all areas of the device.
 pub fn check(
@@ -65,14 +66,16 @@ fn area(
             let (structure, size) = (structure.name.clone(), structure.size);
             return Err(sources.error(place, Reason::PastAreaEnd { structure, size, area: name, bytes }));
         }
-        for other in &placed {
-            same_widths(sources, place, &name, structure, &structures[other.structure], subs)?;
-        }
-        placed.push(Placed {
+        let new = Placed {
             structure: index,
             live: entry.live,
             variable: variable(sources, file, &name, entry)?,
-        });
+            unused: unused(sources, file, structure, &entry.unused)?,
+        };
+        for other in &placed {
+            same_widths(sources, place, &name, [&new, other], structures, subs)?;
+        }
+        placed.push(new);
     }
     Ok(Area {
         name,
@@ -99,26 +102,43 @@ fn variable(sources: &Sources, file: usize, area: &str, placed: &raw::Placed) ->
     Ok(given.get_ref().clone())
 }
 
-/// Atomic accesses of different sizes to one byte are not defined, so overlaid registers must have
-/// the same width and the same start. Padding is never accessed but copied, byte by byte.
+/// The names of the registers that nobody uses in this area; the structure must have them.
+fn unused(
+    sources: &Sources,
+    file: usize,
+    structure: &Structure,
+    names: &[Spanned<String>],
+) -> Result<Vec<String>, Error> {
+    let known = |name: &str| structure.fields.iter().any(|field| field.name == name && !field.is_padding());
+    if let Some(wrong) = names.iter().find(|name| !known(name.get_ref())) {
+        let (structure, name) = (structure.name.clone(), wrong.get_ref().clone());
+        return Err(sources.error(at(file, wrong.span()), Reason::UnknownRegister { structure, name }));
+    }
+    Ok(names.iter().map(|name| name.get_ref().clone()).collect())
+}
+
+/// Atomic accesses of different sizes to one byte are not defined, so overlaid registers that are used must
+/// have the same width and the same start. Padding is never accessed but copied, byte by byte.
 fn same_widths(
     sources: &Sources,
     place: At,
     area: &str,
-    structure: &Structure,
-    other: &Structure,
+    pair: [&Placed; 2],
+    structures: &[Structure],
     subs: &[Structure],
 ) -> Result<(), Error> {
-    let (mine, others) = (cells(structure, subs), cells(other, subs));
-    for (offset, (a, b)) in mine.iter().zip(&others).enumerate() {
-        if a != b {
+    let [mine, others] = pair.map(|placed| placed_cells(placed, &structures[placed.structure], subs));
+    for (offset, widths) in mine.into_iter().zip(others).enumerate() {
+        let (Some(width), Some(other_width)) = widths else { continue };
+        if width != other_width {
+            let [structure, other] = pair.map(|placed| structures[placed.structure].name.clone());
             let reason = Reason::MixedWidth {
-                structure: structure.name.clone(),
-                other: other.name.clone(),
+                structure,
+                other,
                 area: area.to_owned(),
                 offset: offset as u32,
-                width: *a,
-                other_width: *b,
+                width,
+                other_width,
             };
             return Err(sources.error(place, reason));
         }
@@ -126,16 +146,21 @@ fn same_widths(
     Ok(())
 }
 
-/// For each byte the width of the cell it lies in. Cells are aligned to their width, so equal widths
-/// mean equal starts.
-fn cells(structure: &Structure, subs: &[Structure]) -> Vec<u32> {
-    structure.fields.iter().flat_map(|field| field_cells(field, subs)).collect()
+/// For each byte the width of the cell it lies in, `None` in registers that nobody uses. Cells are aligned to
+/// their width, so equal widths mean equal starts.
+fn placed_cells(placed: &Placed, structure: &Structure, subs: &[Structure]) -> Vec<Option<u32>> {
+    let fields = structure.fields.iter();
+    let cells = |field: &Field| {
+        let used = !placed.unused.contains(&field.name);
+        field_cells(field, subs).into_iter().map(move |width| used.then_some(width))
+    };
+    fields.flat_map(cells).collect()
 }
 
 fn field_cells(field: &Field, subs: &[Structure]) -> Vec<u32> {
     let element = match field.kind {
         Kind::Scalar(scalar) => vec![scalar.width(); scalar.width() as usize],
-        Kind::Sub(index) => cells(&subs[index], subs),
+        Kind::Sub(index) => subs[index].fields.iter().flat_map(|field| field_cells(field, subs)).collect(),
         Kind::Padding(bytes) => vec![1; bytes as usize],
     };
     element.repeat(field.dims.iter().product::<u32>() as usize)

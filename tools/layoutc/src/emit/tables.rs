@@ -39,11 +39,11 @@ fn areas(out: &mut String, device: &Device) {
             "        Area {{ name: {name:?}, first: {first}, bytes: {bytes}, cpu_first: 0x{cpu_first:X}, \
              cpu_last: 0x{cpu_last:X}, page: {page:?}, doc: {doc:?}, structures: &["
         );
-        for Placed { structure, live, variable } in structures {
+        for Placed { structure, live, variable, unused } in structures {
             let item = static_name(&device.structures[*structure].name);
             let _ = write!(
                 out,
-                "Placed {{ structure: &{item}, live: Live::{live:?}, variable: {variable:?} }}, "
+                "Placed {{ structure: &{item}, live: Live::{live:?}, variable: {variable:?}, unused: &{unused:?} }}, "
             );
         }
         out.push_str("] },\n");

@@ -205,6 +205,17 @@ fn overlaid_registers_of_different_width() {
          { offset = 7, padding = 1 },",
         "  { offset = 4, name = \"d_MODE\", type = \"DWORD\", owner = \"plc\", doc = \"Mode\" },",
         "device.toml:18:12: `CTRL` has a register of 1 bytes at offset 4 where `INIT`, which lies over it in area \
-         `node`, has one of 4: a byte of the RAM must always be accessed at one width",
+         `node`, has one of 4: a byte of the RAM must always be accessed at one width; name the one that nobody uses there \
+         in `unused`",
+    );
+}
+
+#[test]
+fn registers_that_nobody_uses() {
+    check(
+        "device.toml",
+        "live = \"init\" }",
+        "live = \"init\", unused = [\"a_TYPES\"] }",
+        "device.toml:17:45: `INIT` has no register `a_TYPES` that could be unused",
     );
 }
