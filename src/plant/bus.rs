@@ -5,6 +5,7 @@
 //! frame lengths those of the real frames, stuff bits included.
 
 mod command;
+mod disturbance;
 mod fault;
 mod process;
 
@@ -18,7 +19,7 @@ use crate::firmware::Context;
 use crate::firmware::cansync::{Built, Master, Slave};
 use crate::journal::{Event, Journal, Origin};
 use crate::layout::omega_drive_line_2::BaudRate;
-use fault::{Disturbance, Fate};
+use disturbance::{Disturbance, Fate};
 
 /// Who is connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +43,8 @@ enum Sender {
 struct OnWire {
     from: u64,
     until: u64,
+    /// When the end of its slot's frame is due: before `until` if a fault delays this one.
+    due: u64,
     sender: Sender,
 }
 
@@ -318,8 +321,9 @@ impl Run<'_> {
         let begin =
             if self.faults.is_empty() { Some(from) } else { self.disturb(place, frame, from, duration) };
         let from_seen = begin.unwrap_or(from);
-        self.bus.on_wire[place] = Some(OnWire { from: from_seen, until: from_seen + duration, sender });
-        self.bus.agenda.set(slot, from + duration);
+        let due = from + duration;
+        self.bus.on_wire[place] = Some(OnWire { from: from_seen, until: from_seen + duration, due, sender });
+        self.bus.agenda.set(slot, due);
         begin
     }
 

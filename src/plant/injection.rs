@@ -49,7 +49,7 @@ impl Plant {
 
     fn switch_slaves(&mut self) {
         for (index, bus) in self.buses.iter_mut().enumerate() {
-            bus.set_off(slaves_off(&self.faults, index));
+            bus.set_off(self.now, slaves_off(&self.faults, index));
         }
     }
 
@@ -83,7 +83,7 @@ impl Plant {
                 _ => (plc.master.go_bus_off(), None),
             };
             if let Some(bus) = plc.bus_of(node).and_then(|bus| buses.get_mut(bus)).filter(|_| goes) {
-                bus.node_went_off(slave);
+                bus.node_went_off(now, slave);
             }
             goes.then_some(0)
         });

@@ -5,6 +5,7 @@ mod each_kind;
 mod error_numbers;
 mod frames;
 mod list;
+mod recovery;
 mod slaves;
 mod sync;
 

@@ -1,0 +1,168 @@
+//! What faults have done to a bus: which frames under way do not arrive as they should, and who is off.
+
+use super::{OnWire, Sender, SimBus, Station};
+use crate::bus::{Frame, FrameKind};
+use crate::plant::agenda::Slot;
+
+/// What faults have done to a bus.
+#[derive(Default)]
+pub(super) struct Disturbance {
+    /// Slaves that are off, bit n for slave n.
+    off: u32,
+    /// Frames under way that nobody receives at all, by place on the wire.
+    pub(super) lost: u8,
+    /// Frames under way that end later than regularly, by place on the wire.
+    pub(super) late: u8,
+    /// Frames that arrive outside of their slots.
+    pub(super) strays: Vec<Stray>,
+    /// How far the present SYNC edge lies behind its regular time, in us.
+    pub(super) shift: i64,
+    /// The job under way, while there are faults.
+    pub(super) job: Option<Frame>,
+    /// The answer that a fault gives to it in place of the slave.
+    pub(super) answer: Option<Frame>,
+}
+
+/// What becomes of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Fate {
+    /// Its receivers have it.
+    Arrives,
+    /// Nobody ever has it; its sender does not notice.
+    Lost,
+    /// It is still on its way.
+    Late,
+}
+
+/// A frame that arrives outside of its slot.
+pub(super) struct Stray {
+    pub(super) end: u64,
+    pub(super) frame: Frame,
+    /// Whether it comes a second time.
+    pub(super) copy: bool,
+}
+
+impl Disturbance {
+    #[inline]
+    pub(super) fn is_off(&self, slave: u8) -> bool {
+        self.off.checked_shr(slave.into()).unwrap_or(0) & 1 != 0
+    }
+
+    /// What becomes of the frame at this place on the wire, whose regular end is now.
+    #[inline]
+    pub(super) fn take_fate(&mut self, place: usize) -> Fate {
+        let bit = 1 << place;
+        let fate = match (self.lost & bit != 0, self.late & bit != 0) {
+            (true, _) => Fate::Lost,
+            (false, true) => Fate::Late,
+            (false, false) => Fate::Arrives,
+        };
+        self.lost &= !bit;
+        self.late &= !bit;
+        fate
+    }
+
+    /// The bus stands still.
+    pub(super) fn forget_frames(&mut self) {
+        self.lost = 0;
+        self.late = 0;
+        self.strays.clear();
+        self.shift = 0;
+        self.job = None;
+        self.answer = None;
+    }
+
+    #[inline]
+    pub(super) fn take_answer(&mut self) -> Option<Frame> {
+        self.answer.take()
+    }
+
+    /// The next edge comes at its regular time.
+    #[inline]
+    pub(super) fn end_jitter(&mut self) {
+        self.shift = 0;
+    }
+
+    /// How far the present edge lies behind its regular time, in us.
+    #[inline]
+    pub(super) fn shift(&self) -> i64 {
+        self.shift
+    }
+}
+
+impl SimBus {
+    /// Slaves that are off from now on, bit n for slave n. Drives that go off are as at power-on when they come
+    /// back; a PLC's node has its plug pulled (decision D-123).
+    pub(in crate::plant) fn set_off(&mut self, now: u64, off: u32) {
+        let changed = self.disturbance.off ^ off;
+        self.disturbance.off = off;
+        for number in (0..32u8).filter(|number| changed >> number & 1 != 0) {
+            if let Some(Station::Drive(index)) = self.stations.get(usize::from(number))
+                && let (Some(drive), Some(fresh)) = (self.drives.get_mut(*index), self.fresh.get(*index))
+            {
+                drive.clone_from(fresh);
+            }
+            self.destroy_frames_of(now, Sender::Slave(number));
+        }
+    }
+
+    /// Brings a fault upon the drive with this slave number. Tells whether there is one, with power and without a
+    /// fault.
+    pub(in crate::plant) fn trip_drive(&mut self, slave: u8, fault: u16) -> bool {
+        let Some(Station::Drive(index)) = self.stations.get(usize::from(slave)) else { return false };
+        let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
+        drive.is_some_and(|drive| drive.trip(fault))
+    }
+
+    /// The slaves of this bus, bit n for slave n.
+    pub(in crate::plant) fn slaves(&self) -> u32 {
+        let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
+        present.fold(0, |mask, (number, _)| mask | 1 << number)
+    }
+
+    /// This sender has stopped in the middle: the frames that it has on the wire, or about to be, are lost. A frame
+    /// that has ended is out of its hands.
+    fn destroy_frames_of(&mut self, now: u64, sender: Sender) {
+        for (place, wire) in self.on_wire.iter_mut().enumerate() {
+            if let Some(OnWire { due, .. }) = wire.take_if(|wire| wire.sender == sender && wire.until > now)
+                // The place of a frame that a fault has delayed may be another one's already.
+                && due > now
+            {
+                self.disturbance.lost |= 1 << place;
+            }
+        }
+        self.disturbance.strays.retain(|stray| !stray.is_of(sender));
+        match sender {
+            Sender::Master => {
+                // What is still being built never gets to the controller.
+                for (reference, built) in self.reference.iter_mut().zip([Slot::Built1, Slot::Built2]) {
+                    reference.take_if(|_| self.agenda.at(built).is_some());
+                }
+            }
+            Sender::Slave(number) if self.asked == Some(number) => {
+                self.drive_answer = None;
+                self.disturbance.answer = None;
+            }
+            Sender::Slave(_) => {}
+        }
+    }
+
+    /// The master's CAN controller, or that of the slave with this number, goes BUS-off.
+    pub(in crate::plant) fn node_went_off(&mut self, now: u64, slave: Option<u8>) {
+        self.destroy_frames_of(now, slave.map_or(Sender::Master, Sender::Slave));
+    }
+}
+
+impl Stray {
+    fn is_of(&self, sender: Sender) -> bool {
+        match (self.frame.kind(), sender) {
+            (Some(FrameKind::ActualValue(_, number) | FrameKind::Response(number)), Sender::Slave(slave)) => {
+                number == slave
+            }
+            (Some(FrameKind::ReferenceValue(..) | FrameKind::Action | FrameKind::Job(_)), Sender::Master) => {
+                true
+            }
+            _ => false,
+        }
+    }
+}

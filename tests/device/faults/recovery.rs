@@ -1,0 +1,253 @@
+//! What is left of a fault when it is over: nothing. And nobody but the faulty station ever loses a frame by it.
+
+use super::*;
+use crate::rig::Memory;
+use commram::bus::{Frame, FrameKind};
+use commram::layout::omega_drive_line_2::{BAUD_RATES, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use core::mem::offset_of;
+use proptest::prelude::*;
+
+const BUS_OFF: u16 = 0x00C0;
+
+/// Everything in the slots has ended long ago when the controller goes off; the first frames after its return are
+/// other ones.
+#[test]
+fn the_first_command_after_bus_off_is_on_the_bus() {
+    let mut rig = running(Memory::Heap);
+    rig.master.b_SL_NR_CONTROLWORD.store(DRIVE as u8);
+    rig.master.a_STEUREG_CONTROLWORD[DRIVE].store(0x05);
+    rig.send_wrc1();
+    rig.step(500);
+    add(&mut rig, "kind = 'bus_off'\nplc = 'a'\nnode = 2");
+    rig.master.w_CPU_CONTROL.store(0x00C0);
+    rig.step(6_000);
+    assert_eq!(rig.master.w_CANsync_STATUS.load() & BUS_OFF, 0);
+    rig.run_to_sync();
+    let before = rig.frames().len();
+    rig.master.a_CONTROLWORD_SL[DRIVE].store(0x000F);
+    rig.master.a_STEUREG_CONTROLWORD[DRIVE].store(0x05);
+    rig.send_wrc1();
+    assert_eq!(rig.master.a_STEUREG_CONTROLWORD[DRIVE].load(), 0x04);
+    rig.run_to_sync();
+    let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
+    assert_eq!(ids, [0x101, 0x301, 0x010]);
+}
+
+#[test]
+fn a_slave_that_goes_off_takes_no_frame_of_another_one_with_it() {
+    for fault in ["kind = 'slave_off'\nslave = 1", "kind = 'bus_off'\nplc = 'b'\nnode = 1"] {
+        let mut rig = running(Memory::Heap);
+        // The last answers are those of the slaves that go off.
+        let last = if fault.contains("slave_off") { 1 } else { 0 };
+        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(last);
+        enter_parameter(&rig, usize::from(last), 0x03, 1000, 0);
+        rig.send_wrc1();
+        rig.master.a_CTRLREG_PAR_CMD_SL[usize::from(last)].b_STEUREG_PAR_CMD.store(0);
+        rig.run_to_sync();
+        rig.run_to_sync();
+        add(&mut rig, fault);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(2);
+        enter_parameter(&rig, 2, 0x03, 121, 0);
+        let before = rig.frames().len();
+        rig.send_wrc1();
+        rig.run_to_sync();
+        let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
+        assert_eq!(ids, [0x102, 0x302, 0x502, 0x582], "{fault}");
+    }
+}
+
+/// A frame that a fault delays beyond its slot does not end in it any more.
+#[test]
+fn a_delayed_frame_that_is_destroyed_takes_no_other_one_with_it() {
+    let mut rig = running(Memory::Heap);
+    add(&mut rig, "kind = 'delay_frame'\nslot = 'RDC1'\ndelay_us = 400\ncount = 1");
+    let at = rig.plant.now() + 1_500;
+    add(&mut rig, &format!("kind = 'slave_off'\nslave = 1\nat_us = {at}"));
+    rig.send_wrc1();
+    assert!(rig.last_frame(0x301..=0x301).is_none(), "it was on the wire as its sender went off");
+    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(2);
+    rig.send_wrc1();
+    assert!(rig.last_frame(0x302..=0x302).is_some());
+}
+
+/// A frame that is being built, which takes 15 us for each word.
+#[test]
+fn a_controller_that_is_off_gets_no_frame_any_more() {
+    let mut rig = running(Memory::Heap);
+    let at = rig.plant.now() + deadline() + 5;
+    add(&mut rig, &format!("kind = 'bus_off'\nplc = 'a'\nnode = 2\nat_us = {at}"));
+    let before = rig.frames().len();
+    rig.send_wrc1();
+    assert_eq!(rig.frames().len(), before);
+    assert_eq!(rig.master.b_CTRLREG_WRC1.load(), 0x05, "not acknowledged");
+}
+
+/// An answer that a drive has ready is gone with its power, even if the power is back before it is due.
+#[test]
+fn an_answer_does_not_survive_the_power_of_its_slave() {
+    let mut rig = running(Memory::Heap);
+    enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
+    let at = rig.plant.now() + 2_200;
+    add(&mut rig, &format!("kind = 'slave_off'\nslave = 1\nat_us = {at}\nduration_us = 100"));
+    rig.run_to_sync();
+    rig.run_to_sync();
+    assert!(rig.last_frame(0x581..=0x581).is_none());
+    intervals(&mut rig, 1);
+    assert_eq!(parameter(&rig, DRIVE), (0x02, 100), "the repetition is answered");
+}
+
+/// Deadline of reference value frame 1 at 500 kbit/s, in us after SYNC.
+fn deadline() -> u64 {
+    let rate = BAUD_RATES.iter().find(|rate| rate.kbit_per_s == RATES[0].kbit_s).unwrap();
+    rate.deadline.into()
+}
+
+/// What the PLC asks for in one interval.
+#[derive(Clone, Copy, Debug)]
+struct Wishes {
+    wrc1: Option<u8>,
+    wrc2: Option<u8>,
+    control_word: Option<u8>,
+    parameter: Option<u8>,
+}
+
+fn wishes() -> impl Strategy<Value = Wishes> {
+    let slave = || prop::option::weighted(0.8, 0u8..3);
+    (slave(), slave(), prop::option::weighted(0.3, 0u8..3), slave())
+        .prop_map(|(wrc1, wrc2, control_word, parameter)| Wishes { wrc1, wrc2, control_word, parameter })
+}
+
+/// Who is faulty: `None` is the master, otherwise the slave with this number.
+fn any_fault() -> impl Strategy<Value = (Option<u8>, &'static str)> {
+    prop_oneof![
+        Just((None, "kind = 'bus_off'\nplc = 'a'\nnode = 2")),
+        Just((Some(0), "kind = 'bus_off'\nplc = 'b'\nnode = 1")),
+        Just((Some(0), "kind = 'slave_off'\nslave = 0\nduration_us = 3000")),
+        Just((Some(1), "kind = 'slave_off'\nslave = 1\nduration_us = 3000")),
+        Just((Some(2), "kind = 'slave_off'\nslave = 2\nduration_us = 70")),
+    ]
+}
+
+fn interval(rig: &mut Rig, wishes: Wishes) {
+    let regs = &rig.master;
+    for (order, release, slave) in [
+        (&regs.b_CTRLREG_RD_ORDER_RDC1, &regs.b_CTRLREG_WRC1, wishes.wrc1),
+        (&regs.b_CTRLREG_RD_ORDER_RDC2, &regs.b_CTRLREG_WRC2, wishes.wrc2),
+    ] {
+        if let Some(slave) = slave {
+            order.store(slave);
+            release.store(0x05);
+        }
+    }
+    if let Some(slave) = wishes.control_word {
+        regs.b_SL_NR_CONTROLWORD.store(slave);
+        regs.a_STEUREG_CONTROLWORD[usize::from(slave)].store(0x05);
+    }
+    if let Some(slave) = wishes.parameter {
+        // Only a new job gives an acknowledgement to look for.
+        if parameter(rig, slave.into()).0 & 0x01 == 0 {
+            enter_parameter(rig, slave.into(), 0x03, 121, 0);
+        }
+    }
+    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+    rig.slave.b_CTRLREG_RD_RDC2.store(0x05);
+    let job = rig.slave.b_STEUREG_PAR_CMD.load();
+    if job & 0x01 != 0 {
+        rig.slave.b_STATREG_PAR_CMD.store(job & !0x41);
+        rig.slave.b_STEUREG_PAR_CMD.store(job & !0x41);
+    }
+    rig.run_to_sync();
+}
+
+type IsFrame = fn(&Frame) -> bool;
+
+/// What the master has acknowledged, with the kind of frame that must follow.
+fn acknowledged(rig: &Rig) -> Vec<(u64, IsFrame)> {
+    const PARAMETER: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL);
+    const CONTROL_WORD: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_STEUREG_CONTROLWORD);
+    const WRC1: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
+    const WRC2: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC2);
+    fn reference(channel: u8, frame: &Frame) -> bool {
+        matches!(frame.kind(), Some(FrameKind::ReferenceValue(of, _)) if of.number() == channel)
+    }
+    let frame_for = |offset: usize, request: u16, answer: u16| -> Option<IsFrame> {
+        match offset {
+            WRC1 => Some(|frame| reference(1, frame)),
+            WRC2 => Some(|frame| reference(2, frame)),
+            CONTROL_WORD.. if offset < CONTROL_WORD + 32 => {
+                Some(|frame| frame.kind() == Some(FrameKind::Action))
+            }
+            // Bit 3, sent, comes on.
+            PARAMETER.. if offset < PARAMETER + 64 && !request & answer & 0x08 != 0 => {
+                Some(|frame| matches!(frame.kind(), Some(FrameKind::Job(_))))
+            }
+            _ => None,
+        }
+    };
+    rig.records()
+        .filter_map(|record| match record.event {
+            Event::Handshake { origin, offset, request, answer } if origin.plc == 0 => {
+                Some((record.time_us, frame_for(offset as usize, request, answer)?))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn what_is_acknowledged_is_on_the_bus_and_only_the_faulty_station_loses_frames(
+        (faulty, text) in any_fault(),
+        at in 0u64..8_000,
+        before in prop::collection::vec(wishes(), 4),
+        after in prop::collection::vec(wishes(), 8),
+    ) {
+        let mut rig = running(Memory::Heap);
+        // Wishes come in faster than slaves answer, and nobody looks at the results.
+        rig.tolerate_errors(commram::check::Rule::ALL);
+        let begin = rig.plant.now();
+        add(&mut rig, &format!("{text}\nat_us = {}", begin + at));
+        for wishes in before {
+            interval(&mut rig, wishes);
+        }
+        rig.master.w_CPU_CONTROL.store(0x00C0);
+        rig.slave.w_CPU_CONTROL.store(0x00C0);
+        rig.step(8_000);
+        prop_assert_eq!(rig.plant.faults().count(), 0);
+        prop_assert_eq!((rig.master.w_CANsync_STATUS.load() | rig.slave.w_CANsync_STATUS.load()) & BUS_OFF, 0);
+        rig.run_to_sync();
+        let well = rig.plant.now();
+        for wishes in after {
+            interval(&mut rig, wishes);
+        }
+        let end = rig.plant.now();
+        rig.run_to_sync();
+        rig.run_to_sync();
+
+        let frames = rig.frames();
+        let follows = |from: u64, within: u64, is: &dyn Fn(&Frame) -> bool| {
+            frames.iter().any(|(time, frame)| (from..=from + within).contains(time) && is(frame))
+        };
+        for (time, is) in acknowledged(&rig) {
+            let loses = faulty.is_none() && time < well;
+            prop_assert!(time < begin || time >= end || loses || follows(time, 1_900, &is), "acknowledged at {}", time);
+        }
+        for &(time, frame) in frames.iter().filter(|(time, _)| (begin..end).contains(time)) {
+            let healthy = |slave: u8| slave != 0 && Some(slave) != faulty;
+            match frame.kind() {
+                Some(FrameKind::ReferenceValue(channel, slave)) if healthy(slave) => {
+                    let answer = Some(FrameKind::ActualValue(channel, slave));
+                    prop_assert!(follows(time, 900, &|frame| frame.kind() == answer), "{:?} at {}", answer, time);
+                }
+                Some(FrameKind::Job(slave)) if healthy(slave) || slave != 0 && time >= well => {
+                    let answer = Some(FrameKind::Response(slave));
+                    prop_assert!(follows(time, 1_500, &|frame| frame.kind() == answer), "{:?} at {}", answer, time);
+                }
+                _ => {}
+            }
+        }
+    }
+}
