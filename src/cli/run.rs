@@ -9,11 +9,17 @@ use commram::runtime::{Clock, Emulator, Options, StopHandle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::path::PathBuf;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+/// How long a signal that comes during the start waits for its end. Then there is no good order to end in.
+const START_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Run an emulator until it is stopped.
 ///
 /// Stays in the foreground and says in one line when it is ready. Ctrl-C, SIGTERM and `commram stop` end it
-/// and remove its files; a second Ctrl-C ends it at once. Without a plant file it runs the built-in plant:
+/// and remove its files; a second Ctrl-C ends it at once. If what NOVRAM holds cannot be written at the end either, the
+/// exit code is 1. Without a plant file it runs the built-in plant:
 /// PLC `line`, whose node 2 is the master of three drives with slave numbers 1, 2 and 3.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -35,7 +41,8 @@ pub struct Args {
     /// Poll the registers instead of sleeping: faster answers, but it takes a whole processor core
     #[arg(long)]
     busy: bool,
-    /// Keep the NOVRAM of each PLC in this directory; without it, it is forgotten at the end
+    /// Keep the NOVRAM of each PLC in this directory, which no other emulator may use; without it, it is forgotten at
+    /// the end
     #[arg(long, value_name = "DIR")]
     novram: Option<PathBuf>,
     /// End when this process does
@@ -66,19 +73,20 @@ pub fn run(args: &Args) -> Result<(), CliError> {
         Some(path) => PlantConfig::load(path)?,
         None => PlantConfig::built_in()?,
     };
-    // From here on a signal ends the emulator in good order, however early it comes.
+    // From here on a signal ends the emulator in good order, unless its start hangs.
     let signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(|reason| CliError::Signals { reason })?;
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
+    let (started, starting) = mpsc::channel();
+    std::thread::spawn(move || stop_on_signal(signals, &starting));
     let mut emulator = Emulator::start(&config, options)?;
-    let stop = emulator.stop_handle();
-    std::thread::spawn(move || stop_on_signal(signals, &stop));
     report_takeover(&emulator);
     // A reader that has gone away is no reason to end.
     let _ = output::print(&ready_line(&args.instance.name, &emulator, clock(args)?));
-    emulator.run();
-    Ok(())
+    // The thread ends with a second signal only, which ends the process.
+    let _ = started.send(emulator.stop_handle());
+    Ok(emulator.run()?)
 }
 
 fn clock(args: &Args) -> Result<Clock, CliError> {
@@ -92,16 +100,24 @@ fn clock(args: &Args) -> Result<Clock, CliError> {
     }
 }
 
-/// The first signal ends the emulator in good order, the second at once.
-fn stop_on_signal(mut signals: Signals, stop: &StopHandle) {
+/// The first signal ends the emulator in good order, if need be once it has started, the second at once.
+fn stop_on_signal(mut signals: Signals, starting: &Receiver<StopHandle>) {
     let mut pending = signals.forever();
-    if pending.next().is_some() {
-        stop.stop();
+    let Some(first) = pending.next() else { return };
+    match starting.recv_timeout(START_PATIENCE) {
+        Ok(emulator) => emulator.stop(),
+        Err(RecvTimeoutError::Timeout) => end_by(first),
+        // The start has failed, the process is about to end.
+        Err(RecvTimeoutError::Disconnected) => return,
     }
-    if let Some(signal) = pending.next() {
-        // As if the signal had never been caught.
-        let _ = signal_hook::low_level::emulate_default_handler(signal);
+    if let Some(second) = pending.next() {
+        end_by(second);
     }
+}
+
+/// Ends this process as if the signal had never been caught.
+fn end_by(signal: i32) {
+    let _ = signal_hook::low_level::emulate_default_handler(signal);
 }
 
 fn report_takeover(emulator: &Emulator) {

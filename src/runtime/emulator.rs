@@ -6,7 +6,7 @@
 
 use super::clock::{Clock, WallClock};
 use super::lockstep::Lockstep;
-use super::novram::{Found, Keeper, Novram, NovramError};
+use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 use crate::layout::omega_drive_line_2 as device;
 use crate::memory::{Header, Image, ImageSpec, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
@@ -120,13 +120,19 @@ impl Emulator {
             processor_cycle_us: config.processor_cycle_us,
         };
         let mut images = Vec::with_capacity(config.plcs.len());
+        let mut directory = None;
         let mut novram = Vec::new();
         let mut warm = Vec::new();
         let mut plant = Plant::new(config, |plc| {
             let image = Image::create(&options.instance, plc, &spec)?;
             let segment = image.segment().clone();
             images.push(image);
-            if let Some(directory) = &options.novram {
+            if let Some(path) = &options.novram {
+                // After the first image: who starts an instance twice is told so, not that the directory is in use.
+                let directory = match &mut directory {
+                    Some(directory) => directory,
+                    none => none.insert(Directory::open(path)?),
+                };
                 let (content, found) = Novram::power_on(directory, plc, &segment)?;
                 if let Found::SetAside(path) = &found {
                     tracing::warn!("damaged NOVRAM of {plc}: kept as {}", path.display());
@@ -146,7 +152,7 @@ impl Emulator {
             let notifier = server.event_notifier(&options.instance, &plant.names().plcs);
             notifier.inspect_err(|error| tracing::error!("no event services: {error}")).ok()
         });
-        let novram = Keeper::new(novram).map_err(|reason| RuntimeError::Thread { reason })?;
+        let novram = Keeper::new(directory, novram).map_err(|reason| RuntimeError::Thread { reason })?;
         let headers = images.iter().map(|image| image.header().clone()).collect();
         let lockstep = Lockstep::new(headers, options.clock.is_stepped());
         let rings = vec![0; images.len()];
@@ -195,7 +201,10 @@ impl Emulator {
     }
 
     /// Runs until asked to end.
-    pub fn run(&mut self) {
+    ///
+    /// # Errors
+    /// [`RuntimeError::Novram`]: what has changed in NOVRAM could not be written; everything else ended in good order.
+    pub fn run(&mut self) -> Result<(), RuntimeError> {
         match self.options.clock {
             Clock::Stepped => self.run_stepped(),
             Clock::RealTime { speed } => {
@@ -211,6 +220,7 @@ impl Emulator {
         self.close_channel();
         self.plant.keep_novram();
         self.save_novram(true);
+        Ok(self.novram.close()?)
     }
 
     fn run_stepped(&mut self) {

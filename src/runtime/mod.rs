@@ -10,4 +10,4 @@ mod novram;
 
 pub use clock::Clock;
 pub use emulator::{Emulator, Options, RuntimeError, StopHandle};
-pub use novram::{Found, Keeper, Novram, NovramError};
+pub use novram::{Directory, Found, Keeper, Novram, NovramError};

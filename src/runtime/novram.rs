@@ -3,17 +3,21 @@
 //! On the device the Ethernet configuration and the retain flags lie in NOVRAM (manual 5.00005.03a p. 41, 61).
 //! commram keeps them in `<plc>.novram` in a directory of the user's choice: a new file beside it, synced, then
 //! renamed over it, so that whenever the emulator is killed the file holds either the old or the new content. A file
-//! that is not ours or is damaged is set aside, never overwritten.
+//! that is not ours or is damaged is set aside, never overwritten. The directory belongs to one emulator at a time.
 //!
 //! The Ethernet configuration is written when it was stored, the retain flags once a second if they have changed, both
-//! at the end. A thread of its own writes, because syncing takes longer than a CANsync interval.
+//! at the end. A thread of its own writes, because syncing takes longer than a CANsync interval. What cannot be written
+//! is tried again until it can; what cannot be written at the end either is an error of the emulator.
 
+mod directory;
+mod error;
 mod file;
 #[cfg(test)]
 mod tests;
 mod writer;
 
-pub use file::NovramError;
+pub use directory::Directory;
+pub use error::NovramError;
 pub use writer::Keeper;
 
 use crate::firmware::ethernet::Stored;
@@ -21,7 +25,7 @@ use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
 use crate::memory::header::{RETAIN_OFFSET, RETAIN_SIZE};
 use crate::memory::{Segment, Width};
 use file::{Content, ETHERNET_SIZE};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What was found at power-on.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,7 +44,8 @@ pub enum Found {
 /// The NOVRAM of one PLC.
 #[derive(Debug)]
 pub struct Novram {
-    path: PathBuf,
+    /// Name of the file.
+    name: String,
     segment: Segment,
     /// What is in the file, or on its way there.
     saved: Content,
@@ -51,16 +56,19 @@ pub struct Novram {
 }
 
 impl Novram {
-    /// Restores the NOVRAM of PLC `plc` from `directory`, which is made if missing. The PLC's firmware must not have
-    /// started yet.
+    /// Restores the NOVRAM of PLC `plc` from `directory`. The PLC's firmware must not have started yet.
     ///
     /// # Errors
-    /// [`NovramError`] if directory or file cannot be used. A damaged file is no error, see [`Found`].
-    pub fn power_on(directory: &Path, plc: &str, segment: &Segment) -> Result<(Self, Found), NovramError> {
-        let path = directory.join(format!("{plc}.novram"));
-        let (content, found) = file::load(&path)?;
+    /// [`NovramError`] if the file cannot be read, or could not be written. A damaged file is no error, see [`Found`].
+    pub fn power_on(
+        directory: &Directory,
+        plc: &str,
+        segment: &Segment,
+    ) -> Result<(Self, Found), NovramError> {
+        let name = format!("{plc}.novram");
+        let (content, found) = file::load(directory, &name)?;
         let novram = Novram {
-            path,
+            name,
             segment: segment.clone(),
             saved: content,
             generation: 0,

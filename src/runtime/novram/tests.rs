@@ -1,6 +1,11 @@
+mod killed;
+
 use super::file::{decode, encode};
 use super::*;
 use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 const ROUTER: u32 = ETHERNET_CONFIG as u32 + 12;
 const ADDRESS: u32 = ETHERNET_CONFIG as u32 + 4;
@@ -11,11 +16,26 @@ fn content(byte: u8) -> Content {
     Content::new(&[byte; ETHERNET_SIZE], &[byte; RETAIN_SIZE])
 }
 
+/// The directory as an emulator has it.
+fn open(directory: &tempfile::TempDir) -> Directory {
+    Directory::open(directory.path()).unwrap()
+}
+
+fn power_on(directory: &tempfile::TempDir, segment: &Segment) -> Result<(Novram, Found), NovramError> {
+    Novram::power_on(&open(directory), "line", segment)
+}
+
+/// Names of the files in it.
+fn names(directory: &tempfile::TempDir) -> Vec<String> {
+    let entries = fs::read_dir(directory.path()).unwrap();
+    entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
 #[test]
 fn content_survives_power_off() {
     let directory = tempfile::tempdir().unwrap();
     let first = Segment::heap();
-    let (mut novram, found) = Novram::power_on(directory.path(), "line", &first).unwrap();
+    let (mut novram, found) = power_on(&directory, &first).unwrap();
     assert_eq!(found, Found::Nothing);
     let mut config = [0; ETHERNET_SIZE];
     assert_eq!(novram.changed((&config, 0), true), None, "nothing to save");
@@ -25,11 +45,11 @@ fn content_survives_power_off() {
     first.store(FLAG, Width::Byte, 1).unwrap();
     first.store(LAST_FLAG, Width::Byte, 2).unwrap();
     let changed = novram.changed((&config, 1), false).unwrap();
-    file::store(&novram.path, &changed).unwrap();
+    file::store(&mut open(&directory), &novram.name, &changed).unwrap();
     assert_eq!(novram.changed((&config, 1), true), None, "saved already");
 
     let second = Segment::heap();
-    let (_, found) = Novram::power_on(directory.path(), "line", &second).unwrap();
+    let (_, found) = power_on(&directory, &second).unwrap();
     assert_eq!(found, Found::Content { retain: true });
     for (offset, width, value) in
         [(ROUTER, Width::Dword, 0x4E6F_5F52), (ADDRESS, Width::Byte, 192), (FLAG, Width::Byte, 1)]
@@ -37,15 +57,14 @@ fn content_survives_power_off() {
         assert_eq!(second.load(offset, width).unwrap(), value);
     }
     assert_eq!(second.load(LAST_FLAG, Width::Byte).unwrap(), 2);
-    let left: Vec<_> = fs::read_dir(directory.path()).unwrap().collect();
-    assert_eq!(left.len(), 1, "no temporary file stays: {left:?}");
+    assert_eq!(names(&directory), ["line.novram"], "no temporary file stays");
 }
 
 #[test]
 fn retain_flags_are_looked_at_when_it_is_time() {
     let directory = tempfile::tempdir().unwrap();
     let segment = Segment::heap();
-    let (mut novram, _) = Novram::power_on(directory.path(), "line", &segment).unwrap();
+    let (mut novram, _) = power_on(&directory, &segment).unwrap();
     segment.store(FLAG, Width::Dword, 7).unwrap();
     let config = [0; ETHERNET_SIZE];
     assert_eq!(novram.changed((&config, 0), false), None);
@@ -69,7 +88,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
     for (n, bytes) in bad.into_iter().enumerate() {
         fs::write(&path, &bytes).unwrap();
         let segment = Segment::heap();
-        let (_, found) = Novram::power_on(directory.path(), "line", &segment).unwrap();
+        let (_, found) = power_on(&directory, &segment).unwrap();
         let aside = directory.path().join(format!("line.novram.bad-{}", n + 1));
         assert_eq!(found, Found::SetAside(aside.clone()));
         assert_eq!(fs::read(aside).unwrap(), bytes, "kept as it was");
@@ -80,17 +99,19 @@ fn a_damaged_or_foreign_file_is_set_aside() {
 #[test]
 fn a_directory_that_cannot_be_used_is_named() {
     let file = tempfile::NamedTempFile::new().unwrap();
-    let error = Novram::power_on(file.path(), "line", &Segment::heap()).unwrap_err().to_string();
-    assert!(error.contains("line.novram") && error.contains("--novram needs"), "{error}");
+    let error = Directory::open(file.path()).unwrap_err().to_string();
+    let path = file.path().to_str().unwrap();
+    assert!(error.contains(path) && error.contains("--novram needs"), "{error}");
 }
 
 #[test]
 fn the_keeper_has_written_everything_when_it_ends() {
     let directory = tempfile::tempdir().unwrap();
     let segments = [Segment::heap(), Segment::heap()];
-    let power_on = |name, segment| Novram::power_on(directory.path(), name, segment).unwrap().0;
+    let opened = open(&directory);
+    let power_on = |name, segment| Novram::power_on(&opened, name, segment).unwrap().0;
     let novram = vec![power_on("a", &segments[0]), power_on("b", &segments[1])];
-    let mut keeper = Keeper::new(novram).unwrap();
+    let mut keeper = Keeper::new(Some(opened), novram).unwrap();
     let configs = [1, 2].map(|byte| [byte; ETHERNET_SIZE]);
     for generation in 1..50 {
         keeper.save(|plc| Some((&configs[plc], generation)), false);
@@ -105,78 +126,142 @@ fn the_keeper_has_written_everything_when_it_ends() {
     }
 }
 
-/// A file that cannot be written does not stop anything.
-#[test]
-fn a_directory_that_has_gone_is_no_end() {
-    let directory = tempfile::tempdir().unwrap();
-    let (novram, _) = Novram::power_on(directory.path(), "line", &Segment::heap()).unwrap();
-    directory.close().unwrap();
-    let mut keeper = Keeper::new(vec![novram]).unwrap();
-    for generation in 1..4 {
-        let config = [generation as u8; ETHERNET_SIZE];
-        keeper.save(|_| Some((&config, generation)), true);
+/// The NOVRAM of a PLC with its keeper, which has not written anything yet.
+fn keeper(directory: &tempfile::TempDir) -> Keeper {
+    let opened = open(directory);
+    let (novram, _) = Novram::power_on(&opened, "line", &Segment::heap()).unwrap();
+    Keeper::new(Some(opened), vec![novram]).unwrap()
+}
+
+/// A directory in the way of the new file: it cannot be written, whoever runs this.
+fn block(directory: &tempfile::TempDir) -> std::path::PathBuf {
+    let new = directory.path().join("line.novram.new");
+    fs::create_dir(&new).unwrap();
+    new
+}
+
+fn saved(directory: &tempfile::TempDir) -> Option<Content> {
+    match fs::read(directory.path().join("line.novram")) {
+        Ok(bytes) => Some(decode(&bytes).expect("whole")),
+        Err(error) if error.kind() == ErrorKind::NotFound => None,
+        Err(error) => panic!("{error}"),
     }
 }
 
-mod killed {
-    //! Kills a process that writes, at random moments.
-
-    use super::*;
-    use std::io::{BufRead, BufReader};
-    use std::os::unix::process::ExitStatusExt;
-    use std::process::{Command, Stdio};
-    use std::time::{Duration, Instant};
-
-    const DIRECTORY: &str = "COMMRAM_TEST_NOVRAM";
-    const KILLS: u64 = 300;
-    /// The child writes for this long before it is killed, at most.
-    const LONGEST_US: u64 = 4_000;
-
-    /// Not a test: what the child processes run.
-    #[test]
-    fn child() {
-        let Some(directory) = std::env::var_os(DIRECTORY) else { return };
-        let segment = Segment::heap();
-        let (novram, found) = Novram::power_on(Path::new(&directory), "line", &segment).unwrap();
-        assert!(!matches!(found, Found::SetAside(_)), "{found:?}");
-        let first = novram.saved.ethernet()[0];
-        println!("\nwriting");
-        for byte in (0..=u8::MAX).cycle().skip(usize::from(first) + 1) {
-            file::store(&novram.path, &content(byte)).unwrap();
-        }
+fn wait_until_saved(directory: &tempfile::TempDir) {
+    let start = Instant::now();
+    while saved(directory).is_none() {
+        assert!(start.elapsed() < Duration::from_secs(60), "never written");
+        std::thread::yield_now();
     }
+}
 
-    #[test]
-    fn the_file_holds_the_old_or_the_new_content_never_a_mixture() {
+#[test]
+fn what_cannot_be_written_is_tried_again_until_it_can() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut keeper = keeper(&directory);
+    let in_the_way = block(&directory);
+    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), false);
+    // Nothing changes any more, and still.
+    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), true);
+    assert_eq!(saved(&directory), None);
+    fs::remove_dir(in_the_way).unwrap();
+    wait_until_saved(&directory);
+    assert_eq!(saved(&directory).unwrap().ethernet(), [5; ETHERNET_SIZE]);
+    keeper.close().unwrap();
+    assert_eq!(names(&directory), ["line.novram"]);
+}
+
+#[test]
+fn what_cannot_be_written_at_last_either_is_an_error() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut keeper = keeper(&directory);
+    let _in_the_way = block(&directory);
+    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), true);
+    let error = keeper.close().unwrap_err();
+    assert!(matches!(error, NovramError::Lost { .. }), "{error:?}");
+    let error = error.to_string();
+    assert!(error.contains("lost") && error.contains("line.novram"), "{error}");
+}
+
+/// The directory is locked by then, so nobody else can have it meanwhile.
+#[test]
+fn a_directory_that_has_gone_is_made_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut keeper = keeper(&directory);
+    fs::remove_dir(directory.path()).unwrap();
+    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), true);
+    keeper.close().unwrap();
+    assert_eq!(saved(&directory).unwrap().ethernet(), [5; ETHERNET_SIZE]);
+}
+
+#[test]
+fn a_directory_that_cannot_be_written_is_found_out_at_power_on() {
+    let directory = tempfile::tempdir().unwrap();
+    let _in_the_way = block(&directory);
+    let error = power_on(&directory, &Segment::heap()).unwrap_err().to_string();
+    assert!(error.contains("line.novram: cannot write it"), "{error}");
+}
+
+#[test]
+fn what_a_killed_emulator_has_left_half_written_goes() {
+    let directory = tempfile::tempdir().unwrap();
+    let (new, other) = (directory.path().join("line.novram.new"), directory.path().join("other"));
+    fs::write(&new, "half").unwrap();
+    power_on(&directory, &Segment::heap()).unwrap();
+    assert_eq!(names(&directory), [""; 0]);
+    // Nor is it written to, if it is a link to something else.
+    fs::write(&other, "mine").unwrap();
+    std::os::unix::fs::symlink(&other, &new).unwrap();
+    power_on(&directory, &Segment::heap()).unwrap();
+    assert_eq!((names(&directory), fs::read(&other).unwrap()), (vec!["other".to_owned()], b"mine".to_vec()));
+}
+
+#[test]
+fn two_emulators_do_not_share_a_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let first = open(&directory);
+    let error = Directory::open(directory.path()).unwrap_err();
+    assert!(matches!(&error, NovramError::InUse { path } if path == directory.path()), "{error:?}");
+    drop(first);
+    open(&directory);
+}
+
+#[test]
+fn only_regular_files_are_read_and_no_links_are_followed() {
+    type Make = fn(&Path) -> std::io::Result<()>;
+    let makers: [(&str, Make); 4] = [
+        ("a pipe", |path| Ok(rustix::fs::mkfifoat(rustix::fs::CWD, path, rustix::fs::Mode::RWXU)?)),
+        ("a symbolic link", |path| std::os::unix::fs::symlink("/dev/zero", path)),
+        ("a directory", |path| fs::create_dir(path)),
+        ("something else", |path| std::os::unix::net::UnixListener::bind(path).map(drop)),
+    ];
+    for (found, make) in makers {
         let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("line.novram");
-        // The same in every run.
-        let mut numbers = fastrand::Rng::with_seed(4711);
-        let mut contents = std::collections::BTreeSet::new();
-        for _ in 0..KILLS {
-            let mut child = Command::new(std::env::current_exe().unwrap())
-                .args(["--exact", "runtime::novram::tests::killed::child", "--nocapture"])
-                .env(DIRECTORY, directory.path())
-                .stdout(Stdio::piped())
-                .spawn()
-                .unwrap();
-            let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-            assert!(lines.any(|line| line.unwrap() == "writing"), "the child has ended by itself");
-            let (start, moment) = (Instant::now(), Duration::from_micros(numbers.u64(..LONGEST_US)));
-            while start.elapsed() < moment {
-                std::hint::spin_loop();
-            }
-            child.kill().unwrap();
-            assert_eq!(child.wait().unwrap().signal(), Some(9));
-            let Ok(bytes) = fs::read(&path) else { continue };
-            let found = decode(&bytes).expect("whole");
-            let byte = found.ethernet()[0];
-            assert_eq!(found, content(byte), "no mixture");
-            contents.insert(byte);
-        }
-        assert!(contents.len() > 10, "the kills meet different contents: {contents:?}");
-        let names: Vec<_> =
-            fs::read_dir(directory.path()).unwrap().map(|it| it.unwrap().file_name()).collect();
-        assert!(names.iter().all(|name| name == "line.novram" || name == "line.novram.new"), "{names:?}");
+        make(&directory.path().join("line.novram")).unwrap();
+        let error = power_on(&directory, &Segment::heap()).unwrap_err().to_string();
+        assert!(error.contains(&format!("line.novram: this is {found}")), "{error}");
+        assert_eq!(names(&directory), ["line.novram"], "it is left alone");
     }
+}
+
+/// Nobody has so much memory, nor the time to read it.
+#[test]
+fn a_huge_file_is_set_aside_unread() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = fs::File::create(directory.path().join("line.novram")).unwrap();
+    file.set_len(1 << 40).unwrap();
+    let (_, found) = power_on(&directory, &Segment::heap()).unwrap();
+    assert_eq!(found, Found::SetAside(directory.path().join("line.novram.bad-1")));
+}
+
+#[test]
+fn nobody_else_may_read_what_is_kept() {
+    use std::os::unix::fs::MetadataExt;
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("a/b");
+    let mut directory = Directory::open(&path).unwrap();
+    file::store(&mut directory, "line.novram", &content(1)).unwrap();
+    let mode = |path: &Path| fs::metadata(path).unwrap().mode() & 0o777;
+    assert_eq!([&path, &path.join("line.novram")].map(|path| mode(path)), [0o700, 0o600]);
 }

@@ -1,39 +1,44 @@
 //! Writes NOVRAM files beside the emulator's own thread.
 
 use super::file::{self, Content};
-use super::{Novram, NovramError};
+use super::{Directory, Novram, NovramError};
 use crate::firmware::ethernet::Stored;
-use std::path::PathBuf;
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::collections::BTreeMap;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How often retain flags are looked at. A PLC may change them in every cycle; a disk cannot.
 const RETAIN_EVERY: Duration = Duration::from_secs(1);
+/// How soon a file that could not be written is tried again.
+const RETRY_AFTER: Duration = Duration::from_secs(1);
 
-/// A content and the file it belongs to.
-type Job = (PathBuf, Content);
+/// The name of a file and its content.
+type Job = (String, Content);
+
+/// The thread that writes.
+type Writer = JoinHandle<Result<(), NovramError>>;
 
 /// Keeps the NOVRAM files of all PLCs. Dropping it waits until everything is written.
 #[derive(Debug)]
 pub struct Keeper {
     novram: Vec<Novram>,
-    writer: Option<(Sender<Job>, JoinHandle<()>)>,
+    writer: Option<(Sender<Job>, Writer)>,
     next_look: Instant,
 }
 
 impl Keeper {
-    /// Keeps these, in the order of the plant; without any it never does anything.
+    /// Keeps these, in the order of the plant, in their directory; without one it never does anything.
     ///
     /// # Errors
     /// No thread can be started.
-    pub fn new(novram: Vec<Novram>) -> std::io::Result<Self> {
-        let writer = match novram.first() {
+    pub fn new(directory: Option<Directory>, novram: Vec<Novram>) -> std::io::Result<Self> {
+        let writer = match directory {
             None => None,
-            Some(_) => {
+            Some(directory) => {
                 let (jobs, received) = mpsc::channel();
-                let name = "novram".to_owned();
-                Some((jobs, std::thread::Builder::new().name(name).spawn(move || write_all(&received))?))
+                let thread = std::thread::Builder::new().name("novram".to_owned());
+                Some((jobs, thread.spawn(move || write_all(directory, &received))?))
             }
         };
         Ok(Keeper { novram, writer, next_look: Instant::now() + RETAIN_EVERY })
@@ -53,9 +58,20 @@ impl Keeper {
                 && let Some(content) = novram.changed(stored, retain)
             {
                 // The thread ends after this value only.
-                let _ = jobs.send((novram.path.clone(), content));
+                let _ = jobs.send((novram.name.clone(), content));
             }
         }
+    }
+
+    /// Waits until everything is written. The directory is free then.
+    ///
+    /// # Errors
+    /// [`NovramError::Lost`]: a file could not be written at last either. If there are several, the log has the others.
+    pub fn close(&mut self) -> Result<(), NovramError> {
+        let Some((jobs, thread)) = self.writer.take() else { return Ok(()) };
+        drop(jobs);
+        // A panic there is one here: nobody must believe that everything was written.
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
 
@@ -63,37 +79,61 @@ impl Drop for Keeper {
     fn drop(&mut self) {
         if let Some((jobs, thread)) = self.writer.take() {
             drop(jobs);
-            // It does not panic, and if it did there would be nothing left to write.
-            let _ = thread.join();
+            if let Ok(Err(error)) = thread.join() {
+                tracing::error!("{error}");
+            }
         }
     }
 }
 
-/// Writes each job, or only the last one for a file if several have come meanwhile.
-fn write_all(jobs: &Receiver<Job>) {
-    let mut failed = None;
-    while let Ok(first) = jobs.recv() {
-        let mut waiting = vec![first];
-        for job in jobs.try_iter() {
-            waiting.retain(|(path, _)| *path != job.0);
-            waiting.push(job);
+/// Writes each job, or only the last one for a file if several have come meanwhile; again and again what could not be
+/// written, a last time when no more jobs can come.
+fn write_all(mut directory: Directory, jobs: &Receiver<Job>) -> Result<(), NovramError> {
+    let mut dirty: BTreeMap<String, Content> = BTreeMap::new();
+    let mut said = BTreeMap::new();
+    loop {
+        let next = match dirty.is_empty() {
+            true => jobs.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            false => jobs.recv_timeout(RETRY_AFTER),
+        };
+        match next {
+            Ok(job) => dirty.extend([job].into_iter().chain(jobs.try_iter())),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
         }
-        for (path, content) in waiting {
-            complain(file::store(&path, &content), &mut failed);
+        dirty.retain(|name, content| {
+            let result = file::store(&mut directory, name, content);
+            say_what_is_new(name, &result, &mut said);
+            result.is_err()
+        });
+    }
+    let mut result = Ok(());
+    for (name, content) in dirty {
+        if let Err(source) = file::store(&mut directory, &name, &content) {
+            let lost = NovramError::Lost { source: Box::new(source) };
+            match &result {
+                Ok(()) => result = Err(lost),
+                Err(_) => tracing::error!("{lost}"),
+            }
         }
     }
+    result
 }
 
-/// Says what is wrong, once until it is well again or something else is wrong.
-fn complain(result: Result<(), NovramError>, failed: &mut Option<String>) {
+/// Says what is wrong with a file, once until it is well again or something else is wrong.
+fn say_what_is_new(name: &str, result: &Result<(), NovramError>, said: &mut BTreeMap<String, String>) {
     match result {
-        Ok(()) => *failed = None,
+        Ok(()) => {
+            if said.remove(name).is_some() {
+                tracing::warn!("NOVRAM {name}: written at last");
+            }
+        }
         Err(error) => {
             let text = error.to_string();
-            if failed.as_ref() != Some(&text) {
-                tracing::error!("{text}");
+            if said.get(name) != Some(&text) {
+                tracing::error!("{text}; tried again every {RETRY_AFTER:?}");
+                said.insert(name.to_owned(), text);
             }
-            *failed = Some(text);
         }
     }
 }

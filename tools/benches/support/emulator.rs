@@ -41,7 +41,7 @@ pub fn play(args: &[String]) {
     let mut emulator = Emulator::start(&plant, options).expect("the emulator starts");
     let stop = emulator.stop_handle();
     when_parent_ends(move || stop.stop());
-    emulator.run();
+    emulator.run().expect("without NOVRAM nothing can be lost");
 }
 
 /// An instance name that no other run has.

@@ -1,0 +1,50 @@
+//! What can be wrong with NOVRAM files.
+
+use crate::memory::MemoryError;
+use std::io;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Trouble with a NOVRAM file or its directory.
+#[derive(Debug, Error)]
+pub enum NovramError {
+    /// The system refuses.
+    #[error("NOVRAM {}: cannot {doing}: {source}; --novram needs a writable directory", path.display())]
+    Io {
+        /// The file or directory.
+        path: PathBuf,
+        /// What was tried.
+        doing: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+    /// Another emulator keeps its NOVRAM there.
+    #[error(
+        "NOVRAM {}: another emulator uses this directory; give each instance one of its own",
+        path.display()
+    )]
+    InUse {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// The file is not a regular one.
+    #[error(
+        "NOVRAM {}: this is {found}; it must be a regular file, or missing for the delivery state",
+        path.display()
+    )]
+    NotAFile {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// The last try to write has failed too.
+    #[error("the last changes are lost, this is no longer tried again: {source}")]
+    Lost {
+        /// What went wrong.
+        source: Box<NovramError>,
+    },
+    /// The RAM refuses.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+}

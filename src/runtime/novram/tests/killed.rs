@@ -1,0 +1,59 @@
+//! Kills a process that writes, at random moments.
+
+use super::*;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Command, Stdio};
+
+const DIRECTORY: &str = "COMMRAM_TEST_NOVRAM";
+const KILLS: u64 = 300;
+/// The child writes for this long before it is killed, at most.
+const LONGEST_US: u64 = 4_000;
+
+/// Not a test: what the child processes run.
+#[test]
+fn child() {
+    let Some(directory) = std::env::var_os(DIRECTORY) else { return };
+    let segment = Segment::heap();
+    let mut directory = Directory::open(Path::new(&directory)).unwrap();
+    let (novram, found) = Novram::power_on(&directory, "line", &segment).unwrap();
+    assert!(!matches!(found, Found::SetAside(_)), "{found:?}");
+    let first = novram.saved.ethernet()[0];
+    println!("\nwriting");
+    for byte in (0..=u8::MAX).cycle().skip(usize::from(first) + 1) {
+        file::store(&mut directory, &novram.name, &content(byte)).unwrap();
+    }
+}
+
+#[test]
+fn the_file_holds_the_old_or_the_new_content_never_a_mixture() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("line.novram");
+    // The same in every run.
+    let mut numbers = fastrand::Rng::with_seed(4711);
+    let mut contents = std::collections::BTreeSet::new();
+    for _ in 0..KILLS {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "runtime::novram::tests::killed::child", "--nocapture"])
+            .env(DIRECTORY, directory.path())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert!(lines.any(|line| line.unwrap() == "writing"), "the child has ended by itself");
+        let (start, moment) = (Instant::now(), Duration::from_micros(numbers.u64(..LONGEST_US)));
+        while start.elapsed() < moment {
+            std::hint::spin_loop();
+        }
+        child.kill().unwrap();
+        assert_eq!(child.wait().unwrap().signal(), Some(9));
+        let Ok(bytes) = fs::read(&path) else { continue };
+        let found = decode(&bytes).expect("whole");
+        let byte = found.ethernet()[0];
+        assert_eq!(found, content(byte), "no mixture");
+        contents.insert(byte);
+    }
+    assert!(contents.len() > 10, "the kills meet different contents: {contents:?}");
+    power_on(&directory, &Segment::heap()).unwrap();
+    assert_eq!(names(&directory), ["line.novram"], "the next one cleans up");
+}
