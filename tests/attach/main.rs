@@ -9,4 +9,5 @@ mod common;
 mod attach_contract;
 mod events;
 mod lockstep;
+mod novram;
 mod novram_kill;

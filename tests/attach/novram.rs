@@ -1,8 +1,6 @@
 //! NOVRAM of emulators that may not write it, and signals that come while an emulator starts.
 
-mod common;
-
-use common::{Emulator, commram, eventually, finish, remove_remains, unique_name, wait_for};
+use crate::common::{Emulator, commram, eventually, finish, remove_remains, unique_name, wait_for};
 use commram::layout::omega_drive_line_2::LAYOUT_HASH;
 use commram::memory::header::RETAIN_OFFSET;
 use commram::memory::{AttachMode, Image, Width};
