@@ -96,6 +96,10 @@ rules! {
     Command: "command", Error, "p. 149-150, 174-175, D-05",
         "w_CPU_CONTROL was given a command that does not exist or is not possible in this state. Wait for the \
          value of w_OPTION_STATUS that comes before it.";
+    LeftBehind: "left-behind", Warning, "p. 149-150, 174-175, D-29",
+        "Bit 7 was written to w_CPU_CONTROL with no other bit, and clearing it leaves 16#0000. That is no restart, but one \
+         stored over it in the RAM cannot be seen. Write bit 7 together with the bits that stand there: 16#00C0 in active \
+         operation.";
     Order: "order", Error, "p. 165, 167, 189, 191",
         "The control register of a job was written before its status register. Write the status register first, \
          then the control register, both with the same value.";

@@ -61,7 +61,7 @@ impl Event {
                 [node(origin, 0), pair(what, channel.into()), 0]
             }
             Event::CommandIgnored { origin, value, why } => {
-                [node(origin, 0), pair(u32::from(why == Command::NotNow), value.into()), 0]
+                [node(origin, 0), pair(why as u32, value.into()), 0]
             }
             Event::InitRefused { origin, reason } => [node(origin, 0), u64::from(reason), 0],
             Event::SlaveStatus { origin, slave, status } => {
@@ -117,7 +117,11 @@ impl Event {
                 Event::Missed { origin, what }
             }
             Kind::Ignored => {
-                let why = if high == 0 { Command::Unknown } else { Command::NotNow };
+                let why = match high {
+                    0 => Command::Unknown,
+                    1 => Command::NotNow,
+                    _ => Command::LeftBehind,
+                };
                 Event::CommandIgnored { origin, value: low as u16, why }
             }
             Kind::InitRefused => Event::InitRefused { origin, reason: low as u8 },

@@ -35,6 +35,9 @@ pub enum Command {
     Unknown,
     /// The command exists but not in the node's present state.
     NotNow,
+    /// 16#0000 that the firmware's clearing of bit 7 left; a restart stored over it in the RAM looks the same
+    /// (decision D-29).
+    LeftBehind,
 }
 
 /// A deadline of the process data that was missed, so that a frame is left out in this interval.

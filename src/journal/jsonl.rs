@@ -208,6 +208,7 @@ impl Jsonl {
                 let why = match why {
                     Command::Unknown => "unknown",
                     Command::NotNow => "not_now",
+                    Command::LeftBehind => "left_behind",
                 };
                 What::Ignored { command: value, why }
             }

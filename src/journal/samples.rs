@@ -14,7 +14,7 @@ pub(crate) fn event() -> impl Strategy<Value = Event> {
     let origin = || any::<(u16, u8)>().prop_map(|(plc, node)| Origin { plc, node });
     let missed =
         prop_oneof![any::<u8>().prop_map(Missed::ReferenceValue), any::<u8>().prop_map(Missed::ActualValue)];
-    let why = prop_oneof![Just(Command::Unknown), Just(Command::NotNow)];
+    let why = prop_oneof![Just(Command::Unknown), Just(Command::NotNow), Just(Command::LeftBehind)];
     let news = prop_oneof![
         Just(FaultNews::Added),
         any::<i32>().prop_map(FaultNews::Hit),

@@ -50,6 +50,7 @@ impl Text {
                 let why = match why {
                     Command::Unknown => "no such command",
                     Command::NotNow => "not possible in this state",
+                    Command::LeftBehind => "left behind by clearing bit 7",
                 };
                 let text = value(control.as_ref(), command.into());
                 format!("{} {text} ignored: {why}", label(control.as_ref()))

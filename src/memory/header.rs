@@ -110,8 +110,11 @@ pub struct Header {
     pub retain_offset: Cell32,
     /// Number of retain flags in bytes.
     pub retain_size: Cell32,
+    /// Counted up by whoever has stored 16#0000 in `w_CPU_CONTROL` of CANsync node 1 or node 2, wrapping: it is a
+    /// restart then, even if 16#0000 stood there already (decision D-29).
+    pub restarts_written: [Cell32; 2],
     /// Zero.
-    pub reserved_776: [Cell32; 14],
+    pub reserved_784: [Cell32; 12],
     /// Pulses on trigger 1, trigger 2 and trigger controller, as routed by `OPT_INIT`.
     pub triggers: [EventSlot; TRIGGERS],
     /// Pulses of board timer A and B.
@@ -140,8 +143,8 @@ publish! { Header:
     76 => reserved_76, 128 => doorbell, 136 => reserved_136, 192 => answer, 200 => reserved_200,
     256 => channel_reply, 264 => reserved_264, 320 => events, 576 => instance, 608 => plc,
     640 => device, 704 => board, 720 => program, 752 => board_requests, 756 => reserved_756,
-    760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => reserved_776,
-    832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
+    760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => restarts_written,
+    784 => reserved_784, 832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
     1280 => lockstep, 1792 => reserved_1792,
 }
 const _: () = assert!(size_of::<Header>() == HEADER_SIZE);

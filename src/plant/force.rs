@@ -65,13 +65,15 @@ impl Plant {
     pub fn force(&mut self, forced: Forced) -> Result<(), ForceError> {
         forced.check()?;
         let Forced { plc, offset, width, value } = forced;
-        let target = self.plcs.get(usize::from(plc)).ok_or(ForceError::NoSuchPlc)?;
+        let index = usize::from(plc);
+        let target = self.plcs.get(index).ok_or(ForceError::NoSuchPlc)?;
         target.segment().load(offset, width)?;
         if !self.forces.set(forced) {
             return Err(ForceError::TooMany);
         }
         self.look_for_writes();
         self.forces.apply(&self.plcs);
+        self.plcs[index].named(offset, width.bytes());
         self.leave();
         self.journal.push(self.now, Event::Force { plc, offset, width: width.bytes() as u8, value });
         Ok(())

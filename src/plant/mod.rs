@@ -361,7 +361,9 @@ impl Plant {
             }
             self.leave();
         }
-        if let Some(facts) = self.plcs.get(plc).map(Plc::facts) {
+        if let Some(it) = self.plcs.get(plc) {
+            it.named(offset, width.into());
+            let facts = it.facts();
             self.checker.written(plc, offset, width, self.now, &facts, &mut self.journal);
         }
     }

@@ -11,9 +11,9 @@ use crate::firmware::cansync::{Change, Master, Slave};
 use crate::firmware::ethernet::{Ethernet, Stored};
 use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1};
+use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::memory::header::{BoardSetting, BoardState};
-use crate::memory::{Header, MemoryError, Segment, View};
+use crate::memory::{Header, MemoryError, Segment, View, Width};
 use core::mem::offset_of;
 
 /// A PLC of the plant.
@@ -198,6 +198,18 @@ impl Plc {
                 self.header.board_requests.increment();
             }
             BoardSetting::Reset | BoardSetting::PowerCycle => {}
+        }
+    }
+
+    /// `bytes` bytes at `offset` were written by somebody who named the place. If that is a `w_CPU_CONTROL`, 16#0000
+    /// in it is a restart, even if it stood there before (decision D-29).
+    pub(super) fn named(&self, offset: u32, bytes: u32) {
+        for (restarts, node) in self.header.restarts_written.iter().zip([NODE1, NODE2]) {
+            let register = node as u32;
+            let is_hit = offset < register + 2 && register < offset + bytes;
+            if is_hit && self.segment.load(register, Width::Word).is_ok_and(|value| value == 0) {
+                restarts.increment();
+            }
         }
     }
 

@@ -1,5 +1,6 @@
 //! What a PLC program sees of the board: the RAM and, in the header page, the clock.
 
+use crate::layout::omega_drive_line_2::{NODE1, NODE2};
 use crate::memory::{Header, MemoryError, Segment, SharedRegs, View};
 use core::ops::Deref;
 use core::time::Duration;
@@ -35,7 +36,7 @@ impl Ram {
     /// # Errors
     /// The offset is misaligned for the structure or lies outside the RAM.
     pub fn at<T: SharedRegs>(&self, offset: usize) -> Result<Base<T>, MemoryError> {
-        Ok(Base { registers: self.segment.view(offset)?, ram: self.clone() })
+        Ok(Base { registers: self.segment.view(offset)?, offset, ram: self.clone() })
     }
 
     /// The header page.
@@ -67,6 +68,7 @@ impl Ram {
 #[derive(Clone, Debug)]
 pub struct Base<T: SharedRegs> {
     registers: View<T>,
+    offset: usize,
     ram: Ram,
 }
 
@@ -74,6 +76,14 @@ impl<T: SharedRegs> Base<T> {
     /// The RAM that the structure lies in.
     pub(super) fn ram(&self) -> &Ram {
         &self.ram
+    }
+
+    /// A restart (16#0000) was written to `w_CPU_CONTROL` of the CANsync node there. The firmware is told, because in the
+    /// RAM it cannot see it where 16#0000 stood before (decision D-29).
+    pub(super) fn tell_restart(&self) {
+        if let Some(node) = [NODE1, NODE2].iter().position(|node| *node == self.offset) {
+            self.ram.header.restarts_written[node].increment();
+        }
     }
 
     /// A monitoring time that begins now.

@@ -45,6 +45,19 @@ fn the_same_walk_takes_the_same_emulated_time_each_time() {
     assert_eq!(time(), time());
 }
 
+/// D-29: in the RAM nobody could see it.
+#[test]
+fn a_restart_written_over_what_bit_7_has_left_restarts() {
+    let emulator = Emulator::stepped();
+    set_up(&emulator);
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0080"]);
+    emulator.step(&["2ms"]);
+    assert_eq!(emulator.peek(&["node2.w_CPU_CONTROL", "node2.w_OPTION_STATUS"]), "16#0000 16#0043");
+    emulator.poke(&["node2.w_CPU_CONTROL=0"]);
+    emulator.step(&["2ms"]);
+    assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+}
+
 #[test]
 fn peek_prints_register_value_and_meaning() {
     let emulator = Emulator::stepped();

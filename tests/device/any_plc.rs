@@ -150,7 +150,7 @@ fn serve(rig: &Rig) {
 /// Both PLCs start over and everything works.
 fn start_over(rig: &mut Rig) {
     rig.plant.clear_faults();
-    // The restart must be a change: see decision D-29.
+    // In the RAM only a change is sure to be seen: see decision D-29.
     for init in [&rig.master_init, &rig.slave_init] {
         init.w_CPU_CONTROL.store(0x0001);
     }

@@ -3,8 +3,9 @@
 use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
 use commram::check::Rule;
 use commram::journal::{Command, Event};
-use commram::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT;
-use commram::memory::View;
+use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use commram::memory::{View, Width};
+use commram::plant::Forced;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
@@ -107,21 +108,123 @@ fn an_ignored_command_is_noted_once() {
     }
 }
 
-/// Manual p. 149: the controller is reset and the bit cleared; D-29: what is left is no command.
+/// Manual p. 150: bit 7 is set and the firmware clears it; D-29: the other bits are a command like any other.
 #[test]
-fn bit_7_resets_the_controller_in_every_state_and_changes_none() {
+fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
     for role in [Role::Master, Role::Slave] {
         for state in 0..5 {
-            for others in [0x0000, 0x0040] {
+            for command in [0x0001, 0x0002, 0x0020, 0x0040, 0x0060, 0x1234] {
                 let mut rig = Rig::new(Memory::Heap, RATES[0]);
                 let regs = bring_to(&mut rig, role, state);
-                regs.w_CPU_CONTROL.store(0x0080 | others);
+                if state == 1 {
+                    write_init_data(&regs, RATES[0], u8::from(role == Role::Slave));
+                }
+                let stands = regs.w_CPU_CONTROL.load() == command;
+                let rests = stands || state == 4 && command & 0x0040 != 0;
+                let is_refused = !rests && next(state, command).is_none();
+                rig.expect_errors(if is_refused { &[Rule::Command] } else { &[] });
+                regs.w_CPU_CONTROL.store(0x0080 | command);
                 rig.step(2000);
-                assert_eq!(regs.w_CPU_CONTROL.load(), others, "bit 7 is cleared, the others stay");
-                assert_eq!(regs.w_OPTION_STATUS.load(), status(role)[state], "{role:?}, state {state}");
+                assert_eq!(regs.w_CPU_CONTROL.load(), command, "bit 7 is cleared, the others stay");
+                let expected = if stands { state } else { next(state, command).unwrap_or(state) };
+                assert_eq!(
+                    regs.w_OPTION_STATUS.load(),
+                    status(role)[expected],
+                    "{role:?}, state {state}, 16#0080 with 16#{command:04X}"
+                );
             }
         }
     }
+}
+
+/// Somebody writes `w_CPU_CONTROL` by its name, as the channel does.
+fn write_by_name(rig: &mut Rig, role: Role, value: u16) {
+    regs(rig, role).w_CPU_CONTROL.store(value);
+    let (plc, node) = if role == Role::Master { (0, NODE2) } else { (1, NODE1) };
+    rig.plant.note_channel_write(plc, node as u32, 2, value.into());
+}
+
+/// D-29: what the firmware's clearing leaves is no command, however often somebody rings.
+#[test]
+fn bit_7_alone_restarts_nothing_until_a_0_is_written() {
+    for role in [Role::Master, Role::Slave] {
+        for state in 0..5 {
+            let begin = || {
+                let mut rig = Rig::new(Memory::Heap, RATES[0]);
+                let regs = bring_to(&mut rig, role, state);
+                regs.w_CPU_CONTROL.store(0x0080);
+                for _ in 0..1000 {
+                    rig.plant.processor_cycle();
+                }
+                rig.step(2000);
+                assert_eq!(regs.w_CPU_CONTROL.load(), 0);
+                assert_eq!(regs.w_OPTION_STATUS.load(), status(role)[state], "{role:?}, state {state}");
+                (rig, regs)
+            };
+            let (mut rig, regs) = begin();
+            write_by_name(&mut rig, role, 0x0000);
+            rig.step(500);
+            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001, "{role:?}, state {state}: written by name");
+
+            let (mut rig, regs) = begin();
+            rig.tolerate_errors(&[Rule::Command]);
+            regs.w_CPU_CONTROL.store(0x0012);
+            rig.step(500);
+            regs.w_CPU_CONTROL.store(0x0000);
+            rig.step(500);
+            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001, "{role:?}, state {state}: a change in the RAM");
+        }
+    }
+}
+
+#[test]
+fn a_restart_written_before_bit_7_does_not_act_after_it() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let regs = bring_to(&mut rig, Role::Master, 4);
+    write_by_name(&mut rig, Role::Master, 0x0000);
+    regs.w_CPU_CONTROL.store(0x0080);
+    rig.step(2000);
+    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0080);
+}
+
+/// D-29: a restart that is written over what bit 7 has left cannot be seen in the RAM, and that is said.
+#[test]
+fn what_bit_7_leaves_is_noted() {
+    for (state, noted) in [(0, 0), (1, 1), (4, 1)] {
+        let mut rig = Rig::new(Memory::Heap, RATES[0]);
+        let regs = bring_to(&mut rig, Role::Master, state);
+        regs.w_CPU_CONTROL.store(0x0080);
+        rig.step(5000);
+        let records = rig.records().filter(|record| {
+            let why = Command::LeftBehind;
+            matches!(record.event, Event::CommandIgnored { value: 0, why: found, .. } if found == why)
+        });
+        assert_eq!(records.count(), noted, "journal, state {state}");
+        let entries = rig.plant.journal().findings().iter();
+        let found =
+            entries.filter(|entry| entry.last.rule == Rule::LeftBehind).map(|entry| entry.last.offset);
+        assert_eq!(found.collect::<Vec<_>>(), vec![NODE2 as u32; noted], "checker, state {state}");
+    }
+    // With the bits of the present state nothing is in doubt.
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    bring_to(&mut rig, Role::Master, 4).w_CPU_CONTROL.store(0x00C0);
+    rig.step(5000);
+    assert_eq!(
+        rig.plant.journal().findings().iter().filter(|it| it.last.rule == Rule::LeftBehind).count(),
+        0
+    );
+}
+
+/// D-29: forcing names the register.
+#[test]
+fn a_forced_0_restarts_after_bit_7() {
+    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let regs = bring_to(&mut rig, Role::Master, 4);
+    regs.w_CPU_CONTROL.store(0x0080);
+    rig.step(500);
+    rig.plant.force(Forced { plc: 0, offset: NODE2 as u32, width: Width::Word, value: 0 }).unwrap();
+    rig.step(500);
+    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);
 }
 
 #[test]
@@ -133,6 +236,11 @@ fn after_a_controller_reset_commands_are_taken_again() {
     regs.w_CPU_CONTROL.store(0x0020);
     rig.step(500);
     assert_eq!(regs.w_OPTION_STATUS.load(), 0x0043);
+    regs.w_CPU_CONTROL.store(0x0080);
+    rig.step(500);
+    regs.w_CPU_CONTROL.store(0x0040);
+    rig.step(500);
+    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0080);
     regs.w_CPU_CONTROL.store(0x0000);
     rig.step(500);
     assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);

@@ -15,7 +15,7 @@ use crate::bus::{Channel, Frame, FrameKind};
 use crate::check::Facts;
 use crate::firmware::Context;
 use crate::journal::{Event, Missed};
-use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
 
@@ -52,9 +52,8 @@ impl Master {
     /// # Errors
     /// If the segment is too small for node 2.
     pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
-        let init = segment.view::<CANsync_INIT_BMSTRUCT>(NODE2)?;
         Ok(Master {
-            node: Node::new(Role::Master, NODE2 as u32, init),
+            node: Node::new(Role::Master, segment)?,
             regs: segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?,
             polling: Polling::new(),
             commands: CommandChannel::default(),

@@ -1,7 +1,7 @@
 //! The two CANsync nodes of the board: node 1 as slave, node 2 as master.
 //!
 //! `node` holds what both share: the general registers and the state machine between
-//! `w_CPU_CONTROL` and `w_OPTION_STATUS`; `controller` is its CAN controller, which can fail; `init` checks
+//! `w_CPU_CONTROL` and `w_OPTION_STATUS`, `orders` reads the former; `controller` is its CAN controller, which can fail; `init` checks
 //! initialization data; `master` and `slave` add the process data; `polling` is the master's set-up mode; `punctual`
 //! remembers missed deadlines for the access checker; `command` shares its command channel out
 //! in active operation, to `broadcast`, `parameter_job` and `updown_job`; below `slave` lies its side of
@@ -16,6 +16,7 @@ mod init;
 mod job_registers;
 mod master;
 mod node;
+mod orders;
 mod parameter_job;
 mod polling;
 mod punctual;

@@ -4,14 +4,15 @@
 
 use super::controller::Controller;
 use super::init::{InitData, InitFault};
+use super::orders::{Order, Orders};
 use super::punctual::Punctual;
 use super::registers::{control, status};
 use crate::check::{Facts, Rule};
 use crate::firmware::Context;
 use crate::journal::{Command, Event};
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT;
-use crate::memory::View;
+use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 
 /// Which of the board's two nodes this is; the wiring is fixed (manual 5.00005.03a p. 61).
@@ -21,6 +22,16 @@ pub(super) enum Role {
     Slave,
     /// Node 2.
     Master,
+}
+
+impl Role {
+    /// First byte of the node's registers.
+    fn base(self) -> usize {
+        match self {
+            Role::Slave => NODE1,
+            Role::Master => NODE2,
+        }
+    }
 }
 
 /// The state a node shows in `w_OPTION_STATUS`.
@@ -63,27 +74,27 @@ pub(super) struct Node {
     state: NodeState,
     init: Option<InitData>,
     refused: Option<InitFault>,
-    /// Last value seen in `w_CPU_CONTROL`, so that an ignored command is reported once.
-    seen: u16,
-    /// Value that the firmware's own clearing of bit 7 left in `w_CPU_CONTROL`. It is no command
-    /// (decision D-29): clearing 16#0080 leaves 16#0000, which would otherwise mean restart.
-    left_behind: Option<u16>,
+    orders: Orders,
     pub(super) controller: Controller,
 }
 
 impl Node {
-    pub(super) fn new(role: Role, base: u32, regs: View<CANsync_INIT_BMSTRUCT>) -> Self {
-        Node {
+    /// The node in `segment`, in start-up.
+    ///
+    /// # Errors
+    /// If the segment is too small for it, or read-only.
+    pub(super) fn new(role: Role, segment: &Segment) -> Result<Self, MemoryError> {
+        let base = role.base();
+        Ok(Node {
+            orders: Orders::new(segment, role)?,
             role,
-            base,
-            regs,
+            base: base as u32,
+            regs: segment.view(base)?,
             state: NodeState::StartUp,
             init: None,
             refused: None,
-            seen: control::RESTART,
-            left_behind: None,
             controller: Controller::default(),
-        }
+        })
     }
 
     /// Power-on: shows the number set at the DIP switches. All other registers hold their reset values.
@@ -141,7 +152,7 @@ impl Node {
     /// Whether the PLC has written `w_CPU_CONTROL` since the last look. For busy polling.
     #[inline]
     pub(super) fn control_changed(&self) -> bool {
-        self.regs.w_CPU_CONTROL.load() != self.seen
+        self.orders.is_waiting(&self.regs.w_CPU_CONTROL)
     }
 
     /// Whether the CAN controller takes part in bus traffic, as far as the PLC wants it to.
@@ -171,13 +182,16 @@ impl Node {
     /// data were taken over and before 16#0003 is shown (decision D-03).
     pub(super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
         self.controller.recover(ctx.now);
-        let value = self.take_controller_reset(ctx);
-        let first_look = value != self.seen;
-        self.seen = value;
-        if self.left_behind == Some(value) {
+        let Order { value, is_new, with_reset } = self.orders.take(&self.regs.w_CPU_CONTROL);
+        if with_reset {
+            self.reset_controller(ctx, value);
+        }
+        if self.orders.are_left_behind() {
+            if is_new && self.state != NodeState::StartUp {
+                self.report_left_behind(ctx);
+            }
             return Change::None;
         }
-        self.left_behind = None;
         match (self.state, value) {
             (NodeState::StartUp, control::RESTART) => Change::None,
             (_, control::RESTART) => {
@@ -205,7 +219,7 @@ impl Node {
                 Change::Disabled
             }
             (state, value) => {
-                if first_look && !Self::is_at_rest(state, value) {
+                if is_new && !Self::is_at_rest(state, value) {
                     self.report_ignored(ctx, value);
                 }
                 Change::None
@@ -213,20 +227,19 @@ impl Node {
         }
     }
 
-    /// Bit 7 acts in every state: the controller is reset and the bit cleared, the other bits stay.
-    fn take_controller_reset(&mut self, ctx: &mut Context) -> u16 {
-        let value = self.regs.w_CPU_CONTROL.load();
-        if value & control::RESET_CONTROLLER == 0 {
-            return value;
-        }
-        let before = self.regs.w_CPU_CONTROL.update(|v| v & !control::RESET_CONTROLLER);
-        let after = before & !control::RESET_CONTROLLER;
-        self.left_behind = Some(after);
+    /// Bit 7 acts in every state; clearing it left `answer`.
+    fn reset_controller(&mut self, ctx: &mut Context, answer: u16) {
         let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
         self.controller.reset(ctx.now, kbit_per_s);
-        let (origin, offset) = (ctx.origin, self.base);
-        ctx.report(Event::Handshake { origin, offset, request: before, answer: after });
-        after
+        let (origin, offset, request) = (ctx.origin, self.base, answer | control::RESET_CONTROLLER);
+        ctx.report(Event::Handshake { origin, offset, request, answer });
+    }
+
+    /// From here on a restart in the RAM alone cannot be told from what stands there.
+    fn report_left_behind(&self, ctx: &mut Context) {
+        let (origin, value) = (ctx.origin, control::RESTART);
+        ctx.report(Event::CommandIgnored { origin, value, why: Command::LeftBehind });
+        ctx.find(Rule::LeftBehind, self.live(), self.base, control::RESET_CONTROLLER.into());
     }
 
     fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {

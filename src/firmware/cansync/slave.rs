@@ -25,7 +25,7 @@ use crate::check::Facts;
 use crate::firmware::Context;
 use crate::firmware::shown::Shown;
 use crate::journal::{Event, Missed};
-use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 use jobs::Jobs;
@@ -57,9 +57,8 @@ impl Slave {
     /// # Errors
     /// If the segment is too small for node 1.
     pub fn new(segment: &Segment, number: u8, lock_time_us: u64) -> Result<Self, MemoryError> {
-        let init = segment.view::<CANsync_INIT_BMSTRUCT>(NODE1)?;
         Ok(Slave {
-            node: Node::new(Role::Slave, NODE1 as u32, init),
+            node: Node::new(Role::Slave, segment)?,
             regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1)?,
             number,
             lock: Lock::new(lock_time_us),

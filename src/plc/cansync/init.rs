@@ -108,7 +108,9 @@ impl CANsync_INIT {
         match self.internal {
             Step::Begin => {
                 (self.w_ERR, self.x_ERR, self.x_OK) = (0, false, false);
-                command(0x0000).map(Step::Restarted)
+                let restarted = command(0x0000).map(Step::Restarted);
+                base.tell_restart();
+                restarted
             }
             Step::Restarted(_) if state == 0x0001 => command(0x0001).map(Step::HandshakeAnswered),
             Step::HandshakeAnswered(_) if state == 0x0002 => {

@@ -1,11 +1,13 @@
 //! `CANsync_MODE_MA`, `CANsync_MODE_SL`: commands to a node and what it shows (p. 216-221).
 
 use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::memory::Cell16;
+use crate::memory::{Cell16, SharedRegs};
 use crate::plc::Base;
 
 /// Bit 7 of `w_CPU_CONTROL`.
 const RESET_CONTROLLER: u16 = 1 << 7;
+const RESTART: u16 = 0x0000;
+const TAKE_OVER_INIT_DATA: u16 = 0x0002;
 const START_SYNCHRONOUS: u16 = 0x0020;
 const ENABLE_ACTIVE: u16 = 0x0040;
 
@@ -64,7 +66,7 @@ macro_rules! mode {
                     run: self.x_CANsync_RUN,
                     reset_controller: self.x_RESET_CANsync_CONTROLLER,
                 };
-                commands.give(&_BASE.w_CPU_CONTROL, state);
+                commands.give(_BASE, &_BASE.w_CPU_CONTROL, state);
                 self.x_HS_ACTIV = state == 0x0001;
                 self.x_INIT_POSSIBLE = state == 0x0002;
                 self.x_WAIT = state == 0x0003;
@@ -100,22 +102,28 @@ struct Commands {
 
 impl Commands {
     /// Writes the command. If several are given, the one that comes earlier in a start counts.
-    fn give(&self, control: &Cell16, state: u16) {
+    fn give<T: SharedRegs>(&self, base: &Base<T>, control: &Cell16, state: u16) {
         let command = match self {
-            Commands { restart: true, .. } => Some(0x0000),
-            Commands { take_over: true, .. } => Some(0x0002),
+            Commands { restart: true, .. } => {
+                // It resets the controller as well.
+                control.store(RESTART);
+                base.tell_restart();
+                return;
+            }
+            Commands { take_over: true, .. } => Some(TAKE_OVER_INIT_DATA),
             Commands { synchronous: true, run: true, .. } if is_active(state) => None,
             Commands { synchronous: true, run: true, .. } if is_set_up(state) => Some(ENABLE_ACTIVE),
             Commands { synchronous: true, .. } => Some(START_SYNCHRONOUS),
             Commands { run: true, .. } => Some(ENABLE_ACTIVE),
             _ => None,
         };
-        if let Some(command) = command {
-            control.store(command);
-        }
-        // A restart resets the controller as well.
-        if self.reset_controller && !self.restart {
-            control.update(|value| value | RESET_CONTROLLER);
+        match (command, self.reset_controller) {
+            (Some(command), false) => control.store(command),
+            (Some(command), true) => control.store(command | RESET_CONTROLLER),
+            (None, true) => {
+                control.update(|value| value | RESET_CONTROLLER);
+            }
+            (None, false) => {}
         }
     }
 }

@@ -140,3 +140,44 @@ fn mode_gives_each_command_and_shows_each_state() {
     assert_eq!(give(&mut bench, |mode| mode.x_SYNC_MODE = true), Some(3));
     assert_eq!(give(&mut bench, |mode| mode.x_RESET_SOFTWARE = true), Some(0));
 }
+
+/// D-29: on the RAM alone a restart over the 16#0000 that bit 7 has left could not be seen.
+#[test]
+fn init_and_mode_restart_a_node_whose_controller_was_reset() {
+    for memory in BOTH {
+        let mut bench = Bench::active(memory);
+        bench.ma.w_CPU_CONTROL.store(0x0080);
+        bench.rig.step(2000);
+        let mut init = init();
+        bench.until(|b| {
+            init.call(&b.ma_init);
+            init.x_OK || init.x_ERR
+        });
+        assert_eq!((init.w_ERR, bench.ma.w_OPTION_STATUS.load()), (0, 0x0003), "{memory:?}");
+
+        bench.sl.w_CPU_CONTROL.store(0x0080);
+        bench.rig.step(2000);
+        assert_eq!(bench.sl.w_OPTION_STATUS.load(), 0x0020);
+        CANsync_MODE_SL { x_RESET_SOFTWARE: true, ..Default::default() }.call(&bench.sl);
+        bench.rig.step(2000);
+        assert_eq!(bench.sl.w_OPTION_STATUS.load(), 0x0001, "{memory:?}");
+    }
+}
+
+/// Both commands at once, as after BUS-off: the controller is reset and active operation enabled.
+#[test]
+fn mode_enables_active_operation_and_resets_the_controller_in_one() {
+    let mut bench = Bench::active(Memory::Heap);
+    let mut mode = CANsync_MODE_MA { x_SYNC_MODE: true, ..Default::default() };
+    bench.until(|b| {
+        mode.call(&b.ma);
+        mode.x_PREPARE_ACTIV
+    });
+    mode = CANsync_MODE_MA { x_CANsync_RUN: true, x_RESET_CANsync_CONTROLLER: true, ..Default::default() };
+    mode.call(&bench.ma);
+    assert_eq!(bench.ma.w_CPU_CONTROL.load(), 0x00C0);
+    bench.rig.step(2000);
+    mode.call(&bench.ma);
+    assert!(mode.x_CANsync_ACTIV);
+    assert_eq!(bench.ma.w_OPTION_STATUS.load(), 0x0080);
+}

@@ -1,0 +1,116 @@
+//! `w_CPU_CONTROL` as the firmware reads it: a level, from which bit 7 is cleared (manual 5.00005.03a p. 149-150, 174).
+
+use super::node::Role;
+use super::registers::control;
+use crate::memory::{Cell16, Header, MemoryError, Segment, View};
+
+/// What the PLC has ordered, as far as the register tells.
+pub(super) struct Orders {
+    header: View<Header>,
+    /// Index in what the header page has for both nodes.
+    node: usize,
+    /// Last value seen, so that an ignored command is reported once.
+    seen: u16,
+    /// In the register stands the 16#0000 that clearing 16#0080 left. It is no restart (decision D-29).
+    left_behind: bool,
+    /// [`Header::restarts_written`] when the register was last looked at.
+    restarts: u32,
+}
+
+/// What a look at the register shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Order {
+    /// What stands in the register, without bit 7.
+    pub value: u16,
+    /// It was written since the last look, as far as that can be seen.
+    pub is_new: bool,
+    /// Bit 7 was set, and is cleared now.
+    pub with_reset: bool,
+}
+
+impl Orders {
+    /// The orders to the node with this role in `segment`; none yet.
+    ///
+    /// # Errors
+    /// If the segment is read-only.
+    pub fn new(segment: &Segment, role: Role) -> Result<Self, MemoryError> {
+        let mut orders = Orders {
+            header: segment.header()?,
+            node: usize::from(role == Role::Master),
+            seen: control::RESTART,
+            left_behind: false,
+            restarts: 0,
+        };
+        orders.restarts = orders.restarts_written();
+        Ok(orders)
+    }
+
+    /// Whether something was ordered since the last look.
+    #[inline]
+    pub fn is_waiting(&self, register: &Cell16) -> bool {
+        register.load() != self.seen || self.left_behind && self.restarts_written() != self.restarts
+    }
+
+    /// Whether what stands in the register is no order, because the firmware has written it.
+    #[inline]
+    pub fn are_left_behind(&self) -> bool {
+        self.left_behind
+    }
+
+    /// Looks at the register and clears bit 7.
+    pub fn take(&mut self, register: &Cell16) -> Order {
+        let (value, restarts, with_reset) = loop {
+            let value = register.load();
+            // In between: restarts written before this value are past, later ones make the exchange fail.
+            let restarts = self.restarts_written();
+            let rest = value & !control::RESET_CONTROLLER;
+            if rest == value {
+                break (value, restarts, false);
+            }
+            if register.compare_exchange(value, rest).is_ok() {
+                break (rest, restarts, true);
+            }
+        };
+        let is_restarted = core::mem::replace(&mut self.restarts, restarts) != restarts;
+        let is_new = core::mem::replace(&mut self.seen, value) != value || with_reset;
+        self.left_behind = value == control::RESTART && (with_reset || self.left_behind && !is_restarted);
+        Order { value, is_new, with_reset }
+    }
+
+    fn restarts_written(&self) -> u32 {
+        self.header.restarts_written[self.node].load()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+
+    #[test]
+    fn the_left_behind_0_lasts_until_another_value_or_a_restart() {
+        let segment = Segment::heap();
+        let regs = segment.view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+        let header = segment.header().unwrap();
+        let register = &regs.w_CPU_CONTROL;
+        let mut orders = Orders::new(&segment, Role::Master).unwrap();
+        let order = |value, is_new, with_reset| Order { value, is_new, with_reset };
+        for change in [0x0020, 0x0000] {
+            register.store(0x0080);
+            assert!(orders.is_waiting(register));
+            assert_eq!(orders.take(register), order(0, true, true));
+            assert_eq!(orders.take(register), order(0, false, false));
+            assert!(orders.are_left_behind() && !orders.is_waiting(register));
+            register.store(change);
+            header.restarts_written[0].increment();
+            assert_eq!(orders.is_waiting(register), change != 0, "that was the other node");
+            header.restarts_written[1].add(u32::from(change == 0));
+            assert!(orders.is_waiting(register));
+            assert_eq!(orders.take(register), order(change, change != 0, false));
+            assert!(!orders.are_left_behind());
+        }
+        register.store(0x00C0);
+        assert_eq!(orders.take(register), order(0x0040, true, true));
+        assert!(!orders.are_left_behind());
+    }
+}
