@@ -282,7 +282,20 @@ pub const CASES: &[Case] = &[
         },
         right: |rig| {
             rig.activate();
+            rig.slave.w_CPU_CONTROL.store(0x00C0);
+        },
+    },
+    Case {
+        rule: Rule::LeftBehind,
+        register: "node1.w_CPU_CONTROL",
+        value: 0x0080,
+        wrong: |rig| {
+            rig.activate();
             rig.slave.w_CPU_CONTROL.store(0x0080);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave.w_CPU_CONTROL.store(0x00C0);
         },
     },
     Case {
