@@ -50,6 +50,9 @@ impl Run {
             self.replies.error(&ChannelError::TooManyOperations { count });
             return Progress::Done;
         }
+        if self.next == 0 && self.deadline.is_none() {
+            machine.begin_request();
+        }
         while let Some(wire) = ops.get(self.next) {
             let outcome = decode(self.next, *wire).and_then(|op| self.execute(machine, op));
             match outcome {
@@ -115,6 +118,13 @@ impl Run {
                 let sync = machine.next_sync(number, node).ok_or(ChannelError::NoSync { plc, node })?;
                 limit(sync.saturating_sub(machine.now()))?;
                 advance(machine, sync)?;
+                self.replies.advanced(machine.now())?;
+            }
+            Op::AdvanceToEvent { within_us } => {
+                stepped(machine)?;
+                limit(within_us)?;
+                let latest = machine.now().saturating_add(within_us);
+                advance_to_event(machine, latest);
                 self.replies.advanced(machine.now())?;
             }
             Op::Journal { from, max } => {
@@ -219,8 +229,7 @@ impl Run {
             if !machine.is_stepped() {
                 return Ok(Progress::Waiting);
             }
-            let event = machine.next_event().max(now + 1);
-            machine.advance_to(event.min(deadline).min(now.saturating_add(SLICE_US)));
+            advance_to_event(machine, deadline.min(now.saturating_add(SLICE_US)));
         }
     }
 }
@@ -278,6 +287,12 @@ fn stepped(machine: &dyn Machine) -> Result<(), ChannelError> {
 
 fn limit(us: u64) -> Result<(), ChannelError> {
     if us > MAX_ADVANCE_US { Err(ChannelError::AdvanceTooLong { us }) } else { Ok(()) }
+}
+
+/// Goes to the next event, at the latest to time `latest`, which is not past.
+fn advance_to_event(machine: &mut dyn Machine, latest: u64) {
+    let event = machine.next_event().max(machine.now());
+    machine.advance_to(event.min(latest));
 }
 
 /// Goes to time `target` in slices, so that an hour of emulated time does not make the emulator deaf.

@@ -53,8 +53,13 @@ pub trait Machine {
     /// Whether the time only passes on request.
     fn is_stepped(&self) -> bool;
 
-    /// Time of the next scheduled event, later than [`Machine::now`]; `u64::MAX` if there is none.
+    /// Time of the next event, not before [`Machine::now`]; `u64::MAX` if there is none. Once [`Machine::advance_to`]
+    /// has gone there it is later.
     fn next_event(&self) -> u64;
+
+    /// A request has come. With a stepped clock, what the boards were asked for before it is answered first: whoever
+    /// asks of them and then sends a request always sees the same.
+    fn begin_request(&mut self);
 
     /// Stepped mode: runs everything up to and including time `t`. Going there in several calls has the
     /// same outcome as going there in one.

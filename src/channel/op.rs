@@ -96,6 +96,12 @@ pub enum Op {
         /// CANsync node (interface) of that PLC.
         node: u8,
     },
+    /// Lets the time pass up to the next moment at which the emulator has something to do; stepped mode only. What is
+    /// due now is done now, and no time passes. Answered by [`Reply::Advanced`].
+    AdvanceToEvent {
+        /// The longest time, in microseconds, at most [`MAX_ADVANCE_US`].
+        within_us: u64,
+    },
     /// Reads the journal from record number `from` on. Answered by [`Reply::Journal`].
     Journal {
         /// Number of the first record wanted; what is no longer kept is left out.

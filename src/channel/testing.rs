@@ -29,6 +29,8 @@ pub(crate) struct Fake {
     pub script: Vec<(u64, u32, u16)>,
     /// Number of calls of `advance_to`.
     pub steps: usize,
+    /// Number of requests that have begun.
+    pub requests: usize,
     /// Raises `stop` at this time.
     pub stop_at: u64,
     /// Whether the real-time clock of the test server stands still.
@@ -48,6 +50,7 @@ impl Fake {
             stop: Arc::default(),
             script: Vec::new(),
             steps: 0,
+            requests: 0,
             stop_at: u64::MAX,
             frozen: false,
         }
@@ -137,6 +140,10 @@ impl Machine for Fake {
     fn next_event(&self) -> u64 {
         let cycle = (self.now / 1_000 + 1) * 1_000;
         self.script.iter().map(|event| event.0).filter(|t| *t > self.now).fold(cycle, u64::min)
+    }
+
+    fn begin_request(&mut self) {
+        self.requests += 1;
     }
 
     fn advance_to(&mut self, t: u64) {

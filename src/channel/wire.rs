@@ -93,6 +93,7 @@ pub mod kind {
     pub const INFO: u16 = 8;
     pub const STOP: u16 = 9;
     pub const JOURNAL: u16 = 10;
+    pub const ADVANCE_TO_EVENT: u16 = 11;
     pub const FORCE: u16 = 30;
     pub const UNFORCE: u16 = 31;
     pub const FORCES: u16 = 32;
@@ -163,6 +164,9 @@ impl From<&Op> for WireOp {
             Op::AdvanceToSync { plc, node } => {
                 WireOp { kind: kind::ADVANCE_TO_SYNC, plc, node: node.into(), ..WireOp::default() }
             }
+            Op::AdvanceToEvent { within_us } => {
+                WireOp { kind: kind::ADVANCE_TO_EVENT, time_us: within_us, ..WireOp::default() }
+            }
             Op::Journal { from, max } => {
                 WireOp { kind: kind::JOURNAL, value: max, time_us: from, ..WireOp::default() }
             }
@@ -211,6 +215,7 @@ impl TryFrom<WireOp> for Op {
                 node: u8::try_from(wire.node)
                     .map_err(|_| BadField { field: Field::Node, value: wire.node.into() })?,
             },
+            kind::ADVANCE_TO_EVENT => Op::AdvanceToEvent { within_us: time_us },
             kind::JOURNAL => Op::Journal { from: time_us, max: value },
             kind::FORCE => Op::Force { plc, offset, width: width()?, value },
             kind::UNFORCE => Op::Unforce { plc, offset, width: width()? },

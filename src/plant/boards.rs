@@ -8,6 +8,9 @@ impl Plant {
     /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
     /// whether there was anything.
     pub fn look_at_boards(&mut self) -> bool {
+        if !self.plcs.iter().any(|plc| plc.board.has_changed()) {
+            return false;
+        }
         self.look_for_writes();
         let changed = self.look_at_requests();
         // Without an answer nothing was written here, and what a task stores meanwhile, in its turn, must not pass for

@@ -225,13 +225,7 @@ impl Emulator {
 
     fn run_stepped(&mut self) {
         while !self.is_stopping() {
-            // What the boards are asked for needs no time to pass; everything else is seen when it does.
-            if self.note_rings() {
-                let (boards, tasks) = (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant));
-                if boards || tasks {
-                    self.announce();
-                }
-            }
+            self.look_at_rings();
             self.save_novram(false);
             if self.serve_channel() {
                 self.announce();
@@ -274,6 +268,16 @@ impl Emulator {
                 self.announce();
             } else if !self.options.busy {
                 self.sleep(clock.until(self.plant.next_event()).min(LONGEST_SLEEP));
+            }
+        }
+    }
+
+    /// With a stepped clock: what the boards are asked for needs no time to pass; everything else is seen when it does.
+    pub(super) fn look_at_rings(&mut self) {
+        if self.note_rings() {
+            let (boards, tasks) = (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant));
+            if boards || tasks {
+                self.announce();
             }
         }
     }

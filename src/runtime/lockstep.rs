@@ -117,13 +117,18 @@ impl Lockstep {
             if !self.give_turns(plant, &stop) {
                 return;
             }
-            let until = self.tasks.iter().filter_map(|task| task.until).fold(target, u64::min);
+            let until = self.next_turn().min(target);
             let stopped = plant.advance_until(until);
             if !stopped && until == target {
                 self.give_turns(plant, &stop);
                 return;
             }
         }
+    }
+
+    /// When the first of the tasks that run has its next turn; `u64::MAX` if none runs.
+    pub fn next_turn(&self) -> u64 {
+        self.tasks.iter().filter_map(|task| task.until).fold(u64::MAX, u64::min)
     }
 
     /// Turns for all tasks that are due now. `false`: told to stop.

@@ -60,7 +60,13 @@ impl Machine for Emulator {
     }
 
     fn next_event(&self) -> u64 {
-        self.plant.next_event()
+        self.plant.next_event().min(self.lockstep.next_turn())
+    }
+
+    fn begin_request(&mut self) {
+        if self.options.clock.is_stepped() {
+            self.look_at_rings();
+        }
     }
 
     fn advance_to(&mut self, t: u64) {

@@ -40,6 +40,12 @@ pub enum BackendError {
         /// The register.
         address: Address,
     },
+    /// The program cannot be started or stopped.
+    #[error("PLC '{plc}': a start or stop needs a loaded program, the switch at RUN and the supply on")]
+    StartRefused {
+        /// Name of the PLC.
+        plc: String,
+    },
     /// The fault does not exist, or the plant cannot have it.
     #[error("{0}")]
     Fault(Refusal),
@@ -115,9 +121,9 @@ pub trait Backend {
     /// Time up to the next SYNC on the bus of CANsync node `node`.
     fn advance_to_sync(&mut self, plc: u16, node: u8) -> Result<u64, BackendError>;
 
-    /// Lets the time pass until something may have happened, at the latest until `deadline`; returns the
-    /// time then.
-    fn advance_a_little(&mut self, deadline: u64) -> Result<u64, BackendError>;
+    /// Lets the time pass up to the next event, at most for `within_us`; returns the time then. On a clock that runs
+    /// by itself a moment passes.
+    fn advance_to_event(&mut self, within_us: u64) -> Result<u64, BackendError>;
 
     /// Waits until `register AND mask = value`.
     fn wait(&mut self, spot: Spot, mask: u32, value: u32, within_us: u64) -> Result<Waited, BackendError>;
@@ -148,6 +154,9 @@ pub trait Backend {
 
     /// Forgets it.
     fn clear_findings(&mut self) -> Result<(), BackendError>;
+
+    /// A program has run on the RAM of a PLC: what it has asked of the board is answered, in no time.
+    fn answer_boards(&mut self) -> Result<(), BackendError>;
 
     /// The RAM of a PLC, as a program on that PLC has it.
     fn segment(&mut self, plc: u16) -> Result<Segment, BackendError>;

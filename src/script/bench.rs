@@ -195,6 +195,11 @@ impl Bench {
         self.ram_of(plc)
     }
 
+    /// A block was called: what it has asked of its board is answered.
+    pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
+        Ok(self.backend.answer_boards()?)
+    }
+
     pub(super) fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {
         Ok(Ram::of(&self.backend.segment(plc)?)?)
     }

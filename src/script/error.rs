@@ -163,7 +163,7 @@ impl ScenarioError {
     pub fn is_failure(&self) -> bool {
         match self {
             Self::Failed(_) | Self::TooLong { .. } => true,
-            Self::Backend(BackendError::NoSync { .. }) => true,
+            Self::Backend(BackendError::NoSync { .. } | BackendError::StartRefused { .. }) => true,
             #[cfg(feature = "channel")]
             Self::Backend(BackendError::Client(_)) => true,
             _ => false,

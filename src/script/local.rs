@@ -27,6 +27,16 @@ impl Local {
         Ok(Self { names: plant.names(), plant, widths: RegisterWidths::of_device() })
     }
 
+    /// The plant; what its boards were asked for is answered first, as before a request through the channel.
+    fn plant(&mut self) -> &mut Plant {
+        self.plant.look_at_boards();
+        &mut self.plant
+    }
+
+    fn name(&self, plc: u16) -> String {
+        self.names.plcs.get(usize::from(plc)).cloned().unwrap_or_default()
+    }
+
     fn ram(&self, plc: u16, offset: u32) -> Result<&Segment, Unmapped> {
         self.plant.plcs().get(usize::from(plc)).map(Plc::segment).ok_or(Unmapped { offset })
     }
@@ -52,6 +62,7 @@ impl Backend for Local {
 
     fn load(&mut self, spot: Spot) -> Result<u32, BackendError> {
         let Spot { plc, offset, width } = spot;
+        self.plant();
         self.ram(plc, offset)
             .and_then(|segment| self.widths.load(segment, offset, width))
             .map_err(unmapped(spot))
@@ -59,6 +70,7 @@ impl Backend for Local {
 
     fn store(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
         let Spot { plc, offset, width } = spot;
+        self.plant();
         self.ram(plc, offset)
             .and_then(|segment| self.widths.store(segment, offset, width, value))
             .map_err(unmapped(spot))?;
@@ -73,6 +85,7 @@ impl Backend for Local {
         new: u32,
     ) -> Result<Result<u32, u32>, BackendError> {
         let Spot { plc, offset, width } = spot;
+        self.plant();
         let outcome = self
             .ram(plc, offset)
             .and_then(|segment| self.widths.compare_exchange(segment, offset, width, current, new))
@@ -85,6 +98,7 @@ impl Backend for Local {
 
     fn read_range(&mut self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, BackendError> {
         let mut bytes = vec![0; len as usize];
+        self.plant();
         self.ram(plc, offset)
             .and_then(|segment| self.widths.read_range(segment, offset, &mut bytes))
             .map_err(|hole| BackendError::Unmapped { address: Address::byte(hole.offset) })?;
@@ -92,48 +106,50 @@ impl Backend for Local {
     }
 
     fn advance(&mut self, us: u64) -> Result<u64, BackendError> {
-        self.plant.advance_to(self.plant.now().saturating_add(us));
-        Ok(self.plant.now())
+        let plant = self.plant();
+        plant.advance_to(plant.now().saturating_add(us));
+        Ok(plant.now())
     }
 
     fn advance_to_sync(&mut self, plc: u16, node: u8) -> Result<u64, BackendError> {
-        let Some(edge) = self.plant.next_sync(plc.into(), node) else {
-            let plc = self.names.plcs.get(usize::from(plc)).cloned().unwrap_or_default();
-            return Err(BackendError::NoSync { plc, node });
+        let Some(edge) = self.plant().next_sync(plc.into(), node) else {
+            return Err(BackendError::NoSync { plc: self.name(plc), node });
         };
         self.plant.advance_to(edge);
         Ok(self.plant.now())
     }
 
-    fn advance_a_little(&mut self, deadline: u64) -> Result<u64, BackendError> {
+    fn advance_to_event(&mut self, within_us: u64) -> Result<u64, BackendError> {
+        let plant = self.plant();
         // Every event lies ahead, or handling it now makes it so.
-        let event = self.plant.next_event().max(self.plant.now());
-        self.plant.advance_to(event.min(deadline));
-        Ok(self.plant.now())
+        let event = plant.next_event().max(plant.now());
+        plant.advance_to(event.min(plant.now().saturating_add(within_us)));
+        Ok(plant.now())
     }
 
     fn wait(&mut self, spot: Spot, mask: u32, value: u32, within_us: u64) -> Result<Waited, BackendError> {
-        let deadline = self.plant.now().saturating_add(within_us);
+        let deadline = self.plant().now().saturating_add(within_us);
         loop {
             let found = self.load(spot)?;
             let matched = found & mask == value;
-            if matched || self.plant.now() >= deadline {
+            let left_us = deadline.saturating_sub(self.plant.now());
+            if matched || left_us == 0 {
                 return Ok(Waited { matched, value: found });
             }
-            self.advance_a_little(deadline)?;
+            self.advance_to_event(left_us)?;
         }
     }
 
     fn force(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
         let Spot { plc, offset, width } = spot;
         let address = spot.address();
-        self.plant
+        self.plant()
             .force(Forced { plc, offset, width, value })
             .map_err(|source| BackendError::Force { address, source })
     }
 
     fn unforce(&mut self, spot: Spot) -> Result<(), BackendError> {
-        let forced = self.plant.unforce(spot.plc, spot.offset);
+        let forced = self.plant().unforce(spot.plc, spot.offset);
         if forced { Ok(()) } else { Err(BackendError::NotForced { address: spot.address() }) }
     }
 
@@ -142,34 +158,42 @@ impl Backend for Local {
     }
 
     fn add_fault(&mut self, fault: Fault) -> Result<u16, BackendError> {
-        self.plant.add_fault(fault).map_err(BackendError::Fault)
+        self.plant().add_fault(fault).map_err(BackendError::Fault)
     }
 
     fn clear_faults(&mut self, number: Option<NonZeroU16>) -> Result<(), BackendError> {
         match number {
-            Some(number) => self.plant.clear_fault(number.get()).map_err(BackendError::Fault),
+            Some(number) => self.plant().clear_fault(number.get()).map_err(BackendError::Fault),
             None => {
-                self.plant.clear_faults();
+                self.plant().clear_faults();
                 Ok(())
             }
         }
     }
 
     fn board(&mut self, plc: u16) -> Result<BoardState, BackendError> {
-        Ok(self.plant.plcs().get(usize::from(plc)).map(Plc::board).unwrap_or_default())
+        Ok(self.plant().plcs().get(usize::from(plc)).map(Plc::board).unwrap_or_default())
     }
 
     fn set_board(&mut self, plc: u16, setting: BoardSetting) -> Result<(), BackendError> {
-        self.plant.set_board(plc.into(), setting);
+        self.plant().set_board(plc.into(), setting);
+        if matches!(setting, BoardSetting::Start(_)) && !self.board(plc)?.takes_starts() {
+            return Err(BackendError::StartRefused { plc: self.name(plc) });
+        }
+        Ok(())
+    }
+
+    fn answer_boards(&mut self) -> Result<(), BackendError> {
+        self.plant();
         Ok(())
     }
 
     fn findings(&mut self) -> Result<Vec<Entry>, BackendError> {
-        Ok(self.plant.journal().findings().iter().copied().collect())
+        Ok(self.plant().journal().findings().iter().copied().collect())
     }
 
     fn clear_findings(&mut self) -> Result<(), BackendError> {
-        self.plant.clear_findings();
+        self.plant().clear_findings();
         Ok(())
     }
 
@@ -179,11 +203,11 @@ impl Backend for Local {
     }
 
     fn journal_end(&mut self) -> Result<u64, BackendError> {
-        Ok(self.plant.journal().end())
+        Ok(self.plant().journal().end())
     }
 
     fn journal(&mut self, from: u64) -> Result<(Vec<Record>, u64), BackendError> {
-        let journal = self.plant.journal();
+        let journal = self.plant().journal();
         let records = journal.read(from).copied().chain(journal.pending()).collect();
         Ok((records, journal.end()))
     }

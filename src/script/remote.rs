@@ -8,13 +8,11 @@ use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::layout::omega_drive_line_2::LAYOUT_HASH;
 use crate::memory::header::{BoardSetting, BoardState};
-use crate::memory::{AttachMode, ClockMode, Image, Segment};
-use crate::plant::Forced;
+use crate::memory::{Address, AttachMode, ClockMode, Image, Segment};
+use crate::plant::{ForceError, Forced};
 use core::num::NonZeroU16;
 use std::time::Duration;
 
-/// Emulated time between two looks where the channel has no wait of its own.
-const LOOK_US: u64 = 100;
 /// Pause between two looks at a clock that runs by itself.
 const PAUSE: Duration = Duration::from_micros(500);
 
@@ -38,38 +36,56 @@ impl Remote {
         Ok(Self { client, instance: info.name, names, stepped })
     }
 
-    fn ask(&self, op: Op) -> Result<Reply, ClientError> {
+    fn ask(&self, op: Op) -> Result<Reply, BackendError> {
         match self.client.request(&[op])?.pop() {
-            Some(Reply::Error(refused)) => Err(refused.into()),
+            Some(Reply::Error(refused)) => Err(self.refused(refused)),
             Some(reply) => Ok(reply),
             None => Err(self.wrong_reply()),
         }
     }
 
-    fn wrong_reply(&self) -> ClientError {
-        ClientError::WrongReply { instance: self.instance.clone() }
+    fn wrong_reply(&self) -> BackendError {
+        ClientError::WrongReply { instance: self.instance.clone() }.into()
+    }
+
+    fn name(&self, plc: u16) -> String {
+        self.names.plcs.get(usize::from(plc)).cloned().unwrap_or_default()
+    }
+
+    /// What a plant in this process would say.
+    fn refused(&self, error: ChannelError) -> BackendError {
+        match error {
+            ChannelError::Unmapped { address } => BackendError::Unmapped { address },
+            ChannelError::RangeUnmapped { hole, .. } => {
+                BackendError::Unmapped { address: Address::byte(hole) }
+            }
+            ChannelError::NoSync { plc, node } => BackendError::NoSync { plc: self.name(plc), node },
+            ChannelError::NotForced { address } => BackendError::NotForced { address },
+            ChannelError::StartRefused { plc } => BackendError::StartRefused { plc: self.name(plc) },
+            ChannelError::Fault(refusal) => BackendError::Fault(refusal),
+            other => ClientError::from(other).into(),
+        }
+    }
+
+    fn written(&self, op: Op) -> Result<(), BackendError> {
+        match self.ask(op)? {
+            Reply::Written => Ok(()),
+            _ => Err(self.wrong_reply()),
+        }
     }
 
     fn advanced(&self, op: Op) -> Result<u64, BackendError> {
         match self.ask(op)? {
             Reply::Advanced { time_us } => Ok(time_us),
-            _ => Err(self.wrong_reply().into()),
+            _ => Err(self.wrong_reply()),
         }
     }
 
-    fn records(&self, from: u64, max: u32) -> Result<(Vec<Record>, u64), ClientError> {
+    fn records(&self, from: u64, max: u32) -> Result<(Vec<Record>, u64), BackendError> {
         match self.ask(Op::Journal { from, max })? {
             Reply::Journal { records, end } => Ok((records, end)),
             _ => Err(self.wrong_reply()),
         }
-    }
-}
-
-/// A fault was refused, or something else went wrong.
-fn refused(error: ClientError) -> BackendError {
-    match error {
-        ClientError::Refused(ChannelError::Fault(refusal)) => BackendError::Fault(refusal),
-        other => other.into(),
     }
 }
 
@@ -83,11 +99,16 @@ impl Backend for Remote {
     }
 
     fn load(&mut self, spot: Spot) -> Result<u32, BackendError> {
-        Ok(self.client.peek(spot.plc, spot.offset, spot.width)?)
+        let Spot { plc, offset, width } = spot;
+        match self.ask(Op::Peek { plc, offset, width })? {
+            Reply::Value(value) => Ok(value),
+            _ => Err(self.wrong_reply()),
+        }
     }
 
     fn store(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
-        Ok(self.client.poke(spot.plc, spot.offset, spot.width, value)?)
+        let Spot { plc, offset, width } = spot;
+        self.written(Op::Poke { plc, offset, width, value })
     }
 
     fn compare_exchange(
@@ -99,12 +120,15 @@ impl Backend for Remote {
         let Spot { plc, offset, width } = spot;
         match self.ask(Op::CompareExchange { plc, offset, width, current, new })? {
             Reply::Exchanged { ok, found } => Ok(if ok { Ok(found) } else { Err(found) }),
-            _ => Err(self.wrong_reply().into()),
+            _ => Err(self.wrong_reply()),
         }
     }
 
     fn read_range(&mut self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, BackendError> {
-        Ok(self.client.read_range(plc, offset, len)?)
+        match self.ask(Op::ReadRange { plc, offset, len })? {
+            Reply::Bytes(bytes) => Ok(bytes),
+            _ => Err(self.wrong_reply()),
+        }
     }
 
     fn advance(&mut self, us: u64) -> Result<u64, BackendError> {
@@ -115,10 +139,9 @@ impl Backend for Remote {
         self.advanced(Op::AdvanceToSync { plc, node })
     }
 
-    fn advance_a_little(&mut self, deadline: u64) -> Result<u64, BackendError> {
+    fn advance_to_event(&mut self, within_us: u64) -> Result<u64, BackendError> {
         if self.stepped {
-            let now = self.now()?;
-            return self.advance(deadline.saturating_sub(now).min(LOOK_US));
+            return self.advanced(Op::AdvanceToEvent { within_us });
         }
         // The clock of the instance runs by itself.
         std::thread::sleep(PAUSE);
@@ -129,80 +152,84 @@ impl Backend for Remote {
         let Spot { plc, offset, width } = spot;
         match self.ask(Op::Wait { plc, offset, width, mask, value, within_us }) {
             Ok(Reply::Waited { value, .. }) => Ok(Waited { matched: true, value }),
-            Err(ClientError::Refused(ChannelError::WaitTimedOut { last, .. })) => {
+            Err(BackendError::Client(ClientError::Refused(ChannelError::WaitTimedOut { last, .. }))) => {
                 Ok(Waited { matched: false, value: last })
             }
-            Ok(_) => Err(self.wrong_reply().into()),
-            Err(error) => Err(error.into()),
+            Ok(_) => Err(self.wrong_reply()),
+            Err(error) => Err(error),
         }
     }
 
     fn force(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
         let Spot { plc, offset, width } = spot;
-        match self.ask(Op::Force { plc, offset, width, value })? {
-            Reply::Written => Ok(()),
-            _ => Err(self.wrong_reply().into()),
-        }
+        self.written(Op::Force { plc, offset, width, value }).map_err(|error| match error {
+            BackendError::Client(ClientError::Refused(refused)) => match refused {
+                ChannelError::TooManyForces { .. } => {
+                    BackendError::Force { address: spot.address(), source: ForceError::TooMany }
+                }
+                ChannelError::NotWhole { asked, right } => {
+                    BackendError::Force { address: spot.address(), source: ForceError::NotWhole { asked, right } }
+                }
+                other => ClientError::from(other).into(),
+            },
+            other => other,
+        })
     }
 
     fn unforce(&mut self, spot: Spot) -> Result<(), BackendError> {
         let Spot { plc, offset, width } = spot;
-        match self.ask(Op::Unforce { plc, offset, width }) {
-            Ok(Reply::Written) => Ok(()),
-            Ok(_) => Err(self.wrong_reply().into()),
-            Err(ClientError::Refused(ChannelError::NotForced { address })) => {
-                Err(BackendError::NotForced { address })
-            }
-            Err(error) => Err(error.into()),
-        }
+        self.written(Op::Unforce { plc, offset, width })
     }
 
     fn forces(&mut self) -> Result<Vec<Forced>, BackendError> {
         match self.ask(Op::Forces)? {
             Reply::Forces(forces) => Ok(forces),
-            _ => Err(self.wrong_reply().into()),
+            _ => Err(self.wrong_reply()),
         }
     }
 
     fn add_fault(&mut self, fault: Fault) -> Result<u16, BackendError> {
-        match self.ask(Op::FaultAdd { fault }) {
-            Ok(Reply::FaultAdded { id }) => Ok(id),
-            Ok(_) => Err(self.wrong_reply().into()),
-            Err(error) => Err(refused(error)),
+        match self.ask(Op::FaultAdd { fault })? {
+            Reply::FaultAdded { id } => Ok(id),
+            _ => Err(self.wrong_reply()),
         }
     }
 
     fn clear_faults(&mut self, id: Option<NonZeroU16>) -> Result<(), BackendError> {
-        match self.ask(Op::FaultClear { id }) {
-            Ok(Reply::FaultsCleared { .. }) => Ok(()),
-            Ok(_) => Err(self.wrong_reply().into()),
-            Err(error) => Err(refused(error)),
+        match self.ask(Op::FaultClear { id })? {
+            Reply::FaultsCleared { .. } => Ok(()),
+            _ => Err(self.wrong_reply()),
         }
     }
 
     fn board(&mut self, plc: u16) -> Result<BoardState, BackendError> {
         match self.ask(Op::Board { plc })? {
             Reply::Board(state) => Ok(state),
-            _ => Err(self.wrong_reply().into()),
+            _ => Err(self.wrong_reply()),
         }
     }
 
     fn set_board(&mut self, plc: u16, setting: BoardSetting) -> Result<(), BackendError> {
-        match self.ask(Op::SetBoard { plc, setting })? {
-            Reply::Written => Ok(()),
-            _ => Err(self.wrong_reply().into()),
+        self.written(Op::SetBoard { plc, setting })
+    }
+
+    fn answer_boards(&mut self) -> Result<(), BackendError> {
+        // With a stepped clock that is done before any request.
+        if self.stepped {
+            self.ask(Op::Info)?;
         }
+        Ok(())
     }
 
     fn findings(&mut self) -> Result<Vec<Entry>, BackendError> {
         match self.ask(Op::Findings)? {
             Reply::Findings(entries) => Ok(entries),
-            _ => Err(self.wrong_reply().into()),
+            _ => Err(self.wrong_reply()),
         }
     }
 
     fn clear_findings(&mut self) -> Result<(), BackendError> {
-        self.ask(Op::ClearFindings).map(drop).map_err(BackendError::from)
+        self.ask(Op::ClearFindings).map(drop)
     }
 
     fn segment(&mut self, plc: u16) -> Result<Segment, BackendError> {

@@ -394,9 +394,10 @@ mod attached {
         ("21-ip-address", "ip-address"),
     ];
 
-    /// All verbs behave at a live instance as they do on a plant of one's own: blocks, forces, faults, findings, boards.
+    /// All verbs behave at a live instance as they do on a plant of one's own, to the microsecond: blocks, forces, faults,
+    /// findings, boards.
     #[test]
-    fn every_scenario_of_the_tutorial_passes_on_a_running_instance() {
+    fn every_scenario_of_the_tutorial_passes_alike_on_a_running_instance() {
         let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenarios");
         let entries = directory.read_dir().unwrap().map(|entry| entry.unwrap().path());
         let mut scripts: Vec<_> =
@@ -415,9 +416,62 @@ mod attached {
                 emulator.breaks(broken.map(|(_, rule)| *rule).as_slice());
                 let there = run(&["test", script.to_str().unwrap(), "--attach", &emulator.name]);
                 assert_eq!((there.code, there.err.as_str()), (Some(0), ""), "{}", there.out);
+                let own = run(&["test", script.to_str().unwrap()]);
+                assert_eq!(without_real_times(&there.out), without_real_times(&own.out));
             }
         };
         std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(work))));
+    }
+
+    /// When something is seen, and what is answered in no time, to the microsecond.
+    const MOMENTS: &str = r#"
+        print(`start ${now()}`);
+        poke("node2.w_CPU_CONTROL", 1);
+        print(`condition after ${wait_until(|| peek("node2.w_OPTION_STATUS") == 2, "10ms")}, at ${now()}`);
+        for data in [["b_AC", 0xFF], ["b_AM", 0xFF], ["b_BT_1", 0x1C], ["b_OUTPUT_CONTROL", 0xFA], ["b_CLOCK_DIVIDER", 7],
+                     ["b_TIME_PATTERN", 2], ["a_SL_TYP[1]", 1]] {
+            poke("node2." + data[0], data[1]);
+        }
+        for command in [[0x02, 0x03], [0x20, 0x43]] {
+            poke("node2.w_CPU_CONTROL", command[0]);
+            print(`register after ${wait("node2.w_OPTION_STATUS", command[1], "10ms")}`);
+        }
+        expect_frame("drives", 0x501, "*", "10ms");
+        print(`frame at ${now()}`);
+        wait_until(|| peek("node2.a_STAT_SL[1]") == 3, "2s");
+        print(`synchronized at ${now()}`);
+
+        // Between two events, and at the very moment of one.
+        step(37);
+        fault("bus_off plc=line node=2");
+        print(`off after ${wait_until(|| peek("node2.w_CANsync_STATUS") == 0xC0, "10ms")}`);
+        clear_faults();
+
+        let timer = block("INTR_SET", "line");
+        timer.i_EVENT = 0;
+        timer.i_PAR1 = 3;
+        timer.x_EN = true;
+        cycle(timer);
+        step(1000);
+        print(`${event_count(0)} events`);
+        timer.i_PAR1 = -1;
+        cycle(timer);
+        cycle(timer);
+        print(`refused: ${timer.x_ERR}, at ${now()}`);
+        set_board("switch=stop");
+        print(`display ${board().display}`);
+        set_board("start=cold");
+    "#;
+
+    #[test]
+    fn a_script_sees_the_same_moments_on_a_running_instance() {
+        let emulator = Emulator::stepped();
+        let scripts = Scripts::new(&[("moments.rhai", MOMENTS)]);
+        let own = scripts.run(&["moments.rhai"]);
+        let there = scripts.run(&["moments.rhai", "--attach", &emulator.name]);
+        assert_eq!(without_real_times(&there.out), without_real_times(&own.out));
+        assert!(own.out.contains("PLC 'line': a start or stop needs a loaded program"), "{}", own.out);
+        assert_eq!((own.code, there.code), (Some(1), Some(1)));
     }
 
     #[test]

@@ -238,6 +238,31 @@ fn time_is_stepped_only_in_stepped_mode() {
     let mut fake = Fake::new(false);
     assert_eq!(refused(&mut fake, Op::Advance { us: 0 }), ChannelError::ClockIsRealTime);
     assert_eq!(refused(&mut fake, Op::AdvanceToSync { plc: 0, node: 1 }), ChannelError::ClockIsRealTime);
+    assert_eq!(refused(&mut fake, Op::AdvanceToEvent { within_us: 1 }), ChannelError::ClockIsRealTime);
+}
+
+#[test]
+fn advance_to_event_ends_at_the_event_or_when_the_time_is_over() {
+    let mut fake = Fake::new(true);
+    fake.script.push((1_300, REG, 0x44));
+    let event = |within_us| Op::AdvanceToEvent { within_us };
+    let got = all(&mut fake, &[event(5_000), event(100), event(5_000), peek(REG, Width::Word), event(u64::MAX >> 20)]);
+    let times = [1_000, 1_100, 1_300].map(|time_us| Reply::Advanced { time_us });
+    assert_eq!(got[..3], times);
+    assert_eq!(got[3..], [Reply::Value(0x44), Reply::Advanced { time_us: 2_000 }]);
+    let error = ChannelError::AdvanceTooLong { us: MAX_ADVANCE_US + 1 };
+    assert_eq!(refused(&mut fake, event(MAX_ADVANCE_US + 1)), error);
+}
+
+/// What was asked of the boards comes before the request, once.
+#[test]
+fn a_request_begins_once() {
+    let mut fake = Fake::new(false);
+    let ops = wires(&[wait(0xFFFF, 0x44, 5_000), peek(REG, Width::Word)]);
+    let mut run = Run::default();
+    assert_eq!(run.go(&mut fake, &ops), Progress::Waiting);
+    assert_eq!(run.go(&mut fake, &ops), Progress::Waiting);
+    assert_eq!(fake.requests, 1);
 }
 
 #[test]

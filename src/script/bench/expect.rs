@@ -79,11 +79,11 @@ impl Bench {
 
     /// Lets a little time pass on the way to `deadline`; `false` if it is over.
     pub(super) fn pass(&mut self, deadline: u64) -> Result<bool, ScenarioError> {
-        let more = self.now()? < deadline;
-        if more {
-            self.backend.advance_a_little(deadline)?;
+        let left_us = deadline.saturating_sub(self.now()?);
+        if left_us > 0 {
+            self.backend.advance_to_event(left_us)?;
         }
-        Ok(more)
+        Ok(left_us > 0)
     }
 
     /// Expects that the register holds the value.

@@ -77,6 +77,12 @@ impl Block {
         self.get(pin)?.as_bool().map_err(not_bool)
     }
 
+    /// One PLC cycle. What it asks of the board is answered at once.
+    fn call(&self, bench: &mut Bench) -> Result<(), ScenarioError> {
+        self.instance.borrow_mut().call();
+        bench.answer_boards()
+    }
+
     /// Calls it in every processor cycle until an output is TRUE.
     fn until(
         &self,
@@ -88,7 +94,7 @@ impl Block {
         let start = bench.now()?;
         let has_error = self.kind.pins.contains(&"x_ERR") && output != "x_ERR";
         loop {
-            self.instance.borrow_mut().call();
+            self.call(bench)?;
             if self.is(output)? {
                 return Ok(bench.now()? - start);
             }
@@ -143,7 +149,7 @@ impl Verbs {
                 stage.act(|bench| Block::new(bench, &mut service_data.borrow_mut(), name, place))
             }
         });
-        self.on("cycle", |_| move |block: &mut Block| block.instance.borrow_mut().call());
+        self.on("cycle", |stage| move |block: &mut Block| stage.act(|bench| block.call(bench)));
         self.on("cycle_until", |stage| {
             move |block: &mut Block, output: &str, within: Dynamic| -> Fallible<INT> {
                 stage.act(|bench| {
