@@ -167,9 +167,10 @@ impl Backend for Remote {
                 ChannelError::TooManyForces { .. } => {
                     BackendError::Force { address: spot.address(), source: ForceError::TooMany }
                 }
-                ChannelError::NotWhole { asked, right } => {
-                    BackendError::Force { address: spot.address(), source: ForceError::NotWhole { asked, right } }
-                }
+                ChannelError::NotWhole { asked, right } => BackendError::Force {
+                    address: spot.address(),
+                    source: ForceError::NotWhole { asked, right },
+                },
                 other => ClientError::from(other).into(),
             },
             other => other,

@@ -246,7 +246,10 @@ fn advance_to_event_ends_at_the_event_or_when_the_time_is_over() {
     let mut fake = Fake::new(true);
     fake.script.push((1_300, REG, 0x44));
     let event = |within_us| Op::AdvanceToEvent { within_us };
-    let got = all(&mut fake, &[event(5_000), event(100), event(5_000), peek(REG, Width::Word), event(u64::MAX >> 20)]);
+    let got = all(
+        &mut fake,
+        &[event(5_000), event(100), event(5_000), peek(REG, Width::Word), event(u64::MAX >> 20)],
+    );
     let times = [1_000, 1_100, 1_300].map(|time_us| Reply::Advanced { time_us });
     assert_eq!(got[..3], times);
     assert_eq!(got[3..], [Reply::Value(0x44), Reply::Advanced { time_us: 2_000 }]);
