@@ -248,7 +248,7 @@ fn advance_to_event_ends_at_the_event_or_when_the_time_is_over() {
     let event = |within_us| Op::AdvanceToEvent { within_us };
     let got = all(
         &mut fake,
-        &[event(5_000), event(100), event(5_000), peek(REG, Width::Word), event(u64::MAX >> 20)],
+        &[event(5_000), event(100), event(5_000), peek(REG, Width::Word), event(MAX_ADVANCE_US)],
     );
     let times = [1_000, 1_100, 1_300].map(|time_us| Reply::Advanced { time_us });
     assert_eq!(got[..3], times);
