@@ -17,7 +17,13 @@
 //! | [`journal`] | what happened, when |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
-//! | [`channel`] | the request-response door for tools and tests (feature `channel`) |
+//! | [`channel`] | the request-response door for tools and tests |
+//! | [`export`] | the register map for other languages and tools |
+//! | [`time`] | emulated times as text |
+//!
+//! `layout` and `memory` are always there; the others are cargo features: `plc`, `channel`, `script` and `export` with the
+//! module of their name, `emulator` with everything from `bus` to `runtime`, `cli` with the program. All are on unless a
+//! soft-PLC says `default-features = false, features = ["plc"]`.
 //!
 //! In a test, without any file or process:
 //!
@@ -37,34 +43,45 @@
 //! # }
 //! ```
 
+#[cfg(feature = "emulator")]
 pub mod bus;
 #[cfg(feature = "channel")]
 pub mod channel;
+#[cfg(feature = "emulator")]
 pub mod check;
+#[cfg(feature = "emulator")]
 pub mod drive;
+#[cfg(feature = "export")]
 pub mod export;
+#[cfg(feature = "emulator")]
 pub mod fault;
+#[cfg(feature = "emulator")]
 pub mod firmware;
+#[cfg(feature = "emulator")]
 pub mod journal;
 pub mod layout;
 pub mod memory;
+#[cfg(feature = "emulator")]
 pub mod plant;
+#[cfg(feature = "plc")]
 pub mod plc;
+#[cfg(feature = "emulator")]
 pub mod runtime;
+#[cfg(feature = "script")]
 pub mod script;
 pub mod time;
 
 /// The examples of the README are tests.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
 /// So are those of the function blocks' documentation.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/function-blocks.md")]
 struct FunctionBlocks;
 
 /// So are those of the scenario reference.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/scenarios.md")]
 struct Scenarios;

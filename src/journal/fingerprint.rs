@@ -20,12 +20,8 @@ impl Fingerprint {
     /// Takes in one more event.
     #[inline]
     pub(super) fn add(&mut self, time_us: u64, words: Words) {
-        let mut bytes = [0; size_of::<u64>() + size_of::<Words>()];
-        let all = std::iter::once(time_us).chain(words);
-        for (place, word) in bytes.chunks_exact_mut(size_of::<u64>()).zip(all) {
-            place.copy_from_slice(&word.to_le_bytes());
-        }
-        self.0.write(&bytes);
+        let [first, second, third] = words;
+        self.0.write(bytemuck::bytes_of(&[time_us, first, second, third].map(u64::to_le)));
     }
 
     /// The hash of all events up to here.

@@ -35,7 +35,7 @@ pub fn example(name: &str) -> PathBuf {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.args(["build", "--quiet", "--examples"]);
         if !cfg!(feature = "channel") {
-            cargo.arg("--no-default-features");
+            cargo.args(["--no-default-features", "--features", "cli"]);
         }
         if !cfg!(debug_assertions) {
             cargo.arg("--release");

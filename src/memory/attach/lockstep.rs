@@ -65,6 +65,7 @@ impl Attached {
 
     /// Ends the turns of `tasks`, then waits until one of them has its next turn or `condition` holds. The condition is
     /// asked again whenever the firmware has changed registers. `false`: neither, within `timeout` of real time.
+    #[cfg_attr(not(feature = "plc"), expect(dead_code, reason = "for the runner of tasks"))]
     pub(crate) fn wait_turns(
         &self,
         tasks: &mut [LockstepTask<'_>],
