@@ -1,0 +1,30 @@
+# The daily commands; `just` lists them.
+
+default:
+    @just --list
+
+# Everything that CI checks.
+ci:
+    .ci/run
+
+# The quick look after a change: format, lints, unit tests.
+check:
+    cargo fmt --all --check
+    cargo clippy --workspace --all-targets --locked -- -D warnings
+    cargo test --locked --lib
+
+# One group of integration tests: attach, blocks, cli, device, docs, export.
+group NAME *FILTER:
+    cargo test --locked --test {{NAME}} {{FILTER}}
+
+# The tutorial's scenarios.
+scenarios:
+    cargo run --quiet -- test tests/scenarios
+
+# What a user can read of the register map, made anew.
+registers:
+    cargo run --quiet -- export md --output docs/registers.md
+
+# All benchmarks; docs/performance.md tells what they measure.
+bench:
+    cargo bench --bench intervals --bench clusters --bench latency --bench sync_edge

@@ -1,0 +1,119 @@
+//! `docs/architecture.md` says who may use whom; here the imports are read and held against it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Modules in the order of the layers, each with its row, and what its row may use.
+struct Layers {
+    rows: Vec<(Vec<String>, BTreeSet<String>)>,
+}
+
+/// What stands between backquotes.
+fn names(cell: &str) -> Vec<String> {
+    cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+impl Layers {
+    fn documented() -> Self {
+        let page = include_str!("../../docs/architecture.md");
+        let section = page.split("## Who may use whom").nth(1).and_then(|rest| rest.split("\n## ").next());
+        let lines = section.expect("the section").lines().filter(|line| line.starts_with("| `"));
+        let row = |line: &str| {
+            let cells: Vec<_> = line.trim_matches('|').split('|').collect();
+            (names(cells[0]), names(cells[2]).into_iter().collect())
+        };
+        Layers { rows: lines.map(row).collect() }
+    }
+
+    fn row_of(&self, module: &str) -> Option<usize> {
+        self.rows.iter().position(|(modules, _)| modules.iter().any(|name| name == module))
+    }
+
+    fn may_use(&self, user: &str, used: &str) -> bool {
+        let row = self.row_of(user).map(|row| &self.rows[row]);
+        row.is_some_and(|(row, uses)| row.iter().any(|name| name == used) || uses.contains(used))
+    }
+}
+
+fn sources(directory: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path()) {
+        if entry.is_dir() {
+            sources(&entry, found);
+        } else if entry.extension().is_some_and(|it| it == "rs") {
+            found.push(entry);
+        }
+    }
+}
+
+/// The modules that a source names behind `crate::`, or in the program behind `commram::`, its comments left out.
+fn used(source: &str) -> BTreeSet<String> {
+    let code: String =
+        source.lines().flat_map(|line| [line.split("//").next().unwrap_or(""), "\n"]).collect();
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let mut used = BTreeSet::new();
+    for prefix in ["crate::", "commram::"] {
+        for (at, _) in code.match_indices(prefix).filter(|(at, _)| !code[..*at].ends_with(is_part)) {
+            let rest = &code[at + prefix.len()..];
+            assert!(!rest.starts_with('{'), "one `use` for each module, so that this test can read it");
+            used.insert(rest.split(|c| !is_part(c)).next().unwrap_or("").to_owned());
+        }
+    }
+    used
+}
+
+/// Every module of `src`, with the modules that it uses and a file that does.
+fn imports() -> BTreeMap<String, BTreeMap<String, PathBuf>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&root, &mut files);
+    let mut imports: BTreeMap<String, BTreeMap<String, PathBuf>> = BTreeMap::new();
+    for file in files {
+        let path = file.strip_prefix(&root).unwrap().to_owned();
+        let module = path.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs").to_owned();
+        if module == "lib" || module == "main" {
+            continue;
+        }
+        let uses = imports.entry(module.clone()).or_default();
+        for name in used(&fs::read_to_string(&file).unwrap()) {
+            if name != module {
+                uses.entry(name).or_insert_with(|| path.clone());
+            }
+        }
+    }
+    let modules: BTreeSet<_> = imports.keys().cloned().collect();
+    for uses in imports.values_mut() {
+        uses.retain(|name, _| modules.contains(name));
+    }
+    imports
+}
+
+#[test]
+fn every_module_has_a_row_and_uses_only_what_stands_there() {
+    let (layers, imports) = (Layers::documented(), imports());
+    let mut wrong = Vec::new();
+    for (module, uses) in &imports {
+        if layers.row_of(module).is_none() {
+            wrong.push(format!("{module} has no row"));
+        }
+        for (used, path) in uses {
+            if !layers.may_use(module, used) {
+                wrong.push(format!("{module} uses {used} (src/{})", path.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn rows_name_modules_below_them_that_are_used() {
+    let (layers, imports) = (Layers::documented(), imports());
+    for (row, (modules, may_use)) in layers.rows.iter().enumerate() {
+        for name in may_use {
+            let place = layers.row_of(name).unwrap_or_else(|| panic!("{name} has no row"));
+            assert!(place < row, "{name} comes after {modules:?}, which may use it");
+            let is_used = modules.iter().any(|module| imports[module].contains_key(name));
+            assert!(is_used, "{modules:?} may use {name}, but does not");
+        }
+    }
+}
