@@ -11,7 +11,7 @@ pub use error::ClientError;
 use super::domain::{Domain, Guest, Ipc, Service};
 use super::op::MAX_OPS;
 use super::wire::{self, Block, WireOp};
-use super::{Bells, InstanceInfo, Op, Reply};
+use super::{Bells, InstanceInfo, Op, Reply, shm};
 use crate::memory::Width;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::prelude::{BackpressureStrategy, Node, PortFactory};
@@ -25,6 +25,9 @@ type Pending = PendingResponse<Ipc, [WireOp], (), [Block], ()>;
 
 /// How long to sleep before asking whether the emulator still lives.
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
+/// Free room in the memory file system below which a client does not enter, in bytes: a request of the greatest length,
+/// and what iceoryx2 needs for itself. Without room it would be killed.
+pub(super) const ROOM: u64 = 256 << 10;
 /// Pause between two tries to connect.
 const RETRY: Duration = Duration::from_millis(2);
 
@@ -290,18 +293,28 @@ impl std::fmt::Debug for Client {
 
 /// The domain of an emulator that is ready.
 pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Result<Domain, ClientError> {
-    if !Domain::is_announced(root, bells.emulator_pid()) || !bells.emulator_alive() {
+    let domain = Domain::find(instance, root)?;
+    let is_ready = |domain: &Domain| domain.is_announced(bells.emulator_pid()) && bells.emulator_alive();
+    let Some(domain) = domain.filter(is_ready) else {
         let root = root.display().to_string();
         return Err(ClientError::NotRunning { instance: instance.to_owned(), root });
+    };
+    // iceoryx2 would wait on such an object for ever.
+    if let Some(path) = domain.half_made().pop() {
+        return Err(ClientError::Damaged { instance: instance.to_owned(), path });
     }
-    Ok(Domain::new(instance, root)?)
+    match shm::room() {
+        Some(free) if free < ROOM => {
+            Err(ClientError::NoRoom { instance: instance.to_owned(), free_kib: free / 1024 })
+        }
+        _ => Ok(domain),
+    }
 }
 
 fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Service, Guest), ClientError> {
     let name = || instance.to_owned();
     let not_running = || ClientError::NotRunning { instance: name(), root: root.display().to_string() };
     let connect = |reason: String| ClientError::Connect { instance: name(), reason };
-    let announced = || Domain::is_announced(root, bells.emulator_pid());
     let domain = domain_of(instance, root, bells)?;
     let guest = Guest::enter(&domain).map_err(|e| connect(e.to_string()))?;
     let node = &guest.node;
@@ -333,7 +346,7 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
         other => connect(format!("{other:?}")),
     })?;
     // If the emulator was replaced meanwhile, this may be a connection to what the new one swept away.
-    if !announced() {
+    if !domain.is_announced(bells.emulator_pid()) {
         return Err(not_running());
     }
     Ok((port, service, guest))

@@ -1,23 +1,25 @@
 //! The iceoryx2 domain of an instance: where its files lie, how its service is set up, and how remains of
 //! killed runs are removed.
 //!
-//! Everything of one instance lies in its own root directory and, as POSIX shared memory, under a name
-//! prefix made from that directory, so instances do not see each other. iceoryx2 removes most of what a
-//! killed process leaves, but not all: a run killed while it creates the service can block it for good,
-//! and a 16-byte counter per prefix always stays. So whoever owns the instance sweeps the domain before
-//! the start and after the end, if nobody alive uses it; and a client that outlives the emulator does so
-//! when it leaves ([`Guest`]).
+//! Everything of one instance lies in its own root directory, which nobody else may enter, and, as POSIX shared
+//! memory, under a name prefix that stands in that directory. Half of the prefix is random, so nobody can make such
+//! an object before us. iceoryx2 removes most of what a killed process leaves, but not all: a run killed while it
+//! creates the service can block it for good, and a 16-byte counter per prefix always stays. So whoever owns the
+//! instance sweeps the domain before the start and after the end, if nobody alive uses it; and a client that
+//! outlives the emulator does so when it leaves ([`Guest`]).
 
+use super::shm::{self, settles};
 use super::wire::{Block, WireOp};
-use crate::memory::process;
+use crate::memory::MemoryError;
+use crate::memory::private::{Held, PrivateDir};
+use crate::memory::process::ProcessId;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::request_response::Builder;
 use std::fs::File;
-use std::io;
-use std::os::unix::fs::MetadataExt;
+use std::io::{self, Read};
 use std::path::{Path as FsPath, PathBuf};
-use std::sync::Once;
+use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
 pub(super) type Ipc = ipc::Service;
@@ -31,14 +33,14 @@ pub const MAX_CLIENTS: usize = 32;
 pub(super) const MAX_NODES: usize = MAX_CLIENTS + 8;
 /// Longest root directory in bytes: what iceoryx2 puts below it must stay within its 255 bytes.
 pub(super) const MAX_ROOT: usize = 120;
-/// Where POSIX shared memory lies on Linux.
-const SHM: &str = "/dev/shm";
-/// Exists while a server is ready; holds its process id.
+/// Exists while a server is ready; holds its process.
 const READY: &str = "ready";
-/// How long a shared memory object may have no content: far longer than a living process needs.
-const HALF_MADE: Duration = Duration::from_millis(50);
+/// Holds the prefix of the domain's shared memory.
+const PREFIX: &str = "prefix";
 /// The directories iceoryx2 makes in the root.
 const DIRECTORIES: [&str; 2] = ["nodes", "services"];
+/// How long the owner waits for those who are just leaving.
+const MOVE_IN: Duration = Duration::from_secs(2);
 
 /// Why a domain's directory cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -52,9 +54,18 @@ pub enum RootError {
         /// What the system says.
         source: io::Error,
     },
+    /// The directory is not ours alone.
+    #[error(transparent)]
+    Private(#[from] MemoryError),
     /// The path is too long for iceoryx2, or not UTF-8.
     #[error("channel directory {}: the path must be UTF-8 of at most {MAX_ROOT} bytes; choose a shorter one", .path.display())]
     Unusable {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// A client that is leaving does not go on.
+    #[error("channel directory {}: a client that is leaving has it locked and is stopped; end it", .path.display())]
+    Held {
         /// The directory.
         path: PathBuf,
     },
@@ -63,28 +74,66 @@ pub enum RootError {
 /// The domain of one instance.
 #[derive(Debug, Clone)]
 pub(super) struct Domain {
-    root: PathBuf,
+    root: Arc<PrivateDir>,
+    tag: String,
     prefix: String,
     config: Config,
 }
 
 impl Domain {
-    /// The domain of `instance` in `root`, which must exist.
-    pub fn new(instance: &str, root: &FsPath) -> Result<Self, RootError> {
+    /// The domain of `instance` in `root` for its owner, who makes it. As long as the second value lives, those who
+    /// leave do not sweep.
+    pub fn own(instance: &str, root: &FsPath) -> Result<(Self, Held), RootError> {
+        let start = Instant::now();
+        loop {
+            let directory = Arc::new(PrivateDir::create(root)?);
+            match directory.try_lock() {
+                Some(held) if directory.is_named() => {
+                    let tag = tag(instance, &canonical(root)?);
+                    let prefix = match prefix(&directory, &tag) {
+                        Some(prefix) => prefix,
+                        None => new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?,
+                    };
+                    return Ok((Self::new(directory, tag, prefix)?, held));
+                }
+                // Whoever held it has removed it.
+                Some(_) => {}
+                None if start.elapsed() < MOVE_IN => std::thread::sleep(Duration::from_millis(1)),
+                None => return Err(RootError::Held { path: root.to_owned() }),
+            }
+        }
+    }
+
+    /// The domain of `instance` in `root`; `None` if there is none.
+    pub fn find(instance: &str, root: &FsPath) -> Result<Option<Self>, RootError> {
+        let Some(directory) = PrivateDir::open(root)? else { return Ok(None) };
+        let tag = tag(instance, &canonical(root)?);
+        let Some(prefix) = prefix(&directory, &tag) else { return Ok(None) };
+        Self::new(Arc::new(directory), tag, prefix).map(Some)
+    }
+
+    fn new(root: Arc<PrivateDir>, tag: String, prefix: String) -> Result<Self, RootError> {
         quiet();
-        let root = root.canonicalize().map_err(|source| RootError::Io { path: root.to_owned(), source })?;
-        let unusable = || RootError::Unusable { path: root.clone() };
-        let text = root.to_str().filter(|text| text.len() <= MAX_ROOT).ok_or_else(unusable)?;
-        let prefix = format!("commram_{:016x}_", fnv1a(&[text, instance]));
+        let path = canonical(root.path())?;
+        let unusable = || RootError::Unusable { path: path.clone() };
+        let bytes = path.as_os_str().as_encoded_bytes();
         let mut config = Config::default();
-        config.global.set_root_path(&Path::new(text.as_bytes()).map_err(|_| unusable())?);
+        config.global.set_root_path(&Path::new(bytes).map_err(|_| unusable())?);
         config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| unusable())?;
         // The server cleans up after the dead; a client that only wants a value shall not spend its time
         // on it.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
-        Ok(Self { root, prefix, config })
+        Ok(Self { root, tag, prefix, config })
+    }
+
+    /// Begins anew, with a prefix that nobody knows. Only for its owner: whoever is still connected is cut off.
+    pub fn renew(self) -> Result<Self, RootError> {
+        self.sweep();
+        let prefix =
+            new_prefix(&self.root, &self.tag).map_err(|source| io_error(self.root.path(), source))?;
+        Self::new(self.root, self.tag, prefix)
     }
 
     /// A node of its own for one end of the channel.
@@ -95,7 +144,7 @@ impl Domain {
             .create::<Ipc>()
     }
 
-    /// The one service of the domain. One request per client may be under way, and a client that has given
+    /// The service of the domain. One request per client may be under way, and a client that has given
     /// up does not block the next: its request is overwritten or skipped.
     pub fn service(node: &Node<Ipc>) -> Option<ServiceBuilder> {
         let name = ServiceName::new("commram.channel").ok()?;
@@ -115,18 +164,20 @@ impl Domain {
         Some(builder)
     }
 
-    /// Keeps those who leave from sweeping, as long as the value lives: for the owner while it moves in.
-    pub fn hold(&self) -> io::Result<File> {
-        loop {
-            std::fs::create_dir_all(&self.root)?;
-            let directory = File::open(&self.root)?;
-            directory.lock()?;
-            // Whoever held it may have removed it meanwhile.
-            let is_there = |there: std::fs::Metadata| Ok(there.ino() == directory.metadata()?.ino());
-            if std::fs::metadata(&self.root).and_then(is_there).unwrap_or(false) {
-                return Ok(directory);
+    /// The owner's node. iceoryx2 opens one file to every user, the counter of the prefix's nodes; a private copy takes
+    /// its place before anybody relies on it.
+    pub fn owners_node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
+        let node = self.node()?;
+        match shm::make_private(&self.prefix) {
+            Ok(false) => return Ok(node),
+            Ok(true) => {}
+            Err(reason) => {
+                tracing::debug!(?reason, "the node counter cannot be made private");
+                return Err(NodeCreationFailure::InsufficientPermissions);
             }
         }
+        drop(node);
+        self.node()
     }
 
     /// A client leaves. If the server has gone before, nobody else would remove what stays.
@@ -134,8 +185,8 @@ impl Domain {
         if self.is_served() {
             return;
         }
-        let Ok(directory) = File::open(&self.root) else { return };
-        if directory.try_lock().is_ok() && !self.is_served() && !self.in_use() {
+        let Some(_held) = self.root.try_lock() else { return };
+        if self.root.is_named() && !self.is_served() && !self.in_use() {
             self.withdraw();
             self.sweep();
             self.remove_root();
@@ -143,25 +194,29 @@ impl Domain {
     }
 
     /// Whether a living process has announced itself.
-    fn is_served(&self) -> bool {
-        announced(&self.root).is_some_and(process::is_running)
+    pub fn is_served(&self) -> bool {
+        self.announced().is_some_and(ProcessId::is_running)
     }
 
-    /// Says that the server is ready. Clients stay away from the domain until then, so that they do not
-    /// meet the sweep before it.
+    /// Says that the server, which is this process, is ready. Clients stay away from the domain until then, so that
+    /// they do not meet the sweep before it.
     pub fn announce(&self) -> io::Result<()> {
-        std::fs::write(self.root.join(READY), format!("{}\n", std::process::id()))
+        self.root.publish(READY, &format!("{}\n", ProcessId::own()))
     }
 
     /// Takes the announcement back.
     pub fn withdraw(&self) {
-        let _ = std::fs::remove_file(self.root.join(READY));
+        self.root.remove(READY);
     }
 
-    /// Whether the server with process id `pid` has announced itself in `root` and not taken it back. An
+    /// Whether the server with process id `pid` has announced itself and not taken it back. An
     /// announcement that a killed server left has another id.
-    pub fn is_announced(root: &FsPath, pid: u32) -> bool {
-        announced(root) == Some(pid)
+    pub fn is_announced(&self, pid: u32) -> bool {
+        self.announced().is_some_and(|process| process.pid == pid)
+    }
+
+    fn announced(&self) -> Option<ProcessId> {
+        ProcessId::parse(&self.root.read(READY)?)
     }
 
     /// Removes all that remains of earlier runs, unless a living process still uses the domain after
@@ -178,29 +233,20 @@ impl Domain {
         node.try_cleanup_dead_nodes();
     }
 
-    /// Removes shared memory objects without content. A process killed between creating one and giving it
-    /// its size leaves such an object, and iceoryx2 0.10.0 waits for its size for ever, whatever the
-    /// timeout (`dynamic_storage/posix_shared_memory.rs`, `MappingSizeIsZero`). A living process is
-    /// through in microseconds.
+    /// Removes shared memory objects without content, on which others would wait for ever.
     pub fn remove_half_made(&self) {
-        let empty = || {
-            shared_memory(&self.prefix)
-                .filter(|path| path.metadata().is_ok_and(|data| data.len() == 0))
-                .collect::<Vec<_>>()
-        };
-        let mut stale = empty();
-        settles(HALF_MADE, || {
-            let now = empty();
-            stale.retain(|path| now.contains(path));
-            stale.is_empty()
-        });
-        for path in stale {
+        for path in self.half_made() {
             let _ = std::fs::remove_file(path);
         }
     }
 
-    fn in_use(&self) -> bool {
-        if !self.root.join(DIRECTORIES[0]).exists() {
+    /// Shared memory objects that stay without content, so that nobody can enter the domain.
+    pub fn half_made(&self) -> Vec<PathBuf> {
+        shm::half_made(&self.prefix)
+    }
+
+    pub fn in_use(&self) -> bool {
+        if !self.root.path().join(DIRECTORIES[0]).exists() {
             return false;
         }
         let mut used = false;
@@ -218,22 +264,16 @@ impl Domain {
     /// cut off.
     pub fn sweep(&self) {
         for directory in DIRECTORIES {
-            let _ = std::fs::remove_dir_all(self.root.join(directory));
+            let _ = std::fs::remove_dir_all(self.root.path().join(directory));
         }
-        for path in shared_memory(&self.prefix) {
-            let _ = std::fs::remove_file(path);
-        }
+        shm::remove(&self.prefix);
+        // Last: without it nobody would find the rest.
+        self.root.remove(PREFIX);
     }
 
     /// Removes the root directory if nothing is in it any more.
     pub fn remove_root(&self) {
-        let _ = std::fs::remove_dir(&self.root);
-    }
-
-    /// The domain's shared memory objects.
-    #[cfg(test)]
-    pub fn remains(&self) -> Vec<PathBuf> {
-        shared_memory(&self.prefix).collect()
+        self.root.remove_if_empty();
     }
 }
 
@@ -261,31 +301,37 @@ impl Drop for Leave {
     }
 }
 
-/// Which process has announced itself in `root`.
-fn announced(root: &FsPath) -> Option<u32> {
-    std::fs::read_to_string(root.join(READY)).ok()?.trim_end().parse().ok()
+fn io_error(path: &FsPath, source: io::Error) -> RootError {
+    RootError::Io { path: path.to_owned(), source }
 }
 
-/// Whether it is so now or within `patience`.
-fn settles(patience: Duration, mut is_so: impl FnMut() -> bool) -> bool {
-    let start = Instant::now();
-    loop {
-        if is_so() {
-            return true;
-        }
-        if start.elapsed() >= patience {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
+/// The root as iceoryx2 gets it.
+fn canonical(root: &FsPath) -> Result<PathBuf, RootError> {
+    let path = root.canonicalize().map_err(|source| io_error(root, source))?;
+    let short = path.to_str().is_some_and(|text| text.len() <= MAX_ROOT);
+    if short { Ok(path) } else { Err(RootError::Unusable { path }) }
 }
 
-/// The shared memory objects whose names begin with `prefix`.
-fn shared_memory(prefix: &str) -> impl Iterator<Item = PathBuf> {
-    let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
-    entries
-        .filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
-        .map(|entry| entry.path())
+/// What the prefixes of an instance begin with, so that a human can tell whose objects they are; for a root without
+/// links.
+pub(super) fn tag(instance: &str, root: &FsPath) -> String {
+    let hash = fnv1a(&[&root.to_string_lossy(), instance]);
+    format!("commram_{:08x}", hash >> 32 ^ hash & 0xFFFF_FFFF)
+}
+
+/// The prefix that stands in the directory.
+fn prefix(root: &PrivateDir, tag: &str) -> Option<String> {
+    let text = root.read(PREFIX)?;
+    let rest = text.trim_end().strip_prefix(tag)?.strip_suffix('_')?;
+    (rest.len() == 8 && rest.bytes().all(|b| b.is_ascii_hexdigit())).then(|| format!("{tag}{rest}_"))
+}
+
+fn new_prefix(root: &PrivateDir, tag: &str) -> io::Result<String> {
+    let mut random = [0; 4];
+    File::open("/dev/urandom")?.read_exact(&mut random)?;
+    let prefix = format!("{tag}{:08x}_", u32::from_ne_bytes(random));
+    root.publish(PREFIX, &format!("{prefix}\n"))?;
+    Ok(prefix)
 }
 
 /// Keeps iceoryx2 from writing to the user's terminal, unless its variable `IOX2_LOG_LEVEL` asks for it.
@@ -294,7 +340,7 @@ fn quiet() {
     ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
 }
 
-/// FNV-1a over the texts, each with a zero behind it: the same in every build, which both ends need.
+/// FNV-1a over the texts, each with a zero behind it.
 fn fnv1a(texts: &[&str]) -> u64 {
     let bytes = texts.iter().flat_map(|text| text.bytes().chain([0]));
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -305,30 +351,56 @@ fn fnv1a(texts: &[&str]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tempfile::TempDir;
 
     #[test]
-    fn half_made_objects_are_removed_and_finished_ones_are_not() {
-        let root = tempfile::TempDir::new().unwrap();
-        let domain = Domain::new("half", root.path()).unwrap();
-        let object = |name: &str| FsPath::new(SHM).join(format!("{}{name}", domain.prefix));
-        std::fs::write(object("half"), "").unwrap();
-        std::fs::write(object("done"), "x").unwrap();
-        domain.remove_half_made();
-        let left = domain.remains();
-        domain.sweep();
-        assert_eq!(left, [object("done")]);
-        assert!(domain.remains().is_empty());
+    fn a_prefix_lasts_until_the_domain_is_swept_and_is_never_used_again() {
+        let root = TempDir::new().unwrap();
+        let own = || Domain::own("a", root.path()).unwrap().0;
+        let first = own();
+        assert_eq!(own().prefix, first.prefix);
+        assert_eq!(Domain::find("a", root.path()).unwrap().unwrap().prefix, first.prefix);
+        let second = own().renew().unwrap();
+        assert_ne!(second.prefix, first.prefix);
+        second.sweep();
+        assert!(Domain::find("a", root.path()).unwrap().is_none());
     }
 
     #[test]
-    fn each_instance_and_each_root_has_a_prefix_of_its_own() {
-        let roots = [(); 2].map(|()| tempfile::TempDir::new().unwrap());
-        let prefix = |instance: &str, root: usize| Domain::new(instance, roots[root].path()).unwrap().prefix;
-        assert_ne!(prefix("a", 0), prefix("b", 0));
-        assert_ne!(prefix("a", 0), prefix("a", 1));
-        assert_eq!(prefix("a", 0), prefix("a", 0));
+    fn each_instance_and_each_root_has_a_tag_of_its_own() {
+        let roots = [(); 2].map(|()| TempDir::new().unwrap());
+        let tag = |instance: &str, root: usize| tag(instance, roots[root].path());
+        assert_ne!(tag("a", 0), tag("b", 0));
+        assert_ne!(tag("a", 0), tag("a", 1));
+        assert_eq!(tag("a", 0), tag("a", 0));
         // No prefix is the beginning of another: all have the same length and end alike.
-        assert_eq!(prefix("a", 0).len(), prefix("another", 1).len());
-        assert!(prefix("a", 0).ends_with('_'));
+        assert_eq!(tag("a", 0).len(), tag("another", 1).len());
+    }
+
+    #[test]
+    fn a_prefix_that_is_none_is_not_swept_with() {
+        let root = TempDir::new().unwrap();
+        let (domain, _held) = Domain::own("a", root.path()).unwrap();
+        for text in ["", "_", "commram_", "commram_00000000_", &domain.tag, "../"] {
+            domain.root.publish(PREFIX, text).unwrap();
+            assert!(Domain::find("a", root.path()).unwrap().is_none(), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_of_the_domain_is_open_to_others() {
+        use std::os::unix::fs::MetadataExt;
+        let root = TempDir::new().unwrap();
+        let (domain, _held) = Domain::own("a", root.path()).unwrap();
+        let node = domain.owners_node().unwrap();
+        let client = Guest::enter(&domain).unwrap();
+        let objects: Vec<_> = shm::objects(&domain.prefix).collect();
+        assert!(!objects.is_empty());
+        for path in objects.iter().map(PathBuf::as_path).chain([root.path()]) {
+            assert_eq!(path.metadata().unwrap().mode() & 0o077, 0, "{}", path.display());
+        }
+        drop((client, node));
+        domain.sweep();
+        assert_eq!(shm::objects(&domain.tag).count(), 0);
     }
 }

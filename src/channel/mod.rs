@@ -26,6 +26,7 @@ mod header_bells;
 mod machine;
 pub mod op;
 pub mod server;
+mod shm;
 #[cfg(test)]
 mod testing;
 pub mod wire;
@@ -38,7 +39,7 @@ pub use events::{EventListener, EventNotifier};
 pub use header_bells::HeaderBells;
 pub use machine::Machine;
 pub use op::{InstanceInfo, Op, Reply};
-pub use server::{Server, ServerError};
+pub use server::{Server, ServerError, remove_remains};
 
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ pub use super::domain::{MAX_CLIENTS, RootError};
 use super::domain::{Domain, Ipc, Service};
 use super::exec::{Progress, Run};
 use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
-use super::{Bells, EventNotifier, Machine};
+use super::{Bells, EventNotifier, Machine, shm};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::{BackpressureStrategy, Node};
@@ -29,6 +29,10 @@ const MAX_PER_POLL: usize = 2 * MAX_CLIENTS;
 
 /// How long the end waits for clients to leave, so that it can remove everything.
 const LEAVE: Duration = Duration::from_millis(250);
+
+/// Free room in the memory file system below which no channel is opened, in bytes: a reply of the greatest length,
+/// and what iceoryx2 needs for itself.
+const ROOM: u64 = 2 << 20;
 
 /// Why the channel cannot be opened. The emulator can go on without it.
 #[derive(Debug, thiserror::Error)]
@@ -53,6 +57,14 @@ pub enum ServerError {
         /// What iceoryx2 says.
         reason: OpenError,
     },
+    /// The memory file system is nearly full.
+    #[error("instance {instance}: /dev/shm has only {free_kib} KiB left, the channel needs {} KiB", ROOM / 1024)]
+    NoRoom {
+        /// Name of the instance.
+        instance: String,
+        /// What is left, in KiB.
+        free_kib: u64,
+    },
     /// iceoryx2 cannot make a node.
     #[error("instance {instance}: no iceoryx2 node ({reason:?}); is /dev/shm full or not writable?")]
     Node {
@@ -69,6 +81,18 @@ pub enum ServerError {
         /// What iceoryx2 says.
         reason: String,
     },
+}
+
+/// Removes what an emulator that was killed has left of its channel in the directory `root`. The caller holds the
+/// instance's lock; whoever is still connected is cut off.
+///
+/// # Errors
+/// The directory cannot be used.
+pub fn remove_remains(instance: &str, root: &Path) -> Result<(), ServerError> {
+    let (domain, _held) = Domain::own(instance, root)?;
+    domain.withdraw();
+    domain.sweep();
+    Ok(())
 }
 
 /// The emulator's end of the channel. Not `Send`: make it on the thread that polls it.
@@ -93,21 +117,21 @@ impl Server {
     /// # Errors
     /// The directory cannot be used, the channel is already served, or iceoryx2 gets no resources.
     pub fn open(instance: &str, root: &Path, bells: Box<dyn Bells>) -> Result<Self, ServerError> {
-        std::fs::create_dir_all(root).map_err(|source| RootError::Io { path: root.to_owned(), source })?;
-        let domain = Domain::new(instance, root)?;
-        let _held = domain.hold().map_err(|source| RootError::Io { path: root.to_owned(), source })?;
+        let (mut domain, _held) = Domain::own(instance, root)?;
+        let in_use = domain.in_use();
+        if in_use && domain.is_served() {
+            return Err(OpenFailure::AlreadyServed.into_error(instance));
+        }
         domain.withdraw();
-        domain.sweep_if_unused(Duration::ZERO);
+        if !in_use {
+            domain = domain.renew()?;
+        }
+        need_room(instance)?;
         let (node, service, port) = match ports(instance, &domain) {
             // A run was killed while it created the service.
             Err(OpenFailure::Wedged) => {
-                domain.sweep();
+                domain = domain.renew()?;
                 ports(instance, &domain).map_err(|e| e.into_error(instance))?
-            }
-            Err(OpenFailure::AlreadyServed) => {
-                // Not ours to withdraw, as it turns out.
-                let _ = domain.announce();
-                return Err(OpenFailure::AlreadyServed.into_error(instance));
             }
             other => other.map_err(|e| e.into_error(instance))?,
         };
@@ -253,6 +277,17 @@ fn answer(request: Request, run: &Run, bells: &dyn Bells) {
     bells.announce_reply();
 }
 
+/// Refuses a memory file system that is nearly full: iceoryx2 takes room without asking for it, and whoever then
+/// touches what there is none for is killed (SIGBUS).
+fn need_room(instance: &str) -> Result<(), ServerError> {
+    match shm::room() {
+        Some(free) if free < ROOM => {
+            Err(ServerError::NoRoom { instance: instance.to_owned(), free_kib: free / 1024 })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Why the ports cannot be made.
 enum OpenFailure {
     /// The service is half made or broken; sweeping the domain helps.
@@ -298,7 +333,7 @@ impl From<OpenOrCreateError> for OpenFailure {
 
 fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service, Port), OpenFailure> {
     domain.remove_half_made();
-    let node = domain.node().map_err(OpenFailure::Node)?;
+    let node = domain.owners_node().map_err(OpenFailure::Node)?;
     domain.clean_up_after_the_dead(&node);
     let builder = Domain::service(&node).ok_or_else(|| OpenFailure::Other(instance.to_owned()))?;
     let service = builder.open_or_create()?;

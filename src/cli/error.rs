@@ -107,13 +107,14 @@ pub enum CliError {
     },
     /// The emulator was asked to end and did not.
     #[error(
-        "instance '{instance}' (process {pid}) has not ended within {seconds} s; end it with `kill {pid}`"
+        "instance '{instance}'{} has not ended within {seconds} s; kill it and remove what it leaves with \
+         `commram stop --clean -i {instance}`", .pid.map_or_else(String::new, |pid| format!(" (process {pid})"))
     )]
     StillThere {
         /// The instance.
         instance: String,
-        /// The emulator's process.
-        pid: u32,
+        /// The emulator's process, if it can be seen.
+        pid: Option<u32>,
         /// How long it was waited for.
         seconds: u64,
     },

@@ -350,7 +350,7 @@ pub fn is_alive(image: &ImageInfo) -> bool {
 }
 
 /// The process that left the images behind, if none of them is served any more.
-fn dead(images: &[ImageInfo]) -> Option<u32> {
+pub fn dead(images: &[ImageInfo]) -> Option<u32> {
     let pid = |image: &ImageInfo| match &image.condition {
         Condition::Dead(ImageSummary { pid, .. }) => Some(*pid),
         _ => None,

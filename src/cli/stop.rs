@@ -1,10 +1,13 @@
 //! `commram stop`: end an emulator.
 
 use super::error::CliError;
-use super::session::{images_of, is_alive};
+#[cfg(feature = "channel")]
+use super::session::is_alive;
+use super::session::{dead, images_of};
 use super::{Instance, output};
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
-use commram::memory::{ClockMode, Image, ImageSpec};
+use commram::memory::names::channel_root;
+use commram::memory::{EmulatorProcess, InstanceLock};
+use std::time::{Duration, Instant};
 
 /// End an emulator and wait until it has cleaned up.
 #[derive(clap::Args)]
@@ -21,115 +24,97 @@ pub struct Args {
     instance: Instance,
 }
 
+/// How long an emulator may take to clean up.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// How long it may take to answer through the channel before it gets a signal.
+#[cfg(feature = "channel")]
+const ANSWER: Duration = Duration::from_millis(500);
+
 /// Ends the emulator.
 pub fn run(args: &Args) -> Result<(), CliError> {
     let name = &args.instance.name;
-    if args.clean && !images_of(name)?.iter().any(is_alive) {
-        remove_remains(name)?;
-        return output::print(&format!("instance '{name}' was dead, what it left is removed\n"));
-    }
-    stop(name)?;
+    let Some(process) = InstanceLock::holder(name)? else {
+        if args.clean && remove_remains(name)? {
+            return output::print(&format!("instance '{name}' was dead, what it left is removed\n"));
+        }
+        return Err(why_not(name)?);
+    };
+    stop(name, process)?;
     output::print(&format!("instance '{name}' has stopped\n"))
 }
 
-/// Takes the images of a dead instance over, as a new emulator would, and lets them go in good order. So
-/// nobody else can start meanwhile.
+/// Why there is nothing to end.
+fn why_not(name: &str) -> Result<CliError, CliError> {
+    let images = images_of(name)?;
+    let instance = name.to_owned();
+    Ok(match dead(&images) {
+        Some(pid) => CliError::Dead { instance, pid },
+        None => CliError::NotRunning { instance, running: String::new() },
+    })
+}
+
+/// Removes what a killed emulator has left. Nobody else can start meanwhile. Returns whether there was anything.
 ///
 /// # Errors
-/// There is nothing, an emulator lives, or the system refuses.
-pub fn remove_remains(instance: &str) -> Result<(), CliError> {
-    let spec = ImageSpec {
-        layout_hash: LAYOUT_HASH,
-        device: String::new(),
-        clock_mode: ClockMode::Stepped,
-        speed: 0,
-        processor_cycle_us: 0,
+/// An emulator lives, something is in the way, or the system refuses.
+pub fn remove_remains(instance: &str) -> Result<bool, CliError> {
+    let directory = channel_root(instance)?.symlink_metadata().is_ok();
+    let lock = InstanceLock::take(instance)?;
+    let images = lock.remove_dead(|_| false);
+    #[cfg(feature = "channel")]
+    commram::channel::remove_remains(instance, &channel_root(instance)?)?;
+    drop(lock);
+    Ok(images? || directory)
+}
+
+/// Asks the emulator through its channel. If it does not answer, because it has no channel or its clock waits for
+/// somebody, it gets a signal; one that was stopped goes on first.
+fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
+    if let Some(process) = process
+        && process.resume()?
+    {
+        output::note(&format!(
+            "instance '{name}' was stopped (process {}); it goes on to end",
+            process.pid()
+        ));
+    }
+    if let Err(error) = ask(name) {
+        process.ok_or(error)?.terminate()?;
+    }
+    let start = Instant::now();
+    while InstanceLock::holder(name)?.is_some() {
+        if start.elapsed() > PATIENCE {
+            let pid = process.map(|process| process.pid());
+            return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Ok(())
+}
+
+#[cfg(feature = "channel")]
+fn ask(name: &str) -> Result<(), CliError> {
+    use commram::channel::client::Patience;
+    use commram::channel::{ChannelError, Client, ClientError, HeaderBells};
+    use commram::memory::{AttachMode, Image, MemoryError, State};
+    let images = images_of(name)?;
+    let Some(image) = images.iter().find(|image| is_alive(image)) else {
+        return Err(why_not(name)?);
     };
-    let take_over = |image: commram::memory::ImageInfo| Image::create(instance, &image.plc, &spec);
-    let images = images_of(instance)?.into_iter().map(take_over).collect::<Result<Vec<_>, _>>()?;
-    sweep_channel(instance)?;
-    drop(images);
-    Ok(())
-}
-
-#[cfg(feature = "channel")]
-fn sweep_channel(instance: &str) -> Result<(), CliError> {
-    use commram::channel::{HeaderBells, Server};
-    let root = commram::memory::names::channel_root(instance)?;
-    if root.exists() {
-        Server::open(instance, &root, Box::new(HeaderBells::of_emulator(Vec::new())))?.close();
+    let attached = match Image::attach(name, &image.plc, AttachMode::ReadWrite, None) {
+        Err(MemoryError::NotReady { state: Some(State::Stopping | State::Stopped), .. }) => return Ok(()),
+        other => other?,
+    };
+    let bells = Box::new(HeaderBells::of_client(attached)?);
+    let patience = Patience { reply: ANSWER, ..Patience::default() };
+    // The client is gone at the end of this, so that the emulator can sweep its channel.
+    match Client::connect(name, &channel_root(name)?, bells, patience)?.stop() {
+        Err(ClientError::EmulatorGone { .. } | ClientError::Refused(ChannelError::ShuttingDown)) => Ok(()),
+        other => Ok(other?),
     }
-    Ok(())
 }
 
 #[cfg(not(feature = "channel"))]
-fn sweep_channel(_instance: &str) -> Result<(), CliError> {
-    Ok(())
-}
-
-#[cfg(feature = "channel")]
-fn stop(name: &str) -> Result<(), CliError> {
-    use super::session::Session;
-    let session = Session::open(name, 0)?;
-    let images = remains::Remains::of(name)?;
-    session.request(&[commram::channel::Op::Stop])?;
-    // The client must be gone before the emulator sweeps its channel.
-    drop(session);
-    images.wait_gone()
-}
-
-#[cfg(not(feature = "channel"))]
-fn stop(_name: &str) -> Result<(), CliError> {
+fn ask(_name: &str) -> Result<(), CliError> {
     Err(CliError::NoChannel { command: "stop" })
-}
-
-#[cfg(feature = "channel")]
-mod remains {
-    use super::{CliError, Image, images_of, is_alive};
-    use commram::memory::{AttachMode, Attached, ImageInfo};
-    use std::time::{Duration, Instant};
-
-    /// The images of an emulator that is ending.
-    pub struct Remains {
-        instance: String,
-        pid: u32,
-        images: Vec<Attached>,
-    }
-
-    impl Remains {
-        /// How long an emulator may take to clean up.
-        const PATIENCE: Duration = Duration::from_secs(10);
-
-        /// The images of a living instance.
-        ///
-        /// # Errors
-        /// It does not live any more.
-        pub fn of(instance: &str) -> Result<Self, CliError> {
-            let attach = |image: ImageInfo| Image::attach(instance, &image.plc, AttachMode::ReadOnly, None);
-            let alive = images_of(instance)?.into_iter().filter(is_alive);
-            let images = alive.map(attach).collect::<Result<Vec<_>, _>>()?;
-            let pid = images.first().map_or(0, |image| image.header_snapshot().firmware_pid.load());
-            Ok(Self { instance: instance.to_owned(), pid, images })
-        }
-
-        /// Waits until the emulator has let go of its images.
-        ///
-        /// # Errors
-        /// [`CliError::StillThere`].
-        pub fn wait_gone(&self) -> Result<(), CliError> {
-            let start = Instant::now();
-            while self.images.iter().any(Attached::is_alive) {
-                if start.elapsed() > Self::PATIENCE {
-                    let seconds = Self::PATIENCE.as_secs();
-                    return Err(CliError::StillThere {
-                        instance: self.instance.clone(),
-                        pid: self.pid,
-                        seconds,
-                    });
-                }
-                std::thread::sleep(Duration::from_millis(1));
-            }
-            Ok(())
-        }
-    }
 }

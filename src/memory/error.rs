@@ -83,6 +83,14 @@ pub enum MemoryError {
         /// Process id of the emulator that holds it, if it could be told.
         pid: Option<u32>,
     },
+    /// Another emulator has the instance, or somebody removes what one has left.
+    #[error("instance {instance} is already running{}; stop it first or choose another instance name", process(*.pid))]
+    InstanceTaken {
+        /// Name of the instance.
+        instance: String,
+        /// Process id of the emulator that has it, if it could be told.
+        pid: Option<u32>,
+    },
     /// There is no image of this name.
     #[error("{} does not exist, nothing runs under this name; start it with `commram run -i {instance}`", .path.display())]
     NotThere {
@@ -112,6 +120,30 @@ pub enum MemoryError {
         owner: u32,
         /// User id of this process.
         user: u32,
+    },
+    /// The instance's directory belongs to another user.
+    #[error("{} belongs to user {owner}, not to user {user}, who has taken this instance name; choose another one", .path.display())]
+    ForeignDirectory {
+        /// The refused path.
+        path: PathBuf,
+        /// User id of the directory's owner.
+        owner: u32,
+        /// User id of this process.
+        user: u32,
+    },
+    /// Others could write to the instance's directory.
+    #[error("{} can be written by others (mode {mode:o}), who may have put anything there; remove it yourself", .path.display())]
+    OpenDirectory {
+        /// The refused path.
+        path: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
+    /// Something else has the name of the instance's directory.
+    #[error("{} is no directory; it is left alone, remove it yourself", .path.display())]
+    NotADirectory {
+        /// The refused path.
+        path: PathBuf,
     },
     /// The file is no image: it does not begin with the magic.
     #[error("{} is no commram image (it begins with 16#{found:016X}); it is left alone, remove it yourself", .path.display())]

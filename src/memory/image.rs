@@ -245,7 +245,10 @@ fn claim(file: ImageFile, since: Instant) -> Result<Option<ImageFile>, MemoryErr
         if !file.is_named()? {
             return Ok(None);
         }
-        file.own_header()?;
+        // An empty file holds nothing that could be lost.
+        if file.size()? > 0 {
+            file.own_header()?;
+        }
         return Ok(Some(file));
     }
     let header = file.own_header()?;

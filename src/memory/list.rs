@@ -73,16 +73,33 @@ impl From<&Header> for ImageSummary {
 /// # Errors
 /// [`IMAGE_DIRECTORY`] cannot be read. A single file that cannot is reported in its place.
 pub fn list() -> Result<Vec<ImageInfo>, MemoryError> {
-    let failed = |reason| MemoryError::System { path: PathBuf::from(IMAGE_DIRECTORY), doing: "list", reason };
     let mut images = Vec::new();
+    for_each_name(|instance, plc| images.extend(look_at(instance, plc)))?;
+    images.sort_by(|a, b| (&a.instance, &a.plc).cmp(&(&b.instance, &b.plc)));
+    Ok(images)
+}
+
+/// The PLCs of which something bears the name of an image in `instance`.
+pub(super) fn named(instance: &str) -> Result<Vec<String>, MemoryError> {
+    let mut plcs = Vec::new();
+    for_each_name(|of, plc| {
+        if of == instance {
+            plcs.push(plc.to_owned());
+        }
+    })?;
+    Ok(plcs)
+}
+
+/// Calls `found` with instance and PLC of everything that bears the name of an image.
+fn for_each_name(mut found: impl FnMut(&str, &str)) -> Result<(), MemoryError> {
+    let failed = |reason| MemoryError::System { path: PathBuf::from(IMAGE_DIRECTORY), doing: "list", reason };
     for entry in fs::read_dir(IMAGE_DIRECTORY).map_err(failed)? {
         let name = entry.map_err(failed)?.file_name();
         if let Some((instance, plc)) = name.to_str().and_then(parse_image_name) {
-            images.extend(look_at(instance, plc));
+            found(instance, plc);
         }
     }
-    images.sort_by(|a, b| (&a.instance, &a.plc).cmp(&(&b.instance, &b.plc)));
-    Ok(images)
+    Ok(())
 }
 
 /// `None` if the file has disappeared in the meantime.

@@ -4,7 +4,7 @@ use std::fs;
 
 /// A process that cannot be mistaken for a later one with the same number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ProcessId {
+pub(crate) struct ProcessId {
     /// The process id.
     pub pid: u32,
     /// Start time in clock ticks since boot: field 22 of `/proc/<pid>/stat`.
@@ -19,22 +19,38 @@ impl ProcessId {
         Self { pid, start }
     }
 
+    /// The process in a text as [`core::fmt::Display`] writes it.
+    pub fn parse(text: &str) -> Option<Self> {
+        let (pid, start) = text.trim_end().split_once(' ')?;
+        Some(Self { pid: pid.parse().ok()?, start: start.parse().ok()? })
+    }
+
     /// Whether the process exists, in this pid namespace, and has not ended (a zombie has).
     pub fn is_running(self) -> bool {
         running_since(self.pid) == Some(self.start)
     }
+
+    /// Whether the process was stopped and waits to be told to go on.
+    pub fn is_stopped(self) -> bool {
+        self.is_running() && state(self.pid).is_some_and(|(state, _)| matches!(state, 'T' | 't'))
+    }
 }
 
-/// Whether a process of this number exists and has not ended. In time it may be another one.
-#[cfg(feature = "channel")]
-pub(crate) fn is_running(pid: u32) -> bool {
-    running_since(pid).is_some()
+/// Process id and start time, with a blank in between.
+impl core::fmt::Display for ProcessId {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} {}", self.pid, self.start)
+    }
 }
 
 /// Start time of the process of this number, if it has not ended (a zombie has).
 fn running_since(pid: u32) -> Option<u64> {
-    let (state, start) = parse_stat(&read_stat(pid)?)?;
+    let (state, start) = state(pid)?;
     (!matches!(state, 'Z' | 'X' | 'x')).then_some(start)
+}
+
+fn state(pid: u32) -> Option<(char, u64)> {
+    parse_stat(&read_stat(pid)?)
 }
 
 fn read_stat(pid: u32) -> Option<String> {

@@ -8,7 +8,7 @@ use super::clock::{Clock, WallClock};
 use super::lockstep::Lockstep;
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 use crate::layout::omega_drive_line_2 as device;
-use crate::memory::{Header, Image, ImageSpec, MemoryError, View, bell};
+use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -88,6 +88,8 @@ pub struct Emulator {
     /// Before the images: it must have written everything before another emulator can have them.
     novram: Keeper,
     images: Vec<Image>,
+    /// Behind the images: nobody else may be this instance before they are gone.
+    _lock: InstanceLock,
     /// Rings of each PLC's doorbell as last noted.
     rings: Vec<u32>,
     /// Before the server, on whose node it is.
@@ -112,6 +114,7 @@ impl Emulator {
         {
             return Err(RuntimeError::Speed { speed });
         }
+        let lock = take_instance(config, &options.instance)?;
         let spec = ImageSpec {
             layout_hash: device::LAYOUT_HASH,
             device: "Omega Drive-Line II".to_owned(),
@@ -165,6 +168,7 @@ impl Emulator {
             options,
             stop: Arc::new(AtomicBool::new(false)),
             images,
+            _lock: lock,
             #[cfg(feature = "channel")]
             events,
             #[cfg(feature = "channel")]
@@ -372,4 +376,17 @@ impl Emulator {
 
     #[cfg(not(feature = "channel"))]
     fn close_channel(&mut self) {}
+}
+
+/// Takes the instance, and removes the images of PLCs that a killed emulator had and this one has not.
+fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, MemoryError> {
+    let lock = InstanceLock::take(instance)?;
+    match lock.remove_dead(|plc| config.plcs.iter().any(|own| own.name == plc)) {
+        Err(error @ MemoryError::AlreadyRunning { .. }) => Err(error),
+        Err(error) => {
+            tracing::warn!("{error}");
+            Ok(lock)
+        }
+        Ok(_) => Ok(lock),
+    }
 }

@@ -278,6 +278,22 @@ fn the_emulator_ends_during_a_turn() {
     emulator.wait();
 }
 
+/// The clock waits for a task that lives and does nothing, so the channel is not served.
+#[test]
+fn stop_ends_the_emulator_during_a_turn() {
+    let mut emulator = active();
+    let image = attach(&emulator.name);
+    let mut task = image.join_lockstep(SYNC, Duration::ZERO, LONG).unwrap();
+    set_event(&image, SYNC, 0, true);
+    std::thread::scope(|scope| {
+        let step = scope.spawn(|| emulator.run("step", &["10ms"]));
+        task.next_event(LONG).unwrap();
+        emulator.run("stop", &[]).ok();
+        assert_eq!(step.join().unwrap().code, Some(1));
+    });
+    assert_eq!(emulator.wait().code(), Some(0));
+}
+
 #[test]
 fn real_time_waits_for_nobody() {
     let emulator = Emulator::start(&[]);

@@ -201,6 +201,70 @@ fn stop_can_clean_up_after_a_killed_emulator() {
     assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
 }
 
+/// Each alone, and files without content, of which nothing can be told.
+#[test]
+fn clean_removes_whatever_is_left_of_an_instance() {
+    let name = unique_name();
+    let image = |plc: &str| format!("/dev/shm/commram.{name}.{plc}");
+    for plcs in [&[][..], &["line"], &["saw", "line"]] {
+        let directory = image("iox.d");
+        if plcs.len() != 1 {
+            std::fs::create_dir_all(format!("{directory}/nodes/123")).unwrap();
+            std::fs::write(format!("{directory}/lock"), "").unwrap();
+        }
+        plcs.iter().for_each(|plc| std::fs::write(image(plc), "").unwrap());
+        let outcome = run(&["stop", "--clean", "-i", &name]);
+        let left = files_of(&name);
+        remove_remains(&name);
+        assert_eq!(outcome.ok(), format!("instance '{name}' was dead, what it left is removed\n"));
+        assert_eq!(left, Vec::<std::path::PathBuf>::new());
+    }
+}
+
+#[test]
+fn an_empty_file_is_no_obstacle() {
+    let name = unique_name();
+    std::fs::write(format!("/dev/shm/commram.{name}.line"), "").unwrap();
+    let emulator = Emulator::start_as(&name, &["--clock", "stepped"]);
+    assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+}
+
+#[test]
+fn a_stopped_emulator_can_be_ended() {
+    for clock in ["stepped", "realtime"] {
+        let mut emulator = Emulator::start(&["--clock", clock]);
+        emulator.signal("-STOP");
+        let outcome = emulator.run("stop", &[]);
+        let (name, pid) = (&emulator.name, emulator.pid());
+        assert_eq!((outcome.code, outcome.out), (Some(0), format!("instance '{name}' has stopped\n")));
+        let note =
+            format!("commram: note: instance '{name}' was stopped (process {pid}); it goes on to end\n");
+        // The signal that stops it may come after the look.
+        assert!(outcome.err == note || outcome.err.is_empty(), "{}", outcome.err);
+        assert_eq!(emulator.wait().code(), Some(0));
+        assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+    }
+}
+
+#[test]
+fn a_damaged_channel_hangs_nobody_and_the_emulator_can_be_ended() {
+    let mut emulator = Emulator::stepped();
+    let directory = format!("/dev/shm/commram.{}.iox.d", emulator.name);
+    let prefix = std::fs::read_to_string(format!("{directory}/prefix")).unwrap();
+    let objects = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
+    let counter = objects
+        .filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(prefix.trim_end()))
+        .find(|path| path.extension().is_some_and(|extension| extension == "global_mgmt"))
+        .unwrap();
+    std::fs::write(&counter, "").unwrap();
+    let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
+    assert!(outcome.fails(1).contains("the channel is damaged"), "{}", outcome.err);
+    emulator.run("stop", &[]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    assert!(!counter.exists());
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
 #[test]
 fn stop_with_clean_also_ends_a_living_one() {
     let mut emulator = Emulator::stepped();
@@ -213,12 +277,24 @@ fn a_name_that_is_taken_is_refused() {
     let emulator = Emulator::stepped();
     let outcome = emulator.run("run", &["--clock", "stepped"]);
     let (name, pid) = (&emulator.name, emulator.pid());
-    assert!(
-        outcome.fails(1).contains(&format!("{name}.line is already running (process {pid})")),
-        "{}",
-        outcome.err
+    let expected = format!(
+        "commram: instance {name} is already running (process {pid}); stop it first or choose another instance name\n"
     );
+    assert_eq!(outcome.fails(1), expected);
     assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+}
+
+/// Their images do not meet, but everything else of an instance is there once.
+#[test]
+fn a_name_that_is_taken_is_refused_whatever_the_plcs_are_called() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["%MB3.1000000=1"]);
+    let other = plant(TWO_PLCS);
+    let outcome = emulator.run("run", &[other.path().to_str().unwrap(), "--clock", "stepped"]);
+    assert!(outcome.fails(1).contains("is already running"), "{}", outcome.err);
+    assert_eq!(emulator.peek(&["%MB3.1000000"]), "16#01", "the first one still answers");
+    let images = emulator.files().len();
+    assert_eq!(images, 2, "image and directory: {:?}", emulator.files());
 }
 
 #[test]
@@ -305,7 +381,7 @@ fn with_several_plcs_registers_need_one() {
 }
 
 #[test]
-fn images_of_plcs_that_a_restart_does_not_have_are_dead_ones_of_the_same_name() {
+fn a_restart_removes_dead_images_of_plcs_that_it_does_not_have() {
     let mut emulator = start_with_plant(TWO_PLCS);
     let name = emulator.name.clone();
     emulator.kill();
@@ -314,9 +390,8 @@ fn images_of_plcs_that_a_restart_does_not_have_are_dead_ones_of_the_same_name() 
     assert_eq!(again.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
     let list = run(&["list"]);
     let states: Vec<_> = list.ok().lines().filter(|line| line.starts_with(&name)).collect();
-    assert_eq!(states.len(), 2, "{states:?}");
-    assert!(states[0].contains("press") && states[0].ends_with("dead"), "{states:?}");
-    assert!(states[1].contains("saw") && states[1].ends_with("ready"), "{states:?}");
+    assert_eq!(states.len(), 1, "{states:?}");
+    assert!(states[0].contains("saw") && states[0].ends_with("ready"), "{states:?}");
 }
 
 #[test]

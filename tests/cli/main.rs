@@ -14,6 +14,7 @@ mod instances;
 mod no_channel;
 mod offline;
 mod one_answer;
+mod other_users;
 mod registers;
 mod scenarios;
 mod trace;

@@ -45,13 +45,6 @@ class Block(ctypes.Structure):
         return "commram.channel.Block.v1"
 
 
-def _fnv1a(*texts):
-    state = 0xCBF29CE484222325
-    for byte in b"".join(text.encode() + b"\0" for text in texts):
-        state = (state ^ byte) * 0x100000001B3 % (1 << 64)
-    return state
-
-
 class Channel:
     """A connection to an instance."""
 
@@ -59,7 +52,8 @@ class Channel:
         root = os.path.realpath(f"/dev/shm/commram.{instance}.iox.d")
         config = iox2.config.default()
         config.global_cfg.root_path = iox2.Path.new(root)
-        config.global_cfg.prefix = iox2.FileName.new(f"commram_{_fnv1a(root, instance):016x}_")
+        with open(f"{root}/prefix", encoding="ascii") as prefix:
+            config.global_cfg.prefix = iox2.FileName.new(prefix.read().strip())
         config.global_cfg.node.cleanup_dead_nodes_on_creation = False
         config.global_cfg.node.cleanup_dead_nodes_on_destruction = False
         config.global_cfg.service.cleanup_dead_nodes_on_open = False

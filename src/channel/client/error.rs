@@ -1,10 +1,12 @@
 //! Why the callers' end fails.
 
+use super::ROOM;
 use crate::channel::ChannelError;
 use crate::channel::domain::{MAX_CLIENTS, RootError};
 use crate::channel::op::MAX_OPS;
 use crate::channel::wire::DecodeError;
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Why a request got no replies.
@@ -22,6 +24,22 @@ pub enum ClientError {
     /// The channel's directory cannot be used.
     #[error(transparent)]
     Root(#[from] RootError),
+    /// Somebody has emptied a part of the channel.
+    #[error("instance {instance}: the channel is damaged, {} is empty; restart the emulator (`commram stop` ends it)", .path.display())]
+    Damaged {
+        /// Name of the instance.
+        instance: String,
+        /// The part.
+        path: PathBuf,
+    },
+    /// The memory file system is nearly full.
+    #[error("instance {instance}: /dev/shm has only {free_kib} KiB left, a client needs {} KiB", ROOM / 1024)]
+    NoRoom {
+        /// Name of the instance.
+        instance: String,
+        /// What is left, in KiB.
+        free_kib: u64,
+    },
     /// Too many clients are connected.
     #[error(
         "instance {instance} already has {} clients, which is all it takes; end one of them",

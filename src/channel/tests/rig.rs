@@ -1,7 +1,8 @@
 //! A server on a thread of its own with a fake emulator, and bells that work between processes.
 
 use crate::channel::client::Patience;
-use crate::channel::domain::Domain;
+use crate::channel::domain::{Domain, tag};
+use crate::channel::shm;
 use crate::channel::testing::Fake;
 use crate::channel::{Bells, Client, ClientError, Machine, Server, ServerError};
 use memmap2::MmapRaw;
@@ -144,24 +145,27 @@ impl Place {
 
     /// The domain; makes its root directory.
     pub fn domain(&self) -> Domain {
-        std::fs::create_dir_all(self.root()).unwrap();
-        Domain::new(&self.instance, &self.root()).unwrap()
+        Domain::own(&self.instance, &self.root()).unwrap().0
+    }
+
+    /// What the names of the instance's shared memory begin with.
+    fn tag(&self) -> String {
+        // As it is while the root directory is there.
+        let directory = self.directory.canonicalize().unwrap();
+        tag(&self.instance, &directory.join("iox"))
     }
 
     /// Shared memory of the instance.
     pub fn remains(&self) -> Vec<PathBuf> {
-        self.domain().remains()
+        shm::objects(&self.tag()).collect()
     }
 }
 
 impl Drop for Place {
     /// Nothing of a test may stay in /dev/shm, also if it fails.
     fn drop(&mut self) {
-        if self.owned.is_some()
-            && std::fs::create_dir_all(self.root()).is_ok()
-            && let Ok(domain) = Domain::new(&self.instance, &self.root())
-        {
-            domain.sweep();
+        if self.owned.is_some() {
+            shm::remove(&self.tag());
         }
     }
 }

@@ -152,7 +152,7 @@ fn a_dead_image_of_another_shape_is_replaced() {
 
 #[test]
 fn foreign_contents_are_refused_and_left_alone() {
-    for contents in ["", "x", "something else entirely"] {
+    for contents in ["x", "something else entirely"] {
         let instance = Instance::new();
         fs::write(instance.path(), contents).unwrap();
         let refused = create(&instance).unwrap_err();
@@ -161,6 +161,18 @@ fn foreign_contents_are_refused_and_left_alone() {
         assert!(matches!(Image::remove_dead(&instance, PLC), Err(MemoryError::WrongMagic { .. })));
         assert_eq!(fs::read_to_string(instance.path()).unwrap(), contents);
     }
+}
+
+/// Nothing is in it that could be somebody's.
+#[test]
+fn an_empty_file_is_replaced_and_removed() {
+    let instance = Instance::new();
+    fs::write(instance.path(), "").unwrap();
+    drop(instance.create_ready());
+    assert!(!instance.path().exists());
+    fs::write(instance.path(), "").unwrap();
+    assert!(Image::remove_dead(&instance, PLC).unwrap());
+    assert!(!instance.path().exists());
 }
 
 #[test]

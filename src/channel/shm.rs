@@ -1,0 +1,149 @@
+//! iceoryx2's POSIX shared memory, which lies beside the instance's directory, where everybody sees its names.
+
+use rustix::fs::{Mode, OFlags};
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Where POSIX shared memory lies on Linux.
+pub(super) const SHM: &str = "/dev/shm";
+/// How long a shared memory object may have no content: far longer than a living process needs.
+const HALF_MADE: Duration = Duration::from_millis(50);
+/// Longest object that is open to everybody: iceoryx2's counter of nodes has 16 bytes.
+const MAX_PUBLIC: u64 = 4096;
+
+/// The shared memory objects whose names begin with `prefix`.
+pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
+    entries
+        .filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
+        .map(|entry| entry.path())
+}
+
+/// Removes them all.
+pub(super) fn remove(prefix: &str) {
+    for path in objects(prefix) {
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// Objects without content that stay so. A process killed between creating one and giving it its size leaves
+/// such an object, and iceoryx2 0.10.0 waits for its size for ever, whatever the timeout
+/// (`dynamic_storage/posix_shared_memory.rs`, `MappingSizeIsZero`). A living process is through in microseconds.
+pub(super) fn half_made(prefix: &str) -> Vec<PathBuf> {
+    let empty = || {
+        let empty = objects(prefix).filter(|path| path.metadata().is_ok_and(|data| data.len() == 0));
+        empty.collect::<Vec<_>>()
+    };
+    let mut stale = empty();
+    settles(HALF_MADE, || {
+        if !stale.is_empty() {
+            let now = empty();
+            stale.retain(|path| now.contains(path));
+        }
+        stale.is_empty()
+    });
+    stale
+}
+
+/// Puts private copies in the place of objects that others can open; tells whether there were any. Nobody of
+/// ours may use them yet. Whoever has opened one meanwhile is left with the file that nobody uses any more.
+pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
+    let mut any = false;
+    for path in objects(prefix) {
+        let data = path.symlink_metadata()?;
+        if data.mode() & 0o077 != 0 {
+            replace(&path, prefix)?;
+            any = true;
+        }
+    }
+    Ok(any)
+}
+
+fn replace(path: &Path, prefix: &str) -> io::Result<()> {
+    let nofollow = OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    let public = File::from(rustix::fs::open(path, OFlags::RDONLY | nofollow, Mode::empty())?);
+    let mut content = Vec::new();
+    public.take(MAX_PUBLIC).read_to_end(&mut content)?;
+    // The prefix, so that a sweep removes it if this is the last that this process does.
+    let new = Path::new(SHM).join(format!("{prefix}private"));
+    let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | nofollow;
+    let private = rustix::fs::open(&new, flags, Mode::RUSR | Mode::WUSR)?;
+    let written = File::from(private).write_all(&content);
+    written.and_then(|()| std::fs::rename(&new, path)).inspect_err(|_| drop(std::fs::remove_file(&new)))
+}
+
+/// Bytes of the memory file system that nobody uses yet; `None` if that cannot be told.
+pub(super) fn room() -> Option<u64> {
+    let stat = rustix::fs::statvfs(SHM).ok()?;
+    Some(stat.f_bavail.saturating_mul(stat.f_frsize))
+}
+
+/// Whether it is so now or within `patience`.
+pub(super) fn settles(patience: Duration, mut is_so: impl FnMut() -> bool) -> bool {
+    let start = Instant::now();
+    loop {
+        if is_so() {
+            return true;
+        }
+        if start.elapsed() >= patience {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    /// A prefix of this test's own; what bears it is removed in the end.
+    struct Prefix(String);
+
+    impl Prefix {
+        fn new(test: &str) -> Self {
+            Self(format!("commram_test_{}_{test}_", std::process::id()))
+        }
+
+        fn object(&self, name: &str, content: &str) -> PathBuf {
+            let path = Path::new(SHM).join(format!("{}{name}", self.0));
+            std::fs::write(&path, content).unwrap();
+            path
+        }
+    }
+
+    impl Drop for Prefix {
+        fn drop(&mut self) {
+            remove(&self.0);
+        }
+    }
+
+    #[test]
+    fn half_made_objects_are_told_from_finished_ones() {
+        let prefix = Prefix::new("half");
+        let half = prefix.object("half", "");
+        prefix.object("done", "x");
+        assert_eq!(half_made(&prefix.0), [half]);
+        remove(&prefix.0);
+        assert_eq!(objects(&prefix.0).count(), 0);
+        assert!(half_made(&prefix.0).is_empty());
+    }
+
+    /// Who has opened the public file before cannot do anything with it.
+    #[test]
+    fn a_public_object_is_replaced_by_a_private_copy() {
+        let prefix = Prefix::new("public");
+        let path = prefix.object("counter", "0123456789abcdef");
+        std::fs::set_permissions(&path, PermissionsExt::from_mode(0o666)).unwrap();
+        let attacker = File::options().write(true).open(&path).unwrap();
+        assert!(make_private(&prefix.0).unwrap());
+        attacker.set_len(0).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "0123456789abcdef");
+        assert_eq!(std::fs::metadata(&path).unwrap().mode() & 0o7777, 0o600);
+        assert_eq!(objects(&prefix.0).count(), 1);
+        assert!(!make_private(&prefix.0).unwrap());
+    }
+}

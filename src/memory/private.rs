@@ -1,0 +1,278 @@
+//! A directory that belongs to one user alone, in a directory that everybody may write to.
+//!
+//! Its name can be guessed, so somebody else may have made it first, or a link in its place. It is therefore
+//! opened without following links and judged by its descriptor; what lies in it is reached through that
+//! descriptor only. Nobody else can get at it then.
+
+use super::MemoryError;
+use rustix::fs::{AtFlags, FileType, Mode, OFlags, Stat};
+use rustix::io::Errno;
+use std::fs::File;
+use std::io;
+#[cfg(feature = "channel")]
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Longest file that is read from such a directory: they hold a line or two.
+#[cfg(feature = "channel")]
+const MAX_TEXT: u64 = 4096;
+/// Rights of others in a mode.
+const OTHERS: u32 = 0o077;
+/// Their right to write.
+const OTHERS_WRITE: u32 = 0o022;
+
+/// A directory of ours, open.
+#[derive(Debug)]
+pub(crate) struct PrivateDir {
+    path: PathBuf,
+    directory: File,
+}
+
+impl PrivateDir {
+    /// Opens the directory, and makes it if it is missing; nobody else may enter it.
+    ///
+    /// # Errors
+    /// Something else has the name, the directory belongs to somebody else or others could write to it, or the
+    /// system refuses.
+    pub fn create(path: &Path) -> Result<Self, MemoryError> {
+        loop {
+            match rustix::fs::mkdir(path, Mode::RWXU) {
+                Ok(()) | Err(Errno::EXIST) => {}
+                Err(errno) => return Err(failed(path, "create", errno)),
+            }
+            // Somebody who leaves may have removed it meanwhile.
+            if let Some(directory) = Self::open(path)? {
+                return Ok(directory);
+            }
+        }
+    }
+
+    /// Opens the directory; `None` if there is none.
+    ///
+    /// # Errors
+    /// As [`PrivateDir::create`].
+    pub fn open(path: &Path) -> Result<Option<Self>, MemoryError> {
+        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let directory = match rustix::fs::open(path, flags, Mode::empty()) {
+            Ok(directory) => directory,
+            Err(Errno::NOENT) => return Ok(None),
+            Err(errno) => return Err(why_not_opened(path, errno)),
+        };
+        let stat = rustix::fs::fstat(&directory).map_err(|errno| failed(path, "look at", errno))?;
+        judge(path, &stat)?;
+        if stat.st_mode & OTHERS != 0 {
+            rustix::fs::fchmod(&directory, Mode::RWXU).map_err(|errno| failed(path, "close", errno))?;
+        }
+        Ok(Some(Self { path: path.to_owned(), directory: File::from(directory) }))
+    }
+
+    /// Its path.
+    #[cfg(feature = "channel")]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether the path still names this directory.
+    pub fn is_named(&self) -> bool {
+        let named = rustix::fs::lstat(&self.path);
+        let own = rustix::fs::fstat(&self.directory);
+        matches!((named, own), (Ok(a), Ok(b)) if (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino))
+    }
+
+    /// Takes the directory's lock, if nobody else has it, for as long as the result lives.
+    #[cfg(feature = "channel")]
+    pub fn try_lock(self: &std::sync::Arc<Self>) -> Option<Held> {
+        use rustix::fs::FlockOperation;
+        let free = rustix::fs::flock(&self.directory, FlockOperation::NonBlockingLockExclusive).is_ok();
+        free.then(|| Held(std::sync::Arc::clone(self)))
+    }
+
+    /// Opens the file `name` in it for reading and writing, and makes it if it is missing; `None` if the
+    /// directory itself has been removed.
+    pub fn open_file(&self, name: &str) -> io::Result<Option<File>> {
+        let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        match rustix::fs::openat(&self.directory, name, flags, Mode::RUSR | Mode::WUSR) {
+            Ok(file) => Ok(Some(File::from(file))),
+            Err(Errno::NOENT) => Ok(None),
+            Err(errno) => Err(errno.into()),
+        }
+    }
+
+    /// Opens the file `name` in it for reading; `None` if there is none.
+    pub fn find_file(&self, name: &str) -> Option<File> {
+        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        rustix::fs::openat(&self.directory, name, flags, Mode::empty()).ok().map(File::from)
+    }
+
+    /// Whether `name` still names `file`.
+    pub fn names(&self, name: &str, file: &File) -> bool {
+        let named = rustix::fs::statat(&self.directory, name, AtFlags::SYMLINK_NOFOLLOW);
+        matches!((named, rustix::fs::fstat(file)), (Ok(a), Ok(b)) if (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino))
+    }
+
+    /// The text of the file `name`; `None` if there is no such file.
+    #[cfg(feature = "channel")]
+    pub fn read(&self, name: &str) -> Option<String> {
+        let mut text = String::new();
+        self.find_file(name)?.take(MAX_TEXT).read_to_string(&mut text).ok()?;
+        Some(text)
+    }
+
+    /// Writes the file `name` as a whole: whoever reads it sees the old text or the new one. One process at a
+    /// time may do so.
+    #[cfg(feature = "channel")]
+    pub fn publish(&self, name: &str, text: &str) -> io::Result<()> {
+        let new = format!("{name}.new");
+        self.remove(&new);
+        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let file = rustix::fs::openat(&self.directory, &new, flags, Mode::RUSR | Mode::WUSR)?;
+        let written = File::from(file).write_all(text.as_bytes());
+        let done =
+            written.and_then(|()| Ok(rustix::fs::renameat(&self.directory, &new, &self.directory, name)?));
+        done.inspect_err(|_| self.remove(&new))
+    }
+
+    /// Removes the file `name`, if it is there.
+    pub fn remove(&self, name: &str) {
+        let _ = rustix::fs::unlinkat(&self.directory, name, AtFlags::empty());
+    }
+
+    /// Removes the directory, if nothing is in it any more and the path still names it.
+    pub fn remove_if_empty(&self) {
+        if self.is_named() {
+            let _ = rustix::fs::rmdir(&self.path);
+        }
+    }
+}
+
+/// A directory's lock.
+#[cfg(feature = "channel")]
+#[derive(Debug)]
+pub(crate) struct Held(std::sync::Arc<PrivateDir>);
+
+#[cfg(feature = "channel")]
+impl Drop for Held {
+    fn drop(&mut self) {
+        let _ = rustix::fs::flock(&self.0.directory, rustix::fs::FlockOperation::Unlock);
+    }
+}
+
+fn failed(path: &Path, doing: &'static str, errno: Errno) -> MemoryError {
+    MemoryError::System { path: path.to_owned(), doing, reason: errno.into() }
+}
+
+fn judge(path: &Path, stat: &Stat) -> Result<(), MemoryError> {
+    let path = || path.to_owned();
+    let user = rustix::process::geteuid().as_raw();
+    match FileType::from_raw_mode(stat.st_mode) {
+        FileType::Directory if stat.st_uid != user => {
+            Err(MemoryError::ForeignDirectory { path: path(), owner: stat.st_uid, user })
+        }
+        FileType::Directory if stat.st_mode & OTHERS_WRITE != 0 => {
+            Err(MemoryError::OpenDirectory { path: path(), mode: stat.st_mode & 0o7777 })
+        }
+        FileType::Directory => Ok(()),
+        FileType::Symlink => Err(MemoryError::Symlink { path: path() }),
+        _ => Err(MemoryError::NotADirectory { path: path() }),
+    }
+}
+
+/// The reason the user can act on, rather than the errno.
+fn why_not_opened(path: &Path, errno: Errno) -> MemoryError {
+    rustix::fs::lstat(path)
+        .ok()
+        .and_then(|stat| judge(path, &stat).err())
+        .unwrap_or_else(|| failed(path, "open", errno))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+
+    fn place() -> (tempfile::TempDir, PathBuf) {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("own.d");
+        (parent, path)
+    }
+
+    #[test]
+    fn it_is_made_for_its_owner_alone_and_an_old_one_is_closed() {
+        let (_parent, path) = place();
+        assert!(PrivateDir::open(&path).unwrap().is_none());
+        for _ in 0..2 {
+            PrivateDir::create(&path).unwrap();
+            assert_eq!(std::fs::metadata(&path).unwrap().mode() & 0o7777, 0o700);
+            std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
+        }
+    }
+
+    #[test]
+    fn links_files_and_directories_open_to_others_are_refused_and_left_alone() {
+        let (parent, path) = place();
+        let target = parent.path().join("target");
+        std::fs::create_dir(&target).unwrap();
+        symlink(&target, &path).unwrap();
+        assert!(matches!(PrivateDir::create(&path), Err(MemoryError::Symlink { .. })));
+        std::fs::remove_file(&path).unwrap();
+        std::fs::write(&path, "mine").unwrap();
+        assert!(matches!(PrivateDir::create(&path), Err(MemoryError::NotADirectory { .. })));
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        std::fs::set_permissions(&path, PermissionsExt::from_mode(0o1777)).unwrap();
+        let refused = PrivateDir::create(&path).unwrap_err().to_string();
+        assert!(refused.contains("mode 1777") && refused.contains("remove it yourself"), "{refused}");
+    }
+
+    #[cfg(feature = "channel")]
+    #[test]
+    fn what_is_published_replaces_a_link_and_does_not_follow_it() {
+        let (parent, path) = place();
+        let victim = parent.path().join("victim");
+        std::fs::write(&victim, "precious").unwrap();
+        let directory = PrivateDir::create(&path).unwrap();
+        for name in ["ready", "ready.new"] {
+            symlink(&victim, path.join(name)).unwrap();
+            assert_eq!(directory.read(name), None, "{name}");
+            directory.publish("ready", "42\n").unwrap();
+            assert_eq!(directory.read("ready").unwrap(), "42\n");
+            assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
+        }
+        assert_eq!(std::fs::read_dir(&path).unwrap().count(), 1);
+        assert_eq!(std::fs::metadata(path.join("ready")).unwrap().mode() & 0o7777, 0o600);
+    }
+
+    #[cfg(feature = "channel")]
+    #[test]
+    fn a_pipe_is_not_waited_for() {
+        let (_parent, path) = place();
+        let directory = PrivateDir::create(&path).unwrap();
+        let mode = Mode::RUSR | Mode::WUSR;
+        rustix::fs::mknodat(rustix::fs::CWD, path.join("ready"), FileType::Fifo, mode, 0).unwrap();
+        assert!(directory.read("ready").is_none_or(|text| text.is_empty()));
+    }
+
+    #[test]
+    fn it_knows_when_it_was_replaced() {
+        let (_parent, path) = place();
+        let directory = PrivateDir::create(&path).unwrap();
+        assert!(directory.is_named());
+        std::fs::remove_dir(&path).unwrap();
+        assert!(!directory.is_named());
+        std::fs::create_dir(&path).unwrap();
+        directory.remove_if_empty();
+        assert!(path.exists() && !directory.is_named());
+        assert!(directory.open_file("lock").unwrap().is_none());
+    }
+
+    #[cfg(feature = "channel")]
+    #[test]
+    fn one_at_a_time_holds_it() {
+        let (_parent, path) = place();
+        let [one, two] = [(); 2].map(|()| std::sync::Arc::new(PrivateDir::create(&path).unwrap()));
+        let held = one.try_lock().unwrap();
+        assert!(two.try_lock().is_none());
+        drop(held);
+        assert!(two.try_lock().is_some());
+    }
+}

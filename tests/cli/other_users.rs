@@ -1,0 +1,114 @@
+//! What another user of the machine can do to an emulator: nothing. The tests need root, who can be two users; without
+//! it they say so and are over.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, Outcome, files_of, finish, remove_remains, run, unique_name};
+use std::os::unix::fs::{MetadataExt, symlink};
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+
+/// The attacker.
+const NOBODY: u32 = 65_534;
+
+/// Whether there can be an attacker; says aloud if not.
+fn can_be_another_user() -> bool {
+    let root = rustix::process::geteuid().is_root();
+    if !root {
+        eprintln!("SKIPPED: only root can be another user");
+    }
+    root
+}
+
+/// Runs a shell script as the attacker.
+fn attack(script: &str) -> Outcome {
+    finish(Command::new("sh").args(["-c", script]).current_dir("/").uid(NOBODY).gid(NOBODY))
+}
+
+/// A file that the attacker wants to be overwritten.
+fn victim() -> tempfile::NamedTempFile {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(&file, "precious").unwrap();
+    file
+}
+
+#[test]
+fn a_directory_that_somebody_else_has_made_is_refused_and_no_link_in_it_followed() {
+    if !can_be_another_user() {
+        return;
+    }
+    let (name, victim) = (unique_name(), victim());
+    let directory = format!("/dev/shm/commram.{name}.iox.d");
+    let target = victim.path().display();
+    let links =
+        ["ready", "ready.new", "prefix", "prefix.new", "lock"].map(|file| format!("ln -s {target} {file}"));
+    assert_eq!(
+        attack(&format!("mkdir {directory} && cd {directory} && {}", links.join(" && "))).code,
+        Some(0)
+    );
+    let outcomes = [run(&["run", "-i", &name]), run(&["stop", "--clean", "-i", &name])];
+    std::fs::remove_dir_all(&directory).unwrap();
+    assert_eq!(std::fs::read_to_string(&victim).unwrap(), "precious");
+    for outcome in outcomes {
+        let expected = format!("{directory} belongs to user {NOBODY}, not to user 0");
+        assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
+    }
+    assert!(files_of(&name).is_empty());
+}
+
+#[test]
+fn a_link_in_the_directorys_place_is_refused() {
+    if !can_be_another_user() {
+        return;
+    }
+    let (name, own) = (unique_name(), tempfile::tempdir().unwrap());
+    let directory = format!("/dev/shm/commram.{name}.iox.d");
+    assert_eq!(attack(&format!("ln -s {} {directory}", own.path().display())).code, Some(0));
+    let outcome = run(&["run", "-i", &name]);
+    std::fs::remove_file(&directory).unwrap();
+    assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
+    assert_eq!(std::fs::read_dir(own.path()).unwrap().count(), 0);
+    // Nor is the owner's own link followed.
+    symlink(own.path(), &directory).unwrap();
+    let outcome = run(&["run", "-i", &name]);
+    std::fs::remove_file(&directory).unwrap();
+    assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
+}
+
+/// With a client connected and another that listens to events, so that all kinds of objects are there.
+#[test]
+fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {
+    if !can_be_another_user() {
+        return;
+    }
+    let mut emulator = Emulator::stepped();
+    let mut follower = emulator.command("watch", &["node2.w_OPTION_STATUS"]);
+    let mut follower = follower.stdout(std::process::Stdio::null()).spawn().unwrap();
+    let nodes = format!("/dev/shm/commram.{}.iox.d/nodes", emulator.name);
+    let count = || std::fs::read_dir(&nodes).map_or(0, |entries| entries.count());
+    let alone = count();
+    assert!(crate::common::eventually(|| count() > alone));
+    let prefix = std::fs::read_to_string(format!("/dev/shm/commram.{}.iox.d/prefix", emulator.name)).unwrap();
+    let ours = |name: &str| {
+        name.starts_with(prefix.trim_end()) || name.starts_with(&format!("commram.{}.", emulator.name))
+    };
+    let entries = || std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let objects: Vec<_> = entries().filter(|entry| ours(&entry.file_name().to_string_lossy())).collect();
+    assert!(objects.len() >= 5, "{objects:?}");
+    for object in objects.iter().map(|entry| entry.path()) {
+        let mode = object.metadata().unwrap().mode();
+        assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", object.display());
+        let path = object.display();
+        let attacks =
+            [format!("cat {path}"), format!("ls {path}/"), format!(": > {path}"), format!("rm -rf {path}")];
+        for attack in attacks.iter().map(|script| self::attack(script)) {
+            assert_ne!(attack.code, Some(0), "{attack:?}");
+        }
+        assert!(object.exists());
+    }
+    let _ = follower.kill();
+    let _ = follower.wait();
+    assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+    emulator.run("stop", &[]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    remove_remains(&emulator.name);
+}
