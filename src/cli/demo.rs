@@ -11,8 +11,8 @@ mod trace;
 use super::error::CliError;
 use super::{dump, output};
 use commram::plant::PlantConfig;
-pub use processes::end_with;
-use processes::{Emulator, Interrupts, SoftPlc};
+use processes::{Emulator, SoftPlc};
+pub use processes::{Interrupts, command, end_with};
 use std::time::{Duration, Instant};
 
 /// Everything together takes a few seconds; something hangs if it takes this long.

@@ -87,6 +87,8 @@ enum Command {
     Fault(fault::Args),
     Trace(trace::Args),
     Test(test::Args),
+    #[command(hide = true)]
+    TestScenario(test::scenario::Args),
     Check(check::Args),
     Demo(demo::Args),
     #[command(hide = true)]
@@ -152,6 +154,7 @@ impl Command {
             Command::Fault(args) => fault::run(&args),
             Command::Trace(args) => trace::run(&args),
             Command::Test(args) => test::run(&args),
+            Command::TestScenario(args) => test::scenario::run(&args),
             Command::Check(args) => check::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),

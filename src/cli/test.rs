@@ -1,25 +1,26 @@
 //! `commram test`: run scenario scripts.
 
 mod line;
+mod process;
+pub mod scenario;
 
+use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
-use commram::script::{Bench, Limits, Outcome, Report, junit, run_file};
+use commram::script::{Limits, Outcome, Report, junit};
 use line::{Line, summary};
+use process::Setting;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
-
-/// Scripts may nest calls deeply.
-const STACK: usize = 16 << 20;
 
 /// Run scenario scripts.
 ///
 /// A scenario says in Rhai what to do with a plant and what to expect of it; docs/scenarios.md has all verbs. Each
-/// one runs on a plant of its own, in this process, with a stepped clock.
+/// one runs on a plant of its own, in a process of its own, with a stepped clock.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -29,7 +30,7 @@ Examples:
 
 Exit codes:
   0  all scenarios passed
-  1  an expectation was not met, or a scenario does not end
+  1  an expectation was not met, or a scenario does not end or crashes
   2  wrong use: a script is missing, does not compile or uses a verb wrongly")]
 pub struct Args {
     /// Scripts; of a directory all files that end in .rhai, in the order of their names
@@ -44,42 +45,63 @@ pub struct Args {
     /// Run on this running instance, one scenario after the other, instead of on plants of their own
     #[arg(long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
     attach: Option<String>,
+    #[command(flatten)]
+    limits: LimitArgs,
+    #[command(flatten)]
+    format: FormatArg,
+}
+
+/// What a scenario may use up.
+#[derive(clap::Args, Clone, Copy)]
+pub struct LimitArgs {
     /// Steps of a script after which it counts as endless
     #[arg(long, value_name = "N", default_value_t = Limits::default().operations)]
     max_operations: u64,
     /// Emulated time after which a scenario counts as endless
     #[arg(long, value_name = "TIME", default_value = "1h", value_parser = time::parse)]
     max_time: u64,
-    #[command(flatten)]
-    format: FormatArg,
+    /// Real time after which a scenario counts as endless
+    #[arg(long, value_name = "TIME", default_value = "10min", value_parser = time::parse)]
+    max_real_time: u64,
+    /// Memory that a scenario may take, in MiB
+    #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(64..1 << 20))]
+    max_memory: u64,
 }
 
 /// Runs the scenarios and reports.
 pub fn run(args: &Args) -> Result<(), CliError> {
+    let interrupts = Interrupts::catch()?;
     let files = scripts(&args.files)?;
-    let limits = Limits { operations: args.max_operations, time_us: args.max_time };
+    let setting = Setting { attach: args.attach.clone(), limits: args.limits };
     let mut reports = Vec::with_capacity(files.len());
-    let mut take = |report: Report| {
-        let line = (args.format.format == Format::Text).then(|| line::text(&report));
-        reports.push(report);
-        line.map_or(Ok(()), |line| output::print(&line))
-    };
-    match &args.attach {
-        Some(instance) => {
-            for file in &files {
-                take(run_file(file, Some(attach(instance, limits)?), limits))?;
+    let mut shown = Ok(());
+    if let Err(error) = reachable(args.attach.as_deref()) {
+        reports.extend(files.iter().map(|file| process::died(file, &error.to_string())));
+        shown = Err(error);
+    } else {
+        let jobs = if setting.attach.is_some() { 1 } else { jobs(args.jobs, files.len()) };
+        // Set when the output cannot be written and there is no other report.
+        let enough = AtomicBool::new(false);
+        let stop = || interrupts.any() || enough.load(Ordering::Relaxed);
+        run_all(&files, jobs, &setting, &stop, |report| {
+            if shown.is_ok() && args.format.format == Format::Text {
+                shown = output::print(&line::text(&report));
+                enough.store(shown.is_err() && args.junit.is_none(), Ordering::Relaxed);
             }
-        }
-        None => run_all(&files, jobs(args.jobs, files.len()), limits, take)?,
+            reports.push(report);
+        })?;
+        let last = || match args.format.format {
+            Format::Text => output::print(&summary(&reports)),
+            format => {
+                table::print(format, &reports.iter().map(Line::of).collect::<Vec<_>>(), |_| String::new())
+            }
+        };
+        shown = shown.and_then(|()| last());
     }
-    match args.format.format {
-        Format::Text => output::print(&summary(&reports))?,
-        format => table::print(format, &reports.iter().map(Line::of).collect::<Vec<_>>(), |_| String::new())?,
-    }
-    if let Some(path) = &args.junit {
-        write_junit(path, &reports)?;
-    }
-    verdict(&reports)
+    // Whatever else goes wrong, this report is written.
+    let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, &reports));
+    shown.and(written)?;
+    if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
 }
 
 /// The scripts themselves, where directories are named.
@@ -108,12 +130,13 @@ fn jobs(asked: Option<NonZero<usize>>, files: usize) -> usize {
     jobs.map_or(1, NonZero::get).min(files)
 }
 
-/// Runs all files in so many threads; hands over the reports in the order of the files.
+/// Runs all files, so many at a time, until told to `stop`; hands over the reports in the order of the files.
 fn run_all(
     files: &[PathBuf],
     jobs: usize,
-    limits: Limits,
-    mut take: impl FnMut(Report) -> Result<(), CliError>,
+    setting: &Setting,
+    stop: &(impl Fn() -> bool + Sync),
+    mut take: impl FnMut(Report),
 ) -> Result<(), CliError> {
     let next = AtomicUsize::new(0);
     let (send, receive) = mpsc::channel();
@@ -125,13 +148,11 @@ fn run_all(
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     files.get(index).map(|file| (index, file))
                 } {
-                    // Nobody listens any more if the output cannot be written.
-                    if send.send((index, run_file(file, None, limits))).is_err() {
-                        return;
-                    }
+                    // The receiver lives until all have been received.
+                    let _ = send.send((index, process::run(file, setting, stop)));
                 }
             };
-            let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, work);
+            let thread = std::thread::Builder::new().spawn_scoped(scope, work);
             thread.map_err(|reason| CliError::Process { reason })?;
         }
         drop(send);
@@ -143,22 +164,22 @@ fn run_all(
             }
             while let Some(report) = waiting.get_mut(taken).and_then(Option::take) {
                 taken += 1;
-                take(report)?;
+                take(report);
             }
         }
         Ok(())
     })
 }
 
+/// Finds out whether the instance to attach to is there, before the first scenario misses it.
 #[cfg(feature = "channel")]
-fn attach(instance: &str, limits: Limits) -> Result<Bench, CliError> {
-    let client = super::session::Session::open(instance, limits.time_us)?.into_client()?;
-    Bench::attach(client).map_err(CliError::Scenario)
+fn reachable(instance: Option<&str>) -> Result<(), CliError> {
+    instance.map_or(Ok(()), |instance| super::session::Session::open(instance, 0).map(drop))
 }
 
 #[cfg(not(feature = "channel"))]
-fn attach(_instance: &str, _limits: Limits) -> Result<Bench, CliError> {
-    Err(CliError::NoChannel { command: "test --attach" })
+fn reachable(instance: Option<&str>) -> Result<(), CliError> {
+    instance.map_or(Ok(()), |_| Err(CliError::NoChannel { command: "test --attach" }))
 }
 
 fn write_junit(path: &Path, reports: &[Report]) -> Result<(), CliError> {
@@ -173,7 +194,8 @@ fn verdict(reports: &[Report]) -> Result<(), CliError> {
     if any(|outcome| matches!(outcome, Outcome::Broken(_))) {
         return Err(CliError::ReportedWrongUse);
     }
-    if any(|outcome| matches!(outcome, Outcome::Failed(_))) { Err(CliError::Reported) } else { Ok(()) }
+    let failed = any(|outcome| matches!(outcome, Outcome::Failed(_) | Outcome::Died(_)));
+    if failed { Err(CliError::Reported) } else { Ok(()) }
 }
 
 /// All real time taken.

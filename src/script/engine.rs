@@ -31,15 +31,12 @@ pub(super) struct Stage {
     directory: PathBuf,
     /// Longest emulated time, in microseconds.
     limit_us: u64,
-    /// What the script has printed.
-    pub printed: String,
 }
 
 impl Stage {
     /// For a script in `directory`; without a bench it makes its own.
     pub fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
-        let mut stage =
-            Self { attached: bench.is_some(), bench: None, directory, limit_us, printed: String::new() };
+        let mut stage = Self { attached: bench.is_some(), bench: None, directory, limit_us };
         stage.bench = bench.map(|bench| stage.limited(bench));
         stage
     }

@@ -9,10 +9,11 @@ use crate::memory::header::BoardWordError;
 use crate::plant::PlantError;
 use crate::time::{TimeError, seconds, short};
 use core::fmt;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// An expectation that is not met, with all that is known at that moment.
-#[derive(Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
     /// What is wrong, in one line.
     pub what: String,

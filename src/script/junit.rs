@@ -5,7 +5,7 @@ use quick_junit::{NonSuccessKind, SerializeError, TestCase, TestCaseStatus, Test
 use std::time::Duration;
 
 /// The reports as JUnit XML: one test suite, one test case per scenario. Times are real time; the emulated time
-/// is a property.
+/// is a property, if it is known. A scenario that died is an error, as is a broken one.
 ///
 /// # Errors
 /// The XML cannot be written, which does not happen to strings.
@@ -23,7 +23,9 @@ fn case(report: &Report) -> TestCase {
     let directory = report.file.parent().map(|directory| directory.display().to_string());
     case.set_classname(directory.filter(|name| !name.is_empty()).unwrap_or_else(|| ".".to_owned()));
     case.set_time(report.took);
-    case.add_property(("emulated_us", report.emulated_us.to_string().as_str()));
+    if let Some(emulated_us) = report.emulated_us {
+        case.add_property(("emulated_us", emulated_us.to_string().as_str()));
+    }
     if !report.printed.is_empty() {
         case.set_system_out(report.printed.as_str());
     }
@@ -34,7 +36,7 @@ fn status(outcome: &Outcome) -> TestCaseStatus {
     let (kind, message, description) = match outcome {
         Outcome::Passed => return TestCaseStatus::success(),
         Outcome::Failed(failure) => (NonSuccessKind::Failure, failure.what.clone(), failure.to_string()),
-        Outcome::Broken(text) => {
+        Outcome::Broken(text) | Outcome::Died(text) => {
             (NonSuccessKind::Error, text.lines().next().unwrap_or_default().to_owned(), text.clone())
         }
     };

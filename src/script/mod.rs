@@ -9,8 +9,10 @@ mod backend;
 mod bench;
 mod engine;
 mod error;
+mod imports;
 mod junit;
 mod local;
+mod printed;
 #[cfg(feature = "channel")]
 mod remote;
 mod run;

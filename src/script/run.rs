@@ -1,15 +1,20 @@
 //! Runs scenario scripts.
 
 use super::engine::{Stage, engine};
+use super::imports::{Imports, module_file};
+use super::printed::Printed;
 use super::{Bench, Failure, ScenarioError};
+use crate::time::short;
 use core::cell::RefCell;
-use rhai::module_resolvers::FileModuleResolver;
-use rhai::{Engine, EvalAltResult, ParseError};
+use rhai::{Dynamic, Engine, EvalAltResult, ParseError};
+use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+/// Steps of a script between two looks at the real time.
+const OPERATIONS_PER_LOOK: u64 = 8;
 /// Deepest nesting of function calls in a script.
 const MOST_CALLS: usize = 64;
 /// Deepest nesting of expressions in a script and in its functions.
@@ -22,16 +27,18 @@ pub struct Limits {
     pub operations: u64,
     /// Emulated time in microseconds.
     pub time_us: u64,
+    /// Real time. Looked at between the steps of the script, so that a single long one may take more.
+    pub real: Duration,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { operations: 10_000_000, time_us: Bench::LIMIT_US }
+        Self { operations: 10_000_000, time_us: Bench::LIMIT_US, real: Duration::from_secs(600) }
     }
 }
 
 /// How a scenario ended.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub enum Outcome {
     /// All expectations were met.
     Passed,
@@ -39,20 +46,25 @@ pub enum Outcome {
     Failed(Box<Failure>),
     /// The script is wrong: it cannot be read or compiled, or uses a verb wrongly. The text says where and why.
     Broken(String),
+    /// It was not run to its end: its process crashed or was killed. The text says what is known. Only somebody else than
+    /// that process can tell.
+    Died(String),
 }
 
 /// What has become of a scenario.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Report {
-    /// The script, as named.
+    /// The script, as named; who gets the report from another process knows it.
+    #[serde(skip)]
     pub file: PathBuf,
     /// How it ended.
     pub outcome: Outcome,
-    /// Emulated time that it took, in microseconds.
-    pub emulated_us: u64,
+    /// Emulated time that it took, in microseconds; nobody knows it of a scenario that died.
+    pub emulated_us: Option<u64>,
     /// Real time that it took.
     pub took: Duration,
-    /// What it printed.
+    /// What it printed, up to 1 MiB; who gets the report from another process has had it already.
+    #[serde(skip)]
     pub printed: String,
 }
 
@@ -63,42 +75,48 @@ impl Report {
     }
 }
 
-/// Runs a scenario script: on `bench` if there is one, else on a plant of its own.
-pub fn run_file(file: &Path, bench: Option<Bench>, limits: Limits) -> Report {
+/// Runs a scenario script: on `bench` if there is one, else on a plant of its own. What it prints is handed to `print`
+/// as it comes, and is in the report.
+pub fn run_file(
+    file: &Path,
+    bench: Option<Bench>,
+    limits: Limits,
+    print: impl FnMut(&str) + 'static,
+) -> Report {
     let start = Instant::now();
     let directory = file.parent().unwrap_or(Path::new("")).to_owned();
     let stage = Rc::new(RefCell::new(Stage::new(bench, directory.clone(), limits.time_us)));
+    let printed = Rc::new(RefCell::new(Printed::new(print)));
     let outcome = match fs::read_to_string(file) {
-        Ok(text) => run_text(file, &text, &directory, &stage, limits),
+        Ok(text) => {
+            let (mut engine, _) = engine(&stage);
+            limit(&mut engine, limits, start);
+            engine.set_module_resolver(Imports::new(file, &directory));
+            let printing = Rc::clone(&printed);
+            engine.on_print(move |line| printing.borrow_mut().line(line));
+            let printing = Rc::clone(&printed);
+            engine.on_debug(move |line, _, _| printing.borrow_mut().line(line));
+            run_text(&engine, file, &text, &directory, &stage, limits)
+        }
         Err(reason) => Outcome::Broken(format!("{}: {reason}", file.display())),
     };
-    let mut stage = stage.borrow_mut();
     Report {
         file: file.to_owned(),
         outcome,
-        emulated_us: stage.elapsed_us(),
+        emulated_us: Some(stage.borrow_mut().elapsed_us()),
         took: start.elapsed(),
-        printed: core::mem::take(&mut stage.printed),
+        printed: printed.borrow_mut().take(),
     }
 }
 
 fn run_text(
+    engine: &Engine,
     file: &Path,
     text: &str,
     directory: &Path,
     stage: &Rc<RefCell<Stage>>,
     limits: Limits,
 ) -> Outcome {
-    let (mut engine, _) = engine(stage);
-    limit(&mut engine, limits);
-    engine.set_module_resolver(FileModuleResolver::new_with_path(directory));
-    let printing = Rc::clone(stage);
-    engine.on_print(move |line| {
-        if let Ok(mut stage) = printing.try_borrow_mut() {
-            stage.printed.push_str(line);
-            stage.printed.push('\n');
-        }
-    });
     let ast = match engine.compile(text) {
         Ok(ast) => ast,
         Err(ParseError(reason, position)) => {
@@ -112,8 +130,12 @@ fn run_text(
     }
 }
 
-fn limit(engine: &mut Engine, limits: Limits) {
+fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
     engine.set_max_operations(limits.operations);
+    engine.on_progress(move |operations| {
+        let look = operations.is_multiple_of(OPERATIONS_PER_LOOK);
+        (look && start.elapsed() >= limits.real).then_some(Dynamic::UNIT)
+    });
     engine.set_max_call_levels(MOST_CALLS);
     engine.set_max_expr_depths(DEEPEST_EXPRESSION, DEEPEST_EXPRESSION);
     engine.set_max_string_size(1 << 20);
@@ -140,6 +162,13 @@ fn ended(
             let text = format!(
                 "the script does not end: stopped after {} operations (--max-operations)",
                 limits.operations
+            );
+            return failed(&text, &place, stage);
+        }
+        EvalAltResult::ErrorTerminated(..) => {
+            let text = format!(
+                "the script does not end: stopped after {} of real time (--max-real-time)",
+                short(u64::try_from(limits.real.as_micros()).unwrap_or(u64::MAX))
             );
             return failed(&text, &place, stage);
         }
@@ -228,15 +257,4 @@ fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> Place {
         at = inner;
     }
     place
-}
-
-/// The file of an imported script.
-fn module_file(source: &str, directory: &Path) -> PathBuf {
-    let path = Path::new(source);
-    let path = if path.is_absolute() || path.starts_with(directory) {
-        path.to_owned()
-    } else {
-        directory.join(path)
-    };
-    if path.extension().is_some() { path } else { path.with_extension("rhai") }
 }

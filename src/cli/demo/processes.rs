@@ -43,7 +43,10 @@ impl Interrupts {
 
 /// This program again, with a subcommand. It ends when this process does, and gets no Ctrl-C of its own:
 /// this process ends it in good order.
-fn command(subcommand: &str) -> Result<Command, CliError> {
+///
+/// # Errors
+/// Nobody knows where this program is.
+pub fn command(subcommand: &str) -> Result<Command, CliError> {
     let program = std::env::current_exe().map_err(process_error)?;
     let mut command = Command::new(program);
     command.arg(subcommand).args(["--parent", &std::process::id().to_string()]);

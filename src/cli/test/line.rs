@@ -13,7 +13,8 @@ pub struct Line {
     scenario: String,
     file: String,
     outcome: &'static str,
-    emulated_us: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    emulated_us: Option<u64>,
     real_us: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     message: Option<String>,
@@ -42,7 +43,7 @@ impl Line {
         let (message, failure) = match &report.outcome {
             Outcome::Passed => (None, None),
             Outcome::Failed(failure) => (Some(failure.what.clone()), Some(Details::of(failure))),
-            Outcome::Broken(text) => (Some(text.clone()), None),
+            Outcome::Broken(text) | Outcome::Died(text) => (Some(text.clone()), None),
         };
         Self {
             scenario: report.name(),
@@ -74,7 +75,7 @@ impl Row for Line {
             self.scenario.clone(),
             self.file.clone(),
             self.outcome.to_owned(),
-            self.emulated_us.to_string(),
+            self.emulated_us.map(|us| us.to_string()).unwrap_or_default(),
             self.real_us.to_string(),
             self.message.clone().unwrap_or_default(),
         ]
@@ -86,22 +87,23 @@ fn outcome(outcome: &Outcome) -> &'static str {
         Outcome::Passed => "passed",
         Outcome::Failed(_) => "failed",
         Outcome::Broken(_) => "broken",
+        Outcome::Died(_) => "died",
     }
 }
 
 /// One line about a scenario, and below it why it did not pass and what it printed.
 pub fn text(report: &Report) -> String {
+    let emulated = report.emulated_us.map(|us| format!("{} emulated ", seconds(us))).unwrap_or_default();
     let mut text = format!(
-        "{:<6}  {}  {} emulated in {} ms\n",
+        "{:<6}  {}  {emulated}in {} ms\n",
         outcome(&report.outcome),
         report.file.display(),
-        seconds(report.emulated_us),
         report.took.as_millis()
     );
     let reason = match &report.outcome {
         Outcome::Passed => String::new(),
         Outcome::Failed(failure) => failure.to_string(),
-        Outcome::Broken(reason) => reason.clone(),
+        Outcome::Broken(reason) | Outcome::Died(reason) => reason.clone(),
     };
     let printed = report.printed.lines().map(|line| format!("| {line}"));
     for line in reason.lines().map(str::to_owned).chain(printed) {
@@ -111,12 +113,16 @@ pub fn text(report: &Report) -> String {
     text
 }
 
-/// `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`
+/// `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, and how many died, if any did.
 pub fn summary(reports: &[Report]) -> String {
     let count = |name| reports.iter().filter(|report| outcome(&report.outcome) == name).count();
-    let emulated = reports.iter().map(|report| report.emulated_us).sum();
+    let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();
+    let died = match count("died") {
+        0 => String::new(),
+        died => format!(", {died} died"),
+    };
     format!(
-        "{} passed, {} failed, {} broken; {} emulated in {} ms\n",
+        "{} passed, {} failed, {} broken{died}; {} emulated in {} ms\n",
         count("passed"),
         count("failed"),
         count("broken"),

@@ -1,0 +1,96 @@
+//! `commram test-scenario`: the process of one scenario. What it prints and how it ended goes to the standard output as
+//! lines of JSON, for `commram test`.
+
+use super::LimitArgs;
+use crate::cli::demo::end_with;
+use crate::cli::error::CliError;
+use crate::cli::output;
+use commram::script::{Bench, Limits, Report, run_file};
+use rustix::process::{Resource, Rlimit};
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Scripts may nest calls deeply.
+const STACK: usize = 16 << 20;
+
+/// The process of one scenario of `commram test`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram test-scenario master.rhai")]
+pub struct Args {
+    /// The script
+    file: PathBuf,
+    /// Run on this running instance
+    #[arg(long, value_name = "NAME", value_parser = crate::cli::instance_name)]
+    attach: Option<String>,
+    #[command(flatten)]
+    limits: LimitArgs,
+    /// End when this process does
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<u32>,
+}
+
+/// A line to whoever has started this process.
+#[derive(Serialize, Deserialize)]
+pub enum Message<'a> {
+    /// The script has printed this.
+    Printed(Cow<'a, str>),
+    /// It has ended.
+    Ended(Box<Report>),
+}
+
+/// Runs the scenario.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    if let Some(parent) = args.parent {
+        end_with(parent)?;
+    }
+    // What goes wrong is reported; a dump of the memory helps nobody.
+    limit(Resource::Core, 0)?;
+    limit(Resource::Data, args.limits.max_memory << 20)?;
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, || play(args));
+        let thread = thread.map_err(|reason| CliError::Process { reason })?;
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+fn play(args: &Args) -> Result<(), CliError> {
+    let limits = Limits {
+        operations: args.limits.max_operations,
+        time_us: args.limits.max_time,
+        real: Duration::from_micros(args.limits.max_real_time),
+    };
+    let bench = args.attach.as_deref().map(|instance| attach(instance, limits)).transpose()?;
+    let report = run_file(&args.file, bench, limits, |line| {
+        // Nobody is left to be told if this fails, and the process ends with its parent.
+        let _ = tell(&Message::Printed(line.into()));
+    });
+    tell(&Message::Ended(Box::new(report)))
+}
+
+fn tell(message: &Message) -> Result<(), CliError> {
+    let line = serde_json::to_string(message).map_err(|reason| CliError::Output { reason: reason.into() })?;
+    output::print(&(line + "\n"))
+}
+
+#[cfg(feature = "channel")]
+fn attach(instance: &str, limits: Limits) -> Result<Bench, CliError> {
+    let client = crate::cli::session::Session::open(instance, limits.time_us)?.into_client()?;
+    Bench::attach(client).map_err(CliError::Scenario)
+}
+
+#[cfg(not(feature = "channel"))]
+fn attach(_instance: &str, _limits: Limits) -> Result<Bench, CliError> {
+    Err(CliError::NoChannel { command: "test --attach" })
+}
+
+/// Lowers what this process may use of something, unless it is lower already.
+fn limit(resource: Resource, most: u64) -> Result<(), CliError> {
+    let now = rustix::process::getrlimit(resource);
+    let lower = |limit: Option<u64>| Some(limit.map_or(most, |limit| limit.min(most)));
+    let limits = Rlimit { current: lower(now.current), maximum: lower(now.maximum) };
+    rustix::process::setrlimit(resource, limits).map_err(|errno| CliError::Process { reason: errno.into() })
+}

@@ -1,0 +1,106 @@
+//! Finds imported scripts, and refuses imports that never end.
+
+use super::ScenarioError;
+use core::cell::RefCell;
+use rhai::module_resolvers::FileModuleResolver;
+use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// Deepest nesting of imports.
+const DEEPEST: usize = 32;
+
+/// Imports from files, named from the directory of the scenario.
+pub(super) struct Imports {
+    files: FileModuleResolver,
+    directory: PathBuf,
+    scenario: PathBuf,
+    /// Imports whose script is being run, the outermost first.
+    under_way: RefCell<Vec<Import>>,
+}
+
+/// `start.rhai:3 imports common.rhai`
+struct Import {
+    from: PathBuf,
+    line: Option<usize>,
+    to: PathBuf,
+}
+
+impl core::fmt::Display for Import {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}", self.from.display())?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        write!(f, " imports {}", self.to.display())
+    }
+}
+
+impl Imports {
+    /// For the scenario in file `scenario`.
+    pub fn new(scenario: &Path, directory: &Path) -> Self {
+        Self {
+            files: FileModuleResolver::new_with_path(directory),
+            directory: directory.to_owned(),
+            scenario: scenario.to_owned(),
+            under_way: RefCell::default(),
+        }
+    }
+
+    /// Notes an import, unless it leads back to a script that is being run.
+    fn begin(&self, import: Import, path: &str) -> Result<(), ScenarioError> {
+        let mut under_way = self.under_way.borrow_mut();
+        let goes_round = [&self.scenario]
+            .into_iter()
+            .chain(under_way.iter().map(|import| &import.to))
+            .position(|file| same_file(file, &import.to));
+        if let Some(start) = goes_round {
+            let circle = under_way.iter().skip(start).chain([&import]).map(Import::to_string);
+            let circle: Vec<_> = circle.collect();
+            let right = format!("this import goes round in a circle: {}", circle.join(", "));
+            return Err(ScenarioError::argument(path, &right));
+        }
+        if under_way.len() >= DEEPEST {
+            let right = format!("imports may be nested {DEEPEST} deep");
+            return Err(ScenarioError::argument(path, &right));
+        }
+        under_way.push(import);
+        Ok(())
+    }
+}
+
+impl ModuleResolver for Imports {
+    fn resolve(
+        &self,
+        engine: &Engine,
+        source: Option<&str>,
+        path: &str,
+        position: Position,
+    ) -> Result<Rc<Module>, Box<EvalAltResult>> {
+        let from =
+            source.map_or_else(|| self.scenario.clone(), |source| module_file(source, &self.directory));
+        let to = self.files.get_file_path(path, None);
+        self.begin(Import { from, line: position.line(), to }, path)
+            .map_err(|error| EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), position))?;
+        let module = self.files.resolve(engine, source, path, position);
+        self.under_way.borrow_mut().pop();
+        module
+    }
+}
+
+/// Whether two paths name the same file, by whatever way.
+fn same_file(a: &Path, b: &Path) -> bool {
+    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    a == b || real(a) == real(b)
+}
+
+/// The file of an imported script.
+pub(super) fn module_file(source: &str, directory: &Path) -> PathBuf {
+    let path = Path::new(source);
+    let path = if path.is_absolute() || path.starts_with(directory) {
+        path.to_owned()
+    } else {
+        directory.join(path)
+    };
+    if path.extension().is_some() { path } else { path.with_extension("rhai") }
+}

@@ -1,0 +1,67 @@
+//! What a scenario prints.
+
+/// How many bytes are kept.
+pub(super) const MOST: usize = 1 << 20;
+
+/// The lines that a script has printed, up to [`MOST`] bytes; each is also handed on as it comes.
+pub(super) struct Printed {
+    text: String,
+    is_cut: bool,
+    hand_on: Box<dyn FnMut(&str)>,
+}
+
+impl Printed {
+    /// Hands lines on, each with its end.
+    pub fn new(hand_on: impl FnMut(&str) + 'static) -> Self {
+        Self { text: String::new(), is_cut: false, hand_on: Box::new(hand_on) }
+    }
+
+    /// Takes a line, or the beginning of the first one that is too much.
+    pub fn line(&mut self, line: &str) {
+        if self.is_cut {
+            return;
+        }
+        let start = self.text.len();
+        let space = MOST.saturating_sub(start);
+        if line.len() < space {
+            self.text.push_str(line);
+        } else {
+            self.is_cut = true;
+            self.text.push_str(&line[..line.floor_char_boundary(space)]);
+            self.text
+                .push_str(&format!("\n(cut here: of what a scenario prints {} MiB are kept)", MOST >> 20));
+        }
+        self.text.push('\n');
+        (self.hand_on)(&self.text[start..]);
+    }
+
+    /// Everything that was kept.
+    pub fn take(&mut self) -> String {
+        core::mem::take(&mut self.text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::cell::RefCell;
+    use std::rc::Rc;
+
+    #[test]
+    fn endless_output_is_cut_and_says_so() {
+        let handed_on = Rc::new(RefCell::new(String::new()));
+        let copy = Rc::clone(&handed_on);
+        let mut printed = Printed::new(move |line| copy.borrow_mut().push_str(line));
+        // Two bytes each, and an odd number of them, so that the cut falls into a character.
+        let line = "ü".repeat(300_000);
+        printed.line("first");
+        for _ in 0..3 {
+            printed.line(&line);
+        }
+        let text = printed.take();
+        assert!(text.starts_with("first\nüü"));
+        assert!(text.ends_with("üü\n(cut here: of what a scenario prints 1 MiB are kept)\n"));
+        assert!(text.len() < MOST + 100, "{}", text.len());
+        assert_eq!(*handed_on.borrow(), text);
+    }
+}
