@@ -11,6 +11,8 @@ const WORD: usize = size_of::<u64>();
 /// Words up to the board. From there on clients and emulator write side by side, and in the requests both write the
 /// same fields.
 const WORDS: usize = offset_of!(Header, board) / WORD;
+// They are looked at four at a time.
+const _: () = assert!(WORDS.is_multiple_of(4));
 
 /// For each word the bits that only the emulator changes, and only while the firmware runs.
 const WATCHED: [u64; WORDS] = {
@@ -61,8 +63,8 @@ impl HeaderWatch {
     /// Notes the page as the firmware leaves it.
     #[inline]
     pub fn leave(&mut self) {
-        for (left, now) in self.left.iter_mut().zip(self.now.iter()) {
-            *left = now.load();
+        for (left, now) in self.left.as_chunks_mut().0.iter_mut().zip(self.now.as_chunks().0) {
+            *left = Cell64::load_four(now);
         }
     }
 
@@ -76,9 +78,16 @@ impl HeaderWatch {
     /// Reports what was written since.
     #[inline]
     pub fn look(&mut self, now: u64, journal: &mut Journal) {
-        let words = self.now.iter().zip(&self.left).zip(&WATCHED);
-        let differs = words.fold(0, |all, ((now, left), watched)| all | (now.load() ^ left) & watched);
-        if differs != 0 {
+        let mut bits = [0; 4];
+        let (left, watched) = (self.left.as_chunks::<4>().0, WATCHED.as_chunks::<4>().0);
+        let rows = self.now.as_chunks::<4>().0.iter().zip(left).zip(watched);
+        for ((now, left), watched) in rows {
+            let words = Cell64::load_four(now).into_iter().zip(left).zip(watched);
+            for (bits, ((now, left), watched)) in bits.iter_mut().zip(words) {
+                *bits |= (now ^ left) & watched;
+            }
+        }
+        if bits != [0; 4] {
             self.report(now, journal);
         }
     }

@@ -77,15 +77,15 @@ impl Registers {
     }
 }
 
-/// All bits in which the words differ. The compiler does not vectorize atomic loads: four words at a time, each with
-/// a result of its own, keep the processor's load ports busy.
+/// All bits in which the words differ. Four words at a time, each with a result of its own, keep the processor's load
+/// ports busy.
 #[inline]
 fn differences(now: &[Cell64], left: &[u64]) -> u64 {
     let ((now, now_rest), (left, left_rest)) = (now.as_chunks::<4>(), left.as_chunks::<4>());
     let mut bits = [0; 4];
     for (now, left) in now.iter().zip(left) {
-        for ((bits, now), left) in bits.iter_mut().zip(now).zip(left) {
-            *bits |= now.load() ^ left;
+        for ((bits, now), left) in bits.iter_mut().zip(Cell64::load_four(now)).zip(left) {
+            *bits |= now ^ left;
         }
     }
     let rest = now_rest.iter().zip(left_rest).fold(0, |bits, (now, left)| bits | now.load() ^ left);

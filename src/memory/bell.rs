@@ -90,7 +90,7 @@ fn sleep(bells: &[(&Bell, u32)], left: Option<Duration>) {
         [(bell, seen)] => {
             let left = left.and_then(|left| Timespec::try_from(left).ok());
             let flags = futex::Flags::empty();
-            let _ = futex::wait(bell.word.as_atomic(), flags, seen.to_le(), left.as_ref());
+            let _ = futex::wait(bell.word.as_futex(), flags, seen.to_le(), left.as_ref());
         }
         [] => pause(),
         _ if bells.len() > MAX_WAITV => pause(),
@@ -110,7 +110,7 @@ fn sleep(bells: &[(&Bell, u32)], left: Option<Duration>) {
 fn one_of_many(bell: &Bell, seen: u32) -> futex::Wait {
     let mut wait = futex::Wait::new();
     wait.val = u64::from(seen.to_le());
-    wait.uaddr = futex::WaitPtr::new(bell.word.as_atomic().as_ptr().cast());
+    wait.uaddr = futex::WaitPtr::new(bell.word.as_ptr().cast());
     wait.flags = futex::WaitFlags::SIZE_U32;
     wait
 }
@@ -168,7 +168,7 @@ impl Line for Bell {
 
     fn wake_all(&self) {
         // The word is mapped and aligned, so the call cannot fail.
-        let _ = futex::wake(self.word.as_atomic(), futex::Flags::empty(), i32::MAX as u32);
+        let _ = futex::wake(self.word.as_futex(), futex::Flags::empty(), i32::MAX as u32);
     }
 
     fn fence() {

@@ -1,21 +1,23 @@
 //! Register cells: the only way anything in this project touches the emulated RAM.
 //!
-//! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits) and is accessed at
-//! that width only, by firmware and clients alike: conflicting atomic accesses of different sizes are
-//! not defined by the language. A cell holds its value in little-endian byte order (decision D-01),
+//! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits) and is written at that width only, by
+//! firmware and clients alike: so nobody tears it, and nobody writes its neighbour. That cells of different widths may
+//! lie over the same bytes all the same is the doing of [`super::access`]. A cell holds its value in little-endian byte order (decision D-01),
 //! whatever the host's order is.
 //!
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no
 //! further fences: whoever sees the control register sees the data written before it.
 
-use core::sync::atomic::{AtomicU8, AtomicU16, AtomicU32, AtomicU64, Ordering};
+use super::access::{Value, load_four};
+use core::cell::UnsafeCell;
+use core::sync::atomic::AtomicU32;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Marker of types that consist of cells only.
 ///
 /// # Safety
-/// Every byte of the type must lie in an atomic that is only accessed atomically, any bit pattern must
-/// be valid, and the type must contain no padding.
+/// Every byte of the type must lie in a cell of this module, any bit pattern must be valid, and the type must contain no
+/// padding.
 pub unsafe trait SharedRegs: FromBytes + IntoBytes + KnownLayout + Sync {}
 
 // SAFETY: an array of cells is nothing but cells.
@@ -25,26 +27,32 @@ unsafe impl<T: SharedRegs, const N: usize> SharedRegs for [T; N] where
 }
 
 macro_rules! cell {
-    ($(#[$doc:meta])* $name:ident, $atomic:ty, $value:ty) => {
+    ($(#[$doc:meta])* $name:ident, $align:literal, $value:ty) => {
         $(#[$doc])*
         #[derive(FromBytes, IntoBytes, KnownLayout)]
-        #[repr(transparent)]
-        pub struct $name($atomic);
+        #[repr(C, align($align))]
+        pub struct $name(UnsafeCell<$value>);
 
-        // SAFETY: the one field is an atomic, and every access below goes through it.
+        // SAFETY: every access to the value is one of the functions of `access`, which threads may mix.
+        unsafe impl Sync for $name {}
+
+        // SAFETY: it is a cell of this module.
         unsafe impl SharedRegs for $name {}
 
         impl $name {
             /// The register's value.
             #[inline]
             pub fn load(&self) -> $value {
-                <$value>::from_le(self.0.load(Ordering::Acquire))
+                // SAFETY: the cell is valid and aligned, and accessed in this way only.
+                <$value>::from_le(unsafe { Value::load(self.0.get()) })
             }
 
             /// Writes the register.
             #[inline]
             pub fn store(&self, value: $value) {
-                self.0.store(value.to_le(), Ordering::Release);
+                // SAFETY: as in `load`; cells in memory that cannot be written are only lent out by `segment`, which
+                // does not store to them.
+                unsafe { Value::store(self.0.get(), value.to_le()) }
             }
 
             /// Writes `new` if the register still holds `current`.
@@ -53,10 +61,9 @@ macro_rules! cell {
             /// The value found instead of `current`; the register is then untouched.
             #[inline]
             pub fn compare_exchange(&self, current: $value, new: $value) -> Result<$value, $value> {
-                self.0
-                    .compare_exchange(current.to_le(), new.to_le(), Ordering::AcqRel, Ordering::Acquire)
-                    .map(<$value>::from_le)
-                    .map_err(<$value>::from_le)
+                // SAFETY: as in `store`.
+                let found = unsafe { Value::compare_exchange(self.0.get(), current.to_le(), new.to_le()) };
+                found.map(<$value>::from_le).map_err(<$value>::from_le)
             }
 
             /// Replaces the value by `f(value)` without losing a concurrent write, and returns the old value.
@@ -82,37 +89,50 @@ macro_rules! cell {
 
 cell!(
     /// An 8-bit register (BYTE, SINT, USINT).
-    Cell8, AtomicU8, u8
+    Cell8, 1, u8
 );
 cell!(
     /// A 16-bit register (WORD, INT, UINT).
-    Cell16, AtomicU16, u16
+    Cell16, 2, u16
 );
 cell!(
     /// A 32-bit register (DWORD, DINT, UDINT).
-    Cell32, AtomicU32, u32
+    Cell32, 4, u32
 );
 cell!(
     /// A 64-bit word of the header page; the device itself has no register that wide.
-    Cell64, AtomicU64, u64
+    Cell64, 8, u64
 );
 
-impl Cell32 {
-    /// The atomic behind the cell, for futex waits on header words (never for registers).
+impl Cell64 {
+    /// Loads four words, which is faster than one by one.
     #[inline]
-    pub fn as_atomic(&self) -> &AtomicU32 {
-        &self.0
+    pub fn load_four(cells: &[Cell64; 4]) -> [u64; 4] {
+        // SAFETY: cells have size and alignment of their values, are valid, and are accessed in this way only.
+        let words = unsafe { load_four(core::ptr::from_ref(cells).cast::<[u64; 4]>()) };
+        words.map(u64::from_le)
+    }
+}
+
+impl Cell32 {
+    /// Where the cell lies, for calls of the kernel that want to know.
+    #[inline]
+    pub fn as_ptr(&self) -> *mut u32 {
+        self.0.get()
+    }
+
+    /// The cell as the calls for futexes want it (header words, never registers). It is for the kernel: an atomic access
+    /// through it would be one that `access` does not know of.
+    #[inline]
+    pub(super) fn as_futex(&self) -> &AtomicU32 {
+        // SAFETY: valid and aligned, and nobody accesses it but the kernel.
+        unsafe { AtomicU32::from_ptr(self.as_ptr()) }
     }
 
     /// Adds, wrapping, and returns the new value.
     #[inline]
     pub fn add(&self, amount: u32) -> u32 {
-        let old = if cfg!(target_endian = "little") {
-            self.0.fetch_add(amount, Ordering::AcqRel)
-        } else {
-            self.update(|value| value.wrapping_add(amount))
-        };
-        old.wrapping_add(amount)
+        self.update(|value| value.wrapping_add(amount)).wrapping_add(amount)
     }
 
     /// Adds one, wrapping, and returns the new value.

@@ -4,6 +4,7 @@
 //! look at it through typed [`View`]s of register cells; tools that only know addresses use its raw
 //! accesses at a given [`Width`].
 
+mod access;
 mod attach;
 pub mod bell;
 pub mod cell;

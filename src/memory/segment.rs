@@ -2,23 +2,22 @@
 //!
 //! Access rules, enforced here:
 //!
-//! 1. Nobody gets a `&T` of plain data; only cells (see [`super::cell`]) lie over the memory.
-//! 2. One width per register. The segment does not know the registers, so whoever uses the raw accesses
+//! 1. Nobody gets a `&T` of plain data; only cells (see [`super::cell`]) lie over the memory, and whatever accesses it is
+//!    one of the functions of [`super::access`], to which widths that differ are no trouble.
+//! 2. A register is written at its own width. The segment does not know the registers, so whoever uses the raw accesses
 //!    takes the width from the register map; a part of a register is written with
 //!    [`Segment::store_within`], which replaces the whole register by compare-exchange.
-//! 3. The one exception are bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the
-//!    access checker): they load aligned 32-bit or 64-bit words whatever the registers' widths are. They never write, each word is one
-//!    single-copy atomic load on every platform Linux runs on, and field-wise copies of megabytes would
-//!    cost four times as much. A copy may be torn between words; what belongs together is read under its
-//!    handshake.
+//! 3. Bulk copies and comparisons ([`Segment::read_range`], [`Segment::snapshot`], the access checker) load aligned 32-bit
+//!    or 64-bit words whatever the registers' widths are: each register lies in one word, so none is torn, and
+//!    field-wise copies of megabytes would cost four times as much. They never write. A copy may be torn between words;
+//!    what belongs together is read under its handshake.
 //! 4. The first [`HEADER_SIZE`] bytes are the header page and cannot be reached by raw accesses.
 
-use super::{Cell64, HEADER_SIZE, Header, MemoryError, View, Width, cell::SharedRegs};
-use core::{
-    fmt,
-    ptr::NonNull,
-    sync::atomic::{AtomicU8, AtomicU16, AtomicU32, AtomicU64, Ordering, fence},
+use super::{
+    Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::Value,
+    cell::SharedRegs,
 };
+use core::{fmt, ptr::NonNull};
 use memmap2::{MmapOptions, MmapRaw};
 use std::sync::Arc;
 use zerocopy::IntoBytes;
@@ -33,7 +32,7 @@ pub(super) struct Backing {
     _map: MmapRaw,
 }
 
-// SAFETY: the pointer is only ever used for atomic accesses, and the map it points to is Send + Sync.
+// SAFETY: the pointer is only ever used for accesses that threads may mix, and the map it points to is Send + Sync.
 unsafe impl Send for Backing {}
 // SAFETY: as above.
 unsafe impl Sync for Backing {}
@@ -138,11 +137,10 @@ impl Segment {
         let mut copy = new_box::<Header>();
         for (i, chunk) in copy.as_mut_bytes().chunks_exact_mut(8).enumerate() {
             // SAFETY: the segment is longer than the header page and the base is page-aligned; mapped for
-            // as long as `self` lives, and accessed atomically by everybody.
-            let word = unsafe { &*self.backing.base.as_ptr().cast::<AtomicU64>().add(i) };
-            chunk.copy_from_slice(&word.load(Ordering::Relaxed).to_ne_bytes());
+            // as long as `self` lives.
+            let word = unsafe { u64::load(self.backing.base.as_ptr().cast::<u64>().add(i)) };
+            chunk.copy_from_slice(&word.to_ne_bytes());
         }
-        fence(Ordering::Acquire);
         copy
     }
 
@@ -152,14 +150,11 @@ impl Segment {
     /// Misaligned, out of bounds or in the header page.
     pub fn load(&self, offset: u32, width: Width) -> Result<u32, MemoryError> {
         let register = self.register(offset, width)?;
-        let value = match register {
-            Register::Byte(cell) => u32::from(cell.load(Ordering::Relaxed)),
-            Register::Word(cell) => u32::from(u16::from_le(cell.load(Ordering::Relaxed))),
-            Register::Dword(cell) => u32::from_le(cell.load(Ordering::Relaxed)),
-        };
-        // Not an Acquire load: of those only Relaxed ones are guaranteed to work on read-only memory.
-        fence(Ordering::Acquire);
-        Ok(value)
+        Ok(match register {
+            Register::Byte(cell) => u32::from(cell.load()),
+            Register::Word(cell) => u32::from(cell.load()),
+            Register::Dword(cell) => cell.load(),
+        })
     }
 
     /// Stores to the register at `%MB3.offset` (Release).
@@ -169,9 +164,9 @@ impl Segment {
     pub fn store(&self, offset: u32, width: Width, value: u32) -> Result<(), MemoryError> {
         let register = self.writable_register(offset, width, &[value])?;
         match register {
-            Register::Byte(cell) => cell.store(value as u8, Ordering::Release),
-            Register::Word(cell) => cell.store((value as u16).to_le(), Ordering::Release),
-            Register::Dword(cell) => cell.store(value.to_le(), Ordering::Release),
+            Register::Byte(cell) => cell.store(value as u8),
+            Register::Word(cell) => cell.store(value as u16),
+            Register::Dword(cell) => cell.store(value),
         }
         Ok(())
     }
@@ -189,19 +184,14 @@ impl Segment {
         new: u32,
     ) -> Result<Result<u32, u32>, MemoryError> {
         let register = self.writable_register(offset, width, &[current, new])?;
-        let (ok, fail) = (Ordering::AcqRel, Ordering::Acquire);
         Ok(match register {
             Register::Byte(cell) => {
-                cell.compare_exchange(current as u8, new as u8, ok, fail).map(u32::from).map_err(u32::from)
+                cell.compare_exchange(current as u8, new as u8).map(u32::from).map_err(u32::from)
             }
-            Register::Word(cell) => cell
-                .compare_exchange((current as u16).to_le(), (new as u16).to_le(), ok, fail)
-                .map(|v| u32::from(u16::from_le(v)))
-                .map_err(|v| u32::from(u16::from_le(v))),
-            Register::Dword(cell) => cell
-                .compare_exchange(current.to_le(), new.to_le(), ok, fail)
-                .map(u32::from_le)
-                .map_err(u32::from_le),
+            Register::Word(cell) => {
+                cell.compare_exchange(current as u16, new as u16).map(u32::from).map_err(u32::from)
+            }
+            Register::Dword(cell) => cell.compare_exchange(current, new),
         })
     }
 
@@ -280,7 +270,6 @@ impl Segment {
             chunk.copy_from_slice(&bytes[..chunk.len()]);
             at += 4;
         }
-        fence(Ordering::Acquire);
     }
 
     /// The bytes of the 32-bit word at `offset`, in memory order.
@@ -288,9 +277,8 @@ impl Segment {
     fn word(&self, offset: usize) -> [u8; 4] {
         debug_assert!(offset.is_multiple_of(4) && offset + 4 <= SEGMENT_SIZE);
         // SAFETY: called with aligned offsets inside the segment only, whose length is a multiple of 4;
-        // the memory is mapped for as long as `self` lives and everybody accesses it atomically.
-        let word = unsafe { &*self.backing.base.as_ptr().add(offset).cast::<AtomicU32>() };
-        word.load(Ordering::Relaxed).to_ne_bytes()
+        // the memory is mapped for as long as `self` lives.
+        unsafe { u32::load(self.backing.base.as_ptr().add(offset).cast::<u32>()) }.to_ne_bytes()
     }
 
     fn need_writable(&self, offset: usize) -> Result<(), MemoryError> {
@@ -334,13 +322,13 @@ impl Segment {
             return Err(MemoryError::InHeader { address });
         }
         // SAFETY: in bounds and aligned for the width (just checked, the base is page-aligned), mapped
-        // for as long as `self` lives, and accessed atomically by everybody.
+        // for as long as `self` lives. `writable_register` alone lends one out to be stored to.
         unsafe {
             let at = self.backing.base.as_ptr().add(start);
             Ok(match width {
-                Width::Byte => Register::Byte(&*at.cast::<AtomicU8>()),
-                Width::Word => Register::Word(&*at.cast::<AtomicU16>()),
-                Width::Dword => Register::Dword(&*at.cast::<AtomicU32>()),
+                Width::Byte => Register::Byte(&*at.cast::<Cell8>()),
+                Width::Word => Register::Word(&*at.cast::<Cell16>()),
+                Width::Dword => Register::Dword(&*at.cast::<Cell32>()),
             })
         }
     }
@@ -353,9 +341,9 @@ impl fmt::Debug for Segment {
 }
 
 enum Register<'a> {
-    Byte(&'a AtomicU8),
-    Word(&'a AtomicU16),
-    Dword(&'a AtomicU32),
+    Byte(&'a Cell8),
+    Word(&'a Cell16),
+    Dword(&'a Cell32),
 }
 
 /// Zeroed cells of this process alone.

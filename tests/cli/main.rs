@@ -10,6 +10,7 @@ mod check;
 mod demo;
 mod faults;
 mod force;
+mod hostile_scenarios;
 mod instances;
 mod no_channel;
 mod offline;

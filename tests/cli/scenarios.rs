@@ -1,17 +1,15 @@
 //! `commram test`: the scenarios of the tutorial, and everything that can go wrong with a scenario.
 
-use crate::common::{Outcome, commram, eventually, finish, run, wait_for};
-use rustix::fs::{Mode, OFlags};
-use std::io::{BufRead, BufReader};
+use crate::common::{Outcome, commram, finish, run};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use tempfile::TempDir;
 
 /// Scripts in a directory of their own, which is where the command runs.
-struct Scripts(TempDir);
+pub struct Scripts(pub TempDir);
 
 impl Scripts {
-    fn new(scripts: &[(&str, &str)]) -> Self {
+    pub fn new(scripts: &[(&str, &str)]) -> Self {
         let directory = TempDir::new().unwrap();
         for (name, text) in scripts {
             std::fs::write(directory.path().join(name), text).unwrap();
@@ -19,17 +17,17 @@ impl Scripts {
         Self(directory)
     }
 
-    fn command(&self, args: &[&str]) -> Command {
+    pub fn command(&self, args: &[&str]) -> Command {
         let mut command = commram();
         command.arg("test").args(args).current_dir(self.0.path());
         command
     }
 
-    fn run(&self, args: &[&str]) -> Outcome {
+    pub fn run(&self, args: &[&str]) -> Outcome {
         finish(&mut self.command(args))
     }
 
-    fn read(&self, name: &str) -> String {
+    pub fn read(&self, name: &str) -> String {
         std::fs::read_to_string(self.0.path().join(name)).unwrap()
     }
 }
@@ -268,149 +266,6 @@ fn endless_scenarios_are_ended() {
     let expected = "1 s of emulated time at 5.000000 s would go beyond the 5 s that a scenario may take";
     assert!(outcome.out.contains(expected), "{}", outcome.out);
     assert!(outcome.out.contains("line      time.rhai:1: loop"), "{}", outcome.out);
-}
-
-#[test]
-fn what_prints_for_ever_is_cut_and_ends() {
-    let scripts =
-        Scripts::new(&[("print.rhai", "let text = \"ü\"; text.pad(10000, \"ü\"); loop { print(text) }")]);
-    let outcome = scripts.run(&["print.rhai", "--max-operations", "10000", "--format", "json"]);
-    assert_eq!(outcome.code, Some(1), "{}", outcome.err);
-    let reports: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
-    let printed = reports[0]["printed"].as_str().unwrap();
-    assert!(printed.ends_with("\n(cut here: of what a scenario prints 1 MiB are kept)\n"));
-    assert!(printed.len() < 1_100_000, "{}", printed.len());
-    assert_eq!(
-        reports[0]["message"],
-        "the script does not end: stopped after 10000 operations (--max-operations)"
-    );
-}
-
-/// Two imports that go round in a circle, directly and by way of the scenario itself, and one that is merely used twice.
-#[test]
-fn imports_in_a_circle_are_named_with_their_lines() {
-    let scripts = Scripts::new(&[
-        ("self.rhai", "// nothing\nimport \"self\" as me;\n"),
-        ("main.rhai", "import \"a\" as a;\n"),
-        ("a.rhai", "\nimport \"b\" as b;\n"),
-        ("b.rhai", "\n\nimport \"./a\" as a;\n"),
-        ("twice.rhai", "import \"part\" as p; import \"other\" as o; o::part();"),
-        ("other.rhai", "import \"part\" as p; fn part() { p::part() }"),
-        ("part.rhai", "fn part() { step(\"1ms\") }"),
-    ]);
-    let outcome = scripts.run(&["self.rhai", "main.rhai", "twice.rhai", "--junit", "report.xml"]);
-    assert_eq!((outcome.code, outcome.err.as_str()), (Some(2), ""));
-    for expected in [
-        "broken  self.rhai  0.000000 s emulated",
-        "  self.rhai:2: `self`: this import goes round in a circle: self.rhai:2 imports self.rhai\n",
-        "  b.rhai:3: `./a`: this import goes round in a circle: a.rhai:2 imports b.rhai, b.rhai:3 imports ./a.rhai\n",
-        "    line      import \"./a\" as a;\n",
-        "passed  twice.rhai  0.001000 s emulated",
-        "1 passed, 0 failed, 2 broken; ",
-    ] {
-        assert!(outcome.out.contains(expected), "{}\nlacks {expected}", outcome.out);
-    }
-    assert!(scripts.read("report.xml").contains("tests=\"3\""));
-}
-
-#[test]
-fn imports_that_only_lead_on_and_on_are_ended() {
-    let scripts = Scripts::new(&[]);
-    for n in 0..100 {
-        let text = format!("import \"s{}\" as next;\n", n + 1);
-        std::fs::write(scripts.0.path().join(format!("s{n}.rhai")), text).unwrap();
-    }
-    let outcome = scripts.run(&["s0.rhai"]);
-    assert_eq!(outcome.code, Some(2), "{}", outcome.out);
-    assert!(outcome.out.contains("s32.rhai:1: `s33`: imports may be nested 32 deep"), "{}", outcome.out);
-}
-
-#[test]
-fn a_loop_ends_after_its_real_time() {
-    let scripts = Scripts::new(&[("loop.rhai", "let n = 0;\nloop { n += 1 }")]);
-    let outcome =
-        scripts.run(&["loop.rhai", "--max-real-time", "100ms", "--max-operations", "1000000000000"]);
-    assert_eq!(outcome.code, Some(1), "{}", outcome.out);
-    let expected = "the script does not end: stopped after 100 ms of real time (--max-real-time)\n    line      loop.rhai:2: ";
-    let plain = outcome.out.replace("  ", " ");
-    assert!(plain.contains(&expected.replace("  ", " ")), "{}", outcome.out);
-}
-
-#[test]
-fn a_scenario_that_crashes_harms_no_other() {
-    let scripts = Scripts::new(&[
-        ("1-memory.rhai", "print(\"begins\"); let all = []; loop { all.push(snapshot(\"node2\")) }"),
-        ("2-good.rhai", "print(\"fine\"); step(\"1ms\");"),
-    ]);
-    let files = ["1-memory.rhai", "2-good.rhai"];
-    let outcome = scripts.run(&[&files[..], &["--max-memory", "64", "--junit", "report.xml"]].concat());
-    assert_eq!((outcome.code, outcome.err.as_str()), (Some(1), ""));
-    for expected in [
-        "died    1-memory.rhai  in ",
-        "1-memory.rhai: its process has not come to the end of the scenario (signal: 6 (SIGABRT)",
-        "memory allocation of ",
-        "  | begins\n",
-        "passed  2-good.rhai  0.001000 s emulated in ",
-        "1 passed, 0 failed, 0 broken, 1 died; ",
-    ] {
-        assert!(outcome.out.contains(expected), "{}\nlacks {expected}", outcome.out);
-    }
-    let report = scripts.read("report.xml");
-    assert!(report.contains("<error message=\"1-memory.rhai: its process"), "{report}");
-    assert!(report.contains("tests=\"2\""), "{report}");
-}
-
-/// A pipe that nobody writes to: reading the script never ends.
-#[test]
-fn a_scenario_that_hangs_within_a_step_is_killed_and_harms_no_other() {
-    let scripts = Scripts::new(&[("2-good.rhai", "step(\"1ms\");")]);
-    let pipe = scripts.0.path().join("1-pipe.rhai");
-    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let outcome = scripts.run(&["1-pipe.rhai", "2-good.rhai", "--max-real-time", "1s", "--format", "json"]);
-    assert_eq!((outcome.code, outcome.err.as_str()), (Some(1), ""));
-    let reports: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
-    assert_eq!((&reports[0]["outcome"], &reports[1]["outcome"]), (&"died".into(), &"passed".into()));
-    let expected =
-        "1-pipe.rhai: killed, because after 1 s of real time (--max-real-time) it was still at the same step";
-    assert_eq!((&reports[0]["message"], reports[0].get("emulated_us")), (&expected.into(), None));
-}
-
-#[test]
-fn a_report_is_written_although_the_user_has_had_enough() {
-    let scripts = Scripts::new(&[("1-good.rhai", "step(1)"), ("3-good.rhai", "step(1)")]);
-    let pipe = scripts.0.path().join("2-pipe.rhai");
-    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let files = ["1-good.rhai", "2-pipe.rhai", "3-good.rhai"];
-    let mut command = scripts.command(&[&files[..], &["--jobs", "1", "--junit", "report.xml"]].concat());
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
-    assert!(lines.next().unwrap().starts_with("passed  1-good.rhai"));
-    // Can be opened as soon as somebody reads it, who then waits for what we never write.
-    let mut writer = None;
-    let is_read = || {
-        let flags = OFlags::WRONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        writer = rustix::fs::open(&pipe, flags, Mode::empty()).ok();
-        writer.is_some()
-    };
-    assert!(eventually(is_read), "the second scenario does not begin");
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    let rest: Vec<_> = lines.collect();
-    assert_eq!(wait_for(&mut child, "an interrupted test").code(), Some(1));
-    assert!(rest.contains(&"  2-pipe.rhai: interrupted".to_owned()), "{rest:?}");
-    assert!(rest.contains(&"  3-good.rhai: not run: interrupted".to_owned()), "{rest:?}");
-    assert!(scripts.read("report.xml").contains("tests=\"3\""));
-}
-
-/// As behind `| head -1`.
-#[test]
-fn a_report_is_written_although_nobody_reads_the_output() {
-    let scripts = Scripts::new(&[("a.rhai", "step(1)"), ("b.rhai", "step(1)")]);
-    let mut command = scripts.command(&["a.rhai", "b.rhai", "--junit", "report.xml"]);
-    let (reader, writer) = std::io::pipe().unwrap();
-    drop(reader);
-    let mut child = command.stdout(writer).spawn().unwrap();
-    wait_for(&mut child, "a test that nobody listens to");
-    assert!(scripts.read("report.xml").contains("tests=\"2\""));
 }
 
 #[test]

@@ -187,6 +187,51 @@ fn ranges_at_any_alignment() {
     }
 }
 
+/// A word, a doubleword and a byte beside each other, each written at its own width, while others look at all of it in
+/// words of 64 and 32 bits: no register is ever seen torn, and none is written by who writes its neighbour.
+#[test]
+fn registers_are_whole_whatever_width_they_are_looked_at_in() {
+    const TURNS: u32 = 20_000;
+    // Offset, width, and the two values it alternates between.
+    let registers = [
+        (200_000, Width::Dword, [0x1111_1111, 0xEEEE_EEEE_u32]),
+        (200_004, Width::Word, [0x2222, 0xDDDD]),
+        (200_006, Width::Byte, [0x33, 0xCC]),
+        (200_007, Width::Byte, [0x44, 0xBB]),
+    ];
+    let is_whole = |bytes: [u8; 8]| {
+        registers.iter().all(|(offset, width, values)| {
+            let start = *offset as usize - 200_000;
+            values
+                .iter()
+                .any(|value| bytes[start..].starts_with(&value.to_le_bytes()[..width.bytes() as usize]))
+        })
+    };
+    for segment in both() {
+        for (offset, width, [value, _]) in registers {
+            segment.store(offset, width, value).unwrap();
+        }
+        let wide = segment.view::<Cell64>(200_000).unwrap();
+        std::thread::scope(|scope| {
+            let segment = &segment;
+            let writers = registers.map(|(offset, width, values)| {
+                scope.spawn(move || {
+                    for turn in 0..TURNS {
+                        segment.store(offset, width, values[turn as usize % 2]).unwrap();
+                    }
+                })
+            });
+            while !writers.iter().all(|writer| writer.is_finished()) {
+                let mut bytes = [0; 8];
+                segment.read_range(200_000, &mut bytes).unwrap();
+                assert!(is_whole(bytes), "{bytes:X?}");
+                let bytes = wide.load().to_le_bytes();
+                assert!(is_whole(bytes), "{bytes:X?}");
+            }
+        });
+    }
+}
+
 #[test]
 fn a_snapshot_is_private() {
     for segment in both() {

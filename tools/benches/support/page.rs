@@ -7,6 +7,7 @@ use rustix::thread::futex;
 use std::fs::File;
 use std::os::fd::AsRawFd;
 use std::path::Path;
+use std::sync::atomic::AtomicU32;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// What lies in the page: the two registers side by side and the two futex words in cache lines of their
@@ -75,12 +76,18 @@ impl Page {
 /// Counts the word up and wakes who sleeps on it, in as few steps as there can be.
 pub fn ring(word: &Cell32) {
     word.increment();
-    futex::wake(word.as_atomic(), futex::Flags::empty(), 1).expect("a futex can be woken");
+    futex::wake(futex_word(word), futex::Flags::empty(), 1).expect("a futex can be woken");
 }
 
 /// Sleeps until the word is no longer `seen`; wakes up now and then to look whether all is well.
 pub fn sleep(word: &Cell32, seen: u32) {
     let timeout = futex::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
     // All of its errors mean: look again.
-    let _ = futex::wait(word.as_atomic(), futex::Flags::empty(), seen.to_le(), Some(&timeout));
+    let _ = futex::wait(futex_word(word), futex::Flags::empty(), seen.to_le(), Some(&timeout));
+}
+
+/// The word as the calls want it, which are all that ever use it so.
+fn futex_word(word: &Cell32) -> &AtomicU32 {
+    // SAFETY: valid and aligned; nobody accesses it but the kernel.
+    unsafe { AtomicU32::from_ptr(word.as_ptr()) }
 }
