@@ -4,12 +4,12 @@ use super::config::{DriveError, ParameterNumbers};
 use super::drivecom::{Enable, State};
 use super::parameters::ParameterSpec;
 use super::regler::{Setup, VRegler};
-use super::sync::SyncWatch;
+use crate::bus::SyncLock;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
 /// How far from the SYNC slot (P167) the distance of two trigger edges may be, in us (decision D-156).
-const TOLERANCE_US: u64 = 20;
+const TOLERANCE_US: u32 = 20;
 
 /// The drive of a PLC, section `[plc.drive]` of the plant file. Every key has a default.
 ///
@@ -31,6 +31,10 @@ pub struct BuiltInDriveConfig {
     pub enable: Enable,
     /// How long the trigger controller's signal must come without a gap, in us, until the drive is synchronized (D-07).
     pub lock_time_us: u64,
+    /// How long that signal may be gone, in us, until the drive is no longer synchronized. Left out: two and a half SYNC
+    /// slots (P167); see [`SyncLock`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sync_loss_us: Option<u64>,
     /// Time from a service data job to its answer, in us (decision D-158).
     pub service_time_us: u64,
     /// Largest change of the speed per second; as for a drive on the bus.
@@ -48,6 +52,7 @@ impl Default for BuiltInDriveConfig {
             software: 309,
             enable: Enable::ByControlWord,
             lock_time_us: 1_000_000,
+            sync_loss_us: None,
             service_time_us: 2000,
             ramp_per_second: None,
             numbers: ParameterNumbers::default(),
@@ -60,7 +65,8 @@ impl Default for BuiltInDriveConfig {
 #[derive(Clone, Debug)]
 pub struct BuiltInDrive {
     regler: VRegler,
-    sync: SyncWatch,
+    sync: SyncLock,
+    /// The last edge that the drive goes by.
     last_edge: Option<u64>,
 }
 
@@ -78,35 +84,33 @@ impl BuiltInDrive {
             parameters: &config.parameters,
             software: Some(config.software),
         })?;
-        let mut sync = SyncWatch::new(config.lock_time_us);
+        let mut sync = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         sync.set_mode(true);
         Ok(BuiltInDrive { regler, sync, last_edge: None })
     }
 
-    /// An edge of the trigger signal at `now_us`. In step with the SYNC slot (P167) for the lock time, the drive
-    /// is synchronized.
-    pub(crate) fn trigger_edge(&mut self, now_us: u64) {
-        let slot = u64::from(self.sync_slot_us());
-        let distance = self.last_edge.replace(now_us).map(|last| now_us.saturating_sub(last));
-        if slot == 0 || distance.is_some_and(|distance| distance.abs_diff(slot) > TOLERANCE_US) {
+    /// An edge of the trigger signal at `now_us`. In step with the SYNC slot (P167) for the lock time, the drive is
+    /// synchronized. Tells whether the drive goes by this edge: once synchronized, not by one that is off its time.
+    pub(crate) fn trigger_edge(&mut self, now_us: u64) -> bool {
+        let slot = self.sync_slot_us();
+        if slot == 0 {
             self.sync.unlock();
-        }
-        if slot != 0 {
-            self.sync.edge(now_us, slot as u32);
+        } else {
+            self.sync.edge(now_us, slot, TOLERANCE_US);
         }
         self.regler.show_synchronized(self.sync.is_locked());
+        let counts = !self.sync.is_locked() || self.sync.last_edge() == now_us;
+        if counts {
+            self.last_edge = Some(now_us);
+        }
+        counts
     }
 
-    /// One run of the control task at `now_us`, `us` after the last. A trigger signal that has failed for one and a
-    /// half slots ends the synchronized state.
+    /// One run of the control task at `now_us`, `us` after the last. A trigger signal that has been gone for too long
+    /// ends the synchronized state.
     pub(crate) fn step(&mut self, now_us: u64, us: u32) {
-        let slot = u64::from(self.sync_slot_us());
-        if self.sync.is_locked()
-            && self.last_edge.is_some_and(|last| now_us.saturating_sub(last) > slot * 3 / 2)
-        {
-            self.sync.unlock();
-            self.regler.show_synchronized(false);
-        }
+        self.sync.pass(now_us);
+        self.regler.show_synchronized(self.sync.is_locked());
         self.regler.step(us);
     }
 
@@ -193,7 +197,16 @@ mod tests {
         let mut drive = drive();
         assert_eq!(locks(&mut drive, &[100, 2100, 4100, 6120]), [false, false, true, true]);
         assert_eq!(drive.status_word() & 0x8000, 0x8000);
-        assert_eq!(locks(&mut drive, &[8141, 10141, 12141]), [false, false, true]);
+        assert_eq!(
+            locks(&mut drive, &[8141, 10120, 14120]),
+            [true, true, true],
+            "one off its time, one missing"
+        );
+        assert_eq!(
+            locks(&mut drive, &[19120, 21120, 23120]),
+            [false, false, true],
+            "two and a half slots without"
+        );
     }
 
     #[test]
@@ -211,9 +224,9 @@ mod tests {
     fn a_signal_that_fails_ends_the_lock() {
         let mut drive = drive();
         locks(&mut drive, &[0, 2000, 4000]);
-        drive.step(7000, 500);
+        drive.step(8999, 500);
         assert!(drive.is_synchronized());
-        drive.step(7001, 500);
+        drive.step(9000, 500);
         assert!(!drive.is_synchronized());
         assert_eq!(drive.status_word() & 0x8000, 0);
     }

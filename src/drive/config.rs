@@ -41,6 +41,10 @@ pub struct DriveConfig {
     /// How long SYNC must come without a gap, in us, until the drive is synchronized (decision D-07).
     #[serde(default = "default_lock_time_us")]
     pub lock_time_us: u64,
+    /// How long SYNC may be gone, in us, until the drive is no longer synchronized (manual 5.00005.03a p. 135). Left
+    /// out: two and a half intervals; see [`SyncLock`](crate::bus::SyncLock).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sync_loss_us: Option<u64>,
     /// State after power-on.
     #[serde(default)]
     pub enable: Enable,
@@ -87,6 +91,7 @@ impl DriveConfig {
             slave_number,
             zk: None,
             lock_time_us: default_lock_time_us(),
+            sync_loss_us: None,
             enable: Enable::default(),
             ramp_per_second: None,
             numbers: ParameterNumbers::default(),

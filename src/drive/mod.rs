@@ -24,7 +24,6 @@ mod drivecom;
 mod motion;
 mod parameters;
 mod regler;
-mod sync;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -43,10 +42,9 @@ use crate::bus::codec::{
     Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult, UpDownJob, UpDownResult,
     updown,
 };
-use crate::bus::{Channel, Frame, Payload};
+use crate::bus::{Channel, Frame, Payload, SyncLock};
 use card::Card;
 use regler::{Setup, VRegler};
-use sync::SyncWatch;
 
 /// Bit of the status word that the card overwrites with the SYNC state (manual 5.01010.01 p. 30).
 pub const SYNCHRONIZED: u16 = 0x8000;
@@ -56,7 +54,9 @@ pub const SYNCHRONIZED: u16 = 0x8000;
 pub struct Drive {
     name: String,
     slave_number: u8,
-    sync: SyncWatch,
+    sync: SyncLock,
+    /// The present interval began without its edge.
+    edge_is_missing: bool,
     card: Card,
     regler: VRegler,
 }
@@ -84,7 +84,8 @@ impl Drive {
         Ok(Drive {
             name: drive(),
             slave_number: cfg.slave_number,
-            sync: SyncWatch::new(cfg.lock_time_us),
+            sync: SyncLock::new(cfg.lock_time_us, cfg.sync_loss_us),
+            edge_is_missing: false,
             card,
             regler,
         })
@@ -105,12 +106,27 @@ impl Drive {
     #[inline]
     pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
         let was_synchronized = self.is_synchronized();
-        self.sync.edge(now_us, interval_us);
+        self.sync.edge(now_us, interval_us, interval_us / 4);
+        self.edge_is_missing = false;
         self.show_synchronized();
         let status_word = self.status_word();
         self.card.sample(&mut self.regler.store, status_word);
         // What came in an interval without lock is lost, also if the lock comes right after it.
-        if was_synchronized && self.is_synchronized() {
+        self.go_on(was_synchronized && self.is_synchronized(), interval_us);
+    }
+
+    /// An interval of `interval_us` begins at `now_us` by the drive's own clock, as its SYNC edge is missing. The first
+    /// one is run through (manual 5.00005.03a p. 135); after that nothing is exchanged (5.01010.01 p. 22). The drive
+    /// moves on in any case. Its actual value frames are left out, which p. 135 allows (decision D-124).
+    pub fn interval_without_edge(&mut self, now_us: u64, interval_us: u32) {
+        let runs_through = self.sync.runs_through(now_us);
+        self.pass(now_us);
+        self.edge_is_missing = true;
+        self.go_on(runs_through, interval_us);
+    }
+
+    fn go_on(&mut self, exchanges: bool, interval_us: u32) {
+        if exchanges {
             self.card.hand_over(&mut self.regler.store);
         } else {
             self.card.discard();
@@ -124,11 +140,20 @@ impl Drive {
         self.regler.show_synchronized(self.sync.is_locked());
     }
 
-    /// SYNC has stopped altogether: the drive is no longer synchronized. (A gap between two edges it
-    /// notices by itself, at the second one.)
-    pub fn sync_stopped(&mut self) {
-        self.sync.unlock();
+    /// Time has passed without a SYNC edge, up to `now_us`: the signal may have been gone for too long.
+    pub fn pass(&mut self, now_us: u64) {
+        self.sync.pass(now_us);
         self.show_synchronized();
+    }
+
+    /// When something will happen to the drive if no SYNC edge comes, beside its motion.
+    pub fn next_time(&self) -> Option<u64> {
+        self.sync.lost_at()
+    }
+
+    /// Whether the drive has nothing to do while no SYNC edge comes.
+    pub fn is_at_rest(&self) -> bool {
+        self.regler.is_at_rest()
     }
 
     /// The master's reference value frame of `channel`. Frames that do not carry a mapped value entirely
@@ -156,10 +181,10 @@ impl Drive {
     }
 
     /// The drive's actual value frame of `channel` in this interval; `None` if nothing is mapped into it:
-    /// then the drive does not answer. Words without a value are 0.
+    /// then the drive does not answer, nor in an interval without SYNC edge. Words without a value are 0.
     #[inline]
     pub fn actual_value_frame(&self, channel: Channel) -> Option<Payload> {
-        self.card.frame(channel)
+        if self.edge_is_missing { None } else { self.card.frame(channel) }
     }
 
     /// An action command; commands that do not concern the drive (SLAVE_GROUP) are ignored here.

@@ -34,9 +34,11 @@ pub(super) enum Slot {
     CommandStart,
     /// End of a frame that a fault has delayed or repeated.
     Stray,
+    /// Drives whose SYNC edge is missing go on by their own clock.
+    OwnClock,
 }
 
-const ALL: [Slot; 15] = [
+const ALL: [Slot; 16] = [
     Slot::CommandEnd,
     Slot::ResponseTimeout,
     Slot::Sync,
@@ -52,6 +54,7 @@ const ALL: [Slot; 15] = [
     Slot::Actual2End,
     Slot::CommandStart,
     Slot::Stray,
+    Slot::OwnClock,
 ];
 
 /// Due times of all slots of one bus; each slot is due at most once at a time.

@@ -7,6 +7,7 @@
 mod command;
 mod disturbance;
 mod fault;
+mod own_clock;
 mod process;
 
 use super::agenda::{Agenda, Slot};
@@ -20,6 +21,7 @@ use crate::firmware::cansync::{Built, Master, Slave};
 use crate::journal::{Event, Journal, Origin};
 use crate::layout::omega_drive_line_2::BaudRate;
 use disturbance::{Disturbance, Fate};
+use own_clock::OwnClock;
 
 /// Who is connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +85,7 @@ pub(super) struct SimBus {
     drive_answer: Option<Frame>,
     response: Option<Frame>,
     disturbance: Disturbance,
+    own_clock: OwnClock,
 }
 
 impl SimBus {
@@ -108,6 +111,7 @@ impl SimBus {
             drive_answer: None,
             response: None,
             disturbance: Disturbance::default(),
+            own_clock: OwnClock::default(),
         };
         for (number, plc) in plant.plcs.iter().enumerate() {
             if plc.node1.as_ref() == Some(&config.name) {
@@ -202,7 +206,7 @@ impl SimBus {
 
     /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
     pub(super) fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
-        self.stop();
+        self.stop(now);
         self.running = Some(Running { timing, own_sync, start: now });
         if own_sync {
             self.agenda.set(Slot::Sync, now);
@@ -210,16 +214,16 @@ impl SimBus {
         self.next = self.agenda.next_time();
     }
 
-    /// The master was restarted: no more SYNC, no more frames.
-    pub(super) fn stop(&mut self) {
+    /// The master was restarted: no more SYNC, no more frames. The drives go on by their own clocks.
+    pub(super) fn stop(&mut self, now: u64) {
         self.running = None;
         self.agenda.clear();
-        self.next = Agenda::NEVER;
+        self.schedule_own_clock(now);
+        self.next = self.agenda.next_time();
         self.on_wire = [None; 6];
         self.asked = None;
         self.drive_answer = None;
         self.disturbance.forget_frames();
-        self.drives.iter_mut().for_each(Drive::sync_stopped);
     }
 
     /// A SYNC edge of the upper bus arrives at a master that forwards it.
@@ -239,6 +243,11 @@ impl SimBus {
         faults: &mut Faults,
     ) -> bool {
         let Some(slot) = self.agenda.take(now) else { return false };
+        if slot == Slot::OwnClock {
+            self.own_clock_event(now);
+            self.next = self.agenda.next_time();
+            return false;
+        }
         let Some(running) = &mut self.running else { return false };
         if slot == Slot::Sync {
             running.start = now;
@@ -262,6 +271,8 @@ impl SimBus {
             Slot::CommandStart => run.command_start(),
             Slot::CommandEnd => run.command_end(),
             Slot::Stray => run.stray_frames(),
+            // Needs no running bus; see above.
+            Slot::OwnClock => {}
         }
         self.next = self.agenda.next_time();
         edge

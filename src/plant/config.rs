@@ -10,6 +10,8 @@ use thiserror::Error;
 
 /// The plant that runs when no file is given.
 const BUILT_IN: &str = include_str!("built_in.toml");
+/// The longest time that a key takes, in us.
+const HOUR_US: u64 = 3_600_000_000;
 
 /// A plant, as described by a plant file (TOML). See `docs/plant.md`.
 #[derive(Clone, Debug, Deserialize)]
@@ -46,6 +48,9 @@ pub struct PlcConfig {
     /// Emulated time that node 1 needs to lock to the SYNC signal, in us (default 1 s; D-07).
     #[serde(default = "default_lock_time")]
     pub lock_time_us: u64,
+    /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
+    /// ([`SyncLock`](crate::bus::SyncLock)).
+    pub sync_loss_us: Option<u64>,
     /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
     pub option_sync_us: Option<u32>,
     /// The drive behind the BAPS.
@@ -241,8 +246,10 @@ impl PlantConfig {
                 ("drive.lock_time_us", plc.drive.lock_time_us),
                 ("drive.service_time_us", plc.drive.service_time_us),
             ] {
-                range(what, &plc.name, us, 0..=3_600_000_000, "at most one hour")?;
+                range(what, &plc.name, us, 0..=HOUR_US, "at most one hour")?;
             }
+            sync_loss("sync_loss_us", &plc.name, plc.sync_loss_us)?;
+            sync_loss("drive.sync_loss_us", &plc.name, plc.drive.sync_loss_us)?;
             let sync = plc.option_sync_us.map_or(50, u64::from);
             range("option_sync_us", &plc.name, sync, 50..=1_000_000, "50 to 1000000")?;
             if ![0, 10, 100].contains(&plc.ethernet_mbit) {
@@ -250,6 +257,10 @@ impl PlantConfig {
                 return Err(PlantError::Range { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
             }
             self.check_nodes(plc)?;
+        }
+        for drive in self.buses.iter().flat_map(|bus| &bus.drives) {
+            range("lock_time_us", &drive.name, drive.lock_time_us, 0..=HOUR_US, "at most one hour")?;
+            sync_loss("sync_loss_us", &drive.name, drive.sync_loss_us)?;
         }
         self.buses.iter().try_for_each(|bus| self.check_bus(bus))?;
         self.resolved_faults().map(|_| ())
@@ -364,6 +375,10 @@ fn range(
     Err(PlantError::Range { what, name: name.to_owned(), value, right })
 }
 
+fn sync_loss(what: &'static str, name: &str, us: Option<u64>) -> Result<(), PlantError> {
+    us.map_or(Ok(()), |us| range(what, name, us, 1..=HOUR_US, "1 to 3600000000"))
+}
+
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {
     let mut seen = BTreeSet::new();
     for name in names {
@@ -433,6 +448,15 @@ mod tests {
             (
                 format!("{plc}[plc.drive]\nservice_time_us = 3600000001\n"),
                 "drive.service_time_us of 'p' is 3600000001; it must be at most one hour",
+            ),
+            (format!("{plc}sync_loss_us = 0\n"), "sync_loss_us of 'p' is 0; it must be 1 to 3600000000"),
+            (
+                format!("{plc}[plc.drive]\nsync_loss_us = 0\n"),
+                "drive.sync_loss_us of 'p' is 0; it must be 1 to 3600000000",
+            ),
+            (
+                format!("{plc}{bus}{}sync_loss_us = 3600000001\n", drive("d", 4)),
+                "sync_loss_us of 'd' is 3600000001; it must be 1 to 3600000000",
             ),
             (format!("{plc}{bus}kbit_s = 1000\n"), "kbit_s of 'b' is 1000; it must be 500, 250 or 125"),
             (

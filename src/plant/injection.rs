@@ -72,7 +72,7 @@ impl Plant {
                     return trips.then_some(0);
                 }
                 Effect::Slave { bus, slave, what: SlaveEffect::Trip(number) } => {
-                    let trips = buses.get_mut(usize::from(bus))?.trip_drive(slave, number);
+                    let trips = buses.get_mut(usize::from(bus))?.trip_drive(now, slave, number);
                     return trips.then_some(0);
                 }
                 _ => return None,

@@ -2,6 +2,7 @@
 
 use super::bus::SimBus;
 use super::config::{PlantError, PlcConfig};
+use crate::bus::SyncLock;
 use crate::check::{Facts, Rule};
 use crate::drive::BuiltInDrive;
 use crate::firmware::Context;
@@ -19,7 +20,7 @@ use core::mem::offset_of;
 /// A PLC of the plant.
 pub struct Plc {
     name: String,
-    lock_time_us: u64,
+    lock: SyncLock,
     segment: Segment,
     header: View<Header>,
     pub(super) slave: Slave,
@@ -45,13 +46,14 @@ impl Plc {
         E: From<MemoryError> + From<PlantError>,
     {
         let drive = BuiltInDrive::new(&config.name, &config.drive).map_err(PlantError::from)?;
+        let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         let header = segment.header()?;
         header.board.dip.store(u32::from(config.dip));
         Ok(Plc {
             name: config.name.clone(),
-            lock_time_us: config.lock_time_us,
+            lock,
             header,
-            slave: Slave::new(&segment, config.dip, config.lock_time_us)?,
+            slave: Slave::new(&segment, config.dip, lock)?,
             master: Master::new(&segment)?,
             baps: Baps::new(&segment, drive, &config.drive)?,
             board: Board::new(&segment, config.option_sync_us)?,
@@ -83,7 +85,7 @@ impl Plc {
             ctx.report(Event::Board { plc, what });
         }
         // The segment was large enough before.
-        if let Ok(slave) = Slave::new(&self.segment, dip, self.lock_time_us) {
+        if let Ok(slave) = Slave::new(&self.segment, dip, self.lock) {
             self.slave = slave;
         }
     }
@@ -100,12 +102,12 @@ impl Plc {
         self.master.power_off(&mut ctx);
         self.baps.reset();
         if let Some(bus) = self.bus2.and_then(|bus| buses.get_mut(bus)) {
-            bus.stop();
+            bus.stop(now);
         }
         // Their RAM and all that they knew is gone.
         let number = self.slave.number();
         if let (Ok(slave), Ok(master)) =
-            (Slave::new(&self.segment, number, self.lock_time_us), Master::new(&self.segment))
+            (Slave::new(&self.segment, number, self.lock), Master::new(&self.segment))
         {
             (self.slave, self.master) = (slave, master);
         }
@@ -345,7 +347,7 @@ impl Plc {
                     bus.start(now, timing, !self.master.forwards_sync());
                 }
             }
-            Change::Restarted => bus.stop(),
+            Change::Restarted => bus.stop(now),
             Change::None | Change::Progressed | Change::Enabled | Change::Disabled => {}
         }
     }

@@ -256,8 +256,10 @@ fn a_job_outlives_the_sync_signal() {
     }
     assert!(bench.slave.is_synchronized());
     bench.parameter(&job(300, READ));
-    bench.pass(3500);
-    assert!(!bench.slave.is_synchronized(), "more than one and a half intervals without an edge (D-07)");
+    bench.pass(4500);
+    assert!(bench.slave.is_synchronized(), "one edge is missing (p. 135)");
+    bench.pass(500);
+    assert!(!bench.slave.is_synchronized(), "two and a half intervals without an edge (D-07)");
     assert_eq!(bench.regs.w_OPTION_STATUS.load(), 0x0020);
     assert_eq!(par_cmd(&bench), 0x43);
     write_par_cmd(&bench, 0x42);

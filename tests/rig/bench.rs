@@ -1,8 +1,8 @@
 //! A slave node on its own: the test is bus and master, frame by frame, at 500 kbit/s.
 
 use super::{Memory, RATES, segment, write_init_data};
-use commram::bus::Frame;
 use commram::bus::codec::{ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse};
+use commram::bus::{Frame, SyncLock};
 use commram::firmware::Context;
 use commram::firmware::cansync::Slave;
 use commram::journal::{Journal, Origin};
@@ -30,7 +30,7 @@ impl Bench {
     pub fn in_set_up(memory: Memory) -> Bench {
         let mut images = Vec::new();
         let segment = segment(memory, "b", &mut images).unwrap();
-        let mut slave = Slave::new(&segment, NUMBER, LOCK_US).unwrap();
+        let mut slave = Slave::new(&segment, NUMBER, SyncLock::new(LOCK_US, None)).unwrap();
         slave.power_on();
         let (regs, init) = (segment.view(NODE1).unwrap(), segment.view(NODE1).unwrap());
         let mut bench = Bench { slave, regs, init, journal: Journal::default(), now: 0, _images: images };

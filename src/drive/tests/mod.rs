@@ -33,6 +33,12 @@ impl Bench {
         self
     }
 
+    fn lost_edge(&mut self) -> &mut Self {
+        self.drive.interval_without_edge(self.now, INTERVAL);
+        self.now += u64::from(INTERVAL);
+        self
+    }
+
     fn send(&mut self, channel: Channel, words: &[u16]) -> &mut Self {
         self.drive.reference_frame(channel, &words_of(words));
         self

@@ -11,16 +11,44 @@ fn bit_15_comes_after_the_lock_time() {
     let states: Vec<u16> = (0..6).map(|_| bench.edge().drive.status_word()).collect();
     assert_eq!(states, [0x0037, 0x0037, 0x0037, 0x0037, 0x0037, 0x8037]);
     assert_eq!(bench.drive.actual_value_frame(Channel::One).and_then(|p| p.word(2)), Some(0x8037));
-    bench.now += u64::from(INTERVAL);
-    bench.edge();
-    assert!(!bench.drive.is_synchronized());
+}
+
+/// Manual 5.00005.03a p. 135: the next interval is run through, at most its actual value frame is missing.
+#[test]
+fn an_interval_whose_edge_is_lost_is_run_through() {
+    let mut bench = Bench::synchronized(&demo());
+    bench.send(Channel::One, &[7, 0]).lost_edge();
+    assert_eq!((bench.p(300), bench.p(301)), (7, 7), "handed over, and the drive moves");
+    assert_eq!((bench.drive.status_word(), bench.drive.actual_value_frame(Channel::One)), (0x8037, None));
+    bench.send(Channel::One, &[8, 0]).edge();
+    assert_eq!((bench.p(300), bench.drive.status_word()), (8, 0x8037));
+    assert_eq!(bench.drive.actual_value_frame(Channel::One).and_then(|p| p.word(0)), Some(7));
+}
+
+/// P. 135: only a settable time in succession ends the lock; 5.01010.01 p. 22: nothing is exchanged meanwhile.
+#[test]
+fn a_longer_loss_of_sync_ends_the_lock_and_the_drive_moves_on() {
+    let mut bench = Bench::synchronized(&DriveConfig { sync_loss_us: Some(9_000), ..demo() });
+    let ramp_per_second = NonZeroU32::new(500_000); // 1000 per interval
+    let mut ramp = Bench::synchronized(&DriveConfig { ramp_per_second, ..demo() });
+    for bench in [&mut bench, &mut ramp] {
+        bench.send(Channel::One, &[5000, 0]).edge();
+    }
+    bench.lost_edge().send(Channel::One, &[9, 0]).lost_edge();
+    assert_eq!((bench.p(300), bench.drive.status_word()), (5000, 0x8037), "locked, but nothing is exchanged");
+    bench.drive.pass(bench.now + 2_999);
+    assert!(bench.drive.is_synchronized());
+    assert_eq!(bench.drive.next_time(), Some(bench.now + 3_000));
+    bench.drive.pass(bench.now + 3_000);
+    assert_eq!((bench.drive.status_word(), bench.drive.next_time()), (0x0037, None));
+
+    let speeds = [0; 5].map(|_| ramp.lost_edge().p(301));
+    assert_eq!(speeds, [2000, 3000, 4000, 5000, 5000], "the motion goes on");
+    assert!(!ramp.drive.is_synchronized());
 }
 
 #[test]
-fn sync_mode_off_or_no_sync_ends_the_synchronized_state() {
-    let mut bench = Bench::synchronized(&demo());
-    bench.drive.sync_stopped();
-    assert_eq!(bench.drive.status_word(), 0x0037);
+fn sync_mode_off_ends_the_synchronized_state() {
     let mut bench = Bench::synchronized(&demo());
     bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, false));
     assert_eq!(bench.drive.status_word(), 0x0037);

@@ -189,7 +189,9 @@ impl Baps {
     /// synchronized, the communications begin with such a slice (decision D-155).
     pub fn trigger_edge(&mut self, now: u64) {
         let was_synchronized = self.drive.is_synchronized();
-        self.drive.trigger_edge(now);
+        if !self.drive.trigger_edge(now) {
+            return;
+        }
         self.phase = (now + u64::from(self.drive.sync_offset_us())) % SLICE_US;
         if !was_synchronized {
             // The slice at the edge itself may be over already.

@@ -1,12 +1,11 @@
 //! A CANsync slave on node 1 (manual 5.00005.03a p. 169-193).
 //!
-//! Here are node state, process data and action commands. `lock` watches the SYNC signal; `jobs` sorts
-//! what comes in the command channel to `parameter` and `updown`.
+//! Here are node state, process data and action commands. `jobs` sorts what comes in the command channel to
+//! `parameter` and `updown`.
 
 mod area;
 mod bits;
 mod jobs;
-mod lock;
 mod parameter;
 mod transfer;
 mod updown;
@@ -20,7 +19,7 @@ use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::bus::codec::action::{Action, ActionCommand};
 use crate::bus::codec::process::FrameConfig;
-use crate::bus::{Channel, Frame, FrameKind, Payload};
+use crate::bus::{Channel, Frame, FrameKind, Payload, SyncLock};
 use crate::check::Facts;
 use crate::firmware::Context;
 use crate::firmware::shown::Shown;
@@ -29,7 +28,6 @@ use crate::layout::omega_drive_line_2::{BaudRate, CANsync_SL_CTRL_BMSTRUCT, NODE
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 use jobs::Jobs;
-use lock::Lock;
 
 /// Where the cyclic area begins, behind the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
@@ -39,33 +37,40 @@ pub struct Slave {
     node: Node,
     regs: View<CANsync_SL_CTRL_BMSTRUCT>,
     number: u8,
-    lock: Lock,
+    lock: SyncLock,
     jobs: Jobs,
     /// Configuration of the reference value frames as read at the start of the interval.
     config: [FrameConfig; 2],
     /// Own actual value frames, built and released for this interval.
     ready: [Option<Payload>; 2],
     interval_is_active: bool,
+    /// The present interval began with its edge: own actual value frames can go out in time.
+    has_edge: bool,
+    /// When it is over, if neither the next edge comes nor its loss is noticed.
+    interval_ends: u64,
+    interval_us: u32,
     /// Deadlines of the two actual value frames.
     punctual: [Punctual; 2],
 }
 
 impl Slave {
-    /// The slave in node 1 of `segment` with slave number `number`; it needs `lock_time_us` of emulated
-    /// time to synchronize.
+    /// The slave in node 1 of `segment` with slave number `number`, which synchronizes by `lock`.
     ///
     /// # Errors
     /// If the segment is too small for node 1.
-    pub fn new(segment: &Segment, number: u8, lock_time_us: u64) -> Result<Self, MemoryError> {
+    pub fn new(segment: &Segment, number: u8, lock: SyncLock) -> Result<Self, MemoryError> {
         Ok(Slave {
             node: Node::new(Role::Slave, segment)?,
             regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1)?,
             number,
-            lock: Lock::new(lock_time_us),
+            lock,
             jobs: Jobs::new(number),
             config: [FrameConfig::new([0; 4]); 2],
             ready: [None; 2],
             interval_is_active: false,
+            has_edge: false,
+            interval_ends: 0,
+            interval_us: 0,
             punctual: [Punctual::default(); 2],
         })
     }
@@ -134,9 +139,22 @@ impl Slave {
         self.node.controller.frame_is_past();
     }
 
-    /// An edge of SYNC was lost on its way: this is no interval for the node (decision D-124).
-    pub fn edge_lost(&mut self) {
-        self.end_interval();
+    /// An edge of SYNC that was to come at `now` was lost on its way. A node that is locked runs through this interval
+    /// all the same, but for its actual value frames; otherwise it is none (decision D-124).
+    pub fn edge_lost(&mut self, now: u64) {
+        if self.lock.runs_through(now) {
+            self.ready = [None; 2];
+            self.has_edge = false;
+            self.interval_ends = self.longest_interval(now);
+        } else {
+            self.end_interval();
+        }
+        self.lock.pass(now);
+    }
+
+    /// Edges come later than this only if some are missing.
+    fn longest_interval(&self, now: u64) -> u64 {
+        now + u64::from(self.interval_us) * 3 / 2
     }
 
     /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.
@@ -175,8 +193,8 @@ impl Slave {
     /// Without SYNC there is no interval, so no deadline and no frame. The state stays as the PLC set it,
     /// and so do the jobs: their answers wait for the master (decision D-64).
     fn watch_signal(&mut self, now: u64) {
-        if !self.lock.has_signal(now) {
-            self.lock.lose_signal();
+        self.lock.pass(now);
+        if now > self.interval_ends {
             self.end_interval();
         }
     }
@@ -188,7 +206,10 @@ impl Slave {
 
     /// Falling edge of SYNC: an interval begins; the configuration is read (manual p. 178).
     pub fn sync_edge(&mut self, now: u64, interval_us: u32) {
-        self.lock.edge(now, interval_us);
+        self.lock.edge(now, interval_us, interval_us / 4);
+        self.interval_us = interval_us;
+        self.interval_ends = self.longest_interval(now);
+        self.has_edge = true;
         self.ready = [None; 2];
         self.interval_is_active = self.node.state() == NodeState::Active;
         self.punctual.iter_mut().for_each(Punctual::next_interval);
@@ -206,7 +227,7 @@ impl Slave {
     /// The deadline of an own actual value frame (manual p. 181-182): built if the PLC has released it
     /// with 16#05, and acknowledged with 16#04.
     pub fn build_actual(&mut self, ctx: &mut Context, channel: Channel) {
-        if !self.is_exchanging() {
+        if !self.is_exchanging() || !self.has_edge {
             return;
         }
         let (register, offset) = match channel {
@@ -247,7 +268,7 @@ impl Slave {
 
     /// The master asked for an own actual value frame.
     pub fn requested_actual(&mut self, ctx: &mut Context, channel: Channel) -> Option<Frame> {
-        if !self.is_exchanging() {
+        if !self.is_exchanging() || !self.has_edge {
             return None;
         }
         let Some(payload) = self.ready[channel.index()].take() else {

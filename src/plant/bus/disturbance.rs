@@ -108,10 +108,15 @@ impl SimBus {
 
     /// Brings a fault upon the drive with this slave number. Tells whether there is one, with power and without a
     /// fault.
-    pub(in crate::plant) fn trip_drive(&mut self, slave: u8, fault: u16) -> bool {
+    pub(in crate::plant) fn trip_drive(&mut self, now: u64, slave: u8, fault: u16) -> bool {
         let Some(Station::Drive(index)) = self.stations.get(usize::from(slave)) else { return false };
         let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
-        drive.is_some_and(|drive| drive.trip(fault))
+        let trips = drive.is_some_and(|drive| drive.trip(fault));
+        if trips {
+            // It has to come to a standstill, also without SYNC.
+            self.wake_drives(now);
+        }
+        trips
     }
 
     /// The slaves of this bus, bit n for slave n.

@@ -29,7 +29,7 @@ impl Run<'_> {
         self.at(Slot::CommandStart, timing.t_CC);
         let lost = !self.faults.is_empty() && self.edge_is_lost();
         if lost {
-            self.each_node(|slave, _| slave.edge_lost());
+            self.miss_edge(interval_us);
         } else {
             self.journal.push(self.now, Event::SyncEdge { bus: self.bus.index });
             self.deliver_edge(interval_us);
@@ -86,6 +86,21 @@ impl Run<'_> {
                 drive.sync_edge(now, interval_us);
             }
         }
+        self.bus.edge_for_drives(now, interval_us);
+    }
+
+    /// The edge is lost on the line: slaves that are locked know that it was to come.
+    #[cold]
+    fn miss_edge(&mut self, interval_us: u32) {
+        let now = self.now;
+        let disturbance = &self.bus.disturbance;
+        for &index in &self.bus.nodes {
+            if let Some(plc) = self.plcs.get_mut(index).filter(|plc| !disturbance.is_off(plc.slave.number()))
+            {
+                plc.slave.edge_lost(now);
+            }
+        }
+        self.bus.no_edge_for_drives(now, interval_us);
     }
 
     pub(super) fn build_first(&mut self) {
