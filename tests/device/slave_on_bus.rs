@@ -181,15 +181,58 @@ fn without_sync_nothing_is_due_and_nothing_is_lost() {
         rig.step(500);
         rig.run_to_sync();
         assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x04, "intervals again");
-        // The restarted master asks for the status word: another job than the one that waits.
-        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x4A);
-        write_slave_par(&rig, 0xCA);
-        rig.step(500);
-        assert_eq!((slave_par(&rig), rig.slave.w_PAR_NR.load()), (0x43, 121));
-        rig.slave.d_DATA_PAR_CMD.store(0x8000);
-        write_slave_par(&rig, 0x42);
-        run_until(&mut rig, 10, |rig| rig.master.a_STAT_SL[0].load() == 0x03);
+        run_until(&mut rig, 20, |rig| rig.master.a_STAT_SL[0].load() == 0x03);
+        assert_eq!(
+            (slave_par(&rig), rig.slave.w_PAR_NR.load()),
+            (0x42, 300),
+            "the master's polling is no change"
+        );
     }
+}
+
+/// The usual order (p. 132): the slaves first, into active operation too, then the master. D-06, p. 133, 176.
+#[test]
+fn a_slave_that_is_active_before_its_master_sets_up_is_synchronized() {
+    for memory in BOTH {
+        let mut rig = Rig::new(memory, RATES[0]);
+        rig.initialize_slave();
+        for (command, status) in [(0x0020, 0x0013), (0x0040, 0x0020)] {
+            rig.slave.w_CPU_CONTROL.store(command);
+            rig.step(500);
+            assert_eq!(rig.slave.w_OPTION_STATUS.load(), status);
+        }
+        rig.initialize_master();
+        rig.master.w_CPU_CONTROL.store(0x0020);
+        rig.step(15_000);
+        assert_eq!(rig.master.a_STAT_SL[0].load(), 0x01, "it responds, and has not locked yet");
+        rig.step(25_000);
+        assert_eq!(rig.master.a_STAT_SL[0].load(), 0x03);
+        assert_eq!(slave_par(&rig), 0x00, "the application sees nothing of it");
+
+        rig.master.w_CPU_CONTROL.store(0x0040);
+        rig.step(500);
+        rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
+        enter_parameter(&rig, 0x03);
+        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
+        assert_eq!(rig.slave.w_PAR_NR.load(), 300, "the first real job is no change of another one");
+    }
+}
+
+/// D-06: also a job of the master's application, while another one is the slave's.
+#[test]
+fn the_status_word_of_an_active_slave_never_reaches_its_application() {
+    let mut rig = connected(Memory::Heap, RATES[0]);
+    rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(121);
+    enter_parameter(&rig, 0x03);
+    run_until(&mut rig, 5, |rig| master_par(rig) == 0x02);
+    assert_eq!((rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), slave_par(&rig)), (0x0000, 0x00));
+    rig.step(30_000);
+    enter_parameter(&rig, 0x03);
+    run_until(&mut rig, 5, |rig| master_par(rig) == 0x02);
+    assert_eq!((rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), slave_par(&rig)), (0x8000, 0x00));
+    enter_parameter(&rig, 0x05);
+    run_until(&mut rig, 5, |rig| slave_par(rig) == 0x45);
+    assert_eq!(rig.slave.w_PAR_NR.load(), 121, "writing it is the application's");
 }
 
 /// P. 181-182 with the deadlines of D-09; built and acknowledged whether or not it is asked for.

@@ -318,13 +318,13 @@ impl Slave {
     }
 
     /// A job frame for this slave arrived: in active operation for the application, in set-up mode for
-    /// the firmware.
+    /// the firmware, which answers the status word by itself in both (decision D-06).
     pub fn job(&mut self, ctx: &mut Context, frame: &Frame) {
         if !self.node.accepts(frame.id()) {
             return;
         }
         if self.node.state() == NodeState::Active {
-            self.jobs.arrive(ctx, &self.regs, frame.payload());
+            self.jobs.arrive(ctx, &self.regs, frame.payload(), self.status_word());
         } else {
             self.jobs.arrive_early(frame.payload(), self.status_word());
         }
@@ -343,6 +343,7 @@ impl Slave {
         self.jobs.response_sent(ctx, &self.regs);
     }
 
+    /// Bit 15 tells whether the node is synchronized (p. 136); the firmware knows nothing that the others could show.
     fn status_word(&self) -> u16 {
         if self.lock.is_locked() { SYNCHRONIZED } else { 0 }
     }

@@ -81,23 +81,17 @@ pub fn map_slave(_BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
     CANsync_PD_CFG_SL { a_WRC1, a_HL_WRC1, a_RDC1, a_HL_RDC1, ..Default::default() }.call(_BASE);
 }
 
-/// Parameter "status word": the master asks each slave for it while it waits for them (manual p. 134).
-const STATUS_WORD: u16 = 121;
-/// Bit 15 of the status word: synchronized.
-const IS_SYNCHRONIZED: u32 = 1 << 15;
 /// Error number "no such parameter".
 const NOT_PRESENT: i16 = -5;
 
-/// What a slave answers to parameter jobs.
+/// What a slave answers to parameter jobs: it has no parameters. (Its status word the firmware answers, D-06.)
 pub struct Application {
     jobs: CANsync_PAR_SL,
 }
 
 impl Default for Application {
     fn default() -> Self {
-        let ud_PAR_VALUE_READ = IS_SYNCHRONIZED;
-        let jobs = CANsync_PAR_SL { x_EN: true, ud_PAR_VALUE_READ, i_ERR: NOT_PRESENT, ..Default::default() };
-        Application { jobs }
+        Application { jobs: CANsync_PAR_SL { x_EN: true, i_ERR: NOT_PRESENT, ..Default::default() } }
     }
 }
 
@@ -105,8 +99,6 @@ impl Application {
     /// One PLC cycle.
     pub fn cycle(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
         self.jobs.call(_BASE);
-        let known = self.jobs.x_READ && self.jobs.u_PAR_NR == STATUS_WORD;
-        self.jobs.x_OK_IN = self.jobs.x_ACTIV && known;
-        self.jobs.x_ERR_IN = self.jobs.x_ACTIV && !known;
+        self.jobs.x_ERR_IN = self.jobs.x_ACTIV;
     }
 }

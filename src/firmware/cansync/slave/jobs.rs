@@ -45,8 +45,16 @@ impl Jobs {
         }
     }
 
-    /// A job in active operation. One that no grammar covers stays without an answer.
-    pub(super) fn arrive(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, payload: &Payload) {
+    /// A job in active operation. One that no grammar covers stays without an answer. Reading the status word never
+    /// reaches the application, which cannot know whether the node is synchronized (decision D-06): its own job, if there
+    /// is one, stays as it is.
+    pub(super) fn arrive(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        payload: &Payload,
+        status_word: u16,
+    ) {
         self.due = if is_up_download(payload) {
             match UpDownJob::decode(payload) {
                 Ok(job) => {
@@ -58,6 +66,9 @@ impl Jobs {
         } else {
             ParameterJob::decode(payload).ok().map(|job| match ParameterServer::refusal(&job) {
                 Some(error) => self.parameter_answer(&job, ParameterResult::Error(error)),
+                None if asks_for_status_word(&job) => {
+                    self.parameter_answer(&job, ParameterResult::Word(status_word))
+                }
                 None => {
                     self.parameter.job(ctx, regs, &job);
                     Due::Parameter
@@ -83,14 +94,12 @@ impl Jobs {
             }
         } else {
             ParameterJob::decode(payload).ok().map(|job| {
-                let is_status_word = job.number() == STATUS_WORD && job.sub_slave() == 0;
-                self.parameter_answer(
-                    &job,
-                    match job.access() {
-                        Access::Read if is_status_word => ParameterResult::Word(status_word),
-                        _ => ParameterResult::Error(parameter_error::NOT_AVAILABLE_NOW),
-                    },
-                )
+                let result = if asks_for_status_word(&job) {
+                    ParameterResult::Word(status_word)
+                } else {
+                    ParameterResult::Error(parameter_error::NOT_AVAILABLE_NOW)
+                };
+                self.parameter_answer(&job, result)
             })
         };
     }
@@ -145,6 +154,10 @@ impl Jobs {
         self.parameter.drop_job(ctx, regs);
         self.updown.drop_transfer(ctx, regs);
     }
+}
+
+fn asks_for_status_word(job: &ParameterJob) -> bool {
+    matches!(job.access(), Access::Read) && job.number() == STATUS_WORD && job.sub_slave() == 0
 }
 
 #[cfg(test)]
