@@ -118,6 +118,11 @@ mod tests {
         assert_eq!(decode("node1.b_STEUREG_PAR_CMD", 0x45), "active, write, word, answer not yet sent");
         assert_eq!(decode("node2.b_STEUREG_UPDOWNBLK1", 0x15), "active, initialization, download");
         assert_eq!(decode("node2.b_STEUREG_UPDOWNBLK1", 0x0C), "finished, block end, upload");
+        assert_eq!(decode("node2.b_STEUREG_UPDOWNBLK1", 0x11), "active, reserved mode, download");
+        assert_eq!(
+            decode("node1.b_STEUREG_UPDOWN_SINGLE", 0x80),
+            "processed, reserved mode, upload, answer sent, change acknowledged"
+        );
     }
 
     #[test]
@@ -126,6 +131,9 @@ mod tests {
         assert_eq!(decode("node2.b_CTRLREG_WRC1", 0x04), "taken over and sent");
         assert_eq!(decode("node1.b_CTRLREG_WRC1", 0x02), "received");
         assert_eq!(decode("node2.w_ERR_NR_UPDOWNBLK1", 0x0107), "block longer than the slave takes");
+        for number in [0x0003, 0x00FF, 0x0106, 0x0109, 0xFFFF] {
+            assert_eq!(decode("node1.w_ERR_NR_UPDOWN_SINGLE", number), "reserved", "16#{number:04X}, p. 267");
+        }
         assert_eq!(decode("node1.w_ERR_NR_PAR_CMD", 0xFFFB), "not present");
         assert_eq!(decode("node2.d_SL_MASK_BC0", 0x8000_0001), "slave 0, slave 31");
         assert_eq!(

@@ -49,6 +49,7 @@ pub mod omega_drive_line_2 {
 
 #[cfg(test)]
 mod tests {
+    use super::Owner;
     use super::omega_drive_line_2::*;
     use core::mem::offset_of;
     use zerocopy::FromZeros;
@@ -99,6 +100,18 @@ mod tests {
         assert_eq!(node.w_CPU_CONTROL.load(), 0x0002);
         assert_eq!(node.a_RD_BMARRAY[31][7].load(), 0);
         assert_eq!(node._CFG_WRC_WORD.b_CFG_WRC1_WORD0.load(), 0);
+    }
+
+    /// Manual 5.00005.03a p. 192: the slave's application enters the error number, the firmware only sends it.
+    #[test]
+    fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_write() {
+        for (name, owner) in [
+            ("node2.w_ERR_NR_UPDOWNBLK1", Owner::Firmware),
+            ("node1.w_ERR_NR_UPDOWNBLK1", Owner::Plc),
+            ("node1.w_ERR_NR_UPDOWN_SINGLE", Owner::Plc),
+        ] {
+            assert_eq!(DEVICE.register(name).unwrap().owner(), owner, "{name}");
+        }
     }
 
     #[test]
