@@ -73,9 +73,9 @@ rules! {
         "A register that only the firmware writes was written; the firmware will overwrite it. Only read it.";
     ReservedRegister: "reserved-register", Error, "p. 151-190, D-91",
         "A reserved register was written. Leave it at 0.";
-    ReservedBit: "reserved-bit", Error, "p. 152, 156, 164, 177, 180, 184",
+    ReservedBit: "reserved-bit", Error, "p. 88, 152, 156, 164, 177, 180, 184",
         "A reserved bit was set. Leave it at 0.";
-    ReservedValue: "reserved-value", Warning, "p. 149, 163, 196",
+    ReservedValue: "reserved-value", Warning, "p. 88, 149, 163, 196",
         "A register was given a value that is reserved. Use one of the values that the manual gives a meaning.";
     ValueNumber: "value-number", Error, "p. 153, 158, 178, 181, 184",
         "A word of a frame is assigned to a value number above 7. Only the values 0 to 7 exist.";
@@ -137,6 +137,18 @@ rules! {
         "An IP address that ends in 0 or 255, by itself or with the DIP number added, was stored by writing d_IP_CONFIG; \
          the firmware put the old configuration back. Choose a last byte from 1 to 254, from which the DIP number stays \
          below 255.";
+    BapsEarly: "baps-early", Error, "p. 63, D-313",
+        "The BAPS was configured in a start task or in one of the first five cycles of the PLC program. Enable BAPS_INIT \
+         in the cyclic task, not before its sixth cycle.";
+    BapsRunning: "baps-running", Error, "p. 90, D-312",
+        "The BAPS was configured anew while process data were being exchanged. Stop calling BAPS_PD_COMMxx and let one \
+         communication pass without it first, or change the parameter numbers with us_MODE 2.";
+    BapsCycle: "baps-cycle", Warning, "p. 88, 100, D-311",
+        "w_COMMAND_REG of an exchange is another one than before, so method or cycle time change while process data \
+         run. Connect the same value to BAPS_INIT and BAPS_PD_COMMxx.";
+    BapsSyncSlot: "baps-sync-slot", Error, "p. 89",
+        "The SYNC slot of the drive (P167) is not the time between two communications, although the drive is triggered or \
+         follows synchronous reference positions. Set P167 to t_cycK in microseconds.";
     Header: "header", Error, "docs/attach.md",
         "A field of the header page that belongs to the emulator was written. Only read it.";
 }

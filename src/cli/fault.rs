@@ -56,7 +56,9 @@ Examples, one of each kind:
   commram fault add bus_off plc=line node=2                       # ended by bit 7 of w_CPU_CONTROL
   commram fault add overrun node=2 count=2                        # the node loses frames it should receive
   commram fault add drive_fault slave=1 error=17                  # a drive brakes and waits for a fault reset
-  commram fault add baps_drive_fault error=17                     # the same for the drive behind the BAPS")]
+  commram fault add baps_drive_fault error=17                     # the same for the drive behind the BAPS
+  commram fault add baps_silent duration=4s                       # that drive answers nothing at the BAPS
+  commram fault add baps_slow delay=3.5s count=1                  # or later than the function blocks wait")]
 struct Add {
     /// The kind: lose_frame, slave_busy ...
     kind: String,

@@ -10,6 +10,9 @@ use std::num::NonZeroU32;
 
 /// How far from the SYNC slot (P167) the distance of two trigger edges may be, in us (decision D-156).
 const TOLERANCE_US: u32 = 20;
+/// How long after an edge the trigger signal counts as running, in us: longer than any period that a board timer or
+/// CANsync can have.
+const TRIGGERED_US: u64 = 100_000;
 
 /// The drive of a PLC, section `[plc.drive]` of the plant file. Every key has a default.
 ///
@@ -131,6 +134,13 @@ impl BuiltInDrive {
     /// SYNC offset (P168): when, after an edge of the trigger signal, the drive's slot begins.
     pub(crate) fn sync_offset_us(&self) -> u32 {
         self.regler.sync_times().1
+    }
+
+    /// SYNC slot (P167) if it has to be the time between two communications over the BAPS: with a trigger signal and
+    /// in mode "synchronous reference position" (manual 5.00005.03a p. 89).
+    pub(crate) fn required_slot_us(&self, now_us: u64) -> Option<u32> {
+        let is_triggered = self.last_edge.is_some_and(|last| now_us.saturating_sub(last) <= TRIGGERED_US);
+        (is_triggered || self.regler.is_following_angle()).then(|| self.sync_slot_us())
     }
 
     pub(crate) fn regler(&self) -> &VRegler {

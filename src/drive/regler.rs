@@ -142,7 +142,7 @@ impl VRegler {
     }
 
     #[inline]
-    fn is_following_angle(&self) -> bool {
+    pub(super) fn is_following_angle(&self) -> bool {
         self.store.get(self.slots.mode) == SYNCHRONOUS_POSITION
     }
 

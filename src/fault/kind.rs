@@ -34,6 +34,10 @@ pub enum Kind {
     DriveFault,
     /// The drive behind the BAPS of a PLC has a fault.
     BapsDriveFault,
+    /// The drive does nothing at the BAPS.
+    BapsSilent,
+    /// The drive is late at the BAPS.
+    BapsSlow,
 }
 
 /// A field of a fault's description, as plant files name it.
@@ -104,7 +108,7 @@ impl Target {
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Kind; 14] = [
+    pub const ALL: [Kind; 16] = [
         Kind::LoseFrame,
         Kind::DelayFrame,
         Kind::DuplicateFrame,
@@ -119,6 +123,8 @@ impl Kind {
         Kind::Overrun,
         Kind::DriveFault,
         Kind::BapsDriveFault,
+        Kind::BapsSilent,
+        Kind::BapsSlow,
     ];
 
     /// Its name in plant files, on the command line and in the journal.
@@ -138,6 +144,8 @@ impl Kind {
             Kind::Overrun => "overrun",
             Kind::DriveFault => "drive_fault",
             Kind::BapsDriveFault => "baps_drive_fault",
+            Kind::BapsSilent => "baps_silent",
+            Kind::BapsSlow => "baps_slow",
         }
     }
 
@@ -163,7 +171,9 @@ impl Kind {
             | Kind::SlaveError
             | Kind::WrongOffset
             | Kind::DriveFault => Target::Slave { bus: index, slave: number },
-            Kind::BusOff | Kind::Overrun | Kind::BapsDriveFault => Target::Node { plc: index, node: number },
+            Kind::BusOff | Kind::Overrun | Kind::BapsDriveFault | Kind::BapsSilent | Kind::BapsSlow => {
+                Target::Node { plc: index, node: number }
+            }
         }
     }
 
@@ -181,6 +191,8 @@ impl Kind {
             Kind::WrongOffset => &[Bus, Slave, Slot, Offset],
             Kind::BusOff | Kind::Overrun => &[Plc, Node],
             Kind::BapsDriveFault => &[Plc, Error],
+            Kind::BapsSilent => &[Plc],
+            Kind::BapsSlow => &[Plc, DelayUs],
         }
     }
 
@@ -194,7 +206,15 @@ impl Kind {
 
     /// Whether its hits have nothing more to tell.
     pub(crate) const fn hits_speak_for_themselves(self) -> bool {
-        matches!(self, Kind::LoseSync | Kind::BusOff | Kind::DriveFault | Kind::BapsDriveFault)
+        matches!(
+            self,
+            Kind::LoseSync
+                | Kind::BusOff
+                | Kind::DriveFault
+                | Kind::BapsDriveFault
+                | Kind::BapsSilent
+                | Kind::BapsSlow
+        )
     }
 
     /// Whether it happens once if nobody says how often. All others last until they are cleared.

@@ -23,6 +23,8 @@ use crate::bus::{Channel, Frame, FrameKind};
 
 /// Longest delay of a frame, in emulated microseconds.
 pub const MAX_DELAY_US: u32 = 1_000_000;
+/// Longest time by which a drive is late at the BAPS, in emulated microseconds: longer than the function blocks wait.
+pub const MAX_SLOWNESS_US: u32 = 60_000_000;
 /// Largest jitter of SYNC edges, in microseconds; at most a quarter of the running interval takes effect.
 pub const MAX_JITTER_US: u32 = 2_000;
 /// Longest duration of a fault: one hour of emulated time, in microseconds.
@@ -167,6 +169,10 @@ pub enum NodeEffect {
     Overrun,
     /// The drive has this fault, 1 to 65535.
     Trip(u16),
+    /// The drive leaves out what it has to do at the BAPS.
+    Silent,
+    /// It does that so many microseconds late, 1 to [`MAX_SLOWNESS_US`].
+    Slow(u32),
 }
 
 /// A slot of the CANsync interval.
@@ -258,6 +264,8 @@ impl Fault {
             Effect::Node { what: NodeEffect::Overrun, .. } => Kind::Overrun,
             Effect::Slave { what: SlaveEffect::Trip(_), .. } => Kind::DriveFault,
             Effect::Node { what: NodeEffect::Trip(_), .. } => Kind::BapsDriveFault,
+            Effect::Node { what: NodeEffect::Silent, .. } => Kind::BapsSilent,
+            Effect::Node { what: NodeEffect::Slow(_), .. } => Kind::BapsSlow,
         }
     }
 
@@ -312,6 +320,9 @@ impl Fault {
                 within(Field::AmplitudeUs, us.into(), 1, jitter)
             }
             Effect::Slave { what: SlaveEffect::Late(us), .. } => within(Field::DelayUs, us.into(), 1, delay),
+            Effect::Node { what: NodeEffect::Slow(us), .. } => {
+                within(Field::DelayUs, us.into(), 1, MAX_SLOWNESS_US.into())
+            }
             Effect::Slave { what: SlaveEffect::WrongOffset { offset: Some(offset), .. }, .. } => {
                 within(Field::Offset, offset.into(), 0, MAX_OFFSET.into())
             }

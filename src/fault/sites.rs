@@ -27,7 +27,7 @@ impl Sites {
                 let count = self.nodes.len() as u16; // the plant file's indices are 16 bits wide
                 let nodes = self.nodes.get(usize::from(plc)).ok_or(Refusal::UnknownPlc { plc, count })?;
                 match (what, node, nodes) {
-                    (NodeEffect::Trip(_), 0, _) => Ok(()),
+                    (NodeEffect::Trip(_) | NodeEffect::Silent | NodeEffect::Slow(_), 0, _) => Ok(()),
                     (NodeEffect::BusOff | NodeEffect::Overrun, 1, [true, _]) => Ok(()),
                     (NodeEffect::BusOff | NodeEffect::Overrun, 2, [_, true]) => Ok(()),
                     _ => Err(Refusal::NoNode { plc, node }),

@@ -3,7 +3,7 @@
 use super::kind::{Field, Kind};
 use super::{
     Effect, Fault, FaultError, FrameEffect, FrameSlot, Frames, Limit, MAX_DELAY_US, MAX_DURATION_US,
-    MAX_JITTER_US, NodeEffect, OffsetAt, Refusal, SlaveEffect, SyncEffect,
+    MAX_JITTER_US, MAX_SLOWNESS_US, NodeEffect, OffsetAt, Refusal, SlaveEffect, SyncEffect,
 };
 use crate::bus::codec::updown::MAX_OFFSET;
 use crate::journal::{BAPS_NODE, Names};
@@ -129,9 +129,13 @@ impl FaultSpec {
                 spec.plc = Some(names.plc(plc).into_owned());
                 spec.node = Some(node.into());
             }
-            Effect::Node { plc, what: NodeEffect::Trip(number), .. } => {
+            Effect::Node { plc, what, .. } => {
                 spec.plc = Some(names.plc(plc).into_owned());
-                spec.error = Some(number.into());
+                match what {
+                    NodeEffect::Trip(number) => spec.error = Some(number.into()),
+                    NodeEffect::Slow(us) => spec.delay_us = Some(us.into()),
+                    NodeEffect::BusOff | NodeEffect::Overrun | NodeEffect::Silent => {}
+                }
             }
         }
         spec
@@ -229,6 +233,7 @@ impl Reader<'_> {
             let node = self.required(Field::Node, 1, 2, "give 1 (slave) or 2 (master)")?;
             Ok(Effect::Node { plc: self.plc()?, node, what })
         };
+        let baps = |what| Ok(Effect::Node { plc: self.plc()?, node: BAPS_NODE, what });
         let in_us = "give it in microseconds";
         let delay = || self.required(Field::DelayUs, 1, MAX_DELAY_US.into(), in_us);
         let fault_number = || self.required(Field::Error, 1, 0xFFFF, "give the fault number, 1 to 16#FFFF");
@@ -262,9 +267,11 @@ impl Reader<'_> {
             Kind::BusOff => node(NodeEffect::BusOff),
             Kind::Overrun => node(NodeEffect::Overrun),
             Kind::DriveFault => slave(SlaveEffect::Trip(fault_number()?)),
-            Kind::BapsDriveFault => {
-                let what = NodeEffect::Trip(fault_number()?);
-                Ok(Effect::Node { plc: self.plc()?, node: BAPS_NODE, what })
+            Kind::BapsDriveFault => baps(NodeEffect::Trip(fault_number()?)),
+            Kind::BapsSilent => baps(NodeEffect::Silent),
+            Kind::BapsSlow => {
+                let most = MAX_SLOWNESS_US.into();
+                baps(NodeEffect::Slow(self.required(Field::DelayUs, 1, most, in_us)?))
             }
         }
     }

@@ -11,7 +11,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// One description of each kind with all its fields, and how it is written in a list.
-const EACH_KIND: [(&str, &str); 14] = [
+const EACH_KIND: [(&str, &str); 16] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",
@@ -44,6 +44,11 @@ const EACH_KIND: [(&str, &str); 14] = [
         "drive_fault bus=drives slave=1 error=16#0011 count=1",
     ),
     ("kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 17", "baps_drive_fault plc=saw error=16#0011 count=1"),
+    ("kind = 'baps_silent'\nplc = 'saw'\nduration_us = 4000000", "baps_silent plc=saw duration_us=4000000"),
+    (
+        "kind = 'baps_slow'\nplc = 'line'\ndelay_us = 3500000\ncount = 2",
+        "baps_slow plc=line delay_us=3500000 count=2",
+    ),
 ];
 
 #[test]
@@ -67,7 +72,7 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
             "kind = 'explode'",
             "kind = \"explode\": there is no such fault; the kinds are: lose_frame, delay_frame, \
              duplicate_frame, lose_sync, jitter_sync, slave_off, slave_late, slave_busy, slave_error, \
-             wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault",
+             wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault, baps_silent, baps_slow",
         ),
         (
             "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",
@@ -80,6 +85,15 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
         (
             "kind = 'drive_fault'\nbus = 'drives'\nslave = 1",
             "drive_fault: error is missing; give the fault number, 1 to 16#FFFF",
+        ),
+        (
+            "kind = 'baps_silent'\nplc = 'saw'\ndelay_us = 5",
+            "baps_silent: delay_us has no meaning; its fields are: plc, at_us, count, duration_us",
+        ),
+        ("kind = 'baps_slow'\nplc = 'saw'", "baps_slow: delay_us is missing; give it in microseconds"),
+        (
+            "kind = 'baps_slow'\nplc = 'saw'\ndelay_us = 60000001",
+            "baps_slow: delay_us is 60000001; it must be 1 to 60000000",
         ),
         ("kind = 'lose_sync'", "lose_sync: bus is missing; give one of: drives, upper"),
         ("kind = 'lose_sync'\nbus = 'x'", "lose_sync: bus \"x\" does not exist; buses are: drives, upper"),

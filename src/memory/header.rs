@@ -101,8 +101,9 @@ pub struct Header {
     /// Counted up by clients after each request in [`Header::interrupts`], [`Header::opt_init`],
     /// [`Header::lockstep`] or [`Program::start_request`].
     pub board_requests: Cell32,
-    /// Zero.
-    pub reserved_756: Cell32,
+    /// Cycles of the cyclic task since the last cold or warm start, the present one included; counted by the PLC, 0 if
+    /// it does not.
+    pub program_cycles: Cell32,
     /// `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated if the clock has another speed; 0 in stepped
     /// mode and until the clock runs.
     pub real_epoch_ns: Cell64,
@@ -142,7 +143,7 @@ publish! { Header:
     48 => firmware_start, 56 => virtual_time_us, 64 => processor_cycle_us, 68 => sync_counter,
     76 => reserved_76, 128 => doorbell, 136 => reserved_136, 192 => answer, 200 => reserved_200,
     256 => channel_reply, 264 => reserved_264, 320 => events, 576 => instance, 608 => plc,
-    640 => device, 704 => board, 720 => program, 752 => board_requests, 756 => reserved_756,
+    640 => device, 704 => board, 720 => program, 752 => board_requests, 756 => program_cycles,
     760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => restarts_written,
     784 => reserved_784, 832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
     1280 => lockstep, 1792 => reserved_1792,

@@ -1,7 +1,8 @@
 //! The faults of a plant: which wait, which act, how often they have hit.
 
 use super::agenda::Agenda;
-use crate::fault::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, Refusal};
+use crate::fault::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, NodeEffect, Refusal};
+use crate::firmware::baps::Pace;
 use crate::journal::{Event, FaultNews, Journal};
 
 /// A fault in the list.
@@ -123,6 +124,38 @@ impl Faults {
         if over {
             self.tidy_up();
         }
+    }
+
+    /// How the drive of PLC `plc` takes what it has to do at its BAPS; a silent one does not get to be slow.
+    #[inline]
+    pub(super) fn baps_pace(
+        &mut self,
+        now: u64,
+        plc: usize,
+        has_waited: bool,
+        journal: &mut Journal,
+    ) -> Pace {
+        if self.is_empty() {
+            return Pace::AtOnce;
+        }
+        let of = |effect: &Effect| match *effect {
+            Effect::Node { plc: of, what, .. } if usize::from(of) == plc => Some(what),
+            _ => None,
+        };
+        let is_silent = self.acting().any(|effect| of(effect) == Some(NodeEffect::Silent));
+        let mut pace = Pace::AtOnce;
+        self.strike(now, journal, |effect, _| {
+            match of(effect)? {
+                NodeEffect::Silent => pace = Pace::Never,
+                NodeEffect::Slow(us) if !is_silent && !has_waited => {
+                    let longest = if let Pace::Late(other) = pace { us.max(other) } else { us };
+                    pace = Pace::Late(longest);
+                }
+                _ => return None,
+            }
+            Some(0)
+        });
+        pace
     }
 
     /// The effects that act now.

@@ -250,9 +250,12 @@ impl Plant {
 
     /// The BAPS time slices that are due now.
     fn time_slices(&mut self) {
-        for (index, plc) in self.plcs.iter_mut().enumerate() {
-            if plc.baps.next_time() == self.now {
-                plc.time_slice(index, self.now, &mut self.journal);
+        let Plant { now, plcs, journal, faults, .. } = self;
+        for (index, plc) in plcs.iter_mut().enumerate() {
+            if plc.baps.next_time() == *now {
+                let pace =
+                    |journal: &mut Journal, has_waited| faults.baps_pace(*now, index, has_waited, journal);
+                plc.time_slice(index, *now, journal, pace);
             }
         }
         self.find_next_slice();

@@ -6,7 +6,7 @@ use crate::bus::SyncLock;
 use crate::check::{Facts, Rule};
 use crate::drive::BuiltInDrive;
 use crate::firmware::Context;
-use crate::firmware::baps::Baps;
+use crate::firmware::baps::{Baps, Pace};
 use crate::firmware::board::{Board, Look, Power};
 use crate::firmware::cansync::{Change, Master, Slave};
 use crate::firmware::ethernet::{Ethernet, Stored};
@@ -292,11 +292,17 @@ impl Plc {
         }
     }
 
-    /// A time slice of the drive, which may have process data for an event task.
-    pub(super) fn time_slice(&mut self, index: usize, now: u64, journal: &mut Journal) {
+    /// A time slice of the drive, which may have process data for an event task. `pace` as for [`Baps::slice`].
+    pub(super) fn time_slice(
+        &mut self,
+        index: usize,
+        now: u64,
+        journal: &mut Journal,
+        pace: impl FnMut(&mut Journal, bool) -> Pace,
+    ) {
         let events = self.baps.process_data_events();
         let origin = Origin { plc: index as u16, node: BAPS_NODE };
-        self.baps.slice(&mut Context { now, journal, origin });
+        self.baps.slice(&mut Context { now, journal, origin }, pace);
         if self.baps.process_data_events() != events {
             self.board.baps(now);
         }

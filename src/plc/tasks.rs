@@ -164,6 +164,7 @@ impl<P: Program> Tasks<P> {
                 if now >= self.next_us {
                     // The phase is kept; periods that were slept through are left out.
                     self.next_us += self.period_us * ((now - self.next_us) / self.period_us + 1);
+                    self.ram.header().program_cycles.increment();
                     return self.program.cyclic();
                 }
             }
@@ -216,6 +217,7 @@ impl<P: Program> Tasks<P> {
             match Start::from_code(header.program.start_kind.load()) {
                 Some(kind @ (Start::Cold | Start::Warm)) => {
                     self.program.initialize(kind);
+                    header.program_cycles.store(0);
                     self.next_us = now;
                     self.enter(Phase::Starting(kind), ProgramState::Initializing);
                 }

@@ -63,7 +63,7 @@ fn bus_off_shows_in_the_status_and_is_reset_by_bit_7() {
 fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
     let emulator = Emulator::stepped();
     activate(&emulator);
-    let kinds: [&[&str]; 14] = [
+    let kinds: [&[&str]; 16] = [
         &["lose_frame", "slot=WRC1", "count=1"],
         &["delay_frame", "id=16#101", "delay=300us", "count=1"],
         &["duplicate_frame", "slot=WRC2", "delay=50us"],
@@ -78,6 +78,8 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
         &["overrun", "node=2", "count=2"],
         &["drive_fault", "slave=2", "error=17"],
         &["baps_drive_fault", "error=16#12"],
+        &["baps_silent", "plc=line", "count=1"],
+        &["baps_slow", "delay=3.5s"],
     ];
     for (index, fault) in kinds.iter().enumerate() {
         assert_eq!(add(&emulator, fault), (index + 1).to_string());
@@ -88,6 +90,7 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
         "node2.a_CTRLREG_PAR_CMD_SL[1].b_STATREG_PAR_CMD=16#03",
         "node2.a_CTRLREG_PAR_CMD_SL[1].b_STEUREG_PAR_CMD=16#03",
         "node2.b_CTRLREG_WRC1=16#05",
+        "baps.b_COMMAND=16#01",
     ]);
     emulator.step(&["5ms"]);
     let job = ["node2.a_CTRLREG_PAR_CMD_SL[1].b_STEUREG_PAR_CMD", "node2.a_DATA_PARAMETER[1].d_PAR_VALUE"];
@@ -104,6 +107,8 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
         "fault 12, overrun: hits frame 16#581",
         "fault 13, drive_fault of slave 2: hits",
         "fault 14, baps_drive_fault: hits",
+        "fault 15, baps_silent: over",
+        "fault 16, baps_slow: hits",
     ] {
         assert!(journal.contains(told), "{told}\n{journal}");
     }

@@ -51,7 +51,12 @@ impl Drive {
                 u_RD_PAR_NR0: SPEED_ACTUAL,
                 ..Default::default()
             },
-            comm: BAPS_PD_COMM2 { us_MODE: 1, ud_WR_VALUE0: SPEED, ..Default::default() },
+            comm: BAPS_PD_COMM2 {
+                us_MODE: 1,
+                w_COMMAND_REG: COMMAND_REG,
+                ud_WR_VALUE0: SPEED,
+                ..Default::default()
+            },
             watch: BAPS_PD_CONTROL::default(),
             read: BAPS_PAR_READ { u_PAR_NR: SPEED_LIMIT, ..Default::default() },
             service: BAPS_SD_CONTROL::default(),
@@ -82,7 +87,7 @@ impl Program for Drive {
         check(self.comm.x_ERR, "BAPS_PD_COMM2", self.comm.b_SL_QUIT.into())
     }
 
-    /// `BAPS_INIT` belongs here: not before the sixth cycle, and once only (p. 62). It enables the event as well.
+    /// `BAPS_INIT` belongs here: not before the sixth cycle, and once only (p. 63). It enables the event as well.
     fn cyclic(&mut self) -> Result<Progress, String> {
         self.cycles += 1;
         if !self.init.x_OK {

@@ -45,7 +45,8 @@ impl Details {
                 Details { slot: slot_code(slot), id, mask, value }
             }
             Effect::Sync { what: SyncEffect::Jitter(us), .. } => value(us),
-            Effect::Slave { what: SlaveEffect::Late(us), .. } => value(us),
+            Effect::Slave { what: SlaveEffect::Late(us), .. }
+            | Effect::Node { what: NodeEffect::Slow(us), .. } => value(us),
             Effect::Slave { what: SlaveEffect::Error(number) | SlaveEffect::Trip(number), .. }
             | Effect::Node { what: NodeEffect::Trip(number), .. } => value(number.into()),
             Effect::Slave { what: SlaveEffect::WrongOffset { at, offset }, .. } => {
@@ -60,7 +61,9 @@ impl Details {
             }
             Effect::Sync { what: SyncEffect::Lose, .. }
             | Effect::Slave { what: SlaveEffect::Off | SlaveEffect::Busy, .. }
-            | Effect::Node { what: NodeEffect::BusOff | NodeEffect::Overrun, .. } => Details::default(),
+            | Effect::Node { what: NodeEffect::BusOff | NodeEffect::Overrun | NodeEffect::Silent, .. } => {
+                Details::default()
+            }
         }
     }
 
@@ -96,6 +99,8 @@ impl Details {
             Kind::Overrun => node(NodeEffect::Overrun),
             Kind::DriveFault => slave(SlaveEffect::Trip(u16::try_from(value).ok()?)),
             Kind::BapsDriveFault => node(NodeEffect::Trip(u16::try_from(value).ok()?)),
+            Kind::BapsSilent => node(NodeEffect::Silent),
+            Kind::BapsSlow => node(NodeEffect::Slow(value)),
         })
     }
 }

@@ -161,7 +161,9 @@ fn fault() -> impl Strategy<Value = Fault> {
     let node = prop_oneof![
         Just(NodeEffect::BusOff),
         Just(NodeEffect::Overrun),
-        any::<u16>().prop_map(NodeEffect::Trip)
+        any::<u16>().prop_map(NodeEffect::Trip),
+        Just(NodeEffect::Silent),
+        any::<u32>().prop_map(NodeEffect::Slow)
     ];
     let effect = prop_oneof![
         (any::<(u16, u16, u16)>(), slot(), frame).prop_map(|((bus, id, mask), slot, what)| {

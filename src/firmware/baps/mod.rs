@@ -6,17 +6,22 @@
 
 mod config;
 mod cycle;
+mod findings;
+mod hold;
 mod process;
 mod service;
 
 pub use cycle::{Cycle, Method, SLICE_US};
+pub use hold::Pace;
 
 use super::Context;
 use super::shown::Shown;
 use crate::drive::{BuiltInDrive, BuiltInDriveConfig};
+use crate::journal::Journal;
 use crate::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
+use hold::Hold;
 use process::Process;
 use service::Service;
 
@@ -57,6 +62,10 @@ pub struct Baps {
     powered_on: BuiltInDrive,
     process: Process,
     service: Service,
+    /// Process data, or commands, that the drive is late with.
+    process_hold: Hold,
+    /// Service data, likewise.
+    service_hold: Hold,
     /// Whether the Omega Drive-Line II's side runs; the drive does without it.
     is_up: bool,
     /// The next time slice; [`Baps::NEVER`] while nobody uses the BAPS.
@@ -83,8 +92,10 @@ impl Baps {
             regs: segment.view::<BAPS_CTRL_BMSTRUCT>(BAPS)?,
             powered_on: drive.clone(),
             drive,
-            process: Process::default(),
+            process: Process::new(segment)?,
             service: Service::new(config.service_time_us),
+            process_hold: Hold::default(),
+            service_hold: Hold::default(),
             is_up: false,
             next: Self::NEVER,
             last: None,
@@ -104,6 +115,8 @@ impl Baps {
         self.is_up = false;
         self.process.reset();
         self.service.reset();
+        self.process_hold.forget();
+        self.service_hold.forget();
     }
 
     /// Power-off: the drive has the same supply.
@@ -158,29 +171,49 @@ impl Baps {
         earliest + (self.phase + SLICE_US - earliest % SLICE_US) % SLICE_US
     }
 
-    /// The time slice that is due.
-    pub fn slice(&mut self, ctx: &mut Context) {
+    /// The time slice that is due. `pace` tells how the drive takes what it has to do at the registers; it is told
+    /// whether that has waited already.
+    pub fn slice(&mut self, ctx: &mut Context, pace: impl FnMut(&mut Journal, bool) -> Pace) {
         let now = ctx.now;
         let us = self.last.map_or(SLICE_US, |last| (now - last).min(SLICE_US));
         self.last = Some(now);
         self.drive.step(now, us as u32);
         if self.is_up {
-            self.exchange(ctx);
+            self.exchange(ctx, pace);
         }
         self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
     }
 
-    /// The drive looks at the registers.
-    fn exchange(&mut self, ctx: &mut Context) {
-        self.process.slice(ctx, &self.regs, &mut self.drive);
-        self.service.slice(ctx, &self.regs, &mut self.drive);
+    /// The drive looks at the registers: process data, commands and status first, then service data.
+    fn exchange(&mut self, ctx: &mut Context, mut pace: impl FnMut(&mut Journal, bool) -> Pace) {
+        self.process.pass(ctx.now);
         let synchronized = if self.drive.is_synchronized() { SYNCHRONIZED } else { 0 };
-        self.regs.w_STATUS_REG.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUS_REG)), synchronized);
+        if self.process.has_work(&self.regs) || self.regs.w_STATUS_REG.load() != synchronized {
+            match self.process_hold.turn(ctx.now, |has_waited| pace(ctx.journal, has_waited)) {
+                Pace::AtOnce => {
+                    self.process.slice(ctx, &self.regs, &mut self.drive);
+                    let offset = place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUS_REG));
+                    self.regs.w_STATUS_REG.show(ctx, offset, synchronized);
+                }
+                Pace::Late(_) => {}
+                Pace::Never => self.process.leave_out(),
+            }
+        } else {
+            self.process_hold.forget();
+        }
+        if !self.service.has_work(ctx.now, &self.regs) {
+            self.service_hold.forget();
+        } else if self.service_hold.turn(ctx.now, |has_waited| pace(ctx.journal, has_waited)) == Pace::AtOnce
+        {
+            self.service.slice(ctx, &self.regs, &mut self.drive);
+        }
     }
 
     fn is_in_use(&self) -> bool {
         self.process.is_configured()
             || !self.service.is_idle()
+            || self.process_hold.is_running()
+            || self.service_hold.is_running()
             || !self.drive.is_at_rest()
             || self.drive.is_synchronized()
     }

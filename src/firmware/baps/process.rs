@@ -2,13 +2,16 @@
 
 use super::config::Numbers;
 use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
+use super::findings::{cycle_of, find, is_too_early};
 use super::{command, place, quit};
 use crate::bus::codec::parameter::VALUE_ELEMENT;
+use crate::check::Rule;
 use crate::drive::BuiltInDrive;
 use crate::firmware::Context;
 use crate::firmware::shown::Shown;
 use crate::journal::Event;
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::memory::{Header, MemoryError, Segment, View};
 use core::mem::offset_of;
 
 /// Communications in which a re-initialization is active: one for each number (decision D-157).
@@ -23,6 +26,12 @@ struct Configured {
     count: u64,
     /// When the next one is due.
     next: u64,
+    /// One has fallen due and has not been done yet.
+    is_due: bool,
+    /// Whether the PLC had given a command for the last one.
+    is_used: bool,
+    /// The SYNC slot (P167) that the PLC was told to be wrong, in us.
+    wrong_slot: Option<u32>,
     re_init: ReInit,
 }
 
@@ -38,14 +47,22 @@ enum ReInit {
 }
 
 /// The process data of one BAPS.
-#[derive(Default)]
 pub(super) struct Process {
+    header: View<Header>,
     configured: Option<Configured>,
     /// Communications, each of which is an event "BAPS process data".
     events: u64,
 }
 
 impl Process {
+    /// Not configured.
+    ///
+    /// # Errors
+    /// If the segment is read-only.
+    pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Process { header: segment.header()?, configured: None, events: 0 })
+    }
+
     /// The board starts anew: without configuration, as at first (manual p. 90).
     pub fn reset(&mut self) {
         self.configured = None;
@@ -67,13 +84,42 @@ impl Process {
         }
     }
 
-    /// One time slice of the drive.
+    /// A communication may fall due at `now`.
+    pub fn pass(&mut self, now: u64) {
+        if let Some(configured) = &mut self.configured
+            && configured.next <= now
+        {
+            // Slots that lie behind an alignment to the trigger signal are left out.
+            configured.next = now + configured.cycle.communication_us();
+            configured.count += 1;
+            configured.is_due = true;
+        }
+    }
+
+    /// Whether there is a communication to do or a command to answer.
+    pub fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
+        let is_due = self.configured.is_some_and(|configured| configured.is_due);
+        match regs.b_COMMAND.load() {
+            command::NONE => is_due,
+            command::EXCHANGE | command::RE_INITIALIZE => is_due || !self.is_configured(),
+            _ => true,
+        }
+    }
+
+    /// The communication that is due does not take place.
+    pub fn leave_out(&mut self) {
+        if let Some(configured) = &mut self.configured {
+            configured.is_due = false;
+        }
+    }
+
+    /// Does the communication that is due and answers a command.
     pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let word = regs.b_COMMAND.load();
         match word {
             command::NONE => {}
             command::CONFIGURE => {
-                let answer = self.configure(ctx.now, regs, drive);
+                let answer = self.configure(ctx, regs, drive);
                 acknowledge(ctx, regs, word, answer);
                 return;
             }
@@ -82,35 +128,47 @@ impl Process {
             _ => acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD),
         }
         if let Some(configured) = &mut self.configured
-            && configured.next <= ctx.now
+            && configured.is_due
         {
             configured.communicate(ctx, regs, drive);
             self.events += 1;
         }
     }
 
-    fn configure(&mut self, now: u64, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> u8 {
-        self.configured = None;
-        let Some(cycle) = Cycle::from_register(regs.w_COMMAND_REG.load()) else {
-            return quit::NOT_UNDERSTOOD;
-        };
+    fn configure(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> u8 {
+        let former = self.configured.take();
+        if former.is_some_and(|former| former.is_used) {
+            find(
+                ctx,
+                Rule::BapsRunning,
+                offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND),
+                command::CONFIGURE.into(),
+            );
+        }
+        if is_too_early(&self.header) {
+            find(ctx, Rule::BapsEarly, offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND), command::CONFIGURE.into());
+        }
+        let Some(cycle) = cycle_of(ctx, regs) else { return quit::NOT_UNDERSTOOD };
         let numbers = Numbers::of(regs);
         if let Err(answer) = numbers.check(drive) {
             return answer;
         }
-        let next = drive.next_slot(now + 1).unwrap_or(now + cycle.first_us());
-        self.configured = Some(Configured { cycle, numbers, count: 0, next, re_init: ReInit::Idle });
+        self.configured = Some(Configured::new(ctx.now, cycle, numbers, drive));
         quit::CONFIGURED
     }
 }
 
 impl Configured {
+    fn new(now: u64, cycle: Cycle, numbers: Numbers, drive: &BuiltInDrive) -> Self {
+        let next = drive.next_slot(now + 1).unwrap_or(now + cycle.first_us());
+        let (is_due, is_used, wrong_slot) = (false, false, None);
+        Configured { cycle, numbers, count: 0, next, is_due, is_used, wrong_slot, re_init: ReInit::Idle }
+    }
+
     /// Actual values and status word to the PLC, then reference values and control word from it, if it has
     /// given the command.
     fn communicate(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
-        // Slots that lie behind an alignment to the trigger signal are left out.
-        self.next = ctx.now + self.cycle.communication_us();
-        self.count += 1;
+        self.is_due = false;
         let software = drive.regler().software();
         let (writes, reads) = self.cycle.values(self.count, software);
         let mut answer = quit::EXCHANGED;
@@ -122,9 +180,14 @@ impl Configured {
         regs.w_STATUSWORD.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUSWORD)), drive.status_word());
 
         let word = regs.b_COMMAND.load();
-        if !matches!(word, command::EXCHANGE | command::RE_INITIALIZE) {
+        self.is_used = matches!(word, command::EXCHANGE | command::RE_INITIALIZE);
+        if !self.is_used {
             return;
         }
+        let Some(cycle) = cycle_of(ctx, regs) else {
+            return acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD);
+        };
+        self.judge(ctx, cycle, regs, drive);
         if word == command::RE_INITIALIZE
             && (software < FOUR_ACTUAL_VALUES || self.cycle.method() != Method::SameCycle)
         {
@@ -137,7 +200,25 @@ impl Configured {
             }
         }
         let answer = self.re_initialize(word, regs, drive).unwrap_or(answer);
+        if cycle != self.cycle {
+            let Configured { is_used, re_init, .. } = *self;
+            *self = Configured { is_used, re_init, ..Self::new(ctx.now, cycle, self.numbers, drive) };
+        }
         acknowledge(ctx, regs, word, answer);
+    }
+
+    /// Reports what is wrong with the cycle times of this exchange.
+    fn judge(&mut self, ctx: &mut Context, cycle: Cycle, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) {
+        let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
+        if cycle != self.cycle {
+            find(ctx, Rule::BapsCycle, offset, regs.w_COMMAND_REG.load().into());
+        }
+        let is_wrong = |slot: &u32| u64::from(*slot) != cycle.communication_us();
+        let wrong_slot = drive.required_slot_us(ctx.now).filter(is_wrong);
+        if wrong_slot.is_some() && wrong_slot != self.wrong_slot {
+            find(ctx, Rule::BapsSyncSlot, offset, regs.w_COMMAND_REG.load().into());
+        }
+        self.wrong_slot = wrong_slot;
     }
 
     /// Actual value `x` to the PLC; `false` if it cannot be read now.

@@ -93,6 +93,15 @@ impl Service {
         matches!(self.phase, Phase::Idle)
     }
 
+    /// Whether there is a step to take at `now`.
+    pub fn has_work(&self, now: u64, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
+        match (self.phase, regs.b_MA_SEMAPHORE.load()) {
+            (Phase::Idle, semaphore::TAKEN) | (Phase::Working(..) | Phase::Answered, semaphore::FREE) => true,
+            (Phase::Working(_, due), _) => now >= due,
+            (Phase::Idle | Phase::Answered, _) => false,
+        }
+    }
+
     /// One look of the drive at the semaphores.
     pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let master = regs.b_MA_SEMAPHORE.load();

@@ -1,5 +1,6 @@
 //! `BAPS_INIT`: configures the process data (p. 86-92).
 
+use super::OMEGA_DRIVE_LINE_II;
 use super::command::CONFIGURE;
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
 use crate::plc::ram::Watch;
@@ -23,7 +24,7 @@ macro_rules! block {
         /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24), at every call, and has neither.
         #[derive(Clone, Debug)]
         pub struct BAPS_INIT {
-            /// 0: Omega Drive-Line II; nothing else exists.
+            /// 0: Omega Drive-Line II; with anything else the block does nothing.
             pub us_HW_TYPE: u8,
             /// Event "BAPS process data" to enable: 4 or 8; 0 (default): none.
             pub i_EVENT: i16,
@@ -127,6 +128,9 @@ enum Phase {
 impl BAPS_INIT {
     /// One PLC cycle.
     pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
+        if self.us_HW_TYPE != OMEGA_DRIVE_LINE_II {
+            return;
+        }
         self.w_STATUS_REG = _BASE.w_STATUS_REG.load();
         if self.x_RESET {
             return self.end(Phase::Idle, 0);

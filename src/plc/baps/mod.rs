@@ -19,6 +19,9 @@ pub use pd_control::BAPS_PD_CONTROL;
 pub use sd_control::BAPS_SD_CONTROL;
 pub use service_data::BAPS_BMSTRUCT;
 
+/// `us_HW_TYPE`: the only hardware that there is. With another one a block does nothing (decision D-215).
+const OMEGA_DRIVE_LINE_II: u8 = 0;
+
 /// Values of `b_COMMAND`, and of `b_SL_QUIT` when they succeed.
 mod command {
     pub const EXCHANGE: u8 = 0x01;

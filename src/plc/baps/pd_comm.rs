@@ -1,6 +1,7 @@
 //! `BAPS_PD_COMM2`, `BAPS_PD_COMM8`: process data (p. 99-103, 112-116), and what `BAPS_PD_COMM24` shares with
 //! them.
 
+use super::OMEGA_DRIVE_LINE_II;
 use super::command::{CONFIGURE, EXCHANGE};
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
 use crate::plc::Base;
@@ -8,17 +9,19 @@ use crate::plc::Base;
 /// Bit 0 of `b_ERR`.
 pub(super) const NOT_EXCHANGED: u8 = 1 << 0;
 
-/// One exchange: reads what the drive has handed over, then gives `command` with new values.
+/// One exchange: reads what the drive has handed over, then gives `command` with new values, and with the method and
+/// cycle time that the communications have from then on.
 pub(super) fn exchange(
     base: &BAPS_CTRL_BMSTRUCT,
     command: u8,
-    w_CONTROLWORD: u16,
+    [w_CONTROLWORD, w_COMMAND_REG]: [u16; 2],
     references: &[u32],
     actuals: &mut [&mut u32],
 ) {
     base.w_TIMEOUT.update(|value| value.wrapping_add(1));
     actuals.iter_mut().zip(&base.a_RD_VALUE).for_each(|(value, cell)| **value = cell.load());
     base.w_CONTROLWORD.store(w_CONTROLWORD);
+    base.w_COMMAND_REG.store(w_COMMAND_REG);
     references.iter().zip(&base.a_WR_VALUE).for_each(|(value, cell)| cell.store(*value));
     base.b_COMMAND.store(command);
 }
@@ -38,11 +41,11 @@ macro_rules! block {
         /// acknowledgement the next call shows.
         #[derive(Clone, Debug)]
         pub struct $name {
-            /// 0: Omega Drive-Line II; nothing else exists.
+            /// 0: Omega Drive-Line II; with anything else the block does nothing.
             pub us_HW_TYPE: u8,
             /// Control word.
             pub w_CONTROLWORD: u16,
-            /// As at `BAPS_INIT`; what counts was given there.
+            /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
             pub w_COMMAND_REG: u16,
             /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
             pub us_MODE: u8,
@@ -90,14 +93,15 @@ macro_rules! block {
         impl $name {
             /// One PLC cycle.
             pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
-                if !self.x_EN {
+                if !self.x_EN || self.us_HW_TYPE != OMEGA_DRIVE_LINE_II {
                     return;
                 }
                 self.b_SL_QUIT = _BASE.b_SL_QUIT.load();
                 self.w_STATUSWORD = _BASE.w_STATUSWORD.load();
                 self.w_STATUS_REG = _BASE.w_STATUS_REG.load();
                 let actuals = &mut [$(&mut self.$rd),*];
-                exchange(_BASE, EXCHANGE, self.w_CONTROLWORD, &[$(self.$wr),*], actuals);
+                let words = [self.w_CONTROLWORD, self.w_COMMAND_REG];
+                exchange(_BASE, EXCHANGE, words, &[$(self.$wr),*], actuals);
                 self.b_ERR = if is_error(self.b_SL_QUIT) { NOT_EXCHANGED } else { 0 };
                 self.x_ERR = self.b_ERR != 0;
             }

@@ -1,6 +1,7 @@
 //! `BAPS_PD_COMM24`: process data with two reference and four actual values in every communication, and
 //! re-initialization while they run (p. 104-111).
 
+use super::OMEGA_DRIVE_LINE_II;
 use super::command::{EXCHANGE, RE_INITIALIZE};
 use super::pd_comm::{NOT_EXCHANGED, exchange, is_error};
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
@@ -21,11 +22,11 @@ const BAD_ACTUAL_NUMBER: u8 = 0x87;
 /// `us_MODE` 2 has written the numbers. Its result stays until the next one (decision D-217).
 #[derive(Clone, Debug)]
 pub struct BAPS_PD_COMM24 {
-    /// 0: Omega Drive-Line II; nothing else exists.
+    /// 0: Omega Drive-Line II; with anything else the block does nothing.
     pub us_HW_TYPE: u8,
     /// Control word.
     pub w_CONTROLWORD: u16,
-    /// As at `BAPS_INIT`; what counts was given there.
+    /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
     pub w_COMMAND_REG: u16,
     /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
     pub us_MODE: u8,
@@ -105,6 +106,9 @@ impl Default for BAPS_PD_COMM24 {
 impl BAPS_PD_COMM24 {
     /// One PLC cycle.
     pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
+        if self.us_HW_TYPE != OMEGA_DRIVE_LINE_II {
+            return;
+        }
         let edge = self.x_RE_INIT_START && !self.internal.start;
         self.internal.start = self.x_RE_INIT_START;
         if !self.x_EN {
@@ -132,7 +136,8 @@ impl BAPS_PD_COMM24 {
             &mut self.ud_RD_VALUE2,
             &mut self.ud_RD_VALUE3,
         ];
-        exchange(_BASE, command, self.w_CONTROLWORD, &[self.ud_WR_VALUE0, self.ud_WR_VALUE1], actuals);
+        let words = [self.w_CONTROLWORD, self.w_COMMAND_REG];
+        exchange(_BASE, command, words, &[self.ud_WR_VALUE0, self.ud_WR_VALUE1], actuals);
         self.internal.command = command;
         let of_re_initialization = [RE_INITIALIZE, BAD_REFERENCE_NUMBER, BAD_ACTUAL_NUMBER];
         self.b_ERR &= TIMEOUT;

@@ -10,11 +10,11 @@ use commram::plc::*;
 use std::time::Duration;
 
 /// Two reference and two (four) actual values every 0.5 ms, all the same cycle; eight in time slices.
-const SAME_CYCLE: u16 = 0x0014;
+pub const SAME_CYCLE: u16 = 0x0014;
 const TIME_SLICES: u16 = 0x0010;
 /// Parameters: speed reference and actual value, additional reference value.
-const SPEED: u16 = 300;
-const SPEED_ACTUAL: u16 = 301;
+pub const SPEED: u16 = 300;
+pub const SPEED_ACTUAL: u16 = 301;
 const ADDITIONAL: u16 = 302;
 const UNKNOWN: u16 = 4000;
 
@@ -54,7 +54,7 @@ impl Stage {
 
     /// Runs `BAPS_INIT` to its end.
     #[track_caller]
-    fn initialize(&mut self, init: &mut BAPS_INIT) {
+    pub fn initialize(&mut self, init: &mut BAPS_INIT) {
         self.until(|stage| {
             init.call(&stage.base);
             init.x_OK || init.x_ERR
@@ -62,7 +62,7 @@ impl Stage {
     }
 }
 
-fn init(w_COMMAND_REG: u16, reference: [u16; 2], actual: [u16; 4]) -> BAPS_INIT {
+pub fn init(w_COMMAND_REG: u16, reference: [u16; 2], actual: [u16; 4]) -> BAPS_INIT {
     BAPS_INIT {
         w_COMMAND_REG,
         u_WR_PAR_NR0: reference[0],
@@ -75,6 +75,11 @@ fn init(w_COMMAND_REG: u16, reference: [u16; 2], actual: [u16; 4]) -> BAPS_INIT 
     }
 }
 
+/// `BAPS_PD_COMM24` with the method and cycle time of the configuration.
+pub fn exchange() -> BAPS_PD_COMM24 {
+    BAPS_PD_COMM24 { w_COMMAND_REG: SAME_CYCLE, ..Default::default() }
+}
+
 /// Manual p. 86-103: configured, then two values to and fro.
 #[test]
 fn two_values_are_exchanged() {
@@ -85,6 +90,7 @@ fn two_values_are_exchanged() {
         assert_eq!((init.x_OK, init.b_ERR, init.b_SL_QUIT), (true, 0, 0x02), "{memory:?}");
         let mut comm = BAPS_PD_COMM2 {
             w_CONTROLWORD: 0x000F,
+            w_COMMAND_REG: SAME_CYCLE,
             ud_WR_VALUE0: 5000,
             ud_WR_VALUE1: 0x8765_4321,
             ..Default::default()
@@ -151,6 +157,7 @@ fn eight_values_are_exchanged_in_time_slices() {
     stage.initialize(&mut init);
     assert!(init.x_OK, "{init:?}");
     let mut comm = BAPS_PD_COMM8 {
+        w_COMMAND_REG: TIME_SLICES,
         ud_WR_VALUE0: 10,
         ud_WR_VALUE1: 11,
         ud_WR_VALUE2: 12,
@@ -248,7 +255,7 @@ fn the_process_data_blocks_report_what_the_drive_does_not_take() {
             let limits = "[[plc.drive.parameters]]\nnumber = 1000\nformat = 'doubleword'\nmax = 10\n";
             let mut stage = Stage::new(Memory::Heap, limits);
             stage.initialize(&mut init(SAME_CYCLE, [1000, 0], [0; 4]));
-            let mut comm = $block { ud_WR_VALUE0: 11, ..Default::default() };
+            let mut comm = $block { w_COMMAND_REG: SAME_CYCLE, ud_WR_VALUE0: 11, ..Default::default() };
             stage.until(|stage| {
                 comm.call(&stage.base);
                 comm.x_ERR
@@ -273,7 +280,7 @@ fn numbers_are_changed_while_the_process_data_run() {
     for memory in BOTH {
         let mut stage = Stage::new(memory, "");
         stage.initialize(&mut init(SAME_CYCLE, [SPEED, 0], [SPEED_ACTUAL, 0, 0, 0]));
-        let mut comm = BAPS_PD_COMM24 { ud_WR_VALUE0: 77, ud_WR_VALUE1: 88, ..Default::default() };
+        let mut comm = BAPS_PD_COMM24 { ud_WR_VALUE0: 77, ud_WR_VALUE1: 88, ..exchange() };
         for _ in 0..10 {
             comm.call(&stage.base);
             stage.step(500);
@@ -309,7 +316,7 @@ fn re_initialization_reports_every_error() {
     {
         let mut stage = Stage::new(Memory::Heap, "");
         stage.initialize(&mut init(SAME_CYCLE, [SPEED, 0], [SPEED_ACTUAL, 0, 0, 0]));
-        let mut comm = BAPS_PD_COMM24 { w_CONTROLWORD: 0x000F, ud_WR_VALUE0: 5, ..Default::default() };
+        let mut comm = BAPS_PD_COMM24 { w_CONTROLWORD: 0x000F, ud_WR_VALUE0: 5, ..exchange() };
         comm.call(&stage.base);
         BAPS_INIT { us_MODE: 2, ..init(0, [reference, 0], [actual, 0, 0, 0]) }.call(&stage.base);
         comm.x_RE_INIT_START = true;
@@ -330,7 +337,7 @@ fn re_initialization_reports_every_error() {
     // Older drive software does not know it.
     let mut stage = Stage::new(Memory::Heap, "software = 308\n");
     stage.initialize(&mut init(SAME_CYCLE, [SPEED, 0], [SPEED_ACTUAL, 0, 0, 0]));
-    let mut comm = BAPS_PD_COMM24 { x_RE_INIT_START: true, ..Default::default() };
+    let mut comm = BAPS_PD_COMM24 { x_RE_INIT_START: true, ..exchange() };
     stage.until(|stage| {
         comm.call(&stage.base);
         comm.x_RE_INIT_OK || comm.x_RE_INIT_ERR

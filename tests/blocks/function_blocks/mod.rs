@@ -3,6 +3,8 @@
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
 mod baps;
+mod baps_faults;
+mod baps_inputs;
 mod bench;
 mod board;
 mod command_channel;

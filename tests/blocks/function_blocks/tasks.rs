@@ -14,6 +14,8 @@ use std::time::Duration;
 struct Notes {
     ram: Ram,
     sync: INTR_SET,
+    /// Cycles since the start.
+    cycles: u32,
     log: Rc<RefCell<Vec<(u64, &'static str)>>>,
 }
 
@@ -33,6 +35,7 @@ impl Program for Notes {
 
     fn initialize(&mut self, start: Start) {
         assert!(matches!(start, Start::Cold | Start::Warm));
+        self.cycles = 0;
         self.sync = enabled();
     }
 
@@ -49,6 +52,8 @@ impl Program for Notes {
     }
 
     fn cyclic(&mut self) -> Result<Progress, Infallible> {
+        self.cycles += 1;
+        assert_eq!(self.ram.header().program_cycles.load(), self.cycles, "told to the board");
         self.note("cyclic");
         Ok(Progress::Again)
     }
@@ -71,7 +76,7 @@ impl Stage {
         let bench = Bench::active(memory);
         let ram = Ram::of(bench.rig.plant.plcs()[0].segment()).unwrap();
         let log = Rc::default();
-        let notes = Notes { ram: ram.clone(), sync: enabled(), log: Rc::clone(&log) };
+        let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
         let tasks = Tasks::load(&ram, notes, Duration::from_millis(5), &[12]);
         Stage { bench, tasks, log }
     }
@@ -179,7 +184,7 @@ fn the_next_program_starts_cold() {
     drop(tasks);
     bench.rig.step(1000);
     assert_eq!(ram.header().board.display.load(), u32::from('0'));
-    let notes = Notes { ram: ram.clone(), sync: enabled(), log: Rc::clone(&log) };
+    let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
     let tasks = Tasks::load(&ram, notes, Duration::from_millis(5), &[12]);
     let mut stage = Stage { bench, tasks, log };
     assert_eq!(stage.pass(10)[0].1, "cold");
@@ -187,7 +192,7 @@ fn the_next_program_starts_cold() {
     // One that has died has left its state behind.
     let Stage { bench, tasks, log } = stage;
     std::mem::forget(tasks);
-    let notes = Notes { ram: ram.clone(), sync: enabled(), log: Rc::clone(&log) };
+    let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
     let tasks = Tasks::load(&ram, notes, Duration::from_millis(5), &[12]);
     let mut stage = Stage { bench, tasks, log };
     assert_eq!(stage.pass(10)[0].1, "cold");

@@ -2,7 +2,7 @@
 
 use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
 use commram::drive::BuiltInDrive;
-use commram::fault::{Effect, Fault, Limit, NodeEffect};
+use commram::fault::{Effect, Fault, FaultSpec, Limit, NodeEffect};
 use commram::journal::BAPS_NODE;
 use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2};
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
@@ -114,6 +114,13 @@ impl Bench {
         let effect = Effect::Node { plc: 0, node: BAPS_NODE, what: NodeEffect::Trip(number) };
         let fault = Fault { effect, at_us: 0, limit: Limit::Count(1) };
         self.plant.add_fault(fault).unwrap();
+    }
+
+    /// Adds a fault at once; its number.
+    pub fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
+        let spec = FaultSpec::from_words(kind, fields).unwrap();
+        let fault = spec.resolve(&self.plant.names()).unwrap();
+        self.plant.add_fault(fault).unwrap()
     }
 
     pub fn numbers(&self, writes: &[u16], reads: &[u16]) {

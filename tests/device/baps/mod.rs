@@ -3,6 +3,7 @@
 mod bench;
 mod configuration;
 mod exchange;
+mod faults;
 mod journal;
 mod mixes;
 mod restart;

@@ -565,7 +565,7 @@ fn store_ip_config(rig: &mut Rig, last: u8) {
 }
 
 /// BAPS registers of PLC `a`, at whose drive the clock has been running.
-fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
+pub fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
     rig.step(5000);
     rig.plant.plcs()[0].segment().view(BAPS).unwrap()
 }

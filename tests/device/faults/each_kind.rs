@@ -4,6 +4,7 @@
 use super::*;
 use crate::rig::Memory;
 use commram::fault::Kind;
+use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
 
 /// When the faults begin; both nodes are active then and the drives locked.
 const AT_US: u64 = 100_003;
@@ -11,7 +12,7 @@ const AT_US: u64 = 100_003;
 const DURATION_US: u64 = 40_000;
 
 /// Each kind with its fields, and how many hits it is given. A drive has one fault until it is reset.
-const KINDS: [(&str, &[&str], Option<u32>); 14] = [
+const KINDS: [(&str, &[&str], Option<u32>); 16] = [
     ("lose_frame", &["slot=WRC1"], Some(2)),
     ("delay_frame", &["slot=RDC1", "delay_us=77"], Some(3)),
     ("duplicate_frame", &["id=16#501", "delay_us=20"], Some(2)),
@@ -26,6 +27,8 @@ const KINDS: [(&str, &[&str], Option<u32>); 14] = [
     ("overrun", &["plc=a", "node=2"], Some(4)),
     ("drive_fault", &["slave=2", "error=17"], Some(1)),
     ("baps_drive_fault", &["plc=a", "error=18"], Some(1)),
+    ("baps_silent", &["plc=a"], Some(3)),
+    ("baps_slow", &["plc=a", "delay_us=700"], Some(2)),
 ];
 
 /// How a fault gets into the plant.
@@ -77,6 +80,8 @@ fn traffic(rig: &mut Rig, interval: u64) {
         rig.slave.w_CPU_CONTROL.store(0x00C0);
     }
     serve_block(rig, 1);
+    // The drive is not configured; that is an answer, too.
+    rig.plant.plcs()[0].segment().view::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap().b_COMMAND.store(0x01);
 }
 
 #[test]

@@ -17,7 +17,7 @@ const REFERENCES: u32 = 400;
 const STEP: u32 = 100_003;
 /// The position loop of the drive does not see less than this.
 const NEAR: u32 = 32;
-/// `BAPS_INIT` is enabled after so many cycles of the cyclic task (manual p. 62).
+/// `BAPS_INIT` is enabled after so many cycles of the cyclic task (manual p. 63).
 pub const CYCLES_BEFORE_INIT: u32 = 5;
 
 /// The control word that brings a drive with this status word nearer to operation.
@@ -89,7 +89,7 @@ impl SynchronousDrive {
                 u_RD_PAR_NR1: ANGLE_REFERENCE,
                 ..Default::default()
             },
-            comm: BAPS_PD_COMM2::default(),
+            comm: BAPS_PD_COMM2 { w_COMMAND_REG, ..Default::default() },
             watch: BAPS_PD_CONTROL::default(),
             mask,
             angle: 0,

@@ -1,0 +1,82 @@
+//! When the drive does what it has to do at the BAPS: at once, unless a fault makes it slow or silent.
+
+/// How the drive takes a thing that it has to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// In this time slice.
+    AtOnce,
+    /// In the first time slice that lies so many microseconds later.
+    Late(u32),
+    /// Not in this time slice.
+    Never,
+}
+
+/// Whether a thing waits.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Hold {
+    until: Option<u64>,
+}
+
+impl Hold {
+    /// Whether something waits.
+    pub fn is_running(&self) -> bool {
+        self.until.is_some()
+    }
+
+    /// There is nothing to do, or no longer.
+    pub fn forget(&mut self) {
+        self.until = None;
+    }
+
+    /// How something to do is taken in the slice at `now`. `pace` is asked when it turns up and once more when it has
+    /// waited, and told which of both: what has waited once does not wait again.
+    pub fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
+        if let Some(until) = self.until.filter(|&until| now < until) {
+            return Pace::Late((until - now) as u32);
+        }
+        let has_waited = self.until.is_some();
+        match pace(has_waited) {
+            Pace::Late(us) if !has_waited => {
+                self.until = Some(now + u64::from(us));
+                Pace::Late(us)
+            }
+            Pace::Late(_) | Pace::AtOnce => {
+                self.until = None;
+                Pace::AtOnce
+            }
+            Pace::Never => Pace::Never,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_late_is_done_once_and_then_the_next_is_late() {
+        let mut hold = Hold::default();
+        let mut asked = Vec::new();
+        let mut turn = |now| {
+            hold.turn(now, |has_waited| {
+                asked.push((now, has_waited));
+                if has_waited { Pace::AtOnce } else { Pace::Late(700) }
+            })
+        };
+        let turns = [500, 1000, 1500, 2000].map(&mut turn);
+        assert_eq!(turns, [Pace::Late(700), Pace::Late(200), Pace::AtOnce, Pace::Late(700)]);
+        assert_eq!(asked, [(500, false), (1500, true), (2000, false)]);
+    }
+
+    #[test]
+    fn what_has_waited_may_still_be_kept_from_happening() {
+        let mut hold = Hold::default();
+        assert_eq!(hold.turn(0, |_| Pace::Late(500)), Pace::Late(500));
+        assert_eq!(hold.turn(500, |_| Pace::Never), Pace::Never);
+        assert_eq!(
+            hold.turn(1000, |has_waited| if has_waited { Pace::Late(9) } else { Pace::Never }),
+            Pace::AtOnce
+        );
+        assert!(!hold.is_running());
+    }
+}

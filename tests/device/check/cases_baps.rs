@@ -1,0 +1,121 @@
+//! The cases of the BAPS, as [`cases`](super::cases).
+
+use super::cases::{Case, baps};
+use crate::rig::Rig;
+use commram::check::Rule;
+use commram::layout::omega_drive_line_2::*;
+use commram::memory::View;
+use commram::memory::header::ProgramState;
+
+pub const CASES: &[Case] = &[
+    Case {
+        rule: Rule::ReservedBit,
+        register: "baps.w_COMMAND_REG",
+        value: 0x0114,
+        wrong: |rig| configure(&baps(rig), rig, 0x0114),
+        right: |rig| configure(&baps(rig), rig, 0x0014),
+    },
+    Case {
+        rule: Rule::ReservedValue,
+        register: "baps.w_COMMAND_REG",
+        value: 0x0012,
+        wrong: |rig| configure(&baps(rig), rig, 0x0012),
+        right: |rig| configure(&baps(rig), rig, 0x0010),
+    },
+    Case {
+        rule: Rule::BapsEarly,
+        register: "baps.b_COMMAND",
+        value: 2,
+        wrong: |rig| configure_in_program(rig, ProgramState::Cyclic, 5),
+        right: |rig| configure_in_program(rig, ProgramState::Cyclic, 6),
+    },
+    Case {
+        rule: Rule::BapsEarly,
+        register: "baps.b_COMMAND",
+        value: 2,
+        wrong: |rig| configure_in_program(rig, ProgramState::Initializing, 0),
+        // Whoever does not count cycles is believed.
+        right: |rig| configure_in_program(rig, ProgramState::Cyclic, 0),
+    },
+    Case {
+        rule: Rule::BapsRunning,
+        register: "baps.b_COMMAND",
+        value: 2,
+        wrong: |rig| {
+            let regs = baps(rig);
+            configure(&regs, rig, 0x0014);
+            exchange(&regs, rig, 0x0014);
+            configure(&regs, rig, 0x0014);
+        },
+        right: |rig| {
+            let regs = baps(rig);
+            configure(&regs, rig, 0x0014);
+            exchange(&regs, rig, 0x0014);
+            rig.step(500);
+            configure(&regs, rig, 0x0014);
+        },
+    },
+    Case {
+        rule: Rule::BapsCycle,
+        register: "baps.w_COMMAND_REG",
+        value: 0x0024,
+        wrong: |rig| {
+            let regs = baps(rig);
+            configure(&regs, rig, 0x0014);
+            exchange(&regs, rig, 0x0024);
+            exchange(&regs, rig, 0x0024);
+        },
+        right: |rig| {
+            let regs = baps(rig);
+            configure(&regs, rig, 0x0014);
+            exchange(&regs, rig, 0x0014);
+        },
+    },
+    Case {
+        rule: Rule::BapsSyncSlot,
+        register: "baps.w_COMMAND_REG",
+        value: 0x0014,
+        wrong: |rig| follow_positions(rig, 0x0014),
+        right: |rig| follow_positions(rig, 0x0044),
+    },
+];
+
+/// What `BAPS_INIT` does.
+fn configure(regs: &View<BAPS_CTRL_BMSTRUCT>, rig: &mut Rig, command_reg: u16) {
+    regs.w_COMMAND_REG.store(command_reg);
+    regs.b_COMMAND.store(2);
+    rig.step(500);
+}
+
+/// What `BAPS_PD_COMM2` does.
+fn exchange(regs: &View<BAPS_CTRL_BMSTRUCT>, rig: &mut Rig, command_reg: u16) {
+    regs.w_COMMAND_REG.store(command_reg);
+    regs.b_COMMAND.store(1);
+    rig.step(500);
+}
+
+/// Configures in this cycle of the PLC program.
+fn configure_in_program(rig: &mut Rig, state: ProgramState, cycles: u32) {
+    let header = rig.plant.plcs()[0].segment().header().unwrap();
+    header.program.state.store(state.code());
+    header.program_cycles.store(cycles);
+    configure(&baps(rig), rig, 0x0014);
+}
+
+/// Exchanges process data with a drive in mode "synchronous reference position", whose SYNC slot is 2 ms.
+fn follow_positions(rig: &mut Rig, command_reg: u16) {
+    let regs = baps(rig);
+    regs.b_JOB.store(2);
+    regs.u_PAR_NR.store(304);
+    regs.us_PAR_ELEMENT.store(7);
+    regs.us_NUMBER.store(1);
+    regs.ud_PAR_VALUE.store(1);
+    regs.b_MA_SEMAPHORE.store(1);
+    rig.step(3000);
+    assert_eq!((regs.b_SL_SEMAPHORE.load(), regs.i_ERR_DETAIL.load()), (1, 0));
+    configure(&regs, rig, command_reg);
+    for _ in 0..2 {
+        exchange(&regs, rig, command_reg);
+        rig.step(2000);
+    }
+}
