@@ -1,13 +1,12 @@
 //! The one way to the emulated RAM: loads, stores and exchanges of 8, 16, 32 and 64 bits, opaque to the language.
 //!
 //! The RAM is shared with processes that are written in anything, and is looked at in more than one width: a register at
-//! its own, the access checker and bulk copies in words of 64 or 32 bits, a byte of `a_SL_TYP` of the master where a slave
-//! has a word. The language has no meaning for atomic accesses of different sizes to the same bytes. The processor has:
-//! an aligned access of up to 64 bits is one access to memory, whatever others there are. So the RAM is treated like the
-//! registers of a device: every access is an instruction that the compiler cannot look into, and no Rust atomic or plain
-//! access ever meets a byte of it. Nothing that safe code does with views, snapshots and raw accesses of different widths
-//! can be undefined then; at worst it is not what somebody wanted, which is why a register is *written* at its own width
-//! only.
+//! its own, by the access checker and bulk copies in words of 64 or 32 bits, and safe code may lay views over each other as
+//! it likes. Rust has no meaning for atomic accesses of different sizes to the same bytes. The processor has: an aligned
+//! access of up to 64 bits is one access to memory, whatever others there are. So the RAM is treated like the registers of
+//! a device: every access is an instruction that the compiler cannot look into, and no Rust atomic or plain access ever
+//! meets a byte of it. Nothing that safe code does with views, snapshots and raw accesses can be undefined then; at worst
+//! it is not what somebody wanted, which is why a register is *written* at its own width only.
 //!
 //! On processors other than x86-64, and in Miri, the same functions are Rust's atomics, which on every platform of Linux
 //! compile to the instructions meant.
