@@ -242,6 +242,15 @@ impl Field {
         Field::DurationUs,
     ];
 
+    /// Another name that is understood wherever [`Field::name`] is.
+    pub const fn other_name(self) -> Option<&'static str> {
+        match self {
+            Field::DelayUs => Some("us"),
+            Field::DurationUs => Some("for_us"),
+            _ => None,
+        }
+    }
+
     /// Its name in plant files.
     pub const fn name(self) -> &'static str {
         match self {

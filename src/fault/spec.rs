@@ -38,8 +38,8 @@ pub struct FaultSpec {
     /// The bits of the identifier that count; all if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<u64>,
-    /// Delay in emulated microseconds.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Delay in emulated microseconds; `us` means the same.
+    #[serde(alias = "us", skip_serializing_if = "Option::is_none")]
     pub delay_us: Option<u64>,
     /// Jitter in microseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -56,8 +56,8 @@ pub struct FaultSpec {
     /// Number of hits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub count: Option<u64>,
-    /// Duration in emulated microseconds.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Duration in emulated microseconds; `for_us` means the same.
+    #[serde(alias = "for_us", skip_serializing_if = "Option::is_none")]
     pub duration_us: Option<u64>,
 }
 

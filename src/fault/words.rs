@@ -62,8 +62,13 @@ impl FaultSpec {
 
 /// The field of a name, and whether its value has a unit.
 fn field(name: &str) -> Option<(Field, bool)> {
-    let exact = Field::ALL.into_iter().find(|field| field.name() == name).map(|field| (field, false));
-    let short = || TIMES.into_iter().find(|field| field.name().strip_suffix("_us") == Some(name));
+    let is = |field: &Field| field.name() == name || field.other_name() == Some(name);
+    let exact = Field::ALL.into_iter().find(is).map(|field| (field, false));
+    let is_short_for = |long: &str| long.strip_suffix("_us") == Some(name);
+    let short = || {
+        let is = |field: &Field| is_short_for(field.name()) || field.other_name().is_some_and(is_short_for);
+        TIMES.into_iter().find(is)
+    };
     exact.or_else(|| short().map(|field| (field, true)))
 }
 
@@ -108,6 +113,18 @@ mod tests {
         let all = Field::ALL.map(|field| format!("{field}=7"));
         let spec = parse("x", &all).unwrap();
         assert_eq!(spec.to_string().split(' ').count(), 1 + Field::ALL.len());
+    }
+
+    #[test]
+    fn two_fields_have_another_name() {
+        let other = parsed("x", &["for_us=5000", "us=500"]);
+        assert_eq!(other, parsed("x", &["duration_us=5000", "delay_us=500"]));
+        assert_eq!(other, parsed("x", &["for=5ms", "us=500"]));
+        assert_eq!(other.unwrap(), toml::from_str("kind = 'x'\nfor_us = 5000\nus = 500").unwrap());
+        assert_eq!(
+            parsed("x", &["for=1s", "duration=1s"]).unwrap_err(),
+            "`duration=1s`: duration_us is given twice"
+        );
     }
 
     #[test]
