@@ -200,8 +200,9 @@ impl Domain {
 
     /// Says that the server, which is this process, is ready. Clients stay away from the domain until then, so that
     /// they do not meet the sweep before it.
-    pub fn announce(&self) -> io::Result<()> {
-        self.root.publish(READY, &format!("{}\n", ProcessId::own()))
+    pub fn announce(&self) -> Result<(), RootError> {
+        let published = self.root.publish(READY, &format!("{}\n", ProcessId::own()));
+        published.map_err(|source| io_error(self.root.path(), source))
     }
 
     /// Takes the announcement back.

@@ -126,6 +126,16 @@ impl Server {
         if !in_use {
             domain = domain.renew()?;
         }
+        let opened = Self::move_in(instance, domain, bells);
+        if opened.is_err()
+            && let Ok(Some(domain)) = Domain::find(instance, root)
+        {
+            domain.sweep_if_unused(Duration::ZERO);
+        }
+        opened
+    }
+
+    fn move_in(instance: &str, mut domain: Domain, bells: Box<dyn Bells>) -> Result<Self, ServerError> {
         need_room(instance)?;
         let (node, service, port) = match ports(instance, &domain) {
             // A run was killed while it created the service.
@@ -144,7 +154,7 @@ impl Server {
             bells,
             domain,
         };
-        server.domain.announce().map_err(|source| RootError::Io { path: root.to_owned(), source })?;
+        server.domain.announce()?;
         Ok(server)
     }
 

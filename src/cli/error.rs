@@ -73,6 +73,17 @@ pub enum CliError {
         /// What does run.
         running: String,
     },
+    /// An emulator runs, but somebody has removed its images.
+    #[error(
+        "instance '{instance}' runs{}, but its images were removed: nobody can attach any more; end it with \
+         `commram stop -i {instance}`", .pid.map_or_else(String::new, |pid| format!(" (process {pid})"))
+    )]
+    NoImages {
+        /// The instance.
+        instance: String,
+        /// The emulator's process, if it can be seen.
+        pid: Option<u32>,
+    },
     /// Only the remains of a killed emulator are there.
     #[error(
         "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \

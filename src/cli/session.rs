@@ -6,7 +6,7 @@ use super::place::Place;
 use commram::layout::omega_drive_line_2::LAYOUT_HASH;
 use commram::layout::{RegisterRef, plc_prefix};
 use commram::memory::header::BoardState;
-use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, Width};
+use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, InstanceLock, Width};
 use commram::plant::Forced;
 
 /// Registers to be read.
@@ -328,6 +328,10 @@ pub fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
     let all = commram::memory::list()?;
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
     if own.is_empty() {
+        if let Some(process) = InstanceLock::holder(instance)? {
+            let pid = process.map(|process| process.pid());
+            return Err(CliError::NoImages { instance: instance.to_owned(), pid });
+        }
         let mut running: Vec<_> = others.into_iter().filter(is_alive).map(|image| image.instance).collect();
         running.dedup();
         let running = match running.as_slice() {

@@ -1,6 +1,6 @@
 //! What can go wrong with the emulated RAM.
 
-use super::{Address, HEADER_SIZE, SEGMENT_SIZE, State, header::EVENT_SLOTS};
+use super::{Address, HEADER_SIZE, SEGMENT_SIZE, State, header::EVENT_SLOTS, names::IMAGE_DIRECTORY};
 use std::{io, path::PathBuf, time::Duration};
 
 /// An access or an image file that was refused: what, where, and what would be right.
@@ -82,6 +82,15 @@ pub enum MemoryError {
         plc: String,
         /// Process id of the emulator that holds it, if it could be told.
         pid: Option<u32>,
+    },
+    /// There is no memory for an image.
+    #[error("{}: no room for an image of {} KiB, {} has {free_kib} KiB left; enlarge it (`mount -o remount,size=...`, \
+             in Docker `--shm-size`) or end another instance", .path.display(), SEGMENT_SIZE.div_ceil(1024), IMAGE_DIRECTORY)]
+    NoRoom {
+        /// The image.
+        path: PathBuf,
+        /// Free memory there, in KiB.
+        free_kib: u64,
     },
     /// Another emulator has the instance, or somebody removes what one has left.
     #[error("instance {instance} is already running{}; stop it first or choose another instance name", process(*.pid))]

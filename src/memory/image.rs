@@ -3,6 +3,7 @@
 use super::{
     Cell32, ClockMode, HEADER_SIZE, Header, MemoryError, SEGMENT_SIZE, Segment, State, View,
     file::{self, ImageFile},
+    guard::Guard,
     header, names,
     process::ProcessId,
 };
@@ -15,6 +16,7 @@ use std::{
     fs::File,
     os::fd::AsRawFd,
     path::Path,
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -43,7 +45,9 @@ pub struct ImageSpec {
 /// it is dropped.
 #[derive(Debug)]
 pub struct Image {
-    file: ImageFile,
+    /// Before the file.
+    guard: Arc<Guard>,
+    file: Arc<ImageFile>,
     segment: Segment,
     header: View<Header>,
     taken_over: Option<u32>,
@@ -100,7 +104,7 @@ impl Image {
         if !file.lock()? {
             return Ok(None);
         }
-        file.file.set_len(SEGMENT_SIZE as u64).map_err(|error| file.failed("size", error))?;
+        allocate(&file)?;
         let mut image = Self::map(file, None)?;
         image.fill(spec);
         let nameless = format!("/proc/self/fd/{}", image.file.file.as_raw_fd());
@@ -113,6 +117,7 @@ impl Image {
 
     fn take_over(file: ImageFile, spec: &ImageSpec) -> Result<Image, MemoryError> {
         let before = file.header()?.firmware_pid.load();
+        allocate(&file)?;
         let mut image = Self::map(file, Some(before))?;
         image.header.state.store(State::Starting.code());
         image.zero_registers()?;
@@ -126,18 +131,15 @@ impl Image {
         let segment = Segment::mapped(map, true)
             .ok_or_else(|| MemoryError::TooShort { path: file.path.clone(), size })?;
         let header = segment.header()?;
-        Ok(Self { file, segment, header, taken_over })
+        let guard = Arc::new(Guard::new(segment.base(), file.file.as_raw_fd()));
+        Ok(Self { guard, file: Arc::new(file), segment, header, taken_over })
     }
 
     /// Zeroes everything behind the header page without ever shortening the file, which would kill
-    /// clients that touch their map.
+    /// clients that touch their map. Nor is its memory given back, which others could take meanwhile.
     fn zero_registers(&self) -> Result<(), MemoryError> {
-        let (start, length) = (HEADER_SIZE as u64, (SEGMENT_SIZE - HEADER_SIZE) as u64);
-        let punch = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
-        if rustix::fs::fallocate(&self.file.file, punch, start, length).is_err() {
-            let registers = self.segment.view::<[Cell32; (SEGMENT_SIZE - HEADER_SIZE) / 4]>(HEADER_SIZE)?;
-            registers.iter().for_each(|word| word.store(0));
-        }
+        let registers = self.segment.view::<[Cell32; (SEGMENT_SIZE - HEADER_SIZE) / 4]>(HEADER_SIZE)?;
+        registers.iter().for_each(|word| word.store(0));
         Ok(())
     }
 
@@ -204,6 +206,19 @@ impl Image {
         self.header.generation.load()
     }
 
+    /// Whether somebody has shortened the file while it was mapped. What the registers held is lost then. Known at once
+    /// if anybody in this process has touched them since ([`super::survive_shortened_images`]), else after
+    /// [`ImageFileWatch::look`].
+    #[inline]
+    pub fn was_shortened(&self) -> bool {
+        self.guard.has_mended()
+    }
+
+    /// To look from another thread whether somebody changes the file. Must be dropped before the image.
+    pub fn watch(&self) -> ImageFileWatch {
+        ImageFileWatch { guard: Arc::clone(&self.guard), file: Arc::clone(&self.file) }
+    }
+
     /// Process id of the killed emulator whose image this one has taken over, if it has.
     pub fn taken_over(&self) -> Option<u32> {
         self.taken_over
@@ -234,6 +249,65 @@ impl Drop for Image {
         let _ = self.file.unlink();
         // Last, so that who sees this finds the name free.
         self.set_state(State::Stopped);
+    }
+}
+
+/// What others have done to an image file that is in use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileState {
+    /// Nothing.
+    Intact,
+    /// It is longer than it was; nobody looks there.
+    Lengthened {
+        /// Its length in bytes.
+        size: u64,
+    },
+    /// Its path names nothing or something else; who has mapped it goes on.
+    Removed,
+    /// It was shorter than its map. It has its length again, but what it held is lost.
+    Shortened,
+}
+
+/// An image file, to be looked at from another thread.
+#[derive(Debug)]
+pub struct ImageFileWatch {
+    guard: Arc<Guard>,
+    file: Arc<ImageFile>,
+}
+
+impl ImageFileWatch {
+    /// What others have done to the file. One that was shortened gets its length back.
+    pub fn look(&self) -> FileState {
+        self.guard.look();
+        match (self.guard.has_mended(), self.file.size(), self.file.is_named()) {
+            (true, ..) => FileState::Shortened,
+            (_, Ok(size), _) if size > SEGMENT_SIZE as u64 => FileState::Lengthened { size },
+            (.., Ok(false)) => FileState::Removed,
+            _ => FileState::Intact,
+        }
+    }
+
+    /// The image file.
+    pub fn path(&self) -> &Path {
+        &self.file.path
+    }
+}
+
+/// Gives the file all its memory now: later, a page that cannot be had would kill whoever touches it.
+fn allocate(file: &ImageFile) -> Result<(), MemoryError> {
+    match rustix::fs::fallocate(&file.file, FallocateFlags::empty(), 0, SEGMENT_SIZE as u64) {
+        Ok(()) => Ok(()),
+        Err(Errno::NOSPC) => {
+            let stat = rustix::fs::fstatvfs(&file.file);
+            let free_kib = stat.map_or(0, |stat| stat.f_bavail.saturating_mul(stat.f_frsize) / 1024);
+            Err(MemoryError::NoRoom { path: file.path.clone(), free_kib })
+        }
+        // Not every file system can.
+        Err(Errno::OPNOTSUPP) if file.size()? < SEGMENT_SIZE as u64 => {
+            file.file.set_len(SEGMENT_SIZE as u64).map_err(|error| file.failed("size", error))
+        }
+        Err(Errno::OPNOTSUPP) => Ok(()),
+        Err(errno) => Err(file.failed("allocate", errno.into())),
     }
 }
 

@@ -74,6 +74,11 @@ impl Segment {
         Some(Self { backing: Arc::new(Backing::new(map, writable)?) })
     }
 
+    /// Where the memory is mapped.
+    pub(super) fn base(&self) -> *const u8 {
+        self.backing.base.as_ptr()
+    }
+
     pub(super) fn from_backing(backing: Arc<Backing>) -> Segment {
         Self { backing }
     }

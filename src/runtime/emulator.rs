@@ -7,6 +7,8 @@
 use super::clock::{Clock, WallClock};
 use super::lockstep::Lockstep;
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
+
+use super::watch::Watch;
 use crate::layout::omega_drive_line_2 as device;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
@@ -50,6 +52,13 @@ pub enum RuntimeError {
     /// A NOVRAM file cannot be used.
     #[error(transparent)]
     Novram(#[from] NovramError),
+    /// Somebody has shortened an image while it was in use.
+    #[error("{}: another program has shortened it while it was in use, so the registers are lost; nothing of them was \
+             written to NOVRAM, start again", .path.display())]
+    Shortened {
+        /// The image.
+        path: PathBuf,
+    },
     /// No thread can be started.
     #[error("cannot start a thread: {reason}")]
     Thread {
@@ -87,6 +96,8 @@ pub struct Emulator {
     pub(super) lockstep: Lockstep,
     /// Before the images: it must have written everything before another emulator can have them.
     novram: Keeper,
+    /// Before the images: it looks at their files.
+    _watch: Watch,
     images: Vec<Image>,
     /// Behind the images: nobody else may be this instance before they are gone.
     _lock: InstanceLock,
@@ -160,13 +171,18 @@ impl Emulator {
         let lockstep = Lockstep::new(headers, options.clock.is_stepped());
         let rings = vec![0; images.len()];
         images.iter().for_each(Image::set_ready);
+        // `Plant::new` refuses a plant without a PLC.
+        let stop = StopHandle { stop: Arc::default(), header: images[0].header().clone() };
+        let watch = Watch::start(images.iter().map(Image::watch).collect(), stop.clone())
+            .map_err(|reason| RuntimeError::Thread { reason })?;
         Ok(Emulator {
             rings,
             lockstep,
             novram,
             plant,
             options,
-            stop: Arc::new(AtomicBool::new(false)),
+            stop: stop.stop,
+            _watch: watch,
             images,
             _lock: lock,
             #[cfg(feature = "channel")]
@@ -201,7 +217,12 @@ impl Emulator {
 
     /// Whether the emulator was asked to end.
     pub(super) fn is_stopping(&self) -> bool {
-        self.stop.load(Ordering::Acquire)
+        self.stop.load(Ordering::Acquire) || self.shortened().is_some()
+    }
+
+    /// The first image that somebody has shortened.
+    fn shortened(&self) -> Option<&Image> {
+        self.images.iter().find(|image| image.was_shortened())
     }
 
     /// Runs until asked to end.
@@ -222,6 +243,9 @@ impl Emulator {
         }
         self.images.iter().for_each(Image::set_stopping);
         self.close_channel();
+        if let Some(image) = self.shortened() {
+            return Err(RuntimeError::Shortened { path: image.path().to_owned() });
+        }
         self.plant.keep_novram();
         self.save_novram(true);
         Ok(self.novram.close()?)
@@ -313,8 +337,10 @@ impl Emulator {
 
     /// Writes NOVRAM that has changed.
     fn save_novram(&mut self, last: bool) {
-        let plcs = self.plant.plcs();
-        self.novram.save(|plc| plcs.get(plc).map(|plc| plc.ethernet_config()), last);
+        let (plcs, images) = (self.plant.plcs(), &self.images);
+        let is_lost = |plc: usize| images.get(plc).is_some_and(Image::was_shortened);
+        let stored = |plc| plcs.get(plc).filter(|_| !is_lost(plc)).map(|plc| plc.ethernet_config());
+        self.novram.save(stored, last);
     }
 
     /// Tells waiting clients that registers may have changed.

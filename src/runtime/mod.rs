@@ -7,6 +7,7 @@ mod lockstep;
 #[cfg(feature = "channel")]
 mod machine;
 mod novram;
+mod watch;
 
 pub use clock::Clock;
 pub use emulator::{Emulator, Options, RuntimeError, StopHandle};

@@ -18,4 +18,5 @@ mod one_answer;
 mod other_users;
 mod registers;
 mod scenarios;
+mod shm;
 mod trace;

@@ -44,8 +44,8 @@ impl Keeper {
         Ok(Keeper { novram, writer, next_look: Instant::now() + RETAIN_EVERY })
     }
 
-    /// Writes what has changed; `stored` tells the Ethernet configuration of a PLC. The retain flags are looked at
-    /// once a second, or if this is the `last` time.
+    /// Writes what has changed; `stored` tells the Ethernet configuration of a PLC, or nothing if its registers are
+    /// lost. The retain flags are looked at once a second, or if this is the `last` time.
     pub fn save<'a>(&mut self, stored: impl Fn(usize) -> Option<(&'a Stored, u32)>, last: bool) {
         let Some((jobs, _)) = &self.writer else { return };
         let now = Instant::now();
@@ -54,8 +54,10 @@ impl Keeper {
             self.next_look = now + RETAIN_EVERY;
         }
         for (index, novram) in self.novram.iter_mut().enumerate() {
-            if let Some(stored) = stored(index)
-                && let Some(content) = novram.changed(stored, retain)
+            if let Some(stored_now) = stored(index)
+                && let Some(content) = novram.changed(stored_now, retain)
+                // Lost while they were read: the file has the last that is known.
+                && stored(index).is_some()
             {
                 // The thread ends after this value only.
                 let _ = jobs.send((novram.name.clone(), content));

@@ -1,0 +1,136 @@
+//! Survives that an image is shortened while it is mapped.
+//!
+//! Whoever touches a page of a map that lies behind the end of its file gets SIGBUS, which ends the process without a
+//! word. The handler here gives the file its length back, in zeros, and remembers it: the emulator goes on far enough to
+//! end in good order and to say what has happened. What the registers held is lost.
+
+use super::SEGMENT_SIZE;
+use core::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
+use rustix::fs::FallocateFlags;
+use std::io;
+use std::os::fd::{BorrowedFd, RawFd};
+
+/// Images of one process that can be guarded at the same time.
+const MAX_GUARDED: usize = 256;
+/// Faults in a row, with the file at its full length, that may be those of other threads; then there is no memory.
+const MAX_TRIES: usize = 16;
+/// Said when the process cannot go on.
+const LAST_WORDS: &[u8] =
+    b"commram: error: SIGBUS: /dev/shm is full, or somebody has shortened a file there that is in use\n";
+
+/// A map that the handler knows. Only atomics: it may interrupt anybody.
+struct Slot {
+    /// Address of the map; 0: free, 1: being filled.
+    base: AtomicUsize,
+    file: AtomicI32,
+    mended: AtomicBool,
+    tries: AtomicUsize,
+}
+
+static SLOTS: [Slot; MAX_GUARDED] = [const {
+    Slot {
+        base: AtomicUsize::new(0),
+        file: AtomicI32::new(-1),
+        mended: AtomicBool::new(false),
+        tries: AtomicUsize::new(0),
+    }
+}; MAX_GUARDED];
+
+impl Slot {
+    fn covers(&self, address: usize) -> bool {
+        let base = self.base.load(Ordering::Acquire);
+        base > 1 && address.checked_sub(base).is_some_and(|offset| offset < SEGMENT_SIZE)
+    }
+
+    /// Gives the file its length back, and tells whether there was memory for it. `None`: it has its length.
+    fn grow_back(&self) -> Option<bool> {
+        // SAFETY: the file is open for as long as the slot is taken.
+        let file = unsafe { BorrowedFd::borrow_raw(self.file.load(Ordering::Acquire)) };
+        let stat = rustix::fs::fstat(file).ok()?;
+        if stat.st_size >= SEGMENT_SIZE as i64 {
+            return None;
+        }
+        self.mended.store(true, Ordering::Release);
+        Some(rustix::fs::fallocate(file, FallocateFlags::empty(), 0, SEGMENT_SIZE as u64).is_ok())
+    }
+
+    /// After a fault: whether the access can be repeated.
+    fn mend(&self) -> bool {
+        self.grow_back().unwrap_or_else(|| self.tries.fetch_add(1, Ordering::Relaxed) < MAX_TRIES)
+    }
+}
+
+/// Guards a map until it is dropped, which must be before the file is closed.
+#[derive(Debug)]
+pub(super) struct Guard(Option<usize>);
+
+impl Guard {
+    /// Guards the map at `base`, if there still is a place.
+    pub fn new(base: *const u8, file: RawFd) -> Self {
+        let take =
+            |slot: &Slot| slot.base.compare_exchange(0, 1, Ordering::AcqRel, Ordering::Relaxed).is_ok();
+        let place = SLOTS.iter().position(take);
+        if let Some(slot) = place.and_then(|place| SLOTS.get(place)) {
+            slot.file.store(file, Ordering::Release);
+            slot.mended.store(false, Ordering::Release);
+            slot.tries.store(0, Ordering::Release);
+            slot.base.store(base.addr(), Ordering::Release);
+        }
+        Self(place)
+    }
+
+    fn slot(&self) -> Option<&'static Slot> {
+        SLOTS.get(self.0?)
+    }
+
+    /// Whether the file was shorter than its map.
+    #[inline]
+    pub fn has_mended(&self) -> bool {
+        self.slot().is_some_and(|slot| slot.mended.load(Ordering::Acquire))
+    }
+
+    /// Looks at the file before anybody touches the map.
+    pub fn look(&self) {
+        if let Some(slot) = self.slot() {
+            // Without memory, whoever touches the map has no way out.
+            let _ = slot.grow_back();
+        }
+    }
+}
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        if let Some(slot) = self.slot() {
+            slot.base.store(0, Ordering::Release);
+        }
+    }
+}
+
+/// Handles SIGBUS in this process from now on. For programs that are emulators; a library leaves signals alone.
+///
+/// # Errors
+/// The system refuses.
+pub fn survive_shortened_images() -> io::Result<()> {
+    // SAFETY: all zeros is a valid sigaction: no flags, nothing blocked.
+    let mut action: libc::sigaction = unsafe { core::mem::zeroed() };
+    action.sa_sigaction = on_bus_error as *const () as usize;
+    action.sa_flags = libc::SA_SIGINFO | libc::SA_ONSTACK;
+    // SAFETY: the handler has the signature that SA_SIGINFO asks for and does only what a handler may: atomics and
+    // plain system calls.
+    match unsafe { libc::sigaction(libc::SIGBUS, &raw const action, core::ptr::null_mut()) } {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
+extern "C" fn on_bus_error(_signal: libc::c_int, info: *mut libc::siginfo_t, _context: *mut libc::c_void) {
+    // SAFETY: the kernel passes the description of a SIGBUS, which has an address.
+    let address = unsafe { (*info).si_addr() }.addr();
+    if SLOTS.iter().find(|slot| slot.covers(address)).is_some_and(Slot::mend) {
+        return;
+    }
+    // SAFETY: descriptor 2 is not closed by anybody here; if it is, the write fails.
+    let _ = rustix::io::write(unsafe { BorrowedFd::borrow_raw(2) }, LAST_WORDS);
+    // SAFETY: a plain system call; the access is repeated then and ends the process.
+    unsafe { libc::signal(libc::SIGBUS, libc::SIG_DFL) };
+}

@@ -1,0 +1,150 @@
+//! Image files that others change while they are in use, and a `/dev/shm` that is too small.
+
+use crate::common::{Emulator, commram, eventually, finish, unique_name};
+use std::fs::File;
+use std::process::Command;
+
+fn image(emulator: &Emulator) -> String {
+    format!("/dev/shm/commram.{}.line", emulator.name)
+}
+
+/// Touching what is not there any more would kill the emulator without a word.
+#[test]
+fn a_shortened_image_ends_the_emulator_with_a_message() {
+    for (clock, size) in [("stepped", 0), ("stepped", 200_000), ("realtime", 0), ("realtime", 200_000)] {
+        let mut emulator = Emulator::start(&["--clock", clock]);
+        let file = File::options().write(true).open(image(&emulator)).unwrap();
+        file.set_len(size).unwrap();
+        assert_eq!(emulator.wait().code(), Some(1), "{clock} {size}");
+        let complaints = emulator.complaints();
+        assert!(complaints.contains("another program has shortened it"), "{complaints}");
+        assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+    }
+}
+
+/// What NOVRAM kept before is better than the zeros in the place of what was lost.
+#[test]
+fn nothing_of_a_shortened_image_gets_into_novram() {
+    use commram::memory::{AttachMode, Image, Width, header::RETAIN_OFFSET};
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().to_str().unwrap();
+    let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
+    let attach =
+        |emulator: &Emulator| Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
+    let flag = RETAIN_OFFSET as u32;
+    let mut emulator = start();
+    attach(&emulator).segment().store(flag, Width::Dword, 0x1234_5678).unwrap();
+    let novram = directory.path().join("line.novram");
+    assert!(eventually(|| novram.exists()), "it is written once a second");
+    File::options().write(true).open(image(&emulator)).unwrap().set_len(0).unwrap();
+    assert_eq!(emulator.wait().code(), Some(1));
+    let emulator = start();
+    assert_eq!(attach(&emulator).segment().load(flag, Width::Dword).unwrap(), 0x1234_5678);
+}
+
+#[test]
+fn a_longer_image_is_told_and_goes_on() {
+    let mut emulator = Emulator::stepped();
+    File::options().write(true).open(image(&emulator)).unwrap().set_len(4_000_000).unwrap();
+    assert_eq!(emulator.step(&["5ms"]), "0.005000 s");
+    assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+    emulator.run("stop", &[]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    let complaints = emulator.complaints();
+    assert!(complaints.contains("somebody has made it longer (4000000 bytes)"), "{complaints}");
+}
+
+#[test]
+fn a_removed_image_is_told_and_who_is_attached_goes_on() {
+    use commram::memory::{AttachMode, Image, Width};
+    let mut emulator = Emulator::start(&[]);
+    let attached = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
+    std::fs::remove_file(image(&emulator)).unwrap();
+    let within = std::time::Duration::from_secs(60);
+    attached.post(200_000, Width::Word, 1).unwrap();
+    attached.wait_register(200_002, Width::Word, within, |status| status == 2).unwrap();
+    let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
+    let pid = emulator.pid();
+    assert!(
+        outcome.fails(1).contains(&format!("runs (process {pid}), but its images were removed")),
+        "{}",
+        outcome.err
+    );
+    let again = emulator.run("run", &["--clock", "stepped"]);
+    assert!(again.fails(1).contains("is already running"), "{}", again.err);
+    emulator.run("stop", &[]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    let complaints = emulator.complaints();
+    assert!(complaints.contains("somebody has removed it"), "{complaints}");
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
+/// Runs a shell script with a `/dev/shm` of its own, of `size`. `None`, and says so aloud, if that cannot be had.
+fn with_small_shm(size: &str, script: &str) -> Option<crate::common::Outcome> {
+    let shell = format!("mount -t tmpfs -o size={size},mode=1777 tmpfs /dev/shm || exit 77\n{script}");
+    let program = commram();
+    let outcome = finish(
+        Command::new("unshare")
+            .args(["--mount", "sh", "-c", &shell])
+            .env("COMMRAM", program.get_program())
+            .env("COMMRAM_INSTANCE", unique_name()),
+    );
+    if outcome.code == Some(77) || outcome.err.contains("unshare") {
+        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
+        return None;
+    }
+    Some(outcome)
+}
+
+/// Starts an emulator, runs `then`, and ends the emulator.
+fn while_running(then: &str) -> String {
+    format!(
+        "$COMMRAM run --clock stepped >/tmp/$COMMRAM_INSTANCE & pid=$!
+        until grep -q ready /tmp/$COMMRAM_INSTANCE || ! kill -0 $pid; do sleep 0.01; done
+        rm /tmp/$COMMRAM_INSTANCE
+        {then}
+        $COMMRAM stop; wait $pid; echo ended with $?; ls /dev/shm"
+    )
+}
+
+#[test]
+fn an_image_that_does_not_fit_is_refused_with_what_is_missing() {
+    let Some(outcome) = with_small_shm("2m", "$COMMRAM run; code=$?; ls /dev/shm; exit $code") else {
+        return;
+    };
+    let message = outcome.fails(1);
+    assert!(
+        message.contains("no room for an image of 3186 KiB") && message.contains("--shm-size"),
+        "{message}"
+    );
+}
+
+#[cfg(feature = "channel")]
+#[test]
+fn without_room_for_the_channel_the_emulator_does_without() {
+    let script = while_running("$COMMRAM peek --raw node2.w_OPTION_STATUS");
+    let Some(outcome) = with_small_shm("4m", &script) else { return };
+    assert_eq!(outcome.out.lines().next(), Some("16#0001"), "{outcome:?}");
+    assert!(
+        outcome.err.contains("no channel") && outcome.err.contains("/dev/shm has only"),
+        "{}",
+        outcome.err
+    );
+    assert!(outcome.out.ends_with("ended with 0\n"), "{outcome:?}");
+}
+
+#[cfg(feature = "channel")]
+#[test]
+fn who_fills_the_memory_later_hangs_and_kills_nobody() {
+    let script = while_running(
+        "$COMMRAM peek --raw node2.w_OPTION_STATUS
+        cat /dev/zero >/dev/shm/filler 2>/dev/null
+        $COMMRAM peek --raw node2.w_OPTION_STATUS; echo peek $?
+        rm /dev/shm/filler
+        $COMMRAM poke node2.w_CPU_CONTROL=1; echo poke $?",
+    );
+    let Some(outcome) = with_small_shm("8m", &script) else { return };
+    assert!(outcome.err.contains("a client needs"), "{outcome:?}");
+    assert!(outcome.out.starts_with("16#0001\npeek 1\n") && outcome.out.contains("poke 0\n"), "{outcome:?}");
+    assert!(outcome.out.ends_with("ended with 0\n"), "{outcome:?}");
+}
