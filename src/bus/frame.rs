@@ -3,6 +3,7 @@
 use super::ident::FrameKind;
 use super::payload::Payload;
 use embedded_can::{Id, StandardId};
+use serde::Deserialize;
 
 /// A data frame on the simulated bus. Remote frames do not occur in CANsync.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,6 +55,29 @@ impl Frame {
     #[inline]
     pub const fn padded(&self) -> [u8; 8] {
         self.payload.padded()
+    }
+}
+
+/// Length of the process data frames of a bus (decision D-10). Jobs and answers are as long as they need to be in
+/// any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FrameLength {
+    /// Eight data bytes; words that are not in use are 0.
+    #[default]
+    Fixed,
+    /// Up to the last word in use.
+    Variable,
+}
+
+impl FrameLength {
+    /// A process data frame as it goes out, made from one that ends with its last word in use.
+    #[inline]
+    pub const fn of(self, frame: Frame) -> Frame {
+        match self {
+            FrameLength::Fixed => Frame { id: frame.id, payload: Payload::from_padded(frame.padded(), 8) },
+            FrameLength::Variable => frame,
+        }
     }
 }
 

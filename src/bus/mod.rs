@@ -11,7 +11,7 @@ pub mod payload;
 mod sync;
 pub mod wire;
 
-pub use frame::Frame;
+pub use frame::{Frame, FrameLength};
 pub use ident::{Channel, FrameKind};
 pub use payload::Payload;
 pub use sync::SyncLock;

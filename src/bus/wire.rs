@@ -1,4 +1,4 @@
-//! How long a frame occupies the bus, to the bit.
+//! How long a frame is under way and how long it occupies the bus, to the bit.
 //!
 //! A standard data frame is start bit, identifier (11), RTR, IDE, r0, length (4), data and CRC (15); in
 //! this part a bit of opposite value is stuffed in after each five equal bits. Then follow, unstuffed, the
@@ -141,11 +141,24 @@ pub fn bits_to_end_of_frame(frame: &Frame) -> u32 {
     bits(frame) - INTERMISSION
 }
 
-/// Microseconds that the frame occupies the bus at `kbit_s` kbit/s, rounded up. A bus without a bit rate
-/// never gets a frame through: `u32::MAX`.
+/// How long a frame takes from the start bit on, in microseconds, rounded up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Airtime {
+    /// To the end of the end-of-frame field: its receivers have it.
+    pub delivery_us: u32,
+    /// To the end of the intermission: the next frame may begin.
+    pub occupation_us: u32,
+}
+
+/// How long the frame takes at `kbit_s` kbit/s. A bus without a bit rate never gets a frame through: `u32::MAX`.
 #[inline]
-pub fn duration_us(frame: &Frame, kbit_s: u32) -> u32 {
+pub fn airtime(frame: &Frame, kbit_s: u32) -> Airtime {
     let bits = bits(frame);
+    Airtime { delivery_us: bits_to_us(bits - INTERMISSION, kbit_s), occupation_us: bits_to_us(bits, kbit_s) }
+}
+
+#[inline]
+fn bits_to_us(bits: u32, kbit_s: u32) -> u32 {
     // Constant divisors for the rates in use: the division would take as long as everything else.
     match kbit_s {
         1000 => bits,
@@ -225,18 +238,20 @@ mod tests {
             .expect("one of these frames needs no stuff bit");
         assert_eq!(bits_to_end_of_frame(&frame), 44 + 64);
         assert_eq!(bits(&frame), 44 + 64 + 3);
-        assert_eq!(duration_us(&frame, 1000), 111);
-        assert_eq!(duration_us(&frame, 500), 222);
-        assert_eq!(duration_us(&frame, 250), 444);
-        assert_eq!(duration_us(&frame, 125), 888);
+        for (kbit_s, bit_us) in [(1000, 1), (500, 2), (250, 4), (125, 8)] {
+            let expected = Airtime { delivery_us: 108 * bit_us, occupation_us: 111 * bit_us };
+            assert_eq!(airtime(&frame, kbit_s), expected, "{kbit_s} kbit/s");
+        }
     }
 
     #[test]
     fn other_rates_are_rounded_up() {
         let frame = Frame::new(0x2AA, &[]).unwrap();
         let bits = bits(&frame);
-        assert_eq!(duration_us(&frame, 800), (bits * 5).div_ceil(4));
-        assert_eq!(duration_us(&frame, 0), u32::MAX);
+        let expected =
+            Airtime { delivery_us: ((bits - 3) * 5).div_ceil(4), occupation_us: (bits * 5).div_ceil(4) };
+        assert_eq!(airtime(&frame, 800), expected);
+        assert_eq!(airtime(&frame, 0), Airtime { delivery_us: u32::MAX, occupation_us: u32::MAX });
     }
 
     #[test]

@@ -1,27 +1,30 @@
 //! A simulated CANsync bus: one master, up to 32 slaves, frames in their slots.
 //!
-//! A frame is delivered at the end of its last bit, to everybody who listens at the bus's baud rate.
-//! Its content is fixed at its start. Slot times are those of the manual's table (5.00005.03a p. 125),
-//! frame lengths those of the real frames, stuff bits included.
+//! A frame is delivered at the end of its end-of-frame field, to everybody who listens at the bus's baud rate; the
+//! next one can begin after the intermission. Its content is fixed at its start. Slot times are those of the
+//! manual's table (5.00005.03a p. 125), frame lengths those of the real frames, stuff bits included. A frame that is
+//! so long that it reaches into the next slot keeps that slot's frame waiting (decision D-280).
 
 mod command;
 mod disturbance;
 mod fault;
 mod own_clock;
 mod process;
+mod slots;
 
 use super::agenda::{Agenda, Slot};
 use super::config::{BusConfig, PlantConfig, PlantError};
 use super::faults::Faults;
 use super::plc::Plc;
-use crate::bus::{Channel, Frame, wire};
+use crate::bus::{Channel, Frame, FrameLength};
 use crate::drive::Drive;
 use crate::firmware::Context;
 use crate::firmware::cansync::{Built, Master, Slave};
-use crate::journal::{Event, Journal, Origin};
+use crate::journal::{Journal, Origin};
 use crate::layout::omega_drive_line_2::BaudRate;
-use disturbance::{Disturbance, Fate};
+use disturbance::Disturbance;
 use own_clock::OwnClock;
+use slots::{OnWire, PLACES};
 
 /// Who is connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,16 +41,6 @@ enum Station {
 enum Sender {
     Master,
     Slave(u8),
-}
-
-/// A frame on the wire or about to be, for the status registers.
-#[derive(Clone, Copy, Debug)]
-struct OnWire {
-    from: u64,
-    until: u64,
-    /// When the end of its slot's frame is due: before `until` if a fault delays this one.
-    due: u64,
-    sender: Sender,
 }
 
 /// The running bus: its times and what is under way.
@@ -69,13 +62,14 @@ pub(super) struct SimBus {
     fresh: Vec<Drive>,
     /// Baud rate that the drives' DIP switches are set to.
     drives_kbit_s: u16,
+    frame_length: FrameLength,
     /// PLCs whose node 1 is on this bus.
     nodes: Vec<usize>,
     running: Option<Running>,
     agenda: Agenda,
     next: u64,
     /// The last frame of each kind; a frame is noted when its slot is fixed, so several may be ahead.
-    on_wire: [Option<OnWire>; 6],
+    on_wire: [Option<OnWire>; PLACES],
     reference: [Option<Built>; 2],
     actual: [Option<Frame>; 2],
     command: Option<Frame>,
@@ -99,11 +93,12 @@ impl SimBus {
             drives: Vec::new(),
             fresh: Vec::new(),
             drives_kbit_s: config.kbit_s,
+            frame_length: config.frame_length,
             nodes: Vec::new(),
             running: None,
             agenda: Agenda::empty(),
             next: Agenda::NEVER,
-            on_wire: [None; 6],
+            on_wire: [None; PLACES],
             reference: [None; 2],
             actual: [None; 2],
             command: None,
@@ -220,7 +215,7 @@ impl SimBus {
         self.agenda.clear();
         self.schedule_own_clock(now);
         self.next = self.agenda.next_time();
-        self.on_wire = [None; 6];
+        self.on_wire = [None; PLACES];
         self.asked = None;
         self.drive_answer = None;
         self.disturbance.forget_frames();
@@ -324,20 +319,6 @@ impl Run<'_> {
         if self.bus.disturbance.is_off(number) { Station::Nobody } else { station }
     }
 
-    /// Puts a frame on the wire now or at a later slot start; its end is due as `slot`. Returns when it begins, as
-    /// its receivers see it: faults may delay or lose it.
-    fn transmit(&mut self, slot: Slot, frame: &Frame, from: u64, sender: Sender) -> Option<u64> {
-        let duration = u64::from(wire::duration_us(frame, u32::from(self.timing.kbit_per_s)));
-        let place = place_on_wire(slot);
-        let begin =
-            if self.faults.is_empty() { Some(from) } else { self.disturb(place, frame, from, duration) };
-        let from_seen = begin.unwrap_or(from);
-        let due = from + duration;
-        self.bus.on_wire[place] = Some(OnWire { from: from_seen, until: from_seen + duration, due, sender });
-        self.bus.agenda.set(slot, due);
-        begin
-    }
-
     /// The drive at `index`, if it is set to the bus's baud rate; otherwise it hears nothing.
     fn drive(&mut self, index: usize) -> Option<&mut Drive> {
         if self.bus.drives_kbit_s == self.timing.kbit_per_s { self.bus.drives.get_mut(index) } else { None }
@@ -349,30 +330,5 @@ impl Run<'_> {
         let drives = if hear { &mut self.bus.drives[..] } else { &mut [] };
         let disturbance = &self.bus.disturbance;
         drives.iter_mut().filter(|drive| !disturbance.is_off(drive.slave_number()))
-    }
-
-    /// The regular end of a frame: notes it, if it arrives now.
-    fn arrives(&mut self, slot: Slot, frame: &Frame) -> Fate {
-        let fate = self.bus.disturbance.take_fate(place_on_wire(slot));
-        if fate == Fate::Arrives {
-            self.note_frame(*frame);
-        }
-        fate
-    }
-
-    fn note_frame(&mut self, frame: Frame) {
-        self.journal.push(self.now, Event::Frame { bus: self.bus.index, frame });
-    }
-}
-
-/// Where the frame that ends with `slot` stands in [`SimBus::on_wire`].
-fn place_on_wire(slot: Slot) -> usize {
-    match slot {
-        Slot::Reference1End => 0,
-        Slot::Actual1End => 1,
-        Slot::Reference2End => 2,
-        Slot::Actual2End => 3,
-        Slot::CommandEnd => 4,
-        _ => 5,
     }
 }

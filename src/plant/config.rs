@@ -1,6 +1,10 @@
 //! The plant file: which PLCs, buses and drives there are.
 
-use crate::drive::{BuiltInDriveConfig, DriveConfig, DriveError};
+mod bus;
+
+pub use bus::BusConfig;
+
+use crate::drive::{BuiltInDriveConfig, DriveError};
 use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
 use serde::Deserialize;
@@ -61,21 +65,6 @@ pub struct PlcConfig {
     pub ethernet_mbit: u16,
 }
 
-/// A bus of the plant file.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BusConfig {
-    /// Name, unique among the buses.
-    pub name: String,
-    /// Baud rate that the drives on it are set to: 500, 250 or 125 kbit/s (default 500). The bus itself
-    /// runs at the rate that its master is initialized with.
-    #[serde(default = "default_kbit_s")]
-    pub kbit_s: u16,
-    /// The drives on it.
-    #[serde(rename = "drive", default)]
-    pub drives: Vec<DriveConfig>,
-}
-
 fn default_cycle() -> u32 {
     500
 }
@@ -86,10 +75,6 @@ fn default_lock_time() -> u64 {
 
 fn default_ethernet_mbit() -> u16 {
     100
-}
-
-fn default_kbit_s() -> u16 {
-    500
 }
 
 /// What can be wrong with a plant file.
@@ -459,6 +444,10 @@ mod tests {
                 "sync_loss_us of 'd' is 3600000001; it must be 1 to 3600000000",
             ),
             (format!("{plc}{bus}kbit_s = 1000\n"), "kbit_s of 'b' is 1000; it must be 500, 250 or 125"),
+            (
+                format!("{plc}{bus}frame_length = 'long'\n"),
+                "unknown variant `long`, expected `fixed` or `variable`",
+            ),
             (
                 format!("processor_cycle_us = 5\n{plc}"),
                 "processor_cycle_us of 'plant' is 5; it must be 10 to 10000",

@@ -18,7 +18,7 @@ fn answer(emulator: &Emulator) -> String {
 
 /// Active operation; responds and is synchronized; 5000 there and back; on the bus low byte first, then the drive's
 /// status word 16#8037: operation enabled, synchronized.
-const ANSWER: &str = "16#0080 16#03 16#00001388 16#00001388 301#881300003780";
+const ANSWER: &str = "16#0080 16#03 16#00001388 16#00001388 301#8813000037800000";
 
 /// Runs a program at an emulator of its own; it must end well, and the drive must have answered.
 #[track_caller]

@@ -60,7 +60,7 @@ fn text_tells_what_has_happened() {
         "     0.000000 s  line        w_CPU_CONTROL (%MW3.200000) := 16#0001 (handshake)",
         "     0.000500 s  line:node2  w_OPTION_STATUS (%MW3.200002) 16#0001 -> 16#0002, \
          waiting for \"take over initialization data\", answered after 500 us",
-        "     0.004640 s  drives      16#010 CC to all slaves: SYNC mode on",
+        "     0.004634 s  drives      16#010 CC to all slaves: SYNC mode on",
     ] {
         assert!(text.lines().any(|other| other == line), "{line}\nis not in\n{text}");
     }
@@ -254,7 +254,7 @@ fn candump_lines_are_as_the_original_writes_them() {
     let emulator = in_operation();
     let (file, frames) = candump_file(&emulator);
     let text = fs::read_to_string(&file).unwrap();
-    assert_eq!(text.lines().next(), Some("(0000000000.004640) drives 010#FFFFFFFF02010000"));
+    assert_eq!(text.lines().next(), Some("(0000000000.004634) drives 010#FFFFFFFF02010000"));
     let read = text.lines().map(|line| {
         let (id, data) = line.split(' ').nth(2).unwrap().split_once('#').unwrap();
         (u64::from_str_radix(id, 16).unwrap(), data.to_owned())
@@ -300,7 +300,7 @@ fn wireshark_reads_the_candump_format() {
         (words[1].parse().unwrap(), words[2].to_uppercase())
     });
     assert_eq!(read.collect::<Vec<_>>(), frames);
-    assert!(text.starts_with("0.004640000\t"), "emulated time");
+    assert!(text.starts_with("0.004634000\t"), "emulated time");
 }
 
 #[test]

@@ -55,7 +55,7 @@ fn frames_start_in_their_slots_and_last_as_long_as_their_bits() {
             let frames = rig.frames();
             let (time, frame) =
                 frames.iter().rev().find(|(_, frame)| frame.id() == id).expect("the frame went out");
-            time - u64::from(wire::duration_us(frame, u32::from(kbit_s))) - sync
+            time - u64::from(wire::airtime(frame, u32::from(kbit_s)).delivery_us) - sync
         };
         assert_eq!((end(0x101), end(0x301)), (wrc1, rdc1));
     }

@@ -18,5 +18,6 @@ mod slave_any;
 mod slave_jobs;
 mod slave_on_bus;
 mod slave_updown;
+mod slots;
 mod states;
 mod vectors;

@@ -62,7 +62,7 @@ fn t1(memory: Memory, rate: Rate) {
     let mut rig = Rig::new(memory, rate);
     rig.activate();
     fill_reference_values(&rig);
-    assert_eq!(wrc1_data(&mut rig, [0x0D, 0, 0, 0]), [0x03, 0xBB]);
+    assert_eq!(wrc1_data(&mut rig, [0x0D, 0, 0, 0]), [0x03, 0xBB, 0, 0, 0, 0, 0, 0]);
 }
 
 /// Lets slave 0 (PLC `b`) send `words` as its actual value frame 1.
@@ -115,7 +115,7 @@ fn t4(memory: Memory, rate: Rate) {
     rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
     rig.send_wrc1();
     let frame = rig.last_frame(0x300..=0x37F).expect("slave 0 answered");
-    assert_eq!((frame.id(), frame.data()), (0x300, &[0x32, 0x54][..]));
+    assert_eq!((frame.id(), frame.data()), (0x300, &[0x32, 0x54, 0, 0, 0, 0, 0, 0][..]));
 }
 
 fn t5_and_t9(memory: Memory, rate: Rate) {
@@ -154,7 +154,7 @@ fn t8(memory: Memory, rate: Rate) {
     rig.activate();
     fill_reference_values(&rig);
     let data = wrc1_data(&mut rig, [0x11, 0x00, 0x19, 0x00]);
-    assert_eq!(data, [0x04, 0xBB, 0x00, 0x00, 0x06, 0xBB], "a gap is 0, the tail is cut (D-10)");
+    assert_eq!(data, [0x04, 0xBB, 0x00, 0x00, 0x06, 0xBB, 0x00, 0x00], "gap and tail are 0 (D-10)");
 }
 
 fn t19(memory: Memory, rate: Rate) {

@@ -80,8 +80,8 @@ impl FrameConfig {
 
     /// Composes a frame; `values` gives the doubleword with the given number.
     ///
-    /// The frame reaches to the last used word; unused words before it are 0; with no used word it
-    /// carries no data (decision D-10).
+    /// The data field reaches to the last used word; unused words before it are 0; with no used word it carries no
+    /// data. The bus may make the frame longer ([`FrameLength`](crate::bus::FrameLength), decision D-10).
     #[inline]
     pub fn build(self, mut values: impl FnMut(u8) -> u32) -> Built {
         let (mut words, mut used_words, mut len) = ([0; 4], 0, 0);

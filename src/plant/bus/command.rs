@@ -1,6 +1,7 @@
 //! The command channel and its answers: the frame at t_CC, the response at t_RC of the next interval.
 
-use super::{Fate, Run, Sender, Station};
+use super::disturbance::Fate;
+use super::{Run, Sender, Station};
 use crate::bus::codec::action::ActionCommand;
 use crate::bus::{Frame, FrameKind};
 use crate::plant::agenda::{Agenda, Slot};

@@ -1,6 +1,7 @@
 //! What faults have done to a bus: which frames under way do not arrive as they should, and who is off.
 
-use super::{OnWire, Sender, SimBus, Station};
+use super::slots::OnWire;
+use super::{Sender, SimBus, Station};
 use crate::bus::{Frame, FrameKind};
 use crate::plant::agenda::Slot;
 

@@ -7,6 +7,7 @@ use crate::bus::codec::updown::{BLOCK, MAX_OFFSET};
 use crate::bus::codec::{
     ParameterJob, ParameterResult, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, is_up_download,
 };
+use crate::bus::wire::Airtime;
 use crate::bus::{Frame, FrameKind};
 use crate::fault::{Effect, FrameEffect, NodeEffect, OffsetAt, SlaveEffect, SyncEffect};
 use crate::journal::Origin;
@@ -15,7 +16,14 @@ use crate::plant::agenda::Slot;
 impl Run<'_> {
     /// What faults do to a frame that is to begin at `from`. Returns when it begins; `None` if it is lost.
     #[cold]
-    pub(super) fn disturb(&mut self, place: usize, frame: &Frame, from: u64, duration: u64) -> Option<u64> {
+    pub(super) fn disturb(
+        &mut self,
+        place: usize,
+        frame: &Frame,
+        from: u64,
+        airtime: Airtime,
+    ) -> Option<u64> {
+        let [delivery, occupation] = [airtime.delivery_us, airtime.occupation_us].map(u64::from);
         let (mut lost, mut delay, mut copies) = (false, 0, Vec::new());
         let index = self.bus.index;
         self.faults.strike(self.now, self.journal, |effect, _| {
@@ -39,15 +47,16 @@ impl Run<'_> {
             self.bus.disturbance.lost |= 1 << place;
             return None;
         }
-        let end = from + delay + duration;
+        let begin = from + delay;
         if delay > 0 {
             self.bus.disturbance.late |= 1 << place;
-            self.add_stray(Stray { end, frame: *frame, copy: false });
+            self.add_stray(Stray { end: begin + delivery, frame: *frame, copy: false });
         }
         for gap in copies {
-            self.add_stray(Stray { end: end + gap + duration, frame: *frame, copy: true });
+            let end = begin + occupation + gap + delivery;
+            self.add_stray(Stray { end, frame: *frame, copy: true });
         }
-        Some(from + delay)
+        Some(begin)
     }
 
     fn add_stray(&mut self, stray: Stray) {

@@ -1,6 +1,7 @@
 //! Process data within an interval: SYNC, WRC1, RDC1, WRC2, RDC2.
 
-use super::{Fate, Run, Sender, Station};
+use super::disturbance::Fate;
+use super::{Run, Sender, Station};
 use crate::bus::{Channel, Frame, FrameKind};
 use crate::firmware::cansync::Built;
 use crate::journal::Event;
@@ -129,12 +130,14 @@ impl Run<'_> {
             }
             return;
         };
+        let frame = self.bus.frame_length.of(built.frame);
+        self.bus.reference[channel.index()] = Some(Built { frame, ..built });
         self.master(|master, ctx| master.acknowledge_reference(ctx, channel));
         let (slot, offset) = match channel {
             Channel::One => (Slot::Reference1End, self.timing.t_WRC1),
             Channel::Two => (Slot::Reference2End, self.timing.t_WRC2),
         };
-        self.transmit(slot, &built.frame, self.start + u64::from(offset), Sender::Master);
+        self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Master);
     }
 
     pub(super) fn reference_end(&mut self, channel: Channel) {
@@ -170,15 +173,14 @@ impl Run<'_> {
                 self.node(index, |slave, ctx| slave.requested_actual(ctx, channel)).flatten()
             }
         };
-        let Some(frame) = answer else { return };
+        let Some(frame) = answer.map(|frame| self.bus.frame_length.of(frame)) else { return };
         self.bus.actual[channel.index()] = Some(frame);
         let (slot, offset) = match channel {
             Channel::One => (Slot::Actual1End, self.timing.t_RDC1),
             Channel::Two => (Slot::Actual2End, self.timing.t_RDC2),
         };
-        // A request that a fault has delayed is answered at once.
-        let begin = (self.start + u64::from(offset)).max(self.now);
-        self.transmit(slot, &frame, begin, Sender::Slave(number));
+        // A request that a fault has delayed beyond the slot is answered at once.
+        self.transmit(slot, &frame, self.start + u64::from(offset), Sender::Slave(number));
     }
 
     pub(super) fn actual_end(&mut self, channel: Channel) {

@@ -1,0 +1,97 @@
+//! Frames in their slots: when each one begins, when its receivers have it, when the bus is free again.
+
+use super::disturbance::Fate;
+use super::{Run, Sender};
+use crate::bus::{Frame, wire};
+use crate::journal::Event;
+use crate::plant::agenda::Slot;
+
+/// How many frames an interval has.
+pub(super) const PLACES: usize = 6;
+
+/// A frame on the wire or about to be, for the status registers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OnWire {
+    pub(super) from: u64,
+    pub(super) until: u64,
+    /// When the end of its slot's frame is due: before `until` if a fault delays this one.
+    pub(super) due: u64,
+    /// When the frame of the next slot may begin. 0 outside of its slot: such a frame takes nobody's time (decision
+    /// D-127).
+    pub(super) free: u64,
+    pub(super) sender: Sender,
+}
+
+impl Run<'_> {
+    /// Puts a frame on the wire at the start of its slot, or now if that is over; its end is due as `slot`. It waits
+    /// until the frame of the slot before is off the wire (decision D-280). Returns when it begins, as its receivers
+    /// see it: faults may delay or lose it.
+    pub(super) fn transmit(
+        &mut self,
+        slot: Slot,
+        frame: &Frame,
+        slot_start: u64,
+        sender: Sender,
+    ) -> Option<u64> {
+        let airtime = wire::airtime(frame, u32::from(self.timing.kbit_per_s));
+        let place = place_on_wire(slot);
+        let before = self.bus.on_wire[(place + PLACES - 1) % PLACES];
+        let from = slot_start.max(self.now).max(before.map_or(0, |frame| frame.free));
+        // What a fault did to a frame whose end never came is not this one's.
+        self.bus.disturbance.take_fate(place);
+        let begin =
+            if self.faults.is_empty() { Some(from) } else { self.disturb(place, frame, from, airtime) };
+        let from_seen = begin.unwrap_or(from);
+        let is_regular = from_seen == from && slot_start >= self.now;
+        let free = if is_regular { from + u64::from(airtime.occupation_us) } else { 0 };
+        let delivery = u64::from(airtime.delivery_us);
+        let (until, due) = (from_seen + delivery, from + delivery);
+        self.bus.on_wire[place] = Some(OnWire { from: from_seen, until, due, free, sender });
+        self.bus.agenda.set(slot, due);
+        if slot == Slot::Actual1End {
+            // The master has handed WRC2 over before RDC1 was asked for.
+            self.hold_back(Slot::Reference2End, free);
+        }
+        begin
+    }
+
+    /// A frame that was put into its slot, which is still to come, begins at `free` at the earliest.
+    fn hold_back(&mut self, slot: Slot, free: u64) {
+        let Some(wire) = &mut self.bus.on_wire[place_on_wire(slot)] else { return };
+        if wire.free == 0 || wire.from <= self.now {
+            return;
+        }
+        let wait = free.saturating_sub(wire.from);
+        for time in [&mut wire.from, &mut wire.until, &mut wire.due, &mut wire.free] {
+            *time += wait;
+        }
+        let due = wire.due;
+        self.bus.agenda.set(slot, due);
+    }
+
+    /// The regular end of a frame: notes it, if it arrives now.
+    pub(super) fn arrives(&mut self, slot: Slot, frame: &Frame) -> Fate {
+        let fate = self.bus.disturbance.take_fate(place_on_wire(slot));
+        if fate == Fate::Arrives {
+            self.note_frame(*frame);
+        }
+        fate
+    }
+
+    pub(super) fn note_frame(&mut self, frame: Frame) {
+        self.journal.push(self.now, Event::Frame { bus: self.bus.index, frame });
+    }
+}
+
+/// Where the frame that ends with `slot` stands in [`SimBus::on_wire`]: in the order of the slots, and before the
+/// first one is the last one of the interval before.
+fn place_on_wire(slot: Slot) -> usize {
+    match slot {
+        Slot::ResponseEnd => 0,
+        Slot::Reference1End => 1,
+        Slot::Actual1End => 2,
+        Slot::Reference2End => 3,
+        Slot::Actual2End => 4,
+        _ => 5,
+    }
+}
