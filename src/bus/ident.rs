@@ -26,6 +26,9 @@ impl Channel {
     }
 }
 
+/// The highest slave number (manual 5.00005.03a p. 22).
+pub const LAST_SLAVE: u8 = 31;
+
 /// What a frame is, as its identifier says it.
 ///
 /// The numbers have 7 bits on the bus; slaves have the numbers 0 to 31. [`FrameKind::id`] takes the lower

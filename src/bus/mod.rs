@@ -12,6 +12,6 @@ mod sync;
 pub mod wire;
 
 pub use frame::{Frame, FrameLength};
-pub use ident::{Channel, FrameKind};
+pub use ident::{Channel, FrameKind, LAST_SLAVE};
 pub use payload::Payload;
 pub use sync::SyncLock;

@@ -3,6 +3,7 @@
 use super::node::Registers;
 use super::registers::{Kind, Limit, Watched};
 use super::{Facts, Finding, Rule};
+use crate::bus::LAST_SLAVE;
 use crate::journal::{Event, Journal};
 use crate::layout::Live;
 use crate::layout::omega_drive_line_2::{
@@ -16,8 +17,6 @@ const RELEASED: u32 = 0x05;
 const AUTOMATIC: u8 = 0x80;
 /// 16#FF: no slave at all, as the vendor's function blocks write it (decision D-148).
 const NOBODY: u8 = 0xFF;
-/// Highest slave number.
-const LAST_SLAVE: u32 = 31;
 /// Highest value number.
 const LAST_VALUE: u32 = 7;
 
@@ -105,7 +104,7 @@ impl Judge<'_> {
 
     fn limits(&mut self, register: &Watched, after: u32) {
         let offset = usize::from(register.offset);
-        let is_slave = after <= LAST_SLAVE;
+        let is_slave = after <= LAST_SLAVE.into();
         match register.limit {
             Limit::Slave if !is_slave => self.find(Rule::SlaveNumber, offset, after),
             Limit::SlaveOrAutomatic if !is_slave && ![AUTOMATIC, NOBODY].map(u32::from).contains(&after) => {

@@ -127,6 +127,9 @@ rules! {
     BusBaudRate: "bus-baud-rate", Error, "p. 125",
         "The node was started with another baud rate than its bus runs at and hears nothing. Give all nodes of a \
          bus the same b_BT_0.";
+    ClusterBaudRate: "cluster-baud-rate", Error, "p. 122-125, D-282",
+        "Node 2 passes on the SYNC signal of a bus at another baud rate, so no slave of it ever synchronizes. Give all \
+         buses of a cluster the same b_BT_0 and b_TIME_PATTERN.";
     BeforeInit: "before-init", Error, "p. 145, D-03",
         "A register behind the initialization structure was written before the initialization data were taken \
          over, which clears it. Wait for w_OPTION_STATUS 16#0003 first.";

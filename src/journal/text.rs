@@ -62,9 +62,13 @@ impl Text {
                 let register = self.context.of_node(origin, &format!("a_STAT_SL[{slave}]"));
                 format!("{} {}", label(register.as_ref()), with_meaning(register.as_ref(), status.into()))
             }
-            Event::BaudRateMismatch { node_kbit_s, bus_kbit_s, .. } => {
+            Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s } if origin.node == 1 => {
                 format!("is set to {node_kbit_s} kbit/s, its bus runs at {bus_kbit_s}: it hears nothing")
             }
+            Event::BaudRateMismatch { node_kbit_s, bus_kbit_s, .. } => format!(
+                "is set to {node_kbit_s} kbit/s and passes on the SYNC signal of a bus at {bus_kbit_s}: nobody \
+                 synchronizes"
+            ),
             Event::ChannelWrite { plc, offset, width, value } => {
                 let place = self.context.accessed(plc, offset, width);
                 let meaning = place.meaning(value).map(|meaning| format!(" ({meaning})")).unwrap_or_default();

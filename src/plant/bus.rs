@@ -48,6 +48,8 @@ struct Running {
     timing: &'static BaudRate,
     /// Whether the master makes the SYNC signal itself.
     own_sync: bool,
+    /// The rate of the bus whose master makes the SYNC signal.
+    sync_rate: &'static BaudRate,
     /// Start of the present interval.
     start: u64,
 }
@@ -202,7 +204,7 @@ impl SimBus {
     /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
     pub(super) fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
         self.stop(now);
-        self.running = Some(Running { timing, own_sync, start: now });
+        self.running = Some(Running { timing, own_sync, sync_rate: timing, start: now });
         if own_sync {
             self.agenda.set(Slot::Sync, now);
         }
@@ -221,9 +223,15 @@ impl SimBus {
         self.disturbance.forget_frames();
     }
 
-    /// A SYNC edge of the upper bus arrives at a master that forwards it.
-    pub(super) fn forwarded_edge(&mut self, now: u64) {
-        if self.running.as_ref().is_some_and(|running| !running.own_sync) {
+    /// The rate of the bus whose master makes the SYNC signal of this running bus.
+    pub(super) fn sync_rate(&self) -> Option<&'static BaudRate> {
+        self.running.as_ref().map(|running| running.sync_rate)
+    }
+
+    /// A SYNC edge of the upper bus arrives at a master that forwards it; `rate` is the signal's.
+    pub(super) fn forwarded_edge(&mut self, now: u64, rate: &'static BaudRate) {
+        if let Some(running) = self.running.as_mut().filter(|running| !running.own_sync) {
+            running.sync_rate = rate;
             self.agenda.set(Slot::Sync, now);
             self.next = self.agenda.next_time();
         }

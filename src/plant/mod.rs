@@ -297,11 +297,14 @@ impl Plant {
 
     /// Passes a SYNC edge on to the buses whose masters take it over from this one (decision D-12).
     fn forward_sync(&mut self, from: usize) {
-        for plc in &self.plcs {
-            if let Some(to) = plc.forwards_sync_from(from)
-                && let Some(bus) = self.buses.get_mut(to)
-            {
-                bus.forwarded_edge(self.now);
+        let Some(rate) = self.buses.get(from).and_then(SimBus::sync_rate) else { return };
+        for (index, plc) in self.plcs.iter_mut().enumerate() {
+            if !plc.takes_sync_from(from) {
+                continue;
+            }
+            plc.passes_sync_on(index, self.now, rate, &mut self.journal);
+            if let Some(bus) = plc.bus_of(2).and_then(|bus| self.buses.get_mut(bus)) {
+                bus.forwarded_edge(self.now, rate);
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::firmware::cansync::{Change, Master, Slave};
 use crate::firmware::ethernet::{Ethernet, Stored};
 use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, MemoryError, Segment, View, Width};
 use core::mem::offset_of;
@@ -234,16 +234,28 @@ impl Plc {
         }
     }
 
-    /// The bus that gets its SYNC signal from `bus` through this PLC.
-    pub(super) fn forwards_sync_from(&self, bus: usize) -> Option<usize> {
-        (self.bus1 == Some(bus) && self.master.is_on_bus() && self.master.forwards_sync())
-            .then_some(self.bus2)
-            .flatten()
+    /// Whether this PLC's master takes its SYNC signal from `bus`.
+    #[inline]
+    pub(super) fn takes_sync_from(&self, bus: usize) -> bool {
+        self.bus1 == Some(bus) && self.master.is_on_bus() && self.master.forwards_sync()
+    }
+
+    /// The master passes an edge on, of a signal that belongs to `rate`.
+    #[inline]
+    pub(super) fn passes_sync_on(
+        &mut self,
+        index: usize,
+        now: u64,
+        rate: &'static BaudRate,
+        journal: &mut Journal,
+    ) {
+        let origin = Origin { plc: index as u16, node: 2 };
+        self.master.passes_sync_on(&mut Context { now, journal, origin }, rate);
     }
 
     /// The bus whose SYNC signal this PLC passes on to `bus`.
     pub(super) fn sync_source_of(&self, bus: usize) -> Option<usize> {
-        self.bus1.filter(|upper| self.forwards_sync_from(*upper) == Some(bus))
+        self.bus1.filter(|upper| self.bus2 == Some(bus) && self.takes_sync_from(*upper))
     }
 
     pub(super) fn control_changed(&self) -> bool {

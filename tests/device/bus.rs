@@ -126,6 +126,43 @@ fn the_second_actual_value_frame_has_a_later_deadline() {
     }
 }
 
+/// D-25: a number that no slave has asks nobody, whatever its lower bits are; the reference values go out all the same.
+#[test]
+fn a_number_that_no_slave_has_asks_nobody() {
+    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    rig.expect_errors(&[Rule::SlaveNumber]);
+    rig.activate();
+    rig.run_to_sync(); // "SYNC mode: on" has gone out
+    for number in [0x20, 0x21, 0x7F, 0x81, 0x82, 0x9F, 0xA1, 0xFF] {
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(number);
+        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+        let before = rig.frames().len();
+        rig.send_wrc1();
+        let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
+        assert_eq!(ids, [0x17F], "16#{number:02X}");
+    }
+}
+
+/// D-25: `b_MAX_SL_NR` above 31 counts as 31.
+#[test]
+fn automatic_requests_end_at_slave_31() {
+    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    rig.expect_errors(&[Rule::SlaveNumber]);
+    rig.activate();
+    rig.master.b_MAX_SL_NR.store(200);
+    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
+    rig.run_to_sync();
+    for _ in 0..70 {
+        rig.send_wrc1();
+    }
+    let frames = rig.frames();
+    let asked: Vec<u16> =
+        frames.iter().map(|(_, frame)| frame.id()).filter(|id| id & 0x780 == 0x100).collect();
+    let first = asked[0];
+    let expected: Vec<u16> = (0..70).map(|n| 0x100 + (first - 0x100 + n) % 32).collect();
+    assert_eq!(asked, expected);
+}
+
 /// A node or a drive at another baud rate than the bus hears nothing and disturbs nobody.
 #[test]
 fn another_baud_rate_is_deaf() {

@@ -1,7 +1,12 @@
 //! Clusters: PLCs that are slaves on one bus and masters of another, with one SYNC signal for all (D-12).
 
 use crate::rig::cluster::{Cluster, INTERVAL_US};
+use crate::rig::{RATES, Rate, write_init_data};
+use commram::check::Rule;
 use commram::journal::{Event, Record};
+use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use commram::memory::Segment;
+use commram::plant::{Plant, PlantConfig};
 
 /// Times of the SYNC edges of a bus.
 fn edges(cluster: &Cluster, bus: u16) -> Vec<u64> {
@@ -82,4 +87,66 @@ fn the_largest_two_level_cluster_runs() {
     (0..2 * 64 + 8).for_each(|_| cluster.interval());
     assert!(cluster.plcs[1..].iter().all(|plc| plc.sum() == 7 * 32));
     assert_eq!(cluster.plcs[0].sum(), 7 * 1024);
+}
+
+/// The initialization structures of `nodes`, brought to set-up mode one after the other.
+fn set_up(plant: &mut Plant, nodes: &[(usize, usize, u8, Rate)]) {
+    for &(plc, node, mode, rate) in nodes {
+        let init = plant.plcs()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(node).unwrap();
+        for command in [0x0000, 0x0001] {
+            init.w_CPU_CONTROL.store(command);
+            plant.advance_to(plant.now() + 500);
+        }
+        write_init_data(&init, rate, mode);
+        for command in [0x0002, 0x0020] {
+            init.w_CPU_CONTROL.store(command);
+            plant.advance_to(plant.now() + 500);
+        }
+    }
+}
+
+/// D-282: edges in the wrong interval synchronize nobody, at whatever level the rate changes, and that is told.
+#[test]
+fn a_cluster_of_unlike_rates_says_so() {
+    let text = |rate: Rate| {
+        format!(
+            "[[plc]]\nname = 'top'\nnode2 = 'upper'\n\
+             [[plc]]\nname = 'middle'\ndip = 3\nnode1 = 'upper'\nnode2 = 'lower'\nlock_time_us = 10000\n\
+             [[plc]]\nname = 'below'\ndip = 0\nnode1 = 'lower'\nnode2 = 'lowest'\nlock_time_us = 10000\n\
+             [[bus]]\nname = 'upper'\n[[bus]]\nname = 'lower'\n[[bus]]\nname = 'lowest'\nkbit_s = {}\n\
+             [[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n",
+            rate.kbit_s
+        )
+    };
+    for (upper, lower) in [(RATES[0], RATES[1]), (RATES[1], RATES[0]), (RATES[0], RATES[2])] {
+        let config = PlantConfig::parse("cluster", &text(lower)).unwrap();
+        let mut plant = Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap())).unwrap();
+        let nodes = |rate: Rate| [(1, NODE2, 0x02, rate), (2, NODE1, 0x01, rate), (2, NODE2, 0x02, rate)];
+        set_up(&mut plant, &[(0, NODE2, 0x00, upper), (1, NODE1, 0x01, upper)]);
+        set_up(&mut plant, &nodes(lower));
+        plant.advance_to(plant.now() + 100_000);
+        let status = |plant: &Plant, plc: usize| {
+            let init = plant.plcs()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+            init.w_CANsync_STATUS.load() & 0x0040
+        };
+        assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0x40, 0x40]);
+        assert!(plant.drives().all(|drive| !drive.is_synchronized()));
+        let told: Vec<_> = plant
+            .journal()
+            .records()
+            .filter_map(|record| match record.event {
+                Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s } => {
+                    Some((origin.plc, origin.node, node_kbit_s, bus_kbit_s))
+                }
+                _ => None,
+            })
+            .collect();
+        assert_eq!(told, [1, 2].map(|plc| (plc, 2, lower.kbit_s, upper.kbit_s)), "once each");
+        assert_eq!(plant.journal().findings().errors(), [Rule::ClusterBaudRate]);
+
+        set_up(&mut plant, &[(0, NODE2, 0x00, lower), (1, NODE1, 0x01, lower)]);
+        plant.advance_to(plant.now() + 100_000);
+        assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0, 0], "one rate everywhere");
+        assert!(plant.drives().all(commram::drive::Drive::is_synchronized));
+    }
 }

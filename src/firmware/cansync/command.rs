@@ -54,16 +54,18 @@ impl CommandChannel {
         if let Some(frame) = broadcast::broadcast(ctx, regs) {
             return Some(frame);
         }
-        let slave = self.control_word.resolve(regs.b_SL_NR_CONTROLWORD.load());
-        if let Some(frame) = broadcast::control_word(ctx, regs, slave) {
+        if let Some(slave) = self.control_word.resolve(regs.b_SL_NR_CONTROLWORD.load())
+            && let Some(frame) = broadcast::control_word(ctx, regs, slave)
+        {
             return Some(frame);
         }
-        let slave = self.parameter.resolve(regs.b_SL_NR_PARAMETER.load());
-        if let Some(job) = parameter_job::next(ctx, regs, slave) {
+        if let Some(slave) = self.parameter.resolve(regs.b_SL_NR_PARAMETER.load())
+            && let Some(job) = parameter_job::next(ctx, regs, slave)
+        {
             self.asked = Some((slave, Asked::Parameter(job)));
             return Some(job.frame(slave));
         }
-        let slave = self.updown.resolve(regs.b_SL_NR_UPDOWN.load());
+        let slave = self.updown.resolve(regs.b_SL_NR_UPDOWN.load())?;
         let job = self.block.next(ctx, regs, slave)?;
         self.asked = Some((slave, Asked::UpDown(job)));
         Some(job.frame(slave))

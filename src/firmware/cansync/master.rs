@@ -22,6 +22,10 @@ use core::mem::offset_of;
 /// Where the cyclic area begins, behind the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 
+/// Stands in the identifier of a reference value frame that asks nobody for actual values: its seven bits can name
+/// more than the 32 slaves there are (decision D-25).
+const NOBODY: u8 = 0x7F;
+
 /// A reference value frame that was built and waits for its slot.
 #[derive(Clone, Copy, Debug)]
 pub struct Built {
@@ -97,6 +101,12 @@ impl Master {
         self.node.init().is_some_and(|init| init.sync == SyncSource::Forwarded)
     }
 
+    /// An edge that this master passes on to its bus, of a SYNC signal that belongs to `rate`.
+    #[inline]
+    pub fn passes_sync_on(&mut self, ctx: &mut Context, rate: &'static BaudRate) {
+        self.node.judge_sync(ctx, rate);
+    }
+
     /// Whether the master is in set-up mode or active operation.
     #[inline]
     pub fn is_on_bus(&self) -> bool {
@@ -166,7 +176,7 @@ impl Master {
             Channel::One => &self.regs.b_CTRLREG_RD_ORDER_RDC1,
             Channel::Two => &self.regs.b_CTRLREG_RD_ORDER_RDC2,
         };
-        let slave = self.request[channel.index()].resolve(order.load());
+        let slave = self.request[channel.index()].resolve(order.load()).unwrap_or(NOBODY);
         let frame = Frame::of(FrameKind::ReferenceValue(channel, slave), built.payload);
         Some(Built { frame, used_words: built.used_words })
     }

@@ -11,7 +11,7 @@ use crate::check::{Facts, Rule};
 use crate::firmware::Context;
 use crate::journal::{Command, Event};
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 
@@ -76,6 +76,8 @@ pub(super) struct Node {
     refused: Option<InitFault>,
     orders: Orders,
     pub(super) controller: Controller,
+    /// The SYNC signal that this node passes on has another interval than its bus (decision D-282).
+    sync_is_unlike: bool,
 }
 
 impl Node {
@@ -94,6 +96,7 @@ impl Node {
             init: None,
             refused: None,
             controller: Controller::default(),
+            sync_is_unlike: false,
         })
     }
 
@@ -198,6 +201,7 @@ impl Node {
                 self.init = None;
                 self.refused = None;
                 self.controller = Controller::default();
+                self.sync_is_unlike = false;
                 self.show(ctx, NodeState::StartUp);
                 Change::Restarted
             }
@@ -298,6 +302,21 @@ impl Node {
         }
     }
 
+    /// The node passes on a SYNC signal that belongs to `rate`: says so once if its own rate is another one.
+    #[inline]
+    pub(super) fn judge_sync(&mut self, ctx: &mut Context, rate: &'static BaudRate) {
+        let Some(timing) = self.init.as_ref().map(|init| init.timing) else { return };
+        let is_unlike = timing.b_TIME_PATTERN != rate.b_TIME_PATTERN;
+        let is_news = is_unlike && !self.sync_is_unlike;
+        self.sync_is_unlike = is_unlike;
+        if is_news {
+            let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, rate.kbit_per_s);
+            ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
+            let offset = self.base + offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0) as u32;
+            ctx.find(Rule::ClusterBaudRate, Live::Init, offset, timing.b_BT_0.into());
+        }
+    }
+
     /// Whether `value` is simply the command that led to `state` and still stands in the register.
     fn is_at_rest(state: NodeState, value: u16) -> bool {
         match state {
@@ -360,7 +379,7 @@ impl Node {
                 None => {}
             }
         }
-        if self.refused.is_some() {
+        if self.refused.is_some() || self.sync_is_unlike {
             value |= status::WARNING;
         }
         if self.controller.has_overrun() {

@@ -41,6 +41,7 @@ pub(super) mod status {
 /// Automatic slave numbers (manual 5.00005.03a p. 159-160; counters: decision D-08).
 pub mod auto {
     use super::Code;
+    use crate::bus::LAST_SLAVE;
 
     /// A counter behind a register that takes a slave number or 16#80.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,11 +49,11 @@ pub mod auto {
 
     impl Counter {
         /// Begins a new interval: 0 in the first one of active operation, then one more each time up to
-        /// `max` (`b_MAX_SL_NR`), then 0 again.
+        /// `max` (`b_MAX_SL_NR`; above 31 it counts as 31, decision D-25), then 0 again.
         #[inline]
         pub fn next_interval(&mut self, max: u8) {
             self.0 = Some(match self.0 {
-                Some(n) if n < max => n + 1,
+                Some(n) if n < max.min(LAST_SLAVE) => n + 1,
                 _ => 0,
             });
         }
@@ -62,11 +63,14 @@ pub mod auto {
             self.0 = None;
         }
 
-        /// The slave number that `register` means in this interval. Only seven bits go out on the bus
-        /// (decision D-25).
+        /// The slave number that `register` means in this interval; `None` if it names nobody (decision D-25).
         #[inline]
-        pub fn resolve(self, register: u8) -> u8 {
-            if register == Code::AUTOMATIC { self.0.unwrap_or(0) } else { register & 0x7F }
+        pub fn resolve(self, register: u8) -> Option<u8> {
+            match register {
+                0..=LAST_SLAVE => Some(register),
+                Code::AUTOMATIC => Some(self.0.unwrap_or(0)),
+                _ => None,
+            }
         }
     }
 
@@ -78,14 +82,38 @@ pub mod auto {
         #[test]
         fn counts_to_the_maximum_and_starts_again() {
             let mut counter = Counter::default();
-            let asked: Vec<u8> = (0..6)
+            let asked: Vec<_> = (0..6)
                 .map(|_| {
                     counter.next_interval(3);
                     counter.resolve(Code::AUTOMATIC)
                 })
                 .collect();
-            assert_eq!(asked, [0, 1, 2, 3, 0, 1]);
-            assert_eq!(counter.resolve(7), 7);
+            assert_eq!(asked, [0, 1, 2, 3, 0, 1].map(Some));
+            assert_eq!(counter.resolve(7), Some(7));
+        }
+
+        #[test]
+        fn a_number_that_no_slave_has_names_nobody() {
+            let counter = Counter(Some(5));
+            for register in 0..=u8::MAX {
+                let expected = match register {
+                    0..=31 => Some(register),
+                    0x80 => Some(5),
+                    _ => None,
+                };
+                assert_eq!(counter.resolve(register), expected, "16#{register:02X}");
+            }
+        }
+
+        #[test]
+        fn a_maximum_that_no_slave_has_counts_as_31() {
+            for max in [31, 32, 127, 128, 255] {
+                let mut counter = Counter(Some(30));
+                counter.next_interval(max);
+                assert_eq!(counter.resolve(Code::AUTOMATIC), Some(31), "{max}");
+                counter.next_interval(max);
+                assert_eq!(counter.resolve(Code::AUTOMATIC), Some(0), "{max}");
+            }
         }
 
         #[test]
@@ -95,7 +123,7 @@ pub mod auto {
                 counter.next_interval(31);
             }
             counter.next_interval(2);
-            assert_eq!(counter.resolve(Code::AUTOMATIC), 0);
+            assert_eq!(counter.resolve(Code::AUTOMATIC), Some(0));
         }
     }
 }

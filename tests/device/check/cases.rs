@@ -1,6 +1,6 @@
 //! For each rule something that breaks it, and next to it something much alike that is right.
 
-use crate::rig::{RATES, Rig, write_init_data};
+use crate::rig::{RATES, Rate, Rig, write_init_data};
 use commram::check::Rule;
 use commram::layout::omega_drive_line_2::*;
 use commram::memory::View;
@@ -182,12 +182,19 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
+        rule: Rule::ClusterBaudRate,
+        register: "node2.b_BT_0",
+        value: 0x01,
+        wrong: |rig| cluster(rig, RATES[1]),
+        right: |rig| cluster(rig, RATES[0]),
+    },
+    Case {
         rule: Rule::SlaveNumber,
         register: "node2.b_CTRLREG_RD_ORDER_RDC2",
-        value: 32,
+        value: 0x81,
         wrong: |rig| {
             rig.activate();
-            rig.master.b_CTRLREG_RD_ORDER_RDC2.store(32);
+            rig.master.b_CTRLREG_RD_ORDER_RDC2.store(0x81);
         },
         right: |rig| {
             rig.activate();
@@ -568,4 +575,17 @@ fn store_ip_config(rig: &mut Rig, last: u8) {
 pub fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
     rig.step(5000);
     rig.plant.plcs()[0].segment().view(BAPS).unwrap()
+}
+
+/// Node 2 of the PLC that is a slave at 500 kbit/s takes its SYNC signal over, at `rate`.
+fn cluster(rig: &mut Rig, rate: Rate) {
+    rig.set_up();
+    let init = rig.plant.plcs()[1].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+    init.w_CPU_CONTROL.store(0x0001);
+    rig.step(500);
+    write_init_data(&init, rate, 0x02);
+    init.w_CPU_CONTROL.store(0x0002);
+    rig.step(500);
+    init.w_CPU_CONTROL.store(0x0020);
+    rig.step(10_000);
 }

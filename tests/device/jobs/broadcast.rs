@@ -170,11 +170,14 @@ fn slave_numbers_without_a_register_are_nobodys_turn() {
     for slave in 0..32 {
         bench.enter_parameter(slave, 0x05, 1, 1);
     }
-    for number in (32..=0x7F).chain(0xA0..=0xFF) {
+    for number in (32..=0x7F).chain(0x81..=0xFF) {
         bench.regs.b_SL_NR_CONTROLWORD.store(number);
         bench.regs.b_SL_NR_PARAMETER.store(number);
         bench.regs.b_SL_NR_UPDOWN.store(number);
+        bench.enter_block(0x15, number, 0x100, 12);
         assert_eq!(bench.interval(), None, "16#{number:02X}");
+        bench.enter_block(0x15, number & 0x7F, 0x100, 12);
+        assert_eq!(bench.interval(), None, "16#{number:02X} is not its lower seven bits");
     }
 }
 
