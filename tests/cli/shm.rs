@@ -1,4 +1,5 @@
 //! Image files that others change while they are in use, and a `/dev/shm` that is too small.
+#![cfg(feature = "channel")]
 
 use crate::common::{Emulator, commram, eventually, finish, unique_name};
 use std::fs::File;
@@ -119,7 +120,6 @@ fn an_image_that_does_not_fit_is_refused_with_what_is_missing() {
     );
 }
 
-#[cfg(feature = "channel")]
 #[test]
 fn without_room_for_the_channel_the_emulator_does_without() {
     let script = while_running("$COMMRAM peek --raw node2.w_OPTION_STATUS");
@@ -133,7 +133,6 @@ fn without_room_for_the_channel_the_emulator_does_without() {
     assert!(outcome.out.ends_with("ended with 0\n"), "{outcome:?}");
 }
 
-#[cfg(feature = "channel")]
 #[test]
 fn who_fills_the_memory_later_hangs_and_kills_nobody() {
     let script = while_running(
