@@ -32,13 +32,13 @@ pub fn generate(scope: &Scope) -> String {
     header_page(&mut out, scope);
     meanings(&mut out, scope);
     let structures = scope.structures();
-    out.push_str("\n/* Registers. Names are the manual's. */\n");
+    out.push_str("\n/* Registers. */\n");
     for group in members::groups(&structures) {
-        let remark = format!("Sub-structure {}.", group.member_name());
+        let remark = group.about();
         structure(&mut out, group.type_name(), group.bytes(), &remark, &group.members(), group.offset());
     }
     for of in structures {
-        let remark = format!("{} (p. {}).", of.doc, of.page);
+        let remark = text::about(of);
         structure(&mut out, of.name, of.bytes, &remark, &members::of(of), 0);
     }
     out.push_str(ATTACH);

@@ -48,10 +48,14 @@ pub fn own_name(prefix: &str, name: &str) -> String {
     if own.starts_with(|c: char| c.is_ascii_digit()) { format!("VALUE_{own}") } else { own.to_owned() }
 }
 
-/// What a field of bits is about, in a few words.
+/// What a field of bits is about, in a few words, and the decision if it is inferred.
 pub fn about(field: &BitField) -> String {
     let text = [field.one, field.text, field.name].into_iter().find(|text| !text.is_empty());
-    text.unwrap_or_default().replace("{}", "n")
+    let text = text.unwrap_or_default().replace("{}", "n");
+    match field.source.decision() {
+        Some(decision) => format!("{text} ({decision})"),
+        None => text,
+    }
 }
 
 fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
@@ -68,14 +72,15 @@ fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
 
 fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     let mut constants = Vec::new();
-    for ValueMeaning { first, last, text } in values {
+    for known in values {
+        let ValueMeaning { first, last, text, .. } = known;
         let words = upper(gist(text));
         if words == "RESERVED" {
             continue;
         }
         let name = format!("{prefix}_{words}");
         let name = name.trim_end_matches('_').to_owned();
-        let text = text.replace("{}", "n");
+        let text = known.told("n");
         if first == last {
             constants.push(Constant::new(name, first << shift, text));
         } else {

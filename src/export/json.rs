@@ -90,6 +90,7 @@ fn structure(structure: &Structure) -> Value {
         "bytes": structure.bytes,
         "doc": structure.doc,
         "page": structure.page,
+        "provenance": structure.name_from.to_string(),
         "registers": structure.registers.iter().map(register).collect::<Vec<_>>(),
     })
 }
@@ -113,17 +114,16 @@ fn register(register: &Register) -> Value {
         "meaning": register.meaning.map(|meaning| meaning.name),
         "doc": register.doc,
         "page": register.page,
-        "provenance": {
-            "name": register.name_from.to_string(),
-            "offset": register.offset_from.to_string(),
-            "reset": register.reset_from.to_string(),
-        },
+        "provenance": register.facts().map(|(fact, from)| (fact.to_owned(), from.to_string().into()))
+            .into_iter().collect::<Map<_, _>>(),
+        "group_type_provenance": register.group_type_from.to_string(),
     })
 }
 
 fn meanings(scope: &Scope) -> Value {
     let meaning = |meaning: &crate::layout::Meaning| {
         json!({
+            "page": meaning.page,
             "values": values(meaning.values),
             "bits": meaning.bits.iter().map(bit).collect::<Vec<_>>(),
         })
@@ -133,8 +133,14 @@ fn meanings(scope: &Scope) -> Value {
 }
 
 fn values(values: &[ValueMeaning]) -> Value {
-    let value =
-        |known: &ValueMeaning| json!({ "first": known.first, "last": known.last, "text": known.text });
+    let value = |known: &ValueMeaning| {
+        json!({
+            "first": known.first,
+            "last": known.last,
+            "text": known.text,
+            "provenance": known.source.to_string(),
+        })
+    };
     values.iter().map(value).collect()
 }
 
@@ -149,5 +155,6 @@ fn bit(field: &BitField) -> Value {
         "values": values(field.values),
         "joined": field.joined,
         "reserved": field.reserved,
+        "provenance": field.source.to_string(),
     })
 }

@@ -1,5 +1,6 @@
 //! Structures as languages with record types declare them: registers, sub-structures, and padding in between.
 
+use super::text;
 use crate::layout::{Dim, Register, Structure};
 
 /// A part of a structure or sub-structure.
@@ -36,6 +37,16 @@ impl Group {
     /// Name of the type.
     pub const fn type_name(&self) -> &'static str {
         self.first.group_type
+    }
+
+    /// What is said of the type: whose name it has, and what of its registers is inferred.
+    pub fn about(&self) -> String {
+        let name = match self.first.group_type_from.decision() {
+            Some(decision) => format!(" Name of the type: inferred, {decision}."),
+            None => String::new(),
+        };
+        let sources = text::sources(self.registers).map(|sources| format!(" {sources}")).unwrap_or_default();
+        format!("Sub-structure {}.{name}{sources}", self.member_name())
     }
 
     /// Size of one element in bytes.

@@ -4,7 +4,7 @@ use super::constants;
 use super::rows;
 use super::scope::Scope;
 use super::text;
-use crate::layout::{BitField, Meaning, RegType, Register, ValueMeaning};
+use crate::layout::{BitField, Meaning, Provenance, RegType, Register, ValueMeaning};
 use crate::memory::contract::{self, Codes, Field, HeaderStruct, Kind};
 use crate::memory::header::{ABI_VERSION, MAGIC};
 use crate::memory::{HEADER_SIZE, SEGMENT_SIZE};
@@ -45,7 +45,8 @@ pub fn generate(scope: &Scope) -> String {
     scope.meanings().iter().for_each(|(meaning, _)| enumeration(&mut out, meaning));
     areas(&mut out, scope);
     structures(&mut out, scope);
-    out.push_str("\n# Values: first, last, text. Bits: first, last, zero, one, text, values, joined, reserved.\n_MEANINGS = {\n");
+    out.push_str("\n# Values: first, last, text, decision. Bits: first, last, zero, one, text, values, joined, reserved, decision.\n\
+         # Of what the manual states the decision is None.\n_MEANINGS = {\n");
     scope.meanings().iter().for_each(|(meaning, _)| self::meaning(&mut out, meaning));
     out.push_str("}\n");
     out.push_str(ATTACH);
@@ -120,10 +121,11 @@ fn areas(out: &mut String, scope: &Scope) {
 fn structures(out: &mut String, scope: &Scope) {
     out.push_str(
         "\n# Sub-structure, name, code, offset, dimensions (count, used, stride), how many of them are the\n\
-         # sub-structure's, owner, value after power-on, reserved, meaning, purpose.\n_STRUCTURES = {\n",
+         # sub-structure's, owner, value after power-on, reserved, meaning, purpose, pages, what is inferred.\n\
+         _STRUCTURES = {\n",
     );
     for structure in scope.structures() {
-        let _ = writeln!(out, "    {:?}: (", structure.name);
+        let _ = writeln!(out, "    # {}\n    {:?}: (", text::about(structure), structure.name);
         for register in structure.registers {
             self::register(out, register);
         }
@@ -136,7 +138,7 @@ fn register(out: &mut String, register: &Register) {
     let dims = register.dims.iter().map(|dim| format!("({}, {}, {}), ", dim.count, dim.used, dim.stride));
     let _ = writeln!(
         out,
-        "        ({:?}, {:?}, {:?}, {}, ({}), {}, {:?}, 0x{:X}, {}, {}, {:?}),",
+        "        ({:?}, {:?}, {:?}, {}, ({}), {}, {:?}, 0x{:X}, {}, {}, {:?}, {:?}, {:?}),",
         register.group,
         register.name,
         code(register.ty),
@@ -147,26 +149,36 @@ fn register(out: &mut String, register: &Register) {
         register.reset,
         boolean(register.reserved),
         register.meaning.map_or("None".to_owned(), |meaning| format!("{:?}", meaning.name)),
-        register.doc
+        register.doc,
+        register.page,
+        register.provenance()
     );
 }
 
 fn meaning(out: &mut String, meaning: &Meaning) {
     let _ = writeln!(out, "    {:?}: (\n        ({}),\n        (", meaning.name, values(meaning.values));
-    for BitField { first, last, zero, one, text, values, joined, reserved, .. } in meaning.bits {
+    for BitField { first, last, zero, one, text, values, joined, reserved, source, .. } in meaning.bits {
         let values = self::values(values);
         let (joined, reserved) = (boolean(*joined), boolean(*reserved));
         let _ = writeln!(
             out,
-            "            ({first}, {last}, {zero:?}, {one:?}, {text:?}, ({values}), {joined}, {reserved}),"
+            "            ({first}, {last}, {zero:?}, {one:?}, {text:?}, ({values}), {joined}, {reserved}, {}),",
+            decision(source)
         );
     }
     out.push_str("        ),\n    ),\n");
 }
 
 fn values(values: &[ValueMeaning]) -> String {
-    let value = |known: &ValueMeaning| format!("({}, {}, {:?}), ", known.first, known.last, known.text);
+    let value = |known: &ValueMeaning| {
+        format!("({}, {}, {:?}, {}), ", known.first, known.last, known.text, decision(&known.source))
+    };
     values.iter().map(value).collect::<String>().trim_end().to_owned()
+}
+
+/// The decision that a meaning follows from, or `None`.
+fn decision(source: &Provenance) -> String {
+    source.decision().map_or("None".to_owned(), |decision| format!("{decision:?}"))
 }
 
 const fn boolean(value: bool) -> &'static str {

@@ -16,10 +16,10 @@ pub fn generate(scope: &Scope) -> String {
     let mut arrays = BTreeSet::new();
     let (mut small, mut large) = (String::new(), String::new());
     for group in members::groups(&structures) {
-        record(&mut small, &mut arrays, group.type_name(), "", &group.members());
+        record(&mut small, &mut arrays, group.type_name(), &group.about(), &group.members());
     }
     for of in structures {
-        record(&mut large, &mut arrays, of.name, of.doc, &members::of(of));
+        record(&mut large, &mut arrays, of.name, &text::about(of), &members::of(of));
     }
     let declare = |of_records: bool| -> String {
         arrays.iter().filter(|array| array.of_records == of_records).map(Array::declaration).collect()
@@ -44,7 +44,8 @@ pub fn elementary(scope: &Scope) -> String {
         let name = variable(&found);
         // Structures that overlay each other share some registers.
         if seen.insert((name.clone(), found.offset())) {
-            let _ = writeln!(out, "    {name} AT {} : {};", found.address(), found.ty());
+            let remark = text::remark(found.register);
+            let _ = writeln!(out, "    {name} AT {} : {}; (* {remark} *)", found.address(), found.ty());
         }
     }
     out.push_str("END_VAR\n");
@@ -62,8 +63,9 @@ fn variable(register: &RegisterRef) -> String {
     words.collect::<Vec<_>>().join("_")
 }
 
-/// A named array type. Compilers of the vendor's kind want one, and the manual names one that way:
-/// `USINT_4_BMARRAY` (5.00005.03a p. 77). Of arrays of arrays the inner one sorts first.
+/// A named array type. Compilers of the vendor's kind want one, and the manual names those of one dimension by a
+/// pattern: `USINT_4_BMARRAY` (5.00005.03a p. 77), `BYTE_32_BMARRAY` (p. 213), `DINT_16_BMARRAY` (p. 249). Of arrays of
+/// arrays the inner one sorts first.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Array {
     of_records: bool,
@@ -72,8 +74,14 @@ struct Array {
     counts: Vec<u32>,
 }
 
+/// The one array of arrays that the manual names (5.00005.03a p. 249).
+const ACTUAL_VALUES: ((&str, &[u32]), &str) = (("DINT", &[32, 16]), "CANsync_RD_BMARRAY");
+
 impl Array {
     fn name(&self) -> String {
+        if (self.element, self.counts.as_slice()) == ACTUAL_VALUES.0 {
+            return ACTUAL_VALUES.1.to_owned();
+        }
         let counts = self.counts.iter().map(|count| format!("_{count}")).collect::<String>();
         format!("{}{counts}_BMARRAY", self.element)
     }
@@ -93,8 +101,7 @@ impl Array {
 
 fn record(out: &mut String, arrays: &mut BTreeSet<Array>, name: &str, doc: &str, members: &[Member]) {
     let counts = |dims: &[Dim]| dims.iter().map(|dim| u32::from(dim.count)).collect::<Vec<_>>();
-    let remark = if doc.is_empty() { String::new() } else { format!(" (* {doc} *)") };
-    let _ = writeln!(out, "TYPE\n    {name} :{remark}\n    STRUCT");
+    let _ = writeln!(out, "TYPE\n    {name} : (* {doc} *)\n    STRUCT");
     for member in members {
         let (field, of_records, element, counts, remark) = match member {
             Member::Register(register) => {
@@ -141,14 +148,16 @@ mod tests {
             "    _CANsync_CTRL_MA AT %MB3.200000 : CANsync_MA_CTRL_BMSTRUCT;",
             "    _Ethernet_config AT %MB3.180016 : ETHERNET_CONFIG_BMSTRUCT;",
             "    USINT_4_BMARRAY : ARRAY[0..3] OF USINT;",
-            "    DINT_32_16_BMARRAY : ARRAY[0..31] OF DINT_16_BMARRAY;",
+            "    BYTE_32_BMARRAY : ARRAY[0..31] OF BYTE;",
+            "    DINT_16_BMARRAY : ARRAY[0..15] OF DINT;",
+            "    CANsync_RD_BMARRAY : ARRAY[0..31] OF DINT_16_BMARRAY;",
             "    DATA_PARAMETER_32_BMARRAY : ARRAY[0..31] OF DATA_PARAMETER;",
             "        padding_829 : BYTE_3_BMARRAY;",
         ] {
             assert!(text.contains(&format!("{line}\n")), "{line}");
         }
         let place = |name: &str| text.find(&format!("    {name} :")).unwrap();
-        assert!(place("DINT_16_BMARRAY") < place("DINT_32_16_BMARRAY"));
+        assert!(place("DINT_16_BMARRAY") < place("CANsync_RD_BMARRAY"));
         assert!(place("DATA_PARAMETER") < place("DATA_PARAMETER_32_BMARRAY"));
         assert!(place("DATA_PARAMETER_32_BMARRAY") < place("CANsync_MA_CTRL_BMSTRUCT"));
     }
@@ -164,6 +173,6 @@ mod tests {
             assert!(names.insert(name), "{line}");
         }
         assert!(names.len() > 3000);
-        assert!(text.contains("    node2_a_DATA_PARAMETER_3_w_PAR_NR AT %MW3.203104 : WORD;\n"));
+        assert!(text.contains("    node2_a_DATA_PARAMETER_3_w_PAR_NR AT %MW3.203104 : WORD; (* PLC: "));
     }
 }

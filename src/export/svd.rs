@@ -18,7 +18,14 @@ pub fn generate(scope: &Scope) -> String {
     xml.node("device", attributes, |xml| {
         xml.leaf("name", device.name.replace('-', "_"));
         xml.leaf("version", text::version());
-        xml.leaf("description", format!("Communication RAM of the {}", device.title));
+        xml.leaf(
+            "description",
+            format!(
+                "Communication RAM of the {}. Where an area begins is documented; offsets and whatever names a \
+                 decision (D-nn) are inferred.",
+                device.title
+            ),
+        );
         xml.leaf("addressUnitBits", 8);
         xml.leaf("width", 32);
         xml.leaf("size", 32);
@@ -56,7 +63,7 @@ fn peripheral(xml: &mut Xml, area: &Area, placed: &Placed) {
         if let Some(first) = first.filter(|first| *first != name(placed)) {
             xml.leaf("alternatePeripheral", first);
         }
-        let doc = format!("{} (p. {})", placed.structure.doc, placed.structure.page);
+        let doc = text::about(placed.structure);
         place(xml, area, &doc, placed.structure.bytes, "registers");
         xml.node("registers", "", |xml| {
             for member in members::of(placed.structure) {
@@ -84,7 +91,7 @@ fn place(xml: &mut Xml, area: &Area, doc: &str, bytes: u32, usage: &str) {
 fn group(xml: &mut Xml, group: &Group) {
     xml.node("cluster", "", |xml| {
         dimensions(xml, group.member_name(), group.dims());
-        xml.leaf("description", group.type_name());
+        xml.leaf("description", format!("{}. {}", group.type_name(), group.about()));
         xml.leaf("addressOffset", format!("0x{:X}", group.offset()));
         for member in group.members() {
             if let Member::Register(of) = member {
@@ -114,7 +121,7 @@ fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
 fn register(xml: &mut Xml, of: &'static Register, start: u32) {
     xml.node("register", "", |xml| {
         dimensions(xml, of.name, members::own_dims(of));
-        xml.leaf("description", format!("{} (p. {})", text::remark(of), of.page));
+        xml.leaf("description", text::remark(of));
         xml.leaf("addressOffset", format!("0x{:X}", of.offset - start));
         xml.leaf("size", 8 * of.ty.width());
         xml.leaf("access", if of.owner == Owner::Firmware { "read-only" } else { "read-write" });

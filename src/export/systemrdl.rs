@@ -18,7 +18,7 @@ pub fn generate(scope: &Scope) -> String {
         self::group(&mut out, &group);
     }
     for of in scope.structures() {
-        let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", of.name, of.doc);
+        let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", of.name, text::about(of));
         for member in members::of(of) {
             match member {
                 Member::Register(of) => register(&mut out, of, 0),
@@ -69,7 +69,7 @@ fn plain(out: &mut String, area: &Area) {
 }
 
 fn group(out: &mut String, group: &Group) {
-    let _ = writeln!(out, "\nregfile {} {{", group.type_name());
+    let _ = writeln!(out, "\nregfile {} {{\n    desc = {:?};", group.type_name(), group.about());
     for member in group.members() {
         if let Member::Register(of) = member {
             register(out, of, group.offset());
@@ -80,9 +80,9 @@ fn group(out: &mut String, group: &Group) {
 
 /// `start` is what the offset counts from.
 fn register(out: &mut String, of: &'static Register, start: u32) {
-    let Register { name, ty, page, offset, meaning, reset, .. } = of;
+    let Register { name, ty, offset, meaning, reset, .. } = of;
     let bits = 8 * ty.width();
-    let desc = format!("{ty}, {} (p. {page})", text::remark(of));
+    let desc = format!("{ty}, {}", text::remark(of));
     let _ = writeln!(out, "    reg {{\n        desc = {desc:?};\n        regwidth = {bits};");
     let access = match of.owner {
         Owner::Plc => "sw = rw; hw = r;",

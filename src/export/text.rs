@@ -1,10 +1,10 @@
 //! Small pieces of text that several formats need.
 
 use super::scope::Scope;
-use crate::layout::{Dim, Register};
+use crate::layout::{Dim, Provenance, Register, Structure};
 
 /// What the comment at the head of every exported file says.
-pub fn banner(scope: &Scope, format: &str) -> [String; 3] {
+pub fn banner(scope: &Scope, format: &str) -> [String; 7] {
     let device = scope.device;
     let block = match scope.areas.as_slice() {
         [area] => format!(" --block {}", area.name),
@@ -14,6 +14,10 @@ pub fn banner(scope: &Scope, format: &str) -> [String; 3] {
         format!("Registers of the {} (manual {}), segment 3.", device.title, device.manual),
         format!("Made by commram {} with `commram export {format}{block}`; do not edit.", version()),
         format!("Layout hash 16#{:016X}.", device.layout_hash),
+        "What the manual documents and what not: it states where the areas begin and what the registers are".to_owned(),
+        "called, but no offsets inside the CANsync structures and nothing of how BAPS and Ethernet diagnosis are".to_owned(),
+        "laid out. Each fact that it does not state names the decision (D-nn) it follows from; docs/decisions.md".to_owned(),
+        "gives the reasons. Do not take those facts, above all offsets, for the device's without a check.".to_owned(),
     ]
 }
 
@@ -35,15 +39,46 @@ pub fn used(register: &Register) -> Option<String> {
     Some(register.dims.iter().map(|dim| format!("[0..{}]", dim.used.saturating_sub(1))).collect())
 }
 
-/// A register's description on one line: owner, purpose, what is reserved.
+/// A register's description on one line: owner, purpose, what is reserved, pages, and which facts are not in the
+/// manual.
 pub fn remark(register: &Register) -> String {
-    let owner = register.owner.to_string();
-    if register.reserved {
-        return format!("{owner}: {}", register.doc);
+    let used = used(register).filter(|_| !register.reserved);
+    let used = used.map(|used| format!("; {used} in use")).unwrap_or_default();
+    let Register { owner, doc, page, .. } = register;
+    format!("{owner}: {doc}{used} (p. {page}{})", inferred(&register.provenance()))
+}
+
+/// What stands behind a page: nothing, or the decisions.
+fn inferred(provenance: &str) -> String {
+    if provenance == Provenance::Manual.to_string() {
+        String::new()
+    } else {
+        format!("; inferred: {provenance}")
     }
-    match used(register) {
-        Some(used) => format!("{owner}: {}; {used} in use", register.doc),
-        None => format!("{owner}: {}", register.doc),
+}
+
+/// Of a structure which facts about its registers follow from which decisions; `None` if all are documented.
+pub fn sources(registers: &[Register]) -> Option<String> {
+    let mut known: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (fact, from) in registers.iter().flat_map(Register::facts) {
+        let Some(decision) = from.decision() else { continue };
+        match known.iter_mut().find(|(known, _)| *known == fact) {
+            Some((_, decisions)) if decisions.contains(&decision) => {}
+            Some((_, decisions)) => decisions.push(decision),
+            None => known.push((fact, vec![decision])),
+        }
+    }
+    let facts: Vec<_> =
+        known.iter().map(|(fact, decisions)| format!("{fact} {}", decisions.join(" "))).collect();
+    (!facts.is_empty()).then(|| format!("Inferred, not in the manual: {}.", facts.join(", ")))
+}
+
+/// What is said of a structure: purpose, pages, and what of it is inferred.
+pub fn about(structure: &Structure) -> String {
+    let about = format!("{} (p. {}).", structure.doc, structure.page);
+    match sources(structure.registers) {
+        Some(sources) => format!("{about} {sources}"),
+        None => about,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Values as text: IEC notation and meaning.
 
-use super::descriptor::{BitField, Meaning, RegType, ValueMeaning};
+use super::descriptor::{BitField, Meaning, Provenance, RegType, ValueMeaning};
 
 /// `value` in IEC notation with all digits of the type: `16#0043` for a WORD.
 #[must_use]
@@ -8,50 +8,80 @@ pub fn format_value(ty: RegType, value: u32) -> String {
     format!("16#{:0digits$X}", value & ty.mask(), digits = 2 * ty.width() as usize)
 }
 
-/// What `value` means in a register of type `ty`; a plain number is shown as such.
+/// What `value` means in a register of type `ty`; a plain number is shown as such. Meanings that the manual does
+/// not state have the decision behind them: `SYNC mode (D-06)`.
 pub(super) fn decode(ty: RegType, meaning: Option<&Meaning>, value: u32) -> String {
     let value = value & ty.mask();
     let Some(meaning) = meaning else {
         return ty.number(value).to_string();
     };
-    if let Some(text) = look_up(meaning.values, value) {
-        return text;
+    if let Some(known) = look_up(meaning.values, value) {
+        return known.told(value);
     }
     if meaning.bits.is_empty() {
         return format!("{} has no meaning", format_value(ty, value));
     }
-    let mut text = String::new();
+    let mut text = Text::default();
     let mut described = 0;
     for field in meaning.bits {
         described |= field.mask();
-        add(&mut text, &describe(field, value), field.joined);
+        let (part, source) = describe(field, value);
+        text.add(&part, field.joined, source.decision());
     }
     let rest = value & !described;
     if rest != 0 {
-        add(&mut text, &format!("bits {} have no meaning", format_value(ty, rest)), false);
+        text.add(&format!("bits {} have no meaning", format_value(ty, rest)), false, None);
     }
-    text
+    text.finish()
 }
 
-fn add(text: &mut String, part: &str, joined: bool) {
-    if !part.is_empty() && !text.is_empty() {
-        text.push_str(if joined { " " } else { ", " });
-    }
-    text.push_str(part);
+/// Parts of a text; those in a row that follow from one decision have it behind the last of them.
+#[derive(Default)]
+struct Text {
+    text: String,
+    decision: Option<&'static str>,
 }
 
-fn describe(field: &BitField, value: u32) -> String {
+impl Text {
+    fn add(&mut self, part: &str, joined: bool, decision: Option<&'static str>) {
+        if part.is_empty() {
+            return;
+        }
+        if decision != self.decision {
+            self.name_decision();
+            self.decision = decision;
+        }
+        if !self.text.is_empty() {
+            self.text.push_str(if joined { " " } else { ", " });
+        }
+        self.text.push_str(part);
+    }
+
+    fn name_decision(&mut self) {
+        if let Some(decision) = self.decision.take() {
+            self.text += &format!(" ({decision})");
+        }
+    }
+
+    fn finish(mut self) -> String {
+        self.name_decision();
+        self.text
+    }
+}
+
+/// The field's part of `value` in words, and where these come from.
+fn describe(field: &BitField, value: u32) -> (String, Provenance) {
     let part = field.of(value);
-    if field.reserved {
-        return if part == 0 { String::new() } else { format!("reserved bits {} set", bit_range(field)) };
-    }
-    if let Some(text) = look_up(field.values, part) {
-        return text;
-    }
-    if field.first == field.last {
-        return (if part == 0 { field.zero } else { field.one }).to_owned();
-    }
-    field.text.replace("{}", &part.to_string())
+    let text = if field.reserved {
+        if part == 0 { String::new() } else { format!("reserved bits {} set", bit_range(field)) }
+    } else if let Some(known) = look_up(field.values, part) {
+        return (known.text.replace("{}", &part.to_string()), known.source);
+    } else if field.first == field.last {
+        (if part == 0 { field.zero } else { field.one }).to_owned()
+    } else {
+        field.text.replace("{}", &part.to_string())
+    };
+    (text, field.source)
 }
 
 fn bit_range(field: &BitField) -> String {
@@ -62,11 +92,8 @@ fn bit_range(field: &BitField) -> String {
     }
 }
 
-fn look_up(values: &[ValueMeaning], value: u32) -> Option<String> {
-    values
-        .iter()
-        .find(|known| known.first <= value && value <= known.last)
-        .map(|known| known.text.replace("{}", &value.to_string()))
+fn look_up(values: &[ValueMeaning], value: u32) -> Option<&ValueMeaning> {
+    values.iter().find(|known| known.first <= value && value <= known.last)
 }
 
 #[cfg(test)]
@@ -145,6 +172,21 @@ mod tests {
         assert_eq!(decode("node2.a_WR_VALUE[0]", 0xFFFF_FFFF), "-1");
         assert_eq!(decode("node2.a_WR_VALUE[8]", 1), "reserved");
         assert_eq!(decode("ethernet_config.d_IP_CONFIG", 0x1234_5678), "own fixed address");
+    }
+
+    #[test]
+    fn what_the_manual_does_not_state_names_its_decision() {
+        assert_eq!(decode("node1.b_SYNC_MODUS", 1), "on (D-06)");
+        assert_eq!(decode("node2.b_CMD_BC0", 1), "control word");
+        assert_eq!(decode("node2.b_CMD_BC0", 2), "SYNC mode (D-06)");
+        assert_eq!(decode("baps.us_PAR_ELEMENT", 7), "value");
+        assert_eq!(decode("baps.us_PAR_ELEMENT", 5), "minimum (D-160)");
+        // Of bits in a row that follow from one decision the last one names it.
+        assert_eq!(
+            decode("baps.w_STATUSWORD", 0x8001),
+            "ready to switch on, quick stop (D-87), synchronized"
+        );
+        assert_eq!(decode("node1.b_STEUREG_PAR_CMD", 0x43), "active, read, word, answer not yet sent");
     }
 
     #[test]

@@ -118,6 +118,8 @@ pub struct Structure {
     pub doc: &'static str,
     /// Pages of the manual.
     pub page: &'static str,
+    /// Source of the name.
+    pub name_from: Provenance,
     /// The registers in ascending order of their first elements; those of one sub-structure in a row.
     pub registers: &'static [Register],
 }
@@ -129,6 +131,8 @@ pub struct Register {
     pub group: &'static str,
     /// Type name of the sub-structure, else empty.
     pub group_type: &'static str,
+    /// Source of that type name.
+    pub group_type_from: Provenance,
     /// Size of one sub-structure in bytes, else 0.
     pub group_bytes: u32,
     /// The vendor's name, for example `w_CPU_CONTROL`.
@@ -149,7 +153,7 @@ pub struct Register {
     pub reserved: bool,
     /// What the register is for.
     pub doc: &'static str,
-    /// Pages of the manual.
+    /// Pages of the manual; in a sub-structure those where this structure uses it.
     pub page: &'static str,
     /// What its values mean; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
@@ -157,21 +161,34 @@ pub struct Register {
     pub name_from: Provenance,
     /// Source of the offset.
     pub offset_from: Provenance,
+    /// Source of the data type.
+    pub type_from: Provenance,
+    /// Source of the owner.
+    pub owner_from: Provenance,
     /// Source of the reset value.
     pub reset_from: Provenance,
 }
 
 impl Register {
-    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-03`.
+    /// Every fact about the register itself with its source; those of its meaning have their own.
+    #[must_use]
+    pub const fn facts(&self) -> [(&'static str, Provenance); 5] {
+        [
+            ("name", self.name_from),
+            ("offset", self.offset_from),
+            ("type", self.type_from),
+            ("owner", self.owner_from),
+            ("reset", self.reset_from),
+        ]
+    }
+
+    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
     #[must_use]
     pub fn provenance(&self) -> String {
-        let facts = [("name", self.name_from), ("offset", self.offset_from), ("reset", self.reset_from)];
-        let inferred: Vec<_> = facts
+        let inferred: Vec<_> = self
+            .facts()
             .into_iter()
-            .filter_map(|(fact, from)| match from {
-                Provenance::Manual => None,
-                Provenance::Inferred(decision) => Some(format!("{fact} {decision}")),
-            })
+            .filter_map(|(fact, from)| Some(format!("{fact} {}", from.decision()?)))
             .collect();
         if inferred.is_empty() { Provenance::Manual.to_string() } else { inferred.join(", ") }
     }
@@ -212,16 +229,30 @@ impl fmt::Display for Owner {
 /// Where a fact of the layout comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Provenance {
-    /// The manual states it.
+    /// The manual states it, on the page that stands beside it.
     Manual,
+    /// Another document states it: a manual with its page, or the vendor's type library.
+    Documented(&'static str),
     /// The manual is silent; the named decision of the project says how it was chosen.
     Inferred(&'static str),
+}
+
+impl Provenance {
+    /// The decision that the fact follows from; `None` if it is documented.
+    #[must_use]
+    pub const fn decision(self) -> Option<&'static str> {
+        match self {
+            Provenance::Manual | Provenance::Documented(_) => None,
+            Provenance::Inferred(decision) => Some(decision),
+        }
+    }
 }
 
 impl fmt::Display for Provenance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Provenance::Manual => f.pad("manual"),
+            Provenance::Documented(document) => f.pad(&format!("manual: {document}")),
             Provenance::Inferred(decision) => f.pad(&format!("inferred {decision}")),
         }
     }
@@ -306,6 +337,8 @@ impl fmt::Display for RegType {
 pub struct Meaning {
     /// Name in the layout files.
     pub name: &'static str,
+    /// Pages of the manual; empty if it states none of it.
+    pub page: &'static str,
     /// Values with a meaning as a whole; they go before the bits.
     pub values: &'static [ValueMeaning],
     /// Fields of bits, described in ascending order.
@@ -321,6 +354,20 @@ pub struct ValueMeaning {
     pub last: u32,
     /// The meaning; `{}` stands for the value.
     pub text: &'static str,
+    /// Source of the meaning.
+    pub source: Provenance,
+}
+
+impl ValueMeaning {
+    /// The meaning with `{}` replaced by `value` and the decision that it follows from behind it.
+    #[must_use]
+    pub fn told(&self, value: impl fmt::Display) -> String {
+        let text = self.text.replace("{}", &value.to_string());
+        match self.source.decision() {
+            Some(decision) => format!("{text} ({decision})"),
+            None => text,
+        }
+    }
 }
 
 /// A bit, or a field of bits.
@@ -344,6 +391,8 @@ pub struct BitField {
     pub joined: bool,
     /// Whether the manual reserves the bits.
     pub reserved: bool,
+    /// Source of the meaning.
+    pub source: Provenance,
 }
 
 impl BitField {

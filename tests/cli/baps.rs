@@ -65,10 +65,10 @@ fn control_and_status_word_are_told_in_words() {
     command(&emulator, &["baps.w_CONTROLWORD=16#0006", "baps.b_COMMAND=16#01"]);
     emulator.step(&["1ms"]);
     let control = words("baps.w_CONTROLWORD");
-    assert!(control.contains("16#0006  enable voltage, no quick stop"), "{control}");
+    assert!(control.contains("16#0006  enable voltage, no quick stop (D-87)"), "{control}");
     let status = words("baps.w_STATUSWORD");
     assert!(
-        status.contains("16#0031  ready to switch on, voltage on, no quick stop, not synchronized"),
+        status.contains("16#0031  ready to switch on, voltage on, no quick stop (D-87), not synchronized"),
         "{status}"
     );
 }

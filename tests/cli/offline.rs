@@ -9,16 +9,19 @@ fn the_map_tells_all_about_a_register() {
         run(&["map", "node2.w_CANsync_STATUS"]).ok(),
         "\
 node2.w_CANsync_STATUS
-  meaning      Status of the CAN controller, refreshed every processor cycle
-  address      %MW3.200004 (CPU 16#B414A004)
-  type         WORD
-  owner        firmware
-  reset value  16#0000
-  structure    CANsync_MA_CTRL_BMSTRUCT
-  manual       5.00005.03a p. 148, 173
-  name from    manual
-  offset from  inferred D-02
-  reset from   inferred D-03
+  meaning       Status of the CAN controller, refreshed every processor cycle
+  address       %MW3.200004 (CPU 16#B414A004)
+  type          WORD
+  owner         firmware
+  reset value   16#0000
+  structure     CANsync_MA_CTRL_BMSTRUCT
+  manual        5.00005.03a p. 147-148, 173
+  name from     manual
+  offset from   inferred D-02
+  type from     manual
+  owner from    manual
+  reset from    inferred D-320
+  values, bits  5.00005.03a p. 148, 173
   values
     16#0000  nothing to report
   bits
@@ -84,16 +87,21 @@ fn the_map_in_the_formats_of_programs() {
     assert_eq!(
         status["values"][0],
         serde_json::json!({
-            "first": 1, "last": 1, "hex": "16#0001", "meaning": "start-up",
+            "first": 1, "last": 1, "hex": "16#0001", "meaning": "start-up", "provenance": "manual",
         })
     );
+    assert_eq!(status["provenance"]["type"], "manual");
+    assert_eq!(status["provenance"]["reset"], "manual", "p. 150");
+    let sync = json.iter().find(|entry| entry["name"] == "node1.b_SYNC_MODUS").unwrap();
+    assert_eq!(sync["values"][1]["provenance"], "inferred D-06");
+    assert_eq!(sync["provenance"]["owner"], "inferred D-321");
     let plain = json.iter().find(|entry| entry["name"] == "option1").unwrap();
     assert_eq!(plain["type"], "BYTE[262144]");
     let csv = run(&["map", "node1", "--format", "csv"]);
     let head = "name,structure,address,cpu_address,type,owner,reset,reserved,page,provenance,meaning\n";
     assert!(csv.ok().starts_with(head), "{}", csv.out);
     let line = "node1.w_CPU_CONTROL,CANsync_INIT_BMSTRUCT,%MW3.100000,16#B4142000,WORD,both,16#0000,false,\
-                \"149, 175\",\"offset D-02, reset D-03\",Command to the CANsync node\n";
+                \"149-150, 174-175\",\"offset D-02, reset D-320\",Command to the CANsync node\n";
     assert!(csv.out.contains(line), "{}", csv.out);
     assert!(run(&["map", "node1", "--format", "md"]).ok().starts_with("| name | structure |"));
 }

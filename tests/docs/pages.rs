@@ -74,6 +74,19 @@ fn every_link_leads_somewhere() {
     assert!(checked > 20, "{checked}");
 }
 
+/// A blank line in a table ends it; what follows is then no table but text with bars.
+#[test]
+fn no_decision_stands_outside_a_table() {
+    let text = std::fs::read_to_string(root().join("docs/decisions.md")).unwrap();
+    let rows = parse(&text).filter(|event| matches!(event, Event::Start(Tag::TableRow))).count();
+    let decisions: Vec<_> =
+        text.lines().filter_map(|line| line.strip_prefix("| D-")?.split(' ').next()).collect();
+    assert!(decisions.len() > 100);
+    assert_eq!(rows, decisions.len(), "rows of tables and decisions");
+    let numbers: BTreeSet<_> = decisions.iter().collect();
+    assert_eq!(numbers.len(), decisions.len(), "a number stands twice");
+}
+
 #[test]
 fn the_book_has_every_page_once() {
     let summary = std::fs::read_to_string(root().join("docs/SUMMARY.md")).unwrap();

@@ -17,7 +17,7 @@ pub fn text(entry: &Entry) -> String {
         line("manual", format!("{} p. {}", DEVICE.manual, entry.page)),
     ];
     for (fact, source) in entry.provenance.all() {
-        lines.push(line(&format!("{fact} from"), source.to_owned()));
+        lines.push(line(&format!("{} from", fact.replace('_', " ")), source.clone()));
     }
     if !entry.used.is_empty() {
         lines.push(line("elements", format!("{} used, the others reserved", entry.used)));
@@ -25,13 +25,24 @@ pub fn text(entry: &Entry) -> String {
     if entry.reserved {
         lines.push(line("reserved", "yes".to_owned()));
     }
+    let has_meaning = !entry.values.is_empty() || !entry.bits.is_empty();
+    if has_meaning && !entry.meaning_page.is_empty() {
+        lines.push(line("values, bits", format!("{} p. {}", DEVICE.manual, entry.meaning_page)));
+    }
     let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
-    let values = entry.values.iter().map(|value| vec![format!("    {}", value.hex), value.meaning.clone()]);
+    let told = |meaning: &str, source: &str| match source {
+        "manual" => meaning.to_owned(),
+        other => format!("{meaning} ({other})"),
+    };
+    let values = entry
+        .values
+        .iter()
+        .map(|value| vec![format!("    {}", value.hex), told(&value.meaning, &value.provenance)]);
     section(&mut text, "values", &values.collect::<Vec<_>>());
     let bits = entry.bits.iter().map(|bit| {
         let range =
             if bit.first == bit.last { bit.first.to_string() } else { format!("{}-{}", bit.first, bit.last) };
-        vec![format!("    {range}"), bit.name.to_owned(), bit.meaning.clone()]
+        vec![format!("    {range}"), bit.name.to_owned(), told(&bit.meaning, &bit.provenance)]
     });
     section(&mut text, "bits", &bits.collect::<Vec<_>>());
     text

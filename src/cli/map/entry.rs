@@ -3,6 +3,7 @@
 use crate::cli::table::Row;
 use commram::layout::{Area, Meaning, Provenance, Register, RegisterRef, Structure, format_value};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// A register, an array of registers, or an area of plain RAM.
 #[derive(Serialize)]
@@ -34,6 +35,8 @@ pub struct Entry {
     pub provenance: Sources,
     /// What it is for.
     pub meaning: &'static str,
+    /// Pages of the manual for values and bits; empty if it states none of them.
+    pub meaning_page: &'static str,
     /// Values with a meaning.
     pub values: Vec<Value>,
     /// Bits with a meaning.
@@ -43,12 +46,14 @@ pub struct Entry {
     pub area_ref: &'static Area,
 }
 
-/// Where name, offset and reset value come from.
+/// Where each fact comes from.
 #[derive(Serialize)]
 pub struct Sources {
-    name: String,
-    offset: String,
-    reset: String,
+    #[serde(flatten)]
+    facts: BTreeMap<&'static str, String>,
+    /// The same in the order in which they are told.
+    #[serde(skip)]
+    ordered: Vec<(&'static str, String)>,
     /// The inferred ones only.
     #[serde(skip)]
     short: String,
@@ -65,6 +70,8 @@ pub struct Value {
     pub hex: String,
     /// The meaning; n stands for the value.
     pub meaning: String,
+    /// Where the meaning comes from.
+    pub provenance: String,
 }
 
 /// A bit, or a field of bits, with its meaning.
@@ -78,6 +85,8 @@ pub struct Bit {
     pub name: &'static str,
     /// The meaning.
     pub meaning: String,
+    /// Where the meaning comes from.
+    pub provenance: String,
 }
 
 impl Row for Entry {
@@ -124,14 +133,16 @@ impl Entry {
 
 impl Sources {
     fn of(register: &Register) -> Self {
-        let Register { name_from, offset_from, reset_from, .. } = register;
-        let [name, offset, reset] = [name_from, offset_from, reset_from].map(Provenance::to_string);
-        Self { name, offset, reset, short: register.provenance() }
+        let mut ordered = register.facts().map(|(fact, from)| (fact, from.to_string())).to_vec();
+        if !register.group.is_empty() {
+            ordered.push(("group_type", register.group_type_from.to_string()));
+        }
+        Self { facts: ordered.iter().cloned().collect(), ordered, short: register.provenance() }
     }
 
     /// All facts with their sources.
-    pub fn all(&self) -> [(&'static str, &str); 3] {
-        [("name", &self.name), ("offset", &self.offset), ("reset", &self.reset)]
+    pub fn all(&self) -> &[(&'static str, String)] {
+        &self.ordered
     }
 }
 
@@ -202,6 +213,7 @@ fn of_array(area: &'static Area, structure: &'static Structure, register: &'stat
         page: register.page,
         provenance: Sources::of(register),
         meaning: register.doc,
+        meaning_page: register.meaning.map_or("", |meaning| meaning.page),
         values: values(register),
         bits: register.meaning.map(bits).unwrap_or_default(),
         area_ref: area,
@@ -209,7 +221,7 @@ fn of_array(area: &'static Area, structure: &'static Structure, register: &'stat
 }
 
 fn plain(area: &'static Area) -> Entry {
-    let manual = Provenance::Manual.to_string();
+    let facts: Vec<_> = ["offset"].map(|fact| (fact, Provenance::Manual.to_string())).to_vec();
     Entry {
         name: area.name.to_owned(),
         area: area.name,
@@ -223,12 +235,12 @@ fn plain(area: &'static Area) -> Entry {
         reserved: false,
         page: area.page,
         provenance: Sources {
-            name: manual.clone(),
-            offset: manual.clone(),
-            reset: manual.clone(),
-            short: manual,
+            facts: facts.iter().cloned().collect(),
+            ordered: facts,
+            short: Provenance::Manual.to_string(),
         },
         meaning: area.doc,
+        meaning_page: area.page,
         values: Vec::new(),
         bits: Vec::new(),
         area_ref: area,
@@ -247,7 +259,8 @@ fn values(register: &Register) -> Vec<Value> {
     let value = |known: &commram::layout::ValueMeaning| {
         let [first, last] = [known.first, known.last].map(|value| format_value(register.ty, value));
         let hex = if first == last { first } else { format!("{first}-{last}") };
-        Value { first: known.first, last: known.last, hex, meaning: known.text.replace("{}", "n") }
+        let meaning = known.text.replace("{}", "n");
+        Value { first: known.first, last: known.last, hex, meaning, provenance: known.source.to_string() }
     };
     known.iter().map(value).collect()
 }
@@ -260,6 +273,7 @@ fn bits(meaning: &'static Meaning) -> Vec<Bit> {
             .map(|(value, text)| if value.is_empty() { text.to_owned() } else { format!("{value}: {text}") })
             .collect();
         texts.extend(field.values.iter().map(|value| format!("{}: {}", value.first, value.text)));
+        let provenance = field.source.to_string();
         if field.reserved {
             texts.push("reserved".to_owned());
         }
@@ -268,6 +282,7 @@ fn bits(meaning: &'static Meaning) -> Vec<Bit> {
             last: field.last,
             name: field.name,
             meaning: texts.join("; ").replace("{}", "n"),
+            provenance,
         }
     };
     meaning.bits.iter().map(bit).collect()

@@ -27,6 +27,8 @@ class Register(NamedTuple):
     reserved: bool
     meaning: Optional[str]
     doc: str
+    page: str  # of the manual
+    provenance: str  # "manual", or which facts are inferred and from which decision
 
     @property
     def width(self) -> int:
@@ -55,11 +57,16 @@ def _mask(width: int) -> int:
     return (1 << (8 * width)) - 1
 
 
-def _known_value(values, value: int) -> Optional[str]:
-    for first, last, text in values:
+def _known_value(values, value: int):
+    """The text for the value and the decision that it follows from."""
+    for first, last, text, decision in values:
         if first <= value <= last:
-            return text.replace("{}", str(value))
+            return text.replace("{}", str(value)), decision
     return None
+
+
+def _told(text: str, decision: Optional[str]) -> str:
+    return f"{text} ({decision})" if decision else text
 
 
 def _hex(value: int, width: int) -> str:
@@ -67,16 +74,16 @@ def _hex(value: int, width: int) -> str:
 
 
 def decode(meaning: str, value: int, width: int) -> str:
-    """What `value` means in a register of `width` bytes with this meaning."""
+    """What `value` means in a register of `width` bytes; behind what is inferred stands its decision."""
     values, bits = _MEANINGS[meaning]
     value &= _mask(width)
     known = _known_value(values, value)
     if known is not None:
-        return known
+        return _told(*known)
     if not bits:
         return f"{_hex(value, width)} has no meaning"
-    text, described = "", 0
-    for first, last, zero, one, field_text, field_values, joined, reserved in bits:
+    text, described, decision = "", 0, None
+    for first, last, zero, one, field_text, field_values, joined, reserved, source in bits:
         mask = (1 << (last - first + 1)) - 1
         part = (value >> first) & mask
         described |= mask << first
@@ -84,12 +91,17 @@ def decode(meaning: str, value: int, width: int) -> str:
             span = str(first) if first == last else f"{first}-{last}"
             found = f"reserved bits {span} set" if part else ""
         else:
-            found = _known_value(field_values, part)
-            if found is None:
-                found = (one if part else zero) if first == last else field_text.replace("{}", str(part))
-        if text and found:
+            found = (one if part else zero) if first == last else field_text.replace("{}", str(part))
+            found, source = _known_value(field_values, part) or (found, source)
+        if not found:
+            continue
+        # Of parts in a row that follow from one decision the last one names it.
+        if source != decision:
+            text, decision = _told(text, decision), source
+        if text:
             text += " " if joined else ", "
         text += found
+    text = _told(text, decision)
     if value & ~described:
         text += f"{', ' if text else ''}bits {_hex(value & ~described, width)} have no meaning"
     return text
@@ -117,11 +129,11 @@ def register(name: str) -> Register:
         width, offset = {"B": 1, "W": 2, "D": 4}[address[1].upper()], int(address[2])
         if offset % width or not HEADER_SIZE <= offset <= SEGMENT_SIZE - width:
             raise KeyError(f"{name}: not an address of a register {width} bytes wide")
-        return Register(name, offset, _UNSIGNED[width], "both", 0, False, None, "")
+        return Register(name, offset, _UNSIGNED[width], "both", 0, False, None, "", "", "")
     known = _TABLE.get(_INDEX.sub("", name))
     if known is None:
         raise KeyError(f"{name}: no such register")
-    first, (group, own, code, offset, dims, _group_dims, owner, reset, reserved, meaning, doc) = known
+    first, (_, _, code, offset, dims, _, owner, reset, reserved, meaning, doc, page, provenance) = known
     indices = [int(index) for index in _INDEX.findall(name)]
     if len(indices) != len(dims):
         raise KeyError(f"{name}: {len(dims)} indices are needed, not {len(indices)}")
@@ -130,7 +142,7 @@ def register(name: str) -> Register:
             raise KeyError(f"{name}: index {index} is not below {count}")
         offset += index * stride
         reserved = reserved or index >= used
-    return Register(name, first + offset, code, owner, reset, reserved, meaning, doc)
+    return Register(name, first + offset, code, owner, reset, reserved, meaning, doc, page, provenance)
 
 
 def names(area: Optional[str] = None) -> Iterator[str]:

@@ -45,6 +45,14 @@ pub enum Reason {
     DuplicateName(String),
     #[error("register without `{0}`")]
     MissingKey(&'static str),
+    #[error("a type needs `name_from`: where its own name comes from")]
+    UnnamedSource,
+    #[error("meaning `{0}` needs the `page` of the manual or a `source`")]
+    MeaningWithoutSource(String),
+    #[error("meaning `{0}` has values or bits from the manual; they need its `page`")]
+    MeaningWithoutPage(String),
+    #[error("`{0}` is reserved and so has the owner that `reserved` of device.toml names")]
+    ReservedWithOwner(String),
     #[error("padding takes no `name`, `type` or `array`")]
     PaddingWithKeys,
     #[error("unknown type `{0}`; known are BYTE, WORD, DWORD, SINT, INT, DINT, USINT, UINT, UDINT{1}")]

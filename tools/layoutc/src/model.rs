@@ -41,6 +41,7 @@ pub struct Placed {
 /// A structure or sub-structure: fields in ascending order that cover `0..size` without a gap.
 pub struct Structure {
     pub name: String,
+    pub name_from: Provenance,
     pub size: u32,
     pub align: u32,
     pub page: String,
@@ -64,6 +65,8 @@ pub struct Field {
     pub meaning: Option<usize>,
     pub name_from: Provenance,
     pub offset_from: Provenance,
+    pub type_from: Provenance,
+    pub owner_from: Provenance,
     pub reset_from: Provenance,
 }
 
@@ -138,14 +141,28 @@ impl Scalar {
 /// What the values and bits of a register mean.
 pub struct Meaning {
     pub name: String,
+    /// Empty if the manual states none of it.
+    pub page: String,
     pub values: Vec<Value>,
     pub bits: Vec<Bit>,
+}
+
+impl Meaning {
+    /// Those of all values and bits.
+    pub fn sources(&self) -> impl Iterator<Item = &Provenance> {
+        let of_bits = self
+            .bits
+            .iter()
+            .flat_map(|bit| bit.values.iter().map(|value| &value.source).chain([&bit.source]));
+        self.values.iter().map(|value| &value.source).chain(of_bits)
+    }
 }
 
 pub struct Value {
     pub first: u32,
     pub last: u32,
     pub text: String,
+    pub source: Provenance,
 }
 
 pub struct Bit {
@@ -158,6 +175,7 @@ pub struct Bit {
     pub values: Vec<Value>,
     pub joined: bool,
     pub reserved: bool,
+    pub source: Provenance,
 }
 
 impl Device {

@@ -11,11 +11,20 @@ pub struct Device {
     pub title: String,
     pub manual: String,
     pub dip: Range,
+    pub reserved: Reserved,
     #[serde(default)]
     pub parts: Vec<Spanned<String>>,
     pub structures: Vec<Spanned<String>>,
     pub area: Vec<Area>,
     pub baud_rate: Vec<BaudRate>,
+}
+
+/// Who writes the registers that the manual reserves.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reserved {
+    pub owner: Owner,
+    pub source: Provenance,
 }
 
 #[derive(Deserialize)]
@@ -98,9 +107,13 @@ pub struct Structure {
     pub size: Spanned<u32>,
     pub page: String,
     pub doc: String,
+    /// Of the type's own name; a block has none.
+    pub name_from: Option<Provenance>,
     pub offsets: Provenance,
-    #[serde(default = "Provenance::manual")]
     pub names: Provenance,
+    pub types: Provenance,
+    pub owners: Provenance,
+    pub resets: Provenance,
     #[serde(default)]
     pub blocks: Vec<Spanned<String>>,
     pub register: Vec<Spanned<Entry>>,
@@ -127,6 +140,8 @@ pub struct Entry {
     pub doc: Option<String>,
     pub offset_from: Option<Provenance>,
     pub name_from: Option<Provenance>,
+    pub type_from: Option<Provenance>,
+    pub owner_from: Option<Provenance>,
 }
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
@@ -137,18 +152,14 @@ pub enum Owner {
     Both,
 }
 
-/// `"manual"`, or `"inferred D-02"` with the decision that says how.
+/// `"manual"` on the page given; `"manual: WHICH"` in another document; `"inferred D-02"` with the decision that
+/// says how.
 #[derive(Deserialize, Clone, PartialEq, Eq, Debug)]
 #[serde(try_from = "String")]
 pub enum Provenance {
     Manual,
+    Documented(String),
     Inferred(String),
-}
-
-impl Provenance {
-    pub fn manual() -> Self {
-        Provenance::Manual
-    }
 }
 
 impl TryFrom<String> for Provenance {
@@ -157,10 +168,24 @@ impl TryFrom<String> for Provenance {
     fn try_from(text: String) -> Result<Self, String> {
         match text.split_once(' ') {
             None if text == "manual" => Ok(Provenance::Manual),
-            Some(("inferred", decision)) => Ok(Provenance::Inferred(decision.to_owned())),
-            _ => Err(format!("`{text}` is no provenance; write \"manual\" or \"inferred D-nn\"")),
+            Some(("manual:", document)) if !document.trim().is_empty() => {
+                Ok(Provenance::Documented(document.trim().to_owned()))
+            }
+            Some(("inferred", decision)) if is_decision(decision) => {
+                Ok(Provenance::Inferred(decision.to_owned()))
+            }
+            _ => Err(format!(
+                "`{text}` is no provenance; write \"manual\", \"manual: DOCUMENT\" or \"inferred D-nn\""
+            )),
         }
     }
+}
+
+/// Whether `text` is the number of a decision, such as `D-02`.
+fn is_decision(text: &str) -> bool {
+    text.strip_prefix("D-").is_some_and(|number| {
+        (2..=3).contains(&number.len()) && number.bytes().all(|digit| digit.is_ascii_digit())
+    })
 }
 
 /// What the values and bits of a register mean; registers refer to it by name.
@@ -168,6 +193,10 @@ impl TryFrom<String> for Provenance {
 #[serde(deny_unknown_fields)]
 pub struct Meaning {
     pub name: Spanned<String>,
+    /// Where the manual states it.
+    pub page: Option<String>,
+    /// Of values and bits without one of their own; the manual, if there is a page.
+    pub source: Option<Provenance>,
     #[serde(default)]
     pub value: Vec<Spanned<Value>>,
     #[serde(default)]
@@ -182,6 +211,7 @@ pub struct Value {
     pub from: Option<u32>,
     pub to: Option<u32>,
     pub text: String,
+    pub source: Option<Provenance>,
 }
 
 /// One bit (`at`) or a field of bits (`from`, `to`).
@@ -204,4 +234,5 @@ pub struct Bit {
     pub joined: bool,
     #[serde(default)]
     pub reserved: bool,
+    pub source: Option<Provenance>,
 }

@@ -2,7 +2,7 @@
 
 use super::{Parts, identifier, meaning};
 use crate::error::{Error, Reason};
-use crate::model::{Field, Kind, Owner, Provenance, Scalar};
+use crate::model::{Field, Kind, Owner, Scalar};
 use crate::raw;
 use crate::source::{At, Sources, at};
 use toml::Spanned;
@@ -40,9 +40,17 @@ pub fn check(
         prefix(sources, at(file, name_at.span()), name, kind)?;
     }
     let doc = entry.doc.clone().ok_or_else(|| missing("doc"))?;
+    let (owner, owner_from) = match (entry.reserved, entry.owner) {
+        (true, Some(_)) => return Err(sources.error(place, Reason::ReservedWithOwner(name.clone()))),
+        (true, None) => (Some(parts.reserved.owner), &parts.reserved.source),
+        (false, owner) => (owner, entry.owner_from.as_ref().unwrap_or(&home.owners)),
+    };
     let (owner, reset, meaning) = match kind {
         Kind::Scalar(scalar) => {
-            let owner = entry.owner.ok_or_else(|| missing("owner"))?;
+            let owner = owner.ok_or_else(|| missing("owner"))?;
+            if entry.reset.is_some() && entry.reset_from.is_none() {
+                return Err(missing("reset_from"));
+            }
             let meaning = match &entry.meaning {
                 Some(m) => {
                     let wanted = (m.get_ref().as_str(), at(file, m.span()));
@@ -74,7 +82,9 @@ pub fn check(
         meaning,
         name_from: entry.name_from.clone().unwrap_or_else(|| home.names.clone()),
         offset_from: entry.offset_from.clone().unwrap_or_else(|| home.offsets.clone()),
-        reset_from: entry.reset_from.clone().unwrap_or_else(|| Provenance::Inferred("D-03".to_owned())),
+        type_from: entry.type_from.clone().unwrap_or_else(|| home.types.clone()),
+        owner_from: owner_from.clone(),
+        reset_from: entry.reset_from.clone().unwrap_or_else(|| home.resets.clone()),
     };
     Ok((place, field))
 }
@@ -94,6 +104,8 @@ fn padding(entry: &raw::Entry, bytes: u32, home: &raw::Structure) -> Field {
         meaning: None,
         name_from: home.offsets.clone(),
         offset_from: home.offsets.clone(),
+        type_from: home.offsets.clone(),
+        owner_from: home.offsets.clone(),
         reset_from: home.offsets.clone(),
     }
 }

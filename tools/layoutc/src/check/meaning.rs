@@ -1,7 +1,7 @@
 //! Meanings: values and bits must not be described twice, and must fit the registers that use them.
 
 use crate::error::{Error, Reason};
-use crate::model::{Bit, Meaning, Scalar, Value};
+use crate::model::{Bit, Meaning, Provenance, Scalar, Value};
 use crate::raw;
 use crate::source::{At, Sources, at};
 use toml::Spanned;
@@ -19,18 +19,31 @@ pub fn add(sources: &Sources, file: usize, raw: &raw::Meaning, all: &mut Vec<Che
     if all.iter().any(|checked| checked.meaning.name == *name) {
         return Err(sources.error(at(file, raw.name.span()), Reason::DuplicateName(name.clone())));
     }
-    let values = values(sources, file, &raw.value)?;
+    // What stands on a page is the manual's; without a page the meaning has to say what it follows from.
+    let source = match (&raw.source, &raw.page) {
+        (Some(source), _) => source.clone(),
+        (None, Some(_)) => Provenance::Manual,
+        (None, None) => {
+            return Err(sources.error(at(file, raw.name.span()), Reason::MeaningWithoutSource(name.clone())));
+        }
+    };
+    let values = values(sources, file, &raw.value, &source)?;
     let mut bits: Vec<Bit> = Vec::new();
     for raw in &raw.bit {
         let place = at(file, raw.span());
-        let bit = bit(sources, file, raw)?;
+        let bit = bit(sources, file, raw, &source)?;
         if let Some(twice) = bits.iter().find(|b| b.first <= bit.last && bit.first <= b.last) {
             return Err(sources.error(place, Reason::BitTwice(bit.first.max(twice.first))));
         }
         bits.push(bit);
     }
+    let page = raw.page.clone().unwrap_or_default();
+    let meaning = Meaning { name: name.clone(), page, values, bits };
+    if raw.page.is_none() && meaning.sources().any(|source| *source == Provenance::Manual) {
+        return Err(sources.error(at(file, raw.name.span()), Reason::MeaningWithoutPage(name.clone())));
+    }
     all.push(Checked {
-        meaning: Meaning { name: name.clone(), values, bits },
+        meaning,
         values: raw.value.iter().map(|v| at(file, v.span())).collect(),
         bits: raw.bit.iter().map(|b| at(file, b.span())).collect(),
     });
@@ -70,7 +83,13 @@ pub fn too_wide(what: &'static str, value: i64, name: &str, scalar: Scalar) -> R
     Reason::ValueTooWide { what, value, name: name.to_owned(), ty: scalar.name(), bits: scalar.width() * 8 }
 }
 
-fn values(sources: &Sources, file: usize, raw: &[Spanned<raw::Value>]) -> Result<Vec<Value>, Error> {
+/// `source` is that of values which do not state one of their own.
+fn values(
+    sources: &Sources,
+    file: usize,
+    raw: &[Spanned<raw::Value>],
+    source: &Provenance,
+) -> Result<Vec<Value>, Error> {
     let mut values: Vec<Value> = Vec::new();
     for raw in raw {
         let place = at(file, raw.span());
@@ -83,12 +102,13 @@ fn values(sources: &Sources, file: usize, raw: &[Spanned<raw::Value>]) -> Result
         if values.iter().any(|v| v.first <= last && first <= v.last) {
             return Err(sources.error(place, Reason::ValueTwice(format!("16#{first:X}"))));
         }
-        values.push(Value { first, last, text: raw.text.clone() });
+        let source = raw.source.as_ref().unwrap_or(source).clone();
+        values.push(Value { first, last, text: raw.text.clone(), source });
     }
     Ok(values)
 }
 
-fn bit(sources: &Sources, file: usize, raw: &Spanned<raw::Bit>) -> Result<Bit, Error> {
+fn bit(sources: &Sources, file: usize, raw: &Spanned<raw::Bit>, source: &Provenance) -> Result<Bit, Error> {
     let place = at(file, raw.span());
     let raw = raw.get_ref();
     let (first, last) = match (raw.at, raw.from, raw.to) {
@@ -96,6 +116,7 @@ fn bit(sources: &Sources, file: usize, raw: &Spanned<raw::Bit>) -> Result<Bit, E
         (None, Some(from), Some(to)) if from < to => (from, to),
         _ => return Err(sources.error(place, Reason::BadRange("bit", "at"))),
     };
+    let source = raw.source.as_ref().unwrap_or(source);
     Ok(Bit {
         first,
         last,
@@ -103,8 +124,9 @@ fn bit(sources: &Sources, file: usize, raw: &Spanned<raw::Bit>) -> Result<Bit, E
         zero: raw.zero.clone(),
         one: raw.one.clone(),
         text: raw.text.clone(),
-        values: values(sources, file, &raw.value)?,
+        values: values(sources, file, &raw.value, source)?,
         joined: raw.joined,
         reserved: raw.reserved,
+        source: source.clone(),
     })
 }

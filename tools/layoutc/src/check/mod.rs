@@ -12,8 +12,9 @@ use crate::source::{At, Sources, at};
 use std::collections::BTreeMap;
 
 /// Everything structures refer to by name.
-#[derive(Default)]
 struct Parts {
+    /// Who writes what the manual reserves.
+    reserved: raw::Reserved,
     /// Where the bits of each meaning stand, to point at a bit that is too wide for a register.
     meanings: Vec<meaning::Checked>,
     substructures: Vec<crate::model::Structure>,
@@ -25,7 +26,13 @@ struct Parts {
 /// Reads and checks the layout whose `device.toml` lies in the directory of `sources`.
 pub fn load(sources: &mut Sources) -> Result<Device, Error> {
     let (file, raw): (usize, raw::Device) = sources.parse("device.toml", None)?;
-    let mut parts = Parts::default();
+    let mut parts = Parts {
+        reserved: raw.reserved,
+        meanings: Vec::new(),
+        substructures: Vec::new(),
+        blocks: Vec::new(),
+        types: Names::default(),
+    };
     let mut part_files = Vec::new();
     for name in &raw.parts {
         part_files.push(sources.parse::<raw::Parts>(name.get_ref(), Some(at(file, name.span())))?);

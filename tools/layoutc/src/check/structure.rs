@@ -65,8 +65,10 @@ pub fn check(
         let structure = raw.name.get_ref().clone();
         return Err(sources.error(size_at, Reason::OddSize { structure, size, align }));
     }
+    let name_from = raw.name_from.clone();
     Ok(Structure {
         name: raw.name.get_ref().clone(),
+        name_from: name_from.ok_or_else(|| sources.error(size_at, Reason::UnnamedSource))?,
         size,
         align,
         page: raw.page.clone(),

@@ -56,11 +56,12 @@ fn static_name(name: &str) -> String {
 }
 
 fn emit_structure(out: &mut String, device: &Device, structure: &Structure) {
-    let Structure { name, size, doc, page, .. } = structure;
+    let Structure { name, size, doc, page, name_from, .. } = structure;
+    let name_from = provenance(name_from);
     let _ = writeln!(
         out,
         "    /// Descriptor of `{name}`.\n    pub static {}: Structure = Structure {{\n        \
-         name: {name:?}, bytes: {size}, doc: {doc:?}, page: {page:?},\n        registers: &[",
+         name: {name:?}, bytes: {size}, doc: {doc:?}, page: {page:?}, name_from: {name_from},\n        registers: &[",
         static_name(name)
     );
     for field in &structure.fields {
@@ -93,7 +94,9 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
         Some(index) => format!("Some(&{})", meaning_name(&device.meanings[index])),
         None => "None".to_owned(),
     };
-    let Field { name, reset, reserved, doc, page, .. } = field;
+    let Field { name, reset, reserved, doc, .. } = field;
+    // Of sub-structures that several structures share, the page where this one uses it.
+    let page = group.map_or(&field.page, |group| &group.page);
     let owner = match field.owner {
         Owner::Plc => "Plc",
         Owner::Firmware => "Firmware",
@@ -101,17 +104,20 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
     };
     let _ = writeln!(
         out,
-        "            Register {{ group: {:?}, group_type: {:?}, group_bytes: {}, name: {name:?}, ty: RegType::{}, offset: {}, dims: &[{}], \
+        "            Register {{ group: {:?}, group_type: {:?}, group_type_from: {}, group_bytes: {}, name: {name:?}, ty: RegType::{}, offset: {}, dims: &[{}], \
          group_dims: {group_dims}, owner: Owner::{owner}, reset: 0x{reset:X}, reserved: {reserved}, \
-         doc: {doc:?}, page: {page:?}, meaning: {meaning}, name_from: {}, offset_from: {}, reset_from: {} }},",
+         doc: {doc:?}, page: {page:?}, meaning: {meaning}, name_from: {}, offset_from: {}, type_from: {}, owner_from: {}, reset_from: {} }},",
         group.map_or("", |group| &group.name),
         group_type.map_or("", |group| &group.name),
+        provenance(group_type.map_or(&Provenance::Manual, |group| &group.name_from)),
         group_type.map_or(0, |group| group.size),
         scalar.variant(),
         group.map_or(0, |group| group.offset) + field.offset,
         dims.concat(),
         provenance(&field.name_from),
         provenance(group.map_or(&field.offset_from, |group| &group.offset_from)),
+        provenance(&field.type_from),
+        provenance(&field.owner_from),
         provenance(&field.reset_from),
     );
 }
@@ -130,6 +136,7 @@ fn dims(device: &Device, field: &Field) -> Vec<String> {
 fn provenance(from: &Provenance) -> String {
     match from {
         Provenance::Manual => "Provenance::Manual".to_owned(),
+        Provenance::Documented(document) => format!("Provenance::Documented({document:?})"),
         Provenance::Inferred(decision) => format!("Provenance::Inferred({decision:?})"),
     }
 }
@@ -141,9 +148,10 @@ fn meaning_name(meaning: &Meaning) -> String {
 fn emit_meaning(out: &mut String, meaning: &Meaning) {
     let _ = writeln!(
         out,
-        "    static {}: Meaning = Meaning {{ name: {:?}, values: {}, bits: &[",
+        "    static {}: Meaning = Meaning {{ name: {:?}, page: {:?}, values: {}, bits: &[",
         meaning_name(meaning),
         meaning.name,
+        meaning.page,
         values(&meaning.values)
     );
     for bit in &meaning.bits {
@@ -151,8 +159,9 @@ fn emit_meaning(out: &mut String, meaning: &Meaning) {
         let _ = writeln!(
             out,
             "        BitField {{ first: {first}, last: {last}, name: {name:?}, zero: {zero:?}, one: {one:?}, \
-             text: {text:?}, values: {}, joined: {joined}, reserved: {reserved} }},",
-            values(&bit.values)
+             text: {text:?}, values: {}, joined: {joined}, reserved: {reserved}, source: {} }},",
+            values(&bit.values),
+            provenance(&bit.source),
         );
     }
     out.push_str("    ] };\n\n");
@@ -161,7 +170,10 @@ fn emit_meaning(out: &mut String, meaning: &Meaning) {
 fn values(values: &[Value]) -> String {
     let items: Vec<String> = values
         .iter()
-        .map(|v| format!("ValueMeaning {{ first: {}, last: {}, text: {:?} }}", v.first, v.last, v.text))
+        .map(|Value { first, last, text, source }| {
+            let source = provenance(source);
+            format!("ValueMeaning {{ first: {first}, last: {last}, text: {text:?}, source: {source} }}")
+        })
         .collect();
     format!("&[{}]", items.join(", "))
 }

@@ -35,6 +35,7 @@ pub fn field_doc(device: &Device, field: &Field) -> String {
 fn provenance(from: &Provenance) -> String {
     match from {
         Provenance::Manual => "from the manual".to_owned(),
+        Provenance::Documented(document) => format!("from {document}"),
         Provenance::Inferred(decision) => format!("inferred, {decision}"),
     }
 }

@@ -1,6 +1,7 @@
 //! Every kind of layout error: one edit of a correct layout, the expected place and text.
 
 mod meanings;
+mod provenance;
 mod registers;
 
 use std::fs;
@@ -52,7 +53,7 @@ fn missing_structure_file() {
     let dir = edited("device.toml", "structures = [\"INIT\", \"CTRL\"]", "structures = [\"INIT\", \"GONE\"]");
     assert_eq!(
         error_of(dir.path()),
-        "device.toml:6:23: cannot read this file: GONE.toml: No such file or directory (os error 2)"
+        "device.toml:7:23: cannot read this file: GONE.toml: No such file or directory (os error 2)"
     );
 }
 
@@ -62,7 +63,7 @@ fn missing_parts_file() {
         "device.toml",
         "\"parts.toml\"",
         "\"gone.toml\"",
-        "device.toml:5:10: cannot read this file: gone.toml: No such file or directory (os error 2)",
+        "device.toml:6:10: cannot read this file: gone.toml: No such file or directory (os error 2)",
     );
 }
 
@@ -70,7 +71,7 @@ fn missing_parts_file() {
 fn broken_toml() {
     let dir = edited("CTRL.toml", "size = 40", "size = = 40");
     let error = error_of(dir.path());
-    assert!(error.starts_with("CTRL.toml:2:"), "{error}");
+    assert!(error.starts_with("CTRL.toml:8:"), "{error}");
 }
 
 #[test]
@@ -82,7 +83,7 @@ fn unknown_key() {
     );
     let error = error_of(dir.path());
     assert!(
-        error.starts_with("CTRL.toml:10:66: unknown field `colour`, expected one of `offset`"),
+        error.starts_with("CTRL.toml:15:66: unknown field `colour`, expected one of `offset`"),
         "{error}"
     );
 }
@@ -91,14 +92,7 @@ fn unknown_key() {
 fn unknown_owner() {
     let dir = edited("CTRL.toml", "owner = \"plc\"", "owner = \"nobody\"");
     let error = error_of(dir.path());
-    assert_eq!(error, "CTRL.toml:10:59: unknown variant `nobody`, expected one of `plc`, `firmware`, `both`");
-}
-
-#[test]
-fn unknown_provenance() {
-    let dir = edited("CTRL.toml", "offsets = \"inferred D-02\"", "offsets = \"guessed\"");
-    let error = error_of(dir.path());
-    assert_eq!(error, "CTRL.toml:5:11: `guessed` is no provenance; write \"manual\" or \"inferred D-nn\"");
+    assert_eq!(error, "CTRL.toml:15:59: unknown variant `nobody`, expected one of `plc`, `firmware`, `both`");
 }
 
 #[test]
@@ -113,14 +107,14 @@ fn duplicate_structure_area_meaning_and_block() {
         "device.toml",
         "name = \"ram\"",
         "name = \"node\"",
-        "device.toml:22:8: `node` is already in use here; names must be unique",
+        "device.toml:23:8: `node` is already in use here; names must be unique",
     );
     let again = "[[meaning]]\nname = \"state\"\n\n[[substructure]]";
     check(
         "parts.toml",
         "[[substructure]]",
         again,
-        "parts.toml:13:8: `state` is already in use here; names must be unique",
+        "parts.toml:14:8: `state` is already in use here; names must be unique",
     );
 }
 
@@ -130,19 +124,19 @@ fn unknown_structure_block_and_meaning() {
         "device.toml",
         "{ name = \"CTRL\"",
         "{ name = \"OTHER\"",
-        "device.toml:18:12: unknown structure `OTHER`; `structures` of device.toml lists the known ones",
+        "device.toml:19:12: unknown structure `OTHER`; `structures` of device.toml lists the known ones",
     );
     check(
         "CTRL.toml",
         "\"GENERAL\"",
         "\"SPECIAL\"",
-        "CTRL.toml:6:11: unknown block `SPECIAL`; blocks are defined in the files that `parts` of device.toml lists",
+        "CTRL.toml:11:11: unknown block `SPECIAL`; blocks are defined in the files that `parts` of device.toml lists",
     );
     check(
         "INIT.toml",
         "\"state\"",
         "\"mode\"",
-        "INIT.toml:8:74: unknown meaning `mode`; meanings are defined in the files that `parts` of device.toml lists",
+        "INIT.toml:13:74: unknown meaning `mode`; meanings are defined in the files that `parts` of device.toml lists",
     );
 }
 
@@ -152,7 +146,7 @@ fn past_the_end_of_the_area() {
         "device.toml",
         "last = 1063",
         "last = 1031",
-        "device.toml:18:12: `CTRL` has 40 bytes, but `node` ends after 32",
+        "device.toml:19:12: `CTRL` has 40 bytes, but `node` ends after 32",
     );
 }
 
@@ -160,17 +154,17 @@ fn past_the_end_of_the_area() {
 fn size_that_is_no_multiple() {
     check(
         "parts.toml",
-        "size = 4\npage = \"2\"\ndoc = \"Two words\"\noffsets = \"inferred D-02\"\nregister = [",
-        "size = 5\npage = \"2\"\ndoc = \"Two words\"\noffsets = \"inferred D-02\"\nregister = [\n  \
+        "size = 4\npage = \"2\"\ndoc = \"Two words\"\nregister = [",
+        "size = 5\npage = \"2\"\ndoc = \"Two words\"\nregister = [\n  \
          { offset = 4, padding = 1 },",
-        "parts.toml:14:8: the size of `PAIR` is 5; it must be a multiple of 2",
+        "parts.toml:21:8: the size of `PAIR` is 5; it must be a multiple of 2",
     );
     check(
         "INIT.toml",
-        "size = 8\npage = \"3\"\ndoc = \"Before\"\noffsets = \"inferred D-02\"\nblocks = [\"GENERAL\"]\nregister = [",
-        "size = 10\npage = \"3\"\ndoc = \"Before\"\noffsets = \"inferred D-02\"\nblocks = [\"GENERAL\"]\nregister = [\n  \
+        "size = 8\npage = \"3\"\ndoc = \"Before\"\nblocks = [\"GENERAL\"]\nregister = [",
+        "size = 10\npage = \"3\"\ndoc = \"Before\"\nblocks = [\"GENERAL\"]\nregister = [\n  \
          { offset = 8, padding = 2 },",
-        "device.toml:17:12: the size of `INIT` is 10; it must be a multiple of 4",
+        "device.toml:18:12: the size of `INIT` is 10; it must be a multiple of 4",
     );
 }
 
@@ -180,19 +174,19 @@ fn areas_that_cannot_be() {
         "device.toml",
         "first = 1000",
         "first = 1001",
-        "device.toml:10:9: area `node` starts at 1001; it must be divisible by 4",
+        "device.toml:11:9: area `node` starts at 1001; it must be divisible by 4",
     );
     check(
         "device.toml",
         "last = 2003",
         "last = 1999",
-        "device.toml:24:8: area `ram` ends at 1999, before its first byte 2000",
+        "device.toml:25:8: area `ram` ends at 1999, before its first byte 2000",
     );
     check(
         "device.toml",
         "first = 2000",
         "first = 1060",
-        "device.toml:23:9: area `ram` (1060 to 2003) overlaps area `node`, which ends at 1063",
+        "device.toml:24:9: area `ram` (1060 to 2003) overlaps area `node`, which ends at 1063",
     );
 }
 
@@ -204,7 +198,7 @@ fn overlaid_registers_of_different_width() {
          { offset = 5, name = \"a_TYPE\", type = \"BYTE\", array = [2], owner = \"plc\", doc = \"Types\" },\n  \
          { offset = 7, padding = 1 },",
         "  { offset = 4, name = \"d_MODE\", type = \"DWORD\", owner = \"plc\", doc = \"Mode\" },",
-        "device.toml:18:12: `CTRL` has a register of 1 bytes at offset 4 where `INIT`, which lies over it in area \
+        "device.toml:19:12: `CTRL` has a register of 1 bytes at offset 4 where `INIT`, which lies over it in area \
          `node`, has one of 4: a byte of the RAM must always be accessed at one width; name the one that nobody uses there \
          in `unused`",
     );
@@ -216,6 +210,6 @@ fn registers_that_nobody_uses() {
         "device.toml",
         "live = \"init\" }",
         "live = \"init\", unused = [\"a_TYPES\"] }",
-        "device.toml:17:45: `INIT` has no register `a_TYPES` that could be unused",
+        "device.toml:18:45: `INIT` has no register `a_TYPES` that could be unused",
     );
 }

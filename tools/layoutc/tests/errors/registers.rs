@@ -8,7 +8,7 @@ fn name_that_is_no_name() {
         "CTRL.toml",
         "\"b_CONTROL\"",
         "\"b CONTROL\"",
-        "CTRL.toml:8:24: `b CONTROL` is not a name (letters, digits and `_`, not starting with a digit)",
+        "CTRL.toml:13:24: `b CONTROL` is not a name (letters, digits and `_`, not starting with a digit)",
     );
 }
 
@@ -18,7 +18,7 @@ fn variable_that_is_no_name() {
         "device.toml",
         "live = \"init\" }",
         "live = \"init\", variable = \"_INIT-1\" }",
-        "device.toml:17:46: `_INIT-1` is not a name (letters, digits and `_`, not starting with a digit)",
+        "device.toml:18:46: `_INIT-1` is not a name (letters, digits and `_`, not starting with a digit)",
     );
 }
 
@@ -28,22 +28,22 @@ fn duplicate_register() {
         "CTRL.toml",
         "\"d_VALUE\"",
         "\"w_STATUS\"",
-        "CTRL.toml:10:24: `w_STATUS` starts like another type, but its type is DWORD (`d_`)",
+        "CTRL.toml:15:24: `w_STATUS` starts like another type, but its type is DWORD (`d_`)",
     );
     check(
         "CTRL.toml",
         "name = \"d_VALUE\", type = \"DWORD\"",
         "name = \"w_STATUS\", type = \"WORD\"",
-        "CTRL.toml:10:24: `w_STATUS` is already in use here; names must be unique",
+        "CTRL.toml:15:24: `w_STATUS` is already in use here; names must be unique",
     );
 }
 
 #[test]
 fn register_without_a_key() {
-    check("CTRL.toml", "name = \"d_VALUE\", ", "", "CTRL.toml:10:3: register without `name`");
-    check("CTRL.toml", "type = \"DWORD\", ", "", "CTRL.toml:10:3: register without `type`");
-    check("CTRL.toml", "owner = \"plc\", ", "", "CTRL.toml:10:3: register without `owner`");
-    check("CTRL.toml", ", doc = \"Value\"", "", "CTRL.toml:10:3: register without `doc`");
+    check("CTRL.toml", "name = \"d_VALUE\", ", "", "CTRL.toml:15:3: register without `name`");
+    check("CTRL.toml", "type = \"DWORD\", ", "", "CTRL.toml:15:3: register without `type`");
+    check("CTRL.toml", "owner = \"plc\", ", "", "CTRL.toml:15:3: register without `owner`");
+    check("CTRL.toml", ", doc = \"Value\"", "", "CTRL.toml:15:3: register without `doc`");
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn padding_with_a_name() {
         "CTRL.toml",
         "padding = 2",
         "padding = 2, name = \"b_X\"",
-        "CTRL.toml:12:3: padding takes no `name`, `type` or `array`",
+        "CTRL.toml:17:3: padding takes no `name`, `type` or `array`",
     );
 }
 
@@ -62,7 +62,7 @@ fn unknown_type() {
         "CTRL.toml",
         "\"DWORD\"",
         "\"LWORD\"",
-        "CTRL.toml:10:42: unknown type `LWORD`; known are BYTE, WORD, DWORD, SINT, INT, DINT, USINT, UINT, UDINT, \
+        "CTRL.toml:15:42: unknown type `LWORD`; known are BYTE, WORD, DWORD, SINT, INT, DINT, USINT, UINT, UDINT, \
          PAIR",
     );
 }
@@ -73,13 +73,13 @@ fn prefix_that_belies_the_type() {
         "CTRL.toml",
         "\"i_TEMPERATURE\"",
         "\"w_TEMPERATURE\"",
-        "CTRL.toml:11:25: `w_TEMPERATURE` starts like another type, but its type is INT (`i_`)",
+        "CTRL.toml:16:25: `w_TEMPERATURE` starts like another type, but its type is INT (`i_`)",
     );
     check(
         "CTRL.toml",
         "\"d_VALUE\"",
         "\"_VALUE\"",
-        "CTRL.toml:10:24: `_VALUE` starts like a sub-structure, but its type is DWORD (`d_`)",
+        "CTRL.toml:15:24: `_VALUE` starts like a sub-structure, but its type is DWORD (`d_`)",
     );
 }
 
@@ -89,13 +89,13 @@ fn overlap() {
         "CTRL.toml",
         "offset = 8",
         "offset = 4",
-        "CTRL.toml:10:3: `d_VALUE` at offset 4 overlaps `b_CONTROL`, which ends at 5; the first free offset is 5",
+        "CTRL.toml:15:3: `d_VALUE` at offset 4 overlaps `b_CONTROL`, which ends at 5; the first free offset is 5",
     );
     check(
         "CTRL.toml",
         "offset = 4",
         "offset = 3",
-        "CTRL.toml:8:3: `b_CONTROL` at offset 3 overlaps `w_STATUS`, which ends at 4; the first free offset is 4",
+        "CTRL.toml:13:3: `b_CONTROL` at offset 3 overlaps `w_STATUS`, which ends at 4; the first free offset is 4",
     );
 }
 
@@ -105,14 +105,14 @@ fn hidden_gap() {
         "CTRL.toml",
         "  { offset = 14, padding = 2 },\n",
         "",
-        "CTRL.toml:12:3: 2 byte(s) before `a_PAIRS` are not described; write { offset = 14, padding = 2 } if that is \
+        "CTRL.toml:17:3: 2 byte(s) before `a_PAIRS` are not described; write { offset = 14, padding = 2 } if that is \
          meant",
     );
     check(
         "CTRL.toml",
         "size = 40",
         "size = 44",
-        "CTRL.toml:2:8: 4 byte(s) before the end of `CTRL` are not described; write { offset = 40, padding = 4 } if \
+        "CTRL.toml:8:8: 4 byte(s) before the end of `CTRL` are not described; write { offset = 40, padding = 4 } if \
          that is meant",
     );
 }
@@ -123,7 +123,7 @@ fn misalignment() {
         "CTRL.toml",
         "offset = 12",
         "offset = 13",
-        "CTRL.toml:11:3: `i_TEMPERATURE` (INT) at offset 13 needs an offset divisible by 2",
+        "CTRL.toml:16:3: `i_TEMPERATURE` (INT) at offset 13 needs an offset divisible by 2",
     );
 }
 
@@ -133,7 +133,7 @@ fn past_the_end_of_the_structure() {
         "CTRL.toml",
         "size = 40",
         "size = 36",
-        "CTRL.toml:14:3: `a_GRID` ends at 40, past the end of `CTRL` (36 bytes)",
+        "CTRL.toml:19:3: `a_GRID` ends at 40, past the end of `CTRL` (36 bytes)",
     );
 }
 
@@ -142,7 +142,7 @@ fn bad_array_bounds() {
     for bounds in ["[0]", "[]", "[1, 2, 3]", "[70000]"] {
         let dir = edited("CTRL.toml", "[2, 2]", bounds);
         let expected = format!(
-            "CTRL.toml:14:58: an array has one or two dimensions of 1 to 65535 elements, this one is {bounds}"
+            "CTRL.toml:19:58: an array has one or two dimensions of 1 to 65535 elements, this one is {bounds}"
         );
         assert_eq!(error_of(dir.path()), expected);
     }
@@ -150,13 +150,13 @@ fn bad_array_bounds() {
         "CTRL.toml",
         "used = [2]",
         "used = [4]",
-        "CTRL.toml:9:70: `used` is [4] but `array` is [3]: as many numbers, none of them greater",
+        "CTRL.toml:14:70: `used` is [4] but `array` is [3]: as many numbers, none of them greater",
     );
     check(
         "CTRL.toml",
         "used = [2]",
         "used = [2, 2]",
-        "CTRL.toml:9:70: `used` is [2, 2] but `array` is [3]: as many numbers, none of them greater",
+        "CTRL.toml:14:70: `used` is [2, 2] but `array` is [3]: as many numbers, none of them greater",
     );
 }
 
@@ -166,21 +166,22 @@ fn sub_structures_that_nest() {
         "CTRL.toml",
         "array = [2], doc = \"Pairs\"",
         "array = [2, 1], doc = \"Pairs\"",
-        "CTRL.toml:13:59: `a_PAIRS`: arrays of sub-structures have one dimension, and so have arrays inside of them",
+        "CTRL.toml:18:59: `a_PAIRS`: arrays of sub-structures have one dimension, and so have arrays inside of them",
     );
     check(
         "parts.toml",
         "name = \"w_SECOND\", type = \"WORD\"",
         "name = \"a_SECOND\", type = \"BYTE\", array = [1, 2]",
-        "parts.toml:13:8: `a_SECOND`: arrays of sub-structures have one dimension, and so have arrays inside of them",
+        "parts.toml:14:8: `a_SECOND`: arrays of sub-structures have one dimension, and so have arrays inside of them",
     );
-    let second = "[[substructure]]\nname = \"OUTER\"\nsize = 4\npage = \"2\"\ndoc = \"x\"\noffsets = \"manual\"\n\
+    let second = "[[substructure]]\nname = \"OUTER\"\nsize = 4\npage = \"2\"\ndoc = \"x\"\nname_from = \"manual\"\noffsets = \"manual\"\n\
+                  names = \"manual\"\ntypes = \"manual\"\nowners = \"manual\"\nresets = \"manual\"\n\
                   register = [{ offset = 0, name = \"_INNER\", type = \"PAIR\", doc = \"x\" }]\n\n[[block]]";
     check(
         "parts.toml",
         "[[block]]",
         second,
-        "parts.toml:29:51: unknown type `PAIR`; known are BYTE, WORD, DWORD, SINT, INT, DINT, USINT, UINT, UDINT",
+        "parts.toml:40:51: unknown type `PAIR`; known are BYTE, WORD, DWORD, SINT, INT, DINT, USINT, UINT, UDINT",
     );
 }
 
@@ -190,7 +191,7 @@ fn sizes_beyond_all_bounds() {
         "CTRL.toml",
         "[2, 2]",
         "[65535, 65535]",
-        "CTRL.toml:14:3: `a_GRID` ends at 4294967295, past the end of `CTRL` (40 bytes)",
+        "CTRL.toml:19:3: `a_GRID` ends at 4294967295, past the end of `CTRL` (40 bytes)",
     );
 }
 
@@ -200,13 +201,13 @@ fn array_that_is_not_called_one() {
         "CTRL.toml",
         "\"a_GRID\"",
         "\"di_GRID\"",
-        "CTRL.toml:14:59: an array needs a name that starts with `a_`, and `a_` needs `array`; this is `di_GRID`",
+        "CTRL.toml:19:59: an array needs a name that starts with `a_`, and `a_` needs `array`; this is `di_GRID`",
     );
     check(
         "CTRL.toml",
         "array = [2, 2], ",
         "",
-        "CTRL.toml:14:25: an array needs a name that starts with `a_`, and `a_` needs `array`; this is `a_GRID`",
+        "CTRL.toml:19:25: an array needs a name that starts with `a_`, and `a_` needs `array`; this is `a_GRID`",
     );
 }
 
@@ -216,18 +217,18 @@ fn reset_value_that_does_not_fit() {
         "CTRL.toml",
         "reset = -40",
         "reset = 0x8000",
-        "CTRL.toml:11:84: reset value 16#8000 does not fit `i_TEMPERATURE` (INT, 16 bits)",
+        "CTRL.toml:16:84: reset value 16#8000 does not fit `i_TEMPERATURE` (INT, 16 bits)",
     );
     check(
         "parts.toml",
         "reset = 1",
         "reset = -1",
-        "parts.toml:31:79: reset value -1 does not fit `w_STATUS` (WORD, 16 bits)",
+        "parts.toml:41:79: reset value -1 does not fit `w_STATUS` (WORD, 16 bits)",
     );
     check(
         "CTRL.toml",
         "type = \"PAIR\"",
         "type = \"PAIR\", reset = 1",
-        "CTRL.toml:13:59: a `reset` makes no sense for sub-structure `a_PAIRS`; its registers carry their own",
+        "CTRL.toml:18:59: a `reset` makes no sense for sub-structure `a_PAIRS`; its registers carry their own",
     );
 }

@@ -1,0 +1,121 @@
+//! Every fact that the register maps show is either documented, with its page, or follows from a decision that
+//! `docs/decisions.md` has.
+
+use super::omega_drive_line_2::DEVICE;
+use super::{Meaning, Provenance, Register, Structure};
+use std::collections::BTreeMap;
+
+const DECISIONS: &str = include_str!("../../docs/decisions.md");
+
+fn structures() -> impl Iterator<Item = &'static Structure> {
+    DEVICE.areas.iter().flat_map(|area| area.structures).map(|placed| placed.structure)
+}
+
+fn registers() -> impl Iterator<Item = &'static Register> {
+    structures().flat_map(|structure| structure.registers)
+}
+
+fn meanings() -> BTreeMap<&'static str, &'static Meaning> {
+    registers().filter_map(|register| register.meaning).map(|meaning| (meaning.name, meaning)).collect()
+}
+
+/// All sources of a meaning with the texts that they are for.
+fn sources(meaning: &Meaning) -> Vec<(&'static str, Provenance)> {
+    let values = |of: &'static [super::ValueMeaning]| of.iter().map(|value| (value.text, value.source));
+    let bits = meaning.bits.iter().flat_map(|bit| values(bit.values).chain([(bit.name, bit.source)]));
+    values(meaning.values).chain(bits).collect()
+}
+
+#[track_caller]
+fn check(what: &str, source: Provenance, page: &str) {
+    match source {
+        Provenance::Manual => {
+            let pages = page.split(", ").flat_map(|range| range.split('-'));
+            let known = |page: &str| page.parse().is_ok_and(|page: u16| (1..=276).contains(&page));
+            assert!(pages.clone().count() > 0 && pages.clone().all(known), "{what}: pages `{page}`");
+        }
+        Provenance::Documented(document) => assert!(!document.is_empty(), "{what}"),
+        Provenance::Inferred(decision) => {
+            assert!(DECISIONS.contains(&format!("\n| {decision} |")), "{what}: there is no {decision}");
+        }
+    }
+}
+
+#[test]
+fn every_fact_has_a_page_or_a_decision() {
+    for structure in structures() {
+        check(structure.name, structure.name_from, structure.page);
+        for register in structure.registers {
+            for (fact, source) in register.facts() {
+                check(&format!("{}.{}: {fact}", structure.name, register.name), source, register.page);
+            }
+            check(register.group_type, register.group_type_from, register.page);
+        }
+    }
+    for (name, meaning) in meanings() {
+        for (text, source) in sources(meaning) {
+            check(&format!("{name}: {text}"), source, meaning.page);
+        }
+    }
+}
+
+/// What no manual says must not look as if one did.
+#[test]
+fn inventions_are_marked() {
+    let decisions = |meaning: &str| -> Vec<_> {
+        sources(meanings()[meaning]).into_iter().map(|(text, source)| (text, source.decision())).collect()
+    };
+    let all = |meaning: &str, decision: &str| {
+        let found = decisions(meaning);
+        assert!(found.iter().all(|(_, known)| *known == Some(decision)), "{meaning}: {found:?}");
+    };
+    all("sync_modus", "D-06");
+    all("sw_release", "D-35");
+    all("baps_job", "D-150");
+    all("baps_format", "D-150");
+    all("baps_command", "D-151");
+    all("drive_control", "D-87");
+    let some = |meaning: &str, text: &str| {
+        decisions(meaning).into_iter().find(|(known, _)| known.contains(text)).unwrap().1
+    };
+    assert_eq!(some("ip_config", "delivery state"), Some("D-327"));
+    assert_eq!(some("ip_config", "own fixed address"), None);
+    assert_eq!(some("baps_element", "minimum"), Some("D-160"));
+    assert_eq!(some("baps_element", "value"), None);
+    assert_eq!(some("baps_status_reg", "reserved"), Some("D-328"));
+    assert_eq!(some("drive_status", "ready"), Some("D-87"));
+    assert_eq!(some("drive_status", "synchronized"), None);
+    assert!(
+        registers()
+            .filter(|register| !register.group.is_empty())
+            .all(|register| { register.group_type_from == Provenance::Inferred("D-326") })
+    );
+}
+
+#[test]
+fn the_sources_of_registers_are_those_of_the_facts() {
+    let source = |name: &str, fact: &str| {
+        let register = DEVICE.register(name).unwrap().register;
+        register.facts().into_iter().find(|(known, _)| *known == fact).unwrap().1.decision()
+    };
+    assert_eq!(source("node2.w_OPTION_STATUS", "reset"), None, "p. 150");
+    assert_eq!(source("node2.w_OPTION_STATUS", "offset"), Some("D-02"));
+    assert_eq!(source("node2.a_WR_VALUE[0]", "type"), Some("D-90"));
+    assert_eq!(source("node2.b_CTRLREG_WRC1", "type"), None, "its short name says it");
+    assert_eq!(source("node2.b_CTRLREG_WRC3", "owner"), Some("D-91"));
+    assert_eq!(source("baps.w_COMMAND_REG", "reset"), Some("D-320"));
+    assert_eq!(source("ethernet_config.d_ROUTER", "reset"), Some("D-320"));
+    assert_eq!(source("ethernet_config.d_ROUTER", "offset"), None);
+}
+
+/// Sub-structures are shared; the page is that of the structure which the register is looked up in.
+#[test]
+fn registers_of_sub_structures_have_the_page_of_their_use() {
+    let page = |name: &str| DEVICE.register(name).unwrap().register.page;
+    assert_eq!(page("node2.a_STATREG_RDC[1].b_STATREG_RDC1"), "155");
+    assert_eq!(page("node1.a_STATREG_RDC[1].b_STATREG_RDC1"), "182");
+    assert_eq!(page("node1._CFG_RDC_WORD.b_CFG_RDC1_WORD0"), "179-180");
+    assert_eq!(page("node1.a_CFG_RDC_WORD[0].b_CFG_RDC1_WORD0"), "183-184");
+    assert_eq!(page("node2.w_CPU_CONTROL"), "149-150, 174-175");
+    assert_eq!(page("node2.w_OMEGA_NR"), "147-148, 173");
+}
