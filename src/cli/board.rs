@@ -19,6 +19,7 @@ Examples:
   commram board set dip=5 switch=stop
   commram board set line2:power=off
   commram board set start=cold
+  commram board set project=sent
   commram board reset
   commram board power-cycle line2")]
 pub struct Args {
@@ -38,7 +39,7 @@ enum Command {
         instance: Instance,
     },
     /// Turn switches: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off), start (cold, warm,
-    /// hot, stop)
+    /// hot, stop), project (none, boot, sent)
     Set {
         /// What to set, with the PLC in front if there are several
         #[arg(value_name = "NAME=VALUE", required = true)]
@@ -75,6 +76,7 @@ struct Entry {
     program: String,
     start: String,
     restarts: u32,
+    project: String,
 }
 
 impl Row for Entry {
@@ -89,6 +91,7 @@ impl Row for Entry {
         "program",
         "last start",
         "restarts",
+        "project",
     ];
 
     fn cells(&self) -> Vec<String> {
@@ -103,16 +106,17 @@ impl Row for Entry {
             self.program.clone(),
             self.start.clone(),
             self.restarts.to_string(),
+            self.project.clone(),
         ]
     }
 }
 
 impl Entry {
     fn new(plc: &str, state: &BoardState) -> Self {
-        let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts } =
+        let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =
             state.words();
         let plc = plc.to_owned();
-        Entry { plc, display, leds, switch, power, dip, dip_latched, program, start, restarts }
+        Entry { plc, display, leds, switch, power, dip, dip_latched, program, start, restarts, project }
     }
 }
 

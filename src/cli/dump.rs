@@ -7,8 +7,10 @@ use super::place::{is_live, live_by, status_of, without_twins};
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
+use commram::layout::flags::{RETAIN_AREA, is_flag};
 use commram::layout::omega_drive_line_2::DEVICE;
 use commram::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value, split_plc};
+use core::ops::Range;
 
 /// Longest block one read may have.
 const MAX_BLOCK: u32 = 65_536;
@@ -24,9 +26,10 @@ Examples:
   commram dump
   commram dump node2
   commram dump 'node2.a_RD_BMARRAY[3]' --all
+  commram dump retain
   commram dump line2:node1 --format csv")]
 pub struct Args {
-    /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]
+    /// Blocks, arrays, registers or addresses, `retain` for the retain flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
     #[arg(value_name = "BLOCK")]
     blocks: Vec<String>,
     /// Also registers that hold their reset value
@@ -43,6 +46,8 @@ struct Selection {
     area: &'static Area,
     /// Just these registers; `None`: all.
     registers: Option<Vec<RegisterRef>>,
+    /// Of plain RAM just this place; `None`: all.
+    place: Option<Address>,
     plc: Option<String>,
     /// As given, without the PLC.
     text: String,
@@ -127,7 +132,13 @@ fn select(blocks: &[String]) -> Result<Vec<Selection>, CliError> {
         let plc = plc.map(str::to_owned);
         let text = String::new();
         described
-            .map(|area| Selection { area, registers: None, plc: plc.clone(), text: text.clone() })
+            .map(|area| Selection {
+                area,
+                registers: None,
+                place: None,
+                plc: plc.clone(),
+                text: text.clone(),
+            })
             .collect::<Vec<_>>()
     };
     if blocks.is_empty() {
@@ -144,14 +155,21 @@ fn select(blocks: &[String]) -> Result<Vec<Selection>, CliError> {
         selections.push(if name.starts_with('%') {
             let address: Address = name.parse()?;
             let area = DEVICE.area_at(address)?;
-            Selection { area, registers: Some(without_twins(DEVICE.registers_at(address, None)?)), plc, text }
+            if area.structures.is_empty() {
+                Selection { area, registers: None, place: Some(address), plc, text }
+            } else {
+                let registers = Some(without_twins(DEVICE.registers_at(address, None)?));
+                Selection { area, registers, place: None, plc, text }
+            }
+        } else if name == RETAIN_AREA.name {
+            Selection { area: &RETAIN_AREA, registers: None, place: None, plc, text }
         } else if name.contains('.') {
             let registers = DEVICE.registers(name)?;
             let area = registers.first().map(|register| register.area);
             let area = area.map_or_else(|| DEVICE.area(name), Ok)?;
-            Selection { area, registers: Some(registers), plc, text }
+            Selection { area, registers: Some(registers), place: None, plc, text }
         } else {
-            Selection { area: DEVICE.area(name)?, registers: None, plc, text }
+            Selection { area: DEVICE.area(name)?, registers: None, place: None, plc, text }
         });
     }
     Ok(selections)
@@ -161,6 +179,8 @@ fn select(blocks: &[String]) -> Result<Vec<Selection>, CliError> {
 struct Part<'a> {
     plc: u16,
     selection: &'a Selection,
+    /// The bytes that are read, in segment 3.
+    bytes: Range<u32>,
 }
 
 fn parts<'a>(session: &Session, selections: &'a [Selection]) -> Result<Vec<Part<'a>>, CliError> {
@@ -169,10 +189,12 @@ fn parts<'a>(session: &Session, selections: &'a [Selection]) -> Result<Vec<Part<
         let everything = selection.text.is_empty() && selection.plc.is_none();
         if everything {
             let plcs = 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX);
-            parts.extend(plcs.map(|plc| Part { plc, selection }));
+            for plc in plcs {
+                parts.push(Part { plc, selection, bytes: selection.bytes(session, plc)? });
+            }
         } else {
             let plc = session.plc(selection.plc.as_deref(), &selection.text)?;
-            parts.push(Part { plc, selection });
+            parts.push(Part { plc, selection, bytes: selection.bytes(session, plc)? });
         }
     }
     // One PLC after the other, each in the order of the addresses or of the arguments.
@@ -180,21 +202,28 @@ fn parts<'a>(session: &Session, selections: &'a [Selection]) -> Result<Vec<Part<
     Ok(parts)
 }
 
-impl Part<'_> {
-    /// Bytes of the area that are of interest: all of plain RAM, else as far as there are registers.
-    fn len(&self) -> u32 {
-        let area = self.selection.area;
-        area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(area.bytes)
-    }
-
-    fn reads(&self) -> Vec<Read> {
-        let (first, len) = (self.selection.area.first, self.len());
-        let block = |start: u32| Read::Block {
-            plc: self.plc,
-            offset: first + start,
-            len: MAX_BLOCK.min(len - start),
+impl Selection {
+    /// The bytes that are of interest: all of plain RAM, else as far as there are registers.
+    fn bytes(&self, session: &Session, plc: u16) -> Result<Range<u32>, CliError> {
+        let area = self.area;
+        if let Some(place) = self.place {
+            return Ok(place.offset()..place.offset() + place.width().bytes());
+        }
+        let described = area.structures.iter().map(|placed| placed.structure.bytes).max();
+        let len = match described {
+            Some(bytes) => bytes,
+            None if is_flag(area.first) => session.retain_bytes(plc)?,
+            None => area.bytes,
         };
-        (0..len).step_by(MAX_BLOCK as usize).map(block).collect()
+        Ok(area.first..area.first + len)
+    }
+}
+
+impl Part<'_> {
+    fn reads(&self) -> Vec<Read> {
+        let Range { start, end } = self.bytes;
+        let block = |offset: u32| Read::Block { plc: self.plc, offset, len: MAX_BLOCK.min(end - offset) };
+        (start..end).step_by(MAX_BLOCK as usize).map(block).collect()
     }
 }
 
@@ -202,6 +231,7 @@ fn views<'a>(session: &Session, parts: &[Part<'a>], snapshot: &'a Snapshot) -> V
     let mut blocks = snapshot.data.iter();
     let view = |part: &Part<'a>| View {
         selection: part.selection,
+        first: part.bytes.start,
         bytes: blocks.by_ref().take(part.reads().len()).flatten().copied().collect(),
         prefix: session.prefix(part.plc),
         plc: session.plcs().get(usize::from(part.plc)).cloned().unwrap_or_default(),
@@ -214,6 +244,8 @@ fn views<'a>(session: &Session, parts: &[Part<'a>], snapshot: &'a Snapshot) -> V
 /// A selection with the bytes of its area.
 struct View<'a> {
     selection: &'a Selection,
+    /// Where the bytes begin, in segment 3.
+    first: u32,
     bytes: Vec<u8>,
     plc: String,
     prefix: String,
@@ -232,7 +264,7 @@ impl View<'_> {
 
     /// The register or memory of `len` bytes at `offset` of segment 3.
     fn value(&self, offset: u32, len: u32) -> u32 {
-        let start = (offset - self.area().first) as usize;
+        let start = (offset - self.first) as usize;
         number(self.bytes.get(start..start + len as usize).unwrap_or_default())
     }
 
@@ -279,13 +311,18 @@ impl View<'_> {
         }
     }
 
-    /// Plain RAM, as doublewords.
+    /// Plain RAM, as doublewords, or a single place of it.
     fn plain(&self) -> Vec<DumpRow> {
-        let offsets = (self.area().first..=self.area().last()).step_by(4);
+        let width = self.selection.place.map_or(Width::Dword, Address::width);
+        let ty = match width {
+            Width::Byte => RegType::Byte,
+            Width::Word => RegType::Word,
+            Width::Dword => RegType::Dword,
+        };
+        let offsets = (self.first..).step_by(width.bytes() as usize);
         let row = |offset| {
-            let value = self.value(offset, 4);
-            let address = Address::new(Width::Dword, offset).unwrap_or(Address::byte(offset)).to_string();
-            let ty = RegType::Dword;
+            let value = self.value(offset, width.bytes());
+            let address = width.at(offset).to_string();
             let holding = Holding {
                 time_us: self.snapshot.time_us,
                 plc: self.plc.clone(),
@@ -295,11 +332,12 @@ impl View<'_> {
                 value: ty.number(value),
                 hex: format_value(ty, value),
                 meaning: format!("plain RAM of {}", self.area().name),
-                forced: self.forced(offset, 4),
+                forced: self.forced(offset, width.bytes()),
             };
-            DumpRow { holding, differs: value != 0 }
+            // A place that was named is shown whatever it holds.
+            DumpRow { holding, differs: value != 0 || self.selection.place.is_some() }
         };
-        offsets.map(row).collect()
+        offsets.take(self.bytes.len() / width.bytes() as usize).map(row).collect()
     }
 }
 

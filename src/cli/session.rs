@@ -158,6 +158,16 @@ impl Session {
         plc_prefix(&self.plcs, plc)
     }
 
+    /// How many retain flags PLC `plc` has, in bytes.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub fn retain_bytes(&self, plc: u16) -> Result<u32, CliError> {
+        let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
+        let image = Image::attach(&self.instance, name, AttachMode::ReadOnly, Some(LAYOUT_HASH))?;
+        Ok(image.header_snapshot().retain_size.load())
+    }
+
     /// Reads everything at once.
     ///
     /// # Errors
@@ -364,7 +374,7 @@ pub fn dead(images: &[ImageInfo]) -> Option<u32> {
 
 fn board_of(image: &Attached) -> BoardState {
     let header = image.header_snapshot();
-    BoardState::of(&header.board, &header.program)
+    BoardState::of(&header)
 }
 
 fn read_images(images: &[Attached], reads: &[Read]) -> Result<Snapshot, CliError> {

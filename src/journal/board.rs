@@ -1,6 +1,6 @@
 //! What the journal tells about boards.
 
-use crate::memory::header::{InterruptResult, OptInitResult, RunSwitch, SeatState, Start};
+use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, SeatState, Start};
 use std::net::Ipv4Addr;
 
 /// Something that happened on a board.
@@ -22,6 +22,11 @@ pub enum BoardEvent {
     Start {
         /// How.
         kind: Start,
+    },
+    /// A project was loaded, or the one that was loaded is deleted.
+    Project {
+        /// Which.
+        project: Project,
     },
     /// A start was asked for that is not possible: the switch is not at RUN, or there is no program or no such start.
     StartRefused {
@@ -105,6 +110,7 @@ impl BoardEvent {
             BoardEvent::AddressStored { config, address } => (10, address_words(config, address)),
             BoardEvent::AddressRefused { config, address } => (11, address_words(config, address)),
             BoardEvent::NoAddress { config, address } => (12, address_words(config, address)),
+            BoardEvent::Project { project } => (13, project.code().into()),
         }
     }
 
@@ -134,6 +140,7 @@ impl BoardEvent {
             10 => BoardEvent::AddressStored { config, address },
             11 => BoardEvent::AddressRefused { config, address },
             12 => BoardEvent::NoAddress { config, address },
+            13 => BoardEvent::Project { project: Project::from_code(code)? },
             _ => return None,
         })
     }
@@ -145,6 +152,7 @@ impl BoardEvent {
             BoardEvent::Down => "down",
             BoardEvent::Switch { .. } => "switch",
             BoardEvent::Start { .. } => "start",
+            BoardEvent::Project { .. } => "project",
             BoardEvent::StartRefused { .. } => "start_refused",
             BoardEvent::Interrupt { .. } => "intr_set",
             BoardEvent::Triggers { .. } => "opt_init",
@@ -164,6 +172,9 @@ impl BoardEvent {
             BoardEvent::Switch { to } => format!("switch at {}", format!("{to:?}").to_uppercase()),
             BoardEvent::Start { kind: Start::Stop } => "program is to stop".to_owned(),
             BoardEvent::Start { kind } => format!("program is to start, {} start", lower(kind)),
+            BoardEvent::Project { project: Project::None } => "project deleted".to_owned(),
+            BoardEvent::Project { project: Project::Boot } => "boot project loaded".to_owned(),
+            BoardEvent::Project { project: Project::Sent } => "project sent".to_owned(),
             BoardEvent::StartRefused { code } => {
                 let kind = Start::from_code(code.into()).map_or_else(|| format!("number {code}"), lower);
                 format!("start refused ({kind}): it needs a program and the switch at RUN")

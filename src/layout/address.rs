@@ -1,6 +1,8 @@
-//! Addresses in IEC 61131-3 notation: `%MB3.n`, `%MW3.n`, `%MD3.n`, `%MX3.n.b`.
+//! Addresses in IEC 61131-3 notation: `%MB3.n`, `%MW3.n`, `%MD3.n`, `%MX3.n.b`; retain flags `%MBn`, `%MWn`, `%MDn`,
+//! `%MXn.b` with n from 10000000 on.
 
 use super::error::LayoutError;
+use super::flags::{self, FIRST_FLAG, MOST_RETAIN, RETAIN_OFFSET};
 use super::width::Width;
 use core::fmt;
 use core::str::FromStr;
@@ -9,12 +11,15 @@ use core::str::FromStr;
 const SEGMENT: u32 = 3;
 
 /// A place in segment 3, with the width of the access: prints as `%MB3.n`, `%MW3.n`, `%MD3.n`, or
-/// `%MX3.n.b` for a single bit. The number is always the byte's, whatever the width.
+/// `%MX3.n.b` for a single bit. The number is always the byte's, whatever the width. Of the retain flags it prints the
+/// flag, `%MB10000000`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address {
     offset: u32,
     width: Width,
     bit: Option<u8>,
+    /// A retain flag, not a byte of segment 3.
+    is_flag: bool,
 }
 
 impl Address {
@@ -33,7 +38,7 @@ impl Address {
 
     /// As [`Address::new`] without the check, also for what was refused.
     pub(super) const fn unchecked(width: Width, offset: u32) -> Self {
-        Self { offset, width, bit: None }
+        Self { offset, width, bit: None, is_flag: flags::is_flag(offset) }
     }
 
     /// The byte with number `offset`.
@@ -42,7 +47,13 @@ impl Address {
         Self::unchecked(Width::Byte, offset)
     }
 
-    /// Number of the first byte in the segment.
+    /// Whether it is that of a retain flag.
+    #[must_use]
+    pub const fn is_flag(self) -> bool {
+        self.is_flag
+    }
+
+    /// Number of the first byte in the segment; of a retain flag its place in the image, where segment 3 has nothing.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
@@ -63,12 +74,16 @@ impl Address {
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let offset = self.offset;
+        let number = if self.is_flag {
+            (self.offset - RETAIN_OFFSET + FIRST_FLAG).to_string()
+        } else {
+            format!("{SEGMENT}.{}", self.offset)
+        };
         let text = match (self.bit, self.width) {
-            (Some(bit), _) => format!("%MX{SEGMENT}.{offset}.{bit}"),
-            (None, Width::Byte) => format!("%MB{SEGMENT}.{offset}"),
-            (None, Width::Word) => format!("%MW{SEGMENT}.{offset}"),
-            (None, Width::Dword) => format!("%MD{SEGMENT}.{offset}"),
+            (Some(bit), _) => format!("%MX{number}.{bit}"),
+            (None, Width::Byte) => format!("%MB{number}"),
+            (None, Width::Word) => format!("%MW{number}"),
+            (None, Width::Dword) => format!("%MD{number}"),
         };
         f.pad(&text)
     }
@@ -91,16 +106,26 @@ impl FromStr for Address {
         };
         let mut numbers = rest.split('.').map(number);
         let segment = numbers.next().flatten().ok_or_else(wrong)?;
-        let Some(offset) = numbers.next() else {
-            // `%MB80000`: the flags of the application, no segment.
-            return Err(LayoutError::Segment { text: text.to_owned(), found: "the flags".to_owned() });
+        let is_flag = segment >= FIRST_FLAG;
+        let offset = if is_flag {
+            // The number of a retain flag stands alone.
+            let flag = segment - FIRST_FLAG;
+            if flag >= MOST_RETAIN {
+                return Err(LayoutError::NoFlag { text: text.to_owned() });
+            }
+            RETAIN_OFFSET + flag
+        } else {
+            let Some(offset) = numbers.next() else {
+                // `%MB80000`: the flags of the application, no segment.
+                return Err(LayoutError::Segment { text: text.to_owned(), found: "the flags".to_owned() });
+            };
+            offset.ok_or_else(wrong)?
         };
-        let offset = offset.ok_or_else(wrong)?;
         let bit = numbers.next();
         if numbers.next().is_some() {
             return Err(wrong());
         }
-        if segment != SEGMENT {
+        if !is_flag && segment != SEGMENT {
             return Err(LayoutError::Segment { text: text.to_owned(), found: format!("segment {segment}") });
         }
         let bit = match (single_bit, bit) {
@@ -111,7 +136,14 @@ impl FromStr for Address {
             (false, None) => None,
             _ => return Err(wrong()),
         };
-        Ok(Address { bit, ..Address::new(width, offset)? })
+        let address = Address { bit: None, is_flag, ..Address::unchecked(width, offset) };
+        if !offset.is_multiple_of(width.bytes()) {
+            return Err(LayoutError::Misaligned {
+                address: address.to_string(),
+                rule: width.alignment_rule(),
+            });
+        }
+        Ok(Address { bit, ..address })
     }
 }
 
@@ -135,6 +167,37 @@ mod tests {
             assert_eq!(parse(&text.to_lowercase()).unwrap().to_string(), text);
         }
         assert_eq!(parse("%MX3.5.2").unwrap().bit(), Some(2));
+    }
+
+    #[test]
+    fn retain_flags_have_addresses_of_their_own() {
+        for (text, offset) in [
+            ("%MB10000000", 8192),
+            ("%MW10000002", 8194),
+            ("%MD10019996", 28_188),
+            ("%MX10000001.7", 8193),
+            ("%MB10071807", 79_999),
+        ] {
+            let address = parse(text).unwrap();
+            assert_eq!(
+                (address.to_string().as_str(), address.offset(), address.is_flag()),
+                (text, offset, true)
+            );
+        }
+        assert_eq!(Address::byte(8193).to_string(), "%MB10000001", "the byte of the image");
+        assert_eq!(Address::byte(80_000).to_string(), "%MB3.80000");
+        let nowhere = parse("%MB3.8192").unwrap();
+        assert_eq!((nowhere.to_string().as_str(), nowhere.is_flag()), ("%MB3.8192", false));
+        let message = |text| parse(text).unwrap_err().to_string();
+        assert_eq!(message("%MW10000001"), "%MW10000001: a WORD needs an even address");
+        assert_eq!(
+            message("%MB10071808"),
+            "%MB10071808: retain flags are %MB10000000 to %MB10071807 at most"
+        );
+        assert_eq!(message("%MX10000000.8"), "%MX10000000.8: a byte has bits 0 to 7, not 8");
+        for text in ["%MX10000000", "%MB10000000.1", "%MX10000000.1.1"] {
+            assert!(matches!(parse(text), Err(LayoutError::BadAddress { .. })), "{text}");
+        }
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! What can be wrong with an address or a register name.
 
+use super::flags::{FIRST_FLAG, MOST_RETAIN};
+
 /// An address or a register name that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
@@ -24,6 +26,12 @@ pub enum LayoutError {
         text: String,
         /// Where it lies.
         found: String,
+    },
+    /// A retain flag that no plant can have.
+    #[error("{text}: retain flags are %MB{} to %MB{} at most", FIRST_FLAG, FIRST_FLAG + MOST_RETAIN - 1)]
+    NoFlag {
+        /// As given.
+        text: String,
     },
     /// An address that is not divisible by the access width.
     #[error("{address}: {rule}")]

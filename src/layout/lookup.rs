@@ -3,6 +3,7 @@
 use super::address::Address;
 use super::descriptor::{Area, Device, Live};
 use super::error::LayoutError;
+use super::flags::RETAIN_AREA;
 use super::name::split_plc;
 use super::register::RegisterRef;
 
@@ -42,11 +43,14 @@ impl Device {
         self.areas.last().map_or(0, |area| area.last() + 1)
     }
 
-    /// The area that `address` lies in.
+    /// The area that `address` lies in; of a retain flag [`RETAIN_AREA`].
     ///
     /// # Errors
     /// [`LayoutError::NoArea`] with the areas around.
     pub fn area_at(&'static self, address: Address) -> Result<&'static Area, LayoutError> {
+        if address.is_flag() {
+            return Ok(&RETAIN_AREA);
+        }
         let offset = address.offset();
         if let Some(area) = self.areas.iter().find(|area| area.contains(offset)) {
             return Ok(area);

@@ -18,6 +18,7 @@ mod address;
 mod decode;
 mod descriptor;
 mod error;
+pub mod flags;
 mod iter;
 mod lookup;
 mod name;

@@ -18,15 +18,17 @@ pub struct Codes {
 }
 
 /// All of them.
-pub const CODES: [Codes; 9] = [
+pub const CODES: [Codes; 11] = [
     State::CODES,
     ClockMode::CODES,
     RunSwitch::CODES,
     ProgramState::CODES,
+    Project::CODES,
     Start::CODES,
     Power::CODES,
     InterruptResult::CODES,
     OptInitResult::CODES,
+    InitialFlagResult::CODES,
     SeatState::CODES,
 ];
 
@@ -147,6 +149,7 @@ described! {
     Interrupt => Kind::Struct(&Interrupt::STRUCT),
     TimerSetup => Kind::Struct(&TimerSetup::STRUCT),
     OptInit => Kind::Struct(&OptInit::STRUCT),
+    InitialFlag => Kind::Struct(&InitialFlag::STRUCT),
     Seat => Kind::Struct(&Seat::STRUCT),
     Board => Kind::Struct(&Board::STRUCT),
     Program => Kind::Struct(&Program::STRUCT),

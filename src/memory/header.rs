@@ -8,15 +8,18 @@ mod codes;
 mod board;
 mod board_words;
 mod events;
+mod initial_flag;
 mod lockstep;
 
-pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, RunSwitch, Start};
+pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, Project, RunSwitch, Start};
 pub use board_words::{BoardWordError, BoardWords};
 pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
+pub use initial_flag::{InitialFlag, InitialFlagResult};
 pub use lockstep::{Seat, SeatState};
 
 use super::contract::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
+use crate::layout::flags;
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Length of the header page in bytes.
@@ -32,9 +35,9 @@ pub const TRIGGERS: usize = 3;
 /// Tasks of one PLC that can take part in lockstep at the same time.
 pub const SEATS: usize = 8;
 /// Where the retain flags lie in the segment: `%MB10000000` is byte 8192 (decision D-194).
-pub const RETAIN_OFFSET: usize = 8192;
-/// Length of the retain flag area, `%MB10000000` to `%MB10019999` (manual 5.00005.03a p. 41).
-pub const RETAIN_SIZE: usize = 20_000;
+pub const RETAIN_OFFSET: usize = flags::RETAIN_OFFSET as usize;
+/// Number of retain flags in bytes unless the plant file says otherwise.
+pub const RETAIN_SIZE: usize = flags::RETAIN_SIZE as usize;
 /// Length of the instance's and the PLC's name field in bytes, with the terminating zero.
 pub const NAME_LENGTH: usize = 32;
 /// Length of the device name field in bytes, with the terminating zero.
@@ -99,7 +102,7 @@ pub struct Header {
     /// What the PLC program does, its starts, and the power switch.
     pub program: Program,
     /// Counted up by clients after each request in [`Header::interrupts`], [`Header::opt_init`],
-    /// [`Header::lockstep`] or [`Program::start_request`].
+    /// [`Header::initial_flag`], [`Header::project_request`], [`Header::lockstep`] or [`Program::start_request`].
     pub board_requests: Cell32,
     /// Cycles of the cyclic task since the last cold or warm start, the present one included; counted by the PLC, 0 if
     /// it does not.
@@ -114,8 +117,14 @@ pub struct Header {
     /// Counted up by whoever has stored 16#0000 in `w_CPU_CONTROL` of CANsync node 1 or node 2, wrapping: it is a
     /// restart then, even if 16#0000 stood there already (decision D-29).
     pub restarts_written: [Cell32; 2],
+    /// Initial values of retain flags, which a cold start gives them.
+    pub initial_flag: InitialFlag,
+    /// What shall be loaded: the number of a [`Project`] plus 1; the firmware sets it back to 0.
+    pub project_request: Cell32,
+    /// The [`Project`] that is loaded, told by the firmware.
+    pub project: Cell32,
     /// Zero.
-    pub reserved_784: [Cell32; 12],
+    pub reserved_816: [Cell32; 4],
     /// Pulses on trigger 1, trigger 2 and trigger controller, as routed by `OPT_INIT`.
     pub triggers: [EventSlot; TRIGGERS],
     /// Pulses of board timer A and B.
@@ -145,12 +154,13 @@ publish! { Header:
     256 => channel_reply, 264 => reserved_264, 320 => events, 576 => instance, 608 => plc,
     640 => device, 704 => board, 720 => program, 752 => board_requests, 756 => program_cycles,
     760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => restarts_written,
-    784 => reserved_784, 832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
+    784 => initial_flag, 808 => project_request,
+    812 => project, 816 => reserved_816, 832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
     1280 => lockstep, 1792 => reserved_1792,
 }
 const _: () = assert!(size_of::<Header>() == HEADER_SIZE);
-// The retain flags lie between the header page and the first area of the device.
-const _: () = assert!(RETAIN_OFFSET >= HEADER_SIZE && RETAIN_OFFSET + RETAIN_SIZE <= 80_000);
+// The retain flags lie behind the header page.
+const _: () = assert!(RETAIN_OFFSET >= HEADER_SIZE);
 
 codes! {
     /// What the emulator behind an image is doing.
@@ -195,12 +205,15 @@ impl Header {
         self.program.clear();
         self.interrupts.iter().for_each(Interrupt::clear);
         self.opt_init.clear();
+        self.initial_flag.clear();
+        self.project.store(Project::None.code());
+        self.project_request.store(0);
         self.lockstep.iter().for_each(Seat::clear);
         let pulses = self.events.iter().chain(&self.triggers).chain(&self.timers);
         pulses.for_each(|slot| slot.time_us.store(0));
         self.real_epoch_ns.store(0);
-        self.retain_offset.store(RETAIN_OFFSET as u32);
-        self.retain_size.store(RETAIN_SIZE as u32);
+        self.retain_offset.store(flags::RETAIN_OFFSET);
+        self.retain_size.store(flags::RETAIN_SIZE);
     }
 
     /// Tells the emulator that a request was stored.

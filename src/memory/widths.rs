@@ -1,6 +1,7 @@
 //! Accesses of any width: how they meet the registers, each of which has just one.
 
 use super::{MemoryError, Segment, Width};
+use crate::layout::flags::{RETAIN, is_flag};
 use crate::layout::omega_drive_line_2::DEVICE;
 
 /// No register area covers an address.
@@ -60,23 +61,31 @@ impl RegisterWidths {
             }
             AreaWidths { first: area.first, bytes, end: area.first + area.bytes }
         });
-        RegisterWidths { areas: areas.collect() }
+        let flags = AreaWidths { first: RETAIN.start, bytes: Vec::new(), end: RETAIN.end };
+        RegisterWidths { areas: core::iter::once(flags).chain(areas).collect() }
     }
 
-    /// The area that holds all of `offset .. offset + len`; otherwise the first byte that has none.
-    fn area(&self, offset: u32, len: u32) -> Result<&AreaWidths, Unmapped> {
+    /// The area that holds all of `offset .. offset + len`; otherwise the first byte that has none. A PLC has as many
+    /// retain flags as its header page says.
+    fn area(&self, segment: &Segment, offset: u32, len: u32) -> Result<&AreaWidths, Unmapped> {
         let area = self
             .areas
             .iter()
             .find(|area| (area.first..area.end).contains(&offset))
             .ok_or(Unmapped { offset })?;
-        if len > area.end - offset { Err(Unmapped { offset: area.end }) } else { Ok(area) }
+        let end = if is_flag(offset) { retain_end(segment).min(area.end).max(offset) } else { area.end };
+        if len > end - offset { Err(Unmapped { offset: end }) } else { Ok(area) }
     }
 
     /// Splits an access into parts that lie within one register each, in ascending order.
-    fn parts(&self, offset: u32, width: Width) -> Result<impl Iterator<Item = Part>, Unmapped> {
+    fn parts(
+        &self,
+        segment: &Segment,
+        offset: u32,
+        width: Width,
+    ) -> Result<impl Iterator<Item = Part>, Unmapped> {
         let end = offset + width.bytes();
-        let area = self.area(offset, width.bytes())?;
+        let area = self.area(segment, offset, width.bytes())?;
         let mut at = offset;
         Ok(core::iter::from_fn(move || {
             if at >= end {
@@ -94,7 +103,7 @@ impl RegisterWidths {
     /// No register area covers the access.
     pub fn load(&self, segment: &Segment, offset: u32, width: Width) -> Result<u32, Unmapped> {
         let mut value = 0;
-        for part in self.parts(offset, width)? {
+        for part in self.parts(segment, offset, width)? {
             let bits = load_part(segment, part).map_err(|_| Unmapped { offset })?;
             value |= bits << ((part.offset - offset) * 8);
         }
@@ -106,7 +115,7 @@ impl RegisterWidths {
     /// # Errors
     /// No register area covers the access.
     pub fn store(&self, segment: &Segment, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
-        for part in self.parts(offset, width)? {
+        for part in self.parts(segment, offset, width)? {
             let bits = value >> ((part.offset - offset) * 8) & mask(part.bytes);
             store_part(segment, part, bits).map_err(|_| Unmapped { offset })?;
         }
@@ -126,7 +135,7 @@ impl RegisterWidths {
         new: u32,
     ) -> Result<Result<u32, u32>, Unmapped> {
         let missing = Unmapped { offset };
-        let mut parts = self.parts(offset, width)?;
+        let mut parts = self.parts(segment, offset, width)?;
         let first = parts.next().ok_or(missing)?;
         if parts.next().is_none() {
             return exchange_part(segment, first, current, new).map_err(|_| missing);
@@ -148,7 +157,7 @@ impl RegisterWidths {
     pub fn read_range(&self, segment: &Segment, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
         let missing = Unmapped { offset };
         let len = u32::try_from(to.len()).map_err(|_| missing)?;
-        self.area(offset, len)?;
+        self.area(segment, offset, len)?;
         segment.read_range(offset, to).map_err(|_| missing)
     }
 }
@@ -167,6 +176,12 @@ impl AreaWidths {
         let bytes = (register_width.bytes() - place).min(end - at);
         Part { offset: at, bytes, register: (at - place, register_width) }
     }
+}
+
+/// One past the last retain flag of a PLC.
+fn retain_end(segment: &Segment) -> u32 {
+    let bytes = segment.header().map_or(0, |header| header.retain_size.load());
+    RETAIN.start.saturating_add(bytes)
 }
 
 /// Reads `bytes` bytes at `offset` out of the register they lie in.
@@ -212,7 +227,7 @@ mod tests {
     use super::*;
 
     fn parts(offset: u32, width: Width) -> Vec<Part> {
-        RegisterWidths::of_device().parts(offset, width).unwrap().collect()
+        RegisterWidths::of_device().parts(&Segment::heap(), offset, width).unwrap().collect()
     }
 
     #[test]
@@ -253,9 +268,23 @@ mod tests {
 
     #[test]
     fn holes_are_named() {
-        let map = RegisterWidths::of_device();
-        assert_eq!(map.area(79_999, 1).err(), Some(Unmapped { offset: 79_999 }));
-        assert_eq!(map.area(88_190, 4).err(), Some(Unmapped { offset: 88_192 }));
-        assert!(map.area(88_190, 2).is_ok());
+        let (map, segment) = (RegisterWidths::of_device(), Segment::heap());
+        assert_eq!(map.area(&segment, 8191, 1).err(), Some(Unmapped { offset: 8191 }));
+        assert_eq!(map.area(&segment, 88_190, 4).err(), Some(Unmapped { offset: 88_192 }));
+        assert!(map.area(&segment, 88_190, 2).is_ok());
+    }
+
+    #[test]
+    fn a_plc_has_as_many_retain_flags_as_its_header_page_says() {
+        let (map, segment) = (RegisterWidths::of_device(), Segment::heap());
+        for (bytes, end) in [(0, 8192), (20_000, 28_192), (71_808, 80_000), (u32::MAX, 80_000)] {
+            segment.header().unwrap().retain_size.store(bytes);
+            assert_eq!(map.store(&segment, 8192, Width::Dword, 7).is_ok(), bytes != 0);
+            assert_eq!(map.load(&segment, end - 4, Width::Dword).is_ok(), bytes != 0);
+            assert!(map.read_range(&segment, 8192, &mut vec![0; (end - 8192) as usize]).is_ok());
+            if end < 80_000 {
+                assert_eq!(map.load(&segment, end, Width::Byte), Err(Unmapped { offset: end }));
+            }
+        }
     }
 }

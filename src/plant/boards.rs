@@ -75,11 +75,4 @@ impl Plant {
     pub fn take_fired(&mut self, plc: usize) -> u16 {
         self.plcs.get_mut(plc).map_or(0, |plc| plc.board.take_fired())
     }
-
-    /// NOVRAM has kept the retain flags of a PLC: the first start of its program is a warm start.
-    pub fn retain_was_kept(&mut self, plc: usize) {
-        if let Some(plc) = self.plcs.get_mut(plc) {
-            plc.board.retain_was_kept();
-        }
-    }
 }

@@ -1,10 +1,12 @@
 //! The plant file: which PLCs, buses and drives there are.
 
 mod bus;
+mod plc;
 
 pub use bus::BusConfig;
+pub use plc::{PlcConfig, ProjectConfig};
 
-use crate::drive::{BuiltInDriveConfig, DriveError};
+use crate::drive::DriveError;
 use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
 use serde::Deserialize;
@@ -36,45 +38,8 @@ pub struct PlantConfig {
     pub faults: Vec<FaultSpec>,
 }
 
-/// A PLC of the plant file.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PlcConfig {
-    /// Name, unique among the PLCs: 1 to 31 characters of `A-Z a-z 0-9 _ -`.
-    pub name: String,
-    /// DIP switch S33, 0..=31: the slave number of node 1.
-    #[serde(default)]
-    pub dip: u8,
-    /// Name of the bus at node 1, on which this PLC is a slave.
-    pub node1: Option<String>,
-    /// Name of the bus at node 2, of which this PLC is the master.
-    pub node2: Option<String>,
-    /// Emulated time that node 1 needs to lock to the SYNC signal, in us (default 1 s; D-07).
-    #[serde(default = "default_lock_time")]
-    pub lock_time_us: u64,
-    /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
-    /// ([`SyncLock`](crate::bus::SyncLock)).
-    pub sync_loss_us: Option<u64>,
-    /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
-    pub option_sync_us: Option<u32>,
-    /// The drive behind the BAPS.
-    #[serde(default)]
-    pub drive: BuiltInDriveConfig,
-    /// Speed of the Ethernet link in Mbit/s: 100 (default), 10, or 0 for no link.
-    #[serde(default = "default_ethernet_mbit")]
-    pub ethernet_mbit: u16,
-}
-
 fn default_cycle() -> u32 {
     500
-}
-
-fn default_lock_time() -> u64 {
-    1_000_000
-}
-
-fn default_ethernet_mbit() -> u16 {
-    100
 }
 
 /// What can be wrong with a plant file.
@@ -225,22 +190,7 @@ impl PlantConfig {
         check_names("bus", self.buses.iter().map(|bus| bus.name.as_str()))?;
         check_names("drive", self.buses.iter().flat_map(|bus| &bus.drives).map(|drive| drive.name.as_str()))?;
         for plc in &self.plcs {
-            range("dip", &plc.name, plc.dip.into(), 0..=31, "0 to 31")?;
-            for (what, us) in [
-                ("lock_time_us", plc.lock_time_us),
-                ("drive.lock_time_us", plc.drive.lock_time_us),
-                ("drive.service_time_us", plc.drive.service_time_us),
-            ] {
-                range(what, &plc.name, us, 0..=HOUR_US, "at most one hour")?;
-            }
-            sync_loss("sync_loss_us", &plc.name, plc.sync_loss_us)?;
-            sync_loss("drive.sync_loss_us", &plc.name, plc.drive.sync_loss_us)?;
-            let sync = plc.option_sync_us.map_or(50, u64::from);
-            range("option_sync_us", &plc.name, sync, 50..=1_000_000, "50 to 1000000")?;
-            if ![0, 10, 100].contains(&plc.ethernet_mbit) {
-                let (name, value) = (plc.name.clone(), plc.ethernet_mbit.into());
-                return Err(PlantError::Range { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
-            }
+            plc.check()?;
             self.check_nodes(plc)?;
         }
         for drive in self.buses.iter().flat_map(|bus| &bus.drives) {
@@ -249,6 +199,11 @@ impl PlantConfig {
         }
         self.buses.iter().try_for_each(|bus| self.check_bus(bus))?;
         self.resolved_faults().map(|_| ())
+    }
+
+    /// How many retain flags the PLC of this name has, in bytes; 0 if there is none.
+    pub fn retain_bytes(&self, plc: &str) -> u32 {
+        self.plcs.iter().find(|config| config.name == plc).map_or(0, |config| config.retain_bytes)
     }
 
     /// The faults of the file, checked.
@@ -409,6 +364,11 @@ mod tests {
             (format!("{plc}{plc}"), "there are two PLCs named 'p'"),
             (format!("{plc}dip = 32\n"), "dip of 'p' is 32; it must be 0 to 31"),
             (format!("{plc}option_sync_us = 49\n"), "option_sync_us of 'p' is 49; it must be 50 to 1000000"),
+            (
+                format!("{plc}retain_bytes = 71812\n"),
+                "retain_bytes of 'p' is 71812; it must be 4 to 71808 and divisible by 4",
+            ),
+            (format!("{plc}retain_bytes = 6\n"), "retain_bytes of 'p' is 6; it must be 4 to 71808"),
             (format!("{plc}ethernet_mbit = 1\n"), "ethernet_mbit of 'p' is 1; it must be 100, 10 or 0"),
             (
                 format!("{plc}node2 = 'x'\n{bus}"),

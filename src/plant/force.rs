@@ -68,6 +68,9 @@ impl Plant {
         let index = usize::from(plc);
         let target = self.plcs.get(index).ok_or(ForceError::NoSuchPlc)?;
         target.segment().load(offset, width)?;
+        if !target.has(offset, width) {
+            return Err(MemoryError::OutOfRange { address: width.at(offset) }.into());
+        }
         if !self.forces.set(forced) {
             return Err(ForceError::TooMany);
         }

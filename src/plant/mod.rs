@@ -13,7 +13,7 @@ mod injection;
 mod plc;
 
 pub use crate::firmware::board::Power;
-pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig};
+pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig, ProjectConfig};
 pub use force::{ForceError, Forced};
 pub use plc::Plc;
 

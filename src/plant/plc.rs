@@ -12,6 +12,7 @@ use crate::firmware::cansync::{Change, Master, Slave};
 use crate::firmware::ethernet::{Ethernet, Stored};
 use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::layout::Live;
+use crate::layout::flags::{RETAIN_OFFSET, is_flag};
 use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, MemoryError, Segment, View, Width};
@@ -49,6 +50,8 @@ impl Plc {
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         let header = segment.header()?;
         header.board.dip.store(u32::from(config.dip));
+        header.retain_offset.store(RETAIN_OFFSET);
+        header.retain_size.store(config.retain_bytes);
         Ok(Plc {
             name: config.name.clone(),
             lock,
@@ -56,7 +59,7 @@ impl Plc {
             slave: Slave::new(&segment, config.dip, lock)?,
             master: Master::new(&segment)?,
             baps: Baps::new(&segment, drive, &config.drive)?,
-            board: Board::new(&segment, config.option_sync_us)?,
+            board: Board::new(&segment, config.option_sync_us, config.project.into())?,
             ethernet: Ethernet::new(&segment, config.ethernet_mbit)?,
             watched: false,
             segment,
@@ -185,7 +188,7 @@ impl Plc {
 
     /// The board as it stands.
     pub fn board(&self) -> BoardState {
-        BoardState::of(&self.header.board, &self.header.program)
+        BoardState::of(&self.header)
     }
 
     /// Turns a switch in the header page or puts in a request, as a client does. The next look at the boards sees it.
@@ -197,6 +200,10 @@ impl Plc {
             BoardSetting::Power(power) => self.header.program.power.store(power.code()),
             BoardSetting::Start(start) => {
                 self.header.program.start_request.store(start.code());
+                self.header.board_requests.increment();
+            }
+            BoardSetting::Project(project) => {
+                self.header.project_request.store(project.code() + 1);
                 self.header.board_requests.increment();
             }
             BoardSetting::Reset | BoardSetting::PowerCycle => {}
@@ -213,6 +220,12 @@ impl Plc {
                 restarts.increment();
             }
         }
+    }
+
+    /// Whether an access in the right area meets something that this PLC has: it may have fewer retain flags than fit.
+    pub(super) fn has(&self, offset: u32, width: Width) -> bool {
+        let end = RETAIN_OFFSET.saturating_add(self.header.retain_size.load());
+        !is_flag(offset) || u64::from(offset) + u64::from(width.bytes()) <= end.into()
     }
 
     /// The communication RAM.

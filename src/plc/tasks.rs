@@ -101,6 +101,8 @@ pub struct Tasks<P: Program> {
     phase: Phase,
     /// Orders of the board seen so far.
     orders: u32,
+    /// Power-ons and resets of the board seen so far.
+    restarts: u32,
     /// When the start task or the cyclic task is due.
     next_us: u64,
 }
@@ -109,21 +111,30 @@ impl<P: Program> Tasks<P> {
     /// Loads a program with a cyclic task every `period` of emulated time and a task for each of the event
     /// numbers, which the program enables with [`INTR_SET`](super::INTR_SET).
     pub fn load(ram: &Ram, program: P, period: Duration, events: &[usize]) -> Self {
-        let board = ram.header().program.start.rings();
-        let state = &ram.header().program.state;
-        // After a program that has not ended in good order the board takes this one for the same.
-        if state.load() != ProgramState::None.code() {
-            ram.header().program.start_request.store(Start::Cold.code());
+        let header = ram.header();
+        let mut orders = header.program.start.rings();
+        match ProgramState::from_code(header.program.state.load()) {
+            Some(ProgramState::None) => {}
+            // The program of a project that is loaded: a start that was ordered before it came is still to be done.
+            Some(ProgramState::Stopped) => {
+                let kind = Start::from_code(header.program.start_kind.load());
+                if matches!(kind, Some(Start::Cold | Start::Warm | Start::Hot)) {
+                    orders = orders.wrapping_sub(1);
+                }
+            }
+            // After a program that has not ended in good order the board takes this one for the same.
+            _ => header.program.start_request.store(Start::Cold.code()),
         }
-        state.store(ProgramState::Stopped.code());
-        ram.header().submit_request();
+        header.program.state.store(ProgramState::Stopped.code());
+        header.submit_request();
         Tasks {
             ram: ram.clone(),
             program,
             period_us: u64::try_from(period.as_micros()).unwrap_or(u64::MAX).max(1),
             events: events.iter().map(|&number| (number, 0)).collect(),
             phase: Phase::Stopped,
-            orders: board,
+            orders,
+            restarts: header.program.restarts.load(),
             next_us: 0,
         }
     }
@@ -211,6 +222,12 @@ impl<P: Program> Tasks<P> {
     /// Does what the board orders.
     fn obey(&mut self) {
         let header = self.ram.header();
+        // A reset may be over before it is looked for.
+        let restarts = header.program.restarts.load();
+        if core::mem::replace(&mut self.restarts, restarts) != restarts && self.phase != Phase::Stopped {
+            self.enter(Phase::Stopped, ProgramState::Stopped);
+        }
+        let header = self.ram.header();
         let orders = header.program.start.rings();
         if core::mem::replace(&mut self.orders, orders) != orders {
             let now = self.ram.now_us();
@@ -236,7 +253,12 @@ impl<P: Program> Tasks<P> {
 
     fn enter(&mut self, phase: Phase, state: ProgramState) {
         self.phase = phase;
-        self.ram.header().program.state.store(state.code());
+        // 0 says that the project is gone; it stays so until one is loaded.
+        self.ram
+            .header()
+            .program
+            .state
+            .update(|now| if now == ProgramState::None.code() { now } else { state.code() });
         self.ram.header().submit_request();
     }
 

@@ -136,8 +136,7 @@ impl Emulator {
         let mut images = Vec::with_capacity(config.plcs.len());
         let mut directory = None;
         let mut novram = Vec::new();
-        let mut warm = Vec::new();
-        let mut plant = Plant::new(config, |plc| {
+        let plant = Plant::new(config, |plc| {
             let image = Image::create(&options.instance, plc, &spec)?;
             let segment = image.segment().clone();
             images.push(image);
@@ -147,18 +146,14 @@ impl Emulator {
                     Some(directory) => directory,
                     none => none.insert(Directory::open(path)?),
                 };
-                let (content, found) = Novram::power_on(directory, plc, &segment)?;
+                let (content, found) = Novram::power_on(directory, plc, &segment, config.retain_bytes(plc))?;
                 if let Found::SetAside(path) = &found {
                     tracing::warn!("damaged NOVRAM of {plc}: kept as {}", path.display());
                 }
-                warm.push(found == Found::Content { retain: true });
                 novram.push(content);
             }
             Ok::<_, RuntimeError>(segment)
         })?;
-        for (plc, _) in warm.iter().enumerate().filter(|(_, warm)| **warm) {
-            plant.retain_was_kept(plc);
-        }
         #[cfg(feature = "channel")]
         let server = Self::open_channel(&options.instance, &images);
         #[cfg(feature = "channel")]

@@ -21,8 +21,8 @@ pub use error::NovramError;
 pub use writer::Keeper;
 
 use crate::firmware::ethernet::Stored;
+use crate::layout::flags::RETAIN_OFFSET;
 use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
-use crate::memory::header::{RETAIN_OFFSET, RETAIN_SIZE};
 use crate::memory::{Segment, Width};
 use file::{Content, ETHERNET_SIZE};
 use std::path::PathBuf;
@@ -56,7 +56,7 @@ pub struct Novram {
 }
 
 impl Novram {
-    /// Restores the NOVRAM of PLC `plc` from `directory`. The PLC's firmware must not have started yet.
+    /// Restores the NOVRAM of PLC `plc`, with so many retain flags, from `directory`. The PLC's firmware must not have started yet.
     ///
     /// # Errors
     /// [`NovramError`] if the file cannot be read, or could not be written. A damaged file is no error, see [`Found`].
@@ -64,15 +64,16 @@ impl Novram {
         directory: &Directory,
         plc: &str,
         segment: &Segment,
+        retain_bytes: u32,
     ) -> Result<(Self, Found), NovramError> {
         let name = format!("{plc}.novram");
         let (content, found) = file::load(directory, &name)?;
         let novram = Novram {
             name,
             segment: segment.clone(),
-            saved: content,
+            saved: content.at_least(retain_bytes as usize),
             generation: 0,
-            scratch: vec![0; RETAIN_SIZE],
+            scratch: vec![0; retain_bytes as usize],
         };
         for (offset, width, range) in registers() {
             let mut bytes = [0; 4];
@@ -81,12 +82,10 @@ impl Novram {
             novram.segment.store(offset, width, u32::from_le_bytes(bytes))?;
         }
         // An image that was taken over is zeroed, so flags that are 0 need not be stored.
-        for (at, flags) in novram.saved.retain().chunks(4).enumerate() {
-            let mut bytes = [0; 4];
-            bytes[..flags.len()].copy_from_slice(flags);
-            if bytes != [0; 4] {
-                let offset = (RETAIN_OFFSET + 4 * at) as u32;
-                novram.segment.store(offset, Width::Dword, u32::from_le_bytes(bytes))?;
+        let flags = novram.saved.retain().as_chunks::<4>().0;
+        for (offset, bytes) in (RETAIN_OFFSET..RETAIN_OFFSET + retain_bytes).step_by(4).zip(flags) {
+            if *bytes != [0; 4] {
+                novram.segment.store(offset, Width::Dword, u32::from_le_bytes(*bytes))?;
             }
         }
         Ok((novram, found))
@@ -105,15 +104,15 @@ impl Novram {
         if !flags {
             self.read_flags();
         }
-        self.saved = Content::new(ethernet, &self.scratch);
+        self.saved.replace(ethernet, &self.scratch);
         Some(self.saved.clone())
     }
 
     /// Reads the retain flags; tells whether they are others than in the file.
     fn read_flags(&mut self) -> bool {
         // They lie in the segment.
-        self.segment.read_range(RETAIN_OFFSET as u32, &mut self.scratch).is_ok()
-            && self.scratch != self.saved.retain()
+        self.segment.read_range(RETAIN_OFFSET, &mut self.scratch).is_ok()
+            && !self.saved.retain().starts_with(&self.scratch)
     }
 }
 

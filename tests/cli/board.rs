@@ -127,7 +127,7 @@ fn mistakes_are_named() {
     let emulator = Emulator::stepped();
     for (args, code, text) in [
         (vec!["set", "dip=32"], 2, "dip is a number from 0 to 31"),
-        (vec!["set", "display=8"], 2, "there are dip, leds, switch, power and start"),
+        (vec!["set", "display=8"], 2, "there are dip, leds, switch, power, start and project"),
         (vec!["set", "press:dip=1"], 2, "press"),
         (vec!["get", "press"], 2, "press"),
     ] {
@@ -136,4 +136,26 @@ fn mistakes_are_named() {
     }
     let name = unique_name();
     assert!(run(&["board", "get", "-i", &name]).fails(1).contains(&name));
+}
+
+/// Manual p. 37: a project that was only sent is lost.
+#[test]
+fn a_project_can_be_sent_and_is_lost_by_a_reset() {
+    let emulator = Emulator::stepped();
+    let shown = || {
+        let board = board(&emulator, "line");
+        ["project", "display", "program"].map(|key| board[key].as_str().unwrap().to_owned())
+    };
+    assert_eq!(shown(), ["none", "0", "none"]);
+    emulator.run("board", &["set", "project=sent"]).ok();
+    assert_eq!(shown(), ["sent", "1", "stopped"]);
+    emulator.run("board", &["set", "start=hot"]).ok();
+    emulator.run("board", &["reset"]).ok();
+    assert_eq!(shown(), ["none", "0", "none"]);
+    emulator.run("board", &["set", "switch=run"]).ok();
+    assert!(emulator.run("board", &["set", "start=hot"]).fails(1).contains("needs a loaded program"));
+    emulator.run("board", &["set", "project=boot"]).ok();
+    emulator.run("board", &["power-cycle"]).ok();
+    assert_eq!(shown(), ["boot", "1", "stopped"]);
+    assert!(emulator.run("board", &["set", "project=new"]).fails(2).contains("projects are boot and sent"));
 }

@@ -45,6 +45,38 @@ fn the_same_walk_takes_the_same_emulated_time_each_time() {
     assert_eq!(time(), time());
 }
 
+/// Manual p. 41: they have addresses of their own, and as many as the plant file says.
+#[test]
+fn retain_flags_are_read_and_written_by_their_addresses() {
+    let directory = tempfile::tempdir().unwrap();
+    let plant = directory.path().join("plant.toml");
+    std::fs::write(&plant, "[[plc]]\nname = 'line'\nretain_bytes = 64\n").unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    emulator.poke(&["%MD10000000=16#11223344", "%MW10000006=16#5566", "%MB10000063=7"]);
+    assert_eq!(emulator.peek(&["%MB10000001", "%MD10000004", "%MX10000063.2"]), "16#33 16#55660000 1");
+    let dump = emulator.run("dump", &["retain"]);
+    let lines: Vec<_> =
+        dump.ok().lines().skip(1).map(|line| line.split_whitespace().collect::<Vec<_>>()).collect();
+    let flags: Vec<_> = lines.iter().map(|line| (line[0], line[2])).collect();
+    let wanted =
+        [("%MD10000000", "16#11223344"), ("%MD10000004", "16#55660000"), ("%MD10000060", "16#07000000")];
+    assert_eq!(flags, wanted, "{}", dump.out);
+    let one = emulator.run("dump", &["%MW10000006"]);
+    assert!(
+        one.ok()
+            .lines()
+            .nth(1)
+            .unwrap()
+            .starts_with("%MW10000006  %MW10000006  16#5566  plain RAM of retain"),
+        "{}",
+        one.out
+    );
+    assert!(emulator.run("peek", &["%MB10000064"]).fails(2).contains("%MB10000064"));
+    assert!(emulator.run("peek", &["%MB3.8192"]).fails(2).contains("lies in no area"));
+    emulator.run("force", &["%MB10000063=1"]).ok();
+    assert!(emulator.run("force", &["%MB10000064=1"]).fails(2).contains("%MB10000064"));
+}
+
 /// D-29: in the RAM nobody could see it.
 #[test]
 fn a_restart_written_over_what_bit_7_has_left_restarts() {
@@ -269,7 +301,7 @@ fn what_does_not_exist_is_wrong_use_before_any_emulator_is_asked() {
     assert!(fails(&["peek", "%MB3.79999"]).contains("lies in no area"));
     assert!(fails(&["peek", "node2.a_RD_BMARRAY[32][0]"]).contains("index 32 is out of range"));
     assert!(fails(&["dump", "node7"]).contains("unknown area `node7`"));
-    assert!(fails(&["dump", "%MB3.1000000"]).contains("option1"));
+    assert!(fails(&["dump", "%MB3.79999"]).contains("lies in no area"));
     assert!(fails(&["wait", "node2.w_CPU_CONTROL=1"]).contains("write REG==VALUE"));
     assert!(fails(&["wait", "node2.w_CPU_CONTROL==1", "--within", "5"]).contains("5us, 5ms or 5s"));
     assert!(fails(&["poke", "node2.w_CPU_CONTROL"]).contains("write REG=VALUE"));

@@ -229,7 +229,7 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<u16>().prop_map(|id| Reply::FaultAdded { id }),
         faults().prop_map(Reply::Faults),
         any::<u16>().prop_map(|count| Reply::FaultsCleared { count }),
-        any::<[u32; 9]>().prop_map(|numbers| Reply::Board(zerocopy::transmute!(numbers))),
+        any::<[u32; 10]>().prop_map(|numbers| Reply::Board(zerocopy::transmute!(numbers))),
         Just(Reply::Cleared),
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),

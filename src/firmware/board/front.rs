@@ -1,10 +1,12 @@
 //! Front and power of the board, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40).
 
+use super::flags::Flags;
+use super::project::Projects;
 use super::{Look, report};
 use crate::firmware::Context;
 use crate::journal::BoardEvent;
 use crate::memory::Header;
-use crate::memory::header::{self, ProgramState, RunSwitch, Start};
+use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
 
 /// Highest number that the DIP switches can be set to.
 const DIP_MASK: u32 = 0x1F;
@@ -27,7 +29,7 @@ pub enum Power {
 }
 
 /// The front as it was last seen.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(super) struct Front {
     seen: Seen,
     switch: RunSwitch,
@@ -35,12 +37,16 @@ pub(super) struct Front {
     program: ProgramState,
     up: bool,
     dip: u8,
-    /// The next start is a cold one: the project is a new one.
-    cold: bool,
+    projects: Projects,
+    /// It has been started: from then on a power-on is a further one.
+    is_used: bool,
+    /// The program was told to stop while the switch stands at RUN.
+    halted: bool,
     /// The PLC program may run.
     released: bool,
     /// A cold or warm start was ordered since somebody asked last.
     started: bool,
+    flags: Flags,
 }
 
 /// Cells that clients turn, as they stood.
@@ -63,15 +69,22 @@ impl Seen {
 }
 
 impl Front {
-    pub fn new(header: &Header) -> Self {
+    pub fn new(header: &Header, flags: Flags, project: Project) -> Self {
+        let mut projects = Projects::new(project);
+        if flags.are_kept() {
+            projects.retain_was_kept();
+        }
         Front {
+            flags,
+            projects,
             seen: Seen::now(header),
             switch: RunSwitch::Run,
             powered: true,
             program: ProgramState::None,
             up: false,
             dip: 0,
-            cold: true,
+            is_used: false,
+            halted: false,
             released: false,
             started: false,
         }
@@ -89,10 +102,6 @@ impl Front {
         self.dip
     }
 
-    pub fn retain_was_kept(&mut self) {
-        self.cold = false;
-    }
-
     /// Whether something was turned since the last look, or the display has to blink.
     #[inline]
     pub fn has_changed(&self, header: &Header) -> bool {
@@ -108,6 +117,12 @@ impl Front {
         if header.program.restarts.increment() > 1 {
             report(ctx, BoardEvent::Up { dip: self.dip });
         }
+        // The first power-on finds what the plant file says.
+        if core::mem::replace(&mut self.is_used, true) {
+            self.projects.restart();
+        }
+        self.halted = false;
+        self.show_project(header);
         self.see(ctx, header);
         self.dip
     }
@@ -167,21 +182,74 @@ impl Front {
     /// Program and switch: starts and stops the program, shows its state.
     fn see(&mut self, ctx: &mut Context, header: &Header) {
         self.read(header);
-        let program = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
-        if program == ProgramState::None {
-            // Whatever is loaded next is a new project.
-            self.cold |= self.program != ProgramState::None;
-        }
-        self.program = program;
-        let may_run = self.switch == RunSwitch::Run && program != ProgramState::None;
+        let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
+        self.note_program(header, told);
+        let is_loaded = self.projects.loaded() != Project::None;
+        let may_run = self.switch == RunSwitch::Run && is_loaded;
         if may_run && !self.released {
-            let kind = if self.cold { Start::Cold } else { Start::Warm };
+            let kind = if self.projects.starts_cold() { Start::Cold } else { Start::Warm };
             self.order(ctx, header, kind);
-        } else if self.released && !may_run && program != ProgramState::None {
+        } else if self.released && !may_run && is_loaded {
             self.order(ctx, header, Start::Stop);
         }
         self.released = may_run;
         header.board.display.store(self.character(ctx.now));
+    }
+
+    /// What the PLC tells of its program: it comes, goes, or copies the boot project.
+    fn note_program(&mut self, header: &Header, told: ProgramState) {
+        use ProgramState::*;
+        let before = self.program;
+        self.program = told;
+        match (self.projects.loaded(), told) {
+            (Project::None, None) => {}
+            (_, None) => {
+                self.projects.taken_back();
+                self.flags.forget();
+            }
+            // What the program of a project that is lost tells late is no new one.
+            (Project::None, Initializing | Cyclic) if self.projects.is_lost() => self.program = None,
+            (Project::None, Stopped | Initializing | Cyclic) => self.projects.brought(),
+            (_, ErasingBootProject) if before != told => self.projects.erased(),
+            (_, BootProjectCopied) if before != told => self.projects.copied(),
+            _ => {}
+        }
+        header.project.store(self.projects.loaded().code());
+    }
+
+    /// Another project is loaded, or none: the PLC's program stands.
+    fn show_project(&mut self, header: &Header) {
+        let loaded = self.projects.loaded();
+        if loaded == Project::None {
+            self.flags.forget();
+        }
+        let state = if loaded == Project::None { ProgramState::None } else { ProgramState::Stopped };
+        self.program = state;
+        header.program.state.store(state.code());
+        header.project.store(loaded.code());
+    }
+
+    /// A project that a client sends or deletes, as the control dialog does (manual p. 37-38).
+    pub fn look_at_project_request(&mut self, ctx: &mut Context, header: &Header) {
+        let code = header.project_request.load();
+        if code == 0 || header.project_request.compare_exchange(code, 0).is_err() {
+            return;
+        }
+        let Some(project) = Project::from_code(code - 1) else { return };
+        if self.released {
+            self.order(ctx, header, Start::Stop);
+            self.released = false;
+        }
+        self.projects.load(project);
+        self.halted = false;
+        self.show_project(header);
+        report(ctx, BoardEvent::Project { project });
+        self.see(ctx, header);
+    }
+
+    /// Whether events may occur: no event task runs while the switch or the program stands at STOP.
+    pub fn runs_events(&self) -> bool {
+        self.switch == RunSwitch::Run && !(self.halted && self.projects.loaded() != Project::None)
     }
 
     /// A start that a client asks for, as the control dialog does: possible only at RUN (manual p. 38).
@@ -202,12 +270,19 @@ impl Front {
 
     fn order(&mut self, ctx: &mut Context, header: &Header, kind: Start) {
         if kind == Start::Cold {
-            self.cold = false;
+            self.projects.started_cold();
+            self.flags.initialize();
         }
+        self.halted = kind == Start::Stop;
         self.started |= matches!(kind, Start::Cold | Start::Warm);
         header.program.start_kind.store(kind.code());
         header.program.start.ring();
         report(ctx, BoardEvent::Start { kind });
+    }
+
+    /// Initial values that a client gives the retain flags.
+    pub fn look_at_flags(&mut self, header: &Header) {
+        self.flags.look(&header.initial_flag);
     }
 
     /// Whether a cold or warm start was ordered since the last call.

@@ -31,6 +31,8 @@ fn excluded_by(event: usize) -> Option<usize> {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Interrupts {
     enabled: u16,
+    /// No event occurs: switch or program stand at STOP (decision D-300).
+    pub held: bool,
     /// Events since somebody asked last.
     pub fired: u16,
     /// Events that stop the plant for lockstep.
@@ -40,11 +42,11 @@ pub(super) struct Interrupts {
 }
 
 impl Interrupts {
-    /// One occurrence of an event, if it is enabled.
+    /// One occurrence of an event, if it is enabled and the program may run.
     #[inline]
     pub fn fire(&mut self, header: &Header, event: usize, now: u64) {
         let bit = 1u16 << event;
-        if self.enabled & bit == 0 {
+        if self.enabled & bit == 0 || self.held {
             return;
         }
         if let Some(slot) = header.events.get(event) {

@@ -4,8 +4,10 @@
 //! It lives in the header page of the image: the function blocks `INTR_SET` and `OPT_INIT` are calls into the
 //! device's firmware, not registers, so a soft-PLC puts their inputs there (decision D-180).
 
+mod flags;
 mod front;
 mod interrupts;
+mod project;
 #[cfg(test)]
 mod tests;
 mod timers;
@@ -16,7 +18,9 @@ pub use interrupts::level;
 
 use super::Context;
 use crate::journal::{BoardEvent, Event};
+use crate::memory::header;
 use crate::memory::{Header, MemoryError, Segment, View};
+use flags::Flags;
 use front::Front;
 use interrupts::Interrupts;
 use timers::{Timer, Timers};
@@ -51,16 +55,20 @@ pub struct Board {
 }
 
 impl Board {
-    /// The board whose header page is in `segment`; `option_sync_us` is the period of an option card's SYNC signal,
-    /// if there is such a card.
+    /// The board whose header page is in `segment`, with the `project` that it has at the first power-on;
+    /// `option_sync_us` is the period of an option card's SYNC signal, if there is such a card.
     ///
     /// # Errors
     /// If the segment is read-only.
-    pub fn new(segment: &Segment, option_sync_us: Option<u32>) -> Result<Self, MemoryError> {
+    pub fn new(
+        segment: &Segment,
+        option_sync_us: Option<u32>,
+        project: header::Project,
+    ) -> Result<Self, MemoryError> {
         let header = segment.header()?;
         Ok(Board {
             requests: header.board_requests.load(),
-            front: Front::new(&header),
+            front: Front::new(&header, Flags::new(segment)?, project),
             header,
             interrupts: Interrupts::default(),
             timers: Timers::default(),
@@ -78,7 +86,9 @@ impl Board {
         if let Some(period) = self.option_sync_us {
             self.timers.start(Timer::OptionSync, ctx.now, u64::from(period) * timers::PER_US);
         }
-        self.front.start(ctx, &self.header)
+        let dip = self.front.start(ctx, &self.header);
+        self.interrupts.held = !self.front.runs_events();
+        dip
     }
 
     /// Power-off, or RESET is held.
@@ -109,11 +119,6 @@ impl Board {
         self.front.dip()
     }
 
-    /// NOVRAM has kept the retain flags: the first start of a program is a warm start.
-    pub fn retain_was_kept(&mut self) {
-        self.front.retain_was_kept();
-    }
-
     /// Whether a client has turned a switch or put in a request since the last look. For busy polling.
     #[inline]
     pub fn has_changed(&self) -> bool {
@@ -128,9 +133,20 @@ impl Board {
 
     #[cold]
     fn look_closely(&mut self, ctx: &mut Context) -> Look {
+        let look = self.look_at_all(ctx);
+        self.interrupts.held = !self.front.runs_events();
+        look
+    }
+
+    fn look_at_all(&mut self, ctx: &mut Context) -> Look {
         let requests = self.header.board_requests.load();
         let asked = requests != self.requests;
         self.requests = requests;
+        if asked && self.is_up() {
+            // Ahead of a start, which needs both.
+            self.front.look_at_flags(&self.header);
+            self.front.look_at_project_request(ctx, &self.header);
+        }
         let look = self.front.look(ctx, &self.header);
         if look != Look::Nothing || !self.is_up() {
             return look;

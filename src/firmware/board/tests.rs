@@ -4,12 +4,13 @@ mod front;
 
 use super::*;
 use crate::journal::{Journal, Origin, Record};
-use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, RunSwitch, Start};
+use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, Project, RunSwitch, Start};
 
 /// A board on heap memory, with a clock that stands where the test puts it.
 struct Rig {
     board: Board,
     header: View<Header>,
+    segment: Segment,
     journal: Journal,
     now: u64,
 }
@@ -20,9 +21,14 @@ impl Rig {
     }
 
     fn with_option_card(option_sync_us: Option<u32>) -> Self {
-        let segment = Segment::heap();
-        let board = Board::new(&segment, option_sync_us).unwrap();
-        let mut rig = Rig { board, header: segment.header().unwrap(), journal: Journal::default(), now: 0 };
+        Self::of(Segment::heap(), option_sync_us, Project::None)
+    }
+
+    fn of(segment: Segment, option_sync_us: Option<u32>, project: Project) -> Self {
+        segment.header().unwrap().retain_size.store(64);
+        let board = Board::new(&segment, option_sync_us, project).unwrap();
+        let header = segment.header().unwrap();
+        let mut rig = Rig { board, header, segment, journal: Journal::default(), now: 0 };
         rig.start();
         rig
     }

@@ -1,5 +1,6 @@
 //! The board's front, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
 
+use super::Header;
 use crate::memory::contract::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -23,7 +24,7 @@ pub struct Board {
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
 pub struct Program {
-    /// A [`ProgramState`], written by the PLC.
+    /// A [`ProgramState`], written by the PLC; the firmware writes it where a project comes or goes without the PLC.
     pub state: Cell32,
     /// A [`Start`] that a client wants; the firmware sets it back to 0.
     pub start_request: Cell32,
@@ -68,6 +69,17 @@ codes! {
         CopyingBootProject = 5,
         /// The boot project has been copied.
         BootProjectCopied = 6,
+    }
+}
+codes! {
+    /// Which project is loaded, and so what becomes of it at power-off and reset (manual p. 37).
+    Project {
+        /// None.
+        None = 0,
+        /// The boot project: the flash memory has it too.
+        Boot = 1,
+        /// One that was only sent: the next power-off or reset loses it.
+        Sent = 2,
     }
 }
 codes! {
@@ -151,12 +163,16 @@ pub struct BoardState {
     pub start_kind: u32,
     /// Power-ons and resets.
     pub restarts: u32,
+    /// The [`Project`].
+    pub project: u32,
 }
 
 impl BoardState {
     /// What a header page says.
-    pub fn of(board: &Board, program: &Program) -> Self {
+    pub fn of(header: &Header) -> Self {
+        let Header { board, program, .. } = header;
         BoardState {
+            project: header.project.load(),
             dip: board.dip.load(),
             dip_latched: program.dip_latched.load(),
             leds: board.leds.load(),
@@ -201,6 +217,8 @@ pub enum BoardSetting {
     Power(Power),
     /// Asks for a start or a stop of the program.
     Start(Start),
+    /// Loads a project, or deletes the one that is loaded.
+    Project(Project),
     /// Presses RESET and releases it.
     Reset,
     /// Switches the supply off and on.
@@ -218,6 +236,7 @@ impl BoardSetting {
             BoardSetting::Start(start) => (5, start.code()),
             BoardSetting::Reset => (6, 0),
             BoardSetting::PowerCycle => (7, 0),
+            BoardSetting::Project(project) => (8, project.code()),
         }
     }
 
@@ -232,6 +251,7 @@ impl BoardSetting {
             (5, _) => BoardSetting::Start(Start::from_code(value).filter(|start| *start != Start::None)?),
             (6, 0) => BoardSetting::Reset,
             (7, 0) => BoardSetting::PowerCycle,
+            (8, _) => BoardSetting::Project(Project::from_code(value)?),
             _ => return None,
         })
     }

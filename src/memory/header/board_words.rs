@@ -1,6 +1,6 @@
 //! Boards in words, as command line and scenarios have them.
 
-use super::{BoardSetting, BoardState, Power, ProgramState, RunSwitch, Start};
+use super::{BoardSetting, BoardState, Power, ProgramState, Project, RunSwitch, Start};
 use crate::layout::{RegType, split_plc, value};
 
 /// Why a text is no [`BoardSetting`].
@@ -15,7 +15,7 @@ pub struct BoardWordError {
 
 impl BoardSetting {
     /// PLC and setting of `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off),
-    /// start (cold, warm, hot, stop).
+    /// start (cold, warm, hot, stop), project (none, boot, sent).
     ///
     /// # Errors
     /// There is no such setting, or it cannot be that.
@@ -44,7 +44,13 @@ impl BoardSetting {
             ("start", "hot") => BoardSetting::Start(Start::Hot),
             ("start", "stop") => BoardSetting::Start(Start::Stop),
             ("start", _) => return Err(wrong("starts are cold, warm, hot; stop ends the program")),
-            _ => return Err(wrong("there are dip, leds, switch, power and start")),
+            ("project", "none") => BoardSetting::Project(Project::None),
+            ("project", "boot") => BoardSetting::Project(Project::Boot),
+            ("project", "sent") => BoardSetting::Project(Project::Sent),
+            ("project", _) => {
+                return Err(wrong("projects are boot and sent; none deletes the one that is loaded"));
+            }
+            _ => return Err(wrong("there are dip, leds, switch, power, start and project")),
         };
         Ok((plc, setting))
     }
@@ -71,6 +77,8 @@ pub struct BoardWords {
     pub start: String,
     /// Power-ons and resets.
     pub restarts: u32,
+    /// `none`, `boot`, `sent`.
+    pub project: String,
 }
 
 impl BoardState {
@@ -86,6 +94,7 @@ impl BoardState {
             program: named(ProgramState::from_code(self.program), self.program),
             start: named(Start::from_code(self.start_kind), self.start_kind),
             restarts: self.restarts,
+            project: named(Project::from_code(self.project), self.project),
         }
     }
 }
@@ -114,6 +123,7 @@ mod tests {
         assert_eq!(parse("line2:leds=2#1010").unwrap(), (Some("line2"), BoardSetting::Leds(10)));
         assert_eq!(parse("switch=reset").unwrap().1, BoardSetting::Switch(RunSwitch::Reset));
         assert_eq!(parse("start=hot").unwrap().1, BoardSetting::Start(Start::Hot));
+        assert_eq!(parse("project=sent").unwrap().1, BoardSetting::Project(Project::Sent));
         let message = |text| parse(text).err().unwrap().to_string();
         assert_eq!(message("dip=32"), "`dip=32`: dip is a number from 0 to 31");
         assert_eq!(message("dip"), "`dip`: write NAME=VALUE, for example dip=5");

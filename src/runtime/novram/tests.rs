@@ -2,6 +2,7 @@ mod killed;
 
 use super::file::{decode, encode};
 use super::*;
+use crate::memory::header::{RETAIN_OFFSET, RETAIN_SIZE};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -22,13 +23,38 @@ fn open(directory: &tempfile::TempDir) -> Directory {
 }
 
 fn power_on(directory: &tempfile::TempDir, segment: &Segment) -> Result<(Novram, Found), NovramError> {
-    Novram::power_on(&open(directory), "line", segment)
+    Novram::power_on(&open(directory), "line", segment, RETAIN_SIZE as u32)
 }
 
 /// Names of the files in it.
 fn names(directory: &tempfile::TempDir) -> Vec<String> {
     let entries = fs::read_dir(directory.path()).unwrap();
     entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+/// A plant with fewer retain flags takes none away from one that has more.
+#[test]
+fn flags_beyond_those_of_the_plant_stay_in_the_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let on =
+        |segment: &Segment, bytes| Novram::power_on(&open(&directory), "line", segment, bytes).unwrap().0;
+    let save = |novram: &mut Novram| {
+        let content = novram.changed((&[0; ETHERNET_SIZE], 0), true).unwrap();
+        file::store(&mut open(&directory), &novram.name, &content).unwrap();
+    };
+    let (many, few) = (Segment::heap(), Segment::heap());
+    let (last, first) = (79_996, RETAIN_OFFSET as u32);
+    many.store(last, Width::Dword, 7).unwrap();
+    save(&mut on(&many, 71_808));
+    let mut novram = on(&few, 8);
+    assert_eq!(few.load(last, Width::Dword).unwrap(), 0, "this plant has no such flag");
+    assert_eq!(novram.changed((&[0; ETHERNET_SIZE], 0), true), None);
+    few.store(first, Width::Dword, 5).unwrap();
+    save(&mut novram);
+    let again = Segment::heap();
+    on(&again, 71_808);
+    let held = [first, last].map(|flag| again.load(flag, Width::Dword).unwrap());
+    assert_eq!(held, [5, 7]);
 }
 
 #[test]
@@ -109,7 +135,7 @@ fn the_keeper_has_written_everything_when_it_ends() {
     let directory = tempfile::tempdir().unwrap();
     let segments = [Segment::heap(), Segment::heap()];
     let opened = open(&directory);
-    let power_on = |name, segment| Novram::power_on(&opened, name, segment).unwrap().0;
+    let power_on = |name, segment| Novram::power_on(&opened, name, segment, RETAIN_SIZE as u32).unwrap().0;
     let novram = vec![power_on("a", &segments[0]), power_on("b", &segments[1])];
     let mut keeper = Keeper::new(Some(opened), novram).unwrap();
     let configs = [1, 2].map(|byte| [byte; ETHERNET_SIZE]);
@@ -129,7 +155,7 @@ fn the_keeper_has_written_everything_when_it_ends() {
 /// The NOVRAM of a PLC with its keeper, which has not written anything yet.
 fn keeper(directory: &tempfile::TempDir) -> Keeper {
     let opened = open(directory);
-    let (novram, _) = Novram::power_on(&opened, "line", &Segment::heap()).unwrap();
+    let (novram, _) = Novram::power_on(&opened, "line", &Segment::heap(), RETAIN_SIZE as u32).unwrap();
     Keeper::new(Some(opened), vec![novram]).unwrap()
 }
 

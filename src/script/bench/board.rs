@@ -1,8 +1,9 @@
 //! The boards of the PLCs: switches, supply, what they show, their events.
 
 use super::Bench;
-use crate::memory::header::{BoardSetting, BoardState};
-use crate::script::ScenarioError;
+use crate::layout::flags::RETAIN_OFFSET;
+use crate::memory::header::{BoardSetting, BoardState, InitialFlagResult};
+use crate::script::{ScenarioError, Value};
 
 impl Bench {
     /// What the board of a PLC shows and how its switches stand; `""` is the only PLC.
@@ -50,6 +51,32 @@ impl Bench {
     pub fn power_cycle(&mut self, plc: &str) -> Result<(), ScenarioError> {
         let plc = self.only_plc(plc)?;
         Ok(self.backend.set_board(plc, BoardSetting::PowerCycle)?)
+    }
+
+    /// Gives a retain flag the initial value that every cold start writes, as a program's declaration does:
+    /// `%MD10000000`, `line2:%MW10000004`. Without one that is 0.
+    ///
+    /// # Errors
+    /// That is no address of retain flags, the PLC has fewer, or the value does not fit.
+    pub fn initial_flag(&mut self, flag: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
+        let register = self.whole_register(flag)?;
+        let (address, bits) = (register.place.address(), value.into().bits(&register.place)?);
+        if !address.is_flag() {
+            return Err(ScenarioError::argument(flag, "write the address of retain flags, %MD10000000"));
+        }
+        let ram = self.ram_of(register.spot.plc)?;
+        let slot = &ram.header().initial_flag;
+        let request = slot.ask(address.offset() - RETAIN_OFFSET, address.width().bytes(), bits);
+        ram.header().submit_request();
+        self.answer_boards()?;
+        match slot.outcome(request) {
+            Some(result) if result == InitialFlagResult::Done.code() => Ok(()),
+            Some(_) => Err(ScenarioError::argument(flag, "the PLC has no such retain flag")),
+            None => Err(ScenarioError::argument(
+                flag,
+                "the board does not answer; it has no supply, or its clock has not come to it",
+            )),
+        }
     }
 
     /// How often an event of a PLC has come since power-on; `""` is the only PLC. `docs/board.md` has the numbers

@@ -1,9 +1,9 @@
 //! The verbs of boards.
 
-use super::arguments::number;
+use super::arguments::{number, value};
 use super::{Verbs, int};
 use crate::memory::header::{BoardState, BoardWords};
-use rhai::{INT, Map};
+use rhai::{Dynamic, INT, Map};
 
 impl Verbs {
     pub(super) fn board(&mut self) {
@@ -16,6 +16,9 @@ impl Verbs {
         self.on("reset", |stage| move |plc: &str| stage.act(|bench| bench.reset(plc)));
         self.on("power_cycle", |stage| move || stage.act(|bench| bench.power_cycle("")));
         self.on("power_cycle", |stage| move |plc: &str| stage.act(|bench| bench.power_cycle(plc)));
+        self.on("initial_flag", |stage| {
+            move |flag: &str, initial: Dynamic| stage.act(|bench| bench.initial_flag(flag, value(&initial)?))
+        });
         self.on("event_count", |stage| {
             move |event: INT| stage.act(|bench| bench.event_count("", number(event, "event")?).map(INT::from))
         });
@@ -37,10 +40,10 @@ impl Verbs {
     }
 }
 
-/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts}`
+/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}`
 fn board_map(state: &BoardState) -> Map {
     let words = state.words();
-    let BoardWords { display, switch, power, program, start, .. } = words;
+    let BoardWords { display, switch, power, program, start, project, .. } = words;
     let numbers = [
         ("leds", state.leds),
         ("dip", state.dip),
@@ -54,6 +57,7 @@ fn board_map(state: &BoardState) -> Map {
         ("power", power),
         ("program", program),
         ("start", start),
+        ("project", project),
     ];
     let numbers = numbers.map(|(name, number)| (name.into(), int(number.into()).into()));
     let texts = texts.map(|(name, text)| (name.into(), text.into()));

@@ -140,6 +140,22 @@ fn the_switch_stops_and_starts_a_program() {
     assert!(times(&log, "cold").is_empty());
 }
 
+/// Manual p. 37: a project that was only sent is lost by a reset, and comes back when it is sent again.
+#[test]
+fn a_program_that_was_only_sent_is_lost_by_a_reset() {
+    use commram::memory::header::{BoardSetting, Project, RunSwitch};
+    let mut stage = Stage::new(Memory::Heap);
+    stage.bench.rig.plant.set_board(0, BoardSetting::Project(Project::Sent));
+    assert_eq!(stage.pass(10)[0].1, "cold");
+    stage.bench.rig.plant.set_board(0, BoardSetting::Reset);
+    stage.bench.rig.plant.set_board(0, BoardSetting::Switch(RunSwitch::Run));
+    assert_eq!(stage.pass(10), []);
+    assert_eq!((stage.state(), stage.display()), (ProgramState::None.code(), Some('0')));
+    stage.bench.rig.plant.set_board(0, BoardSetting::Project(Project::Sent));
+    assert_eq!(stage.pass(10)[0].1, "cold");
+    assert_eq!(stage.state(), ProgramState::Cyclic.code());
+}
+
 /// Manual p. 38: the starts of the control dialog.
 #[test]
 fn starts_can_be_ordered() {

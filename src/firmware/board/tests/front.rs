@@ -1,6 +1,9 @@
 //! RUN/STOP/RESET switch, seven-segment display, supply, starts of the program.
 
 use super::*;
+use crate::layout::flags::RETAIN_OFFSET;
+use crate::memory::Width;
+use crate::memory::header::InitialFlagResult;
 
 impl Rig {
     pub(super) fn turn(&mut self, switch: RunSwitch) -> Look {
@@ -148,10 +151,126 @@ fn a_new_project_starts_cold_and_then_warm() {
 
 #[test]
 fn kept_retain_flags_make_the_first_start_a_warm_one() {
+    for (project, first) in
+        [(Project::None, Start::Warm), (Project::Boot, Start::Warm), (Project::Sent, Start::Cold)]
+    {
+        let segment = Segment::heap();
+        segment.store(RETAIN_OFFSET + 60, Width::Dword, 7).unwrap();
+        let mut rig = Rig::of(segment, None, project);
+        rig.program(ProgramState::Stopped);
+        assert_eq!(rig.ordered(), (1, first), "{project:?}");
+        let kept = if first == Start::Warm { 7 } else { 0 };
+        assert_eq!(rig.segment.load(RETAIN_OFFSET + 60, Width::Dword).unwrap(), kept);
+    }
+}
+
+/// p. 38: a cold start sets the retain flags to their initial values, warm and hot start leave them alone.
+#[test]
+fn a_cold_start_alone_touches_the_retain_flags() {
+    let mut rig = Rig::of(Segment::heap(), None, Project::Boot);
+    let slot = &rig.header.initial_flag;
+    let (good, flag) = (slot.ask(4, 4, 99), |rig: &Rig| {
+        [0, 4].map(|flag| rig.segment.load(RETAIN_OFFSET + flag, Width::Dword).unwrap())
+    });
+    rig.header.submit_request();
+    rig.look();
+    assert_eq!(rig.header.initial_flag.outcome(good), Some(InitialFlagResult::Done.code()));
+    let bad = rig.header.initial_flag.ask(64, 1, 1);
+    rig.header.submit_request();
+    rig.look();
+    assert_eq!(rig.header.initial_flag.outcome(bad), Some(InitialFlagResult::NoSuchFlag.code()));
+    for (start, held) in [(Start::Warm, [5, 5]), (Start::Hot, [5, 5]), (Start::Cold, [0, 99])] {
+        for flag in [0, 4] {
+            rig.segment.store(RETAIN_OFFSET + flag, Width::Dword, 5).unwrap();
+        }
+        rig.ask_for(start);
+        assert_eq!(flag(&rig), held, "{start:?}");
+    }
+    rig.segment.store(RETAIN_OFFSET, Width::Dword, 5).unwrap();
+    rig.board.set_power(Power::Off);
+    rig.board.stop();
+    rig.board.set_power(Power::On);
+    rig.start();
+    assert_eq!((flag(&rig), rig.ordered().1), ([5, 99], Start::Warm), "NOVRAM keeps them");
+}
+
+/// p. 37, 40: what was only sent is gone after a reset, and the display says so; the boot project is there again.
+#[test]
+fn a_reset_loses_a_project_that_was_only_sent() {
+    for (project, after, display) in
+        [(Project::Sent, ProgramState::None, '0'), (Project::Boot, ProgramState::Stopped, '1')]
+    {
+        let mut rig = Rig::of(Segment::heap(), None, project);
+        assert_eq!(rig.header.project.load(), project.code());
+        assert_eq!((rig.ordered(), rig.display()), ((1, Start::Cold), ('1', false)));
+        rig.program(ProgramState::Cyclic);
+        rig.turn(RunSwitch::Reset);
+        rig.board.stop();
+        rig.header.board.switch.store(RunSwitch::Stop.code());
+        rig.start();
+        assert_eq!((rig.header.program.state.load(), rig.display()), (after.code(), (display, false)));
+        // What its program tells late does not bring it back.
+        rig.program(ProgramState::Cyclic);
+        rig.turn(RunSwitch::Run);
+        let is_back = project == Project::Boot;
+        assert_eq!(rig.header.project.load() == Project::Boot.code(), is_back);
+        assert_eq!(rig.display(), (if is_back { '3' } else { '0' }, false));
+        assert_eq!(rig.ordered().1 == Start::Warm, is_back, "{project:?}");
+        let orders = rig.ordered().0;
+        rig.ask_for(Start::Hot);
+        assert_eq!(
+            rig.ordered() == (orders + 1, Start::Hot),
+            is_back,
+            "p. 38: a hot start needs a project too"
+        );
+    }
+}
+
+/// p. 38: a new project is started cold, once.
+#[test]
+fn a_project_can_be_sent_and_deleted() {
     let mut rig = Rig::new();
-    rig.board.retain_was_kept();
+    let load = |rig: &mut Rig, project: Project| {
+        rig.header.project_request.store(project.code() + 1);
+        rig.header.submit_request();
+        rig.look();
+        assert_eq!((rig.header.project_request.load(), rig.header.project.load()), (0, project.code()));
+    };
+    load(&mut rig, Project::Sent);
+    assert_eq!((rig.ordered(), rig.display().0), ((1, Start::Cold), '1'));
+    rig.program(ProgramState::Cyclic);
+    load(&mut rig, Project::Boot);
+    assert_eq!((rig.ordered(), rig.display().0), ((3, Start::Cold), '1'), "stopped, then a new one");
+    load(&mut rig, Project::None);
+    assert_eq!((rig.ordered(), rig.display().0), ((4, Start::Stop), '0'));
+    rig.start();
+    assert_eq!((rig.ordered(), rig.display().0), ((5, Start::Warm), '1'), "the boot project");
+    rig.header.project_request.store(9);
+    rig.header.submit_request();
+    rig.look();
+    assert_eq!((rig.header.project_request.load(), rig.ordered().0), (0, 5), "no such project");
+}
+
+/// D-300: while switch or program stand at STOP no event occurs, so no event task runs.
+#[test]
+fn no_event_occurs_at_stop() {
+    let mut rig = Rig::new();
+    rig.set_event(12, 0, true);
+    let events = |rig: &mut Rig| {
+        rig.board.sync_net(0);
+        rig.header.events[12].bell.rings()
+    };
+    assert_eq!(events(&mut rig), 1, "no project, but at RUN");
+    rig.turn(RunSwitch::Stop);
+    assert_eq!(events(&mut rig), 1);
+    rig.turn(RunSwitch::Run);
+    assert_eq!(events(&mut rig), 2, "it is still enabled");
     rig.program(ProgramState::Stopped);
-    assert_eq!(rig.ordered(), (1, Start::Warm));
+    assert_eq!(events(&mut rig), 3);
+    rig.ask_for(Start::Stop);
+    assert_eq!(events(&mut rig), 3, "the program stands");
+    rig.ask_for(Start::Hot);
+    assert_eq!(events(&mut rig), 4);
 }
 
 #[test]

@@ -17,7 +17,7 @@ fn child() {
     let Some(directory) = std::env::var_os(DIRECTORY) else { return };
     let segment = Segment::heap();
     let mut directory = Directory::open(Path::new(&directory)).unwrap();
-    let (novram, found) = Novram::power_on(&directory, "line", &segment).unwrap();
+    let (novram, found) = Novram::power_on(&directory, "line", &segment, RETAIN_SIZE as u32).unwrap();
     assert!(!matches!(found, Found::SetAside(_)), "{found:?}");
     let first = novram.saved.ethernet()[0];
     println!("\nwriting");

@@ -1,0 +1,109 @@
+//! The retain flags and what a cold start makes of them (manual 5.00005.03a p. 38, 41).
+
+use crate::layout::flags::{MOST_RETAIN, RETAIN_OFFSET};
+use crate::memory::header::{InitialFlag, InitialFlagResult};
+use crate::memory::{MemoryError, Segment, Width};
+
+/// The retain flags of a PLC with their initial values.
+#[derive(Debug)]
+pub(super) struct Flags {
+    segment: Segment,
+    /// Byte by byte; 0 where nobody has said anything.
+    initial: Box<[u8]>,
+}
+
+impl Flags {
+    /// The flags in `segment`, as many as its header page says.
+    ///
+    /// # Errors
+    /// If the segment is read-only.
+    pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        let bytes = segment.header()?.retain_size.load().min(MOST_RETAIN) & !3;
+        Ok(Flags { segment: segment.clone(), initial: vec![0; bytes as usize].into() })
+    }
+
+    /// Whether any of them is not 0: NOVRAM has kept them.
+    pub fn are_kept(&self) -> bool {
+        let mut bytes = vec![0; self.initial.len()];
+        self.segment.read_range(RETAIN_OFFSET, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)
+    }
+
+    /// Answers a request, if there is one.
+    pub fn look(&mut self, slot: &InitialFlag) {
+        let request = slot.request.load();
+        if request == slot.answer.load() {
+            return;
+        }
+        let done = self.set(slot.flag.load(), slot.width.load(), slot.value.load()).is_some();
+        let result = if done { InitialFlagResult::Done } else { InitialFlagResult::NoSuchFlag };
+        slot.result.store(result.code());
+        slot.answer.store(request);
+    }
+
+    /// Gives flags an initial value; `None` if that is not possible.
+    fn set(&mut self, flag: u32, width: u32, value: u32) -> Option<()> {
+        let width = [Width::Byte, Width::Word, Width::Dword].into_iter().find(|it| it.bytes() == width)?;
+        let first = flag as usize;
+        let of = self.initial.get_mut(first..)?.get_mut(..width.bytes() as usize)?;
+        if !flag.is_multiple_of(width.bytes()) || value > width.max_value() {
+            return None;
+        }
+        of.copy_from_slice(value.to_le_bytes().get(..of.len())?);
+        Some(())
+    }
+
+    /// The program is gone, and its initial values with it.
+    pub fn forget(&mut self) {
+        self.initial.fill(0);
+    }
+
+    /// Cold start: all flags get their initial values.
+    pub fn initialize(&self) {
+        for (offset, bytes) in (RETAIN_OFFSET..).step_by(4).zip(self.initial.as_chunks::<4>().0) {
+            // They lie in the segment, which is writable.
+            let _: Result<(), MemoryError> =
+                self.segment.store(offset, Width::Dword, u32::from_le_bytes(*bytes));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flags(bytes: u32) -> Flags {
+        let segment = Segment::heap();
+        segment.header().unwrap().retain_size.store(bytes);
+        Flags::new(&segment).unwrap()
+    }
+
+    #[test]
+    fn flags_begin_with_their_initial_values_and_the_others_with_0() {
+        let mut flags = flags(24);
+        for (flag, width, value, is_set) in [
+            (0, 4, 0x0403_0201, true),
+            (6, 2, 0xBEEF, true),
+            (23, 1, 0x7F, true),
+            (5, 2, 1, false),
+            (24, 1, 1, false),
+            (22, 4, 1, false),
+            (u32::MAX, 4, 1, false),
+            (8, 2, 0x1_0000, false),
+            (8, 3, 1, false),
+        ] {
+            assert_eq!(flags.set(flag, width, value).is_some(), is_set, "{flag}, {width}");
+        }
+        let behind = RETAIN_OFFSET + 24;
+        for offset in [8, 24] {
+            flags.segment.store(RETAIN_OFFSET + offset, Width::Dword, 9).unwrap();
+        }
+        let load = |flags: &Flags, flag| flags.segment.load(RETAIN_OFFSET + flag, Width::Byte).unwrap();
+        flags.initialize();
+        let held = [0, 1, 2, 3, 6, 7, 8, 23].map(|flag| load(&flags, flag));
+        assert_eq!(held, [1, 2, 3, 4, 0xEF, 0xBE, 0, 0x7F]);
+        assert_eq!(flags.segment.load(behind, Width::Dword).unwrap(), 9, "behind the last flag");
+        flags.forget();
+        flags.initialize();
+        assert_eq!(load(&flags, 23), 0);
+    }
+}

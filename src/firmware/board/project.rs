@@ -1,0 +1,163 @@
+//! The project on the board: what is loaded, and what the flash memory has (manual 5.00005.03a p. 37, 40).
+
+use crate::memory::header::Project;
+
+/// What the flash memory has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Flash {
+    Empty,
+    /// A boot project.
+    Boot,
+    /// The boot project of a process that has loaded it: it goes with the process (decision D-302).
+    OfProcess,
+}
+
+/// What is loaded, and what comes back after power-off and reset.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Projects {
+    loaded: Project,
+    flash: Flash,
+    /// The next start is a cold one: the project that is loaded is a new one.
+    cold: bool,
+    /// The same of the boot project.
+    boot_cold: bool,
+    /// A project that was only sent has been lost.
+    lost: bool,
+}
+
+impl Projects {
+    /// At the first power-on.
+    pub fn new(loaded: Project) -> Self {
+        let flash = if loaded == Project::Boot { Flash::Boot } else { Flash::Empty };
+        Projects { loaded, flash, cold: true, boot_cold: true, lost: false }
+    }
+
+    /// What is loaded.
+    pub fn loaded(&self) -> Project {
+        self.loaded
+    }
+
+    /// Whether the next start is a cold one.
+    pub fn starts_cold(&self) -> bool {
+        self.cold
+    }
+
+    /// A project that was only sent has been lost; who had it may report what it did until another one is loaded.
+    pub fn is_lost(&self) -> bool {
+        self.lost
+    }
+
+    /// NOVRAM has kept the retain flags: they are those of the boot project.
+    pub fn retain_was_kept(&mut self) {
+        self.boot_cold = false;
+        self.cold = self.loaded == Project::Sent;
+    }
+
+    /// A cold start was ordered.
+    pub fn started_cold(&mut self) {
+        self.cold = false;
+        if self.loaded == Project::Boot {
+            self.boot_cold = false;
+        }
+    }
+
+    /// Somebody loads a project, or deletes the one that is loaded. The boot project stays in the flash memory (p. 38).
+    pub fn load(&mut self, project: Project) {
+        if project == Project::Boot {
+            (self.flash, self.boot_cold) = (Flash::Boot, true);
+        }
+        (self.loaded, self.cold, self.lost) = (project, true, false);
+    }
+
+    /// A process has brought its program. It counts as a boot project.
+    pub fn brought(&mut self) {
+        if self.flash == Flash::Empty {
+            self.flash = Flash::OfProcess;
+        }
+        (self.loaded, self.lost) = (Project::Boot, false);
+    }
+
+    /// The process has taken its program back: whatever is loaded next is a new project.
+    pub fn taken_back(&mut self) {
+        if self.flash == Flash::OfProcess {
+            self.flash = Flash::Empty;
+            self.boot_cold = true;
+        }
+        (self.loaded, self.cold) = (Project::None, true);
+    }
+
+    /// The boot project is erased from the flash memory; what is loaded stays until power-off or reset.
+    pub fn erased(&mut self) {
+        self.flash = Flash::Empty;
+        if self.loaded == Project::Boot {
+            self.loaded = Project::Sent;
+        }
+    }
+
+    /// A boot project was copied to the flash memory; it is loaded by the next power-on or reset.
+    pub fn copied(&mut self) {
+        (self.flash, self.boot_cold) = (Flash::Boot, true);
+    }
+
+    /// Power-on or end of a reset: the boot project is loaded, and only that (p. 37).
+    pub fn restart(&mut self) {
+        if self.flash != Flash::Empty {
+            (self.loaded, self.cold, self.lost) = (Project::Boot, self.boot_cold, false);
+        } else if self.loaded == Project::Sent {
+            (self.loaded, self.cold, self.lost) = (Project::None, true, true);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Manual p. 37: after reset or power-off the boot project is active again, whatever was sent meanwhile.
+    #[test]
+    fn only_the_boot_project_comes_back() {
+        let mut projects = Projects::new(Project::Boot);
+        projects.started_cold();
+        projects.load(Project::Sent);
+        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Sent, true));
+        projects.restart();
+        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Boot, false), "it is no new one");
+        projects.load(Project::None);
+        assert_eq!(projects.loaded(), Project::None);
+        projects.restart();
+        assert_eq!(projects.loaded(), Project::Boot, "p. 38: Reset does not delete the boot project");
+
+        let mut projects = Projects::new(Project::Sent);
+        projects.restart();
+        assert_eq!((projects.loaded(), projects.is_lost()), (Project::None, true));
+        projects.load(Project::Sent);
+        assert!(!projects.is_lost());
+    }
+
+    #[test]
+    fn a_boot_project_can_be_copied_and_erased() {
+        let mut projects = Projects::new(Project::None);
+        projects.copied();
+        assert_eq!(projects.loaded(), Project::None);
+        projects.restart();
+        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Boot, true));
+        projects.erased();
+        assert_eq!(projects.loaded(), Project::Sent, "what is loaded stays");
+        projects.restart();
+        assert_eq!(projects.loaded(), Project::None);
+    }
+
+    #[test]
+    fn a_process_takes_its_project_along() {
+        let mut projects = Projects::new(Project::None);
+        projects.retain_was_kept();
+        projects.brought();
+        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::Boot, false));
+        projects.restart();
+        assert_eq!(projects.loaded(), Project::Boot);
+        projects.taken_back();
+        assert_eq!((projects.loaded(), projects.starts_cold()), (Project::None, true));
+        projects.restart();
+        assert_eq!(projects.loaded(), Project::None);
+    }
+}

@@ -1,0 +1,63 @@
+//! Initial values of retain flags, which a cold start gives them (manual 5.00005.03a p. 38).
+
+use crate::memory::contract::publish;
+use crate::memory::{Cell32, SharedRegs};
+use zerocopy::{FromBytes, IntoBytes, KnownLayout};
+
+/// A request that gives retain flags an initial value, and the firmware's answer. One client at a time may ask.
+#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
+#[repr(C)]
+pub struct InitialFlag {
+    /// Which flag, from 0: the n of `%MB10000000` + n.
+    pub flag: Cell32,
+    /// Width in bytes: 1, 2, 4. The flag must suit it.
+    pub width: Cell32,
+    /// The initial value.
+    pub value: Cell32,
+    /// Number of the request, another one than `answer`; stored last.
+    pub request: Cell32,
+    /// The request that `result` belongs to.
+    pub answer: Cell32,
+    /// An [`InitialFlagResult`], stored before `answer`.
+    pub result: Cell32,
+}
+
+codes! {
+    /// What became of an initial value.
+    InitialFlagResult {
+        /// The next cold start writes it.
+        Done = 0,
+        /// There is no such flag, it does not suit the width, or the value does not fit.
+        NoSuchFlag = 1,
+    }
+}
+
+// SAFETY: every field is a cell; IntoBytes proves that there is no padding and FromBytes that any bit pattern is valid.
+unsafe impl SharedRegs for InitialFlag {}
+
+publish! { InitialFlag: 0 => flag, 4 => width, 8 => value, 12 => request, 16 => answer, 20 => result }
+const _: () = assert!(size_of::<InitialFlag>() == 24);
+
+impl InitialFlag {
+    /// No request, no answer.
+    pub fn clear(&self) {
+        let cells = [&self.flag, &self.width, &self.value, &self.request, &self.answer, &self.result];
+        cells.iter().for_each(|cell| cell.store(0));
+    }
+
+    /// Puts in a request and returns its number. The caller submits it with [`super::Header::submit_request`] and waits
+    /// until [`InitialFlag::outcome`] tells what became of it.
+    pub fn ask(&self, flag: u32, width: u32, value: u32) -> u32 {
+        self.flag.store(flag);
+        self.width.store(width);
+        self.value.store(value);
+        let request = self.answer.load().wrapping_add(1);
+        self.request.store(request);
+        request
+    }
+
+    /// What became of `request`; `None` while it is not answered.
+    pub fn outcome(&self, request: u32) -> Option<u32> {
+        (self.answer.load() == request).then(|| self.result.load())
+    }
+}

@@ -1,0 +1,106 @@
+//! A PLC as the plant file describes it.
+
+use super::{HOUR_US, PlantError, range, sync_loss};
+use crate::drive::BuiltInDriveConfig;
+use crate::layout::flags::{MOST_RETAIN, RETAIN_SIZE};
+use crate::memory::header::Project;
+use serde::Deserialize;
+
+/// A PLC of the plant file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlcConfig {
+    /// Name, unique among the PLCs: 1 to 31 characters of `A-Z a-z 0-9 _ -`.
+    pub name: String,
+    /// DIP switch S33, 0..=31: the slave number of node 1.
+    #[serde(default)]
+    pub dip: u8,
+    /// Name of the bus at node 1, on which this PLC is a slave.
+    pub node1: Option<String>,
+    /// Name of the bus at node 2, of which this PLC is the master.
+    pub node2: Option<String>,
+    /// Emulated time that node 1 needs to lock to the SYNC signal, in us (default 1 s; D-07).
+    #[serde(default = "default_lock_time")]
+    pub lock_time_us: u64,
+    /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
+    /// ([`SyncLock`](crate::bus::SyncLock)).
+    pub sync_loss_us: Option<u64>,
+    /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
+    pub option_sync_us: Option<u32>,
+    /// The drive behind the BAPS.
+    #[serde(default)]
+    pub drive: BuiltInDriveConfig,
+    /// Speed of the Ethernet link in Mbit/s: 100 (default), 10, or 0 for no link.
+    #[serde(default = "default_ethernet_mbit")]
+    pub ethernet_mbit: u16,
+    /// The project that the PLC has at the first power-on (default: none).
+    #[serde(default)]
+    pub project: ProjectConfig,
+    /// Number of retain flags in bytes, 4..=71808 and divisible by 4: `%MB10000000` and up (default 20000; p. 41).
+    #[serde(default = "default_retain_bytes")]
+    pub retain_bytes: u32,
+}
+
+/// Which project a PLC has at the first power-on (manual p. 37).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ProjectConfig {
+    /// None, until a program loads one.
+    #[default]
+    None,
+    /// A boot project: it survives power-off and reset.
+    Boot,
+    /// One that was only sent: the next power-off or reset loses it.
+    Sent,
+}
+
+impl From<ProjectConfig> for Project {
+    fn from(config: ProjectConfig) -> Self {
+        match config {
+            ProjectConfig::None => Project::None,
+            ProjectConfig::Boot => Project::Boot,
+            ProjectConfig::Sent => Project::Sent,
+        }
+    }
+}
+
+fn default_lock_time() -> u64 {
+    1_000_000
+}
+
+fn default_ethernet_mbit() -> u16 {
+    100
+}
+
+fn default_retain_bytes() -> u32 {
+    RETAIN_SIZE
+}
+
+impl PlcConfig {
+    /// Checks the numbers.
+    pub(super) fn check(&self) -> Result<(), PlantError> {
+        range("dip", &self.name, self.dip.into(), 0..=31, "0 to 31")?;
+        for (what, us) in [
+            ("lock_time_us", self.lock_time_us),
+            ("drive.lock_time_us", self.drive.lock_time_us),
+            ("drive.service_time_us", self.drive.service_time_us),
+        ] {
+            range(what, &self.name, us, 0..=HOUR_US, "at most one hour")?;
+        }
+        sync_loss("sync_loss_us", &self.name, self.sync_loss_us)?;
+        sync_loss("drive.sync_loss_us", &self.name, self.drive.sync_loss_us)?;
+        let sync = self.option_sync_us.map_or(50, u64::from);
+        range("option_sync_us", &self.name, sync, 50..=1_000_000, "50 to 1000000")?;
+        if ![0, 10, 100].contains(&self.ethernet_mbit) {
+            let (name, value) = (self.name.clone(), self.ethernet_mbit.into());
+            return Err(PlantError::Range { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
+        }
+        let right = "4 to 71808 and divisible by 4";
+        range("retain_bytes", &self.name, self.retain_bytes.into(), 4..=MOST_RETAIN.into(), right)?;
+        if !self.retain_bytes.is_multiple_of(4) {
+            let (name, value) = (self.name.clone(), self.retain_bytes.into());
+            return Err(PlantError::Range { what: "retain_bytes", name, value, right });
+        }
+        Ok(())
+    }
+}
