@@ -137,6 +137,21 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
     }
 }
 
+#[test]
+fn what_is_written_too_early_is_found_with_bit_7_too() {
+    for command in [0x0002, 0x0082] {
+        let mut rig = Rig::new(Memory::Heap, RATES[0]);
+        rig.expect_errors(&[Rule::BeforeInit]);
+        let regs = bring_to(&mut rig, Role::Master, 1);
+        write_init_data(&regs, RATES[0], 0x00);
+        rig.master.a_RD_BMARRAY[31][7].store(1);
+        regs.w_CPU_CONTROL.store(command);
+        rig.step(500);
+        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003);
+        assert_eq!(rig.plant.journal().findings().iter().filter(|it| it.last.rule == Rule::BeforeInit).count(), 1);
+    }
+}
+
 /// Somebody writes `w_CPU_CONTROL` by its name, as the channel does.
 fn write_by_name(rig: &mut Rig, role: Role, value: u16) {
     regs(rig, role).w_CPU_CONTROL.store(value);

@@ -121,7 +121,10 @@ impl Node {
     /// What the access checker must know; `punctual` are the deadlines of the node's two process data frames.
     #[inline]
     pub(super) fn facts(&self, punctual: [Punctual; 2]) -> Facts {
-        let ordered = || self.regs.w_CPU_CONTROL.load() == control::TAKE_OVER_INIT_DATA;
+        let ordered = || {
+            let others = self.regs.w_CPU_CONTROL.load() & !control::RESET_CONTROLLER;
+            others == control::TAKE_OVER_INIT_DATA
+        };
         Facts {
             is_master: self.role == Role::Master,
             live: self.live(),

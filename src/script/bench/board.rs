@@ -5,6 +5,9 @@ use crate::layout::flags::RETAIN_OFFSET;
 use crate::memory::header::{BoardSetting, BoardState, InitialFlagResult};
 use crate::script::{ScenarioError, Value};
 
+/// How long a board may take to answer a request, in microseconds of emulated time.
+const PATIENCE_US: u64 = 100_000;
+
 impl Bench {
     /// What the board of a PLC shows and how its switches stand; `""` is the only PLC.
     ///
@@ -69,12 +72,15 @@ impl Bench {
         let request = slot.ask(address.offset() - RETAIN_OFFSET, address.width().bytes(), bits);
         ram.header().submit_request();
         self.answer_boards()?;
+        // A clock that runs by itself has to come to it.
+        let deadline = self.now()?.saturating_add(PATIENCE_US);
+        while slot.outcome(request).is_none() && self.pass(deadline)? {}
         match slot.outcome(request) {
             Some(result) if result == InitialFlagResult::Done.code() => Ok(()),
             Some(_) => Err(ScenarioError::argument(flag, "the PLC has no such retain flag")),
             None => Err(ScenarioError::argument(
                 flag,
-                "the board does not answer; it has no supply, or its clock has not come to it",
+                "the board does not answer; it has no supply or is held in RESET",
             )),
         }
     }
