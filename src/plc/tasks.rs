@@ -9,7 +9,7 @@
 //! they were given.
 
 use super::Ram;
-use crate::memory::header::{Power, ProgramState, RunSwitch, Start};
+use crate::memory::header::{Power, ProgramState, Project, RunSwitch, Start};
 use crate::memory::{Attached, ClockMode, MemoryError};
 use core::fmt;
 use core::time::Duration;
@@ -114,7 +114,7 @@ impl<P: Program> Tasks<P> {
         let header = ram.header();
         let mut orders = header.program.start.rings();
         match ProgramState::from_code(header.program.state.load()) {
-            Some(ProgramState::None) => {}
+            Some(ProgramState::None) if header.project.load() == Project::None.code() => {}
             // The program of a project that is loaded: a start that was ordered before it came is still to be done.
             Some(ProgramState::Stopped) => {
                 let kind = Start::from_code(header.program.start_kind.load());
@@ -122,7 +122,7 @@ impl<P: Program> Tasks<P> {
                     orders = orders.wrapping_sub(1);
                 }
             }
-            // After a program that has not ended in good order the board takes this one for the same.
+            // After a program that has not ended in good order, or a moment ago, the board takes this one for the same.
             _ => header.program.start_request.store(Start::Cold.code()),
         }
         header.program.state.store(ProgramState::Stopped.code());

@@ -148,7 +148,10 @@ fn what_is_written_too_early_is_found_with_bit_7_too() {
         regs.w_CPU_CONTROL.store(command);
         rig.step(500);
         assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003);
-        assert_eq!(rig.plant.journal().findings().iter().filter(|it| it.last.rule == Rule::BeforeInit).count(), 1);
+        assert_eq!(
+            rig.plant.journal().findings().iter().filter(|it| it.last.rule == Rule::BeforeInit).count(),
+            1
+        );
     }
 }
 

@@ -119,6 +119,10 @@ impl Front {
         }
         // The first power-on finds what the plant file says.
         if core::mem::replace(&mut self.is_used, true) {
+            // A process may have come or gone meanwhile.
+            self.read(header);
+            let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
+            self.note_program(header, told);
             self.projects.restart();
         }
         self.halted = false;
