@@ -4,6 +4,8 @@
 //! reason. The format of the files is described in `docs/layouts.md`.
 
 mod check;
+#[cfg(feature = "import")]
+pub mod declaration;
 mod emit;
 mod error;
 mod hash;

@@ -1,0 +1,80 @@
+//! What can be wrong with a declaration, and where.
+
+use crate::error::Location;
+use std::fmt;
+use std::path::Path;
+
+/// A declaration that cannot be used: place and reason. Printed as `file:line:column: reason`.
+#[derive(Debug, thiserror::Error)]
+#[error("{at}: {reason}")]
+pub struct DeclarationError {
+    /// Where.
+    pub at: Location,
+    /// What is wrong and what would be right.
+    pub reason: Wrong,
+}
+
+/// A place in the text: line and column in characters, both from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Line.
+    pub line: usize,
+    /// Column.
+    pub column: usize,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}, column {}", self.line, self.column)
+    }
+}
+
+/// A reason with its place, before the file is known.
+pub(crate) type Fault = (Place, Wrong);
+
+/// Puts the file in front.
+pub(crate) fn in_file(file: &Path, (place, reason): Fault) -> DeclarationError {
+    let at = Location { file: file.to_owned(), line: place.line, column: place.column };
+    DeclarationError { at, reason }
+}
+
+/// The kinds of wrong declarations.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+#[expect(missing_docs, reason = "each message says it all")]
+pub enum Wrong {
+    #[error("cannot read this file: {0}")]
+    Unreadable(String),
+    #[error("the file has more than {} MiB", .0 >> 20)]
+    TooLong(u64),
+    #[error("this is UTF-16; export the declarations as plain text or UTF-8")]
+    Utf16,
+    #[error("`{0}` has no place in a declaration")]
+    Character(char),
+    #[error("`*)` without a comment before it; comments do not nest")]
+    NoComment,
+    #[error("this {0} has no end")]
+    Unfinished(&'static str),
+    #[error("expected {expected}, found {found}")]
+    Unexpected { expected: &'static str, found: String },
+    #[error("`{0}` is a keyword and no name")]
+    Keyword(String),
+    #[error("types are written into each other more than {0} deep")]
+    TooDeep(usize),
+    #[error("`{0}` is already declared at {1}; names do not distinguish upper and lower case")]
+    Duplicate(String, Place),
+    #[error("`{0}` is no array bound; bounds are whole numbers")]
+    BadBound(String),
+    #[error("the array's bounds {first}..{last} must ascend and hold at most 16777216 elements")]
+    Bounds { first: i64, last: i64 },
+    #[error("`{0}` is not declared in this file and is no elementary type")]
+    UnknownType(String),
+    #[error("the size of {0} is not fixed by IEC 61131-3, so no offset behind it can be told")]
+    NoSize(String),
+    #[error("`{0}` contains itself")]
+    Circular(String),
+    #[error("this type is nested more than {0} deep")]
+    DeepType(usize),
+    #[error("this type has more than {} MiB", .0 >> 20)]
+    TooLarge(u32),
+}

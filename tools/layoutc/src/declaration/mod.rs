@@ -1,0 +1,143 @@
+//! IEC 61131-3 declarations of types, as engineering tools export them: read, and laid out in memory.
+//!
+//! Written for this purpose: what crates.io has are parsers of the whole language, none of which keeps the place of
+//! every member for a complaint, and none of which is maintained by more than its author.
+
+mod error;
+mod lexer;
+mod parser;
+mod size;
+
+pub use error::{DeclarationError, Place, Wrong};
+pub(crate) use error::{Fault, in_file};
+pub use size::{Alignment, Shape, Sizes};
+
+use std::collections::HashMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// The longest file that is read, in bytes; the types of a whole library have some hundred kilobytes.
+const MAX_BYTES: u64 = 4 << 20;
+
+/// The types that one file declares.
+#[derive(Debug)]
+pub struct Declarations {
+    /// The file, as it was named.
+    pub path: PathBuf,
+    types: Types,
+}
+
+/// Number of a type, with a name or written in place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct TypeId(usize);
+
+/// Every type with its place, and those that have a name.
+#[derive(Debug, Default)]
+struct Types {
+    all: Vec<(Place, Type)>,
+    /// In the order of the file.
+    named: Vec<(String, TypeId)>,
+    /// By name in lower case.
+    by_name: HashMap<String, TypeId>,
+}
+
+#[derive(Debug)]
+enum Type {
+    /// An elementary type or one with a declaration of its own.
+    Named(String),
+    Array {
+        counts: Vec<u32>,
+        of: TypeId,
+    },
+    Struct(Vec<Member>),
+    /// A type whose size the standard leaves to the compiler.
+    Unsized(&'static str),
+}
+
+/// A member of a structure.
+#[derive(Debug)]
+pub struct Member {
+    /// Its name as written.
+    pub name: String,
+    /// Where it is declared.
+    pub at: Place,
+    /// Its type.
+    pub ty: TypeId,
+}
+
+impl Types {
+    fn add(&mut self, at: Place, ty: Type) -> TypeId {
+        self.all.push((at, ty));
+        TypeId(self.all.len() - 1)
+    }
+
+    fn declare(&mut self, name: &str, ty: TypeId) {
+        self.named.push((name.to_owned(), ty));
+        self.by_name.insert(name.to_ascii_lowercase(), ty);
+    }
+
+    fn of(&self, id: TypeId) -> &(Place, Type) {
+        &self.all[id.0]
+    }
+}
+
+impl Declarations {
+    /// Reads the file at `path`: UTF-8, or the Latin script of older Windows programs, whose letters can only occur
+    /// in comments.
+    ///
+    /// # Errors
+    /// The file cannot be read, is too long, or does not parse; with line and column.
+    pub fn read(path: &Path) -> Result<Self, DeclarationError> {
+        let begin = Place { line: 1, column: 1 };
+        let unreadable = |error: std::io::Error| in_file(path, (begin, Wrong::Unreadable(error.to_string())));
+        let file = std::fs::File::open(path).map_err(unreadable)?;
+        let mut bytes = Vec::new();
+        // A byte more than allowed tells that there are too many, whatever kind of file this is.
+        file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+        let text = decode(bytes).map_err(|wrong| in_file(path, (begin, wrong)))?;
+        Self::parse(path, &text)
+    }
+
+    /// Reads declarations out of `text`, which came from `path`.
+    ///
+    /// # Errors
+    /// It does not parse; with line and column.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, DeclarationError> {
+        let types = parser::parse(text).map_err(|fault| in_file(path, fault))?;
+        Ok(Self { path: path.to_owned(), types })
+    }
+
+    /// The type of this name; upper and lower case are not distinguished.
+    pub fn find(&self, name: &str) -> Option<TypeId> {
+        self.types.by_name.get(&name.to_ascii_lowercase()).copied()
+    }
+
+    /// Names of the structures, in the order of the file.
+    pub fn structures(&self) -> impl Iterator<Item = &str> {
+        let named = self.types.named.iter();
+        named.filter(|(_, ty)| matches!(self.types.of(*ty).1, Type::Struct(_))).map(|(name, _)| name.as_str())
+    }
+
+    /// The members of a structure; of other types none.
+    pub fn members(&self, ty: TypeId) -> &[Member] {
+        match &self.types.of(ty).1 {
+            Type::Struct(members) => members,
+            _ => &[],
+        }
+    }
+}
+
+fn decode(bytes: Vec<u8>) -> Result<String, Wrong> {
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(Wrong::TooLong(MAX_BYTES));
+    }
+    if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+        return Err(Wrong::Utf16);
+    }
+    let text = String::from_utf8(bytes)
+        .unwrap_or_else(|error| error.into_bytes().into_iter().map(char::from).collect());
+    Ok(text.strip_prefix('\u{FEFF}').map(str::to_owned).unwrap_or(text))
+}
+
+#[cfg(test)]
+mod tests;
