@@ -9,6 +9,8 @@ pub mod declaration;
 mod emit;
 mod error;
 mod hash;
+#[cfg(feature = "import")]
+pub mod import;
 mod model;
 pub mod parameters;
 mod raw;

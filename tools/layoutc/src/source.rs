@@ -2,12 +2,15 @@
 
 use crate::error::{Error, Location, Reason};
 use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Every file read so far.
 pub struct Sources {
     dir: PathBuf,
+    /// Texts that count instead of the files'.
+    edits: BTreeMap<PathBuf, String>,
     files: Vec<(PathBuf, String)>,
 }
 
@@ -20,7 +23,19 @@ pub struct At {
 
 impl Sources {
     pub fn new(dir: &Path) -> Self {
-        Self { dir: dir.to_owned(), files: Vec::new() }
+        Self { dir: dir.to_owned(), edits: BTreeMap::new(), files: Vec::new() }
+    }
+
+    /// With other texts than some of the files have.
+    #[cfg(feature = "import")]
+    pub fn with_edits(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Self {
+        Self { edits, ..Self::new(dir) }
+    }
+
+    /// The files read so far, with their texts.
+    #[cfg(feature = "import")]
+    pub fn into_files(self) -> Vec<(PathBuf, String)> {
+        self.files
     }
 
     pub fn paths(&self) -> Vec<PathBuf> {
@@ -31,7 +46,8 @@ impl Sources {
     /// asked for; a missing file is reported there.
     pub fn parse<T: DeserializeOwned>(&mut self, name: &str, from: Option<At>) -> Result<(usize, T), Error> {
         let path = self.dir.join(name);
-        let text = std::fs::read_to_string(&path).map_err(|error| match from {
+        let text = self.edits.get(&path).cloned().map_or_else(|| std::fs::read_to_string(&path), Ok);
+        let text = text.map_err(|error| match from {
             Some(at) => self.error(at, Reason::Unreadable(format!("{}: {error}", path.display()))),
             None => Error {
                 at: Location { file: path.clone(), line: 1, column: 1 },

@@ -10,7 +10,7 @@ mod size;
 
 pub use error::{DeclarationError, Place, Wrong};
 pub(crate) use error::{Fault, in_file};
-pub use size::{Alignment, Shape, Sizes};
+pub use size::{Alignment, Element, Shape, Sizes};
 
 use std::collections::HashMap;
 use std::io::Read;

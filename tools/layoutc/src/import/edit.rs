@@ -1,0 +1,109 @@
+//! New offsets in the text of the layout files. Comments stay with the lines they belong to, and the lines in their
+//! order as far as the offsets let them.
+
+use super::ImportError;
+use super::homes::{Home, Homes, Table};
+use super::list;
+use super::matching::Placement;
+use std::ops::Range;
+use std::path::PathBuf;
+use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
+
+/// The files that change, with their new content.
+pub fn files(
+    homes: &Homes,
+    placements: &[Placement],
+    mark: &str,
+) -> Result<Vec<(PathBuf, String)>, ImportError> {
+    let mut changed = Vec::new();
+    for (file, (path, text)) in homes.files.iter().enumerate() {
+        let mut document: Option<DocumentMut> = None;
+        for placement in placements.iter().filter(|placement| homes.all[placement.home].file == file) {
+            let home = &homes.all[placement.home];
+            let form = || ImportError::Form { path: path.clone(), name: home.name().to_owned() };
+            let document = match &mut document {
+                Some(document) => document,
+                none => none.insert(text.parse().map_err(|_| form())?),
+            };
+            let gaps = gaps(homes, placements, placement);
+            structure(document, home, placement, &gaps, mark).ok_or_else(form)?;
+        }
+        let new = document.map(|document| document.to_string());
+        changed.extend(new.filter(|new| new != text).map(|new| (path.clone(), new)));
+    }
+    Ok(changed)
+}
+
+/// Writes one structure, sub-structure or block; nothing if it is not in the usual form.
+fn structure(
+    document: &mut DocumentMut,
+    home: &Home,
+    placement: &Placement,
+    gaps: &[Range<u32>],
+    mark: &str,
+) -> Option<()> {
+    let table: &mut dyn TableLike = match home.table {
+        Table::Top => document.as_table_mut(),
+        Table::Substructure(index) => element(document, "substructure", index)?,
+        Table::Block(index) => element(document, "block", index)?,
+    };
+    put(table, "size", i64::from(placement.size).into());
+    put(table, "offsets", mark.into());
+    let mut known = vec!["offset_from"];
+    if placement.is_named_alike {
+        put(table, "names", mark.into());
+        known.push("name_from");
+    }
+    let registers = table.get_mut("register")?.as_array_mut()?;
+    for entry in registers.iter_mut().filter_map(Value::as_inline_table_mut) {
+        known.iter().for_each(|key| remove(entry, key));
+    }
+    let offsets: Vec<_> =
+        placement.places.iter().map(|place| place.as_ref().map(|place| place.start)).collect();
+    list::place(registers, &offsets, gaps)
+}
+
+fn element<'a>(document: &'a mut DocumentMut, name: &str, index: usize) -> Option<&'a mut dyn TableLike> {
+    let table = document.get_mut(name)?.as_array_of_tables_mut()?.get_mut(index)?;
+    Some(table)
+}
+
+/// Changes a key that is there; what stands around its value stays.
+fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
+    if let Some(old) = table.get_mut(key).and_then(Item::as_value_mut) {
+        *value.decor_mut() = old.decor().clone();
+        *old = value;
+    }
+}
+
+/// Removes a key; the last one's blank in front of the brace stays.
+fn remove(entry: &mut InlineTable, key: &str) {
+    if entry.remove(key).is_some()
+        && let Some((_, last)) = entry.iter_mut().last()
+    {
+        last.decor_mut().set_suffix(" ");
+    }
+}
+
+/// The bytes of a structure that no register lies in. Those of a structure with blocks are told in its own list.
+fn gaps(homes: &Homes, placements: &[Placement], placement: &Placement) -> Vec<Range<u32>> {
+    let lists = match homes.all[placement.home].table {
+        Table::Block(_) => return Vec::new(),
+        Table::Substructure(_) => vec![placement.home],
+        Table::Top => homes.lists(placement.home),
+    };
+    let listed = placements.iter().filter(|placement| lists.contains(&placement.home));
+    let mut places: Vec<_> =
+        listed.flat_map(|placement| placement.places.iter().flatten().cloned()).collect();
+    places.sort_unstable_by_key(|place| place.start);
+    places.push(placement.size..placement.size);
+    let mut gaps = Vec::new();
+    let mut end = 0;
+    for place in places {
+        if place.start > end {
+            gaps.push(end..place.start);
+        }
+        end = end.max(place.end);
+    }
+    gaps
+}

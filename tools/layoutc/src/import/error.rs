@@ -1,0 +1,75 @@
+//! Why declarations cannot be taken over.
+
+use crate::declaration::DeclarationError;
+use crate::error::{Error, Reason};
+use std::path::PathBuf;
+
+/// Why nothing was imported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// The layout is wrong as it is.
+    #[error("{0}")]
+    Layout(#[from] Error),
+    /// The declarations do not parse, or a type that is needed has no size.
+    #[error("{0}")]
+    Declaration(#[from] DeclarationError),
+    /// Nothing in the file is of interest.
+    #[error("{} declares none of the layout's structures ({known}); its structures: {declared}", .path.display())]
+    NothingDeclared {
+        /// The declarations.
+        path: PathBuf,
+        /// Structures of the layout.
+        known: String,
+        /// Structures of the file.
+        declared: String,
+    },
+    /// A pair of names of which one does not exist.
+    #[error("`{ours}={theirs}`: {right}")]
+    Called {
+        /// The layout's name.
+        ours: String,
+        /// The declaration's name.
+        theirs: String,
+        /// What is wrong.
+        right: String,
+    },
+    /// A part that several structures share would have to look differently in them.
+    #[error(
+        "`{register}` of `{part}` would be at offset {offset} for {user}, but at {other_offset} for {other}, \
+         and the layout has `{part}` once for both"
+    )]
+    Conflict {
+        /// The sub-structure or block.
+        part: String,
+        /// The register that lies differently, or `size`.
+        register: String,
+        /// Where it is used.
+        user: String,
+        /// Offset there.
+        offset: u32,
+        /// Where it is used too.
+        other: String,
+        /// Offset there.
+        other_offset: u32,
+    },
+    /// The result would be no correct layout.
+    #[error("the layout would be refused with these offsets: {0}")]
+    Refused(Box<Reason>),
+    /// A file cannot be edited in its present form.
+    #[error("{}: write the registers of `{name}` as a list of inline tables, one per line", .path.display())]
+    Form {
+        /// The file.
+        path: PathBuf,
+        /// The structure.
+        name: String,
+    },
+    /// A file cannot be written.
+    #[error("cannot write {}: {reason}", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+}

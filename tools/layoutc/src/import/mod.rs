@@ -1,0 +1,233 @@
+//! Takes the offsets of the registers over from declarations of IEC 61131-3 into the layout files.
+//!
+//! Registers are found by their structure's name and their path in it; names of the types of sub-structures do not
+//! matter. A structure is taken over as a whole or not at all, and nothing is written that the layout compiler
+//! would refuse.
+
+mod edit;
+mod error;
+mod homes;
+mod list;
+mod matching;
+mod rows;
+
+pub use error::ImportError;
+pub use rows::{Row, Verdict};
+
+use crate::check;
+use crate::declaration::{Alignment, Declarations, Sizes};
+use crate::hash::layout_hash;
+use crate::source::Sources;
+use homes::{Homes, Table};
+use matching::{Matcher, Placement};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Pairs of names for what the declaration calls otherwise than the manual: `STRUCTURE` or `STRUCTURE.REGISTER`, and
+/// the declaration's name.
+#[derive(Debug, Default)]
+pub struct Called(BTreeMap<String, String>);
+
+/// What an import would do, and does on [`Import::write`].
+#[derive(Debug)]
+pub struct Import {
+    /// One row per structure and register.
+    pub rows: Vec<Row>,
+    /// Layout hash before.
+    pub hash_before: u64,
+    /// Layout hash after.
+    pub hash_after: u64,
+    /// Files that change, with their new content.
+    files: Vec<(PathBuf, String)>,
+}
+
+impl Import {
+    /// Compares the layout in `dir` with declarations and prepares the new files.
+    ///
+    /// # Errors
+    /// The layout or a declaration is wrong, nothing of interest is declared, or the result would be no layout.
+    pub fn plan(
+        dir: &Path,
+        declarations: &Declarations,
+        alignment: Alignment,
+        called: &Called,
+    ) -> Result<Self, ImportError> {
+        let hash_before = layout_hash(&check::load(&mut Sources::new(dir))?);
+        let homes = Homes::read(Sources::new(dir))?;
+        called.check(&homes)?;
+        let sizes = Sizes::new(declarations, alignment);
+        let mut matcher = Matcher { homes: &homes, sizes, called };
+        let mut rows = Vec::new();
+        let mut placements: Vec<Placement> = Vec::new();
+        let mut left = Vec::new();
+        for index in homes.structures() {
+            let name = homes.all[index].name();
+            let Some(ty) = declarations.find(&called.of_structure(name)) else {
+                rows.push(undeclared(name, *homes.all[index].raw.size.get_ref()));
+                left.push(index);
+                continue;
+            };
+            let matched = matcher.structure(index, ty)?;
+            rows.extend(matched.rows);
+            match matched.placements {
+                Some(found) => placements.extend(found),
+                None => left.push(index),
+            }
+        }
+        if rows.iter().all(|row| row.verdict == Verdict::Undeclared) {
+            return Err(nothing_declared(&homes, declarations));
+        }
+        let placements = agree(&homes, placements, &left)?;
+        let mark = mark(&declarations.path);
+        let files = edit::files(&homes, &placements, &mark)?;
+        let mut after = Sources::with_edits(dir, files.iter().cloned().collect());
+        let device = check::load(&mut after).map_err(|error| ImportError::Refused(error.reason))?;
+        Ok(Self { rows, hash_before, hash_after: layout_hash(&device), files })
+    }
+
+    /// Whether the layout files stay as they are.
+    pub fn changes_nothing(&self) -> bool {
+        self.files.is_empty()
+    }
+
+    /// Whether all declared structures can be taken over.
+    pub fn is_whole(&self) -> bool {
+        self.rows.iter().all(|row| row.verdict != Verdict::Left)
+    }
+
+    /// The files that change.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(|(path, _)| path.as_path())
+    }
+
+    /// Writes the files.
+    ///
+    /// # Errors
+    /// One of them cannot be written; those before it have been. Another import makes up for the rest.
+    pub fn write(&self) -> Result<(), ImportError> {
+        for (path, text) in &self.files {
+            std::fs::write(path, text).map_err(|reason| ImportError::Write { path: path.clone(), reason })?;
+        }
+        Ok(())
+    }
+}
+
+impl Called {
+    /// From pairs of the layout's and the declaration's name.
+    pub fn new(pairs: impl IntoIterator<Item = (String, String)>) -> Self {
+        Self(pairs.into_iter().collect())
+    }
+
+    fn of_structure(&self, structure: &str) -> String {
+        self.0.get(structure).cloned().unwrap_or_else(|| structure.to_owned())
+    }
+
+    fn of(&self, structure: &str, path: &str) -> String {
+        self.0.get(&format!("{structure}.{path}")).cloned().unwrap_or_else(|| path.to_owned())
+    }
+
+    /// Whether something in `path` has another name.
+    fn has_inside(&self, path: &str) -> bool {
+        let inside = format!("{path}.");
+        self.0.keys().any(|ours| ours.starts_with(&inside))
+    }
+
+    /// Every name on the left must be one of the layout.
+    fn check(&self, homes: &Homes) -> Result<(), ImportError> {
+        for (ours, theirs) in &self.0 {
+            let mut path = ours.split('.');
+            let structure = path.next().unwrap_or_default();
+            let found = homes.structures().find(|index| homes.all[*index].name() == structure);
+            let mut lists = found.map(|index| homes.lists(index));
+            for name in path {
+                let entries = lists.into_iter().flatten().flat_map(|list| &homes.all[list].raw.register);
+                let mut named = entries
+                    .map(toml::Spanned::get_ref)
+                    .filter(|entry| entry.name.as_ref().is_some_and(|known| known.get_ref() == name));
+                let ty = named.next().map(|entry| entry.ty.as_ref().map_or("", |ty| ty.get_ref()));
+                lists = ty.map(|ty| homes.substructure(ty).into_iter().collect());
+            }
+            if lists.is_none() {
+                let right = "write the layout's STRUCTURE or STRUCTURE.REGISTER on the left".to_owned();
+                let (ours, theirs) = (ours.clone(), theirs.clone());
+                return Err(ImportError::Called { ours, theirs, right });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn undeclared(structure: &str, size: u32) -> Row {
+    let (structure, member, remark) = (structure.to_owned(), String::new(), String::new());
+    Row { structure, member, verdict: Verdict::Undeclared, before: Some(size), after: None, remark }
+}
+
+fn nothing_declared(homes: &Homes, declarations: &Declarations) -> ImportError {
+    let known: Vec<_> = homes.structures().map(|index| homes.all[index].name()).collect();
+    let declared: Vec<_> = declarations.structures().take(20).collect();
+    let declared = if declared.is_empty() { "none".to_owned() } else { declared.join(", ") };
+    ImportError::NothingDeclared { path: declarations.path.clone(), known: known.join(", "), declared }
+}
+
+/// Every list of registers once. Those that several structures use must lie alike in all of them, and as they do now
+/// for those in `left`, which stay as they are.
+fn agree(homes: &Homes, placements: Vec<Placement>, left: &[usize]) -> Result<Vec<Placement>, ImportError> {
+    let mut agreed: Vec<Placement> = Vec::new();
+    for placement in placements {
+        let theirs = (&*offsets(&placement), placement.size, &*placement.user);
+        let compared = |known: &Placement| compare(homes, known, theirs);
+        match agreed.iter().find(|known| known.home == placement.home) {
+            Some(known) => compared(known)?,
+            None => agreed.push(placement),
+        }
+    }
+    for (index, part) in
+        left.iter().flat_map(|index| homes.parts(*index).into_iter().map(move |part| (index, part)))
+    {
+        if let Some(known) = agreed.iter().find(|known| known.home == part) {
+            let user = format!("`{}`, which stays as it is", homes.all[*index].name());
+            compare(homes, known, (&homes.all[part].offsets(), *homes.all[part].raw.size.get_ref(), &user))?;
+        }
+    }
+    Ok(agreed)
+}
+
+fn offsets(placement: &Placement) -> Vec<Option<u32>> {
+    placement.places.iter().map(|place| place.as_ref().map(|place| place.start)).collect()
+}
+
+/// Complains if the registers of `one` lie at other offsets than `user` demands, or the whole has another size. Of a
+/// block the size does not matter: its registers lie in the structure itself.
+fn compare(
+    homes: &Homes,
+    one: &Placement,
+    (theirs, size, user): (&[Option<u32>], u32, &str),
+) -> Result<(), ImportError> {
+    let home = &homes.all[one.home];
+    let names = home.raw.register.iter().map(|entry| entry.get_ref().name.as_ref());
+    let names = names.map(|name| name.map_or("", |name| name.get_ref()));
+    let mut pairs: Vec<_> = names.zip(offsets(one).into_iter().zip(theirs.iter().copied())).collect();
+    if !matches!(home.table, Table::Block(_)) {
+        pairs.push(("size", (Some(one.size), Some(size))));
+    }
+    let unlike = pairs
+        .into_iter()
+        .find_map(|(name, (one, other))| Some((name, one?, other?)).filter(|_| one != other));
+    match unlike {
+        None => Ok(()),
+        Some((register, offset, other_offset)) => Err(ImportError::Conflict {
+            part: home.name().to_owned(),
+            register: register.to_owned(),
+            user: one.user.clone(),
+            offset,
+            other: user.to_owned(),
+            other_offset,
+        }),
+    }
+}
+
+/// The provenance of what has been imported: the vendor's library, by the name of its file.
+fn mark(path: &Path) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    format!("manual: BM_TYPES, {}", name.to_string_lossy())
+}

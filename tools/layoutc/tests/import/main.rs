@@ -1,0 +1,270 @@
+//! Declarations taken over into a layout: what moves, what is reported, what is refused, and what the files look like.
+
+use commram_layoutc::declaration::{Alignment, Declarations};
+use commram_layoutc::import::{Called, Import, ImportError, Verdict};
+use std::fs;
+use std::path::Path;
+
+mod files;
+
+const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixture");
+
+/// The fixture as its own declarations would have it.
+const AS_IT_IS: &str = "
+TYPE
+    PAIR : STRUCT w_FIRST : WORD; w_SECOND : WORD; END_STRUCT;
+    INIT : STRUCT
+        w_COMMAND : WORD; w_STATUS : WORD; b_MODE : BYTE; a_TYPE : ARRAY[0..1] OF BYTE; padding_7 : BYTE;
+    END_STRUCT;
+    CTRL : STRUCT
+        w_COMMAND : WORD; w_STATUS : WORD; b_CONTROL : BYTE; a_FLAGS : ARRAY[1..3] OF BYTE; d_VALUE : DWORD;
+        i_TEMPERATURE : INT; padding_14 : ARRAY[0..1] OF BYTE;
+        a_PAIRS : ARRAY[0..1] OF PAIR; a_GRID : ARRAY[0..1, 0..1] OF DINT;
+    END_STRUCT;
+END_TYPE";
+
+/// Another library: other names of types and letters, another order, registers that the layout does not know.
+const OTHER: &str = "
+TYPE
+    WORDS2 : STRUCT w_SECOND : WORD; w_FIRST : WORD; END_STRUCT;
+    PAIRS_BMARRAY : ARRAY[1..2] OF WORDS2;
+    ROW : ARRAY[0..1] OF DINT;
+    init : STRUCT
+        W_STATUS : WORD; w_COMMAND : WORD; a_TYPE : ARRAY[0..1] OF USINT; b_MODE : BYTE;
+    END_STRUCT
+    ctrl : STRUCT
+        w_STATUS : WORD; w_COMMAND : WORD; a_FLAGS : ARRAY[0..2] OF BYTE; b_CONTROL : BYTE;
+        i_TEMPERATURE : INT; d_VALUE : DWORD; b_NEW : BYTE;
+        a_GRID : ARRAY[0..1] OF ROW; a_PAIRS : PAIRS_BMARRAY;
+    END_STRUCT
+END_TYPE";
+
+fn fixture() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    for entry in fs::read_dir(FIXTURE).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, dir.path().join(path.file_name().unwrap())).unwrap();
+    }
+    dir
+}
+
+fn plan_with(
+    dir: &Path,
+    text: &str,
+    alignment: Alignment,
+    called: &[(&str, &str)],
+) -> Result<Import, ImportError> {
+    let declarations = Declarations::parse(Path::new("lib/TYPES.st"), text).unwrap();
+    let called = called.iter().map(|(ours, theirs)| ((*ours).to_owned(), (*theirs).to_owned()));
+    Import::plan(dir, &declarations, alignment, &Called::new(called))
+}
+
+fn plan(dir: &Path, text: &str) -> Result<Import, ImportError> {
+    plan_with(dir, text, Alignment::Natural, &[])
+}
+
+/// The rows that tell something, `-` for what is not there.
+fn told(import: &Import) -> Vec<String> {
+    let number = |value: Option<u32>| value.map_or("-".to_owned(), |value| value.to_string());
+    let rows = import.rows.iter().filter(|row| row.verdict != Verdict::Same);
+    rows.map(|row| {
+        let (before, after) = (number(row.before), number(row.after));
+        let text =
+            format!("{}.{} {} {before} {after} {}", row.structure, row.member, row.verdict, row.remark);
+        text.trim_end().to_owned()
+    })
+    .collect()
+}
+
+#[track_caller]
+fn refused(text: &str, called: &[(&str, &str)]) -> String {
+    plan_with(fixture().path(), text, Alignment::Natural, called).expect_err("refused").to_string()
+}
+
+#[test]
+fn what_is_as_it_was_moves_nothing_and_is_marked() {
+    let dir = fixture();
+    let import = plan(dir.path(), AS_IT_IS).unwrap();
+    assert_eq!(told(&import), [""; 0]);
+    assert!(import.is_whole());
+    assert_eq!(import.hash_before, import.hash_after);
+    let files: Vec<_> = import.files().map(|path| path.file_name().unwrap().to_owned()).collect();
+    assert_eq!(files, ["parts.toml", "INIT.toml", "CTRL.toml"], "only the marks");
+    import.write().unwrap();
+    for name in ["parts.toml", "INIT.toml", "CTRL.toml"] {
+        let before = fs::read_to_string(Path::new(FIXTURE).join(name)).unwrap();
+        let mark = "offsets = \"manual: BM_TYPES, TYPES.st\"";
+        assert_eq!(
+            fs::read_to_string(dir.path().join(name)).unwrap(),
+            before.replace("offsets = \"inferred D-02\"", mark)
+        );
+    }
+    assert!(plan(dir.path(), AS_IT_IS).unwrap().changes_nothing(), "twice is as good as once");
+}
+
+#[test]
+fn registers_move_by_their_paths_whatever_their_types_are_called() {
+    let dir = fixture();
+    let import = plan(dir.path(), OTHER).unwrap();
+    assert_eq!(
+        told(&import),
+        [
+            "INIT.w_COMMAND moved 0 2",
+            "INIT.w_STATUS moved 2 0",
+            "INIT.b_MODE moved 4 6",
+            "INIT.a_TYPE moved 5 4 USINT in the declaration, the layout keeps BYTE",
+            "CTRL. moved 40 44 size in bytes",
+            "CTRL.w_COMMAND moved 0 2",
+            "CTRL.w_STATUS moved 2 0",
+            "CTRL.b_CONTROL moved 4 7",
+            "CTRL.a_FLAGS moved 5 4",
+            "CTRL.d_VALUE moved 8 12",
+            "CTRL.i_TEMPERATURE moved 12 8",
+            "CTRL.a_PAIRS moved 16 36",
+            "CTRL.a_PAIRS.w_FIRST moved 16 38",
+            "CTRL.a_PAIRS.w_SECOND moved 18 36",
+            "CTRL.a_GRID moved 24 20",
+            "CTRL.b_NEW new - 16 BYTE; the layout has no register for it",
+        ]
+    );
+    assert_ne!(import.hash_before, import.hash_after);
+    import.write().unwrap();
+    let compiled = commram_layoutc::compile(dir.path()).unwrap();
+    assert_eq!(compiled.layout_hash, import.hash_after);
+    for (structure, register, offset) in
+        [("CTRL", "a_GRID", 20), ("PAIR", "w_FIRST", 2), ("CTRL", "d_VALUE", 12), ("INIT", "w_COMMAND", 2)]
+    {
+        let assertion = format!("assert!(core::mem::offset_of!({structure}, {register}) == {offset});");
+        assert!(compiled.rust.contains(&assertion), "{assertion}");
+    }
+    assert!(compiled.rust.contains(r#"Provenance::Library { name: "BM_TYPES", file: "TYPES.st" }"#));
+    assert!(plan(dir.path(), OTHER).unwrap().changes_nothing());
+}
+
+#[test]
+fn a_packed_library_with_fillers_of_its_own_is_taken_over() {
+    let packed = AS_IT_IS
+        .replace("padding_14 : ARRAY[0..1] OF BYTE;", "w_RESERVE : WORD;")
+        .replace("a_GRID : ARRAY[0..1, 0..1]", "b : BYTE; c, d, e : BYTE; a_GRID : ARRAY[0..1, 0..1]");
+    let dir = fixture();
+    let import = plan_with(dir.path(), &packed, Alignment::Packed, &[]).unwrap();
+    let told = told(&import);
+    assert_eq!(told.len(), 7, "{told:?}");
+    assert_eq!(told[1], "CTRL.a_GRID moved 24 28");
+    assert_eq!(told[2], "CTRL.w_RESERVE new - 14 WORD; the layout has no register for it");
+    import.write().unwrap();
+    commram_layoutc::compile(dir.path()).unwrap();
+}
+
+#[test]
+fn what_the_layout_compiler_would_refuse_is_not_written() {
+    let dir = fixture();
+    let odd = AS_IT_IS.replace("a_GRID :", "w_MORE : WORD; a_GRID :");
+    let packed = plan_with(dir.path(), &odd, Alignment::Packed, &[]).expect_err("misaligned").to_string();
+    assert_eq!(
+        packed,
+        "the layout would be refused with these offsets: \
+         `a_GRID` (DINT) at offset 26 needs an offset divisible by 4"
+    );
+    let long = AS_IT_IS.replace("d_VALUE : DWORD;", "d_VALUE : DWORD; more : ARRAY[0..6] OF DWORD;");
+    assert_eq!(
+        refused(&long, &[]),
+        "the layout would be refused with these offsets: `CTRL` has 68 bytes, but `node` ends after 64"
+    );
+}
+
+#[test]
+fn a_structure_with_something_missing_or_unlike_stays_as_it_is() {
+    let dir = fixture();
+    let text = AS_IT_IS
+        .replace("d_VALUE : DWORD;", "d_WERT : DWORD;")
+        .replace("padding_14 : ARRAY[0..1] OF BYTE;", "")
+        .replace("[1..3] OF BYTE", "[1..3] OF WORD")
+        .replace("w_SECOND : WORD; END", "w_SECOND : DWORD; END")
+        .replace(
+            "b_MODE : BYTE; a_TYPE : ARRAY[0..1] OF BYTE;",
+            "a_TYPE : ARRAY[0..1] OF BYTE; b_MODE : BYTE;",
+        );
+    let import = plan(dir.path(), &text).unwrap();
+    assert!(!import.is_whole() && !import.changes_nothing());
+    assert_eq!(
+        told(&import),
+        [
+            "INIT.b_MODE moved 4 6",
+            "INIT.a_TYPE moved 5 4",
+            "CTRL. left 40 52 its file stays as it is",
+            "CTRL.a_FLAGS unlike 5 6 3 x WORD in the declaration, 3 x BYTE in the layout",
+            "CTRL.d_VALUE missing 8 -",
+            "CTRL.i_TEMPERATURE moved 12 16",
+            "CTRL.a_PAIRS moved 16 20",
+            "CTRL.a_PAIRS.w_SECOND unlike 18 24 DWORD in the declaration, WORD in the layout",
+            "CTRL.a_GRID moved 24 36",
+            "CTRL.d_WERT new - 12 DWORD; the layout has no register for it",
+        ]
+    );
+    import.write().unwrap();
+    let same = |name: &str| {
+        fs::read(dir.path().join(name)).unwrap() == fs::read(Path::new(FIXTURE).join(name)).unwrap()
+    };
+    assert!(same("CTRL.toml") && !same("INIT.toml"));
+}
+
+#[test]
+fn other_names_can_be_given() {
+    let text = AS_IT_IS
+        .replace("INIT : STRUCT", "INIT_T : STRUCT")
+        .replace("w_SECOND", "w_ZWEITES")
+        .replace("i_TEMPERATURE : INT;", "inner : STRUCT b_FILL, c_FILL : BYTE; i_TEMP : INT; END_STRUCT;")
+        .replace("padding_14 : ARRAY[0..1] OF BYTE;", "");
+    let called =
+        [("INIT", "INIT_T"), ("CTRL.i_TEMPERATURE", "inner.i_TEMP"), ("CTRL.a_PAIRS.w_SECOND", "w_ZWEITES")];
+    let import = plan_with(fixture().path(), &text, Alignment::Natural, &called).unwrap();
+    assert_eq!(
+        told(&import),
+        [
+            "CTRL.i_TEMPERATURE moved 12 14 there inner.i_TEMP",
+            "CTRL.inner.b_FILL new - 12 BYTE; the layout has no register for it",
+            "CTRL.inner.c_FILL new - 13 BYTE; the layout has no register for it",
+        ]
+    );
+    let wrong = "write the layout's STRUCTURE or STRUCTURE.REGISTER on the left";
+    for ours in ["NONE", "CTRL.none", "CTRL.d_VALUE.x", "CTRL.a_PAIRS.none", "PAIR"] {
+        assert_eq!(refused(AS_IT_IS, &[(ours, "x")]), format!("`{ours}=x`: {wrong}"));
+    }
+    let import =
+        plan_with(fixture().path(), AS_IT_IS, Alignment::Natural, &[("CTRL.d_VALUE", "d_X")]).unwrap();
+    assert!(told(&import).contains(&"CTRL.d_VALUE missing 8 - nor is there a d_X".to_owned()));
+}
+
+#[test]
+fn parts_that_structures_share_must_lie_alike_in_all_of_them() {
+    let swapped = "INIT : STRUCT\n        w_STATUS : WORD; w_COMMAND : WORD;";
+    let text = AS_IT_IS.replace("INIT : STRUCT\n        w_COMMAND : WORD; w_STATUS : WORD;", swapped);
+    assert_eq!(
+        refused(&text, &[]),
+        "`w_COMMAND` of `GENERAL` would be at offset 2 for `INIT`, but at 0 for `CTRL`, and the layout has \
+         `GENERAL` once for both"
+    );
+    // The other structure is not declared, so it says what it has always said.
+    let alone = text.replace("CTRL : STRUCT", "OTHER : STRUCT");
+    assert_eq!(
+        refused(&alone, &[]),
+        "`w_COMMAND` of `GENERAL` would be at offset 2 for `INIT`, but at 0 for `CTRL`, which stays as it is, \
+         and the layout has `GENERAL` once for both"
+    );
+}
+
+#[test]
+fn declarations_of_something_else_are_refused() {
+    assert_eq!(
+        refused("TYPE A : STRUCT b : BYTE; END_STRUCT; B : BYTE; END_TYPE", &[]),
+        "lib/TYPES.st declares none of the layout's structures (INIT, CTRL); its structures: A"
+    );
+    let text = AS_IT_IS.replace("b_MODE : BYTE", "b_MODE : BITE");
+    assert_eq!(
+        refused(&text, &[]),
+        "lib/TYPES.st:5:53: `BITE` is not declared in this file and is no elementary type"
+    );
+    let alone = AS_IT_IS.replace("CTRL : STRUCT", "OTHER : STRUCT");
+    assert_eq!(told(&plan(fixture().path(), &alone).unwrap()), ["CTRL. undeclared 40 -"]);
+}
