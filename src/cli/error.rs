@@ -8,6 +8,7 @@ use commram::memory::MemoryError;
 use commram::memory::header::BoardWordError;
 use commram::plant::PlantError;
 use commram::runtime::RuntimeError;
+use commram_layoutc::import::ImportError;
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -211,6 +212,25 @@ pub enum CliError {
         /// What the system says.
         reason: io::Error,
     },
+    /// Declarations that cannot be taken over into the layout.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// A layout that is wrong.
+    #[error(transparent)]
+    LayoutFiles(#[from] commram_layoutc::Error),
+    /// The layout files are not those that this program was built from.
+    #[error(
+        "{} has register map 16#{found:016X}, this commram {} was built with 16#{built:016X}; build it again there \
+         with `cargo build --release`", .dir.display(), env!("CARGO_PKG_VERSION")
+    )]
+    OtherLayout {
+        /// The layout.
+        dir: PathBuf,
+        /// Its hash.
+        found: u64,
+        /// Ours.
+        built: u64,
+    },
     /// A file is no dump, or cannot be read.
     #[error("{name} is no dump: {reason}; `commram dump --format json` writes one")]
     NoDump {
@@ -243,6 +263,14 @@ impl CliError {
             | Self::ReportedWrongUse
             | Self::FaultWord(_)
             | Self::NoDump { .. }
+            | Self::LayoutFiles(_)
+            | Self::OtherLayout { .. }
+            | Self::Import(
+                ImportError::Layout(_)
+                | ImportError::Declaration(_)
+                | ImportError::NothingDeclared { .. }
+                | ImportError::Called { .. },
+            )
             | Self::Plant(_)
             | Self::Fault(_)
             | Self::Memory(MemoryError::BadName { .. })

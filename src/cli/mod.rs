@@ -12,6 +12,7 @@ mod error;
 mod export;
 mod fault;
 mod force;
+mod layout;
 mod list;
 mod map;
 mod output;
@@ -75,6 +76,7 @@ enum Command {
     Stop(stop::Args),
     Map(map::Args),
     Export(export::Args),
+    Layout(layout::Args),
     Peek(peek::Args),
     Poke(poke::Args),
     Force(force::Args),
@@ -142,6 +144,7 @@ impl Command {
             Command::Stop(args) => stop::run(&args),
             Command::Map(args) => map::run(&args),
             Command::Export(args) => export::run(&args),
+            Command::Layout(args) => layout::run(&args),
             Command::Peek(args) => peek::run(&args),
             Command::Poke(args) => poke::run(&args),
             Command::Force(args) => force::run(&args),

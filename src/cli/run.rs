@@ -4,11 +4,12 @@ use super::demo::end_with;
 use super::error::CliError;
 use super::{Instance, output};
 use clap::ValueEnum;
+use commram::layout::omega_drive_line_2::LAYOUT_HASH;
 use commram::plant::PlantConfig;
 use commram::runtime::{Clock, Emulator, Options, StopHandle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::Duration;
 
@@ -27,7 +28,8 @@ Examples:
   commram run
   commram run --clock stepped -i test-1
   commram run plant.toml --speed 10
-  commram run --novram ~/.local/state/commram")]
+  commram run --novram ~/.local/state/commram
+  commram run --layout layouts/omega-drive-line-2")]
 pub struct Args {
     /// The plant: PLCs, buses, drives
     #[arg(value_name = "PLANT.toml")]
@@ -45,6 +47,9 @@ pub struct Args {
     /// the end
     #[arg(long, value_name = "DIR")]
     novram: Option<PathBuf>,
+    /// Start only if this program was built from the layout in this directory
+    #[arg(long, value_name = "DIR")]
+    layout: Option<PathBuf>,
     /// End when this process does
     #[arg(long, value_name = "PID", hide = true)]
     parent: Option<u32>,
@@ -68,6 +73,9 @@ pub fn run(args: &Args) -> Result<(), CliError> {
         busy: args.busy,
         novram: args.novram.clone(),
     };
+    if let Some(dir) = &args.layout {
+        check_layout(dir)?;
+    }
     log_to_stderr();
     let config = match &args.plant {
         Some(path) => PlantConfig::load(path)?,
@@ -88,6 +96,13 @@ pub fn run(args: &Args) -> Result<(), CliError> {
     // The thread ends with a second signal only, which ends the process.
     let _ = started.send(emulator.stop_handle());
     Ok(emulator.run()?)
+}
+
+fn check_layout(dir: &Path) -> Result<(), CliError> {
+    match commram_layoutc::compile(dir)?.layout_hash {
+        LAYOUT_HASH => Ok(()),
+        found => Err(CliError::OtherLayout { dir: dir.to_owned(), found, built: LAYOUT_HASH }),
+    }
 }
 
 fn clock(args: &Args) -> Result<Clock, CliError> {

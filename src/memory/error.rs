@@ -172,6 +172,20 @@ pub enum MemoryError {
         /// Ours.
         expected: u32,
     },
+    /// A killed emulator of another build has left the image; who still maps it counts on its registers.
+    #[error("{} was left by a commram with register map 16#{found:016X}, this one (version {}) was built with \
+             16#{expected:016X}; remove it with `commram stop --clean -i {instance}`",
+             .path.display(), env!("CARGO_PKG_VERSION"))]
+    LeftByOther {
+        /// The refused path.
+        path: PathBuf,
+        /// Name of the instance.
+        instance: String,
+        /// The hash in the image.
+        found: u64,
+        /// Ours.
+        expected: u64,
+    },
     /// The image holds another register map.
     #[error("{} holds {device} with register map 16#{found:016X}, this program is made for 16#{expected:016X}; \
              rebuild it against this emulator's layout", .path.display())]

@@ -61,7 +61,8 @@ impl Image {
     /// meet the new emulator: its registers are zeroed and its generation counts up.
     ///
     /// # Errors
-    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); the path names something
+    /// Bad names; another emulator runs ([`MemoryError::AlreadyRunning`]); an emulator with another register map
+    /// has left the image ([`MemoryError::LeftByOther`]); the path names something
     /// that is not an image of our own, which is then left alone; or the system refuses.
     pub fn create(instance: &str, plc: &str, spec: &ImageSpec) -> Result<Image, MemoryError> {
         let path = names::image_path(instance, plc)?;
@@ -116,7 +117,14 @@ impl Image {
     }
 
     fn take_over(file: ImageFile, spec: &ImageSpec) -> Result<Image, MemoryError> {
-        let before = file.header()?.firmware_pid.load();
+        let (before, found) = {
+            let header = file.header()?;
+            (header.firmware_pid.load(), header.layout_hash.load())
+        };
+        if found != spec.layout_hash {
+            let (path, instance, expected) = (file.path, file.instance, spec.layout_hash);
+            return Err(MemoryError::LeftByOther { path, instance, found, expected });
+        }
         allocate(&file)?;
         let mut image = Self::map(file, Some(before))?;
         image.header.state.store(State::Starting.code());

@@ -12,6 +12,7 @@ mod faults;
 mod force;
 mod hostile_scenarios;
 mod instances;
+mod layout;
 mod no_channel;
 mod offline;
 mod one_answer;

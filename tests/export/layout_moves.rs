@@ -1,12 +1,16 @@
-//! One offset in one layout file decides: change it, build, and the register has moved everywhere.
+//! The layout files decide: import declarations with another offset, build, and the register has moved everywhere.
 //!
 //! The project is copied into cargo's directory for test files and built there. Both stay, so that
 //! later runs only have to compile what has changed.
 
 use commram::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, LAYOUT_HASH};
+use commram_layoutc::declaration::{Alignment, Declarations};
+use commram_layoutc::import::{Called, Import};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+const LAYOUT: &str = "layouts/omega-drive-line-2";
 
 /// A program that tells where the copy's register lies, in every way the library can tell it.
 const PROBE: &str = r#"//! Tells where `b_CTRL_REG_BC1` lies.
@@ -26,6 +30,11 @@ fn main() {
     node.b_CTRL_REG_BC1.store(0x05);
     let place = zerocopy::IntoBytes::as_mut_bytes(&mut node).iter().position(|byte| *byte == 0x05);
     println!("byte {}", place.unwrap());
+    println!("provenance {}", named.register.offset_from);
+    let csv = commram::export::export(commram::export::Format::Csv, Some("node2")).unwrap();
+    println!("csv {}", csv.contains("\nnode2.b_CTRL_REG_BC1,%MB3.202895,"));
+    let c = commram::export::export(commram::export::Format::C, Some("node2")).unwrap();
+    println!("c {}", c.contains("offsetof(CANsync_MA_CTRL_BMSTRUCT, b_CTRL_REG_BC1) == 2895"));
     println!("hash {LAYOUT_HASH}");
 }
 "#;
@@ -58,20 +67,28 @@ fn copy(from: &Path, to: &Path) {
             copy(&entry.path(), &to.join(entry.file_name()));
         }
     } else {
-        let mut content = fs::read(from).unwrap();
-        if from.ends_with("layouts/omega-drive-line-2/CANsync_MA_CTRL_BMSTRUCT.toml") {
-            content = moved(&String::from_utf8(content).unwrap()).into_bytes();
-        }
-        write_if_changed(to, &content);
+        write_if_changed(to, &fs::read(from).unwrap());
     }
 }
 
-/// The layout with `b_CTRL_REG_BC1` behind its padding instead of in front of it.
-fn moved(layout: &str) -> String {
-    let before = "{ offset = 2892, name = \"b_CTRL_REG_BC1\"";
-    let padding = "{ offset = 2893, padding = 3 }";
-    assert!(layout.contains(before) && layout.contains(padding), "the layout has changed; adapt this test");
-    layout.replace(before, &before.replace("2892", "2895")).replace(padding, "{ offset = 2892, padding = 3 }")
+/// The declarations with `b_CTRL_REG_BC1` behind its padding instead of in front of it.
+fn moved() -> String {
+    let declarations = commram::export::export(commram::export::Format::St, None).unwrap();
+    let mut lines: Vec<&str> = declarations.lines().collect();
+    let at = lines.iter().position(|line| line.trim_start().starts_with("b_CTRL_REG_BC1 ")).unwrap();
+    assert!(lines[at + 1].contains("BYTE_3_BMARRAY"), "the layout has changed; adapt this test");
+    lines.swap(at, at + 1);
+    lines.join("\n")
+}
+
+/// A copy of the layout with these declarations.
+fn imported() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join(LAYOUT), dir.path());
+    let declarations = Declarations::parse(Path::new("BM_TYPES.st"), &moved()).unwrap();
+    let import = Import::plan(dir.path(), &declarations, Alignment::Natural, &Called::default()).unwrap();
+    import.write().unwrap();
+    dir
 }
 
 /// A copy of the project with the changed layout and the probe.
@@ -81,19 +98,21 @@ fn project() -> PathBuf {
     for entry in fs::read_dir(source).unwrap() {
         let entry = entry.unwrap();
         let name = entry.file_name();
-        if name != "target" && !name.to_string_lossy().starts_with('.') {
+        if name != "target" && name != "layouts" && !name.to_string_lossy().starts_with('.') {
             copy(&entry.path(), &copied.join(name));
         }
     }
+    copy(&source.join("layouts/v-regler"), &copied.join("layouts/v-regler"));
+    copy(imported().path(), &copied.join(LAYOUT));
     write_if_changed(&copied.join("src/bin/probe.rs"), PROBE.as_bytes());
     copied
 }
 
 #[test]
-fn one_offset_in_one_file_moves_the_register_everywhere() {
+fn an_import_moves_the_register_everywhere() {
     let project = project();
     let output = Command::new(env!("CARGO"))
-        .args(["run", "--quiet", "--offline", "--no-default-features", "--bin", "probe"])
+        .args(["run", "--quiet", "--offline", "--no-default-features", "--features", "export", "--bin", "probe"])
         .current_dir(&project)
         .env("CARGO_TARGET_DIR", project.with_file_name("target"))
         .env("CARGO_PROFILE_DEV_DEBUG", "0")
@@ -103,17 +122,20 @@ fn one_offset_in_one_file_moves_the_register_everywhere() {
     let told = String::from_utf8(output.stdout).unwrap();
     let lines: Vec<&str> = told.lines().collect();
     assert_eq!(
-        lines[..6],
+        lines[..9],
         [
             "struct 2895",
             "descriptor 2895",
             "name %MB3.202895",
             "202892 nothing",
             "202895 b_CTRL_REG_BC1",
-            "byte 2895"
+            "byte 2895",
+            "provenance manual: BM_TYPES, BM_TYPES.st",
+            "csv true",
+            "c true",
         ]
     );
-    let hash: u64 = lines[6].strip_prefix("hash ").unwrap().parse().unwrap();
+    let hash: u64 = lines[9].strip_prefix("hash ").unwrap().parse().unwrap();
     assert_ne!(hash, LAYOUT_HASH);
 
     // This build, with the layout as it is, says otherwise.

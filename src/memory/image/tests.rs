@@ -134,6 +134,22 @@ fn a_takeover_forgets_the_last_run_but_goes_on_counting_rings() {
     assert_eq!(header.events[12].bell.rings(), 1);
 }
 
+/// Whoever still maps it has been told another register map.
+#[test]
+fn a_dead_image_of_another_register_map_is_left_alone() {
+    let instance = Instance::new();
+    instance.leave(SEGMENT_SIZE, |header| header.layout_hash.store(HASH + 1));
+    let before = fs::read(instance.path()).unwrap();
+    let refused = create(&instance).unwrap_err();
+    assert!(
+        matches!(refused, MemoryError::LeftByOther { found, expected: HASH, .. } if found == HASH + 1),
+        "{refused}"
+    );
+    assert_eq!(fs::read(instance.path()).unwrap(), before);
+    let spec = ImageSpec { layout_hash: HASH + 1, ..spec() };
+    assert!(Image::create(&instance, PLC, &spec).is_ok());
+}
+
 #[test]
 fn a_dead_image_of_another_shape_is_replaced() {
     for damage in [0, 1] {

@@ -1,0 +1,175 @@
+//! `commram layout`: work on the layout files of a checkout, which needs no emulator.
+
+use super::error::CliError;
+use super::output;
+use super::table::{self, FormatArg, Row};
+use clap::{Subcommand, ValueEnum};
+use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram_layoutc::declaration::{Alignment, Declarations};
+use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Verdict};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Take the true offsets of the registers over into the layout files.
+#[derive(clap::Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  commram layout import BM_TYPES.st --check
+  commram layout import BM_TYPES.st && cargo build --release"
+)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Import(ImportArgs),
+}
+
+/// Take the offsets over from declarations of IEC 61131-3 that the vendor's library was exported to.
+///
+/// Structures are found by their names, registers by their names and those of the sub-structures they are in;
+/// what the types of sub-structures are called does not matter. A structure of which a register is missing or has
+/// another width or other array bounds stays as it is. Bytes of members that the layout does not know become padding.
+/// Afterwards commram must be built again.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram layout import BM_TYPES.st --check
+  commram layout import BM_TYPES.st --align 2 --format json
+  commram layout import BM_TYPES.st --called CANsync_MA_CTRL_BMSTRUCT.a_RD_BMARRAY=a_RD_VALUE
+
+Verdicts:
+  moved       at another offset; a structure: of another size
+  type        of another elementary type of the same width; the layout keeps its own
+  new         only in the declarations
+  missing     only in the layout
+  unlike      of another width, with other array bounds, or a structure in one of the two only
+  left        a structure with something missing or unlike, whose file stays as it is
+  undeclared  a structure that the file does not declare
+
+Exit codes:
+  0  all declared structures have been taken over; with --check: nothing is to be changed
+  1  a structure stays as it is, or the offsets make no layout; with --check: something is to be changed
+  2  wrong use, or a file does not parse")]
+struct ImportArgs {
+    /// The declarations: TYPE ... STRUCT ... END_STRUCT; END_TYPE
+    #[arg(value_name = "DECLARATION.st")]
+    declaration: PathBuf,
+    /// The layout to change
+    #[arg(long, value_name = "DIR", default_value = "layouts/omega-drive-line-2")]
+    layout: PathBuf,
+    /// Largest alignment of members that the library's compiler keeps
+    #[arg(long, value_enum, default_value_t = AlignArg::Natural)]
+    align: AlignArg,
+    /// What the declarations call a structure, or a register of a structure, instead of the layout's name
+    #[arg(long, value_name = "OURS=THEIRS", value_parser = pair)]
+    called: Vec<(String, String)>,
+    /// Change nothing, only compare
+    #[arg(long)]
+    check: bool,
+    /// Also list what is the same
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    format: FormatArg,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AlignArg {
+    /// None: members follow without a gap
+    #[value(name = "1")]
+    One,
+    /// Even addresses
+    #[value(name = "2")]
+    Two,
+    /// Addresses divisible by 4
+    #[value(name = "4")]
+    Four,
+    /// That of each type
+    Natural,
+}
+
+impl From<AlignArg> for Alignment {
+    fn from(align: AlignArg) -> Self {
+        match align {
+            AlignArg::One => Alignment::Packed,
+            AlignArg::Two => Alignment::Two,
+            AlignArg::Four => Alignment::Four,
+            AlignArg::Natural => Alignment::Natural,
+        }
+    }
+}
+
+fn pair(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
+            Ok((ours.to_owned(), theirs.to_owned()))
+        }
+        _ => Err("write the layout's name, `=` and the declaration's name".to_owned()),
+    }
+}
+
+/// Runs the subcommand.
+pub fn run(args: &Args) -> Result<(), CliError> {
+    match &args.command {
+        Command::Import(args) => import(args),
+    }
+}
+
+fn import(args: &ImportArgs) -> Result<(), CliError> {
+    let declarations = Declarations::read(&args.declaration).map_err(ImportError::from)?;
+    let called = Called::new(args.called.iter().cloned());
+    let import = Import::plan(&args.layout, &declarations, args.align.into(), &called)?;
+    if !args.check {
+        import.write()?;
+    }
+    let rows = import.rows.iter().filter(|row| args.all || row.verdict != Verdict::Same);
+    let rows: Vec<_> = rows.cloned().map(Compared).collect();
+    table::print(args.format.format, &rows, |rows| match rows {
+        [] => "all registers lie as declared\n".to_owned(),
+        rows => table::aligned(rows),
+    })?;
+    tell(args, &import);
+    let is_done = import.is_whole() && (!args.check || import.changes_nothing());
+    if is_done { Ok(()) } else { Err(CliError::Reported) }
+}
+
+/// What becomes of the files, and whether this program still fits them.
+fn tell(args: &ImportArgs, import: &Import) {
+    let verb = if args.check { "would be changed" } else { "changed" };
+    for path in import.files() {
+        output::note(&format!("{} {verb}", path.display()));
+    }
+    let hash = if args.check { import.hash_before } else { import.hash_after };
+    if hash != LAYOUT_HASH {
+        output::note(&format!(
+            "the layout has register map 16#{hash:016X}, this commram was built with 16#{LAYOUT_HASH:016X}; \
+             build it again with `cargo build --release`"
+        ));
+    }
+}
+
+#[derive(Serialize)]
+struct Compared(ImportRow);
+
+impl Row for Compared {
+    const COLUMNS: &'static [&'static str] = &["structure", "member", "verdict", "before", "after", "remark"];
+
+    fn cells(&self) -> Vec<String> {
+        let Compared(row) = self;
+        let number = |value: Option<u32>| value.map_or("-".to_owned(), |value| value.to_string());
+        let (before, after) = (number(row.before), number(row.after));
+        vec![
+            row.structure.clone(),
+            row.member.clone(),
+            row.verdict.to_string(),
+            before,
+            after,
+            row.remark.clone(),
+        ]
+    }
+}
