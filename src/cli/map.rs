@@ -21,8 +21,8 @@ Examples:
   commram map %MB3.200012
   commram map --all --format csv > map.csv
 
-Provenance: facts marked `manual` are stated in the manual. Where it is silent, the decision (D-nn) is
-named that the fact follows from.")]
+Provenance: facts marked `manual` are stated in the manual, or with a name behind it in the vendor's
+library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from.")]
 pub struct Args {
     /// A register, an array, an address or a block [default: everything]
     #[arg(value_name = "NAME|ADDRESS|BLOCK")]

@@ -112,7 +112,16 @@ fn project() -> PathBuf {
 fn an_import_moves_the_register_everywhere() {
     let project = project();
     let output = Command::new(env!("CARGO"))
-        .args(["run", "--quiet", "--offline", "--no-default-features", "--features", "export", "--bin", "probe"])
+        .args([
+            "run",
+            "--quiet",
+            "--offline",
+            "--no-default-features",
+            "--features",
+            "export",
+            "--bin",
+            "probe",
+        ])
         .current_dir(&project)
         .env("CARGO_TARGET_DIR", project.with_file_name("target"))
         .env("CARGO_PROFILE_DEV_DEBUG", "0")

@@ -49,14 +49,16 @@ fn structure(
     };
     put(table, "size", i64::from(placement.size).into());
     put(table, "offsets", mark.into());
-    let mut known = vec!["offset_from"];
-    if placement.is_named_alike {
+    let names = placement.is_named_alike && table.get("names").is_some_and(is_inferred);
+    if names {
         put(table, "names", mark.into());
-        known.push("name_from");
     }
     let registers = table.get_mut("register")?.as_array_mut()?;
     for entry in registers.iter_mut().filter_map(Value::as_inline_table_mut) {
-        known.iter().for_each(|key| remove(entry, key));
+        remove(entry, "offset_from");
+        if names {
+            remove(entry, "name_from");
+        }
     }
     let offsets: Vec<_> =
         placement.places.iter().map(|place| place.as_ref().map(|place| place.start)).collect();
@@ -74,6 +76,11 @@ fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
         *value.decor_mut() = old.decor().clone();
         *old = value;
     }
+}
+
+/// A decision that the library makes unnecessary. What the manual states needs no other witness.
+fn is_inferred(source: &Item) -> bool {
+    source.as_str().is_some_and(|source| source.starts_with("inferred "))
 }
 
 /// Removes a key; the last one's blank in front of the brace stays.

@@ -229,5 +229,5 @@ fn compare(
 /// The provenance of what has been imported: the vendor's library, by the name of its file.
 fn mark(path: &Path) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
-    format!("manual: BM_TYPES, {}", name.to_string_lossy())
+    format!("manual: BM_TYPES, {}", name.to_string_lossy().replace(char::is_control, "?"))
 }

@@ -24,7 +24,11 @@ fn comments_stay_with_their_lines_and_keys_below_each_other() {
             ("name = \"CTRL\"", "# What comes first.\nname = \"CTRL\" # its name"),
             ("  { offset = 8,", "  # The value\n  # that counts\n  { offset = 8,"),
             ("doc = \"Flags\" },", "doc = \"Flags\" }, # three of them"),
-            ("doc = \"Control\" }", "doc = \"Control\", offset_from = \"inferred D-07\" }"),
+            ("names = \"manual\"", "names = \"inferred D-07\""),
+            (
+                "doc = \"Control\" }",
+                "doc = \"Control\", name_from = \"manual\", offset_from = \"inferred D-07\" }",
+            ),
             ("  { offset = 14, padding = 2 },", "  # a hole\n  { offset = 14, padding = 2 }, # of two bytes"),
             ("doc = \"Grid\" },\n]", "doc = \"Grid\" } # at the end\n  # and after it\n]"),
         ],
@@ -34,10 +38,15 @@ fn comments_stay_with_their_lines_and_keys_below_each_other() {
         fs::read_to_string(dir.path().join("CTRL.toml")).unwrap(),
         r#"# What comes first.
 name = "CTRL" # its name
+name_from = "manual"
+offsets = "manual: BM_TYPES, TYPES.st"
+names = "manual: BM_TYPES, TYPES.st"
+types = "manual"
+owners = "manual"
+resets = "inferred D-03"
 size = 44
 page = "4"
 doc = "Afterwards"
-offsets = "manual: BM_TYPES, TYPES.st"
 blocks = ["GENERAL"]
 register = [
   { offset = 4,  name = "a_FLAGS", type = "BYTE", array = [3], used = [2], owner = "both", doc = "Flags" }, # three of them

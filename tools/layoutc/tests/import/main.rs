@@ -137,7 +137,7 @@ fn registers_move_by_their_paths_whatever_their_types_are_called() {
         let assertion = format!("assert!(core::mem::offset_of!({structure}, {register}) == {offset});");
         assert!(compiled.rust.contains(&assertion), "{assertion}");
     }
-    assert!(compiled.rust.contains(r#"Provenance::Library { name: "BM_TYPES", file: "TYPES.st" }"#));
+    assert!(compiled.rust.contains(r#"Provenance::Documented("BM_TYPES, TYPES.st")"#));
     assert!(plan(dir.path(), OTHER).unwrap().changes_nothing());
 }
 
