@@ -49,14 +49,15 @@ fn structure(
     };
     put(table, "size", i64::from(placement.size).into());
     put(table, "offsets", mark.into());
-    let names = placement.is_named_alike && table.get("names").is_some_and(is_inferred);
+    let names =
+        placement.is_named_alike && table.get("names").and_then(Item::as_value).is_some_and(is_inferred);
     if names {
         put(table, "names", mark.into());
     }
     let registers = table.get_mut("register")?.as_array_mut()?;
     for entry in registers.iter_mut().filter_map(Value::as_inline_table_mut) {
         remove(entry, "offset_from");
-        if names {
+        if names && entry.get("name_from").is_some_and(is_inferred) {
             remove(entry, "name_from");
         }
     }
@@ -79,7 +80,7 @@ fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
 }
 
 /// A decision that the library makes unnecessary. What the manual states needs no other witness.
-fn is_inferred(source: &Item) -> bool {
+fn is_inferred(source: &Value) -> bool {
     source.as_str().is_some_and(|source| source.starts_with("inferred "))
 }
 

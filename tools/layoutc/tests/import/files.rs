@@ -23,11 +23,11 @@ fn comments_stay_with_their_lines_and_keys_below_each_other() {
         &[
             ("name = \"CTRL\"", "# What comes first.\nname = \"CTRL\" # its name"),
             ("  { offset = 8,", "  # The value\n  # that counts\n  { offset = 8,"),
-            ("doc = \"Flags\" },", "doc = \"Flags\" }, # three of them"),
+            ("doc = \"Flags\" },", "doc = \"Flags\", name_from = \"manual\" }, # three of them"),
             ("names = \"manual\"", "names = \"inferred D-07\""),
             (
                 "doc = \"Control\" }",
-                "doc = \"Control\", name_from = \"manual\", offset_from = \"inferred D-07\" }",
+                "doc = \"Control\", name_from = \"inferred D-08\", offset_from = \"inferred D-07\" }",
             ),
             ("  { offset = 14, padding = 2 },", "  # a hole\n  { offset = 14, padding = 2 }, # of two bytes"),
             ("doc = \"Grid\" },\n]", "doc = \"Grid\" } # at the end\n  # and after it\n]"),
@@ -49,9 +49,9 @@ page = "4"
 doc = "Afterwards"
 blocks = ["GENERAL"]
 register = [
-  { offset = 4,  name = "a_FLAGS", type = "BYTE", array = [3], used = [2], owner = "both", doc = "Flags" }, # three of them
+  { offset = 4,  name = "a_FLAGS", type = "BYTE", array = [3], used = [2], owner = "both", doc = "Flags", name_from = "manual" }, # three of them
   { offset = 7,  name = "b_CONTROL", type = "BYTE", owner = "both", doc = "Control" },
-  { offset = 8,  name = "i_TEMPERATURE", type = "INT", owner = "firmware", reset = -40, doc = "Temperature" },
+  { offset = 8,  name = "i_TEMPERATURE", type = "INT", owner = "firmware", reset = -40, reset_from = "manual", doc = "Temperature" },
   { offset = 10, padding = 2 },
   # The value
   # that counts
