@@ -154,6 +154,12 @@ rules! {
          follows synchronous reference positions. Set P167 to t_cycK in microseconds.";
     Header: "header", Error, "docs/attach.md",
         "A field of the header page that belongs to the emulator was written. Only read it.";
+    DriveSyncSlot: "drive-sync-slot", Error, "5.01010.01 p. 13, D-291",
+        "The SYNC slot (P167) of a drive does not belong to the baud rate of its bus, so the drive never locks. Set P167 to 1000 \
+         at 1000 kbit/s, 2000 at 500, 4000 at 250, 8000 at 125.";
+    DrivePwm: "drive-pwm", Warning, "p. 74 (inferred), D-292",
+        "The PWM frequency (P103) of a drive is none of the two that the table of the masks over P258 knows. Set it to 4 or \
+         8 kHz.";
 }
 
 impl Rule {

@@ -2,6 +2,7 @@
 
 use super::config::{DriveError, ParameterNumbers};
 use super::drivecom::{Enable, State};
+use super::monitoring::{BapsMonitoring, Monitor, fault};
 use super::parameters::ParameterSpec;
 use super::regler::{Setup, VRegler};
 use crate::bus::SyncLock;
@@ -38,6 +39,8 @@ pub struct BuiltInDriveConfig {
     /// slots (P167); see [`SyncLock`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sync_loss_us: Option<u64>,
+    /// What the drive does when the signal or the PLC's process data stay away.
+    pub monitoring: BapsMonitoring,
     /// Time from a service data job to its answer, in us (decision D-158).
     pub service_time_us: u64,
     /// Largest change of the speed per second; as for a drive on the bus.
@@ -56,6 +59,7 @@ impl Default for BuiltInDriveConfig {
             enable: Enable::ByControlWord,
             lock_time_us: 1_000_000,
             sync_loss_us: None,
+            monitoring: BapsMonitoring::default(),
             service_time_us: 2000,
             ramp_per_second: None,
             numbers: ParameterNumbers::default(),
@@ -71,6 +75,8 @@ pub struct BuiltInDrive {
     sync: SyncLock,
     /// The last edge that the drive goes by.
     last_edge: Option<u64>,
+    sync_monitor: Monitor,
+    cyclic_data: Option<Monitor>,
 }
 
 impl BuiltInDrive {
@@ -86,22 +92,31 @@ impl BuiltInDrive {
             numbers: &config.numbers,
             parameters: &config.parameters,
             software: Some(config.software),
+            sync_slot_us: None,
         })?;
         let mut sync = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         sync.set_mode(true);
-        Ok(BuiltInDrive { regler, sync, last_edge: None })
+        let BapsMonitoring { sync: watch, cyclic_data } = &config.monitoring;
+        Ok(BuiltInDrive {
+            regler,
+            sync,
+            last_edge: None,
+            sync_monitor: Monitor::new(watch, fault::SYNC),
+            cyclic_data: cyclic_data.map(|watch| Monitor::new(&watch, fault::CYCLIC_DATA)),
+        })
     }
 
     /// An edge of the trigger signal at `now_us`. In step with the SYNC slot (P167) for the lock time, the drive is
     /// synchronized. Tells whether the drive goes by this edge: once synchronized, not by one that is off its time.
     pub(crate) fn trigger_edge(&mut self, now_us: u64) -> bool {
+        let was_synchronized = self.is_synchronized();
         let slot = self.sync_slot_us();
         if slot == 0 {
             self.sync.unlock();
         } else {
             self.sync.edge(now_us, slot, TOLERANCE_US);
         }
-        self.regler.show_synchronized(self.sync.is_locked());
+        self.notice_lock(was_synchronized, now_us);
         let counts = !self.sync.is_locked() || self.sync.last_edge() == now_us;
         if counts {
             self.last_edge = Some(now_us);
@@ -112,9 +127,36 @@ impl BuiltInDrive {
     /// One run of the control task at `now_us`, `us` after the last. A trigger signal that has been gone for too long
     /// ends the synchronized state.
     pub(crate) fn step(&mut self, now_us: u64, us: u32) {
+        let was_synchronized = self.is_synchronized();
         self.sync.pass(now_us);
-        self.regler.show_synchronized(self.sync.is_locked());
+        self.notice_lock(was_synchronized, now_us);
+        self.regler.monitor(now_us, core::iter::once(&mut self.sync_monitor).chain(&mut self.cyclic_data));
         self.regler.step(us);
+    }
+
+    fn notice_lock(&mut self, was_synchronized: bool, now_us: u64) {
+        let is_synchronized = self.is_synchronized();
+        self.regler.show_synchronized(is_synchronized);
+        if is_synchronized {
+            self.sync_monitor.there();
+        } else if was_synchronized {
+            self.sync_monitor.away(now_us);
+        }
+    }
+
+    /// The PLC has exchanged process data at `now_us`: until it does so again, it is away (decision D-295).
+    pub(crate) fn exchanged(&mut self, now_us: u64) {
+        if let Some(monitor) = &mut self.cyclic_data {
+            monitor.there();
+            monitor.away(now_us);
+        }
+    }
+
+    /// The PLC configures the process data anew: nothing is to come before the first exchange.
+    pub(crate) fn configured(&mut self) {
+        if let Some(monitor) = &mut self.cyclic_data {
+            monitor.there();
+        }
     }
 
     fn sync_slot_us(&self) -> u32 {
@@ -157,9 +199,10 @@ impl BuiltInDrive {
         self.sync.is_locked()
     }
 
-    /// Whether nothing changes by itself.
+    /// Whether nothing changes by itself, and no error will be reported.
     pub(crate) fn is_at_rest(&self) -> bool {
-        self.regler.is_at_rest()
+        let reports = [Some(&self.sync_monitor), self.cyclic_data.as_ref()];
+        self.regler.is_at_rest() && reports.into_iter().flatten().all(|monitor| monitor.next_time().is_none())
     }
 
     /// The value of parameter `number`, if the drive has it.
@@ -239,6 +282,18 @@ mod tests {
         drive.step(9000, 500);
         assert!(!drive.is_synchronized());
         assert_eq!(drive.status_word() & 0x8000, 0);
+    }
+
+    #[test]
+    fn the_time_without_signal_can_be_set() {
+        let config =
+            BuiltInDriveConfig { lock_time_us: 4000, sync_loss_us: Some(20_000), ..Default::default() };
+        let mut drive = BuiltInDrive::new("line", &config).unwrap();
+        locks(&mut drive, &[0, 2000, 4000]);
+        drive.step(23_999, 500);
+        assert!(drive.is_synchronized());
+        drive.step(24_000, 500);
+        assert_eq!((drive.is_synchronized(), drive.parameter(number::FAULT_NUMBER)), (false, Some(501)));
     }
 
     #[test]

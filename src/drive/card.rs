@@ -4,6 +4,7 @@
 //! The ZK parameters are resolved to bit positions and store places when the drive is built, so that a
 //! frame costs a few instructions.
 
+use super::card_function::CardFunction;
 use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};
 use super::table::number::{CONTROL_WORD, STATUS_WORD};
@@ -22,6 +23,10 @@ struct ReferenceSlot {
     /// Bytes a frame must have to carry the value.
     end: usize,
     target: Slot,
+    /// Such a frame must have come in the interval before as well.
+    needs_every: bool,
+    /// It has.
+    came_before: bool,
     received: Option<u32>,
     delayed: [Option<u32>; DELAY_LINE],
 }
@@ -70,7 +75,12 @@ type Fault = (u8, u16, ZkError);
 
 impl Card {
     /// Resolves the ZK parameters; the error names the one at fault with its value.
-    pub fn new(zk: &ZkParameters, slave_number: u8, store: &ParameterStore) -> Result<Self, Fault> {
+    pub fn new(
+        zk: &ZkParameters,
+        function: CardFunction,
+        slave_number: u8,
+        store: &ParameterStore,
+    ) -> Result<Self, Fault> {
         if zk.zk_24 > 3 {
             return Err((24, zk.zk_24, ZkError::Delay));
         }
@@ -87,13 +97,19 @@ impl Card {
             delay: usize::from(zk.zk_24),
             turn: 0,
             underway: 0,
-            losses: Losses { allowed: u32::from(zk.zk_26), ..Losses::default() },
+            losses: Losses {
+                allowed: if function.counts_losses() { zk.zk_26.into() } else { 0 },
+                ..Losses::default()
+            },
             stopped: false,
             sampled_status: None,
             frames: [0; 2],
             lens: [0; 2],
         };
         card.lay_out(zk)?;
+        for slot in card.references.iter_mut().flatten() {
+            slot.needs_every = function.needs_every_frame() && slot.source != Source::Master;
+        }
         for slot in card.references.iter().flatten().filter(|slot| slot.source == Source::Master) {
             card.losses.wanted |= 1 << slot.channel.index();
         }
@@ -159,7 +175,12 @@ impl Card {
         self.underway -= 1;
         self.turn = (self.turn + 1) % DELAY_LINE;
         for slot in self.references.iter_mut().flatten() {
-            let received = slot.received.take();
+            let mut received = slot.received.take();
+            if slot.needs_every {
+                let came = received.is_some();
+                received = received.filter(|_| slot.came_before);
+                slot.came_before = came;
+            }
             slot.delayed[(self.turn + self.delay) % DELAY_LINE] = received;
             if let (Some(value), false) = (slot.delayed[self.turn].take(), self.stopped) {
                 store.set(slot.target, value);
@@ -196,6 +217,7 @@ impl Card {
         self.underway = 0;
         for slot in self.references.iter_mut().flatten() {
             slot.received = None;
+            slot.came_before = false;
             slot.delayed = [None; DELAY_LINE];
         }
     }
@@ -278,7 +300,18 @@ fn reference(
     let end = 2 * usize::from(word) + format.bytes();
     let shift = 16 * u32::from(word);
     let delayed = [None; DELAY_LINE];
-    Ok(Some(ReferenceSlot { source, channel, format, shift, end, target, received: None, delayed }))
+    Ok(Some(ReferenceSlot {
+        source,
+        channel,
+        format,
+        shift,
+        end,
+        target,
+        needs_every: false,
+        came_before: false,
+        received: None,
+        delayed,
+    }))
 }
 
 fn actual(

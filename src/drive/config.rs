@@ -1,6 +1,8 @@
 //! What the plant file says about a drive.
 
+use super::card_function::CardFunction;
 use super::drivecom::Enable;
+use super::monitoring::CardMonitoring;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec};
 use super::zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 use crate::bus::Channel;
@@ -25,7 +27,7 @@ use std::num::NonZeroU32;
 ///     zk_20 = 0x0041   # ... in RDC1, words 0 and 1
 ///     zk_25 = 0x0005   # status word in RDC1, word 2
 /// "#)?;
-/// assert!(commram::drive::Drive::new(&drive).is_ok());
+/// assert!(commram::drive::Drive::new(&drive, 500).is_ok());
 /// # Ok::<(), toml::de::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,6 +37,9 @@ pub struct DriveConfig {
     pub name: String,
     /// DIP switches S20, 6 to 10: slave number on the bus, 0 to 31.
     pub slave_number: u8,
+    /// Function of the CANsync card, 0 or 1 (default).
+    #[serde(default)]
+    pub card_function: CardFunction,
     /// Parameters of the CANsync card. Left out: [`DriveConfig::standard_mapping`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zk: Option<ZkParameters>,
@@ -45,6 +50,9 @@ pub struct DriveConfig {
     /// out: two and a half intervals; see [`SyncLock`](crate::bus::SyncLock).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sync_loss_us: Option<u64>,
+    /// What the drive does when SYNC or reference values stay away.
+    #[serde(default)]
+    pub monitoring: CardMonitoring,
     /// State after power-on.
     #[serde(default)]
     pub enable: Enable,
@@ -89,9 +97,11 @@ impl DriveConfig {
         DriveConfig {
             name: name.into(),
             slave_number,
+            card_function: CardFunction::default(),
             zk: None,
             lock_time_us: default_lock_time_us(),
             sync_loss_us: None,
+            monitoring: CardMonitoring::default(),
             enable: Enable::default(),
             ramp_per_second: None,
             numbers: ParameterNumbers::default(),
@@ -144,6 +154,19 @@ pub enum DriveError {
         drive: String,
         /// The number.
         number: u8,
+    },
+    /// The card does not run at the bus's baud rate (manual 5.01010.01 p. 10).
+    #[error(
+        "drive {drive}: card_function {} does not run at {kbit_s} kbit/s; 0 runs at 125, 250, 500 and 1000, 1 at 125, 250 and 500",
+        u8::from(*.function)
+    )]
+    Rate {
+        /// Name of the drive.
+        drive: String,
+        /// Function of its card.
+        function: CardFunction,
+        /// Baud rate that its bus is set to.
+        kbit_s: u16,
     },
     /// A parameter is defined wrongly.
     #[error("drive {drive}: parameter {number}: {reason}")]
@@ -201,6 +224,7 @@ pub enum ZkError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::Reaction;
 
     #[test]
     fn two_lines_make_the_demo_drive() {
@@ -220,7 +244,13 @@ mod tests {
 
     #[test]
     fn misspelt_keys_are_refused() {
-        for text in ["lock_time = 3", "zk = { zk_2 = 1 }", "numbers = { speed = 1 }", "ramp_per_second = 0"] {
+        for text in [
+            "lock_time = 3",
+            "card_function = 2",
+            "zk = { zk_2 = 1 }",
+            "numbers = { speed = 1 }",
+            "ramp_per_second = 0",
+        ] {
             let text = format!("name = \"a\"\nslave_number = 3\n{text}");
             assert!(toml::from_str::<DriveConfig>(&text).is_err(), "{text}");
         }
@@ -232,6 +262,7 @@ mod tests {
         config.zk = Some(config.standard_mapping());
         config.ramp_per_second = NonZeroU32::new(5);
         config.enable = Enable::ByControlWord;
+        config.monitoring.sync.reaction = Reaction::Inhibit;
         config.parameters = vec![ParameterSpec { min: Some(-5), ..ParameterSpec::new(9, ParamFormat::Word) }];
         let text = toml::to_string(&config).unwrap();
         assert_eq!(toml::from_str(&text), Ok(config), "{text}");

@@ -157,6 +157,11 @@ impl StateMachine {
         }
     }
 
+    /// A fault switches the power stage off at once: transitions 13 and 14 in one.
+    pub fn inhibit(&mut self) {
+        self.state = State::Fault;
+    }
+
     /// Sets or clears the warning.
     pub fn set_warning(&mut self, on: bool) {
         self.warning = on;

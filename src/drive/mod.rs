@@ -19,8 +19,10 @@
 pub mod angle;
 mod built_in;
 mod card;
+mod card_function;
 mod config;
 mod drivecom;
+mod monitoring;
 mod motion;
 mod parameters;
 mod regler;
@@ -30,8 +32,10 @@ mod tests;
 mod zk;
 
 pub use built_in::{BuiltInDrive, BuiltInDriveConfig};
+pub use card_function::{CardFunction, UnknownFunction};
 pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
 pub use drivecom::{Enable, State};
+pub use monitoring::{BapsMonitoring, CardMonitoring, Reaction, Watch};
 pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
 pub use regler::{MAXIMUM_ELEMENT, MINIMUM_ELEMENT};
 pub use table::{PARAMETERS, ParameterRow, number};
@@ -44,10 +48,33 @@ use crate::bus::codec::{
 };
 use crate::bus::{Channel, Frame, Payload, SyncLock};
 use card::Card;
+use monitoring::{Monitor, fault};
 use regler::{Setup, VRegler};
 
 /// Bit of the status word that the card overwrites with the SYNC state (manual 5.01010.01 p. 30).
 pub const SYNCHRONIZED: u16 = 0x8000;
+
+/// Parameters that must fit each other, and the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Settings {
+    slot_us: u32,
+    pwm_khz: u32,
+    interval_us: u32,
+}
+
+/// Something that is wrong with a drive's parameters, with the value that stands there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Objection {
+    /// P167 does not belong to the bus's baud rate (manual 5.01010.01 p. 13).
+    SyncSlot(u32),
+    /// P103 is a frequency for which the manual has no masks of P258 (5.00005.03a p. 74).
+    Pwm(u32),
+}
+
+/// What is wrong with a PWM frequency, if anything is.
+pub(crate) fn pwm_objection(khz: u32) -> Option<Objection> {
+    (!matches!(khz, 4 | 8)).then_some(Objection::Pwm(khz))
+}
 
 /// A drive with its card.
 #[derive(Clone, Debug)]
@@ -57,20 +84,30 @@ pub struct Drive {
     sync: SyncLock,
     /// The present interval began without its edge.
     edge_is_missing: bool,
+    /// What the last objections were about.
+    objected: Option<Settings>,
+    /// SYNC and reference values.
+    monitors: [Monitor; 2],
     card: Card,
     regler: VRegler,
 }
 
 impl Drive {
-    /// Builds the drive that the plant file describes, as it is after power-on.
+    /// Builds the drive that the plant file describes, as it is after power-on, on a bus that is set to `kbit_s`.
     ///
     /// # Errors
     /// [`DriveError`] names the drive and the parameter or card parameter at fault.
-    pub fn new(cfg: &DriveConfig) -> Result<Drive, DriveError> {
+    pub fn new(cfg: &DriveConfig, kbit_s: u16) -> Result<Drive, DriveError> {
         let drive = || cfg.name.clone();
         if cfg.slave_number > 31 {
             return Err(DriveError::SlaveNumber { drive: drive(), number: cfg.slave_number });
         }
+        let function = cfg.card_function;
+        let sync_slot_us = function.sync_slot_us(kbit_s).ok_or_else(|| DriveError::Rate {
+            drive: drive(),
+            function,
+            kbit_s,
+        })?;
         let regler = VRegler::new(&Setup {
             name: &cfg.name,
             enable: cfg.enable,
@@ -78,14 +115,20 @@ impl Drive {
             numbers: &cfg.numbers,
             parameters: &cfg.parameters,
             software: None,
+            sync_slot_us: Some(sync_slot_us),
         })?;
-        let card = Card::new(&cfg.mapping(), cfg.slave_number, &regler.store)
+        let card = Card::new(&cfg.mapping(), function, cfg.slave_number, &regler.store)
             .map_err(|(zk, value, reason)| DriveError::Zk { drive: drive(), zk, value, reason })?;
         Ok(Drive {
             name: drive(),
             slave_number: cfg.slave_number,
             sync: SyncLock::new(cfg.lock_time_us, cfg.sync_loss_us),
             edge_is_missing: false,
+            objected: None,
+            monitors: [
+                Monitor::new(&cfg.monitoring.sync, fault::SYNC),
+                Monitor::new(&cfg.monitoring.reference_values, fault::REFERENCE_VALUES),
+            ],
             card,
             regler,
         })
@@ -106,13 +149,19 @@ impl Drive {
     #[inline]
     pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
         let was_synchronized = self.is_synchronized();
-        self.sync.edge(now_us, interval_us, interval_us / 4);
+        // The control task cannot run in step with a signal that does not come once in its SYNC slot (decision D-291).
+        if self.regler.sync_times().0 == interval_us {
+            self.sync.edge(now_us, interval_us, interval_us / 4);
+        } else {
+            self.sync.unlock();
+        }
         self.edge_is_missing = false;
+        self.notice_lock(was_synchronized, now_us);
         self.show_synchronized();
         let status_word = self.status_word();
         self.card.sample(&mut self.regler.store, status_word);
         // What came in an interval without lock is lost, also if the lock comes right after it.
-        self.go_on(was_synchronized && self.is_synchronized(), interval_us);
+        self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
     }
 
     /// An interval of `interval_us` begins at `now_us` by the drive's own clock, as its SYNC edge is missing. The first
@@ -122,15 +171,22 @@ impl Drive {
         let runs_through = self.sync.runs_through(now_us);
         self.pass(now_us);
         self.edge_is_missing = true;
-        self.go_on(runs_through, interval_us);
+        self.go_on(runs_through, now_us, interval_us);
     }
 
-    fn go_on(&mut self, exchanges: bool, interval_us: u32) {
+    #[inline]
+    fn go_on(&mut self, exchanges: bool, now_us: u64, interval_us: u32) {
         if exchanges {
             self.card.hand_over(&mut self.regler.store);
         } else {
             self.card.discard();
         }
+        if self.card.is_stopped() {
+            self.monitors[1].away(now_us);
+        } else {
+            self.monitors[1].there();
+        }
+        self.regler.monitor(now_us, self.monitors.iter_mut());
         self.regler.step(interval_us);
     }
 
@@ -142,13 +198,27 @@ impl Drive {
 
     /// Time has passed without a SYNC edge, up to `now_us`: the signal may have been gone for too long.
     pub fn pass(&mut self, now_us: u64) {
+        let was_synchronized = self.is_synchronized();
         self.sync.pass(now_us);
+        self.notice_lock(was_synchronized, now_us);
         self.show_synchronized();
+        self.regler.monitor(now_us, self.monitors.iter_mut());
+    }
+
+    /// A lock that SYNC has ended is an error (p. 135), until the drive is synchronized again.
+    #[inline]
+    fn notice_lock(&mut self, was_synchronized: bool, now_us: u64) {
+        match (was_synchronized, self.is_synchronized()) {
+            (true, false) => self.monitors[0].away(now_us),
+            (_, true) => self.monitors[0].there(),
+            (false, false) => {}
+        }
     }
 
     /// When something will happen to the drive if no SYNC edge comes, beside its motion.
     pub fn next_time(&self) -> Option<u64> {
-        self.sync.lost_at()
+        let reports = self.monitors.iter().filter_map(Monitor::next_time);
+        self.sync.lost_at().into_iter().chain(reports).min()
     }
 
     /// Whether the drive has nothing to do while no SYNC edge comes.
@@ -247,6 +317,16 @@ impl Drive {
         };
         self.regler.write_element(job.number(), job.element(), format, value)?;
         Ok(ParameterResult::Done)
+    }
+
+    /// What is wrong with the drive's parameters on a bus with this interval; once for each pair of values.
+    pub(crate) fn take_objections(&mut self, interval_us: u32) -> impl Iterator<Item = Objection> + use<> {
+        let (slot_us, pwm_khz) = (self.regler.sync_times().0, self.regler.pwm_khz());
+        let settings = Settings { slot_us, pwm_khz, interval_us };
+        let is_new = self.objected.replace(settings) != Some(settings);
+        let slot = (is_new && slot_us != interval_us).then_some(Objection::SyncSlot(slot_us));
+        let pwm = is_new.then(|| pwm_objection(pwm_khz)).flatten();
+        slot.into_iter().chain(pwm)
     }
 
     /// The value of parameter `number`, if the drive has it.

@@ -3,6 +3,7 @@
 use super::angle::{self, SetPoint};
 use super::config::{DriveError, ParameterNumbers};
 use super::drivecom::{Enable, State, StateMachine};
+use super::monitoring::{Monitor, Reaction};
 use super::motion::Motion;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
 use super::table::{PARAMETERS, number};
@@ -25,6 +26,8 @@ pub(super) struct Setup<'a> {
     pub parameters: &'a [ParameterSpec],
     /// Version of the drive software; `None`: as the parameter table says.
     pub software: Option<u32>,
+    /// SYNC slot (P167) after power-on, in us; `None`: as the parameter table says.
+    pub sync_slot_us: Option<u16>,
 }
 
 /// Places of the parameters that the drive itself works with.
@@ -54,6 +57,8 @@ pub(crate) struct VRegler {
     slots: Slots,
     /// Bit 15 of the status word, which the connection sets.
     synchronized: bool,
+    /// Number of an error of the communication monitoring that is reported without reaction; 0: none.
+    error: u16,
 }
 
 /// What a parameter job did: the value and format read, or nothing.
@@ -75,6 +80,9 @@ impl VRegler {
                 (number::RAMP, Some(ramp), _) => spec.initial = ramp.get(),
                 (number::SOFTWARE, _, Some(software)) => spec.initial = software,
                 _ => {}
+            }
+            if let (number::SYNC_SLOT, Some(us)) = (spec.number, setup.sync_slot_us) {
+                spec.initial = us.into();
             }
         }
         let fault = |(number, reason)| DriveError::Parameter { drive: setup.name.to_owned(), number, reason };
@@ -116,6 +124,7 @@ impl VRegler {
             store,
             slots,
             synchronized: false,
+            error: 0,
         })
     }
 
@@ -246,7 +255,7 @@ impl VRegler {
         let was_faulty = self.machine.state() == State::Fault;
         self.machine.command(word);
         if was_faulty && self.machine.state() != State::Fault {
-            self.store.set(self.slots.fault, 0);
+            self.store.set(self.slots.fault, self.error.into());
         }
     }
 
@@ -271,12 +280,42 @@ impl VRegler {
 
     /// Brings a fault upon the drive, unless it has one: it brakes and waits for a fault reset. Tells whether it did.
     pub(crate) fn trip(&mut self, number: u16) -> bool {
-        if matches!(self.machine.state(), State::FaultReactionActive | State::Fault) {
-            return false;
+        let trips = !self.is_faulty();
+        if trips {
+            self.machine.trip();
+            self.store.set(self.slots.fault, u32::from(number));
         }
-        self.machine.trip();
-        self.store.set(self.slots.fault, u32::from(number));
-        true
+        trips
+    }
+
+    fn is_faulty(&self) -> bool {
+        matches!(self.machine.state(), State::FaultReactionActive | State::Fault)
+    }
+
+    /// Reports the errors of the communication monitoring that stand at `now`, and reacts (decision D-294).
+    pub(super) fn monitor<'a>(&mut self, now: u64, monitors: impl Iterator<Item = &'a mut Monitor>) {
+        let mut reported = 0;
+        for (fault, reaction) in monitors.filter_map(|monitor| monitor.error(now)) {
+            match reaction {
+                Reaction::None if reported == 0 => reported = fault,
+                Reaction::None => {}
+                Reaction::QuickStop => {
+                    self.trip(fault);
+                }
+                Reaction::Inhibit => {
+                    if self.trip(fault) {
+                        self.machine.inhibit();
+                    }
+                }
+            }
+        }
+        if reported != self.error {
+            self.error = reported;
+            self.machine.set_warning(reported != 0);
+            if !self.is_faulty() {
+                self.store.set(self.slots.fault, reported.into());
+            }
+        }
     }
 
     /// Sets or clears the warning bit of the status word.
@@ -287,6 +326,11 @@ impl VRegler {
     /// SYNC slot (P167) and offset (P168) in us.
     pub(crate) fn sync_times(&self) -> (u32, u32) {
         (self.store.get(self.slots.sync_slot), self.store.get(self.slots.sync_offset))
+    }
+
+    /// PWM frequency (P103) in kHz.
+    pub(crate) fn pwm_khz(&self) -> u32 {
+        self.store.get(self.slots.pwm)
     }
 
     /// Version of the drive software (0309 as 309).

@@ -75,7 +75,8 @@ fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     for known in values {
         let ValueMeaning { first, last, text, .. } = known;
         let words = upper(gist(text));
-        if words == "RESERVED" {
+        // A plain number is no name.
+        if words == "RESERVED" || words.is_empty() {
             continue;
         }
         let name = format!("{prefix}_{words}");

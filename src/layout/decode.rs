@@ -118,6 +118,17 @@ mod tests {
     }
 
     #[test]
+    fn a_number_is_shown_as_a_number() {
+        let value = "node2.a_DATA_PARAMETER[3].d_PAR_VALUE";
+        assert_eq!(
+            [0, 4000, 0xFFF8, 0x8000_0000].map(|n| decode(value, n)),
+            ["0", "4000", "65528", "2147483648"]
+        );
+        assert_eq!(decode(value, 0xFFFB), "65531; with the error bit set: not present");
+        assert_eq!(decode("node2.d_BASE_ADR_UPDOWNBLK1", 0x1000), "4096");
+    }
+
+    #[test]
     fn mapping_bytes_read_as_the_manual_explains_them() {
         // 16#0D: manual p. 153, 157, 177, 180, 185.
         for name in [

@@ -120,7 +120,7 @@ impl SimBus {
             }
         }
         for drive in &config.drives {
-            let drive = Drive::new(drive)?;
+            let drive = Drive::new(drive, config.kbit_s)?;
             bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
             bus.drives.push(drive);
         }

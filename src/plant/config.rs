@@ -6,6 +6,7 @@ mod plc;
 pub use bus::BusConfig;
 pub use plc::{PlcConfig, ProjectConfig};
 
+use super::times;
 use crate::drive::DriveError;
 use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
@@ -16,8 +17,6 @@ use thiserror::Error;
 
 /// The plant that runs when no file is given.
 const BUILT_IN: &str = include_str!("built_in.toml");
-/// The longest time that a key takes, in us.
-const HOUR_US: u64 = 3_600_000_000;
 
 /// A plant, as described by a plant file (TOML). See `docs/plant.md`.
 #[derive(Clone, Debug, Deserialize)]
@@ -193,10 +192,7 @@ impl PlantConfig {
             plc.check()?;
             self.check_nodes(plc)?;
         }
-        for drive in self.buses.iter().flat_map(|bus| &bus.drives) {
-            range("lock_time_us", &drive.name, drive.lock_time_us, 0..=HOUR_US, "at most one hour")?;
-            sync_loss("sync_loss_us", &drive.name, drive.sync_loss_us)?;
-        }
+        self.buses.iter().flat_map(|bus| &bus.drives).try_for_each(times::check_drive)?;
         self.buses.iter().try_for_each(|bus| self.check_bus(bus))?;
         self.resolved_faults().map(|_| ())
     }
@@ -302,7 +298,7 @@ impl PlantConfig {
     }
 }
 
-fn range(
+pub(super) fn range(
     what: &'static str,
     name: &str,
     value: u64,
@@ -313,10 +309,6 @@ fn range(
         return Ok(());
     }
     Err(PlantError::Range { what, name: name.to_owned(), value, right })
-}
-
-fn sync_loss(what: &'static str, name: &str, us: Option<u64>) -> Result<(), PlantError> {
-    us.map_or(Ok(()), |us| range(what, name, us, 1..=HOUR_US, "1 to 3600000000"))
 }
 
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {
@@ -349,7 +341,7 @@ mod tests {
         let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
         let plant = PlantConfig::parse("docs/plant.md", example).unwrap();
         assert_eq!(plant.buses[1].drives[0].name, "winder");
-        assert!(crate::drive::Drive::new(&plant.buses[1].drives[0]).is_ok());
+        assert!(crate::drive::Drive::new(&plant.buses[1].drives[0], 250).is_ok());
     }
 
     #[test]
@@ -389,19 +381,6 @@ mod tests {
             (
                 format!("{plc}dip = 4\nnode1 = 'b'\n{bus}{}", drive("d", 4)),
                 "slave number 4 is used twice on bus 'b', by 'p' and 'd'",
-            ),
-            (
-                format!("{plc}[plc.drive]\nservice_time_us = 3600000001\n"),
-                "drive.service_time_us of 'p' is 3600000001; it must be at most one hour",
-            ),
-            (format!("{plc}sync_loss_us = 0\n"), "sync_loss_us of 'p' is 0; it must be 1 to 3600000000"),
-            (
-                format!("{plc}[plc.drive]\nsync_loss_us = 0\n"),
-                "drive.sync_loss_us of 'p' is 0; it must be 1 to 3600000000",
-            ),
-            (
-                format!("{plc}{bus}{}sync_loss_us = 3600000001\n", drive("d", 4)),
-                "sync_loss_us of 'd' is 3600000001; it must be 1 to 3600000000",
             ),
             (format!("{plc}{bus}kbit_s = 1000\n"), "kbit_s of 'b' is 1000; it must be 500, 250 or 125"),
             (

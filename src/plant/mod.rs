@@ -11,6 +11,7 @@ mod faults;
 mod force;
 mod injection;
 mod plc;
+mod times;
 
 pub use crate::firmware::board::Power;
 pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig, ProjectConfig};

@@ -41,6 +41,38 @@ fn zk_24_delays_by_whole_intervals() {
     }
 }
 
+/// Manual 5.01010.01 p. 10: a card with function 0 needs the other slave's frame in every interval.
+#[test]
+fn card_function_0_takes_another_slaves_value_only_if_it_comes_in_every_interval() {
+    let taken = |card_function| {
+        let source = Source::Slave(31);
+        let mapping =
+            ReferenceMapping { word: 0, channel: Channel::One, format: ParamFormat::Doubleword, source };
+        let mut bench =
+            Bench::synchronized(&DriveConfig { card_function, ..with_zk(|zk| zk.zk_4 = mapping.to_zk()) });
+        [true, true, true, false, true, false, true, true].map(|comes| {
+            if comes {
+                let value = (bench.now / u64::from(INTERVAL)) as u16;
+                bench.drive.overheard_frame(31, Channel::One, &words_of(&[value, 0]));
+            }
+            bench.edge().p(300)
+        })
+    };
+    assert_eq!(taken(CardFunction::Current), [1, 2, 3, 3, 5, 5, 7, 8]);
+    assert_eq!(taken(CardFunction::Old), [0, 2, 3, 3, 3, 3, 3, 8]);
+}
+
+/// Manual 5.01010.01 p. 17: settings of ZK 26 take effect with card function 1 only.
+#[test]
+fn card_function_0_has_no_zk_26() {
+    for (card_function, stops) in [(CardFunction::Old, false), (CardFunction::Current, true)] {
+        let cfg = DriveConfig { card_function, ..with_zk(|zk| zk.zk_26 = 1) };
+        let mut bench = Bench::synchronized(&cfg);
+        bench.send(Channel::One, &[7, 0]).edge().edge().edge();
+        assert_eq!(bench.drive.is_exchange_stopped(), stops, "{card_function:?}");
+    }
+}
+
 #[test]
 fn reference_values_at_every_place_of_the_frame() {
     let frame = words_of(&[0x1110, 0x2221, 0x3332, 0x4443]);

@@ -16,7 +16,7 @@ struct Bench {
 
 impl Bench {
     fn new(cfg: &DriveConfig) -> Self {
-        Bench { drive: Drive::new(cfg).unwrap(), now: 0 }
+        Bench { drive: Drive::new(cfg, 500).unwrap(), now: 0 }
     }
 
     /// SYNC mode is on and the lock time is over.
@@ -72,7 +72,7 @@ fn with_zk(change: impl FnOnce(&mut ZkParameters)) -> DriveConfig {
 }
 
 fn zk_fault(cfg: &DriveConfig) -> (u8, ZkError) {
-    match Drive::new(cfg) {
+    match Drive::new(cfg, 500) {
         Err(DriveError::Zk { drive, zk, reason, .. }) if drive == cfg.name => (zk, reason),
         other => panic!("no ZK error: {other:?}"),
     }

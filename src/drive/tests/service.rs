@@ -33,18 +33,18 @@ fn faulty_card_parameters_are_named() {
 #[test]
 fn numbers_of_unmapped_values_do_not_matter() {
     let cfg = with_zk(|zk| (zk.zk_0, zk.zk_4, zk.zk_17, zk.zk_21) = (120, 0, 9999, 0));
-    assert!(Drive::new(&cfg).is_ok());
+    assert!(Drive::new(&cfg, 500).is_ok());
 }
 
 #[test]
 fn faulty_drives_are_refused() {
     assert!(matches!(
-        Drive::new(&DriveConfig::demo("a", 32)),
+        Drive::new(&DriveConfig::demo("a", 32), 500),
         Err(DriveError::SlaveNumber { number: 32, .. })
     ));
     let refused = |parameters: Vec<ParameterSpec>| {
         let number = parameters[0].number;
-        let err = Drive::new(&DriveConfig { parameters, ..demo() }).unwrap_err();
+        let err = Drive::new(&DriveConfig { parameters, ..demo() }, 500).unwrap_err();
         let DriveError::Parameter { drive, number: named, reason } = err else { panic!("{err:?}") };
         assert_eq!((drive.as_str(), named), ("drive", number));
         reason
@@ -64,8 +64,8 @@ fn faulty_drives_are_refused() {
 #[test]
 fn own_parameters_get_their_values_from_the_plant_file() {
     let value = |number, initial| ParameterSpec { initial, ..ParameterSpec::new(number, ParamFormat::Word) };
-    let drive =
-        Drive::new(&DriveConfig { parameters: vec![value(167, 4000), value(103, 8)], ..demo() }).unwrap();
+    let drive = Drive::new(&DriveConfig { parameters: vec![value(167, 4000), value(103, 8)], ..demo() }, 500)
+        .unwrap();
     assert_eq!([103, 167, 168].map(|number| drive.parameter(number)), [Some(8), Some(4000), Some(0)]);
 }
 

@@ -1,7 +1,7 @@
 //! SYNC, control word and motion.
 
 use super::*;
-use std::num::NonZeroU32;
+use std::num::{NonZeroU16, NonZeroU32};
 
 #[test]
 fn bit_15_comes_after_the_lock_time() {
@@ -40,11 +40,104 @@ fn a_longer_loss_of_sync_ends_the_lock_and_the_drive_moves_on() {
     assert!(bench.drive.is_synchronized());
     assert_eq!(bench.drive.next_time(), Some(bench.now + 3_000));
     bench.drive.pass(bench.now + 3_000);
-    assert_eq!((bench.drive.status_word(), bench.drive.next_time()), (0x0037, None));
+    assert_eq!((bench.drive.status_word(), bench.drive.next_time()), (0x00B7, None));
 
     let speeds = [0; 5].map(|_| ramp.lost_edge().p(301));
     assert_eq!(speeds, [2000, 3000, 4000, 5000, 5000], "the motion goes on");
     assert!(!ramp.drive.is_synchronized());
+}
+
+/// P. 135: the loss of SYNC is an error; D-294: a warning, if no reaction is set.
+#[test]
+fn a_lost_lock_is_reported_until_the_drive_is_synchronized_again() {
+    let mut bench = Bench::synchronized(&demo());
+    bench.lost_edge().lost_edge();
+    assert_eq!((bench.drive.status_word(), bench.p(308)), (0x8037, 0));
+    bench.lost_edge();
+    assert_eq!((bench.drive.status_word(), bench.p(308)), (0x00B7, 501));
+    bench.edge();
+    assert_eq!((bench.drive.status_word(), bench.p(308)), (0x8037, 0));
+}
+
+#[test]
+fn the_reaction_to_a_lost_lock_comes_after_its_time() {
+    let ramp_per_second = NonZeroU32::new(500_000); // 1000 per interval
+    for (reaction, states) in [
+        (
+            Reaction::QuickStop,
+            [(2000, State::FaultReactionActive), (1000, State::FaultReactionActive), (0, State::Fault)],
+        ),
+        (Reaction::Inhibit, [(2000, State::Fault), (1000, State::Fault), (0, State::Fault)]),
+    ] {
+        let sync = Watch { time_us: 3_000, reaction, fault: NonZeroU16::new(77) };
+        let monitoring = CardMonitoring { sync, ..Default::default() };
+        let mut bench = Bench::synchronized(&DriveConfig { ramp_per_second, monitoring, ..demo() });
+        bench.send(Channel::One, &[3000, 0]).edge().edge().edge();
+        assert_eq!(bench.p(301), 3000);
+        let last = bench.now - u64::from(INTERVAL);
+        bench.lost_edge().lost_edge();
+        bench.drive.pass(last + 5_000);
+        assert_eq!(
+            (bench.drive.next_time(), bench.drive.state()),
+            (Some(last + 8_000), State::OperationEnabled)
+        );
+        bench.lost_edge();
+        assert_eq!((bench.p(301), bench.p(308)), (3000, 0), "6 ms");
+        for (step, (speed, state)) in states.into_iter().enumerate() {
+            bench.lost_edge();
+            assert_eq!(
+                (bench.p(301), bench.drive.state(), bench.p(308)),
+                (speed, state, 77),
+                "{reaction:?} {step}"
+            );
+        }
+        bench.control(0x0080).lost_edge();
+        assert_eq!(bench.drive.state(), State::Fault, "the cause lasts");
+        bench.edge().control(0x0000).control(0x0080);
+        assert_eq!((bench.drive.state(), bench.p(308)), (State::SwitchOnDisabled, 0));
+    }
+}
+
+/// P. 135; 5.01010.01 p. 17: more losses than ZK 26 allows are an error.
+#[test]
+fn lost_reference_values_are_reported_until_sync_mode_on() {
+    let reference_values = Watch { reaction: Reaction::Inhibit, ..Default::default() };
+    for (monitoring, state) in [
+        (CardMonitoring::default(), State::OperationEnabled),
+        (CardMonitoring { reference_values, ..Default::default() }, State::Fault),
+    ] {
+        let mut bench = Bench::synchronized(&DriveConfig { monitoring, ..with_zk(|zk| zk.zk_26 = 3) });
+        bench.send(Channel::One, &[7, 0]).edge();
+        for _ in 0..3 {
+            bench.edge();
+        }
+        assert_eq!((bench.p(308), bench.drive.state()), (0, State::OperationEnabled));
+        bench.edge();
+        assert_eq!((bench.p(308), bench.drive.state()), (502, state));
+        bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, true));
+        bench.edge().control(0x0080);
+        assert_eq!(bench.p(308), 0, "{state:?}");
+    }
+}
+
+/// Manual 5.01010.01 p. 13: P167 goes with the baud rate. D-291: with another value there is no lock.
+#[test]
+fn a_sync_slot_of_another_rate_never_locks() {
+    for (kbit_s, interval) in [(1000, 1000), (500, 2000), (250, 4000), (125, 8000)] {
+        let cfg = DriveConfig { card_function: CardFunction::Old, lock_time_us: 0, ..demo() };
+        let mut drive = Drive::new(&cfg, kbit_s).unwrap();
+        assert_eq!(drive.parameter(number::SYNC_SLOT), Some(interval));
+        drive.action_command(&ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true));
+        drive.sync_edge(0, interval);
+        assert!(drive.is_synchronized() && drive.take_objections(interval).next().is_none());
+        drive.regler.write_element(number::SYNC_SLOT, 7, ParamFormat::Word, 500).unwrap();
+        assert_eq!(drive.take_objections(interval).collect::<Vec<_>>(), [Objection::SyncSlot(500)]);
+        assert_eq!(drive.take_objections(interval).next(), None, "told once");
+        drive.sync_edge(u64::from(interval), interval);
+        assert!(!drive.is_synchronized());
+    }
+    let refused = Drive::new(&demo(), 1000).unwrap_err().to_string();
+    assert!(refused.starts_with("drive drive: card_function 1 does not run at 1000 kbit/s"), "{refused}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::cycle::Cycle;
 use super::place;
 use crate::check::Rule;
+use crate::drive::{BuiltInDrive, pwm_objection};
 use crate::firmware::Context;
 use crate::layout::Live;
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
@@ -39,4 +40,13 @@ pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<C
         find(ctx, Rule::ReservedBit, offset, word.into());
     }
     cycle
+}
+
+/// A PWM frequency (P103) for which the manual has no masks of P258 is reported at the register through which the PLC
+/// sets it (decision D-292).
+pub(super) fn find_wrong_pwm(ctx: &mut Context, drive: &BuiltInDrive) {
+    let khz = drive.regler().pwm_khz();
+    if pwm_objection(khz).is_some() {
+        find(ctx, Rule::DrivePwm, offset_of!(BAPS_CTRL_BMSTRUCT, ud_PAR_VALUE), khz);
+    }
 }

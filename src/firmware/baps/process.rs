@@ -2,7 +2,7 @@
 
 use super::config::Numbers;
 use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
-use super::findings::{cycle_of, find, is_too_early};
+use super::findings::{cycle_of, find, find_wrong_pwm, is_too_early};
 use super::{command, place, quit};
 use crate::bus::codec::parameter::VALUE_ELEMENT;
 use crate::check::Rule;
@@ -119,8 +119,10 @@ impl Process {
         match word {
             command::NONE => {}
             command::CONFIGURE => {
+                drive.configured();
                 let answer = self.configure(ctx, regs, drive);
                 acknowledge(ctx, regs, word, answer);
+                find_wrong_pwm(ctx, drive);
                 return;
             }
             command::EXCHANGE | command::RE_INITIALIZE if self.is_configured() => {}
@@ -193,6 +195,7 @@ impl Configured {
         {
             return acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD);
         }
+        drive.exchanged(ctx.now);
         drive.regler_mut().command(regs.w_CONTROLWORD.load());
         for x in writes {
             if !self.write(x, regs, drive) {

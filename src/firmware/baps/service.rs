@@ -7,9 +7,10 @@
 //! | 1 | 1 | the result is the PLC's |
 //! | 0 | 1 | the PLC has read it; the drive goes back to idle |
 
+use super::findings::find_wrong_pwm;
 use super::place;
 use crate::bus::codec::parameter::error_number;
-use crate::drive::{BuiltInDrive, ParamFormat};
+use crate::drive::{BuiltInDrive, ParamFormat, number};
 use crate::firmware::Context;
 use crate::firmware::shown::Shown;
 use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
@@ -128,6 +129,9 @@ impl Service {
         }
         let result = carry_out(&job, regs, drive);
         let detail = result.err().unwrap_or(NO_ERROR);
+        if job.code == job::WRITE && job.number == number::PWM_FREQUENCY {
+            find_wrong_pwm(ctx, drive);
+        }
         regs.i_ERR_DETAIL.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, i_ERR_DETAIL)), detail);
         show_semaphore(ctx, regs, semaphore::TAKEN);
         self.phase = Phase::Answered;

@@ -2,9 +2,14 @@
 
 use super::disturbance::Fate;
 use super::{Run, Sender, Station};
-use crate::bus::codec::action::ActionCommand;
+use crate::bus::codec::action::{Action, ActionCommand};
 use crate::bus::{Frame, FrameKind};
+use crate::check::Rule;
+use crate::drive::Objection;
+use crate::layout::Live;
+use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER, NODE2};
 use crate::plant::agenda::{Agenda, Slot};
+use core::mem::{offset_of, size_of};
 
 impl Run<'_> {
     pub(super) fn command_start(&mut self) {
@@ -36,6 +41,29 @@ impl Run<'_> {
             drive.action_command(&command);
         }
         self.each_node(|slave, ctx| slave.action(ctx, frame, &command));
+        if command.action() == Action::SyncMode(true) {
+            for index in 0..self.bus.drives.len() {
+                self.find_wrong_settings(index);
+            }
+        }
+    }
+
+    /// Parameters with which a drive cannot follow the bus are a finding at the register through which the master's PLC
+    /// sets them.
+    fn find_wrong_settings(&mut self, index: usize) {
+        let interval_us = u32::from(self.timing.b_TIME_PATTERN) * 1000;
+        let Some(drive) = self.drive(index) else { return };
+        let (number, objections) = (drive.slave_number(), drive.take_objections(interval_us));
+        for objection in objections {
+            let (rule, value) = match objection {
+                Objection::SyncSlot(us) => (Rule::DriveSyncSlot, us),
+                Objection::Pwm(khz) => (Rule::DrivePwm, khz),
+            };
+            let data = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
+                + usize::from(number) * size_of::<DATA_PARAMETER>();
+            let offset = NODE2 + data + offset_of!(DATA_PARAMETER, d_PAR_VALUE);
+            self.master(|_, ctx| ctx.find(rule, Live::Cyclic, offset as u32, value));
+        }
     }
 
     pub(super) fn deliver_job(&mut self, number: u8, frame: &Frame) {
@@ -50,6 +78,7 @@ impl Run<'_> {
                     return;
                 }
                 self.bus.drive_answer = self.drive(index).and_then(|drive| drive.job(frame.payload()));
+                self.find_wrong_settings(index);
             }
             Station::Node(index) => {
                 let hears = self.node(index, |_, _| ()).is_some();

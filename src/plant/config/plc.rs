@@ -1,9 +1,10 @@
 //! A PLC as the plant file describes it.
 
-use super::{HOUR_US, PlantError, range, sync_loss};
+use super::{PlantError, range};
 use crate::drive::BuiltInDriveConfig;
 use crate::layout::flags::{MOST_RETAIN, RETAIN_SIZE};
 use crate::memory::header::Project;
+use crate::plant::times;
 use serde::Deserialize;
 
 /// A PLC of the plant file.
@@ -80,15 +81,7 @@ impl PlcConfig {
     /// Checks the numbers.
     pub(super) fn check(&self) -> Result<(), PlantError> {
         range("dip", &self.name, self.dip.into(), 0..=31, "0 to 31")?;
-        for (what, us) in [
-            ("lock_time_us", self.lock_time_us),
-            ("drive.lock_time_us", self.drive.lock_time_us),
-            ("drive.service_time_us", self.drive.service_time_us),
-        ] {
-            range(what, &self.name, us, 0..=HOUR_US, "at most one hour")?;
-        }
-        sync_loss("sync_loss_us", &self.name, self.sync_loss_us)?;
-        sync_loss("drive.sync_loss_us", &self.name, self.drive.sync_loss_us)?;
+        times::check_plc(self)?;
         let sync = self.option_sync_us.map_or(50, u64::from);
         range("option_sync_us", &self.name, sync, 50..=1_000_000, "50 to 1000000")?;
         if ![0, 10, 100].contains(&self.ethernet_mbit) {

@@ -146,6 +146,7 @@ impl State {
 macro_rules! block {
     (
         $(#[$doc:meta])* $name:ident { $($(#[$fdoc:meta])* $field:ident: $type:ty,)* }
+        errors { $($(#[$edoc:meta])* $error:ident: $etype:ty,)* }
         $command:expr; value $value:expr; done $done:expr
     ) => {
         $(#[$doc])*
@@ -168,10 +169,7 @@ macro_rules! block {
             $($(#[$fdoc])* pub $field: $type,)*
             /// The job is under way.
             pub x_BUSY: bool,
-            /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
-            pub b_ERR: u8,
-            /// Error number of the slave.
-            pub i_ERR: i16,
+            $($(#[$edoc])* pub $error: $etype,)*
             /// `b_ERR` is not 0.
             pub x_ERR: bool,
             /// The last job has been done.
@@ -192,8 +190,7 @@ macro_rules! block {
                     x_RESET: false,
                     $($field: Default::default(),)*
                     x_BUSY: false,
-                    b_ERR: 0,
-                    i_ERR: 0,
+                    $($error: Default::default(),)*
                     x_ERR: false,
                     x_OK: false,
                     internal: State::default(),
@@ -244,6 +241,12 @@ block! {
         /// Format of the value read: FALSE word, TRUE doubleword.
         x_PAR_FORMAT_READ: bool,
     }
+    errors {
+        /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
+        b_ERR: u8,
+        /// Error number of the slave.
+        i_ERR: i16,
+    }
     READ;
     value |_| None;
     done |this, control, value| {
@@ -259,6 +262,12 @@ block! {
     CANsync_PAR_WRITE_MA {
         /// The value to write.
         ud_PAR_VALUE: u32,
+    }
+    errors {
+        /// Error number of the slave.
+        i_ERR: i16,
+        /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
+        b_ERR: u8,
     }
     WRITE;
     value |this| Some(this.ud_PAR_VALUE);

@@ -6,6 +6,7 @@ mod exchange;
 mod faults;
 mod journal;
 mod mixes;
+mod monitoring;
 mod restart;
 mod service;
 mod sync;

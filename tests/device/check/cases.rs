@@ -1,6 +1,6 @@
 //! For each rule something that breaks it, and next to it something much alike that is right.
 
-use crate::rig::{RATES, Rate, Rig, write_init_data};
+use crate::rig::{Memory, RATES, Rate, Rig, write_init_data};
 use commram::check::Rule;
 use commram::layout::omega_drive_line_2::*;
 use commram::memory::View;
@@ -16,7 +16,34 @@ pub struct Case {
     pub right: fn(&mut Rig),
 }
 
+/// The same plant with a drive that has this value in a parameter, its master in set-up mode.
+fn set_up_with_drive(rig: &mut Rig, expected: &[Rule], parameter: u16, value: u16) {
+    rig.expect_errors(&[]);
+    let drive = format!(
+        "[[bus.drive]]\nname = 'd'\nslave_number = 1\n\
+         parameters = [{{ number = {parameter}, format = 'word', initial = {value} }}]\n"
+    );
+    *rig = Rig::of(Memory::Heap, RATES[0], &drive);
+    rig.expect_errors(expected);
+    rig.set_up();
+    rig.step(60_000);
+}
+
 pub const CASES: &[Case] = &[
+    Case {
+        rule: Rule::DriveSyncSlot,
+        register: "node2.a_DATA_PARAMETER[1].d_PAR_VALUE",
+        value: 1000,
+        wrong: |rig| set_up_with_drive(rig, &[Rule::DriveSyncSlot], 167, 1000),
+        right: |rig| set_up_with_drive(rig, &[], 167, 2000),
+    },
+    Case {
+        rule: Rule::DrivePwm,
+        register: "node2.a_DATA_PARAMETER[1].d_PAR_VALUE",
+        value: 5,
+        wrong: |rig| set_up_with_drive(rig, &[], 103, 5),
+        right: |rig| set_up_with_drive(rig, &[], 103, 8),
+    },
     Case {
         rule: Rule::IpAddress,
         register: "ethernet_config.a_IP_ADDRESS[3]",

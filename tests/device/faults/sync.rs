@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::rig::{BOTH, Memory};
+use commram::check::Rule;
+use commram::drive::State;
 
 fn edges(rig: &Rig) -> Vec<u64> {
     let (noted, pending) = (rig.records(), rig.plant.journal().pending());
@@ -82,6 +84,24 @@ fn edges_lost_in_succession_end_the_lock() {
         );
         rig.step(40_000);
         assert!(is_locked(&rig), "locks anew by itself");
+    }
+}
+
+#[test]
+fn the_time_without_sync_can_be_set() {
+    let drive =
+        |n, key| format!("[[bus.drive]]\nname = 'd{n}'\nslave_number = {n}\nlock_time_us = 30000\n{key}\n");
+    let drives = drive(1, "sync_loss_us = 9000") + &drive(2, "sync_loss_us = 1");
+    let mut rig = Rig::of(Memory::Heap, RATES[0], &drives);
+    start(&mut rig);
+    add(&mut rig, "kind = 'lose_sync'");
+    let locked =
+        |rig: &Rig| -> Vec<bool> { rig.plant.drives().map(|drive| drive.is_synchronized()).collect() };
+    for (us, expected) in
+        [(4_499, [true, true]), (1, [true, false]), (4_499, [true, false]), (1, [false, false])]
+    {
+        rig.step(us);
+        assert_eq!(locked(&rig), expected, "at least two and a quarter intervals");
     }
 }
 
@@ -174,4 +194,49 @@ fn edges_return_to_their_regular_times() {
     rig.plant.clear_fault(id).unwrap();
     intervals(&mut rig, 3);
     assert_eq!((rig.plant.now() - start) % 2000, 0);
+}
+
+/// P. 135; D-293, D-294: the axis of a drive whose master has gone does not turn for ever.
+#[test]
+fn a_drive_without_sync_reacts_as_it_is_set() {
+    let monitoring = "[bus.drive.monitoring.sync]\ntime_us = 100000\nreaction = 'quick_stop'\n";
+    let mut rig = Rig::of(Memory::Heap, RATES[0], &format!("{DRIVES}{monitoring}"));
+    start(&mut rig);
+    rig.master.a_WR_VALUE[0].store(1000);
+    rig.send_wrc1();
+    rig.run_to_sync();
+    rig.master.w_CPU_CONTROL.store(0x0000);
+    let drives = |rig: &Rig| -> Vec<_> {
+        rig.plant
+            .drives()
+            .map(|drive| (drive.state(), drive.status_word(), drive.parameter(308).unwrap()))
+            .collect()
+    };
+    rig.step(104_000);
+    let moving = (State::OperationEnabled, 0x00B7, 501);
+    assert_eq!(drives(&rig), [moving, (State::OperationEnabled, 0x0037, 0)], "the first has no reaction");
+    rig.step(3_000);
+    assert_eq!(drives(&rig), [moving, (State::Fault, 0x0018, 501)]);
+}
+
+/// 5.01010.01 p. 13; D-291.
+#[test]
+fn a_sync_slot_of_another_rate_is_found_and_hinders_locking() {
+    let drive = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n";
+    let mut rig = Rig::of(Memory::Heap, RATES[1], drive);
+    rig.expect_errors(&[Rule::DriveSyncSlot]);
+    rig.activate();
+    rig.step(60_000);
+    assert!(is_locked(&rig), "4000 at 250 kbit/s");
+    enter_parameter(&rig, DRIVE, 0x05, 167, 2000);
+    rig.step(20_000);
+    assert_eq!((parameter(&rig, DRIVE).0, is_locked(&rig)), (0x04, false));
+    let findings: Vec<_> =
+        rig.plant.journal().findings().iter().map(|entry| (entry.last, entry.count)).collect();
+    assert_eq!(findings.len(), 1);
+    assert_eq!((findings[0].0.rule, findings[0].0.value, findings[0].1), (Rule::DriveSyncSlot, 2000, 1));
+    assert_eq!(findings[0].0.name().as_deref(), Some("node2.a_DATA_PARAMETER[1].d_PAR_VALUE"));
+    enter_parameter(&rig, DRIVE, 0x05, 167, 4000);
+    rig.step(80_000);
+    assert!(is_locked(&rig));
 }

@@ -1,0 +1,86 @@
+//! Function of the CANsync card and what depends on the baud rate (manual 5.01010.01 p. 10, 13).
+
+use serde::{Deserialize, Serialize};
+
+/// Baud rates in kbit/s, fastest first, each with the SYNC slot (P167) in us that belongs to it (p. 13).
+const RATES: [(u16, u16); 4] = [(1000, 1000), (500, 2000), (250, 4000), (125, 8000)];
+
+/// "Function option card 1" in the type key of a drive (p. 10).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "u8", into = "u8")]
+pub enum CardFunction {
+    /// 00, not for new applications: 125 to 1000 kbit/s. ZK 26 has no effect. A reference value from another slave's
+    /// actual value frame needs that frame requested in every interval.
+    Old,
+    /// 01: 125 to 500 kbit/s, watches reference values for losses (ZK 26).
+    #[default]
+    Current,
+}
+
+/// A function that no card has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("card_function is {0}; it must be 0 or 1")]
+pub struct UnknownFunction(u8);
+
+impl TryFrom<u8> for CardFunction {
+    type Error = UnknownFunction;
+
+    fn try_from(number: u8) -> Result<Self, UnknownFunction> {
+        match number {
+            0 => Ok(CardFunction::Old),
+            1 => Ok(CardFunction::Current),
+            _ => Err(UnknownFunction(number)),
+        }
+    }
+}
+
+impl From<CardFunction> for u8 {
+    fn from(function: CardFunction) -> u8 {
+        function as u8
+    }
+}
+
+impl CardFunction {
+    /// The SYNC slot (P167) in us for a bus of `kbit_s`; `None` if the card does not run at that rate.
+    pub fn sync_slot_us(self, kbit_s: u16) -> Option<u16> {
+        let runs = self == CardFunction::Old || kbit_s <= 500;
+        RATES.into_iter().find(|(rate, _)| runs && *rate == kbit_s).map(|(_, slot)| slot)
+    }
+
+    /// Whether ZK 26 has an effect (p. 17).
+    pub(super) const fn counts_losses(self) -> bool {
+        matches!(self, CardFunction::Current)
+    }
+
+    /// Whether another slave's frame must be requested in every interval.
+    pub(super) const fn needs_every_frame(self) -> bool {
+        matches!(self, CardFunction::Old)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_and_sync_slots_are_those_of_pages_10_and_13() {
+        for (kbit_s, slots) in [
+            (1000, [Some(1000), None]),
+            (500, [Some(2000); 2]),
+            (250, [Some(4000); 2]),
+            (125, [Some(8000); 2]),
+            (800, [None; 2]),
+        ] {
+            let own =
+                [CardFunction::Old, CardFunction::Current].map(|function| function.sync_slot_us(kbit_s));
+            assert_eq!(own, slots, "{kbit_s} kbit/s");
+        }
+    }
+
+    #[test]
+    fn functions_have_their_numbers() {
+        assert_eq!([0, 1].map(|n| CardFunction::try_from(n).map(u8::from)), [Ok(0), Ok(1)]);
+        let message = CardFunction::try_from(2).unwrap_err().to_string();
+        assert_eq!(message, "card_function is 2; it must be 0 or 1");
+    }
+}
