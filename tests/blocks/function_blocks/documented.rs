@@ -163,7 +163,7 @@ fn documented() -> Vec<Block> {
         CANsync_MODE_SL { x_RESET_SOFTWARE, x_SET_INIT_DATA, x_CANsync_RUN, x_RESET_CANsync_CONTROLLER, x_SYNC_MODE, x_ASYNC_MODE0, x_ASYNC_MODE1, x_HS_ACTIV, x_INIT_POSSIBLE, x_WAIT, x_PREPARE_ACTIV, x_CANsync_ACTIV, x_SYNC_MODE_ACTIV, x_ASYNC_MODE_ACTIV, x_SL, x_MA }
         CANsync_PAR_READ_MA { si_SL_NR, u_PAR_NR, x_PAR_FORMAT, i_SUB_SL, t_TIME, x_EN, x_RESET, ud_PAR_VALUE, x_PAR_FORMAT_READ, x_BUSY, b_ERR, i_ERR, x_ERR, x_OK }
         CANsync_PAR_SL { ud_PAR_VALUE_READ, x_PAR_FORMAT_READ, i_ERR, x_ERR_IN, x_OK_IN, x_EN, x_RESET, x_RESET_JOB, x_READ, x_WRITE, u_PAR_NR, x_PAR_FORMAT_WRITE, ud_PAR_VALUE_WRITE, x_ACTIV, x_BUSY, x_OK }
-        CANsync_PAR_WRITE_MA { si_SL_NR, u_PAR_NR, x_PAR_FORMAT, i_SUB_SL, ud_PAR_VALUE, t_TIME, x_EN, x_RESET, x_BUSY, b_ERR, i_ERR, x_ERR, x_OK }
+        CANsync_PAR_WRITE_MA { si_SL_NR, u_PAR_NR, x_PAR_FORMAT, i_SUB_SL, ud_PAR_VALUE, t_TIME, x_EN, x_RESET, x_BUSY, i_ERR, b_ERR, x_ERR, x_OK }
         CANsync_PD_CFG_MA { a_WRC1, a_HL_WRC1, a_WRC2, a_HL_WRC2 }
         CANsync_PD_CFG_READ_MA { si_SL_NR, a_RDC1, a_HL_RDC1, a_RDC2, a_HL_RDC2 }
         CANsync_PD_CFG_READ_SL { si_SL_NR, a_RDC1, a_HL_RDC1, a_RDC2, a_HL_RDC2 }
