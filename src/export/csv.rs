@@ -2,7 +2,7 @@
 
 use super::rows;
 use super::scope::Scope;
-use crate::layout::format_value;
+use crate::layout::{Placed, Provenance, Register, format_value};
 
 const HEAD: [&str; 15] = [
     "name",
@@ -39,13 +39,19 @@ pub fn generate(scope: &Scope) -> String {
             rows::live(placed.live).to_owned(),
             format!("{}.{}", placed.variable, found.path()),
             register.page.to_owned(),
-            register.provenance(),
+            provenance(placed, register),
             register.meaning.map_or("", |meaning| meaning.name).to_owned(),
             register.doc.to_owned(),
         ];
         text.push_str(&line(&cells));
     }
     text
+}
+
+/// What of a line is inferred, the name of the variable included.
+fn provenance(placed: &Placed, register: &Register) -> String {
+    let [name, offset, ty, owner, reset] = register.facts();
+    Provenance::summary(&[name, offset, ty, owner, reset, ("variable", placed.variable_from)])
 }
 
 /// A line of cells, quoted where they need it.

@@ -70,10 +70,12 @@ fn area(area: &Area) -> Value {
             "structure": placed.structure.name,
             "live": rows::live(placed.live),
             "variable": placed.variable,
+            "variable_provenance": placed.variable_from.to_string(),
         })
     });
     json!({
         "name": area.name,
+        "provenance": area.name_from.to_string(),
         "first": area.first,
         "bytes": area.bytes,
         "cpu_first": area.cpu_first,

@@ -29,7 +29,8 @@ pub fn generate(scope: &Scope) -> String {
     out += &format!("{}{small}{}{large}VAR_GLOBAL\n", declare(false), declare(true));
     for (area, placed) in scope.placed() {
         let (variable, structure) = (placed.variable, placed.structure.name);
-        let _ = writeln!(out, "    {variable} AT %MB3.{} : {structure};", area.first);
+        let remark = text::made_up(placed).map(|made_up| format!(" (* {made_up} *)")).unwrap_or_default();
+        let _ = writeln!(out, "    {variable} AT %MB3.{} : {structure};{remark}", area.first);
     }
     out.push_str("END_VAR\n");
     out

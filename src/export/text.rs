@@ -1,10 +1,10 @@
 //! Small pieces of text that several formats need.
 
 use super::scope::Scope;
-use crate::layout::{Dim, Provenance, Register, Structure};
+use crate::layout::{Dim, Placed, Provenance, Register, Structure};
 
 /// What the comment at the head of every exported file says.
-pub fn banner(scope: &Scope, format: &str) -> [String; 7] {
+pub fn banner(scope: &Scope, format: &str) -> [String; 8] {
     let device = scope.device;
     let block = match scope.areas.as_slice() {
         [area] => format!(" --block {}", area.name),
@@ -18,6 +18,7 @@ pub fn banner(scope: &Scope, format: &str) -> [String; 7] {
         "called, but no offsets inside the CANsync structures and nothing of how BAPS and Ethernet diagnosis are".to_owned(),
         "laid out. Each fact that it does not state names the decision (D-nn) it follows from; docs/decisions.md".to_owned(),
         "gives the reasons. Do not take those facts, above all offsets, for the device's without a check.".to_owned(),
+        "Names of areas, and of variables for which the manual has none, are ours too (D-220).".to_owned(),
     ]
 }
 
@@ -46,6 +47,11 @@ pub fn remark(register: &Register) -> String {
     let used = used.map(|used| format!("; {used} in use")).unwrap_or_default();
     let Register { owner, doc, page, .. } = register;
     format!("{owner}: {doc}{used} (p. {page}{})", inferred(&register.provenance()))
+}
+
+/// What stands behind a variable: nothing, or the decision that its name follows from.
+pub fn made_up(placed: &Placed) -> Option<String> {
+    placed.variable_from.decision().map(|decision| format!("name inferred, {decision}"))
 }
 
 /// What stands behind a page: nothing, or the decisions.

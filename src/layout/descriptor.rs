@@ -20,6 +20,8 @@ pub struct Device {
 pub struct Area {
     /// Name in register names, for example `node2`.
     pub name: &'static str,
+    /// Where the name is from.
+    pub name_from: Provenance,
     /// First byte: n of `%MB3.n`.
     pub first: u32,
     /// Size in bytes.
@@ -77,6 +79,8 @@ pub struct Placed {
     pub live: Live,
     /// Name of the variable that the application declares there, the manual's where it has one.
     pub variable: &'static str,
+    /// Where the name of the variable is from.
+    pub variable_from: Provenance,
     /// Registers of the structure that nobody uses in this area: other structures may have registers of
     /// another width there, and theirs is the one that counts.
     pub unused: &'static [&'static str],
@@ -185,12 +189,7 @@ impl Register {
     /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
     #[must_use]
     pub fn provenance(&self) -> String {
-        let inferred: Vec<_> = self
-            .facts()
-            .into_iter()
-            .filter_map(|(fact, from)| Some(format!("{fact} {}", from.decision()?)))
-            .collect();
-        if inferred.is_empty() { Provenance::Manual.to_string() } else { inferred.join(", ") }
+        Provenance::summary(&self.facts())
     }
 }
 
@@ -245,6 +244,14 @@ impl Provenance {
             Provenance::Manual | Provenance::Documented(_) => None,
             Provenance::Inferred(decision) => Some(decision),
         }
+    }
+
+    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
+    #[must_use]
+    pub fn summary(facts: &[(&str, Self)]) -> String {
+        let inferred: Vec<_> =
+            facts.iter().filter_map(|(fact, from)| Some(format!("{fact} {}", from.decision()?))).collect();
+        if inferred.is_empty() { Self::Manual.to_string() } else { inferred.join(", ") }
     }
 }
 

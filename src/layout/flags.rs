@@ -1,16 +1,16 @@
-//! The retain flags `%MB10000000` and up: a segment of their own on the device (manual 5.00005.03a p. 41).
+//! The retain flags `%MB10000000` and up: a segment of their own on the device (manual 5.00005.03a p. 41-42).
 //!
 //! In the image they lie where segment 3 has nothing (decision D-194), so that a byte of the image is named in one
 //! way only: below `%MB3.80000` as a flag, from there on as a byte of segment 3.
 
-use super::descriptor::Area;
+use super::descriptor::{Area, Provenance};
 use core::ops::Range;
 
 /// Number of the first retain flag: the n of `%MBn`.
 pub const FIRST_FLAG: u32 = 10_000_000;
 /// Where it lies in the image.
 pub const RETAIN_OFFSET: u32 = 8192;
-/// Number of retain flags in bytes, unless the plant file says otherwise: `%MB10000000` to `%MB10019999` (p. 41).
+/// Number of retain flags in bytes, unless the plant file says otherwise: `%MB10000000` to `%MB10019999` (p. 42).
 pub const RETAIN_SIZE: u32 = 20_000;
 /// Most retain flags in bytes that a plant can have: up to the first area of segment 3, `%MB3.80000`.
 pub const MOST_RETAIN: u32 = 80_000 - RETAIN_OFFSET;
@@ -21,12 +21,13 @@ pub const RETAIN: Range<u32> = RETAIN_OFFSET..RETAIN_OFFSET + MOST_RETAIN;
 /// The retain flags as an area of plain RAM. It is none of segment 3, so no register map has it.
 pub static RETAIN_AREA: Area = Area {
     name: "retain",
+    name_from: Provenance::Inferred("D-220"),
     first: RETAIN_OFFSET,
     bytes: MOST_RETAIN,
     cpu_first: 0,
     cpu_last: 0,
     doc: "Retain flags",
-    page: "41",
+    page: "41-42",
     structures: &[],
 };
 

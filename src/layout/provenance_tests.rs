@@ -43,6 +43,12 @@ fn check(what: &str, source: Provenance, page: &str) {
 
 #[test]
 fn every_fact_has_a_page_or_a_decision() {
+    for area in DEVICE.areas {
+        check(area.name, area.name_from, area.page);
+        for placed in area.structures {
+            check(placed.variable, placed.variable_from, placed.structure.page);
+        }
+    }
     for structure in structures() {
         check(structure.name, structure.name_from, structure.page);
         for register in structure.registers {

@@ -3,7 +3,7 @@
 //! When the event of a task has occurred, the plant stops and the task gets a turn. At its end it claims run time: it
 //! gets another turn when that is over, and the time goes on. Tasks of one PLC share its processor: a task of a
 //! higher level interrupts one of a lower level, which then needs as much longer; tasks of the same level wait for
-//! each other (manual 5.00005.03a p. 42, 73). Who dies, leaves or takes too long is given up.
+//! each other (manual 5.00005.03a p. 43-44, 73). Who dies, leaves or takes too long is given up.
 
 use crate::firmware::board::level;
 use crate::memory::header::{Seat, SeatState};

@@ -162,7 +162,7 @@ fn a_task_that_runs_too_long_gets_its_next_turn_at_once() {
     assert!(turns.len() >= 3);
 }
 
-/// p. 42, 73: level 14 interrupts level 13, whose run time gets longer by that.
+/// p. 43-44, 73: level 14 interrupts level 13, whose run time gets longer by that.
 #[test]
 fn the_higher_level_takes_the_processor() {
     let emulator = active();

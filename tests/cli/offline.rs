@@ -16,6 +16,7 @@ node2.w_CANsync_STATUS
   reset value   16#0000
   structure     CANsync_MA_CTRL_BMSTRUCT
   manual        5.00005.03a p. 147-148, 173
+  area from     inferred D-220
   name from     manual
   offset from   inferred D-02
   type from     manual
@@ -97,6 +98,11 @@ fn the_map_in_the_formats_of_programs() {
     assert_eq!(sync["provenance"]["owner"], "inferred D-321");
     let plain = json.iter().find(|entry| entry["name"] == "option1").unwrap();
     assert_eq!(plain["type"], "BYTE[262144]");
+    assert_eq!(
+        (&plain["provenance"]["offset"], &plain["provenance"]["owner"]),
+        (&"manual".into(), &"inferred D-330".into())
+    );
+    assert_eq!(plain["provenance"]["area"], "inferred D-220");
     let csv = run(&["map", "node1", "--format", "csv"]);
     let head = "name,structure,address,cpu_address,type,owner,reset,reserved,page,provenance,meaning\n";
     assert!(csv.ok().starts_with(head), "{}", csv.out);

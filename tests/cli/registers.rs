@@ -45,7 +45,7 @@ fn the_same_walk_takes_the_same_emulated_time_each_time() {
     assert_eq!(time(), time());
 }
 
-/// Manual p. 41: they have addresses of their own, and as many as the plant file says.
+/// Manual p. 42: they have addresses of their own, and as many as the plant file says.
 #[test]
 fn retain_flags_are_read_and_written_by_their_addresses() {
     let directory = tempfile::tempdir().unwrap();

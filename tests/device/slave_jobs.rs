@@ -1,7 +1,7 @@
 //! Command and response channel of a slave node, on heap memory and on the mapped image: what the
 //! application finds in its registers and what the master gets to read.
 //!
-//! "5.02066.01a" is the sister manual (BM4-O-CAN-06), whose registers and jobs are the same;
+//! "5.02066.01a" is the manual of BM4-O-CAN-06, a module of the same family: registers and jobs have the same names;
 //! "5.00005.03a" is the Omega Drive-Line II itself.
 
 use crate::rig::bench::{Bench, NUMBER};

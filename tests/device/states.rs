@@ -318,7 +318,7 @@ fn restart_stops_sync_and_frames() {
     assert_eq!(rig.plant.journal().written(), written, "a silent bus");
 }
 
-/// `w_CANsync_STATUS` is refreshed in every processor cycle (p. 147): idle, sending, receiving.
+/// `w_CANsync_STATUS` is refreshed in every processor cycle (p. 148): idle, sending, receiving.
 #[test]
 fn the_can_status_shows_what_the_controller_does() {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);

@@ -46,7 +46,11 @@ fn the_json_keeps_its_schema() {
     assert_eq!((area["first"].clone(), area["bytes"].clone()), (200_000.into(), 32_768.into()));
     assert_eq!(area["structures"][1]["structure"], "CANsync_MA_CTRL_BMSTRUCT");
     assert_eq!(area["structures"][1]["live"], "cyclic");
+    assert_eq!(area["provenance"], "inferred D-220");
     assert_eq!(area["structures"][1]["variable"], "_CANsync_CTRL_MA");
+    assert_eq!(area["structures"][1]["variable_provenance"], "manual");
+    let baps = find(&document["areas"], "baps");
+    assert_eq!(baps["structures"][0]["variable_provenance"], "inferred D-220");
     let structure = find(&document["structures"], "CANsync_MA_CTRL_BMSTRUCT");
     let register = find(&structure["registers"], "a_RD_BMARRAY");
     assert_eq!((register["offset"].clone(), register["type"].clone()), (832.into(), "DINT".into()));
@@ -67,6 +71,7 @@ fn exports_tell_what_is_inferred() {
         let export = run(&["export", format]);
         let text = export.ok();
         assert!(text.contains("Each fact that it does not state names the decision (D-nn)"), "{format}");
+        assert!(text.contains("Names of areas, and of variables for which the manual has none,"), "{format}");
         for structure in [
             "p. 60, 83-120). Inferred, not in the manual: name D-150, offset D-150,",
             "p. 147-150, 173-175). Inferred, not in the manual: offset D-02, reset D-320 D-35.",
@@ -95,6 +100,15 @@ fn exports_tell_what_is_inferred() {
             assert!(text.contains("Name of the type: inferred, D-326."), "{format}");
         }
     }
+    let variables = run(&["export", "st"]);
+    assert!(
+        variables.ok().contains("_baps AT %MB3.80000 : BAPS_CTRL_BMSTRUCT; (* name inferred, D-220 *)\n")
+    );
+    assert!(variables.out.contains("_CANsync_CTRL_MA AT %MB3.200000 : CANsync_MA_CTRL_BMSTRUCT;\n"));
+    let csv = run(&["export", "csv"]);
+    let from =
+        |name: &str| csv.out.lines().find(|line| line.starts_with(name)).unwrap().contains("variable D-220");
+    assert!(!csv.ok().is_empty() && from("baps.b_COMMAND,") && !from("node2.w_CPU_CONTROL,"));
     let elementary = run(&["export", "st", "--elementary", "--block", "node1"]);
     assert!(elementary.ok().contains("(p. 188; inferred: offset D-02, owner D-321, reset D-320) *)"));
 }

@@ -132,8 +132,9 @@ impl Entry {
 }
 
 impl Sources {
-    fn of(register: &Register) -> Self {
-        let mut ordered = register.facts().map(|(fact, from)| (fact, from.to_string())).to_vec();
+    fn of(area: &Area, register: &Register) -> Self {
+        let mut ordered = vec![("area", area.name_from.to_string())];
+        ordered.extend(register.facts().map(|(fact, from)| (fact, from.to_string())));
         if !register.group.is_empty() {
             ordered.push(("group_type", register.group_type_from.to_string()));
         }
@@ -211,7 +212,7 @@ fn of_array(area: &'static Area, structure: &'static Structure, register: &'stat
         reset: format_value(register.ty, register.reset),
         reserved: register.reserved,
         page: register.page,
-        provenance: Sources::of(register),
+        provenance: Sources::of(area, register),
         meaning: register.doc,
         meaning_page: register.meaning.map_or("", |meaning| meaning.page),
         values: values(register),
@@ -221,7 +222,11 @@ fn of_array(area: &'static Area, structure: &'static Structure, register: &'stat
 }
 
 fn plain(area: &'static Area) -> Entry {
-    let facts: Vec<_> = ["offset"].map(|fact| (fact, Provenance::Manual.to_string())).to_vec();
+    // Where plain RAM lies is documented, what is in it nowhere.
+    let ours = Provenance::Inferred("D-330");
+    let facts = [("offset", Provenance::Manual), ("type", ours), ("owner", ours), ("reset", ours)];
+    let named: Vec<_> = [("area", area.name_from)].into_iter().chain(facts).collect();
+    let ordered: Vec<_> = named.into_iter().map(|(fact, from)| (fact, from.to_string())).collect();
     Entry {
         name: area.name.to_owned(),
         area: area.name,
@@ -235,9 +240,9 @@ fn plain(area: &'static Area) -> Entry {
         reserved: false,
         page: area.page,
         provenance: Sources {
-            facts: facts.iter().cloned().collect(),
-            ordered: facts,
-            short: Provenance::Manual.to_string(),
+            facts: ordered.iter().cloned().collect(),
+            ordered,
+            short: Provenance::summary(&facts),
         },
         meaning: area.doc,
         meaning_page: area.page,

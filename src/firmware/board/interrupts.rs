@@ -1,4 +1,4 @@
-//! Interrupt events: which are enabled, and `INTR_SET` (manual 5.00005.03a p. 42, 47-50).
+//! Interrupt events: which are enabled, and `INTR_SET` (manual 5.00005.03a p. 43, 47-50).
 
 use super::report;
 use super::timers::{CPU_STEP, Timer, Timers};
@@ -7,7 +7,7 @@ use crate::journal::BoardEvent;
 use crate::memory::Header;
 use crate::memory::header::InterruptResult;
 
-/// Interrupt level of an event number, 14 before 13; `None`: reserved (manual p. 42, 48).
+/// Interrupt level of an event number, 14 before 13; `None`: reserved (manual p. 43, 48).
 pub fn level(event: usize) -> Option<u8> {
     match event {
         0 | 5 | 8 | 11 | 12 => Some(14),

@@ -174,7 +174,7 @@ impl Board {
         self.timers.next_time()
     }
 
-    /// Handles all timers that are due at `now`: triggers first, then events by their level (p. 42).
+    /// Handles all timers that are due at `now`: triggers first, then events by their level (p. 44).
     pub fn timers_due(&mut self, now: u64) {
         let due = self.timers.take_due(now);
         for (timer, slot) in [(Timer::A, 0), (Timer::B, 1)] {

@@ -89,7 +89,7 @@ impl Rig {
 
 const OFF: [(u32, u32, u32); 2] = [(0, 0, 0); 2];
 
-/// The event numbers and levels of p. 42 and 48.
+/// The event numbers and levels of p. 43 and 48.
 #[test]
 fn events_have_the_levels_of_the_manual() {
     let expected =

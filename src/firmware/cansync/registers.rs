@@ -25,7 +25,7 @@ pub(super) mod control {
     pub const RESET_CONTROLLER: u16 = 0x0080;
 }
 
-/// `w_CANsync_STATUS` (manual 5.00005.03a p. 147, 173).
+/// `w_CANsync_STATUS` (manual 5.00005.03a p. 148, 173).
 pub(super) mod status {
     pub const OVERRUN: u16 = 1 << 1;
     pub const SEND_BUFFER_FREE: u16 = 1 << 2;

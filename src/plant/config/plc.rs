@@ -37,7 +37,7 @@ pub struct PlcConfig {
     /// The project that the PLC has at the first power-on (default: none).
     #[serde(default)]
     pub project: ProjectConfig,
-    /// Number of retain flags in bytes, 4..=71808 and divisible by 4: `%MB10000000` and up (default 20000; p. 41).
+    /// Number of retain flags in bytes, 4..=71808 and divisible by 4: `%MB10000000` and up (default 20000; p. 42).
     #[serde(default = "default_retain_bytes")]
     pub retain_bytes: u32,
 }

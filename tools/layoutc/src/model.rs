@@ -18,6 +18,7 @@ pub struct Device {
 
 pub struct Area {
     pub name: String,
+    pub name_from: Provenance,
     pub first: u32,
     pub bytes: u32,
     pub cpu_first: u32,
@@ -34,6 +35,7 @@ pub struct Placed {
     pub live: Live,
     /// Name of the variable that the application declares there.
     pub variable: String,
+    pub variable_from: Provenance,
     /// Names of the structure's registers that nobody uses here.
     pub unused: Vec<String>,
 }

@@ -12,6 +12,8 @@ pub struct Device {
     pub manual: String,
     pub dip: Range,
     pub reserved: Reserved,
+    /// Where the names of areas are from, and of variables that are made of these.
+    pub names: Provenance,
     #[serde(default)]
     pub parts: Vec<Spanned<String>>,
     pub structures: Vec<Spanned<String>>,

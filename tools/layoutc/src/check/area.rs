@@ -2,7 +2,7 @@
 
 use super::{Names, identifier};
 use crate::error::{Error, Reason};
-use crate::model::{Area, Field, Kind, Placed, Structure};
+use crate::model::{Area, Field, Kind, Placed, Provenance, Structure};
 use crate::raw;
 use crate::source::{At, Sources, at};
 use toml::Spanned;
@@ -11,7 +11,7 @@ use toml::Spanned;
 pub fn check(
     sources: &Sources,
     file: usize,
-    raw: &[raw::Area],
+    (raw, from): (&[raw::Area], &Provenance),
     structures: &[Structure],
     subs: &[Structure],
 ) -> Result<Vec<Area>, Error> {
@@ -19,7 +19,7 @@ pub fn check(
     let mut areas: Vec<Area> = Vec::new();
     for raw in raw {
         names.add(sources, file, &raw.name)?;
-        let area = area(sources, file, raw, structures, subs)?;
+        let area = area(sources, file, raw, from, structures, subs)?;
         let last = area.first + (area.bytes - 1);
         for other in &areas {
             let other_last = other.first + (other.bytes - 1);
@@ -38,6 +38,7 @@ fn area(
     sources: &Sources,
     file: usize,
     raw: &raw::Area,
+    names: &Provenance,
     structures: &[Structure],
     subs: &[Structure],
 ) -> Result<Area, Error> {
@@ -66,10 +67,12 @@ fn area(
             let (structure, size) = (structure.name.clone(), structure.size);
             return Err(sources.error(place, Reason::PastAreaEnd { structure, size, area: name, bytes }));
         }
+        let (variable, variable_from) = variable(sources, file, &name, names, entry)?;
         let new = Placed {
             structure: index,
             live: entry.live,
-            variable: variable(sources, file, &name, entry)?,
+            variable,
+            variable_from,
             unused: unused(sources, file, structure, &entry.unused)?,
         };
         for other in &placed {
@@ -79,6 +82,7 @@ fn area(
     }
     Ok(Area {
         name,
+        name_from: names.clone(),
         first,
         bytes,
         cpu_first: raw.cpu_first,
@@ -89,17 +93,25 @@ fn area(
     })
 }
 
-/// The name the layout gives the application's variable, or one made from area and phase.
-fn variable(sources: &Sources, file: usize, area: &str, placed: &raw::Placed) -> Result<String, Error> {
+/// The manual's name of the application's variable, or one made from area and phase, which is no more documented
+/// than the area's.
+fn variable(
+    sources: &Sources,
+    file: usize,
+    area: &str,
+    names: &Provenance,
+    placed: &raw::Placed,
+) -> Result<(String, Provenance), Error> {
     let Some(given) = &placed.variable else {
-        return Ok(match placed.live {
+        let made = match placed.live {
             raw::Live::Always => format!("_{area}"),
             raw::Live::Init => format!("_{area}_INIT"),
             raw::Live::Cyclic => format!("_{area}_CTRL"),
-        });
+        };
+        return Ok((made, names.clone()));
     };
     identifier(sources, at(file, given.span()), given.get_ref())?;
-    Ok(given.get_ref().clone())
+    Ok((given.get_ref().clone(), Provenance::Manual))
 }
 
 /// The names of the registers that nobody uses in this area; the structure must have them.

@@ -70,7 +70,7 @@ pub fn load(sources: &mut Sources) -> Result<Device, Error> {
         parts.types.add(sources, file, &raw.name)?;
         structures.push(structure::check(sources, &parts, file, &raw)?);
     }
-    let areas = area::check(sources, file, &raw.area, &structures, &parts.substructures)?;
+    let areas = area::check(sources, file, (&raw.area, &raw.names), &structures, &parts.substructures)?;
     identifier(sources, at(file, raw.name.span()), &raw.name.get_ref().replace('-', "_"))?;
     Ok(Device {
         name: raw.name.into_inner(),

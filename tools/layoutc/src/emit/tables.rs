@@ -33,17 +33,20 @@ fn areas(out: &mut String, device: &Device) {
         sorted.len()
     );
     for area in sorted {
-        let Area { name, first, bytes, cpu_first, cpu_last, page, doc, structures } = area;
+        let Area { name, name_from, first, bytes, cpu_first, cpu_last, page, doc, structures } = area;
+        let name_from = provenance(name_from);
         let _ = write!(
             out,
-            "        Area {{ name: {name:?}, first: {first}, bytes: {bytes}, cpu_first: 0x{cpu_first:X}, \
+            "        Area {{ name: {name:?}, name_from: {name_from}, first: {first}, bytes: {bytes}, cpu_first: 0x{cpu_first:X}, \
              cpu_last: 0x{cpu_last:X}, page: {page:?}, doc: {doc:?}, structures: &["
         );
-        for Placed { structure, live, variable, unused } in structures {
+        for Placed { structure, live, variable, variable_from, unused } in structures {
+            let variable_from = provenance(variable_from);
             let item = static_name(&device.structures[*structure].name);
             let _ = write!(
                 out,
-                "Placed {{ structure: &{item}, live: Live::{live:?}, variable: {variable:?}, unused: &{unused:?} }}, "
+                "Placed {{ structure: &{item}, live: Live::{live:?}, variable: {variable:?}, \
+                 variable_from: {variable_from}, unused: &{unused:?} }}, "
             );
         }
         out.push_str("] },\n");
