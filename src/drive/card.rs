@@ -4,6 +4,7 @@
 //! The ZK parameters are resolved to bit positions and store places when the drive is built, so that a
 //! frame costs a few instructions.
 
+use super::SYNCHRONIZED;
 use super::card_function::CardFunction;
 use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};
@@ -152,7 +153,10 @@ impl Card {
     /// Takes the actual values and the status word out of the drive, to be sent in this interval.
     #[inline]
     pub fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
-        if self.stopped || !(store.take_changed() || self.sampled_status != Some(status_word)) {
+        if self.stopped {
+            return self.sample_sync_state(status_word & SYNCHRONIZED);
+        }
+        if !(store.take_changed() || self.sampled_status != Some(status_word)) {
             return;
         }
         self.sampled_status = Some(status_word);
@@ -162,6 +166,15 @@ impl Card {
             frames[slot.channel.index()] |= u64::from(value & slot.format.mask()) << slot.shift;
         }
         self.frames = frames;
+    }
+
+    /// While nothing comes from the drive its last status word stands, but bit 15 is the card's own (p. 30).
+    fn sample_sync_state(&mut self, sync_state: u16) {
+        let Some(last) = self.sampled_status.filter(|last| last & SYNCHRONIZED != sync_state) else { return };
+        self.sampled_status = Some(last ^ SYNCHRONIZED);
+        for slot in self.actuals.iter().flatten().filter(|slot| slot.origin.is_none()) {
+            self.frames[slot.channel.index()] ^= u64::from(SYNCHRONIZED) << slot.shift;
+        }
     }
 
     /// Gives the drive the reference values of the interval that has just ended, or of up to three

@@ -303,9 +303,9 @@ impl VRegler {
                     self.trip(fault);
                 }
                 Reaction::Inhibit => {
-                    if self.trip(fault) {
-                        self.machine.inhibit();
-                    }
+                    self.trip(fault);
+                    // Also of a drive that brakes because of another fault.
+                    self.machine.inhibit();
                 }
             }
         }

@@ -191,6 +191,24 @@ fn zk_26_stops_the_exchange_after_more_losses_in_succession() {
     assert_eq!((bench.p(300), bench.drive.is_exchange_stopped()), (3, false));
 }
 
+/// 5.01010.01 p. 30: bit 15 is the card's, whatever the drive says, or no longer says (ZK 26).
+#[test]
+fn bit_15_goes_with_the_lock_also_after_the_exchange_was_stopped() {
+    let mut bench = Bench::synchronized(&with_zk(|zk| zk.zk_26 = 1));
+    bench.send(Channel::One, &[7, 0]).edge().edge().edge().edge();
+    assert!(bench.drive.is_exchange_stopped());
+    let frame = |bench: &Bench| bench.drive.actual_value_frame(Channel::One);
+    assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x8037])));
+    bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, false));
+    bench.control(0x0007).edge();
+    assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x0037])), "nothing else comes from the drive");
+    bench.edge();
+    assert_eq!(frame(&bench), Some(words_of(&[7, 0, 0x0037])));
+    bench.drive.action_command(&ActionCommand::sync_mode(1 << 3, true));
+    bench.edge();
+    assert_eq!(frame(&bench), Some(words_of(&[0, 0, 0x80B3])), "as it is: switched on, error reported");
+}
+
 #[test]
 fn master_and_drive_agree_on_the_words() {
     // What a master's configuration registers build is what the card takes out, and back again.

@@ -98,6 +98,24 @@ fn the_reaction_to_a_lost_lock_comes_after_its_time() {
     }
 }
 
+/// D-294: "inhibit" does not wait for the end of a braking that something else has begun.
+#[test]
+fn inhibit_ends_the_braking_of_another_fault() {
+    let sync = Watch { reaction: Reaction::Inhibit, ..Default::default() };
+    let monitoring = CardMonitoring { sync, ..Default::default() };
+    let ramp_per_second = NonZeroU32::new(500_000); // 1000 per interval
+    let mut bench = Bench::synchronized(&DriveConfig { ramp_per_second, monitoring, ..demo() });
+    bench.send(Channel::One, &[9000, 0]);
+    for _ in 0..10 {
+        bench.edge();
+    }
+    bench.drive.trip(17);
+    bench.lost_edge();
+    assert_eq!((bench.p(301), bench.drive.state()), (8000, State::FaultReactionActive));
+    bench.lost_edge().lost_edge();
+    assert_eq!((bench.drive.state(), bench.p(308)), (State::Fault, 17), "the first fault's number stays");
+}
+
 /// P. 135; 5.01010.01 p. 17: more losses than ZK 26 allows are an error.
 #[test]
 fn lost_reference_values_are_reported_until_sync_mode_on() {
