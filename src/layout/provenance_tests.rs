@@ -86,6 +86,10 @@ fn inventions_are_marked() {
     };
     assert_eq!(some("ip_config", "delivery state"), Some("D-327"));
     assert_eq!(some("ip_config", "own fixed address"), None);
+    for bits in ["par_job_master", "par_job_slave", "updown_master", "updown_slave"] {
+        assert_eq!((some(bits, "no job"), some(bits, "busy")), (Some("D-322"), None), "{bits}");
+    }
+    assert_eq!(some("cansync_status", "nothing to report"), Some("D-322"));
     assert_eq!(some("baps_element", "minimum"), Some("D-160"));
     assert_eq!(some("baps_element", "value"), None);
     assert_eq!(some("baps_status_reg", "reserved"), Some("D-328"));

@@ -24,7 +24,7 @@ node2.w_CANsync_STATUS
   reset from    inferred D-320
   values, bits  5.00005.03a p. 148, 173
   values
-    16#0000  nothing to report
+    16#0000  nothing to report (inferred D-322)
   bits
     0     reserved     reserved
     1     overrun      1: overrun, a message was lost

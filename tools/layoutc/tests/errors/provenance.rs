@@ -42,6 +42,19 @@ fn structures_state_the_sources_of_all_facts() {
     );
 }
 
+/// Names of areas are made up, and so are those of variables that no manual names.
+#[test]
+fn names_of_areas_and_variables_say_where_they_are_from() {
+    check("device.toml", "names = \"inferred D-05\"", "", "device.toml:1:1: missing field `names`");
+    let named = "live = \"cyclic\", variable = \"_CTRL\" }";
+    let dir = edited("device.toml", "live = \"cyclic\" }", named);
+    let rust = commram_layoutc::compile(dir.path()).unwrap().rust;
+    let inferred = "Provenance::Inferred(\"D-05\")";
+    assert!(rust.contains(&format!("Area {{ name: \"node\", name_from: {inferred},")), "{rust}");
+    assert!(rust.contains(&format!("variable: \"_node_INIT\", variable_from: {inferred},")), "{rust}");
+    assert!(rust.contains("variable: \"_CTRL\", variable_from: Provenance::Manual,"), "{rust}");
+}
+
 #[test]
 fn a_reset_value_says_where_it_is_from() {
     check("CTRL.toml", ", reset_from = \"manual\"", "", "CTRL.toml:16:3: register without `reset_from`");
