@@ -170,10 +170,9 @@ impl Verbs {
 #[cfg(test)]
 mod tests {
     use super::KINDS;
-    use std::collections::BTreeSet;
 
-    /// Pins as `docs/function-blocks.md` has them in its tables.
-    fn documented(block: &str) -> BTreeSet<String> {
+    /// Pins as `docs/function-blocks.md` has them in its tables, in their order, and then the in/out data.
+    fn documented(block: &str) -> Vec<String> {
         let text = include_str!("../../../docs/function-blocks.md");
         let section = text.split("\n### ").find(|section| {
             section.lines().next().is_some_and(|title| title.split(", ").any(|name| name == block))
@@ -184,24 +183,23 @@ mod tests {
             |text: &str| text.split('`').nth(1).filter(|name| !name.starts_with('_')).map(str::to_owned);
         let rows = section.lines().filter(|row| row.starts_with("| in |") || row.starts_with("| out |"));
         // `us_SL_TYP0` ... `us_SL_TYP31`
-        let range = |row: &str| {
-            let numbers = if row.contains("0` ... `") { 1..32 } else { 1..1 };
-            let stem = name(row).unwrap_or_default().trim_end_matches('0').to_owned();
-            numbers.map(move |number| format!("{stem}{number}"))
+        let pins = |row: &str| -> Vec<String> {
+            let Some(name) = name(row) else { return Vec::new() };
+            let stem = name.trim_end_matches('0');
+            if row.contains("0` ... `") {
+                (0..32).map(|number| format!("{stem}{number}")).collect()
+            } else {
+                vec![name]
+            }
         };
         let in_out = section.split("In/out: ").nth(1).and_then(|text| text.split(" (").next());
-        rows.clone()
-            .flat_map(range)
-            .chain(rows.filter_map(name))
-            .chain(in_out.unwrap_or_default().split(", ").filter_map(name))
-            .collect()
+        rows.flat_map(pins).chain(in_out.unwrap_or_default().split(", ").filter_map(name)).collect()
     }
 
     #[test]
-    fn all_documented_pins_can_be_used() {
+    fn all_documented_pins_can_be_used_and_are_told_in_their_order() {
         for kind in KINDS {
-            let pins: BTreeSet<_> = kind.pins.iter().map(|pin| (*pin).to_owned()).collect();
-            assert_eq!(pins, documented(kind.name), "{}", kind.name);
+            assert_eq!(kind.pins, documented(kind.name), "{}", kind.name);
         }
     }
 }

@@ -135,7 +135,7 @@ blocks! {
         [si_SL_NR u_PAR_NR x_PAR_FORMAT i_SUB_SL t_TIME x_EN x_RESET ud_PAR_VALUE x_PAR_FORMAT_READ x_BUSY b_ERR i_ERR x_ERR x_OK]
         |block, base| block.call(base);
     CANsync_PAR_WRITE_MA(CANsync_MA_CTRL_BMSTRUCT)
-        [si_SL_NR u_PAR_NR x_PAR_FORMAT i_SUB_SL ud_PAR_VALUE t_TIME x_EN x_RESET x_BUSY b_ERR i_ERR x_ERR x_OK]
+        [si_SL_NR u_PAR_NR x_PAR_FORMAT i_SUB_SL ud_PAR_VALUE t_TIME x_EN x_RESET x_BUSY i_ERR b_ERR x_ERR x_OK]
         |block, base| block.call(base);
     CANsync_PAR_SL(CANsync_SL_CTRL_BMSTRUCT)
         [ud_PAR_VALUE_READ x_PAR_FORMAT_READ i_ERR x_ERR_IN x_OK_IN x_EN x_RESET x_RESET_JOB x_READ x_WRITE
