@@ -3,19 +3,20 @@
 use super::op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE};
 use super::wire::MAX_REPLY_BYTES;
 use crate::fault::Refusal;
+use crate::layout::flags;
 use crate::memory::{Address, Width};
 
 /// Why the emulator refused an operation: what, where, and what would be right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ChannelError {
     /// No register area covers the register.
-    #[error("{address}: no register area of the device covers this {}", .address.width())]
+    #[error("{address}: {}", flags::not_covered(*.address))]
     Unmapped {
         /// The refused access.
         address: Address,
     },
     /// A range leaves the register areas.
-    #[error("%MB3.{offset}, {len} bytes: no register area covers %MB3.{hole}; read each area for itself")]
+    #[error("{}, {len} bytes: no register area covers {}; read each area for itself", Address::byte(*.offset), Address::byte(*.hole))]
     RangeUnmapped {
         /// First byte of the range.
         offset: u32,
@@ -31,7 +32,7 @@ pub enum ChannelError {
         address: Address,
     },
     /// A range is longer than one operation may read.
-    #[error("%MB3.{offset}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation")]
+    #[error("{}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation", Address::byte(*.offset))]
     RangeTooLong {
         /// First byte of the range.
         offset: u32,

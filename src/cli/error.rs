@@ -182,6 +182,10 @@ pub enum CliError {
     /// A fault that cannot be read.
     #[error(transparent)]
     FaultWord(#[from] commram::fault::WordError),
+    /// What the plant refuses for now.
+    #[cfg(feature = "channel")]
+    #[error(transparent)]
+    NotNow(#[from] commram::script::BackendError),
     /// A scenario cannot begin.
     #[cfg(feature = "channel")]
     #[error(transparent)]

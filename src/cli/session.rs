@@ -210,9 +210,10 @@ impl Session {
 mod by_channel {
     use super::*;
     use commram::channel::client::Patience;
-    use commram::channel::{Client, ClientError, HeaderBells, Op, Reply};
+    use commram::channel::{ChannelError, Client, ClientError, HeaderBells, Op, Reply};
     use commram::memory::names::channel_root;
     use commram::memory::{MemoryError, State};
+    use commram::script::BackendError;
     use std::time::{Duration, Instant};
 
     /// How long a command waits for an emulator that is just starting.
@@ -264,8 +265,18 @@ mod by_channel {
             };
             let replies = client.request(ops)?;
             match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
-                Some(Reply::Error(refused)) => Err(ClientError::Refused(*refused).into()),
+                Some(Reply::Error(refused)) => Err(self.refused(*refused)),
                 _ => Ok(replies),
+            }
+        }
+
+        /// On the wire a PLC is a number; people know its name.
+        fn refused(&self, refused: ChannelError) -> CliError {
+            let name = |plc: u16| self.plcs.get(usize::from(plc)).cloned().unwrap_or_default();
+            match refused {
+                ChannelError::NoSync { plc, node } => BackendError::NoSync { plc: name(plc), node }.into(),
+                ChannelError::StartRefused { plc } => BackendError::StartRefused { plc: name(plc) }.into(),
+                other => ClientError::Refused(other).into(),
             }
         }
 

@@ -3,6 +3,7 @@
 //! In the image they lie where segment 3 has nothing (decision D-194), so that a byte of the image is named in one
 //! way only: below `%MB3.80000` as a flag, from there on as a byte of segment 3.
 
+use super::Address;
 use super::descriptor::{Area, Provenance};
 use core::ops::Range;
 
@@ -35,6 +36,19 @@ pub static RETAIN_AREA: Area = Area {
 #[must_use]
 pub const fn is_flag(offset: u32) -> bool {
     RETAIN.start <= offset && offset < RETAIN.end
+}
+
+/// Why nothing lies at `address`, for people.
+#[must_use]
+pub fn not_covered(address: Address) -> String {
+    let width = address.width();
+    if is_flag(address.offset()) {
+        format!(
+            "this PLC has fewer retain flags than this {width} needs; `retain_bytes` in the plant file gives it more"
+        )
+    } else {
+        format!("no register area of the device covers this {width}")
+    }
 }
 
 #[cfg(test)]

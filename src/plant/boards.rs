@@ -16,6 +16,8 @@ impl Plant {
         // Without an answer nothing was written here, and what a task stores meanwhile, in its turn, must not pass for
         // the firmware's own.
         if changed {
+            // A cold start has written the retain flags.
+            self.forces.apply(&self.plcs);
             self.leave();
         }
         changed

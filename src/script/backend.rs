@@ -3,6 +3,7 @@
 use crate::check::Entry;
 use crate::fault::{Fault, Refusal};
 use crate::journal::{Names, Record};
+use crate::layout::flags;
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, MemoryError, Segment, Width};
 use crate::plant::{ForceError, Forced};
@@ -13,7 +14,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum BackendError {
     /// No register area covers the address.
-    #[error("{address}: no register area of the device covers this {}", .address.width())]
+    #[error("{address}: {}", flags::not_covered(*.address))]
     Unmapped {
         /// The refused access.
         address: Address,

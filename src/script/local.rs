@@ -7,7 +7,7 @@ use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, HEADER_SIZE, RegisterWidths, Segment, Unmapped};
-use crate::plant::{Forced, Plant, PlantConfig, Plc};
+use crate::plant::{ForceError, Forced, Plant, PlantConfig, Plc};
 use core::num::NonZeroU16;
 
 /// A plant of its own.
@@ -143,9 +143,10 @@ impl Backend for Local {
     fn force(&mut self, spot: Spot, value: u32) -> Result<(), BackendError> {
         let Spot { plc, offset, width } = spot;
         let address = spot.address();
-        self.plant()
-            .force(Forced { plc, offset, width, value })
-            .map_err(|source| BackendError::Force { address, source })
+        self.plant().force(Forced { plc, offset, width, value }).map_err(|source| match source {
+            ForceError::NoArea(_) | ForceError::Memory(_) => BackendError::Unmapped { address },
+            source => BackendError::Force { address, source },
+        })
     }
 
     fn unforce(&mut self, spot: Spot) -> Result<(), BackendError> {

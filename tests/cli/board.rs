@@ -94,7 +94,8 @@ fn a_start_needs_a_program() {
     let emulator = Emulator::stepped();
     for start in ["start=cold", "start=stop"] {
         let outcome = emulator.run("board", &["set", start]);
-        assert!(outcome.fails(1).contains("needs a loaded program, the switch at RUN"), "{}", outcome.err);
+        let named = "PLC 'line': a start or stop needs a loaded program, the switch at RUN";
+        assert!(outcome.fails(1).contains(named), "{}", outcome.err);
     }
     let trace = emulator.run("trace", &["--kind", "board"]);
     assert!(trace.ok().contains("start refused (cold)"), "{}", trace.out);

@@ -172,6 +172,7 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
     let cases = [
         ("peek(\"node2.w_CPU_CONTRL\")", "w_CPU_CONTROL"),
         ("peek(\"%MW3.200001\")", "a WORD needs an even address"),
+        ("force(\"%MB10020000\", 1)", "%MB10020000: this PLC has fewer retain flags than this BYTE needs"),
         ("peek(\"line9:node2.w_CPU_CONTROL\")", "there is no PLC 'line9'; there are: line"),
         ("poke(\"node2.w_CPU_CONTROL\", 0x10000)", "a WORD holds 0 to 65535"),
         ("poke(\"node2.w_CPU_CONTROL\", \"16#\")", "is no number; write it decimal"),
