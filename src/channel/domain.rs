@@ -16,8 +16,7 @@ use crate::memory::process::ProcessId;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::request_response::Builder;
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path as FsPath, PathBuf};
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
@@ -328,9 +327,7 @@ fn prefix(root: &PrivateDir, tag: &str) -> Option<String> {
 }
 
 fn new_prefix(root: &PrivateDir, tag: &str) -> io::Result<String> {
-    let mut random = [0; 4];
-    File::open("/dev/urandom")?.read_exact(&mut random)?;
-    let prefix = format!("{tag}{:08x}_", u32::from_ne_bytes(random));
+    let prefix = format!("{tag}{}_", shm::random()?);
     root.publish(PREFIX, &format!("{prefix}\n"))?;
     Ok(prefix)
 }

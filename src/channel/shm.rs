@@ -14,11 +14,15 @@ const HALF_MADE: Duration = Duration::from_millis(50);
 /// Longest object that is open to everybody: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
-/// The shared memory objects whose names begin with `prefix`.
+/// Our shared memory objects whose names begin with `prefix`. Everybody sees the prefix, so others can make objects
+/// that bear it; nobody of ours opens those, and nobody shall be kept away by them.
 pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
+    let own = rustix::process::geteuid().as_raw();
     let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
     entries
         .filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
+        // Of the entry itself, not of what a link points to.
+        .filter(move |entry| entry.metadata().is_ok_and(|data| data.uid() == own))
         .map(|entry| entry.path())
 }
 
@@ -34,7 +38,7 @@ pub(super) fn remove(prefix: &str) {
 /// (`dynamic_storage/posix_shared_memory.rs`, `MappingSizeIsZero`). A living process is through in microseconds.
 pub(super) fn half_made(prefix: &str) -> Vec<PathBuf> {
     let empty = || {
-        let empty = objects(prefix).filter(|path| path.metadata().is_ok_and(|data| data.len() == 0));
+        let empty = objects(prefix).filter(|path| path.symlink_metadata().is_ok_and(|data| data.len() == 0));
         empty.collect::<Vec<_>>()
     };
     let mut stale = empty();
@@ -67,12 +71,20 @@ fn replace(path: &Path, prefix: &str) -> io::Result<()> {
     let public = File::from(rustix::fs::open(path, OFlags::RDONLY | nofollow, Mode::empty())?);
     let mut content = Vec::new();
     public.take(MAX_PUBLIC).read_to_end(&mut content)?;
-    // The prefix, so that a sweep removes it if this is the last that this process does.
-    let new = Path::new(SHM).join(format!("{prefix}private"));
+    // The prefix, so that a sweep removes it if this is the last that this process does; the rest nobody can guess
+    // and take before us.
+    let new = Path::new(SHM).join(format!("{prefix}{}", random()?));
     let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | nofollow;
     let private = rustix::fs::open(&new, flags, Mode::RUSR | Mode::WUSR)?;
     let written = File::from(private).write_all(&content);
     written.and_then(|()| std::fs::rename(&new, path)).inspect_err(|_| drop(std::fs::remove_file(&new)))
+}
+
+/// Eight hexadecimal digits that nobody can guess.
+pub(super) fn random() -> io::Result<String> {
+    let mut random = [0; 4];
+    File::open("/dev/urandom")?.read_exact(&mut random)?;
+    Ok(format!("{:08x}", u32::from_ne_bytes(random)))
 }
 
 /// Bytes of the memory file system that nobody uses yet; `None` if that cannot be told.
@@ -130,6 +142,27 @@ mod tests {
         remove(&prefix.0);
         assert_eq!(objects(&prefix.0).count(), 0);
         assert!(half_made(&prefix.0).is_empty());
+    }
+
+    /// Only root can make objects of somebody else; others have nothing to test here.
+    #[test]
+    fn objects_of_other_users_are_none_of_ours() {
+        let prefix = Prefix::new("foreign");
+        let (empty, link) = (prefix.object("empty", ""), Path::new(SHM).join(format!("{}link", prefix.0)));
+        std::os::unix::fs::symlink(&empty, &link).unwrap();
+        if !rustix::process::geteuid().is_root() {
+            eprintln!("SKIPPED: only root can be another user");
+            return;
+        }
+        std::fs::set_permissions(&empty, PermissionsExt::from_mode(0o666)).unwrap();
+        for path in [&empty, &link] {
+            std::os::unix::fs::lchown(path, Some(65_534), None).unwrap();
+        }
+        let found = (objects(&prefix.0).count(), half_made(&prefix.0), make_private(&prefix.0).unwrap());
+        for path in [&empty, &link] {
+            std::fs::remove_file(path).unwrap();
+        }
+        assert_eq!(found, (0, vec![], false));
     }
 
     /// Who has opened the public file before cannot do anything with it.

@@ -85,6 +85,17 @@ pub enum CliError {
         /// The emulator's process, if it can be seen.
         pid: Option<u32>,
     },
+    /// The images are there and served, but the directory with the lock is gone.
+    #[error(
+        "instance '{instance}' runs, but its directory in /dev/shm was removed, so nothing but a signal can end it: \
+         kill {pid}"
+    )]
+    NoDirectory {
+        /// The instance.
+        instance: String,
+        /// The emulator's process.
+        pid: u32,
+    },
     /// Only the remains of a killed emulator are there.
     #[error(
         "instance '{instance}' is dead, its emulator (process {pid}) was killed; start it again with \

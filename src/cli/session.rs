@@ -374,6 +374,14 @@ pub fn is_alive(image: &ImageInfo) -> bool {
     matches!(image.condition, Condition::Alive(_))
 }
 
+/// The process that serves the images.
+pub fn alive(images: &[ImageInfo]) -> Option<u32> {
+    images.iter().find_map(|image| match &image.condition {
+        Condition::Alive(ImageSummary { pid, .. }) => Some(*pid),
+        _ => None,
+    })
+}
+
 /// The process that left the images behind, if none of them is served any more.
 pub fn dead(images: &[ImageInfo]) -> Option<u32> {
     let pid = |image: &ImageInfo| match &image.condition {

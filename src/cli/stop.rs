@@ -3,7 +3,7 @@
 use super::error::CliError;
 #[cfg(feature = "channel")]
 use super::session::is_alive;
-use super::session::{dead, images_of};
+use super::session::{alive, dead, images_of};
 use super::{Instance, output};
 use commram::memory::names::channel_root;
 use commram::memory::{EmulatorProcess, InstanceLock};
@@ -47,9 +47,10 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 fn why_not(name: &str) -> Result<CliError, CliError> {
     let images = images_of(name)?;
     let instance = name.to_owned();
-    Ok(match dead(&images) {
-        Some(pid) => CliError::Dead { instance, pid },
-        None => CliError::NotRunning { instance, running: String::new() },
+    Ok(match (dead(&images), alive(&images)) {
+        (Some(pid), _) => CliError::Dead { instance, pid },
+        (None, Some(pid)) => CliError::NoDirectory { instance, pid },
+        (None, None) => CliError::NotRunning { instance, running: String::new() },
     })
 }
 
@@ -89,7 +90,11 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    Ok(())
+    // One that ends in good order leaves no images.
+    match images_of(name).ok().and_then(|images| dead(&images)) {
+        Some(pid) => Err(CliError::Dead { instance: name.to_owned(), pid }),
+        None => Ok(()),
+    }
 }
 
 #[cfg(feature = "channel")]

@@ -237,13 +237,28 @@ impl Emulator {
             }
         }
         self.images.iter().for_each(Image::set_stopping);
+        // Ahead of the channel: a program that has damaged that one can get us killed when we leave it.
+        let saved = self.close_novram();
         self.close_channel();
-        if let Some(image) = self.shortened() {
-            return Err(RuntimeError::Shortened { path: image.path().to_owned() });
+        saved
+    }
+
+    /// Writes NOVRAM a last time, unless registers were lost.
+    fn close_novram(&mut self) -> Result<(), RuntimeError> {
+        let lost = |emulator: &Self| {
+            let path = emulator.shortened().map(|image| image.path().to_owned());
+            path.map_or(Ok(()), |path| Err(RuntimeError::Shortened { path }))
+        };
+        // Perhaps nobody has touched the part that is missing.
+        for image in &self.images {
+            let _ = image.watch().look();
         }
+        lost(self)?;
         self.plant.keep_novram();
         self.save_novram(true);
-        Ok(self.novram.close()?)
+        self.novram.close()?;
+        // Perhaps it went missing meanwhile.
+        lost(self)
     }
 
     fn run_stepped(&mut self) {

@@ -500,3 +500,39 @@ fn a_novram_directory_that_cannot_be_used_is_an_error() {
     assert!(outcome.fails(1).contains("--novram needs a writable directory"), "{}", outcome.err);
     assert!(files_of(&name).is_empty());
 }
+
+/// iceoryx2 does not survive it; whoever says `stop` must not believe that all is well.
+#[test]
+fn an_emulator_that_is_killed_while_it_ends_has_not_stopped() {
+    let mut emulator = Emulator::stepped();
+    let prefix = std::fs::read_to_string(format!("/dev/shm/commram.{}.iox.d/prefix", emulator.name)).unwrap();
+    // It shall not meet the damage before it is told to end.
+    emulator.signal("-STOP");
+    let objects = std::fs::read_dir("/dev/shm").unwrap().flatten().filter(|entry| {
+        let name = entry.file_name().into_string().unwrap_or_default();
+        name.starts_with(prefix.trim_end()) && name.ends_with(".dynamic")
+    });
+    let damaged = objects
+        .map(|object| std::fs::File::options().write(true).open(object.path()).unwrap().set_len(0).unwrap());
+    assert_ne!(damaged.count(), 0);
+    let outcome = emulator.run("stop", &[]);
+    assert!(outcome.fails(1).contains("was killed"), "{}", outcome.err);
+    assert_eq!(emulator.wait().code(), None);
+    emulator.run("stop", &["--clean"]).ok();
+    assert!(emulator.files().is_empty());
+}
+
+#[test]
+fn one_whose_directory_was_removed_is_not_called_gone() {
+    let mut emulator = Emulator::stepped();
+    std::fs::remove_dir_all(format!("/dev/shm/commram.{}.iox.d", emulator.name)).unwrap();
+    let outcome = emulator.run("stop", &[]);
+    let expected = format!(
+        "its directory in /dev/shm was removed, so nothing but a signal can end it: kill {}",
+        emulator.pid()
+    );
+    assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
+    emulator.signal("-TERM");
+    assert_eq!(emulator.wait().code(), Some(0));
+    remove_remains(&emulator.name);
+}

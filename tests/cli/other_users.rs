@@ -112,3 +112,26 @@ fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {
     assert_eq!(emulator.wait().code(), Some(0));
     remove_remains(&emulator.name);
 }
+
+/// The prefix of the channel's objects is no secret.
+#[test]
+fn objects_of_others_that_look_like_the_channels_keep_nobody_away() {
+    if !can_be_another_user() {
+        return;
+    }
+    let mut emulator = Emulator::stepped();
+    let prefix = std::fs::read_to_string(format!("/dev/shm/commram.{}.iox.d/prefix", emulator.name)).unwrap();
+    let objects = ["service", "dynamic", "data", "global_mgmt"]
+        .map(|kind| format!("/dev/shm/{}attack.{kind}", prefix.trim_end()));
+    assert_eq!(attack(&format!("umask 0; touch {}", objects.join(" "))).code, Some(0));
+    let peek = emulator.run("peek", &["--raw", "node2.w_OPTION_STATUS"]);
+    let step = emulator.run("step", &["1ms"]);
+    let stop = emulator.run("stop", &[]);
+    for object in &objects {
+        std::fs::remove_file(object).unwrap();
+    }
+    assert_eq!(peek.ok(), "16#0001\n");
+    step.ok();
+    stop.ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+}

@@ -23,6 +23,19 @@ fn a_shortened_image_ends_the_emulator_with_a_message() {
     }
 }
 
+/// Nobody has touched the missing part by then, nor has the watch looked.
+#[test]
+fn a_stop_right_behind_it_hides_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut emulator =
+        Emulator::start(&["--clock", "stepped", "--novram", directory.path().to_str().unwrap()]);
+    File::options().write(true).open(image(&emulator)).unwrap().set_len(200_000).unwrap();
+    emulator.signal("-TERM");
+    assert_eq!(emulator.wait().code(), Some(1));
+    assert!(emulator.complaints().contains("another program has shortened it"));
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
 /// What NOVRAM kept before is better than the zeros in the place of what was lost.
 #[test]
 fn nothing_of_a_shortened_image_gets_into_novram() {
