@@ -2,7 +2,7 @@
 //!
 //! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits) and is written at that width only, by
 //! firmware and clients alike: so nobody tears it, and nobody writes its neighbour. That cells of different widths may
-//! lie over the same bytes all the same is the doing of [`super::access`]. A cell holds its value in little-endian byte order (decision D-01),
+//! lie over the same bytes all the same is the doing of `access`, beside this module. A cell holds its value in little-endian byte order (decision D-01),
 //! whatever the host's order is.
 //!
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no

@@ -30,7 +30,7 @@ impl Cycle {
     /// Bits of `w_COMMAND_REG` that are reserved and have no effect.
     pub(super) const RESERVED: u16 = 0xFF01;
 
-    /// Reads `w_COMMAND_REG`; `None` if method or number are reserved. The bits [`Cycle::RESERVED`] do not matter
+    /// Reads `w_COMMAND_REG`; `None` if method or number are reserved. The bits `RESERVED` do not matter
     /// (decision D-153).
     pub fn from_register(word: u16) -> Option<Self> {
         let method = match word >> 1 & 0b11 {

@@ -83,7 +83,7 @@ impl Run<'_> {
     }
 }
 
-/// Where the frame that ends with `slot` stands in [`SimBus::on_wire`]: in the order of the slots, and before the
+/// Where the frame that ends with `slot` stands in `SimBus::on_wire`: in the order of the slots, and before the
 /// first one is the last one of the interval before.
 fn place_on_wire(slot: Slot) -> usize {
     match slot {
