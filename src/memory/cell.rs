@@ -1,9 +1,9 @@
 //! Register cells: the only way anything in this project touches the emulated RAM.
 //!
-//! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits) and is written at that width only, by
-//! firmware and clients alike: so nobody tears it, and nobody writes its neighbour. That cells of different widths may
-//! lie over the same bytes all the same is the doing of `access`, beside this module. A cell holds its value in little-endian byte order (decision D-01),
-//! whatever the host's order is.
+//! Every register is a cell of its natural width (BYTE 8, WORD 16, DWORD 32 bits) and is written at that
+//! width only, by firmware and clients alike: so nobody tears it, and nobody writes its neighbour. That cells
+//! of different widths may lie over the same bytes all the same is the doing of `access`, beside this module.
+//! A cell holds its value in little-endian byte order (decision D-01), whatever the host's order is.
 //!
 //! Loads are `Acquire` and stores are `Release`, so "data first, then the control register" needs no
 //! further fences: whoever sees the control register sees the data written before it.
