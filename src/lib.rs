@@ -8,11 +8,9 @@
 //! |---|---|
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
 //! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
-//! | [`bus`] | frames, identifiers, codecs, exact frame lengths; pure |
-//! | [`drive`] | a drive with CANsync card |
-//! | [`firmware`] | what the board does with its registers |
+//! | [`devices`] | the devices: what each does with its registers, its buses and function blocks |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
-//! | [`plc`] | the PLC side: function blocks, tasks |
+//! | [`plc`] | the PLC side: the RAM as a program sees it, tasks |
 //! | [`check`] | the access checker: what a PLC program does against the manual |
 //! | [`journal`] | what happened, when |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
@@ -21,8 +19,9 @@
 //! | [`export`] | the register map for other languages and tools |
 //! | [`time`] | emulated times as text |
 //!
-//! `layout` and `memory` are always there; the others are cargo features: `plc`, `channel`, `script` and `export` with the
-//! module of their name, `emulator` with everything from `bus` to `runtime`, `cli` with the program. All are on unless a
+//! `layout` and `memory` are always there; the others are cargo features: `channel`, `script` and `export` with the module of
+//! their name, `plc` with the function blocks, `emulator` with everything that happens behind the registers, `cli` with the
+//! program. All are on unless a
 //! soft-PLC says `default-features = false, features = ["plc"]`.
 //!
 //! In a test, without any file or process:
@@ -43,20 +42,15 @@
 //! # }
 //! ```
 
-#[cfg(feature = "emulator")]
-pub mod bus;
 #[cfg(feature = "channel")]
 pub mod channel;
 #[cfg(feature = "emulator")]
 pub mod check;
-#[cfg(feature = "emulator")]
-pub mod drive;
+pub mod devices;
 #[cfg(feature = "export")]
 pub mod export;
 #[cfg(feature = "emulator")]
 pub mod fault;
-#[cfg(feature = "emulator")]
-pub mod firmware;
 #[cfg(feature = "emulator")]
 pub mod journal;
 pub mod layout;

@@ -3,7 +3,7 @@
 use super::node::Registers;
 use super::registers::{Kind, Limit, Watched};
 use super::{Facts, Finding, Rule};
-use crate::bus::LAST_SLAVE;
+use crate::devices::cansync::bus::LAST_SLAVE;
 use crate::journal::{Event, Journal};
 use crate::layout::Live;
 use crate::layout::omega_drive_line_2::{

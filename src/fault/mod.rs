@@ -18,8 +18,8 @@ pub use sites::Sites;
 pub use spec::FaultSpec;
 pub use words::WordError;
 
-use crate::bus::codec::updown::MAX_OFFSET;
-use crate::bus::{Channel, Frame, FrameKind};
+use crate::devices::cansync::bus::codec::updown::MAX_OFFSET;
+use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 
 /// Longest delay of a frame, in emulated microseconds.
 pub const MAX_DELAY_US: u32 = 1_000_000;

@@ -5,7 +5,7 @@ use super::{
     Effect, Fault, FaultError, FrameEffect, FrameSlot, Frames, Limit, MAX_DELAY_US, MAX_DURATION_US,
     MAX_JITTER_US, MAX_SLOWNESS_US, NodeEffect, OffsetAt, Refusal, SlaveEffect, SyncEffect,
 };
-use crate::bus::codec::updown::MAX_OFFSET;
+use crate::devices::cansync::bus::codec::updown::MAX_OFFSET;
 use crate::journal::{BAPS_NODE, Names};
 use core::fmt;
 use serde::{Deserialize, Serialize};

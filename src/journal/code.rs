@@ -6,8 +6,8 @@
 use super::board::BoardEvent;
 use super::event::{Command, Event, FaultNews, Missed, Origin};
 use super::kind::Kind;
-use crate::bus::Frame;
 use crate::check::{Finding, Rule};
+use crate::devices::cansync::bus::Frame;
 use crate::fault;
 use crate::layout::Live;
 

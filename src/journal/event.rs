@@ -11,8 +11,8 @@
 
 use super::board::BoardEvent;
 use super::kind::Kind;
-use crate::bus::Frame;
 use crate::check::Finding;
+use crate::devices::cansync::bus::Frame;
 use crate::fault::{self, Target};
 use core::fmt;
 
@@ -126,7 +126,7 @@ pub enum Event {
         why: Command,
     },
     /// Initialization data was refused; `reason` is the number of an
-    /// [`InitFault`](crate::firmware::cansync::InitFault).
+    /// [`InitFault`](crate::devices::cansync::firmware::InitFault).
     InitRefused {
         /// The node.
         origin: Origin,

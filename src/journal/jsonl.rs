@@ -4,7 +4,7 @@
 use super::names::{self, Context};
 use super::text::{missed_frame, refusal};
 use super::{Command, Event, FaultNews, Format, Names, Origin, Record, Source};
-use crate::bus::codec;
+use crate::devices::cansync::bus::codec;
 use crate::fault::{self, Target};
 use crate::layout::RegisterRef;
 use serde::Serialize;

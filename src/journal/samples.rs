@@ -1,8 +1,8 @@
 //! Events to test with.
 
 use super::{BoardEvent, Command, Event, FaultNews, Kind, Missed, Origin};
-use crate::bus::Frame;
 use crate::check::{Finding, Rule};
+use crate::devices::cansync::bus::Frame;
 use crate::fault;
 use crate::layout::Live;
 use proptest::prelude::*;

@@ -6,7 +6,7 @@ fn sync(bus: u16) -> Event {
 }
 
 fn frame(data: u8) -> Event {
-    Event::Frame { bus: 0, frame: crate::bus::Frame::new(0x100, &[data]).unwrap() }
+    Event::Frame { bus: 0, frame: crate::devices::cansync::bus::Frame::new(0x100, &[data]).unwrap() }
 }
 
 fn state(to: u16) -> Event {

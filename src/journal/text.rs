@@ -2,11 +2,11 @@
 
 use super::names::Context;
 use super::{Command, Event, FaultNews, Format, Missed, Names, Record};
-use crate::bus::Frame;
-use crate::bus::codec;
 use crate::check::Finding;
+use crate::devices::cansync::bus::Frame;
+use crate::devices::cansync::bus::codec;
+use crate::devices::cansync::firmware::InitFault;
 use crate::fault::{self, Target};
-use crate::firmware::cansync::InitFault;
 use crate::layout::RegisterRef;
 use std::fmt::Write;
 

@@ -7,7 +7,7 @@ pub use bus::BusConfig;
 pub use plc::{PlcConfig, ProjectConfig};
 
 use super::times;
-use crate::drive::DriveError;
+use crate::devices::cansync::drive::DriveError;
 use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
 use serde::Deserialize;
@@ -341,7 +341,7 @@ mod tests {
         let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
         let plant = PlantConfig::parse("docs/plant.md", example).unwrap();
         assert_eq!(plant.buses[1].drives[0].name, "winder");
-        assert!(crate::drive::Drive::new(&plant.buses[1].drives[0], 250).is_ok());
+        assert!(crate::devices::cansync::drive::Drive::new(&plant.buses[1].drives[0], 250).is_ok());
     }
 
     #[test]

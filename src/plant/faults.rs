@@ -1,8 +1,8 @@
 //! The faults of a plant: which wait, which act, how often they have hit.
 
 use super::agenda::Agenda;
+use crate::devices::omega_drive_line_2::baps::Pace;
 use crate::fault::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, NodeEffect, Refusal};
-use crate::firmware::baps::Pace;
 use crate::journal::{Event, FaultNews, Journal};
 
 /// A fault in the list.

@@ -13,13 +13,13 @@ mod injection;
 mod plc;
 mod times;
 
-pub use crate::firmware::board::Power;
+pub use crate::devices::omega_drive_line_2::board::Power;
 pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig, ProjectConfig};
 pub use force::{ForceError, Forced};
 pub use plc::Plc;
 
 use crate::check::Checker;
-use crate::firmware::baps::Baps;
+use crate::devices::omega_drive_line_2::baps::Baps;
 use crate::journal::{Event, Journal, Names};
 use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
 use crate::memory::{MemoryError, Segment};
@@ -329,7 +329,7 @@ impl Plant {
     }
 
     /// The drives of all buses.
-    pub fn drives(&self) -> impl Iterator<Item = &crate::drive::Drive> {
+    pub fn drives(&self) -> impl Iterator<Item = &crate::devices::cansync::drive::Drive> {
         self.buses.iter().flat_map(SimBus::drives)
     }
 

@@ -2,14 +2,14 @@
 
 use super::bus::SimBus;
 use super::config::{PlantError, PlcConfig};
-use crate::bus::SyncLock;
 use crate::check::{Facts, Rule};
-use crate::drive::BuiltInDrive;
-use crate::firmware::Context;
-use crate::firmware::baps::{Baps, Pace};
-use crate::firmware::board::{Board, Look, Power};
-use crate::firmware::cansync::{Change, Master, Slave};
-use crate::firmware::ethernet::{Ethernet, Stored};
+use crate::devices::Context;
+use crate::devices::cansync::bus::SyncLock;
+use crate::devices::cansync::drive::BuiltInDrive;
+use crate::devices::cansync::firmware::{Change, Master, Slave};
+use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
+use crate::devices::omega_drive_line_2::board::{Board, Look, Power};
+use crate::devices::omega_drive_line_2::ethernet::{Ethernet, Stored};
 use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::layout::Live;
 use crate::layout::flags::{RETAIN_OFFSET, is_flag};

@@ -1,7 +1,7 @@
 //! The times of a plant file, all in us and at most one hour.
 
 use super::config::{PlantError, PlcConfig, range};
-use crate::drive::{DriveConfig, Watch};
+use crate::devices::cansync::drive::{DriveConfig, Watch};
 
 const HOUR_US: u64 = 3_600_000_000;
 

@@ -51,7 +51,7 @@ impl Ram {
 
     /// Emulated time in microseconds at this very moment: in real time it goes on between two things the
     /// firmware does.
-    pub(super) fn exact_us(&self) -> u64 {
+    pub(crate) fn exact_us(&self) -> u64 {
         let epoch_ns = self.header.real_epoch_ns.load();
         if epoch_ns == 0 {
             return self.now_us();
@@ -74,20 +74,20 @@ pub struct Base<T: SharedRegs> {
 
 impl<T: SharedRegs> Base<T> {
     /// The RAM that the structure lies in.
-    pub(super) fn ram(&self) -> &Ram {
+    pub(crate) fn ram(&self) -> &Ram {
         &self.ram
     }
 
     /// A restart (16#0000) was written to `w_CPU_CONTROL` of the CANsync node there. The firmware is told, because in the
     /// RAM it cannot see it where 16#0000 stood before (decision D-29).
-    pub(super) fn tell_restart(&self) {
+    pub(crate) fn tell_restart(&self) {
         if let Some(node) = [NODE1, NODE2].iter().position(|node| *node == self.offset) {
             self.ram.header.restarts_written[node].increment();
         }
     }
 
     /// A monitoring time that begins now.
-    pub(super) fn watch(&self, time: Duration) -> Watch {
+    pub(crate) fn watch(&self, time: Duration) -> Watch {
         let time_us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
         Watch { ends_us: self.ram.now_us().saturating_add(time_us) }
     }
@@ -109,7 +109,7 @@ pub struct Watch {
 
 impl Watch {
     /// Whether the time is over.
-    pub(super) fn is_over<T: SharedRegs>(self, base: &Base<T>) -> bool {
+    pub(crate) fn is_over<T: SharedRegs>(self, base: &Base<T>) -> bool {
         base.ram.now_us() >= self.ends_us
     }
 }

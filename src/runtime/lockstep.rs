@@ -5,7 +5,7 @@
 //! higher level interrupts one of a lower level, which then needs as much longer; tasks of the same level wait for
 //! each other (manual 5.00005.03a p. 43-44, 73). Who dies, leaves or takes too long is given up.
 
-use crate::firmware::board::level;
+use crate::devices::omega_drive_line_2::board::level;
 use crate::memory::header::{Seat, SeatState};
 use crate::memory::{Header, View, bell};
 use crate::plant::Plant;

@@ -20,7 +20,7 @@ pub use directory::Directory;
 pub use error::NovramError;
 pub use writer::Keeper;
 
-use crate::firmware::ethernet::Stored;
+use crate::devices::omega_drive_line_2::ethernet::Stored;
 use crate::layout::flags::RETAIN_OFFSET;
 use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
 use crate::memory::{Segment, Width};

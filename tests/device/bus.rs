@@ -1,8 +1,8 @@
 //! Process data between a master, a slave node and drives: who hears what, when, and who does not.
 
 use crate::rig::{BOTH, Memory, RATES, Rig};
-use commram::bus::wire;
 use commram::check::Rule;
+use commram::devices::cansync::bus::wire;
 use commram::journal::{Event, Missed};
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\

@@ -147,6 +147,6 @@ fn a_cluster_of_unlike_rates_says_so() {
         set_up(&mut plant, &[(0, NODE2, 0x00, lower), (1, NODE1, 0x01, lower)]);
         plant.advance_to(plant.now() + 100_000);
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0, 0], "one rate everywhere");
-        assert!(plant.drives().all(commram::drive::Drive::is_synchronized));
+        assert!(plant.drives().all(commram::devices::cansync::drive::Drive::is_synchronized));
     }
 }

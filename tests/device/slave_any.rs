@@ -3,8 +3,8 @@
 
 use crate::rig::Memory;
 use crate::rig::bench::{Bench, NUMBER};
-use commram::bus::codec::{Access, Decoded, ParameterJob, ParameterResult, decode};
-use commram::bus::{Frame, FrameKind};
+use commram::devices::cansync::bus::codec::{Access, Decoded, ParameterJob, ParameterResult, decode};
+use commram::devices::cansync::bus::{Frame, FrameKind};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]

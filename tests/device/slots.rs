@@ -2,7 +2,7 @@
 //! D-280).
 
 use crate::rig::{Memory, RATES, Rate, Rig};
-use commram::bus::{Frame, FrameKind, wire};
+use commram::devices::cansync::bus::{Frame, FrameKind, wire};
 use commram::layout::omega_drive_line_2::{BAUD_RATES, BaudRate};
 use proptest::prelude::*;
 

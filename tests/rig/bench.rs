@@ -1,10 +1,12 @@
 //! A slave node on its own: the test is bus and master, frame by frame, at 500 kbit/s.
 
 use super::{Memory, RATES, segment, write_init_data};
-use commram::bus::codec::{ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse};
-use commram::bus::{Frame, SyncLock};
-use commram::firmware::Context;
-use commram::firmware::cansync::Slave;
+use commram::devices::Context;
+use commram::devices::cansync::bus::codec::{
+    ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse,
+};
+use commram::devices::cansync::bus::{Frame, SyncLock};
+use commram::devices::cansync::firmware::Slave;
 use commram::journal::{Journal, Origin};
 use commram::layout::omega_drive_line_2::*;
 use commram::memory::{Image, View};

@@ -5,8 +5,8 @@
 pub mod bench;
 pub mod cluster;
 
-use commram::bus::Frame;
 use commram::check::{Rule, Severity};
+use commram::devices::cansync::bus::Frame;
 use commram::journal::{Event, Record};
 use commram::layout::omega_drive_line_2::*;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};

@@ -9,9 +9,9 @@ mod common;
 
 use common::drive::SynchronousDrive;
 use common::{Arguments, check};
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::memory::MemoryError;
 use commram::memory::header::Start;
-use commram::plc::*;
 
 /// Event "board timer A" with high priority.
 const TIMER_A: usize = 5;

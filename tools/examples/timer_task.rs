@@ -9,8 +9,8 @@
 mod common;
 
 use common::{Arguments, check};
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::memory::header::Start;
-use commram::plc::*;
 
 /// Events of CPU timer 1 and 2, and of board timer A at levels 14 and 13.
 const CPU_TIMERS: [usize; 2] = [0, 2];

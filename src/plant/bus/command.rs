@@ -2,10 +2,10 @@
 
 use super::disturbance::Fate;
 use super::{Run, Sender, Station};
-use crate::bus::codec::action::{Action, ActionCommand};
-use crate::bus::{Frame, FrameKind};
 use crate::check::Rule;
-use crate::drive::Objection;
+use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
+use crate::devices::cansync::bus::{Frame, FrameKind};
+use crate::devices::cansync::drive::Objection;
 use crate::layout::Live;
 use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER, NODE2};
 use crate::plant::agenda::{Agenda, Slot};

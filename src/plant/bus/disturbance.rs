@@ -2,7 +2,7 @@
 
 use super::slots::OnWire;
 use super::{Sender, SimBus, Station};
-use crate::bus::{Frame, FrameKind};
+use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::plant::agenda::Slot;
 
 /// What faults have done to a bus.

@@ -3,12 +3,12 @@
 
 use super::disturbance::Stray;
 use super::{Run, Station};
-use crate::bus::codec::updown::{BLOCK, MAX_OFFSET};
-use crate::bus::codec::{
+use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
+use crate::devices::cansync::bus::codec::{
     ParameterJob, ParameterResult, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, is_up_download,
 };
-use crate::bus::wire::Airtime;
-use crate::bus::{Frame, FrameKind};
+use crate::devices::cansync::bus::wire::Airtime;
+use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::fault::{Effect, FrameEffect, NodeEffect, OffsetAt, SlaveEffect, SyncEffect};
 use crate::journal::Origin;
 use crate::plant::agenda::Slot;

@@ -5,7 +5,7 @@
 //! intervals after the last, which is later than any edge, and further ones follow until all drives are at rest.
 
 use super::SimBus;
-use crate::drive::Drive;
+use crate::devices::cansync::drive::Drive;
 use crate::plant::agenda::Slot;
 
 /// The drives' own clock.

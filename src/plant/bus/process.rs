@@ -2,8 +2,8 @@
 
 use super::disturbance::Fate;
 use super::{Run, Sender, Station};
-use crate::bus::{Channel, Frame, FrameKind};
-use crate::firmware::cansync::Built;
+use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
+use crate::devices::cansync::firmware::Built;
 use crate::journal::Event;
 use crate::plant::agenda::Slot;
 

@@ -2,7 +2,7 @@
 
 use super::disturbance::Fate;
 use super::{Run, Sender};
-use crate::bus::{Frame, wire};
+use crate::devices::cansync::bus::{Frame, wire};
 use crate::journal::Event;
 use crate::plant::agenda::Slot;
 

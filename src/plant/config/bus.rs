@@ -1,7 +1,7 @@
 //! A bus as the plant file describes it.
 
-use crate::bus::FrameLength;
-use crate::drive::DriveConfig;
+use crate::devices::cansync::bus::FrameLength;
+use crate::devices::cansync::drive::DriveConfig;
 use serde::Deserialize;
 
 /// A bus of the plant file.

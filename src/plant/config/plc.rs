@@ -1,7 +1,7 @@
 //! A PLC as the plant file describes it.
 
 use super::{PlantError, range};
-use crate::drive::BuiltInDriveConfig;
+use crate::devices::cansync::drive::BuiltInDriveConfig;
 use crate::layout::flags::{MOST_RETAIN, RETAIN_SIZE};
 use crate::memory::header::Project;
 use crate::plant::times;
@@ -24,7 +24,7 @@ pub struct PlcConfig {
     #[serde(default = "default_lock_time")]
     pub lock_time_us: u64,
     /// Emulated time without SYNC signal that ends that lock, in us, 1 to one hour; left out: two and a half intervals
-    /// ([`SyncLock`](crate::bus::SyncLock)).
+    /// ([`SyncLock`](crate::devices::cansync::bus::SyncLock)).
     pub sync_loss_us: Option<u64>,
     /// Period of the SYNC signal of an option card in us, 50..=1000000; without one there is no such card.
     pub option_sync_us: Option<u32>,

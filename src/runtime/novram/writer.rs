@@ -2,7 +2,7 @@
 
 use super::file::{self, Content};
 use super::{Directory, Novram, NovramError};
-use crate::firmware::ethernet::Stored;
+use crate::devices::omega_drive_line_2::ethernet::Stored;
 use std::collections::BTreeMap;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;

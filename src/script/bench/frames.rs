@@ -1,7 +1,7 @@
 //! Frames on a bus.
 
 use super::Bench;
-use crate::bus::Frame;
+use crate::devices::cansync::bus::Frame;
 use crate::journal::text::frame_text;
 use crate::journal::{Event, Record};
 use crate::script::{ScenarioError, Span};

@@ -4,11 +4,11 @@
 
 use super::pins::Pin;
 use super::wires::{Board, Connected, Jobs, JobsAndRegisters, Nothing, Wires};
+use crate::devices::omega_drive_line_2::blocks::{self as plc, CANsync_RD_BMARRAY, CANsync_UPDOWN_BMARRAY};
 use crate::layout::omega_drive_line_2::{
     BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
 use crate::memory::MemoryError;
-use crate::plc::{self, CANsync_RD_BMARRAY, CANsync_UPDOWN_BMARRAY};
 use crate::script::ScenarioError;
 use core::cell::RefCell;
 use rhai::Dynamic;

@@ -3,10 +3,10 @@
 
 use super::bench::Dead;
 use crate::rig::{BOTH, Memory, segment};
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::layout::omega_drive_line_2::*;
 use commram::memory::Image;
 use commram::plant::{Plant, PlantConfig};
-use commram::plc::*;
 use std::time::Duration;
 
 /// Two reference and two (four) actual values every 0.5 ms, all the same cycle; eight in time slices.

@@ -2,7 +2,7 @@
 
 use super::baps::{SAME_CYCLE, SPEED, SPEED_ACTUAL, Stage, init};
 use crate::rig::Memory;
-use commram::plc::*;
+use commram::devices::omega_drive_line_2::blocks::*;
 
 /// Manual p. 100, 105, 113: method and cycle time are selected at these blocks, too. An input that is not connected is
 /// 0, which is no cycle time.

@@ -1,9 +1,9 @@
 //! A rig whose PLCs are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
 
 use crate::rig::{Memory, RATES, Rig};
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::layout::omega_drive_line_2::*;
 use commram::memory::{Segment, View};
-use commram::plc::*;
 
 const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
     [[bus.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmax = 500\n";

@@ -2,9 +2,9 @@
 
 use super::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::layout::omega_drive_line_2::NODE2;
 use commram::plant::Power;
-use commram::plc::*;
 
 /// PLC `a` of the bench.
 fn ram(bench: &Bench) -> Ram {

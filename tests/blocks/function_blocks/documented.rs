@@ -1,6 +1,6 @@
 //! `docs/function-blocks.md` names every input and output with its preset, and the presets are the manual's.
 
-use commram::plc::*;
+use commram::devices::omega_drive_line_2::blocks::*;
 use std::collections::BTreeSet;
 use std::time::Duration;
 

@@ -2,9 +2,9 @@
 
 use super::bench::Bench;
 use crate::rig::{BOTH, Memory};
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::memory::header::{ProgramState, Start};
 use commram::plant::Power;
-use commram::plc::*;
 use std::cell::RefCell;
 use std::convert::Infallible;
 use std::rc::Rc;

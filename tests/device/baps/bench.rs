@@ -1,7 +1,7 @@
 //! A plant of one PLC, nothing but its BAPS in use.
 
 use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
-use commram::drive::BuiltInDrive;
+use commram::devices::cansync::drive::BuiltInDrive;
 use commram::fault::{Effect, Fault, FaultSpec, Limit, NodeEffect};
 use commram::journal::BAPS_NODE;
 use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2};

@@ -2,7 +2,7 @@
 
 use super::bench::*;
 use crate::rig::{Memory, RATES};
-use commram::drive::State;
+use commram::devices::cansync::drive::State;
 use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
 use commram::plant::Power;
 

@@ -2,7 +2,7 @@
 
 use super::bench::*;
 use crate::rig::Memory;
-use commram::drive::State;
+use commram::devices::cansync::drive::State;
 use commram::plant::Power;
 
 /// The drive turns with P300 = 1000, P302 is 5, and a service data job is under way.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::rig::Memory;
-use commram::bus::codec::{parameter, updown};
+use commram::devices::cansync::bus::codec::{parameter, updown};
 
 /// How a number comes about.
 #[derive(Clone, Copy)]

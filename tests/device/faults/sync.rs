@@ -3,7 +3,7 @@
 use super::*;
 use crate::rig::{BOTH, Memory};
 use commram::check::Rule;
-use commram::drive::State;
+use commram::devices::cansync::drive::State;
 
 fn edges(rig: &Rig) -> Vec<u64> {
     let (noted, pending) = (rig.records(), rig.plant.journal().pending());

@@ -2,10 +2,10 @@
 //! comes back is made by hand.
 
 use crate::rig::{Memory, RATES, segment, write_init_data};
-use commram::bus::Frame;
-use commram::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
-use commram::firmware::Context;
-use commram::firmware::cansync::{Change, Master, NodeState};
+use commram::devices::Context;
+use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
+use commram::devices::cansync::firmware::{Change, Master, NodeState};
 use commram::journal::{Journal, Origin};
 use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use commram::memory::{Image, View};

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use crate::rig::{BOTH, RATES, Rig};
-use commram::bus::Frame;
+use commram::devices::cansync::bus::Frame;
 
 /// Frames of the command channel since `mark`.
 fn commands(rig: &Rig, mark: u64) -> Vec<Frame> {

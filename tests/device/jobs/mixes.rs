@@ -3,8 +3,8 @@
 
 use super::bench::Bench;
 use crate::rig::BOTH;
-use commram::bus::Frame;
-use commram::bus::codec::{
+use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::bus::codec::{
     ActionCommand, Direction, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep,
 };
 use proptest::prelude::*;
@@ -276,7 +276,8 @@ impl Model {
         let result = match reply {
             Reply::Silent => return bench.no_answer(),
             Reply::Unfit => {
-                let other = ParameterJob::new(1, commram::bus::codec::Access::Read).unwrap();
+                let other =
+                    ParameterJob::new(1, commram::devices::cansync::bus::codec::Access::Read).unwrap();
                 return bench.answer(model.slave, &other, ParameterResult::Word(1));
             }
             Reply::Busy => {

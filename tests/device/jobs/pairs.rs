@@ -4,7 +4,9 @@
 
 use super::bench::Bench;
 use crate::rig::BOTH;
-use commram::bus::codec::{Access, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep};
+use commram::devices::cansync::bus::codec::{
+    Access, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep,
+};
 
 /// How far a read job on parameter 300 is when the bytes are thrown.
 #[derive(Clone, Copy, Debug)]

@@ -2,9 +2,9 @@
 
 use super::bench::Bench;
 use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
-use commram::bus::Frame;
-use commram::bus::codec::parameter::error_number;
-use commram::bus::codec::{Access, ParameterJob, ParameterResult};
+use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::bus::codec::parameter::error_number;
+use commram::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResult};
 
 /// A kind of job: what the PLC enters, what travels, what is left.
 struct Kind {

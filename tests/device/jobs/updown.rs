@@ -4,9 +4,9 @@ mod errors;
 
 use super::bench::Bench;
 use crate::rig::{BOTH, Memory, RATES, Rig};
-use commram::bus::Frame;
-use commram::bus::codec::updown::error_number;
-use commram::bus::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
+use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::bus::codec::updown::error_number;
+use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
 use core::array;
 
 const ADDRESS: u32 = 0x0001_2300;

@@ -3,7 +3,7 @@
 use super::area::{AREAS, BASE, BLOCK_1, SINGLE, block, blocks, bytes, data, down, init, up};
 use crate::rig::bench::Bench;
 use crate::rig::{BOTH, Memory};
-use commram::bus::codec::{Direction, UpDownJob, UpDownResult};
+use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult};
 
 /// T18 and p. 191.
 #[test]

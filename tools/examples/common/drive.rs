@@ -1,9 +1,9 @@
 //! The drive behind the BAPS in mode "synchronous reference position": what configurations B and C have in common.
 
 use super::check;
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
 use commram::memory::MemoryError;
-use commram::plc::*;
 
 /// Parameters of the drive: SYNC slot and offset, angle reference value, angle actual value, operating mode.
 const SYNC_SLOT: u16 = 167;

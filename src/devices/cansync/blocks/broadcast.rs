@@ -1,0 +1,99 @@
+//! `CANsync_BC_MA0`, `_MA1`, `_MA2`, `CANsync_BC_SL`: broadcast commands (p. 196-203).
+
+use super::registers::{SEND, SENT, take_received};
+use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::plc::Base;
+
+macro_rules! sender {
+    ($name:ident, $rank:literal, $page:literal,
+     $control:ident, $mask:ident, $command:ident, $byte:ident, $word:ident) => {
+        #[doc = concat!("Sends a broadcast command with ", $rank, " priority (manual p. ", $page, ").")]
+        ///
+        /// Every call with `x_EN` enters the command anew; one interval is enough to send it once.
+        #[derive(Clone, Debug, Default)]
+        pub struct $name {
+            /// Command number: 1 control word, 128 to 255 free for the user.
+            pub us_BC_CMD_NR: u8,
+            /// Data byte.
+            pub si_BC_BYTE: i8,
+            /// Data word.
+            pub i_BC_WORD: i16,
+            /// Bit n: slave n shall receive the command.
+            pub d_SL_MASK: u32,
+            /// Enters the command.
+            pub x_EN: bool,
+            /// The last command entered has been sent.
+            pub x_OK: bool,
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+                self.x_OK = _BASE.$control.load() == SENT;
+                if self.x_EN {
+                    _BASE.$mask.store(self.d_SL_MASK);
+                    _BASE.$command.store(self.us_BC_CMD_NR);
+                    _BASE.$byte.store(self.si_BC_BYTE as u8);
+                    _BASE.$word.store(self.i_BC_WORD as u16);
+                    _BASE.$control.store(SEND);
+                }
+            }
+        }
+    };
+}
+
+sender!(
+    CANsync_BC_MA0,
+    "the highest",
+    "196-197",
+    b_CTRL_REG_BC0,
+    d_SL_MASK_BC0,
+    b_CMD_BC0,
+    b_DATA_BYTE_BC0,
+    w_DATA_WORD_BC0
+);
+sender!(
+    CANsync_BC_MA1,
+    "middle",
+    "198-199",
+    b_CTRL_REG_BC1,
+    d_SL_MASK_BC1,
+    b_CMD_BC1,
+    b_DATA_BYTE_BC1,
+    w_DATA_WORD_BC1
+);
+sender!(
+    CANsync_BC_MA2,
+    "low",
+    "200-201",
+    b_CTRL_REG_BC2,
+    d_SL_MASK_BC2,
+    b_CMD_BC2,
+    b_DATA_BYTE_BC2,
+    w_DATA_WORD_BC2
+);
+
+/// Receives broadcast commands of the master (manual p. 202-203).
+#[derive(Clone, Debug, Default)]
+pub struct CANsync_BC_SL {
+    /// Command number; the one before until a new command is received.
+    pub us_BC_CMD_NR: u8,
+    /// Data byte, likewise.
+    pub si_BC_BYTE: i8,
+    /// Data word, likewise.
+    pub i_BC_WORD: i16,
+    /// 2: a command was received since the last call; otherwise 0.
+    pub si_BC_RECEIVED: i8,
+}
+
+impl CANsync_BC_SL {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        self.si_BC_RECEIVED = take_received(&_BASE.b_STATREG_AKT_CMD);
+        if self.si_BC_RECEIVED != 0 {
+            self.us_BC_CMD_NR = _BASE.b_AKT_CMD.load();
+            self.si_BC_BYTE = _BASE.b_DATA_BYTE_AKT_CMD.load() as i8;
+            self.i_BC_WORD = _BASE.w_DATAWORD_AKT_CMD.load() as i16;
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! `CANsync_COMM_CONTROL_MA`: who may use the command channel (p. 204-206).
+
+use super::registers::{AUTOMATIC, slave_index};
+use crate::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+use crate::memory::Cell8;
+use crate::plc::Base;
+
+/// Says for which slave the command channel looks after control words, parameter jobs and
+/// up-/downloads (manual p. 204-206).
+///
+/// An input is taken over only with its enable input; numbers other than -128 and 0 to 31 change nothing
+/// (decision D-205).
+#[derive(Clone, Debug)]
+pub struct CANsync_COMM_CONTROL_MA {
+    /// Slave for control words; -128 (default): all in turn.
+    pub si_SL_NR_CTRL: i8,
+    /// Take over `si_SL_NR_CTRL`.
+    pub x_EN_CTRL: bool,
+    /// Slave for parameter jobs; -128 (default): all in turn.
+    pub si_SL_NR_PAR: i8,
+    /// Take over `si_SL_NR_PAR`.
+    pub x_EN_PAR: bool,
+    /// Slave for up-/downloads; -128 (default): all in turn.
+    pub si_SL_NR_UDL: i8,
+    /// Take over `si_SL_NR_UDL`.
+    pub x_EN_UDL: bool,
+    /// Highest number of those in turn; -1 (default): as it was. The same register as `si_MAX_SL_NR` of
+    /// [`CANsync_PD_COMM_MA`](super::CANsync_PD_COMM_MA); use one of the two.
+    pub si_MAX_SL_NR: i8,
+}
+
+impl Default for CANsync_COMM_CONTROL_MA {
+    fn default() -> Self {
+        CANsync_COMM_CONTROL_MA {
+            si_SL_NR_CTRL: AUTOMATIC,
+            x_EN_CTRL: false,
+            si_SL_NR_PAR: AUTOMATIC,
+            x_EN_PAR: false,
+            si_SL_NR_UDL: AUTOMATIC,
+            x_EN_UDL: false,
+            si_MAX_SL_NR: -1,
+        }
+    }
+}
+
+impl CANsync_COMM_CONTROL_MA {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        set_highest_slave(&_BASE.b_MAX_SL_NR, self.si_MAX_SL_NR);
+        for (enable, number, register) in [
+            (self.x_EN_CTRL, self.si_SL_NR_CTRL, &_BASE.b_SL_NR_CONTROLWORD),
+            (self.x_EN_PAR, self.si_SL_NR_PAR, &_BASE.b_SL_NR_PARAMETER),
+            (self.x_EN_UDL, self.si_SL_NR_UDL, &_BASE.b_SL_NR_UPDOWN),
+        ] {
+            if enable && (number == AUTOMATIC || slave_index(number).is_some()) {
+                register.store(number as u8);
+            }
+        }
+    }
+}
+
+/// Input `si_MAX_SL_NR`: everything but 0 to 31 leaves the register as it is.
+pub(super) fn set_highest_slave(register: &Cell8, number: i8) {
+    if slave_index(number).is_some() {
+        register.store(number as u8);
+    }
+}

@@ -1,0 +1,58 @@
+//! `CANsync_CONTROLWORD_MA`, `CANsync_CONTROLWORD_SL`: control words (p. 207-210).
+
+use super::registers::{SEND, SENT, slave_index, take_received};
+use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::plc::Base;
+
+/// Sends a control word to one slave (manual p. 207-208). Needs
+/// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
+///
+/// Every call with `x_EN` enters the control word anew; one interval is enough to send it once.
+#[derive(Clone, Debug, Default)]
+pub struct CANsync_CONTROLWORD_MA {
+    /// The slave, 0 to 31.
+    pub si_SL_NR_CTRL: i8,
+    /// Control word.
+    pub w_CONTROLWORD: u16,
+    /// Enters the control word.
+    pub x_EN: bool,
+    /// The last control word entered for this slave has been sent.
+    pub x_OK: bool,
+}
+
+impl CANsync_CONTROLWORD_MA {
+    /// One PLC cycle. A slave number that does not exist does nothing.
+    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        self.x_OK = false;
+        let Some(slave) = slave_index(self.si_SL_NR_CTRL) else { return };
+        let (Some(control), Some(word)) =
+            (_BASE.a_STEUREG_CONTROLWORD.get(slave), _BASE.a_CONTROLWORD_SL.get(slave))
+        else {
+            return;
+        };
+        self.x_OK = control.load() == SENT;
+        if self.x_EN {
+            word.store(self.w_CONTROLWORD);
+            control.store(SEND);
+        }
+    }
+}
+
+/// Receives the master's control word (manual p. 209-210).
+#[derive(Clone, Debug, Default)]
+pub struct CANsync_CONTROLWORD_SL {
+    /// Control word; the one before until a new one is received.
+    pub w_CONTROLWORD: u16,
+    /// 2: a control word was received since the last call; otherwise 0.
+    pub si_RECEIVED: i8,
+}
+
+impl CANsync_CONTROLWORD_SL {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        self.si_RECEIVED = take_received(&_BASE.b_STATREG_CONTROLWORD);
+        if self.si_RECEIVED != 0 {
+            self.w_CONTROLWORD = _BASE.w_CONTROLWORD.load();
+        }
+    }
+}

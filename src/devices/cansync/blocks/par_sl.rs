@@ -1,0 +1,152 @@
+//! `CANsync_PAR_SL`: parameter jobs at a slave (p. 225-229).
+
+use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
+use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use crate::plc::Base;
+
+/// Bit 1; the manual's texts for bits 1 and 2 are swapped (p. 189), its values are right.
+const READ: u8 = 1 << 1;
+const WRITE: u8 = 1 << 2;
+/// Bit 3: the master has changed the job.
+const CHANGE: u8 = 1 << 3;
+/// Bit 4.
+const DOUBLEWORD: u8 = 1 << 4;
+
+/// Shows the master's parameter jobs to a slave's application and sends its answers (manual p. 225-229).
+///
+/// The application's results count from the call after the one that showed the job, so that `x_OK_IN` may
+/// still show the last job's end then (decision D-210).
+#[derive(Clone, Debug, Default)]
+pub struct CANsync_PAR_SL {
+    /// Value of the parameter, for a read job.
+    pub ud_PAR_VALUE_READ: u32,
+    /// Its format: FALSE word, TRUE doubleword.
+    pub x_PAR_FORMAT_READ: bool,
+    /// Error number that goes to the master with `x_ERR_IN`.
+    pub i_ERR: i16,
+    /// The application could not do the job.
+    pub x_ERR_IN: bool,
+    /// The application has done the job.
+    pub x_OK_IN: bool,
+    /// Shows jobs and sends answers. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
+    pub x_EN: bool,
+    /// Resets the block.
+    pub x_RESET: bool,
+    /// The master has withdrawn the job shown; TRUE until the next one is shown.
+    pub x_RESET_JOB: bool,
+    /// A read job is to be done.
+    pub x_READ: bool,
+    /// A write job is to be done.
+    pub x_WRITE: bool,
+    /// Parameter number of the job.
+    pub u_PAR_NR: u16,
+    /// Format of a write job: FALSE word, TRUE doubleword.
+    pub x_PAR_FORMAT_WRITE: bool,
+    /// Value of a write job.
+    pub ud_PAR_VALUE_WRITE: u32,
+    /// Waits for the application.
+    pub x_ACTIV: bool,
+    /// Waits for the application, or for the master to fetch the answer.
+    pub x_BUSY: bool,
+    /// The master has fetched the answer to the last job, be it an error or not.
+    pub x_OK: bool,
+    #[doc(hidden)]
+    pub internal: Phase,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Phase {
+    #[default]
+    Idle,
+    /// The application is at work.
+    Shown,
+    /// The answer is ready for the master.
+    Answered,
+    /// Cancelled: only `x_RESET` helps.
+    Locked,
+}
+
+impl CANsync_PAR_SL {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        if self.x_RESET {
+            self.show(Phase::Idle);
+            (self.x_RESET_JOB, self.x_OK) = (false, false);
+            return;
+        }
+        if !self.x_EN {
+            if matches!(self.internal, Phase::Shown | Phase::Answered) {
+                self.show(Phase::Locked);
+            }
+            return;
+        }
+        let job = Job { control: &_BASE.b_STEUREG_PAR_CMD, status: &_BASE.b_STATREG_PAR_CMD };
+        let control = job.control();
+        match self.internal {
+            Phase::Locked => {}
+            Phase::Shown | Phase::Answered if control & CHANGE != 0 => {
+                job.change(|value| value | RESET);
+                self.x_RESET_JOB = true;
+                self.show(Phase::Idle);
+            }
+            Phase::Shown => self.take_results(_BASE, &job),
+            // A new job shows that the answer to the one before has gone out, too.
+            Phase::Answered if control & BUSY == 0 || control & ACTIVE != 0 => {
+                self.x_OK = true;
+                self.show(Phase::Idle);
+            }
+            Phase::Answered => {}
+            // Bit 7: the firmware has not yet entered what the master has changed to.
+            Phase::Idle if control & (ACTIVE | RESET) == ACTIVE => self.enter(_BASE, &job, control),
+            Phase::Idle => {}
+        }
+    }
+
+    /// Goes on to `phase` and shows it.
+    fn show(&mut self, phase: Phase) {
+        self.internal = phase;
+        self.x_ACTIV = matches!(phase, Phase::Shown);
+        self.x_BUSY = matches!(phase, Phase::Shown | Phase::Answered);
+        if !self.x_ACTIV {
+            (self.x_READ, self.x_WRITE) = (false, false);
+        }
+    }
+
+    /// A job stands in the registers.
+    fn enter(&mut self, base: &CANsync_SL_CTRL_BMSTRUCT, job: &Job, control: u8) {
+        if control & CHANGE != 0 {
+            // Changed before it was ever shown.
+            job.change(|value| value | RESET);
+            return;
+        }
+        self.u_PAR_NR = base.w_PAR_NR.load();
+        self.x_READ = control & READ != 0;
+        self.x_WRITE = control & WRITE != 0;
+        if self.x_WRITE {
+            self.ud_PAR_VALUE_WRITE = base.d_DATA_PAR_CMD.load();
+            self.x_PAR_FORMAT_WRITE = control & DOUBLEWORD != 0;
+        }
+        (self.x_RESET_JOB, self.x_OK) = (false, false);
+        self.show(Phase::Shown);
+    }
+
+    /// Hands over what the application has come to.
+    fn take_results(&mut self, base: &CANsync_SL_CTRL_BMSTRUCT, job: &Job) {
+        if self.x_ERR_IN {
+            base.w_ERR_NR_PAR_CMD.store(self.i_ERR as u16);
+            job.change(|value| value & !ACTIVE | ERROR);
+        } else if self.x_OK_IN {
+            let format = match (self.x_READ, self.x_PAR_FORMAT_READ) {
+                (true, true) => DOUBLEWORD,
+                _ => 0,
+            };
+            if self.x_READ {
+                base.d_DATA_PAR_CMD.store(self.ud_PAR_VALUE_READ);
+            }
+            job.change(|value| value & !ACTIVE | format);
+        } else {
+            return;
+        }
+        self.show(Phase::Answered);
+    }
+}

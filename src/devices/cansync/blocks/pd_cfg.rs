@@ -1,0 +1,178 @@
+//! `CANsync_PD_CFG_MA`, `_PD_CFG_READ_MA`, `_PD_CFG_READ_SL`, `_PD_CFG_SL`: which word of a frame is which
+//! half of which value (p. 233-246).
+
+use super::registers::{NOBODY, slave_index};
+use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD};
+use crate::memory::Cell8;
+use crate::plc::Base;
+use core::ops::RangeInclusive;
+
+/// The values of frame 1.
+const FRAME1: RangeInclusive<u8> = 0..=3;
+/// The values of frame 2.
+const FRAME2: RangeInclusive<u8> = 4..=7;
+/// Number of an unassigned word.
+const NONE: i8 = -1;
+
+/// The configuration bytes of one frame. A number that the frame cannot carry leaves its word unassigned
+/// (decision D-206).
+fn configure(registers: [&Cell8; 4], (numbers, high): Words, values: RangeInclusive<u8>) {
+    for ((register, number), high) in registers.into_iter().zip(numbers).zip(high) {
+        register.store(match u8::try_from(number) {
+            Ok(number) if values.contains(&number) => 1 | u8::from(high) << 1 | number << 2,
+            _ => 0,
+        });
+    }
+}
+
+/// Numbers and halves of the words of one frame.
+type Words = ([i8; 4], [bool; 4]);
+
+fn configure_rdc(cfg: &CFG_RDC_WORD, one: Words, two: Words) {
+    let words1 = [&cfg.b_CFG_RDC1_WORD0, &cfg.b_CFG_RDC1_WORD1, &cfg.b_CFG_RDC1_WORD2, &cfg.b_CFG_RDC1_WORD3];
+    let words2 = [&cfg.b_CFG_RDC2_WORD0, &cfg.b_CFG_RDC2_WORD1, &cfg.b_CFG_RDC2_WORD2, &cfg.b_CFG_RDC2_WORD3];
+    configure(words1, one, FRAME1);
+    configure(words2, two, FRAME2);
+}
+
+/// Master and slave have structures of their own, with the same names.
+macro_rules! configure_wrc {
+    ($cfg:expr, $one:expr, $two:expr) => {{
+        let cfg = $cfg;
+        let words1 =
+            [&cfg.b_CFG_WRC1_WORD0, &cfg.b_CFG_WRC1_WORD1, &cfg.b_CFG_WRC1_WORD2, &cfg.b_CFG_WRC1_WORD3];
+        let words2 =
+            [&cfg.b_CFG_WRC2_WORD0, &cfg.b_CFG_WRC2_WORD1, &cfg.b_CFG_WRC2_WORD2, &cfg.b_CFG_WRC2_WORD3];
+        configure(words1, $one, FRAME1);
+        configure(words2, $two, FRAME2);
+    }};
+}
+
+/// Maps reference values into the reference value frames of a master (manual p. 233-235).
+///
+/// Begins anew to notice received actual values, too (decision D-207).
+#[derive(Clone, Debug)]
+pub struct CANsync_PD_CFG_MA {
+    /// Reference value (0 to 3) in each word of frame 1; -1 (default): none.
+    pub a_WRC1: [i8; 4],
+    /// TRUE: its high word; default: its low word.
+    pub a_HL_WRC1: [bool; 4],
+    /// Reference value (4 to 7) in each word of frame 2; -1 (default): none.
+    pub a_WRC2: [i8; 4],
+    /// TRUE: its high word; default: its low word.
+    pub a_HL_WRC2: [bool; 4],
+}
+
+impl Default for CANsync_PD_CFG_MA {
+    fn default() -> Self {
+        CANsync_PD_CFG_MA {
+            a_WRC1: [NONE; 4],
+            a_HL_WRC1: [false; 4],
+            a_WRC2: [NONE; 4],
+            a_HL_WRC2: [false; 4],
+        }
+    }
+}
+
+impl CANsync_PD_CFG_MA {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));
+        _BASE.b_STATREG_RDC1.store(NOBODY);
+        _BASE.b_STATREG_RDC2.store(NOBODY);
+    }
+}
+
+macro_rules! read {
+    ($name:ident, $base:ident, $who:literal, $page:literal) => {
+        #[doc = concat!("Maps the actual value frames of one slave to actual values of ", $who)]
+        #[doc = concat!("(manual p. ", $page, ").")]
+        #[derive(Clone, Debug)]
+        pub struct $name {
+            /// The slave that sends the frames, 0 to 31; other numbers do nothing.
+            pub si_SL_NR: i8,
+            /// Actual value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
+            pub a_RDC1: [i8; 4],
+            /// TRUE: its high word; default: its low word.
+            pub a_HL_RDC1: [bool; 4],
+            /// Actual value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
+            pub a_RDC2: [i8; 4],
+            /// TRUE: its high word; default: its low word.
+            pub a_HL_RDC2: [bool; 4],
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                $name {
+                    si_SL_NR: 0,
+                    a_RDC1: [NONE; 4],
+                    a_HL_RDC1: [false; 4],
+                    a_RDC2: [NONE; 4],
+                    a_HL_RDC2: [false; 4],
+                }
+            }
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, _BASE: &Base<$base>) {
+                let slave = slave_index(self.si_SL_NR);
+                if let Some(cfg) = slave.and_then(|slave| _BASE.a_CFG_RDC_WORD.get(slave)) {
+                    configure_rdc(cfg, (self.a_RDC1, self.a_HL_RDC1), (self.a_RDC2, self.a_HL_RDC2));
+                }
+            }
+        }
+    };
+}
+
+read!(CANsync_PD_CFG_READ_MA, CANsync_MA_CTRL_BMSTRUCT, "the master", "236-238");
+read!(CANsync_PD_CFG_READ_SL, CANsync_SL_CTRL_BMSTRUCT, "another slave", "239-241");
+
+/// Maps the reference value frames of a slave to reference values, and its own actual values into its
+/// actual value frames (manual p. 242-246).
+///
+/// Begins anew to notice overheard actual values, too (decision D-207).
+#[derive(Clone, Debug)]
+pub struct CANsync_PD_CFG_SL {
+    /// Reference value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
+    pub a_WRC1: [i8; 4],
+    /// TRUE: its high word; default: its low word.
+    pub a_HL_WRC1: [bool; 4],
+    /// Reference value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
+    pub a_WRC2: [i8; 4],
+    /// TRUE: its high word; default: its low word.
+    pub a_HL_WRC2: [bool; 4],
+    /// Own actual value (0 to 3) in each word of frame 1; -1 (default): none.
+    pub a_RDC1: [i8; 4],
+    /// TRUE: its high word; default: its low word.
+    pub a_HL_RDC1: [bool; 4],
+    /// Own actual value (4 to 7) in each word of frame 2; -1 (default): none.
+    pub a_RDC2: [i8; 4],
+    /// TRUE: its high word; default: its low word.
+    pub a_HL_RDC2: [bool; 4],
+}
+
+impl Default for CANsync_PD_CFG_SL {
+    fn default() -> Self {
+        CANsync_PD_CFG_SL {
+            a_WRC1: [NONE; 4],
+            a_HL_WRC1: [false; 4],
+            a_WRC2: [NONE; 4],
+            a_HL_WRC2: [false; 4],
+            a_RDC1: [NONE; 4],
+            a_HL_RDC1: [false; 4],
+            a_RDC2: [NONE; 4],
+            a_HL_RDC2: [false; 4],
+        }
+    }
+}
+
+impl CANsync_PD_CFG_SL {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));
+        configure_rdc(&_BASE._CFG_RDC_WORD, (self.a_RDC1, self.a_HL_RDC1), (self.a_RDC2, self.a_HL_RDC2));
+        _BASE.b_STATREG_RDC1.store(NOBODY);
+        _BASE.b_STATREG_RDC2.store(NOBODY);
+    }
+}

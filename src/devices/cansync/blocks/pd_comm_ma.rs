@@ -1,0 +1,79 @@
+//! `CANsync_PD_COMM_MA`: process data of a master (p. 247-251).
+
+use super::CANsync_RD_BMARRAY;
+use super::comm_control::set_highest_slave;
+use super::process_data::{receive_from_all, send, take_last_slave};
+use super::registers::{AUTOMATIC, NOBODY, slave_index};
+use crate::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+use crate::memory::Cell8;
+use crate::plc::Base;
+
+/// Input of the slave numbers: nobody is asked.
+const ASK_NOBODY: i8 = -1;
+
+/// Hands over reference values and asks for actual values of slaves (manual p. 247-251). Call it right
+/// at the start of the CANsync event task.
+#[derive(Clone, Debug)]
+pub struct CANsync_PD_COMM_MA {
+    /// Reference values 0 to 7.
+    pub a_WR_VALUES_SEND: [i32; 8],
+    /// 5: reference values 0 to 3 are valid, send frame 1.
+    pub si_WRC1_SEND: i8,
+    /// 5: reference values 4 to 7 are valid, send frame 2.
+    pub si_WRC2_SEND: i8,
+    /// Slave asked for frame 1; -128 (default): all in turn; -1: nobody (decision D-208).
+    pub si_RD_SL_NR1_RECEIVE: i8,
+    /// Slave asked for frame 2; -128 (default): all in turn; -1: nobody.
+    pub si_RD_SL_NR2_RECEIVE: i8,
+    /// Highest number of those in turn; -1 (default): as it was.
+    pub si_MAX_SL_NR: i8,
+    /// Copies received actual values to `a_RD_ARRAY`; default: FALSE.
+    pub x_COPY_TO_RD_ARRAY: bool,
+    /// Slave whose frame 1 was received last since the last call; -128: none.
+    pub si_RD_SL_NR1_RECEIVED: i8,
+    /// Slave whose frame 2 was received last since the last call; -128: none.
+    pub si_RD_SL_NR2_RECEIVED: i8,
+}
+
+impl Default for CANsync_PD_COMM_MA {
+    fn default() -> Self {
+        CANsync_PD_COMM_MA {
+            a_WR_VALUES_SEND: [0; 8],
+            si_WRC1_SEND: 0,
+            si_WRC2_SEND: 0,
+            si_RD_SL_NR1_RECEIVE: AUTOMATIC,
+            si_RD_SL_NR2_RECEIVE: AUTOMATIC,
+            si_MAX_SL_NR: -1,
+            x_COPY_TO_RD_ARRAY: false,
+            si_RD_SL_NR1_RECEIVED: AUTOMATIC,
+            si_RD_SL_NR2_RECEIVED: AUTOMATIC,
+        }
+    }
+}
+
+impl CANsync_PD_COMM_MA {
+    /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
+    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>, a_RD_ARRAY: &mut CANsync_RD_BMARRAY) {
+        set_highest_slave(&_BASE.b_MAX_SL_NR, self.si_MAX_SL_NR);
+        ask(&_BASE.b_CTRLREG_RD_ORDER_RDC1, self.si_RD_SL_NR1_RECEIVE);
+        ask(&_BASE.b_CTRLREG_RD_ORDER_RDC2, self.si_RD_SL_NR2_RECEIVE);
+        let inputs = [self.si_WRC1_SEND, self.si_WRC2_SEND];
+        let controls = [&_BASE.b_CTRLREG_WRC1, &_BASE.b_CTRLREG_WRC2];
+        send(&self.a_WR_VALUES_SEND, inputs, &_BASE.a_WR_VALUE, controls);
+        self.si_RD_SL_NR1_RECEIVED = take_last_slave(&_BASE.b_STATREG_RDC1);
+        self.si_RD_SL_NR2_RECEIVED = take_last_slave(&_BASE.b_STATREG_RDC2);
+        if self.x_COPY_TO_RD_ARRAY {
+            receive_from_all(&_BASE.a_STATREG_RDC, &_BASE.a_RD_BMARRAY, a_RD_ARRAY);
+        }
+    }
+}
+
+/// Input of a slave number; other numbers than the documented ones leave the register as it is.
+fn ask(register: &Cell8, slave: i8) {
+    match slave {
+        ASK_NOBODY => register.store(NOBODY),
+        AUTOMATIC => register.store(AUTOMATIC as u8),
+        number if slave_index(number).is_some() => register.store(number as u8),
+        _ => {}
+    }
+}

@@ -1,0 +1,39 @@
+//! `CANsync_PD_COMM_READ_MA`, `CANsync_PD_COMM_READ_SL`: actual values of one slave (p. 252-255).
+
+use super::process_data::receive_from;
+use super::registers::slave_index;
+use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::plc::Base;
+
+macro_rules! read {
+    ($name:ident, $base:ident, $master_block:literal, $page:literal) => {
+        #[doc = concat!("Reads the actual values of one slave (manual p. ", $page, "). Kept by the vendor for")]
+        #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $master_block, "`.")]
+        #[derive(Clone, Debug, Default)]
+        pub struct $name {
+            /// The slave, 0 to 31; other numbers read nothing.
+            pub si_SL_NR: i8,
+            /// Actual values 0 to 7, each half only after its frame was received.
+            pub a_RD_VALUES: [i32; 8],
+            /// 2: frame 1 was received since the last call; otherwise 0.
+            pub si_RD_SL_NR1_RECEIVED: i8,
+            /// 2: frame 2 was received since the last call; otherwise 0.
+            pub si_RD_SL_NR2_RECEIVED: i8,
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, _BASE: &Base<$base>) {
+                let slave = slave_index(self.si_SL_NR)
+                    .and_then(|slave| _BASE.a_STATREG_RDC.get(slave).zip(_BASE.a_RD_BMARRAY.get(slave)));
+                [self.si_RD_SL_NR1_RECEIVED, self.si_RD_SL_NR2_RECEIVED] = match slave {
+                    Some((state, registers)) => receive_from(state, registers, &mut self.a_RD_VALUES),
+                    None => [0; 2],
+                };
+            }
+        }
+    };
+}
+
+read!(CANsync_PD_COMM_READ_MA, CANsync_MA_CTRL_BMSTRUCT, "CANsync_PD_COMM_MA", "252-253");
+read!(CANsync_PD_COMM_READ_SL, CANsync_SL_CTRL_BMSTRUCT, "CANsync_PD_COMM_SL", "254-255");

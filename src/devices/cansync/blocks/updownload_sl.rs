@@ -1,0 +1,192 @@
+//! `CANsync_UPDOWNLOAD_SL`: up- and downloads at a slave (p. 268-271).
+
+use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
+use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, INIT, LAST, MODE, SLAVE_CANCELS};
+use super::updownload_ma::PRESET_TIME;
+use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use crate::plc::Base;
+use crate::plc::Watch;
+use core::time::Duration;
+
+/// Bit 1: the master has changed or cancelled the job.
+const CHANGE: u8 = 1 << 1;
+/// Bit 0 of `w_ERR`.
+const TIMEOUT: u16 = 1 << 0;
+
+/// Does the up- and downloads of [`CANsync_UPDOWNLOAD_MA`](super::CANsync_UPDOWNLOAD_MA) at the slave
+/// (manual p. 268-271).
+#[derive(Clone, Debug)]
+pub struct CANsync_UPDOWNLOAD_SL {
+    /// Monitoring time of a whole job, in emulated time; preset 30 s.
+    pub t_TIME: Duration,
+    /// Accepts jobs. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
+    pub x_EN: bool,
+    /// Resets the block; needed after an error or a cancelled job.
+    pub x_RESET: bool,
+    /// FALSE: the job is an upload, TRUE: a download.
+    pub x_UPDOWN: bool,
+    /// A job is under way.
+    pub x_ORDER_ACTIV: bool,
+    /// Values of the block being transferred, 1 to 75.
+    pub u_LENGTH: u16,
+    /// The block works at a job.
+    pub x_BUSY: bool,
+    /// Bit 0: timeout.
+    pub w_ERR: u16,
+    /// `w_ERR` is not 0.
+    pub x_ERR: bool,
+    /// The last job has been done.
+    pub x_OK: bool,
+    #[doc(hidden)]
+    pub internal: Phase,
+}
+
+impl Default for CANsync_UPDOWNLOAD_SL {
+    fn default() -> Self {
+        CANsync_UPDOWNLOAD_SL {
+            t_TIME: PRESET_TIME,
+            x_EN: false,
+            x_RESET: false,
+            x_UPDOWN: false,
+            x_ORDER_ACTIV: false,
+            u_LENGTH: 0,
+            x_BUSY: false,
+            w_ERR: 0,
+            x_ERR: false,
+            x_OK: false,
+            internal: Phase::Idle,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub enum Phase {
+    Idle,
+    /// A job of several blocks is under way; this one is the latest.
+    Transfer(Watch, Block),
+    /// The last block is answered; the master has yet to fetch the answer.
+    Ending(Watch),
+    /// Failed or cancelled: only `x_RESET` helps.
+    Locked,
+}
+
+impl CANsync_UPDOWNLOAD_SL {
+    /// One PLC cycle. Reads from `a_UPLOAD`, or writes to `a_DOWNLOAD`.
+    pub fn call(
+        &mut self,
+        _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>,
+        a_DOWNLOAD: &mut CANsync_UPDOWN_BMARRAY,
+        a_UPLOAD: &CANsync_UPDOWN_BMARRAY,
+    ) {
+        if self.x_RESET || !self.x_EN {
+            _BASE.b_EN_UPDOWNBLK1.store(0);
+            if let Phase::Transfer(..) | Phase::Ending(_) = self.internal {
+                refuse(_BASE, SLAVE_CANCELS);
+                self.show(Phase::Locked);
+            }
+            if self.x_RESET {
+                self.show(Phase::Idle);
+                (self.w_ERR, self.x_ERR, self.x_OK) = (0, false, false);
+            }
+            return;
+        }
+        _BASE.b_EN_UPDOWNBLK1.store(1);
+        let control = job(_BASE).control();
+        let is_locked = matches!(self.internal, Phase::Locked);
+        if control & CHANGE != 0 {
+            job(_BASE).change(|value| value | RESET);
+            return self.show(if is_locked { Phase::Locked } else { Phase::Idle });
+        }
+        if is_locked {
+            // The master shall not wait for a block that needs a reset.
+            if control & ACTIVE != 0 {
+                refuse(_BASE, SLAVE_CANCELS);
+            }
+            return;
+        }
+        // A new job shows that the answer to the one before has gone out, too.
+        if matches!(self.internal, Phase::Ending(_)) && (control & BUSY == 0 || control & ACTIVE != 0) {
+            self.show(Phase::Idle);
+            self.x_OK = true;
+        }
+        if control & ACTIVE != 0 {
+            match (control & MODE, self.internal) {
+                (INIT, _) => self.begin(_BASE, control, a_UPLOAD),
+                (LAST, Phase::Transfer(watch, block)) => self.block_done(_BASE, watch, block, a_DOWNLOAD),
+                // Begun before this block was enabled or reset.
+                _ => refuse(_BASE, SLAVE_CANCELS),
+            }
+        }
+        if let Phase::Transfer(watch, _) | Phase::Ending(watch) = self.internal
+            && watch.is_over(_BASE)
+        {
+            refuse(_BASE, SLAVE_CANCELS);
+            self.show(Phase::Locked);
+            (self.w_ERR, self.x_ERR) = (TIMEOUT, true);
+        }
+    }
+
+    /// Goes on to `phase` and shows it.
+    fn show(&mut self, phase: Phase) {
+        self.internal = phase;
+        self.x_BUSY = matches!(phase, Phase::Transfer(..) | Phase::Ending(_));
+        self.x_ORDER_ACTIV = self.x_BUSY;
+    }
+
+    /// The master begins a block: its first one begins the job.
+    fn begin(
+        &mut self,
+        base: &Base<CANsync_SL_CTRL_BMSTRUCT>,
+        control: u8,
+        a_UPLOAD: &CANsync_UPDOWN_BMARRAY,
+    ) {
+        let block = match Block::of_job(base.d_BASE_ADR_UPDOWNBLK1.load(), base.w_LENGTH_UPDOWNBLK1.load()) {
+            Ok(block) => block,
+            Err(number) => {
+                refuse(base, number);
+                return self.show(Phase::Idle);
+            }
+        };
+        let watch = match self.internal {
+            Phase::Transfer(watch, before) if before.next() == Some(block) => watch,
+            _ => base.watch(self.t_TIME),
+        };
+        self.x_UPDOWN = control & DOWNLOAD != 0;
+        self.u_LENGTH = block.values as u16;
+        self.x_OK = false;
+        if !self.x_UPDOWN {
+            let values = a_UPLOAD.iter().skip(block.first).take(block.values);
+            base.a_DATA_UPDOWNBLK1.iter().zip(values).for_each(|(cell, value)| cell.store(*value as u32));
+        }
+        self.show(Phase::Transfer(watch, block));
+        job(base).change(|value| value & !ACTIVE);
+    }
+
+    /// All data of a block are through.
+    fn block_done(
+        &mut self,
+        base: &CANsync_SL_CTRL_BMSTRUCT,
+        watch: Watch,
+        block: Block,
+        a_DOWNLOAD: &mut CANsync_UPDOWN_BMARRAY,
+    ) {
+        if self.x_UPDOWN {
+            let values = a_DOWNLOAD.iter_mut().skip(block.first).take(block.values);
+            values.zip(&base.a_DATA_UPDOWNBLK1).for_each(|(value, cell)| *value = cell.load() as i32);
+        }
+        if block.next().is_none() {
+            self.show(Phase::Ending(watch));
+        }
+        job(base).change(|value| value & !ACTIVE);
+    }
+}
+
+/// Ends the transfer with an error number.
+fn refuse(base: &CANsync_SL_CTRL_BMSTRUCT, number: u16) {
+    base.w_ERR_NR_UPDOWNBLK1.store(number);
+    job(base).change(|value| value & !ACTIVE | ERROR);
+}
+
+fn job(base: &CANsync_SL_CTRL_BMSTRUCT) -> Job<'_> {
+    Job { control: &base.b_STEUREG_UPDOWNBLK1, status: &base.b_STATREG_UPDOWNBLK1 }
+}

@@ -1,0 +1,269 @@
+//! Any frame, taken apart as far as it goes by itself, and its line in a trace.
+
+use super::parameter::{self, VALUE_ELEMENT};
+use super::updown;
+use super::{
+    Access, Action, ActionCommand, CodecError, Direction, ParameterJob, ParameterResponse, ParameterResult,
+    UpDownJob, UpDownResponse, UpDownResult, UpDownStep,
+};
+use crate::devices::cansync::bus::{Channel, Frame, FrameKind, Payload};
+use core::fmt;
+
+/// A frame of CANsync. Its [`Display`](fmt::Display) is one line for a trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Decoded {
+    /// Reference values of the master.
+    ReferenceValue {
+        /// WRC1 or WRC2.
+        channel: Channel,
+        /// The slave that has to answer with its actual values.
+        asked: u8,
+        /// The words; what they mean is a matter of configuration.
+        payload: Payload,
+    },
+    /// Actual values of a slave.
+    ActualValue {
+        /// RDC1 or RDC2.
+        channel: Channel,
+        /// Who sends them.
+        slave: u8,
+        /// The words.
+        payload: Payload,
+    },
+    /// Action command.
+    Action(ActionCommand),
+    /// Parameter job.
+    ParameterJob {
+        /// To whom.
+        slave: u8,
+        /// What for.
+        job: ParameterJob,
+    },
+    /// Answer to a parameter job.
+    ParameterResponse {
+        /// By whom.
+        slave: u8,
+        /// The answer, read without knowledge of the job.
+        response: ParameterResponse,
+    },
+    /// Up-/download job.
+    UpDownJob {
+        /// To whom.
+        slave: u8,
+        /// What for.
+        job: UpDownJob,
+    },
+    /// Answer to an up-/download job.
+    UpDownResponse {
+        /// By whom.
+        slave: u8,
+        /// The answer, read without knowledge of the job.
+        response: UpDownResponse,
+    },
+}
+
+/// Bit 7 of the first data byte tells up-/download (1) from parameter frames (0).
+#[inline]
+pub const fn is_up_download(payload: &Payload) -> bool {
+    payload.padded()[0] & 0x80 != 0
+}
+
+/// Takes a frame apart.
+///
+/// # Errors
+/// [`CodecError::ForeignIdentifier`], or what is wrong with the data of a known frame.
+pub const fn decode(frame: &Frame) -> Result<Decoded, CodecError> {
+    let Some(kind) = frame.kind() else {
+        return Err(CodecError::ForeignIdentifier(frame.id()));
+    };
+    let payload = frame.payload();
+    match kind {
+        FrameKind::ReferenceValue(channel, asked) => {
+            Ok(Decoded::ReferenceValue { channel, asked, payload: *payload })
+        }
+        FrameKind::ActualValue(channel, slave) => {
+            Ok(Decoded::ActualValue { channel, slave, payload: *payload })
+        }
+        FrameKind::Action => match ActionCommand::decode(payload) {
+            Ok(command) => Ok(Decoded::Action(command)),
+            Err(error) => Err(error),
+        },
+        FrameKind::Job(slave) if is_up_download(payload) => match UpDownJob::decode(payload) {
+            Ok(job) => Ok(Decoded::UpDownJob { slave, job }),
+            Err(error) => Err(error),
+        },
+        FrameKind::Job(slave) => match ParameterJob::decode(payload) {
+            Ok(job) => Ok(Decoded::ParameterJob { slave, job }),
+            Err(error) => Err(error),
+        },
+        FrameKind::Response(slave) if is_up_download(payload) => {
+            match UpDownResponse::decode_alone(payload) {
+                Ok(response) => Ok(Decoded::UpDownResponse { slave, response }),
+                Err(error) => Err(error),
+            }
+        }
+        FrameKind::Response(slave) => match ParameterResponse::decode_alone(payload) {
+            Ok(response) => Ok(Decoded::ParameterResponse { slave, response }),
+            Err(error) => Err(error),
+        },
+    }
+}
+
+impl fmt::Display for Decoded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Decoded::ReferenceValue { channel, asked, payload } => {
+                write!(f, "WRC{} -> answer by slave {asked}: {}", channel.number(), Words(payload))
+            }
+            Decoded::ActualValue { channel, slave, payload } => {
+                write!(f, "RDC{} of slave {slave}: {}", channel.number(), Words(payload))
+            }
+            Decoded::Action(command) => write!(f, "CC {command}"),
+            Decoded::ParameterJob { slave, job } => write!(f, "CC to slave {slave}: {job}"),
+            Decoded::ParameterResponse { slave, response } => write!(f, "RC of slave {slave}: {response}"),
+            Decoded::UpDownJob { slave, job } => write!(f, "CC to slave {slave}: {job}"),
+            Decoded::UpDownResponse { slave, response } => write!(f, "RC of slave {slave}: {response}"),
+        }
+    }
+}
+
+/// The words of process data, `3344 1122`; a last byte without partner stands alone.
+struct Words<'a>(&'a Payload);
+
+impl fmt::Display for Words<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.is_empty() {
+            return f.write_str("no data");
+        }
+        for (index, pair) in self.0.data().chunks(2).enumerate() {
+            if index > 0 {
+                f.write_str(" ")?;
+            }
+            for byte in pair.iter().rev() {
+                write!(f, "{byte:02X}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Bytes in their order on the bus.
+struct Bytes([u8; updown::BLOCK]);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, byte) in self.0.iter().enumerate() {
+            let gap = if index > 0 { " " } else { "" };
+            write!(f, "{gap}{byte:02X}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Appends the sub-slave address unless it is the slave itself.
+fn sub_slave(f: &mut fmt::Formatter<'_>, address: u16) -> fmt::Result {
+    if address != 0 { write!(f, ", sub-slave 16#{address:04X}") } else { Ok(()) }
+}
+
+impl fmt::Display for ActionCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.slave_group {
+            ActionCommand::ALL_SLAVES => f.write_str("to all slaves: ")?,
+            0 => f.write_str("to no slave: ")?,
+            _ => {
+                f.write_str("to slave ")?;
+                let mut gap = "";
+                for slave in (0..32).filter(|slave| self.concerns(*slave)) {
+                    write!(f, "{gap}{slave}")?;
+                    gap = ", ";
+                }
+                f.write_str(": ")?;
+            }
+        }
+        match self.action() {
+            Action::ControlWord(word) => write!(f, "control word 16#{word:04X}"),
+            Action::SyncMode(true) => f.write_str("SYNC mode on"),
+            Action::SyncMode(false) => f.write_str("SYNC mode off"),
+            Action::Other => {
+                let ActionCommand { command, data_byte, data_word, .. } = self;
+                write!(f, "command 16#{command:02X}, DB 16#{data_byte:02X}, DW 16#{data_word:04X}")
+            }
+        }
+    }
+}
+
+impl fmt::Display for ParameterJob {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let number = self.number();
+        match self.access() {
+            Access::Read => write!(f, "read parameter {number}")?,
+            Access::WriteWord(value) => write!(f, "write parameter {number} := 16#{value:04X}")?,
+            Access::WriteDoubleword(value) => write!(f, "write parameter {number} := 16#{value:08X}")?,
+        }
+        if self.element() != VALUE_ELEMENT {
+            write!(f, ", element {}", self.element())?;
+        }
+        sub_slave(f, self.sub_slave())
+    }
+}
+
+impl fmt::Display for ParameterResponse {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "parameter {}", self.number())?;
+        match self.result() {
+            ParameterResult::Word(value) => write!(f, " = 16#{value:04X}")?,
+            ParameterResult::Doubleword(value) => write!(f, " = 16#{value:08X}")?,
+            ParameterResult::Done => f.write_str(" written")?,
+            ParameterResult::Error(number) => {
+                write!(f, ": error 16#{number:04X} ({})", parameter::error_number::text(number))?;
+            }
+            ParameterResult::Busy => f.write_str(": BUSY")?,
+        }
+        sub_slave(f, self.sub_slave())
+    }
+}
+
+impl fmt::Display for UpDownJob {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_cancel() {
+            return f.write_str("cancel up-/download");
+        }
+        let direction = match self.direction() {
+            Direction::Upload => "upload",
+            Direction::Download => "download",
+        };
+        let offset = self.offset();
+        match self.step() {
+            UpDownStep::Init { address, sub_slave: sub, .. } => {
+                write!(f, "{direction} of {offset} bytes from 16#{address:08X} begins")?;
+                sub_slave(f, sub)
+            }
+            UpDownStep::Upload { last } => write!(f, "{direction}, {}block {offset}", last_text(last)),
+            UpDownStep::Download { last, data } => {
+                write!(f, "{direction}, {}block {offset}: {}", last_text(last), Bytes(data))
+            }
+        }
+    }
+}
+
+const fn last_text(last: bool) -> &'static str {
+    if last { "last " } else { "" }
+}
+
+impl fmt::Display for UpDownResponse {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "up-/download, block {}: ", self.offset())?;
+        match self.result() {
+            UpDownResult::Done => f.write_str("done"),
+            UpDownResult::Data(data) => write!(f, "{}", Bytes(data)),
+            UpDownResult::Error(number) => {
+                write!(f, "error 16#{number:04X} ({})", updown::error_number::text(number))
+            }
+            UpDownResult::Busy => f.write_str("BUSY"),
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "decoded_tests.rs"]
+mod tests;

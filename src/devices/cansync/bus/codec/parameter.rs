@@ -1,0 +1,317 @@
+//! Parameter jobs and their answers (manual 5.00005.03a p. 139-140, 5.01010.01 p. 26-27).
+//!
+//! A job's kind shows in its length alone: 4 bytes read, 6 write a word, 8 write a doubleword. Answers of
+//! 6 bytes may be a value or an error, and an answer of 4 bytes a finished write or BUSY; bits 6 and 5 of
+//! the first byte tell, and whether such an answer fits can be judged only with the job at hand.
+
+use super::CodecError;
+use crate::devices::cansync::bus::{Frame, FrameKind, Payload};
+
+/// Highest parameter number.
+pub const MAX_NUMBER: u16 = 4095;
+/// The element that is the parameter's value, the only one that may be written.
+pub const VALUE_ELEMENT: u8 = 7;
+
+/// Error numbers of a slave (manual 5.00005.03a p. 166).
+pub mod error_number {
+    /// Error without further explanation.
+    pub const GENERAL: u16 = 0xFFFF;
+    /// Value below the minimum.
+    pub const BELOW_MINIMUM: u16 = 0xFFFE;
+    /// Value above the maximum.
+    pub const ABOVE_MAXIMUM: u16 = 0xFFFD;
+    /// Parameter cannot be changed.
+    pub const NOT_CHANGEABLE: u16 = 0xFFFC;
+    /// Parameter does not exist.
+    pub const NOT_PRESENT: u16 = 0xFFFB;
+    /// Parameter cannot be had now.
+    pub const NOT_AVAILABLE_NOW: u16 = 0xFFFA;
+    /// Wrong data format (word for doubleword or the other way round).
+    pub const DATA_FORMAT: u16 = 0xFFF9;
+
+    /// A few words on an error number.
+    pub const fn text(number: u16) -> &'static str {
+        match number {
+            GENERAL => "error",
+            BELOW_MINIMUM => "below minimum",
+            ABOVE_MAXIMUM => "above maximum",
+            NOT_CHANGEABLE => "not changeable",
+            NOT_PRESENT => "not present",
+            NOT_AVAILABLE_NOW => "not available now",
+            DATA_FORMAT => "wrong data format",
+            _ => "error of the application",
+        }
+    }
+}
+
+/// What a parameter job wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Access {
+    /// Read; the answer tells the format.
+    Read,
+    /// Write a word.
+    WriteWord(u16),
+    /// Write a doubleword.
+    WriteDoubleword(u32),
+}
+
+/// A parameter job of the master.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ParameterJob {
+    number: u16,
+    element: u8,
+    sub_slave: u16,
+    access: Access,
+}
+
+impl ParameterJob {
+    /// A job for the value (element 7) of parameter `number` of the slave itself (sub-slave address 0).
+    ///
+    /// # Errors
+    /// [`CodecError::ParameterNumber`] above 4095.
+    #[inline]
+    pub const fn new(number: u16, access: Access) -> Result<Self, CodecError> {
+        if number > MAX_NUMBER {
+            return Err(CodecError::ParameterNumber(number));
+        }
+        Ok(ParameterJob { number, element: VALUE_ELEMENT, sub_slave: 0, access })
+    }
+
+    /// The same job for another element, 0 to 7.
+    ///
+    /// # Errors
+    /// [`CodecError::Element`] above 7.
+    #[inline]
+    pub const fn with_element(self, element: u8) -> Result<Self, CodecError> {
+        if element > 7 {
+            return Err(CodecError::Element(element));
+        }
+        Ok(ParameterJob { element, ..self })
+    }
+
+    /// The same job for a sub-slave; 0 is the slave itself.
+    #[inline]
+    pub const fn with_sub_slave(self, sub_slave: u16) -> Self {
+        ParameterJob { sub_slave, ..self }
+    }
+
+    /// Parameter number, 0 to 4095.
+    #[inline]
+    pub const fn number(&self) -> u16 {
+        self.number
+    }
+
+    /// Element selection, 0 to 7; 7 is the value.
+    #[inline]
+    pub const fn element(&self) -> u8 {
+        self.element
+    }
+
+    /// Sub-slave address; 0 is the slave itself.
+    #[inline]
+    pub const fn sub_slave(&self) -> u16 {
+        self.sub_slave
+    }
+
+    /// Read or write.
+    #[inline]
+    pub const fn access(&self) -> Access {
+        self.access
+    }
+
+    /// The answer to this job.
+    #[inline]
+    pub const fn answer(&self, result: ParameterResult) -> ParameterResponse {
+        ParameterResponse { number: self.number, sub_slave: self.sub_slave, result }
+    }
+
+    /// The frame to `slave` (0 to 127, on a bus 0 to 31).
+    #[inline]
+    pub const fn frame(&self, slave: u8) -> Frame {
+        let [number_low, number_high] = self.number.to_le_bytes();
+        let control = self.element << 4 | number_high;
+        let [sub_low, sub_high] = self.sub_slave.to_le_bytes();
+        let payload = match self.access {
+            Access::Read => Payload::from_padded([control, number_low, sub_low, sub_high, 0, 0, 0, 0], 4),
+            Access::WriteWord(value) => {
+                let [a, b] = value.to_le_bytes();
+                Payload::from_padded([control, number_low, a, b, sub_low, sub_high, 0, 0], 6)
+            }
+            Access::WriteDoubleword(value) => {
+                let [a, b, c, d] = value.to_le_bytes();
+                Payload::from_padded([control, number_low, a, b, c, d, sub_low, sub_high], 8)
+            }
+        };
+        Frame::of(FrameKind::Job(slave), payload)
+    }
+
+    /// Reads the data field of a parameter job.
+    ///
+    /// # Errors
+    /// [`CodecError::OtherService`] if it is an up-/download job, [`CodecError::Length`] if it has not
+    /// 4, 6 or 8 data bytes.
+    #[inline]
+    pub const fn decode(payload: &Payload) -> Result<Self, CodecError> {
+        let [control, number_low, a, b, c, d, e, f] = payload.padded();
+        if control & 0x80 != 0 {
+            return Err(CodecError::OtherService { found: "up-/download", expected: "parameter" });
+        }
+        let (access, sub_slave) = match payload.len() {
+            4 => (Access::Read, u16::from_le_bytes([a, b])),
+            6 => (Access::WriteWord(u16::from_le_bytes([a, b])), u16::from_le_bytes([c, d])),
+            8 => (Access::WriteDoubleword(u32::from_le_bytes([a, b, c, d])), u16::from_le_bytes([e, f])),
+            _ => return Err(CodecError::length("parameter job", payload, "4, 6 or 8")),
+        };
+        let number = u16::from_le_bytes([number_low, control & 0x0F]);
+        Ok(ParameterJob { number, element: control >> 4, sub_slave, access })
+    }
+
+    const fn text(&self) -> &'static str {
+        match self.access {
+            Access::Read => "a read job",
+            Access::WriteWord(_) | Access::WriteDoubleword(_) => "a write job",
+        }
+    }
+}
+
+/// How a slave answers a parameter job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ParameterResult {
+    /// Read: the value, a word.
+    Word(u16),
+    /// Read: the value, a doubleword.
+    Doubleword(u32),
+    /// Written.
+    Done,
+    /// Refused; see [`error_number`].
+    Error(u16),
+    /// Not ready yet; the master repeats the job.
+    Busy,
+}
+
+/// The answer of a slave to a parameter job; [`ParameterJob::answer`] makes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ParameterResponse {
+    number: u16,
+    sub_slave: u16,
+    result: ParameterResult,
+}
+
+const BUSY: u8 = 0x40;
+const ERR: u8 = 0x20;
+
+impl ParameterResponse {
+    /// Parameter number, 0 to 4095.
+    #[inline]
+    pub const fn number(&self) -> u16 {
+        self.number
+    }
+
+    /// Sub-slave address; 0 is the slave itself.
+    #[inline]
+    pub const fn sub_slave(&self) -> u16 {
+        self.sub_slave
+    }
+
+    /// Value, done, error or BUSY.
+    #[inline]
+    pub const fn result(&self) -> ParameterResult {
+        self.result
+    }
+
+    /// The frame of slave `slave` (0 to 127, on a bus 0 to 31).
+    ///
+    /// The manual does not give the layout of a BUSY answer; it is sent with four bytes like a finished
+    /// write: status, number, sub-slave address.
+    #[inline]
+    pub const fn frame(&self, slave: u8) -> Frame {
+        let [number_low, number_high] = self.number.to_le_bytes();
+        let [sub_low, sub_high] = self.sub_slave.to_le_bytes();
+        let payload = match self.result {
+            ParameterResult::Word(value) => {
+                let [a, b] = value.to_le_bytes();
+                Payload::from_padded([number_high, number_low, a, b, sub_low, sub_high, 0, 0], 6)
+            }
+            ParameterResult::Doubleword(value) => {
+                let [a, b, c, d] = value.to_le_bytes();
+                Payload::from_padded([number_high, number_low, a, b, c, d, sub_low, sub_high], 8)
+            }
+            ParameterResult::Done => {
+                Payload::from_padded([number_high, number_low, sub_low, sub_high, 0, 0, 0, 0], 4)
+            }
+            ParameterResult::Error(error) => {
+                let [a, b] = error.to_le_bytes();
+                Payload::from_padded([ERR | number_high, number_low, a, b, sub_low, sub_high, 0, 0], 6)
+            }
+            ParameterResult::Busy => {
+                Payload::from_padded([BUSY | number_high, number_low, sub_low, sub_high, 0, 0, 0, 0], 4)
+            }
+        };
+        Frame::of(FrameKind::Response(slave), payload)
+    }
+
+    /// Reads the data field of an answer to `job`.
+    ///
+    /// # Errors
+    /// As [`ParameterResponse::decode_alone`]; further [`CodecError::OtherParameter`],
+    /// [`CodecError::OtherSubSlave`] or [`CodecError::Mismatch`] if it cannot be the answer to `job`.
+    #[inline]
+    pub fn decode(job: &ParameterJob, payload: &Payload) -> Result<Self, CodecError> {
+        let response = Self::decode_alone(payload)?;
+        if response.number != job.number {
+            return Err(CodecError::OtherParameter { asked: job.number, found: response.number });
+        }
+        let write = !matches!(job.access, Access::Read);
+        match response.result {
+            // Where a BUSY answer names the sub-slave is our own convention, so it is not insisted upon.
+            ParameterResult::Busy => return Ok(job.answer(ParameterResult::Busy)),
+            ParameterResult::Word(_) | ParameterResult::Doubleword(_) if write => {
+                return Err(CodecError::Mismatch { answer: "a value", job: job.text() });
+            }
+            ParameterResult::Done if !write => {
+                return Err(CodecError::Mismatch { answer: "no value", job: job.text() });
+            }
+            _ => {}
+        }
+        if response.sub_slave != job.sub_slave {
+            return Err(CodecError::OtherSubSlave { asked: job.sub_slave, found: response.sub_slave });
+        }
+        Ok(response)
+    }
+
+    /// Reads the data field of an answer without knowing the job, as a trace has to: 4 bytes are taken
+    /// for a finished write, 6 and 8 for a value that was read.
+    ///
+    /// With BUSY set any length from 2 bytes on is taken, and ERR is not looked at; if the length is not
+    /// 4, the sub-slave address counts as 0.
+    ///
+    /// # Errors
+    /// [`CodecError::OtherService`] if it answers an up-/download job, [`CodecError::Length`].
+    #[inline]
+    pub const fn decode_alone(payload: &Payload) -> Result<Self, CodecError> {
+        let [status, number_low, a, b, c, d, e, f] = payload.padded();
+        if status & 0x80 != 0 {
+            return Err(CodecError::OtherService { found: "up-/download", expected: "parameter" });
+        }
+        let word = u16::from_le_bytes([a, b]);
+        let next = u16::from_le_bytes([c, d]);
+        let (result, sub_slave) = match (status & BUSY != 0, status & ERR != 0, payload.len()) {
+            (true, _, 4) => (ParameterResult::Busy, word),
+            (true, _, 2..=8) => (ParameterResult::Busy, 0),
+            (false, true, 6) => (ParameterResult::Error(word), next),
+            (false, false, 4) => (ParameterResult::Done, word),
+            (false, false, 6) => (ParameterResult::Word(word), next),
+            (false, false, 8) => {
+                (ParameterResult::Doubleword(u32::from_le_bytes([a, b, c, d])), u16::from_le_bytes([e, f]))
+            }
+            (true, ..) => return Err(CodecError::length("BUSY answer", payload, "4")),
+            (false, true, _) => return Err(CodecError::length("parameter error answer", payload, "6")),
+            (false, false, _) => return Err(CodecError::length("parameter answer", payload, "4, 6 or 8")),
+        };
+        Ok(ParameterResponse { number: u16::from_le_bytes([number_low, status & 0x0F]), sub_slave, result })
+    }
+}
+
+#[cfg(test)]
+#[path = "parameter_tests.rs"]
+mod tests;

@@ -1,0 +1,353 @@
+//! Up- and download frames (manual 5.00005.03a p. 141-143).
+//!
+//! An init frame announces address and length, then the data travels in blocks of six bytes at the
+//! offsets 0, 6, 12 ..., the last one in a frame of its own mode. What the blocks mean in sequence is not
+//! decided here.
+
+use super::CodecError;
+use crate::devices::cansync::bus::{Frame, FrameKind, Payload};
+
+/// Data bytes of one frame.
+pub const BLOCK: usize = 6;
+/// Highest block length or offset: 12 bits.
+pub const MAX_OFFSET: u16 = 4095;
+
+const SERVICE: u8 = 0x80;
+const DOWNLOAD: u8 = 0x40;
+const MODE: u8 = 0x30;
+const INIT: u8 = 0x10;
+const BODY: u8 = 0x20;
+const LAST: u8 = 0x30;
+const BUSY: u8 = 0x40;
+const ERR: u8 = 0x20;
+
+/// Error numbers of an up-/download (manual 5.00005.03a p. 168).
+pub mod error_number {
+    /// The slave has acknowledged a wrong block number (found by the master).
+    pub const WRONG_BLOCK: u16 = 0x0001;
+    /// Length above 300 bytes.
+    pub const LENGTH: u16 = 0x0002;
+    /// The slave expects the block with the number in the counter.
+    pub const EXPECTS_OTHER_BLOCK: u16 = 0x0100;
+    /// The slave expects the end of the block.
+    pub const EXPECTS_END: u16 = 0x0101;
+    /// The slave does not expect the end of the block yet.
+    pub const END_TOO_EARLY: u16 = 0x0102;
+    /// The slave cancels.
+    pub const SLAVE_CANCELS: u16 = 0x0103;
+    /// Up-/download not possible.
+    pub const NOT_POSSIBLE: u16 = 0x0104;
+    /// Base address not allowed.
+    pub const BASE_ADDRESS: u16 = 0x0105;
+    /// Longer than the slave takes.
+    pub const TOO_LONG: u16 = 0x0107;
+    /// Mode not allowed in this phase.
+    pub const MODE: u16 = 0x0108;
+
+    /// A few words on an error number.
+    pub const fn text(number: u16) -> &'static str {
+        match number {
+            WRONG_BLOCK => "wrong block acknowledged",
+            LENGTH => "length above 300 bytes",
+            EXPECTS_OTHER_BLOCK => "other block expected",
+            EXPECTS_END => "block end expected",
+            END_TOO_EARLY => "block end too early",
+            SLAVE_CANCELS => "cancelled by the slave",
+            NOT_POSSIBLE => "not possible",
+            BASE_ADDRESS => "base address not allowed",
+            TOO_LONG => "too long for the slave",
+            MODE => "mode not allowed now",
+            _ => "error of the application",
+        }
+    }
+}
+
+/// Direction of a transfer as the master sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Direction {
+    /// Slave to master.
+    Upload,
+    /// Master to slave.
+    Download,
+}
+
+/// What a job frame does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum UpDownStep {
+    /// MODE 01: begins a transfer (or ends it, see [`UpDownJob::cancel`]).
+    Init {
+        /// Up or down.
+        direction: Direction,
+        /// Start address in the slave.
+        address: u32,
+        /// Sub-slave address, valid for the whole transfer; 0 is the slave itself.
+        sub_slave: u16,
+    },
+    /// MODE 10 or 11: asks for six bytes.
+    Upload {
+        /// MODE 11: the last block.
+        last: bool,
+    },
+    /// MODE 10 or 11: brings six bytes.
+    Download {
+        /// MODE 11: the last block, of which the slave takes what belongs to the announced length.
+        last: bool,
+        /// The bytes.
+        data: [u8; BLOCK],
+    },
+}
+
+/// An up-/download job of the master.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct UpDownJob {
+    offset: u16,
+    step: UpDownStep,
+}
+
+impl UpDownJob {
+    /// A job; `offset` is the block length in an init job, else the offset of the block, 0 to 4095 bytes.
+    /// Length 0 in an upload leaves the length to the slave.
+    ///
+    /// # Errors
+    /// [`CodecError::Offset`] above 4095.
+    pub const fn new(offset: u16, step: UpDownStep) -> Result<Self, CodecError> {
+        if offset > MAX_OFFSET {
+            return Err(CodecError::Offset(offset));
+        }
+        Ok(UpDownJob { offset, step })
+    }
+
+    /// The job that cancels any transfer: an upload init with address 0 and length 0.
+    pub const fn cancel() -> Self {
+        let step = UpDownStep::Init { direction: Direction::Upload, address: 0, sub_slave: 0 };
+        UpDownJob { offset: 0, step }
+    }
+
+    /// Whether the job cancels a transfer: an init job of either direction with address 0 and length 0.
+    pub const fn is_cancel(&self) -> bool {
+        matches!(self.step, UpDownStep::Init { address: 0, .. }) && self.offset == 0
+    }
+
+    /// Block length of an init job, else offset of the block, in bytes, 0 to 4095.
+    #[inline]
+    pub const fn offset(&self) -> u16 {
+        self.offset
+    }
+
+    /// What the job does.
+    #[inline]
+    pub const fn step(&self) -> UpDownStep {
+        self.step
+    }
+
+    /// Up or down.
+    pub const fn direction(&self) -> Direction {
+        match self.step {
+            UpDownStep::Init { direction, .. } => direction,
+            UpDownStep::Upload { .. } => Direction::Upload,
+            UpDownStep::Download { .. } => Direction::Download,
+        }
+    }
+
+    /// The usual answer to this job: it carries the job's offset; that to an init job 0.
+    pub const fn answer(&self, result: UpDownResult) -> UpDownResponse {
+        let offset = match self.step {
+            UpDownStep::Init { .. } => 0,
+            _ => self.offset,
+        };
+        UpDownResponse { offset, result }
+    }
+
+    /// The answer to an upload init job whose length the slave sets, 0 to 4095 bytes.
+    ///
+    /// # Errors
+    /// [`CodecError::Offset`] above 4095.
+    pub const fn answer_with_length(&self, length: u16) -> Result<UpDownResponse, CodecError> {
+        if length > MAX_OFFSET {
+            return Err(CodecError::Offset(length));
+        }
+        Ok(UpDownResponse { offset: length, result: UpDownResult::Done })
+    }
+
+    /// The refusal that names the block the slave expects instead (16#0100), 0 to 4095.
+    ///
+    /// # Errors
+    /// [`CodecError::Offset`] above 4095.
+    pub const fn expects_instead(&self, offset: u16) -> Result<UpDownResponse, CodecError> {
+        if offset > MAX_OFFSET {
+            return Err(CodecError::Offset(offset));
+        }
+        Ok(UpDownResponse { offset, result: UpDownResult::Error(error_number::EXPECTS_OTHER_BLOCK) })
+    }
+
+    /// The frame to `slave` (0 to 127, on a bus 0 to 31).
+    pub const fn frame(&self, slave: u8) -> Frame {
+        let [low, high] = self.offset.to_le_bytes();
+        let payload = match self.step {
+            UpDownStep::Init { direction, address, sub_slave } => {
+                let direction = match direction {
+                    Direction::Upload => 0,
+                    Direction::Download => DOWNLOAD,
+                };
+                let [a, b, c, d] = address.to_le_bytes();
+                let [e, f] = sub_slave.to_le_bytes();
+                Payload::from_padded([SERVICE | direction | INIT | high, low, a, b, c, d, e, f], 8)
+            }
+            UpDownStep::Upload { last } => {
+                Payload::from_padded([SERVICE | mode(last) | high, low, 0, 0, 0, 0, 0, 0], 2)
+            }
+            UpDownStep::Download { last, data: [a, b, c, d, e, f] } => {
+                Payload::from_padded([SERVICE | DOWNLOAD | mode(last) | high, low, a, b, c, d, e, f], 8)
+            }
+        };
+        Frame::of(FrameKind::Job(slave), payload)
+    }
+
+    /// Reads the data field of an up-/download job.
+    ///
+    /// # Errors
+    /// [`CodecError::OtherService`] if it is a parameter job, [`CodecError::ReservedMode`],
+    /// [`CodecError::Length`].
+    pub const fn decode(payload: &Payload) -> Result<Self, CodecError> {
+        let [control, low, a, b, c, d, e, f] = payload.padded();
+        if payload.is_empty() {
+            return Err(CodecError::length("up-/download job", payload, "2 or 8"));
+        }
+        if control & SERVICE == 0 {
+            return Err(CodecError::OtherService { found: "parameter", expected: "up-/download" });
+        }
+        let direction = if control & DOWNLOAD != 0 { Direction::Download } else { Direction::Upload };
+        let last = control & MODE == LAST;
+        let step = match (control & MODE, direction, payload.len()) {
+            (0, ..) => return Err(CodecError::ReservedMode),
+            (INIT, _, 8) => {
+                let address = u32::from_le_bytes([a, b, c, d]);
+                UpDownStep::Init { direction, address, sub_slave: u16::from_le_bytes([e, f]) }
+            }
+            (BODY | LAST, Direction::Upload, 2) => UpDownStep::Upload { last },
+            (BODY | LAST, Direction::Download, 8) => UpDownStep::Download { last, data: [a, b, c, d, e, f] },
+            (INIT, ..) => return Err(CodecError::length("up-/download init job", payload, "8")),
+            (_, Direction::Upload, _) => return Err(CodecError::length("upload job", payload, "2")),
+            (_, Direction::Download, _) => return Err(CodecError::length("download job", payload, "8")),
+        };
+        Ok(UpDownJob { offset: u16::from_le_bytes([low, control & 0x0F]), step })
+    }
+}
+
+const fn mode(last: bool) -> u8 {
+    if last { LAST } else { BODY }
+}
+
+/// How a slave answers an up-/download job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum UpDownResult {
+    /// Init or download block accepted.
+    Done,
+    /// Upload: six bytes; behind the end of the range they mean nothing.
+    Data([u8; BLOCK]),
+    /// Refused; see [`error_number`].
+    Error(u16),
+    /// Not ready yet; the master repeats the job.
+    Busy,
+}
+
+/// The answer of a slave to an up-/download job; [`UpDownJob::answer`] makes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct UpDownResponse {
+    offset: u16,
+    result: UpDownResult,
+}
+
+impl UpDownResponse {
+    /// Offset of the block, 0 to 4095; after an upload init job the length set by the slave, else 0; with
+    /// error 16#0100 the offset that the slave expects.
+    #[inline]
+    pub const fn offset(&self) -> u16 {
+        self.offset
+    }
+
+    /// Done, data, error or BUSY.
+    #[inline]
+    pub const fn result(&self) -> UpDownResult {
+        self.result
+    }
+
+    /// The frame of slave `slave` (0 to 127, on a bus 0 to 31). A BUSY answer has two bytes: status and
+    /// offset are all that the manual gives it.
+    pub const fn frame(&self, slave: u8) -> Frame {
+        let [low, high] = self.offset.to_le_bytes();
+        let status = SERVICE | high;
+        let payload = match self.result {
+            UpDownResult::Done => Payload::from_padded([status, low, 0, 0, 0, 0, 0, 0], 2),
+            UpDownResult::Busy => Payload::from_padded([BUSY | status, low, 0, 0, 0, 0, 0, 0], 2),
+            UpDownResult::Data([a, b, c, d, e, f]) => {
+                Payload::from_padded([status, low, a, b, c, d, e, f], 8)
+            }
+            UpDownResult::Error(number) => {
+                let [a, b] = number.to_le_bytes();
+                Payload::from_padded([ERR | status, low, a, b, 0, 0, 0, 0], 4)
+            }
+        };
+        Frame::of(FrameKind::Response(slave), payload)
+    }
+
+    /// Reads the data field of an answer to `job`.
+    ///
+    /// # Errors
+    /// As [`UpDownResponse::decode_alone`]; further [`CodecError::Mismatch`] if data comes unasked or is
+    /// missing, and [`CodecError::OtherOffset`] if another block is acknowledged (the master's error
+    /// 16#0001). The offset of error answers is not compared: it may be the one the slave expects.
+    pub fn decode(job: &UpDownJob, payload: &Payload) -> Result<Self, CodecError> {
+        let response = Self::decode_alone(payload)?;
+        let wants_data = matches!(job.step, UpDownStep::Upload { .. });
+        match response.result {
+            UpDownResult::Error(_) => return Ok(response),
+            UpDownResult::Data(_) if !wants_data => {
+                return Err(CodecError::Mismatch { answer: "data", job: "an init or download job" });
+            }
+            UpDownResult::Done if wants_data => {
+                return Err(CodecError::Mismatch { answer: "no data", job: "an upload job" });
+            }
+            _ => {}
+        }
+        let init = matches!(job.step, UpDownStep::Init { .. });
+        if !init && response.offset != job.offset {
+            return Err(CodecError::OtherOffset { asked: job.offset, found: response.offset });
+        }
+        Ok(response)
+    }
+
+    /// Reads the data field of an answer without knowing the job, as a trace has to.
+    ///
+    /// With BUSY set any length from 2 bytes on is taken, and ERR is not looked at.
+    ///
+    /// # Errors
+    /// [`CodecError::OtherService`] if it answers a parameter job, [`CodecError::Length`].
+    pub const fn decode_alone(payload: &Payload) -> Result<Self, CodecError> {
+        let [status, low, a, b, c, d, e, f] = payload.padded();
+        if payload.is_empty() {
+            return Err(CodecError::length("up-/download answer", payload, "2, 4 or 8"));
+        }
+        if status & SERVICE == 0 {
+            return Err(CodecError::OtherService { found: "parameter", expected: "up-/download" });
+        }
+        let result = match (status & BUSY != 0, status & ERR != 0, payload.len()) {
+            (true, _, 2..=8) => UpDownResult::Busy,
+            (false, true, 4) => UpDownResult::Error(u16::from_le_bytes([a, b])),
+            (false, false, 2) => UpDownResult::Done,
+            (false, false, 8) => UpDownResult::Data([a, b, c, d, e, f]),
+            (true, ..) => return Err(CodecError::length("BUSY answer", payload, "2")),
+            (false, true, _) => {
+                return Err(CodecError::length("up-/download error answer", payload, "4"));
+            }
+            (false, false, _) => {
+                return Err(CodecError::length("up-/download answer", payload, "2 or 8"));
+            }
+        };
+        Ok(UpDownResponse { offset: u16::from_le_bytes([low, status & 0x0F]), result })
+    }
+}
+
+#[cfg(test)]
+#[path = "updown_tests.rs"]
+mod tests;

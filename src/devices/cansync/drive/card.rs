@@ -1,0 +1,353 @@
+//! The CANsync card in the drive: takes reference values out of frames, puts actual values into frames
+//! and exchanges both with the drive once per interval (manual 5.01010.01 p. 14-20).
+//!
+//! The ZK parameters are resolved to bit positions and store places when the drive is built, so that a
+//! frame costs a few instructions.
+
+use super::SYNCHRONIZED;
+use super::card_function::CardFunction;
+use super::config::ZkError;
+use super::parameters::{ParamFormat, ParameterStore, Slot};
+use super::table::number::{CONTROL_WORD, STATUS_WORD};
+use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
+use crate::devices::cansync::bus::{Channel, Payload};
+
+/// The longest delay of ZK 24 plus the interval being received.
+const DELAY_LINE: usize = 4;
+
+#[derive(Clone, Debug)]
+struct ReferenceSlot {
+    source: Source,
+    channel: Channel,
+    format: ParamFormat,
+    shift: u32,
+    /// Bytes a frame must have to carry the value.
+    end: usize,
+    target: Slot,
+    /// Such a frame must have come in the interval before as well.
+    needs_every: bool,
+    /// It has.
+    came_before: bool,
+    received: Option<u32>,
+    delayed: [Option<u32>; DELAY_LINE],
+}
+
+#[derive(Clone, Debug)]
+struct ActualSlot {
+    channel: Channel,
+    format: ParamFormat,
+    shift: u32,
+    /// `None`: the status word.
+    origin: Option<Slot>,
+}
+
+/// Reference value losses, see ZK 26.
+#[derive(Clone, Debug, Default)]
+struct Losses {
+    allowed: u32,
+    /// Frames of the master that carry a mapped reference value; bit 0 frame 1, bit 1 frame 2.
+    wanted: u8,
+    /// Those of them that came at least once: before the first one nothing can be lost.
+    expected: u8,
+    /// Those that came in the present interval.
+    seen: u8,
+    in_succession: u32,
+    total: u64,
+}
+
+/// The card of one drive.
+#[derive(Clone, Debug)]
+pub(super) struct Card {
+    references: [Option<ReferenceSlot>; 2],
+    actuals: [Option<ActualSlot>; 3],
+    delay: usize,
+    turn: usize,
+    /// Hand-overs until every delay line is empty; 0: nothing to hand over.
+    underway: usize,
+    losses: Losses,
+    stopped: bool,
+    /// Status word in `frames`; `None` before the first sample.
+    sampled_status: Option<u16>,
+    frames: [u64; 2],
+    lens: [usize; 2],
+}
+
+type Fault = (u8, u16, ZkError);
+
+impl Card {
+    /// Resolves the ZK parameters; the error names the one at fault with its value.
+    pub fn new(
+        zk: &ZkParameters,
+        function: CardFunction,
+        slave_number: u8,
+        store: &ParameterStore,
+    ) -> Result<Self, Fault> {
+        if zk.zk_24 > 3 {
+            return Err((24, zk.zk_24, ZkError::Delay));
+        }
+        let mut card = Card {
+            references: [
+                reference((0, zk.zk_0), (4, zk.zk_4), slave_number, store)?,
+                reference((1, zk.zk_1), (5, zk.zk_5), slave_number, store)?,
+            ],
+            actuals: [
+                actual((16, zk.zk_16), (20, zk.zk_20), store)?,
+                actual((17, zk.zk_17), (21, zk.zk_21), store)?,
+                status(zk.zk_25)?,
+            ],
+            delay: usize::from(zk.zk_24),
+            turn: 0,
+            underway: 0,
+            losses: Losses {
+                allowed: if function.counts_losses() { zk.zk_26.into() } else { 0 },
+                ..Losses::default()
+            },
+            stopped: false,
+            sampled_status: None,
+            frames: [0; 2],
+            lens: [0; 2],
+        };
+        card.lay_out(zk)?;
+        for slot in card.references.iter_mut().flatten() {
+            slot.needs_every = function.needs_every_frame() && slot.source != Source::Master;
+        }
+        for slot in card.references.iter().flatten().filter(|slot| slot.source == Source::Master) {
+            card.losses.wanted |= 1 << slot.channel.index();
+        }
+        Ok(card)
+    }
+
+    /// Finds the lengths of the actual value frames and words used twice.
+    fn lay_out(&mut self, zk: &ZkParameters) -> Result<(), Fault> {
+        let names = [(20, zk.zk_20), (21, zk.zk_21), (25, zk.zk_25)];
+        let mut owners: [[Option<u8>; 4]; 2] = [[None; 4]; 2];
+        for (slot, (name, value)) in self.actuals.iter().zip(names) {
+            let Some(slot) = slot else { continue };
+            let channel = slot.channel.index();
+            let (first, words) = (slot.shift as usize / 16, slot.format.bytes() / 2);
+            for owner in owners[channel].iter_mut().skip(first).take(words) {
+                if let Some(other) = owner.replace(name) {
+                    return Err((name, value, ZkError::Overlap(other)));
+                }
+            }
+            self.lens[channel] = self.lens[channel].max(2 * (first + words));
+        }
+        Ok(())
+    }
+
+    /// A frame with values of `source` has come.
+    #[inline]
+    pub fn receive(&mut self, source: Source, channel: Channel, payload: &Payload) {
+        let bits = u64::from_le_bytes(payload.padded());
+        for slot in self.references.iter_mut().flatten() {
+            if slot.channel == channel && slot.source == source && payload.len() >= slot.end {
+                slot.received = Some((bits >> slot.shift) as u32 & slot.format.mask());
+                self.underway = DELAY_LINE;
+                if source == Source::Master {
+                    self.losses.seen |= 1 << channel.index();
+                }
+            }
+        }
+    }
+
+    /// Takes the actual values and the status word out of the drive, to be sent in this interval.
+    #[inline]
+    pub fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
+        if self.stopped {
+            return self.sample_sync_state(status_word & SYNCHRONIZED);
+        }
+        if !(store.take_changed() || self.sampled_status != Some(status_word)) {
+            return;
+        }
+        self.sampled_status = Some(status_word);
+        let mut frames = [0; 2];
+        for slot in self.actuals.iter().flatten() {
+            let value = slot.origin.map_or(u32::from(status_word), |origin| store.get(origin));
+            frames[slot.channel.index()] |= u64::from(value & slot.format.mask()) << slot.shift;
+        }
+        self.frames = frames;
+    }
+
+    /// While nothing comes from the drive its last status word stands, but bit 15 is the card's own (p. 30).
+    fn sample_sync_state(&mut self, sync_state: u16) {
+        let Some(last) = self.sampled_status.filter(|last| last & SYNCHRONIZED != sync_state) else { return };
+        self.sampled_status = Some(last ^ SYNCHRONIZED);
+        for slot in self.actuals.iter().flatten().filter(|slot| slot.origin.is_none()) {
+            self.frames[slot.channel.index()] ^= u64::from(SYNCHRONIZED) << slot.shift;
+        }
+    }
+
+    /// Gives the drive the reference values of the interval that has just ended, or of up to three
+    /// intervals before (ZK 24). Where none came the drive keeps the last one.
+    #[inline]
+    pub fn hand_over(&mut self, store: &mut ParameterStore) {
+        self.count_losses();
+        if self.underway == 0 {
+            return;
+        }
+        self.underway -= 1;
+        self.turn = (self.turn + 1) % DELAY_LINE;
+        for slot in self.references.iter_mut().flatten() {
+            let mut received = slot.received.take();
+            if slot.needs_every {
+                let came = received.is_some();
+                received = received.filter(|_| slot.came_before);
+                slot.came_before = came;
+            }
+            slot.delayed[(self.turn + self.delay) % DELAY_LINE] = received;
+            if let (Some(value), false) = (slot.delayed[self.turn].take(), self.stopped) {
+                store.set(slot.target, value);
+            }
+        }
+    }
+
+    fn count_losses(&mut self) {
+        let losses = &mut self.losses;
+        losses.expected |= losses.seen;
+        let missing = losses.expected & !losses.seen;
+        losses.seen = 0;
+        if missing == 0 {
+            losses.in_succession = 0;
+            return;
+        }
+        let lost = missing.count_ones();
+        losses.total += u64::from(lost);
+        losses.in_succession = losses.in_succession.saturating_add(lost);
+        if losses.allowed != 0 && losses.in_succession > losses.allowed {
+            self.stopped = true;
+        }
+    }
+
+    /// Forgets what came while the drive was not synchronized.
+    #[inline]
+    pub fn discard(&mut self) {
+        self.losses.seen = 0;
+        self.losses.expected = 0;
+        self.losses.in_succession = 0;
+        if self.underway == 0 {
+            return;
+        }
+        self.underway = 0;
+        for slot in self.references.iter_mut().flatten() {
+            slot.received = None;
+            slot.came_before = false;
+            slot.delayed = [None; DELAY_LINE];
+        }
+    }
+
+    /// Resumes the exchange that too many losses have stopped.
+    pub fn resume(&mut self) {
+        self.stopped = false;
+        self.losses.in_succession = 0;
+        self.losses.expected = 0;
+    }
+
+    /// Whether too many reference value losses have stopped the exchange.
+    pub const fn is_stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// Reference value frames lost so far.
+    pub const fn total_losses(&self) -> u64 {
+        self.losses.total
+    }
+
+    /// The own actual value frame, if anything is mapped into it.
+    #[inline]
+    pub const fn frame(&self, channel: Channel) -> Option<Payload> {
+        let (bits, len) = (self.frames[channel.index()], self.lens[channel.index()]);
+        if len == 0 { None } else { Some(Payload::from_padded(bits.to_le_bytes(), len)) }
+    }
+
+    /// Whether the master's reference value frames of this channel carry anything for the drive.
+    #[inline]
+    pub const fn wants_reference(&self, channel: Channel) -> bool {
+        self.losses.wanted >> channel.index() & 1 != 0
+    }
+
+    /// Slaves whose actual value frames carry reference values for the drive, bit n for slave n.
+    pub fn wants_overheard(&self) -> u32 {
+        self.references.iter().flatten().fold(0, |mask, slot| match slot.source {
+            Source::Master => mask,
+            Source::Slave(number) => mask | 1 << (number & 31),
+        })
+    }
+}
+
+/// The parameter that ZK `name` maps, if it exists and has the mapping's format.
+fn mapped(
+    (name, number): (u8, u16),
+    (zk, mapping): (u8, u16),
+    format: ParamFormat,
+    store: &ParameterStore,
+) -> Result<Slot, Fault> {
+    if matches!(number, CONTROL_WORD | STATUS_WORD) {
+        return Err((name, number, ZkError::ControlOrStatusWord(number)));
+    }
+    let slot = store.slot(number).ok_or((name, number, ZkError::NoParameter(number)))?;
+    if store.format(slot) != format {
+        return Err((zk, mapping, ZkError::Format(number)));
+    }
+    Ok(slot)
+}
+
+fn reference(
+    number: (u8, u16),
+    mapping: (u8, u16),
+    slave_number: u8,
+    store: &ParameterStore,
+) -> Result<Option<ReferenceSlot>, Fault> {
+    let (zk, value) = mapping;
+    let Some(ReferenceMapping { word, channel, format, source }) =
+        ReferenceMapping::from_zk(value).map_err(|reason| (zk, value, reason.into()))?
+    else {
+        return Ok(None);
+    };
+    if source == Source::Slave(slave_number) {
+        return Err((zk, value, ZkError::OwnFrame));
+    }
+    let target = mapped(number, mapping, format, store)?;
+    if store.is_read_only(target) {
+        return Err((number.0, number.1, ZkError::ReadOnly(number.1)));
+    }
+    let end = 2 * usize::from(word) + format.bytes();
+    let shift = 16 * u32::from(word);
+    let delayed = [None; DELAY_LINE];
+    Ok(Some(ReferenceSlot {
+        source,
+        channel,
+        format,
+        shift,
+        end,
+        target,
+        needs_every: false,
+        came_before: false,
+        received: None,
+        delayed,
+    }))
+}
+
+fn actual(
+    number: (u8, u16),
+    mapping: (u8, u16),
+    store: &ParameterStore,
+) -> Result<Option<ActualSlot>, Fault> {
+    let (zk, value) = mapping;
+    let Some(ActualMapping { word, channel, format }) =
+        ActualMapping::from_zk(value).map_err(|reason| (zk, value, reason.into()))?
+    else {
+        return Ok(None);
+    };
+    let origin = Some(mapped(number, mapping, format, store)?);
+    Ok(Some(ActualSlot { channel, format, shift: 16 * u32::from(word), origin }))
+}
+
+fn status(value: u16) -> Result<Option<ActualSlot>, Fault> {
+    let mapping = ActualMapping::from_zk_25(value).map_err(|reason| (25, value, reason.into()))?;
+    Ok(mapping.map(|ActualMapping { word, channel, format }| ActualSlot {
+        channel,
+        format,
+        shift: 16 * u32::from(word),
+        origin: None,
+    }))
+}

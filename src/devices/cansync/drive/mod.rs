@@ -1,0 +1,375 @@
+//! Drives (V-Regler): one with CANsync interface card, a slave on the bus, and the one behind the BAPS of each PLC.
+//!
+//! Both are the same `VRegler`, with the parameters of `layouts/v-regler`. The rest is about the one with the card.
+//!
+//! The drive knows no clock and no bus. The bus calls [`Drive::sync_edge`] once per interval and hands
+//! over frames; the drive answers at once. An interval runs like this:
+//!
+//! 1. At the SYNC edge the card samples actual values and status word; they go out when the master asks
+//!    for them in this interval.
+//! 2. Then the card hands over the reference values received in the interval before. On the device that
+//!    is about 100 us after the edge, and the drive acts on them 750 us after the edge (manual
+//!    5.01010.01 p. 14 and 19); nothing on the bus can tell the difference.
+//! 3. The drive moves.
+//!
+//! So a reference value of interval k moves the drive in interval k+1 and shows in the actual value of
+//! interval k+2. Reference values reach the drive only while it is synchronized (p. 22); actual values
+//! are sampled at every edge, so that a master can watch a drive on its way there.
+
+pub mod angle;
+mod built_in;
+mod card;
+mod card_function;
+mod config;
+mod drivecom;
+mod monitoring;
+mod motion;
+mod parameters;
+mod regler;
+mod table;
+#[cfg(test)]
+mod tests;
+mod zk;
+
+pub use built_in::{BuiltInDrive, BuiltInDriveConfig};
+pub use card_function::{CardFunction, UnknownFunction};
+pub use config::{DriveConfig, DriveError, ParameterNumbers, ZkError};
+pub use drivecom::{Enable, State};
+pub use monitoring::{BapsMonitoring, CardMonitoring, Reaction, Watch};
+pub use parameters::{ParamFormat, ParameterError, ParameterSpec};
+pub use regler::{MAXIMUM_ELEMENT, MINIMUM_ELEMENT};
+pub use table::{PARAMETERS, ParameterRow, number};
+pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
+
+use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
+use crate::devices::cansync::bus::codec::{
+    Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult, UpDownJob, UpDownResult,
+    updown,
+};
+use crate::devices::cansync::bus::{Channel, Frame, Payload, SyncLock};
+use card::Card;
+use monitoring::{Monitor, fault};
+use regler::{Setup, VRegler};
+
+/// Bit of the status word that the card overwrites with the SYNC state (manual 5.01010.01 p. 30).
+pub const SYNCHRONIZED: u16 = 0x8000;
+
+/// Parameters that must fit each other, and the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Settings {
+    slot_us: u32,
+    pwm_khz: u32,
+    interval_us: u32,
+}
+
+/// Something that is wrong with a drive's parameters, with the value that stands there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Objection {
+    /// P167 does not belong to the bus's baud rate (manual 5.01010.01 p. 13).
+    SyncSlot(u32),
+    /// P103 is a frequency for which the manual has no masks of P258 (5.00005.03a p. 74).
+    Pwm(u32),
+}
+
+/// What is wrong with a PWM frequency, if anything is.
+pub(crate) fn pwm_objection(khz: u32) -> Option<Objection> {
+    (!matches!(khz, 4 | 8)).then_some(Objection::Pwm(khz))
+}
+
+/// A drive with its card.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    name: String,
+    slave_number: u8,
+    sync: SyncLock,
+    /// The present interval began without its edge.
+    edge_is_missing: bool,
+    /// What the last objections were about.
+    objected: Option<Settings>,
+    /// SYNC and reference values.
+    monitors: [Monitor; 2],
+    card: Card,
+    regler: VRegler,
+}
+
+impl Drive {
+    /// Builds the drive that the plant file describes, as it is after power-on, on a bus that is set to `kbit_s`.
+    ///
+    /// # Errors
+    /// [`DriveError`] names the drive and the parameter or card parameter at fault.
+    pub fn new(cfg: &DriveConfig, kbit_s: u16) -> Result<Drive, DriveError> {
+        let drive = || cfg.name.clone();
+        if cfg.slave_number > 31 {
+            return Err(DriveError::SlaveNumber { drive: drive(), number: cfg.slave_number });
+        }
+        let function = cfg.card_function;
+        let sync_slot_us = function.sync_slot_us(kbit_s).ok_or_else(|| DriveError::Rate {
+            drive: drive(),
+            function,
+            kbit_s,
+        })?;
+        let regler = VRegler::new(&Setup {
+            name: &cfg.name,
+            enable: cfg.enable,
+            ramp_per_second: cfg.ramp_per_second,
+            numbers: &cfg.numbers,
+            parameters: &cfg.parameters,
+            software: None,
+            sync_slot_us: Some(sync_slot_us),
+        })?;
+        let card = Card::new(&cfg.mapping(), function, cfg.slave_number, &regler.store)
+            .map_err(|(zk, value, reason)| DriveError::Zk { drive: drive(), zk, value, reason })?;
+        Ok(Drive {
+            name: drive(),
+            slave_number: cfg.slave_number,
+            sync: SyncLock::new(cfg.lock_time_us, cfg.sync_loss_us),
+            edge_is_missing: false,
+            objected: None,
+            monitors: [
+                Monitor::new(&cfg.monitoring.sync, fault::SYNC),
+                Monitor::new(&cfg.monitoring.reference_values, fault::REFERENCE_VALUES),
+            ],
+            card,
+            regler,
+        })
+    }
+
+    /// Name in the plant file.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Slave number on the bus, 0 to 31.
+    #[inline]
+    pub fn slave_number(&self) -> u8 {
+        self.slave_number
+    }
+
+    /// Falling SYNC edge at `now_us`: an interval of `interval_us` begins.
+    #[inline]
+    pub fn sync_edge(&mut self, now_us: u64, interval_us: u32) {
+        let was_synchronized = self.is_synchronized();
+        // The control task cannot run in step with a signal that does not come once in its SYNC slot (decision D-291).
+        if self.regler.sync_times().0 == interval_us {
+            self.sync.edge(now_us, interval_us, interval_us / 4);
+        } else {
+            self.sync.unlock();
+        }
+        self.edge_is_missing = false;
+        self.notice_lock(was_synchronized, now_us);
+        self.show_synchronized();
+        let status_word = self.status_word();
+        self.card.sample(&mut self.regler.store, status_word);
+        // What came in an interval without lock is lost, also if the lock comes right after it.
+        self.go_on(was_synchronized && self.is_synchronized(), now_us, interval_us);
+    }
+
+    /// An interval of `interval_us` begins at `now_us` by the drive's own clock, as its SYNC edge is missing. The first
+    /// one is run through (manual 5.00005.03a p. 135); after that nothing is exchanged (5.01010.01 p. 22). The drive
+    /// moves on in any case. Its actual value frames are left out, which p. 135 allows (decision D-124).
+    pub fn interval_without_edge(&mut self, now_us: u64, interval_us: u32) {
+        let runs_through = self.sync.runs_through(now_us);
+        self.pass(now_us);
+        self.edge_is_missing = true;
+        self.go_on(runs_through, now_us, interval_us);
+    }
+
+    #[inline]
+    fn go_on(&mut self, exchanges: bool, now_us: u64, interval_us: u32) {
+        if exchanges {
+            self.card.hand_over(&mut self.regler.store);
+        } else {
+            self.card.discard();
+        }
+        if self.card.is_stopped() {
+            self.monitors[1].away(now_us);
+        } else {
+            self.monitors[1].there();
+        }
+        self.regler.monitor(now_us, self.monitors.iter_mut());
+        self.regler.step(interval_us);
+    }
+
+    /// The card overwrites bit 15 of the status word with the SYNC state (manual 5.01010.01 p. 30).
+    #[inline]
+    fn show_synchronized(&mut self) {
+        self.regler.show_synchronized(self.sync.is_locked());
+    }
+
+    /// Time has passed without a SYNC edge, up to `now_us`: the signal may have been gone for too long.
+    pub fn pass(&mut self, now_us: u64) {
+        let was_synchronized = self.is_synchronized();
+        self.sync.pass(now_us);
+        self.notice_lock(was_synchronized, now_us);
+        self.show_synchronized();
+        self.regler.monitor(now_us, self.monitors.iter_mut());
+    }
+
+    /// A lock that SYNC has ended is an error (p. 135), until the drive is synchronized again.
+    #[inline]
+    fn notice_lock(&mut self, was_synchronized: bool, now_us: u64) {
+        match (was_synchronized, self.is_synchronized()) {
+            (true, false) => self.monitors[0].away(now_us),
+            (_, true) => self.monitors[0].there(),
+            (false, false) => {}
+        }
+    }
+
+    /// When something will happen to the drive if no SYNC edge comes, beside its motion.
+    pub fn next_time(&self) -> Option<u64> {
+        let reports = self.monitors.iter().filter_map(Monitor::next_time);
+        self.sync.lost_at().into_iter().chain(reports).min()
+    }
+
+    /// Whether the drive has nothing to do while no SYNC edge comes.
+    pub fn is_at_rest(&self) -> bool {
+        self.regler.is_at_rest()
+    }
+
+    /// The master's reference value frame of `channel`. Frames that do not carry a mapped value entirely
+    /// do not change it.
+    #[inline]
+    pub fn reference_frame(&mut self, channel: Channel, payload: &Payload) {
+        self.card.receive(Source::Master, channel, payload);
+    }
+
+    /// The actual value frame of `channel` that slave `from` has sent (ZK 4 and 5, bit 7).
+    #[inline]
+    pub fn overheard_frame(&mut self, from: u8, channel: Channel, payload: &Payload) {
+        self.card.receive(Source::Slave(from), channel, payload);
+    }
+
+    /// Slaves whose actual value frames the drive evaluates, bit n for slave n.
+    pub fn wants_overheard(&self) -> u32 {
+        self.card.wants_overheard()
+    }
+
+    /// Whether the drive evaluates the master's reference value frames of `channel`.
+    #[inline]
+    pub fn wants_reference(&self, channel: Channel) -> bool {
+        self.card.wants_reference(channel)
+    }
+
+    /// The drive's actual value frame of `channel` in this interval; `None` if nothing is mapped into it:
+    /// then the drive does not answer, nor in an interval without SYNC edge. Words without a value are 0.
+    #[inline]
+    pub fn actual_value_frame(&self, channel: Channel) -> Option<Payload> {
+        if self.edge_is_missing { None } else { self.card.frame(channel) }
+    }
+
+    /// An action command; commands that do not concern the drive (SLAVE_GROUP) are ignored here.
+    ///
+    /// A control word acts at once. SYNC mode on resumes an exchange stopped by reference value losses
+    /// (ZK 26); off ends the synchronized state. Other commands mean nothing to the drive.
+    pub fn action_command(&mut self, command: &ActionCommand) {
+        if !command.concerns(self.slave_number) {
+            return;
+        }
+        match command.action() {
+            Action::ControlWord(word) => self.regler.command(word),
+            Action::SyncMode(on) => {
+                self.sync.set_mode(on);
+                self.show_synchronized();
+                if on {
+                    self.card.resume();
+                }
+            }
+            Action::Other => {}
+        }
+    }
+
+    /// A parameter or up-/download job for this drive: the answer frame, `None` if the data field is no
+    /// job at all.
+    ///
+    /// The card's manual describes no area for up- and downloads; the drive refuses all of them with
+    /// 16#0104 "not possible" (decision D-47).
+    pub fn job(&mut self, payload: &Payload) -> Option<Frame> {
+        if let Ok(job) = ParameterJob::decode(payload) {
+            return Some(self.parameter_job(&job).frame(self.slave_number));
+        }
+        let job = UpDownJob::decode(payload).ok()?;
+        let refusal = job.answer(UpDownResult::Error(updown::error_number::NOT_POSSIBLE));
+        Some(refusal.frame(self.slave_number))
+    }
+
+    /// A parameter job; the drive answers at once.
+    ///
+    /// The element selection of a read job is ignored, as the manual allows (5.01010.01 p. 26); only
+    /// element 7 can be written, others are 16#FFFC "not changeable". The drive has no sub-slaves: any
+    /// sub-slave address but 0 is 16#FFFB "not present".
+    pub fn parameter_job(&mut self, job: &ParameterJob) -> ParameterResponse {
+        job.answer(self.service(job).unwrap_or_else(ParameterResult::Error))
+    }
+
+    fn service(&mut self, job: &ParameterJob) -> Result<ParameterResult, u16> {
+        if job.sub_slave() != 0 {
+            return Err(error_number::NOT_PRESENT);
+        }
+        let (format, value) = match job.access() {
+            Access::Read => {
+                return Ok(match self.regler.read_element(job.number(), VALUE_ELEMENT)? {
+                    (ParamFormat::Word, value) => ParameterResult::Word(value as u16),
+                    (ParamFormat::Doubleword, value) => ParameterResult::Doubleword(value),
+                });
+            }
+            Access::WriteWord(value) => (ParamFormat::Word, u32::from(value)),
+            Access::WriteDoubleword(value) => (ParamFormat::Doubleword, value),
+        };
+        self.regler.write_element(job.number(), job.element(), format, value)?;
+        Ok(ParameterResult::Done)
+    }
+
+    /// What is wrong with the drive's parameters on a bus with this interval; once for each pair of values.
+    pub(crate) fn take_objections(&mut self, interval_us: u32) -> impl Iterator<Item = Objection> + use<> {
+        let (slot_us, pwm_khz) = (self.regler.sync_times().0, self.regler.pwm_khz());
+        let settings = Settings { slot_us, pwm_khz, interval_us };
+        let is_new = self.objected.replace(settings) != Some(settings);
+        let slot = (is_new && slot_us != interval_us).then_some(Objection::SyncSlot(slot_us));
+        let pwm = is_new.then(|| pwm_objection(pwm_khz)).flatten();
+        slot.into_iter().chain(pwm)
+    }
+
+    /// The value of parameter `number`, if the drive has it.
+    pub fn parameter(&self, number: u16) -> Option<u32> {
+        self.regler.parameter(number)
+    }
+
+    /// The status word (parameter 121) with the SYNC state in bit 15.
+    #[inline]
+    pub fn status_word(&self) -> u16 {
+        self.regler.status_word()
+    }
+
+    /// Whether the drive runs in step with SYNC.
+    #[inline]
+    pub fn is_synchronized(&self) -> bool {
+        self.sync.is_locked()
+    }
+
+    /// State of the drive's state machine.
+    pub fn state(&self) -> State {
+        self.regler.state()
+    }
+
+    /// Reference value frames missed so far. Counted while synchronized, from the first frame on.
+    pub fn reference_losses(&self) -> u64 {
+        self.card.total_losses()
+    }
+
+    /// Whether more reference values were lost in direct succession than ZK 26 allows: card and drive
+    /// exchange nothing until SYNC mode is switched on again.
+    pub fn is_exchange_stopped(&self) -> bool {
+        self.card.is_stopped()
+    }
+
+    /// Brings a fault upon the drive: it brakes and waits for a fault reset (control word, bit 7). Parameter 308
+    /// shows the number of the first fault until then. `false`: the drive has a fault already, which stays.
+    pub fn trip(&mut self, fault: u16) -> bool {
+        self.regler.trip(fault)
+    }
+
+    /// Sets or clears the warning bit of the status word.
+    pub fn set_warning(&mut self, on: bool) {
+        self.regler.set_warning(on);
+    }
+}

@@ -1,0 +1,373 @@
+//! The drive's parameters: numbers 0 to 4095, word or doubleword, with limits.
+
+use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, error_number};
+use serde::{Deserialize, Serialize};
+
+/// Width of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ParamFormat {
+    /// 16 bits.
+    Word,
+    /// 32 bits.
+    Doubleword,
+}
+
+impl ParamFormat {
+    /// Number of bytes, 2 or 4.
+    pub const fn bytes(self) -> usize {
+        match self {
+            ParamFormat::Word => 2,
+            ParamFormat::Doubleword => 4,
+        }
+    }
+
+    /// The highest unsigned value.
+    pub const fn mask(self) -> u32 {
+        match self {
+            ParamFormat::Word => 0xFFFF,
+            ParamFormat::Doubleword => 0xFFFF_FFFF,
+        }
+    }
+}
+
+/// One parameter of a drive in the plant file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterSpec {
+    /// Parameter number, 0 to 4095.
+    pub number: u16,
+    /// Word or doubleword.
+    pub format: ParamFormat,
+    /// Value after power-on.
+    #[serde(default)]
+    pub initial: u32,
+    /// Lowest value that a parameter job may write; a negative one makes the parameter signed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min: Option<i64>,
+    /// Highest value that a parameter job may write.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max: Option<i64>,
+    /// Parameter jobs cannot change it.
+    #[serde(default)]
+    pub read_only: bool,
+    /// How long the drive recalculates after a parameter job has written it, in us; parameter jobs cannot have
+    /// it meanwhile.
+    #[serde(default)]
+    pub settle_us: u32,
+}
+
+impl ParameterSpec {
+    /// A parameter with value 0 and without limits.
+    pub const fn new(number: u16, format: ParamFormat) -> Self {
+        ParameterSpec { number, format, initial: 0, min: None, max: None, read_only: false, settle_us: 0 }
+    }
+
+    /// The same, closed to parameter jobs.
+    pub const fn read_only(self) -> Self {
+        ParameterSpec { read_only: true, ..self }
+    }
+
+    /// Whether it says nothing but the value after power-on of a parameter that the drive has itself, and may.
+    pub(super) fn is_value_of(&self, own: &ParameterSpec) -> bool {
+        !own.read_only
+            && *self == ParameterSpec { initial: self.initial, ..ParameterSpec::new(own.number, own.format) }
+    }
+
+    /// Lowest and highest value.
+    fn limits(&self) -> (u32, u32) {
+        let (lowest, highest) = match (self.is_signed(), self.format) {
+            (false, format) => (0, format.mask()),
+            (true, ParamFormat::Word) => (0x8000, 0x7FFF),
+            (true, ParamFormat::Doubleword) => (0x8000_0000, 0x7FFF_FFFF),
+        };
+        let bits = |limit: i64| limit as u32 & self.format.mask();
+        (self.min.map_or(lowest, bits), self.max.map_or(highest, bits))
+    }
+
+    fn is_signed(&self) -> bool {
+        self.min.is_some_and(|min| min < 0)
+    }
+
+    /// Refusal of a value: its error number (16#FFFE or 16#FFFD).
+    fn check(&self, value: u32) -> Result<(), u16> {
+        let value = match (self.is_signed(), self.format) {
+            (false, _) => i64::from(value),
+            (true, ParamFormat::Word) => i64::from(value as u16 as i16),
+            (true, ParamFormat::Doubleword) => i64::from(value as i32),
+        };
+        if self.min.is_some_and(|min| value < min) {
+            return Err(error_number::BELOW_MINIMUM);
+        }
+        if self.max.is_some_and(|max| value > max) {
+            return Err(error_number::ABOVE_MAXIMUM);
+        }
+        Ok(())
+    }
+}
+
+/// What is wrong with a parameter of the plant file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ParameterError {
+    /// Number above 4095.
+    #[error("the number is above 4095")]
+    Number,
+    /// Number in use already.
+    #[error("the number is there twice")]
+    Twice,
+    /// One of the drive's own parameters, described anew.
+    #[error(
+        "the drive has this parameter itself (layouts/v-regler); give number, its format and `initial` only, and none that is read only or the control word"
+    )]
+    Own,
+    /// The initial value needs more bits.
+    #[error("initial value 16#{0:X} does not fit a word")]
+    Width(u32),
+    /// The initial value violates the limits.
+    #[error("initial value 16#{0:X} lies outside its own limits")]
+    Limits(u32),
+}
+
+/// Place of a parameter in the store of the drive that gave it away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Slot(usize);
+
+/// All parameters of one drive, in the order of their numbers.
+#[derive(Clone, Debug)]
+pub(super) struct ParameterStore {
+    specs: Vec<ParameterSpec>,
+    values: Vec<u32>,
+    changed: bool,
+    /// The parameter whose writing is watched, see [`ParameterStore::watch`].
+    watched: Option<Slot>,
+    written: bool,
+    /// Parameters that are being recalculated, with the time left in us.
+    settling: Vec<(Slot, u32)>,
+}
+
+impl ParameterStore {
+    /// A store with the given parameters; the error names the parameter at fault.
+    pub fn new(mut specs: Vec<ParameterSpec>) -> Result<Self, (u16, ParameterError)> {
+        specs.sort_by_key(|spec| spec.number);
+        for spec in &specs {
+            let fault = if spec.number > MAX_NUMBER {
+                ParameterError::Number
+            } else if spec.initial > spec.format.mask() {
+                ParameterError::Width(spec.initial)
+            } else if spec.check(spec.initial).is_err() {
+                ParameterError::Limits(spec.initial)
+            } else {
+                continue;
+            };
+            return Err((spec.number, fault));
+        }
+        if let Some(twice) = specs.windows(2).find(|pair| pair[0].number == pair[1].number) {
+            return Err((twice[0].number, ParameterError::Twice));
+        }
+        let values = specs.iter().map(|spec| spec.initial).collect();
+        let (watched, settling) = (None, Vec::new());
+        Ok(ParameterStore { specs, values, changed: true, watched, written: false, settling })
+    }
+
+    /// Watches writes of one parameter, also those that do not change it.
+    pub fn watch(&mut self, slot: Slot) {
+        self.watched = Some(slot);
+    }
+
+    /// Whether the watched parameter was written since the last call.
+    #[inline]
+    pub fn take_written(&mut self) -> bool {
+        std::mem::take(&mut self.written)
+    }
+
+    /// Lets time pass for recalculations.
+    #[inline]
+    pub fn pass(&mut self, us: u32) {
+        if !self.settling.is_empty() {
+            self.settling.retain_mut(|(_, left)| {
+                *left = left.saturating_sub(us);
+                *left > 0
+            });
+        }
+    }
+
+    /// Whether any parameter is being recalculated.
+    pub fn is_settling(&self) -> bool {
+        !self.settling.is_empty()
+    }
+
+    /// Whether the parameter can be had: it is not being recalculated.
+    #[inline]
+    pub fn is_available(&self, slot: Slot) -> bool {
+        self.settling.iter().all(|(settling, _)| *settling != slot)
+    }
+
+    /// Lowest and highest value of a parameter, in its format.
+    pub fn limits(&self, slot: Slot) -> (u32, u32) {
+        self.specs[slot.0].limits()
+    }
+
+    /// Where parameter `number` is.
+    pub fn slot(&self, number: u16) -> Option<Slot> {
+        self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(Slot)
+    }
+
+    /// Width of a parameter.
+    pub fn format(&self, slot: Slot) -> ParamFormat {
+        self.specs[slot.0].format
+    }
+
+    /// Whether only the drive itself may write the parameter.
+    pub fn is_read_only(&self, slot: Slot) -> bool {
+        self.specs[slot.0].read_only
+    }
+
+    /// Value of a parameter.
+    #[inline]
+    pub fn get(&self, slot: Slot) -> u32 {
+        self.values[slot.0]
+    }
+
+    /// Sets a parameter from inside the drive; limits do not apply.
+    #[inline]
+    pub fn set(&mut self, slot: Slot, value: u32) {
+        let place = &mut self.values[slot.0];
+        self.changed |= *place != value;
+        *place = value;
+        self.written |= self.watched == Some(slot);
+    }
+
+    /// Whether any value has changed since the last call.
+    #[inline]
+    pub fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.changed)
+    }
+
+    /// Writes a parameter for a parameter job; the error is an error number of the manual.
+    pub fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
+        let spec = &self.specs[slot.0];
+        if spec.read_only {
+            return Err(error_number::NOT_CHANGEABLE);
+        }
+        if spec.format != format {
+            return Err(error_number::DATA_FORMAT);
+        }
+        let settle_us = spec.settle_us;
+        if !self.is_available(slot) {
+            return Err(error_number::NOT_AVAILABLE_NOW);
+        }
+        spec.check(value)?;
+        self.set(slot, value);
+        if settle_us > 0 {
+            self.settling.push((slot, settle_us));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ParamFormat::{Doubleword, Word};
+
+    fn store(specs: &[ParameterSpec]) -> Result<ParameterStore, (u16, ParameterError)> {
+        ParameterStore::new(specs.to_vec())
+    }
+
+    #[test]
+    fn finds_parameters_in_any_order() {
+        let specs =
+            [7, 4095, 0, 300].map(|n| ParameterSpec { initial: u32::from(n), ..ParameterSpec::new(n, Word) });
+        let store = store(&specs).unwrap();
+        for number in [0, 7, 300, 4095] {
+            assert_eq!(store.slot(number).map(|slot| store.get(slot)), Some(u32::from(number)));
+        }
+        assert_eq!(store.slot(8), None);
+    }
+
+    #[test]
+    fn refuses_faulty_definitions() {
+        let word = ParameterSpec::new(5, Word);
+        for (specs, fault) in [
+            (vec![ParameterSpec { number: 4096, ..word }], (4096, ParameterError::Number)),
+            (vec![word, ParameterSpec::new(5, Doubleword)], (5, ParameterError::Twice)),
+            (vec![ParameterSpec { initial: 0x1_0000, ..word }], (5, ParameterError::Width(0x1_0000))),
+            (vec![ParameterSpec { initial: 1, max: Some(0), ..word }], (5, ParameterError::Limits(1))),
+        ] {
+            assert_eq!(store(&specs).err(), Some(fault));
+        }
+    }
+
+    #[test]
+    fn limits_are_signed_if_the_minimum_is_negative() {
+        let signed = ParameterSpec { min: Some(-10), max: Some(10), ..ParameterSpec::new(1, Word) };
+        let unsigned = ParameterSpec { min: Some(10), max: Some(0xFFF0), ..ParameterSpec::new(2, Word) };
+        let wide = ParameterSpec { min: Some(-10), max: None, ..ParameterSpec::new(3, Doubleword) };
+        for (spec, value, result) in [
+            (signed, 0xFFF6, Ok(())),
+            (signed, 0xFFF5, Err(0xFFFE)),
+            (signed, 10, Ok(())),
+            (signed, 11, Err(0xFFFD)),
+            (unsigned, 9, Err(0xFFFE)),
+            (unsigned, 0xFFF0, Ok(())),
+            (unsigned, 0xFFF1, Err(0xFFFD)),
+            (wide, 0xFFFF_FFF6, Ok(())),
+            (wide, 0xFFFF_FFF5, Err(0xFFFE)),
+            (wide, 0x7FFF_FFFF, Ok(())),
+        ] {
+            assert_eq!(spec.check(value), result, "{spec:?} 16#{value:X}");
+        }
+    }
+
+    #[test]
+    fn limits_have_the_width_of_the_format() {
+        let word = ParameterSpec::new(1, Word);
+        for (spec, limits) in [
+            (word, (0, 0xFFFF)),
+            (ParameterSpec { min: Some(-10), ..word }, (0xFFF6, 0x7FFF)),
+            (ParameterSpec { min: Some(3), max: Some(4), ..word }, (3, 4)),
+            (ParameterSpec { min: Some(-1), format: Doubleword, ..word }, (0xFFFF_FFFF, 0x7FFF_FFFF)),
+        ] {
+            assert_eq!(spec.limits(), limits, "{spec:?}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_that_is_being_recalculated_cannot_be_written() {
+        let mut store = store(&[ParameterSpec { settle_us: 1000, ..ParameterSpec::new(1, Word) }]).unwrap();
+        let slot = store.slot(1).unwrap();
+        assert_eq!(store.write(slot, Word, 5), Ok(()));
+        assert_eq!(store.write(slot, Word, 6), Err(error_number::NOT_AVAILABLE_NOW));
+        store.pass(999);
+        assert!(store.is_settling() && !store.is_available(slot));
+        store.pass(1);
+        assert!(!store.is_settling());
+        assert_eq!((store.write(slot, Word, 6), store.get(slot)), (Ok(()), 6));
+    }
+
+    #[test]
+    fn watched_parameter_counts_as_written_also_with_the_same_value() {
+        let mut store = store(&[ParameterSpec::new(1, Word), ParameterSpec::new(2, Word)]).unwrap();
+        let (watched, other) = (store.slot(1).unwrap(), store.slot(2).unwrap());
+        store.watch(watched);
+        store.set(other, 1);
+        assert!(!store.take_written());
+        store.set(watched, 0);
+        assert!(store.take_written() && !store.take_written());
+    }
+
+    #[test]
+    fn a_refused_write_changes_nothing() {
+        let mut store = store(&[
+            ParameterSpec { max: Some(5), ..ParameterSpec::new(1, Word) },
+            ParameterSpec::new(2, Word).read_only(),
+        ])
+        .unwrap();
+        let (limited, closed) = (store.slot(1).unwrap(), store.slot(2).unwrap());
+        assert_eq!(store.write(limited, Word, 5), Ok(()));
+        assert_eq!(store.write(limited, Word, 6), Err(error_number::ABOVE_MAXIMUM));
+        assert_eq!(store.write(limited, Doubleword, 1), Err(error_number::DATA_FORMAT));
+        assert_eq!(store.write(closed, Word, 1), Err(error_number::NOT_CHANGEABLE));
+        assert_eq!((store.get(limited), store.get(closed)), (5, 0));
+    }
+}

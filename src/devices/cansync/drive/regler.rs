@@ -1,0 +1,340 @@
+//! The drive itself (V-Regler), whatever it is connected by: parameters, state machine, speed and position loop.
+
+use super::angle::{self, SetPoint};
+use super::config::{DriveError, ParameterNumbers};
+use super::drivecom::{Enable, State, StateMachine};
+use super::monitoring::{Monitor, Reaction};
+use super::motion::Motion;
+use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
+use super::table::{PARAMETERS, number};
+use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
+use std::num::NonZeroU32;
+
+/// Element of a parameter that is its lowest value (decision D-160).
+pub const MINIMUM_ELEMENT: u8 = 5;
+/// Element of a parameter that is its highest value (decision D-160).
+pub const MAXIMUM_ELEMENT: u8 = 6;
+/// Value of the operating mode parameter: synchronous reference position.
+const SYNCHRONOUS_POSITION: u32 = 1;
+
+/// What the plant file says about a drive, without its connection.
+pub(super) struct Setup<'a> {
+    pub name: &'a str,
+    pub enable: Enable,
+    pub ramp_per_second: Option<NonZeroU32>,
+    pub numbers: &'a ParameterNumbers,
+    pub parameters: &'a [ParameterSpec],
+    /// Version of the drive software; `None`: as the parameter table says.
+    pub software: Option<u32>,
+    /// SYNC slot (P167) after power-on, in us; `None`: as the parameter table says.
+    pub sync_slot_us: Option<u16>,
+}
+
+/// Places of the parameters that the drive itself works with.
+#[derive(Clone, Copy, Debug)]
+struct Slots {
+    speed_reference: Slot,
+    speed_actual: Slot,
+    angle_reference: Slot,
+    angle_actual: Slot,
+    mode: Slot,
+    speed_limit: Slot,
+    ramp: Slot,
+    gain: Slot,
+    sync_slot: Slot,
+    sync_offset: Slot,
+    pwm: Slot,
+    fault: Slot,
+}
+
+/// A V-Regler.
+#[derive(Clone, Debug)]
+pub(crate) struct VRegler {
+    machine: StateMachine,
+    motion: Motion,
+    set_point: SetPoint,
+    pub(super) store: ParameterStore,
+    slots: Slots,
+    /// Bit 15 of the status word, which the connection sets.
+    synchronized: bool,
+    /// Number of an error of the communication monitoring that is reported without reaction; 0: none.
+    error: u16,
+}
+
+/// What a parameter job did: the value and format read, or nothing.
+pub(crate) type Read = (ParamFormat, u32);
+
+impl VRegler {
+    /// The drive as it is after power-on.
+    pub(super) fn new(setup: &Setup) -> Result<Self, DriveError> {
+        let numbers = setup.numbers;
+        let mut specs: Vec<ParameterSpec> = PARAMETERS.iter().map(ParameterSpec::from).collect();
+        for spec in &mut specs {
+            spec.number = match spec.number {
+                number::SPEED_REFERENCE => numbers.speed_reference,
+                number::SPEED_ACTUAL => numbers.speed_actual,
+                number::ADDITIONAL_REFERENCE => numbers.additional_reference,
+                number => number,
+            };
+            match (spec.number, setup.ramp_per_second, setup.software) {
+                (number::RAMP, Some(ramp), _) => spec.initial = ramp.get(),
+                (number::SOFTWARE, _, Some(software)) => spec.initial = software,
+                _ => {}
+            }
+            if let (number::SYNC_SLOT, Some(us)) = (spec.number, setup.sync_slot_us) {
+                spec.initial = us.into();
+            }
+        }
+        let fault = |(number, reason)| DriveError::Parameter { drive: setup.name.to_owned(), number, reason };
+        for spec in setup.parameters {
+            let same = |other: &ParameterSpec| other.number == spec.number;
+            if setup.parameters.iter().filter(|other| same(other)).count() > 1 {
+                return Err(fault((spec.number, ParameterError::Twice)));
+            }
+            match specs.iter_mut().find(|own| same(own)) {
+                None => specs.push(*spec),
+                // The control word after power-on is what `enable` says.
+                Some(own) if own.number != number::CONTROL_WORD && spec.is_value_of(own) => {
+                    own.initial = spec.initial;
+                }
+                Some(_) => return Err(fault((spec.number, ParameterError::Own))),
+            }
+        }
+        let mut store = ParameterStore::new(specs).map_err(fault)?;
+        let slot = |number| store.slot(number).ok_or_else(|| fault((number, ParameterError::Number)));
+        let slots = Slots {
+            speed_reference: slot(numbers.speed_reference)?,
+            speed_actual: slot(numbers.speed_actual)?,
+            angle_reference: slot(number::ANGLE_REFERENCE)?,
+            angle_actual: slot(number::ANGLE_ACTUAL)?,
+            mode: slot(number::OPERATING_MODE)?,
+            speed_limit: slot(number::SPEED_LIMIT)?,
+            ramp: slot(number::RAMP)?,
+            gain: slot(number::POSITION_GAIN)?,
+            sync_slot: slot(number::SYNC_SLOT)?,
+            sync_offset: slot(number::SYNC_OFFSET)?,
+            pwm: slot(number::PWM_FREQUENCY)?,
+            fault: slot(number::FAULT_NUMBER)?,
+        };
+        store.watch(slots.angle_reference);
+        Ok(VRegler {
+            machine: StateMachine::new(setup.enable),
+            motion: Motion::default(),
+            set_point: SetPoint::default(),
+            store,
+            slots,
+            synchronized: false,
+            error: 0,
+        })
+    }
+
+    /// One run of the control task, `us` after the last.
+    #[inline]
+    pub(super) fn step(&mut self, us: u32) {
+        let enabled = self.machine.state() == State::OperationEnabled;
+        let target = if self.is_following_angle() {
+            self.follow_angle(enabled, us)
+        } else if enabled {
+            i64::from(self.store.get(self.slots.speed_reference) as i32)
+        } else {
+            0
+        };
+        let limit = i64::from(self.store.get(self.slots.speed_limit));
+        let target = target.clamp(-limit, limit) as i32;
+        let speed = self.motion.step(target, us, self.store.get(self.slots.ramp));
+        self.store.set(self.slots.speed_actual, speed as u32);
+        self.store.set(self.slots.angle_actual, self.motion.angle());
+        if speed == 0 {
+            self.machine.standstill();
+        }
+        self.store.pass(us);
+    }
+
+    #[inline]
+    pub(super) fn is_following_angle(&self) -> bool {
+        self.store.get(self.slots.mode) == SYNCHRONOUS_POSITION
+    }
+
+    /// Target speed in mode "synchronous reference position". P258 shows the reference value that takes effect.
+    fn follow_angle(&mut self, enabled: bool, us: u32) -> i64 {
+        let slots = &self.slots;
+        let slot_us = self.store.get(slots.sync_slot) as u16;
+        if self.store.take_written() {
+            let mask = angle::mask(slot_us, self.store.get(slots.pwm) as u16);
+            let reference = self.store.get(slots.angle_reference) & mask;
+            self.store.set(slots.angle_reference, reference);
+            self.store.take_written();
+            self.set_point.reference(reference, slot_us);
+        }
+        if !enabled {
+            self.set_point.hold(self.motion.angle());
+            return 0;
+        }
+        self.set_point.pass(us);
+        angle::follow(self.set_point.now(), self.motion.angle(), self.store.get(slots.gain), us)
+    }
+
+    /// Whether nothing changes by itself: no motion, nothing being recalculated.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        let driven = self.machine.state() == State::OperationEnabled
+            && (self.is_following_angle() || self.store.get(self.slots.speed_reference) != 0);
+        let braking = matches!(self.machine.state(), State::QuickStopActive | State::FaultReactionActive);
+        self.motion.speed() == 0 && !driven && !braking && !self.store.is_settling()
+    }
+
+    /// Reads an element of a parameter.
+    ///
+    /// # Errors
+    /// The error number of the manual (5.00005.03a p. 95 and 166): 16#FFFB no such parameter or element, 16#FFFA
+    /// being recalculated.
+    pub(crate) fn read_element(&self, number: u16, element: u8) -> Result<Read, u16> {
+        let slot = self.store.slot(number).ok_or(error_number::NOT_PRESENT)?;
+        let value = match element {
+            MINIMUM_ELEMENT => self.store.limits(slot).0,
+            MAXIMUM_ELEMENT => self.store.limits(slot).1,
+            VALUE_ELEMENT if !self.store.is_available(slot) => return Err(error_number::NOT_AVAILABLE_NOW),
+            VALUE_ELEMENT => self.value(number, slot),
+            _ => return Err(error_number::NOT_PRESENT),
+        };
+        Ok((self.store.format(slot), value))
+    }
+
+    /// Writes an element of a parameter; only the value can be written.
+    ///
+    /// # Errors
+    /// The error number of the manual (5.00005.03a p. 95 and 166).
+    pub(crate) fn write_element(
+        &mut self,
+        number: u16,
+        element: u8,
+        format: ParamFormat,
+        value: u32,
+    ) -> Result<(), u16> {
+        let slot = self.store.slot(number).ok_or(error_number::NOT_PRESENT)?;
+        if element != VALUE_ELEMENT {
+            return Err(error_number::NOT_CHANGEABLE);
+        }
+        self.store.write(slot, format, value)?;
+        if number == number::CONTROL_WORD {
+            self.command(value as u16);
+        }
+        Ok(())
+    }
+
+    /// Whether `number` can be a cyclic reference value.
+    pub(crate) fn is_writable(&self, number: u16) -> bool {
+        self.store.slot(number).is_some_and(|slot| !self.store.is_read_only(slot))
+    }
+
+    /// Whether `number` can be a cyclic actual value.
+    pub(crate) fn is_readable(&self, number: u16) -> bool {
+        self.store.slot(number).is_some()
+    }
+
+    /// Width of parameter `number`.
+    pub(crate) fn format_of(&self, number: u16) -> Option<ParamFormat> {
+        self.store.slot(number).map(|slot| self.store.format(slot))
+    }
+
+    /// Control and status word live in the state machine, everything else in the store.
+    fn value(&self, number: u16, slot: Slot) -> u32 {
+        match number {
+            number::CONTROL_WORD => u32::from(self.machine.control_word()),
+            number::STATUS_WORD => u32::from(self.status_word()),
+            _ => self.store.get(slot),
+        }
+    }
+
+    /// The value of parameter `number`, if the drive has it.
+    pub(crate) fn parameter(&self, number: u16) -> Option<u32> {
+        self.store.slot(number).map(|slot| self.value(number, slot))
+    }
+
+    /// Takes over a control word. A fault reset clears the fault number.
+    pub(crate) fn command(&mut self, word: u16) {
+        let was_faulty = self.machine.state() == State::Fault;
+        self.machine.command(word);
+        if was_faulty && self.machine.state() != State::Fault {
+            self.store.set(self.slots.fault, self.error.into());
+        }
+    }
+
+    /// The status word (parameter 121); bit 15 tells whether the drive runs in step with its SYNC signal.
+    #[inline]
+    pub(crate) fn status_word(&self) -> u16 {
+        let synchronized = if self.synchronized { super::SYNCHRONIZED } else { 0 };
+        self.machine.status_word() | synchronized
+    }
+
+    /// Sets bit 15 of the status word.
+    #[inline]
+    pub(crate) fn show_synchronized(&mut self, on: bool) {
+        self.synchronized = on;
+    }
+
+    /// State of the state machine.
+    #[inline]
+    pub(crate) fn state(&self) -> State {
+        self.machine.state()
+    }
+
+    /// Brings a fault upon the drive, unless it has one: it brakes and waits for a fault reset. Tells whether it did.
+    pub(crate) fn trip(&mut self, number: u16) -> bool {
+        let trips = !self.is_faulty();
+        if trips {
+            self.machine.trip();
+            self.store.set(self.slots.fault, u32::from(number));
+        }
+        trips
+    }
+
+    fn is_faulty(&self) -> bool {
+        matches!(self.machine.state(), State::FaultReactionActive | State::Fault)
+    }
+
+    /// Reports the errors of the communication monitoring that stand at `now`, and reacts (decision D-294).
+    pub(super) fn monitor<'a>(&mut self, now: u64, monitors: impl Iterator<Item = &'a mut Monitor>) {
+        let mut reported = 0;
+        for (fault, reaction) in monitors.filter_map(|monitor| monitor.error(now)) {
+            match reaction {
+                Reaction::None if reported == 0 => reported = fault,
+                Reaction::None => {}
+                Reaction::QuickStop => {
+                    self.trip(fault);
+                }
+                Reaction::Inhibit => {
+                    self.trip(fault);
+                    // Also of a drive that brakes because of another fault.
+                    self.machine.inhibit();
+                }
+            }
+        }
+        if reported != self.error {
+            self.error = reported;
+            self.machine.set_warning(reported != 0);
+            if !self.is_faulty() {
+                self.store.set(self.slots.fault, reported.into());
+            }
+        }
+    }
+
+    /// Sets or clears the warning bit of the status word.
+    pub(crate) fn set_warning(&mut self, on: bool) {
+        self.machine.set_warning(on);
+    }
+
+    /// SYNC slot (P167) and offset (P168) in us.
+    pub(crate) fn sync_times(&self) -> (u32, u32) {
+        (self.store.get(self.slots.sync_slot), self.store.get(self.slots.sync_offset))
+    }
+
+    /// PWM frequency (P103) in kHz.
+    pub(crate) fn pwm_khz(&self) -> u32 {
+        self.store.get(self.slots.pwm)
+    }
+
+    /// Version of the drive software (0309 as 309).
+    pub(crate) fn software(&self) -> u32 {
+        self.parameter(number::SOFTWARE).unwrap_or(0)
+    }
+}

@@ -1,0 +1,94 @@
+//! Control and status register of a job, at the master and at the slave: the PLC writes both, the
+//! firmware shows in both how far the job is (manual 5.00005.03a p. 165, 167, 189, 191).
+
+use crate::devices::Context;
+use crate::journal::Event;
+use crate::memory::Cell8;
+
+/// The two registers of one job. Both hold the same bits; the control register is the decisive one, the
+/// status register is only ever written.
+pub(super) struct JobRegisters<'a> {
+    pub(super) control: &'a Cell8,
+    pub(super) status: &'a Cell8,
+    /// `%MB3` offset of the control register, for the journal.
+    pub(super) offset: usize,
+}
+
+impl JobRegisters<'_> {
+    /// The register that decides.
+    pub(super) fn control(&self) -> u8 {
+        self.control.load()
+    }
+
+    /// Puts `new` into both, whatever they held: first the status register, then the control register.
+    pub(super) fn show(&self, ctx: &mut Context, new: u8) {
+        self.change(ctx, |_| new);
+    }
+
+    /// Changes bits of both without losing what the PLC writes at the same time.
+    pub(super) fn change(&self, ctx: &mut Context, change: impl Fn(u8) -> u8) {
+        self.status.update(&change);
+        let seen = self.control.update(&change);
+        self.report(ctx, seen, change(seen));
+    }
+
+    /// Replaces `seen` by `new`: first in the status register, then in the control register. Tells whether
+    /// the control register still held `seen`; if not, the PLC has entered something else meanwhile,
+    /// which is left alone.
+    pub(super) fn replace(&self, ctx: &mut Context, seen: u8, new: u8) -> bool {
+        self.status.store(new);
+        match self.control.compare_exchange(seen, new) {
+            Ok(_) => {
+                self.report(ctx, seen, new);
+                true
+            }
+            Err(entered) => {
+                self.status.store(entered);
+                false
+            }
+        }
+    }
+
+    fn report(&self, ctx: &mut Context, seen: u8, new: u8) {
+        if seen != new {
+            let (origin, offset) = (ctx.origin, self.offset as u32);
+            let (request, answer) = (u16::from(seen), u16::from(new));
+            ctx.report(Event::Handshake { origin, offset, request, answer });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::journal::{Journal, Origin};
+    use zerocopy::FromZeros;
+
+    #[test]
+    fn what_the_plc_entered_meanwhile_is_left_alone() {
+        let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
+        let mut journal = Journal::default();
+        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 2 } };
+        let registers = JobRegisters { control: &control, status: &status, offset: 1 };
+        control.store(0x05);
+        assert!(registers.replace(&mut ctx, 0x05, 0x0D));
+        assert_eq!((control.load(), status.load()), (0x0D, 0x0D));
+        control.store(0x03);
+        assert!(!registers.replace(&mut ctx, 0x0D, 0x04));
+        assert_eq!((control.load(), status.load()), (0x03, 0x03));
+        assert!(registers.replace(&mut ctx, 0x03, 0x03));
+        assert_eq!(journal.written(), 1, "only a change is an answer");
+    }
+    #[test]
+    fn bits_change_in_each_register_by_themselves() {
+        let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
+        let mut journal = Journal::default();
+        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 1 } };
+        let registers = JobRegisters { control: &control, status: &status, offset: 1 };
+        registers.show(&mut ctx, 0x45);
+        status.store(0x64);
+        registers.change(&mut ctx, |value| value & 0xBF);
+        assert_eq!((control.load(), status.load()), (0x05, 0x24));
+        assert_eq!(journal.written(), 2);
+    }
+}

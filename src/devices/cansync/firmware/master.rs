@@ -1,0 +1,281 @@
+//! The CANsync master on node 2: process data in active operation (manual 5.00005.03a p. 151-160), and who
+//! has the command channel when.
+
+use super::actual::ActualValueRegisters;
+use super::auto::Counter;
+use super::command::CommandChannel;
+use super::init::SyncSource;
+use super::node::{Change, Node, NodeState, Role};
+use super::polling::Polling;
+use super::punctual::Punctual;
+use super::registers::Code;
+use super::word_config::WordConfigs;
+use crate::check::Facts;
+use crate::devices::Context;
+use crate::devices::cansync::bus::codec::process::FrameConfig;
+use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
+use crate::journal::{Event, Missed};
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use crate::memory::{Cell8, MemoryError, Segment, View};
+use core::mem::offset_of;
+
+/// Where the cyclic area begins, behind the general registers.
+const CYCLIC_AREA: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
+
+/// Stands in the identifier of a reference value frame that asks nobody for actual values: its seven bits can name
+/// more than the 32 slaves there are (decision D-25).
+const NOBODY: u8 = 0x7F;
+
+/// A reference value frame that was built and waits for its slot.
+#[derive(Clone, Copy, Debug)]
+pub struct Built {
+    /// The frame, identifier included.
+    pub frame: Frame,
+    /// Words of it that are used; building takes 15 us for each.
+    pub used_words: u8,
+}
+
+/// The master's firmware.
+pub struct Master {
+    node: Node,
+    regs: View<CANsync_MA_CTRL_BMSTRUCT>,
+    polling: Polling,
+    commands: CommandChannel,
+    request: [Counter; 2],
+    /// Configuration bytes as read at the start of the interval.
+    config: [FrameConfig; 2],
+    /// Whether the present interval began in active operation.
+    interval_is_active: bool,
+    /// Deadlines of the two reference value frames.
+    punctual: [Punctual; 2],
+}
+
+impl Master {
+    /// The master in node 2 of `segment`.
+    ///
+    /// # Errors
+    /// If the segment is too small for node 2.
+    pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Master {
+            node: Node::new(Role::Master, segment)?,
+            regs: segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?,
+            polling: Polling::new(),
+            commands: CommandChannel::default(),
+            request: [Counter::default(); 2],
+            config: [FrameConfig::master_reference([0; 4]); 2],
+            interval_is_active: false,
+            punctual: [Punctual::default(); 2],
+        })
+    }
+
+    /// Power-on with the number set at the DIP switches.
+    pub fn power_on(&mut self, omega_nr: u8) {
+        self.regs.reset_from(0);
+        self.node.power_on(omega_nr);
+    }
+
+    /// Power-off: the node leaves the bus. Its registers are empty until [`Master::power_on`].
+    pub fn power_off(&mut self, ctx: &mut Context) {
+        self.node.power_off(ctx);
+        self.regs.reset_from(0);
+    }
+
+    /// The present state.
+    pub fn state(&self) -> NodeState {
+        self.node.state()
+    }
+
+    /// Slot times, once initialization data were taken over.
+    pub fn timing(&self) -> Option<&'static BaudRate> {
+        self.node.init().map(|init| init.timing)
+    }
+
+    /// What the access checker must know.
+    #[inline]
+    pub fn facts(&self) -> Facts {
+        self.node.facts(self.punctual)
+    }
+
+    /// Whether this master passes on the SYNC signal of its PLC's node 1.
+    pub fn forwards_sync(&self) -> bool {
+        self.node.init().is_some_and(|init| init.sync == SyncSource::Forwarded)
+    }
+
+    /// An edge that this master passes on to its bus, of a SYNC signal that belongs to `rate`.
+    #[inline]
+    pub fn passes_sync_on(&mut self, ctx: &mut Context, rate: &'static BaudRate) {
+        self.node.judge_sync(ctx, rate);
+    }
+
+    /// Whether the master is in set-up mode or active operation.
+    #[inline]
+    pub fn is_on_bus(&self) -> bool {
+        self.node.is_on_bus()
+    }
+
+    /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.
+    pub fn control_changed(&self) -> bool {
+        self.node.control_changed()
+    }
+
+    /// One processor cycle; see `Node::refresh_status` for `on_wire`.
+    pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
+        let regs = &self.regs;
+        let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
+        match change {
+            Change::SetUpStarted | Change::Disabled => {
+                self.polling.restart();
+                self.commands.restart();
+                self.interval_is_active = false;
+            }
+            Change::Enabled => {
+                self.request.iter_mut().for_each(Counter::restart);
+                self.commands.restart();
+            }
+            Change::Restarted => {
+                self.commands.restart();
+                self.interval_is_active = false;
+            }
+            Change::None | Change::Progressed => {}
+        }
+        self.node.refresh_status(ctx, on_wire);
+        change
+    }
+
+    /// Falling edge of SYNC: the configuration is read and the automatic slave numbers move on
+    /// (manual p. 154; D-08).
+    pub fn sync_edge(&mut self) {
+        self.interval_is_active = self.node.state() == NodeState::Active;
+        self.punctual.iter_mut().for_each(Punctual::next_interval);
+        if !self.interval_is_active {
+            return;
+        }
+        self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::master_reference);
+        let max = self.regs.b_MAX_SL_NR.load();
+        self.request.iter_mut().for_each(|counter| counter.next_interval(max));
+        self.commands.next_interval(max);
+    }
+
+    /// The deadline of a reference value frame: builds it if the PLC has released it with 16#05,
+    /// otherwise it is left out in this interval, and with it the actual value request.
+    pub fn build_reference(&mut self, ctx: &mut Context, channel: Channel) -> Option<Built> {
+        if !self.is_exchanging() {
+            return None;
+        }
+        let released = self.control_register(channel).load() == Code::RELEASED;
+        self.punctual[channel.index()].deadline(ctx.now, released);
+        if !released {
+            let origin = ctx.origin;
+            ctx.report(Event::Missed { origin, what: Missed::ReferenceValue(channel.number()) });
+            return None;
+        }
+        let values = &self.regs.a_WR_VALUE;
+        let built = self.config[channel.index()]
+            .build(|number| values.get(usize::from(number)).map_or(0, |cell| cell.load()));
+        let order = match channel {
+            Channel::One => &self.regs.b_CTRLREG_RD_ORDER_RDC1,
+            Channel::Two => &self.regs.b_CTRLREG_RD_ORDER_RDC2,
+        };
+        let slave = self.request[channel.index()].resolve(order.load()).unwrap_or(NOBODY);
+        let frame = Frame::of(FrameKind::ReferenceValue(channel, slave), built.payload);
+        Some(Built { frame, used_words: built.used_words })
+    }
+
+    /// The frame is built: 16#05 becomes 16#04, unless the PLC has written something else meanwhile.
+    pub fn acknowledge_reference(&mut self, ctx: &mut Context, channel: Channel) {
+        let offset = NODE2
+            + match channel {
+                Channel::One => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1),
+                Channel::Two => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC2),
+            };
+        acknowledge(ctx, self.control_register(channel), offset);
+    }
+
+    /// The frame for the command channel of this interval, if any. Its job counts as sent from now on
+    /// (decision D-40).
+    #[inline]
+    pub fn command(&mut self, ctx: &mut Context) -> Option<Frame> {
+        if !self.node.is_connected() {
+            return None;
+        }
+        match (self.node.state(), self.node.init()) {
+            (NodeState::SetUp, Some(init)) => Some(self.polling.frame(init.expected)),
+            // A PLC may enable active operation before the first command slot; the slaves must be told
+            // to synchronize all the same (decision D-38).
+            (NodeState::Active, _) => self.polling.announcement().or_else(|| self.job(ctx)),
+            _ => None,
+        }
+    }
+
+    /// Jobs begin with the first whole interval of active operation, like process data (decision D-31).
+    #[inline]
+    fn job(&mut self, ctx: &mut Context) -> Option<Frame> {
+        if self.is_exchanging() { self.commands.frame(ctx, &self.regs) } else { None }
+    }
+
+    /// A response frame arrived.
+    pub fn response(&mut self, ctx: &mut Context, slave: u8, frame: &Frame) {
+        if !self.node.accepts(frame.id()) {
+            return;
+        }
+        if !self.commands.response(ctx, &self.regs, slave, frame.payload()) {
+            self.polling.response(ctx, &self.regs, slave, frame);
+        }
+    }
+
+    /// t_RSPTO passed without an answer to the last command.
+    pub fn response_timeout(&mut self, ctx: &mut Context) {
+        self.commands.no_response();
+        self.polling.no_response(ctx, &self.regs);
+    }
+
+    /// An actual value frame arrived: words to `a_RD_BMARRAY` first, then the acknowledgements.
+    pub fn actual_value(&mut self, channel: Channel, slave: u8, frame: &Frame) {
+        if !self.is_exchanging() || !self.node.accepts(frame.id()) {
+            return;
+        }
+        self.regs.receive(channel, slave, frame);
+    }
+
+    fn is_exchanging(&self) -> bool {
+        self.interval_is_active && self.node.state() == NodeState::Active && self.node.is_connected()
+    }
+
+    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    pub fn go_bus_off(&mut self) -> bool {
+        self.node.go_bus_off()
+    }
+
+    /// An overrun loses the frame that is arriving, up to [`Master::frame_is_past`]; tells whether the node would
+    /// have received it.
+    pub fn overrun(&mut self) -> bool {
+        self.node.overrun()
+    }
+
+    /// The frame lost to an overrun is past.
+    pub fn frame_is_past(&mut self) {
+        self.node.controller.frame_is_past();
+    }
+
+    fn control_register(&self, channel: Channel) -> &Cell8 {
+        match channel {
+            Channel::One => &self.regs.b_CTRLREG_WRC1,
+            Channel::Two => &self.regs.b_CTRLREG_WRC2,
+        }
+    }
+}
+
+/// 16#05 -> 16#04 in a register that holds such a handshake. Tells whether it still held 16#05.
+pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) -> bool {
+    let acknowledged = register.compare_exchange(Code::RELEASED, Code::DONE).is_ok();
+    if acknowledged {
+        let origin = ctx.origin;
+        ctx.report(Event::Handshake {
+            origin,
+            offset: offset as u32,
+            request: u16::from(Code::RELEASED),
+            answer: u16::from(Code::DONE),
+        });
+    }
+    acknowledged
+}

@@ -1,0 +1,401 @@
+//! What master and slave node share: general registers and the state machine between `w_CPU_CONTROL`
+//! and `w_OPTION_STATUS` (manual 5.00005.03a p. 147-150, 173-175; which state follows which command:
+//! decision D-05).
+
+use super::controller::Controller;
+use super::init::{InitData, InitFault};
+use super::orders::{Order, Orders};
+use super::punctual::Punctual;
+use super::registers::{control, status};
+use crate::check::{Facts, Rule};
+use crate::devices::Context;
+use crate::journal::{Command, Event};
+use crate::layout::Live;
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use crate::memory::{MemoryError, Segment, View};
+use core::mem::offset_of;
+
+/// Which of the board's two nodes this is; the wiring is fixed (manual 5.00005.03a p. 61).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// Node 1.
+    Slave,
+    /// Node 2.
+    Master,
+}
+
+impl Role {
+    /// First byte of the node's registers.
+    fn base(self) -> usize {
+        match self {
+            Role::Slave => NODE1,
+            Role::Master => NODE2,
+        }
+    }
+}
+
+/// The state a node shows in `w_OPTION_STATUS`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeState {
+    /// 16#0001.
+    StartUp,
+    /// 16#0002, waiting for "take over initialization data".
+    WaitingForInit,
+    /// 16#0003, waiting for start.
+    WaitingForStart,
+    /// 16#0013 on a slave, 16#0043 on a master.
+    SetUp,
+    /// 16#0020 on a slave, 16#0080 on a master.
+    Active,
+}
+
+/// What a look at `w_CPU_CONTROL` changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Nothing.
+    None,
+    /// The node was restarted; the bus is released.
+    Restarted,
+    /// Some step towards set-up mode that concerns nobody else.
+    Progressed,
+    /// Initialization data were taken over; the cyclic area is to be cleared before 16#0003 is shown.
+    SetUpStarted,
+    /// Active operation was enabled.
+    Enabled,
+    /// Active operation ended, set-up mode goes on.
+    Disabled,
+}
+
+/// State machine and general registers of a node.
+pub(super) struct Node {
+    role: Role,
+    base: u32,
+    pub(super) regs: View<CANsync_INIT_BMSTRUCT>,
+    state: NodeState,
+    init: Option<InitData>,
+    refused: Option<InitFault>,
+    orders: Orders,
+    pub(super) controller: Controller,
+    /// The SYNC signal that this node passes on has another interval than its bus (decision D-282).
+    sync_is_unlike: bool,
+}
+
+impl Node {
+    /// The node in `segment`, in start-up.
+    ///
+    /// # Errors
+    /// If the segment is too small for it, or read-only.
+    pub(super) fn new(role: Role, segment: &Segment) -> Result<Self, MemoryError> {
+        let base = role.base();
+        Ok(Node {
+            orders: Orders::new(segment, role)?,
+            role,
+            base: base as u32,
+            regs: segment.view(base)?,
+            state: NodeState::StartUp,
+            init: None,
+            refused: None,
+            controller: Controller::default(),
+            sync_is_unlike: false,
+        })
+    }
+
+    /// Power-on: shows the number set at the DIP switches. All other registers hold their reset values.
+    pub(super) fn power_on(&mut self, omega_nr: u8) {
+        self.regs.w_OMEGA_NR.store(u16::from(omega_nr));
+    }
+
+    /// Power-off: whatever it did, it is in start-up again.
+    pub(super) fn power_off(&mut self, ctx: &mut Context) {
+        if self.state != NodeState::StartUp {
+            self.show(ctx, NodeState::StartUp);
+        }
+    }
+
+    /// The present state.
+    #[inline]
+    pub(super) fn state(&self) -> NodeState {
+        self.state
+    }
+
+    /// What the access checker must know; `punctual` are the deadlines of the node's two process data frames.
+    #[inline]
+    pub(super) fn facts(&self, punctual: [Punctual; 2]) -> Facts {
+        let ordered = || {
+            let others = self.regs.w_CPU_CONTROL.load() & !control::RESET_CONTROLLER;
+            others == control::TAKE_OVER_INIT_DATA
+        };
+        Facts {
+            is_master: self.role == Role::Master,
+            live: self.live(),
+            takes_over_init: self.state == NodeState::WaitingForInit && ordered(),
+            is_active: self.state == NodeState::Active,
+            missed: punctual.map(|frame| frame.missed_at()),
+            expected: self.init.as_ref().map_or(0, |init| init.expected),
+        }
+    }
+
+    /// Which structure is valid (decision D-03).
+    fn live(&self) -> Live {
+        match self.state {
+            NodeState::StartUp | NodeState::WaitingForInit => Live::Init,
+            NodeState::WaitingForStart | NodeState::SetUp | NodeState::Active => Live::Cyclic,
+        }
+    }
+
+    /// The initialization data taken over; `None` before that.
+    #[inline]
+    pub(super) fn init(&self) -> Option<&InitData> {
+        self.init.as_ref()
+    }
+
+    /// Whether the node takes part in bus traffic: set-up mode or active operation.
+    #[inline]
+    pub(super) fn is_on_bus(&self) -> bool {
+        matches!(self.state, NodeState::SetUp | NodeState::Active)
+    }
+
+    /// Whether the PLC has written `w_CPU_CONTROL` since the last look. For busy polling.
+    #[inline]
+    pub(super) fn control_changed(&self) -> bool {
+        self.orders.is_waiting(&self.regs.w_CPU_CONTROL)
+    }
+
+    /// Whether the CAN controller takes part in bus traffic, as far as the PLC wants it to.
+    #[inline]
+    pub(super) fn is_connected(&self) -> bool {
+        self.controller.is_connected()
+    }
+
+    /// Whether a frame with this identifier is received: it reaches the controller and passes its acceptance
+    /// filter.
+    #[inline]
+    pub(super) fn accepts(&self, identifier: u16) -> bool {
+        self.is_connected() && self.init.as_ref().is_some_and(|init| init.accepts(identifier))
+    }
+
+    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    pub(super) fn go_bus_off(&mut self) -> bool {
+        self.is_on_bus() && self.controller.go_off()
+    }
+
+    /// An overrun loses the frame that is arriving; tells whether the node would have received it.
+    pub(super) fn overrun(&mut self) -> bool {
+        self.is_on_bus() && self.controller.overrun()
+    }
+
+    /// One look at `w_CPU_CONTROL`. `clear` empties the cyclic area; it is called when initialization
+    /// data were taken over and before 16#0003 is shown (decision D-03).
+    pub(super) fn look_at_control(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        self.controller.recover(ctx.now);
+        let Order { value, is_new, with_reset } = self.orders.take(&self.regs.w_CPU_CONTROL);
+        if with_reset {
+            self.reset_controller(ctx, value);
+        }
+        if self.orders.are_left_behind() {
+            if is_new && self.state != NodeState::StartUp {
+                self.report_left_behind(ctx);
+            }
+            return Change::None;
+        }
+        match (self.state, value) {
+            (NodeState::StartUp, control::RESTART) => Change::None,
+            (_, control::RESTART) => {
+                self.init = None;
+                self.refused = None;
+                self.controller = Controller::default();
+                self.sync_is_unlike = false;
+                self.show(ctx, NodeState::StartUp);
+                Change::Restarted
+            }
+            (NodeState::StartUp, control::HANDSHAKE) => {
+                self.show(ctx, NodeState::WaitingForInit);
+                Change::Progressed
+            }
+            (NodeState::WaitingForInit, control::TAKE_OVER_INIT_DATA) => self.take_over(ctx, clear),
+            (NodeState::WaitingForStart, control::START_SYNCHRONOUS) => {
+                self.show(ctx, NodeState::SetUp);
+                Change::SetUpStarted
+            }
+            (NodeState::SetUp, value) if value & control::ENABLE_ACTIVE != 0 => {
+                self.show(ctx, NodeState::Active);
+                Change::Enabled
+            }
+            (NodeState::Active, control::START_SYNCHRONOUS) => {
+                self.show(ctx, NodeState::SetUp);
+                Change::Disabled
+            }
+            (state, value) => {
+                if is_new && !Self::is_at_rest(state, value) {
+                    self.report_ignored(ctx, value);
+                }
+                Change::None
+            }
+        }
+    }
+
+    /// Bit 7 acts in every state; clearing it left `answer`.
+    fn reset_controller(&mut self, ctx: &mut Context, answer: u16) {
+        let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
+        self.controller.reset(ctx.now, kbit_per_s);
+        let (origin, offset, request) = (ctx.origin, self.base, answer | control::RESET_CONTROLLER);
+        ctx.report(Event::Handshake { origin, offset, request, answer });
+    }
+
+    /// From here on a restart in the RAM alone cannot be told from what stands there.
+    fn report_left_behind(&self, ctx: &mut Context) {
+        let (origin, value) = (ctx.origin, control::RESTART);
+        ctx.report(Event::CommandIgnored { origin, value, why: Command::LeftBehind });
+        ctx.find(Rule::LeftBehind, self.live(), self.base, control::RESET_CONTROLLER.into());
+    }
+
+    fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
+        let data = match self.role {
+            Role::Master => InitData::of_master(&self.regs),
+            Role::Slave => InitData::of_slave(&self.regs),
+        };
+        match data {
+            Ok(data) => {
+                self.check_controller(ctx);
+                self.init = Some(data);
+                self.refused = None;
+                clear();
+                self.show(ctx, NodeState::WaitingForStart);
+                Change::Progressed
+            }
+            Err(fault) => {
+                if self.refused.replace(fault) != Some(fault) {
+                    let origin = ctx.origin;
+                    ctx.report(Event::InitRefused { origin, reason: fault as u8 });
+                    self.report_refused(ctx, fault);
+                }
+                Change::None
+            }
+        }
+    }
+
+    fn report_refused(&self, ctx: &mut Context, fault: InitFault) {
+        let regs = &self.regs;
+        let (rule, offset, value) = match fault {
+            InitFault::Mode => {
+                (Rule::InitMode, offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE), regs.b_MA_SL_MODE.load())
+            }
+            InitFault::BitTiming => {
+                (Rule::InitBaudRate, offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0), regs.b_BT_0.load())
+            }
+            InitFault::TimePattern => (
+                Rule::InitInterval,
+                offset_of!(CANsync_INIT_BMSTRUCT, b_TIME_PATTERN),
+                regs.b_TIME_PATTERN.load(),
+            ),
+        };
+        ctx.find(rule, Live::Init, self.base + offset as u32, value.into());
+    }
+
+    /// The two values that the manual gives for the CAN controller (p. 149). The bus is simulated, so other ones
+    /// do no harm here; on the device they would.
+    fn check_controller(&self, ctx: &mut Context) {
+        let output = (&self.regs.b_OUTPUT_CONTROL, offset_of!(CANsync_INIT_BMSTRUCT, b_OUTPUT_CONTROL), 0xFA);
+        let clock = (&self.regs.b_CLOCK_DIVIDER, offset_of!(CANsync_INIT_BMSTRUCT, b_CLOCK_DIVIDER), 0x07);
+        for (register, offset, right) in [output, clock] {
+            let value = register.load();
+            if value != right {
+                ctx.find(Rule::InitController, Live::Init, self.base + offset as u32, value.into());
+            }
+        }
+    }
+
+    /// The node passes on a SYNC signal that belongs to `rate`: says so once if its own rate is another one.
+    #[inline]
+    pub(super) fn judge_sync(&mut self, ctx: &mut Context, rate: &'static BaudRate) {
+        let Some(timing) = self.init.as_ref().map(|init| init.timing) else { return };
+        let is_unlike = timing.b_TIME_PATTERN != rate.b_TIME_PATTERN;
+        let is_news = is_unlike && !self.sync_is_unlike;
+        self.sync_is_unlike = is_unlike;
+        if is_news {
+            let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, rate.kbit_per_s);
+            ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
+            let offset = self.base + offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0) as u32;
+            ctx.find(Rule::ClusterBaudRate, Live::Init, offset, timing.b_BT_0.into());
+        }
+    }
+
+    /// Whether `value` is simply the command that led to `state` and still stands in the register.
+    fn is_at_rest(state: NodeState, value: u16) -> bool {
+        match state {
+            NodeState::StartUp => value == control::RESTART,
+            NodeState::WaitingForInit => value == control::HANDSHAKE,
+            NodeState::WaitingForStart => value == control::TAKE_OVER_INIT_DATA,
+            NodeState::SetUp => value == control::START_SYNCHRONOUS,
+            NodeState::Active => value & control::ENABLE_ACTIVE != 0,
+        }
+    }
+
+    fn report_ignored(&self, ctx: &mut Context, value: u16) {
+        let known = matches!(
+            value,
+            control::HANDSHAKE
+                | control::TAKE_OVER_INIT_DATA
+                | control::START_SYNCHRONOUS
+                | control::ENABLE_ACTIVE
+        ) && !control::RESERVED.contains(&value);
+        let why = if known { Command::NotNow } else { Command::Unknown };
+        let origin = ctx.origin;
+        ctx.report(Event::CommandIgnored { origin, value, why });
+        ctx.find(Rule::Command, self.live(), self.base, value.into());
+    }
+
+    fn show(&mut self, ctx: &mut Context, state: NodeState) {
+        let (from, to) = (self.code(self.state), self.code(state));
+        self.state = state;
+        self.regs.w_OPTION_STATUS.store(to);
+        let origin = ctx.origin;
+        ctx.report(Event::State { origin, from, to });
+    }
+
+    fn code(&self, state: NodeState) -> u16 {
+        match (state, self.role) {
+            (NodeState::StartUp, _) => 0x0001,
+            (NodeState::WaitingForInit, _) => 0x0002,
+            (NodeState::WaitingForStart, _) => 0x0003,
+            (NodeState::SetUp, Role::Slave) => 0x0013,
+            (NodeState::SetUp, Role::Master) => 0x0043,
+            (NodeState::Active, Role::Slave) => 0x0020,
+            (NodeState::Active, Role::Master) => 0x0080,
+        }
+    }
+
+    /// Refreshes `w_CANsync_STATUS`. `on_wire` says what the controller is doing at this moment: `None`
+    /// idle, `Some(true)` sending, `Some(false)` receiving. That alone is not worth a record.
+    pub(super) fn refresh_status(&self, ctx: &mut Context, on_wire: Option<bool>) {
+        let mut value = 0;
+        if self.controller.is_off() {
+            // Nothing is sent or received, nothing waits to be sent (decision D-121).
+            value = status::BUS_OFF | status::WARNING;
+        } else if self.init.is_some() {
+            value = status::SEND_BUFFER_FREE | status::SEND_JOB_DONE;
+        }
+        if self.is_on_bus() && self.is_connected() {
+            match on_wire {
+                Some(true) => value = status::SENDING,
+                Some(false) => value |= status::RECEIVING,
+                None => {}
+            }
+        }
+        if self.refused.is_some() || self.sync_is_unlike {
+            value |= status::WARNING;
+        }
+        if self.controller.has_overrun() {
+            value |= status::OVERRUN;
+        }
+        let before = self.regs.w_CANsync_STATUS.load();
+        if before != value {
+            self.regs.w_CANsync_STATUS.store(value);
+        }
+        if (before ^ value) & !status::TRAFFIC != 0 {
+            let origin = ctx.origin;
+            let offset = self.base + offset_of!(CANsync_INIT_BMSTRUCT, w_CANsync_STATUS) as u32;
+            ctx.report(Event::Register { origin, offset, from: before.into(), to: value.into() });
+        }
+    }
+}

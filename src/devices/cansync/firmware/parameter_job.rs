@@ -1,0 +1,140 @@
+//! Parameter jobs of the master's PLC (manual 5.00005.03a p. 164-166).
+//!
+//! The registers alone hold a job: it is read anew whenever it is its slave's turn, and an answer counts
+//! only if they still hold the job that was sent. So the PLC can change or withdraw a job at any time, and
+//! a job that nobody answers is simply sent again on the slave's next turn (decision D-11).
+
+use super::job_registers::JobRegisters;
+use crate::devices::Context;
+use crate::devices::cansync::bus::Payload;
+use crate::devices::cansync::bus::codec::parameter::{
+    Access, ParameterJob, ParameterResponse, ParameterResult, error_number,
+};
+use crate::devices::shown::Shown;
+use crate::layout::omega_drive_line_2::{
+    CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER, NODE2,
+};
+use core::mem::offset_of;
+
+/// Bits of `b_STEUREG_PAR_CMD` and `b_STATREG_PAR_CMD` (p. 164).
+mod bits {
+    pub const ACTIVE: u8 = 1 << 0;
+    pub const READ: u8 = 1 << 1;
+    pub const WRITE: u8 = 1 << 2;
+    pub const SENT: u8 = 1 << 3;
+    pub const DOUBLEWORD: u8 = 1 << 4;
+    pub const ERROR: u8 = 1 << 5;
+    pub const BUSY: u8 = 1 << 6;
+}
+
+/// The registers of the job for one slave.
+struct Area<'a> {
+    job: JobRegisters<'a>,
+    data: &'a DATA_PARAMETER,
+    /// `%MB3` offset of `data`, for the journal.
+    data_offset: usize,
+}
+
+impl<'a> Area<'a> {
+    fn of(regs: &'a CANsync_MA_CTRL_BMSTRUCT, slave: u8) -> Option<Self> {
+        let index = usize::from(slave);
+        let job = regs.a_CTRLREG_PAR_CMD_SL.get(index)?;
+        Some(Area {
+            job: JobRegisters {
+                control: &job.b_STEUREG_PAR_CMD,
+                status: &job.b_STATREG_PAR_CMD,
+                offset: NODE2
+                    + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
+                    + index * size_of::<CTRLREG_PAR_CMD_SL>()
+                    + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD),
+            },
+            data: regs.a_DATA_PARAMETER.get(index)?,
+            data_offset: NODE2
+                + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
+                + index * size_of::<DATA_PARAMETER>(),
+        })
+    }
+
+    /// The job that `control` and the data registers describe, or the error number that refuses it
+    /// (decision D-41). `w_SUBSL_ADR` is reserved: jobs go to the slave itself.
+    fn entered(&self, control: u8) -> Result<ParameterJob, u16> {
+        let access = match (control & bits::READ != 0, control & bits::WRITE != 0) {
+            (true, false) => Access::Read,
+            (false, true) if control & bits::DOUBLEWORD != 0 => {
+                Access::WriteDoubleword(self.data.d_PAR_VALUE.load())
+            }
+            (false, true) => Access::WriteWord(self.data.d_PAR_VALUE.load() as u16),
+            (true, true) | (false, false) => return Err(error_number::GENERAL),
+        };
+        ParameterJob::new(self.data.w_PAR_NR.load(), access).map_err(|_| error_number::NOT_PRESENT)
+    }
+
+    /// Shows the job's result.
+    fn show_value(&self, ctx: &mut Context, value: u32) {
+        let offset = self.data_offset + offset_of!(DATA_PARAMETER, d_PAR_VALUE);
+        self.data.d_PAR_VALUE.show(ctx, offset, value);
+    }
+
+    /// Ends the job that `control` holds with an error number; bit 3 goes off as at a good end (D-42).
+    fn fail(&self, ctx: &mut Context, control: u8, number: u16) {
+        self.show_value(ctx, u32::from(number));
+        self.job.replace(ctx, control, ended(control) | bits::ERROR);
+    }
+}
+
+/// What is left of a control register when its job has ended: what was asked for.
+const fn ended(control: u8) -> u8 {
+    control & !(bits::ACTIVE | bits::SENT | bits::BUSY | bits::ERROR)
+}
+
+/// The job for `slave` that goes out now, if one is entered. Jobs that cannot be sent end at once.
+#[inline]
+pub(super) fn next(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8) -> Option<ParameterJob> {
+    let area = Area::of(regs, slave)?;
+    let control = area.job.control.load();
+    if control & bits::ACTIVE == 0 {
+        return None;
+    }
+    match area.entered(control) {
+        // Busy stays from one repetition to the next.
+        Ok(job) => area.job.replace(ctx, control, control & !bits::ERROR | bits::SENT).then_some(job),
+        Err(number) => {
+            area.fail(ctx, control, number);
+            None
+        }
+    }
+}
+
+/// The answer of `slave` to `job`. One that does not fit is as good as none.
+pub(super) fn answered(
+    ctx: &mut Context,
+    regs: &CANsync_MA_CTRL_BMSTRUCT,
+    slave: u8,
+    job: &ParameterJob,
+    payload: &Payload,
+) {
+    const UNDER_WAY: u8 = bits::ACTIVE | bits::SENT;
+    let Some(area) = Area::of(regs, slave) else { return };
+    let control = area.job.control.load();
+    // Bit 3 off: the PLC has entered a job anew, even if it is the same one again.
+    if control & UNDER_WAY != UNDER_WAY || area.entered(control) != Ok(*job) {
+        return;
+    }
+    let Ok(response) = ParameterResponse::decode(job, payload) else { return };
+    let end = ended(control);
+    let end = match response.result() {
+        ParameterResult::Busy => control | bits::BUSY,
+        ParameterResult::Error(number) => return area.fail(ctx, control, number),
+        ParameterResult::Done => end,
+        // The format is that of the answer, whatever was asked for (p. 165).
+        ParameterResult::Word(value) => {
+            area.show_value(ctx, u32::from(value));
+            end & !bits::DOUBLEWORD
+        }
+        ParameterResult::Doubleword(value) => {
+            area.show_value(ctx, value);
+            end | bits::DOUBLEWORD
+        }
+    };
+    area.job.replace(ctx, control, end);
+}

@@ -1,0 +1,162 @@
+//! Set-up mode of the master: tells all slaves to synchronize and reads their status words.
+//!
+//! Manual 5.00005.03a p. 134, 168. One frame per interval in the command channel: first the action
+//! command "SYNC mode: on" (decision D-06), then one read job on parameter 121 (status word) for each
+//! expected slave in ascending order, then all over again (decision D-30), so that a slave which is switched on
+//! late is found as well.
+
+use crate::devices::Context;
+use crate::devices::cansync::bus::Frame;
+use crate::devices::cansync::bus::codec::action::ActionCommand;
+use crate::devices::cansync::bus::codec::parameter::{
+    Access, ParameterJob, ParameterResponse, ParameterResult,
+};
+use crate::journal::Event;
+use crate::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+
+/// Parameter number of the status word (manual 5.01010.01 p. 14; decision D-06).
+pub(super) const STATUS_WORD: u16 = 121;
+/// Bit 15 of the status word: synchronized (manual 5.00005.03a p. 136).
+pub(super) const SYNCHRONIZED: u16 = 1 << 15;
+
+/// `a_STAT_SL[n]` bit 0: the slave responds.
+const RESPONDS: u8 = 1 << 0;
+/// `a_STAT_SL[n]` bit 1: the slave is synchronized.
+const IS_SYNCHRONIZED: u8 = 1 << 1;
+
+/// The read job on the status word.
+const STATUS_WORD_JOB: ParameterJob = match ParameterJob::new(STATUS_WORD, Access::Read) {
+    Ok(job) => job,
+    Err(_) => panic!("121 is a parameter number"),
+};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Next {
+    SyncModeOn,
+    StatusWordOf(u8),
+}
+
+/// The polling sequence of set-up mode.
+pub(super) struct Polling {
+    next: Next,
+    asked: Option<u8>,
+    announced: bool,
+}
+
+impl Polling {
+    pub(super) fn new() -> Self {
+        Polling { next: Next::SyncModeOn, asked: None, announced: false }
+    }
+
+    /// Begins again with "SYNC mode: on".
+    pub(super) fn restart(&mut self) {
+        *self = Polling::new();
+    }
+
+    /// "SYNC mode: on", if it has not gone out since the start.
+    pub(super) fn announcement(&mut self) -> Option<Frame> {
+        if self.announced { None } else { Some(self.sync_mode_on()) }
+    }
+
+    fn sync_mode_on(&mut self) -> Frame {
+        self.asked = None;
+        self.announced = true;
+        ActionCommand::sync_mode(ActionCommand::ALL_SLAVES, true).frame()
+    }
+
+    /// The frame for this interval's command channel.
+    pub(super) fn frame(&mut self, expected: u32) -> Frame {
+        match self.next {
+            Next::SyncModeOn => {
+                self.advance(expected, 0);
+                self.sync_mode_on()
+            }
+            Next::StatusWordOf(slave) => {
+                self.asked = Some(slave);
+                self.advance(expected, slave + 1);
+                STATUS_WORD_JOB.frame(slave)
+            }
+        }
+    }
+
+    fn advance(&mut self, expected: u32, from: u8) {
+        let behind = expected.checked_shr(u32::from(from)).unwrap_or(0);
+        self.next = match behind {
+            0 => Next::SyncModeOn,
+            bits => Next::StatusWordOf(from + bits.trailing_zeros() as u8),
+        };
+    }
+
+    /// A response frame of `slave` arrived.
+    pub(super) fn response(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_MA_CTRL_BMSTRUCT,
+        slave: u8,
+        frame: &Frame,
+    ) {
+        if self.asked != Some(slave) {
+            return;
+        }
+        let Ok(response) = ParameterResponse::decode(&STATUS_WORD_JOB, frame.payload()) else { return };
+        if response.number() != STATUS_WORD {
+            return;
+        }
+        self.asked = None;
+        let status = match response.result() {
+            ParameterResult::Word(word) if word & SYNCHRONIZED != 0 => RESPONDS | IS_SYNCHRONIZED,
+            ParameterResult::Doubleword(value) if value & u32::from(SYNCHRONIZED) != 0 => {
+                RESPONDS | IS_SYNCHRONIZED
+            }
+            // Busy: the slave is there, and its status word is asked for again in the next round.
+            ParameterResult::Busy => RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & IS_SYNCHRONIZED,
+            _ => RESPONDS,
+        };
+        show(ctx, regs, slave, status);
+    }
+
+    /// t_RSPTO is over and no answer has begun: the slave that was asked does not respond.
+    pub(super) fn no_response(&mut self, ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT) {
+        if let Some(slave) = self.asked.take() {
+            show(ctx, regs, slave, 0);
+        }
+    }
+}
+
+fn show(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8, status: u8) {
+    let Some(cell) = regs.a_STAT_SL.get(usize::from(slave)) else { return };
+    if cell.load() != status {
+        cell.store(status);
+        let origin = ctx.origin;
+        ctx.report(Event::SlaveStatus { origin, slave, status });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn asks_the_expected_slaves_in_turn_after_sync_mode_on() {
+        let mut polling = Polling::new();
+        let expected = 1 << 1 | 1 << 2 | 1 << 31;
+        let ids: Vec<u16> = (0..6).map(|_| polling.frame(expected).id()).collect();
+        assert_eq!(ids, [0x010, 0x501, 0x502, 0x51F, 0x010, 0x501]);
+    }
+
+    #[test]
+    fn sync_mode_on_is_owed_until_it_went_out() {
+        let mut polling = Polling::new();
+        assert_eq!(polling.announcement().map(|frame| frame.id()), Some(0x010));
+        assert_eq!(polling.announcement(), None);
+        polling.restart();
+        polling.frame(0);
+        assert_eq!(polling.announcement(), None);
+    }
+
+    #[test]
+    fn without_slaves_only_sync_mode_on_goes_out() {
+        let mut polling = Polling::new();
+        assert!((0..3).all(|_| polling.frame(0).id() == 0x010));
+    }
+}

@@ -1,0 +1,354 @@
+//! A CANsync slave on node 1 (manual 5.00005.03a p. 169-193).
+//!
+//! Here are node state, process data and action commands. `jobs` sorts what comes in the command channel to
+//! `parameter` and `updown`.
+
+mod area;
+mod bits;
+mod jobs;
+mod parameter;
+mod transfer;
+mod updown;
+
+use super::actual::{ActualValueRegisters, store_word};
+use super::master::acknowledge;
+use super::node::{Change, Node, NodeState, Role};
+use super::polling::SYNCHRONIZED;
+use super::punctual::Punctual;
+use super::registers::Code;
+use super::word_config::WordConfigs;
+use crate::check::Facts;
+use crate::devices::Context;
+use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
+use crate::devices::cansync::bus::codec::process::FrameConfig;
+use crate::devices::cansync::bus::{Channel, Frame, FrameKind, Payload, SyncLock};
+use crate::devices::shown::Shown;
+use crate::journal::{Event, Missed};
+use crate::layout::omega_drive_line_2::{BaudRate, CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use crate::memory::{MemoryError, Segment, View};
+use core::mem::offset_of;
+use jobs::Jobs;
+
+/// Where the cyclic area begins, behind the general registers.
+const CYCLIC_AREA: usize = offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
+
+/// The slave's firmware.
+pub struct Slave {
+    node: Node,
+    regs: View<CANsync_SL_CTRL_BMSTRUCT>,
+    number: u8,
+    lock: SyncLock,
+    jobs: Jobs,
+    /// Configuration of the reference value frames as read at the start of the interval.
+    config: [FrameConfig; 2],
+    /// Own actual value frames, built and released for this interval.
+    ready: [Option<Payload>; 2],
+    interval_is_active: bool,
+    /// The present interval began with its edge: own actual value frames can go out in time.
+    has_edge: bool,
+    /// When it is over, if neither the next edge comes nor its loss is noticed.
+    interval_ends: u64,
+    interval_us: u32,
+    /// Deadlines of the two actual value frames.
+    punctual: [Punctual; 2],
+}
+
+impl Slave {
+    /// The slave in node 1 of `segment` with slave number `number`, which synchronizes by `lock`.
+    ///
+    /// # Errors
+    /// If the segment is too small for node 1.
+    pub fn new(segment: &Segment, number: u8, lock: SyncLock) -> Result<Self, MemoryError> {
+        Ok(Slave {
+            node: Node::new(Role::Slave, segment)?,
+            regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1)?,
+            number,
+            lock,
+            jobs: Jobs::new(number),
+            config: [FrameConfig::new([0; 4]); 2],
+            ready: [None; 2],
+            interval_is_active: false,
+            has_edge: false,
+            interval_ends: 0,
+            interval_us: 0,
+            punctual: [Punctual::default(); 2],
+        })
+    }
+
+    /// Power-on: the DIP number is the slave number.
+    pub fn power_on(&mut self) {
+        self.regs.reset_from(0);
+        self.node.power_on(self.number);
+    }
+
+    /// Power-off: the node leaves the bus. Its registers are empty until [`Slave::power_on`].
+    pub fn power_off(&mut self, ctx: &mut Context) {
+        self.node.power_off(ctx);
+        self.regs.reset_from(0);
+    }
+
+    /// The slave number.
+    #[inline]
+    pub fn number(&self) -> u8 {
+        self.number
+    }
+
+    /// The present state.
+    pub fn state(&self) -> NodeState {
+        self.node.state()
+    }
+
+    /// Slot times, once initialization data were taken over.
+    pub fn timing(&self) -> Option<&'static BaudRate> {
+        self.node.init().map(|init| init.timing)
+    }
+
+    /// What the access checker must know.
+    #[inline]
+    pub fn facts(&self) -> Facts {
+        self.node.facts(self.punctual)
+    }
+
+    /// Whether the node listens at `kbit_s`: set-up mode or active operation at the same baud rate, and not
+    /// BUS-off.
+    #[inline]
+    pub fn hears(&self, kbit_s: u16) -> bool {
+        self.node.is_on_bus()
+            && self.node.is_connected()
+            && self.timing().is_some_and(|timing| timing.kbit_per_s == kbit_s)
+    }
+
+    /// Whether the node is in set-up mode or active operation, whatever its baud rate.
+    pub fn is_on_bus(&self) -> bool {
+        self.node.is_on_bus()
+    }
+
+    /// The CAN controller goes BUS-off, if it is working; tells whether it was.
+    pub fn go_bus_off(&mut self) -> bool {
+        self.node.go_bus_off()
+    }
+
+    /// An overrun loses the frame that is arriving, up to [`Slave::frame_is_past`]; tells whether the node would
+    /// have received it.
+    pub fn overrun(&mut self) -> bool {
+        self.node.overrun()
+    }
+
+    /// The frame lost to an overrun is past.
+    pub fn frame_is_past(&mut self) {
+        self.node.controller.frame_is_past();
+    }
+
+    /// An edge of SYNC that was to come at `now` was lost on its way. A node that is locked runs through this interval
+    /// all the same, but for its actual value frames; otherwise it is none (decision D-124).
+    pub fn edge_lost(&mut self, now: u64) {
+        if self.lock.runs_through(now) {
+            self.ready = [None; 2];
+            self.has_edge = false;
+            self.interval_ends = self.longest_interval(now);
+        } else {
+            self.end_interval();
+        }
+        self.lock.pass(now);
+    }
+
+    /// Edges come later than this only if some are missing.
+    fn longest_interval(&self, now: u64) -> u64 {
+        now + u64::from(self.interval_us) * 3 / 2
+    }
+
+    /// Whether the PLC wrote `w_CPU_CONTROL` since the last look.
+    pub fn control_changed(&self) -> bool {
+        self.node.control_changed()
+    }
+
+    /// Whether the node is locked to the SYNC signal.
+    pub fn is_synchronized(&self) -> bool {
+        self.lock.is_locked()
+    }
+
+    /// One processor cycle; see `Node::refresh_status` for `on_wire`.
+    pub fn processor_cycle(&mut self, ctx: &mut Context, on_wire: Option<bool>) -> Change {
+        let regs = &self.regs;
+        let change = self.node.look_at_control(ctx, || regs.reset_from(CYCLIC_AREA));
+        match change {
+            Change::Restarted => {
+                self.lock.set_mode(false);
+                self.leave_active(ctx);
+            }
+            Change::SetUpStarted | Change::Disabled => self.leave_active(ctx),
+            Change::None | Change::Progressed | Change::Enabled => {}
+        }
+        self.watch_signal(ctx.now);
+        self.jobs.look(ctx, &self.regs);
+        self.node.refresh_status(ctx, on_wire);
+        change
+    }
+
+    fn leave_active(&mut self, ctx: &mut Context) {
+        self.end_interval();
+        self.jobs.drop_all(ctx, &self.regs);
+    }
+
+    /// Without SYNC there is no interval, so no deadline and no frame. The state stays as the PLC set it,
+    /// and so do the jobs: their answers wait for the master (decision D-64).
+    fn watch_signal(&mut self, now: u64) {
+        self.lock.pass(now);
+        if now > self.interval_ends {
+            self.end_interval();
+        }
+    }
+
+    fn end_interval(&mut self) {
+        self.interval_is_active = false;
+        self.ready = [None; 2];
+    }
+
+    /// Falling edge of SYNC: an interval begins; the configuration is read (manual p. 178).
+    pub fn sync_edge(&mut self, now: u64, interval_us: u32) {
+        self.lock.edge(now, interval_us, interval_us / 4);
+        self.interval_us = interval_us;
+        self.interval_ends = self.longest_interval(now);
+        self.has_edge = true;
+        self.ready = [None; 2];
+        self.interval_is_active = self.node.state() == NodeState::Active;
+        self.punctual.iter_mut().for_each(Punctual::next_interval);
+        if !self.interval_is_active {
+            return;
+        }
+        self.config = self.regs._CFG_WRC_WORD.of_both_frames().map(FrameConfig::new);
+    }
+
+    /// Words of reference value frame 1 that this slave takes; processing takes 15 us for each.
+    pub fn words_taken(&self) -> u8 {
+        self.config[Channel::One.index()].used_words()
+    }
+
+    /// The deadline of an own actual value frame (manual p. 181-182): built if the PLC has released it
+    /// with 16#05, and acknowledged with 16#04.
+    pub fn build_actual(&mut self, ctx: &mut Context, channel: Channel) {
+        if !self.is_exchanging() || !self.has_edge {
+            return;
+        }
+        let (register, offset) = match channel {
+            Channel::One => {
+                (&self.regs.b_CTRLREG_RD_RDC1, offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC1))
+            }
+            Channel::Two => {
+                (&self.regs.b_CTRLREG_RD_RDC2, offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC2))
+            }
+        };
+        let released = register.load() == Code::RELEASED;
+        self.punctual[channel.index()].deadline(ctx.now, released);
+        if !released {
+            return;
+        }
+        let values = &self.regs.a_RD_VALUE_SEND;
+        let built = FrameConfig::new(self.regs._CFG_RDC_WORD.words(channel))
+            .build(|number| values.get(usize::from(number)).map_or(0, |cell| cell.load()));
+        self.ready[channel.index()] = Some(built.payload);
+        acknowledge(ctx, register, NODE1 + offset);
+    }
+
+    /// A reference value frame arrived: words first, then 16#02 in the status register.
+    pub fn reference_value(&mut self, channel: Channel, frame: &Frame) {
+        if !self.is_exchanging() || !self.node.accepts(frame.id()) {
+            return;
+        }
+        self.config[channel.index()].scatter(frame.payload(), |number, high_word, word| {
+            if let Some(cell) = self.regs.a_WR_VALUE_RECEIVE.get(usize::from(number)) {
+                store_word(cell, high_word, word);
+            }
+        });
+        match channel {
+            Channel::One => self.regs.b_CTRLREG_WRC1.store(Code::RECEIVED),
+            Channel::Two => self.regs.b_CTRLREG_WRC2.store(Code::RECEIVED),
+        }
+    }
+
+    /// The master asked for an own actual value frame.
+    pub fn requested_actual(&mut self, ctx: &mut Context, channel: Channel) -> Option<Frame> {
+        if !self.is_exchanging() || !self.has_edge {
+            return None;
+        }
+        let Some(payload) = self.ready[channel.index()].take() else {
+            let origin = ctx.origin;
+            ctx.report(Event::Missed { origin, what: Missed::ActualValue(channel.number()) });
+            return None;
+        };
+        Some(Frame::of(FrameKind::ActualValue(channel, self.number), payload))
+    }
+
+    /// Another slave's actual value frame was on the bus.
+    pub fn overheard_actual(&mut self, channel: Channel, slave: u8, frame: &Frame) {
+        if self.is_exchanging() && slave != self.number && self.node.accepts(frame.id()) {
+            self.regs.receive(channel, slave, frame);
+        }
+    }
+
+    /// An action command was on the bus; only commands with this slave's bit are shown (manual p. 188).
+    pub fn action(&mut self, ctx: &mut Context, frame: &Frame, command: &ActionCommand) {
+        if !self.node.accepts(frame.id()) || !command.concerns(self.number) {
+            return;
+        }
+        let regs = &self.regs;
+        // Stores a value and notes it if it is another one.
+        macro_rules! show {
+            ($register:ident, $value:expr) => {
+                regs.$register.show(ctx, NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, $register), $value)
+            };
+        }
+        match command.action() {
+            Action::ControlWord(word) => {
+                show!(w_CONTROLWORD, word);
+                show!(b_STATREG_CONTROLWORD, Code::RECEIVED);
+            }
+            Action::SyncMode(on) => {
+                self.lock.set_mode(on);
+                show!(b_SYNC_MODUS, command.data_byte);
+                show!(b_STATREG_SYNC_MODUS, Code::RECEIVED);
+            }
+            Action::Other => {
+                show!(b_AKT_CMD, command.command);
+                show!(b_DATA_BYTE_AKT_CMD, command.data_byte);
+                show!(w_DATAWORD_AKT_CMD, command.data_word);
+                show!(b_STATREG_AKT_CMD, Code::RECEIVED);
+            }
+        }
+    }
+
+    /// A job frame for this slave arrived: in active operation for the application, in set-up mode for
+    /// the firmware, which answers the status word by itself in both (decision D-06).
+    pub fn job(&mut self, ctx: &mut Context, frame: &Frame) {
+        if !self.node.accepts(frame.id()) {
+            return;
+        }
+        if self.node.state() == NodeState::Active {
+            self.jobs.arrive(ctx, &self.regs, frame.payload(), self.status_word());
+        } else {
+            self.jobs.arrive_early(frame.payload(), self.status_word());
+        }
+    }
+
+    /// The answer to the last job, asked for at the start of the response slot.
+    pub fn response(&mut self, ctx: &mut Context) -> Option<Frame> {
+        if !self.node.is_on_bus() {
+            return None;
+        }
+        self.jobs.response(ctx, &self.regs)
+    }
+
+    /// The answer has left the bus.
+    pub fn response_sent(&mut self, ctx: &mut Context) {
+        self.jobs.response_sent(ctx, &self.regs);
+    }
+
+    /// Bit 15 tells whether the node is synchronized (p. 136); the firmware knows nothing that the others could show.
+    fn status_word(&self) -> u16 {
+        if self.lock.is_locked() { SYNCHRONIZED } else { 0 }
+    }
+
+    fn is_exchanging(&self) -> bool {
+        self.interval_is_active && self.node.state() == NodeState::Active
+    }
+}

@@ -1,0 +1,101 @@
+//! The two register areas in which up-/downloads are shown to a slave's application: block 1 with 300
+//! bytes of data and the single-frame area with six (manual 5.00005.03a p. 190-193).
+
+use crate::devices::cansync::bus::codec::updown::BLOCK;
+use crate::devices::cansync::firmware::block;
+use crate::devices::cansync::firmware::job_registers::JobRegisters;
+use crate::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use crate::memory::{Cell16, Cell32};
+use core::mem::offset_of;
+
+/// Which of the two areas a transfer uses, from its init frame to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    Block1,
+    Single,
+}
+
+impl Place {
+    /// More than 300 bytes never fit block 1; less go there if the application has enabled it (p. 191).
+    pub(super) fn of(regs: &CANsync_SL_CTRL_BMSTRUCT, length: u16) -> Self {
+        if length <= block::MAX_LENGTH && regs.b_EN_UPDOWNBLK1.load() != 0 {
+            Place::Block1
+        } else {
+            Place::Single
+        }
+    }
+
+    pub(super) fn area(self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> Area<'_> {
+        match self {
+            Place::Block1 => Area {
+                job: JobRegisters {
+                    control: &regs.b_STEUREG_UPDOWNBLK1,
+                    status: &regs.b_STATREG_UPDOWNBLK1,
+                    offset: NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_UPDOWNBLK1),
+                },
+                error: &regs.w_ERR_NR_UPDOWNBLK1,
+                base: &regs.d_BASE_ADR_UPDOWNBLK1,
+                length: &regs.w_LENGTH_UPDOWNBLK1,
+                counter: &regs.w_COUNTER_UPDOWNBLK1,
+                data: Data::Block1(&regs.a_DATA_UPDOWNBLK1),
+            },
+            Place::Single => Area {
+                job: JobRegisters {
+                    control: &regs.b_STEUREG_UPDOWN_SINGLE,
+                    status: &regs.b_STATREG_UPDOWN_SINGLE,
+                    offset: NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_UPDOWN_SINGLE),
+                },
+                error: &regs.w_ERR_NR_UPDOWN_SINGLE,
+                base: &regs.d_BASE_ADR_UPDOWN_SINGLE,
+                length: &regs.w_LENGTH_UPDOWN_SINGLE,
+                counter: &regs.w_COUNTER_UPDOWN_SINGLE,
+                data: Data::Single(&regs.d_DATA_DW_UPDOWN_SINGLE, &regs.w_DATA_W_UPDOWN_SINGLE),
+            },
+        }
+    }
+}
+
+/// The registers of one area.
+pub(super) struct Area<'a> {
+    pub(super) job: JobRegisters<'a>,
+    pub(super) error: &'a Cell16,
+    pub(super) base: &'a Cell32,
+    pub(super) length: &'a Cell16,
+    pub(super) counter: &'a Cell16,
+    data: Data<'a>,
+}
+
+enum Data<'a> {
+    Block1(&'a [Cell32; 75]),
+    /// The frame's first four and last two bytes.
+    Single(&'a Cell32, &'a Cell16),
+}
+
+impl Area<'_> {
+    /// Takes over the frame's bytes that belong to the block: those from `offset` to below `length`
+    /// (p. 143). In the single-frame area the others read 0 (decision D-66).
+    pub(super) fn put(&self, offset: u16, mut bytes: [u8; BLOCK], length: u16) {
+        match self.data {
+            Data::Block1(cells) => block::write(cells, offset, length, bytes),
+            Data::Single(doubleword, word) => {
+                let valid = usize::from(length.saturating_sub(offset));
+                bytes.iter_mut().skip(valid).for_each(|byte| *byte = 0);
+                let [a, b, c, d, e, f] = bytes;
+                doubleword.store(u32::from_le_bytes([a, b, c, d]));
+                word.store(u16::from_le_bytes([e, f]));
+            }
+        }
+    }
+
+    /// Six bytes for an upload. Behind the block they are irrelevant to the master (p. 142).
+    pub(super) fn get(&self, offset: u16, length: u16) -> [u8; BLOCK] {
+        match self.data {
+            Data::Block1(cells) => block::read(cells, offset, length),
+            Data::Single(doubleword, word) => {
+                let [a, b, c, d] = doubleword.load().to_le_bytes();
+                let [e, f] = word.load().to_le_bytes();
+                [a, b, c, d, e, f]
+            }
+        }
+    }
+}

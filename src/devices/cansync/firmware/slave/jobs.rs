@@ -1,0 +1,165 @@
+//! The slave's end of the command and response channel: parameter and up-/download jobs arrive with the
+//! same identifier, bit 7 of the first byte tells them apart (manual 5.00005.03a p. 138-141).
+
+use super::parameter::ParameterServer;
+use super::updown::UpDownServer;
+use crate::devices::Context;
+use crate::devices::cansync::bus::codec::parameter::error_number as parameter_error;
+use crate::devices::cansync::bus::codec::updown::error_number as updown_error;
+use crate::devices::cansync::bus::codec::{
+    Access, CodecError, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep, is_up_download,
+};
+use crate::devices::cansync::bus::{Frame, Payload};
+use crate::devices::cansync::firmware::polling::STATUS_WORD;
+use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+
+/// Who answers the last job.
+#[derive(Clone, Copy, Debug)]
+enum Due {
+    /// The firmware, with this frame.
+    Firmware(Frame),
+    Parameter,
+    UpDownload,
+}
+
+/// All jobs of a slave node.
+#[derive(Clone, Debug)]
+pub(super) struct Jobs {
+    /// The slave number, which the answers carry.
+    number: u8,
+    parameter: ParameterServer,
+    updown: UpDownServer,
+    due: Option<Due>,
+    /// Whose answer is on the wire.
+    sending: Option<Due>,
+}
+
+impl Jobs {
+    pub(super) fn new(number: u8) -> Self {
+        Jobs {
+            number,
+            parameter: ParameterServer::default(),
+            updown: UpDownServer::default(),
+            due: None,
+            sending: None,
+        }
+    }
+
+    /// A job in active operation. One that no grammar covers stays without an answer. Reading the status word never
+    /// reaches the application, which cannot know whether the node is synchronized (decision D-06): its own job, if there
+    /// is one, stays as it is.
+    pub(super) fn arrive(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        payload: &Payload,
+        status_word: u16,
+    ) {
+        self.due = if is_up_download(payload) {
+            match UpDownJob::decode(payload) {
+                Ok(job) => {
+                    self.updown.job(ctx, regs, &job);
+                    Some(Due::UpDownload)
+                }
+                Err(error) => self.reserved_mode(payload, error),
+            }
+        } else {
+            ParameterJob::decode(payload).ok().map(|job| match ParameterServer::refusal(&job) {
+                Some(error) => self.parameter_answer(&job, ParameterResult::Error(error)),
+                None if asks_for_status_word(&job) => {
+                    self.parameter_answer(&job, ParameterResult::Word(status_word))
+                }
+                None => {
+                    self.parameter.job(ctx, regs, &job);
+                    Due::Parameter
+                }
+            })
+        };
+    }
+
+    /// A job in set-up mode. The firmware answers the status word by itself (decision D-06) and refuses
+    /// everything else (decisions D-36, D-63).
+    pub(super) fn arrive_early(&mut self, payload: &Payload, status_word: u16) {
+        self.due = if is_up_download(payload) {
+            match UpDownJob::decode(payload) {
+                Ok(job) => Some(self.updown_answer(
+                    &job,
+                    match job.step() {
+                        _ if job.is_cancel() => UpDownResult::Done,
+                        UpDownStep::Init { .. } => UpDownResult::Error(updown_error::NOT_POSSIBLE),
+                        _ => UpDownResult::Error(updown_error::SLAVE_CANCELS),
+                    },
+                )),
+                Err(error) => self.reserved_mode(payload, error),
+            }
+        } else {
+            ParameterJob::decode(payload).ok().map(|job| {
+                let result = if asks_for_status_word(&job) {
+                    ParameterResult::Word(status_word)
+                } else {
+                    ParameterResult::Error(parameter_error::NOT_AVAILABLE_NOW)
+                };
+                self.parameter_answer(&job, result)
+            })
+        };
+    }
+
+    fn parameter_answer(&self, job: &ParameterJob, result: ParameterResult) -> Due {
+        Due::Firmware(job.answer(result).frame(self.number))
+    }
+
+    fn updown_answer(&self, job: &UpDownJob, result: UpDownResult) -> Due {
+        Due::Firmware(job.answer(result).frame(self.number))
+    }
+
+    /// MODE 00 is no mode at all, so it is not allowed in any phase; the answer carries the job's offset
+    /// (decision D-68).
+    fn reserved_mode(&self, payload: &Payload, error: CodecError) -> Option<Due> {
+        let [high, low, ..] = payload.padded();
+        let offset = u16::from_le_bytes([low, high & 0x0F]);
+        let job = UpDownJob::new(offset, UpDownStep::Upload { last: false }).ok()?;
+        (error == CodecError::ReservedMode)
+            .then(|| self.updown_answer(&job, UpDownResult::Error(updown_error::MODE)))
+    }
+
+    /// One processor cycle.
+    pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        self.parameter.look(ctx, regs);
+        self.updown.look(ctx, regs);
+    }
+
+    /// The answer to the last job, at the start of the response slot.
+    pub(super) fn response(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) -> Option<Frame> {
+        self.sending = self.due.take();
+        match self.sending? {
+            Due::Firmware(frame) => Some(frame),
+            Due::Parameter => self.parameter.response(ctx, regs).map(|answer| answer.frame(self.number)),
+            Due::UpDownload => self.updown.response(ctx, regs).map(|answer| answer.frame(self.number)),
+        }
+    }
+
+    /// The answer has left the bus.
+    pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        match self.sending.take() {
+            Some(Due::Parameter) => self.parameter.response_sent(ctx, regs),
+            Some(Due::UpDownload) => self.updown.response_sent(ctx, regs),
+            Some(Due::Firmware(_)) | None => {}
+        }
+    }
+
+    /// Drops all jobs, as the node leaves active operation.
+    pub(super) fn drop_all(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        self.due = None;
+        self.sending = None;
+        self.parameter.drop_job(ctx, regs);
+        self.updown.drop_transfer(ctx, regs);
+    }
+}
+
+fn asks_for_status_word(job: &ParameterJob) -> bool {
+    matches!(job.access(), Access::Read) && job.number() == STATUS_WORD && job.sub_slave() == 0
+}
+
+#[cfg(test)]
+#[path = "jobs_tests.rs"]
+mod tests;

@@ -1,0 +1,204 @@
+//! Whatever the application writes into the two registers of a job: all 65,536 pairs in each state give
+//! the same answer and the same registers every time, and the control register alone decides.
+
+use super::*;
+use crate::devices::cansync::bus::codec::{Direction, ParameterResponse, UpDownResponse};
+use crate::journal::{Journal, Origin};
+use crate::layout::omega_drive_line_2::NODE1;
+use crate::memory::{Cell8, Segment, View};
+use core::fmt::Debug;
+
+const NUMBER: u8 = 5;
+const VALUE: u32 = 0x9ABC_1234;
+
+struct Bench {
+    jobs: Jobs,
+    regs: View<CANsync_SL_CTRL_BMSTRUCT>,
+    journal: Journal,
+}
+
+impl Bench {
+    fn new(enable: u8) -> Self {
+        let regs = Segment::heap().view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1).unwrap();
+        regs.b_EN_UPDOWNBLK1.store(enable);
+        regs.w_ERR_NR_PAR_CMD.store(0xFFFE);
+        regs.w_ERR_NR_UPDOWNBLK1.store(0x0123);
+        regs.w_ERR_NR_UPDOWN_SINGLE.store(0x0123);
+        Bench { jobs: Jobs::new(NUMBER), regs, journal: Journal::new(1) }
+    }
+
+    /// A job arrives and its answer goes out.
+    fn turn(&mut self, frame: &Frame) -> Frame {
+        let origin = Origin { plc: 0, node: 1 };
+        let ctx = &mut Context { now: 0, journal: &mut self.journal, origin };
+        self.jobs.arrive(ctx, &self.regs, frame.payload(), 0);
+        let answer = self.jobs.response(ctx, &self.regs).unwrap();
+        self.jobs.response_sent(ctx, &self.regs);
+        answer
+    }
+
+    fn parameter(&mut self, job: &ParameterJob) -> ParameterResult {
+        self.regs.d_DATA_PAR_CMD.store(VALUE);
+        let answer = self.turn(&job.frame(NUMBER));
+        ParameterResponse::decode(job, answer.payload()).unwrap().result()
+    }
+
+    fn updown(&mut self, job: &UpDownJob) -> UpDownResult {
+        let answer = self.turn(&job.frame(NUMBER));
+        UpDownResponse::decode(job, answer.payload()).unwrap().result()
+    }
+}
+
+/// Control and status register of a job.
+type Pair = fn(&CANsync_SL_CTRL_BMSTRUCT) -> [&Cell8; 2];
+
+const PARAMETER: Pair = |regs| [&regs.b_STEUREG_PAR_CMD, &regs.b_STATREG_PAR_CMD];
+const BLOCK_1: Pair = |regs| [&regs.b_STEUREG_UPDOWNBLK1, &regs.b_STATREG_UPDOWNBLK1];
+const SINGLE: Pair = |regs| [&regs.b_STEUREG_UPDOWN_SINGLE, &regs.b_STATREG_UPDOWN_SINGLE];
+
+/// Runs `turn` from the state of `bench` for every pair; `expected` tells the answer and the pair after.
+fn every_pair<R: PartialEq + Debug>(
+    mut bench: Bench,
+    pair: Pair,
+    turn: impl Fn(&mut Bench) -> R,
+    expected: impl Fn([u8; 2]) -> (R, [u8; 2]),
+) {
+    let jobs = bench.jobs.clone();
+    for bytes in (0..=u16::MAX).map(u16::to_le_bytes) {
+        bench.jobs = jobs.clone();
+        for (cell, byte) in pair(&bench.regs).into_iter().zip(bytes) {
+            cell.store(byte);
+        }
+        let answer = turn(&mut bench);
+        assert_eq!((answer, pair(&bench.regs).map(Cell8::load)), expected(bytes), "from {bytes:02X?}");
+    }
+}
+
+/// Bit 6 cleared.
+fn not_busy(pair: [u8; 2]) -> [u8; 2] {
+    pair.map(|byte| byte & 0xBF)
+}
+
+#[test]
+fn parameter_jobs_have_a_defined_result_for_every_pair() {
+    use ParameterResult::{Busy, Done, Doubleword, Error, Word};
+    let other = ParameterJob::new(301, Access::Read).unwrap();
+    for (access, shown) in
+        [(Access::Read, 0x43), (Access::WriteWord(1), 0x45), (Access::WriteDoubleword(2), 0x55)]
+    {
+        let job = ParameterJob::new(300, access).unwrap();
+        let write = access != Access::Read;
+
+        every_pair(Bench::new(0), PARAMETER, |bench| bench.parameter(&job), |_| (Busy, [shown; 2]));
+
+        let mut bench = Bench::new(0);
+        bench.parameter(&job);
+        every_pair(
+            bench,
+            PARAMETER,
+            |bench| bench.parameter(&job),
+            |pair| match pair[0] {
+                control if control & 0x01 != 0 => (Busy, pair),
+                control if control & 0x20 != 0 => (Error(0xFFFE), not_busy(pair)),
+                _ if write => (Done, not_busy(pair)),
+                control if control & 0x10 != 0 => (Doubleword(VALUE), not_busy(pair)),
+                _ => (Word(VALUE as u16), not_busy(pair)),
+            },
+        );
+
+        let mut bench = Bench::new(0);
+        bench.parameter(&other);
+        every_pair(
+            bench,
+            PARAMETER,
+            |bench| bench.parameter(&job),
+            |pair| match pair[0] {
+                control if control & 0x80 != 0 => (Busy, [shown; 2]),
+                _ => (Busy, pair.map(|byte| byte | 0x08)),
+            },
+        );
+    }
+}
+
+fn init(direction: Direction) -> UpDownJob {
+    UpDownJob::new(6, UpDownStep::Init { direction, address: 0x1000, sub_slave: 0 }).unwrap()
+}
+
+/// Where a download of one block stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum State {
+    Idle,
+    InitShown,
+    InitAnswered,
+    LastShown,
+}
+
+const LAST: UpDownStep = UpDownStep::Download { last: true, data: [7; 6] };
+
+fn in_state(state: State, pair: Pair, enable: u8) -> Bench {
+    let mut bench = Bench::new(enable);
+    let init = init(Direction::Download);
+    if state >= State::InitShown {
+        bench.updown(&init);
+    }
+    if state >= State::InitAnswered {
+        pair(&bench.regs)[0].store(0x54);
+        bench.updown(&init);
+    }
+    if state >= State::LastShown {
+        bench.updown(&UpDownJob::new(0, LAST).unwrap());
+    }
+    bench
+}
+
+#[test]
+fn up_downloads_have_a_defined_result_for_every_pair() {
+    use UpDownResult::{Busy, Done, Error};
+    let last = UpDownJob::new(0, LAST).unwrap();
+    let (download, upload) = (init(Direction::Download), init(Direction::Upload));
+    let acknowledged = |pair: [u8; 2]| match pair[0] {
+        control if control & 0x01 != 0 => (Busy, pair),
+        control if control & 0x20 != 0 => (Error(0x0123), not_busy(pair)),
+        _ => (Done, not_busy(pair)),
+    };
+    for (pair, enable) in [(BLOCK_1, 1), (SINGLE, 0)] {
+        let bench = |state| in_state(state, pair, enable);
+        every_pair(bench(State::Idle), pair, |bench| bench.updown(&download), |_| (Busy, [0x55; 2]));
+        every_pair(bench(State::InitShown), pair, |bench| bench.updown(&download), acknowledged);
+        every_pair(
+            bench(State::InitAnswered),
+            pair,
+            |bench| bench.updown(&last),
+            |pair| match pair[0] {
+                control if control & 0x20 != 0 => (Error(0x0123), not_busy(pair)),
+                _ => (Busy, [0x5D; 2]),
+            },
+        );
+        every_pair(bench(State::LastShown), pair, |bench| bench.updown(&last), acknowledged);
+
+        for state in [State::InitShown, State::InitAnswered, State::LastShown] {
+            // Bit 5 between two frames means that the application has given up (D-71).
+            let over = |control| state == State::InitAnswered && control & 0x20 != 0;
+            every_pair(
+                bench(state),
+                pair,
+                |bench| bench.updown(&upload),
+                |pair| match pair[0] {
+                    control if over(control) || control & 0x80 != 0 => (Busy, [0x45; 2]),
+                    _ => (Busy, pair.map(|byte| byte | 0x02)),
+                },
+            );
+            let cancel = UpDownJob::cancel();
+            every_pair(
+                bench(state),
+                pair,
+                |bench| bench.updown(&cancel),
+                |pair| match pair[0] {
+                    control if over(control) => (Done, pair),
+                    control if control & 0x80 != 0 => (Done, [0; 2]),
+                    _ => (Done, pair.map(|byte| byte | 0x02)),
+                },
+            );
+        }
+    }
+}

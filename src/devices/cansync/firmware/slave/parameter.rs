@@ -1,0 +1,139 @@
+//! Parameter jobs as a slave node's application sees them (manual 5.00005.03a p. 188-190).
+//!
+//! A job is entered in the registers and stays there until its answer has gone out. Until the
+//! application has cleared bit 0, every repetition by the master is answered BUSY (p. 139-140).
+
+use super::bits::{ACTIVE, BUSY, ERROR, RESET};
+use crate::devices::Context;
+use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
+use crate::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
+use crate::devices::cansync::firmware::job_registers::JobRegisters;
+use crate::devices::shown::Shown;
+use crate::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use core::mem::offset_of;
+
+/// Bits 1 and 2. The manual's texts for them are swapped (p. 189); its values 16#43, 16#45 and 16#55
+/// show which is which.
+const READ: u8 = 1 << 1;
+const WRITE: u8 = 1 << 2;
+/// Bit 3: the master has changed the job.
+const CHANGE: u8 = 1 << 3;
+/// Bit 4: the parameter is a doubleword.
+const DOUBLEWORD: u8 = 1 << 4;
+
+/// A slave node's side of parameter jobs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ParameterServer {
+    /// Job in the registers, until its answer has gone out.
+    entered: Option<ParameterJob>,
+    /// Job that the master has changed to; entered once the application confirms with bit 7.
+    changed: Option<ParameterJob>,
+    /// The answer now on the wire ends the job.
+    ends: bool,
+}
+
+impl ParameterServer {
+    /// What the firmware refuses by itself, because no register could tell the application: sub-slaves,
+    /// and writing anything but a parameter's value (p. 140; decision D-60).
+    pub(super) fn refusal(job: &ParameterJob) -> Option<u16> {
+        let write = !matches!(job.access(), Access::Read);
+        if job.sub_slave() != 0 {
+            Some(error_number::NOT_PRESENT)
+        } else if write && job.element() != VALUE_ELEMENT {
+            Some(error_number::NOT_CHANGEABLE)
+        } else {
+            None
+        }
+    }
+
+    /// A job of the master for the application. Any difference to the job whose answer is still owed
+    /// counts as a change and is shown until the application confirms it (p. 190; decision D-61).
+    pub(super) fn job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &ParameterJob) {
+        match self.entered {
+            Some(entered) if entered == *job && self.changed.is_none() => {}
+            Some(_) => {
+                self.changed = Some(*job);
+                registers(regs).change(ctx, |value| value | CHANGE);
+            }
+            None => self.enter(ctx, regs, *job),
+        }
+    }
+
+    fn enter(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: ParameterJob) {
+        let (kind, value) = match job.access() {
+            Access::Read => (READ, None),
+            Access::WriteWord(value) => (WRITE, Some(u32::from(value))),
+            Access::WriteDoubleword(value) => (WRITE | DOUBLEWORD, Some(value)),
+        };
+        if let Some(value) = value {
+            let offset = NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, d_DATA_PAR_CMD);
+            regs.d_DATA_PAR_CMD.show(ctx, offset, value);
+        }
+        regs.w_PAR_NR.show(ctx, NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, w_PAR_NR), job.number());
+        registers(regs).show(ctx, BUSY | ACTIVE | kind);
+        self.entered = Some(job);
+        self.changed = None;
+    }
+
+    /// Enters the changed job as soon as the application has confirmed with bit 7 (decision D-62).
+    pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        if let Some(job) = self.changed
+            && registers(regs).control() & RESET != 0
+        {
+            self.enter(ctx, regs, job);
+        }
+    }
+
+    /// Start of the response slot: the answer as things stand now.
+    pub(super) fn response(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+    ) -> Option<ParameterResponse> {
+        self.look(ctx, regs);
+        self.ends = false;
+        if let Some(job) = self.changed {
+            return Some(job.answer(ParameterResult::Busy));
+        }
+        let job = self.entered?;
+        let control = registers(regs).control();
+        if control & ACTIVE != 0 {
+            return Some(job.answer(ParameterResult::Busy));
+        }
+        self.ends = true;
+        Some(job.answer(if control & ERROR != 0 {
+            ParameterResult::Error(regs.w_ERR_NR_PAR_CMD.load())
+        } else {
+            match job.access() {
+                Access::Read if control & DOUBLEWORD != 0 => {
+                    ParameterResult::Doubleword(regs.d_DATA_PAR_CMD.load())
+                }
+                Access::Read => ParameterResult::Word(regs.d_DATA_PAR_CMD.load() as u16),
+                Access::WriteWord(_) | Access::WriteDoubleword(_) => ParameterResult::Done,
+            }
+        }))
+    }
+
+    /// The answer has left the bus: if it was the final one, bit 6 is cleared and the job is over.
+    pub(super) fn response_sent(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        if self.ends {
+            self.ends = false;
+            self.entered = None;
+            registers(regs).change(ctx, |value| value & !BUSY);
+        }
+    }
+
+    /// Drops the job under way; the registers show none (decision D-63).
+    pub(super) fn drop_job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        *self = ParameterServer::default();
+        registers(regs).show(ctx, 0);
+    }
+}
+
+fn registers(regs: &CANsync_SL_CTRL_BMSTRUCT) -> JobRegisters<'_> {
+    JobRegisters {
+        control: &regs.b_STEUREG_PAR_CMD,
+        status: &regs.b_STATREG_PAR_CMD,
+        offset: NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_PAR_CMD),
+    }
+}

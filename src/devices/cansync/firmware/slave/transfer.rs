@@ -1,0 +1,239 @@
+//! One up- or download from its init frame to its end, as the registers of its area show it
+//! (manual 5.00005.03a p. 141-143, 190-193).
+
+use super::area::{Area, Place};
+use super::bits::{ACTIVE, BUSY, ERROR, RESET};
+use crate::devices::Context;
+use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET, error_number};
+use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
+use crate::devices::cansync::firmware::block;
+use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+
+/// Bit 1: the master has changed the job.
+const CHANGE: u8 = 1 << 1;
+/// Bits 2 and 3.
+const MODE: u8 = 3 << 2;
+const INIT: u8 = 1 << 2;
+const BODY: u8 = 2 << 2;
+const LAST: u8 = 3 << 2;
+/// Bit 4.
+const DOWNLOAD: u8 = 1 << 4;
+
+/// Data bytes of one frame.
+const STEP: u16 = BLOCK as u16;
+
+/// What the master has changed a transfer to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Successor {
+    /// Another transfer.
+    Init(UpDownJob),
+    /// None: the master has cancelled.
+    Nothing,
+}
+
+/// A transfer under way.
+#[derive(Clone, Debug)]
+pub(super) struct Transfer {
+    place: Place,
+    init: UpDownJob,
+    /// Bytes of the block; 0 in an upload until the application has set them (p. 141).
+    length: u16,
+    /// Offset of the block that is due next.
+    next: u16,
+    /// The frame that the application has to acknowledge.
+    shown: Option<UpDownJob>,
+    pub(super) changed: Option<Successor>,
+}
+
+impl Transfer {
+    /// Enters a transfer in its area: 16#55 for a download, 16#45 for an upload (decision D-14).
+    pub(super) fn begin(ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, init: UpDownJob) -> Self {
+        let length = init.offset();
+        let place = Place::of(regs, length);
+        let transfer = Transfer { place, init, length, next: 0, shown: Some(init), changed: None };
+        let area = transfer.area(regs);
+        if let UpDownStep::Init { address, .. } = init.step() {
+            area.base.store(address);
+        }
+        area.length.store(length);
+        area.counter.store(0);
+        area.job.show(ctx, transfer.direction_bit() | INIT | BUSY | ACTIVE);
+        transfer
+    }
+
+    fn area<'a>(&self, regs: &'a CANsync_SL_CTRL_BMSTRUCT) -> Area<'a> {
+        self.place.area(regs)
+    }
+
+    fn direction_bit(&self) -> u8 {
+        match self.init.direction() {
+            Direction::Upload => 0,
+            Direction::Download => DOWNLOAD,
+        }
+    }
+
+    /// Whether `init` repeats the init frame that the application is still looking at.
+    pub(super) fn repeats_init(&self, init: &UpDownJob) -> bool {
+        self.changed.is_none() && self.shown == Some(*init)
+    }
+
+    /// Shows the application that the master has something else in mind. It stays shown until bit 7
+    /// confirms it (p. 192; decision D-61).
+    pub(super) fn change(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        successor: Successor,
+    ) {
+        self.changed = Some(successor);
+        self.area(regs).job.change(ctx, |value| value | CHANGE);
+    }
+
+    /// Whether the application has confirmed a change.
+    pub(super) fn is_reset(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
+        self.changed.is_some() && self.area(regs).job.control() & RESET != 0
+    }
+
+    /// Empties the registers of the area.
+    pub(super) fn clear(&self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        self.area(regs).job.show(ctx, 0);
+    }
+
+    /// Whether the application has given up between two frames by setting bit 5 (decision D-71).
+    pub(super) fn is_given_up(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> bool {
+        self.shown.is_none() && self.area(regs).job.control() & ERROR != 0
+    }
+
+    /// The application's error number. Numbers up to 16#00FF are not the slave's (p. 192) and go out as
+    /// "slave cancels" (decision D-71).
+    pub(super) fn error_number(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> u16 {
+        match self.area(regs).error.load() {
+            0..=0x00FF => error_number::SLAVE_CANCELS,
+            number => number,
+        }
+    }
+
+    /// Why a body or last frame is out of place, as a finished answer. The transfer stays as it is: the
+    /// master may repeat the right frame (p. 142-143).
+    pub(super) fn refusal(&self, job: &UpDownJob) -> Option<UpDownResponse> {
+        let last = match job.step() {
+            UpDownStep::Upload { last } | UpDownStep::Download { last, .. } => last,
+            UpDownStep::Init { .. } => return None,
+        };
+        let init_is_shown = matches!(self.shown.map(|job| job.step()), Some(UpDownStep::Init { .. }));
+        let wrong_phase = init_is_shown || self.changed.is_some();
+        if wrong_phase || job.direction() != self.init.direction() {
+            return Some(job.answer(UpDownResult::Error(error_number::MODE)));
+        }
+        if job.offset() != self.next {
+            // `next` is the offset of a block inside the 12-bit length.
+            return job.expects_instead(self.next).ok();
+        }
+        let number = match (last, self.next + STEP >= self.length) {
+            (false, true) => error_number::EXPECTS_END,
+            (true, false) => error_number::END_TOO_EARLY,
+            _ => return None,
+        };
+        Some(job.answer(UpDownResult::Error(number)))
+    }
+
+    /// Takes a body or last frame that is in place. Returns the answer, or `None` if the application has
+    /// to acknowledge the frame: each one in the single-frame area, in block 1 only the last (p. 191, 193;
+    /// uploads: decision D-65).
+    pub(super) fn take(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        job: &UpDownJob,
+    ) -> Option<UpDownResponse> {
+        if self.shown.is_some() {
+            return None; // A repetition.
+        }
+        let area = self.area(regs);
+        let (mode, answer) = match job.step() {
+            UpDownStep::Download { last, data } => {
+                area.put(self.next, data, self.length);
+                (if last { LAST } else { BODY }, UpDownResult::Done)
+            }
+            UpDownStep::Upload { last } => {
+                (if last { LAST } else { BODY }, UpDownResult::Data(area.get(self.next, self.length)))
+            }
+            UpDownStep::Init { .. } => return None,
+        };
+        let direction = self.direction_bit();
+        if self.place == Place::Block1 {
+            if job.direction() == Direction::Download {
+                area.counter.store(self.behind_next());
+            }
+            if mode == BODY {
+                area.job.change(ctx, |value| value & !MODE | BODY);
+                return Some(job.answer(answer));
+            }
+        }
+        self.shown = Some(*job);
+        area.job.show(ctx, direction | mode | BUSY | ACTIVE);
+        None
+    }
+
+    /// The application's answer to the frame it was shown, as things stand now; `None` while it is at
+    /// work. `Err` ends the transfer.
+    pub(super) fn acknowledgement(
+        &mut self,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+    ) -> Option<Result<UpDownResponse, UpDownResponse>> {
+        let shown = self.shown.filter(|_| self.changed.is_none())?;
+        let area = self.area(regs);
+        let control = area.job.control();
+        if control & ACTIVE != 0 {
+            return None;
+        }
+        let refuse = |number| Some(Err(shown.answer(UpDownResult::Error(number))));
+        if control & ERROR != 0 {
+            return refuse(self.error_number(regs));
+        }
+        Some(Ok(match shown.step() {
+            UpDownStep::Init { .. } if self.length == 0 => {
+                // The application has set the length (p. 141; decision D-67).
+                let limit = if self.place == Place::Block1 { block::MAX_LENGTH } else { MAX_OFFSET };
+                match area.length.load() {
+                    0 => return refuse(error_number::NOT_POSSIBLE),
+                    length if length > limit => return refuse(error_number::TOO_LONG),
+                    length => {
+                        self.length = length;
+                        shown.answer_with_length(length).ok()?
+                    }
+                }
+            }
+            UpDownStep::Init { .. } | UpDownStep::Download { .. } => shown.answer(UpDownResult::Done),
+            UpDownStep::Upload { .. } => shown.answer(UpDownResult::Data(area.get(self.next, self.length))),
+        }))
+    }
+
+    /// The answer that accepts `job` has left the bus; tells whether the transfer is complete.
+    pub(super) fn accepted(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        job: &UpDownJob,
+    ) -> bool {
+        self.not_busy(ctx, regs);
+        self.shown = None;
+        if matches!(job.step(), UpDownStep::Init { .. }) {
+            return false;
+        }
+        let behind = self.behind_next();
+        self.area(regs).counter.store(behind);
+        self.next += STEP;
+        behind == self.length
+    }
+
+    /// The answer to the frame has left the bus: bit 6 is cleared (p. 191).
+    pub(super) fn not_busy(&self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
+        self.area(regs).job.change(ctx, |value| value & !BUSY);
+    }
+
+    /// Bytes transferred once the block that is due next is.
+    fn behind_next(&self) -> u16 {
+        (self.next + STEP).min(self.length)
+    }
+}

@@ -1,0 +1,270 @@
+//! Up- and downloads of the master's PLC in block 1 (manual 5.00005.03a p. 141-143, 166-168).
+//!
+//! An init frame announces address and length, then blocks of six bytes travel at the offsets 0, 6, 12
+//! ..., the last one in a frame of its own mode. The same frame is repeated on the slave's turns until
+//! it is answered without BUSY. If the PLC enters something else meanwhile, the transfer begins anew.
+
+use super::block::{self, MAX_LENGTH};
+use super::job_registers::JobRegisters;
+use crate::devices::Context;
+use crate::devices::cansync::bus::Payload;
+use crate::devices::cansync::bus::codec::CodecError;
+use crate::devices::cansync::bus::codec::updown::{
+    BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, error_number,
+};
+use crate::devices::shown::Shown;
+use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use core::mem::offset_of;
+
+/// Bits of `b_STEUREG_UPDOWNBLK1` and `b_STATREG_UPDOWNBLK1` (p. 166-167).
+mod bits {
+    pub const ACTIVE: u8 = 1 << 0;
+    pub const SENT: u8 = 1 << 1;
+    pub const MODE: u8 = 0b11 << 2;
+    pub const MODE_INIT: u8 = 0b01 << 2;
+    pub const MODE_TRANSFER: u8 = 0b10 << 2;
+    pub const MODE_END: u8 = 0b11 << 2;
+    pub const DOWNLOAD: u8 = 1 << 4;
+    pub const ERROR: u8 = 1 << 5;
+    pub const BUSY: u8 = 1 << 6;
+    pub const RESET: u8 = 1 << 7;
+}
+
+/// Base addresses below are the operating system's (p. 167).
+const FIRST_FREE_ADDRESS: u32 = 0x100;
+
+/// What the PLC has entered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Order {
+    slave: u8,
+    direction: Direction,
+    address: u32,
+    sub_slave: u16,
+    length: u16,
+}
+
+impl Order {
+    fn entered(regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8) -> Self {
+        Order {
+            slave: regs.b_SL_NR_UPDOWNBLK1.load(),
+            direction: if control & bits::DOWNLOAD != 0 { Direction::Download } else { Direction::Upload },
+            address: regs.d_BASE_ADR_UPDOWNBLK1.load(),
+            sub_slave: regs.w_SUBSL_NR_UPDOWNBLK1.load(),
+            length: regs.w_LENGTH_UPDOWNBLK1.load(),
+        }
+    }
+
+    /// Error number of an order that is refused without asking the slave (decision D-43).
+    fn refusal(&self) -> Option<u16> {
+        if self.length > MAX_LENGTH {
+            Some(error_number::LENGTH)
+        } else if self.address < FIRST_FREE_ADDRESS {
+            Some(error_number::BASE_ADDRESS)
+        } else if self.length == 0 && self.direction == Direction::Download {
+            Some(error_number::NOT_POSSIBLE)
+        } else {
+            None
+        }
+    }
+}
+
+/// How far a transfer is: what the next frame does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Init,
+    /// The block at this offset.
+    Block(u16),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Transfer {
+    order: Order,
+    phase: Phase,
+    /// The control register as this firmware left it.
+    control: u8,
+}
+
+/// The up-/download job of block 1.
+#[derive(Debug, Default)]
+pub(super) struct BlockJob {
+    transfer: Option<Transfer>,
+}
+
+impl BlockJob {
+    /// The job that goes out now if it is the turn of slave number `turn`.
+    #[inline]
+    pub(super) fn next(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_MA_CTRL_BMSTRUCT,
+        turn: u8,
+    ) -> Option<UpDownJob> {
+        let control = regs.b_STEUREG_UPDOWNBLK1.load();
+        if control & (bits::ACTIVE | bits::RESET) == 0 {
+            self.transfer = None;
+            return None;
+        }
+        let order = Order::entered(regs, control);
+        if order.slave != turn {
+            return None;
+        }
+        if control & bits::RESET != 0 {
+            self.transfer = None;
+            // No bit is left over (decision D-45).
+            return registers(regs).replace(ctx, control, 0).then_some(UpDownJob::cancel());
+        }
+        let transfer = match self.transfer.filter(|t| (t.order, t.control) == (order, control)) {
+            Some(transfer) => transfer,
+            None => begin(ctx, regs, control, order)?,
+        };
+        let (mode, job) = transfer.job(regs)?;
+        let shown = control & !(bits::MODE | bits::ERROR) | mode | bits::SENT;
+        self.transfer = Some(Transfer { control: shown, ..transfer });
+        registers(regs).replace(ctx, control, shown).then_some(job)
+    }
+
+    /// The slave's answer to `job`. One that does not fit is as good as none; only the number of a block
+    /// that is not the one sent ends the transfer.
+    pub(super) fn answered(
+        &mut self,
+        ctx: &mut Context,
+        regs: &CANsync_MA_CTRL_BMSTRUCT,
+        job: &UpDownJob,
+        payload: &Payload,
+    ) {
+        let control = regs.b_STEUREG_UPDOWNBLK1.load();
+        let Some(transfer) = &mut self.transfer else { return };
+        if (transfer.order, transfer.control) != (Order::entered(regs, control), control) {
+            return;
+        }
+        let progress = match UpDownResponse::decode(job, payload) {
+            Ok(response) => match response.result() {
+                UpDownResult::Busy => Progress::Busy,
+                UpDownResult::Error(number) => {
+                    if number == error_number::EXPECTS_OTHER_BLOCK {
+                        regs.w_COUNTER_UPDOWNBLK1.store(response.offset());
+                    }
+                    Progress::Failed(number)
+                }
+                UpDownResult::Done => transfer.advance(regs, response.offset(), None),
+                UpDownResult::Data(data) => transfer.advance(regs, response.offset(), Some(data)),
+            },
+            Err(CodecError::OtherOffset { .. }) => Progress::Failed(error_number::WRONG_BLOCK),
+            Err(_) => return,
+        };
+        let shown = match progress {
+            Progress::Busy => control | bits::BUSY,
+            Progress::Next => control & !bits::BUSY,
+            Progress::Finished => ended(control),
+            Progress::Failed(number) => {
+                show_error(ctx, regs, number);
+                ended(control) | bits::ERROR
+            }
+        };
+        transfer.control = shown;
+        registers(regs).replace(ctx, control, shown);
+    }
+}
+
+/// What an answer means for the transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Progress {
+    Busy,
+    Next,
+    Finished,
+    Failed(u16),
+}
+
+impl Transfer {
+    /// The next frame and the mode that the registers show with it.
+    fn job(&self, regs: &CANsync_MA_CTRL_BMSTRUCT) -> Option<(u8, UpDownJob)> {
+        let Order { direction, address, sub_slave, length, .. } = self.order;
+        let (mode, offset, step) = match self.phase {
+            Phase::Init => (bits::MODE_INIT, length, UpDownStep::Init { direction, address, sub_slave }),
+            Phase::Block(offset) => {
+                let last = block_end(offset) >= length;
+                let step = match direction {
+                    Direction::Upload => UpDownStep::Upload { last },
+                    Direction::Download => {
+                        let data = block::read(&regs.a_DATA_UPDOWNBLK1, offset, length);
+                        UpDownStep::Download { last, data }
+                    }
+                };
+                (if last { bits::MODE_END } else { bits::MODE_TRANSFER }, offset, step)
+            }
+        };
+        // Offsets never exceed 300, so every job fits its frame.
+        UpDownJob::new(offset, step).ok().map(|job| (mode, job))
+    }
+
+    /// The frame was answered without BUSY and without an error.
+    fn advance(
+        &mut self,
+        regs: &CANsync_MA_CTRL_BMSTRUCT,
+        answered: u16,
+        data: Option<[u8; BLOCK]>,
+    ) -> Progress {
+        match self.phase {
+            Phase::Init => {
+                // The slave may set the length of an upload; otherwise it answers 0 (p. 141 note a).
+                if self.order.direction == Direction::Upload && answered != 0 {
+                    if answered > MAX_LENGTH {
+                        return Progress::Failed(error_number::LENGTH);
+                    }
+                    self.order.length = answered;
+                    regs.w_LENGTH_UPDOWNBLK1.store(answered);
+                }
+                if self.order.length == 0 {
+                    return Progress::Failed(error_number::NOT_POSSIBLE);
+                }
+                self.phase = Phase::Block(0);
+                Progress::Next
+            }
+            Phase::Block(offset) => {
+                let length = self.order.length;
+                if let Some(data) = data {
+                    block::write(&regs.a_DATA_UPDOWNBLK1, offset, length, data);
+                }
+                let end = block_end(offset);
+                regs.w_COUNTER_UPDOWNBLK1.store(end.min(length));
+                self.phase = Phase::Block(end);
+                if end >= length { Progress::Finished } else { Progress::Next }
+            }
+        }
+    }
+}
+
+/// Offset behind the block at `offset`.
+const fn block_end(offset: u16) -> u16 {
+    offset.saturating_add(BLOCK as u16)
+}
+
+/// Takes over an order, or refuses it.
+fn begin(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8, order: Order) -> Option<Transfer> {
+    regs.w_COUNTER_UPDOWNBLK1.store(0);
+    let refusal = order.refusal();
+    show_error(ctx, regs, refusal.unwrap_or(0));
+    if refusal.is_some() {
+        registers(regs).replace(ctx, control, ended(control) | bits::ERROR);
+        return None;
+    }
+    Some(Transfer { order, phase: Phase::Init, control })
+}
+
+/// What is left of a control register when its job has ended: direction and mode.
+const fn ended(control: u8) -> u8 {
+    control & !(bits::ACTIVE | bits::SENT | bits::BUSY | bits::ERROR)
+}
+
+fn show_error(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, number: u16) {
+    let offset = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_ERR_NR_UPDOWNBLK1);
+    regs.w_ERR_NR_UPDOWNBLK1.show(ctx, offset, number);
+}
+
+fn registers(regs: &CANsync_MA_CTRL_BMSTRUCT) -> JobRegisters<'_> {
+    JobRegisters {
+        control: &regs.b_STEUREG_UPDOWNBLK1,
+        status: &regs.b_STATREG_UPDOWNBLK1,
+        offset: NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_STEUREG_UPDOWNBLK1),
+    }
+}

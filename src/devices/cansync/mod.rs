@@ -1,0 +1,10 @@
+//! What all CANsync devices share: frames and their times, the nodes' firmware, drives with a CANsync card, function blocks.
+
+#[cfg(feature = "plc")]
+pub mod blocks;
+#[cfg(feature = "emulator")]
+pub mod bus;
+#[cfg(feature = "emulator")]
+pub mod drive;
+#[cfg(feature = "emulator")]
+pub mod firmware;

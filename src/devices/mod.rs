@@ -1,0 +1,11 @@
+//! The devices, a folder each, and [`cansync`], what the CANsync devices share.
+
+pub mod cansync;
+#[cfg(feature = "emulator")]
+mod context;
+pub mod omega_drive_line_2;
+#[cfg(feature = "emulator")]
+mod shown;
+
+#[cfg(feature = "emulator")]
+pub use context::Context;

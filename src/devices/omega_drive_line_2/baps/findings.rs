@@ -1,0 +1,52 @@
+//! What the drive finds wrong when it takes a command; the access checker counts it.
+
+use super::cycle::Cycle;
+use super::place;
+use crate::check::Rule;
+use crate::devices::Context;
+use crate::devices::cansync::drive::{BuiltInDrive, pwm_objection};
+use crate::layout::Live;
+use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::memory::Header;
+use crate::memory::header::ProgramState;
+use core::mem::offset_of;
+
+/// Cycles of the PLC program that have to be over before the first configuration (manual 5.00005.03a p. 63).
+const CYCLES_BEFORE: u32 = 5;
+
+/// Whether the PLC program has not come to its sixth cycle yet, as far as it tells (decision D-313).
+pub(super) fn is_too_early(header: &Header) -> bool {
+    match ProgramState::from_code(header.program.state.load()) {
+        Some(ProgramState::Initializing) => true,
+        Some(ProgramState::Cyclic) => (1..=CYCLES_BEFORE).contains(&header.program_cycles.load()),
+        _ => false,
+    }
+}
+
+/// Reports a broken rule at the register at `offset` of the BAPS.
+pub(super) fn find(ctx: &mut Context, rule: Rule, offset: usize, value: u32) {
+    ctx.find(rule, Live::Always, place(offset) as u32, value);
+}
+
+/// The cycle times that stand in `w_COMMAND_REG`; `None` if they are reserved. What is reserved is reported.
+pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<Cycle> {
+    let word = regs.w_COMMAND_REG.load();
+    let cycle = Cycle::from_register(word);
+    let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
+    if cycle.is_none() {
+        find(ctx, Rule::ReservedValue, offset, word.into());
+    }
+    if word & Cycle::RESERVED != 0 {
+        find(ctx, Rule::ReservedBit, offset, word.into());
+    }
+    cycle
+}
+
+/// A PWM frequency (P103) for which the manual has no masks of P258 is reported at the register through which the PLC
+/// sets it (decision D-292).
+pub(super) fn find_wrong_pwm(ctx: &mut Context, drive: &BuiltInDrive) {
+    let khz = drive.regler().pwm_khz();
+    if pwm_objection(khz).is_some() {
+        find(ctx, Rule::DrivePwm, offset_of!(BAPS_CTRL_BMSTRUCT, ud_PAR_VALUE), khz);
+    }
+}

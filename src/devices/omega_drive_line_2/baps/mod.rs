@@ -1,0 +1,250 @@
+//! BAPS: the interface between the Omega Drive-Line II and the drive it is built into (manual 5.00005.03a chapter 6).
+//!
+//! The registers are described in `docs/baps.md`; the manual shows them only through its function blocks. The drive
+//! has a time slice of 500 us for them. While nobody uses the BAPS there are no slices: the firmware looks at two
+//! registers in every processor cycle, and that is all.
+
+mod config;
+mod cycle;
+mod findings;
+mod hold;
+mod process;
+mod service;
+
+pub use cycle::{Cycle, Method, SLICE_US};
+pub use hold::Pace;
+
+use crate::devices::Context;
+use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig};
+use crate::devices::shown::Shown;
+use crate::journal::Journal;
+use crate::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
+use crate::memory::{MemoryError, Segment, View};
+use core::mem::offset_of;
+use hold::Hold;
+use process::Process;
+use service::Service;
+
+/// `b_COMMAND` (decision D-151).
+mod command {
+    pub const NONE: u8 = 0x00;
+    pub const EXCHANGE: u8 = 0x01;
+    pub const CONFIGURE: u8 = 0x02;
+    pub const RE_INITIALIZE: u8 = 0x03;
+}
+
+/// `b_SL_QUIT` (manual 5.00005.03a p. 91, 108).
+mod quit {
+    pub const EXCHANGED: u8 = 0x01;
+    pub const CONFIGURED: u8 = 0x02;
+    pub const RE_INITIALIZING: u8 = 0x03;
+    pub const NOT_UNDERSTOOD: u8 = 0x80;
+    pub const NOT_CONFIGURED: u8 = 0x81;
+    pub const UNREADABLE: u8 = 0x82;
+    pub const UNWRITABLE: u8 = 0x83;
+    pub const RE_INIT_UNWRITABLE: u8 = 0x86;
+    pub const RE_INIT_UNREADABLE: u8 = 0x87;
+}
+
+/// `w_STATUS_REG`, bit 0.
+const SYNCHRONIZED: u16 = 0x0001;
+
+/// `%MB3` number of the register at `offset`.
+const fn place(offset: usize) -> usize {
+    BAPS + offset
+}
+
+/// The BAPS of one PLC with the drive behind it.
+pub struct Baps {
+    regs: View<BAPS_CTRL_BMSTRUCT>,
+    drive: BuiltInDrive,
+    /// The drive as it is after power-on.
+    powered_on: BuiltInDrive,
+    process: Process,
+    service: Service,
+    /// Process data, or commands, that the drive is late with.
+    process_hold: Hold,
+    /// Service data, likewise.
+    service_hold: Hold,
+    /// Whether the Omega Drive-Line II's side runs; the drive does without it.
+    is_up: bool,
+    /// The next time slice; [`Baps::NEVER`] while nobody uses the BAPS.
+    next: u64,
+    last: Option<u64>,
+    /// Where slices lie: at this time after multiples of 500 us.
+    phase: u64,
+}
+
+impl Baps {
+    /// Time at which nothing is due.
+    pub const NEVER: u64 = u64::MAX;
+
+    /// The BAPS in `segment` with `drive` behind it.
+    ///
+    /// # Errors
+    /// If the segment is too small.
+    pub fn new(
+        segment: &Segment,
+        drive: BuiltInDrive,
+        config: &BuiltInDriveConfig,
+    ) -> Result<Self, MemoryError> {
+        Ok(Baps {
+            regs: segment.view::<BAPS_CTRL_BMSTRUCT>(BAPS)?,
+            powered_on: drive.clone(),
+            drive,
+            process: Process::new(segment)?,
+            service: Service::new(config.service_time_us),
+            process_hold: Hold::default(),
+            service_hold: Hold::default(),
+            is_up: false,
+            next: Self::NEVER,
+            last: None,
+            phase: 0,
+        })
+    }
+
+    /// Power-on, or RESET was released: the registers hold their reset values.
+    pub fn power_on(&mut self) {
+        self.regs.reset_from(0);
+        self.is_up = true;
+    }
+
+    /// RESET of the board: the interface starts anew, while the drive keeps its parameters and goes on with what it
+    /// was told last (decision D-166).
+    pub fn reset(&mut self) {
+        self.is_up = false;
+        self.process.reset();
+        self.service.reset();
+        self.process_hold.forget();
+        self.service_hold.forget();
+    }
+
+    /// Power-off: the drive has the same supply.
+    pub fn power_off(&mut self) {
+        self.reset();
+        self.drive = self.powered_on.clone();
+        (self.next, self.last, self.phase) = (Self::NEVER, None, 0);
+    }
+
+    /// The drive.
+    pub fn drive(&self) -> &BuiltInDrive {
+        &self.drive
+    }
+
+    /// How often process data were handed over since power-on: each time is an event "BAPS process data" (events 4
+    /// and 8, manual 5.00005.03a p. 83).
+    pub fn process_data_events(&self) -> u64 {
+        self.process.events()
+    }
+
+    /// When the next time slice is due.
+    #[inline]
+    pub fn next_time(&self) -> u64 {
+        self.next
+    }
+
+    /// Whether the PLC asks for something while there are no time slices.
+    #[inline]
+    pub fn is_called(&self) -> bool {
+        self.next == Self::NEVER
+            && self.is_up
+            && (self.regs.b_COMMAND.load() != command::NONE || self.regs.b_MA_SEMAPHORE.load() != 0)
+    }
+
+    /// One processor cycle: begins time slices if the PLC asks for something.
+    #[inline]
+    pub fn processor_cycle(&mut self, now: u64) {
+        if self.is_called() {
+            self.wake(now);
+        }
+    }
+
+    fn wake(&mut self, now: u64) {
+        self.next = self.slice_from(now);
+        // Nothing has changed while there were no slices.
+        self.last = Some(self.next.saturating_sub(SLICE_US));
+    }
+
+    /// The first slice at `earliest` or later.
+    fn slice_from(&self, earliest: u64) -> u64 {
+        let earliest = self.last.map_or(earliest, |last| earliest.max(last + 1));
+        earliest + (self.phase + SLICE_US - earliest % SLICE_US) % SLICE_US
+    }
+
+    /// The time slice that is due. `pace` tells how the drive takes what it has to do at the registers; it is told
+    /// whether that has waited already.
+    pub fn slice(&mut self, ctx: &mut Context, pace: impl FnMut(&mut Journal, bool) -> Pace) {
+        let now = ctx.now;
+        let us = self.last.map_or(SLICE_US, |last| (now - last).min(SLICE_US));
+        self.last = Some(now);
+        self.drive.step(now, us as u32);
+        if self.is_up {
+            self.exchange(ctx, pace);
+        }
+        self.next = if self.is_in_use() { self.slice_from(now + 1) } else { Self::NEVER };
+    }
+
+    /// The drive looks at the registers: process data, commands and status first, then service data.
+    fn exchange(&mut self, ctx: &mut Context, mut pace: impl FnMut(&mut Journal, bool) -> Pace) {
+        self.process.pass(ctx.now);
+        let synchronized = if self.drive.is_synchronized() { SYNCHRONIZED } else { 0 };
+        if self.process.has_work(&self.regs) || self.regs.w_STATUS_REG.load() != synchronized {
+            match self.process_hold.turn(ctx.now, |has_waited| pace(ctx.journal, has_waited)) {
+                Pace::AtOnce => {
+                    self.process.slice(ctx, &self.regs, &mut self.drive);
+                    let offset = place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUS_REG));
+                    self.regs.w_STATUS_REG.show(ctx, offset, synchronized);
+                }
+                Pace::Late(_) => {}
+                Pace::Never => self.process.leave_out(),
+            }
+        } else {
+            self.process_hold.forget();
+        }
+        if !self.service.has_work(ctx.now, &self.regs) {
+            self.service_hold.forget();
+        } else if self.service_hold.turn(ctx.now, |has_waited| pace(ctx.journal, has_waited)) == Pace::AtOnce
+        {
+            self.service.slice(ctx, &self.regs, &mut self.drive);
+        }
+    }
+
+    fn is_in_use(&self) -> bool {
+        self.process.is_configured()
+            || !self.service.is_idle()
+            || self.process_hold.is_running()
+            || self.service_hold.is_running()
+            || !self.drive.is_at_rest()
+            || self.drive.is_synchronized()
+    }
+
+    /// A pulse of the trigger controller. The drive's slices lie at the SYNC offset (P168) after it; when the drive gets
+    /// synchronized, the communications begin with such a slice (decision D-155).
+    pub fn trigger_edge(&mut self, now: u64) {
+        let was_synchronized = self.drive.is_synchronized();
+        if !self.drive.trigger_edge(now) {
+            return;
+        }
+        self.phase = (now + u64::from(self.drive.sync_offset_us())) % SLICE_US;
+        if !was_synchronized {
+            // The slice at the edge itself may be over already.
+            let earliest = self.last.map_or(now, |last| now.max(last + 1));
+            self.process.align(self.drive.next_slot(earliest));
+        }
+        if self.is_in_use() {
+            if self.next == Self::NEVER {
+                self.wake(now);
+            }
+            self.next = self.slice_from(now);
+        }
+    }
+
+    /// Brings fault number `fault` upon the drive, as [`Drive::trip`](crate::devices::cansync::drive::Drive::trip) does.
+    pub fn trip(&mut self, now: u64, fault: u16) -> bool {
+        let trips = self.drive.trip(fault);
+        if trips && self.next == Self::NEVER {
+            self.wake(now);
+        }
+        trips
+    }
+}

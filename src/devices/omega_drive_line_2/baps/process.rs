@@ -1,0 +1,302 @@
+//! Process data: configuration, re-initialization, cyclic exchange (manual 5.00005.03a p. 86-92, 99-116).
+
+use super::config::Numbers;
+use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
+use super::findings::{cycle_of, find, find_wrong_pwm, is_too_early};
+use super::{command, place, quit};
+use crate::check::Rule;
+use crate::devices::Context;
+use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
+use crate::devices::cansync::drive::BuiltInDrive;
+use crate::devices::shown::Shown;
+use crate::journal::Event;
+use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::memory::{Header, MemoryError, Segment, View};
+use core::mem::offset_of;
+
+/// Communications in which a re-initialization is active: one for each number (decision D-157).
+const RE_INITIALIZATION: u8 = 6;
+
+/// A configuration in force.
+#[derive(Clone, Copy, Debug)]
+struct Configured {
+    cycle: Cycle,
+    numbers: Numbers,
+    /// Communications so far.
+    count: u64,
+    /// When the next one is due.
+    next: u64,
+    /// One has fallen due and has not been done yet.
+    is_due: bool,
+    /// Whether the PLC had given a command for the last one.
+    is_used: bool,
+    /// The SYNC slot (P167) that the PLC was told to be wrong, in us.
+    wrong_slot: Option<u32>,
+    re_init: ReInit,
+}
+
+/// Where a re-initialization is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ReInit {
+    /// None, or its result was read.
+    Idle,
+    /// So many communications are left.
+    Active { numbers: Numbers, left: u8 },
+    /// Over with this acknowledgement, which stands until another command comes.
+    Over(u8),
+}
+
+/// The process data of one BAPS.
+pub(super) struct Process {
+    header: View<Header>,
+    configured: Option<Configured>,
+    /// Communications, each of which is an event "BAPS process data".
+    events: u64,
+}
+
+impl Process {
+    /// Not configured.
+    ///
+    /// # Errors
+    /// If the segment is read-only.
+    pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Process { header: segment.header()?, configured: None, events: 0 })
+    }
+
+    /// The board starts anew: without configuration, as at first (manual p. 90).
+    pub fn reset(&mut self) {
+        self.configured = None;
+    }
+
+    pub fn is_configured(&self) -> bool {
+        self.configured.is_some()
+    }
+
+    /// Communications since power-on.
+    pub fn events(&self) -> u64 {
+        self.events
+    }
+
+    /// The communications go on with this slot of the trigger signal, if there is one.
+    pub fn align(&mut self, slot: Option<u64>) {
+        if let (Some(configured), Some(slot)) = (&mut self.configured, slot) {
+            configured.next = slot;
+        }
+    }
+
+    /// A communication may fall due at `now`.
+    pub fn pass(&mut self, now: u64) {
+        if let Some(configured) = &mut self.configured
+            && configured.next <= now
+        {
+            // Slots that lie behind an alignment to the trigger signal are left out.
+            configured.next = now + configured.cycle.communication_us();
+            configured.count += 1;
+            configured.is_due = true;
+        }
+    }
+
+    /// Whether there is a communication to do or a command to answer.
+    pub fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
+        let is_due = self.configured.is_some_and(|configured| configured.is_due);
+        match regs.b_COMMAND.load() {
+            command::NONE => is_due,
+            command::EXCHANGE | command::RE_INITIALIZE => is_due || !self.is_configured(),
+            _ => true,
+        }
+    }
+
+    /// The communication that is due does not take place.
+    pub fn leave_out(&mut self) {
+        if let Some(configured) = &mut self.configured {
+            configured.is_due = false;
+        }
+    }
+
+    /// Does the communication that is due and answers a command.
+    pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+        let word = regs.b_COMMAND.load();
+        match word {
+            command::NONE => {}
+            command::CONFIGURE => {
+                drive.configured();
+                let answer = self.configure(ctx, regs, drive);
+                acknowledge(ctx, regs, word, answer);
+                find_wrong_pwm(ctx, drive);
+                return;
+            }
+            command::EXCHANGE | command::RE_INITIALIZE if self.is_configured() => {}
+            command::EXCHANGE | command::RE_INITIALIZE => acknowledge(ctx, regs, word, quit::NOT_CONFIGURED),
+            _ => acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD),
+        }
+        if let Some(configured) = &mut self.configured
+            && configured.is_due
+        {
+            configured.communicate(ctx, regs, drive);
+            self.events += 1;
+        }
+    }
+
+    fn configure(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> u8 {
+        let former = self.configured.take();
+        if former.is_some_and(|former| former.is_used) {
+            find(
+                ctx,
+                Rule::BapsRunning,
+                offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND),
+                command::CONFIGURE.into(),
+            );
+        }
+        if is_too_early(&self.header) {
+            find(ctx, Rule::BapsEarly, offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND), command::CONFIGURE.into());
+        }
+        let Some(cycle) = cycle_of(ctx, regs) else { return quit::NOT_UNDERSTOOD };
+        let numbers = Numbers::of(regs);
+        if let Err(answer) = numbers.check(drive) {
+            return answer;
+        }
+        self.configured = Some(Configured::new(ctx.now, cycle, numbers, drive));
+        quit::CONFIGURED
+    }
+}
+
+impl Configured {
+    fn new(now: u64, cycle: Cycle, numbers: Numbers, drive: &BuiltInDrive) -> Self {
+        let next = drive.next_slot(now + 1).unwrap_or(now + cycle.first_us());
+        let (is_due, is_used, wrong_slot) = (false, false, None);
+        Configured { cycle, numbers, count: 0, next, is_due, is_used, wrong_slot, re_init: ReInit::Idle }
+    }
+
+    /// Actual values and status word to the PLC, then reference values and control word from it, if it has
+    /// given the command.
+    fn communicate(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+        self.is_due = false;
+        let software = drive.regler().software();
+        let (writes, reads) = self.cycle.values(self.count, software);
+        let mut answer = quit::EXCHANGED;
+        for x in reads {
+            if !self.read(x, regs, drive) {
+                answer = quit::UNREADABLE;
+            }
+        }
+        regs.w_STATUSWORD.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUSWORD)), drive.status_word());
+
+        let word = regs.b_COMMAND.load();
+        self.is_used = matches!(word, command::EXCHANGE | command::RE_INITIALIZE);
+        if !self.is_used {
+            return;
+        }
+        let Some(cycle) = cycle_of(ctx, regs) else {
+            return acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD);
+        };
+        self.judge(ctx, cycle, regs, drive);
+        if word == command::RE_INITIALIZE
+            && (software < FOUR_ACTUAL_VALUES || self.cycle.method() != Method::SameCycle)
+        {
+            return acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD);
+        }
+        drive.exchanged(ctx.now);
+        drive.regler_mut().command(regs.w_CONTROLWORD.load());
+        for x in writes {
+            if !self.write(x, regs, drive) {
+                answer = quit::UNWRITABLE;
+            }
+        }
+        let answer = self.re_initialize(word, regs, drive).unwrap_or(answer);
+        if cycle != self.cycle {
+            let Configured { is_used, re_init, .. } = *self;
+            *self = Configured { is_used, re_init, ..Self::new(ctx.now, cycle, self.numbers, drive) };
+        }
+        acknowledge(ctx, regs, word, answer);
+    }
+
+    /// Reports what is wrong with the cycle times of this exchange.
+    fn judge(&mut self, ctx: &mut Context, cycle: Cycle, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) {
+        let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
+        if cycle != self.cycle {
+            find(ctx, Rule::BapsCycle, offset, regs.w_COMMAND_REG.load().into());
+        }
+        let is_wrong = |slot: &u32| u64::from(*slot) != cycle.communication_us();
+        let wrong_slot = drive.required_slot_us(ctx.now).filter(is_wrong);
+        if wrong_slot.is_some() && wrong_slot != self.wrong_slot {
+            find(ctx, Rule::BapsSyncSlot, offset, regs.w_COMMAND_REG.load().into());
+        }
+        self.wrong_slot = wrong_slot;
+    }
+
+    /// Actual value `x` to the PLC; `false` if it cannot be read now.
+    fn read(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> bool {
+        let number = self.numbers.reads[x];
+        if number == 0 || self.is_undefined(|numbers| numbers.reads[x] != number) {
+            return true;
+        }
+        match drive.regler().read_element(number, VALUE_ELEMENT) {
+            Ok((_, value)) => {
+                regs.a_RD_VALUE[x].store(value);
+                true
+            }
+            Err(_) => false,
+        }
+    }
+
+    /// Reference value `x` to the drive; `false` if it cannot be written now. A word takes the low half of the value.
+    fn write(&self, x: usize, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> bool {
+        let number = self.numbers.writes[x];
+        if number == 0 || self.is_undefined(|numbers| numbers.writes[x] != number) {
+            return true;
+        }
+        let regler = drive.regler_mut();
+        let Some(format) = regler.format_of(number) else { return false };
+        let value = regs.a_WR_VALUE[x].load() & format.mask();
+        regler.write_element(number, VALUE_ELEMENT, format, value).is_ok()
+    }
+
+    /// Values that are being re-initialized are not exchanged (manual p. 109: they are not defined).
+    fn is_undefined(&self, changes: impl FnOnce(&Numbers) -> bool) -> bool {
+        matches!(&self.re_init, ReInit::Active { numbers, .. } if changes(numbers))
+    }
+
+    /// Starts a re-initialization or goes on with it; its acknowledgement, if there is one to give.
+    fn re_initialize(&mut self, word: u8, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> Option<u8> {
+        let wanted = word == command::RE_INITIALIZE;
+        match self.re_init {
+            ReInit::Idle if wanted => {
+                let numbers = self.numbers.re_initialized(&Numbers::of(regs));
+                self.re_init = ReInit::Active { numbers, left: RE_INITIALIZATION - 1 };
+            }
+            ReInit::Idle => return None,
+            ReInit::Active { numbers, left: 0 } => {
+                let answer = match numbers.check(drive) {
+                    Ok(()) => {
+                        self.numbers = numbers;
+                        quit::EXCHANGED
+                    }
+                    Err(quit::UNWRITABLE) => quit::RE_INIT_UNWRITABLE,
+                    Err(_) => quit::RE_INIT_UNREADABLE,
+                };
+                self.re_init = ReInit::Over(answer);
+                return Some(answer);
+            }
+            ReInit::Active { numbers, left } => {
+                self.re_init = ReInit::Active { numbers, left: left - 1 };
+            }
+            ReInit::Over(answer) if wanted => return Some(answer),
+            ReInit::Over(_) => {
+                self.re_init = ReInit::Idle;
+                return None;
+            }
+        }
+        Some(quit::RE_INITIALIZING)
+    }
+}
+
+/// Answers a command: the acknowledgement first, then the command register, which the PLC watches. A command that the
+/// PLC has entered meanwhile stays.
+fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
+    regs.b_SL_QUIT.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT)), answer);
+    if regs.b_COMMAND.compare_exchange(word, command::NONE).is_ok() {
+        let offset = place(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND)) as u32;
+        let (origin, request, answer) = (ctx.origin, word.into(), command::NONE.into());
+        ctx.report(Event::Handshake { origin, offset, request, answer });
+    }
+}

@@ -1,0 +1,164 @@
+//! Service data: one parameter job at a time, guarded by two semaphores (manual 5.00005.03a p. 93-98, 118-120).
+//!
+//! | master | slave | |
+//! |---|---|---|
+//! | 0 | 0 | idle; the PLC may enter a job |
+//! | 1 | 0 | the job is the drive's |
+//! | 1 | 1 | the result is the PLC's |
+//! | 0 | 1 | the PLC has read it; the drive goes back to idle |
+
+use super::findings::find_wrong_pwm;
+use super::place;
+use crate::devices::Context;
+use crate::devices::cansync::bus::codec::parameter::error_number;
+use crate::devices::cansync::drive::{BuiltInDrive, ParamFormat, number};
+use crate::devices::shown::Shown;
+use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use core::mem::offset_of;
+
+/// Both semaphores know 0 and 1 only.
+mod semaphore {
+    pub const FREE: u8 = 0;
+    pub const TAKEN: u8 = 1;
+}
+
+/// `b_JOB` (decision D-150).
+mod job {
+    pub const READ: u8 = 1;
+    pub const WRITE: u8 = 2;
+}
+
+/// `i_ERR_DETAIL` 0.
+const NO_ERROR: u16 = 0x0000;
+/// `i_ERR_DETAIL` -8, which does not exist on the CANsync bus. -1 to -7 have the same bits there.
+const WRONG_COUNT: u16 = 0xFFF8;
+/// `b_PAR_FORMAT`: anything else is a doubleword, as a BOOL is TRUE.
+const WORD: u8 = 0;
+const DOUBLEWORD: u8 = 1;
+
+/// A job as the PLC entered it.
+#[derive(Clone, Copy, Debug)]
+struct Job {
+    code: u8,
+    number: u16,
+    element: u8,
+    count: u8,
+    format: ParamFormat,
+    value: u32,
+}
+
+impl Job {
+    fn of(regs: &BAPS_CTRL_BMSTRUCT) -> Self {
+        Job {
+            code: regs.b_JOB.load(),
+            number: regs.u_PAR_NR.load(),
+            element: regs.us_PAR_ELEMENT.load(),
+            count: regs.us_NUMBER.load(),
+            format: match regs.b_PAR_FORMAT.load() {
+                WORD => ParamFormat::Word,
+                _ => ParamFormat::Doubleword,
+            },
+            value: regs.ud_PAR_VALUE.load(),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+enum Phase {
+    #[default]
+    Idle,
+    /// The drive works on the job until then.
+    Working(Job, u64),
+    /// The result stands in the registers.
+    Answered,
+}
+
+/// The service data of one BAPS.
+pub(super) struct Service {
+    phase: Phase,
+    time_us: u64,
+}
+
+impl Service {
+    /// A job takes `time_us` of emulated time.
+    pub fn new(time_us: u64) -> Self {
+        Service { phase: Phase::default(), time_us }
+    }
+
+    /// The board starts anew: a job under way is forgotten.
+    pub fn reset(&mut self) {
+        self.phase = Phase::Idle;
+    }
+
+    pub fn is_idle(&self) -> bool {
+        matches!(self.phase, Phase::Idle)
+    }
+
+    /// Whether there is a step to take at `now`.
+    pub fn has_work(&self, now: u64, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
+        match (self.phase, regs.b_MA_SEMAPHORE.load()) {
+            (Phase::Idle, semaphore::TAKEN) | (Phase::Working(..) | Phase::Answered, semaphore::FREE) => true,
+            (Phase::Working(_, due), _) => now >= due,
+            (Phase::Idle | Phase::Answered, _) => false,
+        }
+    }
+
+    /// One look of the drive at the semaphores.
+    pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+        let master = regs.b_MA_SEMAPHORE.load();
+        match self.phase {
+            Phase::Idle if master == semaphore::TAKEN => {
+                self.phase = Phase::Working(Job::of(regs), ctx.now + self.time_us);
+                self.work(ctx, regs, drive);
+            }
+            // The PLC has given up: the job is not carried out (decision D-159).
+            Phase::Working(..) if master == semaphore::FREE => self.phase = Phase::Idle,
+            Phase::Working(..) => self.work(ctx, regs, drive),
+            Phase::Answered if master == semaphore::FREE => {
+                show_semaphore(ctx, regs, semaphore::FREE);
+                self.phase = Phase::Idle;
+            }
+            Phase::Idle | Phase::Answered => {}
+        }
+    }
+
+    fn work(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+        let Phase::Working(job, due) = self.phase else { return };
+        if ctx.now < due {
+            return;
+        }
+        let result = carry_out(&job, regs, drive);
+        let detail = result.err().unwrap_or(NO_ERROR);
+        if job.code == job::WRITE && job.number == number::PWM_FREQUENCY {
+            find_wrong_pwm(ctx, drive);
+        }
+        regs.i_ERR_DETAIL.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, i_ERR_DETAIL)), detail);
+        show_semaphore(ctx, regs, semaphore::TAKEN);
+        self.phase = Phase::Answered;
+    }
+}
+
+fn show_semaphore(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, value: u8) {
+    regs.b_SL_SEMAPHORE.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_SEMAPHORE)), value);
+}
+
+/// The job itself; the error is the value of `i_ERR_DETAIL`.
+fn carry_out(job: &Job, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> Result<(), u16> {
+    match job.code {
+        job::READ => {
+            let (format, value) = drive.regler().read_element(job.number, job.element)?;
+            regs.ud_PAR_VALUE.store(value);
+            regs.b_PAR_FORMAT.store(match format {
+                ParamFormat::Word => WORD,
+                ParamFormat::Doubleword => DOUBLEWORD,
+            });
+            Ok(())
+        }
+        job::WRITE if job.count != 1 => Err(WRONG_COUNT),
+        job::WRITE => {
+            let regler = drive.regler_mut();
+            regler.write_element(job.number, job.element, job.format, job.value & job.format.mask())
+        }
+        _ => Err(error_number::GENERAL),
+    }
+}

@@ -1,0 +1,161 @@
+//! `BAPS_PD_COMM24`: process data with two reference and four actual values in every communication, and
+//! re-initialization while they run (p. 104-111).
+
+use super::OMEGA_DRIVE_LINE_II;
+use super::command::{EXCHANGE, RE_INITIALIZE};
+use super::pd_comm::{NOT_EXCHANGED, exchange, is_error};
+use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::plc::Base;
+use crate::plc::Watch;
+use core::time::Duration;
+
+/// Bit 1 of `b_ERR`.
+const TIMEOUT: u8 = 1 << 1;
+/// Acknowledgements of a failed re-initialization.
+const BAD_REFERENCE_NUMBER: u8 = 0x86;
+const BAD_ACTUAL_NUMBER: u8 = 0x87;
+
+/// Exchanges control word, status word, two reference and four actual values with the drive, and takes over
+/// new parameter numbers while it does (manual p. 104-111).
+///
+/// A rising edge of `x_RE_INIT_START` begins the re-initialization, after [`BAPS_INIT`](super::BAPS_INIT) with
+/// `us_MODE` 2 has written the numbers. Its result stays until the next one (decision D-217).
+#[derive(Clone, Debug)]
+pub struct BAPS_PD_COMM24 {
+    /// 0: Omega Drive-Line II; with anything else the block does nothing.
+    pub us_HW_TYPE: u8,
+    /// Control word.
+    pub w_CONTROLWORD: u16,
+    /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
+    pub w_COMMAND_REG: u16,
+    /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
+    pub us_MODE: u8,
+    /// Reference value 0.
+    pub ud_WR_VALUE0: u32,
+    /// Reference value 1.
+    pub ud_WR_VALUE1: u32,
+    /// Monitoring time of a re-initialization, in emulated time; preset 1 s.
+    pub t_RE_INIT_TIME: Duration,
+    /// Its rising edge starts the re-initialization.
+    pub x_RE_INIT_START: bool,
+    /// Enables the exchange; TRUE by default.
+    pub x_EN: bool,
+    /// Status word.
+    pub w_STATUSWORD: u16,
+    /// Bit 0: the drive is synchronized to the trigger controller.
+    pub w_STATUS_REG: u16,
+    /// Actual value 0.
+    pub ud_RD_VALUE0: u32,
+    /// Actual value 1.
+    pub ud_RD_VALUE1: u32,
+    /// Actual value 2.
+    pub ud_RD_VALUE2: u32,
+    /// Actual value 3.
+    pub ud_RD_VALUE3: u32,
+    /// Acknowledgement of the drive.
+    pub b_SL_QUIT: u8,
+    /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why; 1: timeout of a re-initialization.
+    pub b_ERR: u8,
+    /// `b_ERR` is not 0.
+    pub x_ERR: bool,
+    /// The last re-initialization has failed; `b_SL_QUIT` tells why.
+    pub x_RE_INIT_ERR: bool,
+    /// The last re-initialization has succeeded.
+    pub x_RE_INIT_OK: bool,
+    #[doc(hidden)]
+    pub internal: Internal,
+}
+
+/// What the block remembers.
+#[derive(Clone, Debug, Default)]
+pub struct Internal {
+    start: bool,
+    re_initialization: Option<Watch>,
+    /// The last command given.
+    command: u8,
+}
+
+impl Default for BAPS_PD_COMM24 {
+    fn default() -> Self {
+        BAPS_PD_COMM24 {
+            us_HW_TYPE: 0,
+            w_CONTROLWORD: 0,
+            w_COMMAND_REG: 0,
+            us_MODE: 0,
+            ud_WR_VALUE0: 0,
+            ud_WR_VALUE1: 0,
+            t_RE_INIT_TIME: Duration::from_secs(1),
+            x_RE_INIT_START: false,
+            x_EN: true,
+            w_STATUSWORD: 0,
+            w_STATUS_REG: 0,
+            ud_RD_VALUE0: 0,
+            ud_RD_VALUE1: 0,
+            ud_RD_VALUE2: 0,
+            ud_RD_VALUE3: 0,
+            b_SL_QUIT: 0,
+            b_ERR: 0,
+            x_ERR: false,
+            x_RE_INIT_ERR: false,
+            x_RE_INIT_OK: false,
+            internal: Internal::default(),
+        }
+    }
+}
+
+impl BAPS_PD_COMM24 {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>) {
+        if self.us_HW_TYPE != OMEGA_DRIVE_LINE_II {
+            return;
+        }
+        let edge = self.x_RE_INIT_START && !self.internal.start;
+        self.internal.start = self.x_RE_INIT_START;
+        if !self.x_EN {
+            return;
+        }
+        // An answer belongs to the last command only if the drive has cleared that.
+        let answered = _BASE.b_COMMAND.load() == 0;
+        self.b_SL_QUIT = _BASE.b_SL_QUIT.load();
+        self.w_STATUSWORD = _BASE.w_STATUSWORD.load();
+        self.w_STATUS_REG = _BASE.w_STATUS_REG.load();
+        if edge {
+            (self.x_RE_INIT_OK, self.x_RE_INIT_ERR) = (false, false);
+            self.b_ERR = 0;
+            self.internal.re_initialization = Some(_BASE.watch(self.t_RE_INIT_TIME));
+        } else if let Some(watch) = self.internal.re_initialization {
+            self.watch_re_initialization(_BASE, watch, answered);
+        }
+        let command = match self.internal.re_initialization {
+            Some(_) => RE_INITIALIZE,
+            None => EXCHANGE,
+        };
+        let actuals = &mut [
+            &mut self.ud_RD_VALUE0,
+            &mut self.ud_RD_VALUE1,
+            &mut self.ud_RD_VALUE2,
+            &mut self.ud_RD_VALUE3,
+        ];
+        let words = [self.w_CONTROLWORD, self.w_COMMAND_REG];
+        exchange(_BASE, command, words, &[self.ud_WR_VALUE0, self.ud_WR_VALUE1], actuals);
+        self.internal.command = command;
+        let of_re_initialization = [RE_INITIALIZE, BAD_REFERENCE_NUMBER, BAD_ACTUAL_NUMBER];
+        self.b_ERR &= TIMEOUT;
+        if is_error(self.b_SL_QUIT) && !of_re_initialization.contains(&self.b_SL_QUIT) {
+            self.b_ERR |= NOT_EXCHANGED;
+        }
+        self.x_ERR = self.b_ERR != 0;
+    }
+
+    /// Ends a re-initialization with the drive's answer, or when its time is over.
+    fn watch_re_initialization(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, watch: Watch, answered: bool) {
+        let answer = (answered && self.internal.command == RE_INITIALIZE).then_some(self.b_SL_QUIT);
+        match answer {
+            Some(RE_INITIALIZE) | None if watch.is_over(base) => self.b_ERR |= TIMEOUT,
+            Some(RE_INITIALIZE) | None => return,
+            Some(EXCHANGE) => self.x_RE_INIT_OK = true,
+            Some(_) => self.x_RE_INIT_ERR = true,
+        }
+        self.internal.re_initialization = None;
+    }
+}

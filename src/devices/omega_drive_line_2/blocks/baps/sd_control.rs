@@ -1,0 +1,167 @@
+//! `BAPS_SD_CONTROL`: carries out the jobs of `BAPS_PAR_READ` and `BAPS_PAR_WRITE` (p. 118-120).
+
+use super::service_data::{Answer, BAPS_BMSTRUCT, Job, Kind, Stage};
+use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::plc::Base;
+use crate::plc::Watch;
+use core::time::Duration;
+
+/// Bits of `b_ERR`.
+mod error {
+    /// A read job was dropped (decision D-218).
+    pub const READ_DISTURBED: u8 = 1 << 0;
+    /// A write job was dropped.
+    pub const WRITE_DISTURBED: u8 = 1 << 1;
+    pub const NO_START: u8 = 1 << 2;
+    pub const INTERRUPTED: u8 = 1 << 3;
+    pub const NO_END: u8 = 1 << 4;
+    pub const JOB: u8 = 1 << 5;
+    pub const FORMAT: u8 = 1 << 6;
+}
+
+/// Values of `b_JOB`.
+const READ: u8 = 1;
+const WRITE: u8 = 2;
+/// `i_ERR_DETAIL`: wrong data format.
+const WRONG_FORMAT: i16 = -7;
+
+/// Carries out parameter jobs through the semaphores of the BAPS, one at a time (manual p. 118-120). One
+/// instance for all [`BAPS_PAR_READ`](super::BAPS_PAR_READ) and [`BAPS_PAR_WRITE`](super::BAPS_PAR_WRITE).
+#[derive(Clone, Debug)]
+pub struct BAPS_SD_CONTROL {
+    /// Resets the block; needed after the errors of bits 0 to 4.
+    pub x_RESET: bool,
+    /// Monitoring time of each step, in emulated time; preset 3 s.
+    pub t_TIME: Duration,
+    /// Bit 0, 1: a read, write job was dropped; timeouts: 2 at the start, 3 in between, 4 at the end; the last
+    /// job: 5 failed, 6 wrong format.
+    pub b_ERR: u8,
+    /// `b_ERR` is not 0.
+    pub x_ERR: bool,
+    #[doc(hidden)]
+    pub internal: Phase,
+}
+
+impl Default for BAPS_SD_CONTROL {
+    fn default() -> Self {
+        BAPS_SD_CONTROL {
+            x_RESET: false,
+            t_TIME: Duration::from_secs(3),
+            b_ERR: 0,
+            x_ERR: false,
+            internal: Phase::Idle,
+        }
+    }
+}
+
+/// What the block waits for.
+#[derive(Clone, Copy, Debug)]
+pub enum Phase {
+    /// A job.
+    Idle,
+    /// Both semaphores at 0.
+    Starting(Watch),
+    /// The drive's semaphore at 1.
+    Running(Watch),
+    /// The drive's semaphore back at 0.
+    Ending(Watch, Answer),
+    /// `x_RESET`.
+    Locked,
+}
+
+impl BAPS_SD_CONTROL {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
+        if self.x_RESET {
+            _BASE.b_MA_SEMAPHORE.store(0);
+            _BAPS_SD_DATA.stage = Stage::Free;
+            self.internal = Phase::Idle;
+            return self.show(0);
+        }
+        if let Stage::Dropped(kind) = _BAPS_SD_DATA.stage {
+            _BASE.b_MA_SEMAPHORE.store(0);
+            self.internal = Phase::Locked;
+            return self.show(match kind {
+                Kind::Read => error::READ_DISTURBED,
+                Kind::Write => error::WRITE_DISTURBED,
+            });
+        }
+        if let (Phase::Idle, Stage::Entered(_)) = (self.internal, _BAPS_SD_DATA.stage) {
+            self.show(0);
+            self.internal = Phase::Starting(_BASE.watch(self.t_TIME));
+        }
+        if let Stage::Entered(job) = _BAPS_SD_DATA.stage
+            && let Some(answer) = self.proceed(_BASE, &job)
+        {
+            _BAPS_SD_DATA.stage = Stage::Answered(job, answer);
+        }
+    }
+
+    /// Goes on with the job; tells what became of it.
+    fn proceed(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, job: &Job) -> Option<Answer> {
+        let semaphores = (base.b_MA_SEMAPHORE.load(), base.b_SL_SEMAPHORE.load());
+        match (self.internal, semaphores) {
+            (Phase::Starting(_), (0, 0)) => {
+                write_job(base, job);
+                base.b_MA_SEMAPHORE.store(1);
+                self.internal = Phase::Running(base.watch(self.t_TIME));
+                None
+            }
+            (Phase::Running(_), (1, 1)) => {
+                let answer = read_answer(base);
+                base.b_MA_SEMAPHORE.store(0);
+                self.internal = Phase::Ending(base.watch(self.t_TIME), answer);
+                None
+            }
+            (Phase::Ending(_, answer), (0, 0)) => {
+                self.internal = Phase::Idle;
+                self.show(match answer.detail {
+                    0 => 0,
+                    WRONG_FORMAT => error::FORMAT,
+                    _ => error::JOB,
+                });
+                Some(answer)
+            }
+            (Phase::Starting(watch), _) if watch.is_over(base) => Some(self.give_up(base, error::NO_START)),
+            (Phase::Running(watch), _) if watch.is_over(base) => Some(self.give_up(base, error::INTERRUPTED)),
+            (Phase::Ending(watch, _), _) if watch.is_over(base) => Some(self.give_up(base, error::NO_END)),
+            (Phase::Locked, _) => Some(Answer { communication: -1, ..Answer::default() }),
+            _ => None,
+        }
+    }
+
+    fn give_up(&mut self, base: &BAPS_CTRL_BMSTRUCT, error: u8) -> Answer {
+        base.b_MA_SEMAPHORE.store(0);
+        self.internal = Phase::Locked;
+        self.show(error);
+        Answer { communication: -1, ..Answer::default() }
+    }
+
+    fn show(&mut self, error: u8) {
+        (self.b_ERR, self.x_ERR) = (error, error != 0);
+    }
+}
+
+fn write_job(base: &BAPS_CTRL_BMSTRUCT, job: &Job) {
+    base.u_PAR_NR.store(job.number);
+    base.us_PAR_ELEMENT.store(job.element);
+    base.us_NUMBER.store(1);
+    let code = match job.kind {
+        Kind::Read => READ,
+        Kind::Write => {
+            base.b_PAR_FORMAT.store(job.doubleword.into());
+            base.ud_PAR_VALUE.store(job.value);
+            WRITE
+        }
+    };
+    base.b_JOB.store(code);
+}
+
+fn read_answer(base: &BAPS_CTRL_BMSTRUCT) -> Answer {
+    Answer {
+        detail: base.i_ERR_DETAIL.load() as i16,
+        communication: 0,
+        doubleword: base.b_PAR_FORMAT.load() != 0,
+        value: base.ud_PAR_VALUE.load(),
+    }
+}

@@ -1,0 +1,186 @@
+//! `LED`, `INTR_SET`, `OPT_INIT`, `TIME_MEASURE_START`, `TIME_MEASURE_END`: blocks of the board
+//! (manual 5.00005.03a p. 47-51, 56-60).
+//!
+//! On the device they call its firmware and have no registers; here they use the header page
+//! (`docs/attach.md`).
+
+use crate::memory::header::{InterruptResult, OptInitResult};
+use crate::plc::Ram;
+
+/// A request to the board. A power-on or reset drops it, so it counts for one life of the board only.
+#[derive(Clone, Copy, Debug)]
+pub struct Request {
+    number: u32,
+    restarts: u32,
+}
+
+impl Request {
+    fn new(ram: &Ram, number: u32) -> Self {
+        ram.header().submit_request();
+        Request { number, restarts: ram.header().program.restarts.load() }
+    }
+
+    fn is_of_this_life(&self, ram: &Ram) -> bool {
+        self.restarts == ram.header().program.restarts.load()
+    }
+}
+
+/// Sets the LEDs on the board's front (manual p. 51).
+#[derive(Clone, Debug, Default)]
+pub struct LED {
+    /// Bit 0: upper red, 1: upper green, 2: lower red, 3: lower green LED; the others mean nothing.
+    pub b_LEDS: u8,
+}
+
+impl LED {
+    /// One PLC cycle.
+    pub fn call(&mut self, ram: &Ram) {
+        ram.header().board.leds.store(u32::from(self.b_LEDS & 0x0F));
+    }
+}
+
+/// Enables or disables an event (manual p. 47-49).
+///
+/// A call submits the inputs if they have changed, or if the board has been reset since; until
+/// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
+#[derive(Clone, Debug, Default)]
+pub struct INTR_SET {
+    /// Event number, see `docs/board.md`.
+    pub i_EVENT: i8,
+    /// Reserved.
+    pub i_MODE: i16,
+    /// CPU timer: its period in units of 50 us.
+    pub i_PAR1: i16,
+    /// Reserved.
+    pub i_PAR2: i16,
+    /// TRUE enables, FALSE disables the event.
+    pub x_EN: bool,
+    /// The inputs were refused.
+    pub x_ERR: bool,
+    #[doc(hidden)]
+    pub internal: Option<((i8, i16, bool), Request, bool)>,
+}
+
+impl INTR_SET {
+    /// One PLC cycle.
+    pub fn call(&mut self, ram: &Ram) {
+        let inputs = (self.i_EVENT, self.i_PAR1, self.x_EN);
+        let slot = usize::try_from(self.i_EVENT).ok().and_then(|event| ram.header().interrupts.get(event));
+        let Some(slot) = slot else {
+            // No slot to ask in.
+            (self.x_ERR, self.internal) = (true, None);
+            return;
+        };
+        match self.internal {
+            Some((of, request, answered)) if of == inputs && request.is_of_this_life(ram) => {
+                if let Some(result) = slot.outcome(request.number).filter(|_| !answered) {
+                    self.x_ERR = result != InterruptResult::Done.code();
+                    self.internal = Some((inputs, request, true));
+                }
+            }
+            _ => {
+                self.x_ERR = false;
+                let request = Request::new(ram, slot.ask(self.i_PAR1, self.x_EN));
+                self.internal = Some((inputs, request, false));
+            }
+        }
+    }
+
+    /// Whether `x_ERR` tells what became of the inputs of the last call.
+    pub fn is_answered(&self) -> bool {
+        self.x_ERR || matches!(self.internal, Some((.., true)))
+    }
+}
+
+/// Routes triggers and starts board timers (manual p. 56-60). May be run once in each start of the program (D-260).
+///
+/// The first call submits the inputs; call on until `x_OK` or `x_ERR`. Later calls do nothing, unless the board
+/// has been reset (decisions D-213, D-214).
+#[derive(Clone, Debug, Default)]
+pub struct OPT_INIT {
+    /// Mode of trigger 1 (option card IEI-02); 0: open.
+    pub us_MODE_TRIGGER_1: u8,
+    /// Mode of trigger 2 (option card MFM-01); 0: open.
+    pub us_MODE_TRIGGER_2: u8,
+    /// Mode of the trigger controller (drive).
+    pub us_MODE_TRIGGER_CONTROLLER: u8,
+    /// Divider of board timer A: its period is (divider + 1) x 2 / 5 MHz.
+    pub u_DIVIDER_TIMER_A: u16,
+    /// Starts board timer A.
+    pub x_EN_TIMER_A: bool,
+    /// Clock of board timer A; 0: 5 MHz.
+    pub ud_CFG_MODE_TIMER_A: u32,
+    /// Divider of board timer B.
+    pub u_DIVIDER_TIMER_B: u16,
+    /// Starts board timer B.
+    pub x_EN_TIMER_B: bool,
+    /// Clock of board timer B; 0: 5 MHz.
+    pub ud_CFG_MODE_TIMER_B: u32,
+    /// The inputs were refused, or `OPT_INIT` has been run before in this start of the program.
+    pub x_ERR: bool,
+    /// Triggers are routed, timers run.
+    pub x_OK: bool,
+    #[doc(hidden)]
+    pub internal: Option<Request>,
+}
+
+impl OPT_INIT {
+    /// One PLC cycle.
+    pub fn call(&mut self, ram: &Ram) {
+        let slot = &ram.header().opt_init;
+        match self.internal.filter(|request| request.is_of_this_life(ram)) {
+            Some(request) => {
+                if let Some(result) = slot.outcome(request.number).filter(|_| !self.x_OK && !self.x_ERR) {
+                    self.x_OK = result == OptInitResult::Done.code();
+                    self.x_ERR = !self.x_OK;
+                }
+            }
+            None => {
+                (self.x_OK, self.x_ERR) = (false, false);
+                let modes = [self.us_MODE_TRIGGER_1, self.us_MODE_TRIGGER_2, self.us_MODE_TRIGGER_CONTROLLER];
+                slot.triggers.iter().zip(modes).for_each(|(cell, mode)| cell.store(mode.into()));
+                let timers = [
+                    (self.u_DIVIDER_TIMER_A, self.x_EN_TIMER_A, self.ud_CFG_MODE_TIMER_A),
+                    (self.u_DIVIDER_TIMER_B, self.x_EN_TIMER_B, self.ud_CFG_MODE_TIMER_B),
+                ];
+                for (cells, (divider, enable, cfg_mode)) in slot.timers.iter().zip(timers) {
+                    cells.divider.store(divider.into());
+                    cells.enable.store(enable.into());
+                    cells.cfg_mode.store(cfg_mode);
+                }
+                self.internal = Some(Request::new(ram, slot.ask()));
+            }
+        }
+    }
+}
+
+/// Notes the time at the start of a piece of code (manual p. 47). Pins: decision D-214.
+#[derive(Clone, Debug, Default)]
+pub struct TIME_MEASURE_START {
+    /// Emulated time in microseconds, wrapping: goes to [`TIME_MEASURE_END`].
+    pub ud_TIME: u32,
+}
+
+impl TIME_MEASURE_START {
+    /// One PLC cycle.
+    pub fn call(&mut self, ram: &Ram) {
+        self.ud_TIME = ram.exact_us() as u32;
+    }
+}
+
+/// Tells how long a piece of code took (manual p. 47). With a stepped clock that is what was stepped
+/// meanwhile. Pins: decision D-214.
+#[derive(Clone, Debug, Default)]
+pub struct TIME_MEASURE_END {
+    /// The output of [`TIME_MEASURE_START`].
+    pub ud_TIME: u32,
+    /// Emulated time since then in microseconds.
+    pub ud_TIME_DIFF: u32,
+}
+
+impl TIME_MEASURE_END {
+    /// One PLC cycle.
+    pub fn call(&mut self, ram: &Ram) {
+        self.ud_TIME_DIFF = (ram.exact_us() as u32).wrapping_sub(self.ud_TIME);
+    }
+}

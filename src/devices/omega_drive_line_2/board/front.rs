@@ -1,0 +1,315 @@
+//! Front and power of the board, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40).
+
+use super::flags::Flags;
+use super::project::Projects;
+use super::{Look, report};
+use crate::devices::Context;
+use crate::journal::BoardEvent;
+use crate::memory::Header;
+use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
+
+/// Highest number that the DIP switches can be set to.
+const DIP_MASK: u32 = 0x1F;
+/// Half the time in which the display blinks while a boot project is copied.
+const BLINK_US: u64 = 500_000;
+/// The decimal point of the display.
+const POINT: u32 = 1 << 8;
+
+/// What takes the board down or brings it up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Power {
+    /// Supply off.
+    Off,
+    /// Supply on.
+    On,
+    /// RESET held.
+    HoldReset,
+    /// RESET released; the switch then stands at STOP.
+    ReleaseReset,
+}
+
+/// The front as it was last seen.
+#[derive(Debug)]
+pub(super) struct Front {
+    seen: Seen,
+    switch: RunSwitch,
+    powered: bool,
+    program: ProgramState,
+    up: bool,
+    dip: u8,
+    projects: Projects,
+    /// It has been started: from then on a power-on is a further one.
+    is_used: bool,
+    /// The program was told to stop while the switch stands at RUN.
+    halted: bool,
+    /// The PLC program may run.
+    released: bool,
+    /// A cold or warm start was ordered since somebody asked last.
+    started: bool,
+    flags: Flags,
+}
+
+/// Cells that clients turn, as they stood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Seen {
+    switch: u32,
+    power: u32,
+    program: u32,
+}
+
+impl Seen {
+    #[inline]
+    fn now(header: &Header) -> Self {
+        Seen {
+            switch: header.board.switch.load(),
+            power: header.program.power.load(),
+            program: header.program.state.load(),
+        }
+    }
+}
+
+impl Front {
+    pub fn new(header: &Header, flags: Flags, project: Project) -> Self {
+        let mut projects = Projects::new(project);
+        if flags.are_kept() {
+            projects.retain_was_kept();
+        }
+        Front {
+            flags,
+            projects,
+            seen: Seen::now(header),
+            switch: RunSwitch::Run,
+            powered: true,
+            program: ProgramState::None,
+            up: false,
+            dip: 0,
+            is_used: false,
+            halted: false,
+            released: false,
+            started: false,
+        }
+    }
+
+    pub fn is_up(&self) -> bool {
+        self.up
+    }
+
+    pub fn has_supply(&self) -> bool {
+        self.powered
+    }
+
+    pub fn dip(&self) -> u8 {
+        self.dip
+    }
+
+    /// Whether something was turned since the last look, or the display has to blink.
+    #[inline]
+    pub fn has_changed(&self, header: &Header) -> bool {
+        Seen::now(header) != self.seen || self.program == ProgramState::CopyingBootProject
+    }
+
+    /// Power-on or end of reset: reads the DIP switches and returns their number.
+    pub fn start(&mut self, ctx: &mut Context, header: &Header) -> u8 {
+        self.up = true;
+        self.dip = (header.board.dip.load() & DIP_MASK) as u8;
+        header.program.dip_latched.store(self.dip.into());
+        // Everybody knows that there was a first time.
+        if header.program.restarts.increment() > 1 {
+            report(ctx, BoardEvent::Up { dip: self.dip });
+        }
+        // The first power-on finds what the plant file says.
+        if core::mem::replace(&mut self.is_used, true) {
+            // A process may have come or gone meanwhile.
+            self.read(header);
+            let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
+            self.note_program(header, told);
+            self.projects.restart();
+        }
+        self.halted = false;
+        self.show_project(header);
+        self.see(ctx, header);
+        self.dip
+    }
+
+    /// Power-off, or RESET is held: everything dark.
+    pub fn stop(&mut self, header: &Header) {
+        self.up = false;
+        self.released = false;
+        header.board.leds.store(0);
+        header.board.display.store(0);
+    }
+
+    pub fn set_power(&mut self, header: &Header, power: Power) -> Look {
+        match power {
+            Power::Off => header.program.power.store(header::Power::Off.code()),
+            Power::On => header.program.power.store(header::Power::On.code()),
+            Power::HoldReset => header.board.switch.store(RunSwitch::Reset.code()),
+            Power::ReleaseReset => header.board.switch.store(RunSwitch::Stop.code()),
+        }
+        let had_supply = self.powered;
+        self.read(header);
+        self.change(had_supply)
+    }
+
+    /// Takes over what clients have turned. Numbers that mean nothing leave things as they were.
+    fn read(&mut self, header: &Header) {
+        self.seen = Seen::now(header);
+        self.switch = RunSwitch::from_code(self.seen.switch).unwrap_or(self.switch);
+        if let Some(power) = header::Power::from_code(self.seen.power) {
+            self.powered = power == header::Power::On;
+        }
+    }
+
+    fn change(&self, had_supply: bool) -> Look {
+        let held = self.switch == RunSwitch::Reset;
+        match (self.up, self.powered) {
+            (_, false) if had_supply => Look::Off,
+            (true, true) if held => Look::Held,
+            (false, true) if !held => Look::Up,
+            _ => Look::Nothing,
+        }
+    }
+
+    pub fn look(&mut self, ctx: &mut Context, header: &Header) -> Look {
+        let (before, had_supply) = (self.switch, self.powered);
+        self.read(header);
+        if self.switch != before {
+            report(ctx, BoardEvent::Switch { to: self.switch });
+        }
+        let change = self.change(had_supply);
+        if change == Look::Nothing && self.up {
+            self.see(ctx, header);
+        }
+        change
+    }
+
+    /// Program and switch: starts and stops the program, shows its state.
+    fn see(&mut self, ctx: &mut Context, header: &Header) {
+        self.read(header);
+        let told = ProgramState::from_code(self.seen.program).unwrap_or(self.program);
+        self.note_program(header, told);
+        let is_loaded = self.projects.loaded() != Project::None;
+        let may_run = self.switch == RunSwitch::Run && is_loaded;
+        if may_run && !self.released {
+            let kind = if self.projects.starts_cold() { Start::Cold } else { Start::Warm };
+            self.order(ctx, header, kind);
+        } else if self.released && !may_run && is_loaded {
+            self.order(ctx, header, Start::Stop);
+        }
+        self.released = may_run;
+        header.board.display.store(self.character(ctx.now));
+    }
+
+    /// What the PLC tells of its program: it comes, goes, or copies the boot project.
+    fn note_program(&mut self, header: &Header, told: ProgramState) {
+        use ProgramState::*;
+        let before = self.program;
+        self.program = told;
+        match (self.projects.loaded(), told) {
+            (Project::None, None) => {}
+            (_, None) => {
+                self.projects.taken_back();
+                self.flags.forget();
+            }
+            // What the program of a project that is lost tells late is no new one.
+            (Project::None, Initializing | Cyclic) if self.projects.is_lost() => self.program = None,
+            (Project::None, Stopped | Initializing | Cyclic) => self.projects.brought(),
+            (_, ErasingBootProject) if before != told => self.projects.erased(),
+            (_, BootProjectCopied) if before != told => self.projects.copied(),
+            _ => {}
+        }
+        header.project.store(self.projects.loaded().code());
+    }
+
+    /// Another project is loaded, or none: the PLC's program stands.
+    fn show_project(&mut self, header: &Header) {
+        let loaded = self.projects.loaded();
+        if loaded == Project::None {
+            self.flags.forget();
+        }
+        let state = if loaded == Project::None { ProgramState::None } else { ProgramState::Stopped };
+        self.program = state;
+        header.program.state.store(state.code());
+        header.project.store(loaded.code());
+    }
+
+    /// A project that a client sends or deletes, as the control dialog does (manual p. 37-38).
+    pub fn look_at_project_request(&mut self, ctx: &mut Context, header: &Header) {
+        let code = header.project_request.load();
+        if code == 0 || header.project_request.compare_exchange(code, 0).is_err() {
+            return;
+        }
+        let Some(project) = Project::from_code(code - 1) else { return };
+        if self.released {
+            self.order(ctx, header, Start::Stop);
+            self.released = false;
+        }
+        self.projects.load(project);
+        self.halted = false;
+        self.show_project(header);
+        report(ctx, BoardEvent::Project { project });
+        self.see(ctx, header);
+    }
+
+    /// Whether events may occur: no event task runs while the switch or the program stands at STOP.
+    pub fn runs_events(&self) -> bool {
+        self.switch == RunSwitch::Run && !(self.halted && self.projects.loaded() != Project::None)
+    }
+
+    /// A start that a client asks for, as the control dialog does: possible only at RUN (manual p. 38).
+    pub fn look_at_start_request(&mut self, ctx: &mut Context, header: &Header) {
+        let code = header.program.start_request.load();
+        if code == Start::None.code() {
+            return;
+        }
+        // If it was replaced meanwhile, the next look takes the new one.
+        if header.program.start_request.compare_exchange(code, Start::None.code()).is_err() {
+            return;
+        }
+        match Start::from_code(code) {
+            Some(kind) if self.released => self.order(ctx, header, kind),
+            _ => report(ctx, BoardEvent::StartRefused { code: code as u8 }),
+        }
+    }
+
+    fn order(&mut self, ctx: &mut Context, header: &Header, kind: Start) {
+        if kind == Start::Cold {
+            self.projects.started_cold();
+            self.flags.initialize();
+        }
+        self.halted = kind == Start::Stop;
+        self.started |= matches!(kind, Start::Cold | Start::Warm);
+        header.program.start_kind.store(kind.code());
+        header.program.start.ring();
+        report(ctx, BoardEvent::Start { kind });
+    }
+
+    /// Initial values that a client gives the retain flags.
+    pub fn look_at_flags(&mut self, header: &Header) {
+        self.flags.look(&header.initial_flag);
+    }
+
+    /// Whether a cold or warm start was ordered since the last call.
+    pub fn take_start(&mut self) -> bool {
+        core::mem::take(&mut self.started)
+    }
+
+    /// The character on the display (manual p. 40).
+    fn character(&self, now: u64) -> u32 {
+        let program = self.program;
+        let stopped = if program == ProgramState::None { '0' } else { '1' };
+        let character = match (self.switch, program) {
+            (RunSwitch::Reset, _) => return 0,
+            (_, ProgramState::ErasingBootProject) => 'C',
+            (_, ProgramState::CopyingBootProject) => {
+                let point = if (now / BLINK_US).is_multiple_of(2) { POINT } else { 0 };
+                return u32::from('L') | point;
+            }
+            (_, ProgramState::BootProjectCopied) => 'A',
+            (RunSwitch::Run, ProgramState::Initializing) => '2',
+            (RunSwitch::Run, ProgramState::Cyclic) => '3',
+            _ => stopped,
+        };
+        character.into()
+    }
+}

@@ -1,0 +1,240 @@
+//! The board around the communication RAM: interrupt events, timers, triggers, front and power (manual
+//! 5.00005.03a p. 38-60).
+//!
+//! It lives in the header page of the image: the function blocks `INTR_SET` and `OPT_INIT` are calls into the
+//! device's firmware, not registers, so a soft-PLC puts their inputs there (decision D-180).
+
+mod flags;
+mod front;
+mod interrupts;
+mod project;
+#[cfg(test)]
+mod tests;
+mod timers;
+mod triggers;
+
+pub use front::Power;
+pub use interrupts::level;
+
+use crate::devices::Context;
+use crate::journal::{BoardEvent, Event};
+use crate::memory::header;
+use crate::memory::{Header, MemoryError, Segment, View};
+use flags::Flags;
+use front::Front;
+use interrupts::Interrupts;
+use timers::{Timer, Timers};
+use triggers::{Source, Triggers};
+
+/// What a look at the board asks of the rest of the PLC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// Nothing.
+    Nothing,
+    /// A switch was turned or a request answered; timers may run otherwise than before.
+    Answered,
+    /// RESET is held: the board stops.
+    Held,
+    /// The supply failed, be RESET held or not: the board stops, and what shares its supply.
+    Off,
+    /// Power-on, or RESET was released: the board starts anew.
+    Up,
+}
+
+/// The board of one PLC.
+pub struct Board {
+    header: View<Header>,
+    interrupts: Interrupts,
+    timers: Timers,
+    triggers: Triggers,
+    front: Front,
+    /// [`Header::board_requests`] as last seen.
+    requests: u32,
+    /// Period of the SYNC signal of a simulated option card, in us.
+    option_sync_us: Option<u32>,
+}
+
+impl Board {
+    /// The board whose header page is in `segment`, with the `project` that it has at the first power-on;
+    /// `option_sync_us` is the period of an option card's SYNC signal, if there is such a card.
+    ///
+    /// # Errors
+    /// If the segment is read-only.
+    pub fn new(
+        segment: &Segment,
+        option_sync_us: Option<u32>,
+        project: header::Project,
+    ) -> Result<Self, MemoryError> {
+        let header = segment.header()?;
+        Ok(Board {
+            requests: header.board_requests.load(),
+            front: Front::new(&header, Flags::new(segment)?, project),
+            header,
+            interrupts: Interrupts::default(),
+            timers: Timers::default(),
+            triggers: Triggers::default(),
+            option_sync_us,
+        })
+    }
+
+    /// Power-on or end of a reset: no event is enabled, no trigger routed, the DIP switches are read. Returns their
+    /// number.
+    pub fn start(&mut self, ctx: &mut Context) -> u8 {
+        self.stop();
+        self.header.interrupts.iter().for_each(|interrupt| interrupt.clear());
+        self.header.opt_init.clear();
+        if let Some(period) = self.option_sync_us {
+            self.timers.start(Timer::OptionSync, ctx.now, u64::from(period) * timers::PER_US);
+        }
+        let dip = self.front.start(ctx, &self.header);
+        self.interrupts.held = !self.front.runs_events();
+        dip
+    }
+
+    /// Power-off, or RESET is held.
+    pub fn stop(&mut self) {
+        self.interrupts.disable_all();
+        self.triggers = Triggers::default();
+        self.timers = Timers::default();
+        self.front.stop(&self.header);
+    }
+
+    /// Whether the board has power and is not held in RESET.
+    pub fn is_up(&self) -> bool {
+        self.front.is_up()
+    }
+
+    /// Whether there is supply, be RESET held or not.
+    pub fn has_supply(&self) -> bool {
+        self.front.has_supply()
+    }
+
+    /// Switches the supply or holds RESET from outside, as [`Board::look`] does when a client has turned a switch.
+    pub fn set_power(&mut self, power: Power) -> Look {
+        self.front.set_power(&self.header, power)
+    }
+
+    /// The present DIP number, as latched at power-on or reset.
+    pub fn dip(&self) -> u8 {
+        self.front.dip()
+    }
+
+    /// Whether a client has turned a switch or put in a request since the last look. For busy polling.
+    #[inline]
+    pub fn has_changed(&self) -> bool {
+        self.header.board_requests.load() != self.requests || self.front.has_changed(&self.header)
+    }
+
+    /// One look at switches and requests. Costs a few loads if nothing has changed.
+    #[inline]
+    pub fn look(&mut self, ctx: &mut Context) -> Look {
+        if self.has_changed() { self.look_closely(ctx) } else { Look::Nothing }
+    }
+
+    #[cold]
+    fn look_closely(&mut self, ctx: &mut Context) -> Look {
+        let look = self.look_at_all(ctx);
+        self.interrupts.held = !self.front.runs_events();
+        look
+    }
+
+    fn look_at_all(&mut self, ctx: &mut Context) -> Look {
+        let requests = self.header.board_requests.load();
+        let asked = requests != self.requests;
+        self.requests = requests;
+        if asked && self.is_up() {
+            // Ahead of a start, which needs both.
+            self.front.look_at_flags(&self.header);
+            self.front.look_at_project_request(ctx, &self.header);
+        }
+        let look = self.front.look(ctx, &self.header);
+        if look != Look::Nothing || !self.is_up() {
+            return look;
+        }
+        if asked {
+            self.front.look_at_start_request(ctx, &self.header);
+        }
+        if self.front.take_start() {
+            self.triggers.permit();
+        }
+        if !asked {
+            return Look::Answered;
+        }
+        self.interrupts.look(ctx, &self.header, &mut self.timers);
+        if let Some(result) = self.triggers.look(ctx.now, &self.header, &mut self.timers) {
+            let modes = [0, 1, 2].map(|n| self.header.opt_init.triggers[n].load() as u8);
+            report(ctx, BoardEvent::Triggers { modes, result });
+        }
+        Look::Answered
+    }
+
+    /// When the next timer is due; `u64::MAX` if none runs.
+    #[inline]
+    pub fn next_time(&self) -> u64 {
+        self.timers.next_time()
+    }
+
+    /// Handles all timers that are due at `now`: triggers first, then events by their level (p. 44).
+    pub fn timers_due(&mut self, now: u64) {
+        let due = self.timers.take_due(now);
+        for (timer, slot) in [(Timer::A, 0), (Timer::B, 1)] {
+            if due.has(timer) {
+                self.header.timers[slot].fire(now);
+            }
+        }
+        for (timer, source) in [(Timer::A, Source::TimerA), (Timer::OptionSync, Source::SyncOption)] {
+            if due.has(timer) {
+                self.triggers.pulse(&self.header, source, now);
+            }
+        }
+        for (timer, event) in
+            [(Timer::Cpu1, 0), (Timer::A, 5), (Timer::OptionSync, 11), (Timer::Cpu2, 2), (Timer::A, 6)]
+        {
+            if due.has(timer) {
+                self.interrupts.fire(&self.header, event, now);
+            }
+        }
+    }
+
+    /// An edge of the CANsync network's SYNC signal: triggers, then event 12.
+    #[inline]
+    pub fn sync_net(&mut self, now: u64) {
+        self.triggers.pulse(&self.header, Source::SyncNet, now);
+        self.interrupts.fire(&self.header, 12, now);
+    }
+
+    /// The drive has process data for the BAPS: event 4 or 8, whichever is enabled.
+    #[inline]
+    pub fn baps(&mut self, now: u64) {
+        self.interrupts.fire(&self.header, 8, now);
+        self.interrupts.fire(&self.header, 4, now);
+    }
+
+    /// Whether the trigger controller of the drive was pulsed since the last call.
+    #[inline]
+    pub fn take_controller_pulse(&mut self) -> bool {
+        core::mem::take(&mut self.triggers.controller_pulsed)
+    }
+
+    /// Events that have occurred since the last call, bit n for event n.
+    #[inline]
+    pub fn take_fired(&mut self) -> u16 {
+        core::mem::take(&mut self.interrupts.fired)
+    }
+
+    /// Which events stop [`Plant::advance_until`](crate::plant::Plant::advance_until), bit n for event n.
+    pub fn watch(&mut self, events: u16) {
+        self.interrupts.watched = events;
+    }
+
+    /// Whether a watched event has occurred since the last call.
+    #[inline]
+    pub fn take_stop(&mut self) -> bool {
+        core::mem::take(&mut self.interrupts.stop)
+    }
+}
+
+fn report(ctx: &mut Context, what: BoardEvent) {
+    let plc = ctx.origin.plc;
+    ctx.report(Event::Board { plc, what });
+}

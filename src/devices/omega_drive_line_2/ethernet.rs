@@ -1,0 +1,209 @@
+//! Ethernet configuration: which IP address the board has (manual 5.00005.03a p. 75-82).
+//!
+//! The registers of `ETHERNET_CONFIG_BMSTRUCT` lie in NOVRAM. What stands there at power-on counts; later address and
+//! mask are stored by writing `d_IP_CONFIG` (p. 78), which the firmware sees when the register changes (decision
+//! D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows what came out of it.
+
+use crate::check::{Finding, Rule};
+use crate::devices::Context;
+use crate::journal::{BoardEvent, Event};
+use crate::layout::Live;
+use crate::layout::omega_drive_line_2::{
+    ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_CONFIG_BYTES, ETHERNET_DIAGNOSE_BMSTRUCT,
+};
+use crate::memory::{MemoryError, Segment, View};
+use core::mem::offset_of;
+use std::net::Ipv4Addr;
+use zerocopy::{FromBytes, IntoBytes};
+
+/// `d_IP_CONFIG`: the address is used as it is (p. 78).
+pub const FIXED: u32 = 0x1234_5678;
+/// `d_IP_CONFIG`: the DIP number is added to the address (p. 79).
+pub const PLUS_DIP: u32 = 0x1234_5600;
+/// `d_ROUTER`: no routers (p. 81).
+pub const NO_ROUTERS: u32 = 0x4E6F_5F52;
+
+/// The address of the delivery state, to which the DIP number is added, and its mask (p. 80).
+const DELIVERY: (Ipv4Addr, Ipv4Addr) = (Ipv4Addr::new(192, 168, 1, 1), Ipv4Addr::new(255, 255, 255, 0));
+
+/// Bits of `w_STATUS`.
+mod status {
+    pub const LINK: u16 = 1 << 0;
+    pub const ADDRESS: u16 = 1 << 1;
+    pub const ROUTERS: u16 = 1 << 2;
+    pub const REFUSED: u16 = 1 << 3;
+}
+
+/// Content of `ETHERNET_CONFIG_BMSTRUCT`, byte by byte.
+pub type Stored = [u8; ETHERNET_CONFIG_BYTES];
+
+/// Address and mask that follow from a configuration and the DIP number; `None` if the address would end in 0 or
+/// 255 or run over, which is not allowed for devices (p. 79-80).
+pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> Option<(Ipv4Addr, Ipv4Addr)> {
+    let (base, mask, add) = match ip_config {
+        FIXED => (address, mask, 0),
+        PLUS_DIP => (address, mask, dip),
+        _ => (DELIVERY.0, DELIVERY.1, dip),
+    };
+    let [a, b, c, d] = base.octets();
+    // A base that is not allowed itself can still be meant with a DIP number on top.
+    let last = d.checked_add(add).filter(|last| !matches!(last, 0 | 255))?;
+    Some((Ipv4Addr::new(a, b, c, last), mask))
+}
+
+/// The Ethernet interface of one PLC.
+pub struct Ethernet {
+    config: View<ETHERNET_CONFIG_BMSTRUCT>,
+    diagnose: View<ETHERNET_DIAGNOSE_BMSTRUCT>,
+    /// Speed of the link in Mbit/s; 0: no link.
+    speed: u16,
+    dip: u8,
+    stored: Stored,
+    /// Values of `d_IP_CONFIG` and `d_ROUTER` at the last look.
+    seen: [u32; 2],
+    /// Counts changes of `stored`.
+    generation: u32,
+}
+
+impl Ethernet {
+    /// The interface with a link of `speed` Mbit/s; 0 is no link.
+    ///
+    /// # Errors
+    /// If the segment is read-only.
+    pub fn new(segment: &Segment, speed: u16) -> Result<Self, MemoryError> {
+        Ok(Ethernet {
+            config: segment.view(ETHERNET_CONFIG)?,
+            diagnose: segment.view(ETHERNET)?,
+            speed,
+            dip: 0,
+            stored: [0; ETHERNET_CONFIG_BYTES],
+            seen: [0; 2],
+            generation: 0,
+        })
+    }
+
+    /// Power-on or end of a reset with the DIP number read: what stands in NOVRAM counts.
+    pub fn power_on(&mut self, ctx: &mut Context, dip: u8) {
+        self.dip = dip;
+        self.keep();
+        let valid = self.show(false);
+        if !valid {
+            self.report(ctx, |config, address| BoardEvent::NoAddress { config, address });
+        }
+    }
+
+    /// Power-off: NOVRAM keeps what stands in it. The interface shows nothing.
+    pub fn power_off(&mut self) {
+        self.keep();
+        self.diagnose.reset_from(0);
+    }
+
+    /// What stands in the registers is what NOVRAM holds.
+    pub fn keep(&mut self) {
+        let now = self.registers();
+        if now != self.stored {
+            self.stored = now;
+            self.generation = self.generation.wrapping_add(1);
+        }
+        self.seen = self.watched();
+    }
+
+    /// What NOVRAM holds, and a number that changes with it.
+    pub fn stored(&self) -> (&Stored, u32) {
+        (&self.stored, self.generation)
+    }
+
+    /// One look at the two registers that matter at once.
+    #[inline]
+    pub fn look(&mut self, ctx: &mut Context) {
+        if self.watched() != self.seen {
+            self.take(ctx);
+        }
+    }
+
+    /// `d_IP_CONFIG` or `d_ROUTER` was written: stores everything, or puts address and choice back if the address is
+    /// not allowed.
+    #[cold]
+    pub fn take(&mut self, ctx: &mut Context) {
+        let new = self.registers();
+        let Some((config, address, mask, _)) = parts(&new) else { return };
+        if effective(config, address, mask, self.dip).is_some() {
+            let (old_config, ..) = parts(&self.stored).unwrap_or((0, address, mask, 0));
+            let address_counts = new.get(..12) != self.stored.get(..12) || config != old_config;
+            self.keep();
+            self.show(false);
+            if address_counts {
+                self.report(ctx, |config, address| BoardEvent::AddressStored { config, address });
+            }
+            return;
+        }
+        self.report(ctx, |config, address| BoardEvent::AddressRefused { config, address });
+        let offset = (ETHERNET_CONFIG + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3) as u32;
+        let (plc, value) = (ctx.origin.plc, address.octets()[3].into());
+        let (rule, live) = (Rule::IpAddress, Live::Always);
+        ctx.report(Event::Finding(Finding { rule, plc, offset, live, value, late_us: 0 }));
+        self.put_back();
+        self.keep();
+        self.show(true);
+    }
+
+    #[inline]
+    fn watched(&self) -> [u32; 2] {
+        [self.config.d_IP_CONFIG.load(), self.config.d_ROUTER.load()]
+    }
+
+    fn registers(&self) -> Stored {
+        let mut bytes = Stored::default();
+        // Of the same size by their definition.
+        let _ = self.config.snapshot().write_to(&mut bytes);
+        bytes
+    }
+
+    /// Address, mask and choice as they were; the routers are another matter.
+    fn put_back(&self) {
+        let Some((config, address, mask, _)) = parts(&self.stored) else { return };
+        for (cells, bytes) in [(&self.config.a_IP_ADDRESS, address), (&self.config.a_IP_MASK, mask)] {
+            cells.iter().zip(bytes.octets()).for_each(|(cell, byte)| cell.store(byte));
+        }
+        self.config.d_IP_CONFIG.store(config);
+    }
+
+    /// Shows what counts; tells whether there is a valid address.
+    fn show(&self, refused: bool) -> bool {
+        let Some((config, address, mask, router)) = parts(&self.stored) else { return false };
+        let found = effective(config, address, mask, self.dip);
+        let (address, mask) = found.unwrap_or((Ipv4Addr::UNSPECIFIED, Ipv4Addr::UNSPECIFIED));
+        let shown = &self.diagnose;
+        shown.a_IP_ADDRESS.iter().zip(address.octets()).for_each(|(cell, byte)| cell.store(byte));
+        shown.a_IP_MASK.iter().zip(mask.octets()).for_each(|(cell, byte)| cell.store(byte));
+        shown.d_IP_CONFIG.store(config);
+        shown.w_DIP_NR.store(self.dip.into());
+        shown.w_SPEED.store(self.speed);
+        let bits = [
+            (self.speed != 0, status::LINK),
+            (found.is_some(), status::ADDRESS),
+            (router != NO_ROUTERS, status::ROUTERS),
+            (refused, status::REFUSED),
+        ];
+        shown.w_STATUS.store(bits.iter().filter(|(on, _)| *on).fold(0, |word, (_, bit)| word | bit));
+        found.is_some()
+    }
+
+    /// Reports what stands in the registers.
+    fn report(&self, ctx: &mut Context, what: impl FnOnce(u32, Ipv4Addr) -> BoardEvent) {
+        if let Some((config, address, ..)) = parts(&self.registers()) {
+            let plc = ctx.origin.plc;
+            ctx.report(Event::Board { plc, what: what(config, address) });
+        }
+    }
+}
+
+/// `d_IP_CONFIG`, address, mask, `d_ROUTER`. Never `None`: the size is right.
+fn parts(bytes: &Stored) -> Option<(u32, Ipv4Addr, Ipv4Addr, u32)> {
+    let (words, _) = <[[u8; 4]; 4]>::read_from_prefix(bytes).ok()?;
+    let [config, address, mask, router] = words;
+    Some((u32::from_le_bytes(config), address.into(), mask.into(), u32::from_le_bytes(router)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,33 @@
+//! Registers that the firmware fills in for the PLC and that are no handshakes: results, error numbers, states.
+
+use crate::devices::Context;
+use crate::journal::Event;
+use crate::memory::{Cell8, Cell16, Cell32};
+
+/// A register whose changes are worth a record. Process data are not: the frames tell them.
+pub trait Shown {
+    /// What the register holds.
+    type Value;
+
+    /// Stores `value`; a change is noted. `offset` is the register's `%MB3` number.
+    fn show(&self, ctx: &mut Context, offset: usize, value: Self::Value);
+}
+
+macro_rules! shown {
+    ($($cell:ty => $value:ty),*) => {$(
+        impl Shown for $cell {
+            type Value = $value;
+
+            fn show(&self, ctx: &mut Context, offset: usize, value: $value) {
+                let before = self.load();
+                self.store(value);
+                if before != value {
+                    let (origin, offset) = (ctx.origin, offset as u32);
+                    ctx.report(Event::Register { origin, offset, from: before.into(), to: value.into() });
+                }
+            }
+        }
+    )*};
+}
+
+shown!(Cell8 => u8, Cell16 => u16, Cell32 => u32);
