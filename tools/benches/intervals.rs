@@ -3,43 +3,16 @@
 
 #[path = "support/active.rs"]
 mod active;
+#[path = "support/line.rs"]
+mod line;
 
-use active::activate;
-use commram::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
-use commram::memory::{MemoryError, Segment, View};
-use commram::plant::{Plant, PlantConfig, PlantError};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use std::fmt::Write;
+use line::{INTERVAL_US, active_plant, release};
 
-const INTERVAL_US: u64 = 2000;
-/// A reference value frame is released, and has been taken.
-const RELEASED: u8 = 0x05;
+/// A released frame has been taken.
 const TAKEN: u8 = 0x04;
 /// An actual value frame has arrived.
 const RECEIVED: u8 = 0x02;
-
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-enum Failed {
-    Memory(#[from] MemoryError),
-    Plant(#[from] PlantError),
-}
-
-/// A plant with `drives` drives in active operation, at a SYNC edge.
-fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
-    let mut text = "[[plc]]\nname = 'line'\nnode2 = 'bus'\n[[bus]]\nname = 'bus'\n".to_owned();
-    for number in 0..drives {
-        let _ = writeln!(text, "[[bus.drive]]\nname = 'drive{number}'\nslave_number = {number}");
-    }
-    let config = PlantConfig::parse("bench", &text).expect("the plant is a good one");
-    let mut plant =
-        Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap())).expect("the plant can be built");
-    let segment = plant.plcs()[0].segment().clone();
-    let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
-    let edge = plant.next_sync(0, 2).expect("SYNC runs");
-    plant.advance_to(edge);
-    (plant, master)
-}
 
 fn intervals(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("intervals");
@@ -50,11 +23,7 @@ fn intervals(criterion: &mut Criterion) {
         group.bench_function(format!("{drives} drives, WRC1 RDC1 WRC2 RDC2"), |bencher| {
             bencher.iter(|| {
                 value = value.wrapping_add(0x0001_0001);
-                master.a_WR_VALUE[0].store(value);
-                master.a_WR_VALUE[1].store(!value);
-                master.a_WR_VALUE[4].store(value);
-                master.b_CTRLREG_WRC1.store(RELEASED);
-                master.b_CTRLREG_WRC2.store(RELEASED);
+                release(&master, value);
                 plant.advance_to(plant.now() + INTERVAL_US);
             });
         });
@@ -65,8 +34,7 @@ fn intervals(criterion: &mut Criterion) {
         }
         let written = plant.journal().written();
         for _ in 0..drives {
-            master.b_CTRLREG_WRC1.store(RELEASED);
-            master.b_CTRLREG_WRC2.store(RELEASED);
+            release(&master, 0);
             plant.advance_to(plant.now() + INTERVAL_US);
             assert_eq!([&master.b_CTRLREG_WRC1, &master.b_CTRLREG_WRC2].map(|c| c.load()), [TAKEN; 2]);
         }

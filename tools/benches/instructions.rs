@@ -1,0 +1,24 @@
+//! The intervals of the benchmark `intervals`, as many as asked for, for an instruction counter: the difference of two runs
+//! is what an interval takes, without the start. `just instructions` does that.
+
+#[path = "support/active.rs"]
+mod active;
+#[path = "support/line.rs"]
+mod line;
+
+use line::{INTERVAL_US, active_plant, release};
+
+/// Without arguments, as `cargo bench` calls it, a short run shows that it works.
+fn main() {
+    let numbers: Vec<u32> = std::env::args().skip(1).filter_map(|argument| argument.parse().ok()).collect();
+    let (drives, intervals) = match numbers[..] {
+        [drives, intervals] => (drives.clamp(1, 32) as u8, intervals),
+        _ => (3, 10),
+    };
+    let (mut plant, master) = active_plant(drives);
+    for value in 0..intervals {
+        release(&master, value.wrapping_mul(0x0001_0001));
+        plant.advance_to(plant.now() + INTERVAL_US);
+    }
+    println!("{drives} drives, {intervals} intervals, {} events", plant.journal().written());
+}

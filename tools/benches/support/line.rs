@@ -1,0 +1,44 @@
+//! One PLC with its drives on a bus at 500 kbit/s, and what its program writes in each interval.
+
+use crate::active::activate;
+use commram::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+use commram::memory::{MemoryError, Segment, View};
+use commram::plant::{Plant, PlantConfig, PlantError};
+use std::fmt::Write;
+
+/// The interval at 500 kbit/s.
+pub const INTERVAL_US: u64 = 2000;
+/// A reference value frame is released.
+const RELEASED: u8 = 0x05;
+
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+enum Failed {
+    Memory(#[from] MemoryError),
+    Plant(#[from] PlantError),
+}
+
+/// A plant with `drives` drives in active operation, at a SYNC edge.
+pub fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
+    let mut text = "[[plc]]\nname = 'line'\nnode2 = 'bus'\n[[bus]]\nname = 'bus'\n".to_owned();
+    for number in 0..drives {
+        let _ = writeln!(text, "[[bus.drive]]\nname = 'drive{number}'\nslave_number = {number}");
+    }
+    let config = PlantConfig::parse("bench", &text).expect("the plant is a good one");
+    let mut plant =
+        Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap())).expect("the plant can be built");
+    let segment = plant.plcs()[0].segment().clone();
+    let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
+    let edge = plant.next_sync(0, 2).expect("SYNC runs");
+    plant.advance_to(edge);
+    (plant, master)
+}
+
+/// New reference values, both frames released.
+pub fn release(master: &View<CANsync_MA_CTRL_BMSTRUCT>, value: u32) {
+    master.a_WR_VALUE[0].store(value);
+    master.a_WR_VALUE[1].store(!value);
+    master.a_WR_VALUE[4].store(value);
+    master.b_CTRLREG_WRC1.store(RELEASED);
+    master.b_CTRLREG_WRC2.store(RELEASED);
+}
