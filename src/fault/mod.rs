@@ -4,6 +4,7 @@
 //! [`FaultSpec`] is the same with names, as plant files and the command line have it. What the kinds do to the
 //! plant is described in `docs/faults.md` and done in [`crate::plant`].
 
+mod acting;
 mod error;
 mod kind;
 mod sites;
@@ -12,6 +13,7 @@ mod spec;
 mod tests;
 mod words;
 
+pub(crate) use acting::Faults;
 pub use error::{FaultError, Refusal, slave_list};
 pub use kind::{Field, Kind, Target};
 pub use sites::Sites;

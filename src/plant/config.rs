@@ -1,13 +1,12 @@
 //! The plant file: which PLCs, buses and drives there are.
 
-mod bus;
-mod plc;
+#[cfg(test)]
+mod times_tests;
 
-pub use bus::BusConfig;
-pub use plc::{PlcConfig, ProjectConfig};
-
-use super::times;
 use crate::devices::cansync::drive::DriveError;
+use crate::devices::cansync::medium::BusConfig;
+use crate::devices::omega_drive_line_2::PlcConfig;
+use crate::devices::settings::{SettingError, range};
 use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
 use serde::Deserialize;
@@ -80,17 +79,8 @@ pub enum PlantError {
         name: String,
     },
     /// A number out of its range.
-    #[error("{what} of '{name}' is {value}; it must be {right}")]
-    Range {
-        /// The key.
-        what: &'static str,
-        /// Whose.
-        name: String,
-        /// The value.
-        value: u64,
-        /// What would be right.
-        right: &'static str,
-    },
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// A PLC refers to a bus that does not exist.
     #[error("node{node} of PLC '{plc}' is on bus '{bus}', which does not exist; buses are: {known}")]
     UnknownBus {
@@ -192,7 +182,7 @@ impl PlantConfig {
             plc.check()?;
             self.check_nodes(plc)?;
         }
-        self.buses.iter().flat_map(|bus| &bus.drives).try_for_each(times::check_drive)?;
+        self.buses.iter().try_for_each(BusConfig::check)?;
         self.buses.iter().try_for_each(|bus| self.check_bus(bus))?;
         self.resolved_faults().map(|_| ())
     }
@@ -268,15 +258,6 @@ impl PlantConfig {
     }
 
     fn check_bus(&self, bus: &BusConfig) -> Result<(), PlantError> {
-        let right = "500, 250 or 125";
-        if ![500, 250, 125].contains(&bus.kbit_s) {
-            return Err(PlantError::Range {
-                what: "kbit_s",
-                name: bus.name.clone(),
-                value: bus.kbit_s.into(),
-                right,
-            });
-        }
         let mut masters = self.plcs.iter().filter(|plc| plc.node2.as_ref() == Some(&bus.name));
         if let (Some(first), Some(second)) = (masters.next(), masters.next()) {
             let (first, second) = (first.name.clone(), second.name.clone());
@@ -288,7 +269,6 @@ impl PlantConfig {
             .chain(bus.drives.iter().map(|drive| (drive.slave_number, &drive.name)));
         let mut taken: [Option<&String>; 256] = [None; 256];
         for (number, name) in slaves {
-            range("slave_number", name, number.into(), 0..=31, "0 to 31")?;
             if let Some(first) = taken[usize::from(number)].replace(name) {
                 let (first, second) = (first.clone(), name.clone());
                 return Err(PlantError::SlaveNumber { bus: bus.name.clone(), number, first, second });
@@ -296,19 +276,6 @@ impl PlantConfig {
         }
         Ok(())
     }
-}
-
-pub(super) fn range(
-    what: &'static str,
-    name: &str,
-    value: u64,
-    allowed: core::ops::RangeInclusive<u64>,
-    right: &'static str,
-) -> Result<(), PlantError> {
-    if allowed.contains(&value) {
-        return Ok(());
-    }
-    Err(PlantError::Range { what, name: name.to_owned(), value, right })
 }
 
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {

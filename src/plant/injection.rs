@@ -1,9 +1,8 @@
 //! Faults as the plant's callers see them, and what acts on nodes and slaves as a whole.
 
 use super::Plant;
-use super::bus::SimBus;
-use super::faults::Faults;
-use crate::fault::{Effect, Fault, FaultStatus, NodeEffect, Refusal, Sites, SlaveEffect};
+use crate::devices::cansync::medium::SimBus;
+use crate::fault::{Effect, Fault, FaultStatus, Faults, NodeEffect, Refusal, Sites, SlaveEffect};
 
 impl Plant {
     /// Adds a fault; one whose time has come begins at once. Returns its number.

@@ -3,28 +3,25 @@
 //! [`Plant::advance_to`] is the only thing that makes anything happen. Same plant and same register
 //! writes at the same emulated times give the same journal, byte for byte.
 
-mod agenda;
 mod boards;
-mod bus;
 mod config;
-mod faults;
 mod force;
 mod injection;
-mod plc;
-mod times;
 
+pub use crate::devices::cansync::medium::BusConfig;
 pub use crate::devices::omega_drive_line_2::board::Power;
-pub use config::{BusConfig, PlantConfig, PlantError, PlcConfig, ProjectConfig};
+pub use crate::devices::omega_drive_line_2::{Plc, PlcConfig, ProjectConfig};
+pub use config::{PlantConfig, PlantError};
 pub use force::{ForceError, Forced};
-pub use plc::Plc;
 
 use crate::check::Checker;
+use crate::devices::BuildError;
+use crate::devices::cansync::medium::SimBus;
 use crate::devices::omega_drive_line_2::baps::Baps;
+use crate::fault::Faults;
 use crate::journal::{Event, Journal, Names};
 use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
 use crate::memory::{MemoryError, Segment};
-use bus::SimBus;
-use faults::Faults;
 use force::Forces;
 
 /// Everything that is simulated, with its clock and its journal.
@@ -66,11 +63,19 @@ impl Plant {
         let mut plcs = Vec::with_capacity(config.plcs.len());
         for plc in &config.plcs {
             let buses = [bus_index(&plc.node1), bus_index(&plc.node2)];
-            plcs.push(Plc::new::<E>(plc, buses, segment(&plc.name)?)?);
+            plcs.push(Plc::new(plc, buses, segment(&plc.name)?).map_err(refused::<E>)?);
         }
         let mut buses = Vec::with_capacity(config.buses.len());
         for (index, bus) in config.buses.iter().enumerate() {
-            buses.push(SimBus::new(config, index, bus)?);
+            buses.push(SimBus::new(index, bus).map_err(PlantError::from)?);
+        }
+        for (index, plc) in config.plcs.iter().enumerate() {
+            if let Some(bus) = bus_index(&plc.node1).and_then(|bus| buses.get_mut(bus)) {
+                bus.attach_slave(index, plc.dip);
+            }
+            if let Some(bus) = bus_index(&plc.node2).and_then(|bus| buses.get_mut(bus)) {
+                bus.attach_master(index);
+            }
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
         let mut journal = Journal::default();
@@ -373,6 +378,13 @@ impl Plant {
             let facts = it.facts();
             self.checker.written(plc, offset, width, self.now, &facts, &mut self.journal);
         }
+    }
+}
+
+fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
+    match error {
+        BuildError::Memory(error) => error.into(),
+        BuildError::Drive(error) => PlantError::from(error).into(),
     }
 }
 

@@ -8,3 +8,5 @@ pub mod bus;
 pub mod drive;
 #[cfg(feature = "emulator")]
 pub mod firmware;
+#[cfg(feature = "emulator")]
+pub mod medium;

@@ -8,4 +8,13 @@ pub mod blocks;
 #[cfg(feature = "emulator")]
 pub mod board;
 #[cfg(feature = "emulator")]
+mod config;
+#[cfg(feature = "emulator")]
 pub mod ethernet;
+#[cfg(feature = "emulator")]
+mod plc;
+
+#[cfg(feature = "emulator")]
+pub use config::{PlcConfig, ProjectConfig};
+#[cfg(feature = "emulator")]
+pub use plc::Plc;

@@ -1,9 +1,11 @@
-//! The faults of a plant: which wait, which act, how often they have hit.
+//! The faults of an installation: which wait, which act, how often they have hit.
 
-use super::agenda::Agenda;
+use super::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, NodeEffect, Refusal};
 use crate::devices::omega_drive_line_2::baps::Pace;
-use crate::fault::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, NodeEffect, Refusal};
 use crate::journal::{Event, FaultNews, Journal};
+
+/// Time at which nothing is ever due.
+const NEVER: u64 = u64::MAX;
 
 /// A fault in the list.
 struct Entry {
@@ -26,7 +28,7 @@ impl Entry {
 
 /// The list of faults. While it is empty, it costs one look at [`Faults::is_empty`].
 #[derive(Default)]
-pub(super) struct Faults {
+pub(crate) struct Faults {
     entries: Vec<Entry>,
     last_id: u16,
     /// When the next fault begins or ends.
@@ -35,18 +37,18 @@ pub(super) struct Faults {
 
 impl Faults {
     #[inline]
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
-    /// When the next fault begins or ends; [`Agenda::NEVER`] if none does.
+    /// When the next fault begins or ends; `u64::MAX` if none does.
     #[inline]
-    pub(super) fn next_time(&self) -> u64 {
-        self.next.unwrap_or(Agenda::NEVER)
+    pub(crate) fn next_time(&self) -> u64 {
+        self.next.unwrap_or(NEVER)
     }
 
     /// Adds a fault that was checked; it begins with the next call of [`Faults::advance`]. Returns its number.
-    pub(super) fn add(&mut self, now: u64, fault: Fault, journal: &mut Journal) -> Result<u16, Refusal> {
+    pub(crate) fn add(&mut self, now: u64, fault: Fault, journal: &mut Journal) -> Result<u16, Refusal> {
         if self.entries.len() >= MAX_FAULTS {
             return Err(Refusal::TooMany);
         }
@@ -55,7 +57,7 @@ impl Faults {
         let begins = fault.at_us.max(now);
         let ends = match fault.limit {
             Limit::Duration(us) => begins.saturating_add(us.into()),
-            Limit::UntilCleared | Limit::Count(_) => Agenda::NEVER,
+            Limit::UntilCleared | Limit::Count(_) => NEVER,
         };
         let status = FaultStatus { id, fault, acting: false, hits: 0 };
         let entry = Entry { status, begins, ends, done: false };
@@ -79,7 +81,7 @@ impl Faults {
     }
 
     /// Begins and ends what is due at `now`.
-    pub(super) fn advance(&mut self, now: u64, journal: &mut Journal) {
+    pub(crate) fn advance(&mut self, now: u64, journal: &mut Journal) {
         for entry in &mut self.entries {
             entry.status.acting |= entry.begins <= now;
             if entry.ends <= now {
@@ -91,7 +93,7 @@ impl Faults {
     }
 
     /// Clears a fault.
-    pub(super) fn clear(&mut self, now: u64, id: u16, journal: &mut Journal) -> Result<(), Refusal> {
+    pub(crate) fn clear(&mut self, now: u64, id: u16, journal: &mut Journal) -> Result<(), Refusal> {
         let entry = self.entries.iter_mut().find(|entry| entry.status.id == id);
         let entry = entry.ok_or(Refusal::UnknownFault { id })?;
         entry.report(now, journal, FaultNews::Cleared);
@@ -102,7 +104,7 @@ impl Faults {
 
     /// Lets the acting faults strike, in the order in which they were added. `strike` gets the effect and the
     /// number of hits before; it says whether this is a hit, and what to note of it.
-    pub(super) fn strike(
+    pub(crate) fn strike(
         &mut self,
         now: u64,
         journal: &mut Journal,
@@ -128,7 +130,7 @@ impl Faults {
 
     /// How the drive of PLC `plc` takes what it has to do at its BAPS; a silent one does not get to be slow.
     #[inline]
-    pub(super) fn baps_pace(
+    pub(crate) fn baps_pace(
         &mut self,
         now: u64,
         plc: usize,
@@ -159,12 +161,12 @@ impl Faults {
     }
 
     /// The effects that act now.
-    pub(super) fn acting(&self) -> impl Iterator<Item = &Effect> {
+    pub(crate) fn acting(&self) -> impl Iterator<Item = &Effect> {
         self.entries.iter().filter(|entry| entry.status.acting).map(|entry| &entry.status.fault.effect)
     }
 
     /// All faults in the order in which they were added.
-    pub(super) fn list(&self) -> impl Iterator<Item = FaultStatus> {
+    pub(crate) fn list(&self) -> impl Iterator<Item = FaultStatus> {
         self.entries.iter().map(|entry| entry.status)
     }
 
@@ -174,6 +176,6 @@ impl Faults {
     }
 
     fn schedule(&mut self) {
-        self.next = self.entries.iter().map(Entry::next_time).filter(|time| *time != Agenda::NEVER).min();
+        self.next = self.entries.iter().map(Entry::next_time).filter(|time| *time != NEVER).min();
     }
 }

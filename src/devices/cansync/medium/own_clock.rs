@@ -5,8 +5,8 @@
 //! intervals after the last, which is later than any edge, and further ones follow until all drives are at rest.
 
 use super::SimBus;
+use super::agenda::Slot;
 use crate::devices::cansync::drive::Drive;
-use crate::plant::agenda::Slot;
 
 /// The drives' own clock.
 #[derive(Clone, Copy, Debug)]

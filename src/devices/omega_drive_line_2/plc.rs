@@ -1,21 +1,21 @@
 //! One PLC: its communication RAM, its two CANsync nodes, its board, the drive that it is built into.
 
-use super::bus::SimBus;
-use super::config::{PlantError, PlcConfig};
+use super::config::PlcConfig;
 use crate::check::{Facts, Rule};
-use crate::devices::Context;
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::cansync::firmware::{Change, Master, Slave};
+use crate::devices::cansync::medium::SimBus;
 use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
 use crate::devices::omega_drive_line_2::board::{Board, Look, Power};
 use crate::devices::omega_drive_line_2::ethernet::{Ethernet, Stored};
+use crate::devices::{BuildError, Context};
 use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::layout::Live;
 use crate::layout::flags::{RETAIN_OFFSET, is_flag};
 use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::memory::header::{BoardSetting, BoardState};
-use crate::memory::{Header, MemoryError, Segment, View, Width};
+use crate::memory::{Header, Segment, View, Width};
 use core::mem::offset_of;
 
 /// A PLC of the plant.
@@ -24,10 +24,10 @@ pub struct Plc {
     lock: SyncLock,
     segment: Segment,
     header: View<Header>,
-    pub(super) slave: Slave,
-    pub(super) master: Master,
-    pub(super) baps: Baps,
-    pub(super) board: Board,
+    pub(crate) slave: Slave,
+    pub(crate) master: Master,
+    pub(crate) baps: Baps,
+    pub(crate) board: Board,
     ethernet: Ethernet,
     watched: bool,
     /// Index of the bus at node 1.
@@ -38,15 +38,12 @@ pub struct Plc {
 
 impl Plc {
     /// The PLC with the indices of the buses at its nodes 1 and 2.
-    pub(super) fn new<E>(
+    pub(crate) fn new(
         config: &PlcConfig,
         [bus1, bus2]: [Option<usize>; 2],
         segment: Segment,
-    ) -> Result<Self, E>
-    where
-        E: From<MemoryError> + From<PlantError>,
-    {
-        let drive = BuiltInDrive::new(&config.name, &config.drive).map_err(PlantError::from)?;
+    ) -> Result<Self, BuildError> {
+        let drive = BuiltInDrive::new(&config.name, &config.drive)?;
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         let header = segment.header()?;
         header.board.dip.store(u32::from(config.dip));
@@ -68,7 +65,7 @@ impl Plc {
         })
     }
 
-    pub(super) fn power_on(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
+    pub(crate) fn power_on(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
         let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
         let dip = self.board.start(&mut ctx);
         self.ethernet.power_on(&mut ctx, dip);
@@ -117,7 +114,7 @@ impl Plc {
     }
 
     /// Switches power or RESET, as if somebody had turned the switch.
-    pub(super) fn set_power(
+    pub(crate) fn set_power(
         &mut self,
         power: Power,
         index: usize,
@@ -131,7 +128,7 @@ impl Plc {
 
     /// One look at the board. Tells whether timers may run otherwise than before.
     #[inline]
-    pub(super) fn look_at_board(
+    pub(crate) fn look_at_board(
         &mut self,
         index: usize,
         now: u64,
@@ -174,12 +171,12 @@ impl Plc {
     }
 
     /// What stands in the NOVRAM registers counts as stored, as at power-off.
-    pub(super) fn keep_ethernet_config(&mut self) {
+    pub(crate) fn keep_ethernet_config(&mut self) {
         self.ethernet.keep();
     }
 
     /// `d_IP_CONFIG` was written through the channel, where also an unchanged value is seen.
-    pub(super) fn ip_config_written(&mut self, index: usize, now: u64, journal: &mut Journal) {
+    pub(crate) fn ip_config_written(&mut self, index: usize, now: u64, journal: &mut Journal) {
         if self.board.is_up() {
             let origin = Origin { plc: index as u16, node: 1 };
             self.ethernet.take(&mut Context { now, journal, origin });
@@ -192,7 +189,7 @@ impl Plc {
     }
 
     /// Turns a switch in the header page or puts in a request, as a client does. The next look at the boards sees it.
-    pub(super) fn turn(&self, setting: BoardSetting) {
+    pub(crate) fn turn(&self, setting: BoardSetting) {
         match setting {
             BoardSetting::Dip(number) => self.header.board.dip.store(number.into()),
             BoardSetting::Leds(leds) => self.header.board.leds.store(leds.into()),
@@ -212,7 +209,7 @@ impl Plc {
 
     /// `bytes` bytes at `offset` were written by somebody who named the place. If that is a `w_CPU_CONTROL`, 16#0000
     /// in it is a restart, even if it stood there before (decision D-29).
-    pub(super) fn named(&self, offset: u32, bytes: u32) {
+    pub(crate) fn named(&self, offset: u32, bytes: u32) {
         for (restarts, node) in self.header.restarts_written.iter().zip([NODE1, NODE2]) {
             let register = node as u32;
             let is_hit = offset < register + 2 && register < offset + bytes;
@@ -223,7 +220,7 @@ impl Plc {
     }
 
     /// Whether an access in the right area meets something that this PLC has: it may have fewer retain flags than fit.
-    pub(super) fn has(&self, offset: u32, width: Width) -> bool {
+    pub(crate) fn has(&self, offset: u32, width: Width) -> bool {
         let end = RETAIN_OFFSET.saturating_add(self.header.retain_size.load());
         !is_flag(offset) || u64::from(offset) + u64::from(width.bytes()) <= end.into()
     }
@@ -239,7 +236,7 @@ impl Plc {
     }
 
     /// Bus index at node 1 or 2.
-    pub(super) fn bus_of(&self, node: u8) -> Option<usize> {
+    pub(crate) fn bus_of(&self, node: u8) -> Option<usize> {
         match node {
             1 => self.bus1,
             2 => self.bus2,
@@ -249,13 +246,13 @@ impl Plc {
 
     /// Whether this PLC's master takes its SYNC signal from `bus`.
     #[inline]
-    pub(super) fn takes_sync_from(&self, bus: usize) -> bool {
+    pub(crate) fn takes_sync_from(&self, bus: usize) -> bool {
         self.bus1 == Some(bus) && self.master.is_on_bus() && self.master.forwards_sync()
     }
 
     /// The master passes an edge on, of a signal that belongs to `rate`.
     #[inline]
-    pub(super) fn passes_sync_on(
+    pub(crate) fn passes_sync_on(
         &mut self,
         index: usize,
         now: u64,
@@ -267,11 +264,11 @@ impl Plc {
     }
 
     /// The bus whose SYNC signal this PLC passes on to `bus`.
-    pub(super) fn sync_source_of(&self, bus: usize) -> Option<usize> {
+    pub(crate) fn sync_source_of(&self, bus: usize) -> Option<usize> {
         self.bus1.filter(|upper| self.bus2 == Some(bus) && self.takes_sync_from(*upper))
     }
 
-    pub(super) fn control_changed(&self) -> bool {
+    pub(crate) fn control_changed(&self) -> bool {
         self.slave.control_changed()
             || self.master.control_changed()
             || self.baps.is_called()
@@ -280,22 +277,22 @@ impl Plc {
 
     /// What the access checker must know about node 1 and node 2.
     #[inline]
-    pub(super) fn facts(&self) -> [Facts; 2] {
+    pub(crate) fn facts(&self) -> [Facts; 2] {
         [self.slave.facts(), self.master.facts()]
     }
 
-    pub(super) fn show_time(&self, now: u64) {
+    pub(crate) fn show_time(&self, now: u64) {
         self.header.virtual_time_us.store(now);
     }
 
-    pub(super) fn count_sync(&self, node: u8) {
+    pub(crate) fn count_sync(&self, node: u8) {
         self.header.sync_counter[usize::from(node == 2)].increment();
     }
 
     /// The SYNC signal of `node` as event of the board: that of node 1 if it is on its bus, else that of node 2
     /// (decision D-182).
     #[inline]
-    pub(super) fn sync_event(&mut self, node: u8, now: u64) {
+    pub(crate) fn sync_event(&mut self, node: u8, now: u64) {
         let source = if self.slave.is_on_bus() { 1 } else { 2 };
         if node == source {
             self.board.sync_net(now);
@@ -304,7 +301,7 @@ impl Plc {
     }
 
     /// The timers of the board that are due.
-    pub(super) fn timers_due(&mut self, now: u64) {
+    pub(crate) fn timers_due(&mut self, now: u64) {
         self.board.timers_due(now);
         self.pass_trigger(now);
     }
@@ -318,7 +315,7 @@ impl Plc {
     }
 
     /// A time slice of the drive, which may have process data for an event task. `pace` as for [`Baps::slice`].
-    pub(super) fn time_slice(
+    pub(crate) fn time_slice(
         &mut self,
         index: usize,
         now: u64,
@@ -334,21 +331,21 @@ impl Plc {
     }
 
     /// Brings fault number `fault` upon the drive. Tells whether it has power and had no fault.
-    pub(super) fn trip_drive(&mut self, now: u64, fault: u16) -> bool {
+    pub(crate) fn trip_drive(&mut self, now: u64, fault: u16) -> bool {
         self.board.has_supply() && self.baps.trip(now, fault)
     }
 
-    pub(super) fn watch(&mut self, events: u16) {
+    pub(crate) fn watch(&mut self, events: u16) {
         self.watched = events != 0;
         self.board.watch(events);
     }
 
-    pub(super) fn is_watched(&self) -> bool {
+    pub(crate) fn is_watched(&self) -> bool {
         self.watched
     }
 
     /// Looks at all control registers.
-    pub(super) fn processor_cycle(
+    pub(crate) fn processor_cycle(
         &mut self,
         index: usize,
         now: u64,

@@ -1,11 +1,11 @@
 //! Process data within an interval: SYNC, WRC1, RDC1, WRC2, RDC2.
 
+use super::agenda::Slot;
 use super::disturbance::Fate;
 use super::{Run, Sender, Station};
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use crate::devices::cansync::firmware::Built;
 use crate::journal::Event;
-use crate::plant::agenda::Slot;
 
 /// Time to build or take over one word of a frame, in us (manual 5.00005.03a p. 154: 15 to 60 us).
 const WORD_US: u64 = 15;

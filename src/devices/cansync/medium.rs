@@ -5,23 +5,26 @@
 //! manual's table (5.00005.03a p. 125), frame lengths those of the real frames, stuff bits included. A frame that is
 //! so long that it reaches into the next slot keeps that slot's frame waiting (decision D-280).
 
+mod agenda;
 mod command;
+mod config;
 mod disturbance;
 mod fault;
 mod own_clock;
 mod process;
 mod slots;
 
-use super::agenda::{Agenda, Slot};
-use super::config::{BusConfig, PlantConfig, PlantError};
-use super::faults::Faults;
-use super::plc::Plc;
+pub use config::BusConfig;
+
 use crate::devices::Context;
 use crate::devices::cansync::bus::{Channel, Frame, FrameLength};
-use crate::devices::cansync::drive::Drive;
+use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
+use crate::devices::omega_drive_line_2::Plc;
+use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::layout::omega_drive_line_2::BaudRate;
+use agenda::{Agenda, Slot};
 use disturbance::Disturbance;
 use own_clock::OwnClock;
 use slots::{OnWire, PLACES};
@@ -54,7 +57,7 @@ struct Running {
     start: u64,
 }
 
-pub(super) struct SimBus {
+pub(crate) struct SimBus {
     index: u16,
     name: String,
     master: Option<usize>,
@@ -85,8 +88,8 @@ pub(super) struct SimBus {
 }
 
 impl SimBus {
-    /// Bus number `index` of `plant`.
-    pub(super) fn new(plant: &PlantConfig, index: usize, config: &BusConfig) -> Result<Self, PlantError> {
+    /// Bus number `index` of the plant, without nodes.
+    pub(crate) fn new(index: usize, config: &BusConfig) -> Result<Self, DriveError> {
         let mut bus = SimBus {
             index: index as u16,
             name: config.name.clone(),
@@ -110,15 +113,6 @@ impl SimBus {
             disturbance: Disturbance::default(),
             own_clock: OwnClock::default(),
         };
-        for (number, plc) in plant.plcs.iter().enumerate() {
-            if plc.node1.as_ref() == Some(&config.name) {
-                bus.nodes.push(number);
-                bus.connect(plc.dip, Station::Node(number));
-            }
-            if plc.node2.as_ref() == Some(&config.name) {
-                bus.master = Some(number);
-            }
-        }
         for drive in &config.drives {
             let drive = Drive::new(drive, config.kbit_s)?;
             bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
@@ -126,6 +120,17 @@ impl SimBus {
         }
         bus.fresh.clone_from(&bus.drives);
         Ok(bus)
+    }
+
+    /// Connects node 1 of PLC `plc` as the slave with this number.
+    pub(crate) fn attach_slave(&mut self, plc: usize, number: u8) {
+        self.nodes.push(plc);
+        self.connect(number, Station::Node(plc));
+    }
+
+    /// Connects node 2 of PLC `plc` as the master.
+    pub(crate) fn attach_master(&mut self, plc: usize) {
+        self.master = Some(plc);
     }
 
     fn connect(&mut self, number: u8, station: Station) {
@@ -136,7 +141,7 @@ impl SimBus {
 
     /// Node 1 of PLC `plc` has another slave number; `false` if another station has it, and then the node is not
     /// connected.
-    pub(super) fn renumber(&mut self, plc: usize, number: u8) -> bool {
+    pub(crate) fn renumber(&mut self, plc: usize, number: u8) -> bool {
         for station in &mut self.stations {
             if *station == Station::Node(plc) {
                 *station = Station::Nobody;
@@ -151,37 +156,37 @@ impl SimBus {
         }
     }
 
-    pub(super) fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    pub(super) fn drives(&self) -> &[Drive] {
+    pub(crate) fn drives(&self) -> &[Drive] {
         &self.drives
     }
 
     /// The PLCs on this bus, the master first.
-    pub(super) fn plcs(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn plcs(&self) -> impl Iterator<Item = usize> {
         self.master.into_iter().chain(self.nodes.iter().copied())
     }
 
     #[inline]
-    pub(super) fn next_time(&self) -> u64 {
+    pub(crate) fn next_time(&self) -> u64 {
         self.next
     }
 
     /// The next SYNC edge, if the master of this bus makes the signal itself.
-    pub(super) fn next_sync(&self) -> Option<u64> {
+    pub(crate) fn next_sync(&self) -> Option<u64> {
         self.running.as_ref().filter(|running| running.own_sync)?;
         self.agenda.at(Slot::Sync)
     }
 
     /// Baud rate of the running bus in kbit/s.
-    pub(super) fn kbit_s(&self) -> Option<u16> {
+    pub(crate) fn kbit_s(&self) -> Option<u16> {
         self.running.as_ref().map(|running| running.timing.kbit_per_s)
     }
 
     /// What the controller of `node` is doing: `Some(true)` sending, `Some(false)` receiving.
-    pub(super) fn on_wire(&self, now: u64, node: Origin) -> Option<bool> {
+    pub(crate) fn on_wire(&self, now: u64, node: Origin) -> Option<bool> {
         let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
         if node.node == 1 && self.is_off(node.plc.into()) {
             return None;
@@ -202,7 +207,7 @@ impl SimBus {
     }
 
     /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
-    pub(super) fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
+    pub(crate) fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
         self.stop(now);
         self.running = Some(Running { timing, own_sync, sync_rate: timing, start: now });
         if own_sync {
@@ -212,7 +217,7 @@ impl SimBus {
     }
 
     /// The master was restarted: no more SYNC, no more frames. The drives go on by their own clocks.
-    pub(super) fn stop(&mut self, now: u64) {
+    pub(crate) fn stop(&mut self, now: u64) {
         self.running = None;
         self.agenda.clear();
         self.schedule_own_clock(now);
@@ -224,12 +229,12 @@ impl SimBus {
     }
 
     /// The rate of the bus whose master makes the SYNC signal of this running bus.
-    pub(super) fn sync_rate(&self) -> Option<&'static BaudRate> {
+    pub(crate) fn sync_rate(&self) -> Option<&'static BaudRate> {
         self.running.as_ref().map(|running| running.sync_rate)
     }
 
     /// A SYNC edge of the upper bus arrives at a master that forwards it; `rate` is the signal's.
-    pub(super) fn forwarded_edge(&mut self, now: u64, rate: &'static BaudRate) {
+    pub(crate) fn forwarded_edge(&mut self, now: u64, rate: &'static BaudRate) {
         if let Some(running) = self.running.as_mut().filter(|running| !running.own_sync) {
             running.sync_rate = rate;
             self.agenda.set(Slot::Sync, now);
@@ -238,7 +243,7 @@ impl SimBus {
     }
 
     /// Handles the slot that is due at `now`; tells whether it was a SYNC edge that went out on the line.
-    pub(super) fn event(
+    pub(crate) fn event(
         &mut self,
         now: u64,
         plcs: &mut [Plc],

@@ -1,6 +1,7 @@
 //! What injected faults do to the traffic of a bus. Nothing of this runs while there is no fault, but for a look
 //! at the marks in `Disturbance`.
 
+use super::agenda::Slot;
 use super::disturbance::Stray;
 use super::{Run, Station};
 use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
@@ -11,7 +12,6 @@ use crate::devices::cansync::bus::wire::Airtime;
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::fault::{Effect, FrameEffect, NodeEffect, OffsetAt, SlaveEffect, SyncEffect};
 use crate::journal::Origin;
-use crate::plant::agenda::Slot;
 
 impl Run<'_> {
     /// What faults do to a frame that is to begin at `from`. Returns when it begins; `None` if it is lost.

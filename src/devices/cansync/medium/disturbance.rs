@@ -1,9 +1,9 @@
 //! What faults have done to a bus: which frames under way do not arrive as they should, and who is off.
 
+use super::agenda::Slot;
 use super::slots::OnWire;
 use super::{Sender, SimBus, Station};
 use crate::devices::cansync::bus::{Frame, FrameKind};
-use crate::plant::agenda::Slot;
 
 /// What faults have done to a bus.
 #[derive(Default)]
@@ -94,7 +94,7 @@ impl Disturbance {
 impl SimBus {
     /// Slaves that are off from now on, bit n for slave n. Drives that go off are as at power-on when they come
     /// back; a PLC's node has its plug pulled (decision D-123).
-    pub(in crate::plant) fn set_off(&mut self, now: u64, off: u32) {
+    pub(crate) fn set_off(&mut self, now: u64, off: u32) {
         let changed = self.disturbance.off ^ off;
         self.disturbance.off = off;
         for number in (0..32u8).filter(|number| changed >> number & 1 != 0) {
@@ -109,7 +109,7 @@ impl SimBus {
 
     /// Brings a fault upon the drive with this slave number. Tells whether there is one, with power and without a
     /// fault.
-    pub(in crate::plant) fn trip_drive(&mut self, now: u64, slave: u8, fault: u16) -> bool {
+    pub(crate) fn trip_drive(&mut self, now: u64, slave: u8, fault: u16) -> bool {
         let Some(Station::Drive(index)) = self.stations.get(usize::from(slave)) else { return false };
         let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
         let trips = drive.is_some_and(|drive| drive.trip(fault));
@@ -121,7 +121,7 @@ impl SimBus {
     }
 
     /// The slaves of this bus, bit n for slave n.
-    pub(in crate::plant) fn slaves(&self) -> u32 {
+    pub(crate) fn slaves(&self) -> u32 {
         let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
         present.fold(0, |mask, (number, _)| mask | 1 << number)
     }
@@ -154,7 +154,7 @@ impl SimBus {
     }
 
     /// The master's CAN controller, or that of the slave with this number, goes BUS-off.
-    pub(in crate::plant) fn node_went_off(&mut self, now: u64, slave: Option<u8>) {
+    pub(crate) fn node_went_off(&mut self, now: u64, slave: Option<u8>) {
         self.destroy_frames_of(now, slave.map_or(Sender::Master, Sender::Slave));
     }
 }

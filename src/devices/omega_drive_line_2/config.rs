@@ -1,10 +1,9 @@
 //! A PLC as the plant file describes it.
 
-use super::{PlantError, range};
-use crate::devices::cansync::drive::BuiltInDriveConfig;
+use crate::devices::cansync::drive::{BuiltInDriveConfig, Watch};
+use crate::devices::settings::{SettingError, range, time, time_or_none};
 use crate::layout::flags::{MOST_RETAIN, RETAIN_SIZE};
 use crate::memory::header::Project;
-use crate::plant::times;
 use serde::Deserialize;
 
 /// A PLC of the plant file.
@@ -79,21 +78,34 @@ fn default_retain_bytes() -> u32 {
 
 impl PlcConfig {
     /// Checks the numbers.
-    pub(super) fn check(&self) -> Result<(), PlantError> {
+    pub(crate) fn check(&self) -> Result<(), SettingError> {
         range("dip", &self.name, self.dip.into(), 0..=31, "0 to 31")?;
-        times::check_plc(self)?;
+        self.check_times()?;
         let sync = self.option_sync_us.map_or(50, u64::from);
         range("option_sync_us", &self.name, sync, 50..=1_000_000, "50 to 1000000")?;
         if ![0, 10, 100].contains(&self.ethernet_mbit) {
             let (name, value) = (self.name.clone(), self.ethernet_mbit.into());
-            return Err(PlantError::Range { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
+            return Err(SettingError { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
         }
         let right = "4 to 71808 and divisible by 4";
         range("retain_bytes", &self.name, self.retain_bytes.into(), 4..=MOST_RETAIN.into(), right)?;
         if !self.retain_bytes.is_multiple_of(4) {
             let (name, value) = (self.name.clone(), self.retain_bytes.into());
-            return Err(PlantError::Range { what: "retain_bytes", name, value, right });
+            return Err(SettingError { what: "retain_bytes", name, value, right });
         }
         Ok(())
+    }
+
+    /// Checks the times of node 1 and of the drive behind the BAPS.
+    fn check_times(&self) -> Result<(), SettingError> {
+        let (name, drive) = (self.name.as_str(), &self.drive);
+        time("lock_time_us", name, self.lock_time_us)?;
+        time("drive.lock_time_us", name, drive.lock_time_us)?;
+        time("drive.service_time_us", name, drive.service_time_us)?;
+        time_or_none("sync_loss_us", name, self.sync_loss_us)?;
+        time_or_none("drive.sync_loss_us", name, drive.sync_loss_us)?;
+        time("drive.monitoring.sync.time_us", name, drive.monitoring.sync.time_us)?;
+        let cyclic_data = drive.monitoring.cyclic_data.map(|Watch { time_us, .. }| time_us);
+        time_or_none("drive.monitoring.cyclic_data.time_us", name, cyclic_data)
     }
 }

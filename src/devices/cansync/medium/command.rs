@@ -1,5 +1,6 @@
 //! The command channel and its answers: the frame at t_CC, the response at t_RC of the next interval.
 
+use super::agenda::{Agenda, Slot};
 use super::disturbance::Fate;
 use super::{Run, Sender, Station};
 use crate::check::Rule;
@@ -8,7 +9,6 @@ use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::drive::Objection;
 use crate::layout::Live;
 use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER, NODE2};
-use crate::plant::agenda::{Agenda, Slot};
 use core::mem::{offset_of, size_of};
 
 impl Run<'_> {

@@ -1,10 +1,10 @@
 //! Frames in their slots: when each one begins, when its receivers have it, when the bus is free again.
 
+use super::agenda::Slot;
 use super::disturbance::Fate;
 use super::{Run, Sender};
 use crate::devices::cansync::bus::{Frame, wire};
 use crate::journal::Event;
-use crate::plant::agenda::Slot;
 
 /// How many frames an interval has.
 pub(super) const PLACES: usize = 6;

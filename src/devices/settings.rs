@@ -1,0 +1,66 @@
+//! What the settings of devices and media in a plant file have in common: ranges, times.
+
+use crate::devices::cansync::drive::DriveError;
+use crate::memory::MemoryError;
+use core::ops::RangeInclusive;
+use thiserror::Error;
+
+const HOUR_US: u64 = 3_600_000_000;
+
+/// A number out of its range.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{what} of '{name}' is {value}; it must be {right}")]
+pub struct SettingError {
+    /// The key.
+    pub what: &'static str,
+    /// Whose.
+    pub name: String,
+    /// The value.
+    pub value: u64,
+    /// What would be right.
+    pub right: &'static str,
+}
+
+/// Why a device or medium cannot be built.
+#[derive(Debug, Error)]
+pub enum BuildError {
+    /// Its RAM is too small or read-only.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
+    /// Settings of a drive that only the drive itself can judge.
+    #[error(transparent)]
+    Drive(#[from] DriveError),
+}
+
+/// Checks that `value` is `allowed`, which `right` says in words.
+///
+/// # Errors
+/// [`SettingError`] with the key `what` of the thing called `name`.
+pub fn range(
+    what: &'static str,
+    name: &str,
+    value: u64,
+    allowed: RangeInclusive<u64>,
+    right: &'static str,
+) -> Result<(), SettingError> {
+    if allowed.contains(&value) {
+        return Ok(());
+    }
+    Err(SettingError { what, name: name.to_owned(), value, right })
+}
+
+/// Checks a time in us that may be 0: at most one hour.
+///
+/// # Errors
+/// As [`range`].
+pub fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError> {
+    range(what, name, us, 0..=HOUR_US, "at most one hour")
+}
+
+/// Checks a time in us that may be left out, but not be 0.
+///
+/// # Errors
+/// As [`range`].
+pub fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> Result<(), SettingError> {
+    us.map_or(Ok(()), |us| range(what, name, us, 1..=HOUR_US, "1 to 3600000000"))
+}
