@@ -1,4 +1,4 @@
-//! Compiles the register layouts and parameter tables of `layouts/` into `OUT_DIR`, for `src/layout` and `src/drive`.
+//! Compiles the register layouts and parameter tables of `layouts/` into `OUT_DIR`, for `src/devices`.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -27,7 +27,7 @@
 //! In a test, without any file or process:
 //!
 //! ```
-//! use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+//! use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 //! use commram::memory::Segment;
 //! use commram::plant::{Plant, PlantConfig};
 //!

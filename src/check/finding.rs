@@ -1,7 +1,7 @@
 //! One finding: which rule, where, with which value.
 
 use super::Rule;
-use crate::layout::omega_drive_line_2::DEVICE;
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Address, Live, RegType, RegisterRef, format_value};
 use crate::memory::{HEADER_SIZE, header};
 

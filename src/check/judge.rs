@@ -4,11 +4,11 @@ use super::node::Registers;
 use super::registers::{Kind, Limit, Watched};
 use super::{Facts, Finding, Rule};
 use crate::devices::cansync::bus::LAST_SLAVE;
-use crate::journal::{Event, Journal};
-use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{
+use crate::devices::omega_drive_line_2::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CTRLREG_PAR_CMD_SL, DATA_PARAMETER,
 };
+use crate::journal::{Event, Journal};
+use crate::layout::Live;
 use core::mem::offset_of;
 
 /// 16#05: data are valid, send them.

@@ -3,7 +3,7 @@
 
 use super::Rule;
 use super::judge::Judge;
-use crate::layout::omega_drive_line_2::{
+use crate::devices::omega_drive_line_2::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CANsync_SL_CTRL_BMSTRUCT as Slave, CFG_RDC_WORD,
 };
 use core::mem::offset_of;

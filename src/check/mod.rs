@@ -24,9 +24,9 @@ pub use finding::Finding;
 pub use findings::{Entry, Findings, MAX_ENTRIES};
 pub use rule::{Rule, Severity};
 
+use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
 use crate::journal::Journal;
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{NODE1, NODE2};
 use crate::memory::{MemoryError, Segment};
 use header::HeaderWatch;
 use node::NodeWatch;

@@ -7,9 +7,9 @@ use super::judge::{Judge, Place};
 use super::registers::{INIT_BYTES, Map, Watched};
 use super::word::WORD;
 use super::{Facts, Rule, mapping};
+use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
 use crate::journal::Journal;
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{NODE1, NODE2};
 use crate::memory::{Cell64, MemoryError, Segment, View};
 
 /// 64-bit words that hold the longest structure.

@@ -2,8 +2,8 @@
 //! a [`NodeWatch`](super::node::NodeWatch), which knows many more rules.
 
 use super::{Finding, Rule, word};
+use crate::devices::omega_drive_line_2::registers::{BAPS, DEVICE, ETHERNET};
 use crate::journal::{Event, Journal};
-use crate::layout::omega_drive_line_2::{BAPS, DEVICE, ETHERNET};
 use crate::layout::{Live, Owner, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
 use std::sync::LazyLock;

@@ -1,7 +1,7 @@
 //! What is to be watched at each register of a CANsync structure, taken from the register maps.
 
 use super::word;
-use crate::layout::omega_drive_line_2::DEVICE;
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Live, Meaning, Owner, RegisterRef};
 use std::sync::LazyLock;
 
@@ -184,7 +184,7 @@ fn watched(register: &RegisterRef, live: Live) -> Watched {
 
 /// Length of the structure that overlays the cyclic ones.
 pub(super) const INIT_BYTES: u16 =
-    size_of::<crate::layout::omega_drive_line_2::CANsync_INIT_BMSTRUCT>() as u16;
+    size_of::<crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT>() as u16;
 
 #[cfg(test)]
 mod tests {

@@ -7,7 +7,7 @@ use super::error::CliError;
 use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
-use commram::layout::omega_drive_line_2::DEVICE;
+use commram::devices::omega_drive_line_2::registers::DEVICE;
 use commram::layout::{Address, Area};
 use std::path::{Path, PathBuf};
 

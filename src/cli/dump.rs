@@ -7,8 +7,8 @@ use super::place::{is_live, live_by, status_of, without_twins};
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
+use commram::devices::omega_drive_line_2::registers::DEVICE;
 use commram::layout::flags::{RETAIN_AREA, is_flag};
-use commram::layout::omega_drive_line_2::DEVICE;
 use commram::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value, split_plc};
 use core::ops::Range;
 

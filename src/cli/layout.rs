@@ -4,7 +4,7 @@ use super::error::CliError;
 use super::output;
 use super::table::{self, FormatArg, Row};
 use clap::{Subcommand, ValueEnum};
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram_layoutc::declaration::{Alignment, Declarations};
 use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Verdict};
 use serde::Serialize;

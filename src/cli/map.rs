@@ -7,7 +7,7 @@ use super::error::CliError;
 use super::output;
 use super::place::without_twins;
 use super::table::{self, Format, FormatArg};
-use commram::layout::omega_drive_line_2::DEVICE;
+use commram::devices::omega_drive_line_2::registers::DEVICE;
 use commram::layout::{Address, Area, split_plc};
 use entry::Entry;
 

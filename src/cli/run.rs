@@ -4,7 +4,7 @@ use super::demo::end_with;
 use super::error::CliError;
 use super::{Instance, output};
 use clap::ValueEnum;
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram::plant::PlantConfig;
 use commram::runtime::{Clock, Emulator, Options, StopHandle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};

@@ -3,7 +3,7 @@
 use super::error::CliError;
 use super::output;
 use super::place::Place;
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram::layout::{RegisterRef, plc_prefix};
 use commram::memory::header::BoardState;
 use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, InstanceLock, Width};

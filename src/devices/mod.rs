@@ -1,4 +1,4 @@
-//! The devices, a folder each, and [`cansync`], what the CANsync devices share.
+//! The devices, a folder each, [`cansync`], what the CANsync devices share, and the registry of them all.
 
 pub mod cansync;
 #[cfg(feature = "emulator")]
@@ -13,3 +13,27 @@ mod shown;
 pub use context::Context;
 #[cfg(feature = "emulator")]
 pub use settings::BuildError;
+
+use crate::layout::Device;
+
+/// A device that commram knows.
+#[derive(Debug)]
+pub struct Registered {
+    /// Its areas, registers, ports and times.
+    pub layout: &'static Device,
+}
+
+/// Every device, the default one first.
+pub static DEVICES: &[Registered] = &[Registered { layout: &omega_drive_line_2::registers::DEVICE }];
+
+/// The device of this name, as `--device` and plant files give it.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Registered> {
+    DEVICES.iter().find(|it| it.layout.name == name)
+}
+
+/// The device of an image whose header holds this layout hash.
+#[must_use]
+pub fn of_hash(hash: u64) -> Option<&'static Registered> {
+    DEVICES.iter().find(|it| it.layout.layout_hash == hash)
+}

@@ -144,7 +144,7 @@ fn size(member: &Member) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     fn structure(area: &str, name: &str) -> &'static Structure {
         let placed = DEVICE.area(area).unwrap().structures.iter();

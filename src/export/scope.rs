@@ -1,6 +1,6 @@
 //! What is exported: the whole device or one area of it.
 
-use crate::layout::omega_drive_line_2::DEVICE;
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Area, Device, LayoutError, Meaning, Placed, Register, Structure};
 
 /// The areas to export.

@@ -1,7 +1,7 @@
 //! What numbers in records mean: names of PLCs, buses and registers.
 
 use super::{BAPS_NODE, Event, Origin, Record, Source};
-use crate::layout::omega_drive_line_2::DEVICE;
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Address, Live, RegType, RegisterRef, Width, format_value};
 use std::borrow::Cow;
 use std::collections::HashMap;

@@ -1,7 +1,7 @@
 //! Requests of handshakes that came through the channel, until they are answered.
 
 use super::Origin;
-use crate::layout::omega_drive_line_2::{NODE1, NODE2};
+use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
 
 /// Number of the node that is the master.
 const MASTER: u8 = 2;

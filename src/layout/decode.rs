@@ -98,7 +98,7 @@ fn look_up(values: &[ValueMeaning], value: u32) -> Option<&ValueMeaning> {
 
 #[cfg(test)]
 mod tests {
-    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     fn decode(name: &str, value: u32) -> String {
         DEVICE.register(name).unwrap().decode(value)

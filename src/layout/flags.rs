@@ -54,7 +54,7 @@ pub fn not_covered(address: Address) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     #[test]
     fn the_flags_end_where_segment_3_begins() {

@@ -107,7 +107,7 @@ impl Area {
 
 #[cfg(test)]
 mod tests {
-    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
     use crate::layout::{Live, RegisterRef};
     use std::collections::BTreeMap;
 

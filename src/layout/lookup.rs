@@ -133,7 +133,7 @@ fn no_register(area: &'static Area, address: Address) -> LayoutError {
 
 #[cfg(test)]
 mod tests {
-    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
     use crate::layout::{Address, Live};
 
     fn names(address: &str, live: Option<Live>) -> Vec<String> {

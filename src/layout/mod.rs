@@ -1,11 +1,11 @@
 //! Register maps: generated structs and descriptors, names and addresses of registers.
 //!
 //! The layout files in `layouts/` are the only source of names, offsets, types, owners, reset values and
-//! meanings. The build compiles them into [`omega_drive_line_2`]: typed views for the firmware, and
+//! meanings. The build compiles them into a module of the device, as [`registers`](crate::devices::omega_drive_line_2::registers): typed views for the firmware, and
 //! descriptors for everything that speaks with people:
 //!
 //! ```
-//! use commram::layout::omega_drive_line_2::DEVICE;
+//! use commram::devices::omega_drive_line_2::registers::DEVICE;
 //!
 //! let status = DEVICE.register("node2.w_OPTION_STATUS")?;
 //! assert_eq!(status.address().to_string(), "%MW3.200002");
@@ -43,83 +43,3 @@ pub use name::{plc_prefix, split_plc};
 pub use place::Place;
 pub use register::RegisterRef;
 pub use width::Width;
-
-/// The Omega Drive-Line II: its areas, structures and timing, generated from `layouts/omega-drive-line-2`.
-#[allow(non_snake_case, non_camel_case_types)]
-pub mod omega_drive_line_2 {
-    include!(concat!(env!("OUT_DIR"), "/omega_drive_line_2.rs"));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Owner;
-    use super::omega_drive_line_2::*;
-    use core::mem::offset_of;
-    use zerocopy::FromZeros;
-
-    #[test]
-    fn init_overlays_the_beginning_of_both_cyclic_structures() {
-        assert_eq!(size_of::<CANsync_INIT_BMSTRUCT>(), 52);
-        assert_eq!(offset_of!(CANsync_INIT_BMSTRUCT, w_CPU_CONTROL), 0);
-        assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS), 2);
-        assert_eq!(offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_WR_VALUE), 52);
-    }
-
-    /// Manual 5.00005.03a p. 176-186 prints the slave's registers in an order in which each is naturally
-    /// aligned right behind the one before.
-    #[test]
-    fn the_slave_structure_is_in_the_order_of_the_manuals_tables_without_padding() {
-        let ends = [
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_WRC1), 12),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, _CFG_WRC_WORD), 16),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_WR_VALUE_RECEIVE), 32),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC1), 96),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, _CFG_RDC_WORD), 100),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_RD_VALUE_SEND), 116),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STATREG_RDC1), 180),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_STATREG_RDC), 184),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_CFG_RDC_WORD), 312),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, a_RD_BMARRAY), 824),
-            (offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STATREG_AKT_CMD), 2872),
-        ];
-        assert!(ends.iter().all(|(offset, expected)| offset == expected), "{ends:?}");
-    }
-
-    #[test]
-    fn snapshot_copies_every_register_and_reset_restores_it() {
-        let node = CANsync_MA_CTRL_BMSTRUCT::new_zeroed();
-        node.reset_from(0);
-        assert_eq!(node.w_OPTION_STATUS.load(), 1);
-        node.w_CPU_CONTROL.store(0x0002);
-        node.a_RD_BMARRAY[31][7].store(0x1234_5678);
-        node.a_DATA_PARAMETER[3].w_PAR_NR.store(121);
-        node._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x0D);
-        let copy = node.snapshot();
-        assert_eq!(copy.a_RD_BMARRAY[31][7].get(), 0x1234_5678);
-        assert_eq!(copy.a_DATA_PARAMETER[3].w_PAR_NR.get(), 121);
-        assert_eq!(copy._CFG_WRC_WORD.b_CFG_WRC1_WORD0, 0x0D);
-
-        node.reset_from(offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1));
-        assert_eq!(node.w_CPU_CONTROL.load(), 0x0002);
-        assert_eq!(node.a_RD_BMARRAY[31][7].load(), 0);
-        assert_eq!(node._CFG_WRC_WORD.b_CFG_WRC1_WORD0.load(), 0);
-    }
-
-    /// Manual 5.00005.03a p. 192: the slave's application enters the error number, the firmware only sends it.
-    #[test]
-    fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_write() {
-        for (name, owner) in [
-            ("node2.w_ERR_NR_UPDOWNBLK1", Owner::Firmware),
-            ("node1.w_ERR_NR_UPDOWNBLK1", Owner::Plc),
-            ("node1.w_ERR_NR_UPDOWN_SINGLE", Owner::Plc),
-        ] {
-            assert_eq!(DEVICE.register(name).unwrap().owner(), owner, "{name}");
-        }
-    }
-
-    #[test]
-    fn only_three_pairs_of_baud_rate_and_interval_exist() {
-        let pairs = BAUD_RATES.map(|rate| (rate.kbit_per_s, rate.b_TIME_PATTERN, rate.b_BT_0, rate.t_WRC1));
-        assert_eq!(pairs, [(500, 2, 0x00, 730), (250, 4, 0x01, 1430), (125, 8, 0x03, 3020)]);
-    }
-}

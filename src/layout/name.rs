@@ -247,7 +247,7 @@ fn unknown(area: &'static Area, path: &Path<'_>) -> LayoutError {
 
 #[cfg(test)]
 mod tests {
-    use crate::layout::omega_drive_line_2::DEVICE;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
     use crate::layout::{LayoutError, split_plc};
 
     fn error(name: &str) -> String {

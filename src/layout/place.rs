@@ -1,8 +1,8 @@
 //! Registers and addresses as people name them.
 
-use super::omega_drive_line_2::DEVICE;
 use super::value::{self, ValueError};
 use super::{Address, Area, LayoutError, Live, RegType, RegisterRef, Width, format_value};
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use thiserror::Error;
 
 /// A value that the register cannot hold.

@@ -1,8 +1,8 @@
 //! Every fact that the register maps show is either documented, with its page, or follows from a decision that
 //! `docs/decisions.md` has.
 
-use super::omega_drive_line_2::DEVICE;
 use super::{Meaning, Provenance, Register, Structure};
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use std::collections::BTreeMap;
 
 const DECISIONS: &str = include_str!("../../docs/decisions.md");

@@ -1,8 +1,8 @@
 //! Accesses of any width: how they meet the registers, each of which has just one.
 
 use super::{MemoryError, Segment, Width};
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::flags::{RETAIN, is_flag};
-use crate::layout::omega_drive_line_2::DEVICE;
 
 /// No register area covers an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,9 +5,9 @@
 //! what it wrote itself until the next event of the bus or processor cycle (decision D-105).
 
 use super::{Plant, Plc};
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::journal::Event;
 use crate::layout::LayoutError;
-use crate::layout::omega_drive_line_2::DEVICE;
 use crate::memory::{Address, MemoryError, Width};
 
 /// A register with a forced value.

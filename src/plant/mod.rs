@@ -18,9 +18,9 @@ use crate::check::Checker;
 use crate::devices::BuildError;
 use crate::devices::cansync::medium::SimBus;
 use crate::devices::omega_drive_line_2::baps::Baps;
+use crate::devices::omega_drive_line_2::registers::ETHERNET_CONFIG;
 use crate::fault::Faults;
 use crate::journal::{Event, Journal, Names};
-use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
 use crate::memory::{MemoryError, Segment};
 use force::Forces;
 

@@ -1,6 +1,6 @@
 //! What a PLC program sees of the board: the RAM and, in the header page, the clock.
 
-use crate::layout::omega_drive_line_2::{NODE1, NODE2};
+use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
 use crate::memory::{Header, MemoryError, Segment, SharedRegs, View};
 use core::ops::Deref;
 use core::time::Duration;
@@ -24,7 +24,7 @@ impl Ram {
     /// A structure at `%MB3.offset`: what `_NAME AT %MB3.offset : T` declares in an IEC program.
     ///
     /// ```
-    /// use commram::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+    /// use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
     /// use commram::memory::Segment;
     /// use commram::plc::Ram;
     ///

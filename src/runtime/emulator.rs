@@ -9,7 +9,7 @@ use super::lockstep::Lockstep;
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 
 use super::watch::Watch;
-use crate::layout::omega_drive_line_2 as device;
+use crate::devices::omega_drive_line_2::registers as device;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use std::path::PathBuf;

@@ -21,8 +21,8 @@ pub use error::NovramError;
 pub use writer::Keeper;
 
 use crate::devices::omega_drive_line_2::ethernet::Stored;
+use crate::devices::omega_drive_line_2::registers::ETHERNET_CONFIG;
 use crate::layout::flags::RETAIN_OFFSET;
-use crate::layout::omega_drive_line_2::ETHERNET_CONFIG;
 use crate::memory::{Segment, Width};
 use file::{Content, ETHERNET_SIZE};
 use std::path::PathBuf;

@@ -4,7 +4,7 @@
 use crate::active;
 use crate::common::Emulator;
 use commram::channel::{EventListener, HeaderBells};
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram::memory::names::channel_root;
 use commram::memory::{AttachMode, Attached, Image};
 use std::io::{BufRead, BufReader};

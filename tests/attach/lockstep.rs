@@ -4,7 +4,7 @@
 
 use crate::active;
 use crate::common::Emulator;
-use commram::layout::omega_drive_line_2::{LAYOUT_HASH, NODE2};
+use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, NODE2};
 use commram::memory::header::SeatState;
 use commram::memory::{AttachMode, Attached, Image, LockstepTask, MemoryError, Width};
 use std::num::NonZeroU32;

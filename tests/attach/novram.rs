@@ -1,7 +1,7 @@
 //! NOVRAM of emulators that may not write it, and signals that come while an emulator starts.
 
 use crate::common::{Emulator, commram, eventually, finish, remove_remains, unique_name, wait_for};
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram::memory::header::RETAIN_OFFSET;
 use commram::memory::{AttachMode, Image, Width};
 use std::fs;

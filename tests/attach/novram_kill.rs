@@ -2,7 +2,7 @@
 //! before or after the last store, on the same image.
 
 use crate::common::{Emulator, unique_name};
-use commram::layout::omega_drive_line_2::{
+use commram::devices::omega_drive_line_2::registers::{
     ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_DIAGNOSE_BMSTRUCT, LAYOUT_HASH,
 };
 use commram::memory::header::RETAIN_OFFSET;

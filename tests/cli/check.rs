@@ -82,7 +82,7 @@ fn cleared_findings_are_shown_once_more() {
 /// A mapped client rings nobody and asks nobody; with several PLCs the name says which one it was.
 #[test]
 fn writes_through_the_map_are_seen() {
-    use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE1};
+    use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE1};
     use commram::memory::{AttachMode, Image};
     let path = std::env::temp_dir().join(format!("{}.toml", unique_name()));
     std::fs::write(&path, "[[plc]]\nname = 'saw'\n[[plc]]\nname = 'press'\n").unwrap();

@@ -1,7 +1,7 @@
 //! `commram layout import` on the project's own layout, and programs that do not fit a layout any more.
 
 use crate::common::{Emulator, Outcome, commram, finish, run};
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -3,8 +3,8 @@
 
 use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
 use commram::check::Rule;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::fault::FaultSpec;
-use commram::layout::omega_drive_line_2::*;
 use commram::memory::Width;
 use proptest::prelude::*;
 

@@ -1,8 +1,8 @@
 //! Boards in a plant: events from the SYNC signal, reset and power of one PLC while the others go on.
 
 use crate::rig::{BOTH, Memory, RATES, Rig};
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::journal::{BoardEvent, Event};
-use commram::layout::omega_drive_line_2::*;
 use commram::memory::Segment;
 use commram::memory::header::{InterruptResult, OptInitResult};
 use commram::plant::{Plant, PlantConfig, Power};

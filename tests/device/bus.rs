@@ -184,7 +184,7 @@ fn another_baud_rate_is_deaf() {
 /// D-12: the lower bus gets its edges at the same microsecond as the upper one.
 #[test]
 fn a_cluster_forwards_the_sync_signal() {
-    use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+    use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
     use commram::memory::Segment;
     use commram::plant::{Plant, PlantConfig};
 

@@ -3,8 +3,8 @@
 use crate::rig::cluster::{Cluster, INTERVAL_US};
 use crate::rig::{RATES, Rate, write_init_data};
 use commram::check::Rule;
+use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::journal::{Event, Record};
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
 

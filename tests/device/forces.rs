@@ -1,8 +1,8 @@
 //! Forced registers: against the firmware, against the PLC, until they are let go (D-105).
 
 use crate::rig::{BOTH, Memory, RATES, Rig};
+use commram::devices::omega_drive_line_2::registers::NODE2;
 use commram::journal::Event;
-use commram::layout::omega_drive_line_2::NODE2;
 use commram::memory::Width;
 use commram::plant::{ForceError, Forced};
 

@@ -2,8 +2,8 @@
 
 use crate::rig::{Memory, RATES, Rig};
 use commram::check::Rule;
+use commram::devices::omega_drive_line_2::registers::{DEVICE, NODE2};
 use commram::journal::{Event, Record};
-use commram::layout::omega_drive_line_2::{DEVICE, NODE2};
 use commram::layout::{Address, Live};
 
 /// Both nodes active, slave 0's turn in every interval, block 1 of the slave enabled.

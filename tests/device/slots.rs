@@ -3,7 +3,7 @@
 
 use crate::rig::{Memory, RATES, Rate, Rig};
 use commram::devices::cansync::bus::{Frame, FrameKind, wire};
-use commram::layout::omega_drive_line_2::{BAUD_RATES, BaudRate};
+use commram::devices::omega_drive_line_2::registers::{BAUD_RATES, BaudRate};
 use proptest::prelude::*;
 
 /// Behind `[[bus]]`: two drives with the standard mapping.

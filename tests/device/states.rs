@@ -2,8 +2,8 @@
 
 use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
 use commram::check::Rule;
+use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::journal::{Command, Event};
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::memory::{View, Width};
 use commram::plant::Forced;
 

@@ -3,7 +3,7 @@
 //! The project is copied into cargo's directory for test files and built there. Both stay, so that
 //! later runs only have to compile what has changed.
 
-use commram::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, LAYOUT_HASH};
+use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, LAYOUT_HASH};
 use commram_layoutc::declaration::{Alignment, Declarations};
 use commram_layoutc::import::{Called, Import};
 use std::fs;
@@ -14,7 +14,7 @@ const LAYOUT: &str = "layouts/omega-drive-line-2";
 
 /// A program that tells where the copy's register lies, in every way the library can tell it.
 const PROBE: &str = r#"//! Tells where `b_CTRL_REG_BC1` lies.
-use commram::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT as Master, DEVICE, LAYOUT_HASH};
+use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT as Master, DEVICE, LAYOUT_HASH};
 use zerocopy::FromZeros;
 
 fn main() {

@@ -7,8 +7,8 @@ use commram::devices::cansync::bus::codec::{
 };
 use commram::devices::cansync::bus::{Frame, SyncLock};
 use commram::devices::cansync::firmware::Slave;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::journal::{Journal, Origin};
-use commram::layout::omega_drive_line_2::*;
 use commram::memory::{Image, View};
 
 /// The node's slave number.

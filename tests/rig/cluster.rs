@@ -2,7 +2,7 @@
 //! lowest buses. Each PLC runs the same task in every interval: reference values go down, sums of actual
 //! values come up.
 
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;

@@ -7,8 +7,8 @@ pub mod cluster;
 
 use commram::check::{Rule, Severity};
 use commram::devices::cansync::bus::Frame;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::journal::{Event, Record};
-use commram::layout::omega_drive_line_2::*;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::sync::atomic::{AtomicU32, Ordering};

@@ -11,7 +11,7 @@ mod common;
 use common::drive::{CYCLES_BEFORE_INIT, control_word};
 use common::{Arguments, check};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
+use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
 use commram::memory::MemoryError;
 use commram::memory::header::Start;
 

@@ -11,7 +11,9 @@ mod common;
 use common::drive::SynchronousDrive;
 use common::{Arguments, HIGH, SYNC, VALUES, check};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{
+    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
+};
 use commram::memory::MemoryError;
 use commram::memory::header::Start;
 

@@ -10,7 +10,7 @@ mod common;
 
 use common::{Application, Arguments, END, HIGH, SYNC, VALUES, check, map_slave};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::{
+use commram::devices::omega_drive_line_2::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1, NODE2,
 };
 use commram::memory::MemoryError;

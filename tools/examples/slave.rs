@@ -9,7 +9,9 @@ mod common;
 
 use common::{Application, Arguments, END, SYNC, check, map_slave};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use commram::devices::omega_drive_line_2::registers::{
+    CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, NODE1,
+};
 use commram::memory::MemoryError;
 use commram::memory::header::Start;
 

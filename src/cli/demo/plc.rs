@@ -5,7 +5,9 @@ use super::trace::{Trace, Who};
 use crate::cli::demo::processes;
 use crate::cli::error::CliError;
 use crate::cli::output;
-use commram::layout::omega_drive_line_2::{BAUD_RATES, CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2};
+use commram::devices::omega_drive_line_2::registers::{
+    BAUD_RATES, CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2,
+};
 use commram::memory::{AttachMode, Image, View};
 use std::time::Duration;
 

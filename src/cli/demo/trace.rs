@@ -4,7 +4,7 @@ use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::cli::place::{Place, live_by};
 use crate::cli::time;
-use commram::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use commram::layout::{Address, Live, Width};
 use commram::memory::{Attached, Header, MemoryError, SharedRegs, View};
 use std::cell::RefCell;

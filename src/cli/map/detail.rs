@@ -2,7 +2,7 @@
 
 use super::entry::Entry;
 use crate::cli::table;
-use commram::layout::omega_drive_line_2::DEVICE;
+use commram::devices::omega_drive_line_2::registers::DEVICE;
 
 /// Several lines of text.
 pub fn text(entry: &Entry) -> String {

@@ -6,11 +6,11 @@
 
 use crate::check::{Finding, Rule};
 use crate::devices::Context;
-use crate::journal::{BoardEvent, Event};
-use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{
+use crate::devices::omega_drive_line_2::registers::{
     ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_CONFIG_BYTES, ETHERNET_DIAGNOSE_BMSTRUCT,
 };
+use crate::journal::{BoardEvent, Event};
+use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 use std::net::Ipv4Addr;

@@ -18,3 +18,11 @@ mod plc;
 pub use config::{PlcConfig, ProjectConfig};
 #[cfg(feature = "emulator")]
 pub use plc::Plc;
+#[cfg(test)]
+mod registers_tests;
+
+/// Areas, structures and timing, generated from `layouts/omega-drive-line-2`.
+#[allow(non_snake_case, non_camel_case_types)]
+pub mod registers {
+    include!(concat!(env!("OUT_DIR"), "/omega_drive_line_2.rs"));
+}

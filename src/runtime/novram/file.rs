@@ -1,8 +1,8 @@
 //! The NOVRAM file: magic, version, length, content, checksum.
 
 use super::{Directory, Found, NovramError};
+use crate::devices::omega_drive_line_2::registers::ETHERNET_CONFIG_BYTES;
 use crate::layout::flags::MOST_RETAIN;
-use crate::layout::omega_drive_line_2::ETHERNET_CONFIG_BYTES;
 
 const MAGIC: [u8; 8] = *b"commramN";
 const VERSION: u32 = 2;

@@ -1,7 +1,7 @@
 //! Copies of register areas, and what has changed since.
 
 use super::Bench;
-use crate::layout::omega_drive_line_2::DEVICE;
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::place::{is_live, live_by, status_of, without_twins};
 use crate::layout::{Area, Live, RegisterRef, split_plc};
 use crate::script::ScenarioError;

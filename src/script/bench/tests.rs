@@ -123,7 +123,7 @@ fn a_forced_register_keeps_its_value_until_it_is_unforced() -> Result<(), Scenar
 
 #[test]
 fn function_blocks_work_on_the_ram_of_a_bench() -> Result<(), ScenarioError> {
-    use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+    use crate::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 
     let mut bench = Bench::built_in()?;
     let base = bench.ram("line")?.at::<CANsync_INIT_BMSTRUCT>(NODE2)?;

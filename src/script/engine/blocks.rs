@@ -5,7 +5,7 @@
 use super::pins::Pin;
 use super::wires::{Board, Connected, Jobs, JobsAndRegisters, Nothing, Wires};
 use crate::devices::omega_drive_line_2::blocks::{self as plc, CANsync_RD_BMARRAY, CANsync_UPDOWN_BMARRAY};
-use crate::layout::omega_drive_line_2::{
+use crate::devices::omega_drive_line_2::registers::{
     BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
 use crate::memory::MemoryError;

@@ -3,7 +3,7 @@
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 
 use crate::devices::omega_drive_line_2::blocks::{BAPS_BMSTRUCT, Base, Ram};
-use crate::layout::omega_drive_line_2::{
+use crate::devices::omega_drive_line_2::registers::{
     BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
 use crate::memory::MemoryError;

@@ -4,7 +4,7 @@
 use super::bench::Dead;
 use crate::rig::{BOTH, Memory, segment};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::Image;
 use commram::plant::{Plant, PlantConfig};
 use std::time::Duration;

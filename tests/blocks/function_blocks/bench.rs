@@ -2,7 +2,7 @@
 
 use crate::rig::{Memory, RATES, Rig};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::{Segment, View};
 
 const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\

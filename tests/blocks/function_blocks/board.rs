@@ -3,7 +3,7 @@
 use super::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::NODE2;
+use commram::devices::omega_drive_line_2::registers::NODE2;
 use commram::plant::Power;
 
 /// PLC `a` of the bench.
@@ -195,7 +195,7 @@ fn time_measurement_follows_the_real_clock() {
 #[test]
 fn a_structure_cannot_be_declared_where_it_does_not_fit() {
     let dead = Dead::new();
-    type Master = commram::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+    type Master = commram::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
     assert!(dead.ram.at::<Master>(NODE2).is_ok());
     assert!(dead.ram.at::<Master>(NODE2 + 1).is_err());
     assert!(dead.ram.at::<Master>(3_262_140).is_err());

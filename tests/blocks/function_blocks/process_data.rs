@@ -3,7 +3,7 @@
 use super::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 
 const NEW: CANsync_RD_BMARRAY = [[0; 16]; 32];
 

@@ -4,7 +4,7 @@ use super::baps::Stage;
 use super::bench::Dead;
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 use std::time::Duration;
 
 const PARAMETER: &str = "[[plc.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmin = 5\nmax = 500\n\

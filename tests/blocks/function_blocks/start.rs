@@ -3,7 +3,7 @@
 use super::bench::{Bench, Dead, init};
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 
 /// Manual p. 134, 212, 216-217: what a start looks like, in both memories.
 #[test]

@@ -3,7 +3,7 @@
 use super::bench::*;
 use crate::rig::{Memory, RATES};
 use commram::devices::cansync::drive::State;
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 use commram::plant::Power;
 
 const MONITORING: &str = "[plc.drive.monitoring]\ncyclic_data = { time_us = 100000, reaction = 'quick_stop' }\n\

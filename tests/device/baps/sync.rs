@@ -2,7 +2,7 @@
 
 use super::bench::*;
 use crate::rig::{Memory, RATES, Rate};
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 use commram::plant::Power;
 
 const LOCK_US: u64 = 10_000;

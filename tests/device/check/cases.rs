@@ -2,7 +2,7 @@
 
 use crate::rig::{Memory, RATES, Rate, Rig, write_init_data};
 use commram::check::Rule;
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::View;
 
 /// How a rule is broken, and how its correct neighbour goes. Both start from a fresh plant.

@@ -3,7 +3,7 @@
 use super::cases::{Case, baps};
 use crate::rig::Rig;
 use commram::check::Rule;
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::View;
 use commram::memory::header::ProgramState;
 

@@ -6,7 +6,7 @@ mod cases_baps;
 use crate::rig::{BOTH, Memory, RATES, Rig};
 use cases::Case;
 use commram::check::{Entry, Rule};
-use commram::layout::omega_drive_line_2::*;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::Width;
 
 fn cases() -> impl Iterator<Item = &'static Case> {

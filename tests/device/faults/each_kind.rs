@@ -3,8 +3,8 @@
 
 use super::*;
 use crate::rig::Memory;
+use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
 use commram::fault::Kind;
-use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
 
 /// When the faults begin; both nodes are active then and the drives locked.
 const AT_US: u64 = 100_003;

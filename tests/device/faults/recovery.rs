@@ -3,7 +3,7 @@
 use super::*;
 use crate::rig::Memory;
 use commram::devices::cansync::bus::{Frame, FrameKind};
-use commram::layout::omega_drive_line_2::{BAUD_RATES, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use core::mem::offset_of;
 use proptest::prelude::*;
 

@@ -6,8 +6,10 @@ use commram::devices::Context;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
 use commram::devices::cansync::firmware::{Change, Master, NodeState};
+use commram::devices::omega_drive_line_2::registers::{
+    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
+};
 use commram::journal::{Journal, Origin};
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use commram::memory::{Image, View};
 
 /// A master in active operation, at the start of an interval.

@@ -3,7 +3,7 @@
 use crate::rig::Memory;
 use crate::rig::bench::Bench;
 use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
-use commram::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use commram::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use commram::memory::{Cell8, Cell16, Cell32};
 
 pub const BASE: u32 = 0x0001_0000;

@@ -7,7 +7,7 @@ use crate::support::emulator::{How, Remote};
 use crate::support::report::{Outcome, Samples, Target};
 use crate::support::{PATIENCE, emulator};
 use commram::channel::{Client, Op, Reply};
-use commram::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use commram::memory::Width;
 use commram::runtime::Clock;
 use core::mem::offset_of;

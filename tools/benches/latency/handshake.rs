@@ -10,7 +10,7 @@ use crate::support::emulator::{How, Remote};
 use crate::support::page::{Page, Registers, ring, sleep};
 use crate::support::report::{Outcome, Samples, Target};
 use crate::support::{PATIENCE, spin_until};
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 use commram::memory::{Attached, Width};
 use commram::runtime::Clock;
 use criterion::Criterion;

@@ -5,7 +5,7 @@ use crate::support::child;
 use crate::support::emulator::{attach, connect, unique_instance};
 use crate::support::report::{Outcome, Samples, Target};
 use commram::channel::Client;
-use commram::layout::omega_drive_line_2::NODE2;
+use commram::devices::omega_drive_line_2::registers::NODE2;
 use commram::memory::Width;
 use criterion::Criterion;
 use std::process::{Child, Command, Stdio};

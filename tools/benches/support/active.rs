@@ -1,6 +1,8 @@
 //! A plant with everything switched on: the bus in active operation, all channels configured.
 
-use commram::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{
+    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
+};
 use commram::memory::{Segment, View};
 use std::ops::RangeInclusive;
 

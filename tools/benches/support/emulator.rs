@@ -4,7 +4,7 @@ use super::child::{Child, when_parent_ends};
 use super::{PATIENCE, cpu};
 use commram::channel::client::Patience;
 use commram::channel::{Client, HeaderBells};
-use commram::layout::omega_drive_line_2::LAYOUT_HASH;
+use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram::memory::names::channel_root;
 use commram::memory::{AttachMode, Attached, Image, MemoryError};
 use commram::plant::PlantConfig;

@@ -1,7 +1,7 @@
 //! One PLC with its drives on a bus at 500 kbit/s, and what its program writes in each interval.
 
 use crate::active::activate;
-use commram::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+use commram::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;

@@ -2,7 +2,7 @@
 
 use super::check;
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
+use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
 use commram::memory::MemoryError;
 
 /// Parameters of the drive: SYNC slot and offset, angle reference value, angle actual value, operating mode.

@@ -7,7 +7,7 @@ pub mod drive;
 use commram::devices::omega_drive_line_2::blocks::{
     Base, CANsync_PAR_SL, CANsync_PD_CFG_SL, Program, Ram, Tasks,
 };
-use commram::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, LAYOUT_HASH};
+use commram::devices::omega_drive_line_2::registers::{CANsync_SL_CTRL_BMSTRUCT, LAYOUT_HASH};
 use commram::memory::{AttachMode, Image, MemoryError};
 use std::process::ExitCode;
 use std::time::Duration;

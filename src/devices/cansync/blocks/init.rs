@@ -1,6 +1,6 @@
 //! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215).
 
-use crate::layout::omega_drive_line_2::{BAUD_RATES, CANsync_INIT_BMSTRUCT};
+use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_INIT_BMSTRUCT};
 use crate::plc::Base;
 use crate::plc::Watch;
 use core::time::Duration;
@@ -168,10 +168,11 @@ impl CANsync_INIT {
 
     /// `b_BT_0` and `b_BT_1` by the inputs; sets bit 1 if they are not as documented.
     fn bit_timing(&mut self) -> [u8; 2] {
-        let documented = |rate: &&crate::layout::omega_drive_line_2::BaudRate| match self.us_BAUDRATE {
-            0 => (rate.b_BT_0, rate.b_BT_1) == (self.b_BIT_TIMING0, self.b_BIT_TIMING1),
-            number => rate.us_BAUDRATE == number,
-        };
+        let documented =
+            |rate: &&crate::devices::omega_drive_line_2::registers::BaudRate| match self.us_BAUDRATE {
+                0 => (rate.b_BT_0, rate.b_BT_1) == (self.b_BIT_TIMING0, self.b_BIT_TIMING1),
+                number => rate.us_BAUDRATE == number,
+            };
         let found = BAUD_RATES.iter().find(documented).map(|rate| [rate.b_BT_0, rate.b_BT_1]);
         found.unwrap_or_else(|| {
             self.w_ERR |= BIT_TIMING;

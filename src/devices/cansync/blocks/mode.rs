@@ -1,6 +1,6 @@
 //! `CANsync_MODE_MA`, `CANsync_MODE_SL`: commands to a node and what it shows (p. 216-221).
 
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell16, SharedRegs};
 use crate::plc::Base;
 

@@ -1,7 +1,7 @@
 //! `CANsync_PAR_READ_MA`, `CANsync_PAR_WRITE_MA`: parameter jobs of a master (p. 222-224, 230-232).
 
 use super::registers::{ACTIVE, ERROR, Job, slave_index};
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
 use crate::plc::Base;
 use crate::plc::Watch;
 use core::time::Duration;

@@ -1,7 +1,7 @@
 //! `CANsync_PAR_SL`: parameter jobs at a slave (p. 225-229).
 
 use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
-use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::plc::Base;
 
 /// Bit 1; the manual's texts for bits 1 and 2 are swapped (p. 189), its values are right.

@@ -2,7 +2,9 @@
 //! half of which value (p. 233-246).
 
 use super::registers::{NOBODY, slave_index};
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD};
+use crate::devices::omega_drive_line_2::registers::{
+    CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD,
+};
 use crate::memory::Cell8;
 use crate::plc::Base;
 use core::ops::RangeInclusive;

@@ -2,7 +2,7 @@
 
 use super::process_data::receive_from;
 use super::registers::slave_index;
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::plc::Base;
 
 macro_rules! read {

@@ -3,7 +3,7 @@
 use super::CANsync_RD_BMARRAY;
 use super::process_data::{receive, receive_from_all, send, take_last_slave};
 use super::registers::AUTOMATIC;
-use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::plc::Base;
 
 /// Hands over own actual values, reads reference values and overhears other slaves' actual values

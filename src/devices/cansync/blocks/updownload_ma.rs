@@ -2,7 +2,7 @@
 
 use super::registers::{ACTIVE, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, UPDOWN_VALUES};
-use crate::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::plc::Base;
 use crate::plc::Watch;
 use core::time::Duration;

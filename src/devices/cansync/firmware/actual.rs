@@ -7,7 +7,7 @@ use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame};
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell8, Cell32};
 
 /// The registers in which the actual values of slaves are received.

@@ -6,7 +6,7 @@ use super::registers::Code;
 use crate::devices::Context;
 use crate::devices::cansync::bus::Frame;
 use crate::devices::cansync::bus::codec::action::ActionCommand;
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use crate::memory::{Cell8, Cell16, Cell32};
 use core::mem::offset_of;
 

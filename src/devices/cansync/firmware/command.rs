@@ -11,7 +11,7 @@ use super::{broadcast, parameter_job};
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::{ParameterJob, UpDownJob};
 use crate::devices::cansync::bus::{Frame, Payload};
-use crate::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 
 /// A job whose answer is due.
 #[derive(Clone, Copy, Debug)]

@@ -14,8 +14,8 @@ use crate::check::Facts;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
+use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use crate::journal::{Event, Missed};
-use crate::layout::omega_drive_line_2::{BaudRate, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
 

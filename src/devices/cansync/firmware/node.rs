@@ -9,9 +9,9 @@ use super::punctual::Punctual;
 use super::registers::{control, status};
 use crate::check::{Facts, Rule};
 use crate::devices::Context;
+use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::journal::{Command, Event};
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 

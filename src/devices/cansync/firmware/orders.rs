@@ -85,7 +85,7 @@ impl Orders {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::omega_drive_line_2::{CANsync_INIT_BMSTRUCT, NODE2};
+    use crate::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 
     #[test]
     fn the_left_behind_0_lasts_until_another_value_or_a_restart() {

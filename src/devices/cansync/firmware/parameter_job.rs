@@ -10,10 +10,10 @@ use crate::devices::cansync::bus::Payload;
 use crate::devices::cansync::bus::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult, error_number,
 };
-use crate::devices::shown::Shown;
-use crate::layout::omega_drive_line_2::{
+use crate::devices::omega_drive_line_2::registers::{
     CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER, NODE2,
 };
+use crate::devices::shown::Shown;
 use core::mem::offset_of;
 
 /// Bits of `b_STEUREG_PAR_CMD` and `b_STATREG_PAR_CMD` (p. 164).

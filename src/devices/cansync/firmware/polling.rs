@@ -11,8 +11,8 @@ use crate::devices::cansync::bus::codec::action::ActionCommand;
 use crate::devices::cansync::bus::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult,
 };
+use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::journal::Event;
-use crate::layout::omega_drive_line_2::CANsync_MA_CTRL_BMSTRUCT;
 
 /// Parameter number of the status word (manual 5.01010.01 p. 14; decision D-06).
 pub(super) const STATUS_WORD: u16 = 121;

@@ -12,8 +12,8 @@ use crate::devices::cansync::bus::codec::CodecError;
 use crate::devices::cansync::bus::codec::updown::{
     BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, error_number,
 };
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use crate::devices::shown::Shown;
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use core::mem::offset_of;
 
 /// Bits of `b_STEUREG_UPDOWNBLK1` and `b_STATREG_UPDOWNBLK1` (p. 166-167).

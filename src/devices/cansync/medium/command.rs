@@ -7,8 +7,8 @@ use crate::check::Rule;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::drive::Objection;
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER, NODE2};
 use crate::layout::Live;
-use crate::layout::omega_drive_line_2::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER, NODE2};
 use core::mem::{offset_of, size_of};
 
 impl Run<'_> {

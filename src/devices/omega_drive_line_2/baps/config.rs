@@ -2,7 +2,7 @@
 
 use super::quit;
 use crate::devices::cansync::drive::BuiltInDrive;
-use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 
 /// Parameter numbers of up to eight reference and eight actual values; 0: none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

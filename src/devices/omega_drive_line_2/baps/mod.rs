@@ -16,9 +16,9 @@ pub use hold::Pace;
 
 use crate::devices::Context;
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig};
+use crate::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
 use crate::devices::shown::Shown;
 use crate::journal::Journal;
-use crate::layout::omega_drive_line_2::{BAPS, BAPS_CTRL_BMSTRUCT};
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 use hold::Hold;

@@ -8,9 +8,9 @@ use crate::check::Rule;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::drive::BuiltInDrive;
+use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::shown::Shown;
 use crate::journal::Event;
-use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
 use crate::memory::{Header, MemoryError, Segment, View};
 use core::mem::offset_of;
 

@@ -12,8 +12,8 @@ use super::place;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::error_number;
 use crate::devices::cansync::drive::{BuiltInDrive, ParamFormat, number};
+use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::shown::Shown;
-use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
 use core::mem::offset_of;
 
 /// Both semaphores know 0 and 1 only.

@@ -11,7 +11,7 @@ use crate::devices::cansync::bus::codec::{
 };
 use crate::devices::cansync::bus::{Frame, Payload};
 use crate::devices::cansync::firmware::polling::STATUS_WORD;
-use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 
 /// Who answers the last job.
 #[derive(Clone, Copy, Debug)]

@@ -3,8 +3,8 @@
 
 use super::*;
 use crate::devices::cansync::bus::codec::{Direction, ParameterResponse, UpDownResponse};
+use crate::devices::omega_drive_line_2::registers::NODE1;
 use crate::journal::{Journal, Origin};
-use crate::layout::omega_drive_line_2::NODE1;
 use crate::memory::{Cell8, Segment, View};
 use core::fmt::Debug;
 

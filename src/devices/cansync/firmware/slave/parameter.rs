@@ -8,8 +8,8 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
 use crate::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
+use crate::devices::omega_drive_line_2::registers::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use crate::devices::shown::Shown;
-use crate::layout::omega_drive_line_2::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
 use core::mem::offset_of;
 
 /// Bits 1 and 2. The manual's texts for them are swapped (p. 189); its values 16#43, 16#45 and 16#55

@@ -7,7 +7,7 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET, error_number};
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
 use crate::devices::cansync::firmware::block;
-use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 
 /// Bit 1: the master has changed the job.
 const CHANGE: u8 = 1 << 1;

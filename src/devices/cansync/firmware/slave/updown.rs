@@ -5,7 +5,7 @@ use super::transfer::{Successor, Transfer};
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::updown::error_number;
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
-use crate::layout::omega_drive_line_2::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 
 /// Highest base address that is the operating system's (p. 191).
 const SYSTEM_ADDRESSES: u32 = 0xFF;

@@ -3,7 +3,7 @@
 
 use super::OMEGA_DRIVE_LINE_II;
 use super::command::{CONFIGURE, EXCHANGE};
-use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::plc::Base;
 
 /// Bit 0 of `b_ERR`.

@@ -1,6 +1,6 @@
 //! `BAPS_PD_CONTROL`: watches that process data are exchanged (p. 117).
 
-use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::plc::Base;
 use crate::plc::Watch;
 use core::time::Duration;

@@ -1,7 +1,7 @@
 //! `BAPS_SD_CONTROL`: carries out the jobs of `BAPS_PAR_READ` and `BAPS_PAR_WRITE` (p. 118-120).
 
 use super::service_data::{Answer, BAPS_BMSTRUCT, Job, Kind, Stage};
-use crate::layout::omega_drive_line_2::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::plc::Base;
 use crate::plc::Watch;
 use core::time::Duration;
