@@ -1,7 +1,8 @@
 //! Register maps: generated structs and descriptors, names and addresses of registers.
 //!
 //! The layout files in `layouts/` are the only source of names, offsets, types, owners, reset values and
-//! meanings. The build compiles them into a module of the device, as [`registers`](crate::devices::omega_drive_line_2::registers): typed views for the firmware, and
+//! meanings. The build compiles them into a module of each device, such as
+//! [`registers`](crate::devices::omega_drive_line_2::registers) of the Omega Drive-Line II: typed views for the firmware, and
 //! descriptors for everything that speaks with people:
 //!
 //! ```
