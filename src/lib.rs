@@ -8,6 +8,7 @@
 //! |---|---|
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
 //! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
+//! | [`can`] | CAN frames, their time on the wire, a CAN medium |
 //! | [`devices`] | the devices: what each does with its registers, its buses and function blocks |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
 //! | [`plc`] | the PLC side: the RAM as a program sees it, tasks |
@@ -42,6 +43,8 @@
 //! # }
 //! ```
 
+#[cfg(feature = "emulator")]
+pub mod can;
 #[cfg(feature = "channel")]
 pub mod channel;
 #[cfg(feature = "emulator")]

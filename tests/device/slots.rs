@@ -2,7 +2,8 @@
 //! D-280).
 
 use crate::rig::{Memory, RATES, Rate, Rig};
-use commram::devices::cansync::bus::{Frame, FrameKind, wire};
+use commram::can::wire;
+use commram::devices::cansync::bus::{Frame, FrameKind};
 use commram::devices::omega_drive_line_2::registers::{BAUD_RATES, BaudRate};
 use proptest::prelude::*;
 
@@ -127,7 +128,7 @@ fn a_frame_is_there_before_the_intermission() {
         let begins = [timing.t_WRC1, timing.t_RDC1, timing.t_WRC2, timing.t_RDC2, timing.t_CC];
         assert_eq!(frames.len(), begins.len());
         for ((end, frame), begin) in frames.iter().zip(begins) {
-            let us = wire::bits_to_end_of_frame(frame) * 1000 / u32::from(rate.kbit_s);
+            let us = wire::bits_to_end_of_frame(&(*frame).into()) * 1000 / u32::from(rate.kbit_s);
             assert_eq!(*end, edge + u64::from(begin + us), "{frame:?}");
         }
     }
@@ -146,7 +147,7 @@ fn a_frame_longer_than_its_slot_keeps_the_next_one_waiting() {
                 let [a, b] = words(low).map(u32::to_le_bytes);
                 Frame::new(id, &[a, b].concat()).unwrap()
             };
-            let low = (0..=0xFFFF).find(|low| wire::bits(&frame(*low)) > 130).expect("there is one");
+            let low = (0..=0xFFFF).find(|low| wire::bits(&frame(*low).into()) > 130).expect("there is one");
             (words(low), frame(low))
         });
         for (words, expected) in [long, longer] {
@@ -155,7 +156,7 @@ fn a_frame_longer_than_its_slot_keeps_the_next_one_waiting() {
             let at =
                 frames.iter().position(|(_, frame)| *frame == expected).expect("the frame is on the bus");
             let [(end, _), (next_end, next)] = frames[at..at + 2] else { panic!("{frames:?}") };
-            assert_eq!(next_end, end + us(3 + wire::bits_to_end_of_frame(&next)), "{next:?}");
+            assert_eq!(next_end, end + us(3 + wire::bits_to_end_of_frame(&next.into())), "{next:?}");
         }
     }
 }
@@ -179,7 +180,7 @@ proptest! {
         let timing = timing(rate);
         let mut free = 0;
         for (end, frame) in rig.frames().into_iter().filter(|(end, _)| *end > first) {
-            let begin = end - us(wire::bits_to_end_of_frame(&frame));
+            let begin = end - us(wire::bits_to_end_of_frame(&frame.into()));
             prop_assert!(begin >= free, "{:?} begins at {}, the bus is free from {} on", frame, begin, free);
             let slot = match frame.kind() {
                 Some(FrameKind::ReferenceValue(channel, _)) => [timing.t_WRC1, timing.t_WRC2][channel.index()],
@@ -190,7 +191,7 @@ proptest! {
             let behind = (begin - first) % rate.interval_us - u64::from(slot);
             prop_assert!(behind <= us(5), "{:?} begins {} us behind its slot", frame, behind);
             prop_assert!(behind == 0 || begin == free, "{:?} waits for nobody", frame);
-            free = begin + us(wire::bits(&frame));
+            free = begin + us(wire::bits(&frame.into()));
         }
     }
 }

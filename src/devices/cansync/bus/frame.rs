@@ -1,11 +1,13 @@
 //! A CAN data frame with 11-bit identifier and 0 to 8 data bytes.
 
 use super::ident::FrameKind;
-use super::payload::Payload;
+use crate::can;
+use crate::can::Payload;
 use embedded_can::{Id, StandardId};
 use serde::Deserialize;
 
-/// A data frame on the simulated bus. Remote frames do not occur in CANsync.
+/// A data frame on the simulated bus. Remote frames and identifiers of 29 bits do not occur in CANsync, so this is smaller
+/// than a [`can::Frame`], which it can become: journals hold many.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Frame {
     id: u16,
@@ -81,6 +83,13 @@ impl FrameLength {
     }
 }
 
+impl From<Frame> for can::Frame {
+    #[inline]
+    fn from(frame: Frame) -> Self {
+        can::Frame::standard(frame.id, frame.payload)
+    }
+}
+
 impl embedded_can::Frame for Frame {
     fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
         match id.into() {
@@ -133,6 +142,14 @@ mod tests {
         assert_eq!((frame.id(), frame.data()), (0x585, &[1, 2, 3][..]));
         assert_eq!(frame.padded(), [1, 2, 3, 0, 0, 0, 0, 0]);
         assert_eq!(frame.kind(), Some(FrameKind::Response(5)));
+    }
+
+    #[test]
+    fn it_is_a_can_frame() {
+        let frame = Frame::new(0x585, &[1, 2, 3]).unwrap();
+        let general = can::Frame::from(frame);
+        assert_eq!(embedded_can::Frame::id(&general), embedded_can::Frame::id(&frame));
+        assert_eq!((general.payload(), general.arbitration().is_remote()), (*frame.payload(), false));
     }
 
     #[test]

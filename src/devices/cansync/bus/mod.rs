@@ -7,11 +7,9 @@
 pub mod codec;
 pub mod frame;
 pub mod ident;
-pub mod payload;
 mod sync;
 pub mod wire;
 
 pub use frame::{Frame, FrameLength};
 pub use ident::{Channel, FrameKind, LAST_SLAVE};
-pub use payload::Payload;
 pub use sync::SyncLock;

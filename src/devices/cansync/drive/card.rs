@@ -10,7 +10,8 @@ use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};
 use super::table::number::{CONTROL_WORD, STATUS_WORD};
 use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
-use crate::devices::cansync::bus::{Channel, Payload};
+use crate::can::Payload;
+use crate::devices::cansync::bus::Channel;
 
 /// The longest delay of ZK 24 plus the interval being received.
 const DELAY_LINE: usize = 4;

@@ -41,12 +41,13 @@ pub use regler::{MAXIMUM_ELEMENT, MINIMUM_ELEMENT};
 pub use table::{PARAMETERS, ParameterRow, number};
 pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 
+use crate::can::Payload;
 use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
 use crate::devices::cansync::bus::codec::{
     Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult, UpDownJob, UpDownResult,
     updown,
 };
-use crate::devices::cansync::bus::{Channel, Frame, Payload, SyncLock};
+use crate::devices::cansync::bus::{Channel, Frame, SyncLock};
 use card::Card;
 use monitoring::{Monitor, fault};
 use regler::{Setup, VRegler};

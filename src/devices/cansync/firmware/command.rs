@@ -8,9 +8,10 @@
 use super::auto::Counter;
 use super::updown_job::BlockJob;
 use super::{broadcast, parameter_job};
+use crate::can::Payload;
 use crate::devices::Context;
+use crate::devices::cansync::bus::Frame;
 use crate::devices::cansync::bus::codec::{ParameterJob, UpDownJob};
-use crate::devices::cansync::bus::{Frame, Payload};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 
 /// A job whose answer is due.

@@ -5,8 +5,8 @@
 //! a job that nobody answers is simply sent again on the slave's next turn (decision D-11).
 
 use super::job_registers::JobRegisters;
+use crate::can::Payload;
 use crate::devices::Context;
-use crate::devices::cansync::bus::Payload;
 use crate::devices::cansync::bus::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult, error_number,
 };

@@ -6,8 +6,8 @@
 
 use super::block::{self, MAX_LENGTH};
 use super::job_registers::JobRegisters;
+use crate::can::Payload;
 use crate::devices::Context;
-use crate::devices::cansync::bus::Payload;
 use crate::devices::cansync::bus::codec::CodecError;
 use crate::devices::cansync::bus::codec::updown::{
     BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, error_number,

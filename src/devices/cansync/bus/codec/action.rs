@@ -2,7 +2,8 @@
 //! (manual 5.00005.03a p. 138 and 162-163).
 
 use super::CodecError;
-use crate::devices::cansync::bus::{Frame, FrameKind, Payload};
+use crate::can::Payload;
+use crate::devices::cansync::bus::{Frame, FrameKind};
 
 /// Command byte of "write control word" (p. 138).
 pub const CONTROL_WORD: u8 = 0x01;

@@ -6,7 +6,8 @@ use super::{
     Access, Action, ActionCommand, CodecError, Direction, ParameterJob, ParameterResponse, ParameterResult,
     UpDownJob, UpDownResponse, UpDownResult, UpDownStep,
 };
-use crate::devices::cansync::bus::{Channel, Frame, FrameKind, Payload};
+use crate::can::Payload;
+use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use core::fmt;
 
 /// A frame of CANsync. Its [`Display`](fmt::Display) is one line for a trace.

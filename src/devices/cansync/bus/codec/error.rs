@@ -1,6 +1,6 @@
 //! What can be wrong with a received frame, or with a job before it is sent.
 
-use crate::devices::cansync::bus::Payload;
+use crate::can::Payload;
 
 /// A frame that does not keep to the grammar, or a job that cannot be expressed in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -5,7 +5,8 @@
 //! the first byte tell, and whether such an answer fits can be judged only with the job at hand.
 
 use super::CodecError;
-use crate::devices::cansync::bus::{Frame, FrameKind, Payload};
+use crate::can::Payload;
+use crate::devices::cansync::bus::{Frame, FrameKind};
 
 /// Highest parameter number.
 pub const MAX_NUMBER: u16 = 4095;

@@ -3,7 +3,7 @@
 //! Manual 5.00005.03a p. 152-153 (master, reference values), p. 156-157 (master, actual values) and the
 //! slave's chapters from p. 176 on, which use the same byte.
 
-use crate::devices::cansync::bus::Payload;
+use crate::can::Payload;
 
 /// One configuration byte (`b_CFG_WRCx_WORDy`, `b_CFG_RDCx_WORDy`): which half of which value a word is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

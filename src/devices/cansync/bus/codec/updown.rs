@@ -5,7 +5,8 @@
 //! decided here.
 
 use super::CodecError;
-use crate::devices::cansync::bus::{Frame, FrameKind, Payload};
+use crate::can::Payload;
+use crate::devices::cansync::bus::{Frame, FrameKind};
 
 /// Data bytes of one frame.
 pub const BLOCK: usize = 6;

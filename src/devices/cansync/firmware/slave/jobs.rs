@@ -3,13 +3,14 @@
 
 use super::parameter::ParameterServer;
 use super::updown::UpDownServer;
+use crate::can::Payload;
 use crate::devices::Context;
+use crate::devices::cansync::bus::Frame;
 use crate::devices::cansync::bus::codec::parameter::error_number as parameter_error;
 use crate::devices::cansync::bus::codec::updown::error_number as updown_error;
 use crate::devices::cansync::bus::codec::{
     Access, CodecError, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep, is_up_download,
 };
-use crate::devices::cansync::bus::{Frame, Payload};
 use crate::devices::cansync::firmware::polling::STATUS_WORD;
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 

@@ -28,7 +28,7 @@ impl Payload {
         Payload { len: len as u8, bytes: (u64::from_le_bytes(bytes) & keep).to_le_bytes() }
     }
 
-    /// The first `count` words (at most 4), low byte first (manual 5.00005.03a p. 136).
+    /// The first `count` words (at most 4), low byte first.
     #[inline]
     pub const fn from_words(words: [u16; 4], count: usize) -> Self {
         let [a, b, c, d] = words;

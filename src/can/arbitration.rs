@@ -1,0 +1,136 @@
+//! The arbitration field: identifier, format, and whether a frame has data or asks for some.
+
+use embedded_can::{ExtendedId, Id, StandardId};
+use std::fmt;
+
+/// What decides who may send, as it goes over the wire behind the start bit, left-aligned in 32 bits: 11 bits of
+/// identifier, then in the standard format RTR and IDE (0), in the extended format SRR (1), IDE (1), the other 18 bits of
+/// the identifier and RTR. A 0 is dominant, so the smaller field wins.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Arbitration(u32);
+
+const BASE: u32 = 21;
+const SRR: u32 = 1 << 20;
+const IDE: u32 = 1 << 19;
+const STANDARD_RTR: u32 = 1 << 20;
+const EXTENDED_RTR: u32 = 1;
+
+impl Arbitration {
+    /// That of a frame with this identifier; `is_remote`: it asks for data instead of carrying some.
+    #[inline]
+    pub fn new(id: impl Into<Id>, is_remote: bool) -> Self {
+        let field = match id.into() {
+            Id::Standard(id) => u32::from(id.as_raw()) << BASE,
+            Id::Extended(id) => spread(id.as_raw()) | SRR | IDE,
+        };
+        let field = Arbitration(field);
+        if is_remote { Arbitration(field.0 | field.rtr()) } else { field }
+    }
+
+    /// The identifier.
+    #[inline]
+    pub fn id(self) -> Id {
+        let base = self.0 >> BASE;
+        // Both have too few bits to be out of range.
+        if self.is_extended() {
+            let id = base << 18 | self.0 >> 1 & 0x3_FFFF;
+            Id::Extended(ExtendedId::new(id).unwrap_or(ExtendedId::MAX))
+        } else {
+            Id::Standard(StandardId::new(base as u16).unwrap_or(StandardId::MAX))
+        }
+    }
+
+    /// Whether the identifier has 29 bits instead of 11.
+    #[inline]
+    pub const fn is_extended(self) -> bool {
+        self.0 & IDE != 0
+    }
+
+    /// Whether the frame asks for data.
+    #[inline]
+    pub const fn is_remote(self) -> bool {
+        self.0 & self.rtr() != 0
+    }
+
+    /// The field as described above.
+    #[inline]
+    pub(super) const fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// The bit that says whether the frame asks for data.
+    #[inline]
+    pub(super) const fn rtr(self) -> u32 {
+        if self.is_extended() { EXTENDED_RTR } else { STANDARD_RTR }
+    }
+
+    /// The bits of the field that tell the formats apart.
+    pub(super) const fn format() -> u32 {
+        IDE
+    }
+
+    /// Where in the field the bits of an identifier of this format lie.
+    pub(super) const fn place(self, id_bits: u32) -> u32 {
+        if self.is_extended() { spread(id_bits) } else { id_bits << BASE }
+    }
+}
+
+/// 29 bits of an identifier, with SRR and IDE between the 11 upper and the 18 lower ones.
+const fn spread(id: u32) -> u32 {
+    (id >> 18) << BASE | (id & 0x3_FFFF) << 1
+}
+
+impl fmt::Debug for Arbitration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.id() {
+            Id::Standard(id) => write!(f, "16#{:03X}", id.as_raw())?,
+            Id::Extended(id) => write!(f, "16#{:08X}", id.as_raw())?,
+        }
+        f.write_str(if self.is_remote() { " remote" } else { "" })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::reference;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_order_of_the_standard() {
+        let standard = |id, remote| Arbitration::new(StandardId::new(id).unwrap(), remote);
+        let extended = |id, remote| Arbitration::new(ExtendedId::new(id).unwrap(), remote);
+        let in_order = [
+            standard(0x122, true),
+            standard(0x123, false),
+            standard(0x123, true),
+            extended(0x123 << 18, false),
+            extended(0x123 << 18, true),
+            extended(0x123 << 18 | 1, false),
+            standard(0x124, false),
+        ];
+        assert!(in_order.is_sorted_by(|a, b| a < b), "{in_order:?}");
+    }
+
+    #[test]
+    fn it_prints_what_it_is() {
+        let shown = |field: Arbitration| format!("{field:?}");
+        assert_eq!(shown(Arbitration::new(StandardId::new(0x10).unwrap(), false)), "16#010");
+        assert_eq!(shown(Arbitration::new(ExtendedId::MAX, true)), "16#1FFFFFFF remote");
+    }
+
+    proptest! {
+        #[test]
+        fn it_keeps_what_it_was_made_of(field in reference::arbitration()) {
+            let (id, is_remote) = field;
+            let made = Arbitration::new(id, is_remote);
+            prop_assert_eq!((made.id(), made.is_remote()), (id, is_remote));
+            prop_assert_eq!(made.is_extended(), matches!(id, Id::Extended(_)));
+        }
+
+        #[test]
+        fn identifiers_are_in_the_order_of_the_library(a in reference::id(), b in reference::id()) {
+            prop_assert_eq!(Arbitration::new(a, false).cmp(&Arbitration::new(b, false)), a.cmp(&b));
+        }
+    }
+}

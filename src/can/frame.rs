@@ -1,0 +1,120 @@
+//! A frame: data, or a request for data.
+
+use super::{Arbitration, Payload};
+use embedded_can::{Id, StandardId};
+
+/// A frame of the standard (11 bits of identifier) or the extended format (29 bits), with up to eight data bytes or, as a
+/// remote frame, with the number of those it asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Frame {
+    arbitration: Arbitration,
+    /// A remote frame's is as long as the data it asks for, and all 0.
+    payload: Payload,
+}
+
+impl Frame {
+    /// A data frame.
+    #[inline]
+    pub fn new(id: impl Into<Id>, payload: Payload) -> Self {
+        Frame { arbitration: Arbitration::new(id, false), payload }
+    }
+
+    /// A data frame of the standard format; the lower 11 bits of `id` count.
+    #[inline]
+    pub fn standard(id: u16, payload: Payload) -> Self {
+        Frame::new(StandardId::new(id & 0x7FF).unwrap_or(StandardId::MAX), payload)
+    }
+
+    /// A frame that asks for `length` bytes of data (0..=8); `None` if that are more.
+    #[inline]
+    pub fn remote(id: impl Into<Id>, length: usize) -> Option<Self> {
+        let payload = Payload::new([0; 8].get(..length)?)?;
+        Some(Frame { arbitration: Arbitration::new(id, true), payload })
+    }
+
+    /// Identifier, format and kind.
+    #[inline]
+    pub const fn arbitration(&self) -> Arbitration {
+        self.arbitration
+    }
+
+    /// What its length field says, 0..=8: how many bytes it carries, or asks for.
+    #[inline]
+    pub const fn length(&self) -> usize {
+        self.payload.len()
+    }
+
+    /// What it carries: nothing if it is a remote frame.
+    #[inline]
+    pub const fn payload(&self) -> Payload {
+        if self.arbitration.is_remote() { Payload::EMPTY } else { self.payload }
+    }
+}
+
+impl embedded_can::Frame for Frame {
+    fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
+        Some(Frame::new(id, Payload::new(data)?))
+    }
+
+    fn new_remote(id: impl Into<Id>, dlc: usize) -> Option<Self> {
+        Frame::remote(id, dlc)
+    }
+
+    fn is_extended(&self) -> bool {
+        self.arbitration.is_extended()
+    }
+
+    fn is_remote_frame(&self) -> bool {
+        self.arbitration.is_remote()
+    }
+
+    fn id(&self) -> Id {
+        self.arbitration.id()
+    }
+
+    fn dlc(&self) -> usize {
+        self.length()
+    }
+
+    fn data(&self) -> &[u8] {
+        if self.arbitration.is_remote() { &[] } else { self.payload.data() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embedded_can::ExtendedId;
+
+    #[test]
+    fn no_more_than_eight_bytes() {
+        let id = StandardId::ZERO;
+        assert!(<Frame as embedded_can::Frame>::new(id, &[0; 9]).is_none());
+        assert_eq!((Frame::remote(id, 9), Frame::remote(id, usize::MAX)), (None, None));
+    }
+
+    #[test]
+    fn a_remote_frame_has_a_length_and_no_data() {
+        let frame = Frame::remote(ExtendedId::MAX, 5).unwrap();
+        assert_eq!((frame.length(), frame.payload()), (5, Payload::EMPTY));
+        assert!(embedded_can::Frame::data(&frame).is_empty());
+        assert_ne!(frame, Frame::remote(ExtendedId::MAX, 4).unwrap());
+    }
+
+    #[test]
+    fn the_traits_of_embedded_can_read_what_they_made() {
+        use embedded_can::Frame as Common;
+        for id in [Id::Standard(StandardId::MAX), Id::Extended(ExtendedId::ZERO)] {
+            let data = <Frame as Common>::new(id, &[1, 2, 3]).unwrap();
+            assert_eq!((data.id(), data.dlc(), data.data()), (id, 3, &[1, 2, 3][..]));
+            assert!(data.is_data_frame() && data.is_standard() == matches!(id, Id::Standard(_)));
+            let remote = <Frame as Common>::new_remote(id, 3).unwrap();
+            assert_eq!((remote.id(), remote.dlc(), remote.is_remote_frame()), (id, 3, true));
+        }
+    }
+
+    #[test]
+    fn a_standard_identifier_has_eleven_bits() {
+        assert_eq!(Frame::standard(0xF923, Payload::EMPTY), Frame::standard(0x123, Payload::EMPTY));
+    }
+}

@@ -1,0 +1,21 @@
+//! CAN as ISO 11898-1 has it (Classical CAN): frames, their bits and times on the wire, acceptance filters, a medium.
+//!
+//! It knows no device and no protocol; what identifiers and data bytes mean is their users' affair. Everything here is
+//! pure: no I/O, no allocation, no clock of its own.
+
+mod arbitration;
+mod filter;
+mod frame;
+mod medium;
+mod payload;
+mod rate;
+#[cfg(test)]
+mod reference;
+pub mod wire;
+
+pub use arbitration::Arbitration;
+pub use filter::Filter;
+pub use frame::Frame;
+pub use medium::{Event, Medium, OnWire, Participants};
+pub use payload::Payload;
+pub use rate::BitRate;

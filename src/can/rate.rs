@@ -1,0 +1,48 @@
+//! Bit rates and the time that bits take.
+
+use std::num::NonZeroU32;
+
+/// A medium's bit rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct BitRate(NonZeroU32);
+
+impl BitRate {
+    /// `bit_s` bits per second, of which CAN has up to 1 000 000; `None` for 0, at which nothing would ever arrive.
+    pub const fn new(bit_s: u32) -> Option<Self> {
+        match NonZeroU32::new(bit_s) {
+            Some(bit_s) => Some(BitRate(bit_s)),
+            None => None,
+        }
+    }
+
+    /// Bits per second.
+    pub const fn bit_s(self) -> u32 {
+        self.0.get()
+    }
+
+    /// How long so many bits take, in nanoseconds, rounded up.
+    #[inline]
+    pub const fn time_ns(self, bits: u32) -> u64 {
+        (bits as u64 * 1_000_000_000).div_ceil(self.0.get() as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_take_their_time() {
+        for (bit_s, bits, ns) in [
+            (1_000_000, 135, 135_000),
+            (800_000, 111, 138_750),
+            (125_000, 1, 8_000),
+            (83_333, 1, 12_001),
+            (10_000, 160, 16_000_000),
+            (1, u32::MAX, 4_294_967_295_000_000_000),
+        ] {
+            assert_eq!(BitRate::new(bit_s).unwrap().time_ns(bits), ns, "{bits} bits at {bit_s} bit/s");
+        }
+        assert_eq!(BitRate::new(0), None);
+    }
+}
