@@ -82,3 +82,15 @@ struct FunctionBlocks;
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/scenarios.md")]
 struct Scenarios;
+
+/// Settings of the library's property tests: what once failed is kept below `tests/`, instead of beside `src/`.
+#[cfg(all(test, feature = "emulator"))]
+fn property_tests() -> proptest::test_runner::Config {
+    use proptest::test_runner::{Config, FailurePersistence, FileFailurePersistence};
+    let mut config = Config::default();
+    // None if the environment says so.
+    config.failure_persistence = config.failure_persistence.map(|_| -> Box<dyn FailurePersistence> {
+        Box::new(FileFailurePersistence::SourceParallel("tests/proptest-regressions/src"))
+    });
+    config
+}

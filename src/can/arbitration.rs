@@ -120,6 +120,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(crate::property_tests())]
+
         #[test]
         fn it_keeps_what_it_was_made_of(field in reference::arbitration()) {
             let (id, is_remote) = field;

@@ -262,7 +262,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(4000))]
+        #![proptest_config(ProptestConfig { cases: 4000, ..crate::property_tests() })]
         #[test]
         fn tables_agree_with_the_bit_by_bit_reference(frame in reference::frame()) {
             check(&frame);

@@ -1,8 +1,8 @@
 //! iceoryx2's POSIX shared memory, which lies beside the instance's directory, where everybody sees its names.
 
-use rustix::fs::{Mode, OFlags};
+use crate::memory::directory::Directory;
 use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -55,29 +55,25 @@ pub(super) fn half_made(prefix: &str) -> Vec<PathBuf> {
 /// Puts private copies in the place of objects that others can open; tells whether there were any. Nobody of
 /// ours may use them yet. Whoever has opened one meanwhile is left with the file that nobody uses any more.
 pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
+    let shm = Directory::open(Path::new(SHM))?;
     let mut any = false;
     for path in objects(prefix) {
-        let data = path.symlink_metadata()?;
-        if data.mode() & 0o077 != 0 {
-            replace(&path, prefix)?;
+        let name = path.file_name().and_then(|name| name.to_str());
+        if let Some(name) = name.filter(|name| shm.stat_of(name).is_ok_and(|it| it.st_mode & 0o077 != 0)) {
+            replace(&shm, name, prefix)?;
             any = true;
         }
     }
     Ok(any)
 }
 
-fn replace(path: &Path, prefix: &str) -> io::Result<()> {
-    let nofollow = OFlags::NOFOLLOW | OFlags::CLOEXEC;
-    let public = File::from(rustix::fs::open(path, OFlags::RDONLY | nofollow, Mode::empty())?);
+fn replace(shm: &Directory, name: &str, prefix: &str) -> io::Result<()> {
     let mut content = Vec::new();
-    public.take(MAX_PUBLIC).read_to_end(&mut content)?;
+    shm.read(name)?.take(MAX_PUBLIC).read_to_end(&mut content)?;
     // The prefix, so that a sweep removes it if this is the last that this process does; the rest nobody can guess
     // and take before us.
-    let new = Path::new(SHM).join(format!("{prefix}{}", random()?));
-    let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | nofollow;
-    let private = rustix::fs::open(&new, flags, Mode::RUSR | Mode::WUSR)?;
-    let written = File::from(private).write_all(&content);
-    written.and_then(|()| std::fs::rename(&new, path)).inspect_err(|_| drop(std::fs::remove_file(&new)))
+    let new = format!("{prefix}{}", random()?);
+    shm.with_new(&new, &content, |_| Ok(shm.rename(&new, name)?))
 }
 
 /// Eight hexadecimal digits that nobody can guess.

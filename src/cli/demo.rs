@@ -11,7 +11,7 @@ mod trace;
 use super::error::CliError;
 use super::{dump, output};
 use commram::plant::PlantConfig;
-use processes::{Emulator, SoftPlc};
+use processes::{Emulator, POLL, SoftPlc};
 pub use processes::{Interrupts, command, end_with};
 use std::time::{Duration, Instant};
 
@@ -19,8 +19,6 @@ use std::time::{Duration, Instant};
 const WATCHDOG: Duration = Duration::from_secs(120);
 /// How long the soft-PLC may take to notice and to say that the emulator is gone.
 const GRACE: Duration = Duration::from_secs(2);
-/// Pause between two looks at the processes.
-const POLL: Duration = Duration::from_millis(5);
 
 /// Watch a soft-PLC initialize three drives and exchange process data with them.
 ///

@@ -109,6 +109,8 @@ fn kinds_are_found_by_number_and_name() {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn words_give_the_event_back(event in event()) {
         prop_assert_eq!(Event::from_words(event.words()), Some(event));

@@ -187,6 +187,8 @@ enum Step {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     /// Whatever comes in whatever rhythm, the records give back every event with its time.
     #[test]
     fn counting_loses_nothing(

@@ -9,6 +9,7 @@ mod attach;
 pub mod bell;
 pub mod cell;
 pub mod contract;
+pub(crate) mod directory;
 mod error;
 mod file;
 mod guard;

@@ -5,12 +5,13 @@
 //! descriptor only. Nobody else can get at it then.
 
 use super::MemoryError;
-use rustix::fs::{AtFlags, FileType, Mode, OFlags, Stat};
+use super::directory::Directory;
+use rustix::fs::{FileType, Mode, Stat};
 use rustix::io::Errno;
 use std::fs::File;
 use std::io;
 #[cfg(feature = "channel")]
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Longest file that is read from such a directory: they hold a line or two.
@@ -25,7 +26,7 @@ const OTHERS_WRITE: u32 = 0o022;
 #[derive(Debug)]
 pub(crate) struct PrivateDir {
     path: PathBuf,
-    directory: File,
+    directory: Directory,
 }
 
 impl PrivateDir {
@@ -52,18 +53,17 @@ impl PrivateDir {
     /// # Errors
     /// As [`PrivateDir::create`].
     pub fn open(path: &Path) -> Result<Option<Self>, MemoryError> {
-        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let directory = match rustix::fs::open(path, flags, Mode::empty()) {
+        let directory = match Directory::open_itself(path) {
             Ok(directory) => directory,
             Err(Errno::NOENT) => return Ok(None),
             Err(errno) => return Err(why_not_opened(path, errno)),
         };
-        let stat = rustix::fs::fstat(&directory).map_err(|errno| failed(path, "look at", errno))?;
+        let stat = directory.stat().map_err(|errno| failed(path, "look at", errno))?;
         judge(path, &stat)?;
         if stat.st_mode & OTHERS != 0 {
-            rustix::fs::fchmod(&directory, Mode::RWXU).map_err(|errno| failed(path, "close", errno))?;
+            directory.close_to_others().map_err(|errno| failed(path, "close", errno))?;
         }
-        Ok(Some(Self { path: path.to_owned(), directory: File::from(directory) }))
+        Ok(Some(Self { path: path.to_owned(), directory }))
     }
 
     /// Its path.
@@ -74,25 +74,21 @@ impl PrivateDir {
 
     /// Whether the path still names this directory.
     pub fn is_named(&self) -> bool {
-        let named = rustix::fs::lstat(&self.path);
-        let own = rustix::fs::fstat(&self.directory);
-        matches!((named, own), (Ok(a), Ok(b)) if (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino))
+        is_same(rustix::fs::lstat(&self.path), self.directory.stat())
     }
 
     /// Takes the directory's lock, if nobody else has it, for as long as the result lives.
     #[cfg(feature = "channel")]
     pub fn try_lock(self: &std::sync::Arc<Self>) -> Option<Held> {
-        use rustix::fs::FlockOperation;
-        let free = rustix::fs::flock(&self.directory, FlockOperation::NonBlockingLockExclusive).is_ok();
-        free.then(|| Held(std::sync::Arc::clone(self)))
+        let is_ours = self.directory.try_lock().is_ok_and(|is_ours| is_ours);
+        is_ours.then(|| Held(std::sync::Arc::clone(self)))
     }
 
     /// Opens the file `name` in it for reading and writing, and makes it if it is missing; `None` if the
     /// directory itself has been removed.
     pub fn open_file(&self, name: &str) -> io::Result<Option<File>> {
-        let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        match rustix::fs::openat(&self.directory, name, flags, Mode::RUSR | Mode::WUSR) {
-            Ok(file) => Ok(Some(File::from(file))),
+        match self.directory.read_write(name) {
+            Ok(file) => Ok(Some(file)),
             Err(Errno::NOENT) => Ok(None),
             Err(errno) => Err(errno.into()),
         }
@@ -100,14 +96,12 @@ impl PrivateDir {
 
     /// Opens the file `name` in it for reading; `None` if there is none.
     pub fn find_file(&self, name: &str) -> Option<File> {
-        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        rustix::fs::openat(&self.directory, name, flags, Mode::empty()).ok().map(File::from)
+        self.directory.read(name).ok()
     }
 
     /// Whether `name` still names `file`.
     pub fn names(&self, name: &str, file: &File) -> bool {
-        let named = rustix::fs::statat(&self.directory, name, AtFlags::SYMLINK_NOFOLLOW);
-        matches!((named, rustix::fs::fstat(file)), (Ok(a), Ok(b)) if (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino))
+        is_same(self.directory.stat_of(name), rustix::fs::fstat(file))
     }
 
     /// The text of the file `name`; `None` if there is no such file.
@@ -124,17 +118,12 @@ impl PrivateDir {
     pub fn publish(&self, name: &str, text: &str) -> io::Result<()> {
         let new = format!("{name}.new");
         self.remove(&new);
-        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let file = rustix::fs::openat(&self.directory, &new, flags, Mode::RUSR | Mode::WUSR)?;
-        let written = File::from(file).write_all(text.as_bytes());
-        let done =
-            written.and_then(|()| Ok(rustix::fs::renameat(&self.directory, &new, &self.directory, name)?));
-        done.inspect_err(|_| self.remove(&new))
+        self.directory.with_new(&new, text.as_bytes(), |_| Ok(self.directory.rename(&new, name)?))
     }
 
     /// Removes the file `name`, if it is there.
     pub fn remove(&self, name: &str) {
-        let _ = rustix::fs::unlinkat(&self.directory, name, AtFlags::empty());
+        let _ = self.directory.remove(name);
     }
 
     /// Removes the directory, if nothing is in it any more and the path still names it.
@@ -153,8 +142,13 @@ pub(crate) struct Held(std::sync::Arc<PrivateDir>);
 #[cfg(feature = "channel")]
 impl Drop for Held {
     fn drop(&mut self) {
-        let _ = rustix::fs::flock(&self.0.directory, rustix::fs::FlockOperation::Unlock);
+        let _ = self.0.directory.unlock();
     }
+}
+
+/// Whether both are there and one and the same.
+fn is_same(one: Result<Stat, Errno>, other: Result<Stat, Errno>) -> bool {
+    matches!((one, other), (Ok(a), Ok(b)) if (a.st_dev, a.st_ino) == (b.st_dev, b.st_ino))
 }
 
 fn failed(path: &Path, doing: &'static str, errno: Errno) -> MemoryError {

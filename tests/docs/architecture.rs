@@ -119,3 +119,15 @@ fn rows_name_modules_below_them_that_are_used() {
         }
     }
 }
+
+/// proptest would make a directory of its own beside `src`.
+#[test]
+fn property_tests_of_the_library_keep_what_failed_below_tests() {
+    let mut files = Vec::new();
+    sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);
+    for file in files {
+        let text = fs::read_to_string(&file).unwrap();
+        let places = text.matches("crate::property_tests()").count();
+        assert_eq!(text.matches("proptest! {").count(), places, "{}", file.display());
+    }
+}

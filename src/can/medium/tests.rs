@@ -166,6 +166,8 @@ fn expected(stations: &Stations, bit_ns: u64) -> Vec<(u64, usize, Frame)> {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn traffic_is_that_of_the_bit_by_bit_reference(
         queues in prop::collection::vec(prop::collection::vec((0u64..1_000_000, reference::frame()), 0..6), 2..6),

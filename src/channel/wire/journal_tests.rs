@@ -20,6 +20,8 @@ fn record() -> impl Strategy<Value = Record> {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn records_come_back_as_they_were(record in record()) {
         prop_assert_eq!(WireRecord::from(&record).record(), Some(record));

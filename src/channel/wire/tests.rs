@@ -267,6 +267,8 @@ fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn operations_come_back_as_they_were(op in op()) {
         prop_assert_eq!(Op::try_from(WireOp::from(&op)), Ok(op));

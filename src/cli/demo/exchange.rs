@@ -1,11 +1,12 @@
 //! The cyclic part of the soft-PLC: what a PLC does in its SYNC event task.
 
-use super::plc::DRIVES;
 use super::trace::{Trace, Who};
 use crate::cli::error::CliError;
 use crate::cli::output;
 use std::time::Duration;
 
+/// Slave numbers of the drives.
+pub const DRIVES: [u8; 3] = [1, 2, 3];
 /// Intervals that are traced, enough for each drive to answer once: the question goes to slave 0 first, and
 /// answers are seen one interval later.
 const TRACED: u32 = 6;

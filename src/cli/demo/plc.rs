@@ -1,6 +1,6 @@
 //! The soft-PLC of the demonstration: a process that knows the image file and the register map, nothing else.
 
-use super::exchange::Exchange;
+use super::exchange::{DRIVES, Exchange};
 use super::trace::{Trace, Who};
 use crate::cli::demo::processes;
 use crate::cli::error::CliError;
@@ -11,8 +11,6 @@ use commram::devices::omega_drive_line_2::registers::{
 use commram::memory::{AttachMode, Image, View};
 use std::time::Duration;
 
-/// Slave numbers of the drives.
-pub const DRIVES: [u8; 3] = [1, 2, 3];
 /// How long a state change may take, in real time. It takes milliseconds.
 const STATE: Duration = Duration::from_secs(5);
 /// How long the drives may take to lock. They take about a second of emulated time.

@@ -1,6 +1,5 @@
 //! The processes of the demonstration. None of them survives it, whatever happens.
 
-use super::POLL;
 use crate::cli::error::CliError;
 use crate::cli::stop;
 use rustix::process::{Pid, Signal};
@@ -13,6 +12,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
+/// Pause between two looks at the processes.
+pub const POLL: Duration = Duration::from_millis(5);
 /// How long the emulator may take to get ready, and to end.
 const PATIENCE: Duration = Duration::from_secs(20);
 

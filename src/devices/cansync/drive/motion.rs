@@ -114,6 +114,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(crate::property_tests())]
+
         #[test]
         fn never_overshoots(speed: i32, target: i32, ramp: u32, interval: u32) {
             let mut motion = Motion { speed, ..Motion::default() };

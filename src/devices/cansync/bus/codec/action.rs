@@ -141,6 +141,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(crate::property_tests())]
+
         #[test]
         fn round_trip(slave_group: u32, command: u8, data_byte: u8, data_word: u16) {
             let sent = ActionCommand { slave_group, command, data_byte, data_word };

@@ -94,7 +94,7 @@ fn encode(decoded: &Decoded) -> Frame {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(4000))]
+    #![proptest_config(ProptestConfig { cases: 4000, ..crate::property_tests() })]
     #[test]
     fn any_frame_is_decoded_or_refused(id in 0u16..0x800, bytes: [u8; 8], len in 0usize..=8) {
         let frame = Frame::new(id, Payload::from_padded(bytes, len).data()).unwrap();

@@ -118,6 +118,8 @@ fn results() -> impl Strategy<Value = ParameterResult> {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn job_round_trip(number in 0u16..=4095, element in 0u8..8, sub: u16, access in accesses()) {
         let sent = job(number, access).with_element(element).unwrap().with_sub_slave(sub);

@@ -184,6 +184,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(crate::property_tests())]
+
         #[test]
         fn what_is_built_is_scattered(words: [u8; 4], values: [u32; 32]) {
             let config = FrameConfig::master_reference(words);

@@ -166,6 +166,8 @@ fn results() -> impl Strategy<Value = UpDownResult> {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn job_round_trip(offset in 0u16..=4095, step in steps()) {
         let sent = job(offset, step);

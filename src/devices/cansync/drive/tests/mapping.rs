@@ -226,6 +226,8 @@ fn master_and_drive_agree_on_the_words() {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn any_sequence_of_reference_values(delay in 0usize..=3, sent in prop::collection::vec(any::<Option<u32>>(), 0..24)) {
         let mut bench = Bench::synchronized(&with_zk(|zk| zk.zk_24 = delay as u16));

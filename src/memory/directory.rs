@@ -1,0 +1,122 @@
+//! A directory that is reached through its descriptor only, so that nothing on the way there can be exchanged meanwhile.
+//!
+//! What others may write to can have a link or a pipe in the place of any file. Files are therefore opened without
+//! following links and without waiting, and new ones are made under a name that nobody has.
+
+use rustix::fs::{self, AtFlags, Mode, OFlags, Stat};
+use rustix::io::Errno;
+use std::fs::File;
+#[cfg(feature = "emulator")]
+use std::io;
+#[cfg(feature = "emulator")]
+use std::io::Write;
+use std::path::Path;
+
+/// How every file is opened: a pipe must be refused, not waited for.
+const CAREFULLY: OFlags =
+    OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
+
+/// An open directory.
+#[derive(Debug)]
+pub(crate) struct Directory(File);
+
+impl Directory {
+    /// Opens the directory that `path` leads to.
+    #[cfg(feature = "emulator")]
+    pub fn open(path: &Path) -> Result<Self, Errno> {
+        Self::open_with(path, OFlags::empty())
+    }
+
+    /// Opens the directory at `path`, unless that is a link.
+    pub fn open_itself(path: &Path) -> Result<Self, Errno> {
+        Self::open_with(path, OFlags::NOFOLLOW)
+    }
+
+    fn open_with(path: &Path, flags: OFlags) -> Result<Self, Errno> {
+        let flags = flags | OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
+        Ok(Self(fs::open(path, flags, Mode::empty())?.into()))
+    }
+
+    /// Owner, mode and identity.
+    pub fn stat(&self) -> Result<Stat, Errno> {
+        fs::fstat(&self.0)
+    }
+
+    /// Keeps everybody but its owner out.
+    pub fn close_to_others(&self) -> Result<(), Errno> {
+        fs::fchmod(&self.0, Mode::RWXU)
+    }
+
+    /// Takes the directory's lock; `false` if somebody else has it.
+    #[cfg(feature = "emulator")]
+    pub fn try_lock(&self) -> io::Result<bool> {
+        match self.0.try_lock() {
+            Ok(()) => Ok(true),
+            Err(std::fs::TryLockError::WouldBlock) => Ok(false),
+            Err(std::fs::TryLockError::Error(error)) => Err(error),
+        }
+    }
+
+    /// Lets go of the lock.
+    #[cfg(feature = "channel")]
+    pub fn unlock(&self) -> io::Result<()> {
+        self.0.unlock()
+    }
+
+    /// Opens the file `name` for reading.
+    pub fn read(&self, name: &str) -> Result<File, Errno> {
+        Ok(fs::openat(&self.0, name, OFlags::RDONLY | CAREFULLY, Mode::empty())?.into())
+    }
+
+    /// Opens the file `name` for reading and writing, and makes it if it is missing, for this user alone.
+    pub fn read_write(&self, name: &str) -> Result<File, Errno> {
+        let flags = OFlags::RDWR | OFlags::CREATE | CAREFULLY;
+        Ok(fs::openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)?.into())
+    }
+
+    /// Writes a new file, for this user alone, and hands it to `then`, which gives it its final name; if either fails, it
+    /// is removed. Whoever looks at that name sees the old content or the whole new one.
+    #[cfg(feature = "emulator")]
+    pub fn with_new(
+        &self,
+        new: &str,
+        content: &[u8],
+        then: impl FnOnce(&File) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | CAREFULLY;
+        let mut file = File::from(fs::openat(&self.0, new, flags, Mode::RUSR | Mode::WUSR)?);
+        file.write_all(content).and_then(|()| then(&file)).inspect_err(|_| {
+            let _ = self.remove(new);
+        })
+    }
+
+    /// Gives the file `from` the name `to`; a file that has it is replaced.
+    #[cfg(feature = "emulator")]
+    pub fn rename(&self, from: &str, to: &str) -> Result<(), Errno> {
+        fs::renameat(&self.0, from, &self.0, to)
+    }
+
+    /// Gives the file `from` the name `to`, unless a file has it.
+    #[cfg(feature = "emulator")]
+    pub fn rename_to_free(&self, from: &str, to: &str) -> Result<(), Errno> {
+        // A rename would replace it.
+        fs::linkat(&self.0, from, &self.0, to, AtFlags::empty())?;
+        self.remove(from)
+    }
+
+    /// Removes the file `name`.
+    pub fn remove(&self, name: &str) -> Result<(), Errno> {
+        fs::unlinkat(&self.0, name, AtFlags::empty())
+    }
+
+    /// Brings the names of its files to the disk.
+    #[cfg(feature = "emulator")]
+    pub fn sync(&self) -> Result<(), Errno> {
+        fs::fsync(&self.0)
+    }
+
+    /// What has the name, whatever it is.
+    pub fn stat_of(&self, name: &str) -> Result<Stat, Errno> {
+        fs::statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)
+    }
+}

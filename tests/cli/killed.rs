@@ -1,0 +1,200 @@
+//! Emulators and clients that are killed, stopped or damaged, and what they leave behind.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, eventually, files_of, finish, remove_remains, run, unique_name};
+use std::process::Stdio;
+
+#[test]
+fn a_killed_client_does_not_disturb_the_others() {
+    let emulator = Emulator::start(&[]);
+    let mut waiting = emulator.command("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "1h"]);
+    let mut clients: Vec<_> =
+        (0..3).map(|_| waiting.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()).collect();
+    emulator.peek(&["node2.w_OPTION_STATUS"]);
+    for client in &mut clients {
+        client.kill().unwrap();
+        client.wait().unwrap();
+    }
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    emulator.run("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "10s"]).ok();
+}
+
+#[test]
+fn a_client_that_waits_learns_that_the_emulator_was_killed() {
+    let mut emulator = Emulator::start(&[]);
+    // The client's node is in the channel's directory before it sends its request.
+    let nodes = format!("/dev/shm/commram.{}.iox.d/nodes", emulator.name);
+    let count = || std::fs::read_dir(&nodes).map_or(0, |entries| entries.count());
+    let alone = count();
+    let mut waiting = emulator.command("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "1h"]);
+    let client = std::thread::spawn(move || finish(&mut waiting));
+    assert!(eventually(|| count() > alone));
+    emulator.kill();
+    let outcome = client.join().unwrap();
+    assert!(outcome.fails(1).contains(&emulator.name), "{}", outcome.err);
+}
+
+#[test]
+fn what_a_killed_emulator_left_can_be_read_but_not_used() {
+    let mut emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    emulator.step(&["1ms"]);
+    let (name, pid) = (emulator.name.clone(), emulator.pid());
+    emulator.kill();
+
+    let note = format!(
+        "commram: note: instance '{name}' is dead, its emulator (process {pid}) was killed; this is what it left\n"
+    );
+    let peek = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
+    assert_eq!((peek.code, &peek.err), (Some(0), &note));
+    assert!(peek.out.starts_with("node2.w_OPTION_STATUS = 16#0002  "), "{}", peek.out);
+    let dump = emulator.run("dump", &["node2.w_CPU_CONTROL"]);
+    assert_eq!((dump.code, &dump.err), (Some(0), &note));
+    let register = "node2.w_CPU_CONTROL  %MW3.200000  16#0001  handshake\n";
+    assert_eq!(dump.out, format!("instance '{name}' at 0.001000 s\n{register}"));
+
+    for args in [
+        &["poke", "node2.w_CPU_CONTROL=0"][..],
+        &["wait", "node2.w_CPU_CONTROL==0"],
+        &["step", "1ms"],
+        &["stop"],
+    ] {
+        let outcome = emulator.run(args[0], &args[1..]);
+        let message = outcome.fails(1);
+        assert!(message.contains("is dead") && message.contains("commram run"), "{message}");
+    }
+    let list = run(&["list"]);
+    let line = list.ok().lines().find(|line| line.starts_with(&name)).unwrap();
+    // How wide the columns are depends on what else runs.
+    let cells: Vec<_> = line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).collect();
+    assert_eq!(cells, [name.as_str(), "line", &pid.to_string(), "stepped", "0.001000 s", "dead"]);
+}
+
+#[test]
+fn a_killed_emulator_is_restarted_on_the_same_image() {
+    let mut emulator = Emulator::stepped();
+    emulator.poke(&["%MB3.1000000=1"]);
+    let (name, pid) = (emulator.name.clone(), emulator.pid());
+    emulator.kill();
+
+    let mut again = Emulator::start_as(&name, &["--clock", "stepped"]);
+    assert_eq!(again.peek(&["%MB3.1000000"]), "16#00", "a restart is a power-on");
+    assert_eq!(again.step(&["1ms"]), "0.001000 s");
+    again.run("stop", &[]).ok();
+    again.wait();
+    let note = format!(
+        "commram: note: took over /dev/shm/commram.{name}.line, which a killed emulator (process {pid}) had left\n"
+    );
+    assert_eq!(again.complaints(), note);
+    assert_eq!(again.files(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn stop_can_clean_up_after_a_killed_emulator() {
+    let mut emulator = Emulator::stepped();
+    emulator.kill();
+    assert!(!emulator.files().is_empty());
+    let outcome = emulator.run("stop", &["--clean"]);
+    assert_eq!(outcome.ok(), format!("instance '{}' was dead, what it left is removed\n", emulator.name));
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
+/// Each alone, and files without content, of which nothing can be told.
+#[test]
+fn clean_removes_whatever_is_left_of_an_instance() {
+    let name = unique_name();
+    let image = |plc: &str| format!("/dev/shm/commram.{name}.{plc}");
+    for plcs in [&[][..], &["line"], &["saw", "line"]] {
+        let directory = image("iox.d");
+        if plcs.len() != 1 {
+            std::fs::create_dir_all(format!("{directory}/nodes/123")).unwrap();
+            std::fs::write(format!("{directory}/lock"), "").unwrap();
+        }
+        plcs.iter().for_each(|plc| std::fs::write(image(plc), "").unwrap());
+        let outcome = run(&["stop", "--clean", "-i", &name]);
+        let left = files_of(&name);
+        remove_remains(&name);
+        assert_eq!(outcome.ok(), format!("instance '{name}' was dead, what it left is removed\n"));
+        assert_eq!(left, Vec::<std::path::PathBuf>::new());
+    }
+}
+
+#[test]
+fn an_empty_file_is_no_obstacle() {
+    let name = unique_name();
+    std::fs::write(format!("/dev/shm/commram.{name}.line"), "").unwrap();
+    let emulator = Emulator::start_as(&name, &["--clock", "stepped"]);
+    assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+}
+
+#[test]
+fn a_stopped_emulator_can_be_ended() {
+    for clock in ["stepped", "realtime"] {
+        let mut emulator = Emulator::start(&["--clock", clock]);
+        emulator.signal("-STOP");
+        let outcome = emulator.run("stop", &[]);
+        let (name, pid) = (&emulator.name, emulator.pid());
+        assert_eq!((outcome.code, outcome.out), (Some(0), format!("instance '{name}' has stopped\n")));
+        let note =
+            format!("commram: note: instance '{name}' was stopped (process {pid}); it goes on to end\n");
+        // The signal that stops it may come after the look.
+        assert!(outcome.err == note || outcome.err.is_empty(), "{}", outcome.err);
+        assert_eq!(emulator.wait().code(), Some(0));
+        assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+    }
+}
+
+#[test]
+fn a_damaged_channel_hangs_nobody_and_the_emulator_can_be_ended() {
+    let mut emulator = Emulator::stepped();
+    let directory = format!("/dev/shm/commram.{}.iox.d", emulator.name);
+    let prefix = std::fs::read_to_string(format!("{directory}/prefix")).unwrap();
+    let objects = std::fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
+    let counter = objects
+        .filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(prefix.trim_end()))
+        .find(|path| path.extension().is_some_and(|extension| extension == "global_mgmt"))
+        .unwrap();
+    std::fs::write(&counter, "").unwrap();
+    let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
+    assert!(outcome.fails(1).contains("the channel is damaged"), "{}", outcome.err);
+    emulator.run("stop", &[]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    assert!(!counter.exists());
+    assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
+}
+
+/// iceoryx2 does not survive it; whoever says `stop` must not believe that all is well.
+#[test]
+fn an_emulator_that_is_killed_while_it_ends_has_not_stopped() {
+    let mut emulator = Emulator::stepped();
+    let prefix = std::fs::read_to_string(format!("/dev/shm/commram.{}.iox.d/prefix", emulator.name)).unwrap();
+    // It shall not meet the damage before it is told to end.
+    emulator.signal("-STOP");
+    let objects = std::fs::read_dir("/dev/shm").unwrap().flatten().filter(|entry| {
+        let name = entry.file_name().into_string().unwrap_or_default();
+        name.starts_with(prefix.trim_end()) && name.ends_with(".dynamic")
+    });
+    let damaged = objects
+        .map(|object| std::fs::File::options().write(true).open(object.path()).unwrap().set_len(0).unwrap());
+    assert_ne!(damaged.count(), 0);
+    let outcome = emulator.run("stop", &[]);
+    assert!(outcome.fails(1).contains("was killed"), "{}", outcome.err);
+    assert_eq!(emulator.wait().code(), None);
+    emulator.run("stop", &["--clean"]).ok();
+    assert!(emulator.files().is_empty());
+}
+
+#[test]
+fn one_whose_directory_was_removed_is_not_called_gone() {
+    let mut emulator = Emulator::stepped();
+    std::fs::remove_dir_all(format!("/dev/shm/commram.{}.iox.d", emulator.name)).unwrap();
+    let outcome = emulator.run("stop", &[]);
+    let expected = format!(
+        "its directory in /dev/shm was removed, so nothing but a signal can end it: kill {}",
+        emulator.pid()
+    );
+    assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
+    emulator.signal("-TERM");
+    assert_eq!(emulator.wait().code(), Some(0));
+    remove_remains(&emulator.name);
+}

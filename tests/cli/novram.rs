@@ -1,0 +1,65 @@
+//! What survives power-off: the NOVRAM and the retain flags.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, files_of, run, unique_name};
+use std::time::Duration;
+
+#[test]
+fn the_novram_survives_if_it_has_a_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().to_str().unwrap();
+    let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
+    let first = start();
+    first.poke(&["ethernet_config.a_IP_ADDRESS[3]=190", "ethernet_config.d_IP_CONFIG=16#12345678"]);
+    first.run("stop", &[]).ok();
+    let second = start();
+    assert_eq!(
+        second.peek(&["ethernet_config.a_IP_ADDRESS[3]", "ethernet_config.d_IP_CONFIG"]),
+        "16#BE 16#12345678"
+    );
+    let without = Emulator::stepped();
+    assert_eq!(without.peek(&["ethernet_config.d_IP_CONFIG"]), "16#00000000");
+}
+
+/// The flags are in the image, at the byte that its header names.
+#[test]
+fn retain_flags_survive_if_they_have_a_directory() {
+    use commram::memory::header::Start;
+    use commram::memory::{AttachMode, Attached, Image, Width};
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().to_str().unwrap();
+    let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
+    let attach = |emulator: &Emulator| -> Attached {
+        Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap()
+    };
+    let flag = |image: &Attached| image.header().unwrap().retain_offset.load() + 19_996;
+    let loaded = |image: &Attached| {
+        let program = &image.header().unwrap().program;
+        program.state.store(1);
+        let asked = program.start.rings();
+        image.ring().unwrap();
+        image
+            .wait_until("start", Duration::from_secs(60), |_| (program.start.rings() != asked).then_some(()))
+            .unwrap();
+        Start::from_code(program.start_kind.load()).unwrap()
+    };
+    let mut emulator = start();
+    let image = attach(&emulator);
+    assert_eq!(loaded(&image), Start::Cold, "nothing was kept");
+    image.segment().store(flag(&image), Width::Dword, 0x1234_5678).unwrap();
+    emulator.run("stop", &[]).ok();
+    emulator.wait();
+    let emulator = start();
+    let image = attach(&emulator);
+    assert_eq!(image.segment().load(flag(&image), Width::Dword).unwrap(), 0x1234_5678);
+    assert_eq!(loaded(&image), Start::Warm);
+}
+
+#[test]
+fn a_novram_directory_that_cannot_be_used_is_an_error() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let name = unique_name();
+    let outcome = run(&["run", "-i", &name, "--novram", file.path().to_str().unwrap()]);
+    assert!(outcome.fails(1).contains("--novram needs a writable directory"), "{}", outcome.err);
+    assert!(files_of(&name).is_empty());
+}
