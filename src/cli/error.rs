@@ -235,7 +235,7 @@ pub enum CliError {
     LayoutFiles(#[from] commram_layoutc::Error),
     /// The layout files are not those that this program was built from.
     #[error(
-        "{} has register map 16#{found:016X}, this commram {} was built with 16#{built:016X}; build it again there \
+        "{} has register map 16#{found:016X}, this commram {} was built with {built}; build it again there \
          with `cargo build --release`", .dir.display(), env!("CARGO_PKG_VERSION")
     )]
     OtherLayout {
@@ -243,8 +243,8 @@ pub enum CliError {
         dir: PathBuf,
         /// Its hash.
         found: u64,
-        /// Ours.
-        built: u64,
+        /// Those of our devices.
+        built: String,
     },
     /// A file is no dump, or cannot be read.
     #[error("{name} is no dump: {reason}; `commram dump --format json` writes one")]

@@ -1,5 +1,6 @@
 //! `commram export`: the register map for other languages and tools; it needs no emulator.
 
+use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use clap::ValueEnum;
@@ -30,6 +31,8 @@ pub struct Args {
     /// With `st`: an elementary variable per register instead of structures
     #[arg(long)]
     elementary: bool,
+    #[command(flatten)]
+    device: DeviceArg,
 }
 
 #[derive(Clone, Copy)]
@@ -64,7 +67,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
             return Err(CliError::Argument { text: format!("{other} --elementary"), right });
         }
     };
-    let text = export::export(format, args.block.as_deref())?;
+    let text = export::export(args.device.device, format, args.block.as_deref())?;
     let Some(path) = &args.output else {
         return output::print(&text);
     };

@@ -1,14 +1,14 @@
 //! `commram layout`: work on the layout files of a checkout, which needs no emulator.
 
+use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use super::table::{self, FormatArg, Row};
 use clap::{Subcommand, ValueEnum};
-use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
 use commram_layoutc::declaration::{Alignment, Declarations};
 use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Verdict};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Take the true offsets of the registers over into the layout files.
 #[derive(clap::Args)]
@@ -59,9 +59,11 @@ struct ImportArgs {
     /// The declarations: TYPE ... STRUCT ... END_STRUCT; END_TYPE
     #[arg(value_name = "DECLARATION.st")]
     declaration: PathBuf,
-    /// The layout to change
-    #[arg(long, value_name = "DIR", default_value = "layouts/omega-drive-line-2")]
-    layout: PathBuf,
+    /// The layout to change [default: that of the device in `layouts`]
+    #[arg(long, value_name = "DIR")]
+    layout: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArg,
     /// Largest alignment of members that the library's compiler keeps
     #[arg(long, value_enum, default_value_t = AlignArg::Natural)]
     align: AlignArg,
@@ -123,7 +125,9 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 fn import(args: &ImportArgs) -> Result<(), CliError> {
     let declarations = Declarations::read(&args.declaration).map_err(ImportError::from)?;
     let called = Called::new(args.called.iter().cloned());
-    let import = Import::plan(&args.layout, &declarations, args.align.into(), &called)?;
+    let of_device = || Path::new("layouts").join(args.device.device.name);
+    let layout = args.layout.clone().unwrap_or_else(of_device);
+    let import = Import::plan(&layout, &declarations, args.align.into(), &called)?;
     if !args.check {
         import.write()?;
     }
@@ -145,9 +149,10 @@ fn tell(args: &ImportArgs, import: &Import) {
         output::note(&format!("{} {verb}", path.display()));
     }
     let hash = if args.check { import.hash_before } else { import.hash_after };
-    if hash != LAYOUT_HASH {
+    let built = args.device.device.layout_hash;
+    if hash != built {
         output::note(&format!(
-            "the layout has register map 16#{hash:016X}, this commram was built with 16#{LAYOUT_HASH:016X}; \
+            "the layout has register map 16#{hash:016X}, this commram was built with 16#{built:016X}; \
              build it again with `cargo build --release`"
         ));
     }

@@ -3,12 +3,12 @@
 mod detail;
 mod entry;
 
+use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use super::place::without_twins;
 use super::table::{self, Format, FormatArg};
-use commram::devices::omega_drive_line_2::registers::DEVICE;
-use commram::layout::{Address, Area, split_plc};
+use commram::layout::{Address, Area, Device, split_plc};
 use entry::Entry;
 
 /// Show the register map: types, owners, meanings, and where each fact comes from.
@@ -32,6 +32,8 @@ pub struct Args {
     #[arg(long)]
     all: bool,
     #[command(flatten)]
+    device: DeviceArg,
+    #[command(flatten)]
     format: FormatArg,
 }
 
@@ -39,28 +41,31 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), CliError> {
     // The map is the same for all PLCs.
     let what = args.what.as_deref().map(|text| split_plc(text).1);
-    let areas = || DEVICE.areas.iter();
+    let device = args.device.device;
+    let areas = || device.areas.iter();
     let (entries, single) = match what {
         None => (areas().flat_map(entry::of_area).collect::<Vec<_>>(), false),
-        Some(address) if address.starts_with('%') => (at_address(address.parse()?)?, true),
+        Some(address) if address.starts_with('%') => (at_address(device, address.parse()?)?, true),
         Some(name) if name.contains('.') => {
-            let entries = entry::of_registers(&DEVICE.registers(name)?);
+            let entries = entry::of_registers(&device.registers(name)?);
             // Who asks for a reserved register gets it.
             let single = entries.len() == 1;
             (entries, single)
         }
-        Some(name) => (entry::of_area(DEVICE.area(name)?), false),
+        Some(name) => (entry::of_area(device.area(name)?), false),
     };
     let entries: Vec<_> = entries.into_iter().filter(|entry| args.all || single || !entry.reserved).collect();
     if single && args.format.format == Format::Text {
-        return output::print(&entries.iter().map(detail::text).collect::<Vec<_>>().join("\n"));
+        return output::print(
+            &entries.iter().map(|entry| detail::text(device, entry)).collect::<Vec<_>>().join("\n"),
+        );
     }
     table::print(args.format.format, &entries, text)
 }
 
 /// The registers at an address; structures that overlay each other share some of them.
-fn at_address(address: Address) -> Result<Vec<Entry>, CliError> {
-    let registers = without_twins(DEVICE.registers_at(address, None)?);
+fn at_address(device: &'static Device, address: Address) -> Result<Vec<Entry>, CliError> {
+    let registers = without_twins(device.registers_at(address, None)?);
     Ok(registers.iter().map(entry::of_register).collect())
 }
 

@@ -5,6 +5,7 @@ mod change;
 mod check;
 mod completions;
 mod demo;
+mod device;
 mod diff;
 mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]

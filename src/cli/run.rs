@@ -4,7 +4,7 @@ use super::demo::end_with;
 use super::error::CliError;
 use super::{Instance, output};
 use clap::ValueEnum;
-use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
+use commram::devices;
 use commram::plant::PlantConfig;
 use commram::runtime::{Clock, Emulator, Options, StopHandle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -99,10 +99,13 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn check_layout(dir: &Path) -> Result<(), CliError> {
-    match commram_layoutc::compile(dir)?.layout_hash {
-        LAYOUT_HASH => Ok(()),
-        found => Err(CliError::OtherLayout { dir: dir.to_owned(), found, built: LAYOUT_HASH }),
+    let found = commram_layoutc::compile(dir)?.layout_hash;
+    if devices::of_hash(found).is_some() {
+        return Ok(());
     }
+    let hash = |known: &devices::Registered| format!("16#{:016X}", known.layout.layout_hash);
+    let built = devices::DEVICES.iter().map(hash).collect::<Vec<_>>().join(" and ");
+    Err(CliError::OtherLayout { dir: dir.to_owned(), found, built })
 }
 
 fn clock(args: &Args) -> Result<Clock, CliError> {

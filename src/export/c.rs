@@ -7,9 +7,9 @@ use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{RegType, Structure, format_value};
+use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, HeaderStruct, Kind};
 use crate::memory::header::{ABI_VERSION, MAGIC};
-use crate::memory::{HEADER_SIZE, SEGMENT_SIZE};
 use std::fmt::Write;
 
 const PROLOGUE: &str = include_str!("c/prologue.h");
@@ -53,7 +53,7 @@ fn header_page(out: &mut String, scope: &Scope) {
         ("ABI_VERSION", format!("{ABI_VERSION}u"), "of the attach contract"),
         ("LAYOUT_HASH", format!("UINT64_C(0x{:016X})", scope.device.layout_hash), "of these registers"),
         ("HEADER_SIZE", format!("{HEADER_SIZE}u"), "bytes of the header page"),
-        ("SEGMENT_SIZE", format!("{SEGMENT_SIZE}u"), "bytes of the image"),
+        ("SEGMENT_SIZE", format!("{}u", scope.device.segment_size()), "bytes of the image"),
     ];
     for (name, value, remark) in numbers {
         let _ = writeln!(out, "#define COMMRAM_{name} {value} /* {remark} */");
@@ -202,15 +202,16 @@ fn field_name(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     fn header() -> String {
-        generate(&Scope::new(None).unwrap())
+        generate(&Scope::new(&DEVICE, None).unwrap())
     }
 
     #[test]
     fn every_member_of_every_structure_has_an_assertion() {
         let text = header();
-        for structure in Scope::new(None).unwrap().structures() {
+        for structure in Scope::new(&DEVICE, None).unwrap().structures() {
             for register in structure.registers.iter().filter(|register| register.group.is_empty()) {
                 let assertion = format!(
                     "_Static_assert(offsetof({}, {}) == {},",
@@ -231,7 +232,7 @@ mod tests {
 
     #[test]
     fn comments_do_not_end_early() {
-        for register in Scope::new(None).unwrap().structures().iter().flat_map(|of| of.registers) {
+        for register in Scope::new(&DEVICE, None).unwrap().structures().iter().flat_map(|of| of.registers) {
             assert!(!register.doc.contains("*/"), "{}", register.name);
         }
         assert_eq!(header().matches("/*").count(), header().matches("*/").count());

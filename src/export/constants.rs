@@ -117,11 +117,12 @@ pub fn upper(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
     use crate::export::Scope;
     use std::collections::BTreeSet;
 
     fn constants(meaning: &str) -> Vec<(String, u32)> {
-        let scope = Scope::new(None).unwrap();
+        let scope = Scope::new(&DEVICE, None).unwrap();
         let (meaning, _) = *scope.meanings().iter().find(|(known, _)| known.name == meaning).unwrap();
         of(meaning).into_iter().map(|constant| (constant.name, constant.value)).collect()
     }
@@ -148,7 +149,7 @@ mod tests {
     #[test]
     fn no_name_is_given_twice() {
         let mut names = BTreeSet::new();
-        for (meaning, _) in Scope::new(None).unwrap().meanings() {
+        for (meaning, _) in Scope::new(&DEVICE, None).unwrap().meanings() {
             for constant in of(meaning) {
                 assert!(names.insert(constant.name.clone()), "{}", constant.name);
             }

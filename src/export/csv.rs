@@ -70,6 +70,7 @@ fn cell(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     #[test]
     fn cells_are_quoted_where_they_need_it() {
@@ -78,7 +79,7 @@ mod tests {
 
     #[test]
     fn every_register_has_a_line_with_all_cells() {
-        let text = generate(&Scope::new(Some("ethernet_config")).unwrap());
+        let text = generate(&Scope::new(&DEVICE, Some("ethernet_config")).unwrap());
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(lines.len(), 1 + 10);
         assert!(lines[1].starts_with("ethernet_config.d_IP_CONFIG,%MD3.180016,16#B0000010,DWORD,PLC,"));

@@ -5,9 +5,9 @@ use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{Area, BitField, Dim, Register, Structure, ValueMeaning};
+use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, HeaderStruct, Kind};
 use crate::memory::header::ABI_VERSION;
-use crate::memory::{HEADER_SIZE, SEGMENT_SIZE};
 use serde_json::{Map, Value, json};
 
 /// Version of the document's shape. New keys do not change it.
@@ -24,7 +24,7 @@ pub fn generate(scope: &Scope) -> String {
         "manual": device.manual,
         "layout_hash": format!("{:016X}", device.layout_hash),
         "segment": 3,
-        "segment_size": SEGMENT_SIZE,
+        "segment_size": device.segment_size(),
         "header": header(),
         "areas": scope.areas.iter().map(|area| self::area(area)).collect::<Vec<_>>(),
         "structures": scope.structures().into_iter().map(structure).collect::<Vec<_>>(),

@@ -51,10 +51,11 @@ fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     #[test]
     fn widths_are_those_of_the_registers() {
-        let scope = Scope::new(None).unwrap();
+        let scope = Scope::new(&DEVICE, None).unwrap();
         let widths = widths(&scope);
         let at = |n| widths.iter().find(|(first, end, _)| (*first..*end).contains(&n)).map(|found| found.2);
         assert_eq!([at(200_000), at(200_012), at(200_052), at(202_893)], [Some(2), Some(1), Some(4), None]);

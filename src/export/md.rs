@@ -136,6 +136,7 @@ pub fn line<S: AsRef<str>>(cells: &[S]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     #[test]
     fn bars_are_escaped() {
@@ -144,7 +145,7 @@ mod tests {
 
     #[test]
     fn a_register_stands_with_address_owner_and_meaning() {
-        let text = generate(&Scope::new(Some("node2")).unwrap());
+        let text = generate(&Scope::new(&DEVICE, Some("node2")).unwrap());
         assert!(text.contains(
             "| `w_OPTION_STATUS` | `%MW3.200002` | WORD | firmware | 16#0001 | State of the CANsync node \
              ([option_status](#option_status)) |"

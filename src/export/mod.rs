@@ -19,7 +19,7 @@ mod systemrdl;
 mod text;
 mod xml;
 
-use crate::layout::LayoutError;
+use crate::layout::{Device, LayoutError};
 use std::fmt;
 
 pub use csv::line as csv_line;
@@ -105,12 +105,12 @@ impl fmt::Display for Format {
     }
 }
 
-/// The register map in `format`; with `block` only that area.
+/// The register map of `device` in `format`; with `block` only that area.
 ///
 /// # Errors
 /// [`LayoutError`] if there is no area of that name.
-pub fn export(format: Format, block: Option<&str>) -> Result<String, LayoutError> {
-    let scope = Scope::new(block)?;
+pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, LayoutError> {
+    let scope = Scope::new(device, block)?;
     Ok(match format {
         Format::C => c::generate(&scope),
         Format::Matiec => matiec::generate(&scope),

@@ -5,9 +5,9 @@ use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{BitField, Meaning, Provenance, RegType, Register, ValueMeaning};
+use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, Codes, Field, HeaderStruct, Kind};
 use crate::memory::header::{ABI_VERSION, MAGIC};
-use crate::memory::{HEADER_SIZE, SEGMENT_SIZE};
 use std::fmt::Write;
 
 const IMPORTS: &str = "\
@@ -35,7 +35,7 @@ pub fn generate(scope: &Scope) -> String {
     let _ = writeln!(out, "ABI_VERSION = {ABI_VERSION}");
     let _ = writeln!(out, "LAYOUT_HASH = 0x{:016X}", scope.device.layout_hash);
     let _ = writeln!(out, "HEADER_SIZE = {HEADER_SIZE}");
-    let _ = writeln!(out, "SEGMENT_SIZE = {SEGMENT_SIZE}");
+    let _ = writeln!(out, "SEGMENT_SIZE = {}", scope.device.segment_size());
     contract::CODES.iter().for_each(|of| codes(&mut out, of));
     out.push_str(
         "\n\n# Structures of the header page: offset, kind, number of elements, bytes of one.\n_HEADER = {\n",
@@ -200,10 +200,11 @@ const fn code(ty: RegType) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     #[test]
     fn every_register_stands_in_the_tables() {
-        let module = generate(&Scope::new(None).unwrap());
+        let module = generate(&Scope::new(&DEVICE, None).unwrap());
         assert!(module.contains(
             "(\"\", \"a_RD_BMARRAY\", \"i\", 832, ((32, 32, 64), (16, 8, 4),), 0, \"firmware\", 0x0, False, None, "
         ));

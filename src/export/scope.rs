@@ -1,6 +1,5 @@
 //! What is exported: the whole device or one area of it.
 
-use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Area, Device, LayoutError, Meaning, Placed, Register, Structure};
 
 /// The areas to export.
@@ -17,12 +16,12 @@ impl Scope {
     ///
     /// # Errors
     /// [`LayoutError`] if there is none.
-    pub fn new(block: Option<&str>) -> Result<Self, LayoutError> {
+    pub fn new(device: &'static Device, block: Option<&str>) -> Result<Self, LayoutError> {
         let areas = match block {
-            Some(name) => vec![DEVICE.area(name)?],
-            None => DEVICE.areas.iter().collect(),
+            Some(name) => vec![device.area(name)?],
+            None => device.areas.iter().collect(),
         };
-        Ok(Self { device: &DEVICE, areas })
+        Ok(Self { device, areas })
     }
 
     /// All structures with their places, in ascending order.

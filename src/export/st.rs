@@ -141,10 +141,11 @@ fn type_name(arrays: &mut BTreeSet<Array>, array: Array) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     #[test]
     fn declarations_are_those_of_the_manual() {
-        let text = generate(&Scope::new(None).unwrap());
+        let text = generate(&Scope::new(&DEVICE, None).unwrap());
         for line in [
             "    _CANsync_CTRL_MA AT %MB3.200000 : CANsync_MA_CTRL_BMSTRUCT;",
             "    _Ethernet_config AT %MB3.180016 : ETHERNET_CONFIG_BMSTRUCT;",
@@ -166,7 +167,7 @@ mod tests {
     /// Identifiers do not distinguish upper and lower case and have no `__`.
     #[test]
     fn elementary_variables_have_names_of_their_own() {
-        let text = elementary(&Scope::new(None).unwrap());
+        let text = elementary(&Scope::new(&DEVICE, None).unwrap());
         let mut names = BTreeSet::new();
         for line in text.lines().filter(|line| line.contains(" AT ")) {
             let name = line.split_whitespace().next().unwrap().to_lowercase();

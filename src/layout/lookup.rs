@@ -39,8 +39,17 @@ fn is_valid(found: &RegisterRef, live: Live) -> bool {
 impl Device {
     /// One past the last byte of the last area.
     #[must_use]
-    pub fn end(&self) -> u32 {
-        self.areas.last().map_or(0, |area| area.last() + 1)
+    pub const fn end(&self) -> u32 {
+        match self.areas.last() {
+            Some(area) => area.last() + 1,
+            None => 0,
+        }
+    }
+
+    /// Bytes of the device's segment: of its image file, and of its RAM on the heap.
+    #[must_use]
+    pub const fn segment_size(&self) -> usize {
+        (self.end() as usize).next_multiple_of(4)
     }
 
     /// The area that `address` lies in; of a retain flag [`RETAIN_AREA`].

@@ -5,7 +5,7 @@ mod lockstep;
 pub use lockstep::LockstepTask;
 
 use super::{
-    Bell, Header, Image, MemoryError, SEGMENT_SIZE, Segment, State, View, Width,
+    Bell, Header, Image, MemoryError, Segment, State, View, Width,
     file::{self, ImageFile},
 };
 use memmap2::MmapOptions;
@@ -74,21 +74,23 @@ impl Image {
         } else if writable {
             return Err(dead(&file, &header));
         }
-        Attached::map(file, writable, header.generation.load())
+        Attached::map(file, writable, &header)
     }
 }
 
 impl Attached {
-    fn map(file: ImageFile, writable: bool, generation: u32) -> Result<Attached, MemoryError> {
+    fn map(file: ImageFile, writable: bool, header: &Header) -> Result<Attached, MemoryError> {
         let mut options = MmapOptions::new();
         // Its length has just been checked; the map could be made longer than the file, but not used.
-        options.len(SEGMENT_SIZE);
+        let expected = header.segment_size.load();
+        options.len(expected as usize);
         let map = if writable { options.map_raw(&file.file) } else { options.map_raw_read_only(&file.file) };
         let map = map.map_err(|error| file.failed("map", error))?;
         let size = map.len() as u64;
-        let Some(segment) = Segment::mapped(map, writable) else {
-            return Err(MemoryError::TooShort { path: file.path, size });
+        let Some(segment) = Segment::mapped(map, expected as usize, writable) else {
+            return Err(MemoryError::TooShort { path: file.path, size, expected });
         };
+        let generation = header.generation.load();
         let header = if writable { Some(segment.header()?) } else { None };
         Ok(Attached { file, segment, header, generation })
     }

@@ -1,6 +1,6 @@
 //! What can go wrong with the emulated RAM.
 
-use super::{Address, HEADER_SIZE, SEGMENT_SIZE, State, header::EVENT_SLOTS, names::IMAGE_DIRECTORY};
+use super::{Address, HEADER_SIZE, State, header::EVENT_SLOTS, names::IMAGE_DIRECTORY};
 use std::{io, path::PathBuf, time::Duration};
 
 /// An access or an image file that was refused: what, where, and what would be right.
@@ -14,10 +14,12 @@ pub enum MemoryError {
         address: Address,
     },
     /// The access ends behind the segment.
-    #[error("{address} lies behind the segment's last byte %MB3.{}", SEGMENT_SIZE - 1)]
+    #[error("{address} lies behind the segment's last byte %MB3.{}", end - 1)]
     OutOfRange {
         /// The refused access.
         address: Address,
+        /// One past the segment's last byte.
+        end: usize,
     },
     /// The access touches the header page, which belongs to the attach contract and holds no registers.
     #[error("{address} lies in the header page; registers begin at %MB3.{}", HEADER_SIZE)]
@@ -26,12 +28,14 @@ pub enum MemoryError {
         address: Address,
     },
     /// A block (typed view or copy) does not fit into the segment.
-    #[error("%MB3.{offset}: {size} bytes end behind the segment's last byte %MB3.{}", SEGMENT_SIZE - 1)]
+    #[error("%MB3.{offset}: {size} bytes end behind the segment's last byte %MB3.{}", end - 1)]
     BlockOutOfRange {
         /// First byte of the block.
         offset: usize,
         /// Its length in bytes.
         size: usize,
+        /// One past the last byte it may have.
+        end: usize,
     },
     /// A typed view at an address its widest register does not allow.
     #[error("%MB3.{offset}: a view of {type_name} needs an address divisible by {align}")]
@@ -85,10 +89,12 @@ pub enum MemoryError {
     },
     /// There is no memory for an image.
     #[error("{}: no room for an image of {} KiB, {} has {free_kib} KiB left; enlarge it (`mount -o remount,size=...`, \
-             in Docker `--shm-size`) or end another instance", .path.display(), SEGMENT_SIZE.div_ceil(1024), IMAGE_DIRECTORY)]
+             in Docker `--shm-size`) or end another instance", .path.display(), needed.div_ceil(1024), IMAGE_DIRECTORY)]
     NoRoom {
         /// The image.
         path: PathBuf,
+        /// Its length in bytes.
+        needed: usize,
         /// Free memory there, in KiB.
         free_kib: u64,
     },
@@ -200,12 +206,14 @@ pub enum MemoryError {
         expected: u64,
     },
     /// The file ends before the segment does.
-    #[error("{} is {size} bytes long, an image has {}; it is damaged, restart the emulator", .path.display(), SEGMENT_SIZE)]
+    #[error("{} is {size} bytes long, its segment has {}; it is damaged, restart the emulator", .path.display(), expected)]
     TooShort {
         /// The refused path.
         path: PathBuf,
         /// Its length in bytes.
         size: u64,
+        /// The length that its header page tells.
+        expected: u32,
     },
     /// The emulator runs but does not answer yet, or not any more.
     #[error("{} is not ready, its emulator is {}; try again when it is ready", .path.display(), state_name(*.state))]

@@ -1,6 +1,6 @@
 //! Opening and judging image files, without ever touching one that is not ours.
 
-use super::{Header, MemoryError, SEGMENT_SIZE, State, header, names, process::ProcessId};
+use super::{HEADER_SIZE, Header, MemoryError, State, header, names, process::ProcessId};
 use rustix::{
     fs::{FileType, Mode, OFlags, Stat},
     io::Errno,
@@ -75,17 +75,17 @@ impl ImageFile {
         Ok(u64::try_from(self.stat()?.st_size).unwrap_or(0))
     }
 
-    /// Refuses contents of another ABI version or length: behind such a header nothing is where this
-    /// program would look for it.
+    /// Refuses contents of another ABI version, and a file that is shorter than its header page tells: behind such a
+    /// header nothing is where this program would look for it.
     pub fn check_shape(&self, header: &Header) -> Result<(), MemoryError> {
         let found = header.abi_version.load();
         if found != header::ABI_VERSION {
             let path = self.path.clone();
             return Err(MemoryError::OtherAbi { path, found, expected: header::ABI_VERSION });
         }
-        let size = self.size()?;
-        if size < SEGMENT_SIZE as u64 {
-            return Err(MemoryError::TooShort { path: self.path.clone(), size });
+        let (size, expected) = (self.size()?, header.segment_size.load().max(HEADER_SIZE as u32));
+        if size < expected.into() {
+            return Err(MemoryError::TooShort { path: self.path.clone(), size, expected });
         }
         Ok(())
     }

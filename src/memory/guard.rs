@@ -4,7 +4,6 @@
 //! word. The handler here gives the file its length back, in zeros, and remembers it: the emulator goes on far enough to
 //! end in good order and to say what has happened. What the registers held is lost.
 
-use super::SEGMENT_SIZE;
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
 use rustix::fs::FallocateFlags;
 use std::io;
@@ -22,6 +21,8 @@ const LAST_WORDS: &[u8] =
 struct Slot {
     /// Address of the map; 0: free, 1: being filled.
     base: AtomicUsize,
+    /// Length of the map in bytes.
+    size: AtomicUsize,
     file: AtomicI32,
     mended: AtomicBool,
     tries: AtomicUsize,
@@ -30,6 +31,7 @@ struct Slot {
 static SLOTS: [Slot; MAX_GUARDED] = [const {
     Slot {
         base: AtomicUsize::new(0),
+        size: AtomicUsize::new(0),
         file: AtomicI32::new(-1),
         mended: AtomicBool::new(false),
         tries: AtomicUsize::new(0),
@@ -39,7 +41,7 @@ static SLOTS: [Slot; MAX_GUARDED] = [const {
 impl Slot {
     fn covers(&self, address: usize) -> bool {
         let base = self.base.load(Ordering::Acquire);
-        base > 1 && address.checked_sub(base).is_some_and(|offset| offset < SEGMENT_SIZE)
+        base > 1 && address.checked_sub(base).is_some_and(|offset| offset < self.size.load(Ordering::Acquire))
     }
 
     /// Gives the file its length back, and tells whether there was memory for it. `None`: it has its length.
@@ -47,11 +49,12 @@ impl Slot {
         // SAFETY: the file is open for as long as the slot is taken.
         let file = unsafe { BorrowedFd::borrow_raw(self.file.load(Ordering::Acquire)) };
         let stat = rustix::fs::fstat(file).ok()?;
-        if stat.st_size >= SEGMENT_SIZE as i64 {
+        let size = self.size.load(Ordering::Acquire) as u64;
+        if stat.st_size >= size as i64 {
             return None;
         }
         self.mended.store(true, Ordering::Release);
-        Some(rustix::fs::fallocate(file, FallocateFlags::empty(), 0, SEGMENT_SIZE as u64).is_ok())
+        Some(rustix::fs::fallocate(file, FallocateFlags::empty(), 0, size).is_ok())
     }
 
     /// After a fault: whether the access can be repeated.
@@ -65,13 +68,14 @@ impl Slot {
 pub(super) struct Guard(Option<usize>);
 
 impl Guard {
-    /// Guards the map at `base`, if there still is a place.
-    pub fn new(base: *const u8, file: RawFd) -> Self {
+    /// Guards the map of `size` bytes at `base`, if there still is a place.
+    pub fn new(base: *const u8, size: usize, file: RawFd) -> Self {
         let take =
             |slot: &Slot| slot.base.compare_exchange(0, 1, Ordering::AcqRel, Ordering::Relaxed).is_ok();
         let place = SLOTS.iter().position(take);
         if let Some(slot) = place.and_then(|place| SLOTS.get(place)) {
             slot.file.store(file, Ordering::Release);
+            slot.size.store(size, Ordering::Release);
             slot.mended.store(false, Ordering::Release);
             slot.tries.store(0, Ordering::Release);
             slot.base.store(base.addr(), Ordering::Release);

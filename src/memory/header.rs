@@ -55,7 +55,7 @@ pub struct Header {
     pub header_size: Cell32,
     /// Hash of the device's register map; equal hashes mean equal registers at equal offsets.
     pub layout_hash: Cell64,
-    /// [`super::SEGMENT_SIZE`].
+    /// Length of the segment in bytes, header page and all: what the file has at least.
     pub segment_size: Cell32,
     /// Counts the emulators that have used this file, from 1.
     pub generation: Cell32,

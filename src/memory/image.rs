@@ -1,12 +1,13 @@
 //! The emulator's side of an image file: create it or take it over, and remove it at the end.
 
 use super::{
-    Cell32, ClockMode, HEADER_SIZE, Header, MemoryError, SEGMENT_SIZE, Segment, State, View,
+    ClockMode, HEADER_SIZE, Header, MemoryError, Segment, State, View, Width,
     file::{self, ImageFile},
     guard::Guard,
     header, names,
     process::ProcessId,
 };
+use crate::layout::Device;
 use memmap2::MmapRaw;
 use rustix::{
     fs::{AtFlags, CWD, FallocateFlags, Mode, OFlags},
@@ -29,10 +30,8 @@ const GRACE: Duration = Duration::from_millis(50);
 /// What the creator of an image tells its clients.
 #[derive(Clone, Debug)]
 pub struct ImageSpec {
-    /// Hash of the device's register map.
-    pub layout_hash: u64,
-    /// Name of the device, at most 63 bytes; longer ones are cut.
-    pub device: String,
+    /// The device: its name, the hash of its register map and the length of its segment.
+    pub device: &'static Device,
     /// What drives the emulated time.
     pub clock_mode: ClockMode,
     /// Emulated time per real time x 1000; 0 in stepped mode.
@@ -105,8 +104,8 @@ impl Image {
         if !file.lock()? {
             return Ok(None);
         }
-        allocate(&file)?;
-        let mut image = Self::map(file, None)?;
+        allocate(&file, spec.device.segment_size())?;
+        let mut image = Self::map(file, spec.device.segment_size(), None)?;
         image.fill(spec);
         let nameless = format!("/proc/self/fd/{}", image.file.file.as_raw_fd());
         match rustix::fs::linkat(CWD, nameless, CWD, path, AtFlags::SYMLINK_FOLLOW) {
@@ -121,34 +120,36 @@ impl Image {
             let header = file.header()?;
             (header.firmware_pid.load(), header.layout_hash.load())
         };
-        if found != spec.layout_hash {
-            let (path, instance, expected) = (file.path, file.instance, spec.layout_hash);
+        if found != spec.device.layout_hash {
+            let (path, instance, expected) = (file.path, file.instance, spec.device.layout_hash);
             return Err(MemoryError::LeftByOther { path, instance, found, expected });
         }
-        allocate(&file)?;
-        let mut image = Self::map(file, Some(before))?;
+        allocate(&file, spec.device.segment_size())?;
+        let mut image = Self::map(file, spec.device.segment_size(), Some(before))?;
         image.header.state.store(State::Starting.code());
         image.zero_registers()?;
         image.fill(spec);
         Ok(image)
     }
 
-    fn map(file: ImageFile, taken_over: Option<u32>) -> Result<Image, MemoryError> {
+    fn map(file: ImageFile, size: usize, taken_over: Option<u32>) -> Result<Image, MemoryError> {
         let map = MmapRaw::map_raw(&file.file).map_err(|error| file.failed("map", error))?;
-        let size = map.len() as u64;
-        let segment = Segment::mapped(map, true)
-            .ok_or_else(|| MemoryError::TooShort { path: file.path.clone(), size })?;
+        let (found, expected) = (map.len() as u64, size as u32);
+        let segment = Segment::mapped(map, size, true).ok_or_else(|| MemoryError::TooShort {
+            path: file.path.clone(),
+            size: found,
+            expected,
+        })?;
         let header = segment.header()?;
-        let guard = Arc::new(Guard::new(segment.base(), file.file.as_raw_fd()));
+        let guard = Arc::new(Guard::new(segment.base(), segment.size(), file.file.as_raw_fd()));
         Ok(Self { guard, file: Arc::new(file), segment, header, taken_over })
     }
 
     /// Zeroes everything behind the header page without ever shortening the file, which would kill
     /// clients that touch their map. Nor is its memory given back, which others could take meanwhile.
     fn zero_registers(&self) -> Result<(), MemoryError> {
-        let registers = self.segment.view::<[Cell32; (SEGMENT_SIZE - HEADER_SIZE) / 4]>(HEADER_SIZE)?;
-        registers.iter().for_each(|word| word.store(0));
-        Ok(())
+        let mut registers = (HEADER_SIZE as u32..self.segment.size() as u32).step_by(4);
+        registers.try_for_each(|offset| self.segment.store(offset, Width::Dword, 0))
     }
 
     /// Fills the header of an image in state starting. The bells go on counting over a takeover, because
@@ -162,8 +163,8 @@ impl Image {
         header.firmware_pid.store(own.pid);
         header.abi_version.store(header::ABI_VERSION);
         header.header_size.store(HEADER_SIZE as u32);
-        header.segment_size.store(SEGMENT_SIZE as u32);
-        header.layout_hash.store(spec.layout_hash);
+        header.segment_size.store(self.segment.size() as u32);
+        header.layout_hash.store(spec.device.layout_hash);
         header.clock_mode.store(spec.clock_mode.code());
         header.speed.store(spec.speed);
         header.processor_cycle_us.store(spec.processor_cycle_us);
@@ -171,7 +172,7 @@ impl Image {
         header.sync_counter.iter().for_each(|counter| counter.store(0));
         header::set_name(&header.instance, &self.file.instance);
         header::set_name(&header.plc, &self.file.plc);
-        header::set_name(&header.device, &spec.device);
+        header::set_name(&header.device, spec.device.title);
         header.clear_board();
         // Whoever held this bell is dead, we hold its lock.
         header.doorbell.forget_waiters();
@@ -224,7 +225,11 @@ impl Image {
 
     /// To look from another thread whether somebody changes the file. Must be dropped before the image.
     pub fn watch(&self) -> ImageFileWatch {
-        ImageFileWatch { guard: Arc::clone(&self.guard), file: Arc::clone(&self.file) }
+        ImageFileWatch {
+            guard: Arc::clone(&self.guard),
+            file: Arc::clone(&self.file),
+            size: self.segment.size() as u64,
+        }
     }
 
     /// Process id of the killed emulator whose image this one has taken over, if it has.
@@ -281,6 +286,8 @@ pub enum FileState {
 pub struct ImageFileWatch {
     guard: Arc<Guard>,
     file: Arc<ImageFile>,
+    /// The length it should have, in bytes.
+    size: u64,
 }
 
 impl ImageFileWatch {
@@ -289,7 +296,7 @@ impl ImageFileWatch {
         self.guard.look();
         match (self.guard.has_mended(), self.file.size(), self.file.is_named()) {
             (true, ..) => FileState::Shortened,
-            (_, Ok(size), _) if size > SEGMENT_SIZE as u64 => FileState::Lengthened { size },
+            (_, Ok(size), _) if size > self.size => FileState::Lengthened { size },
             (.., Ok(false)) => FileState::Removed,
             _ => FileState::Intact,
         }
@@ -302,17 +309,17 @@ impl ImageFileWatch {
 }
 
 /// Gives the file all its memory now: later, a page that cannot be had would kill whoever touches it.
-fn allocate(file: &ImageFile) -> Result<(), MemoryError> {
-    match rustix::fs::fallocate(&file.file, FallocateFlags::empty(), 0, SEGMENT_SIZE as u64) {
+fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
+    match rustix::fs::fallocate(&file.file, FallocateFlags::empty(), 0, needed as u64) {
         Ok(()) => Ok(()),
         Err(Errno::NOSPC) => {
             let stat = rustix::fs::fstatvfs(&file.file);
             let free_kib = stat.map_or(0, |stat| stat.f_bavail.saturating_mul(stat.f_frsize) / 1024);
-            Err(MemoryError::NoRoom { path: file.path.clone(), free_kib })
+            Err(MemoryError::NoRoom { path: file.path.clone(), needed, free_kib })
         }
         // Not every file system can.
-        Err(Errno::OPNOTSUPP) if file.size()? < SEGMENT_SIZE as u64 => {
-            file.file.set_len(SEGMENT_SIZE as u64).map_err(|error| file.failed("size", error))
+        Err(Errno::OPNOTSUPP) if file.size()? < needed as u64 => {
+            file.file.set_len(needed as u64).map_err(|error| file.failed("size", error))
         }
         Err(Errno::OPNOTSUPP) => Ok(()),
         Err(errno) => Err(file.failed("allocate", errno.into())),

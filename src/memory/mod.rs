@@ -34,7 +34,7 @@ pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, St
 pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
 pub use instance::{EmulatorProcess, InstanceLock};
 pub use list::{Condition, ImageInfo, ImageSummary, list};
-pub use segment::{SEGMENT_SIZE, Segment};
+pub use segment::Segment;
 pub use view::View;
 pub use widths::{RegisterWidths, Unmapped};
 

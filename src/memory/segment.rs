@@ -22,12 +22,11 @@ use memmap2::{MmapOptions, MmapRaw};
 use std::sync::Arc;
 use zerocopy::IntoBytes;
 
-/// Length of the segment in bytes: the last one is `%MB3.3262143`.
-pub const SEGMENT_SIZE: usize = 3_262_144;
-
 /// The memory itself; unmapped when the last [`Segment`] or [`View`] is dropped.
 pub(super) struct Backing {
     base: NonNull<u8>,
+    /// Bytes that may be accessed, a multiple of 4 and [`HEADER_SIZE`] at least.
+    size: usize,
     writable: bool,
     _map: MmapRaw,
 }
@@ -38,10 +37,16 @@ unsafe impl Send for Backing {}
 unsafe impl Sync for Backing {}
 
 impl Backing {
-    /// Takes over a map that is at least [`SEGMENT_SIZE`] bytes long.
-    fn new(map: MmapRaw, writable: bool) -> Option<Self> {
-        let base = NonNull::new(map.as_mut_ptr()).filter(|_| map.len() >= SEGMENT_SIZE)?;
-        Some(Self { base, writable, _map: map })
+    /// Takes over the first `size` bytes of a map, if it has them and the header page is in them.
+    fn new(map: MmapRaw, size: usize, writable: bool) -> Option<Self> {
+        let size = size & !3;
+        let base = NonNull::new(map.as_mut_ptr()).filter(|_| size >= HEADER_SIZE && map.len() >= size)?;
+        Some(Self { base, size, writable, _map: map })
+    }
+
+    #[inline]
+    pub(super) fn size(&self) -> usize {
+        self.size
     }
 
     #[inline]
@@ -57,21 +62,30 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// A zeroed segment of this process alone. Pages are allocated by the kernel when first touched.
+    /// A zeroed segment of `size` bytes, of this process alone: as many as the device's register map needs
+    /// ([`Device::segment_size`](crate::layout::Device::segment_size)), the header page at least. Pages are allocated by
+    /// the kernel when first touched.
     ///
     /// An anonymous map instead of a `Vec`, because the allocator would clear page-aligned memory by
     /// hand and so touch all of it. Out of address space is fatal, as it is for a `Vec`.
-    pub fn heap() -> Segment {
-        let map = MmapOptions::new().len(SEGMENT_SIZE).map_anon().ok();
-        match map.and_then(|map| Backing::new(MmapRaw::from(map), true)) {
+    pub fn heap(size: usize) -> Segment {
+        let size = size.max(HEADER_SIZE).next_multiple_of(4);
+        let map = MmapOptions::new().len(size).map_anon().ok();
+        match map.and_then(|map| Backing::new(MmapRaw::from(map), size, true)) {
             Some(backing) => Self { backing: Arc::new(backing) },
-            None => std::alloc::handle_alloc_error(std::alloc::Layout::new::<[u32; SEGMENT_SIZE / 4]>()),
+            None => std::alloc::handle_alloc_error(std::alloc::Layout::new::<Header>()),
         }
     }
 
-    /// The segment in a mapped file; `None` if the map is shorter than [`SEGMENT_SIZE`].
-    pub(super) fn mapped(map: MmapRaw, writable: bool) -> Option<Segment> {
-        Some(Self { backing: Arc::new(Backing::new(map, writable)?) })
+    /// The segment in the first `size` bytes of a mapped file; `None` if the map is shorter, or that is less than the
+    /// header page.
+    pub(super) fn mapped(map: MmapRaw, size: usize, writable: bool) -> Option<Segment> {
+        Some(Self { backing: Arc::new(Backing::new(map, size, writable)?) })
+    }
+
+    /// Its length in bytes.
+    pub fn size(&self) -> usize {
+        self.backing.size
     }
 
     /// Where the memory is mapped.
@@ -119,7 +133,7 @@ impl Segment {
         self.need_writable(0)?;
         let size = N * size_of::<u64>();
         if size > HEADER_SIZE {
-            return Err(MemoryError::BlockOutOfRange { offset: 0, size });
+            return Err(MemoryError::BlockOutOfRange { offset: 0, size, end: HEADER_SIZE });
         }
         View::new(Arc::clone(&self.backing), 0)
     }
@@ -280,7 +294,7 @@ impl Segment {
     /// The bytes of the 32-bit word at `offset`, in memory order.
     #[inline]
     fn word(&self, offset: usize) -> [u8; 4] {
-        debug_assert!(offset.is_multiple_of(4) && offset + 4 <= SEGMENT_SIZE);
+        debug_assert!(offset.is_multiple_of(4) && offset + 4 <= self.size());
         // SAFETY: called with aligned offsets inside the segment only, whose length is a multiple of 4;
         // the memory is mapped for as long as `self` lives.
         unsafe { u32::load(self.backing.base.as_ptr().add(offset).cast::<u32>()) }.to_ne_bytes()
@@ -291,8 +305,8 @@ impl Segment {
     }
 
     fn check_block(&self, offset: usize, size: usize) -> Result<(), MemoryError> {
-        if offset.checked_add(size).is_none_or(|end| end > SEGMENT_SIZE) {
-            return Err(MemoryError::BlockOutOfRange { offset, size });
+        if offset.checked_add(size).is_none_or(|end| end > self.size()) {
+            return Err(MemoryError::BlockOutOfRange { offset, size, end: self.size() });
         }
         if offset < HEADER_SIZE && size > 0 {
             return Err(MemoryError::InHeader { address: Width::Byte.at(offset as u32) });
@@ -317,8 +331,8 @@ impl Segment {
     fn register(&self, offset: u32, width: Width) -> Result<Register<'_>, MemoryError> {
         let address = width.at(offset);
         let start = offset as usize;
-        if start > SEGMENT_SIZE - width.bytes() as usize {
-            return Err(MemoryError::OutOfRange { address });
+        if start > self.size() - width.bytes() as usize {
+            return Err(MemoryError::OutOfRange { address, end: self.size() });
         }
         if !offset.is_multiple_of(width.bytes()) {
             return Err(MemoryError::Misaligned { address });

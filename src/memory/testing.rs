@@ -1,6 +1,7 @@
 //! What the tests of images share: names of their own, clean-up, and an emulator that can be killed.
 
 use super::{ClockMode, Header, Image, ImageSpec, State, Width, header, image::tests::MARK, names};
+use crate::layout::{Area, Device, Provenance};
 use std::{
     fs,
     io::{BufRead, BufReader, Read},
@@ -14,6 +15,31 @@ use zerocopy::{FromZeros, IntoBytes};
 pub const PLC: &str = "plc";
 /// The layout hash in all tests.
 pub const HASH: u64 = 0x0123_4567_89AB_CDEF;
+/// Length of the segment in all tests.
+pub const SEGMENT_SIZE: usize = test_device().segment_size();
+/// The device in all tests.
+pub static DEVICE: Device = test_device();
+
+/// A device of plain RAM.
+pub const fn test_device() -> Device {
+    Device {
+        name: "test-device",
+        title: "Test Device",
+        manual: "none",
+        layout_hash: HASH,
+        areas: &[Area {
+            name: "ram",
+            name_from: Provenance::Inferred("D-220"),
+            first: 80_000,
+            bytes: 3_182_144,
+            cpu_first: 0,
+            cpu_last: 0,
+            doc: "Plain RAM",
+            page: "",
+            structures: &[],
+        }],
+    }
+}
 const CHILD: &str = "COMMRAM_TEST_EMULATOR";
 
 /// An instance name nobody else uses; whatever lies under it is removed in the end.
@@ -45,6 +71,7 @@ impl Instance {
         header.magic.store(header::MAGIC);
         header.abi_version.store(header::ABI_VERSION);
         header.layout_hash.store(HASH);
+        header.segment_size.store(SEGMENT_SIZE as u32);
         header.generation.store(7);
         header.state.store(State::Ready.code());
         header.firmware_pid.store(u32::MAX);
@@ -71,13 +98,7 @@ impl Drop for Instance {
 }
 
 pub fn spec() -> ImageSpec {
-    ImageSpec {
-        layout_hash: HASH,
-        device: "omega-drive-line-2".to_owned(),
-        clock_mode: ClockMode::RealTime,
-        speed: 1000,
-        processor_cycle_us: 1_000,
-    }
+    ImageSpec { device: &DEVICE, clock_mode: ClockMode::RealTime, speed: 1000, processor_cycle_us: 1_000 }
 }
 
 /// An emulator in a process of its own.

@@ -1,6 +1,6 @@
 //! Typed views of register blocks.
 
-use super::{MemoryError, SEGMENT_SIZE, Segment, cell::SharedRegs, segment::Backing};
+use super::{MemoryError, Segment, cell::SharedRegs, segment::Backing};
 use core::{fmt, ops::Deref, ptr::NonNull};
 use std::sync::Arc;
 
@@ -22,8 +22,8 @@ impl<T: SharedRegs> View<T> {
     /// The view of `T` at `offset`. The caller has made sure that the backing is writable.
     pub(super) fn new(keep: Arc<Backing>, offset: usize) -> Result<Self, MemoryError> {
         let (size, align) = (size_of::<T>(), align_of::<T>());
-        if offset.checked_add(size).is_none_or(|end| end > SEGMENT_SIZE) {
-            return Err(MemoryError::BlockOutOfRange { offset, size });
+        if offset.checked_add(size).is_none_or(|end| end > keep.size()) {
+            return Err(MemoryError::BlockOutOfRange { offset, size, end: keep.size() });
         }
         if !offset.is_multiple_of(align) {
             return Err(MemoryError::BlockMisaligned {
@@ -32,7 +32,7 @@ impl<T: SharedRegs> View<T> {
                 type_name: core::any::type_name::<T>(),
             });
         }
-        // SAFETY: the backing is SEGMENT_SIZE bytes long and `offset` was just checked to lie inside.
+        // SAFETY: the backing is `size` bytes long and `offset` was just checked to lie inside.
         let cells = unsafe { keep.base().add(offset) }.cast::<T>();
         debug_assert!(cells.is_aligned(), "the backing is page-aligned");
         Ok(Self { cells, keep })
@@ -42,7 +42,7 @@ impl<T: SharedRegs> View<T> {
     ///
     /// ```
     /// # use commram::memory::{Cell16, Segment};
-    /// let pair = Segment::heap().view::<[Cell16; 2]>(200_000)?;
+    /// let pair = Segment::heap(300_000).view::<[Cell16; 2]>(200_000)?;
     /// let second = pair.project(|pair| &pair[1]);
     /// second.store(0x0043);
     /// assert_eq!(pair[1].load(), 0x0043);

@@ -1,7 +1,7 @@
 //! Accesses of any width: how they meet the registers, each of which has just one.
 
 use super::{MemoryError, Segment, Width};
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::layout::Device;
 use crate::layout::flags::{RETAIN, is_flag};
 
 /// No register area covers an address.
@@ -11,7 +11,7 @@ pub struct Unmapped {
     pub offset: u32,
 }
 
-/// Register widths of the device, byte by byte.
+/// Register widths of a device, byte by byte.
 ///
 /// Rule of the shared memory: a byte is accessed at one width only, that of the register which is used there.
 /// Where the initialization structure overlays a cyclic one, both have the same width, except under registers
@@ -44,10 +44,10 @@ struct Part {
 }
 
 impl RegisterWidths {
-    /// The widths of the Omega Drive-Line II.
+    /// The widths of the device's registers.
     #[must_use]
-    pub fn of_device() -> Self {
-        let areas = DEVICE.areas.iter().map(|area| {
+    pub fn of(device: &'static Device) -> Self {
+        let areas = device.areas.iter().map(|area| {
             // Only as many bytes as have registers; option interfaces are large and empty.
             let described = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
@@ -225,9 +225,10 @@ fn mask(bytes: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::{DEVICE, SEGMENT_END};
 
     fn parts(offset: u32, width: Width) -> Vec<Part> {
-        RegisterWidths::of_device().parts(&Segment::heap(), offset, width).unwrap().collect()
+        RegisterWidths::of(&DEVICE).parts(&Segment::heap(SEGMENT_END), offset, width).unwrap().collect()
     }
 
     #[test]
@@ -268,7 +269,7 @@ mod tests {
 
     #[test]
     fn holes_are_named() {
-        let (map, segment) = (RegisterWidths::of_device(), Segment::heap());
+        let (map, segment) = (RegisterWidths::of(&DEVICE), Segment::heap(SEGMENT_END));
         assert_eq!(map.area(&segment, 8191, 1).err(), Some(Unmapped { offset: 8191 }));
         assert_eq!(map.area(&segment, 88_190, 4).err(), Some(Unmapped { offset: 88_192 }));
         assert!(map.area(&segment, 88_190, 2).is_ok());
@@ -276,7 +277,7 @@ mod tests {
 
     #[test]
     fn a_plc_has_as_many_retain_flags_as_its_header_page_says() {
-        let (map, segment) = (RegisterWidths::of_device(), Segment::heap());
+        let (map, segment) = (RegisterWidths::of(&DEVICE), Segment::heap(SEGMENT_END));
         for (bytes, end) in [(0, 8192), (20_000, 28_192), (71_808, 80_000), (u32::MAX, 80_000)] {
             segment.header().unwrap().retain_size.store(bytes);
             assert_eq!(map.store(&segment, 8192, Width::Dword, 7).is_ok(), bytes != 0);

@@ -69,7 +69,9 @@ impl Plant {
         let target = self.plcs.get(index).ok_or(ForceError::NoSuchPlc)?;
         target.segment().load(offset, width)?;
         if !target.has(offset, width) {
-            return Err(MemoryError::OutOfRange { address: width.at(offset) }.into());
+            return Err(
+                MemoryError::OutOfRange { address: width.at(offset), end: target.segment().size() }.into()
+            );
         }
         if !self.forces.set(forced) {
             return Err(ForceError::TooMany);

@@ -24,11 +24,11 @@ impl Ram {
     /// A structure at `%MB3.offset`: what `_NAME AT %MB3.offset : T` declares in an IEC program.
     ///
     /// ```
-    /// use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+    /// use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2, SEGMENT_END};
     /// use commram::memory::Segment;
     /// use commram::plc::Ram;
     ///
-    /// let ram = Ram::of(&Segment::heap())?;
+    /// let ram = Ram::of(&Segment::heap(SEGMENT_END))?;
     /// let _CANsync_CTRL_MA = ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?;
     /// # Ok::<(), commram::memory::MemoryError>(())
     /// ```

@@ -127,8 +127,7 @@ impl Emulator {
         }
         let lock = take_instance(config, &options.instance)?;
         let spec = ImageSpec {
-            layout_hash: device::LAYOUT_HASH,
-            device: "Omega Drive-Line II".to_owned(),
+            device: &device::DEVICE,
             clock_mode: options.clock.mode(),
             speed: options.clock.speed_permille(),
             processor_cycle_us: config.processor_cycle_us,
@@ -185,7 +184,7 @@ impl Emulator {
             #[cfg(feature = "channel")]
             server,
             #[cfg(feature = "channel")]
-            registers: crate::memory::RegisterWidths::of_device(),
+            registers: crate::memory::RegisterWidths::of(&device::DEVICE),
         })
     }
 

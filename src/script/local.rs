@@ -3,6 +3,7 @@
 use super::ScenarioError;
 use super::backend::{Backend, BackendError, Spot, Waited};
 use crate::check::Entry;
+use crate::devices::omega_drive_line_2::registers::{DEVICE, SEGMENT_END};
 use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::memory::header::{BoardSetting, BoardState};
@@ -23,8 +24,8 @@ impl Local {
     /// # Errors
     /// The plant is refused.
     pub fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
-        let plant = Plant::new(config, |_plc| Ok::<_, ScenarioError>(Segment::heap()))?;
-        Ok(Self { names: plant.names(), plant, widths: RegisterWidths::of_device() })
+        let plant = Plant::new(config, |_plc| Ok::<_, ScenarioError>(Segment::heap(SEGMENT_END)))?;
+        Ok(Self { names: plant.names(), plant, widths: RegisterWidths::of(&DEVICE) })
     }
 
     /// The plant; what its boards were asked for is answered first, as before a request through the channel.

@@ -1,6 +1,7 @@
 //! The C client printed in `docs/attach.md` is compiled and meets an emulator's memory, so what the
 //! contract says is what a program that knows nothing else needs.
 
+use commram::devices::omega_drive_line_2::registers::DEVICE;
 use commram::memory::{ClockMode, Image, ImageSpec, Width};
 use std::{
     fs,
@@ -10,7 +11,6 @@ use std::{
     time::Duration,
 };
 
-const HASH: u64 = 0x0123_4567_89AB_CDEF;
 const WATCHDOG: Option<Duration> = Some(Duration::from_secs(60));
 
 /// Compiles the document's C code, without a warning.
@@ -30,13 +30,16 @@ fn client(directory: &Path) -> PathBuf {
 
 fn image(test: &str) -> Image {
     let spec = ImageSpec {
-        layout_hash: HASH,
-        device: "omega-drive-line-2".to_owned(),
+        device: &DEVICE,
         clock_mode: ClockMode::RealTime,
         speed: 1000,
         processor_cycle_us: 1_000,
     };
     Image::create(&format!("contract-{}-{test}", std::process::id()), "plc", &spec).unwrap()
+}
+
+fn hash() -> String {
+    format!("{:016X}", DEVICE.layout_hash)
 }
 
 fn run(program: &Path, image: &Path, hash: &str) -> Output {
@@ -65,7 +68,7 @@ fn the_printed_client_meets_the_firmware() {
                 assert!(bell.wait(seen, WATCHDOG), "the client did not ring");
             }
         });
-        let output = run(&program, image.path(), "0123456789ABCDEF");
+        let output = run(&program, image.path(), &hash());
         assert_eq!(refusal(&output), (Some(0), String::new()));
         assert_eq!(firmware.join().unwrap(), 4711);
     });
@@ -78,13 +81,13 @@ fn the_printed_client_refuses_what_it_should() {
     let image = image("refuses");
     let path = image.path().to_owned();
     let refused = |hash| refusal(&run(&program, &path, hash));
-    assert_eq!(refused("0123456789ABCDEF"), (Some(2), "the emulator is not ready or dead".to_owned()));
+    assert_eq!(refused(&hash()), (Some(2), "the emulator is not ready or dead".to_owned()));
     image.set_ready();
     assert_eq!(refused("1"), (Some(2), "other register map".to_owned()));
     image.header().abi_version.store(1);
-    assert_eq!(refused("0123456789ABCDEF"), (Some(2), "other ABI version".to_owned()));
+    assert_eq!(refused(&hash()), (Some(2), "other ABI version".to_owned()));
     drop(image);
-    assert_eq!(refused("0123456789ABCDEF"), (Some(2), "no image there".to_owned()));
+    assert_eq!(refused(&hash()), (Some(2), "no image there".to_owned()));
 }
 
 #[test]
@@ -96,7 +99,7 @@ fn the_printed_client_gives_up_when_the_emulator_ends() {
     let seen = image.header().doorbell.rings();
     let path = image.path().to_owned();
     thread::scope(|scope| {
-        let client = scope.spawn(|| run(&program, &path, "0123456789ABCDEF"));
+        let client = scope.spawn(|| run(&program, &path, &hash()));
         assert!(image.header().doorbell.wait(seen, WATCHDOG), "the client did not ring");
         drop(image);
         assert_eq!(client.join().unwrap().status.code(), Some(1));

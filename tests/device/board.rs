@@ -101,7 +101,8 @@ fn a_forwarded_edge_is_one_event() {
     let text = "[[plc]]\nname='a'\nnode2='upper'\n[[plc]]\nname='b'\ndip=3\nnode1='upper'\nnode2='lower'\n\
                 [[bus]]\nname='upper'\n[[bus]]\nname='lower'\n";
     let config = PlantConfig::parse("cluster", text).unwrap();
-    let mut plant = Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap())).unwrap();
+    let mut plant =
+        Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
     let init =
         |plc: usize, node| plant.plcs()[plc].segment().clone().view::<CANsync_INIT_BMSTRUCT>(node).unwrap();
     let nodes = [(init(A, NODE2), 0), (init(B, NODE1), 1), (init(B, NODE2), 2)];

@@ -3,6 +3,7 @@
 use crate::rig::{BOTH, Memory, RATES, Rig};
 use commram::check::Rule;
 use commram::devices::cansync::bus::wire;
+use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 use commram::journal::{Event, Missed};
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
@@ -193,7 +194,8 @@ fn a_cluster_forwards_the_sync_signal() {
                 [[bus]]\nname = 'upper'\n[[bus]]\nname = 'lower'\n\
                 [[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n";
     let config = PlantConfig::parse("cluster", text).unwrap();
-    let mut plant = Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap())).unwrap();
+    let mut plant =
+        Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
     let init = |plc: usize, node: usize| -> commram::memory::View<CANsync_INIT_BMSTRUCT> {
         plant.plcs()[plc].segment().view(node).unwrap()
     };

@@ -3,6 +3,7 @@
 use crate::rig::cluster::{Cluster, INTERVAL_US};
 use crate::rig::{RATES, Rate, write_init_data};
 use commram::check::Rule;
+use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::journal::{Event, Record};
 use commram::memory::Segment;
@@ -120,7 +121,8 @@ fn a_cluster_of_unlike_rates_says_so() {
     };
     for (upper, lower) in [(RATES[0], RATES[1]), (RATES[1], RATES[0]), (RATES[0], RATES[2])] {
         let config = PlantConfig::parse("cluster", &text(lower)).unwrap();
-        let mut plant = Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap())).unwrap();
+        let mut plant =
+            Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
         let nodes = |rate: Rate| [(1, NODE2, 0x02, rate), (2, NODE1, 0x01, rate), (2, NODE2, 0x02, rate)];
         set_up(&mut plant, &[(0, NODE2, 0x00, upper), (1, NODE1, 0x01, upper)]);
         set_up(&mut plant, &nodes(lower));

@@ -31,9 +31,9 @@ fn main() {
     let place = zerocopy::IntoBytes::as_mut_bytes(&mut node).iter().position(|byte| *byte == 0x05);
     println!("byte {}", place.unwrap());
     println!("provenance {}", named.register.offset_from);
-    let csv = commram::export::export(commram::export::Format::Csv, Some("node2")).unwrap();
+    let csv = commram::export::export(&DEVICE, commram::export::Format::Csv, Some("node2")).unwrap();
     println!("csv {}", csv.contains("\nnode2.b_CTRL_REG_BC1,%MB3.202895,"));
-    let c = commram::export::export(commram::export::Format::C, Some("node2")).unwrap();
+    let c = commram::export::export(&DEVICE, commram::export::Format::C, Some("node2")).unwrap();
     println!("c {}", c.contains("offsetof(CANsync_MA_CTRL_BMSTRUCT, b_CTRL_REG_BC1) == 2895"));
     println!("hash {LAYOUT_HASH}");
 }
@@ -73,7 +73,7 @@ fn copy(from: &Path, to: &Path) {
 
 /// The declarations with `b_CTRL_REG_BC1` behind its padding instead of in front of it.
 fn moved() -> String {
-    let declarations = commram::export::export(commram::export::Format::St, None).unwrap();
+    let declarations = commram::export::export(&DEVICE, commram::export::Format::St, None).unwrap();
     let mut lines: Vec<&str> = declarations.lines().collect();
     let at = lines.iter().position(|line| line.trim_start().starts_with("b_CTRL_REG_BC1 ")).unwrap();
     assert!(lines[at + 1].contains("BYTE_3_BMARRAY"), "the layout has changed; adapt this test");

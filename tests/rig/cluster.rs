@@ -60,7 +60,8 @@ impl Cluster {
     pub fn new(widths: &[usize]) -> Cluster {
         let (text, children) = plant_text(widths);
         let config = PlantConfig::parse("cluster", &text).expect("the plant is a good one");
-        let plant = Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap())).expect("it can be built");
+        let plant =
+            Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap(SEGMENT_END))).expect("it can be built");
         let plcs = plant.plcs().iter().zip(children).enumerate();
         let plcs = plcs.map(|(index, (plc, children))| plc_of(plc.segment(), index == 0, children));
         Cluster { plcs: plcs.collect(), plant }

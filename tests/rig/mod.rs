@@ -227,13 +227,12 @@ pub fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8) {
 pub fn segment(memory: Memory, plc: &str, images: &mut Vec<Image>) -> Result<Segment, RigError> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     match memory {
-        Memory::Heap => Ok(Segment::heap()),
+        Memory::Heap => Ok(Segment::heap(SEGMENT_END)),
         Memory::Mapped => {
             let count = COUNT.fetch_add(1, Ordering::Relaxed);
             let instance = format!("rig-{}-{count}", std::process::id());
             let spec = ImageSpec {
-                layout_hash: LAYOUT_HASH,
-                device: "Omega Drive-Line II".to_owned(),
+                device: &DEVICE,
                 clock_mode: ClockMode::Stepped,
                 speed: 0,
                 processor_cycle_us: 500,

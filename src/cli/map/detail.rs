@@ -2,10 +2,10 @@
 
 use super::entry::Entry;
 use crate::cli::table;
-use commram::devices::omega_drive_line_2::registers::DEVICE;
+use commram::layout::Device;
 
 /// Several lines of text.
-pub fn text(entry: &Entry) -> String {
+pub fn text(device: &Device, entry: &Entry) -> String {
     let line = |name: &str, value: String| vec![format!("  {name}"), value];
     let mut lines = vec![
         line("meaning", entry.meaning.to_owned()),
@@ -14,7 +14,7 @@ pub fn text(entry: &Entry) -> String {
         line("owner", entry.owner.clone()),
         line("reset value", entry.reset.clone()),
         line("structure", entry.structure.to_owned()),
-        line("manual", format!("{} p. {}", DEVICE.manual, entry.page)),
+        line("manual", format!("{} p. {}", device.manual, entry.page)),
     ];
     for (fact, source) in entry.provenance.all() {
         lines.push(line(&format!("{} from", fact.replace('_', " ")), source.clone()));
@@ -27,7 +27,7 @@ pub fn text(entry: &Entry) -> String {
     }
     let has_meaning = !entry.values.is_empty() || !entry.bits.is_empty();
     if has_meaning && !entry.meaning_page.is_empty() {
-        lines.push(line("values, bits", format!("{} p. {}", DEVICE.manual, entry.meaning_page)));
+        lines.push(line("values, bits", format!("{} p. {}", device.manual, entry.meaning_page)));
     }
     let mut text = format!("{}\n{}", entry.name, table::columns(&lines));
     let told = |meaning: &str, source: &str| match source {

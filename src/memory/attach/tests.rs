@@ -3,7 +3,7 @@
 use super::*;
 use crate::memory::{
     header::ABI_VERSION,
-    testing::{Emulator, HASH, Instance, PLC},
+    testing::{Emulator, HASH, Instance, PLC, SEGMENT_SIZE},
 };
 use std::{fs, os::unix::fs::symlink, thread};
 

@@ -2,13 +2,14 @@
 //! far longer than any machine needs, and never decide a test's outcome.
 
 use super::*;
+use crate::memory::testing::SEGMENT_SIZE;
 use crate::memory::{Header, Segment, View};
 use std::{sync::mpsc, thread};
 
 const WATCHDOG: Option<Duration> = Some(Duration::from_secs(60));
 
 fn header() -> View<Header> {
-    Segment::heap().header().unwrap()
+    Segment::heap(SEGMENT_SIZE).header().unwrap()
 }
 
 /// Waits until somebody has entered itself as a waiter.

@@ -1,11 +1,12 @@
 //! Creating, taking over, refusing, removing.
 
 use super::*;
+use crate::layout::Device;
 use crate::memory::{
     AttachMode, Width,
     header::{ABI_VERSION, name},
     list::{Condition, list},
-    testing::{Emulator, HASH, Instance, PLC, spec},
+    testing::{Emulator, HASH, Instance, PLC, SEGMENT_SIZE, spec, test_device},
 };
 use std::{
     fs,
@@ -146,7 +147,8 @@ fn a_dead_image_of_another_register_map_is_left_alone() {
         "{refused}"
     );
     assert_eq!(fs::read(instance.path()).unwrap(), before);
-    let spec = ImageSpec { layout_hash: HASH + 1, ..spec() };
+    static OTHER: Device = Device { layout_hash: HASH + 1, ..test_device() };
+    let spec = ImageSpec { device: &OTHER, ..spec() };
     assert!(Image::create(&instance, PLC, &spec).is_ok());
 }
 

@@ -1,6 +1,7 @@
 //! The same bodies run over both backings.
 
 use super::*;
+use crate::memory::testing::SEGMENT_SIZE;
 use crate::memory::{Cell8, Cell16, Cell32};
 use memmap2::MmapOptions;
 
@@ -8,13 +9,16 @@ use memmap2::MmapOptions;
 fn both() -> [Segment; 2] {
     let file = tempfile::tempfile().unwrap();
     file.set_len(SEGMENT_SIZE as u64).unwrap();
-    [Segment::heap(), Segment::mapped(MmapRaw::map_raw(&file).unwrap(), true).unwrap()]
+    [
+        Segment::heap(SEGMENT_SIZE),
+        Segment::mapped(MmapRaw::map_raw(&file).unwrap(), SEGMENT_SIZE, true).unwrap(),
+    ]
 }
 
 fn read_only() -> Segment {
     let file = tempfile::tempfile().unwrap();
     file.set_len(SEGMENT_SIZE as u64).unwrap();
-    Segment::mapped(MmapOptions::new().map_raw_read_only(&file).unwrap(), false).unwrap()
+    Segment::mapped(MmapOptions::new().map_raw_read_only(&file).unwrap(), SEGMENT_SIZE, false).unwrap()
 }
 
 fn message<T: fmt::Debug>(result: Result<T, MemoryError>) -> String {
@@ -262,7 +266,7 @@ fn a_read_only_segment_refuses_instead_of_crashing() {
 fn a_map_that_is_too_short_gives_no_segment() {
     let file = tempfile::tempfile().unwrap();
     file.set_len(SEGMENT_SIZE as u64 - 1).unwrap();
-    assert!(Segment::mapped(MmapRaw::map_raw(&file).unwrap(), true).is_none());
+    assert!(Segment::mapped(MmapRaw::map_raw(&file).unwrap(), SEGMENT_SIZE, true).is_none());
 }
 
 #[test]

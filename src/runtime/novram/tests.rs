@@ -2,6 +2,7 @@ mod killed;
 
 use super::file::{decode, encode};
 use super::*;
+use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::memory::header::{RETAIN_OFFSET, RETAIN_SIZE};
 use std::fs;
 use std::io::ErrorKind;
@@ -42,7 +43,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
         let content = novram.changed((&[0; ETHERNET_SIZE], 0), true).unwrap();
         file::store(&mut open(&directory), &novram.name, &content).unwrap();
     };
-    let (many, few) = (Segment::heap(), Segment::heap());
+    let (many, few) = (Segment::heap(SEGMENT_END), Segment::heap(SEGMENT_END));
     let (last, first) = (79_996, RETAIN_OFFSET as u32);
     many.store(last, Width::Dword, 7).unwrap();
     save(&mut on(&many, 71_808));
@@ -51,7 +52,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
     assert_eq!(novram.changed((&[0; ETHERNET_SIZE], 0), true), None);
     few.store(first, Width::Dword, 5).unwrap();
     save(&mut novram);
-    let again = Segment::heap();
+    let again = Segment::heap(SEGMENT_END);
     on(&again, 71_808);
     let held = [first, last].map(|flag| again.load(flag, Width::Dword).unwrap());
     assert_eq!(held, [5, 7]);
@@ -60,7 +61,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
 #[test]
 fn content_survives_power_off() {
     let directory = tempfile::tempdir().unwrap();
-    let first = Segment::heap();
+    let first = Segment::heap(SEGMENT_END);
     let (mut novram, found) = power_on(&directory, &first).unwrap();
     assert_eq!(found, Found::Nothing);
     let mut config = [0; ETHERNET_SIZE];
@@ -74,7 +75,7 @@ fn content_survives_power_off() {
     file::store(&mut open(&directory), &novram.name, &changed).unwrap();
     assert_eq!(novram.changed((&config, 1), true), None, "saved already");
 
-    let second = Segment::heap();
+    let second = Segment::heap(SEGMENT_END);
     let (_, found) = power_on(&directory, &second).unwrap();
     assert_eq!(found, Found::Content { retain: true });
     for (offset, width, value) in
@@ -89,7 +90,7 @@ fn content_survives_power_off() {
 #[test]
 fn retain_flags_are_looked_at_when_it_is_time() {
     let directory = tempfile::tempdir().unwrap();
-    let segment = Segment::heap();
+    let segment = Segment::heap(SEGMENT_END);
     let (mut novram, _) = power_on(&directory, &segment).unwrap();
     segment.store(FLAG, Width::Dword, 7).unwrap();
     let config = [0; ETHERNET_SIZE];
@@ -113,7 +114,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
     let bad = [flipped, older, truncated, b"something else".to_vec(), Vec::new()];
     for (n, bytes) in bad.into_iter().enumerate() {
         fs::write(&path, &bytes).unwrap();
-        let segment = Segment::heap();
+        let segment = Segment::heap(SEGMENT_END);
         let (_, found) = power_on(&directory, &segment).unwrap();
         let aside = directory.path().join(format!("line.novram.bad-{}", n + 1));
         assert_eq!(found, Found::SetAside(aside.clone()));
@@ -133,7 +134,7 @@ fn a_directory_that_cannot_be_used_is_named() {
 #[test]
 fn the_keeper_has_written_everything_when_it_ends() {
     let directory = tempfile::tempdir().unwrap();
-    let segments = [Segment::heap(), Segment::heap()];
+    let segments = [Segment::heap(SEGMENT_END), Segment::heap(SEGMENT_END)];
     let opened = open(&directory);
     let power_on = |name, segment| Novram::power_on(&opened, name, segment, RETAIN_SIZE as u32).unwrap().0;
     let novram = vec![power_on("a", &segments[0]), power_on("b", &segments[1])];
@@ -155,7 +156,8 @@ fn the_keeper_has_written_everything_when_it_ends() {
 /// The NOVRAM of a PLC with its keeper, which has not written anything yet.
 fn keeper(directory: &tempfile::TempDir) -> Keeper {
     let opened = open(directory);
-    let (novram, _) = Novram::power_on(&opened, "line", &Segment::heap(), RETAIN_SIZE as u32).unwrap();
+    let (novram, _) =
+        Novram::power_on(&opened, "line", &Segment::heap(SEGMENT_END), RETAIN_SIZE as u32).unwrap();
     Keeper::new(Some(opened), vec![novram]).unwrap()
 }
 
@@ -225,7 +227,7 @@ fn a_directory_that_has_gone_is_made_again() {
 fn a_directory_that_cannot_be_written_is_found_out_at_power_on() {
     let directory = tempfile::tempdir().unwrap();
     let _in_the_way = block(&directory);
-    let error = power_on(&directory, &Segment::heap()).unwrap_err().to_string();
+    let error = power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap_err().to_string();
     assert!(error.contains("line.novram: cannot write it"), "{error}");
 }
 
@@ -234,12 +236,12 @@ fn what_a_killed_emulator_has_left_half_written_goes() {
     let directory = tempfile::tempdir().unwrap();
     let (new, other) = (directory.path().join("line.novram.new"), directory.path().join("other"));
     fs::write(&new, "half").unwrap();
-    power_on(&directory, &Segment::heap()).unwrap();
+    power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
     assert_eq!(names(&directory), [""; 0]);
     // Nor is it written to, if it is a link to something else.
     fs::write(&other, "mine").unwrap();
     std::os::unix::fs::symlink(&other, &new).unwrap();
-    power_on(&directory, &Segment::heap()).unwrap();
+    power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
     assert_eq!((names(&directory), fs::read(&other).unwrap()), (vec!["other".to_owned()], b"mine".to_vec()));
 }
 
@@ -265,7 +267,7 @@ fn only_regular_files_are_read_and_no_links_are_followed() {
     for (found, make) in makers {
         let directory = tempfile::tempdir().unwrap();
         make(&directory.path().join("line.novram")).unwrap();
-        let error = power_on(&directory, &Segment::heap()).unwrap_err().to_string();
+        let error = power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap_err().to_string();
         assert!(error.contains(&format!("line.novram: this is {found}")), "{error}");
         assert_eq!(names(&directory), ["line.novram"], "it is left alone");
     }
@@ -277,7 +279,7 @@ fn a_huge_file_is_set_aside_unread() {
     let directory = tempfile::tempdir().unwrap();
     let file = fs::File::create(directory.path().join("line.novram")).unwrap();
     file.set_len(1 << 40).unwrap();
-    let (_, found) = power_on(&directory, &Segment::heap()).unwrap();
+    let (_, found) = power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
     assert_eq!(found, Found::SetAside(directory.path().join("line.novram.bad-1")));
 }
 

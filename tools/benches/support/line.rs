@@ -2,6 +2,7 @@
 
 use crate::active::activate;
 use commram::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;
@@ -26,7 +27,7 @@ pub fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
     }
     let config = PlantConfig::parse("bench", &text).expect("the plant is a good one");
     let mut plant =
-        Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap())).expect("the plant can be built");
+        Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap(SEGMENT_END))).expect("the plant can be built");
     let segment = plant.plcs()[0].segment().clone();
     let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
     let edge = plant.next_sync(0, 2).expect("SYNC runs");

@@ -106,10 +106,11 @@ impl InitData {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
     use crate::memory::Segment;
 
     fn regs(mode: u8, bt: (u8, u8), pattern: u8) -> crate::memory::View<CANsync_INIT_BMSTRUCT> {
-        let regs = Segment::heap().view::<CANsync_INIT_BMSTRUCT>(200_000).unwrap();
+        let regs = Segment::heap(SEGMENT_END).view::<CANsync_INIT_BMSTRUCT>(200_000).unwrap();
         regs.b_MA_SL_MODE.store(mode);
         regs.b_BT_0.store(bt.0);
         regs.b_BT_1.store(bt.1);

@@ -85,11 +85,12 @@ impl Orders {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
     use crate::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 
     #[test]
     fn the_left_behind_0_lasts_until_another_value_or_a_restart() {
-        let segment = Segment::heap();
+        let segment = Segment::heap(SEGMENT_END);
         let regs = segment.view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
         let header = segment.header().unwrap();
         let register = &regs.w_CPU_CONTROL;

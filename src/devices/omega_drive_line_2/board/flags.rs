@@ -70,9 +70,10 @@ impl Flags {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 
     fn flags(bytes: u32) -> Flags {
-        let segment = Segment::heap();
+        let segment = Segment::heap(SEGMENT_END);
         segment.header().unwrap().retain_size.store(bytes);
         Flags::new(&segment).unwrap()
     }

@@ -3,6 +3,7 @@
 mod front;
 
 use super::*;
+use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::journal::{Journal, Origin, Record};
 use crate::memory::header::{InterruptResult, OptInitResult, ProgramState, Project, RunSwitch, Start};
 
@@ -21,7 +22,7 @@ impl Rig {
     }
 
     fn with_option_card(option_sync_us: Option<u32>) -> Self {
-        Self::of(Segment::heap(), option_sync_us, Project::None)
+        Self::of(Segment::heap(SEGMENT_END), option_sync_us, Project::None)
     }
 
     fn of(segment: Segment, option_sync_us: Option<u32>, project: Project) -> Self {

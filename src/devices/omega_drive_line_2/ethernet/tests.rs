@@ -1,4 +1,5 @@
 use super::*;
+use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::journal::{Journal, Origin};
 use std::net::Ipv4Addr as Ip;
 
@@ -10,7 +11,7 @@ struct Rig {
 
 impl Rig {
     fn new(dip: u8) -> Self {
-        Self::on(&Segment::heap(), dip)
+        Self::on(&Segment::heap(SEGMENT_END), dip)
     }
 
     /// Power-on with the NOVRAM that `segment` holds.
@@ -186,7 +187,7 @@ fn routers_are_used_unless_they_are_forbidden() {
 
 #[test]
 fn without_a_link_there_is_still_an_address() {
-    let segment = Segment::heap();
+    let segment = Segment::heap(SEGMENT_END);
     let mut ethernet = Ethernet::new(&segment, 0).unwrap();
     let mut journal = Journal::default();
     ethernet.power_on(&mut context(&mut journal), 0);

@@ -1,6 +1,7 @@
 //! Kills a process that writes, at random moments.
 
 use super::*;
+use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command, Stdio};
@@ -15,7 +16,7 @@ const SLOWEST_US: u64 = 500_000;
 #[test]
 fn child() {
     let Some(directory) = std::env::var_os(DIRECTORY) else { return };
-    let segment = Segment::heap();
+    let segment = Segment::heap(SEGMENT_END);
     let mut directory = Directory::open(Path::new(&directory)).unwrap();
     let (novram, found) = Novram::power_on(&directory, "line", &segment, RETAIN_SIZE as u32).unwrap();
     assert!(!matches!(found, Found::SetAside(_)), "{found:?}");
@@ -57,6 +58,6 @@ fn the_file_holds_the_old_or_the_new_content_never_a_mixture() {
         contents.extend(byte);
     }
     assert!(contents.len() > 10, "the kills meet different contents: {contents:?}");
-    power_on(&directory, &Segment::heap()).unwrap();
+    power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
     assert_eq!(names(&directory), ["line.novram"], "the next one cleans up");
 }

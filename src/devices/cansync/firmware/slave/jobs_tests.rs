@@ -4,6 +4,7 @@
 use super::*;
 use crate::devices::cansync::bus::codec::{Direction, ParameterResponse, UpDownResponse};
 use crate::devices::omega_drive_line_2::registers::NODE1;
+use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::journal::{Journal, Origin};
 use crate::memory::{Cell8, Segment, View};
 use core::fmt::Debug;
@@ -19,7 +20,7 @@ struct Bench {
 
 impl Bench {
     fn new(enable: u8) -> Self {
-        let regs = Segment::heap().view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1).unwrap();
+        let regs = Segment::heap(SEGMENT_END).view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1).unwrap();
         regs.b_EN_UPDOWNBLK1.store(enable);
         regs.w_ERR_NR_PAR_CMD.store(0xFFFE);
         regs.w_ERR_NR_UPDOWNBLK1.store(0x0123);

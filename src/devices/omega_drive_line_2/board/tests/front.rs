@@ -1,6 +1,7 @@
 //! RUN/STOP/RESET switch, seven-segment display, supply, starts of the program.
 
 use super::*;
+use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::layout::flags::RETAIN_OFFSET;
 use crate::memory::Width;
 use crate::memory::header::InitialFlagResult;
@@ -154,7 +155,7 @@ fn kept_retain_flags_make_the_first_start_a_warm_one() {
     for (project, first) in
         [(Project::None, Start::Warm), (Project::Boot, Start::Warm), (Project::Sent, Start::Cold)]
     {
-        let segment = Segment::heap();
+        let segment = Segment::heap(SEGMENT_END);
         segment.store(RETAIN_OFFSET + 60, Width::Dword, 7).unwrap();
         let mut rig = Rig::of(segment, None, project);
         rig.program(ProgramState::Stopped);
@@ -167,7 +168,7 @@ fn kept_retain_flags_make_the_first_start_a_warm_one() {
 /// p. 38: a cold start sets the retain flags to their initial values, warm and hot start leave them alone.
 #[test]
 fn a_cold_start_alone_touches_the_retain_flags() {
-    let mut rig = Rig::of(Segment::heap(), None, Project::Boot);
+    let mut rig = Rig::of(Segment::heap(SEGMENT_END), None, Project::Boot);
     let slot = &rig.header.initial_flag;
     let (good, flag) = (slot.ask(4, 4, 99), |rig: &Rig| {
         [0, 4].map(|flag| rig.segment.load(RETAIN_OFFSET + flag, Width::Dword).unwrap())
@@ -200,7 +201,7 @@ fn a_reset_loses_a_project_that_was_only_sent() {
     for (project, after, display) in
         [(Project::Sent, ProgramState::None, '0'), (Project::Boot, ProgramState::Stopped, '1')]
     {
-        let mut rig = Rig::of(Segment::heap(), None, project);
+        let mut rig = Rig::of(Segment::heap(SEGMENT_END), None, project);
         assert_eq!(rig.header.project.load(), project.code());
         assert_eq!((rig.ordered(), rig.display()), ((1, Start::Cold), ('1', false)));
         rig.program(ProgramState::Cyclic);
