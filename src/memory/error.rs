@@ -206,7 +206,7 @@ pub enum MemoryError {
         expected: u64,
     },
     /// The file ends before the segment does.
-    #[error("{} is {size} bytes long, its segment has {}; it is damaged, restart the emulator", .path.display(), expected)]
+    #[error("{} is {size} bytes long, an image has {}; it is damaged, restart the emulator", .path.display(), expected)]
     TooShort {
         /// The refused path.
         path: PathBuf,

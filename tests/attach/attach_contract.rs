@@ -80,7 +80,7 @@ fn the_printed_client_refuses_what_it_should() {
     let program = client(directory.path());
     let image = image("refuses");
     let path = image.path().to_owned();
-    let refused = |hash| refusal(&run(&program, &path, hash));
+    let refused = |hash: &str| refusal(&run(&program, &path, hash));
     assert_eq!(refused(&hash()), (Some(2), "the emulator is not ready or dead".to_owned()));
     image.set_ready();
     assert_eq!(refused("1"), (Some(2), "other register map".to_owned()));

@@ -74,7 +74,7 @@ fn other_layout() {
         let refused = Image::attach(&instance, PLC, mode, Some(1)).unwrap_err().to_string();
         assert!(
             refused.contains(
-                "holds omega-drive-line-2 with register map 16#0123456789ABCDEF, \
+                "holds Test Device with register map 16#0123456789ABCDEF, \
                  this program is made for 16#0000000000000001"
             ),
             "{refused}"

@@ -43,7 +43,7 @@ fn a_new_image_is_private_allocated_and_filled() {
     assert_eq!(header.firmware_pid.load(), std::process::id());
     assert_eq!(name(&header.instance), *instance);
     assert_eq!(name(&header.plc), PLC);
-    assert_eq!(name(&header.device), "omega-drive-line-2");
+    assert_eq!(name(&header.device), "Test Device");
     assert_eq!((image.generation(), image.taken_over()), (1, None));
 }
 

@@ -276,3 +276,17 @@ fn the_header_lies_at_the_front() {
         assert_eq!(segment.header_snapshot().virtual_time_us.load(), 62_500);
     }
 }
+
+/// Devices differ: a b maXX PLC reaches beyond 7 MB, others have no more than a page of registers.
+#[test]
+fn a_segment_is_as_long_as_its_device_needs() {
+    for (asked, size) in [(7_034_560, 7_034_560), (4_100, 4_100), (5_001, 5_004), (0, HEADER_SIZE)] {
+        let segment = Segment::heap(asked);
+        assert_eq!(segment.size(), size);
+        let end = size as u32;
+        assert_eq!(segment.load(end - 1, Width::Byte).is_ok(), size > HEADER_SIZE);
+        assert!(
+            matches!(segment.load(end, Width::Byte), Err(MemoryError::OutOfRange { end, .. }) if end == size)
+        );
+    }
+}
