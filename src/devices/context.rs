@@ -16,6 +16,8 @@ pub struct Context<'a> {
     pub journal: &'a mut Journal,
     /// The node on whose behalf the firmware runs.
     pub origin: Origin,
+    /// First byte of the area that it looks after; the firmware's offsets count from there.
+    pub base: usize,
 }
 
 impl Context<'_> {
@@ -24,10 +26,16 @@ impl Context<'_> {
         self.journal.push(self.now, event);
     }
 
-    /// Reports that the PLC has broken a rule at the register at `offset` of the RAM, which belongs to the
+    /// Where in the RAM the register at `offset` of the area lies.
+    #[inline]
+    pub fn at(&self, offset: usize) -> u32 {
+        (self.base + offset) as u32 // areas lie in segments of a few megabytes
+    }
+
+    /// Reports that the PLC has broken a rule at the register at `offset` of the area, which belongs to the
     /// structure of phase `live`.
-    pub fn find(&mut self, rule: Rule, live: Live, offset: u32, value: u32) {
-        let plc = self.origin.plc;
+    pub fn find(&mut self, rule: Rule, live: Live, offset: usize, value: u32) {
+        let (plc, offset) = (self.origin.plc, self.at(offset));
         self.report(Event::Finding(Finding { rule, plc, offset, live, value, late_us: 0 }));
     }
 }

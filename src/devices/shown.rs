@@ -9,7 +9,7 @@ pub trait Shown {
     /// What the register holds.
     type Value;
 
-    /// Stores `value`; a change is noted. `offset` is the register's `%MB3` number.
+    /// Stores `value`; a change is noted. `offset` is the register's in its area.
     fn show(&self, ctx: &mut Context, offset: usize, value: Self::Value);
 }
 
@@ -22,7 +22,7 @@ macro_rules! shown {
                 let before = self.load();
                 self.store(value);
                 if before != value {
-                    let (origin, offset) = (ctx.origin, offset as u32);
+                    let (origin, offset) = (ctx.origin, ctx.at(offset));
                     ctx.report(Event::Register { origin, offset, from: before.into(), to: value.into() });
                 }
             }

@@ -308,7 +308,8 @@ impl Run<'_> {
         let index = self.bus.master?;
         let plc = self.plcs.get_mut(index)?;
         let origin = Origin { plc: index as u16, node: 2 };
-        Some(f(&mut plc.master, &mut Context { now: self.now, journal: self.journal, origin }))
+        let base = plc.seats[1].base;
+        Some(f(&mut plc.master, &mut Context { now: self.now, journal: self.journal, origin, base }))
     }
 
     /// Runs `f` on the slave node of PLC `index`, if it listens.
@@ -317,7 +318,8 @@ impl Run<'_> {
         let hears = |slave: &Slave| slave.hears(kbit_per_s) && !disturbance.is_off(slave.number());
         let plc = self.plcs.get_mut(index).filter(|plc| hears(&plc.slave))?;
         let origin = Origin { plc: index as u16, node: 1 };
-        Some(f(&mut plc.slave, &mut Context { now: self.now, journal: self.journal, origin }))
+        let base = plc.seats[0].base;
+        Some(f(&mut plc.slave, &mut Context { now: self.now, journal: self.journal, origin, base }))
     }
 
     fn each_node(&mut self, mut f: impl FnMut(&mut Slave, &mut Context)) {

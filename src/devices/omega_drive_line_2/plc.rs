@@ -4,12 +4,12 @@ use super::config::PlcConfig;
 use crate::check::{Facts, Rule};
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::BuiltInDrive;
-use crate::devices::cansync::firmware::{Change, Master, Slave};
+use crate::devices::cansync::firmware::{Change, Master, Seat, Slave};
 use crate::devices::cansync::medium::SimBus;
 use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
 use crate::devices::omega_drive_line_2::board::{Board, Look, Power};
 use crate::devices::omega_drive_line_2::ethernet::{Ethernet, Stored};
-use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use crate::devices::omega_drive_line_2::registers::{BAPS, BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use crate::devices::{BuildError, Context};
 use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
 use crate::layout::Live;
@@ -24,6 +24,8 @@ pub struct Plc {
     lock: SyncLock,
     segment: Segment,
     header: View<Header>,
+    /// Where nodes 1 and 2 are.
+    pub(crate) seats: [Seat; 2],
     pub(crate) slave: Slave,
     pub(crate) master: Master,
     pub(crate) baps: Baps,
@@ -46,6 +48,7 @@ impl Plc {
         let drive = BuiltInDrive::new(&config.name, &config.drive)?;
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         let header = segment.header()?;
+        let seats = [Seat { base: NODE1, place: 0 }, Seat { base: NODE2, place: 1 }];
         header.board.dip.store(u32::from(config.dip));
         header.retain_offset.store(RETAIN_OFFSET);
         header.retain_size.store(config.retain_bytes);
@@ -53,8 +56,9 @@ impl Plc {
             name: config.name.clone(),
             lock,
             header,
-            slave: Slave::new(&segment, config.dip, lock)?,
-            master: Master::new(&segment)?,
+            slave: Slave::new(&segment, seats[0], config.dip, lock)?,
+            master: Master::new(&segment, seats[1])?,
+            seats,
             baps: Baps::new(&segment, drive, &config.drive)?,
             board: Board::new(&segment, config.option_sync_us, config.project.into())?,
             ethernet: Ethernet::new(&segment, config.ethernet_mbit)?,
@@ -66,7 +70,7 @@ impl Plc {
     }
 
     pub(crate) fn power_on(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
-        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
+        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 }, base: NODE1 };
         let dip = self.board.start(&mut ctx);
         self.ethernet.power_on(&mut ctx, dip);
         if dip != self.slave.number() {
@@ -85,7 +89,7 @@ impl Plc {
             ctx.report(Event::Board { plc, what });
         }
         // The segment was large enough before.
-        if let Ok(slave) = Slave::new(&self.segment, dip, self.lock) {
+        if let Ok(slave) = Slave::new(&self.segment, self.seats[0], dip, self.lock) {
             self.slave = slave;
         }
     }
@@ -95,10 +99,10 @@ impl Plc {
     fn go_down(&mut self, index: usize, now: u64, buses: &mut [SimBus], journal: &mut Journal) {
         self.board.stop();
         self.ethernet.power_off();
-        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
+        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 }, base: NODE1 };
         ctx.report(Event::Board { plc: index as u16, what: BoardEvent::Down });
         self.slave.power_off(&mut ctx);
-        ctx.origin.node = 2;
+        (ctx.origin.node, ctx.base) = (2, NODE2);
         self.master.power_off(&mut ctx);
         self.baps.reset();
         if let Some(bus) = self.bus2.and_then(|bus| buses.get_mut(bus)) {
@@ -106,9 +110,10 @@ impl Plc {
         }
         // Their RAM and all that they knew is gone.
         let number = self.slave.number();
-        if let (Ok(slave), Ok(master)) =
-            (Slave::new(&self.segment, number, self.lock), Master::new(&self.segment))
-        {
+        if let (Ok(slave), Ok(master)) = (
+            Slave::new(&self.segment, self.seats[0], number, self.lock),
+            Master::new(&self.segment, self.seats[1]),
+        ) {
             (self.slave, self.master) = (slave, master);
         }
     }
@@ -135,7 +140,7 @@ impl Plc {
         buses: &mut [SimBus],
         journal: &mut Journal,
     ) -> bool {
-        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 } };
+        let mut ctx = Context { now, journal, origin: Origin { plc: index as u16, node: 1 }, base: NODE1 };
         let look = self.board.look(&mut ctx);
         self.follow(look, index, now, buses, journal);
         look != Look::Nothing
@@ -179,7 +184,7 @@ impl Plc {
     pub(crate) fn ip_config_written(&mut self, index: usize, now: u64, journal: &mut Journal) {
         if self.board.is_up() {
             let origin = Origin { plc: index as u16, node: 1 };
-            self.ethernet.take(&mut Context { now, journal, origin });
+            self.ethernet.take(&mut Context { now, journal, origin, base: 0 });
         }
     }
 
@@ -210,8 +215,8 @@ impl Plc {
     /// `bytes` bytes at `offset` were written by somebody who named the place. If that is a `w_CPU_CONTROL`, 16#0000
     /// in it is a restart, even if it stood there before (decision D-29).
     pub(crate) fn named(&self, offset: u32, bytes: u32) {
-        for (restarts, node) in self.header.restarts_written.iter().zip([NODE1, NODE2]) {
-            let register = node as u32;
+        for (restarts, node) in self.header.restarts_written.iter().zip(self.seats) {
+            let register = node.base as u32;
             let is_hit = offset < register + 2 && register < offset + bytes;
             if is_hit && self.segment.load(register, Width::Word).is_ok_and(|value| value == 0) {
                 restarts.increment();
@@ -260,7 +265,7 @@ impl Plc {
         journal: &mut Journal,
     ) {
         let origin = Origin { plc: index as u16, node: 2 };
-        self.master.passes_sync_on(&mut Context { now, journal, origin }, rate);
+        self.master.passes_sync_on(&mut Context { now, journal, origin, base: NODE2 }, rate);
     }
 
     /// The bus whose SYNC signal this PLC passes on to `bus`.
@@ -324,7 +329,7 @@ impl Plc {
     ) {
         let events = self.baps.process_data_events();
         let origin = Origin { plc: index as u16, node: BAPS_NODE };
-        self.baps.slice(&mut Context { now, journal, origin }, pace);
+        self.baps.slice(&mut Context { now, journal, origin, base: BAPS }, pace);
         if self.baps.process_data_events() != events {
             self.board.baps(now);
         }
@@ -360,13 +365,13 @@ impl Plc {
         let wire = |bus: Option<usize>, node| bus.and_then(|bus| buses.get(bus)?.on_wire(now, origin(node)));
         let (wire1, wire2) = (wire(self.bus1, 1), wire(self.bus2, 2));
 
-        let mut ctx = Context { now, journal, origin: origin(1) };
+        let mut ctx = Context { now, journal, origin: origin(1), base: NODE1 };
         self.ethernet.look(&mut ctx);
         let change = self.slave.processor_cycle(&mut ctx, wire1);
         if change == Change::SetUpStarted {
             self.report_mismatch(&mut ctx, buses);
         }
-        ctx.origin = origin(2);
+        (ctx.origin, ctx.base) = (origin(2), NODE2);
         let change = self.master.processor_cycle(&mut ctx, wire2);
         let Some(bus) = self.bus2.and_then(|bus| buses.get_mut(bus)) else { return };
         match change {
@@ -387,8 +392,8 @@ impl Plc {
         {
             let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
             ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
-            let offset = NODE1 + offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
-            ctx.find(Rule::BusBaudRate, Live::Init, offset as u32, timing.b_BT_0.into());
+            let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
+            ctx.find(Rule::BusBaudRate, Live::Init, offset, timing.b_BT_0.into());
         }
     }
 }

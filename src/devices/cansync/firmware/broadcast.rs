@@ -6,7 +6,7 @@ use super::registers::Code;
 use crate::devices::Context;
 use crate::devices::cansync::bus::Frame;
 use crate::devices::cansync::bus::codec::action::ActionCommand;
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::memory::{Cell8, Cell16, Cell32};
 use core::mem::offset_of;
 
@@ -75,5 +75,5 @@ fn take(
     }
     let frame = command().frame();
     // If the PLC has withdrawn its release meanwhile, nothing goes out.
-    acknowledge(ctx, control, NODE2 + offset).then_some(frame)
+    acknowledge(ctx, control, offset).then_some(frame)
 }

@@ -10,7 +10,7 @@ use crate::memory::Cell8;
 pub(super) struct JobRegisters<'a> {
     pub(super) control: &'a Cell8,
     pub(super) status: &'a Cell8,
-    /// `%MB3` offset of the control register, for the journal.
+    /// Offset of the control register in the node's area, for the journal.
     pub(super) offset: usize,
 }
 
@@ -51,7 +51,7 @@ impl JobRegisters<'_> {
 
     fn report(&self, ctx: &mut Context, seen: u8, new: u8) {
         if seen != new {
-            let (origin, offset) = (ctx.origin, self.offset as u32);
+            let (origin, offset) = (ctx.origin, ctx.at(self.offset));
             let (request, answer) = (u16::from(seen), u16::from(new));
             ctx.report(Event::Handshake { origin, offset, request, answer });
         }
@@ -68,7 +68,7 @@ mod tests {
     fn what_the_plc_entered_meanwhile_is_left_alone() {
         let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
         let mut journal = Journal::default();
-        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 2 } };
+        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 2 }, base: 0 };
         let registers = JobRegisters { control: &control, status: &status, offset: 1 };
         control.store(0x05);
         assert!(registers.replace(&mut ctx, 0x05, 0x0D));
@@ -83,7 +83,7 @@ mod tests {
     fn bits_change_in_each_register_by_themselves() {
         let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
         let mut journal = Journal::default();
-        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 1 } };
+        let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 1 }, base: 0 };
         let registers = JobRegisters { control: &control, status: &status, offset: 1 };
         registers.show(&mut ctx, 0x45);
         status.store(0x64);

@@ -1,11 +1,11 @@
-//! The CANsync master on node 2: process data in active operation (manual 5.00005.03a p. 151-160), and who
+//! The CANsync master: process data in active operation (manual 5.00005.03a p. 151-160), and who
 //! has the command channel when.
 
 use super::actual::ActualValueRegisters;
 use super::auto::Counter;
 use super::command::CommandChannel;
 use super::init::SyncSource;
-use super::node::{Change, Node, NodeState, Role};
+use super::node::{Change, Node, NodeState, Role, Seat};
 use super::polling::Polling;
 use super::punctual::Punctual;
 use super::registers::Code;
@@ -14,7 +14,7 @@ use crate::check::Facts;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
-use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_MA_CTRL_BMSTRUCT};
 use crate::journal::{Event, Missed};
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
@@ -51,14 +51,14 @@ pub struct Master {
 }
 
 impl Master {
-    /// The master in node 2 of `segment`.
+    /// The master at `seat` of `segment`.
     ///
     /// # Errors
-    /// If the segment is too small for node 2.
-    pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
+    /// If the segment is too small for it.
+    pub fn new(segment: &Segment, seat: Seat) -> Result<Self, MemoryError> {
         Ok(Master {
-            node: Node::new(Role::Master, segment)?,
-            regs: segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?,
+            node: Node::new(Role::Master, segment, seat)?,
+            regs: segment.view::<CANsync_MA_CTRL_BMSTRUCT>(seat.base)?,
             polling: Polling::new(),
             commands: CommandChannel::default(),
             request: [Counter::default(); 2],
@@ -183,11 +183,10 @@ impl Master {
 
     /// The frame is built: 16#05 becomes 16#04, unless the PLC has written something else meanwhile.
     pub fn acknowledge_reference(&mut self, ctx: &mut Context, channel: Channel) {
-        let offset = NODE2
-            + match channel {
-                Channel::One => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1),
-                Channel::Two => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC2),
-            };
+        let offset = match channel {
+            Channel::One => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1),
+            Channel::Two => offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC2),
+        };
         acknowledge(ctx, self.control_register(channel), offset);
     }
 
@@ -272,7 +271,7 @@ pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) ->
         let origin = ctx.origin;
         ctx.report(Event::Handshake {
             origin,
-            offset: offset as u32,
+            offset: ctx.at(offset),
             request: u16::from(Code::RELEASED),
             answer: u16::from(Code::DONE),
         });

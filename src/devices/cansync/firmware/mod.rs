@@ -27,6 +27,6 @@ mod word_config;
 
 pub use init::{InitData, InitFault};
 pub use master::{Built, Master};
-pub use node::{Change, NodeState};
+pub use node::{Change, NodeState, Seat};
 pub use registers::{Code, auto};
 pub use slave::Slave;

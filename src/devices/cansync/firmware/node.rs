@@ -9,29 +9,26 @@ use super::punctual::Punctual;
 use super::registers::{control, status};
 use crate::check::{Facts, Rule};
 use crate::devices::Context;
-use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_INIT_BMSTRUCT};
 use crate::journal::{Command, Event};
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 
-/// Which of the board's two nodes this is; the wiring is fixed (manual 5.00005.03a p. 61).
+/// What a node is on its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Node 1.
     Slave,
-    /// Node 2.
     Master,
 }
 
-impl Role {
-    /// First byte of the node's registers.
-    fn base(self) -> usize {
-        match self {
-            Role::Slave => NODE1,
-            Role::Master => NODE2,
-        }
-    }
+/// Where a node's registers lie, and which of its device's nodes it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seat {
+    /// First byte of its area.
+    pub base: usize,
+    /// Its place among the ports of the header page, from 0.
+    pub place: usize,
 }
 
 /// The state a node shows in `w_OPTION_STATUS`.
@@ -69,7 +66,6 @@ pub enum Change {
 /// State machine and general registers of a node.
 pub(super) struct Node {
     role: Role,
-    base: u32,
     pub(super) regs: View<CANsync_INIT_BMSTRUCT>,
     state: NodeState,
     init: Option<InitData>,
@@ -81,17 +77,15 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// The node in `segment`, in start-up.
+    /// The node at `seat` of `segment`, in start-up.
     ///
     /// # Errors
     /// If the segment is too small for it, or read-only.
-    pub(super) fn new(role: Role, segment: &Segment) -> Result<Self, MemoryError> {
-        let base = role.base();
+    pub(super) fn new(role: Role, segment: &Segment, seat: Seat) -> Result<Self, MemoryError> {
         Ok(Node {
-            orders: Orders::new(segment, role)?,
+            orders: Orders::new(segment, seat.place)?,
             role,
-            base: base as u32,
-            regs: segment.view(base)?,
+            regs: segment.view(seat.base)?,
             state: NodeState::StartUp,
             init: None,
             refused: None,
@@ -238,7 +232,7 @@ impl Node {
     fn reset_controller(&mut self, ctx: &mut Context, answer: u16) {
         let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
         self.controller.reset(ctx.now, kbit_per_s);
-        let (origin, offset, request) = (ctx.origin, self.base, answer | control::RESET_CONTROLLER);
+        let (origin, offset, request) = (ctx.origin, ctx.at(0), answer | control::RESET_CONTROLLER);
         ctx.report(Event::Handshake { origin, offset, request, answer });
     }
 
@@ -246,7 +240,7 @@ impl Node {
     fn report_left_behind(&self, ctx: &mut Context) {
         let (origin, value) = (ctx.origin, control::RESTART);
         ctx.report(Event::CommandIgnored { origin, value, why: Command::LeftBehind });
-        ctx.find(Rule::LeftBehind, self.live(), self.base, control::RESET_CONTROLLER.into());
+        ctx.find(Rule::LeftBehind, self.live(), 0, control::RESET_CONTROLLER.into());
     }
 
     fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
@@ -289,7 +283,7 @@ impl Node {
                 regs.b_TIME_PATTERN.load(),
             ),
         };
-        ctx.find(rule, Live::Init, self.base + offset as u32, value.into());
+        ctx.find(rule, Live::Init, offset, value.into());
     }
 
     /// The two values that the manual gives for the CAN controller (p. 149). The bus is simulated, so other ones
@@ -300,7 +294,7 @@ impl Node {
         for (register, offset, right) in [output, clock] {
             let value = register.load();
             if value != right {
-                ctx.find(Rule::InitController, Live::Init, self.base + offset as u32, value.into());
+                ctx.find(Rule::InitController, Live::Init, offset, value.into());
             }
         }
     }
@@ -315,7 +309,7 @@ impl Node {
         if is_news {
             let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, rate.kbit_per_s);
             ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
-            let offset = self.base + offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0) as u32;
+            let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
             ctx.find(Rule::ClusterBaudRate, Live::Init, offset, timing.b_BT_0.into());
         }
     }
@@ -342,7 +336,7 @@ impl Node {
         let why = if known { Command::NotNow } else { Command::Unknown };
         let origin = ctx.origin;
         ctx.report(Event::CommandIgnored { origin, value, why });
-        ctx.find(Rule::Command, self.live(), self.base, value.into());
+        ctx.find(Rule::Command, self.live(), 0, value.into());
     }
 
     fn show(&mut self, ctx: &mut Context, state: NodeState) {
@@ -394,7 +388,7 @@ impl Node {
         }
         if (before ^ value) & !status::TRAFFIC != 0 {
             let origin = ctx.origin;
-            let offset = self.base + offset_of!(CANsync_INIT_BMSTRUCT, w_CANsync_STATUS) as u32;
+            let offset = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_CANsync_STATUS));
             ctx.report(Event::Register { origin, offset, from: before.into(), to: value.into() });
         }
     }

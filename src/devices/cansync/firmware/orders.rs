@@ -1,6 +1,5 @@
 //! `w_CPU_CONTROL` as the firmware reads it: a level, from which bit 7 is cleared (manual 5.00005.03a p. 149-150, 174).
 
-use super::node::Role;
 use super::registers::control;
 use crate::memory::{Cell16, Header, MemoryError, Segment, View};
 
@@ -33,10 +32,10 @@ impl Orders {
     ///
     /// # Errors
     /// If the segment is read-only.
-    pub fn new(segment: &Segment, role: Role) -> Result<Self, MemoryError> {
+    pub fn new(segment: &Segment, node: usize) -> Result<Self, MemoryError> {
         let mut orders = Orders {
             header: segment.header()?,
-            node: usize::from(role == Role::Master),
+            node,
             seen: control::RESTART,
             left_behind: false,
             restarts: 0,
@@ -94,7 +93,7 @@ mod tests {
         let regs = segment.view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
         let header = segment.header().unwrap();
         let register = &regs.w_CPU_CONTROL;
-        let mut orders = Orders::new(&segment, Role::Master).unwrap();
+        let mut orders = Orders::new(&segment, 1).unwrap();
         let order = |value, is_new, with_reset| Order { value, is_new, with_reset };
         for change in [0x0020, 0x0000] {
             register.store(0x0080);

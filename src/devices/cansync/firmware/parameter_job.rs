@@ -11,7 +11,7 @@ use crate::devices::cansync::bus::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult, error_number,
 };
 use crate::devices::omega_drive_line_2::registers::{
-    CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER, NODE2,
+    CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER,
 };
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
@@ -43,14 +43,12 @@ impl<'a> Area<'a> {
             job: JobRegisters {
                 control: &job.b_STEUREG_PAR_CMD,
                 status: &job.b_STATREG_PAR_CMD,
-                offset: NODE2
-                    + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
+                offset: offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
                     + index * size_of::<CTRLREG_PAR_CMD_SL>()
                     + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD),
             },
             data: regs.a_DATA_PARAMETER.get(index)?,
-            data_offset: NODE2
-                + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
+            data_offset: offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
                 + index * size_of::<DATA_PARAMETER>(),
         })
     }

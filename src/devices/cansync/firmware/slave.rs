@@ -1,4 +1,4 @@
-//! A CANsync slave on node 1 (manual 5.00005.03a p. 169-193).
+//! A CANsync slave (manual 5.00005.03a p. 169-193).
 //!
 //! Here are node state, process data and action commands. `jobs` sorts what comes in the command channel to
 //! `parameter` and `updown`.
@@ -12,7 +12,7 @@ mod updown;
 
 use super::actual::{ActualValueRegisters, store_word};
 use super::master::acknowledge;
-use super::node::{Change, Node, NodeState, Role};
+use super::node::{Change, Node, NodeState, Role, Seat};
 use super::polling::SYNCHRONIZED;
 use super::punctual::Punctual;
 use super::registers::Code;
@@ -23,7 +23,7 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind, SyncLock};
-use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_SL_CTRL_BMSTRUCT};
 use crate::devices::shown::Shown;
 use crate::journal::{Event, Missed};
 use crate::memory::{MemoryError, Segment, View};
@@ -55,14 +55,14 @@ pub struct Slave {
 }
 
 impl Slave {
-    /// The slave in node 1 of `segment` with slave number `number`, which synchronizes by `lock`.
+    /// The slave at `seat` of `segment` with slave number `number`, which synchronizes by `lock`.
     ///
     /// # Errors
-    /// If the segment is too small for node 1.
-    pub fn new(segment: &Segment, number: u8, lock: SyncLock) -> Result<Self, MemoryError> {
+    /// If the segment is too small for it.
+    pub fn new(segment: &Segment, seat: Seat, number: u8, lock: SyncLock) -> Result<Self, MemoryError> {
         Ok(Slave {
-            node: Node::new(Role::Slave, segment)?,
-            regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(NODE1)?,
+            node: Node::new(Role::Slave, segment, seat)?,
+            regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(seat.base)?,
             number,
             lock,
             jobs: Jobs::new(number),
@@ -248,7 +248,7 @@ impl Slave {
         let built = FrameConfig::new(self.regs._CFG_RDC_WORD.words(channel))
             .build(|number| values.get(usize::from(number)).map_or(0, |cell| cell.load()));
         self.ready[channel.index()] = Some(built.payload);
-        acknowledge(ctx, register, NODE1 + offset);
+        acknowledge(ctx, register, offset);
     }
 
     /// A reference value frame arrived: words first, then 16#02 in the status register.
@@ -296,7 +296,7 @@ impl Slave {
         // Stores a value and notes it if it is another one.
         macro_rules! show {
             ($register:ident, $value:expr) => {
-                regs.$register.show(ctx, NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, $register), $value)
+                regs.$register.show(ctx, offset_of!(CANsync_SL_CTRL_BMSTRUCT, $register), $value)
             };
         }
         match command.action() {

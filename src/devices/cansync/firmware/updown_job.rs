@@ -12,7 +12,7 @@ use crate::devices::cansync::bus::codec::CodecError;
 use crate::devices::cansync::bus::codec::updown::{
     BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, error_number,
 };
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
 
@@ -257,7 +257,7 @@ const fn ended(control: u8) -> u8 {
 }
 
 fn show_error(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, number: u16) {
-    let offset = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_ERR_NR_UPDOWNBLK1);
+    let offset = offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_ERR_NR_UPDOWNBLK1);
     regs.w_ERR_NR_UPDOWNBLK1.show(ctx, offset, number);
 }
 
@@ -265,6 +265,6 @@ fn registers(regs: &CANsync_MA_CTRL_BMSTRUCT) -> JobRegisters<'_> {
     JobRegisters {
         control: &regs.b_STEUREG_UPDOWNBLK1,
         status: &regs.b_STATREG_UPDOWNBLK1,
-        offset: NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_STEUREG_UPDOWNBLK1),
+        offset: offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_STEUREG_UPDOWNBLK1),
     }
 }

@@ -7,7 +7,7 @@ use crate::check::Rule;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::drive::Objection;
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER, NODE2};
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
 use crate::layout::Live;
 use core::mem::{offset_of, size_of};
 
@@ -61,8 +61,8 @@ impl Run<'_> {
             };
             let data = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
                 + usize::from(number) * size_of::<DATA_PARAMETER>();
-            let offset = NODE2 + data + offset_of!(DATA_PARAMETER, d_PAR_VALUE);
-            self.master(|_, ctx| ctx.find(rule, Live::Cyclic, offset as u32, value));
+            let offset = data + offset_of!(DATA_PARAMETER, d_PAR_VALUE);
+            self.master(|_, ctx| ctx.find(rule, Live::Cyclic, offset, value));
         }
     }
 

@@ -1,7 +1,6 @@
 //! What the drive finds wrong when it takes a command; the access checker counts it.
 
 use super::cycle::Cycle;
-use super::place;
 use crate::check::Rule;
 use crate::devices::Context;
 use crate::devices::cansync::drive::{BuiltInDrive, pwm_objection};
@@ -25,7 +24,7 @@ pub(super) fn is_too_early(header: &Header) -> bool {
 
 /// Reports a broken rule at the register at `offset` of the BAPS.
 pub(super) fn find(ctx: &mut Context, rule: Rule, offset: usize, value: u32) {
-    ctx.find(rule, Live::Always, place(offset) as u32, value);
+    ctx.find(rule, Live::Always, offset, value);
 }
 
 /// The cycle times that stand in `w_COMMAND_REG`; `None` if they are reserved. What is reserved is reported.

@@ -49,11 +49,6 @@ mod quit {
 /// `w_STATUS_REG`, bit 0.
 const SYNCHRONIZED: u16 = 0x0001;
 
-/// `%MB3` number of the register at `offset`.
-const fn place(offset: usize) -> usize {
-    BAPS + offset
-}
-
 /// The BAPS of one PLC with the drive behind it.
 pub struct Baps {
     regs: View<BAPS_CTRL_BMSTRUCT>,
@@ -192,7 +187,7 @@ impl Baps {
             match self.process_hold.turn(ctx.now, |has_waited| pace(ctx.journal, has_waited)) {
                 Pace::AtOnce => {
                     self.process.slice(ctx, &self.regs, &mut self.drive);
-                    let offset = place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUS_REG));
+                    let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUS_REG);
                     self.regs.w_STATUS_REG.show(ctx, offset, synchronized);
                 }
                 Pace::Late(_) => {}

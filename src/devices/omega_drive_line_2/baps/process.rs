@@ -3,7 +3,7 @@
 use super::config::Numbers;
 use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
 use super::findings::{cycle_of, find, find_wrong_pwm, is_too_early};
-use super::{command, place, quit};
+use super::{command, quit};
 use crate::check::Rule;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
@@ -179,7 +179,7 @@ impl Configured {
                 answer = quit::UNREADABLE;
             }
         }
-        regs.w_STATUSWORD.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUSWORD)), drive.status_word());
+        regs.w_STATUSWORD.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUSWORD), drive.status_word());
 
         let word = regs.b_COMMAND.load();
         self.is_used = matches!(word, command::EXCHANGE | command::RE_INITIALIZE);
@@ -293,9 +293,9 @@ impl Configured {
 /// Answers a command: the acknowledgement first, then the command register, which the PLC watches. A command that the
 /// PLC has entered meanwhile stays.
 fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
-    regs.b_SL_QUIT.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT)), answer);
+    regs.b_SL_QUIT.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT), answer);
     if regs.b_COMMAND.compare_exchange(word, command::NONE).is_ok() {
-        let offset = place(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND)) as u32;
+        let offset = ctx.at(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND));
         let (origin, request, answer) = (ctx.origin, word.into(), command::NONE.into());
         ctx.report(Event::Handshake { origin, offset, request, answer });
     }

@@ -8,7 +8,6 @@
 //! | 0 | 1 | the PLC has read it; the drive goes back to idle |
 
 use super::findings::find_wrong_pwm;
-use super::place;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::error_number;
 use crate::devices::cansync::drive::{BuiltInDrive, ParamFormat, number};
@@ -132,14 +131,14 @@ impl Service {
         if job.code == job::WRITE && job.number == number::PWM_FREQUENCY {
             find_wrong_pwm(ctx, drive);
         }
-        regs.i_ERR_DETAIL.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, i_ERR_DETAIL)), detail);
+        regs.i_ERR_DETAIL.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, i_ERR_DETAIL), detail);
         show_semaphore(ctx, regs, semaphore::TAKEN);
         self.phase = Phase::Answered;
     }
 }
 
 fn show_semaphore(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, value: u8) {
-    regs.b_SL_SEMAPHORE.show(ctx, place(offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_SEMAPHORE)), value);
+    regs.b_SL_SEMAPHORE.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_SEMAPHORE), value);
 }
 
 /// The job itself; the error is the value of `i_ERR_DETAIL`.

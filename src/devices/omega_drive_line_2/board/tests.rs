@@ -40,7 +40,12 @@ impl Rig {
     }
 
     fn parts(&mut self) -> (&mut Board, Context<'_>) {
-        let ctx = Context { now: self.now, journal: &mut self.journal, origin: Origin { plc: 0, node: 1 } };
+        let ctx = Context {
+            now: self.now,
+            journal: &mut self.journal,
+            origin: Origin { plc: 0, node: 1 },
+            base: 0,
+        };
         (&mut self.board, ctx)
     }
 

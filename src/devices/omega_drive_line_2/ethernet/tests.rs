@@ -60,7 +60,7 @@ impl Rig {
 }
 
 fn context(journal: &mut Journal) -> Context<'_> {
-    Context { now: 0, journal, origin: Origin { plc: 0, node: 1 } }
+    Context { now: 0, journal, origin: Origin { plc: 0, node: 1 }, base: 0 }
 }
 
 const EXAMPLE: Ip = Ip::new(192, 168, 75, 190);

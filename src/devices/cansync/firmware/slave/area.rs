@@ -4,7 +4,7 @@
 use crate::devices::cansync::bus::codec::updown::BLOCK;
 use crate::devices::cansync::firmware::block;
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
-use crate::devices::omega_drive_line_2::registers::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::memory::{Cell16, Cell32};
 use core::mem::offset_of;
 
@@ -31,7 +31,7 @@ impl Place {
                 job: JobRegisters {
                     control: &regs.b_STEUREG_UPDOWNBLK1,
                     status: &regs.b_STATREG_UPDOWNBLK1,
-                    offset: NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_UPDOWNBLK1),
+                    offset: offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_UPDOWNBLK1),
                 },
                 error: &regs.w_ERR_NR_UPDOWNBLK1,
                 base: &regs.d_BASE_ADR_UPDOWNBLK1,
@@ -43,7 +43,7 @@ impl Place {
                 job: JobRegisters {
                     control: &regs.b_STEUREG_UPDOWN_SINGLE,
                     status: &regs.b_STATREG_UPDOWN_SINGLE,
-                    offset: NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_UPDOWN_SINGLE),
+                    offset: offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_UPDOWN_SINGLE),
                 },
                 error: &regs.w_ERR_NR_UPDOWN_SINGLE,
                 base: &regs.d_BASE_ADR_UPDOWN_SINGLE,

@@ -31,7 +31,7 @@ impl Bench {
     /// A job arrives and its answer goes out.
     fn turn(&mut self, frame: &Frame) -> Frame {
         let origin = Origin { plc: 0, node: 1 };
-        let ctx = &mut Context { now: 0, journal: &mut self.journal, origin };
+        let ctx = &mut Context { now: 0, journal: &mut self.journal, origin, base: NODE1 };
         self.jobs.arrive(ctx, &self.regs, frame.payload(), 0);
         let answer = self.jobs.response(ctx, &self.regs).unwrap();
         self.jobs.response_sent(ctx, &self.regs);

@@ -8,7 +8,7 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
 use crate::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
-use crate::devices::omega_drive_line_2::registers::{CANsync_SL_CTRL_BMSTRUCT, NODE1};
+use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
 
@@ -66,10 +66,10 @@ impl ParameterServer {
             Access::WriteDoubleword(value) => (WRITE | DOUBLEWORD, Some(value)),
         };
         if let Some(value) = value {
-            let offset = NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, d_DATA_PAR_CMD);
+            let offset = offset_of!(CANsync_SL_CTRL_BMSTRUCT, d_DATA_PAR_CMD);
             regs.d_DATA_PAR_CMD.show(ctx, offset, value);
         }
-        regs.w_PAR_NR.show(ctx, NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, w_PAR_NR), job.number());
+        regs.w_PAR_NR.show(ctx, offset_of!(CANsync_SL_CTRL_BMSTRUCT, w_PAR_NR), job.number());
         registers(regs).show(ctx, BUSY | ACTIVE | kind);
         self.entered = Some(job);
         self.changed = None;
@@ -134,6 +134,6 @@ fn registers(regs: &CANsync_SL_CTRL_BMSTRUCT) -> JobRegisters<'_> {
     JobRegisters {
         control: &regs.b_STEUREG_PAR_CMD,
         status: &regs.b_STATREG_PAR_CMD,
-        offset: NODE1 + offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_PAR_CMD),
+        offset: offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_PAR_CMD),
     }
 }
