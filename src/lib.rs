@@ -36,7 +36,7 @@
 //! let config = PlantConfig::built_in()?;
 //! let memory = |_plc: &str| Ok::<_, Box<dyn std::error::Error>>(Segment::heap(SEGMENT_END));
 //! let mut plant = Plant::new(&config, memory)?;
-//! let node2 = plant.plcs()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2)?;
+//! let node2 = plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2)?;
 //! node2.w_CPU_CONTROL.store(0x0001);
 //! plant.advance_to(1000);
 //! assert_eq!(node2.w_OPTION_STATUS.load(), 0x0002);

@@ -149,7 +149,7 @@ fn report_takeover(emulator: &Emulator) {
 }
 
 fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {
-    let plcs = emulator.plant().plcs().iter().zip(emulator.images());
+    let plcs = emulator.plant().devices().iter().zip(emulator.images());
     let plcs: Vec<_> =
         plcs.map(|(plc, image)| format!("{} ({})", plc.name(), image.path().display())).collect();
     let clock = match clock {

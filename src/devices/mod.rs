@@ -3,6 +3,10 @@
 pub mod cansync;
 #[cfg(feature = "emulator")]
 mod context;
+#[cfg(feature = "emulator")]
+mod device;
+#[cfg(feature = "emulator")]
+mod medium;
 pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 pub mod settings;
@@ -12,15 +16,19 @@ mod shown;
 #[cfg(feature = "emulator")]
 pub use context::Context;
 #[cfg(feature = "emulator")]
+pub use device::{Device, Look, Power};
+#[cfg(feature = "emulator")]
+pub use medium::{Medium, Plug, SyncSignal, World};
+#[cfg(feature = "emulator")]
 pub use settings::BuildError;
 
-use crate::layout::Device;
+use crate::layout::Device as Layout;
 
 /// A device that commram knows.
 #[derive(Debug)]
 pub struct Registered {
     /// Its areas, registers, ports and times.
-    pub layout: &'static Device,
+    pub layout: &'static Layout,
 }
 
 /// Every device, the default one first.

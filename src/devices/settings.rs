@@ -27,6 +27,9 @@ pub enum BuildError {
     /// Its RAM is too small or read-only.
     #[error(transparent)]
     Memory(#[from] MemoryError),
+    /// A port and its medium are of different families.
+    #[error("the port does not fit the medium")]
+    OtherFamily,
     /// Settings of a drive that only the drive itself can judge.
     #[error(transparent)]
     Drive(#[from] DriveError),

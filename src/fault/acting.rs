@@ -1,7 +1,6 @@
 //! The faults of an installation: which wait, which act, how often they have hit.
 
-use super::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, NodeEffect, Refusal};
-use crate::devices::omega_drive_line_2::baps::Pace;
+use super::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, Refusal};
 use crate::journal::{Event, FaultNews, Journal};
 
 /// Time at which nothing is ever due.
@@ -28,7 +27,7 @@ impl Entry {
 
 /// The list of faults. While it is empty, it costs one look at [`Faults::is_empty`].
 #[derive(Default)]
-pub(crate) struct Faults {
+pub struct Faults {
     entries: Vec<Entry>,
     last_id: u16,
     /// When the next fault begins or ends.
@@ -36,19 +35,20 @@ pub(crate) struct Faults {
 }
 
 impl Faults {
+    /// Whether there is none.
     #[inline]
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
     /// When the next fault begins or ends; `u64::MAX` if none does.
     #[inline]
-    pub(crate) fn next_time(&self) -> u64 {
+    pub fn next_time(&self) -> u64 {
         self.next.unwrap_or(NEVER)
     }
 
     /// Adds a fault that was checked; it begins with the next call of [`Faults::advance`]. Returns its number.
-    pub(crate) fn add(&mut self, now: u64, fault: Fault, journal: &mut Journal) -> Result<u16, Refusal> {
+    pub fn add(&mut self, now: u64, fault: Fault, journal: &mut Journal) -> Result<u16, Refusal> {
         if self.entries.len() >= MAX_FAULTS {
             return Err(Refusal::TooMany);
         }
@@ -81,7 +81,7 @@ impl Faults {
     }
 
     /// Begins and ends what is due at `now`.
-    pub(crate) fn advance(&mut self, now: u64, journal: &mut Journal) {
+    pub fn advance(&mut self, now: u64, journal: &mut Journal) {
         for entry in &mut self.entries {
             entry.status.acting |= entry.begins <= now;
             if entry.ends <= now {
@@ -93,7 +93,7 @@ impl Faults {
     }
 
     /// Clears a fault.
-    pub(crate) fn clear(&mut self, now: u64, id: u16, journal: &mut Journal) -> Result<(), Refusal> {
+    pub fn clear(&mut self, now: u64, id: u16, journal: &mut Journal) -> Result<(), Refusal> {
         let entry = self.entries.iter_mut().find(|entry| entry.status.id == id);
         let entry = entry.ok_or(Refusal::UnknownFault { id })?;
         entry.report(now, journal, FaultNews::Cleared);
@@ -104,7 +104,7 @@ impl Faults {
 
     /// Lets the acting faults strike, in the order in which they were added. `strike` gets the effect and the
     /// number of hits before; it says whether this is a hit, and what to note of it.
-    pub(crate) fn strike(
+    pub fn strike(
         &mut self,
         now: u64,
         journal: &mut Journal,
@@ -128,45 +128,13 @@ impl Faults {
         }
     }
 
-    /// How the drive of PLC `plc` takes what it has to do at its BAPS; a silent one does not get to be slow.
-    #[inline]
-    pub(crate) fn baps_pace(
-        &mut self,
-        now: u64,
-        plc: usize,
-        has_waited: bool,
-        journal: &mut Journal,
-    ) -> Pace {
-        if self.is_empty() {
-            return Pace::AtOnce;
-        }
-        let of = |effect: &Effect| match *effect {
-            Effect::Node { plc: of, what, .. } if usize::from(of) == plc => Some(what),
-            _ => None,
-        };
-        let is_silent = self.acting().any(|effect| of(effect) == Some(NodeEffect::Silent));
-        let mut pace = Pace::AtOnce;
-        self.strike(now, journal, |effect, _| {
-            match of(effect)? {
-                NodeEffect::Silent => pace = Pace::Never,
-                NodeEffect::Slow(us) if !is_silent && !has_waited => {
-                    let longest = if let Pace::Late(other) = pace { us.max(other) } else { us };
-                    pace = Pace::Late(longest);
-                }
-                _ => return None,
-            }
-            Some(0)
-        });
-        pace
-    }
-
     /// The effects that act now.
-    pub(crate) fn acting(&self) -> impl Iterator<Item = &Effect> {
+    pub fn acting(&self) -> impl Iterator<Item = &Effect> {
         self.entries.iter().filter(|entry| entry.status.acting).map(|entry| &entry.status.fault.effect)
     }
 
     /// All faults in the order in which they were added.
-    pub(crate) fn list(&self) -> impl Iterator<Item = FaultStatus> {
+    pub fn list(&self) -> impl Iterator<Item = FaultStatus> {
         self.entries.iter().map(|entry| entry.status)
     }
 

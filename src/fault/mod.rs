@@ -13,7 +13,7 @@ mod spec;
 mod tests;
 mod words;
 
-pub(crate) use acting::Faults;
+pub use acting::Faults;
 pub use error::{FaultError, Refusal, slave_list};
 pub use kind::{Field, Kind, Target};
 pub use sites::Sites;

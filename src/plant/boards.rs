@@ -1,14 +1,15 @@
 //! The boards of the PLCs as the plant's callers see them: switches, supply, events, NOVRAM.
 
-use super::{Plant, Plc, Power};
-use crate::journal::{BoardEvent, Event};
+use super::Plant;
+use crate::devices::{Context, Look, Power};
+use crate::journal::{BoardEvent, Event, Origin};
 use crate::memory::header::{BoardSetting, SeatState};
 
 impl Plant {
     /// Answers what clients ask of the boards at the present time: requests and switches in the header pages. Tells
     /// whether there was anything.
     pub fn look_at_boards(&mut self) -> bool {
-        if !self.plcs.iter().any(|plc| plc.board.has_changed()) {
+        if !self.devices.iter().any(|device| device.front_has_changed()) {
             return false;
         }
         self.look_for_writes();
@@ -17,7 +18,7 @@ impl Plant {
         // the firmware's own.
         if changed {
             // A cold start has written the retain flags.
-            self.forces.apply(&self.plcs);
+            self.forces.apply(&self.devices);
             self.leave();
         }
         changed
@@ -25,11 +26,15 @@ impl Plant {
 
     pub(super) fn look_at_requests(&mut self) -> bool {
         let mut changed = false;
-        for index in 0..self.plcs.len() {
-            changed |= self.plcs[index].look_at_board(index, self.now, &mut self.buses, &mut self.journal);
+        for index in 0..self.devices.len() {
+            let origin = Origin { plc: index as u16, node: 0 };
+            let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
+            let look = self.devices[index].look(ctx);
+            changed |= look != Look::Nothing;
+            self.follow(look, index);
         }
         if changed {
-            self.find_next_timer();
+            self.find_next_device();
         }
         changed
     }
@@ -38,10 +43,11 @@ impl Plant {
     /// 2 stops as when its master is restarted.
     pub fn set_power(&mut self, plc: usize, power: Power) {
         self.look_for_writes();
-        if let Some(it) = self.plcs.get_mut(plc) {
-            it.set_power(power, plc, self.now, &mut self.buses, &mut self.journal);
-            self.find_next_timer();
-            self.forces.apply(&self.plcs);
+        if let Some(device) = self.devices.get_mut(plc) {
+            let look = device.set_power(power);
+            self.follow(look, plc);
+            self.find_next_device();
+            self.forces.apply(&self.devices);
         }
         self.leave();
     }
@@ -52,8 +58,8 @@ impl Plant {
             BoardSetting::Reset => [Power::HoldReset, Power::ReleaseReset],
             BoardSetting::PowerCycle => [Power::Off, Power::On],
             _ => {
-                if let Some(plc) = self.plcs.get(plc) {
-                    plc.turn(setting);
+                if let Some(device) = self.devices.get(plc) {
+                    device.turn(setting);
                 }
                 self.look_at_boards();
                 return;
@@ -70,11 +76,11 @@ impl Plant {
 
     /// What stands in the NOVRAM registers counts as stored, as at power-off.
     pub fn keep_novram(&mut self) {
-        self.plcs.iter_mut().for_each(Plc::keep_ethernet_config);
+        self.devices.iter_mut().for_each(|device| device.keep_novram());
     }
 
     /// Events of PLC `plc` since the last call, bit n for event n.
     pub fn take_fired(&mut self, plc: usize) -> u16 {
-        self.plcs.get_mut(plc).map_or(0, |plc| plc.board.take_fired())
+        self.devices.get_mut(plc).map_or(0, |device| device.take_fired())
     }
 }

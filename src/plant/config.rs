@@ -6,7 +6,7 @@ mod times_tests;
 use crate::devices::cansync::drive::DriveError;
 use crate::devices::cansync::medium::BusConfig;
 use crate::devices::omega_drive_line_2::PlcConfig;
-use crate::devices::settings::{SettingError, range};
+use crate::devices::settings::{BuildError, SettingError, range};
 use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
 use serde::Deserialize;
@@ -128,6 +128,9 @@ pub enum PlantError {
     /// A drive's settings are refused.
     #[error(transparent)]
     Drive(#[from] DriveError),
+    /// A device or medium cannot be built.
+    #[error(transparent)]
+    Build(#[from] BuildError),
     /// A fault is refused.
     #[error("[[fault]] {number}: {source}")]
     Fault {

@@ -4,7 +4,8 @@
 //! whenever it has written. The firmware therefore never sees another value; a PLC on the mapped RAM sees
 //! what it wrote itself until the next event of the bus or processor cycle (decision D-105).
 
-use super::{Plant, Plc};
+use super::Plant;
+use crate::devices::Device;
 use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::journal::Event;
 use crate::layout::LayoutError;
@@ -66,7 +67,7 @@ impl Plant {
         forced.check()?;
         let Forced { plc, offset, width, value } = forced;
         let index = usize::from(plc);
-        let target = self.plcs.get(index).ok_or(ForceError::NoSuchPlc)?;
+        let target = self.devices.get(index).ok_or(ForceError::NoSuchPlc)?;
         target.segment().load(offset, width)?;
         if !target.has(offset, width) {
             return Err(
@@ -77,8 +78,8 @@ impl Plant {
             return Err(ForceError::TooMany);
         }
         self.look_for_writes();
-        self.forces.apply(&self.plcs);
-        self.plcs[index].named(offset, width.bytes());
+        self.forces.apply(&self.devices);
+        self.devices[index].named(offset, width.bytes());
         self.leave();
         self.journal.push(self.now, Event::Force { plc, offset, width: width.bytes() as u8, value });
         Ok(())
@@ -155,17 +156,17 @@ impl Forces {
 
     /// Puts all forced values into the RAM.
     #[inline]
-    pub(super) fn apply(&self, plcs: &[Plc]) {
+    pub(super) fn apply(&self, devices: &[Box<dyn Device>]) {
         if !self.list.is_empty() {
-            self.store(plcs);
+            self.store(devices);
         }
     }
 
     #[cold]
-    fn store(&self, plcs: &[Plc]) {
+    fn store(&self, devices: &[Box<dyn Device>]) {
         for forced in &self.list {
             // Both were checked when the force was taken, and neither PLCs nor segments ever change.
-            let _: Option<Result<(), MemoryError>> = plcs
+            let _: Option<Result<(), MemoryError>> = devices
                 .get(usize::from(forced.plc))
                 .map(|plc| plc.segment().store(forced.offset, forced.width, forced.value));
         }

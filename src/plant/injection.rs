@@ -1,7 +1,6 @@
 //! Faults as the plant's callers see them, and what acts on nodes and slaves as a whole.
 
 use super::Plant;
-use crate::devices::cansync::medium::SimBus;
 use crate::fault::{Effect, Fault, FaultStatus, Faults, NodeEffect, Refusal, Sites, SlaveEffect};
 
 impl Plant {
@@ -43,48 +42,43 @@ impl Plant {
         self.faults.advance(self.now, &mut self.journal);
         self.switch_slaves();
         self.strike_controllers();
-        self.find_next_slice();
+        self.find_next_device();
     }
 
     fn switch_slaves(&mut self) {
-        for (index, bus) in self.buses.iter_mut().enumerate() {
-            bus.set_off(self.now, slaves_off(&self.faults, index));
+        for (index, medium) in self.media.iter_mut().enumerate() {
+            medium.set_off(self.now, slaves_off(&self.faults, index));
         }
     }
 
     /// What faults can concern.
     fn sites(&self) -> Sites {
+        let nodes = 0..self.devices.len();
         Sites {
-            slaves: self.buses.iter().map(SimBus::slaves).collect(),
-            nodes: self.plcs.iter().map(|plc| [1, 2].map(|node| plc.bus_of(node).is_some())).collect(),
+            slaves: self.media().iter().map(|medium| medium.participants()).collect(),
+            nodes: nodes.map(|device| [1, 2].map(|port| self.is_plugged(device, port))).collect(),
         }
     }
 
     /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
     pub(super) fn strike_controllers(&mut self) {
-        let (now, plcs, buses) = (self.now, &mut self.plcs, &mut self.buses);
-        self.faults.strike(now, &mut self.journal, |effect, _| {
-            let (plc, node) = match *effect {
-                Effect::Node { plc, node, what: NodeEffect::BusOff } => (plc, node),
+        let Plant { now, devices, media, ports, faults, journal, .. } = self;
+        let now = *now;
+        faults.strike(now, journal, |effect, _| {
+            let hits = match *effect {
+                Effect::Node { plc, node, what: NodeEffect::BusOff } => {
+                    let port = ports.find(plc.into(), node)?;
+                    media[port.medium].go_bus_off(port.place, now)
+                }
                 Effect::Node { plc, what: NodeEffect::Trip(number), .. } => {
-                    let trips = plcs.get_mut(usize::from(plc))?.trip_drive(now, number);
-                    return trips.then_some(0);
+                    devices.get_mut(usize::from(plc))?.trip(now, number)
                 }
                 Effect::Slave { bus, slave, what: SlaveEffect::Trip(number) } => {
-                    let trips = buses.get_mut(usize::from(bus))?.trip_drive(now, slave, number);
-                    return trips.then_some(0);
+                    media.get_mut(usize::from(bus))?.trip(now, slave, number)
                 }
                 _ => return None,
             };
-            let plc = plcs.get_mut(usize::from(plc))?;
-            let (goes, slave) = match node {
-                1 => (plc.slave.go_bus_off(), Some(plc.slave.number())),
-                _ => (plc.master.go_bus_off(), None),
-            };
-            if let Some(bus) = plc.bus_of(node).and_then(|bus| buses.get_mut(bus)).filter(|_| goes) {
-                bus.node_went_off(now, slave);
-            }
-            goes.then_some(0)
+            hits.then_some(0)
         });
     }
 }

@@ -7,44 +7,52 @@ mod boards;
 mod config;
 mod force;
 mod injection;
+mod ports;
 
+pub use crate::devices::Power;
 pub use crate::devices::cansync::medium::BusConfig;
-pub use crate::devices::omega_drive_line_2::board::Power;
 pub use crate::devices::omega_drive_line_2::{Plc, PlcConfig, ProjectConfig};
 pub use config::{PlantConfig, PlantError};
 pub use force::{ForceError, Forced};
 
 use crate::check::Checker;
-use crate::devices::BuildError;
+use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::medium::SimBus;
-use crate::devices::omega_drive_line_2::baps::Baps;
-use crate::devices::omega_drive_line_2::registers::ETHERNET_CONFIG;
+use crate::devices::{BuildError, Context, Device, Medium, World};
 use crate::fault::Faults;
-use crate::journal::{Event, Journal, Names};
+use crate::journal::{Event, Journal, Names, Origin};
 use crate::memory::{MemoryError, Segment};
 use force::Forces;
+use ports::Ports;
+
+/// Nothing is due.
+const NEVER: u64 = u64::MAX;
 
 /// Everything that is simulated, with its clock and its journal.
 pub struct Plant {
     now: u64,
     next_cycle: u64,
-    /// The next BAPS time slice of any PLC.
-    next_slice: u64,
+    /// When any device's own next time is due. It may be too early, which does no harm.
+    next_device: u64,
     cycle_us: u64,
-    /// When the next timer of a board is due.
-    next_timer: u64,
     /// Whether a watched event is to stop [`Plant::advance_until`].
     watching: bool,
-    plcs: Vec<Plc>,
-    buses: Vec<SimBus>,
+    devices: Vec<Box<dyn Device>>,
+    /// Those of the plant file; behind them where ports are that none is plugged in at.
+    media: Vec<Box<dyn Medium>>,
+    /// How many media the plant file has.
+    named_media: usize,
+    ports: Ports,
     journal: Journal,
     forces: Forces,
     faults: Faults,
     checker: Checker,
+    /// Ports whose devices are to be told of a SYNC edge; empty between events.
+    edges: Vec<Origin>,
 }
 
 impl Plant {
-    /// Builds and powers on the plant. `segment` supplies the RAM of each PLC by its name: heap or image.
+    /// Builds and powers on the plant. `segment` supplies the RAM of each device by its name: heap or image.
     ///
     /// # Errors
     /// If the configuration is refused, or if a segment cannot be had or is too small.
@@ -56,48 +64,41 @@ impl Plant {
         E: From<MemoryError> + From<PlantError>,
     {
         config.check()?;
-        let bus_index = |name: &Option<String>| {
-            let name = name.as_ref()?;
-            config.buses.iter().position(|bus| bus.name == *name)
-        };
-        let mut plcs = Vec::with_capacity(config.plcs.len());
-        for plc in &config.plcs {
-            let buses = [bus_index(&plc.node1), bus_index(&plc.node2)];
-            plcs.push(Plc::new(plc, buses, segment(&plc.name)?).map_err(refused::<E>)?);
-        }
-        let mut buses = Vec::with_capacity(config.buses.len());
+        let mut media: Vec<Box<dyn Medium>> = Vec::with_capacity(config.buses.len() + 1);
         for (index, bus) in config.buses.iter().enumerate() {
-            buses.push(SimBus::new(index, bus).map_err(PlantError::from)?);
+            media.push(Box::new(SimBus::new(index, bus).map_err(PlantError::from)?));
         }
+        let named_media = media.len();
+        media.push(Box::new(SimBus::unplugged()));
+        let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.plcs.len());
+        let mut ports = Ports::default();
         for (index, plc) in config.plcs.iter().enumerate() {
-            if let Some(bus) = bus_index(&plc.node1).and_then(|bus| buses.get_mut(bus)) {
-                bus.attach_slave(index, plc.dip);
-            }
-            if let Some(bus) = bus_index(&plc.node2).and_then(|bus| buses.get_mut(bus)) {
-                bus.attach_master(index);
-            }
+            let (device, plugs) = Plc::new(index, plc, segment(&plc.name)?).map_err(refused::<E>)?;
+            ports.plug_in(&device, plugs, &mut media).map_err(refused::<E>)?;
+            devices.push(Box::new(device));
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
-        let mut journal = Journal::default();
-        for (index, plc) in plcs.iter_mut().enumerate() {
-            plc.power_on(index, 0, &mut buses, &mut journal);
-        }
-        let checker = Checker::new(plcs.iter().map(Plc::segment))?;
+        let checker = Checker::new(devices.iter().map(|device| device.segment()))?;
         let mut plant = Plant {
             now: 0,
             next_cycle: cycle_us,
-            next_slice: Baps::NEVER,
+            next_device: NEVER,
             cycle_us,
-            next_timer: u64::MAX,
             watching: false,
-            plcs,
-            buses,
-            journal,
+            devices,
+            media,
+            named_media,
+            ports,
+            journal: Journal::default(),
             checker,
             forces: Forces::default(),
             faults: Faults::default(),
+            edges: Vec::new(),
         };
-        plant.find_next_timer();
+        (0..plant.devices.len()).for_each(|index| plant.start(index));
+        plant.find_next_device();
+        // The checker begins with what power-on has left.
+        plant.leave();
         for fault in config.resolved_faults()? {
             // Checked a moment ago, and there is room for all of them.
             let _ = plant.add_fault(fault);
@@ -112,8 +113,8 @@ impl Plant {
 
     /// When the next event is due; there always is one, the next processor cycle at the latest.
     pub fn next_event(&self) -> u64 {
-        let first = self.next_cycle.min(self.next_slice).min(self.next_timer).min(self.faults.next_time());
-        self.buses.iter().map(SimBus::next_time).fold(first, u64::min)
+        let first = self.next_cycle.min(self.next_device).min(self.faults.next_time());
+        self.media.iter().map(|medium| medium.next_time()).fold(first, u64::min)
     }
 
     /// Lets emulated time pass until `time`, handling everything that falls due on the way, events at
@@ -130,19 +131,17 @@ impl Plant {
         let mut has_run = false;
         let mut stopped = false;
         while !stopped {
-            // At the same moment faults come first, then the processor cycle, then the BAPS, then timers, then the
-            // buses in plant order.
+            // At the same moment faults come first, then the processor cycle, then the devices' own times, then the
+            // media in plant order.
             let mut due = self.next_cycle;
             let mut which = Due::Cycle;
-            if self.next_slice < due {
-                (due, which) = (self.next_slice, Due::Slice);
+            if self.next_device < due {
+                (due, which) = (self.next_device, Due::Device);
             }
-            if self.next_timer < due {
-                (due, which) = (self.next_timer, Due::Timer);
-            }
-            for (index, bus) in self.buses.iter().enumerate() {
-                if bus.next_time() < due {
-                    (due, which) = (bus.next_time(), Due::Bus(index));
+            for (index, medium) in self.media[..self.named_media].iter().enumerate() {
+                let next = medium.next_time();
+                if next < due {
+                    (due, which) = (next, Due::Medium(index));
                 }
             }
             if self.faults.next_time() <= due.min(time) {
@@ -161,16 +160,15 @@ impl Plant {
                     self.run_cycle();
                     self.journal.tick(due);
                 }
-                Due::Slice => {
-                    self.forces.apply(&self.plcs);
-                    self.time_slices();
-                    self.forces.apply(&self.plcs);
+                Due::Device => {
+                    self.forces.apply(&self.devices);
+                    self.devices_due();
+                    self.forces.apply(&self.devices);
                 }
-                Due::Timer => self.timers_due(),
-                Due::Bus(index) => {
-                    self.forces.apply(&self.plcs);
-                    self.bus_event(index);
-                    self.forces.apply(&self.plcs);
+                Due::Medium(index) => {
+                    self.forces.apply(&self.devices);
+                    self.medium_event(index);
+                    self.forces.apply(&self.devices);
                 }
             }
             stopped = self.watching && self.take_stop();
@@ -187,8 +185,8 @@ impl Plant {
     #[inline]
     pub fn pass_to(&mut self, time: u64) {
         self.now = self.now.max(time);
-        for plc in &self.plcs {
-            plc.show_time(self.now);
+        for device in &self.devices {
+            device.show_time(self.now);
         }
         self.checker.show_time(self.now);
     }
@@ -196,41 +194,41 @@ impl Plant {
     /// What others have written since the firmware last ran is judged before it runs again.
     #[inline]
     fn look_for_writes(&mut self) {
-        self.checker.look(self.now, self.plcs.iter().map(Plc::facts), &mut self.journal);
+        self.checker.look(self.now, self.ports.facts(&self.media), &mut self.journal);
     }
 
     /// The firmware has run: from now on, others write.
     #[inline]
     fn leave(&mut self) {
-        self.checker.leave(self.plcs.iter().map(Plc::facts));
+        self.checker.leave(self.ports.facts(&self.media));
     }
 
-    /// Which events of PLC `plc` stop [`Plant::advance_until`], bit n for event n.
-    pub fn watch(&mut self, plc: usize, events: u16) {
-        if let Some(plc) = self.plcs.get_mut(plc) {
-            plc.watch(events);
+    /// Which events of device `device` stop [`Plant::advance_until`], bit n for event n.
+    pub fn watch(&mut self, device: usize, events: u16) {
+        if let Some(device) = self.devices.get_mut(device) {
+            device.watch(events);
         }
-        self.watching = self.plcs.iter().any(Plc::is_watched);
+        self.watching = self.devices.iter().any(|device| device.is_watched());
     }
 
-    /// Whether a watched event has occurred; all PLCs are asked, so that none is left to stop the next call.
+    /// Whether a watched event has occurred; all devices are asked, so that none is left to stop the next call.
     fn take_stop(&mut self) -> bool {
-        self.plcs.iter_mut().fold(false, |stop, plc| stop | plc.board.take_stop())
+        self.devices.iter_mut().fold(false, |stop, device| stop | device.take_stop())
     }
 
-    #[cold]
-    fn timers_due(&mut self) {
-        for plc in &mut self.plcs {
-            if plc.board.next_time() == self.now {
-                plc.timers_due(self.now);
-            }
+    /// Whatever of the devices' own is due now.
+    fn devices_due(&mut self) {
+        let Plant { now, devices, journal, faults, edges, .. } = self;
+        let mut world = World { now: *now, journal, faults, edges };
+        for device in devices.iter_mut().filter(|device| device.next_time() == *now) {
+            device.due(&mut world);
         }
-        self.find_next_timer();
-        self.find_next_slice();
+        self.find_next_device();
     }
 
-    fn find_next_timer(&mut self) {
-        self.next_timer = self.plcs.iter().map(|plc| plc.board.next_time()).fold(u64::MAX, u64::min);
+    #[inline]
+    fn find_next_device(&mut self) {
+        self.next_device = self.devices.iter().map(|device| device.next_time()).fold(NEVER, u64::min);
     }
 
     /// One look of all boards at their switches and of all nodes at their control registers at the present time:
@@ -243,113 +241,84 @@ impl Plant {
 
     fn run_cycle(&mut self) {
         self.look_at_requests();
-        self.forces.apply(&self.plcs);
+        self.forces.apply(&self.devices);
         if !self.faults.is_empty() {
             self.strike_controllers();
         }
-        for index in 0..self.plcs.len() {
-            self.plcs[index].processor_cycle(index, self.now, &mut self.buses, &mut self.journal);
-        }
-        self.forces.apply(&self.plcs);
-        self.find_next_slice();
-    }
-
-    /// The BAPS time slices that are due now.
-    fn time_slices(&mut self) {
-        let Plant { now, plcs, journal, faults, .. } = self;
-        for (index, plc) in plcs.iter_mut().enumerate() {
-            if plc.baps.next_time() == *now {
-                let pace =
-                    |journal: &mut Journal, has_waited| faults.baps_pace(*now, index, has_waited, journal);
-                plc.time_slice(index, *now, journal, pace);
+        for index in 0..self.devices.len() {
+            let device = &mut self.devices[index];
+            if device.is_up() {
+                let origin = Origin { plc: index as u16, node: 0 };
+                device.processor_cycle(&mut Context {
+                    now: self.now,
+                    journal: &mut self.journal,
+                    origin,
+                    base: 0,
+                });
+                self.ports_look(index);
             }
         }
-        self.find_next_slice();
-    }
-
-    #[inline]
-    fn find_next_slice(&mut self) {
-        self.next_slice = self.plcs.iter().map(|plc| plc.baps.next_time()).fold(Baps::NEVER, u64::min);
+        self.forces.apply(&self.devices);
+        self.find_next_device();
     }
 
     /// Whether a PLC has written a `w_CPU_CONTROL`, or turned a switch of its board, that the firmware has not
     /// looked at yet.
     pub fn control_changed(&self) -> bool {
-        self.plcs.iter().any(Plc::control_changed)
+        self.media.iter().any(|medium| medium.control_changed())
+            || self.devices.iter().any(|device| device.has_changed())
     }
 
-    fn bus_event(&mut self, index: usize) {
-        let Some(bus) = self.buses.get_mut(index) else { return };
-        let edge = bus.event(self.now, &mut self.plcs, &mut self.journal, &mut self.faults);
-        if edge {
-            self.forward_sync(index);
-            self.note_slices(index);
-            let Plant { now, plcs, journal, checker, .. } = self;
-            let concerns =
-                |plc: usize, node| plcs.get(plc).is_some_and(|plc| plc.bus_of(node) == Some(index));
-            checker.sync_edge(*now, plcs.iter().map(Plc::facts), concerns, journal);
+    fn medium_event(&mut self, index: usize) {
+        let Plant { now, media, journal, faults, edges, .. } = self;
+        let Some(medium) = media.get_mut(index) else { return };
+        let signal = medium.event(&mut World { now: *now, journal, faults, edges });
+        if !self.edges.is_empty() {
+            self.tell_edges();
         }
+        let Some(signal) = signal else { return };
+        self.forward_sync(index, signal);
+        let Plant { now, media, ports, journal, checker, .. } = self;
+        let concerns = |device, port| ports.is_at(device, port, index);
+        checker.sync_edge(*now, ports.facts(media), concerns, journal);
     }
 
-    /// A SYNC edge may have begun or moved time slices of the PLCs on the bus. One that has moved on is looked for too
-    /// early then, which does no harm.
-    fn note_slices(&mut self, bus: usize) {
-        for plc in self.buses.get(bus).into_iter().flat_map(SimBus::plcs) {
-            if let Some(plc) = self.plcs.get(plc) {
-                self.next_slice = self.next_slice.min(plc.baps.next_time());
+    /// Tells the devices of the SYNC edges at their ports, which may have begun or moved something of theirs.
+    fn tell_edges(&mut self) {
+        for Origin { plc, node } in self.edges.drain(..) {
+            if let Some(device) = self.devices.get_mut(usize::from(plc)) {
+                device.sync_edge(node, self.now);
+                self.next_device = self.next_device.min(device.next_time());
             }
         }
     }
 
-    /// Passes a SYNC edge on to the buses whose masters take it over from this one (decision D-12).
-    fn forward_sync(&mut self, from: usize) {
-        let Some(rate) = self.buses.get(from).and_then(SimBus::sync_rate) else { return };
-        for (index, plc) in self.plcs.iter_mut().enumerate() {
-            if !plc.takes_sync_from(from) {
-                continue;
-            }
-            plc.passes_sync_on(index, self.now, rate, &mut self.journal);
-            if let Some(bus) = plc.bus_of(2).and_then(|bus| self.buses.get_mut(bus)) {
-                bus.forwarded_edge(self.now, rate);
-            }
-        }
+    /// The devices, in the order of the plant file.
+    pub fn devices(&self) -> &[Box<dyn Device>] {
+        &self.devices
     }
 
-    /// The PLCs, in the order of the plant file.
-    pub fn plcs(&self) -> &[Plc] {
-        &self.plcs
+    /// The media, in the order of the plant file.
+    pub fn media(&self) -> &[Box<dyn Medium>] {
+        &self.media[..self.named_media]
     }
 
     /// Names of the buses, in the order of the plant file.
     pub fn bus_names(&self) -> impl Iterator<Item = &str> {
-        self.buses.iter().map(SimBus::name)
+        self.media().iter().map(|medium| medium.name())
     }
 
     /// Names of PLCs and buses, for reading the journal.
     pub fn names(&self) -> Names {
         Names {
-            plcs: self.plcs.iter().map(|plc| plc.name().to_owned()).collect(),
+            plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.bus_names().map(str::to_owned).collect(),
         }
     }
 
-    /// The drives of all buses.
-    pub fn drives(&self) -> impl Iterator<Item = &crate::devices::cansync::drive::Drive> {
-        self.buses.iter().flat_map(SimBus::drives)
-    }
-
-    /// Emulated time of the next SYNC edge on the bus at node `node` (1 or 2) of PLC `plc`; `None` while
-    /// there is no SYNC signal.
-    pub fn next_sync(&self, plc: usize, node: u8) -> Option<u64> {
-        let mut bus = self.plcs.get(plc)?.bus_of(node)?;
-        // Follow a forwarded signal to the master that makes it; the number of buses bounds the way.
-        for _ in 0..=self.buses.len() {
-            if let Some(time) = self.buses.get(bus)?.next_sync() {
-                return Some(time);
-            }
-            bus = self.plcs.iter().find_map(|plc| plc.sync_source_of(bus))?;
-        }
-        None
+    /// The drives of all CANsync buses.
+    pub fn drives(&self) -> impl Iterator<Item = &Drive> {
+        self.media.iter().filter_map(|medium| medium.as_a::<SimBus>()).flat_map(SimBus::drives)
     }
 
     /// The journal.
@@ -364,19 +333,20 @@ impl Plant {
 
     /// Notes a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
-        self.forces.apply(&self.plcs);
+        self.forces.apply(&self.devices);
         self.journal.push(self.now, Event::ChannelWrite { plc: plc as u16, offset, width, value });
-        if offset == ETHERNET_CONFIG as u32 {
+        if self.devices.get(plc).is_some_and(|device| device.answers_write(offset)) {
             self.look_for_writes();
-            if let Some(it) = self.plcs.get_mut(plc) {
-                it.ip_config_written(plc, self.now, &mut self.journal);
-            }
+            let origin = Origin { plc: plc as u16, node: 0 };
+            let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
+            self.devices[plc].written(ctx);
             self.leave();
         }
-        if let Some(it) = self.plcs.get(plc) {
-            it.named(offset, width.into());
-            let facts = it.facts();
-            self.checker.written(plc, offset, width, self.now, &facts, &mut self.journal);
+        if let Some(device) = self.devices.get(plc) {
+            device.named(offset, width.into());
+            if let Some(facts) = self.ports.facts(&self.media).nth(plc) {
+                self.checker.written(plc, offset, width, self.now, &facts, &mut self.journal);
+            }
         }
     }
 }
@@ -384,14 +354,13 @@ impl Plant {
 fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {
     match error {
         BuildError::Memory(error) => error.into(),
-        BuildError::Drive(error) => PlantError::from(error).into(),
+        other => PlantError::from(other).into(),
     }
 }
 
 /// What is due next.
 enum Due {
     Cycle,
-    Slice,
-    Timer,
-    Bus(usize),
+    Device,
+    Medium(usize),
 }

@@ -346,9 +346,13 @@ impl Emulator {
 
     /// Writes NOVRAM that has changed.
     fn save_novram(&mut self, last: bool) {
-        let (plcs, images) = (self.plant.plcs(), &self.images);
+        let (devices, images) = (self.plant.devices(), &self.images);
         let is_lost = |plc: usize| images.get(plc).is_some_and(Image::was_shortened);
-        let stored = |plc| plcs.get(plc).filter(|_| !is_lost(plc)).map(|plc| plc.ethernet_config());
+        let stored = |plc: usize| {
+            // A device without NOVRAM has nothing to store.
+            let (stored, generation) = devices.get(plc).filter(|_| !is_lost(plc))?.novram();
+            Some((stored.try_into().ok()?, generation))
+        };
         self.novram.save(stored, last);
     }
 

@@ -6,19 +6,19 @@ use crate::fault::{Fault, FaultStatus, Refusal};
 use crate::journal::Journal;
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Segment, Width};
-use crate::plant::{ForceError, Forced, Plc};
+use crate::plant::{ForceError, Forced};
 use core::num::NonZeroU16;
 
 impl Emulator {
     /// The RAM of PLC `plc`, for an access at `offset`.
     fn segment(&self, plc: usize, offset: u32) -> Result<&Segment, Unmapped> {
-        self.plant.plcs().get(plc).map(crate::plant::Plc::segment).ok_or(Unmapped { offset })
+        self.plant.devices().get(plc).map(|device| device.segment()).ok_or(Unmapped { offset })
     }
 }
 
 impl Machine for Emulator {
     fn plc_count(&self) -> usize {
-        self.plant.plcs().len()
+        self.plant.devices().len()
     }
 
     fn load(&self, plc: usize, offset: u32, width: Width) -> Result<u32, Unmapped> {
@@ -100,7 +100,7 @@ impl Machine for Emulator {
     }
 
     fn board(&self, plc: usize) -> BoardState {
-        self.plant.plcs().get(plc).map(Plc::board).unwrap_or_default()
+        self.plant.devices().get(plc).map(|device| device.board()).unwrap_or_default()
     }
 
     fn set_board(&mut self, plc: usize, setting: BoardSetting) {

@@ -8,7 +8,7 @@ use crate::fault::Fault;
 use crate::journal::{Names, Record};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, HEADER_SIZE, RegisterWidths, Segment, Unmapped};
-use crate::plant::{ForceError, Forced, Plant, PlantConfig, Plc};
+use crate::plant::{ForceError, Forced, Plant, PlantConfig};
 use core::num::NonZeroU16;
 
 /// A plant of its own.
@@ -39,7 +39,7 @@ impl Local {
     }
 
     fn ram(&self, plc: u16, offset: u32) -> Result<&Segment, Unmapped> {
-        self.plant.plcs().get(usize::from(plc)).map(Plc::segment).ok_or(Unmapped { offset })
+        self.plant.devices().get(usize::from(plc)).map(|device| device.segment()).ok_or(Unmapped { offset })
     }
 
     fn note_write(&mut self, spot: Spot, value: u32) {
@@ -174,7 +174,7 @@ impl Backend for Local {
     }
 
     fn board(&mut self, plc: u16) -> Result<BoardState, BackendError> {
-        Ok(self.plant().plcs().get(usize::from(plc)).map(Plc::board).unwrap_or_default())
+        Ok(self.plant().devices().get(usize::from(plc)).map(|device| device.board()).unwrap_or_default())
     }
 
     fn set_board(&mut self, plc: u16, setting: BoardSetting) -> Result<(), BackendError> {

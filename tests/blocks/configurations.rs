@@ -16,7 +16,7 @@ use crate::rig::{BOTH, Memory, segment};
 use commram::journal::{Event, Missed};
 use commram::memory::Image;
 use commram::memory::header::Start;
-use commram::plant::{Plant, PlantConfig, Power};
+use commram::plant::{Plant, PlantConfig, Plc, Power};
 use commram::plc::{Program, Progress, Ram, Tasks};
 use std::time::Duration;
 
@@ -75,7 +75,7 @@ impl Stage {
         let config = PlantConfig::parse("configurations", &format!("{PLANT}{drives}")).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
-        let ram = Ram::of(plant.plcs()[0].segment()).unwrap();
+        let ram = Ram::of(plant.devices()[0].segment()).unwrap();
         Stage { plant, ram, _images: images }
     }
 
@@ -104,7 +104,7 @@ impl Stage {
     }
 
     fn parameter(&self, number: u16) -> u32 {
-        self.plant.plcs()[0].baps().drive().parameter(number).unwrap()
+        self.plant.devices()[0].as_a::<Plc>().unwrap().baps().drive().parameter(number).unwrap()
     }
 
     /// The drive is in operation, synchronized to its trigger, and stands where P258 wants it.

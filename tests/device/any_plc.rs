@@ -94,7 +94,7 @@ fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
         Act::InitData { slave } => write_init_data(&init(rig, slave), RATES[0], u8::from(slave)),
         Act::Byte { slave, offset, value } => {
             let (plc, base) = if slave { (1, NODE1) } else { (0, NODE2) };
-            let segment = rig.plant.plcs()[plc].segment();
+            let segment = rig.plant.devices()[plc].segment();
             // Where no byte register is, nothing is written.
             let _ = segment.store((base + offset) as u32, Width::Byte, value.into());
         }

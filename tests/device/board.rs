@@ -5,7 +5,7 @@ use commram::devices::omega_drive_line_2::registers::*;
 use commram::journal::{BoardEvent, Event};
 use commram::memory::Segment;
 use commram::memory::header::{InterruptResult, OptInitResult};
-use commram::plant::{Plant, PlantConfig, Power};
+use commram::plant::{Plant, PlantConfig, Plc, Power};
 
 const A: usize = 0;
 const B: usize = 1;
@@ -13,7 +13,7 @@ const SYNC: usize = 12;
 
 /// `INTR_SET` in the header page of a PLC.
 fn set_event(plant: &mut Plant, plc: usize, event: usize, factor: i16) {
-    let header = plant.plcs()[plc].segment().header().unwrap();
+    let header = plant.devices()[plc].segment().header().unwrap();
     let request = header.interrupts[event].ask(factor, true);
     header.submit_request();
     assert!(plant.look_at_boards());
@@ -22,7 +22,7 @@ fn set_event(plant: &mut Plant, plc: usize, event: usize, factor: i16) {
 
 /// How often an event has come, and when last.
 fn event(plant: &Plant, plc: usize, event: usize) -> (u32, u64) {
-    let header = plant.plcs()[plc].segment().header().unwrap();
+    let header = plant.devices()[plc].segment().header().unwrap();
     (header.events[event].bell.rings(), header.events[event].time_us.load())
 }
 
@@ -103,8 +103,9 @@ fn a_forwarded_edge_is_one_event() {
     let config = PlantConfig::parse("cluster", text).unwrap();
     let mut plant =
         Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
-    let init =
-        |plc: usize, node| plant.plcs()[plc].segment().clone().view::<CANsync_INIT_BMSTRUCT>(node).unwrap();
+    let init = |plc: usize, node| {
+        plant.devices()[plc].segment().clone().view::<CANsync_INIT_BMSTRUCT>(node).unwrap()
+    };
     let nodes = [(init(A, NODE2), 0), (init(B, NODE1), 1), (init(B, NODE2), 2)];
     for (node, mode) in &nodes {
         for command in [0x0001, 0x0002] {
@@ -120,11 +121,11 @@ fn a_forwarded_edge_is_one_event() {
         node.w_CPU_CONTROL.store(0x0020);
     }
     plant.advance_to(plant.now() + 500);
-    let edges = || plant.plcs()[B].segment().header().unwrap().sync_counter.each_ref().map(|it| it.load());
+    let edges = || plant.devices()[B].segment().header().unwrap().sync_counter.each_ref().map(|it| it.load());
     let before = (event(&plant, B, SYNC).0, edges());
     assert!(before.0 > 0);
     plant.advance_to(plant.now() + 20_000);
-    let header = plant.plcs()[B].segment().header().unwrap();
+    let header = plant.devices()[B].segment().header().unwrap();
     let after = header.sync_counter.each_ref().map(|it| it.load());
     assert_eq!(after.map(|count| count - before.1[0]), [10, 10], "both buses have edges");
     assert_eq!(event(&plant, B, SYNC).0 - before.0, 10);
@@ -134,7 +135,7 @@ fn a_forwarded_edge_is_one_event() {
 fn the_trigger_controller_follows_the_sync_signal() {
     let mut rig = Rig::new(Memory::Heap, RATES[1]);
     rig.set_up();
-    let header = rig.plant.plcs()[A].segment().header().unwrap();
+    let header = rig.plant.devices()[A].segment().header().unwrap();
     header.opt_init.triggers.iter().zip([3, 0, 1]).for_each(|(cell, mode)| cell.store(mode));
     let request = header.opt_init.ask();
     header.submit_request();
@@ -191,12 +192,12 @@ fn a_reset_master_stops_its_bus() {
 #[test]
 fn dip_switches_count_after_the_reset() {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    rig.plant.plcs()[B].segment().header().unwrap().board.dip.store(2);
+    rig.plant.devices()[B].segment().header().unwrap().board.dip.store(2);
     rig.step(10_000);
-    assert_eq!((rig.plant.plcs()[B].dip(), rig.slave.w_OMEGA_NR.load()), (0, 0));
+    assert_eq!((rig.plant.devices()[B].as_a::<Plc>().unwrap().dip(), rig.slave.w_OMEGA_NR.load()), (0, 0));
     rig.plant.set_power(B, Power::HoldReset);
     rig.plant.set_power(B, Power::ReleaseReset);
-    assert_eq!((rig.plant.plcs()[B].dip(), rig.slave.w_OMEGA_NR.load()), (2, 2));
+    assert_eq!((rig.plant.devices()[B].as_a::<Plc>().unwrap().dip(), rig.slave.w_OMEGA_NR.load()), (2, 2));
     // The master finds it under its new number.
     rig.set_up();
     rig.step(100_000);
@@ -207,13 +208,13 @@ fn dip_switches_count_after_the_reset() {
 #[test]
 fn a_number_that_is_taken_leaves_the_node_alone() {
     let mut rig = Rig::of(Memory::Heap, RATES[0], "[[bus.drive]]\nname = 'd'\nslave_number = 2\n");
-    rig.plant.plcs()[B].segment().header().unwrap().board.dip.store(2);
+    rig.plant.devices()[B].segment().header().unwrap().board.dip.store(2);
     rig.plant.set_power(B, Power::Off);
     rig.plant.set_power(B, Power::On);
     let taken = Event::Board { plc: B as u16, what: BoardEvent::NumberTaken { number: 2 } };
     assert!(rig.records().any(|record| record.event == taken));
     // Back to a free one.
-    rig.plant.plcs()[B].segment().header().unwrap().board.dip.store(1);
+    rig.plant.devices()[B].segment().header().unwrap().board.dip.store(1);
     rig.plant.set_power(B, Power::Off);
     rig.plant.set_power(B, Power::On);
     rig.set_up();
@@ -227,7 +228,7 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
 fn the_switch_in_the_header_page_works_without_a_ring() {
     let mut rig = Rig::new(Memory::Mapped, RATES[0]);
     rig.activate();
-    let header = rig.plant.plcs()[A].segment().header().unwrap();
+    let header = rig.plant.devices()[A].segment().header().unwrap();
     header.board.switch.store(2);
     rig.step(500);
     assert_eq!((rig.master.w_OPTION_STATUS.load(), header.board.display.load()), (0x0001, 0));

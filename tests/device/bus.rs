@@ -197,7 +197,7 @@ fn a_cluster_forwards_the_sync_signal() {
     let mut plant =
         Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
     let init = |plc: usize, node: usize| -> commram::memory::View<CANsync_INIT_BMSTRUCT> {
-        plant.plcs()[plc].segment().view(node).unwrap()
+        plant.devices()[plc].segment().view(node).unwrap()
     };
     let nodes = [(init(0, NODE2), 0x00), (init(1, NODE1), 0x01), (init(1, NODE2), 0x02)];
     for (regs, mode) in &nodes {

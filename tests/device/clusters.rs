@@ -93,7 +93,7 @@ fn the_largest_two_level_cluster_runs() {
 /// The initialization structures of `nodes`, brought to set-up mode one after the other.
 fn set_up(plant: &mut Plant, nodes: &[(usize, usize, u8, Rate)]) {
     for &(plc, node, mode, rate) in nodes {
-        let init = plant.plcs()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(node).unwrap();
+        let init = plant.devices()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(node).unwrap();
         for command in [0x0000, 0x0001] {
             init.w_CPU_CONTROL.store(command);
             plant.advance_to(plant.now() + 500);
@@ -128,7 +128,7 @@ fn a_cluster_of_unlike_rates_says_so() {
         set_up(&mut plant, &nodes(lower));
         plant.advance_to(plant.now() + 100_000);
         let status = |plant: &Plant, plc: usize| {
-            let init = plant.plcs()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+            let init = plant.devices()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
             init.w_CANsync_STATUS.load() & 0x0040
         };
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0x40, 0x40]);

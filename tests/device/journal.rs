@@ -38,7 +38,7 @@ fn told_by(record: &Record) -> Option<String> {
 fn write(rig: &mut Rig, offset: usize, write: impl FnOnce(&Rig)) {
     write(rig);
     let offset = (NODE2 + offset) as u32;
-    let value = rig.plant.plcs()[0].segment().load(offset, commram::memory::Width::Byte).unwrap();
+    let value = rig.plant.devices()[0].segment().load(offset, commram::memory::Width::Byte).unwrap();
     rig.plant.note_channel_write(0, offset, 1, value);
 }
 

@@ -6,7 +6,7 @@ use commram::devices::cansync::bus::codec::{
     ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse,
 };
 use commram::devices::cansync::bus::{Frame, SyncLock};
-use commram::devices::cansync::firmware::Slave;
+use commram::devices::cansync::firmware::{Seat, Slave};
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
@@ -32,7 +32,9 @@ impl Bench {
     pub fn in_set_up(memory: Memory) -> Bench {
         let mut images = Vec::new();
         let segment = segment(memory, "b", &mut images).unwrap();
-        let mut slave = Slave::new(&segment, NUMBER, SyncLock::new(LOCK_US, None)).unwrap();
+        let mut slave =
+            Slave::new(&segment, Seat { base: NODE1, place: 0 }, NUMBER, SyncLock::new(LOCK_US, None))
+                .unwrap();
         slave.power_on();
         let (regs, init) = (segment.view(NODE1).unwrap(), segment.view(NODE1).unwrap());
         let mut bench = Bench { slave, regs, init, journal: Journal::default(), now: 0, _images: images };
@@ -95,7 +97,7 @@ impl Bench {
 
     pub fn with<R>(&mut self, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> R {
         let origin = Origin { plc: 0, node: 1 };
-        f(&mut self.slave, &mut Context { now: self.now, journal: &mut self.journal, origin })
+        f(&mut self.slave, &mut Context { now: self.now, journal: &mut self.journal, origin, base: NODE1 })
     }
 
     /// A job frame comes in, and the interval ends.

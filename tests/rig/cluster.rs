@@ -62,7 +62,7 @@ impl Cluster {
         let config = PlantConfig::parse("cluster", &text).expect("the plant is a good one");
         let plant =
             Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap(SEGMENT_END))).expect("it can be built");
-        let plcs = plant.plcs().iter().zip(children).enumerate();
+        let plcs = plant.devices().iter().zip(children).enumerate();
         let plcs = plcs.map(|(index, (plc, children))| plc_of(plc.segment(), index == 0, children));
         Cluster { plcs: plcs.collect(), plant }
     }

@@ -102,7 +102,7 @@ impl Rig {
         let config = PlantConfig::parse("rig", &text).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
-        let view = |plc: usize| plant.plcs()[plc].segment().clone();
+        let view = |plc: usize| plant.devices()[plc].segment().clone();
         Rig {
             rate,
             master: view(0).view(NODE2).unwrap(),

@@ -9,23 +9,26 @@ mod agenda;
 mod command;
 mod config;
 mod disturbance;
+mod end;
 mod fault;
 mod own_clock;
+mod ports;
 mod process;
 mod slots;
 
 pub use config::BusConfig;
+pub use end::{Socket, SocketRole};
 
-use crate::devices::Context;
 use crate::devices::cansync::bus::{Channel, Frame, FrameLength};
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
-use crate::devices::omega_drive_line_2::Plc;
 use crate::devices::omega_drive_line_2::registers::BaudRate;
+use crate::devices::{Context, SyncSignal, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use agenda::{Agenda, Slot};
 use disturbance::Disturbance;
+use end::{End, Place};
 use own_clock::OwnClock;
 use slots::{OnWire, PLACES};
 
@@ -35,7 +38,7 @@ enum Station {
     Nobody,
     /// Index into the bus's drives.
     Drive(usize),
-    /// Index of the PLC whose node 1 it is.
+    /// Index into the bus's slave nodes.
     Node(usize),
 }
 
@@ -51,16 +54,23 @@ struct Running {
     timing: &'static BaudRate,
     /// Whether the master makes the SYNC signal itself.
     own_sync: bool,
-    /// The rate of the bus whose master makes the SYNC signal.
-    sync_rate: &'static BaudRate,
+    /// The SYNC signal, from whichever master it is.
+    signal: SyncSignal,
     /// Start of the present interval.
     start: u64,
 }
 
-pub(crate) struct SimBus {
+/// A CANsync bus with its nodes and drives.
+pub struct SimBus {
     index: u16,
     name: String,
-    master: Option<usize>,
+    /// Whether there is a bus at all. The nodes that no bus is plugged in at have one without wires in common.
+    is_wired: bool,
+    /// The ports in the order in which they were attached.
+    places: Vec<Place>,
+    /// The master, if there is one; several only where there are no wires.
+    masters: Vec<End<Master>>,
+    slaves: Vec<End<Slave>>,
     stations: [Station; 32],
     drives: Vec<Drive>,
     /// The drives as they are at power-on.
@@ -68,8 +78,6 @@ pub(crate) struct SimBus {
     /// Baud rate that the drives' DIP switches are set to.
     drives_kbit_s: u16,
     frame_length: FrameLength,
-    /// PLCs whose node 1 is on this bus.
-    nodes: Vec<usize>,
     running: Option<Running>,
     agenda: Agenda,
     next: u64,
@@ -88,18 +96,39 @@ pub(crate) struct SimBus {
 }
 
 impl SimBus {
-    /// Bus number `index` of the plant, without nodes.
-    pub(crate) fn new(index: usize, config: &BusConfig) -> Result<Self, DriveError> {
-        let mut bus = SimBus {
-            index: index as u16,
+    /// Where nodes are that no bus is plugged in at: their firmware runs, and nothing is ever due.
+    pub fn unplugged() -> Self {
+        Self::empty(u16::MAX, false, &BusConfig::default())
+    }
+
+    /// Bus number `index` of the plant with its drives, without nodes.
+    ///
+    /// # Errors
+    /// [`DriveError`] names the drive and what is wrong with it.
+    pub fn new(index: usize, config: &BusConfig) -> Result<Self, DriveError> {
+        let mut bus = Self::empty(index as u16, true, config);
+        for drive in &config.drives {
+            let drive = Drive::new(drive, config.kbit_s)?;
+            bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
+            bus.drives.push(drive);
+        }
+        bus.fresh.clone_from(&bus.drives);
+        Ok(bus)
+    }
+
+    fn empty(index: u16, is_wired: bool, config: &BusConfig) -> Self {
+        SimBus {
+            index,
             name: config.name.clone(),
-            master: None,
+            is_wired,
+            places: Vec::new(),
+            masters: Vec::new(),
+            slaves: Vec::new(),
             stations: [Station::Nobody; 32],
             drives: Vec::new(),
             fresh: Vec::new(),
             drives_kbit_s: config.kbit_s,
             frame_length: config.frame_length,
-            nodes: Vec::new(),
             running: None,
             agenda: Agenda::empty(),
             next: Agenda::NEVER,
@@ -112,25 +141,7 @@ impl SimBus {
             response: None,
             disturbance: Disturbance::default(),
             own_clock: OwnClock::default(),
-        };
-        for drive in &config.drives {
-            let drive = Drive::new(drive, config.kbit_s)?;
-            bus.connect(drive.slave_number(), Station::Drive(bus.drives.len()));
-            bus.drives.push(drive);
         }
-        bus.fresh.clone_from(&bus.drives);
-        Ok(bus)
-    }
-
-    /// Connects node 1 of PLC `plc` as the slave with this number.
-    pub(crate) fn attach_slave(&mut self, plc: usize, number: u8) {
-        self.nodes.push(plc);
-        self.connect(number, Station::Node(plc));
-    }
-
-    /// Connects node 2 of PLC `plc` as the master.
-    pub(crate) fn attach_master(&mut self, plc: usize) {
-        self.master = Some(plc);
     }
 
     fn connect(&mut self, number: u8, station: Station) {
@@ -139,77 +150,18 @@ impl SimBus {
         }
     }
 
-    /// Node 1 of PLC `plc` has another slave number; `false` if another station has it, and then the node is not
-    /// connected.
-    pub(crate) fn renumber(&mut self, plc: usize, number: u8) -> bool {
-        for station in &mut self.stations {
-            if *station == Station::Node(plc) {
-                *station = Station::Nobody;
-            }
-        }
-        match self.stations.get_mut(usize::from(number)) {
-            Some(place) if *place == Station::Nobody => {
-                *place = Station::Node(plc);
-                true
-            }
-            _ => false,
-        }
-    }
-
-    pub(crate) fn name(&self) -> &str {
-        &self.name
-    }
-
-    pub(crate) fn drives(&self) -> &[Drive] {
+    /// The drives at this bus.
+    pub fn drives(&self) -> &[Drive] {
         &self.drives
     }
 
-    /// The PLCs on this bus, the master first.
-    pub(crate) fn plcs(&self) -> impl Iterator<Item = usize> {
-        self.master.into_iter().chain(self.nodes.iter().copied())
-    }
-
-    #[inline]
-    pub(crate) fn next_time(&self) -> u64 {
-        self.next
-    }
-
-    /// The next SYNC edge, if the master of this bus makes the signal itself.
-    pub(crate) fn next_sync(&self) -> Option<u64> {
-        self.running.as_ref().filter(|running| running.own_sync)?;
-        self.agenda.at(Slot::Sync)
-    }
-
-    /// Baud rate of the running bus in kbit/s.
-    pub(crate) fn kbit_s(&self) -> Option<u16> {
-        self.running.as_ref().map(|running| running.timing.kbit_per_s)
-    }
-
-    /// What the controller of `node` is doing: `Some(true)` sending, `Some(false)` receiving.
-    pub(crate) fn on_wire(&self, now: u64, node: Origin) -> Option<bool> {
-        let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
-        if node.node == 1 && self.is_off(node.plc.into()) {
-            return None;
-        }
-        Some(match wire.sender {
-            Sender::Master => node.node == 2,
-            Sender::Slave(number) => {
-                node.node == 1
-                    && self.stations.get(usize::from(number)) == Some(&Station::Node(usize::from(node.plc)))
-            }
-        })
-    }
-
-    /// Whether the plug of PLC `plc`'s node 1 is pulled.
-    fn is_off(&self, plc: usize) -> bool {
-        let number = self.stations.iter().position(|station| *station == Station::Node(plc));
-        number.is_some_and(|number| self.disturbance.is_off(number as u8)) // at most 31
-    }
-
     /// The master starts synchronous operation; with its own SYNC signal the first edge comes at once.
-    pub(crate) fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
+    fn start(&mut self, now: u64, timing: &'static BaudRate, own_sync: bool) {
         self.stop(now);
-        self.running = Some(Running { timing, own_sync, sync_rate: timing, start: now });
+        if !self.is_wired {
+            return;
+        }
+        self.running = Some(Running { timing, own_sync, signal: signal_of(timing), start: now });
         if own_sync {
             self.agenda.set(Slot::Sync, now);
         }
@@ -217,7 +169,7 @@ impl SimBus {
     }
 
     /// The master was restarted: no more SYNC, no more frames. The drives go on by their own clocks.
-    pub(crate) fn stop(&mut self, now: u64) {
+    fn stop(&mut self, now: u64) {
         self.running = None;
         self.agenda.clear();
         self.schedule_own_clock(now);
@@ -228,28 +180,9 @@ impl SimBus {
         self.disturbance.forget_frames();
     }
 
-    /// The rate of the bus whose master makes the SYNC signal of this running bus.
-    pub(crate) fn sync_rate(&self) -> Option<&'static BaudRate> {
-        self.running.as_ref().map(|running| running.sync_rate)
-    }
-
-    /// A SYNC edge of the upper bus arrives at a master that forwards it; `rate` is the signal's.
-    pub(crate) fn forwarded_edge(&mut self, now: u64, rate: &'static BaudRate) {
-        if let Some(running) = self.running.as_mut().filter(|running| !running.own_sync) {
-            running.sync_rate = rate;
-            self.agenda.set(Slot::Sync, now);
-            self.next = self.agenda.next_time();
-        }
-    }
-
-    /// Handles the slot that is due at `now`; tells whether it was a SYNC edge that went out on the line.
-    pub(crate) fn event(
-        &mut self,
-        now: u64,
-        plcs: &mut [Plc],
-        journal: &mut Journal,
-        faults: &mut Faults,
-    ) -> bool {
+    /// Handles the slot that is due at `world.now`; tells whether it was a SYNC edge that went out on the line.
+    fn slot_due(&mut self, world: &mut World) -> bool {
+        let now = world.now;
         let Some(slot) = self.agenda.take(now) else { return false };
         if slot == Slot::OwnClock {
             self.own_clock_event(now);
@@ -261,7 +194,8 @@ impl SimBus {
             running.start = now;
         }
         let (timing, own_sync, start) = (running.timing, running.own_sync, running.start);
-        let mut run = Run { bus: self, now, start, timing, plcs, journal, faults };
+        let World { journal, faults, edges, .. } = world;
+        let mut run = Run { bus: self, now, start, timing, journal, faults, edges };
         let mut edge = false;
         match slot {
             Slot::Sync => edge = run.sync_edge(own_sync),
@@ -293,9 +227,10 @@ struct Run<'a> {
     now: u64,
     start: u64,
     timing: &'static BaudRate,
-    plcs: &'a mut [Plc],
     journal: &'a mut Journal,
     faults: &'a mut Faults,
+    /// Ports whose devices are to be told of an edge.
+    edges: &'a mut Vec<Origin>,
 }
 
 impl Run<'_> {
@@ -304,27 +239,22 @@ impl Run<'_> {
     }
 
     /// Runs `f` on the master's firmware.
+    #[inline]
     fn master<R>(&mut self, f: impl FnOnce(&mut Master, &mut Context) -> R) -> Option<R> {
-        let index = self.bus.master?;
-        let plc = self.plcs.get_mut(index)?;
-        let origin = Origin { plc: index as u16, node: 2 };
-        let base = plc.seats[1].base;
-        Some(f(&mut plc.master, &mut Context { now: self.now, journal: self.journal, origin, base }))
+        Some(self.bus.masters.first_mut()?.run(self.now, self.journal, f))
     }
 
-    /// Runs `f` on the slave node of PLC `index`, if it listens.
+    /// Runs `f` on slave node `index`, if it listens.
+    #[inline]
     fn node<R>(&mut self, index: usize, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> Option<R> {
         let (kbit_per_s, disturbance) = (self.timing.kbit_per_s, &self.bus.disturbance);
         let hears = |slave: &Slave| slave.hears(kbit_per_s) && !disturbance.is_off(slave.number());
-        let plc = self.plcs.get_mut(index).filter(|plc| hears(&plc.slave))?;
-        let origin = Origin { plc: index as u16, node: 1 };
-        let base = plc.seats[0].base;
-        Some(f(&mut plc.slave, &mut Context { now: self.now, journal: self.journal, origin, base }))
+        let end = self.bus.slaves.get_mut(index).filter(|end| hears(&end.firmware))?;
+        Some(end.run(self.now, self.journal, f))
     }
 
     fn each_node(&mut self, mut f: impl FnMut(&mut Slave, &mut Context)) {
-        for position in 0..self.bus.nodes.len() {
-            let index = self.bus.nodes[position];
+        for index in 0..self.bus.slaves.len() {
             self.node(index, &mut f);
         }
     }
@@ -346,4 +276,9 @@ impl Run<'_> {
         let disturbance = &self.bus.disturbance;
         drives.iter_mut().filter(|drive| !disturbance.is_off(drive.slave_number()))
     }
+}
+
+/// The SYNC signal of a master at this rate.
+fn signal_of(timing: &BaudRate) -> SyncSignal {
+    SyncSignal { interval_us: u32::from(timing.b_TIME_PATTERN) * 1000, kbit_s: timing.kbit_per_s }
 }

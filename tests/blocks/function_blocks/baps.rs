@@ -33,7 +33,7 @@ impl Stage {
         let config = PlantConfig::parse("baps", &text).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
-        let ram = Ram::of(plant.plcs()[0].segment()).unwrap();
+        let ram = Ram::of(plant.devices()[0].segment()).unwrap();
         Stage { base: ram.at(BAPS).unwrap(), ram, plant, _images: images }
     }
 

@@ -24,7 +24,7 @@ impl Bench {
     /// After power-on.
     pub fn new(memory: Memory) -> Bench {
         let rig = Rig::of(memory, RATES[0], DRIVE);
-        let [a, b] = [0, 1].map(|plc| Ram::of(rig.plant.plcs()[plc].segment()).unwrap());
+        let [a, b] = [0, 1].map(|plc| Ram::of(rig.plant.devices()[plc].segment()).unwrap());
         Bench {
             ma: a.at(NODE2).unwrap(),
             ma_init: a.at(NODE2).unwrap(),

@@ -8,7 +8,7 @@ use commram::plant::Power;
 
 /// PLC `a` of the bench.
 fn ram(bench: &Bench) -> Ram {
-    Ram::of(bench.rig.plant.plcs()[0].segment()).unwrap()
+    Ram::of(bench.rig.plant.devices()[0].segment()).unwrap()
 }
 
 /// Manual p. 51: four bits, four LEDs; dark after a reset.

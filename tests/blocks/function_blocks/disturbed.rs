@@ -92,7 +92,7 @@ impl Programs {
         self.bench.rig.run_to_sync();
         self.bench.rig.step(80);
         let counter = |plc: usize, node: usize| {
-            let header = self.bench.rig.plant.plcs()[plc].segment().header().unwrap();
+            let header = self.bench.rig.plant.devices()[plc].segment().header().unwrap();
             header.sync_counter[node].load()
         };
         let edges = [counter(0, 1), counter(1, 0)];

@@ -201,7 +201,7 @@ fn a_dropped_job_needs_a_reset_of_both_blocks() {
 #[test]
 fn the_pins_of_par_sl_fit_those_of_the_baps_blocks() {
     let mut bench = super::bench::Bench::active(Memory::Heap);
-    let ram = Ram::of(bench.rig.plant.plcs()[1].segment()).unwrap();
+    let ram = Ram::of(bench.rig.plant.devices()[1].segment()).unwrap();
     let baps = ram.at::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap();
     let mut jobs = CANsync_PAR_SL { x_EN: true, ..Default::default() };
     let mut blocks = Blocks::default();

@@ -74,7 +74,7 @@ struct Stage {
 impl Stage {
     fn new(memory: Memory) -> Stage {
         let bench = Bench::active(memory);
-        let ram = Ram::of(bench.rig.plant.plcs()[0].segment()).unwrap();
+        let ram = Ram::of(bench.rig.plant.devices()[0].segment()).unwrap();
         let log = Rc::default();
         let notes = Notes { ram: ram.clone(), sync: enabled(), cycles: 0, log: Rc::clone(&log) };
         let tasks = Tasks::load(&ram, notes, Duration::from_millis(5), &[12]);

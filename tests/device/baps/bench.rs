@@ -9,7 +9,7 @@ use commram::fault::{Effect, Fault, FaultSpec, Limit, NodeEffect};
 use commram::journal::BAPS_NODE;
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
 use commram::memory::{Header, Image, View};
-use commram::plant::{Plant, PlantConfig};
+use commram::plant::{Plant, PlantConfig, Plc};
 
 /// Commands in `b_COMMAND`.
 pub const EXCHANGE: u8 = 0x01;
@@ -42,7 +42,7 @@ impl Bench {
         let config = PlantConfig::parse("baps", text).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
-        let regs = plant.plcs()[0].segment().view(BAPS).unwrap();
+        let regs = plant.devices()[0].segment().view(BAPS).unwrap();
         Bench { plant, regs, _images: images }
     }
 
@@ -58,7 +58,7 @@ impl Bench {
     }
 
     pub fn drive(&self) -> &BuiltInDrive {
-        self.plant.plcs()[0].baps().drive()
+        self.plant.devices()[0].as_a::<Plc>().unwrap().baps().drive()
     }
 
     pub fn p(&self, number: u16) -> u32 {
@@ -66,12 +66,12 @@ impl Bench {
     }
 
     pub fn events(&self) -> u64 {
-        self.plant.plcs()[0].baps().process_data_events()
+        self.plant.devices()[0].as_a::<Plc>().unwrap().baps().process_data_events()
     }
 
     /// Node 2 starts SYNC.
     pub fn start_sync(&mut self, rate: Rate) {
-        let node = self.plant.plcs()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+        let node = self.plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
         node.w_CPU_CONTROL.store(0x0001);
         self.step(500);
         write_init_data(&node, rate, 0x00);
@@ -82,7 +82,7 @@ impl Bench {
     }
 
     fn header(&self) -> View<Header> {
-        self.plant.plcs()[0].segment().header().unwrap()
+        self.plant.devices()[0].segment().header().unwrap()
     }
 
     /// `OPT_INIT`: source of the trigger controller (1 SYNC net, 2 timer A) and period of timer A, 0: not started.

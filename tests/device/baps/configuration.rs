@@ -16,7 +16,11 @@ fn nothing_is_done_before_the_configuration() {
         assert_eq!(bench.command(EXCHANGE, 500), 0x81);
         assert_eq!(bench.command(RE_INITIALIZE, 500), 0x81);
         assert_eq!(bench.events(), 0);
-        assert_eq!(bench.plant.plcs()[0].baps().next_time(), u64::MAX, "no time slices without need");
+        assert_eq!(
+            bench.plant.devices()[0].as_a::<commram::plant::Plc>().unwrap().baps().next_time(),
+            u64::MAX,
+            "no time slices without need"
+        );
     });
 }
 

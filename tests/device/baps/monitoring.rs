@@ -75,7 +75,7 @@ fn the_drive_notices_that_its_trigger_signal_is_gone() {
     bench.opt_init(1, 0);
     bench.step(30_000);
     assert!(bench.drive().is_synchronized());
-    let node = bench.plant.plcs()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+    let node = bench.plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
     node.w_CPU_CONTROL.store(0x0000);
     bench.step(20_000);
     assert!(!bench.drive().is_synchronized());

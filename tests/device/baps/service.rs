@@ -2,7 +2,7 @@
 
 use super::bench::*;
 use crate::rig::Memory;
-use commram::plant::Power;
+use commram::plant::{Plc, Power};
 
 #[test]
 fn read_and_write() {
@@ -70,7 +70,11 @@ fn the_result_comes_after_the_service_time_and_stays_until_it_is_read() {
         bench.regs.b_MA_SEMAPHORE.store(0);
         bench.step(500);
         assert_eq!(bench.regs.b_SL_SEMAPHORE.load(), 0);
-        assert_eq!(bench.plant.plcs()[0].baps().next_time(), u64::MAX, "no time slices without need");
+        assert_eq!(
+            bench.plant.devices()[0].as_a::<Plc>().unwrap().baps().next_time(),
+            u64::MAX,
+            "no time slices without need"
+        );
     });
 }
 

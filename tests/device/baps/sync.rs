@@ -86,7 +86,7 @@ fn the_end_of_the_signal_ends_the_lock() {
     let mut bench = with_sync(RATES[0], "");
     bench.step(20_000);
     assert_eq!(status(&bench), (1, 1));
-    let node = bench.plant.plcs()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+    let node = bench.plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
     node.w_CPU_CONTROL.store(0x0000);
     bench.step(5000);
     assert_eq!(status(&bench), (0, 0));

@@ -586,12 +586,12 @@ fn start_both(rig: &mut Rig, [master, slave]: [usize; 2]) {
 
 fn header(rig: &mut Rig, write: fn(&commram::memory::Header)) {
     rig.step(500);
-    write(&rig.plant.plcs()[0].segment().header().unwrap());
+    write(&rig.plant.devices()[0].segment().header().unwrap());
 }
 
 /// Stores a fixed IP address of PLC `a` that ends in `last` (manual p. 79).
 fn store_ip_config(rig: &mut Rig, last: u8) {
-    let segment = rig.plant.plcs()[0].segment();
+    let segment = rig.plant.devices()[0].segment();
     let config = segment.view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
     config.a_IP_ADDRESS.iter().zip([192, 168, 75, last]).for_each(|(cell, byte)| cell.store(byte));
     config.a_IP_MASK.iter().zip([255, 255, 255, 0]).for_each(|(cell, byte)| cell.store(byte));
@@ -601,13 +601,13 @@ fn store_ip_config(rig: &mut Rig, last: u8) {
 /// BAPS registers of PLC `a`, at whose drive the clock has been running.
 pub fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
     rig.step(5000);
-    rig.plant.plcs()[0].segment().view(BAPS).unwrap()
+    rig.plant.devices()[0].segment().view(BAPS).unwrap()
 }
 
 /// Node 2 of the PLC that is a slave at 500 kbit/s takes its SYNC signal over, at `rate`.
 fn cluster(rig: &mut Rig, rate: Rate) {
     rig.set_up();
-    let init = rig.plant.plcs()[1].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+    let init = rig.plant.devices()[1].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
     init.w_CPU_CONTROL.store(0x0001);
     rig.step(500);
     write_init_data(&init, rate, 0x02);

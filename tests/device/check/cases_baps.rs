@@ -96,7 +96,7 @@ fn exchange(regs: &View<BAPS_CTRL_BMSTRUCT>, rig: &mut Rig, command_reg: u16) {
 
 /// Configures in this cycle of the PLC program.
 fn configure_in_program(rig: &mut Rig, state: ProgramState, cycles: u32) {
-    let header = rig.plant.plcs()[0].segment().header().unwrap();
+    let header = rig.plant.devices()[0].segment().header().unwrap();
     header.program.state.store(state.code());
     header.program_cycles.store(cycles);
     configure(&baps(rig), rig, 0x0014);

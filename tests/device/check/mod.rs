@@ -123,14 +123,14 @@ fn through_the_channel_every_write_is_seen() {
         rig.plant.note_channel_write(0, NODE2 as u32 + 2, 2, 0x0080);
     }
     let status = NODE2 as u32 + 2;
-    rig.plant.plcs()[0].segment().store(status, Width::Word, 0x0043).unwrap();
+    rig.plant.devices()[0].segment().store(status, Width::Word, 0x0043).unwrap();
     rig.plant.note_channel_write(0, status, 2, 0x0043);
     rig.step(100);
     let found = findings(&rig);
     assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 4, 0x0043), "not found a second time");
     let baps_status = BAPS as u32 + 2;
     for times in [1, 2] {
-        rig.plant.plcs()[0].segment().store(baps_status, Width::Word, 0x0008).unwrap();
+        rig.plant.devices()[0].segment().store(baps_status, Width::Word, 0x0008).unwrap();
         rig.plant.note_channel_write(0, baps_status, 2, 0x0008);
         let found = findings(&rig);
         assert_eq!((found[1].last.name().as_deref(), found[1].count), (Some("baps.w_STATUS_REG"), times));

@@ -81,7 +81,7 @@ fn traffic(rig: &mut Rig, interval: u64) {
     }
     serve_block(rig, 1);
     // The drive is not configured; that is an answer, too.
-    rig.plant.plcs()[0].segment().view::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap().b_COMMAND.store(0x01);
+    rig.plant.devices()[0].segment().view::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap().b_COMMAND.store(0x01);
 }
 
 #[test]

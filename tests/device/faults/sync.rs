@@ -27,7 +27,7 @@ fn one_lost_edge_ends_no_lock() {
         let mut rig = running(memory);
         assert!(is_locked(&rig));
         let counter = |rig: &Rig, plc: usize, node: usize| {
-            rig.plant.plcs()[plc].segment().header().unwrap().sync_counter[node].load()
+            rig.plant.devices()[plc].segment().header().unwrap().sync_counter[node].load()
         };
         let (master, slave) = (counter(&rig, 0, 1), counter(&rig, 1, 0));
         let position = |rig: &Rig| rig.plant.drives().next().unwrap().parameter(303);

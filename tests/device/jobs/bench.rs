@@ -5,7 +5,7 @@ use crate::rig::{Memory, RATES, segment, write_init_data};
 use commram::devices::Context;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
-use commram::devices::cansync::firmware::{Change, Master, NodeState};
+use commram::devices::cansync::firmware::{Change, Master, NodeState, Seat};
 use commram::devices::omega_drive_line_2::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
 };
@@ -29,7 +29,7 @@ impl Bench {
         let mut bench = Bench {
             regs: segment.view(NODE2).unwrap(),
             init: segment.view(NODE2).unwrap(),
-            master: Master::new(&segment).unwrap(),
+            master: Master::new(&segment, Seat { base: NODE2, place: 1 }).unwrap(),
             journal: Journal::default(),
             now: 0,
             _images: images,
@@ -42,7 +42,7 @@ impl Bench {
 
     fn with<R>(&mut self, f: impl FnOnce(&mut Master, &mut Context) -> R) -> R {
         let origin = Origin { plc: 0, node: 2 };
-        f(&mut self.master, &mut Context { now: self.now, journal: &mut self.journal, origin })
+        f(&mut self.master, &mut Context { now: self.now, journal: &mut self.journal, origin, base: NODE2 })
     }
 
     /// Writes a command to `w_CPU_CONTROL` and lets the firmware see it.

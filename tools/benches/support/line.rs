@@ -28,7 +28,7 @@ pub fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
     let config = PlantConfig::parse("bench", &text).expect("the plant is a good one");
     let mut plant =
         Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap(SEGMENT_END))).expect("the plant can be built");
-    let segment = plant.plcs()[0].segment().clone();
+    let segment = plant.devices()[0].segment().clone();
     let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
     let edge = plant.next_sync(0, 2).expect("SYNC runs");
     plant.advance_to(edge);

@@ -11,10 +11,10 @@ use super::punctual::Punctual;
 use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::check::Facts;
-use crate::devices::Context;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_MA_CTRL_BMSTRUCT};
+use crate::devices::{Context, SyncSignal};
 use crate::journal::{Event, Missed};
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
@@ -101,10 +101,10 @@ impl Master {
         self.node.init().is_some_and(|init| init.sync == SyncSource::Forwarded)
     }
 
-    /// An edge that this master passes on to its bus, of a SYNC signal that belongs to `rate`.
+    /// An edge that this master passes on to its bus, of `signal`.
     #[inline]
-    pub fn passes_sync_on(&mut self, ctx: &mut Context, rate: &'static BaudRate) {
-        self.node.judge_sync(ctx, rate);
+    pub fn passes_sync_on(&mut self, ctx: &mut Context, signal: SyncSignal) {
+        self.node.judge_sync(ctx, signal);
     }
 
     /// Whether the master is in set-up mode or active operation.

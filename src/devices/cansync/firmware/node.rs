@@ -8,8 +8,8 @@ use super::orders::{Order, Orders};
 use super::punctual::Punctual;
 use super::registers::{control, status};
 use crate::check::{Facts, Rule};
-use crate::devices::Context;
-use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_INIT_BMSTRUCT};
+use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::{Context, SyncSignal};
 use crate::journal::{Command, Event};
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
@@ -299,15 +299,15 @@ impl Node {
         }
     }
 
-    /// The node passes on a SYNC signal that belongs to `rate`: says so once if its own rate is another one.
+    /// The node passes on a SYNC signal `signal`: says so once if its own rate is another one.
     #[inline]
-    pub(super) fn judge_sync(&mut self, ctx: &mut Context, rate: &'static BaudRate) {
+    pub(super) fn judge_sync(&mut self, ctx: &mut Context, signal: SyncSignal) {
         let Some(timing) = self.init.as_ref().map(|init| init.timing) else { return };
-        let is_unlike = timing.b_TIME_PATTERN != rate.b_TIME_PATTERN;
+        let is_unlike = u32::from(timing.b_TIME_PATTERN) * 1000 != signal.interval_us;
         let is_news = is_unlike && !self.sync_is_unlike;
         self.sync_is_unlike = is_unlike;
         if is_news {
-            let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, rate.kbit_per_s);
+            let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, signal.kbit_s);
             ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
             let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
             ctx.find(Rule::ClusterBaudRate, Live::Init, offset, timing.b_BT_0.into());

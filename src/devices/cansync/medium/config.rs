@@ -27,6 +27,18 @@ fn default_kbit_s() -> u16 {
     500
 }
 
+impl Default for BusConfig {
+    /// A bus without name and drives.
+    fn default() -> Self {
+        BusConfig {
+            name: String::new(),
+            kbit_s: default_kbit_s(),
+            frame_length: FrameLength::default(),
+            drives: Vec::new(),
+        }
+    }
+}
+
 impl BusConfig {
     /// Checks the numbers, but for what only the drives themselves know.
     pub(crate) fn check(&self) -> Result<(), SettingError> {

@@ -94,7 +94,7 @@ impl Disturbance {
 impl SimBus {
     /// Slaves that are off from now on, bit n for slave n. Drives that go off are as at power-on when they come
     /// back; a PLC's node has its plug pulled (decision D-123).
-    pub(crate) fn set_off(&mut self, now: u64, off: u32) {
+    pub(super) fn switch_off(&mut self, now: u64, off: u32) {
         let changed = self.disturbance.off ^ off;
         self.disturbance.off = off;
         for number in (0..32u8).filter(|number| changed >> number & 1 != 0) {
@@ -109,7 +109,7 @@ impl SimBus {
 
     /// Brings a fault upon the drive with this slave number. Tells whether there is one, with power and without a
     /// fault.
-    pub(crate) fn trip_drive(&mut self, now: u64, slave: u8, fault: u16) -> bool {
+    pub(super) fn trip_drive(&mut self, now: u64, slave: u8, fault: u16) -> bool {
         let Some(Station::Drive(index)) = self.stations.get(usize::from(slave)) else { return false };
         let drive = self.drives.get_mut(*index).filter(|_| !self.disturbance.is_off(slave));
         let trips = drive.is_some_and(|drive| drive.trip(fault));
@@ -120,15 +120,9 @@ impl SimBus {
         trips
     }
 
-    /// The slaves of this bus, bit n for slave n.
-    pub(crate) fn slaves(&self) -> u32 {
-        let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
-        present.fold(0, |mask, (number, _)| mask | 1 << number)
-    }
-
     /// This sender has stopped in the middle: the frames that it has on the wire, or about to be, are lost. A frame
     /// that has ended is out of its hands.
-    fn destroy_frames_of(&mut self, now: u64, sender: Sender) {
+    pub(super) fn destroy_frames_of(&mut self, now: u64, sender: Sender) {
         for (place, wire) in self.on_wire.iter_mut().enumerate() {
             if let Some(OnWire { due, .. }) = wire.take_if(|wire| wire.sender == sender && wire.until > now)
                 // The place of a frame that a fault has delayed may be another one's already.
@@ -151,11 +145,6 @@ impl SimBus {
             }
             Sender::Slave(_) => {}
         }
-    }
-
-    /// The master's CAN controller, or that of the slave with this number, goes BUS-off.
-    pub(crate) fn node_went_off(&mut self, now: u64, slave: Option<u8>) {
-        self.destroy_frames_of(now, slave.map_or(Sender::Master, Sender::Slave));
     }
 }
 

@@ -3,7 +3,8 @@
 
 use super::agenda::Slot;
 use super::disturbance::Stray;
-use super::{Run, Station};
+use super::end::Place;
+use super::{Run, SimBus, Station};
 use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
 use crate::devices::cansync::bus::codec::{
     ParameterJob, ParameterResult, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, is_up_download,
@@ -93,9 +94,11 @@ impl Run<'_> {
         }
         let deaf = self.overruns(frame);
         self.deliver_to_all(frame, copy);
-        for origin in deaf {
-            let Some(plc) = self.plcs.get_mut(usize::from(origin.plc)) else { continue };
-            if origin.node == 1 { plc.slave.frame_is_past() } else { plc.master.frame_is_past() }
+        for place in deaf {
+            match place {
+                Place::Master(index) => self.bus.masters[index].firmware.frame_is_past(),
+                Place::Slave(index) => self.bus.slaves[index].firmware.frame_is_past(),
+            }
         }
     }
 
@@ -118,10 +121,9 @@ impl Run<'_> {
     }
 
     /// Nodes of this bus that lose `frame` to an overrun.
-    fn overruns(&mut self, frame: &Frame) -> Vec<Origin> {
+    fn overruns(&mut self, frame: &Frame) -> Vec<Place> {
         let mut deaf = Vec::new();
-        let (bus, plcs) = (usize::from(self.bus.index), &mut *self.plcs);
-        let stations = &self.bus.stations;
+        let SimBus { stations, places, masters, slaves, .. } = &mut *self.bus;
         let sender = match frame.kind() {
             Some(FrameKind::ActualValue(_, number) | FrameKind::Response(number)) => {
                 stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody)
@@ -131,14 +133,19 @@ impl Run<'_> {
         let from_master = !matches!(frame.kind(), Some(FrameKind::ActualValue(..) | FrameKind::Response(_)));
         self.faults.strike(self.now, self.journal, |effect, _| {
             let Effect::Node { plc, node, what: NodeEffect::Overrun } = *effect else { return None };
-            let index = usize::from(plc);
-            let station = plcs.get_mut(index).filter(|plc| plc.bus_of(node) == Some(bus))?;
-            let lost = match node {
-                1 => sender != Station::Node(index) && station.slave.overrun(),
-                _ => !from_master && station.master.overrun(),
-            };
+            let origin = Origin { plc, node };
+            let (place, lost) = places.iter().find_map(|place| match *place {
+                Place::Slave(index) if slaves[index].origin == origin => {
+                    let hears = sender != Station::Node(index);
+                    Some((*place, hears && slaves[index].firmware.overrun()))
+                }
+                Place::Master(index) if masters[index].origin == origin => {
+                    Some((*place, !from_master && masters[index].firmware.overrun()))
+                }
+                _ => None,
+            })?;
             lost.then(|| {
-                deaf.push(Origin { plc, node });
+                deaf.push(place);
                 frame.id().into()
             })
         });

@@ -20,8 +20,8 @@ impl Run<'_> {
         }
         self.bus.actual = [None; 2];
         self.master(|master, _| master.sync_edge());
-        if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get(index)) {
-            plc.count_sync(2);
+        if let Some(master) = self.bus.masters.first() {
+            master.count_sync();
         }
         if self.bus.asked.is_some() || self.bus.command.is_some() {
             self.at(Slot::ResponseStart, timing.t_RC);
@@ -39,21 +39,13 @@ impl Run<'_> {
         !lost
     }
 
-    /// The edge as event of the PLCs, when everything else has seen it; slaves have not if it is `lost`.
+    /// The edge as event of the devices, when everything else has seen it; slaves have not if it is `lost`.
     fn sync_events(&mut self, lost: bool) {
-        let now = self.now;
-        if let Some(plc) = self.bus.master.and_then(|index| self.plcs.get_mut(index)) {
-            plc.sync_event(2, now);
-        }
-        if lost {
-            return;
-        }
-        let disturbance = &self.bus.disturbance;
-        for &index in &self.bus.nodes {
-            if let Some(plc) = self.plcs.get_mut(index).filter(|plc| !disturbance.is_off(plc.slave.number()))
-            {
-                plc.sync_event(1, now);
-            }
+        self.edges.extend(self.bus.masters.first().map(|master| master.origin));
+        if !lost {
+            let disturbance = &self.bus.disturbance;
+            let heard = self.bus.slaves.iter().filter(|end| !disturbance.is_off(end.firmware.number()));
+            self.edges.extend(heard.map(|end| end.origin));
         }
     }
 
@@ -72,14 +64,11 @@ impl Run<'_> {
     fn deliver_edge(&mut self, interval_us: u32) {
         let now = self.now;
         let disturbance = &self.bus.disturbance;
-        for &index in &self.bus.nodes {
-            if let Some(plc) = self.plcs.get_mut(index).filter(|plc| !disturbance.is_off(plc.slave.number()))
-            {
-                plc.count_sync(1);
-                // SYNC is a line of its own: it is seen at any baud rate.
-                if plc.slave.is_on_bus() {
-                    plc.slave.sync_edge(now, interval_us);
-                }
+        for end in self.bus.slaves.iter_mut().filter(|end| !disturbance.is_off(end.firmware.number())) {
+            end.count_sync();
+            // SYNC is a line of its own: it is seen at any baud rate.
+            if end.firmware.is_on_bus() {
+                end.firmware.sync_edge(now, interval_us);
             }
         }
         for drive in &mut self.bus.drives {
@@ -95,11 +84,8 @@ impl Run<'_> {
     fn miss_edge(&mut self, interval_us: u32) {
         let now = self.now;
         let disturbance = &self.bus.disturbance;
-        for &index in &self.bus.nodes {
-            if let Some(plc) = self.plcs.get_mut(index).filter(|plc| !disturbance.is_off(plc.slave.number()))
-            {
-                plc.slave.edge_lost(now);
-            }
+        for end in self.bus.slaves.iter_mut().filter(|end| !disturbance.is_off(end.firmware.number())) {
+            end.firmware.edge_lost(now);
         }
         self.bus.no_edge_for_drives(now, interval_us);
     }

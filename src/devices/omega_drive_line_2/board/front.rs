@@ -2,8 +2,8 @@
 
 use super::flags::Flags;
 use super::project::Projects;
-use super::{Look, report};
-use crate::devices::Context;
+use super::report;
+use crate::devices::{Context, Look, Power};
 use crate::journal::BoardEvent;
 use crate::memory::Header;
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
@@ -14,19 +14,6 @@ const DIP_MASK: u32 = 0x1F;
 const BLINK_US: u64 = 500_000;
 /// The decimal point of the display.
 const POINT: u32 = 1 << 8;
-
-/// What takes the board down or brings it up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Power {
-    /// Supply off.
-    Off,
-    /// Supply on.
-    On,
-    /// RESET held.
-    HoldReset,
-    /// RESET released; the switch then stands at STOP.
-    ReleaseReset,
-}
 
 /// The front as it was last seen.
 #[derive(Debug)]

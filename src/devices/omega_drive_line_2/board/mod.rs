@@ -13,10 +13,9 @@ mod tests;
 mod timers;
 mod triggers;
 
-pub use front::Power;
 pub use interrupts::level;
 
-use crate::devices::Context;
+use crate::devices::{Context, Look, Power};
 use crate::journal::{BoardEvent, Event};
 use crate::memory::header;
 use crate::memory::{Header, MemoryError, Segment, View};
@@ -25,21 +24,6 @@ use front::Front;
 use interrupts::Interrupts;
 use timers::{Timer, Timers};
 use triggers::{Source, Triggers};
-
-/// What a look at the board asks of the rest of the PLC.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
-    /// Nothing.
-    Nothing,
-    /// A switch was turned or a request answered; timers may run otherwise than before.
-    Answered,
-    /// RESET is held: the board stops.
-    Held,
-    /// The supply failed, be RESET held or not: the board stops, and what shares its supply.
-    Off,
-    /// Power-on, or RESET was released: the board starts anew.
-    Up,
-}
 
 /// The board of one PLC.
 pub struct Board {

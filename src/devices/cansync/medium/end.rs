@@ -1,0 +1,111 @@
+//! The end of a bus at a device: the node's firmware, and what of the header page is its own.
+
+use crate::devices::Context;
+use crate::devices::cansync::bus::SyncLock;
+use crate::devices::cansync::firmware::{Master, Seat, Slave};
+use crate::journal::{Journal, Origin};
+use crate::memory::{Header, MemoryError, Segment, View};
+
+/// A CANsync port, as a device hands it over.
+pub struct Socket {
+    /// The device and the port's number.
+    pub origin: Origin,
+    /// The device's image.
+    pub segment: Segment,
+    /// Where in it the node's registers lie.
+    pub seat: Seat,
+    /// What the node is.
+    pub role: SocketRole,
+}
+
+/// What a node is on its bus.
+#[derive(Clone, Copy, Debug)]
+pub enum SocketRole {
+    /// The master.
+    Master,
+    /// A slave.
+    Slave {
+        /// Its number, until the device starts with another one at its switches.
+        number: u8,
+        /// How it synchronizes.
+        lock: SyncLock,
+    },
+}
+
+/// A node with its firmware.
+pub(super) struct End<F> {
+    pub(super) firmware: F,
+    pub(super) origin: Origin,
+    header: View<Header>,
+    segment: Segment,
+    seat: Seat,
+    role: SocketRole,
+}
+
+/// Which list of ends a port stands in, and where.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Place {
+    Master(usize),
+    Slave(usize),
+}
+
+impl<F> End<F> {
+    fn new(socket: &Socket, firmware: F) -> Result<Self, MemoryError> {
+        Ok(End {
+            firmware,
+            origin: socket.origin,
+            header: socket.segment.header()?,
+            segment: socket.segment.clone(),
+            seat: socket.seat,
+            role: socket.role,
+        })
+    }
+
+    /// Runs `f` on the firmware.
+    #[inline]
+    pub(super) fn run<R>(
+        &mut self,
+        now: u64,
+        journal: &mut Journal,
+        f: impl FnOnce(&mut F, &mut Context) -> R,
+    ) -> R {
+        let mut ctx = Context { now, journal, origin: self.origin, base: self.seat.base };
+        f(&mut self.firmware, &mut ctx)
+    }
+
+    /// Counts a SYNC edge in the header page.
+    #[inline]
+    pub(super) fn count_sync(&self) {
+        if let Some(counter) = self.header.sync_counter.get(self.seat.place) {
+            counter.increment();
+        }
+    }
+}
+
+impl End<Master> {
+    pub(super) fn master(socket: &Socket) -> Result<Self, MemoryError> {
+        End::new(socket, Master::new(&socket.segment, socket.seat)?)
+    }
+
+    /// The RAM of the firmware and all that it knew is gone.
+    pub(super) fn forget(&mut self) {
+        // The segment was large enough before.
+        if let Ok(master) = Master::new(&self.segment, self.seat) {
+            self.firmware = master;
+        }
+    }
+}
+
+impl End<Slave> {
+    pub(super) fn slave(socket: &Socket, number: u8, lock: SyncLock) -> Result<Self, MemoryError> {
+        End::new(socket, Slave::new(&socket.segment, socket.seat, number, lock)?)
+    }
+
+    /// As [`End::forget`] of a master; it is the slave with this number from now on.
+    pub(super) fn begin_as(&mut self, number: u8) {
+        let SocketRole::Slave { lock, .. } = self.role else { return };
+        if let Ok(slave) = Slave::new(&self.segment, self.seat, number, lock) {
+            self.firmware = slave;
+        }
+    }
+}

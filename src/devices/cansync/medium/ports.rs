@@ -1,0 +1,225 @@
+//! A CANsync bus as the plant sees it, and what its ports do apart from the traffic.
+
+use super::agenda::Slot;
+use super::end::{End, Place, Socket, SocketRole};
+use super::{Sender, SimBus, Station};
+use crate::check::{Facts, Rule};
+use crate::devices::cansync::firmware::{Change, Slave};
+use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::{BuildError, Context, Medium, SyncSignal, World};
+use crate::journal::{Event, Journal};
+use crate::layout::Live;
+use core::any::Any;
+use core::mem::offset_of;
+
+impl Medium for SimBus {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
+        let socket = socket.downcast::<Socket>().map_err(|_| BuildError::OtherFamily)?;
+        let place = match socket.role {
+            SocketRole::Master => {
+                self.masters.push(End::master(&socket)?);
+                Place::Master(self.masters.len() - 1)
+            }
+            SocketRole::Slave { number, lock } => {
+                let index = self.slaves.len();
+                self.slaves.push(End::slave(&socket, number, lock)?);
+                if self.is_wired {
+                    self.connect(number, Station::Node(index));
+                }
+                Place::Slave(index)
+            }
+        };
+        self.places.push(place);
+        Ok(self.places.len() - 1)
+    }
+
+    fn power_on(&mut self, place: usize, address: u8) -> bool {
+        let mut is_free = true;
+        match self.places[place] {
+            Place::Master(index) => self.masters[index].firmware.power_on(address),
+            Place::Slave(index) => {
+                if self.slaves[index].firmware.number() != address {
+                    is_free = self.renumber(index, address);
+                    self.slaves[index].begin_as(address);
+                }
+                self.slaves[index].firmware.power_on();
+            }
+        }
+        is_free
+    }
+
+    fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal) {
+        match self.places[place] {
+            Place::Master(index) => {
+                self.masters[index].run(now, journal, |master, ctx| master.power_off(ctx));
+                self.masters[index].forget();
+                self.stop(now);
+            }
+            Place::Slave(index) => {
+                let number = self.slaves[index].firmware.number();
+                self.slaves[index].run(now, journal, |slave, ctx| slave.power_off(ctx));
+                self.slaves[index].begin_as(number);
+            }
+        }
+    }
+
+    fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool {
+        let on_wire = self.on_wire(now, self.places[place]);
+        match self.places[place] {
+            Place::Master(index) => {
+                let end = &mut self.masters[index];
+                let change = end.run(now, journal, |master, ctx| master.processor_cycle(ctx, on_wire));
+                let master = &end.firmware;
+                let (is_on_bus, timing, own_sync) =
+                    (master.is_on_bus(), master.timing(), !master.forwards_sync());
+                match (change, timing) {
+                    (Change::SetUpStarted, Some(timing)) => self.start(now, timing, own_sync),
+                    (Change::Restarted, _) => self.stop(now),
+                    _ => {}
+                }
+                is_on_bus
+            }
+            Place::Slave(index) => {
+                let bus_kbit_s = self.running.as_ref().map(|running| running.timing.kbit_per_s);
+                let end = &mut self.slaves[index];
+                end.run(now, journal, |slave, ctx| {
+                    let change = slave.processor_cycle(ctx, on_wire);
+                    if change == Change::SetUpStarted {
+                        report_mismatch(slave, ctx, bus_kbit_s);
+                    }
+                });
+                end.firmware.is_on_bus()
+            }
+        }
+    }
+
+    fn control_changed(&self) -> bool {
+        self.slaves.iter().any(|end| end.firmware.control_changed())
+            || self.masters.iter().any(|end| end.firmware.control_changed())
+    }
+
+    #[inline]
+    fn facts(&self, place: usize) -> Facts {
+        match self.places[place] {
+            Place::Master(index) => self.masters[index].firmware.facts(),
+            Place::Slave(index) => self.slaves[index].firmware.facts(),
+        }
+    }
+
+    fn next_time(&self) -> u64 {
+        self.next
+    }
+
+    fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
+        if self.slot_due(world) { self.running.as_ref().map(|running| running.signal) } else { None }
+    }
+
+    fn takes_sync(&self, place: usize) -> bool {
+        match self.places[place] {
+            Place::Master(index) => {
+                let master = &self.masters[index].firmware;
+                master.is_on_bus() && master.forwards_sync()
+            }
+            Place::Slave(_) => false,
+        }
+    }
+
+    fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal) {
+        let Place::Master(index) = self.places[place] else { return };
+        self.masters[index].run(now, journal, |master, ctx| master.passes_sync_on(ctx, signal));
+        if let Some(running) = self.running.as_mut().filter(|running| !running.own_sync) {
+            running.signal = signal;
+            self.agenda.set(Slot::Sync, now);
+            self.next = self.agenda.next_time();
+        }
+    }
+
+    fn next_sync(&self) -> Option<u64> {
+        self.running.as_ref().filter(|running| running.own_sync)?;
+        self.agenda.at(Slot::Sync)
+    }
+
+    fn participants(&self) -> u32 {
+        let present = self.stations.iter().enumerate().filter(|(_, station)| **station != Station::Nobody);
+        present.fold(0, |mask, (number, _)| mask | 1 << number)
+    }
+
+    fn set_off(&mut self, now: u64, off: u32) {
+        self.switch_off(now, off);
+    }
+
+    fn trip(&mut self, now: u64, number: u8, fault: u16) -> bool {
+        self.trip_drive(now, number, fault)
+    }
+
+    fn go_bus_off(&mut self, place: usize, now: u64) -> bool {
+        let (goes, sender) = match self.places[place] {
+            Place::Master(index) => (self.masters[index].firmware.go_bus_off(), Sender::Master),
+            Place::Slave(index) => {
+                let slave = &mut self.slaves[index].firmware;
+                (slave.go_bus_off(), Sender::Slave(slave.number()))
+            }
+        };
+        if goes {
+            self.destroy_frames_of(now, sender);
+        }
+        goes
+    }
+}
+
+impl SimBus {
+    /// Slave node `index` has another slave number; `false` if another station has it, and then the node is not
+    /// connected.
+    fn renumber(&mut self, index: usize, number: u8) -> bool {
+        if !self.is_wired {
+            return true;
+        }
+        for station in &mut self.stations {
+            if *station == Station::Node(index) {
+                *station = Station::Nobody;
+            }
+        }
+        match self.stations.get_mut(usize::from(number)) {
+            Some(place) if *place == Station::Nobody => {
+                *place = Station::Node(index);
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// What the controller of a node is doing: `Some(true)` sending, `Some(false)` receiving.
+    fn on_wire(&self, now: u64, place: Place) -> Option<bool> {
+        let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
+        Some(match (wire.sender, place) {
+            (_, Place::Slave(index)) if self.is_off(index) => return None,
+            (Sender::Master, Place::Master(_)) => true,
+            (Sender::Slave(number), Place::Slave(index)) => {
+                self.stations.get(usize::from(number)) == Some(&Station::Node(index))
+            }
+            _ => false,
+        })
+    }
+
+    /// Whether the plug of slave node `index` is pulled.
+    fn is_off(&self, index: usize) -> bool {
+        let number = self.stations.iter().position(|station| *station == Station::Node(index));
+        number.is_some_and(|number| self.disturbance.is_off(number as u8)) // at most 31
+    }
+}
+
+/// A slave that enters set-up mode at another rate than that of the running bus hears nothing.
+fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: Option<u16>) {
+    if let (Some(bus_kbit_s), Some(timing)) = (bus_kbit_s, slave.timing())
+        && bus_kbit_s != timing.kbit_per_s
+    {
+        let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
+        ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
+        let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
+        ctx.find(Rule::BusBaudRate, Live::Init, offset, timing.b_BT_0.into());
+    }
+}

@@ -1,0 +1,137 @@
+//! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
+
+use super::{Context, World};
+use crate::memory::header::{BoardSetting, BoardState};
+use crate::memory::{Segment, Width};
+use core::any::Any;
+
+/// What takes a device down or brings it up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Power {
+    /// Supply off.
+    Off,
+    /// Supply on.
+    On,
+    /// RESET held.
+    HoldReset,
+    /// RESET released; the switch then stands at STOP.
+    ReleaseReset,
+}
+
+/// What a look at a device's front asks of the rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// Nothing.
+    Nothing,
+    /// A switch was turned or a request answered; timers may run otherwise than before.
+    Answered,
+    /// RESET is held: the device stops.
+    Held,
+    /// The supply failed, be RESET held or not: the device stops, and what shares its supply.
+    Off,
+    /// Power-on, or RESET was released: the device starts anew.
+    Up,
+}
+
+/// A device of a plant. Its ports are firmware of the medium that they belong to; the plant tells the device what of
+/// them concerns it, and the ports what of it concerns them.
+pub trait Device: Any + Send {
+    /// Its name in the plant.
+    fn name(&self) -> &str;
+
+    /// Its image.
+    fn segment(&self) -> &Segment;
+
+    /// Its front as it stands.
+    fn board(&self) -> BoardState;
+
+    /// Turns a switch in the header page or puts in a request, as a client does. The next look sees it.
+    fn turn(&self, setting: BoardSetting);
+
+    /// Switches supply or RESET, as if somebody had turned the switch.
+    fn set_power(&mut self, power: Power) -> Look;
+
+    /// One look at switches and requests of the front.
+    fn look(&mut self, ctx: &mut Context) -> Look;
+
+    /// Whether it has power and is not held in RESET.
+    fn is_up(&self) -> bool;
+
+    /// Power-on or end of a reset, before the ports follow.
+    fn start(&mut self, ctx: &mut Context);
+
+    /// Power-off or reset, before the ports follow.
+    fn stop(&mut self, ctx: &mut Context);
+
+    /// The supply is gone, for what goes on while RESET is held.
+    fn supply_failed(&mut self);
+
+    /// The number on its medium that `port` has from now on: that of the switches at the last start.
+    fn address(&self, port: u8) -> u8;
+
+    /// Somebody else has the number of `port`, which is therefore not connected.
+    fn address_taken(&mut self, ctx: &mut Context, port: u8);
+
+    /// Whether `port` takes part in the traffic of its medium; told when it changes.
+    fn port_joined(&mut self, port: u8, takes_part: bool);
+
+    /// The ports whose SYNC signal goes on to another port of the device, if the firmware there wants it: from, to.
+    fn sync_ways(&self) -> &[(u8, u8)];
+
+    /// An edge of the SYNC signal at `port`, when everything else has seen it.
+    fn sync_edge(&mut self, port: u8, now: u64);
+
+    /// Whether a client has turned a switch, put in a request or written a register that the firmware answers at once.
+    /// For busy polling.
+    fn has_changed(&self) -> bool;
+
+    /// Whether a client has turned a switch or put in a request.
+    fn front_has_changed(&self) -> bool;
+
+    /// The processor cycle: looks at the registers that are no port's.
+    fn processor_cycle(&mut self, ctx: &mut Context);
+
+    /// When the next of its own times is due; `u64::MAX` if none is.
+    fn next_time(&self) -> u64;
+
+    /// Handles what is due at `world.now`.
+    fn due(&mut self, world: &mut World);
+
+    /// Brings fault number `fault` upon the drive that belongs to it. Tells whether there is one, with power and without
+    /// fault.
+    fn trip(&mut self, now: u64, fault: u16) -> bool;
+
+    /// Which events stop the plant's clock, bit n for event n.
+    fn watch(&mut self, events: u16);
+
+    /// Whether there are any.
+    fn is_watched(&self) -> bool;
+
+    /// Whether one has occurred since the last call.
+    fn take_stop(&mut self) -> bool;
+
+    /// Events since the last call, bit n for event n.
+    fn take_fired(&mut self) -> u16;
+
+    /// Whether an access in the right area meets something that this device has: it may have less of it than fits.
+    fn has(&self, offset: u32, width: Width) -> bool;
+
+    /// `bytes` bytes at `offset` were written by somebody who named the place.
+    fn named(&self, offset: u32, bytes: u32);
+
+    /// Whether the firmware answers a write at `offset` at once if it came through the channel, where also an unchanged
+    /// value is seen.
+    fn answers_write(&self, offset: u32) -> bool;
+
+    /// Such a write.
+    fn written(&mut self, ctx: &mut Context);
+
+    /// What its NOVRAM holds, and a number that changes with it; empty if it has none.
+    fn novram(&self) -> (&[u8], u32);
+
+    /// What stands in the NOVRAM registers counts as stored, as at power-off.
+    fn keep_novram(&mut self);
+
+    /// The emulated time, for the header page.
+    fn show_time(&self, now: u64);
+}

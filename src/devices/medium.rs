@@ -1,0 +1,115 @@
+//! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
+
+use super::{BuildError, Context, Device};
+use crate::check::Facts;
+use crate::fault::Faults;
+use crate::journal::{Journal, Origin};
+use core::any::Any;
+
+/// What an event may touch besides the device or medium that it is due at.
+pub struct World<'a> {
+    /// Emulated time in microseconds.
+    pub now: u64,
+    /// The journal.
+    pub journal: &'a mut Journal,
+    /// The faults that wait or act.
+    pub faults: &'a mut Faults,
+    /// Ports whose devices are to be told of a SYNC edge, in this order, after the event.
+    pub edges: &'a mut Vec<Origin>,
+}
+
+/// A SYNC signal, as far as those must know it who take it over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SyncSignal {
+    /// Time from one edge to the next in us.
+    pub interval_us: u32,
+    /// Rate of the medium whose master makes it, in kbit/s.
+    pub kbit_s: u16,
+}
+
+/// A port of a device, as the device hands it over to be attached to a medium.
+pub struct Plug {
+    /// Its number in the device's layout.
+    pub number: u8,
+    /// Name of the medium in the plant; none is plugged in if it is left out.
+    pub medium: Option<String>,
+    /// What the family of media needs to run the port's firmware.
+    pub socket: Box<dyn Any + Send>,
+}
+
+/// A medium of a plant. It runs the firmware of the ports that are attached to it, so that an event meets everybody whom
+/// it concerns without asking a device.
+pub trait Medium: Any + Send {
+    /// Its name in the plant.
+    fn name(&self) -> &str;
+
+    /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, by which it is named from now on.
+    ///
+    /// # Errors
+    /// If the port belongs to another family, or its registers cannot be had.
+    fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError>;
+
+    /// Its device starts, with this number at its switches; `false` if somebody else has it and the port is therefore not
+    /// connected.
+    fn power_on(&mut self, place: usize, address: u8) -> bool;
+
+    /// Its device stops: the port leaves the medium and forgets everything.
+    fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal);
+
+    /// The port's firmware looks at its control registers. Tells whether it takes part in the traffic now.
+    fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
+
+    /// Whether any port's program has written a control register that the firmware has not looked at yet.
+    fn control_changed(&self) -> bool;
+
+    /// What the access checker must know about a port.
+    fn facts(&self, place: usize) -> Facts;
+
+    /// When the next event is due; `u64::MAX` if none is.
+    fn next_time(&self) -> u64;
+
+    /// Handles one event that is due at `world.now`. Returns the SYNC signal if that was an edge that went out on the line.
+    fn event(&mut self, world: &mut World) -> Option<SyncSignal>;
+
+    /// Whether the port takes its SYNC signal from another port of its device.
+    fn takes_sync(&self, place: usize) -> bool;
+
+    /// An edge of such a signal.
+    fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal);
+
+    /// The next SYNC edge, if the signal is made here.
+    fn next_sync(&self) -> Option<u64>;
+
+    /// Participants that faults can concern, bit n for number n.
+    fn participants(&self) -> u32;
+
+    /// Participants that are off from now on, bit n for number n.
+    fn set_off(&mut self, now: u64, off: u32);
+
+    /// Brings fault number `fault` upon participant `number`. Tells whether there is one that can have it.
+    fn trip(&mut self, now: u64, number: u8, fault: u16) -> bool;
+
+    /// The controller of a port goes BUS-off; tells whether it was working.
+    fn go_bus_off(&mut self, place: usize, now: u64) -> bool;
+}
+
+impl dyn Device {
+    /// The device as what it is, if that is a `T`.
+    pub fn as_a<T: Device>(&self) -> Option<&T> {
+        (self as &dyn Any).downcast_ref()
+    }
+}
+
+impl dyn Medium {
+    /// The medium as what it is, if that is a `T`.
+    pub fn as_a<T: Medium>(&self) -> Option<&T> {
+        (self as &dyn Any).downcast_ref()
+    }
+}
+
+impl World<'_> {
+    /// What firmware of `origin`, whose area begins at `base`, is given.
+    pub fn context(&mut self, origin: Origin, base: usize) -> Context<'_> {
+        Context { now: self.now, journal: self.journal, origin, base }
+    }
+}

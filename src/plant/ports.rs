@@ -1,0 +1,170 @@
+//! Which port of which device is where, and what passes between the two.
+
+use super::Plant;
+use crate::check::Facts;
+use crate::devices::{BuildError, Context, Device, Look, Medium, Plug, SyncSignal};
+use crate::journal::Origin;
+
+/// A port of a device, plugged in.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Port {
+    /// Its number in the device's layout.
+    number: u8,
+    /// Index of its medium.
+    pub(super) medium: usize,
+    /// Its place there.
+    pub(super) place: usize,
+    takes_part: bool,
+}
+
+/// The ports of all devices.
+#[derive(Default)]
+pub(super) struct Ports {
+    of_device: Vec<Vec<Port>>,
+    /// For each medium the ports that can take its SYNC signal over: their device and their index there.
+    ways: Vec<Vec<(usize, usize)>>,
+}
+
+impl Ports {
+    /// Plugs the ports of the next device in; the last one of `media` is for those without a medium.
+    pub(super) fn plug_in(
+        &mut self,
+        device: &dyn Device,
+        plugs: Vec<Plug>,
+        media: &mut [Box<dyn Medium>],
+    ) -> Result<(), BuildError> {
+        let nowhere = media.len().saturating_sub(1);
+        let mut ports = Vec::with_capacity(plugs.len());
+        for Plug { number, medium, socket } in plugs {
+            let at = |name: &String| media[..nowhere].iter().position(|medium| medium.name() == name);
+            let medium = medium.as_ref().and_then(at).unwrap_or(nowhere);
+            let place = media[medium].attach(socket)?;
+            ports.push(Port { number, medium, place, takes_part: false });
+        }
+        self.ways.resize(media.len(), Vec::new());
+        let find = |number: u8| ports.iter().position(|port| port.number == number);
+        for &(from, to) in device.sync_ways() {
+            if let (Some(from), Some(to)) = (find(from), find(to))
+                && ports[from].medium != nowhere
+            {
+                self.ways[ports[from].medium].push((self.of_device.len(), to));
+            }
+        }
+        self.of_device.push(ports);
+        Ok(())
+    }
+
+    /// The port with this number.
+    pub(super) fn find(&self, device: usize, number: u8) -> Option<&Port> {
+        self.of_device.get(device)?.iter().find(|port| port.number == number)
+    }
+
+    /// Whether that port is at medium `medium`.
+    pub(super) fn is_at(&self, device: usize, number: u8, medium: usize) -> bool {
+        self.find(device, number).is_some_and(|port| port.medium == medium)
+    }
+
+    /// What the access checker must know about each device's ports.
+    #[inline]
+    pub(super) fn facts<'a>(&'a self, media: &'a [Box<dyn Medium>]) -> impl Iterator<Item = [Facts; 2]> + 'a {
+        self.of_device.iter().filter_map(|ports| match ports[..] {
+            [first, second] => Some([first, second].map(|port| media[port.medium].facts(port.place))),
+            _ => None,
+        })
+    }
+}
+
+impl Plant {
+    /// Device `index` starts, and its ports after it.
+    pub(super) fn start(&mut self, index: usize) {
+        let Plant { now, devices, media, ports, journal, .. } = self;
+        let (Some(device), Some(ports)) = (devices.get_mut(index), ports.of_device.get(index)) else {
+            return;
+        };
+        let origin = Origin { plc: index as u16, node: 0 };
+        let ctx = &mut Context { now: *now, journal, origin, base: 0 };
+        device.start(ctx);
+        for port in ports {
+            if !media[port.medium].power_on(port.place, device.address(port.number)) {
+                device.address_taken(ctx, port.number);
+            }
+        }
+    }
+
+    /// Device `index` stops, and its ports after it leave their media.
+    fn stop(&mut self, index: usize) {
+        let Plant { now, devices, media, ports, journal, .. } = self;
+        let (Some(device), Some(ports)) = (devices.get_mut(index), ports.of_device.get_mut(index)) else {
+            return;
+        };
+        let origin = Origin { plc: index as u16, node: 0 };
+        device.stop(&mut Context { now: *now, journal, origin, base: 0 });
+        for port in ports {
+            media[port.medium].power_off(port.place, *now, journal);
+            port.takes_part = false;
+            device.port_joined(port.number, false);
+        }
+    }
+
+    /// What a look at the front of device `index` asks of the rest.
+    pub(super) fn follow(&mut self, look: Look, index: usize) {
+        match look {
+            Look::Nothing | Look::Answered => {}
+            Look::Held => self.stop(index),
+            Look::Off => {
+                if self.devices[index].is_up() {
+                    self.stop(index);
+                }
+                self.devices[index].supply_failed();
+            }
+            Look::Up => self.start(index),
+        }
+    }
+
+    /// The firmware of all ports of device `index` looks at its control registers.
+    pub(super) fn ports_look(&mut self, index: usize) {
+        for port in &mut self.ports.of_device[index] {
+            let medium = &mut self.media[port.medium];
+            let takes_part = medium.processor_cycle(port.place, self.now, &mut self.journal);
+            if takes_part != port.takes_part {
+                port.takes_part = takes_part;
+                self.devices[index].port_joined(port.number, takes_part);
+            }
+        }
+    }
+
+    /// Passes a SYNC edge on to the media whose masters take it over from medium `from` (decision D-12).
+    pub(super) fn forward_sync(&mut self, from: usize, signal: SyncSignal) {
+        for &(device, port) in &self.ports.ways[from] {
+            let port = self.ports.of_device[device][port];
+            let medium = &mut self.media[port.medium];
+            if medium.takes_sync(port.place) {
+                medium.forwarded_edge(port.place, self.now, signal, &mut self.journal);
+            }
+        }
+    }
+
+    /// Emulated time of the next SYNC edge on the medium at port `port` of device `device`; `None` while there is no SYNC
+    /// signal.
+    pub fn next_sync(&self, device: usize, port: u8) -> Option<u64> {
+        let mut medium = self.ports.find(device, port)?.medium;
+        // Follow a forwarded signal to the master that makes it; the number of media bounds the way.
+        for _ in 0..self.media.len() {
+            if let Some(time) = self.media.get(medium)?.next_sync() {
+                return Some(time);
+            }
+            medium = self.ports.ways.iter().position(|ways| {
+                ways.iter().any(|&(device, port)| {
+                    let port = self.ports.of_device[device][port];
+                    port.medium == medium && self.media[medium].takes_sync(port.place)
+                })
+            })?;
+        }
+        None
+    }
+
+    /// Whether a medium is plugged in at port `port` of device `device`.
+    pub(super) fn is_plugged(&self, device: usize, port: u8) -> bool {
+        self.ports.find(device, port).is_some_and(|port| port.medium < self.named_media)
+    }
+}
