@@ -19,6 +19,7 @@
 //! | [`channel`] | the request-response door for tools and tests |
 //! | [`export`] | the register map for other languages and tools |
 //! | [`time`] | emulated times as text |
+//! | [`handed_in`] | text files that people hand in |
 //!
 //! `layout` and `memory` are always there; the others are cargo features: `channel`, `script` and `export` with the module of
 //! their name, `plc` with the function blocks, `emulator` with everything that happens behind the registers, `cli` with the
@@ -55,6 +56,8 @@ pub mod devices;
 pub mod export;
 #[cfg(feature = "emulator")]
 pub mod fault;
+#[cfg(feature = "emulator")]
+pub mod handed_in;
 #[cfg(feature = "emulator")]
 pub mod journal;
 pub mod layout;

@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 
 fn read(path: &Path) -> Result<Vec<Held>, CliError> {
     let name = path.display().to_string();
-    let text = std::fs::read_to_string(path)
+    let text = commram::handed_in::read(path)
         .map_err(|error| CliError::NoDump { name: name.clone(), reason: error.to_string() })?;
     change::parse(&name, &text)
 }

@@ -153,7 +153,7 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
     pub fn load(path: &Path) -> Result<Self, PlantError> {
-        let text = std::fs::read_to_string(path)
+        let text = crate::handed_in::read(path)
             .map_err(|source| PlantError::Read { path: path.to_owned(), source })?;
         Self::parse(&path.display().to_string(), &text)
     }

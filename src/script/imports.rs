@@ -4,6 +4,7 @@ use super::ScenarioError;
 use core::cell::RefCell;
 use rhai::module_resolvers::FileModuleResolver;
 use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -80,12 +81,21 @@ impl ModuleResolver for Imports {
         let from =
             source.map_or_else(|| self.scenario.clone(), |source| module_file(source, &self.directory));
         let to = self.files.get_file_path(path, None);
-        self.begin(Import { from, line: position.line(), to }, path)
+        self.begin(Import { from, line: position.line(), to: to.clone() }, path)
             .map_err(|error| EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), position))?;
-        let module = self.files.resolve(engine, source, path, position);
+        // The resolver reads whatever stands there to its end, which some files do not have.
+        let module = match crate::handed_in::read(&to) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(unreadable(path, &error, position)),
+            _ => self.files.resolve(engine, source, path, position),
+        };
         self.under_way.borrow_mut().pop();
         module
     }
+}
+
+fn unreadable(path: &str, error: &std::io::Error, position: Position) -> Box<EvalAltResult> {
+    let error = ScenarioError::argument(path, &error.to_string());
+    EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), position).into()
 }
 
 /// Whether two paths name the same file, by whatever way.

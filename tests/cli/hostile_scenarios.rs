@@ -1,7 +1,7 @@
 //! `commram test` with scenarios that loop, crash, hang or import each other: each harms itself alone, and a report is
 //! written in any case.
 
-use crate::common::{eventually, wait_for};
+use crate::common::{commram, eventually, wait_for};
 use crate::scenarios::Scripts;
 use rustix::fs::{Mode, OFlags};
 use std::io::{BufRead, BufReader};
@@ -148,4 +148,23 @@ fn a_report_is_written_although_nobody_reads_the_output() {
     let mut child = command.stdout(writer).spawn().unwrap();
     wait_for(&mut child, "a test that nobody listens to");
     assert!(scripts.read("report.xml").contains("tests=\"2\""));
+}
+
+/// Neither a device that never ends nor a pipe that nobody writes to keeps anybody waiting, wherever a file is named.
+#[test]
+fn what_is_no_text_file_is_refused_as_plant_scenario_import_and_dump() {
+    let scripts = Scripts::new(&[("import.rhai", "import \"endless\" as e;\n")]);
+    std::os::unix::fs::symlink("/dev/zero", scripts.0.path().join("endless.rhai")).unwrap();
+    let why = "it is a device or socket; a text file is needed";
+    for (args, code) in [
+        (&["test", "import.rhai"][..], 2),
+        (&["test", "/dev/zero"][..], 2),
+        (&["run", "/dev/zero"][..], 2),
+        (&["diff", "/dev/zero", "/dev/zero"][..], 2),
+    ] {
+        let output = commram().args(args).current_dir(scripts.0.path()).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
+        assert!(told.contains(why), "{args:?}: {told}");
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {told}");
+    }
 }

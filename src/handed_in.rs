@@ -1,0 +1,79 @@
+//! Text files that people hand in: plants, scenarios, dumps.
+//!
+//! What stands under the name can be anything. A device such as `/dev/zero` never ends and a pipe without a writer never
+//! begins, so neither is waited for; pipes that somebody writes to, as a shell's `<(...)`, are read like files.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Error, ErrorKind, Read, Result};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::Path;
+
+/// Longest text that is read, in bytes. A plant of 1,000 PLCs with 32 drives each is a tenth of it.
+pub const LONGEST: u64 = 64 << 20;
+
+/// The text of a file or pipe.
+///
+/// # Errors
+/// It cannot be read, is neither file nor pipe, is longer than [`LONGEST`], or is no UTF-8.
+pub fn read(path: &Path) -> Result<String> {
+    read_up_to(path, LONGEST)
+}
+
+fn read_up_to(path: &Path, longest: u64) -> Result<String> {
+    let file = open(path)?;
+    let mut text = String::new();
+    file.take(longest + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > longest {
+        return Err(Error::new(ErrorKind::FileTooLarge, format!("more than {longest} bytes, no such text")));
+    }
+    Ok(text)
+}
+
+fn open(path: &Path) -> Result<File> {
+    // Without O_NONBLOCK, opening a pipe waits for somebody who writes to it.
+    let flags = (rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY).bits();
+    let file = OpenOptions::new().read(true).custom_flags(flags as i32).open(path)?;
+    let kind = file.metadata()?.file_type();
+    if kind.is_fifo() {
+        rustix::fs::fcntl_setfl(&file, rustix::fs::OFlags::empty())?;
+    } else if kind.is_dir() {
+        return Err(Error::new(ErrorKind::IsADirectory, "it is a directory; a text file is needed"));
+    } else if !kind.is_file() {
+        return Err(Error::new(ErrorKind::InvalidInput, "it is a device or socket; a text file is needed"));
+    }
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn what_never_ends_is_refused() {
+        let told = read(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert_eq!(told, "it is a device or socket; a text file is needed");
+        let directory = tempfile::tempdir().unwrap();
+        assert!(read(directory.path()).unwrap_err().to_string().starts_with("it is a directory"));
+        let long = directory.path().join("long");
+        std::fs::write(&long, "12345").unwrap();
+        assert_eq!(read_up_to(&long, 5).unwrap(), "12345");
+        assert_eq!(read_up_to(&long, 4).unwrap_err().to_string(), "more than 4 bytes, no such text");
+    }
+
+    #[test]
+    fn a_pipe_without_a_writer_is_empty_and_one_with_a_writer_is_read_to_its_end() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("pipe");
+        rustix::fs::mknodat(rustix::fs::CWD, &path, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+        assert_eq!(read(&path).unwrap(), "");
+        let (reader, mut writer) = std::io::pipe().unwrap();
+        let reading = std::thread::spawn(move || {
+            let name = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&reader));
+            read(Path::new(&name)).unwrap()
+        });
+        writer.write_all(b"[[plc]]").unwrap();
+        drop(writer);
+        assert_eq!(reading.join().unwrap(), "[[plc]]");
+    }
+}
