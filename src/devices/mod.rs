@@ -23,16 +23,25 @@ pub use medium::{Medium, Plug, SyncSignal, World};
 pub use settings::BuildError;
 
 use crate::layout::Device as Layout;
+#[cfg(feature = "plc")]
+use crate::plc::BlockKind;
 
 /// A device that commram knows.
 #[derive(Debug)]
 pub struct Registered {
     /// Its areas, registers, ports and times.
     pub layout: &'static Layout,
+    /// The function blocks that its programs use.
+    #[cfg(feature = "plc")]
+    pub blocks: &'static [BlockKind],
 }
 
 /// Every device, the default one first.
-pub static DEVICES: &[Registered] = &[Registered { layout: &omega_drive_line_2::registers::DEVICE }];
+pub static DEVICES: &[Registered] = &[Registered {
+    layout: &omega_drive_line_2::registers::DEVICE,
+    #[cfg(feature = "plc")]
+    blocks: omega_drive_line_2::blocks::BLOCKS,
+}];
 
 /// The device of this name, as `--device` and plant files give it.
 #[must_use]

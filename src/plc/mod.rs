@@ -8,9 +8,14 @@
 //! A call never waits. A block that needs the firmware's answer goes on at a later call, so that the same
 //! program runs in real time and with a stepped clock. `docs/function-blocks.md` has all inputs and outputs.
 
+mod block;
+mod pin;
 mod ram;
 mod tasks;
 
+pub use block::{BlockKind, FunctionBlock, Place, Placed, Shared, Variables, Wire};
+pub(crate) use block::{block_kinds, function_block};
+pub use pin::{Direction, Pin, PinError, PinType, PinValue};
 pub(crate) use ram::Watch;
 pub use ram::{Base, Ram};
 pub use tasks::{Program, Progress, RunError, Tasks};

@@ -2,10 +2,7 @@
 
 mod arguments;
 mod block;
-mod blocks;
 mod board;
-mod pins;
-mod wires;
 
 use super::{Bench, Failure, MemoryCopy, ScenarioError, SeenFrame};
 use crate::check::Entry;

@@ -1,72 +1,89 @@
 //! The verbs of function blocks.
 
 use super::arguments::span;
-use super::blocks::{KINDS, Kind, Placed};
-use super::wires::{ServiceData, Wires};
 use super::{Fallible, Verbs, int, thrown};
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::devices::{self, DEVICES, Registered};
 use crate::layout::Area;
+use crate::plc::{BlockKind, PinError, PinValue, Place, Placed, Variables};
 use crate::script::{Bench, ScenarioError};
 use core::cell::RefCell;
 use core::fmt::Write;
 use core::panic::Location;
-use rhai::{Dynamic, INT};
+use rhai::{Array, Dynamic, INT};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
 /// Time from one call to the next while a scenario waits for a block, in microseconds.
 const CYCLE_US: u64 = 500;
 
-/// A function block, as scripts hold it.
+/// A function block, as scripts hold it: several variables may refer to it.
 #[derive(Clone)]
 pub(super) struct Block {
-    kind: &'static Kind,
+    kind: &'static BlockKind,
     /// Where its registers are, as given.
     place: String,
-    instance: Placed,
+    instance: Rc<RefCell<Box<dyn Placed>>>,
+}
+
+fn find(blocks: &'static [BlockKind], name: &str) -> Option<&'static BlockKind> {
+    blocks.iter().find(|kind| kind.name == name)
+}
+
+fn unknown(name: &str, blocks: impl Iterator<Item = &'static BlockKind>) -> ScenarioError {
+    // Devices have blocks of the same names.
+    let mut known = Vec::new();
+    for kind in blocks {
+        if !known.contains(&kind.name) {
+            known.push(kind.name);
+        }
+    }
+    let known = known.join(", ");
+    ScenarioError::Unknown { what: "function block", name: name.to_owned(), known }
 }
 
 impl Block {
     fn new(
         bench: &mut Bench,
-        service_data: &mut BTreeMap<u16, ServiceData>,
+        variables: &mut BTreeMap<u16, Variables>,
         name: &str,
         place: &str,
     ) -> Result<Self, ScenarioError> {
-        let kind = KINDS.iter().find(|kind| kind.name == name).ok_or_else(|| {
-            let known: Vec<_> = KINDS.iter().map(|kind| kind.name).collect();
-            ScenarioError::Unknown { what: "function block", name: name.to_owned(), known: known.join(", ") }
-        })?;
-        let (plc, offset) = match kind.base {
-            Some(structure) => {
-                let (plc, area) = bench.area(place)?;
-                check_area(kind, structure, area, place)?;
-                (plc, area.first as usize)
-            }
-            None => (bench.only_plc(place)?, 0),
+        // Whether it lies in an area is the same at all devices that have it; what the device is, the place tells.
+        let of_any = DEVICES.iter().find_map(|device| find(device.blocks, name));
+        let of_any = of_any.ok_or_else(|| unknown(name, DEVICES.iter().flat_map(|device| device.blocks)))?;
+        let (plc, area) = match of_any.structure {
+            Some(_) => bench.area(place).map(|(plc, area)| (plc, Some(area)))?,
+            None => (bench.only_plc(place)?, None),
         };
         let ram = bench.ram_of(plc)?;
-        let service_data = Rc::clone(service_data.entry(plc).or_default());
-        let instance = (kind.make)(&Wires { ram: &ram, offset, service_data: &service_data })?;
-        Ok(Self { kind, place: place.to_owned(), instance })
+        // A plant without image files notes no layout: its PLCs are of the first device.
+        let device = devices::of_hash(ram.header().layout_hash.load()).unwrap_or(&DEVICES[0]);
+        let kind = find(device.blocks, name).ok_or_else(|| unknown(name, device.blocks.iter()))?;
+        if let (Some(structure), Some(area)) = (kind.structure, area) {
+            check_area(device, kind, structure, area, place)?;
+        }
+        let variables = variables.entry(plc).or_default();
+        let offset = area.map_or(0, |area| area.first as usize);
+        let instance = kind.make(&Place { ram: &ram, offset, variables })?;
+        Ok(Self { kind, place: place.to_owned(), instance: Rc::new(RefCell::new(instance)) })
     }
 
     fn get(&self, pin: &str) -> Result<Dynamic, ScenarioError> {
-        self.instance.borrow().get(pin).ok_or_else(|| self.no_pin(pin))
+        self.instance.borrow().get(pin).map(shown).ok_or_else(|| self.no_pin(pin))
     }
 
     fn set(&self, pin: &str, value: &Dynamic) -> Result<(), ScenarioError> {
-        let taken = self.instance.borrow_mut().set(pin, value).ok_or_else(|| self.no_pin(pin))?;
+        let taken = self.instance.borrow_mut().set(pin, &given(value)).ok_or_else(|| self.no_pin(pin))?;
         taken.map_err(|error| match error {
-            ScenarioError::Argument { text, right } => {
-                ScenarioError::argument(&text, &format!("{} of {} is {right}", pin, self.kind.name))
+            PinError::Wrong { given, right } => {
+                ScenarioError::argument(&given, &format!("{} of {} is {right}", pin, self.kind.name))
             }
-            other => other,
+            PinError::Time { text, source } => ScenarioError::Time { text, source },
         })
     }
 
     fn no_pin(&self, pin: &str) -> ScenarioError {
-        let known = self.kind.pins.join(", ");
+        let known = self.kind.pins.iter().map(|pin| pin.name).collect::<Vec<_>>().join(", ");
         let right = format!("{} has no such input or output; it has {known}", self.kind.name);
         ScenarioError::argument(pin, &right)
     }
@@ -79,7 +96,7 @@ impl Block {
 
     /// One PLC cycle. What it asks of the board is answered at once.
     fn call(&self, bench: &mut Bench) -> Result<(), ScenarioError> {
-        self.instance.borrow_mut().call();
+        self.instance.borrow_mut().cycle();
         bench.answer_boards()
     }
 
@@ -92,7 +109,7 @@ impl Block {
         at: &Location<'_>,
     ) -> Result<u64, ScenarioError> {
         let start = bench.now()?;
-        let has_error = self.kind.pins.contains(&"x_ERR") && output != "x_ERR";
+        let has_error = self.kind.has("x_ERR") && output != "x_ERR";
         loop {
             self.call(bench)?;
             if self.is(output)? {
@@ -113,13 +130,12 @@ impl Block {
     /// All pins that are no arrays: `x_OK FALSE, w_ERR 16#0801`.
     fn outputs(&self) -> String {
         let mut text = String::new();
-        for pin in self.kind.pins {
-            let Some(value) = self.instance.borrow().get(pin) else { continue };
-            let shown = match (value.as_bool(), value.as_int()) {
-                (Ok(value), _) => if value { "TRUE" } else { "FALSE" }.to_owned(),
-                (_, Ok(value)) if pin.starts_with("w_") => format!("16#{value:04X}"),
-                (_, Ok(value)) if pin.starts_with("b_") => format!("16#{value:02X}"),
-                (_, Ok(value)) => value.to_string(),
+        for pin in self.kind.pins.iter().map(|pin| pin.name) {
+            let shown = match self.instance.borrow().get(pin) {
+                Some(PinValue::Bool(value)) => if value { "TRUE" } else { "FALSE" }.to_owned(),
+                Some(PinValue::Int(value)) if pin.starts_with("w_") => format!("16#{value:04X}"),
+                Some(PinValue::Int(value)) if pin.starts_with("b_") => format!("16#{value:02X}"),
+                Some(value @ (PinValue::Int(_) | PinValue::Time(_))) => value.to_string(),
                 _ => continue,
             };
             // Writing to a String cannot fail.
@@ -129,24 +145,54 @@ impl Block {
     }
 }
 
+/// What stands at a pin, as the script sees it: a time in microseconds.
+fn shown(value: PinValue) -> Dynamic {
+    match value {
+        PinValue::Bool(value) => value.into(),
+        PinValue::Int(value) => value.into(),
+        PinValue::Time(time) => INT::try_from(time.as_micros()).unwrap_or(INT::MAX).into(),
+        PinValue::Text(text) => text.into(),
+        PinValue::Array(items) => items.into_iter().map(shown).collect::<Array>().into(),
+    }
+}
+
+/// What a script gives to a pin.
+fn given(value: &Dynamic) -> PinValue {
+    if let Ok(items) = value.as_array_ref() {
+        return PinValue::Array(items.iter().map(given).collect());
+    }
+    match (value.as_bool(), value.as_int()) {
+        (Ok(value), _) => PinValue::Bool(value),
+        (_, Ok(value)) => PinValue::Int(value),
+        // What is no text fits no pin; the pin's error shows it.
+        _ => PinValue::Text(value.to_string()),
+    }
+}
+
 /// Checks that the area has the registers that the block needs.
-fn check_area(kind: &Kind, structure: &str, area: &Area, place: &str) -> Result<(), ScenarioError> {
+fn check_area(
+    device: &Registered,
+    kind: &BlockKind,
+    structure: &str,
+    area: &Area,
+    place: &str,
+) -> Result<(), ScenarioError> {
     let fits = |area: &Area| area.structures.iter().any(|placed| placed.structure.name == structure);
     if fits(area) {
         return Ok(());
     }
-    let areas: Vec<_> = DEVICE.areas.iter().filter(|area| fits(area)).map(|area| area.name).collect();
+    let areas: Vec<_> = device.layout.areas.iter().filter(|area| fits(area)).map(|area| area.name).collect();
     let right = format!("{} needs {structure}, which is in {}", kind.name, areas.join(", "));
     Err(ScenarioError::argument(place, &right))
 }
 
 impl Verbs {
     pub(super) fn blocks(&mut self) {
-        // Of each PLC, what connects the blocks of its service data.
-        let service_data = RefCell::<BTreeMap<u16, ServiceData>>::default();
+        // Of each PLC, what connects blocks to each other.
+        let variables = RefCell::<BTreeMap<u16, Variables>>::default();
         self.on("block", |stage| {
             move |name: &str, place: &str| {
-                stage.act(|bench| Block::new(bench, &mut service_data.borrow_mut(), name, place))
+                stage.act(|bench| Block::new(bench, &mut variables.borrow_mut(), name, place))
             }
         });
         self.on("cycle", |stage| move |block: &mut Block| stage.act(|bench| block.call(bench)));
@@ -164,42 +210,5 @@ impl Verbs {
             .register_type_with_name::<Block>("Block")
             .register_indexer_get(get)
             .register_indexer_set(set);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::KINDS;
-
-    /// Pins as `docs/function-blocks.md` has them in its tables, in their order, and then the in/out data.
-    fn documented(block: &str) -> Vec<String> {
-        let text = include_str!("../../../docs/function-blocks.md");
-        let section = text.split("\n### ").find(|section| {
-            section.lines().next().is_some_and(|title| title.split(", ").any(|name| name == block))
-        });
-        let section = section.unwrap_or_default();
-        // What connects blocks to each other is no pin of a script.
-        let name =
-            |text: &str| text.split('`').nth(1).filter(|name| !name.starts_with('_')).map(str::to_owned);
-        let rows = section.lines().filter(|row| row.starts_with("| in |") || row.starts_with("| out |"));
-        // `us_SL_TYP0` ... `us_SL_TYP31`
-        let pins = |row: &str| -> Vec<String> {
-            let Some(name) = name(row) else { return Vec::new() };
-            let stem = name.trim_end_matches('0');
-            if row.contains("0` ... `") {
-                (0..32).map(|number| format!("{stem}{number}")).collect()
-            } else {
-                vec![name]
-            }
-        };
-        let in_out = section.split("In/out: ").nth(1).and_then(|text| text.split(" (").next());
-        rows.flat_map(pins).chain(in_out.unwrap_or_default().split(", ").filter_map(name)).collect()
-    }
-
-    #[test]
-    fn all_documented_pins_can_be_used_and_are_told_in_their_order() {
-        for kind in KINDS {
-            assert_eq!(kind.pins, documented(kind.name), "{}", kind.name);
-        }
     }
 }

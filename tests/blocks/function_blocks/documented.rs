@@ -1,48 +1,43 @@
 //! `docs/function-blocks.md` names every input and output with its preset, and the presets are the manual's.
 
 use commram::devices::omega_drive_line_2::blocks::*;
+use commram::devices::{DEVICES, Registered};
+use commram::memory::Segment;
+use commram::plc::{BlockKind, Direction, PinValue, Place, Variables};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 const DOCS: &str = include_str!("../../../docs/function-blocks.md");
 
 /// A preset as the documentation prints it.
-trait Preset {
-    fn shown(&self) -> String;
-}
-macro_rules! numbers {
-    ($($type:ty),*) => { $(impl Preset for $type {
-        fn shown(&self) -> String { self.to_string() }
-    })* };
-}
-numbers!(i8, i16, i32, u8, u16, u32);
-impl Preset for bool {
-    fn shown(&self) -> String {
-        self.to_string().to_uppercase()
-    }
-}
-impl Preset for Duration {
-    fn shown(&self) -> String {
-        format!("{} s", self.as_secs())
-    }
-}
-impl<T: Preset + PartialEq, const N: usize> Preset for [T; N] {
-    fn shown(&self) -> String {
-        assert!(self.iter().all(|item| *item == self[0]));
-        format!("all {}", self[0].shown())
+fn shown(preset: &PinValue) -> String {
+    match preset {
+        PinValue::Bool(value) => value.to_string().to_uppercase(),
+        PinValue::Time(time) => format!("{} s", time.as_secs()),
+        PinValue::Array(items) => {
+            assert!(items.iter().all(|item| *item == items[0]));
+            format!("all {}", shown(&items[0]))
+        }
+        other => other.to_string(),
     }
 }
 
-/// Name of a block, names and presets of its inputs and outputs.
-type Block = (&'static str, Vec<(&'static str, String)>);
-
-macro_rules! blocks {
-    ($($block:ident { $($field:ident),* })*) => {
-        vec![$({
-            let block = $block::default();
-            (stringify!($block), vec![$((stringify!($field), block.$field.shown())),*])
-        }),*]
-    };
+/// The type that the manual's prefix of a pin stands for.
+fn type_of(pin: &str) -> &'static str {
+    match pin.split('_').next().unwrap() {
+        "x" => "BOOL",
+        "b" => "BYTE",
+        "si" => "SINT",
+        "us" => "USINT",
+        "w" => "WORD",
+        "i" => "INT",
+        "u" => "UINT",
+        "d" => "DWORD",
+        "ud" => "UDINT",
+        "t" => "TIME",
+        "a" => "_BMARRAY",
+        prefix => panic!("{prefix}_ of {pin} is no prefix of the manual"),
+    }
 }
 
 /// The section of a block; one section may describe several.
@@ -55,21 +50,65 @@ fn section(block: &str) -> &'static str {
         .unwrap_or_else(|| panic!("{block} is not documented"))
 }
 
+/// What stands at each pin of a new block.
+fn presets(device: &Registered, kind: &BlockKind) -> Vec<PinValue> {
+    let has = |area: &&commram::layout::Area| {
+        area.structures.iter().any(|placed| Some(placed.structure.name) == kind.structure)
+    };
+    let area = device.layout.areas.iter().find(has);
+    assert_eq!(area.is_some(), kind.structure.is_some(), "{} works on {:?}", kind.name, kind.structure);
+    let ram = Ram::of(&Segment::heap(device.layout.segment_size())).unwrap();
+    let offset = area.map_or(0, |area| area.first as usize);
+    let block = kind.make(&Place { ram: &ram, offset, variables: &Variables::default() }).unwrap();
+    assert_eq!(block.get("x_UNHEARD_OF"), None);
+    kind.pins.iter().map(|pin| block.get(pin.name).unwrap()).collect()
+}
+
+/// What stands between backquotes, at its beginning.
+fn quoted(text: &str) -> &str {
+    text.split('`').nth(1).unwrap_or_default()
+}
+
 #[test]
-fn every_input_and_output_is_documented_with_its_preset() {
-    for (block, fields) in documented() {
-        let rows: Vec<Vec<&str>> = section(block)
-            .lines()
-            .filter(|line| line.starts_with("| in |") || line.starts_with("| out |"))
-            .map(|line| line.split('|').map(str::trim).collect())
-            .collect();
-        assert_eq!(rows.len(), fields.len(), "{block}");
-        for (row, (field, preset)) in rows.iter().zip(fields) {
-            assert_eq!(row[2], format!("`{field}`"), "{block}");
+fn every_input_and_output_is_documented_with_its_type_and_preset() {
+    for (device, kind) in
+        DEVICES.iter().flat_map(|device| device.blocks.iter().map(move |kind| (device, kind)))
+    {
+        let section = section(kind.name);
+        let rows = section.lines().filter(|line| line.starts_with("| in |") || line.starts_with("| out |"));
+        let rows = rows.map(|line| line.split('|').map(str::trim).collect::<Vec<_>>());
+        // One row for `us_SL_TYP0` ... `us_SL_TYP31`.
+        let mut rows = rows.flat_map(|row| {
+            let first = quoted(row[2]).to_owned();
+            let count = if row[2].contains("` ... `") { 32 } else { 1 };
+            (0..count).map(move |number| {
+                let name = if count == 1 { first.clone() } else { first.replace('0', &number.to_string()) };
+                (row[1], name, row[3], row[4])
+            })
+        });
+        let data = section.split("In/out: ").nth(1).and_then(|text| text.split(" (").next());
+        let mut data = data.unwrap_or_default().split(", ").map(quoted);
+        for (pin, preset) in kind.pins.iter().zip(presets(device, kind)) {
+            let place = format!("{}.{}", kind.name, pin.name);
+            let side = match pin.direction {
+                Direction::In => "in",
+                Direction::Out => "out",
+                Direction::InOut => {
+                    assert_eq!(data.next(), Some(pin.name), "{place}");
+                    continue;
+                }
+            };
+            let preset = shown(&preset);
+            let (way, name, pin_type, documented) =
+                rows.next().unwrap_or_else(|| panic!("{place} has no row"));
+            assert_eq!((way, name.as_str()), (side, pin.name), "{place}");
+            assert!(pin_type.ends_with(type_of(pin.name)), "{place}: {pin_type}");
             let hex = preset.parse().map(|value: u8| format!("16#{value:02X}"));
-            let fits = row[4] == preset || hex.is_ok_and(|hex| row[4] == hex);
-            assert!(fits || row[1] == "out" && row[4].is_empty(), "{block}.{field}: {preset}");
+            let fits = documented == preset || hex.is_ok_and(|hex| documented == hex);
+            assert!(fits || side == "out" && documented.is_empty(), "{place}: {preset}");
         }
+        assert_eq!(rows.next(), None, "{}", kind.name);
+        assert!(data.all(|name| name.is_empty() || name.starts_with('_')), "{}", kind.name);
     }
 }
 
@@ -139,45 +178,4 @@ fn presets_are_the_manuals() {
     assert_eq!(comm.t_RE_INIT_TIME, Duration::from_secs(1), "p. 109");
     assert_eq!(BAPS_PD_CONTROL::default().t_TIME, Duration::from_secs(3), "p. 117");
     assert_eq!(BAPS_SD_CONTROL::default().t_TIME, Duration::from_secs(3), "p. 119");
-}
-
-fn documented() -> Vec<Block> {
-    blocks! {
-        BAPS_INIT { us_HW_TYPE, i_EVENT, w_COMMAND_REG, us_MODE, u_WR_PAR_NR0, u_WR_PAR_NR1, u_WR_PAR_NR2, u_WR_PAR_NR3, u_WR_PAR_NR4, u_WR_PAR_NR5, u_WR_PAR_NR6, u_WR_PAR_NR7, u_RD_PAR_NR0, u_RD_PAR_NR1, u_RD_PAR_NR2, u_RD_PAR_NR3, u_RD_PAR_NR4, u_RD_PAR_NR5, u_RD_PAR_NR6, u_RD_PAR_NR7, t_TIME, x_EN, x_RESET, w_STATUS_REG, x_BUSY, b_SL_QUIT, b_ERR, x_ERR, x_OK }
-        BAPS_PAR_READ { u_PAR_NR, us_PAR_ELEMENT, x_EN, x_RESET, ud_PAR_VALUE, x_PAR_FORMAT, x_BUSY, i_ERR_DETAIL, i_ERR_COMM, x_ERR, x_OK }
-        BAPS_PAR_WRITE { u_PAR_NR, x_PAR_FORMAT, ud_PAR_VALUE, x_EN_ERR_FORMAT, x_EN, x_RESET, x_BUSY, i_ERR_DETAIL, i_ERR_COMM, x_ERR, x_OK }
-        BAPS_PD_COMM2 { us_HW_TYPE, w_CONTROLWORD, w_COMMAND_REG, us_MODE, ud_WR_VALUE0, ud_WR_VALUE1, x_EN, w_STATUSWORD, w_STATUS_REG, ud_RD_VALUE0, ud_RD_VALUE1, b_SL_QUIT, b_ERR, x_ERR }
-        BAPS_PD_COMM24 { us_HW_TYPE, w_CONTROLWORD, w_COMMAND_REG, us_MODE, ud_WR_VALUE0, ud_WR_VALUE1, t_RE_INIT_TIME, x_RE_INIT_START, x_EN, w_STATUSWORD, w_STATUS_REG, ud_RD_VALUE0, ud_RD_VALUE1, ud_RD_VALUE2, ud_RD_VALUE3, b_SL_QUIT, b_ERR, x_ERR, x_RE_INIT_ERR, x_RE_INIT_OK }
-        BAPS_PD_COMM8 { us_HW_TYPE, w_CONTROLWORD, w_COMMAND_REG, us_MODE, ud_WR_VALUE0, ud_WR_VALUE1, ud_WR_VALUE2, ud_WR_VALUE3, ud_WR_VALUE4, ud_WR_VALUE5, ud_WR_VALUE6, ud_WR_VALUE7, x_EN, w_STATUSWORD, w_STATUS_REG, ud_RD_VALUE0, ud_RD_VALUE1, ud_RD_VALUE2, ud_RD_VALUE3, ud_RD_VALUE4, ud_RD_VALUE5, ud_RD_VALUE6, ud_RD_VALUE7, b_SL_QUIT, b_ERR, x_ERR }
-        BAPS_PD_CONTROL { x_RESET, t_TIME, x_ERR }
-        BAPS_SD_CONTROL { x_RESET, t_TIME, b_ERR, x_ERR }
-        CANsync_BC_MA0 { us_BC_CMD_NR, si_BC_BYTE, i_BC_WORD, d_SL_MASK, x_EN, x_OK }
-        CANsync_BC_MA1 { us_BC_CMD_NR, si_BC_BYTE, i_BC_WORD, d_SL_MASK, x_EN, x_OK }
-        CANsync_BC_MA2 { us_BC_CMD_NR, si_BC_BYTE, i_BC_WORD, d_SL_MASK, x_EN, x_OK }
-        CANsync_BC_SL { us_BC_CMD_NR, si_BC_BYTE, i_BC_WORD, si_BC_RECEIVED }
-        CANsync_COMM_CONTROL_MA { si_SL_NR_CTRL, x_EN_CTRL, si_SL_NR_PAR, x_EN_PAR, si_SL_NR_UDL, x_EN_UDL, si_MAX_SL_NR }
-        CANsync_CONTROLWORD_MA { si_SL_NR_CTRL, w_CONTROLWORD, x_EN, x_OK }
-        CANsync_CONTROLWORD_SL { w_CONTROLWORD, si_RECEIVED }
-        CANsync_INIT { x_SL, x_SYNC_IN, x_SYNC_MODE, x_ASYNC_MODE0, x_ASYNC_MODE1, a_SL_TYP, b_ACCEPT_CODE, b_ACCEPT_MASK, b_BIT_TIMING0, b_BIT_TIMING1, us_BAUDRATE, us_SYNC_INTERVAL, w_ERR, x_ERR, x_OK }
-        CANsync_MODE_MA { x_RESET_SOFTWARE, x_SET_INIT_DATA, x_CANsync_RUN, x_RESET_CANsync_CONTROLLER, x_SYNC_MODE, x_ASYNC_MODE0, x_ASYNC_MODE1, x_HS_ACTIV, x_INIT_POSSIBLE, x_WAIT, x_PREPARE_ACTIV, x_CANsync_ACTIV, x_SYNC_MODE_ACTIV, x_ASYNC_MODE_ACTIV, x_SL, x_MA }
-        CANsync_MODE_SL { x_RESET_SOFTWARE, x_SET_INIT_DATA, x_CANsync_RUN, x_RESET_CANsync_CONTROLLER, x_SYNC_MODE, x_ASYNC_MODE0, x_ASYNC_MODE1, x_HS_ACTIV, x_INIT_POSSIBLE, x_WAIT, x_PREPARE_ACTIV, x_CANsync_ACTIV, x_SYNC_MODE_ACTIV, x_ASYNC_MODE_ACTIV, x_SL, x_MA }
-        CANsync_PAR_READ_MA { si_SL_NR, u_PAR_NR, x_PAR_FORMAT, i_SUB_SL, t_TIME, x_EN, x_RESET, ud_PAR_VALUE, x_PAR_FORMAT_READ, x_BUSY, b_ERR, i_ERR, x_ERR, x_OK }
-        CANsync_PAR_SL { ud_PAR_VALUE_READ, x_PAR_FORMAT_READ, i_ERR, x_ERR_IN, x_OK_IN, x_EN, x_RESET, x_RESET_JOB, x_READ, x_WRITE, u_PAR_NR, x_PAR_FORMAT_WRITE, ud_PAR_VALUE_WRITE, x_ACTIV, x_BUSY, x_OK }
-        CANsync_PAR_WRITE_MA { si_SL_NR, u_PAR_NR, x_PAR_FORMAT, i_SUB_SL, ud_PAR_VALUE, t_TIME, x_EN, x_RESET, x_BUSY, i_ERR, b_ERR, x_ERR, x_OK }
-        CANsync_PD_CFG_MA { a_WRC1, a_HL_WRC1, a_WRC2, a_HL_WRC2 }
-        CANsync_PD_CFG_READ_MA { si_SL_NR, a_RDC1, a_HL_RDC1, a_RDC2, a_HL_RDC2 }
-        CANsync_PD_CFG_READ_SL { si_SL_NR, a_RDC1, a_HL_RDC1, a_RDC2, a_HL_RDC2 }
-        CANsync_PD_CFG_SL { a_WRC1, a_HL_WRC1, a_WRC2, a_HL_WRC2, a_RDC1, a_HL_RDC1, a_RDC2, a_HL_RDC2 }
-        CANsync_PD_COMM_MA { a_WR_VALUES_SEND, si_WRC1_SEND, si_WRC2_SEND, si_RD_SL_NR1_RECEIVE, si_RD_SL_NR2_RECEIVE, si_MAX_SL_NR, x_COPY_TO_RD_ARRAY, si_RD_SL_NR1_RECEIVED, si_RD_SL_NR2_RECEIVED }
-        CANsync_PD_COMM_READ_MA { si_SL_NR, a_RD_VALUES, si_RD_SL_NR1_RECEIVED, si_RD_SL_NR2_RECEIVED }
-        CANsync_PD_COMM_READ_SL { si_SL_NR, a_RD_VALUES, si_RD_SL_NR1_RECEIVED, si_RD_SL_NR2_RECEIVED }
-        CANsync_PD_COMM_SL { a_RD_VALUES_SEND, si_RDC1_SEND, si_RDC2_SEND, x_COPY_TO_RD_ARRAY, a_WR_VALUES_RECEIVED, si_WRC1_RECEIVED, si_WRC2_RECEIVED, si_RD_SL_NR1_RECEIVED, si_RD_SL_NR2_RECEIVED }
-        CANsync_UPDOWNLOAD_MA { si_SL_NR, x_UPDOWN, u_LENGTH, us_MAX_NR_OF_COMM, t_TIME, x_EN, x_RESET, x_BUSY, w_ERR_SL, x_ERR_SL, b_ERR, x_ERR, x_OK }
-        CANsync_UPDOWNLOAD_SL { t_TIME, x_EN, x_RESET, x_UPDOWN, x_ORDER_ACTIV, u_LENGTH, x_BUSY, w_ERR, x_ERR, x_OK }
-        INTR_SET { i_EVENT, i_MODE, i_PAR1, i_PAR2, x_EN, x_ERR }
-        LED { b_LEDS }
-        OPT_INIT { us_MODE_TRIGGER_1, us_MODE_TRIGGER_2, us_MODE_TRIGGER_CONTROLLER, u_DIVIDER_TIMER_A, x_EN_TIMER_A, ud_CFG_MODE_TIMER_A, u_DIVIDER_TIMER_B, x_EN_TIMER_B, ud_CFG_MODE_TIMER_B, x_ERR, x_OK }
-        TIME_MEASURE_END { ud_TIME, ud_TIME_DIFF }
-        TIME_MEASURE_START { ud_TIME }
-    }
 }

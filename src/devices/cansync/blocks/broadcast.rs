@@ -2,28 +2,33 @@
 
 use super::registers::{SEND, SENT, take_received};
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
 macro_rules! sender {
     ($name:ident, $rank:literal, $page:literal,
      $control:ident, $mask:ident, $command:ident, $byte:ident, $word:ident) => {
-        #[doc = concat!("Sends a broadcast command with ", $rank, " priority (manual p. ", $page, ").")]
-        ///
-        /// Every call with `x_EN` enters the command anew; one interval is enough to send it once.
-        #[derive(Clone, Debug, Default)]
-        pub struct $name {
-            /// Command number: 1 control word, 128 to 255 free for the user.
-            pub us_BC_CMD_NR: u8,
-            /// Data byte.
-            pub si_BC_BYTE: i8,
-            /// Data word.
-            pub i_BC_WORD: i16,
-            /// Bit n: slave n shall receive the command.
-            pub d_SL_MASK: u32,
-            /// Enters the command.
-            pub x_EN: bool,
-            /// The last command entered has been sent.
-            pub x_OK: bool,
+        function_block! {
+            #[doc = concat!("Sends a broadcast command with ", $rank, " priority (manual p. ", $page, ").")]
+            ///
+            /// Every call with `x_EN` enters the command anew; one interval is enough to send it once.
+            pub struct $name(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+                in {
+                    /// Command number: 1 control word, 128 to 255 free for the user.
+                    us_BC_CMD_NR: u8;
+                    /// Data byte.
+                    si_BC_BYTE: i8;
+                    /// Data word.
+                    i_BC_WORD: i16;
+                    /// Bit n: slave n shall receive the command.
+                    d_SL_MASK: u32;
+                    /// Enters the command.
+                    x_EN: bool;
+                }
+                out {
+                    /// The last command entered has been sent.
+                    x_OK: bool;
+                }
+            }
         }
 
         impl $name {
@@ -73,17 +78,20 @@ sender!(
     w_DATA_WORD_BC2
 );
 
-/// Receives broadcast commands of the master (manual p. 202-203).
-#[derive(Clone, Debug, Default)]
-pub struct CANsync_BC_SL {
-    /// Command number; the one before until a new command is received.
-    pub us_BC_CMD_NR: u8,
-    /// Data byte, likewise.
-    pub si_BC_BYTE: i8,
-    /// Data word, likewise.
-    pub i_BC_WORD: i16,
-    /// 2: a command was received since the last call; otherwise 0.
-    pub si_BC_RECEIVED: i8,
+function_block! {
+    /// Receives broadcast commands of the master (manual p. 202-203).
+    pub struct CANsync_BC_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        out {
+            /// Command number; the one before until a new command is received.
+            us_BC_CMD_NR: u8;
+            /// Data byte, likewise.
+            si_BC_BYTE: i8;
+            /// Data word, likewise.
+            i_BC_WORD: i16;
+            /// 2: a command was received since the last call; otherwise 0.
+            si_BC_RECEIVED: i8;
+        }
+    }
 }
 
 impl CANsync_BC_SL {

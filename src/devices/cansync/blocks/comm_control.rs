@@ -3,42 +3,31 @@
 use super::registers::{AUTOMATIC, slave_index};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::memory::Cell8;
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
-/// Says for which slave the command channel looks after control words, parameter jobs and
-/// up-/downloads (manual p. 204-206).
-///
-/// An input is taken over only with its enable input; numbers other than -128 and 0 to 31 change nothing
-/// (decision D-205).
-#[derive(Clone, Debug)]
-pub struct CANsync_COMM_CONTROL_MA {
-    /// Slave for control words; -128 (default): all in turn.
-    pub si_SL_NR_CTRL: i8,
-    /// Take over `si_SL_NR_CTRL`.
-    pub x_EN_CTRL: bool,
-    /// Slave for parameter jobs; -128 (default): all in turn.
-    pub si_SL_NR_PAR: i8,
-    /// Take over `si_SL_NR_PAR`.
-    pub x_EN_PAR: bool,
-    /// Slave for up-/downloads; -128 (default): all in turn.
-    pub si_SL_NR_UDL: i8,
-    /// Take over `si_SL_NR_UDL`.
-    pub x_EN_UDL: bool,
-    /// Highest number of those in turn; -1 (default): as it was. The same register as `si_MAX_SL_NR` of
-    /// [`CANsync_PD_COMM_MA`](super::CANsync_PD_COMM_MA); use one of the two.
-    pub si_MAX_SL_NR: i8,
-}
-
-impl Default for CANsync_COMM_CONTROL_MA {
-    fn default() -> Self {
-        CANsync_COMM_CONTROL_MA {
-            si_SL_NR_CTRL: AUTOMATIC,
-            x_EN_CTRL: false,
-            si_SL_NR_PAR: AUTOMATIC,
-            x_EN_PAR: false,
-            si_SL_NR_UDL: AUTOMATIC,
-            x_EN_UDL: false,
-            si_MAX_SL_NR: -1,
+function_block! {
+    /// Says for which slave the command channel looks after control words, parameter jobs and
+    /// up-/downloads (manual p. 204-206).
+    ///
+    /// An input is taken over only with its enable input; numbers other than -128 and 0 to 31 change nothing
+    /// (decision D-205).
+    pub struct CANsync_COMM_CONTROL_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        in {
+            /// Slave for control words; -128 (default): all in turn.
+            si_SL_NR_CTRL: i8 = AUTOMATIC;
+            /// Take over `si_SL_NR_CTRL`.
+            x_EN_CTRL: bool;
+            /// Slave for parameter jobs; -128 (default): all in turn.
+            si_SL_NR_PAR: i8 = AUTOMATIC;
+            /// Take over `si_SL_NR_PAR`.
+            x_EN_PAR: bool;
+            /// Slave for up-/downloads; -128 (default): all in turn.
+            si_SL_NR_UDL: i8 = AUTOMATIC;
+            /// Take over `si_SL_NR_UDL`.
+            x_EN_UDL: bool;
+            /// Highest number of those in turn; -1 (default): as it was. The same register as `si_MAX_SL_NR` of
+            /// [`CANsync_PD_COMM_MA`](super::CANsync_PD_COMM_MA); use one of the two.
+            si_MAX_SL_NR: i8 = -1;
         }
     }
 }

@@ -2,22 +2,27 @@
 
 use super::registers::{SEND, SENT, slave_index, take_received};
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
-/// Sends a control word to one slave (manual p. 207-208). Needs
-/// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
-///
-/// Every call with `x_EN` enters the control word anew; one interval is enough to send it once.
-#[derive(Clone, Debug, Default)]
-pub struct CANsync_CONTROLWORD_MA {
-    /// The slave, 0 to 31.
-    pub si_SL_NR_CTRL: i8,
-    /// Control word.
-    pub w_CONTROLWORD: u16,
-    /// Enters the control word.
-    pub x_EN: bool,
-    /// The last control word entered for this slave has been sent.
-    pub x_OK: bool,
+function_block! {
+    /// Sends a control word to one slave (manual p. 207-208). Needs
+    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
+    ///
+    /// Every call with `x_EN` enters the control word anew; one interval is enough to send it once.
+    pub struct CANsync_CONTROLWORD_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        in {
+            /// The slave, 0 to 31.
+            si_SL_NR_CTRL: i8;
+            /// Control word.
+            w_CONTROLWORD: u16;
+            /// Enters the control word.
+            x_EN: bool;
+        }
+        out {
+            /// The last control word entered for this slave has been sent.
+            x_OK: bool;
+        }
+    }
 }
 
 impl CANsync_CONTROLWORD_MA {
@@ -38,13 +43,16 @@ impl CANsync_CONTROLWORD_MA {
     }
 }
 
-/// Receives the master's control word (manual p. 209-210).
-#[derive(Clone, Debug, Default)]
-pub struct CANsync_CONTROLWORD_SL {
-    /// Control word; the one before until a new one is received.
-    pub w_CONTROLWORD: u16,
-    /// 2: a control word was received since the last call; otherwise 0.
-    pub si_RECEIVED: i8,
+function_block! {
+    /// Receives the master's control word (manual p. 209-210).
+    pub struct CANsync_CONTROLWORD_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        out {
+            /// Control word; the one before until a new one is received.
+            w_CONTROLWORD: u16;
+            /// 2: a control word was received since the last call; otherwise 0.
+            si_RECEIVED: i8;
+        }
+    }
 }
 
 impl CANsync_CONTROLWORD_SL {

@@ -1,8 +1,7 @@
 //! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215).
 
 use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_INIT_BMSTRUCT};
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 /// How long each answer of the CANsync node may take. The manual names no time (decision D-203).
@@ -15,73 +14,55 @@ const BIT_TIMING: u16 = 1 << 1;
 /// Bit 11.
 const NOT_FINISHED: u16 = 1 << 11;
 
-/// Initializes a CANsync node as master (node 2) or slave (node 1) (manual p. 211-215).
-///
-/// The first call begins; call on, at least once per processor cycle, until `x_OK` or `x_ERR`
-/// (decision D-201). A call after that begins anew.
-#[derive(Clone, Debug)]
-pub struct CANsync_INIT {
-    /// Slave; default: master.
-    pub x_SL: bool,
-    /// Master: takes over the SYNC signal of node 1 (cluster); default: makes its own.
-    pub x_SYNC_IN: bool,
-    /// Sets up synchronous operation as well; default: only takes over the initialization data.
-    pub x_SYNC_MODE: bool,
-    /// Reserved.
-    pub x_ASYNC_MODE0: bool,
-    /// Reserved.
-    pub x_ASYNC_MODE1: bool,
-    /// Master: 0 no slave of that number, 1 a slave.
-    pub a_SL_TYP: [u8; 32],
-    /// Acceptance code; 16#FF.
-    pub b_ACCEPT_CODE: u8,
-    /// Acceptance mask; 16#FF: everything is received.
-    pub b_ACCEPT_MASK: u8,
-    /// Bus timing 0, if `us_BAUDRATE` is 0.
-    pub b_BIT_TIMING0: u8,
-    /// Bus timing 1, if `us_BAUDRATE` is 0.
-    pub b_BIT_TIMING1: u8,
-    /// 3: 125 kbit/s, 4: 250, 5: 500, 0 (default): what the bus timing inputs say.
-    pub us_BAUDRATE: u8,
-    /// CANsync interval in ms: 8, 4, 2 for the baud rates 3, 4, 5.
-    pub us_SYNC_INTERVAL: u8,
-    /// Bit 0: no answer to the handshake, 1: baud rate or bus timing not among the documented ones,
-    /// 11: initialization not finished.
-    pub w_ERR: u16,
-    /// `w_ERR` is not 0.
-    pub x_ERR: bool,
-    /// The node is initialized.
-    pub x_OK: bool,
-    #[doc(hidden)]
-    pub internal: Step,
-}
-
-impl Default for CANsync_INIT {
-    fn default() -> Self {
-        CANsync_INIT {
-            x_SL: false,
-            x_SYNC_IN: false,
-            x_SYNC_MODE: false,
-            x_ASYNC_MODE0: false,
-            x_ASYNC_MODE1: false,
-            a_SL_TYP: [0; 32],
-            b_ACCEPT_CODE: 0xFF,
-            b_ACCEPT_MASK: 0xFF,
-            b_BIT_TIMING0: 0,
-            b_BIT_TIMING1: 0,
-            us_BAUDRATE: 0,
-            us_SYNC_INTERVAL: 0,
-            w_ERR: 0,
-            x_ERR: false,
-            x_OK: false,
-            internal: Step::Begin,
+function_block! {
+    /// Initializes a CANsync node as master (node 2) or slave (node 1) (manual p. 211-215).
+    ///
+    /// The first call begins; call on, at least once per processor cycle, until `x_OK` or `x_ERR`
+    /// (decision D-201). A call after that begins anew.
+    pub struct CANsync_INIT(_BASE: Base<CANsync_INIT_BMSTRUCT>) {
+        in {
+            /// Slave; default: master.
+            x_SL: bool;
+            /// Master: takes over the SYNC signal of node 1 (cluster); default: makes its own.
+            x_SYNC_IN: bool;
+            /// Sets up synchronous operation as well; default: only takes over the initialization data.
+            x_SYNC_MODE: bool;
+            /// Reserved.
+            x_ASYNC_MODE0: bool;
+            /// Reserved.
+            x_ASYNC_MODE1: bool;
+            /// Master: 0 no slave of that number, 1 a slave.
+            a_SL_TYP: [u8; 32];
+            /// Acceptance code; 16#FF.
+            b_ACCEPT_CODE: u8 = 0xFF;
+            /// Acceptance mask; 16#FF: everything is received.
+            b_ACCEPT_MASK: u8 = 0xFF;
+            /// Bus timing 0, if `us_BAUDRATE` is 0.
+            b_BIT_TIMING0: u8;
+            /// Bus timing 1, if `us_BAUDRATE` is 0.
+            b_BIT_TIMING1: u8;
+            /// 3: 125 kbit/s, 4: 250, 5: 500, 0 (default): what the bus timing inputs say.
+            us_BAUDRATE: u8;
+            /// CANsync interval in ms: 8, 4, 2 for the baud rates 3, 4, 5.
+            us_SYNC_INTERVAL: u8;
         }
+        out {
+            /// Bit 0: no answer to the handshake, 1: baud rate or bus timing not among the documented ones,
+            /// 11: initialization not finished.
+            w_ERR: u16;
+            /// `w_ERR` is not 0.
+            x_ERR: bool;
+            /// The node is initialized.
+            x_OK: bool;
+        }
+        internal: Step;
     }
 }
 
 /// What the block waits for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub enum Step {
+    #[default]
     Begin,
     Restarted(Watch),
     HandshakeAnswered(Watch),

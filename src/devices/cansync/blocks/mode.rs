@@ -2,7 +2,7 @@
 
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell16, SharedRegs};
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
 /// Bit 7 of `w_CPU_CONTROL`.
 const RESET_CONTROLLER: u16 = 1 << 7;
@@ -13,46 +13,51 @@ const ENABLE_ACTIVE: u16 = 0x0040;
 
 macro_rules! mode {
     ($name:ident, $base:ident, $who:literal, $page:literal) => {
-        #[doc = concat!("Sets the operating mode of a CANsync ", $who, " (manual p. ", $page, ").")]
-        ///
-        /// Inputs are commands, outputs show the node's state at the time of the call; an answer to a
-        /// command is seen at a later call. No input: no command. With `x_SYNC_MODE` and `x_CANsync_RUN`
-        /// together the mode is set up first and enabled by a later call; once it is active nothing more
-        /// is commanded (decision D-204).
-        #[derive(Clone, Debug, Default)]
-        pub struct $name {
-            /// Restarts the node.
-            pub x_RESET_SOFTWARE: bool,
-            /// Takes over initialization data.
-            pub x_SET_INIT_DATA: bool,
-            /// Enables active operation.
-            pub x_CANsync_RUN: bool,
-            /// Resets the CAN controller; ends BUS-off.
-            pub x_RESET_CANsync_CONTROLLER: bool,
-            /// Sets up synchronous operation.
-            pub x_SYNC_MODE: bool,
-            /// Reserved.
-            pub x_ASYNC_MODE0: bool,
-            /// Reserved.
-            pub x_ASYNC_MODE1: bool,
-            /// Handshake active (`w_OPTION_STATUS` 16#0001).
-            pub x_HS_ACTIV: bool,
-            /// Waits for initialization data (16#0002).
-            pub x_INIT_POSSIBLE: bool,
-            /// Waits for the command that sets the mode (16#0003).
-            pub x_WAIT: bool,
-            /// A mode is being set up (16#0013, 16#0043).
-            pub x_PREPARE_ACTIV: bool,
-            /// A mode is active (16#0020, 16#0080).
-            pub x_CANsync_ACTIV: bool,
-            /// The mode is synchronous operation.
-            pub x_SYNC_MODE_ACTIV: bool,
-            /// Asynchronous operation; reserved, always FALSE.
-            pub x_ASYNC_MODE_ACTIV: bool,
-            /// Runs as slave.
-            pub x_SL: bool,
-            /// Runs as master.
-            pub x_MA: bool,
+        function_block! {
+            #[doc = concat!("Sets the operating mode of a CANsync ", $who, " (manual p. ", $page, ").")]
+            ///
+            /// Inputs are commands, outputs show the node's state at the time of the call; an answer to a
+            /// command is seen at a later call. No input: no command. With `x_SYNC_MODE` and `x_CANsync_RUN`
+            /// together the mode is set up first and enabled by a later call; once it is active nothing more
+            /// is commanded (decision D-204).
+            pub struct $name(_BASE: Base<$base>) {
+                in {
+                    /// Restarts the node.
+                    x_RESET_SOFTWARE: bool;
+                    /// Takes over initialization data.
+                    x_SET_INIT_DATA: bool;
+                    /// Enables active operation.
+                    x_CANsync_RUN: bool;
+                    /// Resets the CAN controller; ends BUS-off.
+                    x_RESET_CANsync_CONTROLLER: bool;
+                    /// Sets up synchronous operation.
+                    x_SYNC_MODE: bool;
+                    /// Reserved.
+                    x_ASYNC_MODE0: bool;
+                    /// Reserved.
+                    x_ASYNC_MODE1: bool;
+                }
+                out {
+                    /// Handshake active (`w_OPTION_STATUS` 16#0001).
+                    x_HS_ACTIV: bool;
+                    /// Waits for initialization data (16#0002).
+                    x_INIT_POSSIBLE: bool;
+                    /// Waits for the command that sets the mode (16#0003).
+                    x_WAIT: bool;
+                    /// A mode is being set up (16#0013, 16#0043).
+                    x_PREPARE_ACTIV: bool;
+                    /// A mode is active (16#0020, 16#0080).
+                    x_CANsync_ACTIV: bool;
+                    /// The mode is synchronous operation.
+                    x_SYNC_MODE_ACTIV: bool;
+                    /// Asynchronous operation; reserved, always FALSE.
+                    x_ASYNC_MODE_ACTIV: bool;
+                    /// Runs as slave.
+                    x_SL: bool;
+                    /// Runs as master.
+                    x_MA: bool;
+                }
+            }
         }
 
         impl $name {

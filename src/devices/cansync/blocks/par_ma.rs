@@ -2,8 +2,7 @@
 
 use super::registers::{ACTIVE, ERROR, Job, slave_index};
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 0 of `b_ERR`.
@@ -36,27 +35,42 @@ enum Phase {
     Locked,
 }
 
-/// What a call means for the outputs.
-enum Outcome {
-    Unchanged,
-    Cleared,
-    Busy,
-    Cancelled,
-    /// Control register and value at a good end.
-    Done(u8, u32),
-    /// `b_ERR` and `i_ERR`.
-    Failed(u8, i16),
+/// What a call means for the outputs: nothing but this is to be seen there.
+#[derive(Clone, Copy, Default)]
+pub struct Shown {
+    pub busy: bool,
+    /// `b_ERR`.
+    pub error: u8,
+    /// `i_ERR`.
+    pub number: i16,
+    /// The job has been done.
+    pub answer: Option<Answer>,
 }
 
-/// The inputs of both blocks.
-struct Inputs {
-    slave: i8,
-    number: u16,
-    command: u8,
-    value: Option<u32>,
-    time: Duration,
-    enable: bool,
-    reset: bool,
+/// What the slave has answered.
+#[derive(Clone, Copy)]
+pub struct Answer {
+    pub value: u32,
+    pub doubleword: bool,
+}
+
+/// The inputs of a block.
+pub struct Inputs {
+    pub slave: i8,
+    pub number: u16,
+    pub doubleword: bool,
+    /// The value to write; none: reads.
+    pub write: Option<u32>,
+    pub time: Duration,
+    pub enable: bool,
+    pub reset: bool,
+}
+
+impl Inputs {
+    fn command(&self) -> u8 {
+        let command = if self.write.is_some() { WRITE } else { READ };
+        command | if self.doubleword { DOUBLEWORD } else { 0 }
+    }
 }
 
 /// The registers of one slave's job.
@@ -76,23 +90,23 @@ pub struct State {
 }
 
 impl State {
-    fn step(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Outcome {
+    /// One PLC cycle; nothing if the outputs stay as they are.
+    pub fn step(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Option<Shown> {
         if inputs.reset {
             self.withdraw(base);
             self.phase = Phase::Idle;
-            return Outcome::Cleared;
+            return Some(Shown::default());
         }
         match (self.phase, inputs.enable) {
             (Phase::Waiting(_) | Phase::Running(_), false) => {
                 self.withdraw(base);
                 self.phase = Phase::Locked;
-                return Outcome::Cancelled;
+                return Some(Shown::default());
             }
             (Phase::Done, false) => self.phase = Phase::Idle,
             (Phase::Idle, true) => {
                 if slave_index(inputs.slave).is_none() {
-                    self.phase = Phase::Locked;
-                    return Outcome::Failed(SLAVE_NUMBER, 0);
+                    return Some(self.fail(SLAVE_NUMBER, 0));
                 }
                 self.slave = inputs.slave;
                 self.phase = Phase::Waiting(base.watch(inputs.time));
@@ -102,35 +116,40 @@ impl State {
         self.proceed(base, inputs)
     }
 
-    fn proceed(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Outcome {
-        let (Phase::Waiting(watch) | Phase::Running(watch)) = self.phase else { return Outcome::Unchanged };
-        let Some((job, data)) = registers(base, self.slave) else { return Outcome::Unchanged };
+    fn proceed(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Option<Shown> {
+        let (Phase::Waiting(watch) | Phase::Running(watch)) = self.phase else { return None };
+        let (job, data) = registers(base, self.slave)?;
         let control = job.control();
         if control & ACTIVE == 0 {
             if matches!(self.phase, Phase::Running(_)) {
-                return self.end(control, data.d_PAR_VALUE.load());
+                return Some(self.end(control, data.d_PAR_VALUE.load()));
             }
             data.w_PAR_NR.store(inputs.number);
-            if let Some(value) = inputs.value {
+            if let Some(value) = inputs.write {
                 data.d_PAR_VALUE.store(value);
             }
-            job.enter(inputs.command);
+            job.enter(inputs.command());
             self.phase = Phase::Running(watch);
         } else if watch.is_over(base) {
             self.withdraw(base);
-            self.phase = Phase::Locked;
-            return Outcome::Failed(TIMEOUT, 0);
+            return Some(self.fail(TIMEOUT, 0));
         }
-        Outcome::Busy
+        Some(Shown { busy: true, ..Shown::default() })
     }
 
-    fn end(&mut self, control: u8, value: u32) -> Outcome {
+    fn end(&mut self, control: u8, value: u32) -> Shown {
         if control & ERROR != 0 {
-            self.phase = Phase::Locked;
-            return Outcome::Failed(COMMUNICATION, value as i16);
+            return self.fail(COMMUNICATION, value as i16);
         }
         self.phase = Phase::Done;
-        Outcome::Done(control, value)
+        let answer = Answer { value, doubleword: control & DOUBLEWORD != 0 };
+        Shown { answer: Some(answer), ..Shown::default() }
+    }
+
+    /// The job has failed; the block is locked.
+    pub fn fail(&mut self, error: u8, number: i16) -> Shown {
+        self.phase = Phase::Locked;
+        Shown { error, number, ..Shown::default() }
     }
 
     /// Takes the own job out of the registers; a slave that does not answer would be asked for ever.
@@ -143,133 +162,121 @@ impl State {
     }
 }
 
-macro_rules! block {
-    (
-        $(#[$doc:meta])* $name:ident { $($(#[$fdoc:meta])* $field:ident: $type:ty,)* }
-        errors { $($(#[$edoc:meta])* $error:ident: $etype:ty,)* }
-        $command:expr; value $value:expr; done $done:expr
-    ) => {
-        $(#[$doc])*
-        #[derive(Clone, Debug)]
-        pub struct $name {
-            /// The slave, 0 to 31.
-            pub si_SL_NR: i8,
-            /// Parameter number.
-            pub u_PAR_NR: u16,
-            /// Format of the parameter: FALSE word, TRUE doubleword.
-            pub x_PAR_FORMAT: bool,
-            /// Sub-slave address; reserved.
-            pub i_SUB_SL: i16,
-            /// Monitoring time in emulated time; preset 3 s.
-            pub t_TIME: Duration,
-            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
-            pub x_EN: bool,
-            /// Resets the block; needed after an error or a cancelled job.
-            pub x_RESET: bool,
-            $($(#[$fdoc])* pub $field: $type,)*
-            /// The job is under way.
-            pub x_BUSY: bool,
-            $($(#[$edoc])* pub $error: $etype,)*
-            /// `b_ERR` is not 0.
-            pub x_ERR: bool,
-            /// The last job has been done.
-            pub x_OK: bool,
-            #[doc(hidden)]
-            pub internal: State,
-        }
-
-        impl Default for $name {
-            fn default() -> Self {
-                $name {
-                    si_SL_NR: 0,
-                    u_PAR_NR: 0,
-                    x_PAR_FORMAT: false,
-                    i_SUB_SL: 0,
-                    t_TIME: PRESET_TIME,
-                    x_EN: false,
-                    x_RESET: false,
-                    $($field: Default::default(),)*
-                    x_BUSY: false,
-                    $($error: Default::default(),)*
-                    x_ERR: false,
-                    x_OK: false,
-                    internal: State::default(),
-                }
-            }
-        }
-
-        impl $name {
-            /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
-                let value: fn(&Self) -> Option<u32> = $value;
-                let done: fn(&mut Self, u8, u32) = $done;
-                let inputs = Inputs {
-                    slave: self.si_SL_NR,
-                    number: self.u_PAR_NR,
-                    command: $command | if self.x_PAR_FORMAT { DOUBLEWORD } else { 0 },
-                    value: value(self),
-                    time: self.t_TIME,
-                    enable: self.x_EN,
-                    reset: self.x_RESET,
-                };
-                let outcome = self.internal.step(_BASE, &inputs);
-                if let Outcome::Unchanged = outcome {
-                    return;
-                }
-                self.x_BUSY = matches!(outcome, Outcome::Busy);
-                self.x_OK = matches!(outcome, Outcome::Done(..));
-                (self.b_ERR, self.i_ERR) = match outcome {
-                    Outcome::Failed(error, number) => (error, number),
-                    _ => (0, 0),
-                };
-                self.x_ERR = self.b_ERR != 0;
-                if let Outcome::Done(control, value) = outcome {
-                    done(self, control, value);
-                }
-            }
-        }
-    };
-}
-
-block! {
+function_block! {
     /// Reads a parameter of a slave (manual p. 222-224). Needs
     /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first. Several instances may run at the
     /// same time, one per slave.
-    CANsync_PAR_READ_MA {
-        /// The value read.
-        ud_PAR_VALUE: u32,
-        /// Format of the value read: FALSE word, TRUE doubleword.
-        x_PAR_FORMAT_READ: bool,
-    }
-    errors {
-        /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
-        b_ERR: u8,
-        /// Error number of the slave.
-        i_ERR: i16,
-    }
-    READ;
-    value |_| None;
-    done |this, control, value| {
-        this.ud_PAR_VALUE = value;
-        this.x_PAR_FORMAT_READ = control & DOUBLEWORD != 0;
+    pub struct CANsync_PAR_READ_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        in {
+            /// The slave, 0 to 31.
+            si_SL_NR: i8;
+            /// Parameter number.
+            u_PAR_NR: u16;
+            /// Format of the parameter: FALSE word, TRUE doubleword.
+            x_PAR_FORMAT: bool;
+            /// Sub-slave address; reserved.
+            i_SUB_SL: i16;
+            /// Monitoring time in emulated time; preset 3 s.
+            t_TIME: Duration = PRESET_TIME;
+            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+            x_EN: bool;
+            /// Resets the block; needed after an error or a cancelled job.
+            x_RESET: bool;
+        }
+        out {
+            /// The value read.
+            ud_PAR_VALUE: u32;
+            /// Format of the value read: FALSE word, TRUE doubleword.
+            x_PAR_FORMAT_READ: bool;
+            /// The job is under way.
+            x_BUSY: bool;
+            /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
+            b_ERR: u8;
+            /// Error number of the slave.
+            i_ERR: i16;
+            /// `b_ERR` is not 0.
+            x_ERR: bool;
+            /// The last job has been done.
+            x_OK: bool;
+        }
+        internal: State;
     }
 }
 
-block! {
+impl CANsync_PAR_READ_MA {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        let inputs = Inputs {
+            slave: self.si_SL_NR,
+            number: self.u_PAR_NR,
+            doubleword: self.x_PAR_FORMAT,
+            write: None,
+            time: self.t_TIME,
+            enable: self.x_EN,
+            reset: self.x_RESET,
+        };
+        let Some(shown) = self.internal.step(_BASE, &inputs) else { return };
+        if let Some(answer) = shown.answer {
+            (self.ud_PAR_VALUE, self.x_PAR_FORMAT_READ) = (answer.value, answer.doubleword);
+        }
+        (self.x_BUSY, self.x_OK) = (shown.busy, shown.answer.is_some());
+        (self.b_ERR, self.i_ERR, self.x_ERR) = (shown.error, shown.number, shown.error != 0);
+    }
+}
+
+function_block! {
     /// Writes a parameter of a slave (manual p. 230-232). Needs
     /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first. Several instances may run at the
     /// same time, one per slave.
-    CANsync_PAR_WRITE_MA {
-        /// The value to write.
-        ud_PAR_VALUE: u32,
+    pub struct CANsync_PAR_WRITE_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        in {
+            /// The slave, 0 to 31.
+            si_SL_NR: i8;
+            /// Parameter number.
+            u_PAR_NR: u16;
+            /// Format of the parameter: FALSE word, TRUE doubleword.
+            x_PAR_FORMAT: bool;
+            /// Sub-slave address; reserved.
+            i_SUB_SL: i16;
+            /// The value to write.
+            ud_PAR_VALUE: u32;
+            /// Monitoring time in emulated time; preset 3 s.
+            t_TIME: Duration = PRESET_TIME;
+            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+            x_EN: bool;
+            /// Resets the block; needed after an error or a cancelled job.
+            x_RESET: bool;
+        }
+        out {
+            /// The job is under way.
+            x_BUSY: bool;
+            /// Error number of the slave.
+            i_ERR: i16;
+            /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
+            b_ERR: u8;
+            /// `b_ERR` is not 0.
+            x_ERR: bool;
+            /// The last job has been done.
+            x_OK: bool;
+        }
+        internal: State;
     }
-    errors {
-        /// Error number of the slave.
-        i_ERR: i16,
-        /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
-        b_ERR: u8,
+}
+
+impl CANsync_PAR_WRITE_MA {
+    /// One PLC cycle.
+    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        let inputs = Inputs {
+            slave: self.si_SL_NR,
+            number: self.u_PAR_NR,
+            doubleword: self.x_PAR_FORMAT,
+            write: Some(self.ud_PAR_VALUE),
+            time: self.t_TIME,
+            enable: self.x_EN,
+            reset: self.x_RESET,
+        };
+        let Some(shown) = self.internal.step(_BASE, &inputs) else { return };
+        (self.x_BUSY, self.x_OK) = (shown.busy, shown.answer.is_some());
+        (self.b_ERR, self.i_ERR, self.x_ERR) = (shown.error, shown.number, shown.error != 0);
     }
-    WRITE;
-    value |this| Some(this.ud_PAR_VALUE);
-    done |_, _, _| {}
 }

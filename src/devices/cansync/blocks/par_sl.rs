@@ -2,7 +2,7 @@
 
 use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
 /// Bit 1; the manual's texts for bits 1 and 2 are swapped (p. 189), its values are right.
 const READ: u8 = 1 << 1;
@@ -12,46 +12,50 @@ const CHANGE: u8 = 1 << 3;
 /// Bit 4.
 const DOUBLEWORD: u8 = 1 << 4;
 
-/// Shows the master's parameter jobs to a slave's application and sends its answers (manual p. 225-229).
-///
-/// The application's results count from the call after the one that showed the job, so that `x_OK_IN` may
-/// still show the last job's end then (decision D-210).
-#[derive(Clone, Debug, Default)]
-pub struct CANsync_PAR_SL {
-    /// Value of the parameter, for a read job.
-    pub ud_PAR_VALUE_READ: u32,
-    /// Its format: FALSE word, TRUE doubleword.
-    pub x_PAR_FORMAT_READ: bool,
-    /// Error number that goes to the master with `x_ERR_IN`.
-    pub i_ERR: i16,
-    /// The application could not do the job.
-    pub x_ERR_IN: bool,
-    /// The application has done the job.
-    pub x_OK_IN: bool,
-    /// Shows jobs and sends answers. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
-    pub x_EN: bool,
-    /// Resets the block.
-    pub x_RESET: bool,
-    /// The master has withdrawn the job shown; TRUE until the next one is shown.
-    pub x_RESET_JOB: bool,
-    /// A read job is to be done.
-    pub x_READ: bool,
-    /// A write job is to be done.
-    pub x_WRITE: bool,
-    /// Parameter number of the job.
-    pub u_PAR_NR: u16,
-    /// Format of a write job: FALSE word, TRUE doubleword.
-    pub x_PAR_FORMAT_WRITE: bool,
-    /// Value of a write job.
-    pub ud_PAR_VALUE_WRITE: u32,
-    /// Waits for the application.
-    pub x_ACTIV: bool,
-    /// Waits for the application, or for the master to fetch the answer.
-    pub x_BUSY: bool,
-    /// The master has fetched the answer to the last job, be it an error or not.
-    pub x_OK: bool,
-    #[doc(hidden)]
-    pub internal: Phase,
+function_block! {
+    /// Shows the master's parameter jobs to a slave's application and sends its answers (manual p. 225-229).
+    ///
+    /// The application's results count from the call after the one that showed the job, so that `x_OK_IN` may
+    /// still show the last job's end then (decision D-210).
+    pub struct CANsync_PAR_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        in {
+            /// Value of the parameter, for a read job.
+            ud_PAR_VALUE_READ: u32;
+            /// Its format: FALSE word, TRUE doubleword.
+            x_PAR_FORMAT_READ: bool;
+            /// Error number that goes to the master with `x_ERR_IN`.
+            i_ERR: i16;
+            /// The application could not do the job.
+            x_ERR_IN: bool;
+            /// The application has done the job.
+            x_OK_IN: bool;
+            /// Shows jobs and sends answers. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
+            x_EN: bool;
+            /// Resets the block.
+            x_RESET: bool;
+        }
+        out {
+            /// The master has withdrawn the job shown; TRUE until the next one is shown.
+            x_RESET_JOB: bool;
+            /// A read job is to be done.
+            x_READ: bool;
+            /// A write job is to be done.
+            x_WRITE: bool;
+            /// Parameter number of the job.
+            u_PAR_NR: u16;
+            /// Format of a write job: FALSE word, TRUE doubleword.
+            x_PAR_FORMAT_WRITE: bool;
+            /// Value of a write job.
+            ud_PAR_VALUE_WRITE: u32;
+            /// Waits for the application.
+            x_ACTIV: bool;
+            /// Waits for the application, or for the master to fetch the answer.
+            x_BUSY: bool;
+            /// The master has fetched the answer to the last job, be it an error or not.
+            x_OK: bool;
+        }
+        internal: Phase;
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]

@@ -6,7 +6,7 @@ use crate::devices::omega_drive_line_2::registers::{
     CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD,
 };
 use crate::memory::Cell8;
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 use core::ops::RangeInclusive;
 
 /// The values of frame 1.
@@ -50,28 +50,20 @@ macro_rules! configure_wrc {
     }};
 }
 
-/// Maps reference values into the reference value frames of a master (manual p. 233-235).
-///
-/// Begins anew to notice received actual values, too (decision D-207).
-#[derive(Clone, Debug)]
-pub struct CANsync_PD_CFG_MA {
-    /// Reference value (0 to 3) in each word of frame 1; -1 (default): none.
-    pub a_WRC1: [i8; 4],
-    /// TRUE: its high word; default: its low word.
-    pub a_HL_WRC1: [bool; 4],
-    /// Reference value (4 to 7) in each word of frame 2; -1 (default): none.
-    pub a_WRC2: [i8; 4],
-    /// TRUE: its high word; default: its low word.
-    pub a_HL_WRC2: [bool; 4],
-}
-
-impl Default for CANsync_PD_CFG_MA {
-    fn default() -> Self {
-        CANsync_PD_CFG_MA {
-            a_WRC1: [NONE; 4],
-            a_HL_WRC1: [false; 4],
-            a_WRC2: [NONE; 4],
-            a_HL_WRC2: [false; 4],
+function_block! {
+    /// Maps reference values into the reference value frames of a master (manual p. 233-235).
+    ///
+    /// Begins anew to notice received actual values, too (decision D-207).
+    pub struct CANsync_PD_CFG_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        in {
+            /// Reference value (0 to 3) in each word of frame 1; -1 (default): none.
+            a_WRC1: [i8; 4] = [NONE; 4];
+            /// TRUE: its high word; default: its low word.
+            a_HL_WRC1: [bool; 4];
+            /// Reference value (4 to 7) in each word of frame 2; -1 (default): none.
+            a_WRC2: [i8; 4] = [NONE; 4];
+            /// TRUE: its high word; default: its low word.
+            a_HL_WRC2: [bool; 4];
         }
     }
 }
@@ -87,30 +79,21 @@ impl CANsync_PD_CFG_MA {
 
 macro_rules! read {
     ($name:ident, $base:ident, $who:literal, $page:literal) => {
-        #[doc = concat!("Maps the actual value frames of one slave to actual values of ", $who)]
-        #[doc = concat!("(manual p. ", $page, ").")]
-        #[derive(Clone, Debug)]
-        pub struct $name {
-            /// The slave that sends the frames, 0 to 31; other numbers do nothing.
-            pub si_SL_NR: i8,
-            /// Actual value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
-            pub a_RDC1: [i8; 4],
-            /// TRUE: its high word; default: its low word.
-            pub a_HL_RDC1: [bool; 4],
-            /// Actual value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
-            pub a_RDC2: [i8; 4],
-            /// TRUE: its high word; default: its low word.
-            pub a_HL_RDC2: [bool; 4],
-        }
-
-        impl Default for $name {
-            fn default() -> Self {
-                $name {
-                    si_SL_NR: 0,
-                    a_RDC1: [NONE; 4],
-                    a_HL_RDC1: [false; 4],
-                    a_RDC2: [NONE; 4],
-                    a_HL_RDC2: [false; 4],
+        function_block! {
+            #[doc = concat!("Maps the actual value frames of one slave to actual values of ", $who)]
+            #[doc = concat!("(manual p. ", $page, ").")]
+            pub struct $name(_BASE: Base<$base>) {
+                in {
+                    /// The slave that sends the frames, 0 to 31; other numbers do nothing.
+                    si_SL_NR: i8;
+                    /// Actual value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
+                    a_RDC1: [i8; 4] = [NONE; 4];
+                    /// TRUE: its high word; default: its low word.
+                    a_HL_RDC1: [bool; 4];
+                    /// Actual value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
+                    a_RDC2: [i8; 4] = [NONE; 4];
+                    /// TRUE: its high word; default: its low word.
+                    a_HL_RDC2: [bool; 4];
                 }
             }
         }
@@ -130,41 +113,29 @@ macro_rules! read {
 read!(CANsync_PD_CFG_READ_MA, CANsync_MA_CTRL_BMSTRUCT, "the master", "236-238");
 read!(CANsync_PD_CFG_READ_SL, CANsync_SL_CTRL_BMSTRUCT, "another slave", "239-241");
 
-/// Maps the reference value frames of a slave to reference values, and its own actual values into its
-/// actual value frames (manual p. 242-246).
-///
-/// Begins anew to notice overheard actual values, too (decision D-207).
-#[derive(Clone, Debug)]
-pub struct CANsync_PD_CFG_SL {
-    /// Reference value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
-    pub a_WRC1: [i8; 4],
-    /// TRUE: its high word; default: its low word.
-    pub a_HL_WRC1: [bool; 4],
-    /// Reference value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
-    pub a_WRC2: [i8; 4],
-    /// TRUE: its high word; default: its low word.
-    pub a_HL_WRC2: [bool; 4],
-    /// Own actual value (0 to 3) in each word of frame 1; -1 (default): none.
-    pub a_RDC1: [i8; 4],
-    /// TRUE: its high word; default: its low word.
-    pub a_HL_RDC1: [bool; 4],
-    /// Own actual value (4 to 7) in each word of frame 2; -1 (default): none.
-    pub a_RDC2: [i8; 4],
-    /// TRUE: its high word; default: its low word.
-    pub a_HL_RDC2: [bool; 4],
-}
-
-impl Default for CANsync_PD_CFG_SL {
-    fn default() -> Self {
-        CANsync_PD_CFG_SL {
-            a_WRC1: [NONE; 4],
-            a_HL_WRC1: [false; 4],
-            a_WRC2: [NONE; 4],
-            a_HL_WRC2: [false; 4],
-            a_RDC1: [NONE; 4],
-            a_HL_RDC1: [false; 4],
-            a_RDC2: [NONE; 4],
-            a_HL_RDC2: [false; 4],
+function_block! {
+    /// Maps the reference value frames of a slave to reference values, and its own actual values into its
+    /// actual value frames (manual p. 242-246).
+    ///
+    /// Begins anew to notice overheard actual values, too (decision D-207).
+    pub struct CANsync_PD_CFG_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        in {
+            /// Reference value (0 to 3) that each word of frame 1 goes to; -1 (default): none.
+            a_WRC1: [i8; 4] = [NONE; 4];
+            /// TRUE: its high word; default: its low word.
+            a_HL_WRC1: [bool; 4];
+            /// Reference value (4 to 7) that each word of frame 2 goes to; -1 (default): none.
+            a_WRC2: [i8; 4] = [NONE; 4];
+            /// TRUE: its high word; default: its low word.
+            a_HL_WRC2: [bool; 4];
+            /// Own actual value (0 to 3) in each word of frame 1; -1 (default): none.
+            a_RDC1: [i8; 4] = [NONE; 4];
+            /// TRUE: its high word; default: its low word.
+            a_HL_RDC1: [bool; 4];
+            /// Own actual value (4 to 7) in each word of frame 2; -1 (default): none.
+            a_RDC2: [i8; 4] = [NONE; 4];
+            /// TRUE: its high word; default: its low word.
+            a_HL_RDC2: [bool; 4];
         }
     }
 }

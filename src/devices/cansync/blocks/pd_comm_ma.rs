@@ -6,47 +6,39 @@ use super::process_data::{receive_from_all, send, take_last_slave};
 use super::registers::{AUTOMATIC, NOBODY, slave_index};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::memory::Cell8;
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
 /// Input of the slave numbers: nobody is asked.
 const ASK_NOBODY: i8 = -1;
 
-/// Hands over reference values and asks for actual values of slaves (manual p. 247-251). Call it right
-/// at the start of the CANsync event task.
-#[derive(Clone, Debug)]
-pub struct CANsync_PD_COMM_MA {
-    /// Reference values 0 to 7.
-    pub a_WR_VALUES_SEND: [i32; 8],
-    /// 5: reference values 0 to 3 are valid, send frame 1.
-    pub si_WRC1_SEND: i8,
-    /// 5: reference values 4 to 7 are valid, send frame 2.
-    pub si_WRC2_SEND: i8,
-    /// Slave asked for frame 1; -128 (default): all in turn; -1: nobody (decision D-208).
-    pub si_RD_SL_NR1_RECEIVE: i8,
-    /// Slave asked for frame 2; -128 (default): all in turn; -1: nobody.
-    pub si_RD_SL_NR2_RECEIVE: i8,
-    /// Highest number of those in turn; -1 (default): as it was.
-    pub si_MAX_SL_NR: i8,
-    /// Copies received actual values to `a_RD_ARRAY`; default: FALSE.
-    pub x_COPY_TO_RD_ARRAY: bool,
-    /// Slave whose frame 1 was received last since the last call; -128: none.
-    pub si_RD_SL_NR1_RECEIVED: i8,
-    /// Slave whose frame 2 was received last since the last call; -128: none.
-    pub si_RD_SL_NR2_RECEIVED: i8,
-}
-
-impl Default for CANsync_PD_COMM_MA {
-    fn default() -> Self {
-        CANsync_PD_COMM_MA {
-            a_WR_VALUES_SEND: [0; 8],
-            si_WRC1_SEND: 0,
-            si_WRC2_SEND: 0,
-            si_RD_SL_NR1_RECEIVE: AUTOMATIC,
-            si_RD_SL_NR2_RECEIVE: AUTOMATIC,
-            si_MAX_SL_NR: -1,
-            x_COPY_TO_RD_ARRAY: false,
-            si_RD_SL_NR1_RECEIVED: AUTOMATIC,
-            si_RD_SL_NR2_RECEIVED: AUTOMATIC,
+function_block! {
+    /// Hands over reference values and asks for actual values of slaves (manual p. 247-251). Call it right
+    /// at the start of the CANsync event task.
+    pub struct CANsync_PD_COMM_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        in {
+            /// Reference values 0 to 7.
+            a_WR_VALUES_SEND: [i32; 8];
+            /// 5: reference values 0 to 3 are valid, send frame 1.
+            si_WRC1_SEND: i8;
+            /// 5: reference values 4 to 7 are valid, send frame 2.
+            si_WRC2_SEND: i8;
+            /// Slave asked for frame 1; -128 (default): all in turn; -1: nobody (decision D-208).
+            si_RD_SL_NR1_RECEIVE: i8 = AUTOMATIC;
+            /// Slave asked for frame 2; -128 (default): all in turn; -1: nobody.
+            si_RD_SL_NR2_RECEIVE: i8 = AUTOMATIC;
+            /// Highest number of those in turn; -1 (default): as it was.
+            si_MAX_SL_NR: i8 = -1;
+            /// Copies received actual values to `a_RD_ARRAY`; default: FALSE.
+            x_COPY_TO_RD_ARRAY: bool;
+        }
+        out {
+            /// Slave whose frame 1 was received last since the last call; -128: none.
+            si_RD_SL_NR1_RECEIVED: i8 = AUTOMATIC;
+            /// Slave whose frame 2 was received last since the last call; -128: none.
+            si_RD_SL_NR2_RECEIVED: i8 = AUTOMATIC;
+        }
+        in_out {
+            a_RD_ARRAY: CANsync_RD_BMARRAY;
         }
     }
 }

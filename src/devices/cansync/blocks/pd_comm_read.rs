@@ -3,22 +3,27 @@
 use super::process_data::receive_from;
 use super::registers::slave_index;
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
 macro_rules! read {
     ($name:ident, $base:ident, $master_block:literal, $page:literal) => {
-        #[doc = concat!("Reads the actual values of one slave (manual p. ", $page, "). Kept by the vendor for")]
-        #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $master_block, "`.")]
-        #[derive(Clone, Debug, Default)]
-        pub struct $name {
-            /// The slave, 0 to 31; other numbers read nothing.
-            pub si_SL_NR: i8,
-            /// Actual values 0 to 7, each half only after its frame was received.
-            pub a_RD_VALUES: [i32; 8],
-            /// 2: frame 1 was received since the last call; otherwise 0.
-            pub si_RD_SL_NR1_RECEIVED: i8,
-            /// 2: frame 2 was received since the last call; otherwise 0.
-            pub si_RD_SL_NR2_RECEIVED: i8,
+        function_block! {
+            #[doc = concat!("Reads the actual values of one slave (manual p. ", $page, "). Kept by the vendor for")]
+            #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $master_block, "`.")]
+            pub struct $name(_BASE: Base<$base>) {
+                in {
+                    /// The slave, 0 to 31; other numbers read nothing.
+                    si_SL_NR: i8;
+                }
+                out {
+                    /// Actual values 0 to 7, each half only after its frame was received.
+                    a_RD_VALUES: [i32; 8];
+                    /// 2: frame 1 was received since the last call; otherwise 0.
+                    si_RD_SL_NR1_RECEIVED: i8;
+                    /// 2: frame 2 was received since the last call; otherwise 0.
+                    si_RD_SL_NR2_RECEIVED: i8;
+                }
+            }
         }
 
         impl $name {

@@ -4,44 +4,36 @@ use super::CANsync_RD_BMARRAY;
 use super::process_data::{receive, receive_from_all, send, take_last_slave};
 use super::registers::AUTOMATIC;
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
-/// Hands over own actual values, reads reference values and overhears other slaves' actual values
-/// (manual p. 256-260). Call it right at the start of the CANsync event task.
-#[derive(Clone, Debug)]
-pub struct CANsync_PD_COMM_SL {
-    /// Own actual values 0 to 7.
-    pub a_RD_VALUES_SEND: [i32; 8],
-    /// 5: own actual values 0 to 3 are valid, send frame 1 when the master asks for it.
-    pub si_RDC1_SEND: i8,
-    /// 5: own actual values 4 to 7 are valid, send frame 2 when the master asks for it.
-    pub si_RDC2_SEND: i8,
-    /// Copies overheard actual values to `a_RD_ARRAY`; default: FALSE.
-    pub x_COPY_TO_RD_ARRAY: bool,
-    /// Reference values 0 to 7, each half only after its frame was received.
-    pub a_WR_VALUES_RECEIVED: [i32; 8],
-    /// 2: reference value frame 1 was received since the last call; otherwise 0.
-    pub si_WRC1_RECEIVED: i8,
-    /// 2: reference value frame 2 was received since the last call; otherwise 0.
-    pub si_WRC2_RECEIVED: i8,
-    /// Slave whose frame 1 was overheard last since the last call; -128: none.
-    pub si_RD_SL_NR1_RECEIVED: i8,
-    /// Slave whose frame 2 was overheard last since the last call; -128: none.
-    pub si_RD_SL_NR2_RECEIVED: i8,
-}
-
-impl Default for CANsync_PD_COMM_SL {
-    fn default() -> Self {
-        CANsync_PD_COMM_SL {
-            a_RD_VALUES_SEND: [0; 8],
-            si_RDC1_SEND: 0,
-            si_RDC2_SEND: 0,
-            x_COPY_TO_RD_ARRAY: false,
-            a_WR_VALUES_RECEIVED: [0; 8],
-            si_WRC1_RECEIVED: 0,
-            si_WRC2_RECEIVED: 0,
-            si_RD_SL_NR1_RECEIVED: AUTOMATIC,
-            si_RD_SL_NR2_RECEIVED: AUTOMATIC,
+function_block! {
+    /// Hands over own actual values, reads reference values and overhears other slaves' actual values
+    /// (manual p. 256-260). Call it right at the start of the CANsync event task.
+    pub struct CANsync_PD_COMM_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        in {
+            /// Own actual values 0 to 7.
+            a_RD_VALUES_SEND: [i32; 8];
+            /// 5: own actual values 0 to 3 are valid, send frame 1 when the master asks for it.
+            si_RDC1_SEND: i8;
+            /// 5: own actual values 4 to 7 are valid, send frame 2 when the master asks for it.
+            si_RDC2_SEND: i8;
+            /// Copies overheard actual values to `a_RD_ARRAY`; default: FALSE.
+            x_COPY_TO_RD_ARRAY: bool;
+        }
+        out {
+            /// Reference values 0 to 7, each half only after its frame was received.
+            a_WR_VALUES_RECEIVED: [i32; 8];
+            /// 2: reference value frame 1 was received since the last call; otherwise 0.
+            si_WRC1_RECEIVED: i8;
+            /// 2: reference value frame 2 was received since the last call; otherwise 0.
+            si_WRC2_RECEIVED: i8;
+            /// Slave whose frame 1 was overheard last since the last call; -128: none.
+            si_RD_SL_NR1_RECEIVED: i8 = AUTOMATIC;
+            /// Slave whose frame 2 was overheard last since the last call; -128: none.
+            si_RD_SL_NR2_RECEIVED: i8 = AUTOMATIC;
+        }
+        in_out {
+            a_RD_ARRAY: CANsync_RD_BMARRAY;
         }
     }
 }

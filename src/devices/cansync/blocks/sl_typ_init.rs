@@ -1,17 +1,24 @@
 //! `CANsync_SL_TYP_INIT`: the slaves that a master expects (p. 261-262).
 
+use crate::plc::function_block;
+
 macro_rules! inputs {
     ($($index:literal $name:ident,)*) => {
-        /// Collects the slave types for input `a_SL_TYP` of [`CANsync_INIT`](super::CANsync_INIT)
-        /// (manual p. 261-262). Touches no register.
-        #[derive(Clone, Debug, Default)]
-        pub struct CANsync_SL_TYP_INIT {
-            $(
-                #[doc = concat!("Slave ", $index, ": 0 (default) does not exist, 1 exists.")]
-                pub $name: u8,
-            )*
-            /// The types of slaves 0 to 31.
-            pub a_SL_TYP: [u8; 32],
+        function_block! {
+            /// Collects the slave types for input `a_SL_TYP` of [`CANsync_INIT`](super::CANsync_INIT)
+            /// (manual p. 261-262). Touches no register.
+            pub struct CANsync_SL_TYP_INIT() {
+                in {
+                    $(
+                        #[doc = concat!("Slave ", $index, ": 0 (default) does not exist, 1 exists.")]
+                        $name: u8;
+                    )*
+                }
+                out {
+                    /// The types of slaves 0 to 31.
+                    a_SL_TYP: [u8; 32];
+                }
+            }
         }
 
         impl CANsync_SL_TYP_INIT {

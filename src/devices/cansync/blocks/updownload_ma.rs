@@ -3,8 +3,7 @@
 use super::registers::{ACTIVE, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, UPDOWN_VALUES};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 0 of `b_ERR` (decision D-20).
@@ -16,64 +15,52 @@ const ENTERED: u8 = 0x05;
 /// `t_TIME` is preset at the slave's block only; the master's takes the same (decision D-212).
 pub(super) const PRESET_TIME: Duration = Duration::from_secs(30);
 
-/// Transfers up to 2048 values to or from a slave that runs
-/// [`CANsync_UPDOWNLOAD_SL`](super::CANsync_UPDOWNLOAD_SL) (manual p. 263-267). Needs
-/// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
-#[derive(Clone, Debug)]
-pub struct CANsync_UPDOWNLOAD_MA {
-    /// The slave, 0 to 31.
-    pub si_SL_NR: i8,
-    /// FALSE: upload, TRUE: download.
-    pub x_UPDOWN: bool,
-    /// Number of values, 1 to 2048.
-    pub u_LENGTH: u16,
-    /// How often each block is tried; preset 1.
-    pub us_MAX_NR_OF_COMM: u8,
-    /// Monitoring time of each try of a block, in emulated time; preset 30 s.
-    pub t_TIME: Duration,
-    /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
-    pub x_EN: bool,
-    /// Resets the block; needed after an error or a cancelled job.
-    pub x_RESET: bool,
-    /// The job is under way.
-    pub x_BUSY: bool,
-    /// Error number of the slave or of the node (p. 267).
-    pub w_ERR_SL: u16,
-    /// `w_ERR_SL` is not 0.
-    pub x_ERR_SL: bool,
-    /// Bit 0: timeout, 1: `u_LENGTH` is 0 or more than 2048.
-    pub b_ERR: u8,
-    /// `b_ERR` is not 0.
-    pub x_ERR: bool,
-    /// The last job has been done.
-    pub x_OK: bool,
-    #[doc(hidden)]
-    pub internal: Phase,
-}
-
-impl Default for CANsync_UPDOWNLOAD_MA {
-    fn default() -> Self {
-        CANsync_UPDOWNLOAD_MA {
-            si_SL_NR: 0,
-            x_UPDOWN: false,
-            u_LENGTH: 0,
-            us_MAX_NR_OF_COMM: 1,
-            t_TIME: PRESET_TIME,
-            x_EN: false,
-            x_RESET: false,
-            x_BUSY: false,
-            w_ERR_SL: 0,
-            x_ERR_SL: false,
-            b_ERR: 0,
-            x_ERR: false,
-            x_OK: false,
-            internal: Phase::Idle,
+function_block! {
+    /// Transfers up to 2048 values to or from a slave that runs
+    /// [`CANsync_UPDOWNLOAD_SL`](super::CANsync_UPDOWNLOAD_SL) (manual p. 263-267). Needs
+    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
+    pub struct CANsync_UPDOWNLOAD_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
+        in {
+            /// The slave, 0 to 31.
+            si_SL_NR: i8;
+            /// FALSE: upload, TRUE: download.
+            x_UPDOWN: bool;
+            /// Number of values, 1 to 2048.
+            u_LENGTH: u16;
+            /// How often each block is tried; preset 1.
+            us_MAX_NR_OF_COMM: u8 = 1;
+            /// Monitoring time of each try of a block, in emulated time; preset 30 s.
+            t_TIME: Duration = PRESET_TIME;
+            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+            x_EN: bool;
+            /// Resets the block; needed after an error or a cancelled job.
+            x_RESET: bool;
         }
+        out {
+            /// The job is under way.
+            x_BUSY: bool;
+            /// Error number of the slave or of the node (p. 267).
+            w_ERR_SL: u16;
+            /// `w_ERR_SL` is not 0.
+            x_ERR_SL: bool;
+            /// Bit 0: timeout, 1: `u_LENGTH` is 0 or more than 2048.
+            b_ERR: u8;
+            /// `b_ERR` is not 0.
+            x_ERR: bool;
+            /// The last job has been done.
+            x_OK: bool;
+        }
+        in_out {
+            a_DOWNLOAD: CANsync_UPDOWN_BMARRAY;
+            a_UPLOAD: CANsync_UPDOWN_BMARRAY;
+        }
+        internal: Phase;
     }
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub enum Phase {
+    #[default]
     Idle,
     /// Waits until the registers are free for this block.
     Waiting(Try),

@@ -4,8 +4,7 @@ use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, INIT, LAST, MODE, SLAVE_CANCELS};
 use super::updownload_ma::PRESET_TIME;
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 1: the master has changed or cancelled the job.
@@ -13,54 +12,45 @@ const CHANGE: u8 = 1 << 1;
 /// Bit 0 of `w_ERR`.
 const TIMEOUT: u16 = 1 << 0;
 
-/// Does the up- and downloads of [`CANsync_UPDOWNLOAD_MA`](super::CANsync_UPDOWNLOAD_MA) at the slave
-/// (manual p. 268-271).
-#[derive(Clone, Debug)]
-pub struct CANsync_UPDOWNLOAD_SL {
-    /// Monitoring time of a whole job, in emulated time; preset 30 s.
-    pub t_TIME: Duration,
-    /// Accepts jobs. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
-    pub x_EN: bool,
-    /// Resets the block; needed after an error or a cancelled job.
-    pub x_RESET: bool,
-    /// FALSE: the job is an upload, TRUE: a download.
-    pub x_UPDOWN: bool,
-    /// A job is under way.
-    pub x_ORDER_ACTIV: bool,
-    /// Values of the block being transferred, 1 to 75.
-    pub u_LENGTH: u16,
-    /// The block works at a job.
-    pub x_BUSY: bool,
-    /// Bit 0: timeout.
-    pub w_ERR: u16,
-    /// `w_ERR` is not 0.
-    pub x_ERR: bool,
-    /// The last job has been done.
-    pub x_OK: bool,
-    #[doc(hidden)]
-    pub internal: Phase,
-}
-
-impl Default for CANsync_UPDOWNLOAD_SL {
-    fn default() -> Self {
-        CANsync_UPDOWNLOAD_SL {
-            t_TIME: PRESET_TIME,
-            x_EN: false,
-            x_RESET: false,
-            x_UPDOWN: false,
-            x_ORDER_ACTIV: false,
-            u_LENGTH: 0,
-            x_BUSY: false,
-            w_ERR: 0,
-            x_ERR: false,
-            x_OK: false,
-            internal: Phase::Idle,
+function_block! {
+    /// Does the up- and downloads of [`CANsync_UPDOWNLOAD_MA`](super::CANsync_UPDOWNLOAD_MA) at the slave
+    /// (manual p. 268-271).
+    pub struct CANsync_UPDOWNLOAD_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
+        in {
+            /// Monitoring time of a whole job, in emulated time; preset 30 s.
+            t_TIME: Duration = PRESET_TIME;
+            /// Accepts jobs. FALSE while `x_BUSY`: cancels, then `x_RESET` is needed.
+            x_EN: bool;
+            /// Resets the block; needed after an error or a cancelled job.
+            x_RESET: bool;
         }
+        out {
+            /// FALSE: the job is an upload, TRUE: a download.
+            x_UPDOWN: bool;
+            /// A job is under way.
+            x_ORDER_ACTIV: bool;
+            /// Values of the block being transferred, 1 to 75.
+            u_LENGTH: u16;
+            /// The block works at a job.
+            x_BUSY: bool;
+            /// Bit 0: timeout.
+            w_ERR: u16;
+            /// `w_ERR` is not 0.
+            x_ERR: bool;
+            /// The last job has been done.
+            x_OK: bool;
+        }
+        in_out {
+            a_DOWNLOAD: CANsync_UPDOWN_BMARRAY;
+            a_UPLOAD: CANsync_UPDOWN_BMARRAY;
+        }
+        internal: Phase;
     }
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub enum Phase {
+    #[default]
     Idle,
     /// A job of several blocks is under way; this one is the latest.
     Transfer(Watch, Block),

@@ -5,7 +5,7 @@
 //! (`docs/attach.md`).
 
 use crate::memory::header::{InterruptResult, OptInitResult};
-use crate::plc::Ram;
+use crate::plc::{Ram, function_block};
 
 /// A request to the board. A power-on or reset drops it, so it counts for one life of the board only.
 #[derive(Clone, Copy, Debug)]
@@ -25,11 +25,14 @@ impl Request {
     }
 }
 
-/// Sets the LEDs on the board's front (manual p. 51).
-#[derive(Clone, Debug, Default)]
-pub struct LED {
-    /// Bit 0: upper red, 1: upper green, 2: lower red, 3: lower green LED; the others mean nothing.
-    pub b_LEDS: u8,
+function_block! {
+    /// Sets the LEDs on the board's front (manual p. 51).
+    pub struct LED(ram: Ram) {
+        in {
+            /// Bit 0: upper red, 1: upper green, 2: lower red, 3: lower green LED; the others mean nothing.
+            b_LEDS: u8;
+        }
+    }
 }
 
 impl LED {
@@ -39,26 +42,30 @@ impl LED {
     }
 }
 
-/// Enables or disables an event (manual p. 47-49).
-///
-/// A call submits the inputs if they have changed, or if the board has been reset since; until
-/// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
-#[derive(Clone, Debug, Default)]
-pub struct INTR_SET {
-    /// Event number, see `docs/board.md`.
-    pub i_EVENT: i8,
-    /// Reserved.
-    pub i_MODE: i16,
-    /// CPU timer: its period in units of 50 us.
-    pub i_PAR1: i16,
-    /// Reserved.
-    pub i_PAR2: i16,
-    /// TRUE enables, FALSE disables the event.
-    pub x_EN: bool,
-    /// The inputs were refused.
-    pub x_ERR: bool,
-    #[doc(hidden)]
-    pub internal: Option<((i8, i16, bool), Request, bool)>,
+function_block! {
+    /// Enables or disables an event (manual p. 47-49).
+    ///
+    /// A call submits the inputs if they have changed, or if the board has been reset since; until
+    /// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
+    pub struct INTR_SET(ram: Ram) {
+        in {
+            /// Event number, see `docs/board.md`.
+            i_EVENT: i8;
+            /// Reserved.
+            i_MODE: i16;
+            /// CPU timer: its period in units of 50 us.
+            i_PAR1: i16;
+            /// Reserved.
+            i_PAR2: i16;
+            /// TRUE enables, FALSE disables the event.
+            x_EN: bool;
+        }
+        out {
+            /// The inputs were refused.
+            x_ERR: bool;
+        }
+        internal: Option<((i8, i16, bool), Request, bool)>;
+    }
 }
 
 impl INTR_SET {
@@ -92,36 +99,40 @@ impl INTR_SET {
     }
 }
 
-/// Routes triggers and starts board timers (manual p. 56-60). May be run once in each start of the program (D-260).
-///
-/// The first call submits the inputs; call on until `x_OK` or `x_ERR`. Later calls do nothing, unless the board
-/// has been reset (decisions D-213, D-214).
-#[derive(Clone, Debug, Default)]
-pub struct OPT_INIT {
-    /// Mode of trigger 1 (option card IEI-02); 0: open.
-    pub us_MODE_TRIGGER_1: u8,
-    /// Mode of trigger 2 (option card MFM-01); 0: open.
-    pub us_MODE_TRIGGER_2: u8,
-    /// Mode of the trigger controller (drive).
-    pub us_MODE_TRIGGER_CONTROLLER: u8,
-    /// Divider of board timer A: its period is (divider + 1) x 2 / 5 MHz.
-    pub u_DIVIDER_TIMER_A: u16,
-    /// Starts board timer A.
-    pub x_EN_TIMER_A: bool,
-    /// Clock of board timer A; 0: 5 MHz.
-    pub ud_CFG_MODE_TIMER_A: u32,
-    /// Divider of board timer B.
-    pub u_DIVIDER_TIMER_B: u16,
-    /// Starts board timer B.
-    pub x_EN_TIMER_B: bool,
-    /// Clock of board timer B; 0: 5 MHz.
-    pub ud_CFG_MODE_TIMER_B: u32,
-    /// The inputs were refused, or `OPT_INIT` has been run before in this start of the program.
-    pub x_ERR: bool,
-    /// Triggers are routed, timers run.
-    pub x_OK: bool,
-    #[doc(hidden)]
-    pub internal: Option<Request>,
+function_block! {
+    /// Routes triggers and starts board timers (manual p. 56-60). May be run once in each start of the program (D-260).
+    ///
+    /// The first call submits the inputs; call on until `x_OK` or `x_ERR`. Later calls do nothing, unless the board
+    /// has been reset (decisions D-213, D-214).
+    pub struct OPT_INIT(ram: Ram) {
+        in {
+            /// Mode of trigger 1 (option card IEI-02); 0: open.
+            us_MODE_TRIGGER_1: u8;
+            /// Mode of trigger 2 (option card MFM-01); 0: open.
+            us_MODE_TRIGGER_2: u8;
+            /// Mode of the trigger controller (drive).
+            us_MODE_TRIGGER_CONTROLLER: u8;
+            /// Divider of board timer A: its period is (divider + 1) x 2 / 5 MHz.
+            u_DIVIDER_TIMER_A: u16;
+            /// Starts board timer A.
+            x_EN_TIMER_A: bool;
+            /// Clock of board timer A; 0: 5 MHz.
+            ud_CFG_MODE_TIMER_A: u32;
+            /// Divider of board timer B.
+            u_DIVIDER_TIMER_B: u16;
+            /// Starts board timer B.
+            x_EN_TIMER_B: bool;
+            /// Clock of board timer B; 0: 5 MHz.
+            ud_CFG_MODE_TIMER_B: u32;
+        }
+        out {
+            /// The inputs were refused, or `OPT_INIT` has been run before in this start of the program.
+            x_ERR: bool;
+            /// Triggers are routed, timers run.
+            x_OK: bool;
+        }
+        internal: Option<Request>;
+    }
 }
 
 impl OPT_INIT {
@@ -154,11 +165,14 @@ impl OPT_INIT {
     }
 }
 
-/// Notes the time at the start of a piece of code (manual p. 47). Pins: decision D-214.
-#[derive(Clone, Debug, Default)]
-pub struct TIME_MEASURE_START {
-    /// Emulated time in microseconds, wrapping: goes to [`TIME_MEASURE_END`].
-    pub ud_TIME: u32,
+function_block! {
+    /// Notes the time at the start of a piece of code (manual p. 47). Pins: decision D-214.
+    pub struct TIME_MEASURE_START(ram: Ram) {
+        out {
+            /// Emulated time in microseconds, wrapping: goes to [`TIME_MEASURE_END`].
+            ud_TIME: u32;
+        }
+    }
 }
 
 impl TIME_MEASURE_START {
@@ -168,14 +182,19 @@ impl TIME_MEASURE_START {
     }
 }
 
-/// Tells how long a piece of code took (manual p. 47). With a stepped clock that is what was stepped
-/// meanwhile. Pins: decision D-214.
-#[derive(Clone, Debug, Default)]
-pub struct TIME_MEASURE_END {
-    /// The output of [`TIME_MEASURE_START`].
-    pub ud_TIME: u32,
-    /// Emulated time since then in microseconds.
-    pub ud_TIME_DIFF: u32,
+function_block! {
+    /// Tells how long a piece of code took (manual p. 47). With a stepped clock that is what was stepped
+    /// meanwhile. Pins: decision D-214.
+    pub struct TIME_MEASURE_END(ram: Ram) {
+        in {
+            /// The output of [`TIME_MEASURE_START`].
+            ud_TIME: u32;
+        }
+        out {
+            /// Emulated time since then in microseconds.
+            ud_TIME_DIFF: u32;
+        }
+    }
 }
 
 impl TIME_MEASURE_END {

@@ -5,7 +5,26 @@
 mod baps;
 mod board;
 
+use crate::plc::{BlockKind, block_kinds};
+
 pub use crate::devices::cansync::blocks::*;
 pub use crate::plc::{Base, Program, Progress, Ram, RunError, Tasks};
 pub use baps::*;
 pub use board::{INTR_SET, LED, OPT_INIT, TIME_MEASURE_END, TIME_MEASURE_START};
+
+/// The function blocks with the structures that they work on, in the order of the manual's chapters.
+pub static BLOCKS: &[BlockKind] = block_kinds! {
+    "CANsync_MA_CTRL_BMSTRUCT":
+        CANsync_BC_MA0 CANsync_BC_MA1 CANsync_BC_MA2 CANsync_COMM_CONTROL_MA CANsync_CONTROLWORD_MA CANsync_MODE_MA
+        CANsync_PAR_READ_MA CANsync_PAR_WRITE_MA CANsync_PD_CFG_MA CANsync_PD_CFG_READ_MA CANsync_PD_COMM_MA
+        CANsync_PD_COMM_READ_MA CANsync_UPDOWNLOAD_MA;
+    "CANsync_SL_CTRL_BMSTRUCT":
+        CANsync_BC_SL CANsync_CONTROLWORD_SL CANsync_MODE_SL CANsync_PAR_SL CANsync_PD_CFG_READ_SL CANsync_PD_CFG_SL
+        CANsync_PD_COMM_READ_SL CANsync_PD_COMM_SL CANsync_UPDOWNLOAD_SL;
+    "CANsync_INIT_BMSTRUCT": CANsync_INIT;
+    -: CANsync_SL_TYP_INIT;
+    "BAPS_CTRL_BMSTRUCT":
+        BAPS_INIT BAPS_PD_COMM2 BAPS_PD_COMM8 BAPS_PD_COMM24 BAPS_PD_CONTROL BAPS_PAR_READ BAPS_PAR_WRITE
+        BAPS_SD_CONTROL;
+    -: LED INTR_SET OPT_INIT TIME_MEASURE_START TIME_MEASURE_END;
+};

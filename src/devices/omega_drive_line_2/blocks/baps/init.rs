@@ -4,8 +4,7 @@ use super::OMEGA_DRIVE_LINE_II;
 use super::command::CONFIGURE;
 use crate::devices::omega_drive_line_2::blocks::INTR_SET;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 0 of `b_ERR`.
@@ -19,70 +18,51 @@ const EVENT_REFUSED: u8 = 1 << 5;
 
 macro_rules! block {
     ($([$index:literal $wr:ident $rd:ident])*) => {
-        /// Tells the drive which parameters the process data exchange, and how often (manual p. 86-92).
-        ///
-        /// Call it until `x_OK` or `x_ERR`. `us_MODE` 2 only writes the new numbers for
-        /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24), at every call, and has neither.
-        #[derive(Clone, Debug)]
-        pub struct BAPS_INIT {
-            /// 0: Omega Drive-Line II; with anything else the block does nothing.
-            pub us_HW_TYPE: u8,
-            /// Event "BAPS process data" to enable: 4 or 8; 0 (default): none.
-            pub i_EVENT: i16,
-            /// Transmission method and cycle time, see `docs/baps.md`.
-            pub w_COMMAND_REG: u16,
-            /// 0: first initialization, 1: with stopped process data, 2: while they run.
-            pub us_MODE: u8,
-            $(
-                #[doc = concat!("Parameter number of reference value ", $index, "; 0: none.")]
-                pub $wr: u16,
-            )*
-            $(
-                #[doc = concat!("Parameter number of actual value ", $index, "; 0: none.")]
-                pub $rd: u16,
-            )*
-            /// Monitoring time in emulated time; preset 3 s.
-            pub t_TIME: Duration,
-            /// Enables the initialization; TRUE by default.
-            pub x_EN: bool,
-            /// Resets the block; needed after an error.
-            pub x_RESET: bool,
-            /// Bit 0: the drive is synchronized to the trigger controller.
-            pub w_STATUS_REG: u16,
-            /// The initialization is under way; with `us_MODE` 1 only.
-            pub x_BUSY: bool,
-            /// Acknowledgement of the drive.
-            pub b_SL_QUIT: u8,
-            /// Bit 0: `b_SL_QUIT` is not 16#02, 3: `i_EVENT` is not 0, 4, 8, 4: timeout, 5: event refused.
-            pub b_ERR: u8,
-            /// `b_ERR` is not 0.
-            pub x_ERR: bool,
-            /// The BAPS, and the event if there is one, are initialized.
-            pub x_OK: bool,
-            #[doc(hidden)]
-            pub internal: Internal,
-        }
-
-        impl Default for BAPS_INIT {
-            fn default() -> Self {
-                BAPS_INIT {
-                    us_HW_TYPE: 0,
-                    i_EVENT: 0,
-                    w_COMMAND_REG: 0,
-                    us_MODE: 0,
-                    $($wr: 0,)*
-                    $($rd: 0,)*
-                    t_TIME: Duration::from_secs(3),
-                    x_EN: true,
-                    x_RESET: false,
-                    w_STATUS_REG: 0,
-                    x_BUSY: false,
-                    b_SL_QUIT: 0,
-                    b_ERR: 0,
-                    x_ERR: false,
-                    x_OK: false,
-                    internal: Internal::default(),
+        function_block! {
+            /// Tells the drive which parameters the process data exchange, and how often (manual p. 86-92).
+            ///
+            /// Call it until `x_OK` or `x_ERR`. `us_MODE` 2 only writes the new numbers for
+            /// [`BAPS_PD_COMM24`](super::BAPS_PD_COMM24), at every call, and has neither.
+            pub struct BAPS_INIT(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
+                in {
+                    /// 0: Omega Drive-Line II; with anything else the block does nothing.
+                    us_HW_TYPE: u8;
+                    /// Event "BAPS process data" to enable: 4 or 8; 0 (default): none.
+                    i_EVENT: i16;
+                    /// Transmission method and cycle time, see `docs/baps.md`.
+                    w_COMMAND_REG: u16;
+                    /// 0: first initialization, 1: with stopped process data, 2: while they run.
+                    us_MODE: u8;
+                    $(
+                        #[doc = concat!("Parameter number of reference value ", $index, "; 0: none.")]
+                        $wr: u16;
+                    )*
+                    $(
+                        #[doc = concat!("Parameter number of actual value ", $index, "; 0: none.")]
+                        $rd: u16;
+                    )*
+                    /// Monitoring time in emulated time; preset 3 s.
+                    t_TIME: Duration = Duration::from_secs(3);
+                    /// Enables the initialization; TRUE by default.
+                    x_EN: bool = true;
+                    /// Resets the block; needed after an error.
+                    x_RESET: bool;
                 }
+                out {
+                    /// Bit 0: the drive is synchronized to the trigger controller.
+                    w_STATUS_REG: u16;
+                    /// The initialization is under way; with `us_MODE` 1 only.
+                    x_BUSY: bool;
+                    /// Acknowledgement of the drive.
+                    b_SL_QUIT: u8;
+                    /// Bit 0: `b_SL_QUIT` is not 16#02, 3: `i_EVENT` is not 0, 4, 8, 4: timeout, 5: event refused.
+                    b_ERR: u8;
+                    /// `b_ERR` is not 0.
+                    x_ERR: bool;
+                    /// The BAPS, and the event if there is one, are initialized.
+                    x_OK: bool;
+                }
+                internal: Internal;
             }
         }
 

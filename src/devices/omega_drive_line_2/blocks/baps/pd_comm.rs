@@ -4,7 +4,7 @@
 use super::OMEGA_DRIVE_LINE_II;
 use super::command::{CONFIGURE, EXCHANGE};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
-use crate::plc::Base;
+use crate::plc::{Base, function_block};
 
 /// Bit 0 of `b_ERR`.
 pub(super) const NOT_EXCHANGED: u8 = 1 << 0;
@@ -34,58 +34,44 @@ pub(super) fn is_error(b_SL_QUIT: u8) -> bool {
 
 macro_rules! block {
     ($name:ident, $count:literal, $page:literal, [$($index:literal $wr:ident $rd:ident),*]) => {
-        #[doc = concat!("Exchanges control word, status word and up to ", $count, " reference and actual values with")]
-        #[doc = concat!("the drive (manual p. ", $page, ").")]
-        ///
-        /// A call reads what the last communication has brought and gives the values for the next one, whose
-        /// acknowledgement the next call shows.
-        #[derive(Clone, Debug)]
-        pub struct $name {
-            /// 0: Omega Drive-Line II; with anything else the block does nothing.
-            pub us_HW_TYPE: u8,
-            /// Control word.
-            pub w_CONTROLWORD: u16,
-            /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
-            pub w_COMMAND_REG: u16,
-            /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
-            pub us_MODE: u8,
-            $(
-                #[doc = concat!("Reference value ", $index, ".")]
-                pub $wr: u32,
-            )*
-            /// Enables the exchange; TRUE by default.
-            pub x_EN: bool,
-            /// Status word.
-            pub w_STATUSWORD: u16,
-            /// Bit 0: the drive is synchronized to the trigger controller.
-            pub w_STATUS_REG: u16,
-            $(
-                #[doc = concat!("Actual value ", $index, ".")]
-                pub $rd: u32,
-            )*
-            /// Acknowledgement of the drive.
-            pub b_SL_QUIT: u8,
-            /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why.
-            pub b_ERR: u8,
-            /// `b_ERR` is not 0.
-            pub x_ERR: bool,
-        }
-
-        impl Default for $name {
-            fn default() -> Self {
-                $name {
-                    us_HW_TYPE: 0,
-                    w_CONTROLWORD: 0,
-                    w_COMMAND_REG: 0,
-                    us_MODE: 0,
-                    $($wr: 0,)*
-                    x_EN: true,
-                    w_STATUSWORD: 0,
-                    w_STATUS_REG: 0,
-                    $($rd: 0,)*
-                    b_SL_QUIT: 0,
-                    b_ERR: 0,
-                    x_ERR: false,
+        function_block! {
+            #[doc = concat!("Exchanges control word, status word and up to ", $count, " reference and actual values")]
+            #[doc = concat!("with the drive (manual p. ", $page, ").")]
+            ///
+            /// A call reads what the last communication has brought and gives the values for the next one, whose
+            /// acknowledgement the next call shows.
+            pub struct $name(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
+                in {
+                    /// 0: Omega Drive-Line II; with anything else the block does nothing.
+                    us_HW_TYPE: u8;
+                    /// Control word.
+                    w_CONTROLWORD: u16;
+                    /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
+                    w_COMMAND_REG: u16;
+                    /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
+                    us_MODE: u8;
+                    $(
+                        #[doc = concat!("Reference value ", $index, ".")]
+                        $wr: u32;
+                    )*
+                    /// Enables the exchange; TRUE by default.
+                    x_EN: bool = true;
+                }
+                out {
+                    /// Status word.
+                    w_STATUSWORD: u16;
+                    /// Bit 0: the drive is synchronized to the trigger controller.
+                    w_STATUS_REG: u16;
+                    $(
+                        #[doc = concat!("Actual value ", $index, ".")]
+                        $rd: u32;
+                    )*
+                    /// Acknowledgement of the drive.
+                    b_SL_QUIT: u8;
+                    /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why.
+                    b_ERR: u8;
+                    /// `b_ERR` is not 0.
+                    x_ERR: bool;
                 }
             }
         }

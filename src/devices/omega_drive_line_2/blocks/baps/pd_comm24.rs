@@ -5,8 +5,7 @@ use super::OMEGA_DRIVE_LINE_II;
 use super::command::{EXCHANGE, RE_INITIALIZE};
 use super::pd_comm::{NOT_EXCHANGED, exchange, is_error};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 1 of `b_ERR`.
@@ -15,55 +14,59 @@ const TIMEOUT: u8 = 1 << 1;
 const BAD_REFERENCE_NUMBER: u8 = 0x86;
 const BAD_ACTUAL_NUMBER: u8 = 0x87;
 
-/// Exchanges control word, status word, two reference and four actual values with the drive, and takes over
-/// new parameter numbers while it does (manual p. 104-111).
-///
-/// A rising edge of `x_RE_INIT_START` begins the re-initialization, after [`BAPS_INIT`](super::BAPS_INIT) with
-/// `us_MODE` 2 has written the numbers. Its result stays until the next one (decision D-217).
-#[derive(Clone, Debug)]
-pub struct BAPS_PD_COMM24 {
-    /// 0: Omega Drive-Line II; with anything else the block does nothing.
-    pub us_HW_TYPE: u8,
-    /// Control word.
-    pub w_CONTROLWORD: u16,
-    /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
-    pub w_COMMAND_REG: u16,
-    /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
-    pub us_MODE: u8,
-    /// Reference value 0.
-    pub ud_WR_VALUE0: u32,
-    /// Reference value 1.
-    pub ud_WR_VALUE1: u32,
-    /// Monitoring time of a re-initialization, in emulated time; preset 1 s.
-    pub t_RE_INIT_TIME: Duration,
-    /// Its rising edge starts the re-initialization.
-    pub x_RE_INIT_START: bool,
-    /// Enables the exchange; TRUE by default.
-    pub x_EN: bool,
-    /// Status word.
-    pub w_STATUSWORD: u16,
-    /// Bit 0: the drive is synchronized to the trigger controller.
-    pub w_STATUS_REG: u16,
-    /// Actual value 0.
-    pub ud_RD_VALUE0: u32,
-    /// Actual value 1.
-    pub ud_RD_VALUE1: u32,
-    /// Actual value 2.
-    pub ud_RD_VALUE2: u32,
-    /// Actual value 3.
-    pub ud_RD_VALUE3: u32,
-    /// Acknowledgement of the drive.
-    pub b_SL_QUIT: u8,
-    /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why; 1: timeout of a re-initialization.
-    pub b_ERR: u8,
-    /// `b_ERR` is not 0.
-    pub x_ERR: bool,
-    /// The last re-initialization has failed; `b_SL_QUIT` tells why.
-    pub x_RE_INIT_ERR: bool,
-    /// The last re-initialization has succeeded.
-    pub x_RE_INIT_OK: bool,
-    #[doc(hidden)]
-    pub internal: Internal,
+function_block! {
+    /// Exchanges control word, status word, two reference and four actual values with the drive, and takes over
+    /// new parameter numbers while it does (manual p. 104-111).
+    ///
+    /// A rising edge of `x_RE_INIT_START` begins the re-initialization, after [`BAPS_INIT`](super::BAPS_INIT) with
+    /// `us_MODE` 2 has written the numbers. Its result stays until the next one (decision D-217).
+    pub struct BAPS_PD_COMM24(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
+        in {
+            /// 0: Omega Drive-Line II; with anything else the block does nothing.
+            us_HW_TYPE: u8;
+            /// Control word.
+            w_CONTROLWORD: u16;
+            /// Transmission method and cycle time, the same as at `BAPS_INIT`; another value changes them.
+            w_COMMAND_REG: u16;
+            /// 0: called in any task, 1: in the event task "BAPS process data"; makes no difference here.
+            us_MODE: u8;
+            /// Reference value 0.
+            ud_WR_VALUE0: u32;
+            /// Reference value 1.
+            ud_WR_VALUE1: u32;
+            /// Monitoring time of a re-initialization, in emulated time; preset 1 s.
+            t_RE_INIT_TIME: Duration = Duration::from_secs(1);
+            /// Its rising edge starts the re-initialization.
+            x_RE_INIT_START: bool;
+            /// Enables the exchange; TRUE by default.
+            x_EN: bool = true;
+        }
+        out {
+            /// Status word.
+            w_STATUSWORD: u16;
+            /// Bit 0: the drive is synchronized to the trigger controller.
+            w_STATUS_REG: u16;
+            /// Actual value 0.
+            ud_RD_VALUE0: u32;
+            /// Actual value 1.
+            ud_RD_VALUE1: u32;
+            /// Actual value 2.
+            ud_RD_VALUE2: u32;
+            /// Actual value 3.
+            ud_RD_VALUE3: u32;
+            /// Acknowledgement of the drive.
+            b_SL_QUIT: u8;
+            /// Bit 0: the drive has not exchanged the values, `b_SL_QUIT` tells why; 1: timeout of a re-initialization.
+            b_ERR: u8;
+            /// `b_ERR` is not 0.
+            x_ERR: bool;
+            /// The last re-initialization has failed; `b_SL_QUIT` tells why.
+            x_RE_INIT_ERR: bool;
+            /// The last re-initialization has succeeded.
+            x_RE_INIT_OK: bool;
+        }
+        internal: Internal;
+    }
 }
 
 /// What the block remembers.
@@ -73,34 +76,6 @@ pub struct Internal {
     re_initialization: Option<Watch>,
     /// The last command given.
     command: u8,
-}
-
-impl Default for BAPS_PD_COMM24 {
-    fn default() -> Self {
-        BAPS_PD_COMM24 {
-            us_HW_TYPE: 0,
-            w_CONTROLWORD: 0,
-            w_COMMAND_REG: 0,
-            us_MODE: 0,
-            ud_WR_VALUE0: 0,
-            ud_WR_VALUE1: 0,
-            t_RE_INIT_TIME: Duration::from_secs(1),
-            x_RE_INIT_START: false,
-            x_EN: true,
-            w_STATUSWORD: 0,
-            w_STATUS_REG: 0,
-            ud_RD_VALUE0: 0,
-            ud_RD_VALUE1: 0,
-            ud_RD_VALUE2: 0,
-            ud_RD_VALUE3: 0,
-            b_SL_QUIT: 0,
-            b_ERR: 0,
-            x_ERR: false,
-            x_RE_INIT_ERR: false,
-            x_RE_INIT_OK: false,
-            internal: Internal::default(),
-        }
-    }
 }
 
 impl BAPS_PD_COMM24 {

@@ -1,26 +1,23 @@
 //! `BAPS_PD_CONTROL`: watches that process data are exchanged (p. 117).
 
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
-/// Watches that a `BAPS_PD_COMMxx` is called, whatever comes of it (manual p. 117). Belongs to another task.
-#[derive(Clone, Debug)]
-pub struct BAPS_PD_CONTROL {
-    /// Resets the block.
-    pub x_RESET: bool,
-    /// Monitoring time in emulated time; preset 3 s.
-    pub t_TIME: Duration,
-    /// No process data were exchanged for `t_TIME`; stays until `x_RESET`.
-    pub x_ERR: bool,
-    #[doc(hidden)]
-    pub internal: Option<(u16, Watch)>,
-}
-
-impl Default for BAPS_PD_CONTROL {
-    fn default() -> Self {
-        BAPS_PD_CONTROL { x_RESET: false, t_TIME: Duration::from_secs(3), x_ERR: false, internal: None }
+function_block! {
+    /// Watches that a `BAPS_PD_COMMxx` is called, whatever comes of it (manual p. 117). Belongs to another task.
+    pub struct BAPS_PD_CONTROL(_BASE: Base<BAPS_CTRL_BMSTRUCT>) {
+        in {
+            /// Resets the block.
+            x_RESET: bool;
+            /// Monitoring time in emulated time; preset 3 s.
+            t_TIME: Duration = Duration::from_secs(3);
+        }
+        out {
+            /// No process data were exchanged for `t_TIME`; stays until `x_RESET`.
+            x_ERR: bool;
+        }
+        internal: Option<(u16, Watch)>;
     }
 }
 

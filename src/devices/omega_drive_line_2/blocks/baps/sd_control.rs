@@ -2,8 +2,7 @@
 
 use super::service_data::{Answer, BAPS_BMSTRUCT, Job, Kind, Stage};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
-use crate::plc::Base;
-use crate::plc::Watch;
+use crate::plc::{Base, Shared, Watch, function_block};
 use core::time::Duration;
 
 /// Bits of `b_ERR`.
@@ -25,39 +24,32 @@ const WRITE: u8 = 2;
 /// `i_ERR_DETAIL`: wrong data format.
 const WRONG_FORMAT: i16 = -7;
 
-/// Carries out parameter jobs through the semaphores of the BAPS, one at a time (manual p. 118-120). One
-/// instance for all [`BAPS_PAR_READ`](super::BAPS_PAR_READ) and [`BAPS_PAR_WRITE`](super::BAPS_PAR_WRITE).
-#[derive(Clone, Debug)]
-pub struct BAPS_SD_CONTROL {
-    /// Resets the block; needed after the errors of bits 0 to 4.
-    pub x_RESET: bool,
-    /// Monitoring time of each step, in emulated time; preset 3 s.
-    pub t_TIME: Duration,
-    /// Bit 0, 1: a read, write job was dropped; timeouts: 2 at the start, 3 in between, 4 at the end; the last
-    /// job: 5 failed, 6 wrong format.
-    pub b_ERR: u8,
-    /// `b_ERR` is not 0.
-    pub x_ERR: bool,
-    #[doc(hidden)]
-    pub internal: Phase,
-}
-
-impl Default for BAPS_SD_CONTROL {
-    fn default() -> Self {
-        BAPS_SD_CONTROL {
-            x_RESET: false,
-            t_TIME: Duration::from_secs(3),
-            b_ERR: 0,
-            x_ERR: false,
-            internal: Phase::Idle,
+function_block! {
+    /// Carries out parameter jobs through the semaphores of the BAPS, one at a time (manual p. 118-120). One
+    /// instance for all [`BAPS_PAR_READ`](super::BAPS_PAR_READ) and [`BAPS_PAR_WRITE`](super::BAPS_PAR_WRITE).
+    pub struct BAPS_SD_CONTROL(_BASE: Base<BAPS_CTRL_BMSTRUCT>, _BAPS_SD_DATA: Shared<BAPS_BMSTRUCT>) {
+        in {
+            /// Resets the block; needed after the errors of bits 0 to 4.
+            x_RESET: bool;
+            /// Monitoring time of each step, in emulated time; preset 3 s.
+            t_TIME: Duration = Duration::from_secs(3);
         }
+        out {
+            /// Bit 0, 1: a read, write job was dropped; timeouts: 2 at the start, 3 in between, 4 at the end; the last
+            /// job: 5 failed, 6 wrong format.
+            b_ERR: u8;
+            /// `b_ERR` is not 0.
+            x_ERR: bool;
+        }
+        internal: Phase;
     }
 }
 
 /// What the block waits for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub enum Phase {
     /// A job.
+    #[default]
     Idle,
     /// Both semaphores at 0.
     Starting(Watch),

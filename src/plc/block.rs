@@ -1,0 +1,279 @@
+//! What all function blocks have in common: a name, pins that are told once, and a call for each PLC cycle.
+//!
+//! A block is declared with the macro `function_block`, which makes its struct, its presets and
+//! its table of pins from one text. Whoever finds blocks by name (a scenario, a completion, a test of the
+//! documentation) asks the device's list of [`BlockKind`]s.
+
+use super::{Base, Pin, PinError, PinType, PinValue, Ram};
+use crate::memory::{MemoryError, SharedRegs};
+use core::any::{Any, TypeId};
+use core::cell::RefCell;
+use core::ops::DerefMut;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+/// A function block.
+pub trait FunctionBlock: Default + 'static {
+    /// The manual's name.
+    const NAME: &'static str;
+    /// Inputs, outputs, and data that are both, in the order of the documentation.
+    const PINS: &'static [Pin];
+    /// What [`cycle`](Self::cycle) works on beside the pins.
+    type Wires;
+
+    /// Connects a block that is placed there.
+    ///
+    /// # Errors
+    /// Its registers do not fit there.
+    fn connect(place: &Place<'_>) -> Result<Self::Wires, MemoryError>;
+
+    /// What stands at a pin; `None` if there is no such pin.
+    fn pin(&self, wires: &Self::Wires, name: &str) -> Option<PinValue>;
+
+    /// A pin to be set; `None` if there is no such pin.
+    fn pin_mut<'a>(&'a mut self, wires: &'a mut Self::Wires, name: &str) -> Option<&'a mut dyn PinType>;
+
+    /// One PLC cycle.
+    fn cycle(&mut self, wires: &mut Self::Wires);
+}
+
+/// Where a block is placed.
+pub struct Place<'a> {
+    /// The RAM of its PLC.
+    pub ram: &'a Ram,
+    /// Offset of its area in the RAM.
+    pub offset: usize,
+    /// Variables of its PLC's program.
+    pub variables: &'a Variables,
+}
+
+/// Variables of a PLC's program that connect blocks to each other: one of each type.
+#[derive(Default)]
+pub struct Variables(RefCell<HashMap<TypeId, Rc<dyn Any>>>);
+
+impl Variables {
+    /// The variable of a type.
+    fn get<T: Default + 'static>(&self) -> Shared<T> {
+        let mut variables = self.0.borrow_mut();
+        let variable =
+            variables.entry(TypeId::of::<T>()).or_insert_with(|| Rc::new(RefCell::new(T::default())));
+        // It stands under its own type.
+        Shared(Rc::clone(variable).downcast().unwrap_or_default())
+    }
+}
+
+/// Something that a block's call takes.
+pub trait Wire: Sized {
+    /// What the call sees of it.
+    type Lent;
+
+    /// Connects it.
+    ///
+    /// # Errors
+    /// The registers do not fit there.
+    fn connect(place: &Place<'_>) -> Result<Self, MemoryError>;
+
+    /// For one call.
+    fn lend(&mut self) -> impl DerefMut<Target = Self::Lent>;
+}
+
+impl<T: SharedRegs> Wire for Base<T> {
+    type Lent = Self;
+
+    fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
+        place.ram.at(place.offset)
+    }
+
+    fn lend(&mut self) -> impl DerefMut<Target = Self> {
+        self
+    }
+}
+
+/// The board: no registers, but the header page.
+impl Wire for Ram {
+    type Lent = Self;
+
+    fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
+        Ok(place.ram.clone())
+    }
+
+    fn lend(&mut self) -> impl DerefMut<Target = Self> {
+        self
+    }
+}
+
+/// A variable that several blocks of one PLC are connected to.
+pub struct Shared<T>(Rc<RefCell<T>>);
+
+impl<T: Default + 'static> Wire for Shared<T> {
+    type Lent = T;
+
+    fn connect(place: &Place<'_>) -> Result<Self, MemoryError> {
+        Ok(place.variables.get())
+    }
+
+    fn lend(&mut self) -> impl DerefMut<Target = T> {
+        self.0.borrow_mut()
+    }
+}
+
+/// A block in its place, whatever it is.
+pub trait Placed {
+    /// What stands at a pin; `None` if there is no such pin.
+    fn get(&self, pin: &str) -> Option<PinValue>;
+
+    /// Sets a pin; `None` if there is no such pin.
+    fn set(&mut self, pin: &str, value: &PinValue) -> Option<Result<(), PinError>>;
+
+    /// One PLC cycle.
+    fn cycle(&mut self);
+}
+
+struct Wired<B: FunctionBlock> {
+    block: B,
+    wires: B::Wires,
+}
+
+impl<B: FunctionBlock> Placed for Wired<B> {
+    fn get(&self, pin: &str) -> Option<PinValue> {
+        self.block.pin(&self.wires, pin)
+    }
+
+    fn set(&mut self, pin: &str, value: &PinValue) -> Option<Result<(), PinError>> {
+        Some(self.block.pin_mut(&mut self.wires, pin)?.set(value))
+    }
+
+    fn cycle(&mut self) {
+        self.block.cycle(&mut self.wires);
+    }
+}
+
+/// What the name of a function block stands for at a device.
+#[derive(Debug)]
+pub struct BlockKind {
+    /// The block's name.
+    pub name: &'static str,
+    /// The structure that its area must have; none for blocks that belong to no area.
+    pub structure: Option<&'static str>,
+    /// Its pins.
+    pub pins: &'static [Pin],
+    make: fn(&Place<'_>) -> Result<Box<dyn Placed>, MemoryError>,
+}
+
+impl BlockKind {
+    /// A block whose area must have a structure of that name.
+    pub const fn of<B: FunctionBlock>(structure: Option<&'static str>) -> Self {
+        BlockKind { name: B::NAME, structure, pins: B::PINS, make: make::<B> }
+    }
+
+    /// Makes one with its presets.
+    ///
+    /// # Errors
+    /// Its registers do not fit there.
+    pub fn make(&self, place: &Place<'_>) -> Result<Box<dyn Placed>, MemoryError> {
+        (self.make)(place)
+    }
+
+    /// Whether it has a pin of that name.
+    pub fn has(&self, pin: &str) -> bool {
+        self.pins.iter().any(|it| it.name == pin)
+    }
+}
+
+fn make<B: FunctionBlock>(place: &Place<'_>) -> Result<Box<dyn Placed>, MemoryError> {
+    Ok(Box::new(Wired { block: B::default(), wires: B::connect(place)? }))
+}
+
+/// Lists of blocks: `structure: blocks` or `-: blocks` for those that belong to no area.
+macro_rules! block_kinds {
+    ($($structure:tt: $($block:ident)*;)*) => {
+        &[$($($crate::plc::BlockKind::of::<$block>($crate::plc::block_kinds!(@ $structure)),)*)*]
+    };
+    (@ -) => { None };
+    (@ $structure:literal) => { Some($structure) };
+}
+
+/// Declares a function block: its struct, its presets and its pins, from one text.
+///
+/// Behind its name stands what `call` takes. Then come inputs with those presets that are not 0 or FALSE, outputs, data
+/// of the program that `call` takes as well, and what the block remembers from call to call.
+macro_rules! function_block {
+    (@) => { Default::default() };
+    (@ $preset:expr) => { $preset };
+    (
+        $(#[$doc:meta])*
+        pub struct $name:ident($($wire:ident: $wire_type:ty),*) {
+            $(in { $($(#[$in_doc:meta])* $in:ident: $in_type:ty $(= $in_preset:expr)?;)* })?
+            $(out { $($(#[$out_doc:meta])* $out:ident: $out_type:ty $(= $out_preset:expr)?;)* })?
+            $(in_out { $($data:ident: $data_type:ty;)* })?
+            $(internal: $internal:ty;)?
+        }
+    ) => {
+        $(#[$doc])*
+        #[derive(Clone, Debug)]
+        pub struct $name {
+            $($($(#[$in_doc])* pub $in: $in_type,)*)?
+            $($($(#[$out_doc])* pub $out: $out_type,)*)?
+            $(#[doc(hidden)] pub internal: $internal,)?
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self {
+                    $($($in: $crate::plc::function_block!(@ $($in_preset)?),)*)?
+                    $($($out: $crate::plc::function_block!(@ $($out_preset)?),)*)?
+                    $(internal: <$internal>::default(),)?
+                }
+            }
+        }
+
+        #[allow(unused_variables, reason = "not every block has wires, or data")]
+        impl $crate::plc::FunctionBlock for $name {
+            const NAME: &'static str = stringify!($name);
+            const PINS: &'static [$crate::plc::Pin] = &[
+                $($($crate::plc::Pin::input(stringify!($in)),)*)?
+                $($($crate::plc::Pin::output(stringify!($out)),)*)?
+                $($($crate::plc::Pin::in_out(stringify!($data)),)*)?
+            ];
+            type Wires = ($($wire_type,)* $($(Box<$data_type>,)*)?);
+
+            fn connect(place: &$crate::plc::Place<'_>) -> Result<Self::Wires, $crate::memory::MemoryError> {
+                Ok((
+                    $(<$wire_type as $crate::plc::Wire>::connect(place)?,)*
+                    $($(Box::new(<$data_type as zerocopy::FromZeros>::new_zeroed()),)*)?
+                ))
+            }
+
+            fn pin(&self, wires: &Self::Wires, name: &str) -> Option<$crate::plc::PinValue> {
+                let ($($wire,)* $($($data,)*)?) = wires;
+                match name {
+                    $($(stringify!($in) => Some($crate::plc::PinType::get(&self.$in)),)*)?
+                    $($(stringify!($out) => Some($crate::plc::PinType::get(&self.$out)),)*)?
+                    $($(stringify!($data) => Some($crate::plc::PinType::get(&**$data)),)*)?
+                    _ => None,
+                }
+            }
+
+            fn pin_mut<'a>(
+                &'a mut self,
+                wires: &'a mut Self::Wires,
+                name: &str,
+            ) -> Option<&'a mut dyn $crate::plc::PinType> {
+                let ($($wire,)* $($($data,)*)?) = wires;
+                match name {
+                    $($(stringify!($in) => Some(&mut self.$in),)*)?
+                    $($(stringify!($out) => Some(&mut self.$out),)*)?
+                    $($(stringify!($data) => Some(&mut **$data),)*)?
+                    _ => None,
+                }
+            }
+
+            fn cycle(&mut self, wires: &mut Self::Wires) {
+                let ($($wire,)* $($($data,)*)?) = wires;
+                self.call($(&mut *$crate::plc::Wire::lend($wire),)* $($(&mut **$data,)*)?);
+            }
+        }
+    };
+}
+
+pub(crate) use {block_kinds, function_block};
