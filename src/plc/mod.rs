@@ -16,6 +16,6 @@ mod tasks;
 pub use block::{BlockKind, FunctionBlock, Place, Placed, Shared, Variables, Wire};
 pub(crate) use block::{block_kinds, function_block};
 pub use pin::{Direction, Pin, PinError, PinType, PinValue};
-pub(crate) use ram::Watch;
-pub use ram::{Base, Ram};
+pub use ram::{Base, Like, Ram};
+pub(crate) use ram::{Viewed, Watch};
 pub use tasks::{Program, Progress, RunError, Tasks};

@@ -49,6 +49,12 @@ impl Ram {
         self.header.virtual_time_us.load()
     }
 
+    /// A monitoring time that begins now.
+    pub(crate) fn watch(&self, time: Duration) -> Watch {
+        let time_us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
+        Watch { ends_us: self.now_us().saturating_add(time_us) }
+    }
+
     /// Emulated time in microseconds at this very moment: in real time it goes on between two things the
     /// firmware does.
     pub(crate) fn exact_us(&self) -> u64 {
@@ -78,18 +84,12 @@ impl<T: SharedRegs> Base<T> {
         &self.ram
     }
 
-    /// A restart (16#0000) was written to `w_CPU_CONTROL` of the CANsync node there. The firmware is told, because in the
-    /// RAM it cannot see it where 16#0000 stood before (decision D-29).
-    pub(crate) fn tell_restart(&self) {
-        if let Some(node) = [NODE1, NODE2].iter().position(|node| *node == self.offset) {
-            self.ram.header.restarts_written[node].increment();
-        }
-    }
-
-    /// A monitoring time that begins now.
-    pub(crate) fn watch(&self, time: Duration) -> Watch {
-        let time_us = u64::try_from(time.as_micros()).unwrap_or(u64::MAX);
-        Watch { ends_us: self.ram.now_us().saturating_add(time_us) }
+    /// The structure as one that is alike.
+    pub(crate) fn viewed<V>(&self) -> Viewed<'_, V>
+    where
+        T: Like<V>,
+    {
+        Viewed { registers: (*self.registers).as_ref(), offset: self.offset, ram: &self.ram }
     }
 }
 
@@ -101,6 +101,41 @@ impl<T: SharedRegs> Deref for Base<T> {
     }
 }
 
+/// A structure of registers that lie as those of `V` do: `V` itself, and what devices call otherwise.
+pub trait Like<V>: SharedRegs + AsRef<V> {}
+
+impl<V, T: SharedRegs + AsRef<V>> Like<V> for T {}
+
+/// The structure at a `_BASE` as one that is alike, for one call of a block.
+pub(crate) struct Viewed<'a, V> {
+    registers: &'a V,
+    offset: usize,
+    ram: &'a Ram,
+}
+
+impl<V> Viewed<'_, V> {
+    /// The RAM that the structure lies in.
+    pub fn ram(&self) -> &Ram {
+        self.ram
+    }
+
+    /// A restart (16#0000) was written to `w_CPU_CONTROL` of the CANsync node there. The firmware is told, because in the
+    /// RAM it cannot see it where 16#0000 stood before (decision D-29).
+    pub fn tell_restart(&self) {
+        if let Some(node) = [NODE1, NODE2].iter().position(|node| *node == self.offset) {
+            self.ram.header.restarts_written[node].increment();
+        }
+    }
+}
+
+impl<V> Deref for Viewed<'_, V> {
+    type Target = V;
+
+    fn deref(&self) -> &V {
+        self.registers
+    }
+}
+
 /// A monitoring time under way, in emulated time.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch {
@@ -109,7 +144,7 @@ pub struct Watch {
 
 impl Watch {
     /// Whether the time is over.
-    pub(crate) fn is_over<T: SharedRegs>(self, base: &Base<T>) -> bool {
-        base.ram.now_us() >= self.ends_us
+    pub(crate) fn is_over(self, ram: &Ram) -> bool {
+        ram.now_us() >= self.ends_us
     }
 }

@@ -2,7 +2,7 @@
 
 use super::registers::{SEND, SENT, take_received};
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 
 macro_rules! sender {
     ($name:ident, $rank:literal, $page:literal,
@@ -33,7 +33,8 @@ macro_rules! sender {
 
         impl $name {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+            pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
+                let _BASE = &_BASE.viewed();
                 self.x_OK = _BASE.$control.load() == SENT;
                 if self.x_EN {
                     _BASE.$mask.store(self.d_SL_MASK);
@@ -96,7 +97,8 @@ function_block! {
 
 impl CANsync_BC_SL {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         self.si_BC_RECEIVED = take_received(&_BASE.b_STATREG_AKT_CMD);
         if self.si_BC_RECEIVED != 0 {
             self.us_BC_CMD_NR = _BASE.b_AKT_CMD.load();

@@ -3,7 +3,7 @@
 use super::registers::{AUTOMATIC, slave_index};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::memory::Cell8;
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 
 function_block! {
     /// Says for which slave the command channel looks after control words, parameter jobs and
@@ -34,7 +34,8 @@ function_block! {
 
 impl CANsync_COMM_CONTROL_MA {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         set_highest_slave(&_BASE.b_MAX_SL_NR, self.si_MAX_SL_NR);
         for (enable, number, register) in [
             (self.x_EN_CTRL, self.si_SL_NR_CTRL, &_BASE.b_SL_NR_CONTROLWORD),

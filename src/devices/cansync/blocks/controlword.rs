@@ -2,7 +2,7 @@
 
 use super::registers::{SEND, SENT, slave_index, take_received};
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 
 function_block! {
     /// Sends a control word to one slave (manual p. 207-208). Needs
@@ -27,7 +27,8 @@ function_block! {
 
 impl CANsync_CONTROLWORD_MA {
     /// One PLC cycle. A slave number that does not exist does nothing.
-    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         self.x_OK = false;
         let Some(slave) = slave_index(self.si_SL_NR_CTRL) else { return };
         let (Some(control), Some(word)) =
@@ -57,7 +58,8 @@ function_block! {
 
 impl CANsync_CONTROLWORD_SL {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         self.si_RECEIVED = take_received(&_BASE.b_STATREG_CONTROLWORD);
         if self.si_RECEIVED != 0 {
             self.w_CONTROLWORD = _BASE.w_CONTROLWORD.load();

@@ -1,7 +1,7 @@
 //! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215).
 
 use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_INIT_BMSTRUCT};
-use crate::plc::{Base, Watch, function_block};
+use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
 
 /// How long each answer of the CANsync node may take. The manual names no time (decision D-203).
@@ -72,7 +72,8 @@ pub enum Step {
 
 impl CANsync_INIT {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_INIT_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_INIT_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         // One call goes as far as the node's answers allow.
         while let Some(next) = self.next(_BASE) {
             self.internal = next;
@@ -80,11 +81,11 @@ impl CANsync_INIT {
     }
 
     /// The next step, if its time has come.
-    fn next(&mut self, base: &Base<CANsync_INIT_BMSTRUCT>) -> Option<Step> {
+    fn next(&mut self, base: &Viewed<'_, CANsync_INIT_BMSTRUCT>) -> Option<Step> {
         let state = base.w_OPTION_STATUS.load();
         let command = |value| {
             base.w_CPU_CONTROL.store(value);
-            Some(base.watch(HANDSHAKE_TIME))
+            Some(base.ram().watch(HANDSHAKE_TIME))
         };
         match self.internal {
             Step::Begin => {
@@ -103,10 +104,10 @@ impl CANsync_INIT {
             }
             Step::DataTakenOver(_) if state == 0x0003 => self.end(0),
             Step::ModeSet(_) if matches!(state, 0x0013 | 0x0043) => self.end(0),
-            Step::Restarted(watch) | Step::HandshakeAnswered(watch) if watch.is_over(base) => {
+            Step::Restarted(watch) | Step::HandshakeAnswered(watch) if watch.is_over(base.ram()) => {
                 self.end(TIMEOUT | NOT_FINISHED)
             }
-            Step::DataTakenOver(watch) | Step::ModeSet(watch) if watch.is_over(base) => {
+            Step::DataTakenOver(watch) | Step::ModeSet(watch) if watch.is_over(base.ram()) => {
                 self.end(NOT_FINISHED)
             }
             _ => None,
@@ -121,7 +122,7 @@ impl CANsync_INIT {
         None
     }
 
-    fn write_data(&mut self, base: &Base<CANsync_INIT_BMSTRUCT>) {
+    fn write_data(&mut self, base: &Viewed<'_, CANsync_INIT_BMSTRUCT>) {
         let [timing_0, timing_1] = self.bit_timing();
         let mode = match (self.x_SL, self.x_SYNC_IN) {
             (true, _) => 0x01,

@@ -2,7 +2,7 @@
 
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell16, SharedRegs};
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, Viewed, function_block};
 
 /// Bit 7 of `w_CPU_CONTROL`.
 const RESET_CONTROLLER: u16 = 1 << 7;
@@ -62,7 +62,8 @@ macro_rules! mode {
 
         impl $name {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &Base<$base>) {
+            pub fn call(&mut self, _BASE: &Base<impl Like<$base>>) {
+                let _BASE = &_BASE.viewed();
                 let state = _BASE.w_OPTION_STATUS.load();
                 let commands = Commands {
                     restart: self.x_RESET_SOFTWARE,
@@ -107,7 +108,7 @@ struct Commands {
 
 impl Commands {
     /// Writes the command. If several are given, the one that comes earlier in a start counts.
-    fn give<T: SharedRegs>(&self, base: &Base<T>, control: &Cell16, state: u16) {
+    fn give<T: SharedRegs>(&self, base: &Viewed<'_, T>, control: &Cell16, state: u16) {
         let command = match self {
             Commands { restart: true, .. } => {
                 // It resets the controller as well.

@@ -2,7 +2,7 @@
 
 use super::registers::{ACTIVE, ERROR, Job, slave_index};
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
-use crate::plc::{Base, Watch, function_block};
+use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 0 of `b_ERR`.
@@ -37,7 +37,7 @@ enum Phase {
 
 /// What a call means for the outputs: nothing but this is to be seen there.
 #[derive(Clone, Copy, Default)]
-pub struct Shown {
+pub(crate) struct Shown {
     pub busy: bool,
     /// `b_ERR`.
     pub error: u8,
@@ -49,13 +49,13 @@ pub struct Shown {
 
 /// What the slave has answered.
 #[derive(Clone, Copy)]
-pub struct Answer {
+pub(crate) struct Answer {
     pub value: u32,
     pub doubleword: bool,
 }
 
 /// The inputs of a block.
-pub struct Inputs {
+pub(crate) struct Inputs {
     pub slave: i8,
     pub number: u16,
     pub doubleword: bool,
@@ -91,7 +91,11 @@ pub struct State {
 
 impl State {
     /// One PLC cycle; nothing if the outputs stay as they are.
-    pub fn step(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Option<Shown> {
+    pub(crate) fn step(
+        &mut self,
+        base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
+        inputs: &Inputs,
+    ) -> Option<Shown> {
         if inputs.reset {
             self.withdraw(base);
             self.phase = Phase::Idle;
@@ -109,14 +113,14 @@ impl State {
                     return Some(self.fail(SLAVE_NUMBER, 0));
                 }
                 self.slave = inputs.slave;
-                self.phase = Phase::Waiting(base.watch(inputs.time));
+                self.phase = Phase::Waiting(base.ram().watch(inputs.time));
             }
             _ => {}
         }
         self.proceed(base, inputs)
     }
 
-    fn proceed(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Option<Shown> {
+    fn proceed(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) -> Option<Shown> {
         let (Phase::Waiting(watch) | Phase::Running(watch)) = self.phase else { return None };
         let (job, data) = registers(base, self.slave)?;
         let control = job.control();
@@ -130,7 +134,7 @@ impl State {
             }
             job.enter(inputs.command());
             self.phase = Phase::Running(watch);
-        } else if watch.is_over(base) {
+        } else if watch.is_over(base.ram()) {
             self.withdraw(base);
             return Some(self.fail(TIMEOUT, 0));
         }
@@ -147,13 +151,13 @@ impl State {
     }
 
     /// The job has failed; the block is locked.
-    pub fn fail(&mut self, error: u8, number: i16) -> Shown {
+    pub(crate) fn fail(&mut self, error: u8, number: i16) -> Shown {
         self.phase = Phase::Locked;
         Shown { error, number, ..Shown::default() }
     }
 
     /// Takes the own job out of the registers; a slave that does not answer would be asked for ever.
-    fn withdraw(&self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+    fn withdraw(&self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
         if let Phase::Running(_) = self.phase
             && let Some((job, _)) = registers(base, self.slave)
         {
@@ -205,7 +209,8 @@ function_block! {
 
 impl CANsync_PAR_READ_MA {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         let inputs = Inputs {
             slave: self.si_SL_NR,
             number: self.u_PAR_NR,
@@ -265,7 +270,8 @@ function_block! {
 
 impl CANsync_PAR_WRITE_MA {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         let inputs = Inputs {
             slave: self.si_SL_NR,
             number: self.u_PAR_NR,

@@ -2,7 +2,7 @@
 
 use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 
 /// Bit 1; the manual's texts for bits 1 and 2 are swapped (p. 189), its values are right.
 const READ: u8 = 1 << 1;
@@ -72,7 +72,8 @@ pub enum Phase {
 
 impl CANsync_PAR_SL {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         if self.x_RESET {
             self.show(Phase::Idle);
             (self.x_RESET_JOB, self.x_OK) = (false, false);

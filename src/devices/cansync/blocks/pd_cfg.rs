@@ -6,7 +6,7 @@ use crate::devices::omega_drive_line_2::registers::{
     CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD,
 };
 use crate::memory::Cell8;
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 use core::ops::RangeInclusive;
 
 /// The values of frame 1.
@@ -70,7 +70,8 @@ function_block! {
 
 impl CANsync_PD_CFG_MA {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));
         _BASE.b_STATREG_RDC1.store(NOBODY);
         _BASE.b_STATREG_RDC2.store(NOBODY);
@@ -100,7 +101,8 @@ macro_rules! read {
 
         impl $name {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &Base<$base>) {
+            pub fn call(&mut self, _BASE: &Base<impl Like<$base>>) {
+                let _BASE = &_BASE.viewed();
                 let slave = slave_index(self.si_SL_NR);
                 if let Some(cfg) = slave.and_then(|slave| _BASE.a_CFG_RDC_WORD.get(slave)) {
                     configure_rdc(cfg, (self.a_RDC1, self.a_HL_RDC1), (self.a_RDC2, self.a_HL_RDC2));
@@ -142,7 +144,8 @@ function_block! {
 
 impl CANsync_PD_CFG_SL {
     /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>) {
+        let _BASE = &_BASE.viewed();
         configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));
         configure_rdc(&_BASE._CFG_RDC_WORD, (self.a_RDC1, self.a_HL_RDC1), (self.a_RDC2, self.a_HL_RDC2));
         _BASE.b_STATREG_RDC1.store(NOBODY);

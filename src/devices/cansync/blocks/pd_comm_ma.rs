@@ -6,7 +6,7 @@ use super::process_data::{receive_from_all, send, take_last_slave};
 use super::registers::{AUTOMATIC, NOBODY, slave_index};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::memory::Cell8;
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 
 /// Input of the slave numbers: nobody is asked.
 const ASK_NOBODY: i8 = -1;
@@ -45,7 +45,12 @@ function_block! {
 
 impl CANsync_PD_COMM_MA {
     /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
-    pub fn call(&mut self, _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>, a_RD_ARRAY: &mut CANsync_RD_BMARRAY) {
+    pub fn call(
+        &mut self,
+        _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>,
+        a_RD_ARRAY: &mut CANsync_RD_BMARRAY,
+    ) {
+        let _BASE = &_BASE.viewed();
         set_highest_slave(&_BASE.b_MAX_SL_NR, self.si_MAX_SL_NR);
         ask(&_BASE.b_CTRLREG_RD_ORDER_RDC1, self.si_RD_SL_NR1_RECEIVE);
         ask(&_BASE.b_CTRLREG_RD_ORDER_RDC2, self.si_RD_SL_NR2_RECEIVE);

@@ -3,7 +3,7 @@
 use super::process_data::receive_from;
 use super::registers::slave_index;
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 
 macro_rules! read {
     ($name:ident, $base:ident, $master_block:literal, $page:literal) => {
@@ -28,7 +28,8 @@ macro_rules! read {
 
         impl $name {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &Base<$base>) {
+            pub fn call(&mut self, _BASE: &Base<impl Like<$base>>) {
+                let _BASE = &_BASE.viewed();
                 let slave = slave_index(self.si_SL_NR)
                     .and_then(|slave| _BASE.a_STATREG_RDC.get(slave).zip(_BASE.a_RD_BMARRAY.get(slave)));
                 [self.si_RD_SL_NR1_RECEIVED, self.si_RD_SL_NR2_RECEIVED] = match slave {

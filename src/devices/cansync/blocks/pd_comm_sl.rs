@@ -4,7 +4,7 @@ use super::CANsync_RD_BMARRAY;
 use super::process_data::{receive, receive_from_all, send, take_last_slave};
 use super::registers::AUTOMATIC;
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-use crate::plc::{Base, function_block};
+use crate::plc::{Base, Like, function_block};
 
 function_block! {
     /// Hands over own actual values, reads reference values and overhears other slaves' actual values
@@ -40,7 +40,12 @@ function_block! {
 
 impl CANsync_PD_COMM_SL {
     /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
-    pub fn call(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>, a_RD_ARRAY: &mut CANsync_RD_BMARRAY) {
+    pub fn call(
+        &mut self,
+        _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>,
+        a_RD_ARRAY: &mut CANsync_RD_BMARRAY,
+    ) {
+        let _BASE = &_BASE.viewed();
         let inputs = [self.si_RDC1_SEND, self.si_RDC2_SEND];
         let controls = [&_BASE.b_CTRLREG_RD_RDC1, &_BASE.b_CTRLREG_RD_RDC2];
         send(&self.a_RD_VALUES_SEND, inputs, &_BASE.a_RD_VALUE_SEND, controls);

@@ -3,7 +3,7 @@
 use super::registers::{ACTIVE, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, UPDOWN_VALUES};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
-use crate::plc::{Base, Watch, function_block};
+use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 0 of `b_ERR` (decision D-20).
@@ -86,10 +86,11 @@ impl CANsync_UPDOWNLOAD_MA {
     /// One PLC cycle. Reads from `a_DOWNLOAD`, or writes to `a_UPLOAD`.
     pub fn call(
         &mut self,
-        _BASE: &Base<CANsync_MA_CTRL_BMSTRUCT>,
+        _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>,
         a_DOWNLOAD: &CANsync_UPDOWN_BMARRAY,
         a_UPLOAD: &mut CANsync_UPDOWN_BMARRAY,
     ) {
+        let _BASE = &_BASE.viewed();
         if self.x_RESET {
             self.cancel(_BASE);
             self.end(Phase::Idle, 0, 0);
@@ -124,7 +125,7 @@ impl CANsync_UPDOWNLOAD_MA {
         }
     }
 
-    fn begin(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>) {
+    fn begin(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
         let total = usize::from(self.u_LENGTH);
         if total == 0 || total > UPDOWN_VALUES {
             return self.end(Phase::Locked, LENGTH, 0);
@@ -134,7 +135,7 @@ impl CANsync_UPDOWNLOAD_MA {
             download: self.x_UPDOWN,
             block: Block::starting_at(0, total),
             number: 1,
-            watch: base.watch(self.t_TIME),
+            watch: base.ram().watch(self.t_TIME),
         };
         self.end(Phase::Waiting(first), 0, 0);
         self.x_BUSY = true;
@@ -165,7 +166,7 @@ impl CANsync_UPDOWNLOAD_MA {
 
     fn block_done(
         &mut self,
-        base: &Base<CANsync_MA_CTRL_BMSTRUCT>,
+        base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
         this: Try,
         a_UPLOAD: &mut CANsync_UPDOWN_BMARRAY,
     ) {
@@ -175,7 +176,7 @@ impl CANsync_UPDOWNLOAD_MA {
         }
         match this.block.next() {
             Some(block) => {
-                let watch = base.watch(self.t_TIME);
+                let watch = base.ram().watch(self.t_TIME);
                 self.internal = Phase::Waiting(Try { block, number: 1, watch, ..this });
             }
             None => {
@@ -186,8 +187,8 @@ impl CANsync_UPDOWNLOAD_MA {
     }
 
     /// Tries the block again when its time is over, or gives up.
-    fn check_time(&mut self, base: &Base<CANsync_MA_CTRL_BMSTRUCT>, this: Try) {
-        if !this.watch.is_over(base) {
+    fn check_time(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, this: Try) {
+        if !this.watch.is_over(base.ram()) {
             return;
         }
         if this.number < self.us_MAX_NR_OF_COMM {
@@ -195,7 +196,7 @@ impl CANsync_UPDOWNLOAD_MA {
             if let Phase::Running(_) = self.internal {
                 job(base).enter(0);
             }
-            let watch = base.watch(self.t_TIME);
+            let watch = base.ram().watch(self.t_TIME);
             self.internal = Phase::Waiting(Try { number: this.number + 1, watch, ..this });
         } else {
             self.cancel(base);

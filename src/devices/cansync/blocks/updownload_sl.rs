@@ -4,7 +4,7 @@ use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, INIT, LAST, MODE, SLAVE_CANCELS};
 use super::updownload_ma::PRESET_TIME;
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-use crate::plc::{Base, Watch, function_block};
+use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 1: the master has changed or cancelled the job.
@@ -64,10 +64,11 @@ impl CANsync_UPDOWNLOAD_SL {
     /// One PLC cycle. Reads from `a_UPLOAD`, or writes to `a_DOWNLOAD`.
     pub fn call(
         &mut self,
-        _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>,
+        _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>,
         a_DOWNLOAD: &mut CANsync_UPDOWN_BMARRAY,
         a_UPLOAD: &CANsync_UPDOWN_BMARRAY,
     ) {
+        let _BASE = &_BASE.viewed();
         if self.x_RESET || !self.x_EN {
             _BASE.b_EN_UPDOWNBLK1.store(0);
             if let Phase::Transfer(..) | Phase::Ending(_) = self.internal {
@@ -108,7 +109,7 @@ impl CANsync_UPDOWNLOAD_SL {
             }
         }
         if let Phase::Transfer(watch, _) | Phase::Ending(watch) = self.internal
-            && watch.is_over(_BASE)
+            && watch.is_over(_BASE.ram())
         {
             refuse(_BASE, SLAVE_CANCELS);
             self.show(Phase::Locked);
@@ -126,7 +127,7 @@ impl CANsync_UPDOWNLOAD_SL {
     /// The master begins a block: its first one begins the job.
     fn begin(
         &mut self,
-        base: &Base<CANsync_SL_CTRL_BMSTRUCT>,
+        base: &Viewed<'_, CANsync_SL_CTRL_BMSTRUCT>,
         control: u8,
         a_UPLOAD: &CANsync_UPDOWN_BMARRAY,
     ) {
@@ -139,7 +140,7 @@ impl CANsync_UPDOWNLOAD_SL {
         };
         let watch = match self.internal {
             Phase::Transfer(watch, before) if before.next() == Some(block) => watch,
-            _ => base.watch(self.t_TIME),
+            _ => base.ram().watch(self.t_TIME),
         };
         self.x_UPDOWN = control & DOWNLOAD != 0;
         self.u_LENGTH = block.values as u16;

@@ -133,7 +133,7 @@ impl BAPS_INIT {
         if let Phase::Configuring(watch) = self.internal.phase {
             if _BASE.b_COMMAND.load() == 0 {
                 self.configured(_BASE, watch);
-            } else if watch.is_over(_BASE) {
+            } else if watch.is_over(_BASE.ram()) {
                 self.end(Phase::Locked, TIMEOUT);
             }
         }
@@ -142,7 +142,7 @@ impl BAPS_INIT {
             match (self.internal.event.is_answered(), self.internal.event.x_ERR) {
                 (true, true) => self.end(Phase::Locked, EVENT_REFUSED),
                 (true, false) => self.succeed(),
-                (false, _) if watch.is_over(_BASE) => self.end(Phase::Locked, TIMEOUT),
+                (false, _) if watch.is_over(_BASE.ram()) => self.end(Phase::Locked, TIMEOUT),
                 (false, _) => {}
             }
         }
@@ -157,7 +157,7 @@ impl BAPS_INIT {
         base.a_WR_PAR_NR.iter().zip(reference).for_each(|(cell, number)| cell.store(number));
         base.a_RD_PAR_NR.iter().zip(actual).for_each(|(cell, number)| cell.store(number));
         base.b_COMMAND.store(CONFIGURE);
-        self.end(Phase::Configuring(base.watch(self.t_TIME)), 0);
+        self.end(Phase::Configuring(base.ram().watch(self.t_TIME)), 0);
         self.x_BUSY = self.us_MODE == 1;
     }
 

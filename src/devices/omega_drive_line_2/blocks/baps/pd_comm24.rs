@@ -97,7 +97,7 @@ impl BAPS_PD_COMM24 {
         if edge {
             (self.x_RE_INIT_OK, self.x_RE_INIT_ERR) = (false, false);
             self.b_ERR = 0;
-            self.internal.re_initialization = Some(_BASE.watch(self.t_RE_INIT_TIME));
+            self.internal.re_initialization = Some(_BASE.ram().watch(self.t_RE_INIT_TIME));
         } else if let Some(watch) = self.internal.re_initialization {
             self.watch_re_initialization(_BASE, watch, answered);
         }
@@ -126,7 +126,7 @@ impl BAPS_PD_COMM24 {
     fn watch_re_initialization(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, watch: Watch, answered: bool) {
         let answer = (answered && self.internal.command == RE_INITIALIZE).then_some(self.b_SL_QUIT);
         match answer {
-            Some(RE_INITIALIZE) | None if watch.is_over(base) => self.b_ERR |= TIMEOUT,
+            Some(RE_INITIALIZE) | None if watch.is_over(base.ram()) => self.b_ERR |= TIMEOUT,
             Some(RE_INITIALIZE) | None => return,
             Some(EXCHANGE) => self.x_RE_INIT_OK = true,
             Some(_) => self.x_RE_INIT_ERR = true,

@@ -30,8 +30,8 @@ impl BAPS_PD_CONTROL {
         }
         let now = _BASE.w_TIMEOUT.load();
         match self.internal {
-            Some((seen, watch)) if seen == now => self.x_ERR |= watch.is_over(_BASE),
-            _ => self.internal = Some((now, _BASE.watch(self.t_TIME))),
+            Some((seen, watch)) if seen == now => self.x_ERR |= watch.is_over(_BASE.ram()),
+            _ => self.internal = Some((now, _BASE.ram().watch(self.t_TIME))),
         }
     }
 }

@@ -80,7 +80,7 @@ impl BAPS_SD_CONTROL {
         }
         if let (Phase::Idle, Stage::Entered(_)) = (self.internal, _BAPS_SD_DATA.stage) {
             self.show(0);
-            self.internal = Phase::Starting(_BASE.watch(self.t_TIME));
+            self.internal = Phase::Starting(_BASE.ram().watch(self.t_TIME));
         }
         if let Stage::Entered(job) = _BAPS_SD_DATA.stage
             && let Some(answer) = self.proceed(_BASE, &job)
@@ -96,13 +96,13 @@ impl BAPS_SD_CONTROL {
             (Phase::Starting(_), (0, 0)) => {
                 write_job(base, job);
                 base.b_MA_SEMAPHORE.store(1);
-                self.internal = Phase::Running(base.watch(self.t_TIME));
+                self.internal = Phase::Running(base.ram().watch(self.t_TIME));
                 None
             }
             (Phase::Running(_), (1, 1)) => {
                 let answer = read_answer(base);
                 base.b_MA_SEMAPHORE.store(0);
-                self.internal = Phase::Ending(base.watch(self.t_TIME), answer);
+                self.internal = Phase::Ending(base.ram().watch(self.t_TIME), answer);
                 None
             }
             (Phase::Ending(_, answer), (0, 0)) => {
@@ -114,9 +114,15 @@ impl BAPS_SD_CONTROL {
                 });
                 Some(answer)
             }
-            (Phase::Starting(watch), _) if watch.is_over(base) => Some(self.give_up(base, error::NO_START)),
-            (Phase::Running(watch), _) if watch.is_over(base) => Some(self.give_up(base, error::INTERRUPTED)),
-            (Phase::Ending(watch, _), _) if watch.is_over(base) => Some(self.give_up(base, error::NO_END)),
+            (Phase::Starting(watch), _) if watch.is_over(base.ram()) => {
+                Some(self.give_up(base, error::NO_START))
+            }
+            (Phase::Running(watch), _) if watch.is_over(base.ram()) => {
+                Some(self.give_up(base, error::INTERRUPTED))
+            }
+            (Phase::Ending(watch, _), _) if watch.is_over(base.ram()) => {
+                Some(self.give_up(base, error::NO_END))
+            }
             (Phase::Locked, _) => Some(Answer { communication: -1, ..Answer::default() }),
             _ => None,
         }
