@@ -14,6 +14,7 @@
 //! | [`plc`] | the PLC side: the RAM as a program sees it, tasks |
 //! | [`check`] | the access checker: what a PLC program does against the manual |
 //! | [`journal`] | what happened, when |
+//! | [`request`] | the operations that an emulator is asked for, their replies, and the one function between them |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
 //! | [`channel`] | the request-response door for tools and tests |
@@ -66,6 +67,8 @@ pub mod memory;
 pub mod plant;
 #[cfg(feature = "plc")]
 pub mod plc;
+#[cfg(feature = "emulator")]
+pub mod request;
 #[cfg(feature = "emulator")]
 pub mod runtime;
 #[cfg(feature = "script")]

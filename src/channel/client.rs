@@ -9,10 +9,10 @@ mod error;
 pub use error::ClientError;
 
 use super::domain::{Domain, Guest, Ipc, Service};
-use super::op::MAX_OPS;
 use super::wire::{self, Block, WireOp};
-use super::{Bells, InstanceInfo, Op, Reply, shm};
+use super::{Bells, shm};
 use crate::memory::Width;
+use crate::request::{InstanceInfo, MAX_OPS, Op, Reply, WrongReply};
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::prelude::{BackpressureStrategy, Node, PortFactory};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
@@ -215,10 +215,7 @@ impl Client {
     /// # Errors
     /// The emulator refused it ([`ClientError::Refused`]), or there was no reply. As for all below.
     pub fn peek(&self, plc: u16, offset: u32, width: Width) -> Result<u32, ClientError> {
-        match self.single(Op::Peek { plc, offset, width })? {
-            Reply::Value(value) => Ok(value),
-            _ => Err(self.wrong_reply()),
-        }
+        self.fitting(self.single(Op::Peek { plc, offset, width })?.value())
     }
 
     /// Writes a register.
@@ -226,10 +223,7 @@ impl Client {
     /// # Errors
     /// As [`Client::peek`].
     pub fn poke(&self, plc: u16, offset: u32, width: Width, value: u32) -> Result<(), ClientError> {
-        match self.single(Op::Poke { plc, offset, width, value })? {
-            Reply::Written => Ok(()),
-            _ => Err(self.wrong_reply()),
-        }
+        self.fitting(self.single(Op::Poke { plc, offset, width, value })?.written())
     }
 
     /// Copies bytes.
@@ -237,10 +231,7 @@ impl Client {
     /// # Errors
     /// As [`Client::peek`].
     pub fn read_range(&self, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, ClientError> {
-        match self.single(Op::ReadRange { plc, offset, len })? {
-            Reply::Bytes(bytes) => Ok(bytes),
-            _ => Err(self.wrong_reply()),
-        }
+        self.fitting(self.single(Op::ReadRange { plc, offset, len })?.bytes())
     }
 
     /// Lets the emulated time pass; returns the time afterwards, in microseconds.
@@ -248,10 +239,7 @@ impl Client {
     /// # Errors
     /// As [`Client::peek`].
     pub fn advance(&self, us: u64) -> Result<u64, ClientError> {
-        match self.single(Op::Advance { us })? {
-            Reply::Advanced { time_us } => Ok(time_us),
-            _ => Err(self.wrong_reply()),
-        }
+        self.fitting(self.single(Op::Advance { us })?.time())
     }
 
     /// Asks who answers.
@@ -259,10 +247,7 @@ impl Client {
     /// # Errors
     /// As [`Client::peek`].
     pub fn info(&self) -> Result<InstanceInfo, ClientError> {
-        match self.single(Op::Info)? {
-            Reply::Info(information) => Ok(*information),
-            _ => Err(self.wrong_reply()),
-        }
+        self.fitting(self.single(Op::Info)?.info())
     }
 
     /// Asks the emulator to end.
@@ -270,15 +255,16 @@ impl Client {
     /// # Errors
     /// As [`Client::peek`].
     pub fn stop(&self) -> Result<(), ClientError> {
-        match self.single(Op::Stop)? {
-            Reply::Stopping => Ok(()),
-            _ => Err(self.wrong_reply()),
-        }
+        self.fitting(self.single(Op::Stop)?.stopping())
+    }
+
+    fn fitting<T>(&self, content: Result<T, WrongReply>) -> Result<T, ClientError> {
+        content.map_err(|_| self.wrong_reply())
     }
 
     fn single(&self, op: Op) -> Result<Reply, ClientError> {
         match self.request(&[op])?.pop() {
-            Some(Reply::Error(error)) => Err(error.into()),
+            Some(Reply::Error(refused)) => Err(refused.into()),
             Some(reply) => Ok(reply),
             None => Err(self.wrong_reply()),
         }

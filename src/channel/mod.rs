@@ -7,38 +7,27 @@
 //!
 //! | part | content |
 //! |---|---|
-//! | [`op`] | the operations and replies as plain Rust |
-//! | [`wire`] | the same as fixed-width integers, and the way back from hostile bytes |
-//! | [`exec`] | runs a request against a [`Machine`]; knows no iceoryx2 |
+//! | [`wire`] | operations and replies ([`crate::request`]) as blocks of bytes, and the way back from hostile ones |
 //! | [`server`], [`client`] | the two ends over iceoryx2 |
 //! | [`bells`] | how the two ends wake each other |
 //!
 //! Rules: one server per instance; up to [`server::MAX_CLIENTS`] clients; a client has one request under way and
-//! always waits for its reply; operations of one request run in order and stop at the first error.
+//! always waits for its reply.
 
 pub mod bells;
 pub mod client;
 mod domain;
-pub mod error;
 pub mod events;
-pub mod exec;
 mod header_bells;
-mod machine;
-pub mod op;
+mod run;
 pub mod server;
 mod shm;
-#[cfg(test)]
-mod testing;
 pub mod wire;
 
-pub use crate::memory::Unmapped;
 pub use bells::Bells;
 pub use client::{Client, ClientError};
-pub use error::ChannelError;
 pub use events::{EventListener, EventNotifier};
 pub use header_bells::HeaderBells;
-pub use machine::Machine;
-pub use op::{InstanceInfo, Op, Reply};
 pub use server::{Server, ServerError, remove_remains};
 
 #[cfg(test)]

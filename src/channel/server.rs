@@ -7,9 +7,10 @@
 pub use super::domain::{MAX_CLIENTS, RootError};
 
 use super::domain::{Domain, Ipc, Service};
-use super::exec::{Progress, Run};
+use super::run::{Progress, Run};
 use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
-use super::{Bells, EventNotifier, Machine, shm};
+use super::{Bells, EventNotifier, shm};
+use crate::request::Host;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::NodeCreationFailure;
 use iceoryx2::prelude::{BackpressureStrategy, Node};
@@ -177,18 +178,18 @@ impl Server {
     /// Never blocks, except for the emulated time that a request lets pass.
     ///
     /// Returns the number of requests answered. If it is not zero, more may have arrived meanwhile.
-    pub fn poll(&mut self, machine: &mut dyn Machine) -> usize {
-        let answered = self.retry(machine);
-        answered + self.receive(machine)
+    pub fn poll(&mut self, host: &mut dyn Host) -> usize {
+        let answered = self.retry(host);
+        answered + self.receive(host)
     }
 
     /// Tries the waiting requests again; forgets those whose client has given up.
-    fn retry(&mut self, machine: &mut dyn Machine) -> usize {
+    fn retry(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         let mut at = 0;
         while let Some((request, run)) = self.waiting.get_mut(at) {
             let connected = request.is_connected();
-            if connected && run.go(machine, request.payload()) == Progress::Waiting {
+            if connected && run.go(host, request.payload()) == Progress::Waiting {
                 at += 1;
                 continue;
             }
@@ -202,13 +203,13 @@ impl Server {
         answered
     }
 
-    fn receive(&mut self, machine: &mut dyn Machine) -> usize {
+    fn receive(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         for _ in 0..MAX_PER_POLL {
             let Some(request) = self.next_request() else { break };
             let mut run = self.spare.pop().unwrap_or_default();
             run.reset();
-            match run.go(machine, request.payload()) {
+            match run.go(host, request.payload()) {
                 Progress::Done => {
                     answer(request, &run, &*self.bells);
                     self.spare.push(run);
@@ -233,7 +234,7 @@ impl Server {
     }
 
     /// Ends the channel: answers everything under way with
-    /// [`super::ChannelError::ShuttingDown`] and removes the domain's files, unless clients are still
+    /// [`Code::SHUTTING_DOWN`](crate::request::Code::SHUTTING_DOWN) and removes the domain's files, unless clients are still
     /// connected.
     pub fn close(mut self) {
         self.domain.withdraw();

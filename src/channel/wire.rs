@@ -9,11 +9,9 @@
 //! `docs/channel.md` describes the format for other languages. The type names carry its version: iceoryx2 refuses
 //! a client whose type names or sizes differ.
 
-mod error;
 mod fault;
 mod findings;
 mod forces;
-mod info;
 mod journal;
 mod reply;
 #[cfg(test)]
@@ -21,10 +19,9 @@ mod tests;
 
 pub use reply::{DecodeError, ReplyBuffer, decode};
 
-use super::error::Field;
-use super::op::{MAX_OPS, MAX_RANGE, Op};
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
+use crate::request::{MAX_OPS, MAX_RANGE, Op};
 use core::num::NonZeroU16;
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -38,7 +35,7 @@ pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
-#[type_name("commram.channel.WireOp.v1")]
+#[type_name("commram.channel.WireOp.v2")]
 #[repr(C)]
 pub struct WireOp {
     /// Which operation: one of [`kind`].
@@ -65,7 +62,7 @@ pub struct WireOp {
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
-#[type_name("commram.channel.Block.v1")]
+#[type_name("commram.channel.Block.v2")]
 #[repr(C)]
 pub struct Block {
     /// Which reply: one of [`reply_kind`].
@@ -94,6 +91,7 @@ pub mod kind {
     pub const STOP: u16 = 9;
     pub const JOURNAL: u16 = 10;
     pub const ADVANCE_TO_EVENT: u16 = 11;
+    pub const TIME: u16 = 12;
     pub const FORCE: u16 = 30;
     pub const UNFORCE: u16 = 31;
     pub const FORCES: u16 = 32;
@@ -114,7 +112,7 @@ pub mod reply_kind {
     pub const EXCHANGED: u16 = 3;
     pub const BYTES: u16 = 4;
     pub const WAITED: u16 = 5;
-    pub const ADVANCED: u16 = 6;
+    pub const TIME: u16 = 6;
     pub const INFO: u16 = 7;
     pub const STOPPING: u16 = 8;
     pub const ERROR: u16 = 9;
@@ -128,13 +126,20 @@ pub mod reply_kind {
     pub const CLEARED: u16 = 51;
 }
 
-/// A field without meaning, and its content.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A field of an operation without meaning, and its content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field} is 16#{value:X}")]
 pub struct BadField {
-    /// The field.
-    pub field: Field,
+    /// The field: "the kind".
+    pub field: &'static str,
     /// Its content.
     pub value: u32,
+}
+
+impl BadField {
+    fn new(field: &'static str, value: impl Into<u32>) -> Self {
+        Self { field, value: value.into() }
+    }
 }
 
 impl From<&Op> for WireOp {
@@ -167,6 +172,7 @@ impl From<&Op> for WireOp {
             Op::AdvanceToEvent { within_us } => {
                 WireOp { kind: kind::ADVANCE_TO_EVENT, time_us: within_us, ..WireOp::default() }
             }
+            Op::Time => WireOp { kind: kind::TIME, ..WireOp::default() },
             Op::Journal { from, max } => {
                 WireOp { kind: kind::JOURNAL, value: max, time_us: from, ..WireOp::default() }
             }
@@ -199,8 +205,7 @@ impl TryFrom<WireOp> for Op {
 
     fn try_from(wire: WireOp) -> Result<Self, BadField> {
         let WireOp { kind, plc, offset, value, second, time_us, .. } = wire;
-        let width =
-            || width_from_code(wire.width).ok_or(BadField { field: Field::Width, value: wire.width.into() });
+        let width = || width_from_code(wire.width).ok_or(BadField::new("the width", wire.width));
         let op = match kind {
             kind::PEEK => Op::Peek { plc, offset, width: width()? },
             kind::POKE => Op::Poke { plc, offset, width: width()?, value },
@@ -212,38 +217,38 @@ impl TryFrom<WireOp> for Op {
             kind::ADVANCE => Op::Advance { us: time_us },
             kind::ADVANCE_TO_SYNC => Op::AdvanceToSync {
                 plc,
-                node: u8::try_from(wire.node)
-                    .map_err(|_| BadField { field: Field::Node, value: wire.node.into() })?,
+                node: u8::try_from(wire.node).map_err(|_| BadField::new("the node", wire.node))?,
             },
             kind::ADVANCE_TO_EVENT => Op::AdvanceToEvent { within_us: time_us },
+            kind::TIME => Op::Time,
             kind::JOURNAL => Op::Journal { from: time_us, max: value },
             kind::FORCE => Op::Force { plc, offset, width: width()?, value },
             kind::UNFORCE => Op::Unforce { plc, offset, width: width()? },
             kind::FORCES => Op::Forces,
             kind::FAULT_ADD => {
-                let bad = BadField { field: Field::Fault, value: wire.width.into() };
+                let bad = BadField::new("the fault", wire.width);
                 Op::FaultAdd { fault: fault::decode(&wire).ok_or(bad)? }
             }
             kind::FAULT_LIST => Op::FaultList,
             kind::FAULT_CLEAR => {
-                let id = u16::try_from(value).map_err(|_| BadField { field: Field::Fault, value })?;
+                let id = u16::try_from(value).map_err(|_| BadField::new("the fault", value))?;
                 Op::FaultClear { id: NonZeroU16::new(id) }
             }
             kind::BOARD => Op::Board { plc },
             kind::SET_BOARD => Op::SetBoard {
                 plc,
                 setting: BoardSetting::from_numbers(offset, value)
-                    .ok_or(BadField { field: Field::Board, value: offset })?,
+                    .ok_or(BadField::new("the setting", offset))?,
             },
             kind::FINDINGS => Op::Findings,
             kind::CLEAR_FINDINGS => Op::ClearFindings,
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
-            _ => return Err(BadField { field: Field::Kind, value: kind.into() }),
+            _ => return Err(BadField::new("the kind", kind)),
         };
         // A field that a later version gives a meaning must not be passed over by this one.
         if WireOp::from(&op) != wire {
-            return Err(BadField { field: Field::Unused, value: kind.into() });
+            return Err(BadField::new("an unused field", kind));
         }
         Ok(op)
     }

@@ -156,7 +156,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
 #[cfg(feature = "channel")]
 fn set(instance: &Instance, settings: &[(&str, (Option<&str>, BoardSetting))]) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::channel::Op;
+    use commram::request::Op;
     let session = Session::open(&instance.name, 0)?;
     let op = |(text, (plc, setting)): &(&str, (Option<&str>, BoardSetting))| {
         Ok(Op::SetBoard { plc: session.plc(*plc, text)?, setting: *setting })

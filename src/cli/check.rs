@@ -60,7 +60,7 @@ struct Checked {
 #[cfg(feature = "channel")]
 fn findings(args: &Args) -> Result<Checked, CliError> {
     use super::session::Session;
-    use commram::channel::{ClientError, Op, Reply};
+    use commram::request::{Op, Reply, WrongReply};
     let instance = args.instance.name.clone();
     let session = Session::open(&instance, 0)?;
     let mut ops = vec![Op::Info, Op::Findings];
@@ -68,9 +68,9 @@ fn findings(args: &Args) -> Result<Checked, CliError> {
     let mut replies = session.request(&ops)?.into_iter();
     match (replies.next(), replies.next()) {
         (Some(Reply::Info(info)), Some(Reply::Findings(entries))) => {
-            Ok(Checked { instance, plcs: info.plcs, time_us: info.time_us, entries })
+            Ok(Checked { instance, plcs: info.names.plcs, time_us: info.time_us, entries })
         }
-        _ => Err(ClientError::WrongReply { instance }.into()),
+        _ => Err(WrongReply.into()),
     }
 }
 

@@ -193,10 +193,10 @@ pub enum CliError {
     /// A fault that cannot be read.
     #[error(transparent)]
     FaultWord(#[from] commram::fault::WordError),
-    /// What the plant refuses for now.
+    /// The emulator answers something else.
     #[cfg(feature = "channel")]
     #[error(transparent)]
-    NotNow(#[from] commram::script::BackendError),
+    WrongReply(#[from] commram::request::WrongReply),
     /// A scenario cannot begin.
     #[cfg(feature = "channel")]
     #[error(transparent)]
@@ -302,13 +302,10 @@ impl CliError {
 
 #[cfg(feature = "channel")]
 fn is_wrong_use(error: &commram::channel::ClientError) -> bool {
-    use commram::channel::{ChannelError as Refused, ClientError};
+    use commram::channel::ClientError;
     match error {
         ClientError::TooManyOperations { .. } => true,
-        ClientError::Refused(refused) => {
-            use Refused::{NoSync, ShuttingDown, StartRefused, WaitTimedOut};
-            !matches!(refused, WaitTimedOut { .. } | NoSync { .. } | StartRefused { .. } | ShuttingDown)
-        }
+        ClientError::Refused(refused) => refused.code.is_wrong_use(),
         _ => false,
     }
 }

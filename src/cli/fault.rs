@@ -121,9 +121,9 @@ mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{error::CliError, output};
-    use commram::channel::{ChannelError, ClientError, Op, Reply};
-    use commram::fault::{FaultError, FaultSpec, FaultStatus};
+    use commram::fault::{FaultSpec, FaultStatus};
     use commram::journal::Names;
+    use commram::request::Op;
     use serde::Serialize;
     use std::num::NonZeroU16;
 
@@ -147,46 +147,27 @@ mod by_channel {
     }
 
     /// Names of PLCs and buses.
-    fn names(session: &Session, instance: &str) -> Result<Names, CliError> {
-        match session.request(&[Op::Info])?.pop() {
-            Some(Reply::Info(info)) => Ok(Names { plcs: info.plcs, buses: info.buses }),
-            _ => Err(wrong_reply(instance)),
-        }
-    }
-
-    fn wrong_reply(instance: &str) -> CliError {
-        ClientError::WrongReply { instance: instance.to_owned() }.into()
+    fn names(session: &Session) -> Result<Names, CliError> {
+        Ok(session.ask(Op::Info)?.info()?.names)
     }
 
     pub(super) fn add(spec: &FaultSpec, instance: &str) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
-        let names = names(&session, instance)?;
-        let fault = spec.resolve(&names)?;
-        match session.request(&[Op::FaultAdd { fault }]) {
-            Ok(replies) => match replies[..] {
-                [Reply::FaultAdded { id }] => output::print(&format!("{id}\n")),
-                _ => Err(wrong_reply(instance)),
-            },
-            Err(CliError::Client(ClientError::Refused(ChannelError::Fault(refusal)))) => {
-                Err(FaultError::refused(fault.kind(), refusal, &names).into())
-            }
-            Err(other) => Err(other),
-        }
+        let fault = spec.resolve(&names(&session)?)?;
+        let id = session.ask(Op::FaultAdd { fault })?.fault_added()?;
+        output::print(&format!("{id}\n"))
     }
 
     pub(super) fn list(format: Format, instance: &str) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
-        let names = names(&session, instance)?;
+        let names = names(&session)?;
         let entry = |status: &FaultStatus| Entry {
             number: status.id,
             state: if status.acting { "acting" } else { "waiting" },
             hits: status.hits,
             fault: FaultSpec::of(&status.fault, &names),
         };
-        let entries: Vec<_> = match &session.request(&[Op::FaultList])?[..] {
-            [Reply::Faults(faults)] => faults.iter().map(entry).collect(),
-            _ => return Err(wrong_reply(instance)),
-        };
+        let entries: Vec<_> = session.ask(Op::FaultList)?.faults()?.iter().map(entry).collect();
         table::print(format, &entries, |entries| match entries {
             [] => "no faults\n".to_owned(),
             entries => table::aligned(entries),

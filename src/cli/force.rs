@@ -50,7 +50,7 @@ pub struct UnforceArgs {
 #[cfg(feature = "channel")]
 pub fn run(args: &Args) -> Result<(), CliError> {
     use super::{poke, session::Session};
-    use commram::channel::Op;
+    use commram::request::Op;
 
     let writes = args.writes.iter().map(|text| poke::parse(text)).collect::<Result<Vec<_>, _>>()?;
     if writes.is_empty() {
@@ -107,7 +107,7 @@ pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
 #[cfg(feature = "channel")]
 pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::channel::Op;
+    use commram::request::Op;
 
     let places = args.registers.iter().map(|text| Place::parse(text)).collect::<Result<Vec<_>, _>>()?;
     let session = Session::open(&args.instance.name, 0)?;

@@ -2,7 +2,8 @@
 
 use super::error::CliError;
 use super::output;
-use commram::channel::{ChannelError, ClientError};
+use commram::channel::ClientError;
+use commram::request::Code;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -33,14 +34,20 @@ impl<T> Look<T> {
         match result {
             Ok(seen) => Ok(Look::Seen(seen)),
             Err(CliError::Client(ClientError::Timeout { .. })) => Ok(Look::Later),
-            Err(CliError::Client(
-                ClientError::EmulatorGone { .. } | ClientError::Refused(ChannelError::ShuttingDown),
-            )) => {
+            Err(CliError::Client(error)) if has_ended(&error) => {
                 output::note(&format!("instance '{instance}' has ended"));
                 Ok(Look::Ended)
             }
             Err(error) => Err(error),
         }
+    }
+}
+
+fn has_ended(error: &ClientError) -> bool {
+    match error {
+        ClientError::EmulatorGone { .. } => true,
+        ClientError::Refused(refused) => refused.code == Code::SHUTTING_DOWN,
+        _ => false,
     }
 }
 

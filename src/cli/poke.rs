@@ -48,7 +48,7 @@ pub fn parse(text: &str) -> Result<(Place, u32), CliError> {
 #[cfg(feature = "channel")]
 pub fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::channel::Op;
+    use commram::request::Op;
 
     let writes = args.writes.iter().map(|text| parse(text)).collect::<Result<Vec<_>, _>>()?;
     let session = Session::open(&args.instance.name, 0)?;

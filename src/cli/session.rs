@@ -210,10 +210,10 @@ impl Session {
 mod by_channel {
     use super::*;
     use commram::channel::client::Patience;
-    use commram::channel::{ChannelError, Client, ClientError, HeaderBells, Op, Reply};
+    use commram::channel::{Client, ClientError, HeaderBells};
     use commram::memory::names::channel_root;
     use commram::memory::{MemoryError, State};
-    use commram::script::BackendError;
+    use commram::request::{Op, Reply, WrongReply};
     use std::time::{Duration, Instant};
 
     /// How long a command waits for an emulator that is just starting.
@@ -240,7 +240,7 @@ mod by_channel {
             let patience = Patience { reply, ..Patience::default() };
             let bells = Box::new(HeaderBells::of_client(attached)?);
             let client = Client::connect(instance, &channel_root(instance)?, bells, patience)?;
-            let plcs = client.info()?.plcs;
+            let plcs = client.info()?.names.plcs;
             Ok(Self { instance: instance.to_owned(), plcs, door: Door::Channel(client) })
         }
 
@@ -265,28 +265,22 @@ mod by_channel {
             };
             let replies = client.request(ops)?;
             match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
-                Some(Reply::Error(refused)) => Err(self.refused(*refused)),
+                Some(Reply::Error(refused)) => Err(ClientError::Refused(refused.clone()).into()),
                 _ => Ok(replies),
             }
         }
 
-        /// On the wire a PLC is a number; people know its name.
-        fn refused(&self, refused: ChannelError) -> CliError {
-            let name = |plc: u16| self.plcs.get(usize::from(plc)).cloned().unwrap_or_default();
-            match refused {
-                ChannelError::NoSync { plc, node } => BackendError::NoSync { plc: name(plc), node }.into(),
-                ChannelError::StartRefused { plc } => BackendError::StartRefused { plc: name(plc) }.into(),
-                other => ClientError::Refused(other).into(),
-            }
+        /// Sends an operation as a request of its own.
+        ///
+        /// # Errors
+        /// It was refused, or no reply.
+        pub fn ask(&self, op: Op) -> Result<Reply, CliError> {
+            Ok(self.request(&[op])?.pop().ok_or(WrongReply)?)
         }
 
         pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {
             let ops: Vec<_> = (0..self.plcs.len()).map(|plc| Op::Board { plc: plc as u16 }).collect();
-            let state = |reply| match reply {
-                Reply::Board(state) => Ok(state),
-                _ => Err(ClientError::WrongReply { instance: self.instance.clone() }.into()),
-            };
-            self.request(&ops)?.into_iter().map(state).collect()
+            self.request(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
         }
 
         pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
@@ -303,7 +297,7 @@ mod by_channel {
                     Reply::Forces(forced) => forces = forced,
                     Reply::Value(value) => data.push(value.to_le_bytes().to_vec()),
                     Reply::Bytes(bytes) => data.push(bytes),
-                    _ => return Err(ClientError::WrongReply { instance: self.instance.clone() }.into()),
+                    _ => return Err(WrongReply.into()),
                 }
             }
             Ok(Snapshot { time_us, data, forces })

@@ -49,7 +49,7 @@ fn node(text: &str) -> Result<(Option<&str>, u8), CliError> {
 pub fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::session::Session;
-    use commram::channel::{ClientError, Op, Reply};
+    use commram::request::Op;
 
     let to_sync = args.to_sync.as_deref().map(|text| Ok::<_, CliError>((text, node(text)?))).transpose()?;
     let session = Session::open(&args.instance.name, args.time.unwrap_or(0))?;
@@ -57,10 +57,8 @@ pub fn run(args: &Args) -> Result<(), CliError> {
         Some((text, (plc, node))) => Op::AdvanceToSync { plc: session.plc(plc, text)?, node },
         None => Op::Advance { us: args.time.unwrap_or(0) },
     };
-    match session.request(&[op])?.as_slice() {
-        [Reply::Advanced { time_us }] => output::print(&format!("{}\n", time::seconds(*time_us))),
-        _ => Err(ClientError::WrongReply { instance: args.instance.name.clone() }.into()),
-    }
+    let time_us = session.ask(op)?.time()?;
+    output::print(&format!("{}\n", time::seconds(time_us)))
 }
 
 /// Checks the arguments and says that there is no channel.

@@ -100,8 +100,9 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
 #[cfg(feature = "channel")]
 fn ask(name: &str) -> Result<(), CliError> {
     use commram::channel::client::Patience;
-    use commram::channel::{ChannelError, Client, ClientError, HeaderBells};
+    use commram::channel::{Client, ClientError, HeaderBells};
     use commram::memory::{AttachMode, Image, MemoryError, State};
+    use commram::request::Code;
     let images = images_of(name)?;
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(why_not(name)?);
@@ -114,7 +115,8 @@ fn ask(name: &str) -> Result<(), CliError> {
     let patience = Patience { reply: ANSWER, ..Patience::default() };
     // The client is gone at the end of this, so that the emulator can sweep its channel.
     match Client::connect(name, &channel_root(name)?, bells, patience)?.stop() {
-        Err(ClientError::EmulatorGone { .. } | ClientError::Refused(ChannelError::ShuttingDown)) => Ok(()),
+        Err(ClientError::EmulatorGone { .. }) => Ok(()),
+        Err(ClientError::Refused(refused)) if refused.code == Code::SHUTTING_DOWN => Ok(()),
         other => Ok(other?),
     }
 }

@@ -93,19 +93,17 @@ fn kinds(args: &Args) -> Result<Vec<Kind>, CliError> {
 #[cfg(feature = "channel")]
 pub fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::channel::Op;
+    use commram::request::{InstanceInfo, Op};
 
     let kinds = kinds(args)?;
     let session = Session::open(&args.instance.name, 0)?;
-    let Some(commram::channel::Reply::Info(info)) = session.request(&[Op::Info])?.pop() else {
-        return Err(wrong_reply(args));
-    };
+    let InstanceInfo { name: instance, names, .. } = session.ask(Op::Info)?.info()?;
     let number = |names: &[String], name: &String| names.iter().position(|other| other == name);
     let bus = |name: &String| {
-        number(&info.buses, name).map(|number| number as u16).ok_or_else(|| CliError::UnknownBus {
+        number(&names.buses, name).map(|number| number as u16).ok_or_else(|| CliError::UnknownBus {
             bus: name.clone(),
-            instance: info.name.clone(),
-            buses: info.buses.join(", "),
+            instance: instance.clone(),
+            buses: names.buses.join(", "),
         })
     };
     let selection = commram::journal::Selection {
@@ -114,13 +112,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
         plcs: args.plc.iter().map(|name| session.plc(Some(name), name)).collect::<Result<_, _>>()?,
         since_us: args.since,
     };
-    let names = commram::journal::Names { plcs: info.plcs, buses: info.buses };
     follow::print(args, &session, selection, names)
-}
-
-#[cfg(feature = "channel")]
-fn wrong_reply(args: &Args) -> CliError {
-    commram::channel::ClientError::WrongReply { instance: args.instance.name.clone() }.into()
 }
 
 /// Checks the arguments and says that there is no channel.

@@ -71,15 +71,16 @@ fn shown(place: &Place, value: u32) -> String {
 pub fn run(args: &Args) -> Result<(), CliError> {
     use super::session::{Read, Session};
     use super::{output, peek, place::live_by};
-    use commram::channel::{ChannelError, ClientError, Op, Reply};
+    use commram::channel::ClientError;
     use commram::layout::Live;
+    use commram::request::{Op, Refused, Waited};
 
     let Condition { place, mask, value, wanted } = parse(&args.condition)?;
     let session = Session::open(&args.instance.name, args.within)?;
     let (plc, offset, width) = (session.plc_of(&place)?, place.offset(), place.width());
     let within_us = args.within;
     let wait = Op::Wait { plc, offset, width, mask, value, within_us };
-    let outcome = session.request(&[wait]);
+    let outcome = session.ask(wait);
     // What the value means depends on which of two overlaid structures is live.
     let live = match place.status() {
         Some(status) => {
@@ -89,14 +90,15 @@ pub fn run(args: &Args) -> Result<(), CliError> {
         None => Live::Cyclic,
     };
     match outcome {
-        Ok(replies) => {
-            let Some(Reply::Waited { time_us, value }) = replies.first().cloned() else {
-                return Err(ClientError::WrongReply { instance: args.instance.name.clone() }.into());
-            };
+        Ok(reply) => {
+            let Waited { time_us, value } = reply.waited()?;
             let holding = peek::holding(&session, &place, plc, live, value, time_us);
             output::print(&format!("{}  at {}\n", peek::line(&holding).trim_end(), time::seconds(time_us)))
         }
-        Err(CliError::Client(ClientError::Refused(ChannelError::WaitTimedOut { last, time_us, .. }))) => {
+        Err(CliError::Client(ClientError::Refused(Refused {
+            waited: Some(Waited { time_us, value: last }),
+            ..
+        }))) => {
             let label = session.prefix(plc) + &place.label(live);
             let found = format!("{}, {}", place.format(live, last), place.meaning(live, last));
             Err(CliError::NotMet { place: label, wanted, within_us, time_us, found })

@@ -1,6 +1,7 @@
 //! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
 
 use super::{Context, World};
+use crate::layout;
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Segment, Width};
 use core::any::Any;
@@ -41,6 +42,9 @@ pub trait Device: Any + Send {
 
     /// Its image.
     fn segment(&self) -> &Segment;
+
+    /// Its registers.
+    fn layout(&self) -> &'static layout::Device;
 
     /// Its front as it stands.
     fn board(&self) -> BoardState;

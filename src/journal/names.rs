@@ -3,11 +3,12 @@
 use super::{BAPS_NODE, Event, Origin, Record, Source};
 use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Address, Live, RegType, RegisterRef, Width, format_value};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// Names of the things that records refer to by their index.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Names {
     /// The PLCs, in the order of the plant.
     pub plcs: Vec<String>,

@@ -84,8 +84,8 @@ impl RegisterWidths {
         offset: u32,
         width: Width,
     ) -> Result<impl Iterator<Item = Part>, Unmapped> {
-        let end = offset + width.bytes();
         let area = self.area(segment, offset, width.bytes())?;
+        let end = offset + width.bytes();
         let mut at = offset;
         Ok(core::iter::from_fn(move || {
             if at >= end {

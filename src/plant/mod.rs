@@ -3,6 +3,7 @@
 //! [`Plant::advance_to`] is the only thing that makes anything happen. Same plant and same register
 //! writes at the same emulated times give the same journal, byte for byte.
 
+mod access;
 mod boards;
 mod config;
 mod force;
@@ -21,7 +22,7 @@ use crate::devices::cansync::medium::SimBus;
 use crate::devices::{BuildError, Context, Device, Medium, World};
 use crate::fault::Faults;
 use crate::journal::{Event, Journal, Names, Origin};
-use crate::memory::{MemoryError, Segment};
+use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
 use ports::Ports;
 
@@ -49,6 +50,8 @@ pub struct Plant {
     checker: Checker,
     /// Ports whose devices are to be told of a SYNC edge; empty between events.
     edges: Vec<Origin>,
+    /// Of each device, for accesses from outside.
+    widths: Vec<RegisterWidths>,
 }
 
 impl Plant {
@@ -79,6 +82,7 @@ impl Plant {
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
         let checker = Checker::new(devices.iter().map(|device| device.segment()))?;
+        let widths = devices.iter().map(|device| RegisterWidths::of(device.layout())).collect();
         let mut plant = Plant {
             now: 0,
             next_cycle: cycle_us,
@@ -91,6 +95,7 @@ impl Plant {
             ports,
             journal: Journal::default(),
             checker,
+            widths,
             forces: Forces::default(),
             faults: Faults::default(),
             edges: Vec::new(),

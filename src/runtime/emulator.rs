@@ -109,8 +109,6 @@ pub struct Emulator {
     #[cfg(feature = "channel")]
     /// In a box, because it is taken out in every round.
     server: Option<Box<crate::channel::Server>>,
-    #[cfg(feature = "channel")]
-    pub(super) registers: crate::memory::RegisterWidths,
 }
 
 impl Emulator {
@@ -183,8 +181,6 @@ impl Emulator {
             events,
             #[cfg(feature = "channel")]
             server,
-            #[cfg(feature = "channel")]
-            registers: crate::memory::RegisterWidths::of(&device::DEVICE),
         })
     }
 

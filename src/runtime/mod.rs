@@ -2,10 +2,8 @@
 
 mod clock;
 mod emulator;
-#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "without it stepped time never passes"))]
+mod host;
 mod lockstep;
-#[cfg(feature = "channel")]
-mod machine;
 mod novram;
 mod watch;
 

@@ -1,5 +1,6 @@
 //! The verbs of scenarios, in Rust.
 
+mod ask;
 mod board;
 mod expect;
 mod findings;
@@ -14,13 +15,15 @@ mod time;
 pub use frames::SeenFrame;
 pub use memory::{Change, MemoryCopy};
 
-use super::backend::Backend;
+use super::carrier::Carrier;
 use super::local::Local;
 use super::{Failure, ScenarioError, Value};
 use crate::journal::text::Text;
 use crate::journal::{Format, Names};
 use crate::plant::PlantConfig;
 use crate::plc::Ram;
+use crate::request::{InstanceInfo, Op};
+use ask::Spot;
 use core::panic::Location;
 use std::path::Path;
 
@@ -46,7 +49,9 @@ const LOOK_BACK: u64 = 512;
 /// # }
 /// ```
 pub struct Bench {
-    backend: Box<dyn Backend>,
+    carrier: Box<dyn Carrier>,
+    /// Whether time passes only in the verbs.
+    is_stepped: bool,
     names: Names,
     /// What a failure says about where it happened.
     section: Option<String>,
@@ -98,13 +103,12 @@ impl Bench {
     /// The instance does not answer.
     #[cfg(feature = "channel")]
     pub fn attach(client: crate::channel::Client) -> Result<Self, ScenarioError> {
-        Self::on(Box::new(super::remote::Remote::new(client).map_err(super::backend::BackendError::from)?))
+        Self::on(Box::new(super::remote::Remote::new(client)?))
     }
 
-    fn on(mut backend: Box<dyn Backend>) -> Result<Self, ScenarioError> {
-        let names = backend.names().clone();
-        let started_us = backend.now()?;
-        Ok(Self { backend, names, section: None, started_us, limit_us: Self::LIMIT_US })
+    fn on(mut carrier: Box<dyn Carrier>) -> Result<Self, ScenarioError> {
+        let InstanceInfo { is_stepped, names, time_us: started_us, .. } = carrier.ask(Op::Info)?.info()?;
+        Ok(Self { carrier, is_stepped, names, section: None, started_us, limit_us: Self::LIMIT_US })
     }
 
     /// Sets the longest emulated time from the beginning, in microseconds.
@@ -127,7 +131,7 @@ impl Bench {
     /// # Errors
     /// The instance has gone.
     pub fn now(&mut self) -> Result<u64, ScenarioError> {
-        Ok(self.backend.now()?)
+        Ok(self.ask(Op::Time)?.time()?)
     }
 
     /// Emulated time since the beginning, in microseconds.
@@ -144,7 +148,7 @@ impl Bench {
     /// There is no such register.
     pub fn peek(&mut self, register: &str) -> Result<i64, ScenarioError> {
         let register = self.register(register)?;
-        let value = self.backend.load(register.spot)?;
+        let value = self.load(register.spot)?;
         let live = self.live(&register)?;
         Ok(register.number(live, value))
     }
@@ -155,7 +159,7 @@ impl Bench {
     /// There is no such register.
     pub fn describe(&mut self, register: &str) -> Result<String, ScenarioError> {
         let register = self.register(register)?;
-        let value = self.backend.load(register.spot)?;
+        let value = self.load(register.spot)?;
         let live = self.live(&register)?;
         let forced = self.is_forced(&register)?;
         Ok(format!("{} = {}", register.name(live), register.describe(live, value, forced)))
@@ -168,7 +172,7 @@ impl Bench {
     pub fn poke(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let register = self.whole_register(register)?;
         let bits = value.into().bits(&register.place)?;
-        Ok(self.backend.store(register.spot, bits)?)
+        self.store(register.spot, bits)
     }
 
     /// Writes `new` if the register holds `current`; returns whether it did.
@@ -183,7 +187,8 @@ impl Bench {
     ) -> Result<bool, ScenarioError> {
         let register = self.whole_register(register)?;
         let (current, new) = (current.into().bits(&register.place)?, new.into().bits(&register.place)?);
-        Ok(self.backend.compare_exchange(register.spot, current, new)?.is_ok())
+        let Spot { plc, offset, width } = register.spot;
+        Ok(self.ask(Op::CompareExchange { plc, offset, width, current, new })?.exchanged()?.is_ok())
     }
 
     /// The RAM of a PLC, for its function blocks and tasks; `""` is the only one.
@@ -197,11 +202,15 @@ impl Bench {
 
     /// A block was called: what it has asked of its board is answered.
     pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
-        Ok(self.backend.answer_boards()?)
+        // With a stepped clock that is done before any request.
+        if self.is_stepped {
+            self.ask(Op::Time)?;
+        }
+        Ok(())
     }
 
     pub(super) fn ram_of(&mut self, plc: u16) -> Result<Ram, ScenarioError> {
-        Ok(Ram::of(&self.backend.segment(plc)?)?)
+        Ok(Ram::of(&self.carrier.segment(plc)?)?)
     }
 
     /// A failure at the present moment.
@@ -212,7 +221,7 @@ impl Bench {
             address: None,
             expected: None,
             actual: None,
-            time_us: self.backend.now()?,
+            time_us: self.now()?,
             section: self.section.clone(),
             journal: self.last_entries()?,
             location: Some(at.to_string()),
@@ -221,8 +230,8 @@ impl Bench {
 
     /// The last lines of the journal.
     fn last_entries(&mut self) -> Result<Vec<String>, ScenarioError> {
-        let from = self.backend.journal_end()?.saturating_sub(LOOK_BACK);
-        let (records, _) = self.backend.journal(from)?;
+        let from = self.journal_end()?.saturating_sub(LOOK_BACK);
+        let (records, _) = self.records(from)?;
         let mut text = Text::new(self.names.clone());
         let (before, last) = records.split_at(records.len().saturating_sub(LAST_ENTRIES));
         before.iter().for_each(|record| text.skip(record));

@@ -1,12 +1,12 @@
 //! Why a scenario ends before its end.
 
-use super::backend::BackendError;
 use crate::fault::{FaultError, WordError};
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
 use crate::memory::MemoryError;
 use crate::memory::header::BoardWordError;
 use crate::plant::PlantError;
+use crate::request::{Refused, WrongReply};
 use crate::time::{TimeError, seconds, short};
 use core::fmt;
 use serde::{Deserialize, Serialize};
@@ -139,7 +139,14 @@ pub enum ScenarioError {
     Memory(#[from] MemoryError),
     /// The plant did not do what it was asked for.
     #[error(transparent)]
-    Backend(#[from] BackendError),
+    Refused(#[from] Refused),
+    /// The plant answers something else.
+    #[error(transparent)]
+    WrongReply(#[from] WrongReply),
+    /// The instance at the other end of the channel.
+    #[cfg(feature = "channel")]
+    #[error(transparent)]
+    Client(#[from] crate::channel::ClientError),
 }
 
 impl fmt::Debug for ScenarioError {
@@ -164,9 +171,10 @@ impl ScenarioError {
     pub fn is_failure(&self) -> bool {
         match self {
             Self::Failed(_) | Self::TooLong { .. } => true,
-            Self::Backend(BackendError::NoSync { .. } | BackendError::StartRefused { .. }) => true,
+            Self::Refused(refused) => !refused.code.is_wrong_use(),
+            Self::WrongReply(_) => true,
             #[cfg(feature = "channel")]
-            Self::Backend(BackendError::Client(_)) => true,
+            Self::Client(_) => true,
             _ => false,
         }
     }

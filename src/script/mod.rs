@@ -2,11 +2,11 @@
 //!
 //! [`Bench`] is a plant with verbs: poke, step, wait, expect, and so on. Tests in Rust use it directly; scripts
 //! in Rhai get the same verbs from [`run_file`] (`commram test`, reference in `docs/scenarios.md`). The plant
-//! is one of its own, on heap memory with a stepped clock, or a running instance behind its channel: one trait
-//! for both.
+//! is one of its own, on heap memory with a stepped clock, or a running instance behind its channel: the verbs ask
+//! both for the same operations ([`crate::request`]).
 
-mod backend;
 mod bench;
+mod carrier;
 mod engine;
 mod error;
 mod imports;
@@ -18,7 +18,6 @@ mod remote;
 mod run;
 mod value;
 
-pub use backend::BackendError;
 pub use bench::{Bench, Change, MemoryCopy, SeenFrame};
 pub use engine::verbs;
 pub use error::{Failure, ScenarioError};

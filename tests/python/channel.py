@@ -27,7 +27,7 @@ class WireOp(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "commram.channel.WireOp.v1"
+        return "commram.channel.WireOp.v2"
 
 
 class Block(ctypes.Structure):
@@ -42,7 +42,7 @@ class Block(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "commram.channel.Block.v1"
+        return "commram.channel.Block.v2"
 
 
 class Channel:

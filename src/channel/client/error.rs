@@ -1,10 +1,9 @@
 //! Why the callers' end fails.
 
 use super::ROOM;
-use crate::channel::ChannelError;
 use crate::channel::domain::{MAX_CLIENTS, RootError};
-use crate::channel::op::MAX_OPS;
 use crate::channel::wire::DecodeError;
+use crate::request::{MAX_OPS, Refused};
 use iceoryx2::service::builder::request_response::RequestResponseOpenError as OpenError;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -112,7 +111,7 @@ pub enum ClientError {
     },
     /// The emulator refused the operation.
     #[error(transparent)]
-    Refused(#[from] ChannelError),
+    Refused(#[from] Refused),
 }
 
 impl ClientError {

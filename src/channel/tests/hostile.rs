@@ -2,16 +2,16 @@
 
 use super::rig::{Emulator, Place};
 use crate::channel::domain::Domain;
-use crate::channel::error::Field;
-use crate::channel::op::MAX_OPS;
 use crate::channel::wire::{self, Block, DecodeError, WireOp};
-use crate::channel::{Bells, ChannelError, ClientError, Op, Reply};
+use crate::channel::{Bells, ClientError};
 use crate::memory::Width;
+use crate::request::testing::RAM;
+use crate::request::{Code, MAX_OPS, Op, Reply};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use zerocopy::FromBytes;
 
-const REG: u32 = 100_000;
+const REG: u32 = RAM.start;
 
 /// Sends raw operations; `None` if the reply is not waited for.
 fn send_raw(place: &Place, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Reply>> {
@@ -56,11 +56,24 @@ fn malformed_requests_are_answered_by_errors() {
         vec![poke; 1_000],
     ];
     let replies = send_raw(&place, &requests, true);
-    let malformed = |index, field, value| Reply::Error(ChannelError::Malformed { index, field, value });
-    assert_eq!(replies[0], [malformed(0, Field::Kind, 0)]);
-    assert_eq!(replies[1], [Reply::Written, malformed(1, Field::Width, 8)]);
+    let refusal = |reply: &Reply| match reply {
+        Reply::Error(refused) => (refused.code, refused.text.clone()),
+        other => panic!("{other:?}"),
+    };
+    let malformed = |index, field| {
+        let text = format!(
+            "operation {index} of the request is malformed ({field}); do client and emulator have the same version?"
+        );
+        (Code::MALFORMED, text)
+    };
+    assert_eq!((replies[0].len(), refusal(&replies[0][0])), (1, malformed(0, "the kind is 16#0")));
+    assert_eq!(
+        (&replies[1][0], refusal(&replies[1][1])),
+        (&Reply::Written, malformed(1, "the width is 16#8"))
+    );
     assert_eq!(replies[2], []);
-    assert_eq!(replies[3], [Reply::Error(ChannelError::TooManyOperations { count: 1_000 })]);
+    let too_many = "1000 operations in one request are too many, at most 256".to_owned();
+    assert_eq!((replies[3].len(), refusal(&replies[3][0])), (1, (Code::TOO_MANY_OPERATIONS, too_many)));
     assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 1);
 }
 

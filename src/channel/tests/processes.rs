@@ -2,17 +2,17 @@
 
 use super::rig::{Emulator, LONG, Place, is_gone, serve};
 use crate::channel::client::Patience;
-use crate::channel::op::MAX_ADVANCE_US;
-use crate::channel::testing::Fake;
-use crate::channel::{Bells, ClientError, Op};
+use crate::channel::{Bells, ClientError};
 use crate::memory::Width;
+use crate::request::testing::{RAM, TestHost};
+use crate::request::{MAX_ADVANCE_US, Op};
 use rustix::process::Pid;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Instant;
 
-const REG: u32 = 100_000;
+const REG: u32 = RAM.start;
 const ROLE: &str = "COMMRAM_TEST_ROLE";
 
 /// A child process; killed on drop.
@@ -53,7 +53,7 @@ fn child() {
     let directory = std::env::var_os("COMMRAM_TEST_DIRECTORY").unwrap().into();
     let place = Place::inherited(directory, std::env::var("COMMRAM_TEST_INSTANCE").unwrap());
     match role.as_str() {
-        "server" => serve(&place, Fake::new(false)),
+        "server" => serve(&place, TestHost::new(false)),
         "waiter" => {
             let wait = Op::Wait {
                 plc: 0,
@@ -93,9 +93,9 @@ fn quick() -> Patience {
 #[test]
 fn a_client_killed_while_it_waits_does_not_disturb_the_others() {
     let place = Arc::new(Place::new());
-    let mut fake = Fake::new(false);
-    fake.frozen = true;
-    let emulator = Emulator::start_with(&place, fake);
+    let mut host = TestHost::new(false);
+    host.is_frozen = true;
+    let emulator = Emulator::start_with(&place, host);
     let client = place.client();
     let waiter = Process::spawn(&place, "waiter");
     until("the child waits", || client.peek(0, REG + 2, Width::Word).unwrap() == 1);

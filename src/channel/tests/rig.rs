@@ -1,10 +1,11 @@
-//! A server on a thread of its own with a fake emulator, and bells that work between processes.
+//! A server on a thread of its own with a plant, and bells that work between processes.
 
 use crate::channel::client::Patience;
 use crate::channel::domain::{Domain, tag};
 use crate::channel::shm;
-use crate::channel::testing::Fake;
-use crate::channel::{Bells, Client, ClientError, Machine, Server, ServerError};
+use crate::channel::{Bells, Client, ClientError, Server, ServerError};
+use crate::request::Host;
+use crate::request::testing::TestHost;
 use memmap2::MmapRaw;
 use rustix::thread::futex;
 use std::fs::OpenOptions;
@@ -170,18 +171,18 @@ impl Drop for Place {
     }
 }
 
-/// Runs the firmware thread until the fake is asked to stop.
-pub fn serve(place: &Place, mut fake: Fake) {
+/// Runs the firmware thread until it is asked to stop.
+pub fn serve(place: &Place, mut host: TestHost) {
     let bells = place.bells();
     let mut server = place.server().unwrap();
-    while !fake.should_stop() {
+    while !host.should_stop() {
         let seen = bells.doorbell_count();
-        let answered = server.poll(&mut fake);
-        if !fake.stepped {
+        let answered = server.poll(&mut host);
+        if !host.is_stepped {
             // A clock that runs as fast as the loop, and stands still while nobody waits.
-            if server.waiting() > 0 && !fake.frozen {
-                let next = fake.next_event();
-                fake.run_to(next);
+            if server.waiting() > 0 && !host.is_frozen {
+                let next = host.next_event();
+                host.run_to(next);
                 continue;
             }
         }
@@ -201,14 +202,14 @@ pub struct Emulator {
 
 impl Emulator {
     pub fn start(place: &Arc<Place>, stepped: bool) -> Self {
-        Self::start_with(place, Fake::new(stepped))
+        Self::start_with(place, TestHost::new(stepped))
     }
 
-    pub fn start_with(place: &Arc<Place>, fake: Fake) -> Self {
-        let stop = Arc::clone(&fake.stop);
+    pub fn start_with(place: &Arc<Place>, host: TestHost) -> Self {
+        let stop = Arc::clone(&host.stop);
         let bells = place.bells();
         let place = Arc::clone(place);
-        let thread = std::thread::spawn(move || serve(&place, fake));
+        let thread = std::thread::spawn(move || serve(&place, host));
         Self { stop, bells, thread: Some(thread) }
     }
 

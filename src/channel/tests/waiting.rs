@@ -1,14 +1,14 @@
 use super::rig::{Emulator, LONG, Place};
 use crate::channel::client::Patience;
-use crate::channel::op::MAX_ADVANCE_US;
-use crate::channel::testing::Fake;
-use crate::channel::{Bells, ChannelError, ClientError, Op, Reply};
+use crate::channel::{Bells, ClientError};
 use crate::memory::Width;
+use crate::request::testing::{RAM, TestHost};
+use crate::request::{Code, MAX_ADVANCE_US, Op, Reply, Waited};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
-const REG: u32 = 100_000;
+const REG: u32 = RAM.start;
 
 fn wait(offset: u32, value: u32, within_us: u64) -> Op {
     Op::Wait { plc: 0, offset, width: Width::Word, mask: 0xFFFF, value, within_us }
@@ -27,7 +27,7 @@ fn waits_of_several_clients_end_when_their_register_matches() {
                 let ready = Op::Poke { plc: 0, offset: REG + 100, width: Width::Word, value: number };
                 let ops = [ready, wait(REG + 2 * number, 0x44, MAX_ADVANCE_US), Op::Info];
                 let replies = client.request(&ops).unwrap();
-                assert!(matches!(replies[1], Reply::Waited { value: 0x44, .. }), "{replies:?}");
+                assert!(matches!(replies[1], Reply::Waited(Waited { value: 0x44, .. })), "{replies:?}");
                 assert!(matches!(replies[2], Reply::Info(_)), "{replies:?}");
                 done.fetch_add(1, Ordering::Relaxed);
             });
@@ -48,8 +48,9 @@ fn a_wait_in_real_time_fails_after_its_emulated_time() {
     let client = place.client();
     client.poke(0, REG, Width::Word, 0x41).unwrap();
     match client.request(&[wait(REG, 0x44, 7_000), Op::Info]).unwrap().as_slice() {
-        [Reply::Error(ChannelError::WaitTimedOut { address, last: 0x41, .. }), Reply::NotExecuted] => {
-            assert_eq!(*address, Width::Word.at(REG));
+        [Reply::Error(refused), Reply::NotExecuted] => {
+            assert_eq!(refused.code, Code::NOT_IN_TIME);
+            assert!(matches!(refused.waited, Some(Waited { value: 0x41, time_us }) if time_us >= 7_000));
         }
         other => panic!("{other:?}"),
     }
@@ -58,8 +59,8 @@ fn a_wait_in_real_time_fails_after_its_emulated_time() {
 /// Runs a server with a real-time clock that stands still, polled as long as `client` runs.
 fn with_frozen_server(client: impl FnOnce(&Place) + Send) -> (usize, usize) {
     let place = Place::new();
-    let mut fake = Fake::new(false);
-    fake.frozen = true;
+    let mut host = TestHost::new(false);
+    host.is_frozen = true;
     let mut server = place.server().unwrap();
     let bells = place.bells();
     let over = AtomicBool::new(false);
@@ -72,13 +73,13 @@ fn with_frozen_server(client: impl FnOnce(&Place) + Send) -> (usize, usize) {
         });
         while !over.load(Ordering::Acquire) {
             let seen = bells.doorbell_count();
-            if server.poll(&mut fake) == 0 {
+            if server.poll(&mut host) == 0 {
                 bells.wait_doorbell(seen, Duration::from_millis(20));
             }
             most_waiting = most_waiting.max(server.waiting());
         }
     });
-    server.poll(&mut fake);
+    server.poll(&mut host);
     let left = server.waiting();
     server.close();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
@@ -104,9 +105,9 @@ fn a_client_that_gives_up_is_forgotten_and_may_ask_again() {
 #[test]
 fn closing_answers_those_who_wait() {
     let place = Arc::new(Place::new());
-    let mut fake = Fake::new(false);
-    fake.frozen = true;
-    let emulator = Emulator::start_with(&place, fake);
+    let mut host = TestHost::new(false);
+    host.is_frozen = true;
+    let emulator = Emulator::start_with(&place, host);
     std::thread::scope(|scope| {
         let waiter = scope.spawn(|| {
             let here = Op::Poke { plc: 0, offset: REG + 2, width: Width::Word, value: 1 };
@@ -116,6 +117,7 @@ fn closing_answers_those_who_wait() {
         while other.peek(0, REG + 2, Width::Word).unwrap() == 0 {}
         emulator.end();
         let replies = waiter.join().unwrap().unwrap();
-        assert_eq!(replies, [Reply::Written, Reply::Error(ChannelError::ShuttingDown)]);
+        let [Reply::Written, Reply::Error(refused)] = &replies[..] else { panic!("{replies:?}") };
+        assert_eq!(refused.code, Code::SHUTTING_DOWN);
     });
 }

@@ -1,8 +1,8 @@
 use super::*;
-use crate::channel::Reply;
 use crate::channel::wire::{Block, ReplyBuffer, decode};
 use crate::journal::Journal;
 use crate::journal::samples::event;
+use crate::request::Reply;
 use proptest::prelude::*;
 
 fn record() -> impl Strategy<Value = Record> {
@@ -23,8 +23,13 @@ proptest! {
     #![proptest_config(crate::property_tests())]
 
     #[test]
-    fn records_come_back_as_they_were(record in record()) {
-        prop_assert_eq!(WireRecord::from(&record).record(), Some(record));
+    fn records_come_back_as_they_were(records in proptest::collection::vec(record(), 0..60), end in any::<u64>()) {
+        let sent = Reply::Journal { records, end };
+        let mut buffer = ReplyBuffer::default();
+        buffer.push(&sent).unwrap();
+        let mut replies = Vec::new();
+        decode(buffer.blocks(), &mut replies).unwrap();
+        prop_assert_eq!(replies, [sent]);
     }
 
     #[test]
@@ -44,29 +49,6 @@ proptest! {
             prop_assert_eq!(WireRecord::from(&record), wire);
         }
     }
-
-    #[test]
-    fn a_part_of_a_journal_comes_back_as_it_was(
-        events in proptest::collection::vec(event(), 0..60),
-        from in 0_u64..70,
-        max in 0_usize..80,
-    ) {
-        let mut journal = Journal::default();
-        for (time, event) in events.into_iter().enumerate() {
-            journal.push(time as u64, event);
-        }
-        let mut buffer = ReplyBuffer::default();
-        buffer.journal(&journal, from, max).unwrap();
-        let mut replies = Vec::new();
-        decode(buffer.blocks(), &mut replies).unwrap();
-        let [Reply::Journal { records, end }] = &replies[..] else { panic!("{replies:?}") };
-        prop_assert_eq!(*end, journal.end());
-        let noted: Vec<_> = journal.read(from).take(max).copied().collect();
-        prop_assert_eq!(&records[..noted.len()], &noted[..]);
-        let complete = journal.read(from).count() <= max;
-        let pending = if complete { journal.pending() } else { Vec::new() };
-        prop_assert_eq!(&records[noted.len()..], &pending[..]);
-    }
 }
 
 #[test]
@@ -74,7 +56,8 @@ fn a_record_cut_short_is_refused() {
     let mut journal = Journal::default();
     journal.push(1, Event::SyncEdge { bus: 0 });
     let mut buffer = ReplyBuffer::default();
-    buffer.journal(&journal, 0, 10).unwrap();
+    let records = journal.read(0).copied().collect();
+    buffer.push(&Reply::Journal { records, end: 0 }).unwrap();
     let mut blocks: Vec<Block> = buffer.blocks().to_vec();
     blocks[0].data_len -= 1;
     assert!(decode(&blocks, &mut Vec::new()).is_err());

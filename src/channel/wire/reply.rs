@@ -1,27 +1,28 @@
-//! Replies on the wire: building them without allocation, and the checked way back.
+//! Replies on the wire: blocks made of them, and the checked way back.
 
 use super::fault::WireFault;
 use super::findings::WireEntry;
 use super::journal::WireRecord;
-use super::{Block, MAX_REPLY_BLOCKS, error, forces, info, reply_kind};
-use crate::channel::op::InstanceInfo;
-use crate::channel::{ChannelError, Reply};
-use crate::check::{Entry, Findings};
+use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, reply_kind};
+use crate::check::Entry;
 use crate::fault::FaultStatus;
-use crate::journal::{Journal, Record};
+use crate::journal::Record;
 use crate::memory::header::BoardState;
-use crate::plant::Forced;
+use crate::request::{Code, InstanceInfo, Refused, Reply, Waited};
 use zerocopy::{FromBytes, IntoBytes};
 
-/// Blocks an error takes; they are kept free so that a reply too long can say so.
-const ERROR_BLOCKS: usize = 1 + blocks_for(size_of::<error::Numbers>());
+/// Longest text of an error in bytes; what is longer is cut.
+const MAX_TEXT: usize = 1020;
+/// Blocks an error takes at most; they are kept free so that a reply too long can say so.
+const ERROR_BLOCKS: usize = 1 + blocks_for(size_of::<u32>() + MAX_TEXT);
 
 /// Blocks that `len` bytes of data take.
 const fn blocks_for(len: usize) -> usize {
     len.div_ceil(size_of::<Block>())
 }
 
-/// A reply being built. Cleared and used again, so that a request in the steady state allocates nothing.
+/// The replies of a request being built. Cleared and used again, so that registers and time need no memory in the steady
+/// state.
 #[derive(Debug, Default)]
 pub struct ReplyBuffer {
     blocks: Vec<Block>,
@@ -38,156 +39,82 @@ impl ReplyBuffer {
         self.blocks.clear();
     }
 
-    /// Takes back everything after the first `len` blocks.
-    fn truncate(&mut self, len: usize) {
-        self.blocks.truncate(len);
+    /// Appends a reply.
+    ///
+    /// # Errors
+    /// There is no room for it, and nothing was appended.
+    pub fn push(&mut self, reply: &Reply) -> Result<(), Refused> {
+        let only = |kind| (kind, 0, 0);
+        match reply {
+            Reply::Value(value) => self.append((reply_kind::VALUE, 0, u64::from(*value)), &[]),
+            Reply::Written => self.append(only(reply_kind::WRITTEN), &[]),
+            Reply::Exchanged { ok, found } => {
+                self.append((reply_kind::EXCHANGED, u16::from(*ok), u64::from(*found)), &[])
+            }
+            Reply::Bytes(bytes) => self.append(only(reply_kind::BYTES), bytes),
+            Reply::Waited(Waited { time_us, value }) => {
+                self.append((reply_kind::WAITED, 0, *time_us), value.as_bytes())
+            }
+            Reply::Time(time_us) => self.append((reply_kind::TIME, 0, *time_us), &[]),
+            Reply::Journal { records, end } => {
+                let records: Vec<_> = records.iter().map(WireRecord::from).collect();
+                self.append((reply_kind::JOURNAL, 0, *end), records.as_bytes())
+            }
+            Reply::Forces(forced) => self.append(only(reply_kind::FORCES), &forces::encode(forced)),
+            Reply::FaultAdded { id } => self.append((reply_kind::FAULT_ADDED, 0, u64::from(*id)), &[]),
+            Reply::Faults(faults) => {
+                let faults: Vec<_> = faults.iter().map(WireFault::from).collect();
+                self.append(only(reply_kind::FAULTS), faults.as_bytes())
+            }
+            Reply::FaultsCleared { count } => {
+                self.append((reply_kind::FAULTS_CLEARED, 0, u64::from(*count)), &[])
+            }
+            Reply::Board(state) => self.append(only(reply_kind::BOARD), state.as_bytes()),
+            Reply::Findings(entries) => {
+                let entries: Vec<_> = entries.iter().map(WireEntry::from).collect();
+                self.append(only(reply_kind::FINDINGS), entries.as_bytes())
+            }
+            Reply::Cleared => self.append(only(reply_kind::CLEARED), &[]),
+            Reply::Info(info) => {
+                // Into a vector, writing cannot fail.
+                let bytes = postcard::to_allocvec(&**info).unwrap_or_default();
+                self.append(only(reply_kind::INFO), &bytes)
+            }
+            Reply::Stopping => self.append(only(reply_kind::STOPPING), &[]),
+            Reply::Error(refused) => {
+                self.error(refused);
+                Ok(())
+            }
+            Reply::NotExecuted => Ok(()),
+        }
     }
 
-    fn head(&mut self, kind: u16, code: u16, value: u64, data_len: usize) -> Result<(), ChannelError> {
-        let blocks = self.blocks.len() + 1 + blocks_for(data_len);
-        if blocks > MAX_REPLY_BLOCKS - ERROR_BLOCKS {
-            return Err(ChannelError::ReplyTooLong);
+    /// Appends an error, for which there is always room: it is the last reply of a request.
+    pub fn error(&mut self, refused: &Refused) {
+        let Waited { time_us, value } = refused.waited.unwrap_or_default();
+        let text = &refused.text[..refused.text.floor_char_boundary(MAX_TEXT)];
+        let data = [value.as_bytes(), text.as_bytes()].concat();
+        self.add((reply_kind::ERROR, refused.code.0, time_us), &data);
+    }
+
+    fn append(&mut self, head: (u16, u16, u64), data: &[u8]) -> Result<(), Refused> {
+        if self.blocks.len() + 1 + blocks_for(data.len()) > MAX_REPLY_BLOCKS - ERROR_BLOCKS {
+            let text = format_args!(
+                "the replies of one request may have {MAX_REPLY_BYTES} bytes in all; spread it over several requests"
+            );
+            return Err(Refused::new(Code::REPLY_TOO_LONG, text));
         }
-        self.blocks.push(Block { kind, code, data_len: data_len as u32, value });
+        self.add(head, data);
         Ok(())
     }
 
-    fn data(&mut self, data: &[u8]) {
+    fn add(&mut self, (kind, code, value): (u16, u16, u64), data: &[u8]) {
+        self.blocks.push(Block { kind, code, data_len: data.len() as u32, value });
         let start = self.blocks.len();
         self.blocks.resize(start + blocks_for(data.len()), Block::default());
         if let Some(room) = self.blocks[start..].as_mut_bytes().get_mut(..data.len()) {
             room.copy_from_slice(data);
         }
-    }
-
-    /// Appends the value of a register.
-    ///
-    /// # Errors
-    /// [`ChannelError::ReplyTooLong`], as for all the functions below.
-    pub fn value(&mut self, value: u32) -> Result<(), ChannelError> {
-        self.head(reply_kind::VALUE, 0, value.into(), 0)
-    }
-
-    /// Appends that a register was written.
-    pub fn written(&mut self) -> Result<(), ChannelError> {
-        self.head(reply_kind::WRITTEN, 0, 0, 0)
-    }
-
-    /// Appends the outcome of a comparison.
-    pub fn exchanged(&mut self, outcome: Result<u32, u32>) -> Result<(), ChannelError> {
-        let (code, found) = match outcome {
-            Ok(found) => (1, found),
-            Err(found) => (0, found),
-        };
-        self.head(reply_kind::EXCHANGED, code, found.into(), 0)
-    }
-
-    /// Appends `len` bytes that `fill` writes. If it fails, nothing is appended.
-    pub fn bytes(
-        &mut self,
-        len: usize,
-        fill: impl FnOnce(&mut [u8]) -> Result<(), ChannelError>,
-    ) -> Result<(), ChannelError> {
-        let start = self.blocks.len();
-        self.head(reply_kind::BYTES, 0, 0, len)?;
-        self.blocks.resize(start + 1 + blocks_for(len), Block::default());
-        let filled = self.blocks[start + 1..].as_mut_bytes().get_mut(..len).map_or(Ok(()), fill);
-        if filled.is_err() {
-            self.truncate(start);
-        }
-        filled
-    }
-
-    /// Appends when and with which value a register matched.
-    pub fn waited(&mut self, time_us: u64, value: u32) -> Result<(), ChannelError> {
-        self.head(reply_kind::WAITED, 0, time_us, size_of::<u32>())?;
-        self.data(value.as_bytes());
-        Ok(())
-    }
-
-    /// Appends the time after an advance.
-    pub fn advanced(&mut self, time_us: u64) -> Result<(), ChannelError> {
-        self.head(reply_kind::ADVANCED, 0, time_us, 0)
-    }
-
-    /// Appends the journal's records from number `from` on, `max` at most. If they reach its end, those that are
-    /// still being counted follow.
-    pub fn journal(&mut self, journal: &Journal, from: u64, max: usize) -> Result<(), ChannelError> {
-        let records = journal.read(from);
-        let all = records.len() <= max;
-        let pending = if all { journal.pending() } else { Vec::new() };
-        let count = records.len().min(max) + pending.len();
-        self.head(reply_kind::JOURNAL, 0, journal.end(), count * size_of::<WireRecord>())?;
-        for record in records.take(max).chain(&pending) {
-            self.data(WireRecord::from(record).as_bytes());
-        }
-        Ok(())
-    }
-
-    /// Appends the forced registers.
-    pub fn forces(&mut self, forced: &[Forced]) -> Result<(), ChannelError> {
-        self.bytes_of_kind(reply_kind::FORCES, &forces::encode(forced))
-    }
-
-    /// Appends the number of a fault that was added.
-    pub fn fault_added(&mut self, id: u16) -> Result<(), ChannelError> {
-        self.head(reply_kind::FAULT_ADDED, 0, id.into(), 0)
-    }
-
-    /// Appends the faults that wait or act.
-    pub fn faults(&mut self, faults: &[FaultStatus]) -> Result<(), ChannelError> {
-        let faults: Vec<_> = faults.iter().map(WireFault::from).collect();
-        self.bytes_of_kind(reply_kind::FAULTS, faults.as_bytes())
-    }
-
-    /// Appends how many faults were cleared.
-    pub fn faults_cleared(&mut self, count: u16) -> Result<(), ChannelError> {
-        self.head(reply_kind::FAULTS_CLEARED, 0, count.into(), 0)
-    }
-
-    /// Appends what the access checker has found.
-    pub fn findings(&mut self, findings: &Findings) -> Result<(), ChannelError> {
-        self.head(reply_kind::FINDINGS, 0, 0, findings.len() * size_of::<WireEntry>())?;
-        for entry in findings.iter() {
-            self.data(WireEntry::from(entry).as_bytes());
-        }
-        Ok(())
-    }
-
-    /// Appends that this is forgotten.
-    pub fn cleared(&mut self) -> Result<(), ChannelError> {
-        self.head(reply_kind::CLEARED, 0, 0, 0)
-    }
-
-    /// Appends what the instance says about itself.
-    pub fn info(&mut self, information: &InstanceInfo) -> Result<(), ChannelError> {
-        let mut bytes = Vec::new();
-        info::encode(information, &mut bytes);
-        self.bytes_of_kind(reply_kind::INFO, &bytes)
-    }
-
-    fn bytes_of_kind(&mut self, kind: u16, bytes: &[u8]) -> Result<(), ChannelError> {
-        self.head(kind, 0, 0, bytes.len())?;
-        self.data(bytes);
-        Ok(())
-    }
-
-    /// Appends what a board looks like.
-    pub fn board(&mut self, state: &BoardState) -> Result<(), ChannelError> {
-        self.bytes_of_kind(reply_kind::BOARD, state.as_bytes())
-    }
-
-    /// Appends that the emulator is going to end.
-    pub fn stopping(&mut self) -> Result<(), ChannelError> {
-        self.head(reply_kind::STOPPING, 0, 0, 0)
-    }
-
-    /// Appends an error, for which there is always room: it is the last reply of a request.
-    pub fn error(&mut self, error: &ChannelError) {
-        let (code, numbers) = error::encode(error);
-        let data_len = size_of_val(&numbers) as u32;
-        self.blocks.push(Block { kind: reply_kind::ERROR, code, data_len, value: 0 });
-        self.data(numbers.as_bytes());
     }
 }
 
@@ -226,8 +153,10 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::WRITTEN => Reply::Written,
         reply_kind::EXCHANGED => Reply::Exchanged { ok: flag(head.code)?, found: value.try_into().ok()? },
         reply_kind::BYTES => Reply::Bytes(data.to_vec()),
-        reply_kind::WAITED => Reply::Waited { time_us: value, value: u32::read_from_bytes(data).ok()? },
-        reply_kind::ADVANCED => Reply::Advanced { time_us: value },
+        reply_kind::WAITED => {
+            Reply::Waited(Waited { time_us: value, value: u32::read_from_bytes(data).ok()? })
+        }
+        reply_kind::TIME => Reply::Time(value),
         reply_kind::JOURNAL => Reply::Journal { records: journal_records(data)?, end: value },
         reply_kind::FORCES => Reply::Forces(forces::decode(data)?),
         reply_kind::FAULT_ADDED => Reply::FaultAdded { id: value.try_into().ok()? },
@@ -236,13 +165,22 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::BOARD => Reply::Board(BoardState::read_from_bytes(data).ok()?),
         reply_kind::FINDINGS => Reply::Findings(entries(data)?),
         reply_kind::CLEARED => Reply::Cleared,
-        reply_kind::INFO => Reply::Info(Box::new(info::decode(data)?)),
+        reply_kind::INFO => Reply::Info(Box::new(info(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
-        reply_kind::ERROR => {
-            Reply::Error(error::decode(head.code, error::Numbers::read_from_bytes(data).ok()?)?)
-        }
+        reply_kind::ERROR => Reply::Error(error(Code(head.code), value, data)?),
         _ => return None,
     })
+}
+
+fn error(code: Code, time_us: u64, data: &[u8]) -> Option<Refused> {
+    let (value, text) = u32::read_from_prefix(data).ok()?;
+    let waited = (code == Code::NOT_IN_TIME).then_some(Waited { time_us, value });
+    Some(Refused { code, text: str::from_utf8(text).ok()?.to_owned(), waited })
+}
+
+fn info(data: &[u8]) -> Option<InstanceInfo> {
+    let (info, rest) = postcard::take_from_bytes(data).ok()?;
+    rest.is_empty().then_some(info)
 }
 
 fn journal_records(data: &[u8]) -> Option<Vec<Record>> {

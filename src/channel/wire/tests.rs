@@ -1,19 +1,15 @@
 use super::*;
-use crate::channel::{ChannelError, InstanceInfo, Reply};
 use crate::fault::{
-    self, Effect, Fault, FaultStatus, FrameEffect, FrameSlot, Frames, Limit, NodeEffect, OffsetAt, Refusal,
-    SlaveEffect, SyncEffect,
+    Effect, Fault, FaultStatus, FrameEffect, FrameSlot, Frames, Limit, NodeEffect, OffsetAt, SlaveEffect,
+    SyncEffect,
 };
-use crate::memory::{Address, ClockMode};
+use crate::journal::Names;
 use crate::plant::Forced;
+use crate::request::{Code, InstanceInfo, Refused, Reply, Waited};
 use proptest::prelude::*;
 
 fn width() -> impl Strategy<Value = Width> {
     prop_oneof![Just(Width::Byte), Just(Width::Word), Just(Width::Dword)]
-}
-
-fn address() -> impl Strategy<Value = Address> {
-    (any::<u32>(), width()).prop_map(|(offset, width)| width.at(offset))
 }
 
 fn op() -> impl Strategy<Value = Op> {
@@ -38,6 +34,7 @@ fn op() -> impl Strategy<Value = Op> {
         any::<u64>().prop_map(|us| Op::Advance { us }),
         any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc, node }),
         any::<u64>().prop_map(|within_us| Op::AdvanceToEvent { within_us }),
+        Just(Op::Time),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Journal { from, max }),
         (register(), any::<u32>()).prop_map(|((plc, offset, width), value)| Op::Force {
             plc,
@@ -61,53 +58,13 @@ fn op() -> impl Strategy<Value = Op> {
     ]
 }
 
-fn field() -> impl Strategy<Value = Field> {
-    prop_oneof![
-        Just(Field::Kind),
-        Just(Field::Width),
-        Just(Field::Node),
-        Just(Field::Unused),
-        Just(Field::Fault),
-        Just(Field::Board)
-    ]
-}
-
-fn error() -> impl Strategy<Value = ChannelError> {
-    use ChannelError as E;
-    prop_oneof![
-        address().prop_map(|address| E::Unmapped { address }),
-        any::<(u32, u32, u32)>().prop_map(|(offset, len, hole)| E::RangeUnmapped { offset, len, hole }),
-        address().prop_map(|address| E::Misaligned { address }),
-        any::<(u32, u32)>().prop_map(|(offset, len)| E::RangeTooLong { offset, len }),
-        Just(E::ReplyTooLong),
-        (address(), any::<u32>()).prop_map(|(address, value)| E::ValueTooWide { address, value }),
-        (address(), any::<u32>(), any::<u32>()).prop_map(|(address, mask, value)| E::NeverMatches {
-            address,
-            mask,
-            value
-        }),
-        any::<(u16, u16)>().prop_map(|(plc, count)| E::UnknownPlc { plc, count }),
-        Just(E::ClockIsRealTime),
-        (address(), any::<u32>(), any::<u64>()).prop_map(|(address, last, time_us)| E::WaitTimedOut {
-            address,
-            last,
-            time_us
-        }),
-        any::<(u16, u8)>().prop_map(|(plc, node)| E::NoSync { plc, node }),
-        any::<u32>().prop_map(|count| E::TooManyOperations { count }),
-        (any::<u16>(), field(), any::<u32>()).prop_map(|(index, field, value)| E::Malformed {
-            index,
-            field,
-            value
-        }),
-        any::<u64>().prop_map(|us| E::AdvanceTooLong { us }),
-        Just(E::ShuttingDown),
-        (address(), address()).prop_map(|(asked, right)| E::NotWhole { asked, right }),
-        any::<u32>().prop_map(|count| E::TooManyForces { count }),
-        address().prop_map(|address| E::NotForced { address }),
-        any::<u16>().prop_map(|plc| E::StartRefused { plc }),
-        refusal().prop_map(E::Fault),
-    ]
+fn error() -> impl Strategy<Value = Refused> {
+    let waited = any::<(u64, u32)>().prop_map(|(time_us, value)| Waited { time_us, value });
+    (any::<u16>().prop_map(Code), ".*", waited).prop_map(|(code, text, waited)| Refused {
+        code,
+        text,
+        waited: (code == Code::NOT_IN_TIME).then_some(waited),
+    })
 }
 
 fn forced() -> impl Strategy<Value = Forced> {
@@ -117,27 +74,6 @@ fn forced() -> impl Strategy<Value = Forced> {
         width,
         value,
     })
-}
-
-fn refusal() -> impl Strategy<Value = Refusal> {
-    use Refusal as R;
-    let field = proptest::sample::select(&fault::Field::ALL[..]);
-    prop_oneof![
-        (field, any::<(u64, u64, u64)>()).prop_map(|(field, (value, least, most))| R::Range {
-            field,
-            value,
-            least,
-            most
-        }),
-        any::<(u16, u16)>().prop_map(|(id, mask)| R::NeverMatches { id, mask }),
-        Just(R::NotCounted),
-        any::<(u16, u16)>().prop_map(|(bus, count)| R::UnknownBus { bus, count }),
-        any::<(u16, u16)>().prop_map(|(plc, count)| R::UnknownPlc { plc, count }),
-        any::<(u16, u8, u32)>().prop_map(|(bus, slave, present)| R::NoSlave { bus, slave, present }),
-        any::<(u16, u8)>().prop_map(|(plc, node)| R::NoNode { plc, node }),
-        Just(R::TooMany),
-        any::<u16>().prop_map(|id| R::UnknownFault { id }),
-    ]
 }
 
 /// Any fault, whether its numbers are in range or not.
@@ -193,29 +129,23 @@ fn faults() -> impl Strategy<Value = Vec<FaultStatus>> {
 
 fn information() -> impl Strategy<Value = InstanceInfo> {
     let names = || proptest::collection::vec(".*", 0..4);
-    let mode = prop_oneof![Just(ClockMode::RealTime), Just(ClockMode::Stepped)];
-    let texts = (".*", ".*", names(), names());
-    (mode, any::<(u32, u64, u32, u32, u64, u32)>(), texts).prop_map(
-        |(
-            clock_mode,
-            (speed, time_us, generation, pid, layout_hash, abi_version),
-            (name, version, plcs, buses),
-        )| {
-            InstanceInfo {
-                name,
-                clock_mode,
-                speed,
-                time_us,
-                generation,
-                pid,
-                layout_hash,
-                abi_version,
-                version,
-                plcs,
-                buses,
-            }
-        },
-    )
+    let names = (names(), names()).prop_map(|(plcs, buses)| Names { plcs, buses });
+    let numbers = any::<(u32, u64, u32, u32, u64, u32)>();
+    (any::<bool>(), numbers, (".*", ".*"), names).prop_map(|(is_stepped, numbers, (name, version), names)| {
+        let (speed, time_us, generation, pid, layout_hash, abi_version) = numbers;
+        InstanceInfo {
+            name,
+            is_stepped,
+            speed,
+            time_us,
+            generation,
+            pid,
+            layout_hash,
+            abi_version,
+            version,
+            names,
+        }
+    })
 }
 
 fn reply() -> impl Strategy<Value = Reply> {
@@ -224,8 +154,8 @@ fn reply() -> impl Strategy<Value = Reply> {
         Just(Reply::Written),
         any::<(bool, u32)>().prop_map(|(ok, found)| Reply::Exchanged { ok, found }),
         proptest::collection::vec(any::<u8>(), 0..100).prop_map(Reply::Bytes),
-        any::<(u64, u32)>().prop_map(|(time_us, value)| Reply::Waited { time_us, value }),
-        any::<u64>().prop_map(|time_us| Reply::Advanced { time_us }),
+        any::<(u64, u32)>().prop_map(|(time_us, value)| Reply::Waited(Waited { time_us, value })),
+        any::<u64>().prop_map(Reply::Time),
         any::<u16>().prop_map(|id| Reply::FaultAdded { id }),
         faults().prop_map(Reply::Faults),
         any::<u16>().prop_map(|count| Reply::FaultsCleared { count }),
@@ -236,34 +166,6 @@ fn reply() -> impl Strategy<Value = Reply> {
         Just(Reply::Stopping),
         error().prop_map(Reply::Error),
     ]
-}
-
-fn push(buffer: &mut ReplyBuffer, reply: &Reply) -> Result<(), ChannelError> {
-    match reply {
-        Reply::Value(value) => buffer.value(*value),
-        Reply::Written => buffer.written(),
-        Reply::Exchanged { ok, found } => buffer.exchanged(if *ok { Ok(*found) } else { Err(*found) }),
-        Reply::Bytes(bytes) => buffer.bytes(bytes.len(), |to| {
-            to.copy_from_slice(bytes);
-            Ok(())
-        }),
-        Reply::Waited { time_us, value } => buffer.waited(*time_us, *value),
-        Reply::Advanced { time_us } => buffer.advanced(*time_us),
-        Reply::Journal { .. } | Reply::Findings(_) => unreachable!("tested with journals"),
-        Reply::Cleared => buffer.cleared(),
-        Reply::Forces(forces) => buffer.forces(forces),
-        Reply::FaultAdded { id } => buffer.fault_added(*id),
-        Reply::Faults(faults) => buffer.faults(faults),
-        Reply::FaultsCleared { count } => buffer.faults_cleared(*count),
-        Reply::Board(state) => buffer.board(state),
-        Reply::Info(information) => buffer.info(information),
-        Reply::Stopping => buffer.stopping(),
-        Reply::Error(error) => {
-            buffer.error(error);
-            Ok(())
-        }
-        Reply::NotExecuted => Ok(()),
-    }
 }
 
 proptest! {
@@ -295,7 +197,7 @@ proptest! {
     fn replies_come_back_as_they_were(sent in proptest::collection::vec(reply(), 0..8)) {
         let mut buffer = ReplyBuffer::default();
         for reply in &sent {
-            push(&mut buffer, reply).unwrap();
+            buffer.push(reply).unwrap();
         }
         let mut received = Vec::new();
         decode(buffer.blocks(), &mut received).unwrap();
@@ -311,7 +213,7 @@ proptest! {
     #[test]
     fn nearly_valid_replies_do_not_panic(sent in reply(), at in any::<prop::sample::Index>(), byte in any::<u8>()) {
         let mut buffer = ReplyBuffer::default();
-        push(&mut buffer, &sent).unwrap();
+        buffer.push(&sent).unwrap();
         let mut blocks = buffer.blocks().to_vec();
         let at = at.index(blocks.len() * 16);
         blocks.as_mut_slice().as_mut_bytes()[at] = byte;
@@ -322,46 +224,39 @@ proptest! {
 #[test]
 fn fields_without_meaning_are_named() {
     let peek = WireOp::from(&Op::Peek { plc: 0, offset: 200_000, width: Width::Word });
-    let bad = |wire| Op::try_from(wire).unwrap_err();
-    assert_eq!(bad(WireOp { kind: 77, ..peek }), BadField { field: Field::Kind, value: 77 });
-    assert_eq!(bad(WireOp { width: 3, ..peek }), BadField { field: Field::Width, value: 3 });
-    assert_eq!(bad(WireOp { reserved: 1, ..peek }).field, Field::Unused);
-    assert_eq!(bad(WireOp { time_us: 1, ..peek }).field, Field::Unused);
+    let bad = |wire: WireOp| Op::try_from(wire).unwrap_err().to_string();
+    assert_eq!(bad(WireOp { kind: 77, ..peek }), "the kind is 16#4D");
+    assert_eq!(bad(WireOp { width: 3, ..peek }), "the width is 16#3");
+    assert_eq!(bad(WireOp { reserved: 1, ..peek }), "an unused field is 16#1");
+    assert_eq!(bad(WireOp { time_us: 1, ..peek }), "an unused field is 16#1");
     let sync = WireOp::from(&Op::AdvanceToSync { plc: 0, node: 1 });
-    assert_eq!(bad(WireOp { node: 256, ..sync }), BadField { field: Field::Node, value: 256 });
+    assert_eq!(bad(WireOp { node: 256, ..sync }), "the node is 16#100");
 }
 
 #[test]
 fn a_reply_too_long_still_has_room_to_say_so() {
     let mut buffer = ReplyBuffer::default();
-    let full = MAX_RANGE as usize;
+    let full = Reply::Bytes(vec![1; MAX_RANGE as usize]);
     for _ in 0..4 {
-        buffer.bytes(full, |_| Ok(())).unwrap();
+        buffer.push(&full).unwrap();
     }
-    assert_eq!(buffer.bytes(full, |_| Ok(())), Err(ChannelError::ReplyTooLong));
-    buffer.error(&ChannelError::ReplyTooLong);
+    let before = buffer.blocks().len();
+    let refused = buffer.push(&full).unwrap_err();
+    assert_eq!((refused.code, buffer.blocks().len()), (Code::REPLY_TOO_LONG, before));
+    buffer.error(&Refused { text: "x".repeat(10_000), ..refused });
     assert!(buffer.blocks().len() <= MAX_REPLY_BLOCKS);
     let mut replies = Vec::new();
     decode(buffer.blocks(), &mut replies).unwrap();
     assert_eq!(replies.len(), 5);
-    assert_eq!(replies[4], Reply::Error(ChannelError::ReplyTooLong));
+    assert!(matches!(&replies[4], Reply::Error(refused) if refused.text.len() == 1020));
 }
 
 #[test]
 fn the_largest_request_of_small_operations_fits_its_reply() {
     let mut buffer = ReplyBuffer::default();
     for _ in 0..MAX_OPS {
-        buffer.waited(u64::MAX, u32::MAX).unwrap();
+        buffer.push(&Reply::Waited(Waited { time_us: u64::MAX, value: u32::MAX })).unwrap();
     }
-}
-
-#[test]
-fn a_failed_range_leaves_nothing_behind() {
-    let mut buffer = ReplyBuffer::default();
-    buffer.value(7).unwrap();
-    let error = ChannelError::RangeUnmapped { offset: 1, len: 32, hole: 2 };
-    assert_eq!(buffer.bytes(32, |_| Err(error)), Err(error));
-    assert_eq!(buffer.blocks().len(), 1);
 }
 
 /// The operations that `docs/channel.md` lists are those that exist, but for the four that it names in a sentence.
@@ -378,7 +273,7 @@ fn the_channels_page_lists_every_operation() {
     documented.sort_unstable();
     let exists = |kind: &u16| {
         let op = WireOp { kind: *kind, width: 2, ..WireOp::default() };
-        !matches!(Op::try_from(op), Err(BadField { field: Field::Kind, .. }))
+        !matches!(Op::try_from(op), Err(BadField { field: "the kind", .. }))
     };
     assert_eq!(documented, (0..=u16::MAX).filter(exists).collect::<Vec<_>>());
 }

@@ -1,17 +1,16 @@
 //! Reading the journal to its end, and on from there.
 
-use super::{Args, FormatArg, wrong_reply};
+use super::{Args, FormatArg};
 use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::cli::pause::{Look, Pause, Wake};
 use crate::cli::session::Session;
 use crate::cli::time;
-use commram::channel::op::MAX_RECORDS;
-use commram::channel::{Op, Reply};
 use commram::journal::candump::Candump;
 use commram::journal::jsonl::Jsonl;
 use commram::journal::text::Text;
 use commram::journal::{Format, Names, Printer, Record, Selection};
+use commram::request::{MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 
 /// Prints what there is, and what comes if asked for.
@@ -22,7 +21,6 @@ pub fn print(args: &Args, session: &Session, selection: Selection, names: Names)
         FormatArg::Candump => Box::new(Candump::new(&names)),
     };
     let mut trace = Trace {
-        args,
         session,
         printer: Printer::new(format, selection, args.from),
         out: Out { lines: VecDeque::new(), keep: args.last },
@@ -48,7 +46,6 @@ pub fn print(args: &Args, session: &Session, selection: Selection, names: Names)
 }
 
 struct Trace<'a> {
-    args: &'a Args,
     session: &'a Session,
     printer: Printer,
     out: Out,
@@ -61,8 +58,7 @@ impl Trace<'_> {
     fn read(&mut self) -> Result<(), CliError> {
         loop {
             let from = self.printer.next();
-            let reply = self.session.request(&[Op::Journal { from, max: MAX_RECORDS }])?.pop();
-            let Some(Reply::Journal { records, end }) = reply else { return Err(wrong_reply(self.args)) };
+            let (records, end) = self.session.ask(Op::Journal { from, max: MAX_RECORDS })?.journal()?;
             self.counting.clear();
             self.printer.begin_part();
             for record in records {
@@ -80,7 +76,7 @@ impl Trace<'_> {
             }
             // Without progress there would be no end.
             if self.printer.next() == from {
-                return Err(wrong_reply(self.args));
+                return Err(WrongReply.into());
             }
         }
     }

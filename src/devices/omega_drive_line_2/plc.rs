@@ -9,10 +9,11 @@ use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
 use crate::devices::omega_drive_line_2::board::Board;
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
-use crate::devices::omega_drive_line_2::registers::{BAPS, ETHERNET_CONFIG, NODE1, NODE2};
+use crate::devices::omega_drive_line_2::registers::{BAPS, DEVICE, ETHERNET_CONFIG, NODE1, NODE2};
 use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
 use crate::fault::{Effect, Faults, NodeEffect};
 use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
+use crate::layout;
 use crate::layout::flags::{RETAIN_OFFSET, is_flag};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, View, Width};
@@ -119,6 +120,10 @@ impl Device for Plc {
 
     fn segment(&self) -> &Segment {
         &self.segment
+    }
+
+    fn layout(&self) -> &'static layout::Device {
+        &DEVICE
     }
 
     fn board(&self) -> BoardState {

@@ -15,7 +15,7 @@ impl Bench {
     /// There is no such PLC.
     pub fn board(&mut self, plc: &str) -> Result<BoardState, ScenarioError> {
         let plc = self.only_plc(plc)?;
-        Ok(self.backend.board(plc)?)
+        self.board_of(plc)
     }
 
     /// Turns switches, in the words of `commram board set`: `dip=5 switch=stop`, `line2:power=off`, `start=cold`. All
@@ -33,7 +33,7 @@ impl Bench {
             return Err(ScenarioError::argument(words, "write NAME=VALUE, for example dip=5"));
         }
         for (plc, setting) in settings {
-            self.backend.set_board(plc, setting)?;
+            self.turn(plc, setting)?;
         }
         Ok(())
     }
@@ -44,7 +44,7 @@ impl Bench {
     /// There is no such PLC.
     pub fn reset(&mut self, plc: &str) -> Result<(), ScenarioError> {
         let plc = self.only_plc(plc)?;
-        Ok(self.backend.set_board(plc, BoardSetting::Reset)?)
+        self.turn(plc, BoardSetting::Reset)
     }
 
     /// Switches the supply of a PLC off and on; `""` is the only PLC.
@@ -53,7 +53,7 @@ impl Bench {
     /// There is no such PLC.
     pub fn power_cycle(&mut self, plc: &str) -> Result<(), ScenarioError> {
         let plc = self.only_plc(plc)?;
-        Ok(self.backend.set_board(plc, BoardSetting::PowerCycle)?)
+        self.turn(plc, BoardSetting::PowerCycle)
     }
 
     /// Gives a retain flag the initial value that every cold start writes, as a program's declaration does:

@@ -3,7 +3,6 @@
 use super::Bench;
 use super::register::Register;
 use crate::layout::Live;
-use crate::script::backend::Waited;
 use crate::script::{ScenarioError, Span, Value};
 use crate::time::{seconds, short};
 use core::panic::Location;
@@ -81,7 +80,7 @@ impl Bench {
     pub(super) fn pass(&mut self, deadline: u64) -> Result<bool, ScenarioError> {
         let left_us = deadline.saturating_sub(self.now()?);
         if left_us > 0 {
-            self.backend.advance_to_event(left_us)?;
+            self.advance_to_event(left_us)?;
         }
         Ok(left_us > 0)
     }
@@ -128,7 +127,7 @@ impl Bench {
         let at = Location::caller();
         let register = self.register(register)?;
         let bits = value.into().bits(&register.place)?;
-        let found = self.backend.load(register.spot)?;
+        let found = self.load(register.spot)?;
         let live = self.live(&register)?;
         let ty = register.place.ty(live);
         let (wanted, actual) = (ty.number(bits), register.number(live, found));
@@ -171,10 +170,9 @@ impl Bench {
     ) -> Result<u64, ScenarioError> {
         let us = self.span(within)?;
         let start = self.now()?;
-        let Waited { matched, value: found } = self.backend.wait(register.spot, mask, value, us)?;
-        if matched {
+        let Err(found) = self.wait_op(register.spot, mask, value, us)? else {
             return Ok(self.now()? - start);
-        }
+        };
         let live = self.live(register)?;
         let expected = expected(register, live, mask, value);
         let what = format!(
@@ -194,7 +192,7 @@ impl Bench {
         value: u32,
         at: &Location<'_>,
     ) -> Result<(), ScenarioError> {
-        let found = self.backend.load(register.spot)?;
+        let found = self.load(register.spot)?;
         if found & mask == value {
             return Ok(());
         }

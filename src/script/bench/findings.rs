@@ -2,6 +2,7 @@
 
 use super::Bench;
 use crate::check::{Entry, Rule};
+use crate::request::Op;
 use crate::script::ScenarioError;
 use crate::time::seconds;
 use core::panic::Location;
@@ -12,7 +13,7 @@ impl Bench {
     /// # Errors
     /// The instance has gone.
     pub fn findings(&mut self) -> Result<Vec<Entry>, ScenarioError> {
-        Ok(self.backend.findings()?)
+        self.entries()
     }
 
     /// Forgets what the access checker has found.
@@ -20,7 +21,7 @@ impl Bench {
     /// # Errors
     /// The instance has gone.
     pub fn clear_findings(&mut self) -> Result<(), ScenarioError> {
-        Ok(self.backend.clear_findings()?)
+        Ok(self.ask(Op::ClearFindings)?.cleared()?)
     }
 
     /// Expects that the access checker has found nothing, neither errors nor warnings, but for these rules.

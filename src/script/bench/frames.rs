@@ -168,7 +168,7 @@ impl Bench {
     /// # Errors
     /// The instance has gone.
     pub fn journal(&mut self, since: u64) -> Result<Vec<Record>, ScenarioError> {
-        let (mut records, _) = self.backend.journal(0)?;
+        let (mut records, _) = self.records(0)?;
         records.retain(|record| record.time_us >= since);
         Ok(records)
     }
@@ -182,9 +182,9 @@ impl Bench {
     ) -> Result<Option<SeenFrame>, ScenarioError> {
         let (bus, us) = (self.bus(bus)?, self.span(within)?);
         let deadline = self.now()? + us;
-        let mut next = self.backend.journal_end()?;
+        let mut next = self.journal_end()?;
         loop {
-            let (records, end) = self.backend.journal(next)?;
+            let (records, end) = self.records(next)?;
             next = end;
             let mut frames = records.iter().filter_map(|record| frame_of(record, bus));
             if let Some(found) = frames.find(|seen| pattern.matches(&seen.frame)) {

@@ -1,10 +1,11 @@
 //! Verbs that interfere with the plant: forced registers and faults.
 
 use super::Bench;
+use super::ask::Spot;
 use super::register::Register;
-use crate::fault::{FaultError, FaultSpec, Refusal};
+use crate::fault::{FaultSpec, Refusal};
 use crate::plant::Forced;
-use crate::script::backend::{BackendError, Spot};
+use crate::request::{Code, Op, Refused};
 use crate::script::{ScenarioError, Value};
 use core::num::NonZeroU16;
 
@@ -15,8 +16,9 @@ impl Bench {
     /// There is no such register, it cannot hold the value, it is a single bit, or too many are forced.
     pub fn force(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let register = self.whole_register(register)?;
-        let bits = value.into().bits(&register.place)?;
-        Ok(self.backend.force(register.spot, bits)?)
+        let value = value.into().bits(&register.place)?;
+        let Spot { plc, offset, width } = register.spot;
+        Ok(self.ask(Op::Force { plc, offset, width, value })?.written()?)
     }
 
     /// Lets a forced register go; it keeps its value until somebody writes it.
@@ -25,12 +27,13 @@ impl Bench {
     /// There is no such register, or it is not forced.
     pub fn unforce(&mut self, text: &str) -> Result<(), ScenarioError> {
         let register = self.whole_register(text)?;
-        self.backend.unforce(register.spot).map_err(|error| match error {
-            BackendError::NotForced { .. } => {
-                ScenarioError::argument(text, &format!("{} is not forced", register.place.address()))
+        let Spot { plc, offset, width } = register.spot;
+        match self.ask(Op::Unforce { plc, offset, width }) {
+            Err(ScenarioError::Refused(refused)) if refused.code == Code::NOT_FORCED => {
+                Err(ScenarioError::argument(text, &refused.text))
             }
-            other => other.into(),
-        })
+            reply => Ok(reply?.written()?),
+        }
     }
 
     /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number.
@@ -42,10 +45,7 @@ impl Bench {
         let kind = words.next().unwrap_or_default();
         let spec = FaultSpec::from_words(kind, &words.collect::<Vec<_>>())?;
         let fault = spec.resolve(&self.names)?;
-        self.backend.add_fault(fault).map_err(|error| match error {
-            BackendError::Fault(refusal) => FaultError::refused(fault.kind(), refusal, &self.names).into(),
-            other => other.into(),
-        })
+        Ok(self.ask(Op::FaultAdd { fault })?.fault_added()?)
     }
 
     /// Clears the fault of this number. What it has done stays done.
@@ -53,8 +53,9 @@ impl Bench {
     /// # Errors
     /// There is no such fault; it may have ended.
     pub fn clear_fault(&mut self, number: u16) -> Result<(), ScenarioError> {
-        let known = NonZeroU16::new(number).ok_or(Refusal::UnknownFault { id: number });
-        Ok(self.backend.clear_faults(Some(known.map_err(BackendError::Fault)?))?)
+        let id = NonZeroU16::new(number).ok_or(Refused::from(Refusal::UnknownFault { id: number }))?;
+        self.ask(Op::FaultClear { id: Some(id) })?.faults_cleared()?;
+        Ok(())
     }
 
     /// Clears all faults.
@@ -62,7 +63,8 @@ impl Bench {
     /// # Errors
     /// The instance has gone.
     pub fn clear_faults(&mut self) -> Result<(), ScenarioError> {
-        Ok(self.backend.clear_faults(None)?)
+        self.ask(Op::FaultClear { id: None })?.faults_cleared()?;
+        Ok(())
     }
 
     pub(super) fn is_forced(&mut self, register: &Register) -> Result<bool, ScenarioError> {
@@ -70,6 +72,6 @@ impl Bench {
         // Only whole registers are forced; a single bit may lie behind the first byte of one.
         let is_there =
             |it: &Forced| it.plc == plc && (it.offset..it.offset + it.width.bytes()).contains(&offset);
-        Ok(self.backend.forces()?.iter().any(is_there))
+        Ok(self.forces()?.iter().any(is_there))
     }
 }

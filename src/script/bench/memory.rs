@@ -4,6 +4,7 @@ use super::Bench;
 use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::place::{is_live, live_by, status_of, without_twins};
 use crate::layout::{Area, Live, RegisterRef, split_plc};
+use crate::request::Op;
 use crate::script::ScenarioError;
 use core::panic::Location;
 
@@ -64,7 +65,8 @@ impl Bench {
 
     fn copy(&mut self, plc: u16, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {
         let len = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
-        Ok(MemoryCopy { plc, area, bytes: self.backend.read_range(plc, area.first, len)? })
+        let bytes = self.ask(Op::ReadRange { plc, offset: area.first, len })?.bytes()?;
+        Ok(MemoryCopy { plc, area, bytes })
     }
 
     /// The registers that have changed since the snapshot, in the order of their addresses.

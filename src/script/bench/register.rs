@@ -1,10 +1,10 @@
 //! Which register, PLC or bus a name means.
 
+use super::ask::Spot;
 use super::{Bench, memory};
 use crate::layout::place::live_by;
 use crate::layout::{Area, Live, Place, plc_prefix, split_plc};
 use crate::script::ScenarioError;
-use crate::script::backend::Spot;
 
 /// A register of the plant.
 pub(super) struct Register {
@@ -71,7 +71,7 @@ impl Bench {
     pub(super) fn register(&self, text: &str) -> Result<Register, ScenarioError> {
         let place = Place::parse(text)?;
         let plc = self.plc(place.plc.as_deref(), place.text())?;
-        let spot = Spot { plc, offset: place.offset(), width: place.width() };
+        let spot = Spot::new(plc, place.address());
         Ok(Register { place, spot, prefix: self.prefix(plc) })
     }
 
@@ -111,9 +111,7 @@ impl Bench {
     /// Which of overlaid structures is live where the register lies.
     pub(super) fn live(&mut self, register: &Register) -> Result<Live, ScenarioError> {
         let Some(status) = register.place.status() else { return Ok(Live::Cyclic) };
-        let address = status.address();
-        let spot = Spot { plc: register.spot.plc, offset: address.offset(), width: address.width() };
-        Ok(live_by(self.backend.load(spot)?))
+        Ok(live_by(self.load(Spot::new(register.spot.plc, status.address()))?))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::Bench;
 use crate::layout::split_plc;
+use crate::request::Op;
 use crate::script::{ScenarioError, Span};
 
 impl Bench {
@@ -11,8 +12,7 @@ impl Bench {
     /// No time, or more than the scenario may take.
     pub fn step(&mut self, time: impl Into<Span>) -> Result<(), ScenarioError> {
         let us = self.span(time)?;
-        self.backend.advance(us)?;
-        Ok(())
+        self.advance(us)
     }
 
     /// Lets the time pass up to the next SYNC on the bus of a CANsync node, `node1` or `node2`, with the PLC in
@@ -29,7 +29,7 @@ impl Bench {
         };
         let plc = self.plc(plc, name)?;
         self.within_limit(0)?;
-        self.backend.advance_to_sync(plc, number)?;
+        self.ask(Op::AdvanceToSync { plc, node: number })?.time()?;
         Ok(())
     }
 

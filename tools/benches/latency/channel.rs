@@ -6,9 +6,10 @@ use crate::support::cpu::{self, Pinned};
 use crate::support::emulator::{How, Remote};
 use crate::support::report::{Outcome, Samples, Target};
 use crate::support::{PATIENCE, emulator};
-use commram::channel::{Client, Op, Reply};
+use commram::channel::Client;
 use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use commram::memory::Width;
+use commram::request::{Op, Reply};
 use commram::runtime::Clock;
 use core::mem::offset_of;
 use criterion::Criterion;
@@ -103,13 +104,10 @@ fn one_message(client: &Client, replies: &mut Vec<Reply>) {
         Op::Peek { plc, offset, width },
     ];
     client.request_into(&ops, replies).expect("the emulator answers");
-    assert!(
-        matches!(replies[..], [Reply::Written, Reply::Advanced { .. }, Reply::Value(TAKEN)]),
-        "{replies:?}"
-    );
+    assert!(matches!(replies[..], [Reply::Written, Reply::Time(_), Reply::Value(TAKEN)]), "{replies:?}");
 }
 
 fn to_sync_edge(client: &Client) {
     let replies = client.request(&[Op::AdvanceToSync { plc: 0, node: 2 }]).expect("the emulator answers");
-    assert!(matches!(replies[..], [Reply::Advanced { .. }]), "{replies:?}");
+    assert!(matches!(replies[..], [Reply::Time(_)]), "{replies:?}");
 }

@@ -1,0 +1,65 @@
+//! Accesses from outside by address: any width, whatever registers they meet.
+
+use super::Plant;
+use crate::memory::{RegisterWidths, Segment, Unmapped, Width};
+
+impl Plant {
+    /// Reads `width` at `offset` of PLC `plc`.
+    ///
+    /// # Errors
+    /// No register area covers the access, or there is no such PLC. As for all functions here.
+    pub fn load(&self, plc: usize, offset: u32, width: Width) -> Result<u32, Unmapped> {
+        let (widths, ram) = self.ram(plc, offset)?;
+        widths.load(ram, offset, width)
+    }
+
+    /// Writes `width` at `offset` of PLC `plc`, notes it in the journal and lets the checker judge it.
+    ///
+    /// # Errors
+    /// As [`Plant::load`].
+    pub fn store(&mut self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
+        let (widths, ram) = self.ram(plc, offset)?;
+        widths.store(ram, offset, width, value)?;
+        self.written(plc, offset, width, value);
+        Ok(())
+    }
+
+    /// As [`Plant::store`], if `current` is there; the inner result is what was there, `Ok` if written.
+    ///
+    /// # Errors
+    /// As [`Plant::load`].
+    pub fn compare_exchange(
+        &mut self,
+        plc: usize,
+        offset: u32,
+        width: Width,
+        current: u32,
+        new: u32,
+    ) -> Result<Result<u32, u32>, Unmapped> {
+        let (widths, ram) = self.ram(plc, offset)?;
+        let outcome = widths.compare_exchange(ram, offset, width, current, new)?;
+        if outcome.is_ok() {
+            self.written(plc, offset, width, new);
+        }
+        Ok(outcome)
+    }
+
+    /// Copies bytes, whatever their registers' widths.
+    ///
+    /// # Errors
+    /// As [`Plant::load`].
+    pub fn read_range(&self, plc: usize, offset: u32, to: &mut [u8]) -> Result<(), Unmapped> {
+        let (widths, ram) = self.ram(plc, offset)?;
+        widths.read_range(ram, offset, to)
+    }
+
+    fn ram(&self, plc: usize, offset: u32) -> Result<(&RegisterWidths, &Segment), Unmapped> {
+        let device = self.devices.get(plc).zip(self.widths.get(plc)).ok_or(Unmapped { offset })?;
+        Ok((device.1, device.0.segment()))
+    }
+
+    fn written(&mut self, plc: usize, offset: u32, width: Width, value: u32) {
+        // A width is 1, 2 or 4.
+        self.note_channel_write(plc, offset, width.bytes() as u8, value);
+    }
+}

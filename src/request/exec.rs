@@ -1,0 +1,261 @@
+//! Executes operations: the one place that tells what each of them does.
+
+use super::register::{Register, known_plc};
+use super::{Code, Host, MAX_ADVANCE_US, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
+use crate::fault::FaultError;
+use crate::memory::Address;
+use crate::memory::header::BoardSetting;
+use crate::plant::Forced;
+
+/// Longest advance between two looks at [`Host::should_stop`]: 100 ms of emulated time.
+const SLICE_US: u64 = 100_000;
+
+/// An operation under way.
+///
+/// With a stepped clock an operation always comes to its end, letting the time pass where it asks for that. In real
+/// time a wait cannot do so: it has no reply yet, and whoever executes it tries again after every firmware step.
+#[derive(Debug, Default)]
+pub struct Execution {
+    /// End of the wait under way, in emulated microseconds.
+    deadline: Option<u64>,
+}
+
+impl Execution {
+    /// Executes the operation, or tries it again; `None` while it waits.
+    ///
+    /// # Errors
+    /// [`Refused`].
+    pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
+        let reply = match *op {
+            Op::Peek { plc, offset, width } => {
+                let register = Register::check(host, plc, offset, width)?;
+                Reply::Value(register.load(host)?)
+            }
+            Op::Poke { plc, offset, width, value } => {
+                let register = Register::check(host, plc, offset, width)?;
+                register.fits(value)?;
+                let stored = host.plant_mut().store(register.plc, offset, width, value);
+                stored.map_err(|_| register.unmapped())?;
+                Reply::Written
+            }
+            Op::CompareExchange { plc, offset, width, current, new } => {
+                let register = Register::check(host, plc, offset, width)?;
+                register.fits(current)?;
+                register.fits(new)?;
+                let outcome = host.plant_mut().compare_exchange(register.plc, offset, width, current, new);
+                let outcome = outcome.map_err(|_| register.unmapped())?;
+                Reply::Exchanged { ok: outcome.is_ok(), found: outcome.unwrap_or_else(|found| found) }
+            }
+            Op::ReadRange { plc, offset, len } => Reply::Bytes(read_range(host, plc, offset, len)?),
+            Op::Wait { plc, offset, width, mask, value, within_us } => {
+                let register = Register::check(host, plc, offset, width)?;
+                register.fits(mask)?;
+                register.fits(value)?;
+                register.can_match(mask, value)?;
+                match self.wait(host, register, mask, value, within_us)? {
+                    Some(waited) => Reply::Waited(waited),
+                    None => return Ok(None),
+                }
+            }
+            Op::Advance { us } => {
+                stepped(host)?;
+                limit(us)?;
+                let target = host.plant().now().saturating_add(us);
+                advance(host, target)?;
+                Reply::Time(host.plant().now())
+            }
+            Op::AdvanceToSync { plc, node } => {
+                stepped(host)?;
+                let number = known_plc(host, plc)?;
+                let sync = host.plant().next_sync(number, node).ok_or_else(|| no_sync(host, plc, node))?;
+                limit(sync.saturating_sub(host.plant().now()))?;
+                advance(host, sync)?;
+                Reply::Time(host.plant().now())
+            }
+            Op::AdvanceToEvent { within_us } => {
+                stepped(host)?;
+                limit(within_us)?;
+                let latest = host.plant().now().saturating_add(within_us);
+                advance_to_event(host, latest);
+                Reply::Time(host.plant().now())
+            }
+            Op::Time => Reply::Time(host.plant().now()),
+            Op::Journal { from, max } => journal(host, from, max.min(MAX_RECORDS) as usize),
+            Op::Force { plc, offset, width, value } => {
+                let register = Register::check(host, plc, offset, width)?;
+                let forced = Forced { plc, offset, width, value };
+                host.plant_mut().force(forced).map_err(|error| register.not_forcible(&error))?;
+                Reply::Written
+            }
+            Op::Unforce { plc, offset, width } => {
+                let Register { address, .. } = Register::check(host, plc, offset, width)?;
+                if !host.plant_mut().unforce(plc, offset) {
+                    return Err(Refused::new(Code::NOT_FORCED, format_args!("{address} is not forced")));
+                }
+                Reply::Written
+            }
+            Op::Forces => Reply::Forces(host.plant().forces().to_vec()),
+            Op::FaultAdd { fault } => {
+                let id = host.plant_mut().add_fault(fault).map_err(|refusal| {
+                    let text = FaultError::refused(fault.kind(), refusal, &host.plant().names());
+                    Refused::fault(refusal, text)
+                })?;
+                Reply::FaultAdded { id }
+            }
+            Op::FaultList => Reply::Faults(host.plant().faults().collect()),
+            Op::FaultClear { id: Some(id) } => {
+                host.plant_mut().clear_fault(id.get())?;
+                Reply::FaultsCleared { count: 1 }
+            }
+            Op::FaultClear { id: None } => Reply::FaultsCleared { count: host.plant_mut().clear_faults() },
+            Op::Board { plc } => {
+                let plc = known_plc(host, plc)?;
+                Reply::Board(host.plant().devices().get(plc).map(|device| device.board()).unwrap_or_default())
+            }
+            Op::SetBoard { plc, setting } => {
+                set_board(host, plc, setting)?;
+                Reply::Written
+            }
+            Op::Findings => Reply::Findings(host.plant().journal().findings().iter().copied().collect()),
+            Op::ClearFindings => {
+                host.plant_mut().clear_findings();
+                Reply::Cleared
+            }
+            Op::Info => Reply::Info(Box::new(host.info())),
+            Op::Stop => {
+                host.request_stop();
+                Reply::Stopping
+            }
+        };
+        Ok(Some(reply))
+    }
+
+    /// Whether the operation waits.
+    pub fn is_waiting(&self) -> bool {
+        self.deadline.is_some()
+    }
+
+    fn wait(
+        &mut self,
+        host: &mut dyn Host,
+        register: Register,
+        mask: u32,
+        value: u32,
+        within_us: u64,
+    ) -> Result<Option<Waited>, Refused> {
+        limit(within_us)?;
+        let begin = host.plant().now();
+        let deadline = *self.deadline.get_or_insert(begin.saturating_add(within_us));
+        loop {
+            let waited = Waited { time_us: host.plant().now(), value: register.load(host)? };
+            if waited.value & mask == value {
+                self.deadline = None;
+                return Ok(Some(waited));
+            }
+            if waited.time_us >= deadline {
+                return Err(register.not_in_time(waited));
+            }
+            if host.should_stop() {
+                return Err(Refused::shutting_down());
+            }
+            if !host.is_stepped() {
+                return Ok(None);
+            }
+            advance_to_event(host, deadline.min(waited.time_us.saturating_add(SLICE_US)));
+        }
+    }
+}
+
+fn plc_name(host: &dyn Host, plc: u16) -> &str {
+    host.plant().devices().get(usize::from(plc)).map_or("", |device| device.name())
+}
+
+fn no_sync(host: &dyn Host, plc: u16, node: u8) -> Refused {
+    let plc = plc_name(host, plc);
+    let text =
+        format_args!("PLC '{plc}': nobody sends SYNC on the bus of node{node}; initialize its master first");
+    Refused::new(Code::NO_SYNC, text)
+}
+
+fn stepped(host: &dyn Host) -> Result<(), Refused> {
+    if host.is_stepped() {
+        return Ok(());
+    }
+    let text = "the clock runs in real time; time can be advanced in stepped mode only (use a wait, or start the \
+                instance stepped)";
+    Err(Refused::new(Code::CLOCK_IS_REAL_TIME, text))
+}
+
+fn limit(us: u64) -> Result<(), Refused> {
+    if us <= MAX_ADVANCE_US {
+        return Ok(());
+    }
+    let text = format_args!(
+        "{us} us are too long, at most {MAX_ADVANCE_US} us (24 h of emulated time) per operation"
+    );
+    Err(Refused::new(Code::ADVANCE_TOO_LONG, text))
+}
+
+fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, Refused> {
+    let plc = known_plc(host, plc)?;
+    let begin = Address::byte(offset);
+    if len > MAX_RANGE {
+        let text =
+            format_args!("{begin}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation");
+        return Err(Refused::new(Code::RANGE_TOO_LONG, text));
+    }
+    let mut bytes = vec![0; len as usize];
+    host.plant().read_range(plc, offset, &mut bytes).map_err(|hole| {
+        let hole = Address::byte(hole.offset);
+        let text =
+            format_args!("{begin}, {len} bytes: no register area covers {hole}; read each area for itself");
+        Refused::new(Code::RANGE_UNMAPPED, text)
+    })?;
+    Ok(bytes)
+}
+
+/// `max` records at most. If they reach the end, those that are still being counted follow.
+fn journal(host: &dyn Host, from: u64, max: usize) -> Reply {
+    let journal = host.plant().journal();
+    let records = journal.read(from);
+    let pending = if records.len() <= max { journal.pending() } else { Vec::new() };
+    Reply::Journal { records: records.take(max).copied().chain(pending).collect(), end: journal.end() }
+}
+
+fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(), Refused> {
+    let number = known_plc(host, plc)?;
+    host.plant_mut().set_board(number, setting);
+    let takes_starts =
+        || host.plant().devices().get(number).is_some_and(|device| device.board().takes_starts());
+    if !matches!(setting, BoardSetting::Start(_)) || takes_starts() {
+        return Ok(());
+    }
+    let text = format_args!(
+        "PLC '{}': a start or stop needs a loaded program, the switch at RUN and the supply on",
+        plc_name(host, plc)
+    );
+    Err(Refused::new(Code::START_REFUSED, text))
+}
+
+/// Goes to the next event, at the latest to time `latest`, which is not past.
+fn advance_to_event(host: &mut dyn Host, latest: u64) {
+    let event = host.next_event().max(host.plant().now());
+    host.advance_to(event.min(latest));
+}
+
+/// Goes to time `target` in slices, so that an hour of emulated time does not make the emulator deaf.
+fn advance(host: &mut dyn Host, target: u64) -> Result<(), Refused> {
+    loop {
+        let now = host.plant().now();
+        if now >= target {
+            return Ok(());
+        }
+        if host.should_stop() {
+            return Err(Refused::shutting_down());
+        }
+        host.advance_to(target.min(now.saturating_add(SLICE_US)));
+    }
+}
+
+#[cfg(test)]
+mod tests;

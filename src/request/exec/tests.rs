@@ -1,0 +1,344 @@
+use super::*;
+use crate::fault::{Effect, Fault, FaultStatus, Limit, SlaveEffect};
+use crate::layout::Place;
+use crate::memory::Width;
+use crate::request::testing::{RAM, TestHost};
+use core::num::NonZeroU16;
+
+const REG: u32 = RAM.start + 100;
+
+fn peek(offset: u32, width: Width) -> Op {
+    Op::Peek { plc: 0, offset, width }
+}
+
+fn poke(offset: u32, width: Width, value: u32) -> Op {
+    Op::Poke { plc: 0, offset, width, value }
+}
+
+fn wait(mask: u32, value: u32, within_us: u64) -> Op {
+    Op::Wait { plc: 0, offset: REG, width: Width::Word, mask, value, within_us }
+}
+
+/// Writes a register of PLC 0 by its name.
+fn set(name: &str, value: u32) -> Op {
+    let place = Place::parse(name).unwrap();
+    poke(place.offset(), place.width(), value)
+}
+
+/// A host whose master sends SYNC.
+fn with_sync() -> TestHost {
+    let mut host = TestHost::new(true);
+    let status = |value| {
+        let place = Place::parse("node2.w_OPTION_STATUS").unwrap();
+        let (offset, width) = (place.offset(), place.width());
+        Op::Wait { plc: 0, offset, width, mask: 0xFFFF, value, within_us: 10_000 }
+    };
+    let bring_up = [
+        set("node2.w_CPU_CONTROL", 1),
+        status(2),
+        set("node2.b_BT_1", 0x1C),
+        set("node2.b_TIME_PATTERN", 2),
+        set("node2.b_AC", 0xFF),
+        set("node2.b_AM", 0xFF),
+        set("node2.a_SL_TYP[1]", 1),
+        set("node2.w_CPU_CONTROL", 2),
+        status(3),
+        set("node2.w_CPU_CONTROL", 0x20),
+        status(0x43),
+    ];
+    let replies = host.request(&bring_up);
+    assert!(matches!(replies.last(), Some(Reply::Waited(_))), "{replies:?}");
+    host
+}
+
+#[test]
+fn poke_step_and_peek_in_one_request() {
+    let mut host = TestHost::new(true);
+    host.script.push((2_000, REG, 0x44));
+    let ops = [
+        poke(REG, Width::Word, 5),
+        peek(REG, Width::Word),
+        Op::Advance { us: 2_000 },
+        Op::Time,
+        peek(REG, Width::Word),
+    ];
+    let time = Reply::Time(2_000);
+    let expected = [Reply::Written, Reply::Value(5), time.clone(), time, Reply::Value(0x44)];
+    assert_eq!(host.request(&ops), expected);
+}
+
+#[test]
+fn faults_are_added_listed_and_cleared_by_number() {
+    let mut host = TestHost::new(true);
+    let effect = Effect::Slave { bus: 0, slave: 1, what: SlaveEffect::Busy };
+    let fault = Fault { effect, at_us: 0, limit: Limit::Count(2) };
+    let add = Op::FaultAdd { fault };
+    let clear = |id| Op::FaultClear { id: NonZeroU16::new(id) };
+    let status = |id| FaultStatus { id, fault, acting: true, hits: 0 };
+    let ops = [add, add, Op::FaultList, clear(1), Op::FaultList, clear(0), clear(9)];
+    let replies = host.request(&ops);
+    let expected = [
+        Reply::FaultAdded { id: 1 },
+        Reply::FaultAdded { id: 2 },
+        Reply::Faults(vec![status(1), status(2)]),
+        Reply::FaultsCleared { count: 1 },
+        Reply::Faults(vec![status(2)]),
+        Reply::FaultsCleared { count: 1 },
+    ];
+    assert_eq!(replies[..6], expected);
+    let (code, text) = host.refusal(clear(9));
+    assert_eq!((code, text.as_str()), (Code::UNKNOWN_FAULT, "there is no fault 9; it may have ended"));
+}
+
+#[test]
+fn a_fault_that_cannot_be_names_what_it_concerns() {
+    let effect = Effect::Slave { bus: 0, slave: 7, what: SlaveEffect::Busy };
+    let fault = Fault { effect, at_us: 0, limit: Limit::UntilCleared };
+    let (code, text) = TestHost::new(true).refusal(Op::FaultAdd { fault });
+    let expected = "slave_busy: bus \"drives\" has no slave 7; its slaves are: 1";
+    assert_eq!((code, text.as_str()), (Code::FAULT, expected));
+}
+
+#[test]
+fn every_width_reads_back_what_was_written() {
+    let mut host = TestHost::new(true);
+    for width in [Width::Byte, Width::Word, Width::Dword] {
+        let value = 0x8182_8384 & width.max_value();
+        let replies = host.request(&[poke(REG, width, value), peek(REG, width)]);
+        assert_eq!(replies, [Reply::Written, Reply::Value(value)]);
+    }
+    let ops = [Op::ReadRange { plc: 0, offset: REG, len: 5 }];
+    assert_eq!(host.request(&ops), [Reply::Bytes(vec![0x84, 0x83, 0x82, 0x81, 0])]);
+}
+
+#[test]
+fn plcs_have_memories_of_their_own() {
+    let other = Op::Peek { plc: 1, offset: REG, width: Width::Word };
+    let replies = TestHost::new(true).request(&[poke(REG, Width::Word, 5), other]);
+    assert_eq!(replies, [Reply::Written, Reply::Value(0)]);
+}
+
+#[test]
+fn compare_exchange_tells_what_it_found() {
+    let exchange =
+        |current, new| Op::CompareExchange { plc: 0, offset: REG, width: Width::Byte, current, new };
+    assert_eq!(
+        TestHost::new(true).request(&[exchange(0, 5), exchange(0, 6), peek(REG, Width::Byte)]),
+        [Reply::Exchanged { ok: true, found: 0 }, Reply::Exchanged { ok: false, found: 5 }, Reply::Value(5)]
+    );
+}
+
+#[test]
+fn memory_errors_name_the_address_and_what_would_be_right() {
+    let mut host = TestHost::new(true);
+    let mut refused = |op, code, text: &str| assert_eq!(host.refusal(op), (code, text.to_owned()));
+    let nothing = "%MW3.998: no register area of the device covers this WORD";
+    refused(peek(998, Width::Word), Code::UNMAPPED, nothing);
+    refused(poke(998, Width::Word, 1), Code::UNMAPPED, nothing);
+    let misaligned = "%MD3.1000102: a DWORD needs an address divisible by 4";
+    refused(peek(REG + 2, Width::Dword), Code::MISALIGNED, misaligned);
+    let wide = "%MW3.1000100: 16#10000 does not fit, a WORD holds at most 16#FFFF";
+    refused(poke(REG, Width::Word, 0x1_0000), Code::VALUE_TOO_WIDE, wide);
+    let plc = Op::Peek { plc: 2, offset: REG, width: Width::Word };
+    refused(plc, Code::UNKNOWN_PLC, "PLC 2 does not exist; the instance has 2, numbered from 0");
+    let exchange = Op::CompareExchange { plc: 0, offset: REG, width: Width::Byte, current: 256, new: 0 };
+    let wide = "%MB3.1000100: 16#100 does not fit, a BYTE holds at most 16#FF";
+    refused(exchange, Code::VALUE_TOO_WIDE, wide);
+    let last = "%MB3.4294967295: no register area of the device covers this BYTE";
+    refused(peek(u32::MAX, Width::Byte), Code::UNMAPPED, last);
+}
+
+#[test]
+fn ranges_are_limited_and_name_the_hole() {
+    let mut host = TestHost::new(true);
+    let range = |offset, len| Op::ReadRange { plc: 0, offset, len };
+    let (code, text) = host.refusal(range(REG, MAX_RANGE + 1));
+    assert_eq!(code, Code::RANGE_TOO_LONG);
+    assert_eq!(text, "%MB3.1000100: a range of 65537 bytes is too long, at most 65536 per operation");
+    let (code, text) = host.refusal(range(RAM.end - 4, 8));
+    assert_eq!(code, Code::RANGE_UNMAPPED);
+    assert!(text.contains("no register area covers %MB3.1262144"), "{text}");
+    assert_eq!(host.refusal(range(u32::MAX, MAX_RANGE)).0, Code::RANGE_UNMAPPED);
+    assert_eq!(host.request(&[range(REG, 0)]), [Reply::Bytes(vec![])]);
+}
+
+#[test]
+fn forces_are_set_listed_and_ended() {
+    let mut host = TestHost::new(true);
+    let (plc, offset, width) = (0, REG, Width::Word);
+    let unforce = Op::Unforce { plc, offset, width };
+    let ops = [Op::Force { plc, offset, width, value: 7 }, Op::Forces, unforce, Op::Forces];
+    let forced = Forced { plc, offset, width, value: 7 };
+    let expected = [Reply::Written, Reply::Forces(vec![forced]), Reply::Written, Reply::Forces(Vec::new())];
+    assert_eq!(host.request(&ops), expected);
+    assert_eq!(host.refusal(unforce), (Code::NOT_FORCED, "%MW3.1000100 is not forced".to_owned()));
+    let half = Op::Force { plc, offset: 200_000, width: Width::Byte, value: 7 };
+    assert_eq!(host.refusal(half).0, Code::NOT_WHOLE);
+    let wide = Op::Force { plc, offset, width, value: 0x1_0000 };
+    assert_eq!(host.refusal(wide).0, Code::VALUE_TOO_WIDE);
+}
+
+#[test]
+fn a_stepped_wait_goes_from_event_to_event() {
+    let mut host = TestHost::new(true);
+    host.script.push((2_500, REG, 0x8043));
+    let got = host.request(&[wait(0x8000, 0x8000, 10_000), peek(REG, Width::Word)]);
+    assert_eq!(got, [Reply::Waited(Waited { time_us: 2_500, value: 0x8043 }), Reply::Value(0x8043)]);
+    assert_eq!(host.steps, 3);
+}
+
+#[test]
+fn a_stepped_wait_that_fails_ends_exactly_on_time_with_the_last_value() {
+    let mut host = TestHost::new(true);
+    host.script.push((1_000, REG, 0x41));
+    let refused = host.refused(wait(0xFFFF, 0x44, 2_300));
+    assert_eq!(refused.code, Code::NOT_IN_TIME);
+    assert_eq!(refused.waited, Some(Waited { time_us: 2_300, value: 0x41 }));
+    let expected = "%MW3.1000100 did not become the awaited value in time; at 2300 us it is 16#0041";
+    assert_eq!(refused.text, expected);
+    assert_eq!(host.plant.now(), 2_300);
+}
+
+#[test]
+fn a_wait_that_already_holds_takes_no_time() {
+    let mut host = TestHost::new(true);
+    assert_eq!(host.request(&[wait(0xFFFF, 0, 0)]), [Reply::Waited(Waited { time_us: 0, value: 0 })]);
+    assert_eq!(host.steps, 0);
+}
+
+#[test]
+fn a_wait_that_can_never_match_is_refused() {
+    let mut host = TestHost::new(true);
+    assert_eq!(host.refusal(wait(0x0F, 0x10, 1_000)).0, Code::NEVER_MATCHES);
+    assert_eq!(host.refusal(wait(1, 1, MAX_ADVANCE_US + 1)).0, Code::ADVANCE_TOO_LONG);
+}
+
+#[test]
+fn time_is_stepped_only_in_stepped_mode() {
+    let mut host = TestHost::new(false);
+    let steps =
+        [Op::Advance { us: 0 }, Op::AdvanceToSync { plc: 0, node: 1 }, Op::AdvanceToEvent { within_us: 1 }];
+    for op in steps {
+        assert_eq!(host.refusal(op).0, Code::CLOCK_IS_REAL_TIME);
+    }
+    assert_eq!(host.request(&[Op::Time]), [Reply::Time(0)]);
+}
+
+#[test]
+fn advance_to_event_ends_at_the_event_or_when_the_time_is_over() {
+    let mut host = TestHost::new(true);
+    host.script.push((1_300, REG, 0x44));
+    let event = |within_us| Op::AdvanceToEvent { within_us };
+    let got = host.request(&[
+        event(5_000),
+        event(100),
+        event(5_000),
+        peek(REG, Width::Word),
+        event(MAX_ADVANCE_US),
+    ]);
+    assert_eq!(got[..3], [1_000, 1_100, 1_300].map(Reply::Time));
+    assert_eq!(got[3..], [Reply::Value(0x44), Reply::Time(2_000)]);
+    assert_eq!(host.refusal(event(MAX_ADVANCE_US + 1)).0, Code::ADVANCE_TOO_LONG);
+}
+
+#[test]
+fn a_long_advance_listens_to_the_stop_flag() {
+    let mut host = TestHost::new(true);
+    host.stop_at = 1_000_000;
+    assert_eq!(host.refusal(Op::Advance { us: 3_600_000_000 }).0, Code::SHUTTING_DOWN);
+    assert_eq!(host.plant.now(), 1_000_000);
+
+    let mut host = TestHost::new(true);
+    host.stop_at = 1_000_000;
+    assert_eq!(host.refusal(wait(1, 1, 3_600_000_000)).0, Code::SHUTTING_DOWN);
+
+    let too_long = TestHost::new(true).refusal(Op::Advance { us: MAX_ADVANCE_US + 1 });
+    assert_eq!(too_long.0, Code::ADVANCE_TOO_LONG);
+}
+
+#[test]
+fn advance_to_sync_ends_on_the_edge() {
+    let mut host = with_sync();
+    let sync = Op::AdvanceToSync { plc: 0, node: 2 };
+    let edges = host.request(&[sync; 3]);
+    let times: Vec<_> = edges.into_iter().map(|edge| edge.time().unwrap()).collect();
+    assert_eq!((times[1] - times[0], times[2] - times[1]), (2_000, 2_000));
+    let (code, text) = host.refusal(Op::AdvanceToSync { plc: 1, node: 2 });
+    assert_eq!(code, Code::NO_SYNC);
+    assert_eq!(text, "PLC 'saw': nobody sends SYNC on the bus of node2; initialize its master first");
+}
+
+#[test]
+fn a_real_time_wait_counts_from_its_first_try() {
+    let mut host = TestHost::new(false);
+    host.run_to(1_000);
+    let mut execution = Execution::default();
+    let op = wait(1, 1, 5_000);
+    assert_eq!(execution.run(&mut host, &op), Ok(None));
+    host.run_to(5_999);
+    assert_eq!(execution.run(&mut host, &op), Ok(None));
+    host.run_to(6_000);
+    let refused = execution.run(&mut host, &op).unwrap_err();
+    assert_eq!(refused.waited, Some(Waited { time_us: 6_000, value: 0 }));
+}
+
+#[test]
+fn info_and_stop() {
+    let mut host = TestHost::new(true);
+    let info = host.info();
+    assert_eq!(host.request(&[Op::Info, Op::Stop]), [Reply::Info(Box::new(info)), Reply::Stopping]);
+    assert_eq!(host.refusal(Op::Advance { us: 1_000 }).0, Code::SHUTTING_DOWN);
+}
+
+#[test]
+fn the_journal_is_read_in_parts() {
+    let mut host = TestHost::new(true);
+    let before = host.plant.journal().end();
+    for value in 0..3_000 {
+        host.request(&[poke(REG, Width::Word, value)]);
+    }
+    let end = before + 3_000;
+    let mut read = |from, max| {
+        let (records, found_end) = host.request(&[Op::Journal { from, max }]).remove(0).journal().unwrap();
+        assert_eq!(found_end, end);
+        records.iter().map(|record| record.seq).collect::<Vec<_>>()
+    };
+    assert_eq!(read(5, 2), [5, 6]);
+    assert_eq!(read(end - 1, 2), [end - 1]);
+    assert!(read(end, 2).is_empty());
+    assert!(read(u64::MAX, u32::MAX).is_empty());
+    assert_eq!(read(0, u32::MAX).len(), 1_024, "no more than the limit");
+}
+
+#[test]
+fn what_is_still_counted_comes_behind_the_end_of_the_journal() {
+    let mut host = with_sync();
+    host.request(&[Op::Advance { us: 20_000 }]);
+    let pending = host.plant.journal().pending();
+    assert!(!pending.is_empty());
+    let end = host.plant.journal().end();
+    let mut read = |from, max| host.request(&[Op::Journal { from, max }]).remove(0).journal().unwrap().0;
+    let part = read(end - 2, 1);
+    assert!(matches!(part[..], [record] if record.seq == end - 2), "{part:?}");
+    assert_eq!(read(end - 1, 9)[1..], pending);
+}
+
+#[test]
+fn findings_are_told_and_cleared() {
+    let mut host = TestHost::new(true);
+    host.request(&[set("node2.w_OPTION_STATUS", 3), set("node1.w_OPTION_STATUS", 3)]);
+    let noted: Vec<_> = host.plant.journal().findings().iter().copied().collect();
+    assert!(!noted.is_empty());
+    let got = host.request(&[Op::Findings, Op::ClearFindings, Op::Findings]);
+    assert_eq!(got, [Reply::Findings(noted), Reply::Cleared, Reply::Findings(Vec::new())]);
+}
+
+#[test]
+fn a_start_without_a_program_is_refused_by_name() {
+    use crate::memory::header::BoardSetting;
+    let (_, setting) = BoardSetting::parse("start=cold").unwrap();
+    let mut host = TestHost::new(true);
+    let (code, text) = host.refusal(Op::SetBoard { plc: 1, setting });
+    assert_eq!(code, Code::START_REFUSED);
+    assert!(text.starts_with("PLC 'saw': a start or stop needs a loaded program"), "{text}");
+}

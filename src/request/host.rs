@@ -1,0 +1,38 @@
+//! Who runs a plant.
+
+use super::InstanceInfo;
+use crate::plant::Plant;
+
+/// A plant with its clock, as operations need it. Times are emulated time in microseconds.
+///
+/// What an operation does to the plant is not here: [`super::Execution`] does it, for all hosts alike.
+pub trait Host {
+    /// The plant.
+    fn plant(&self) -> &Plant;
+
+    /// The plant, to do something to it.
+    fn plant_mut(&mut self) -> &mut Plant;
+
+    /// Whether the time only passes on request.
+    fn is_stepped(&self) -> bool;
+
+    /// A request has come. With a stepped clock, what the boards were asked for before it is answered first: whoever
+    /// asks of them and then sends a request always sees the same.
+    fn begin_request(&mut self);
+
+    /// Time of the next event; `u64::MAX` if there is none. Once [`Host::advance_to`] has gone there it is later.
+    fn next_event(&self) -> u64;
+
+    /// Stepped mode: runs everything up to and including time `t`. Going there in several calls has the
+    /// same outcome as going there in one.
+    fn advance_to(&mut self, t: u64);
+
+    /// What the instance says about itself.
+    fn info(&self) -> InstanceInfo;
+
+    /// Asks the host to end; [`Host::should_stop`] is true from then on.
+    fn request_stop(&mut self);
+
+    /// Whether the host is to end (a signal came in, or a client asked). Asked during long advances.
+    fn should_stop(&self) -> bool;
+}

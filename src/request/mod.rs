@@ -1,0 +1,23 @@
+//! Requests: the one way to ask an emulator anything.
+//!
+//! An operation is a value of [`Op`], its answer one of [`Reply`] or a [`Refused`], and [`Execution`] is the one
+//! function between them. Who runs a plant is its [`Host`]. How a request comes to the host is not told here: a
+//! scenario calls the function in its own process, and the channel carries operations and replies between processes.
+//!
+//! Rules: operations of one request run in order and stop at the first that is refused; with a stepped clock, what the
+//! boards were asked for before the request is answered first ([`Host::begin_request`]).
+
+mod exec;
+mod host;
+mod op;
+mod refused;
+mod register;
+mod reply;
+#[cfg(test)]
+pub(crate) mod testing;
+
+pub use exec::Execution;
+pub use host::Host;
+pub use op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
+pub use refused::{Code, Refused};
+pub use reply::{InstanceInfo, Reply, Waited, WrongReply};

@@ -1,0 +1,175 @@
+//! The operations.
+
+use crate::fault::Fault;
+use crate::memory::Width;
+use crate::memory::header::BoardSetting;
+use core::num::NonZeroU16;
+
+/// Most operations one request may carry.
+pub const MAX_OPS: usize = 256;
+/// Longest [`Op::ReadRange`] in bytes.
+pub const MAX_RANGE: u32 = 65_536;
+/// Most records one [`Op::Journal`] is answered with.
+pub const MAX_RECORDS: u32 = 1024;
+/// Longest time one operation may let pass: 24 h of emulated time, in microseconds.
+pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
+
+/// One operation of a request.
+///
+/// `plc` is the PLC's number in the instance, from 0; `offset` is the byte offset in segment 3, the `n`
+/// of `%MB3.n`, and must suit the width. Times are emulated time in microseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Op {
+    /// Reads a register. Answered by [`Reply::Value`](super::Reply::Value).
+    Peek {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+    },
+    /// Writes a register. Answered by [`Reply::Written`](super::Reply::Written).
+    Poke {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The value; must fit the width.
+        value: u32,
+    },
+    /// Writes `new` if the register holds `current`. Answered by [`Reply::Exchanged`](super::Reply::Exchanged).
+    CompareExchange {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The value expected in the register; must fit the width.
+        current: u32,
+        /// The value to write; must fit the width.
+        new: u32,
+    },
+    /// Copies bytes. Registers may tear against each other, never within themselves. Answered by
+    /// [`Reply::Bytes`](super::Reply::Bytes).
+    ReadRange {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the first byte.
+        offset: u32,
+        /// Number of bytes, at most [`MAX_RANGE`].
+        len: u32,
+    },
+    /// Waits until `register AND mask = value`. In stepped mode it lets the time pass, event by event.
+    /// Answered by [`Reply::Waited`](super::Reply::Waited), or refused with [`Code::NOT_IN_TIME`](super::Code::NOT_IN_TIME) and the last value.
+    Wait {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The bits that count; must fit the width.
+        mask: u32,
+        /// What those bits shall be; no bit outside the mask.
+        value: u32,
+        /// Longest wait in emulated microseconds, at most [`MAX_ADVANCE_US`].
+        within_us: u64,
+    },
+    /// Lets the emulated time pass; stepped mode only. Answered by [`Reply::Time`](super::Reply::Time).
+    Advance {
+        /// How long, in microseconds, at most [`MAX_ADVANCE_US`].
+        us: u64,
+    },
+    /// Lets the time pass up to the next SYNC of a CANsync node's bus; stepped mode only. Answered by
+    /// [`Reply::Time`](super::Reply::Time).
+    AdvanceToSync {
+        /// Number of the PLC.
+        plc: u16,
+        /// CANsync node (interface) of that PLC.
+        node: u8,
+    },
+    /// Lets the time pass up to the next moment at which the emulator has something to do; stepped mode only. What is
+    /// due now is done now, and no time passes. Answered by [`Reply::Time`](super::Reply::Time).
+    AdvanceToEvent {
+        /// The longest time, in microseconds, at most [`MAX_ADVANCE_US`].
+        within_us: u64,
+    },
+    /// Reads the journal from record number `from` on. Answered by [`Reply::Journal`](super::Reply::Journal).
+    Journal {
+        /// Number of the first record wanted; what is no longer kept is left out.
+        from: u64,
+        /// Most records wanted; more than [`MAX_RECORDS`] are never sent.
+        max: u32,
+    },
+    /// Forces a register: it keeps the value against firmware and PLC. Answered by [`Reply::Written`](super::Reply::Written).
+    Force {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// The value it keeps; must fit the width.
+        value: u32,
+    },
+    /// Lets a forced register go. Answered by [`Reply::Written`](super::Reply::Written).
+    Unforce {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+    },
+    /// Asks which registers are forced. Answered by [`Reply::Forces`](super::Reply::Forces).
+    Forces,
+    /// Adds a fault. Answered by [`Reply::FaultAdded`](super::Reply::FaultAdded).
+    FaultAdd {
+        /// The fault.
+        fault: Fault,
+    },
+    /// Lists the faults that wait or act. Answered by [`Reply::Faults`](super::Reply::Faults).
+    FaultList,
+    /// Clears faults. Answered by [`Reply::FaultsCleared`](super::Reply::FaultsCleared).
+    FaultClear {
+        /// Number of the fault, at least 1; `None`: all.
+        id: Option<NonZeroU16>,
+    },
+    /// Looks at a PLC's board. Answered by [`Reply::Board`](super::Reply::Board).
+    Board {
+        /// Number of the PLC.
+        plc: u16,
+    },
+    /// Does something to a PLC's board, at the present emulated time. Answered by [`Reply::Written`](super::Reply::Written); a start that is
+    /// not possible is refused.
+    SetBoard {
+        /// Number of the PLC.
+        plc: u16,
+        /// What.
+        setting: BoardSetting,
+    },
+    /// Asks what the access checker has found. Answered by [`Reply::Findings`](super::Reply::Findings).
+    Findings,
+    /// Forgets what the access checker has found. Answered by [`Reply::Cleared`](super::Reply::Cleared).
+    ClearFindings,
+    /// Asks for the emulated time. Answered by [`Reply::Time`](super::Reply::Time).
+    Time,
+    /// Asks who answers. Answered by [`Reply::Info`](super::Reply::Info).
+    Info,
+    /// Asks the emulator to end. Answered by [`Reply::Stopping`](super::Reply::Stopping).
+    Stop,
+}
+
+impl Op {
+    /// The emulated time this operation may take at most because it waits, in microseconds.
+    pub(crate) fn waits_us(&self) -> u64 {
+        match self {
+            Op::Wait { within_us, .. } => (*within_us).min(MAX_ADVANCE_US),
+            _ => 0,
+        }
+    }
+}

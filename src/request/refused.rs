@@ -1,0 +1,101 @@
+//! What an operation is refused with: a code for programs, a text for people.
+
+use super::Waited;
+use crate::fault;
+use core::fmt;
+
+/// Which refusal it is; `docs/channel.md` lists them. An emulator of a later version may have others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Code(pub u16);
+
+impl Code {
+    /// No register area covers the register.
+    pub const UNMAPPED: Self = Self(1);
+    /// A range leaves the register areas.
+    pub const RANGE_UNMAPPED: Self = Self(2);
+    /// The address does not suit the width.
+    pub const MISALIGNED: Self = Self(3);
+    /// A range is longer than one operation may read.
+    pub const RANGE_TOO_LONG: Self = Self(4);
+    /// The replies of one request together are too long.
+    pub const REPLY_TOO_LONG: Self = Self(5);
+    /// The value, mask or comparison value has more bits than the register.
+    pub const VALUE_TOO_WIDE: Self = Self(6);
+    /// The awaited value has bits outside the mask.
+    pub const NEVER_MATCHES: Self = Self(7);
+    /// The instance has no PLC of that number.
+    pub const UNKNOWN_PLC: Self = Self(8);
+    /// The time cannot be stepped.
+    pub const CLOCK_IS_REAL_TIME: Self = Self(9);
+    /// The register did not match in time; [`Refused::waited`] tells what it holds.
+    pub const NOT_IN_TIME: Self = Self(10);
+    /// Nobody sends SYNC on that bus, or there is no such bus.
+    pub const NO_SYNC: Self = Self(11);
+    /// The request has too many operations.
+    pub const TOO_MANY_OPERATIONS: Self = Self(12);
+    /// The operation's bytes mean nothing.
+    pub const MALFORMED: Self = Self(13);
+    /// The time to let pass is too long.
+    pub const ADVANCE_TOO_LONG: Self = Self(14);
+    /// The emulator is ending.
+    pub const SHUTTING_DOWN: Self = Self(15);
+    /// A fault that the plant cannot have.
+    pub const FAULT: Self = Self(20);
+    /// There are as many faults as can be.
+    pub const TOO_MANY_FAULTS: Self = Self(27);
+    /// No fault has that number.
+    pub const UNKNOWN_FAULT: Self = Self(28);
+    /// Only a part of a register shall be forced, or several registers.
+    pub const NOT_WHOLE: Self = Self(30);
+    /// Too many registers are forced.
+    pub const TOO_MANY_FORCES: Self = Self(31);
+    /// The register is not forced.
+    pub const NOT_FORCED: Self = Self(32);
+    /// No program can be started or stopped on that PLC now.
+    pub const START_REFUSED: Self = Self(33);
+
+    /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
+    pub fn is_wrong_use(self) -> bool {
+        ![Self::NOT_IN_TIME, Self::NO_SYNC, Self::START_REFUSED, Self::SHUTTING_DOWN].contains(&self)
+    }
+}
+
+/// Why an operation was not done: what, where, and what would be right.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{text}")]
+pub struct Refused {
+    /// Which refusal it is.
+    pub code: Code,
+    /// The same for people.
+    pub text: String,
+    /// Of a wait that is over ([`Code::NOT_IN_TIME`]): when, and what the register holds.
+    pub waited: Option<Waited>,
+}
+
+impl Refused {
+    /// A refusal with its text.
+    pub(crate) fn new(code: Code, text: impl fmt::Display) -> Self {
+        Self { code, text: text.to_string(), waited: None }
+    }
+
+    /// The emulator ends before the operation is done.
+    pub(crate) fn shutting_down() -> Self {
+        Self::new(Code::SHUTTING_DOWN, "the emulator is shutting down")
+    }
+
+    /// A fault, refused with this text.
+    pub(super) fn fault(refusal: fault::Refusal, text: impl fmt::Display) -> Self {
+        let code = match refusal {
+            fault::Refusal::TooMany => Code::TOO_MANY_FAULTS,
+            fault::Refusal::UnknownFault { .. } => Code::UNKNOWN_FAULT,
+            _ => Code::FAULT,
+        };
+        Self::new(code, text)
+    }
+}
+
+impl From<fault::Refusal> for Refused {
+    fn from(refusal: fault::Refusal) -> Self {
+        Self::fault(refusal, refusal)
+    }
+}

@@ -1,0 +1,84 @@
+//! The register that an operation names, and what it can be refused for.
+
+use super::{Code, Host, Refused, Waited};
+use crate::layout::flags;
+use crate::memory::{Address, Width};
+use crate::plant::ForceError;
+
+/// A register whose PLC exists and whose address suits its width.
+#[derive(Clone, Copy)]
+pub(super) struct Register {
+    pub plc: usize,
+    pub address: Address,
+}
+
+impl Register {
+    pub fn check(host: &dyn Host, plc: u16, offset: u32, width: Width) -> Result<Self, Refused> {
+        let plc = known_plc(host, plc)?;
+        let address = width.at(offset);
+        if !offset.is_multiple_of(width.bytes()) {
+            let text = format_args!("{address}: {}", width.alignment_rule());
+            return Err(Refused::new(Code::MISALIGNED, text));
+        }
+        Ok(Self { plc, address })
+    }
+
+    pub fn fits(self, value: u32) -> Result<(), Refused> {
+        let width = self.address.width();
+        if value <= width.max_value() {
+            return Ok(());
+        }
+        let most = width.max_value();
+        let text =
+            format_args!("{}: 16#{value:X} does not fit, a {width} holds at most 16#{most:X}", self.address);
+        Err(Refused::new(Code::VALUE_TOO_WIDE, text))
+    }
+
+    pub fn can_match(self, mask: u32, value: u32) -> Result<(), Refused> {
+        if value & !mask == 0 {
+            return Ok(());
+        }
+        let text = format_args!(
+            "{}: 16#{value:X} can never match under the mask 16#{mask:X}; clear the bits outside the mask",
+            self.address
+        );
+        Err(Refused::new(Code::NEVER_MATCHES, text))
+    }
+
+    pub fn load(self, host: &dyn Host) -> Result<u32, Refused> {
+        let loaded = host.plant().load(self.plc, self.address.offset(), self.address.width());
+        loaded.map_err(|_| self.unmapped())
+    }
+
+    pub fn unmapped(self) -> Refused {
+        Refused::new(Code::UNMAPPED, format_args!("{}: {}", self.address, flags::not_covered(self.address)))
+    }
+
+    pub fn not_in_time(self, waited: Waited) -> Refused {
+        let Waited { time_us, value } = waited;
+        let digits = self.address.width().bytes() as usize * 2;
+        let text = format_args!(
+            "{} did not become the awaited value in time; at {time_us} us it is 16#{value:0digits$X}",
+            self.address
+        );
+        Refused { waited: Some(waited), ..Refused::new(Code::NOT_IN_TIME, text) }
+    }
+
+    pub fn not_forcible(self, error: &ForceError) -> Refused {
+        match error {
+            ForceError::TooMany => Refused::new(Code::TOO_MANY_FORCES, error),
+            ForceError::NotWhole { .. } => Refused::new(Code::NOT_WHOLE, error),
+            ForceError::TooWide { .. } => Refused::new(Code::VALUE_TOO_WIDE, error),
+            ForceError::NoSuchPlc | ForceError::NoArea(_) | ForceError::Memory(_) => self.unmapped(),
+        }
+    }
+}
+
+pub(super) fn known_plc(host: &dyn Host, plc: u16) -> Result<usize, Refused> {
+    let count = host.plant().devices().len();
+    if usize::from(plc) < count {
+        return Ok(plc.into());
+    }
+    let text = format_args!("PLC {plc} does not exist; the instance has {count}, numbered from 0");
+    Err(Refused::new(Code::UNKNOWN_PLC, text))
+}

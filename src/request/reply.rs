@@ -1,0 +1,161 @@
+//! The replies.
+
+use super::Refused;
+use crate::check::Entry;
+use crate::fault::FaultStatus;
+use crate::journal::{Names, Record};
+use crate::memory::header::BoardState;
+use crate::plant::Forced;
+use serde::{Deserialize, Serialize};
+
+/// The answer to one operation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reply {
+    /// The register's value.
+    Value(u32),
+    /// The register was written.
+    Written,
+    /// The comparison was made.
+    Exchanged {
+        /// Whether the register held the expected value and was written.
+        ok: bool,
+        /// What it held before.
+        found: u32,
+    },
+    /// The bytes of a range.
+    Bytes(Vec<u8>),
+    /// The register matched.
+    Waited(Waited),
+    /// Emulated time now, in microseconds.
+    Time(u64),
+    /// A part of the journal.
+    Journal {
+        /// Records in the order of their numbers. If they reach the end, those that are still being counted
+        /// follow ([`Record::is_pending`]).
+        records: Vec<Record>,
+        /// The number that the next record will have.
+        end: u64,
+    },
+    /// The forced registers, in the order of PLCs and addresses.
+    Forces(Vec<Forced>),
+    /// The fault was added.
+    FaultAdded {
+        /// Its number in the instance.
+        id: u16,
+    },
+    /// The faults that wait or act, in the order in which they were added.
+    Faults(Vec<FaultStatus>),
+    /// Faults were cleared.
+    FaultsCleared {
+        /// How many.
+        count: u16,
+    },
+    /// A PLC's board.
+    Board(BoardState),
+    /// What the access checker has found, in the order of the first findings.
+    Findings(Vec<Entry>),
+    /// It is forgotten.
+    Cleared,
+    /// Who answers.
+    Info(Box<InstanceInfo>),
+    /// The emulator is going to end.
+    Stopping,
+    /// The operation was refused; those behind it were not executed.
+    Error(Refused),
+    /// An earlier operation of the request was refused.
+    NotExecuted,
+}
+
+/// What an emulator says about itself.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InstanceInfo {
+    /// Name of the instance.
+    pub name: String,
+    /// Whether the emulated time passes only on request.
+    pub is_stepped: bool,
+    /// Emulated time per real time x 1000 (1000 is real time); 0 in stepped mode.
+    pub speed: u32,
+    /// Emulated time since the start, in microseconds.
+    pub time_us: u64,
+    /// Counts the emulators that have used the image, from 1.
+    pub generation: u32,
+    /// Process id of the emulator.
+    pub pid: u32,
+    /// Hash of the register map.
+    pub layout_hash: u64,
+    /// Version of the attach contract.
+    pub abi_version: u32,
+    /// Version of the program, as in `commram --version`.
+    pub version: String,
+    /// What its PLCs and buses are called, in the order of their numbers.
+    pub names: Names,
+}
+
+/// How a wait ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Waited {
+    /// Emulated time of its end, in microseconds.
+    pub time_us: u64,
+    /// The register's whole value then.
+    pub value: u32,
+}
+
+/// The reply to another operation than the one that was asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the reply does not fit the operation; use the same version on both ends")]
+pub struct WrongReply;
+
+/// What a reply of the expected kind holds.
+macro_rules! contents {
+    ($($(#[$doc:meta])* $name:ident: $pattern:pat => $content:expr, $type:ty;)*) => {
+        impl Reply {
+            $(
+                $(#[$doc])*
+                ///
+                /// # Errors
+                /// It is a reply of another kind.
+                pub fn $name(self) -> Result<$type, WrongReply> {
+                    match self {
+                        $pattern => Ok($content),
+                        _ => Err(WrongReply),
+                    }
+                }
+            )*
+        }
+    };
+}
+
+contents! {
+    /// The value of a register.
+    value: Reply::Value(value) => value, u32;
+    /// That something was written or set.
+    written: Reply::Written => (), ();
+    /// What a register held; `Ok` if that was expected and it was written.
+    exchanged: Reply::Exchanged { ok, found } => if ok { Ok(found) } else { Err(found) }, Result<u32, u32>;
+    /// The bytes of a range.
+    bytes: Reply::Bytes(bytes) => bytes, Vec<u8>;
+    /// When a register matched, and its value.
+    waited: Reply::Waited(waited) => waited, Waited;
+    /// Emulated time, in microseconds.
+    time: Reply::Time(time_us) => time_us, u64;
+    /// Records of the journal, and the number that the next one will have.
+    journal: Reply::Journal { records, end } => (records, end), (Vec<Record>, u64);
+    /// The forced registers.
+    forces: Reply::Forces(forces) => forces, Vec<Forced>;
+    /// The number of a fault that was added.
+    fault_added: Reply::FaultAdded { id } => id, u16;
+    /// The faults.
+    faults: Reply::Faults(faults) => faults, Vec<FaultStatus>;
+    /// How many faults were cleared.
+    faults_cleared: Reply::FaultsCleared { count } => count, u16;
+    /// A board.
+    board: Reply::Board(state) => state, BoardState;
+    /// What the checker has found.
+    findings: Reply::Findings(entries) => entries, Vec<Entry>;
+    /// That the findings are forgotten.
+    cleared: Reply::Cleared => (), ();
+    /// Who answers.
+    info: Reply::Info(info) => *info, InstanceInfo;
+    /// That the emulator is going to end.
+    stopping: Reply::Stopping => (), ();
+}

@@ -1,0 +1,173 @@
+//! A host for tests: a plant with a clock that does what the test says.
+
+use super::{Code, Execution, Host, InstanceInfo, Op, Refused, Reply};
+use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
+use crate::memory::{Segment, Width};
+use crate::plant::{Plant, PlantConfig, PlantError};
+use core::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// An area of plain RAM: no firmware writes there.
+pub(crate) const RAM: Range<u32> = 1_000_000..1_262_144;
+
+/// Two PLCs, the first of which has a master on a bus with a drive; a processor cycle of 1 ms.
+const PLANT: &str = r#"
+processor_cycle_us = 1000
+
+[[plc]]
+name = "press"
+node2 = "drives"
+
+[[plc]]
+name = "saw"
+
+[[bus]]
+name = "drives"
+
+[[bus.drive]]
+name = "drive"
+slave_number = 1
+"#;
+
+pub(crate) struct TestHost {
+    pub plant: Plant,
+    pub is_stepped: bool,
+    pub stop: Arc<AtomicBool>,
+    /// Stores of another program: time, offset, value (WORD in PLC 0).
+    pub script: Vec<(u64, u32, u16)>,
+    /// Number of times that it has run.
+    pub steps: usize,
+    /// Number of requests that have begun.
+    pub requests: usize,
+    /// Raises `stop` at this time.
+    pub stop_at: u64,
+    /// Whether the real-time clock of the test server stands still.
+    pub is_frozen: bool,
+}
+
+impl TestHost {
+    pub fn new(is_stepped: bool) -> Self {
+        let config = PlantConfig::parse("test", PLANT).unwrap();
+        Self {
+            plant: Plant::new(&config, |_plc| Ok::<_, NoPlant>(Segment::heap(SEGMENT_END))).unwrap(),
+            is_stepped,
+            stop: Arc::default(),
+            script: Vec::new(),
+            steps: 0,
+            requests: 0,
+            stop_at: u64::MAX,
+            is_frozen: false,
+        }
+    }
+
+    /// Runs the plant up to time `t`, in either mode.
+    pub fn run_to(&mut self, t: u64) {
+        self.plant.advance_to(t);
+        self.steps += 1;
+        let due = self.script.extract_if(.., |(time, ..)| *time <= t);
+        for (_, offset, value) in due {
+            self.plant.devices()[0].segment().store(offset, Width::Word, value.into()).unwrap();
+        }
+        if t >= self.stop_at {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Writes a WORD of PLC 0 as another program does.
+    pub fn store(&self, offset: u32, value: u16) {
+        self.plant.devices()[0].segment().store(offset, Width::Word, value.into()).unwrap();
+    }
+
+    /// Executes operations up to the first that is refused. None of them may wait.
+    pub fn request(&mut self, ops: &[Op]) -> Vec<Reply> {
+        self.begin_request();
+        let mut replies = Vec::new();
+        for op in ops {
+            match Execution::default().run(self, op) {
+                Ok(reply) => replies.push(reply.expect("it does not wait")),
+                Err(refused) => {
+                    replies.push(Reply::Error(refused));
+                    break;
+                }
+            }
+        }
+        replies
+    }
+
+    /// The refusal of an operation.
+    #[track_caller]
+    pub fn refused(&mut self, op: Op) -> Refused {
+        match self.request(&[op]).pop() {
+            Some(Reply::Error(refused)) => refused,
+            other => panic!("{op:?} should be refused, got {other:?}"),
+        }
+    }
+
+    /// Code and text of the refusal of an operation.
+    #[track_caller]
+    pub fn refusal(&mut self, op: Op) -> (Code, String) {
+        let Refused { code, text, .. } = self.refused(op);
+        (code, text)
+    }
+}
+
+/// Why there is no plant.
+#[derive(Debug, thiserror::Error)]
+enum NoPlant {
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    #[error(transparent)]
+    Memory(#[from] crate::memory::MemoryError),
+}
+
+impl Host for TestHost {
+    fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+
+    fn is_stepped(&self) -> bool {
+        self.is_stepped
+    }
+
+    fn begin_request(&mut self) {
+        self.requests += 1;
+    }
+
+    fn next_event(&self) -> u64 {
+        let ahead = self.script.iter().map(|event| event.0).filter(|time| *time > self.plant.now());
+        ahead.fold(self.plant.next_event(), u64::min)
+    }
+
+    fn advance_to(&mut self, t: u64) {
+        assert!(self.is_stepped, "only the stepped clock may be advanced");
+        self.run_to(t);
+    }
+
+    fn info(&self) -> InstanceInfo {
+        InstanceInfo {
+            name: "test".into(),
+            is_stepped: self.is_stepped,
+            speed: if self.is_stepped { 0 } else { 1_000 },
+            time_us: self.plant.now(),
+            generation: 3,
+            pid: std::process::id(),
+            layout_hash: 0x1234_5678_9ABC_DEF0,
+            abi_version: 1,
+            version: env!("CARGO_PKG_VERSION").into(),
+            names: self.plant.names(),
+        }
+    }
+
+    fn request_stop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}

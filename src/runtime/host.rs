@@ -1,0 +1,60 @@
+//! The emulator as operations see it.
+
+use super::emulator::Emulator;
+use crate::plant::Plant;
+use crate::request::{Host, InstanceInfo};
+use std::sync::atomic::Ordering;
+
+impl Host for Emulator {
+    fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    fn plant_mut(&mut self) -> &mut Plant {
+        &mut self.plant
+    }
+
+    fn is_stepped(&self) -> bool {
+        self.options.clock.is_stepped()
+    }
+
+    fn begin_request(&mut self) {
+        if self.options.clock.is_stepped() {
+            self.look_at_rings();
+        }
+    }
+
+    fn next_event(&self) -> u64 {
+        self.plant.next_event().min(self.lockstep.next_turn())
+    }
+
+    fn advance_to(&mut self, t: u64) {
+        let stop = &self.stop;
+        self.lockstep.advance(&mut self.plant, t, || stop.load(Ordering::Acquire));
+        self.tell_events();
+    }
+
+    fn info(&self) -> InstanceInfo {
+        let header = self.header();
+        InstanceInfo {
+            name: self.options.instance.clone(),
+            is_stepped: self.options.clock.is_stepped(),
+            speed: header.speed.load(),
+            time_us: self.plant.now(),
+            generation: header.generation.load(),
+            pid: header.firmware_pid.load(),
+            layout_hash: header.layout_hash.load(),
+            abi_version: header.abi_version.load(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            names: self.plant.names(),
+        }
+    }
+
+    fn request_stop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+    }
+
+    fn should_stop(&self) -> bool {
+        self.is_stopping()
+    }
+}

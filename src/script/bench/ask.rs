@@ -1,0 +1,132 @@
+//! What the verbs ask of the plant.
+
+use super::Bench;
+use crate::check::Entry;
+use crate::journal::Record;
+use crate::memory::header::{BoardSetting, BoardState};
+use crate::memory::{Address, Width};
+use crate::plant::Forced;
+use crate::request::{MAX_ADVANCE_US, MAX_RECORDS, Op, Refused, Reply, Waited};
+use crate::script::ScenarioError;
+use std::time::Duration;
+
+/// Pause between two looks at a clock that runs by itself.
+const PAUSE: Duration = Duration::from_micros(500);
+
+/// A register access: which PLC, where, how wide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Spot {
+    /// Number of the PLC in the plant.
+    pub plc: u16,
+    /// Byte offset in segment 3.
+    pub offset: u32,
+    /// Width of the access.
+    pub width: Width,
+}
+
+impl Spot {
+    pub fn new(plc: u16, address: Address) -> Self {
+        Self { plc, offset: address.offset(), width: address.width() }
+    }
+}
+
+impl Bench {
+    pub(super) fn ask(&mut self, op: Op) -> Result<Reply, ScenarioError> {
+        self.carrier.ask(op)
+    }
+
+    pub(super) fn load(&mut self, spot: Spot) -> Result<u32, ScenarioError> {
+        let Spot { plc, offset, width } = spot;
+        Ok(self.ask(Op::Peek { plc, offset, width })?.value()?)
+    }
+
+    pub(super) fn store(&mut self, spot: Spot, value: u32) -> Result<(), ScenarioError> {
+        let Spot { plc, offset, width } = spot;
+        Ok(self.ask(Op::Poke { plc, offset, width, value })?.written()?)
+    }
+
+    /// Lets the time pass.
+    pub(super) fn advance(&mut self, mut us: u64) -> Result<(), ScenarioError> {
+        while us > MAX_ADVANCE_US {
+            self.ask(Op::Advance { us: MAX_ADVANCE_US })?.time()?;
+            us -= MAX_ADVANCE_US;
+        }
+        self.ask(Op::Advance { us })?.time()?;
+        Ok(())
+    }
+
+    /// Lets the time pass up to the next event, at most for `within_us`. On a clock that runs by itself a moment passes.
+    pub(super) fn advance_to_event(&mut self, within_us: u64) -> Result<(), ScenarioError> {
+        if self.is_stepped {
+            self.ask(Op::AdvanceToEvent { within_us: within_us.min(MAX_ADVANCE_US) })?.time()?;
+        } else {
+            std::thread::sleep(PAUSE);
+        }
+        Ok(())
+    }
+
+    /// Waits until `register AND mask = value`; if it does not come to that in time, the error is the register's last
+    /// value.
+    pub(super) fn wait_op(
+        &mut self,
+        spot: Spot,
+        mask: u32,
+        value: u32,
+        mut within_us: u64,
+    ) -> Result<Result<(), u32>, ScenarioError> {
+        let Spot { plc, offset, width } = spot;
+        loop {
+            let part = within_us.min(MAX_ADVANCE_US);
+            match self.ask(Op::Wait { plc, offset, width, mask, value, within_us: part }) {
+                Err(ScenarioError::Refused(Refused { waited: Some(Waited { value: last, .. }), .. })) => {
+                    within_us -= part;
+                    if within_us == 0 {
+                        return Ok(Err(last));
+                    }
+                }
+                reply => {
+                    reply?.waited()?;
+                    return Ok(Ok(()));
+                }
+            }
+        }
+    }
+
+    /// The forced registers.
+    pub(super) fn forces(&mut self) -> Result<Vec<Forced>, ScenarioError> {
+        Ok(self.ask(Op::Forces)?.forces()?)
+    }
+
+    pub(super) fn board_of(&mut self, plc: u16) -> Result<BoardState, ScenarioError> {
+        Ok(self.ask(Op::Board { plc })?.board()?)
+    }
+
+    pub(super) fn turn(&mut self, plc: u16, setting: BoardSetting) -> Result<(), ScenarioError> {
+        Ok(self.ask(Op::SetBoard { plc, setting })?.written()?)
+    }
+
+    pub(super) fn entries(&mut self) -> Result<Vec<Entry>, ScenarioError> {
+        Ok(self.ask(Op::Findings)?.findings()?)
+    }
+
+    /// Number of the journal record to come.
+    pub(super) fn journal_end(&mut self) -> Result<u64, ScenarioError> {
+        // From a number that no record has yet, only the end comes.
+        Ok(self.ask(Op::Journal { from: u64::MAX, max: 0 })?.journal()?.1)
+    }
+
+    /// The journal from record number `from` on, and the number of the record to come. What is still being
+    /// counted comes last.
+    pub(super) fn records(&mut self, from: u64) -> Result<(Vec<Record>, u64), ScenarioError> {
+        let (mut all, mut next) = (Vec::new(), from);
+        loop {
+            let (records, end) = self.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
+            let complete = records.last().is_none_or(|last| last.is_pending() || last.seq + 1 >= end);
+            next = records.iter().rfind(|record| !record.is_pending()).map_or(end, |last| last.seq + 1);
+            all.extend(records);
+            if complete {
+                return Ok((all, end));
+            }
+        }
+    }
+}
