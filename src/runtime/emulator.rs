@@ -399,7 +399,7 @@ impl Emulator {
     }
 
     #[cfg(not(feature = "channel"))]
-    fn tell_events(&mut self) {}
+    pub(super) fn tell_events(&mut self) {}
 
     #[cfg(feature = "channel")]
     fn close_channel(&mut self) {
