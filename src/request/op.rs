@@ -166,7 +166,7 @@ pub enum Op {
 
 impl Op {
     /// The emulated time this operation may take at most because it waits, in microseconds.
-    pub(crate) fn waits_us(&self) -> u64 {
+    pub fn waits_us(&self) -> u64 {
         match self {
             Op::Wait { within_us, .. } => (*within_us).min(MAX_ADVANCE_US),
             _ => 0,
