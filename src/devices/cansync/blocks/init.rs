@@ -1,7 +1,9 @@
-//! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215).
+//! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215, in 5.02066.01a p. 122-127). Baud rates
+//! are each device's own.
 
-use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_INIT_BMSTRUCT};
-use crate::plc::{Base, Like, Viewed, Watch, function_block};
+use crate::devices::omega_drive_line_2::registers::BaudRate;
+use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
+use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
 /// How long each answer of the CANsync node may take. The manual names no time (decision D-203).
@@ -13,55 +15,37 @@ const TIMEOUT: u16 = 1 << 0;
 const BIT_TIMING: u16 = 1 << 1;
 /// Bit 11.
 const NOT_FINISHED: u16 = 1 << 11;
+/// `us_BAUDRATE` of 125 kbit/s, which every number that there is not stands for.
+const SLOWEST: u8 = 3;
 
-function_block! {
-    /// Initializes a CANsync node as master (node 2) or slave (node 1) (manual p. 211-215).
-    ///
-    /// The first call begins; call on, at least once per processor cycle, until `x_OK` or `x_ERR`
-    /// (decision D-201). A call after that begins anew.
-    pub struct CANsync_INIT(_BASE: Base<CANsync_INIT_BMSTRUCT>) {
-        in {
-            /// Slave; default: master.
-            x_SL: bool;
-            /// Master: takes over the SYNC signal of node 1 (cluster); default: makes its own.
-            x_SYNC_IN: bool;
-            /// Sets up synchronous operation as well; default: only takes over the initialization data.
-            x_SYNC_MODE: bool;
-            /// Reserved.
-            x_ASYNC_MODE0: bool;
-            /// Reserved.
-            x_ASYNC_MODE1: bool;
-            /// Master: 0 no slave of that number, 1 a slave.
-            a_SL_TYP: [u8; 32];
-            /// Acceptance code; 16#FF.
-            b_ACCEPT_CODE: u8 = 0xFF;
-            /// Acceptance mask; 16#FF: everything is received.
-            b_ACCEPT_MASK: u8 = 0xFF;
-            /// Bus timing 0, if `us_BAUDRATE` is 0.
-            b_BIT_TIMING0: u8;
-            /// Bus timing 1, if `us_BAUDRATE` is 0.
-            b_BIT_TIMING1: u8;
-            /// 3: 125 kbit/s, 4: 250, 5: 500, 0 (default): what the bus timing inputs say.
-            us_BAUDRATE: u8;
-            /// CANsync interval in ms: 8, 4, 2 for the baud rates 3, 4, 5.
-            us_SYNC_INTERVAL: u8;
-        }
-        out {
-            /// Bit 0: no answer to the handshake, 1: baud rate or bus timing not among the documented ones,
-            /// 11: initialization not finished.
-            w_ERR: u16;
-            /// `w_ERR` is not 0.
-            x_ERR: bool;
-            /// The node is initialized.
-            x_OK: bool;
-        }
-        internal: Step;
-    }
+/// The inputs of the block, and its device's baud rates.
+pub(crate) struct Inputs<'a> {
+    pub slave: bool,
+    pub sync_in: bool,
+    /// Sets up synchronous operation, too.
+    pub set_up: bool,
+    pub slave_types: &'a [u8; 32],
+    /// Code and mask.
+    pub acceptance: [u8; 2],
+    /// Counts if `baud_rate` is 0.
+    pub bit_timing: [u8; 2],
+    pub baud_rate: u8,
+    pub interval_ms: u8,
+    pub rates: &'a [BaudRate],
+}
+
+/// An initialization, under way or at its end.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Initialization {
+    step: Step,
+    /// `w_ERR`.
+    error: u16,
+    has_ended: bool,
 }
 
 /// What the block waits for.
 #[derive(Clone, Copy, Debug, Default)]
-pub enum Step {
+enum Step {
     #[default]
     Begin,
     Restarted(Watch),
@@ -70,38 +54,45 @@ pub enum Step {
     ModeSet(Watch),
 }
 
-impl CANsync_INIT {
-    /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_INIT_BMSTRUCT>>) {
-        let _BASE = &_BASE.viewed();
+impl Initialization {
+    /// One PLC cycle: `w_ERR` and `x_OK`.
+    pub(crate) fn call(
+        &mut self,
+        base: &Viewed<'_, CANsync_INIT_BMSTRUCT>,
+        inputs: &Inputs<'_>,
+    ) -> (u16, bool) {
         // One call goes as far as the node's answers allow.
-        while let Some(next) = self.next(_BASE) {
-            self.internal = next;
+        while let Some(next) = self.next(base, inputs) {
+            self.step = next;
         }
+        (self.error, self.has_ended && self.error == 0)
+    }
+
+    /// `x_ERR`.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.has_ended && self.error != 0
     }
 
     /// The next step, if its time has come.
-    fn next(&mut self, base: &Viewed<'_, CANsync_INIT_BMSTRUCT>) -> Option<Step> {
+    fn next(&mut self, base: &Viewed<'_, CANsync_INIT_BMSTRUCT>, inputs: &Inputs<'_>) -> Option<Step> {
         let state = base.w_OPTION_STATUS.load();
         let command = |value| {
             base.w_CPU_CONTROL.store(value);
             Some(base.ram().watch(HANDSHAKE_TIME))
         };
-        match self.internal {
+        match self.step {
             Step::Begin => {
-                (self.w_ERR, self.x_ERR, self.x_OK) = (0, false, false);
+                (self.error, self.has_ended) = (0, false);
                 let restarted = command(0x0000).map(Step::Restarted);
                 base.tell_restart();
                 restarted
             }
             Step::Restarted(_) if state == 0x0001 => command(0x0001).map(Step::HandshakeAnswered),
             Step::HandshakeAnswered(_) if state == 0x0002 => {
-                self.write_data(base);
+                self.write_data(base, inputs);
                 command(0x0002).map(Step::DataTakenOver)
             }
-            Step::DataTakenOver(_) if state == 0x0003 && self.x_SYNC_MODE => {
-                command(0x0020).map(Step::ModeSet)
-            }
+            Step::DataTakenOver(_) if state == 0x0003 && inputs.set_up => command(0x0020).map(Step::ModeSet),
             Step::DataTakenOver(_) if state == 0x0003 => self.end(0),
             Step::ModeSet(_) if matches!(state, 0x0013 | 0x0043) => self.end(0),
             Step::Restarted(watch) | Step::HandshakeAnswered(watch) if watch.is_over(base.ram()) => {
@@ -115,54 +106,120 @@ impl CANsync_INIT {
     }
 
     fn end(&mut self, error: u16) -> Option<Step> {
-        self.w_ERR |= error;
-        self.x_ERR = self.w_ERR != 0;
-        self.x_OK = !self.x_ERR;
-        self.internal = Step::Begin;
+        self.error |= error;
+        (self.step, self.has_ended) = (Step::Begin, true);
         None
     }
 
-    fn write_data(&mut self, base: &Viewed<'_, CANsync_INIT_BMSTRUCT>) {
-        let [timing_0, timing_1] = self.bit_timing();
-        let mode = match (self.x_SL, self.x_SYNC_IN) {
+    fn write_data(&mut self, base: &CANsync_INIT_BMSTRUCT, inputs: &Inputs<'_>) {
+        let [timing_0, timing_1] = self.bit_timing(inputs);
+        let mode = match (inputs.slave, inputs.sync_in) {
             (true, _) => 0x01,
             (false, false) => 0x00,
             (false, true) => 0x02,
         };
         for (register, value) in [
             (&base.b_MA_SL_MODE, mode),
-            (&base.b_AC, self.b_ACCEPT_CODE),
-            (&base.b_AM, self.b_ACCEPT_MASK),
+            (&base.b_AC, inputs.acceptance[0]),
+            (&base.b_AM, inputs.acceptance[1]),
             (&base.b_BT_0, timing_0),
             (&base.b_BT_1, timing_1),
             (&base.b_OUTPUT_CONTROL, 0xFA),
             (&base.b_CLOCK_DIVIDER, 0x07),
-            (&base.b_TIME_PATTERN, self.us_SYNC_INTERVAL),
+            (&base.b_TIME_PATTERN, inputs.interval_ms),
         ] {
             register.store(value);
         }
-        if !self.x_SL {
-            for (register, slave_type) in base.a_SL_TYP.iter().zip(self.a_SL_TYP) {
-                register.store(slave_type);
+        if !inputs.slave {
+            for (register, slave_type) in base.a_SL_TYP.iter().zip(inputs.slave_types) {
+                register.store(*slave_type);
             }
         }
     }
 
     /// `b_BT_0` and `b_BT_1` by the inputs; sets bit 1 if they are not as documented.
-    fn bit_timing(&mut self) -> [u8; 2] {
-        let documented =
-            |rate: &&crate::devices::omega_drive_line_2::registers::BaudRate| match self.us_BAUDRATE {
-                0 => (rate.b_BT_0, rate.b_BT_1) == (self.b_BIT_TIMING0, self.b_BIT_TIMING1),
-                number => rate.us_BAUDRATE == number,
-            };
-        let found = BAUD_RATES.iter().find(documented).map(|rate| [rate.b_BT_0, rate.b_BT_1]);
-        found.unwrap_or_else(|| {
-            self.w_ERR |= BIT_TIMING;
-            match self.us_BAUDRATE {
-                0 => [self.b_BIT_TIMING0, self.b_BIT_TIMING1],
-                // 125 kbit/s (p. 214).
-                _ => [0x03, 0x1C],
-            }
+    fn bit_timing(&mut self, inputs: &Inputs<'_>) -> [u8; 2] {
+        let timing = |rate: &BaudRate| [rate.b_BT_0, rate.b_BT_1];
+        let of_number = |number| inputs.rates.iter().find(|rate| rate.us_BAUDRATE == number).map(timing);
+        let documented = match inputs.baud_rate {
+            0 => inputs.rates.iter().map(timing).find(|timing| *timing == inputs.bit_timing),
+            number => of_number(number),
+        };
+        documented.unwrap_or_else(|| {
+            self.error |= BIT_TIMING;
+            let slowest = if inputs.baud_rate == 0 { None } else { of_number(SLOWEST) };
+            slowest.unwrap_or(inputs.bit_timing)
         })
     }
 }
+
+/// The block of a device: its pages, its table of baud rates, and what its documentation says of them.
+macro_rules! init {
+    ($page:literal, $rates:expr, $sync:literal, $more:literal, $intervals:literal) => {
+        $crate::plc::function_block! {
+            #[doc = concat!("Initializes a CANsync node as master or slave (manual p. ", $page, ").")]
+            ///
+            /// The first call begins; call on, at least once per processor cycle, until `x_OK` or `x_ERR`
+            /// (decision D-201). A call after that begins anew.
+            pub struct CANsync_INIT(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT>) {
+                in {
+                    /// Slave; default: master.
+                    x_SL: bool;
+                    #[doc = concat!("Master: takes over the SYNC signal ", $sync, "; default: makes its own.")]
+                    x_SYNC_IN: bool;
+                    /// Sets up synchronous operation as well; default: only takes over the initialization data.
+                    x_SYNC_MODE: bool;
+                    /// Reserved.
+                    x_ASYNC_MODE0: bool;
+                    /// Reserved.
+                    x_ASYNC_MODE1: bool;
+                    /// Master: 0 no slave of that number, 1 a slave.
+                    a_SL_TYP: [u8; 32];
+                    /// Acceptance code; 16#FF.
+                    b_ACCEPT_CODE: u8 = 0xFF;
+                    /// Acceptance mask; 16#FF: everything is received.
+                    b_ACCEPT_MASK: u8 = 0xFF;
+                    /// Bus timing 0, if `us_BAUDRATE` is 0.
+                    b_BIT_TIMING0: u8;
+                    /// Bus timing 1, if `us_BAUDRATE` is 0.
+                    b_BIT_TIMING1: u8;
+                    #[doc = concat!("3: 125 kbit/s, 4: 250, 5: 500, ", $more, "0 (default): what the bus timing inputs say.")]
+                    us_BAUDRATE: u8;
+                    #[doc = concat!("CANsync interval in ms: ", $intervals, ".")]
+                    us_SYNC_INTERVAL: u8;
+                }
+                out {
+                    /// Bit 0: no answer to the handshake, 1: baud rate or bus timing not among the documented ones,
+                    /// 11: initialization not finished.
+                    w_ERR: u16;
+                    /// `w_ERR` is not 0.
+                    x_ERR: bool;
+                    /// The node is initialized.
+                    x_OK: bool;
+                }
+                internal: $crate::devices::cansync::blocks::init::Initialization;
+            }
+        }
+
+        impl CANsync_INIT {
+            /// One PLC cycle.
+            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT>>) {
+                let inputs = $crate::devices::cansync::blocks::init::Inputs {
+                    slave: self.x_SL,
+                    sync_in: self.x_SYNC_IN,
+                    set_up: self.x_SYNC_MODE,
+                    slave_types: &self.a_SL_TYP,
+                    acceptance: [self.b_ACCEPT_CODE, self.b_ACCEPT_MASK],
+                    bit_timing: [self.b_BIT_TIMING0, self.b_BIT_TIMING1],
+                    baud_rate: self.us_BAUDRATE,
+                    interval_ms: self.us_SYNC_INTERVAL,
+                    rates: $rates,
+                };
+                (self.w_ERR, self.x_OK) = self.internal.call(&_BASE.viewed(), &inputs);
+                self.x_ERR = self.internal.has_failed();
+            }
+        }
+    };
+}
+
+pub(crate) use init;

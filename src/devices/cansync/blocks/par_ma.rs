@@ -19,7 +19,7 @@ const WRITE: u8 = 0x05;
 const DOUBLEWORD: u8 = 1 << 4;
 
 /// Preset of `t_TIME`.
-const PRESET_TIME: Duration = Duration::from_secs(3);
+pub(crate) const PRESET_TIME: Duration = Duration::from_secs(3);
 
 /// How far a job is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -166,68 +166,80 @@ impl State {
     }
 }
 
-function_block! {
-    /// Reads a parameter of a slave (manual p. 222-224). Needs
-    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first. Several instances may run at the
-    /// same time, one per slave.
-    pub struct CANsync_PAR_READ_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
-        in {
-            /// The slave, 0 to 31.
-            si_SL_NR: i8;
-            /// Parameter number.
-            u_PAR_NR: u16;
-            /// Format of the parameter: FALSE word, TRUE doubleword.
-            x_PAR_FORMAT: bool;
-            /// Sub-slave address; reserved.
-            i_SUB_SL: i16;
-            /// Monitoring time in emulated time; preset 3 s.
-            t_TIME: Duration = PRESET_TIME;
-            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
-            x_EN: bool;
-            /// Resets the block; needed after an error or a cancelled job.
-            x_RESET: bool;
+/// The block that reads of a device: its pages, its own bits of `b_ERR`, and what it says to the formats at
+/// `x_PAR_FORMAT` and of the answer (those bits).
+macro_rules! par_read_ma {
+    ($page:literal, $formats:literal, $check:expr) => {
+        $crate::plc::function_block! {
+            #[doc = concat!("Reads a parameter of a slave (manual p. ", $page, "). Needs")]
+            /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first. Several instances may run at the
+            /// same time, one per slave.
+            pub struct CANsync_PAR_READ_MA(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>) {
+                in {
+                    /// The slave, 0 to 31.
+                    si_SL_NR: i8;
+                    /// Parameter number.
+                    u_PAR_NR: u16;
+                    /// Format of the parameter: FALSE word, TRUE doubleword.
+                    x_PAR_FORMAT: bool;
+                    /// Sub-slave address; reserved.
+                    i_SUB_SL: i16;
+                    /// Monitoring time in emulated time; preset 3 s.
+                    t_TIME: core::time::Duration = $crate::devices::cansync::blocks::par_ma::PRESET_TIME;
+                    /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+                    x_EN: bool;
+                    /// Resets the block; needed after an error or a cancelled job.
+                    x_RESET: bool;
+                }
+                out {
+                    /// The value read.
+                    ud_PAR_VALUE: u32;
+                    /// Format of the value read: FALSE word, TRUE doubleword.
+                    x_PAR_FORMAT_READ: bool;
+                    /// The job is under way.
+                    x_BUSY: bool;
+                    #[doc = concat!("Bit 0: the slave reports `i_ERR`, 1: timeout, ", $formats, "4: slave number not 0 to 31.")]
+                    b_ERR: u8;
+                    /// Error number of the slave.
+                    i_ERR: i16;
+                    /// `b_ERR` is not 0.
+                    x_ERR: bool;
+                    /// The last job has been done.
+                    x_OK: bool;
+                }
+                internal: $crate::devices::cansync::blocks::par_ma::State;
+            }
         }
-        out {
-            /// The value read.
-            ud_PAR_VALUE: u32;
-            /// Format of the value read: FALSE word, TRUE doubleword.
-            x_PAR_FORMAT_READ: bool;
-            /// The job is under way.
-            x_BUSY: bool;
-            /// Bit 0: the slave reports `i_ERR`, 1: timeout, 4: slave number not 0 to 31.
-            b_ERR: u8;
-            /// Error number of the slave.
-            i_ERR: i16;
-            /// `b_ERR` is not 0.
-            x_ERR: bool;
-            /// The last job has been done.
-            x_OK: bool;
+
+        impl CANsync_PAR_READ_MA {
+            /// One PLC cycle.
+            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>>) {
+                let _BASE = &_BASE.viewed();
+                let inputs = $crate::devices::cansync::blocks::par_ma::Inputs {
+                    slave: self.si_SL_NR,
+                    number: self.u_PAR_NR,
+                    doubleword: self.x_PAR_FORMAT,
+                    write: None,
+                    time: self.t_TIME,
+                    enable: self.x_EN,
+                    reset: self.x_RESET,
+                };
+                let Some(mut shown) = self.internal.step(_BASE, &inputs) else { return };
+                if let Some(answer) = shown.answer {
+                    (self.ud_PAR_VALUE, self.x_PAR_FORMAT_READ) = (answer.value, answer.doubleword);
+                    let error: u8 = $check(self.x_PAR_FORMAT, answer.doubleword);
+                    if error != 0 {
+                        shown = self.internal.fail(error, 0);
+                    }
+                }
+                (self.x_BUSY, self.x_OK) = (shown.busy, shown.answer.is_some());
+                (self.b_ERR, self.i_ERR, self.x_ERR) = (shown.error, shown.number, shown.error != 0);
+            }
         }
-        internal: State;
-    }
+    };
 }
 
-impl CANsync_PAR_READ_MA {
-    /// One PLC cycle.
-    pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
-        let _BASE = &_BASE.viewed();
-        let inputs = Inputs {
-            slave: self.si_SL_NR,
-            number: self.u_PAR_NR,
-            doubleword: self.x_PAR_FORMAT,
-            write: None,
-            time: self.t_TIME,
-            enable: self.x_EN,
-            reset: self.x_RESET,
-        };
-        let Some(shown) = self.internal.step(_BASE, &inputs) else { return };
-        if let Some(answer) = shown.answer {
-            (self.ud_PAR_VALUE, self.x_PAR_FORMAT_READ) = (answer.value, answer.doubleword);
-        }
-        (self.x_BUSY, self.x_OK) = (shown.busy, shown.answer.is_some());
-        (self.b_ERR, self.i_ERR, self.x_ERR) = (shown.error, shown.number, shown.error != 0);
-    }
-}
+pub(crate) use par_read_ma;
 
 function_block! {
     /// Writes a parameter of a slave (manual p. 230-232). Needs

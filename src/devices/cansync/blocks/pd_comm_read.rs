@@ -1,16 +1,29 @@
-//! `CANsync_PD_COMM_READ_MA`, `CANsync_PD_COMM_READ_SL`: actual values of one slave (p. 252-255).
+//! `CANsync_PD_COMM_READ_MA`, `CANsync_PD_COMM_READ_SL`: actual values of one slave (p. 252-255, in 5.02066.01a p.
+//! 174-179). What they show for frames received is each device's own.
 
 use super::process_data::receive_from;
 use super::registers::slave_index;
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
-use crate::plc::{Base, Like, function_block};
+use crate::devices::omega_drive_line_2::registers::STATREG_RDC;
+use crate::memory::Cell32;
 
-macro_rules! read {
-    ($name:ident, $base:ident, $master_block:literal, $page:literal) => {
-        function_block! {
+/// The actual values of one slave: copies those of frames received since the last call, and says which were.
+pub(crate) fn take_actuals(
+    slave: i8,
+    states: &[STATREG_RDC; 32],
+    registers: &[[Cell32; 16]; 32],
+    values: &mut [i32; 8],
+) -> [bool; 2] {
+    let slave = slave_index(slave).and_then(|slave| states.get(slave).zip(registers.get(slave)));
+    slave.map_or([false; 2], |(state, registers)| receive_from(state, registers, values))
+}
+
+/// The block of a device for a master or a slave: its pages, and what it shows for frames 1 and 2 received.
+macro_rules! pd_comm_read {
+    ($name:ident, $base:ident, $other:literal, $page:literal, $one:literal, $two:literal) => {
+        $crate::plc::function_block! {
             #[doc = concat!("Reads the actual values of one slave (manual p. ", $page, "). Kept by the vendor for")]
-            #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $master_block, "`.")]
-            pub struct $name(_BASE: Base<$base>) {
+            #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $other, "`.")]
+            pub struct $name(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::$base>) {
                 in {
                     /// The slave, 0 to 31; other numbers read nothing.
                     si_SL_NR: i8;
@@ -18,9 +31,9 @@ macro_rules! read {
                 out {
                     /// Actual values 0 to 7, each half only after its frame was received.
                     a_RD_VALUES: [i32; 8];
-                    /// 2: frame 1 was received since the last call; otherwise 0.
+                    #[doc = concat!($one, ": frame 1 was received since the last call; otherwise 0.")]
                     si_RD_SL_NR1_RECEIVED: i8;
-                    /// 2: frame 2 was received since the last call; otherwise 0.
+                    #[doc = concat!($two, ": frame 2 was received since the last call; otherwise 0.")]
                     si_RD_SL_NR2_RECEIVED: i8;
                 }
             }
@@ -28,18 +41,19 @@ macro_rules! read {
 
         impl $name {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &Base<impl Like<$base>>) {
+            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::$base>>) {
                 let _BASE = &_BASE.viewed();
-                let slave = slave_index(self.si_SL_NR)
-                    .and_then(|slave| _BASE.a_STATREG_RDC.get(slave).zip(_BASE.a_RD_BMARRAY.get(slave)));
-                [self.si_RD_SL_NR1_RECEIVED, self.si_RD_SL_NR2_RECEIVED] = match slave {
-                    Some((state, registers)) => receive_from(state, registers, &mut self.a_RD_VALUES),
-                    None => [0; 2],
-                };
+                let [one, two] = $crate::devices::cansync::blocks::pd_comm_read::take_actuals(
+                    self.si_SL_NR,
+                    &_BASE.a_STATREG_RDC,
+                    &_BASE.a_RD_BMARRAY,
+                    &mut self.a_RD_VALUES,
+                );
+                self.si_RD_SL_NR1_RECEIVED = if one { $one } else { 0 };
+                self.si_RD_SL_NR2_RECEIVED = if two { $two } else { 0 };
             }
         }
     };
 }
 
-read!(CANsync_PD_COMM_READ_MA, CANsync_MA_CTRL_BMSTRUCT, "CANsync_PD_COMM_MA", "252-253");
-read!(CANsync_PD_COMM_READ_SL, CANsync_SL_CTRL_BMSTRUCT, "CANsync_PD_COMM_SL", "254-255");
+pub(crate) use pd_comm_read;

@@ -1,61 +1,88 @@
-//! `CANsync_PD_COMM_SL`: process data of a slave (p. 256-260).
+//! `CANsync_PD_COMM_SL`: process data of a slave (p. 256-260, in 5.02066.01a p. 180-184). What it shows for frames
+//! received is each device's own.
 
 use super::CANsync_RD_BMARRAY;
 use super::process_data::{receive, receive_from_all, send, take_last_slave};
-use super::registers::AUTOMATIC;
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-use crate::plc::{Base, Like, function_block};
+use crate::plc::Viewed;
 
-function_block! {
-    /// Hands over own actual values, reads reference values and overhears other slaves' actual values
-    /// (manual p. 256-260). Call it right at the start of the CANsync event task.
-    pub struct CANsync_PD_COMM_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
-        in {
-            /// Own actual values 0 to 7.
-            a_RD_VALUES_SEND: [i32; 8];
-            /// 5: own actual values 0 to 3 are valid, send frame 1 when the master asks for it.
-            si_RDC1_SEND: i8;
-            /// 5: own actual values 4 to 7 are valid, send frame 2 when the master asks for it.
-            si_RDC2_SEND: i8;
-            /// Copies overheard actual values to `a_RD_ARRAY`; default: FALSE.
-            x_COPY_TO_RD_ARRAY: bool;
-        }
-        out {
-            /// Reference values 0 to 7, each half only after its frame was received.
-            a_WR_VALUES_RECEIVED: [i32; 8];
-            /// 2: reference value frame 1 was received since the last call; otherwise 0.
-            si_WRC1_RECEIVED: i8;
-            /// 2: reference value frame 2 was received since the last call; otherwise 0.
-            si_WRC2_RECEIVED: i8;
-            /// Slave whose frame 1 was overheard last since the last call; -128: none.
-            si_RD_SL_NR1_RECEIVED: i8 = AUTOMATIC;
-            /// Slave whose frame 2 was overheard last since the last call; -128: none.
-            si_RD_SL_NR2_RECEIVED: i8 = AUTOMATIC;
-        }
-        in_out {
-            a_RD_ARRAY: CANsync_RD_BMARRAY;
-        }
-    }
+/// Releases the actual values of each frame whose input is 5.
+pub(crate) fn release(base: &CANsync_SL_CTRL_BMSTRUCT, values: &[i32; 8], inputs: [i8; 2]) {
+    let controls = [&base.b_CTRLREG_RD_RDC1, &base.b_CTRLREG_RD_RDC2];
+    send(values, inputs, &base.a_RD_VALUE_SEND, controls);
 }
 
-impl CANsync_PD_COMM_SL {
-    /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
-    pub fn call(
-        &mut self,
-        _BASE: &Base<impl Like<CANsync_SL_CTRL_BMSTRUCT>>,
-        a_RD_ARRAY: &mut CANsync_RD_BMARRAY,
-    ) {
-        let _BASE = &_BASE.viewed();
-        let inputs = [self.si_RDC1_SEND, self.si_RDC2_SEND];
-        let controls = [&_BASE.b_CTRLREG_RD_RDC1, &_BASE.b_CTRLREG_RD_RDC2];
-        send(&self.a_RD_VALUES_SEND, inputs, &_BASE.a_RD_VALUE_SEND, controls);
-        let states = [&_BASE.b_CTRLREG_WRC1, &_BASE.b_CTRLREG_WRC2];
-        [self.si_WRC1_RECEIVED, self.si_WRC2_RECEIVED] =
-            receive(states, &_BASE.a_WR_VALUE_RECEIVE, &mut self.a_WR_VALUES_RECEIVED);
-        self.si_RD_SL_NR1_RECEIVED = take_last_slave(&_BASE.b_STATREG_RDC1);
-        self.si_RD_SL_NR2_RECEIVED = take_last_slave(&_BASE.b_STATREG_RDC2);
-        if self.x_COPY_TO_RD_ARRAY {
-            receive_from_all(&_BASE.a_STATREG_RDC, &_BASE.a_RD_BMARRAY, a_RD_ARRAY);
-        }
-    }
+/// Takes the reference values of frames received since the last call; says which were.
+pub(crate) fn take_references(base: &CANsync_SL_CTRL_BMSTRUCT, values: &mut [i32; 8]) -> [bool; 2] {
+    receive([&base.b_CTRLREG_WRC1, &base.b_CTRLREG_WRC2], &base.a_WR_VALUE_RECEIVE, values)
 }
+
+/// The slaves overheard last since the last call, and their values if there is room for them.
+pub(crate) fn overhear(
+    base: &Viewed<'_, CANsync_SL_CTRL_BMSTRUCT>,
+    a_RD_ARRAY: Option<&mut CANsync_RD_BMARRAY>,
+) -> [i8; 2] {
+    let slaves = [&base.b_STATREG_RDC1, &base.b_STATREG_RDC2].map(take_last_slave);
+    if let Some(a_RD_ARRAY) = a_RD_ARRAY {
+        receive_from_all(&base.a_STATREG_RDC, &base.a_RD_BMARRAY, a_RD_ARRAY);
+    }
+    slaves
+}
+
+/// The block of a device: its page, and what it shows for frames 1 and 2 received.
+macro_rules! pd_comm_sl {
+    ($page:literal, $one:literal, $two:literal) => {
+        $crate::plc::function_block! {
+            /// Hands over own actual values, reads reference values and overhears other slaves' actual values.
+            /// Call it right at the start of the CANsync event task.
+            #[doc = concat!("Manual p. ", $page, ".")]
+            pub struct CANsync_PD_COMM_SL(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT>) {
+                in {
+                    /// Own actual values 0 to 7.
+                    a_RD_VALUES_SEND: [i32; 8];
+                    /// 5: own actual values 0 to 3 are valid, send frame 1 when the master asks for it.
+                    si_RDC1_SEND: i8;
+                    /// 5: own actual values 4 to 7 are valid, send frame 2 when the master asks for it.
+                    si_RDC2_SEND: i8;
+                    /// Copies overheard actual values to `a_RD_ARRAY`; default: FALSE.
+                    x_COPY_TO_RD_ARRAY: bool;
+                }
+                out {
+                    /// Reference values 0 to 7, each half only after its frame was received.
+                    a_WR_VALUES_RECEIVED: [i32; 8];
+                    #[doc = concat!($one, ": reference value frame 1 was received since the last call; otherwise 0.")]
+                    si_WRC1_RECEIVED: i8;
+                    #[doc = concat!($two, ": reference value frame 2 was received since the last call; otherwise 0.")]
+                    si_WRC2_RECEIVED: i8;
+                    /// Slave whose frame 1 was overheard last since the last call; -128: none.
+                    si_RD_SL_NR1_RECEIVED: i8 = -128;
+                    /// Slave whose frame 2 was overheard last since the last call; -128: none.
+                    si_RD_SL_NR2_RECEIVED: i8 = -128;
+                }
+                in_out {
+                    a_RD_ARRAY: $crate::devices::cansync::blocks::CANsync_RD_BMARRAY;
+                }
+            }
+        }
+
+        impl CANsync_PD_COMM_SL {
+            /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
+            pub fn call(
+                &mut self,
+                _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT>>,
+                a_RD_ARRAY: &mut $crate::devices::cansync::blocks::CANsync_RD_BMARRAY,
+            ) {
+                use $crate::devices::cansync::blocks::pd_comm_sl::{overhear, release, take_references};
+                let _BASE = &_BASE.viewed();
+                release(_BASE, &self.a_RD_VALUES_SEND, [self.si_RDC1_SEND, self.si_RDC2_SEND]);
+                let [one, two] = take_references(_BASE, &mut self.a_WR_VALUES_RECEIVED);
+                self.si_WRC1_RECEIVED = if one { $one } else { 0 };
+                self.si_WRC2_RECEIVED = if two { $two } else { 0 };
+                [self.si_RD_SL_NR1_RECEIVED, self.si_RD_SL_NR2_RECEIVED] =
+                    overhear(_BASE, self.x_COPY_TO_RD_ARRAY.then_some(a_RD_ARRAY));
+            }
+        }
+    };
+}
+
+pub(crate) use pd_comm_sl;

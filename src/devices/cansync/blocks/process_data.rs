@@ -20,12 +20,12 @@ pub(super) fn send(values: &[i32; 8], inputs: [i8; 2], registers: &[Cell32], con
     }
 }
 
-/// Copies the values of the frames received since the last call; says which were (2 or 0).
-pub(super) fn receive(states: [&Cell8; 2], registers: &[Cell32], values: &mut [i32]) -> [i8; 2] {
-    let received = states.map(take_received);
+/// Copies the values of the frames received since the last call; says which were.
+pub(super) fn receive(states: [&Cell8; 2], registers: &[Cell32], values: &mut [i32]) -> [bool; 2] {
+    let received = states.map(|state| take_received(state) != 0);
     let frames = values.chunks_mut(FRAME).zip(registers.chunks(FRAME));
     for (received, (values, registers)) in received.into_iter().zip(frames) {
-        if received != 0 {
+        if received {
             values.iter_mut().zip(registers).for_each(|(value, register)| *value = register.load() as i32);
         }
     }
@@ -33,7 +33,7 @@ pub(super) fn receive(states: [&Cell8; 2], registers: &[Cell32], values: &mut [i
 }
 
 /// As [`receive`], for the actual values of one slave.
-pub(super) fn receive_from(state: &STATREG_RDC, registers: &[Cell32; 16], values: &mut [i32]) -> [i8; 2] {
+pub(super) fn receive_from(state: &STATREG_RDC, registers: &[Cell32; 16], values: &mut [i32]) -> [bool; 2] {
     receive([&state.b_STATREG_RDC1, &state.b_STATREG_RDC2], registers, values)
 }
 

@@ -1,65 +1,19 @@
-//! `CANsync_UPDOWNLOAD_MA`: up- and downloads of a master (p. 263-267).
+//! `CANsync_UPDOWNLOAD_MA`: up- and downloads of a master (p. 263-267, in 5.02066.01a p. 187-192). Which bit of `b_ERR` says
+//! what is each device's own.
 
 use super::registers::{ACTIVE, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, UPDOWN_VALUES};
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
-use crate::plc::{Base, Like, Viewed, Watch, function_block};
+use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
-/// Bit 0 of `b_ERR` (decision D-20).
-const TIMEOUT: u8 = 1 << 0;
-/// Bit 1.
-const LENGTH: u8 = 1 << 1;
 /// Control register of a job just entered, without the direction; the firmware fills in the mode.
 const ENTERED: u8 = 0x05;
 /// `t_TIME` is preset at the slave's block only; the master's takes the same (decision D-212).
-pub(super) const PRESET_TIME: Duration = Duration::from_secs(30);
-
-function_block! {
-    /// Transfers up to 2048 values to or from a slave that runs
-    /// [`CANsync_UPDOWNLOAD_SL`](super::CANsync_UPDOWNLOAD_SL) (manual p. 263-267). Needs
-    /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
-    pub struct CANsync_UPDOWNLOAD_MA(_BASE: Base<CANsync_MA_CTRL_BMSTRUCT>) {
-        in {
-            /// The slave, 0 to 31.
-            si_SL_NR: i8;
-            /// FALSE: upload, TRUE: download.
-            x_UPDOWN: bool;
-            /// Number of values, 1 to 2048.
-            u_LENGTH: u16;
-            /// How often each block is tried; preset 1.
-            us_MAX_NR_OF_COMM: u8 = 1;
-            /// Monitoring time of each try of a block, in emulated time; preset 30 s.
-            t_TIME: Duration = PRESET_TIME;
-            /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
-            x_EN: bool;
-            /// Resets the block; needed after an error or a cancelled job.
-            x_RESET: bool;
-        }
-        out {
-            /// The job is under way.
-            x_BUSY: bool;
-            /// Error number of the slave or of the node (p. 267).
-            w_ERR_SL: u16;
-            /// `w_ERR_SL` is not 0.
-            x_ERR_SL: bool;
-            /// Bit 0: timeout, 1: `u_LENGTH` is 0 or more than 2048.
-            b_ERR: u8;
-            /// `b_ERR` is not 0.
-            x_ERR: bool;
-            /// The last job has been done.
-            x_OK: bool;
-        }
-        in_out {
-            a_DOWNLOAD: CANsync_UPDOWN_BMARRAY;
-            a_UPLOAD: CANsync_UPDOWN_BMARRAY;
-        }
-        internal: Phase;
-    }
-}
+pub(crate) const PRESET_TIME: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Copy, Debug, Default)]
-pub enum Phase {
+enum Phase {
     #[default]
     Idle,
     /// Waits until the registers are free for this block.
@@ -67,13 +21,13 @@ pub enum Phase {
     Running(Try),
     /// Ends when `x_EN` falls.
     Done,
-    /// Failed or cancelled: only `x_RESET` helps.
-    Locked,
+    /// Cancelled or failed: only `x_RESET` helps.
+    Locked(Option<Failure>),
 }
 
 /// A try to transfer a block.
 #[derive(Clone, Copy, Debug)]
-pub struct Try {
+struct Try {
     /// Slave and direction of the transfer, whatever the inputs show meanwhile.
     slave: u8,
     download: bool,
@@ -82,71 +36,112 @@ pub struct Try {
     watch: Watch,
 }
 
-impl CANsync_UPDOWNLOAD_MA {
-    /// One PLC cycle. Reads from `a_DOWNLOAD`, or writes to `a_UPLOAD`.
-    pub fn call(
+/// The inputs of the block.
+pub(crate) struct Inputs {
+    pub slave: i8,
+    pub download: bool,
+    pub length: u16,
+    pub tries: u8,
+    pub time: Duration,
+    pub enable: bool,
+    pub reset: bool,
+}
+
+/// Why a transfer has failed.
+#[derive(Clone, Copy, Debug)]
+pub enum Failure {
+    /// `u_LENGTH` is 0 or more than 2048.
+    Length,
+    /// The last try of a block took too long.
+    Timeout,
+    /// The slave, or the node, has given this error number.
+    Slave(u16),
+}
+
+/// A transfer, under way or at its end.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Transfer {
+    phase: Phase,
+    /// The last one was done.
+    done: bool,
+}
+
+impl Transfer {
+    /// One PLC cycle.
+    pub(crate) fn call(
         &mut self,
-        _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>,
+        base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
+        inputs: &Inputs,
         a_DOWNLOAD: &CANsync_UPDOWN_BMARRAY,
         a_UPLOAD: &mut CANsync_UPDOWN_BMARRAY,
     ) {
-        let _BASE = &_BASE.viewed();
-        if self.x_RESET {
-            self.cancel(_BASE);
-            self.end(Phase::Idle, 0, 0);
+        if inputs.reset {
+            self.cancel(base);
+            *self = Self::default();
             return;
         }
-        match (self.internal, self.x_EN) {
+        match (self.phase, inputs.enable) {
             (Phase::Waiting(_) | Phase::Running(_), false) => {
-                self.cancel(_BASE);
-                self.end(Phase::Locked, 0, 0);
+                self.cancel(base);
+                self.phase = Phase::Locked(None);
             }
-            (Phase::Done, false) => self.internal = Phase::Idle,
-            (Phase::Idle, true) => self.begin(_BASE),
+            (Phase::Done, false) => self.phase = Phase::Idle,
+            (Phase::Idle, true) => self.begin(base, inputs),
             _ => {}
         }
-        let job = job(_BASE);
-        if let Phase::Running(this) = self.internal {
+        let job = job(base);
+        if let Phase::Running(this) = self.phase {
             let control = job.control();
             if control & ACTIVE != 0 {
-                self.check_time(_BASE, this);
+                self.check_time(base, inputs, this);
             } else if control & ERROR != 0 {
-                self.end(Phase::Locked, 0, _BASE.w_ERR_NR_UPDOWNBLK1.load());
+                self.fail(Failure::Slave(base.w_ERR_NR_UPDOWNBLK1.load()));
             } else {
-                self.block_done(_BASE, this, a_UPLOAD);
+                self.block_done(base, inputs, this, a_UPLOAD);
             }
         }
-        if let Phase::Waiting(this) = self.internal {
+        if let Phase::Waiting(this) = self.phase {
             if job.control() & (ACTIVE | RESET) == 0 {
-                self.enter(_BASE, this, a_DOWNLOAD);
+                self.enter(base, this, a_DOWNLOAD);
             } else {
-                self.check_time(_BASE, this);
+                self.check_time(base, inputs, this);
             }
         }
     }
 
-    fn begin(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>) {
-        let total = usize::from(self.u_LENGTH);
+    /// `x_BUSY`.
+    pub(crate) fn is_busy(&self) -> bool {
+        matches!(self.phase, Phase::Waiting(_) | Phase::Running(_))
+    }
+
+    /// `x_OK`: the last transfer was done.
+    pub(crate) fn is_done(&self) -> bool {
+        self.done
+    }
+
+    /// Why the last transfer has failed, if it has.
+    pub(crate) fn failure(&self) -> Option<Failure> {
+        if let Phase::Locked(failure) = self.phase { failure } else { None }
+    }
+
+    fn fail(&mut self, failure: Failure) {
+        self.phase = Phase::Locked(Some(failure));
+    }
+
+    fn begin(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs) {
+        self.done = false;
+        let total = usize::from(inputs.length);
         if total == 0 || total > UPDOWN_VALUES {
-            return self.end(Phase::Locked, LENGTH, 0);
+            return self.fail(Failure::Length);
         }
         let first = Try {
-            slave: self.si_SL_NR as u8,
-            download: self.x_UPDOWN,
+            slave: inputs.slave as u8,
+            download: inputs.download,
             block: Block::starting_at(0, total),
             number: 1,
-            watch: base.ram().watch(self.t_TIME),
+            watch: base.ram().watch(inputs.time),
         };
-        self.end(Phase::Waiting(first), 0, 0);
-        self.x_BUSY = true;
-    }
-
-    /// Goes on to `phase` with these errors; the job is neither busy nor done.
-    fn end(&mut self, phase: Phase, b_ERR: u8, w_ERR_SL: u16) {
-        self.internal = phase;
-        (self.x_BUSY, self.x_OK) = (false, false);
-        (self.b_ERR, self.x_ERR) = (b_ERR, b_ERR != 0);
-        (self.w_ERR_SL, self.x_ERR_SL) = (w_ERR_SL, w_ERR_SL != 0);
+        self.phase = Phase::Waiting(first);
     }
 
     /// Enters the job of a block.
@@ -161,12 +156,13 @@ impl CANsync_UPDOWNLOAD_MA {
             base.a_DATA_UPDOWNBLK1.iter().zip(values).for_each(|(cell, value)| cell.store(*value as u32));
         }
         job(base).enter(ENTERED | if this.download { DOWNLOAD } else { 0 });
-        self.internal = Phase::Running(this);
+        self.phase = Phase::Running(this);
     }
 
     fn block_done(
         &mut self,
         base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>,
+        inputs: &Inputs,
         this: Try,
         a_UPLOAD: &mut CANsync_UPDOWN_BMARRAY,
     ) {
@@ -176,37 +172,36 @@ impl CANsync_UPDOWNLOAD_MA {
         }
         match this.block.next() {
             Some(block) => {
-                let watch = base.ram().watch(self.t_TIME);
-                self.internal = Phase::Waiting(Try { block, number: 1, watch, ..this });
+                let watch = base.ram().watch(inputs.time);
+                self.phase = Phase::Waiting(Try { block, number: 1, watch, ..this });
             }
             None => {
-                self.end(Phase::Done, 0, 0);
-                self.x_OK = true;
+                (self.phase, self.done) = (Phase::Done, true);
             }
         }
     }
 
     /// Tries the block again when its time is over, or gives up.
-    fn check_time(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, this: Try) {
+    fn check_time(&mut self, base: &Viewed<'_, CANsync_MA_CTRL_BMSTRUCT>, inputs: &Inputs, this: Try) {
         if !this.watch.is_over(base.ram()) {
             return;
         }
-        if this.number < self.us_MAX_NR_OF_COMM {
+        if this.number < inputs.tries {
             // The new job replaces the old one: the registers are free as soon as it is withdrawn.
-            if let Phase::Running(_) = self.internal {
+            if let Phase::Running(_) = self.phase {
                 job(base).enter(0);
             }
-            let watch = base.ram().watch(self.t_TIME);
-            self.internal = Phase::Waiting(Try { number: this.number + 1, watch, ..this });
+            let watch = base.ram().watch(inputs.time);
+            self.phase = Phase::Waiting(Try { number: this.number + 1, watch, ..this });
         } else {
             self.cancel(base);
-            self.end(Phase::Locked, TIMEOUT, 0);
+            self.fail(Failure::Timeout);
         }
     }
 
     /// Makes the firmware tell the slave that the transfer is over.
     fn cancel(&self, base: &CANsync_MA_CTRL_BMSTRUCT) {
-        if let Phase::Running(_) = self.internal {
+        if let Phase::Running(_) = self.phase {
             job(base).change(|value| value | RESET);
         }
     }
@@ -215,3 +210,83 @@ impl CANsync_UPDOWNLOAD_MA {
 fn job(base: &CANsync_MA_CTRL_BMSTRUCT) -> Job<'_> {
     Job { control: &base.b_STEUREG_UPDOWNBLK1, status: &base.b_STATREG_UPDOWNBLK1 }
 }
+
+/// The block of a device: its pages, what its documentation says of `b_ERR`, and which bits a failure has there.
+macro_rules! updownload_ma {
+    ($page:literal, $errors:literal, $bits:expr) => {
+        $crate::plc::function_block! {
+            /// Transfers up to 2048 values to or from a slave that runs
+            /// [`CANsync_UPDOWNLOAD_SL`](super::CANsync_UPDOWNLOAD_SL). Needs
+            /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
+            #[doc = concat!("Manual p. ", $page, ".")]
+            pub struct CANsync_UPDOWNLOAD_MA(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>) {
+                in {
+                    /// The slave, 0 to 31.
+                    si_SL_NR: i8;
+                    /// FALSE: upload, TRUE: download.
+                    x_UPDOWN: bool;
+                    /// Number of values, 1 to 2048.
+                    u_LENGTH: u16;
+                    /// How often each block is tried; preset 1.
+                    us_MAX_NR_OF_COMM: u8 = 1;
+                    /// Monitoring time of each try of a block, in emulated time; preset 30 s.
+                    t_TIME: core::time::Duration = $crate::devices::cansync::blocks::updownload_ma::PRESET_TIME;
+                    /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then `x_RESET` is needed.
+                    x_EN: bool;
+                    /// Resets the block; needed after an error or a cancelled job.
+                    x_RESET: bool;
+                }
+                out {
+                    /// The job is under way.
+                    x_BUSY: bool;
+                    /// Error number of the slave or of the node (p. 267).
+                    w_ERR_SL: u16;
+                    /// `w_ERR_SL` is not 0.
+                    x_ERR_SL: bool;
+                    #[doc = $errors]
+                    b_ERR: u8;
+                    /// `b_ERR` is not 0.
+                    x_ERR: bool;
+                    /// The last job has been done.
+                    x_OK: bool;
+                }
+                in_out {
+                    a_DOWNLOAD: $crate::devices::cansync::blocks::CANsync_UPDOWN_BMARRAY;
+                    a_UPLOAD: $crate::devices::cansync::blocks::CANsync_UPDOWN_BMARRAY;
+                }
+                internal: $crate::devices::cansync::blocks::updownload_ma::Transfer;
+            }
+        }
+
+        impl CANsync_UPDOWNLOAD_MA {
+            /// One PLC cycle. Reads from `a_DOWNLOAD`, or writes to `a_UPLOAD`.
+            pub fn call(
+                &mut self,
+                _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>>,
+                a_DOWNLOAD: &$crate::devices::cansync::blocks::CANsync_UPDOWN_BMARRAY,
+                a_UPLOAD: &mut $crate::devices::cansync::blocks::CANsync_UPDOWN_BMARRAY,
+            ) {
+                use $crate::devices::cansync::blocks::updownload_ma::{Failure, Inputs};
+                let inputs = Inputs {
+                    slave: self.si_SL_NR,
+                    download: self.x_UPDOWN,
+                    length: self.u_LENGTH,
+                    tries: self.us_MAX_NR_OF_COMM,
+                    time: self.t_TIME,
+                    enable: self.x_EN,
+                    reset: self.x_RESET,
+                };
+                self.internal.call(&_BASE.viewed(), &inputs, a_DOWNLOAD, a_UPLOAD);
+                (self.x_BUSY, self.x_OK) = (self.internal.is_busy(), self.internal.is_done());
+                let bits: fn(Failure) -> u8 = $bits;
+                let failure = self.internal.failure();
+                self.b_ERR = failure.map_or(0, bits);
+                self.x_ERR = self.b_ERR != 0;
+                self.w_ERR_SL = if let Some(Failure::Slave(number)) = failure { number } else { 0 };
+                self.x_ERR_SL = self.w_ERR_SL != 0;
+            }
+        }
+    };
+}
+
+pub(crate) use updownload_ma;

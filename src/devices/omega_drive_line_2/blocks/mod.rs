@@ -4,6 +4,7 @@
 
 mod baps;
 mod board;
+mod cansync;
 
 use crate::plc::{BlockKind, block_kinds};
 
@@ -11,6 +12,7 @@ pub use crate::devices::cansync::blocks::*;
 pub use crate::plc::{Base, Program, Progress, Ram, RunError, Tasks};
 pub use baps::*;
 pub use board::{INTR_SET, LED, OPT_INIT, TIME_MEASURE_END, TIME_MEASURE_START};
+pub use cansync::*;
 
 /// The function blocks with the structures that they work on, in the order of the manual's chapters.
 pub static BLOCKS: &[BlockKind] = block_kinds! {
