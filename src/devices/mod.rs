@@ -54,3 +54,33 @@ pub fn find(name: &str) -> Option<&'static Registered> {
 pub fn of_hash(hash: u64) -> Option<&'static Registered> {
     DEVICES.iter().find(|it| it.layout.layout_hash == hash)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::header::{AREAS, TABLE_NAME_LENGTH};
+
+    #[test]
+    fn every_device_is_found_by_name_and_hash() {
+        for known in DEVICES {
+            let layout = known.layout;
+            assert!(find(layout.name).is_some_and(|found| core::ptr::eq(found, known)), "{layout:?}");
+            assert!(
+                of_hash(layout.layout_hash).is_some_and(|found| core::ptr::eq(found, known)),
+                "{layout:?}"
+            );
+        }
+        assert!(find("omega").is_none() && of_hash(0).is_none());
+    }
+
+    /// The retain flags are one more area.
+    #[test]
+    fn the_areas_of_every_device_fit_into_the_header_page() {
+        for layout in DEVICES.iter().map(|known| known.layout) {
+            assert!(layout.areas.len() < AREAS, "{layout:?}");
+            for area in layout.areas {
+                assert!(area.name.len() < TABLE_NAME_LENGTH, "{area:?}");
+            }
+        }
+    }
+}

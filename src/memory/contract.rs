@@ -153,6 +153,8 @@ described! {
     Seat => Kind::Struct(&Seat::STRUCT),
     Board => Kind::Struct(&Board::STRUCT),
     Program => Kind::Struct(&Program::STRUCT),
+    AreaEntry => Kind::Struct(&AreaEntry::STRUCT),
+    PortEntry => Kind::Struct(&PortEntry::STRUCT),
 }
 
 impl<T: Described, const N: usize> Described for [T; N] {

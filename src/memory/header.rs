@@ -10,16 +10,18 @@ mod board_words;
 mod events;
 mod initial_flag;
 mod lockstep;
+mod table;
 
 pub use board::{Board, BoardSetting, BoardState, Power, Program, ProgramState, Project, RunSwitch, Start};
 pub use board_words::{BoardWordError, BoardWords};
 pub use events::{EventSlot, Interrupt, InterruptResult, OptInit, OptInitResult, TimerSetup, Trigger};
 pub use initial_flag::{InitialFlag, InitialFlagResult};
 pub use lockstep::{Seat, SeatState};
+pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::contract::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
-use crate::layout::flags;
+use crate::layout::{Device, flags};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Length of the header page in bytes.
@@ -27,7 +29,7 @@ pub const HEADER_SIZE: usize = 4096;
 /// The first eight bytes of an image: `commram` and a zero.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"commram\0");
 /// Version of the header's layout and rules. It changes when an old client would go wrong.
-pub const ABI_VERSION: u32 = 2;
+pub const ABI_VERSION: u32 = 3;
 /// Number of event slots, one per event number (manual 5.00005.03a p. 47-60 uses 0 to 12).
 pub const EVENT_SLOTS: usize = 16;
 /// Number of triggers that `OPT_INIT` routes: trigger 1, trigger 2, trigger controller (p. 57-58).
@@ -38,6 +40,8 @@ pub const SEATS: usize = 8;
 pub const RETAIN_OFFSET: usize = flags::RETAIN_OFFSET as usize;
 /// Number of retain flags in bytes unless the plant file says otherwise.
 pub const RETAIN_SIZE: usize = flags::RETAIN_SIZE as usize;
+/// Words for the front of devices that [`Board`] does not describe.
+pub const FRONT: usize = 64;
 /// Length of the instance's and the PLC's name field in bytes, with the terminating zero.
 pub const NAME_LENGTH: usize = 32;
 /// Length of the device name field in bytes, with the terminating zero.
@@ -73,10 +77,8 @@ pub struct Header {
     pub virtual_time_us: Cell64,
     /// The processor cycle in microseconds: at the latest then a store is seen that nobody rang for.
     pub processor_cycle_us: Cell32,
-    /// SYNC pulses seen on CANsync node 1 and node 2, wrapping.
-    pub sync_counter: [Cell32; 2],
-    /// Zero.
-    pub reserved_76: [Cell32; 13],
+    /// SYNC pulses seen at each port, in the order of [`Header::ports`], wrapping.
+    pub sync_counter: [Cell32; PORTS],
     /// Rung by clients that have stored something; the firmware is the only waiter.
     pub doorbell: Bell,
     /// Zero.
@@ -114,9 +116,8 @@ pub struct Header {
     pub retain_offset: Cell32,
     /// Number of retain flags in bytes.
     pub retain_size: Cell32,
-    /// Counted up by whoever has stored 16#0000 in `w_CPU_CONTROL` of CANsync node 1 or node 2, wrapping: it is a
-    /// restart then, even if 16#0000 stood there already (decision D-29).
-    pub restarts_written: [Cell32; 2],
+    /// Zero.
+    pub reserved_776: [Cell32; 2],
     /// Initial values of retain flags, which a cold start gives them.
     pub initial_flag: InitialFlag,
     /// What shall be loaded: the number of a [`Project`] plus 1; the firmware sets it back to 0.
@@ -137,8 +138,14 @@ pub struct Header {
     pub opt_init: OptInit,
     /// Tasks that the emulated time waits for.
     pub lockstep: [Seat; SEATS],
+    /// The areas of the device.
+    pub areas: [AreaEntry; AREAS],
+    /// The ports of the device.
+    pub ports: [PortEntry; PORTS],
+    /// The front of devices that [`Header::board`] does not describe.
+    pub front: [Cell32; FRONT],
     /// Zero.
-    pub reserved_1792: [Cell8; HEADER_SIZE - 1792],
+    pub reserved_3776: [Cell8; HEADER_SIZE - 3776],
 }
 
 // SAFETY: every field is a cell, an array of cells or such a struct; IntoBytes proves that there is no padding
@@ -150,13 +157,13 @@ publish! { Header:
     0 => magic, 8 => abi_version, 12 => header_size, 16 => layout_hash, 24 => segment_size,
     28 => generation, 32 => state, 36 => clock_mode, 40 => firmware_pid, 44 => speed,
     48 => firmware_start, 56 => virtual_time_us, 64 => processor_cycle_us, 68 => sync_counter,
-    76 => reserved_76, 128 => doorbell, 136 => reserved_136, 192 => answer, 200 => reserved_200,
+    128 => doorbell, 136 => reserved_136, 192 => answer, 200 => reserved_200,
     256 => channel_reply, 264 => reserved_264, 320 => events, 576 => instance, 608 => plc,
     640 => device, 704 => board, 720 => program, 752 => board_requests, 756 => program_cycles,
-    760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => restarts_written,
+    760 => real_epoch_ns, 768 => retain_offset, 772 => retain_size, 776 => reserved_776,
     784 => initial_flag, 808 => project_request,
     812 => project, 816 => reserved_816, 832 => triggers, 880 => timers, 912 => reserved_912, 960 => interrupts, 1216 => opt_init,
-    1280 => lockstep, 1792 => reserved_1792,
+    1280 => lockstep, 1792 => areas, 2560 => ports, 3520 => front, 3776 => reserved_3776,
 }
 const _: () = assert!(size_of::<Header>() == HEADER_SIZE);
 // The retain flags lie behind the header page.
@@ -199,6 +206,13 @@ impl Header {
         self.channel_reply.ring();
     }
 
+    /// Tells what the device consists of.
+    pub(super) fn describe(&self, device: &Device) {
+        self.areas.iter().for_each(AreaEntry::clear);
+        let areas = device.areas.iter().chain([&flags::RETAIN_AREA]);
+        self.areas.iter().zip(areas).for_each(|(entry, area)| entry.fill(area));
+    }
+
     /// Everything around the board as it is before power-on: nothing enabled, nobody seated. Bells go on counting.
     pub(super) fn clear_board(&self) {
         self.board.clear();
@@ -209,6 +223,7 @@ impl Header {
         self.project.store(Project::None.code());
         self.project_request.store(0);
         self.lockstep.iter().for_each(Seat::clear);
+        self.front.iter().for_each(|word| word.store(0));
         let pulses = self.events.iter().chain(&self.triggers).chain(&self.timers);
         pulses.for_each(|slot| slot.time_us.store(0));
         self.real_epoch_ns.store(0);

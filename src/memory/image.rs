@@ -173,6 +173,7 @@ impl Image {
         header::set_name(&header.instance, &self.file.instance);
         header::set_name(&header.plc, &self.file.plc);
         header::set_name(&header.device, spec.device.title);
+        header.describe(spec.device);
         header.clear_board();
         // Whoever held this bell is dead, we hold its lock.
         header.doorbell.forget_waiters();

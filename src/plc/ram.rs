@@ -123,7 +123,7 @@ impl<V> Viewed<'_, V> {
     /// RAM it cannot see it where 16#0000 stood before (decision D-29).
     pub fn tell_restart(&self) {
         if let Some(node) = [NODE1, NODE2].iter().position(|node| *node == self.offset) {
-            self.ram.header.restarts_written[node].increment();
+            self.ram.header.ports[node].restarts_written.increment();
         }
     }
 }

@@ -140,7 +140,7 @@ impl Trace {
 
     /// SYNC pulses of node 2 so far.
     pub fn syncs(&self) -> u32 {
-        let [_, node2] = &self.header.sync_counter;
+        let [_, node2, ..] = &self.header.sync_counter;
         node2.load()
     }
 

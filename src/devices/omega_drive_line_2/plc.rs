@@ -271,7 +271,7 @@ impl Device for Plc {
             let register = seat.base as u32;
             let is_hit = offset < register + 2 && register < offset + bytes;
             if is_hit && self.segment.load(register, Width::Word).is_ok_and(|value| value == 0) {
-                self.header.restarts_written[seat.place].increment();
+                self.header.ports[seat.place].restarts_written.increment();
             }
         }
     }

@@ -62,7 +62,7 @@ fn other_abi_version() {
     for mode in BOTH {
         let instance = Instance::new();
         instance.leave(SEGMENT_SIZE, |header| header.abi_version.store(ABI_VERSION + 1));
-        assert!(refusal(&instance, mode).contains("has ABI version 3, this program knows 2"));
+        assert!(refusal(&instance, mode).contains("has ABI version 4, this program knows 3"));
     }
 }
 

@@ -311,3 +311,18 @@ fn the_list_tells_the_living_from_the_rest() {
     assert!(matches!(find(&dead), Condition::Dead(summary) if summary.generation == 7));
     assert!(matches!(find(&foreign), Condition::Unusable(MemoryError::WrongMagic { .. })));
 }
+
+/// Who knows nothing but the header page finds every area of the device in the file.
+#[test]
+fn the_header_page_tells_the_areas() {
+    let instance = Instance::new();
+    let image = instance.create();
+    let told = |entry: &header::AreaEntry| {
+        let numbers = [&entry.first, &entry.unit, &entry.file_offset, &entry.size].map(|cell| cell.load());
+        (header::name(&entry.name), header::name(&entry.space), numbers)
+    };
+    let [ram, retain, none, ..] = &image.header().areas;
+    assert_eq!(told(ram), ("ram".to_owned(), "M3.".to_owned(), [80_000, 1, 80_000, 3_182_144]));
+    assert_eq!(told(retain), ("retain".to_owned(), "M".to_owned(), [10_000_000, 1, 8_192, 71_808]));
+    assert_eq!(told(none), (String::new(), String::new(), [0; 4]));
+}

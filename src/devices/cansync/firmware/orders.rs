@@ -12,7 +12,7 @@ pub(super) struct Orders {
     seen: u16,
     /// In the register stands the 16#0000 that clearing 16#0080 left. It is no restart (decision D-29).
     left_behind: bool,
-    /// [`Header::restarts_written`] when the register was last looked at.
+    /// [`PortEntry::restarts_written`](crate::memory::header::PortEntry::restarts_written) when the register was last looked at.
     restarts: u32,
 }
 
@@ -77,7 +77,7 @@ impl Orders {
     }
 
     fn restarts_written(&self) -> u32 {
-        self.header.restarts_written[self.node].load()
+        self.header.ports[self.node].restarts_written.load()
     }
 }
 
@@ -102,9 +102,9 @@ mod tests {
             assert_eq!(orders.take(register), order(0, false, false));
             assert!(orders.are_left_behind() && !orders.is_waiting(register));
             register.store(change);
-            header.restarts_written[0].increment();
+            header.ports[0].restarts_written.increment();
             assert_eq!(orders.is_waiting(register), change != 0, "that was the other node");
-            header.restarts_written[1].add(u32::from(change == 0));
+            header.ports[1].restarts_written.add(u32::from(change == 0));
             assert!(orders.is_waiting(register));
             assert_eq!(orders.take(register), order(change, change != 0, false));
             assert!(!orders.are_left_behind());

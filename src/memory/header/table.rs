@@ -1,0 +1,94 @@
+//! Tables of the header page that tell what the device of an image consists of: its areas and its ports.
+
+use crate::layout::{Area, flags};
+use crate::memory::contract::publish;
+use crate::memory::header::set_name;
+use crate::memory::{Cell8, Cell32, SharedRegs};
+use zerocopy::{FromBytes, IntoBytes, KnownLayout};
+
+/// Most areas that a device can have, its retain flags included.
+pub const AREAS: usize = 16;
+/// Most ports that a device can have.
+pub const PORTS: usize = 15;
+/// Length of the names in the tables in bytes, with the terminating zero.
+pub const TABLE_NAME_LENGTH: usize = 16;
+
+/// A stretch of addresses with a purpose, and where it lies in the file. Written by the emulator while it starts.
+#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
+#[repr(C)]
+pub struct AreaEntry {
+    /// Name in register names, for example `node2`; UTF-8, zero-padded. All zeros: no area.
+    pub name: [Cell8; TABLE_NAME_LENGTH],
+    /// What stands around the width in an address of this area: `M3.` for `%MB3.200000`, `M` for `%MB10000000`.
+    pub space: [Cell8; 8],
+    /// Number of its first byte or word in that space.
+    pub first: Cell32,
+    /// Bytes that one number counts: 1 or 2.
+    pub unit: Cell32,
+    /// Byte of the file where it begins.
+    pub file_offset: Cell32,
+    /// Its length in bytes.
+    pub size: Cell32,
+    /// Zero.
+    pub reserved_40: [Cell32; 2],
+}
+
+/// The device's end of a medium, such as a bus.
+#[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
+#[repr(C)]
+pub struct PortEntry {
+    /// Its name, for example `node2`; UTF-8, zero-padded. All zeros: no port.
+    pub name: [Cell8; TABLE_NAME_LENGTH],
+    /// Kind of its medium, for example `cansync`; likewise.
+    pub medium: [Cell8; TABLE_NAME_LENGTH],
+    /// Its number in journals and on the channel, from 1.
+    pub number: Cell32,
+    /// Byte of the file where its registers begin.
+    pub file_offset: Cell32,
+    /// Counted up by whoever has stored 16#0000 in its `w_CPU_CONTROL`, wrapping: it is a restart then, even if 16#0000
+    /// stood there already (decision D-29).
+    pub restarts_written: Cell32,
+    /// Its DIP switches, where it has any of its own.
+    pub dip: Cell32,
+    /// Its LEDs, where it has any of its own: eight bits for each, 0 off, 16#FF on, else the number of flashes.
+    pub leds: Cell32,
+    /// Zero.
+    pub reserved_52: [Cell32; 3],
+}
+
+// SAFETY: every field is a cell or an array of cells; IntoBytes proves that there is no padding and FromBytes that any
+// bit pattern is valid.
+unsafe impl SharedRegs for AreaEntry {}
+// SAFETY: as above.
+unsafe impl SharedRegs for PortEntry {}
+
+publish! { AreaEntry:
+    0 => name, 16 => space, 24 => first, 28 => unit, 32 => file_offset, 36 => size, 40 => reserved_40,
+}
+publish! { PortEntry:
+    0 => name, 16 => medium, 32 => number, 36 => file_offset, 40 => restarts_written, 44 => dip, 48 => leds,
+    52 => reserved_52,
+}
+const _: () = assert!(size_of::<AreaEntry>() == 48 && size_of::<PortEntry>() == 64);
+
+impl AreaEntry {
+    /// Tells of `area`; what it said before is gone.
+    pub(super) fn fill(&self, area: &Area) {
+        set_name(&self.name, area.name);
+        let (space, first) = match flags::is_flag(area.first) {
+            true => ("M", area.first - flags::RETAIN_OFFSET + flags::FIRST_FLAG),
+            false => ("M3.", area.first),
+        };
+        set_name(&self.space, space);
+        self.first.store(first);
+        self.unit.store(1);
+        self.file_offset.store(area.first);
+        self.size.store(area.bytes);
+    }
+
+    /// No area.
+    pub(super) fn clear(&self) {
+        self.name.iter().chain(&self.space).for_each(|byte| byte.store(0));
+        [&self.first, &self.unit, &self.file_offset, &self.size].into_iter().for_each(|cell| cell.store(0));
+    }
+}
