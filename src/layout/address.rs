@@ -72,6 +72,15 @@ impl Address {
     }
 }
 
+impl Width {
+    /// An access of this width at byte `offset` of segment 3, aligned or not; see [`Address::new`] for
+    /// the check.
+    #[must_use]
+    pub const fn at(self, offset: u32) -> Address {
+        Address::unchecked(self, offset)
+    }
+}
+
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = if self.is_flag {
@@ -167,6 +176,13 @@ mod tests {
             assert_eq!(parse(&text.to_lowercase()).unwrap().to_string(), text);
         }
         assert_eq!(parse("%MX3.5.2").unwrap().bit(), Some(2));
+    }
+
+    #[test]
+    fn addresses_print_as_the_programmer_writes_them() {
+        assert_eq!(Width::Byte.at(3_262_143).to_string(), "%MB3.3262143");
+        assert_eq!(Width::Word.at(200_000).to_string(), "%MW3.200000");
+        assert_eq!(Width::Dword.at(80_000).to_string(), "%MD3.80000");
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! Access widths.
 
-use super::address::Address;
 use super::descriptor::RegType;
 use core::fmt;
 
@@ -49,13 +48,6 @@ impl Width {
         }
     }
 
-    /// An access of this width at byte `offset` of segment 3, aligned or not; see [`Address::new`] for
-    /// the check.
-    #[must_use]
-    pub const fn at(self, offset: u32) -> Address {
-        Address::unchecked(self, offset)
-    }
-
     /// The address rule of this width, for error messages.
     pub(crate) const fn alignment_rule(self) -> &'static str {
         match self {
@@ -75,13 +67,6 @@ impl fmt::Display for Width {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn addresses_print_as_the_programmer_writes_them() {
-        assert_eq!(Width::Byte.at(3_262_143).to_string(), "%MB3.3262143");
-        assert_eq!(Width::Word.at(200_000).to_string(), "%MW3.200000");
-        assert_eq!(Width::Dword.at(80_000).to_string(), "%MD3.80000");
-    }
 
     #[test]
     fn largest_values() {

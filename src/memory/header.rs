@@ -19,7 +19,7 @@ pub use initial_flag::{InitialFlag, InitialFlagResult};
 pub use lockstep::{Seat, SeatState};
 pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
-use super::contract::publish;
+use super::published::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
 use crate::layout::{Device, flags};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};

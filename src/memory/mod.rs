@@ -20,6 +20,7 @@ mod list;
 pub mod names;
 pub(crate) mod private;
 pub(crate) mod process;
+mod published;
 mod segment;
 mod view;
 mod widths;

@@ -1,7 +1,7 @@
 //! The board's front, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
 
 use super::Header;
-use crate::memory::contract::publish;
+use crate::memory::published::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 

@@ -9,7 +9,7 @@ macro_rules! codes {
 
         impl $name {
             /// All numbers as data.
-            pub const CODES: $crate::memory::contract::Codes = $crate::memory::contract::Codes {
+            pub const CODES: $crate::memory::published::Codes = $crate::memory::published::Codes {
                 name: stringify!($name),
                 codes: &[$(($value, stringify!($variant), concat!($($vdoc),*))),*],
             };

@@ -1,7 +1,7 @@
 //! Lockstep: tasks that the emulated time waits for. `docs/attach.md` describes the turns.
 
-use crate::memory::contract::publish;
 use crate::memory::process::ProcessId;
+use crate::memory::published::publish;
 use crate::memory::{Bell, Cell32, Cell64, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 

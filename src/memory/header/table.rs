@@ -1,8 +1,8 @@
 //! Tables of the header page that tell what the device of an image consists of: its areas and its ports.
 
 use crate::layout::{Area, flags};
-use crate::memory::contract::publish;
 use crate::memory::header::set_name;
+use crate::memory::published::publish;
 use crate::memory::{Cell8, Cell32, SharedRegs};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
