@@ -1,7 +1,7 @@
 //! The watch over the header page.
 
-use super::{Finding, Rule};
-use crate::journal::{Event, Journal};
+use super::rules;
+use crate::journal::{Finding, Journal};
 use crate::layout::Live;
 use crate::memory::header::{EVENT_SLOTS, EventSlot, Header};
 use crate::memory::{Bell, Cell64, MemoryError, Segment, View};
@@ -104,14 +104,14 @@ impl HeaderWatch {
                     let offset = (index * WORD + 4 * half) as u32;
                     let value = (word >> (32 * half)) as u32;
                     let finding = Finding {
-                        rule: Rule::Header,
+                        rule: &rules::HEADER,
                         plc: self.plc,
                         offset,
                         live: Live::Always,
                         value,
                         late_us: 0,
                     };
-                    journal.push(time, Event::Finding(finding));
+                    journal.find(time, finding);
                 }
             }
             *left = word;

@@ -1,8 +1,8 @@
 //! Rules about the mapping of frames as a whole. A program writes it byte by byte, so it is judged only when the
 //! firmware takes it over.
 
-use super::Rule;
 use super::judge::Judge;
+use crate::devices::cansync;
 use crate::devices::omega_drive_line_2::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CANsync_SL_CTRL_BMSTRUCT as Slave, CFG_RDC_WORD,
 };
@@ -44,7 +44,7 @@ fn split_doublewords(judge: &mut Judge, group: usize) {
         let is_low_word_of_split =
             byte & 3 == 1 && 1u8.checked_shl(u32::from(byte >> 2 & 0x0F)).unwrap_or(0) & split != 0;
         if is_low_word_of_split {
-            judge.find(Rule::SplitDoubleword, group + word, (*byte).into());
+            judge.find(&cansync::rules::SPLIT_DOUBLEWORD, group + word, (*byte).into());
         }
     }
 }
@@ -55,6 +55,6 @@ fn requests(judge: &mut Judge) {
     let max = judge.registers.now(offset_of!(Master, b_MAX_SL_NR));
     let never_asked = judge.facts.expected.checked_shr(u32::from(max) + 1).unwrap_or(0);
     if never_asked != 0 && orders.iter().any(|&order| judge.registers.now(order) == 0x80) {
-        judge.find(Rule::NotRequested, offset_of!(Master, b_MAX_SL_NR), max.into());
+        judge.find(&cansync::rules::NOT_REQUESTED, offset_of!(Master, b_MAX_SL_NR), max.into());
     }
 }

@@ -9,20 +9,14 @@
 //!
 //! Nothing here changes a register.
 
-mod finding;
-mod findings;
 mod header;
 mod judge;
 mod mapping;
 mod node;
 mod owned;
 mod registers;
-mod rule;
+pub mod rules;
 mod word;
-
-pub use finding::Finding;
-pub use findings::{Entry, Findings, MAX_ENTRIES};
-pub use rule::{Rule, Severity};
 
 use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
 use crate::journal::Journal;

@@ -6,7 +6,8 @@
 use super::judge::{Judge, Place};
 use super::registers::{INIT_BYTES, Map, Watched};
 use super::word::WORD;
-use super::{Facts, Rule, mapping};
+use super::{Facts, mapping};
+use crate::devices::cansync;
 use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
 use crate::journal::Journal;
 use crate::layout::Live;
@@ -208,7 +209,7 @@ impl NodeWatch {
             for register in behind {
                 let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
                 if before != after {
-                    judge.find(Rule::BeforeInit, register.offset.into(), after);
+                    judge.find(&cansync::rules::BEFORE_INIT, register.offset.into(), after);
                 }
             }
         }

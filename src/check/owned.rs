@@ -1,9 +1,9 @@
 //! The watch over the registers of BAPS and Ethernet diagnosis that only the firmware writes. The CANsync nodes have
 //! a [`NodeWatch`](super::node::NodeWatch), which knows many more rules.
 
-use super::{Finding, Rule, word};
+use super::{rules, word};
 use crate::devices::omega_drive_line_2::registers::{BAPS, DEVICE, ETHERNET};
-use crate::journal::{Event, Journal};
+use crate::journal::{Finding, Journal};
 use crate::layout::{Live, Owner, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
 use std::sync::LazyLock;
@@ -105,8 +105,8 @@ impl OwnedWatch {
 fn find(plc: u16, register: &RegisterRef, word: u64, time: u64, journal: &mut Journal) {
     let (offset, live) = (register.offset(), Live::Always);
     let value = word::value(word, offset, register.width());
-    let finding = Finding { rule: Rule::Owner, plc, offset, live, value, late_us: 0 };
-    journal.push(time, Event::Finding(finding));
+    let finding = Finding { rule: &rules::OWNER, plc, offset, live, value, late_us: 0 };
+    journal.find(time, finding);
 }
 
 #[cfg(test)]

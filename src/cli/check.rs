@@ -3,7 +3,8 @@
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use super::{Instance, time};
-use commram::check::{Entry, Rule, Severity};
+use commram::devices;
+use commram::journal::{Entry, Names, Rule, Severity};
 use commram::layout::plc_prefix;
 use serde::Serialize;
 
@@ -37,7 +38,7 @@ pub struct Args {
 /// Prints findings or rules.
 pub fn run(args: &Args) -> Result<(), CliError> {
     if args.rules {
-        let rules: Vec<_> = Rule::ALL.iter().copied().map(RuleRow::new).collect();
+        let rules: Vec<_> = devices::catalogue().rules.iter().copied().map(RuleRow::new).collect();
         return table::print(args.format.format, &rules, rules_text);
     }
     let checked = findings(args).map_err(|error| CliError::Unchecked(Box::new(error)))?;
@@ -52,7 +53,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 /// What an instance answers.
 struct Checked {
     instance: String,
-    plcs: Vec<String>,
+    names: Names,
     time_us: u64,
     entries: Vec<Entry>,
 }
@@ -68,7 +69,7 @@ fn findings(args: &Args) -> Result<Checked, CliError> {
     let mut replies = session.request(&ops)?.into_iter();
     match (replies.next(), replies.next()) {
         (Some(Reply::Info(info)), Some(Reply::Findings(entries))) => {
-            Ok(Checked { instance, plcs: info.names.plcs, time_us: info.time_us, entries })
+            Ok(Checked { instance, names: info.names, time_us: info.time_us, entries })
         }
         _ => Err(WrongReply.into()),
     }
@@ -102,16 +103,17 @@ struct FindingRow {
 impl FindingRow {
     fn new(entry: &Entry, checked: &Checked) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
-        let plc = checked.plcs.get(usize::from(last.plc)).cloned().unwrap_or_default();
-        let prefix = plc_prefix(&checked.plcs, last.plc);
+        let (plcs, device) = (&checked.names.plcs, checked.names.device(last.plc));
+        let plc = plcs.get(usize::from(last.plc)).cloned().unwrap_or_default();
+        let prefix = plc_prefix(plcs, last.plc);
         FindingRow {
             severity: last.rule.severity().name(),
             rule: last.rule.id(),
-            register: last.name().filter(|_| is_single).map(|name| prefix + &name),
+            register: last.name(device).filter(|_| is_single).map(|name| prefix + &name),
             plc,
-            address: is_single.then(|| last.address().to_string()),
+            address: is_single.then(|| last.address(device).to_string()),
             value: last.value,
-            value_text: last.value_text(),
+            value_text: last.value_text(device),
             count,
             first_us,
             last_us,
@@ -154,8 +156,8 @@ fn text(rows: &[FindingRow], checked: &Checked) -> String {
     }
     let mut text = format!("{head}{}, {}\n", counted(Severity::Error), counted(Severity::Warning));
     text += &table::aligned(rows);
-    let broken = |rule: &&Rule| rows.iter().any(|row| row.rule == rule.id());
-    for rule in Rule::ALL.iter().filter(broken) {
+    let broken = |rule: &&&Rule| rows.iter().any(|row| row.rule == rule.id());
+    for rule in devices::catalogue().rules.iter().filter(broken) {
         text += &format!("\n{rule} ({})\n  {}\n", rule.source(), rule.text());
     }
     text
@@ -171,7 +173,7 @@ struct RuleRow {
 }
 
 impl RuleRow {
-    fn new(rule: Rule) -> Self {
+    fn new(rule: &'static Rule) -> Self {
         let severity = rule.severity().name();
         RuleRow { rule: rule.id(), severity, text: rule.text(), source: rule.source() }
     }

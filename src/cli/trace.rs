@@ -8,7 +8,8 @@ use super::error::CliError;
 use super::time;
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use commram::journal::Kind;
+use commram::devices;
+use commram::journal::{Kind, Ring};
 
 /// Show the journal: frames, states, handshakes with their latency, missed deadlines.
 ///
@@ -41,10 +42,10 @@ pub struct Args {
         long,
         value_name = "KIND",
         value_delimiter = ',',
-        value_parser = PossibleValuesParser::new(Kind::ALL.iter().map(|kind| kind.name()))
-            .try_map(|name| Kind::from_name(&name).ok_or("no such kind"))
+        value_parser = PossibleValuesParser::new(devices::catalogue().kinds.iter().map(|kind| kind.name()))
+            .try_map(|name| devices::catalogue().kind(&name).ok_or("no such kind"))
     )]
-    kind: Vec<Kind>,
+    kind: Vec<&'static Kind>,
     /// Only what happens on this bus; may be given several times
     #[arg(long, value_name = "NAME")]
     bus: Vec<String>,
@@ -76,13 +77,17 @@ enum FormatArg {
 }
 
 /// The wanted kinds that the format has lines for.
-fn kinds(args: &Args) -> Result<Vec<Kind>, CliError> {
+fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
     match args.format {
         FormatArg::Text | FormatArg::Jsonl => Ok(args.kind.clone()),
-        FormatArg::Candump if args.kind.is_empty() || args.kind.contains(&Kind::Frame) => {
-            Ok(vec![Kind::Frame])
-        }
         FormatArg::Candump => {
+            let frames = |kind: &&Kind| kind.ring() == Ring::Traffic;
+            let wanted = |kind: &&Kind| args.kind.is_empty() || args.kind.contains(kind);
+            let kinds: Vec<_> =
+                devices::catalogue().kinds.iter().copied().filter(frames).filter(wanted).collect();
+            if !kinds.is_empty() {
+                return Ok(kinds);
+            }
             let right = "there are only frames in this format; take text or jsonl for all else".to_owned();
             Err(CliError::Argument { text: "--format candump".to_owned(), right })
         }

@@ -4,8 +4,7 @@
 //! whether they lie on the heap or in a mapped image. It has no clock of its own: the plant calls it at
 //! the emulated times at which the device would look at its registers.
 
-use crate::check::{Finding, Rule};
-use crate::journal::{Event, Journal, Origin};
+use crate::journal::{Finding, Journal, Origin, Rule, Told};
 use crate::layout::Live;
 
 /// What the firmware is given at each call: the time, a place to report to, and who is reporting.
@@ -21,9 +20,10 @@ pub struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// Writes `event` into the journal at the present time.
-    pub fn report(&mut self, event: Event) {
-        self.journal.push(self.now, event);
+    /// Writes what there is to tell into the journal at the present time.
+    #[inline]
+    pub fn report(&mut self, told: impl Told) {
+        self.journal.push(self.now, told);
     }
 
     /// Where in the RAM the register at `offset` of the area lies.
@@ -34,8 +34,8 @@ impl Context<'_> {
 
     /// Reports that the PLC has broken a rule at the register at `offset` of the area, which belongs to the
     /// structure of phase `live`.
-    pub fn find(&mut self, rule: Rule, live: Live, offset: usize, value: u32) {
+    pub fn find(&mut self, rule: &'static Rule, live: Live, offset: usize, value: u32) {
         let (plc, offset) = (self.origin.plc, self.at(offset));
-        self.report(Event::Finding(Finding { rule, plc, offset, live, value, late_us: 0 }));
+        self.journal.find(self.now, Finding { rule, plc, offset, live, value, late_us: 0 });
     }
 }

@@ -2,17 +2,23 @@
 
 pub mod cansync;
 #[cfg(feature = "emulator")]
+mod catalogue;
+#[cfg(feature = "emulator")]
 mod context;
 #[cfg(feature = "emulator")]
 mod device;
 #[cfg(feature = "emulator")]
 mod medium;
 pub mod omega_drive_line_2;
+#[cfg(test)]
+pub(crate) mod samples;
 #[cfg(feature = "emulator")]
 pub mod settings;
 #[cfg(feature = "emulator")]
 mod shown;
 
+#[cfg(feature = "emulator")]
+pub use catalogue::catalogue;
 #[cfg(feature = "emulator")]
 pub use context::Context;
 #[cfg(feature = "emulator")]

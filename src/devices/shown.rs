@@ -1,7 +1,7 @@
 //! Registers that the firmware fills in for the PLC and that are no handshakes: results, error numbers, states.
 
 use crate::devices::Context;
-use crate::journal::Event;
+use crate::journal::Register;
 use crate::memory::{Cell8, Cell16, Cell32};
 
 /// A register whose changes are worth a record. Process data are not: the frames tell them.
@@ -23,7 +23,7 @@ macro_rules! shown {
                 self.store(value);
                 if before != value {
                     let (origin, offset) = (ctx.origin, ctx.at(offset));
-                    ctx.report(Event::Register { origin, offset, from: before.into(), to: value.into() });
+                    ctx.report(Register { origin, offset, from: before.into(), to: value.into() });
                 }
             }
         }

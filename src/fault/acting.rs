@@ -1,7 +1,7 @@
 //! The faults of an installation: which wait, which act, how often they have hit.
 
-use super::{Effect, Fault, FaultStatus, Limit, MAX_FAULTS, Refusal};
-use crate::journal::{Event, FaultNews, Journal};
+use super::{Effect, Fault, FaultNews, FaultStatus, Hit, Limit, MAX_FAULTS, News, Refusal};
+use crate::journal::Journal;
 
 /// Time at which nothing is ever due.
 const NEVER: u64 = u64::MAX;
@@ -15,9 +15,9 @@ struct Entry {
 }
 
 impl Entry {
-    fn report(&self, now: u64, journal: &mut Journal, news: FaultNews) {
+    fn report(&self, now: u64, journal: &mut Journal, news: News) {
         let FaultStatus { id, fault, .. } = self.status;
-        journal.push(now, Event::Fault { id, kind: fault.kind(), target: fault.target(), news });
+        journal.push(now, FaultNews { target: fault.target(), id, kind: fault.kind() as u8, news });
     }
 
     fn next_time(&self) -> u64 {
@@ -61,7 +61,7 @@ impl Faults {
         };
         let status = FaultStatus { id, fault, acting: false, hits: 0 };
         let entry = Entry { status, begins, ends, done: false };
-        entry.report(now, journal, FaultNews::Added);
+        entry.report(now, journal, News::Added);
         self.entries.push(entry);
         self.schedule();
         Ok(id)
@@ -85,7 +85,7 @@ impl Faults {
         for entry in &mut self.entries {
             entry.status.acting |= entry.begins <= now;
             if entry.ends <= now {
-                entry.report(now, journal, FaultNews::Over);
+                entry.report(now, journal, News::Over);
                 entry.done = true;
             }
         }
@@ -96,7 +96,7 @@ impl Faults {
     pub fn clear(&mut self, now: u64, id: u16, journal: &mut Journal) -> Result<(), Refusal> {
         let entry = self.entries.iter_mut().find(|entry| entry.status.id == id);
         let entry = entry.ok_or(Refusal::UnknownFault { id })?;
-        entry.report(now, journal, FaultNews::Cleared);
+        entry.report(now, journal, News::Cleared);
         entry.done = true;
         self.tidy_up();
         Ok(())
@@ -108,7 +108,7 @@ impl Faults {
         &mut self,
         now: u64,
         journal: &mut Journal,
-        mut strike: impl FnMut(&Effect, u32) -> Option<i32>,
+        mut strike: impl FnMut(&Effect, u32) -> Option<Hit>,
     ) {
         let mut over = false;
         for entry in self.entries.iter_mut().filter(|entry| entry.status.acting) {
@@ -116,9 +116,9 @@ impl Faults {
                 continue;
             };
             entry.status.hits = entry.status.hits.saturating_add(1);
-            entry.report(now, journal, FaultNews::Hit(detail));
+            entry.report(now, journal, News::Hit(detail));
             if matches!(entry.status.fault.limit, Limit::Count(count) if entry.status.hits >= count) {
-                entry.report(now, journal, FaultNews::Over);
+                entry.report(now, journal, News::Over);
                 entry.done = true;
                 over = true;
             }

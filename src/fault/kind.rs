@@ -204,19 +204,6 @@ impl Kind {
         }
     }
 
-    /// Whether its hits have nothing more to tell.
-    pub(crate) const fn hits_speak_for_themselves(self) -> bool {
-        matches!(
-            self,
-            Kind::LoseSync
-                | Kind::BusOff
-                | Kind::DriveFault
-                | Kind::BapsDriveFault
-                | Kind::BapsSilent
-                | Kind::BapsSlow
-        )
-    }
-
     /// Whether it happens once if nobody says how often. All others last until they are cleared.
     pub const fn happens_once(self) -> bool {
         matches!(self, Kind::BusOff | Kind::Overrun | Kind::DriveFault | Kind::BapsDriveFault)

@@ -7,6 +7,7 @@
 mod acting;
 mod error;
 mod kind;
+mod record;
 mod sites;
 mod spec;
 #[cfg(test)]
@@ -16,6 +17,7 @@ mod words;
 pub use acting::Faults;
 pub use error::{FaultError, Refusal, slave_list};
 pub use kind::{Field, Kind, Target};
+pub use record::{FaultNews, Hit, KINDS, News};
 pub use sites::Sites;
 pub use spec::FaultSpec;
 pub use words::WordError;

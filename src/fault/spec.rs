@@ -6,7 +6,8 @@ use super::{
     MAX_JITTER_US, MAX_SLOWNESS_US, NodeEffect, OffsetAt, Refusal, SlaveEffect, SyncEffect,
 };
 use crate::devices::cansync::bus::codec::updown::MAX_OFFSET;
-use crate::journal::{BAPS_NODE, Names};
+use crate::devices::omega_drive_line_2::records::BAPS_NODE;
+use crate::journal::Names;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 

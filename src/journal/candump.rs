@@ -1,7 +1,7 @@
 //! The log format of `candump -L`, which can-utils (`log2asc`, `canplayer`) and Wireshark read:
 //! `(0000000002.001234) drives 583#7900210000000000`. Only frames; times are emulated time since power-on.
 
-use super::{Event, Format, Names, Record};
+use super::{Format, Names, Record, Source};
 use std::fmt::Write;
 
 /// Longest name of a network interface under Linux; readers need not take longer ones.
@@ -35,14 +35,11 @@ fn number(index: usize, others: &[String]) -> String {
 
 impl Format for Candump {
     fn record(&mut self, record: &Record, out: &mut String) {
-        let Event::Frame { bus, frame } = record.event else { return };
+        let (Some(frame), Source::Bus(bus)) = (record.event.candump(), record.event.source()) else { return };
         let (seconds, us) = (record.time_us / 1_000_000, record.time_us % 1_000_000);
         let bus = self.buses.get(usize::from(bus)).map_or("can", String::as_str);
         // Writing to a String cannot fail.
-        let _ = write!(out, "({seconds:010}.{us:06}) {bus} {:03X}#", frame.id());
-        for byte in frame.data() {
-            let _ = write!(out, "{byte:02X}");
-        }
+        let _ = write!(out, "({seconds:010}.{us:06}) {bus} {frame}");
         out.push('\n');
     }
 

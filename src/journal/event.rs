@@ -1,205 +1,18 @@
-//! What the journal can tell.
-//!
-//! A new event needs, in this order; the compiler or a test asks for each of them:
-//!
-//! 1. a variant of [`Event`], and its arms in [`Event::kind`] and [`Event::source`], all here;
-//! 2. a line in `kind.rs`: number, name, ring;
-//! 3. an arm in each of the two functions of `code.rs`, there and back again: hash, counting and channel use it;
-//! 4. what it says: `text.rs` and `jsonl.rs`, and the same in `docs/journal.md`;
-//! 5. a line in `samples.rs`, from which the tests draw events;
-//! 6. if it may come in every interval: `Journal::push`, so that repetitions are counted.
+//! One thing that happened: its kind and its words.
 
-use super::board::BoardEvent;
-use super::kind::Kind;
-use crate::check::Finding;
-use crate::devices::cansync::bus::Frame;
-use crate::fault::{self, Target};
+use super::coded::{Coded, Words};
+use super::fields::Fields;
+use super::kind::{Kind, Told};
+use super::reader::Reader;
 use core::fmt;
 
-/// [`Origin::node`] of the BAPS, which is no node.
-pub const BAPS_NODE: u8 = 0;
-
-/// Where a record comes from: a CANsync node of a PLC, or its BAPS.
+/// Where a record comes from: a port of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
-    /// Index of the PLC in the plant.
+    /// Index of the device in the plant.
     pub plc: u16,
-    /// CANsync node, 1 (slave) or 2 (master); [`BAPS_NODE`] is the BAPS.
+    /// Number of the port; 0 is the device itself.
     pub node: u8,
-}
-
-/// A command in `w_CPU_CONTROL` that had no effect, and why it is worth a record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// The command does not exist or is reserved.
-    Unknown,
-    /// The command exists but not in the node's present state.
-    NotNow,
-    /// 16#0000 that the firmware's clearing of bit 7 left; a restart stored over it in the RAM looks the same
-    /// (decision D-29).
-    LeftBehind,
-}
-
-/// A deadline of the process data that was missed, so that a frame is left out in this interval.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Missed {
-    /// Reference value frame 1 or 2 was not released by 16#05 in time.
-    ReferenceValue(u8),
-    /// Own actual value frame 1 or 2 was asked for but had not been released by 16#05 in time.
-    ActualValue(u8),
-}
-
-/// What there is to tell about an injected fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FaultNews {
-    /// It was added; it begins at its time.
-    Added,
-    /// It has hit. The number is the identifier of the frame concerned, the shift of a SYNC edge in
-    /// microseconds, or else 0.
-    Hit(i32),
-    /// Its count or duration is over.
-    Over,
-    /// It was cleared.
-    Cleared,
-}
-
-/// One thing that happened. Register offsets are absolute `%MB3` byte numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// Falling edge of the SYNC signal on a bus: an interval begins.
-    SyncEdge {
-        /// Index of the bus in the plant.
-        bus: u16,
-    },
-    /// A frame was transmitted; the time is the end of the frame, when its receivers have it.
-    Frame {
-        /// Index of the bus in the plant.
-        bus: u16,
-        /// The frame itself.
-        frame: Frame,
-    },
-    /// `w_OPTION_STATUS` of a node changed.
-    State {
-        /// The node.
-        origin: Origin,
-        /// Value before.
-        from: u16,
-        /// Value now.
-        to: u16,
-    },
-    /// The firmware answered a handshake register.
-    Handshake {
-        /// The node.
-        origin: Origin,
-        /// Absolute `%MB3` offset of the register.
-        offset: u32,
-        /// What the PLC had written.
-        request: u16,
-        /// What the firmware wrote instead.
-        answer: u16,
-    },
-    /// The firmware changed a register that is no handshake.
-    Register {
-        /// The node.
-        origin: Origin,
-        /// Absolute `%MB3` offset of the register.
-        offset: u32,
-        /// Value before.
-        from: u32,
-        /// Value now.
-        to: u32,
-    },
-    /// A deadline was missed.
-    Missed {
-        /// The node.
-        origin: Origin,
-        /// Which one.
-        what: Missed,
-    },
-    /// A value in `w_CPU_CONTROL` was ignored.
-    CommandIgnored {
-        /// The node.
-        origin: Origin,
-        /// The value.
-        value: u16,
-        /// Why.
-        why: Command,
-    },
-    /// Initialization data was refused; `reason` is the number of an
-    /// [`InitFault`](crate::devices::cansync::firmware::InitFault).
-    InitRefused {
-        /// The node.
-        origin: Origin,
-        /// Number of the fault.
-        reason: u8,
-    },
-    /// The master's picture of a slave (`a_STAT_SL[slave]`) changed.
-    SlaveStatus {
-        /// The master.
-        origin: Origin,
-        /// Slave number.
-        slave: u8,
-        /// New value: bit 0 responds, bit 1 synchronized.
-        status: u8,
-    },
-    /// A node is set to another baud rate than its bus and hears nothing.
-    BaudRateMismatch {
-        /// The node.
-        origin: Origin,
-        /// The node's baud rate in kbit/s.
-        node_kbit_s: u16,
-        /// The bus's baud rate in kbit/s.
-        bus_kbit_s: u16,
-    },
-    /// A register was written through the channel.
-    ChannelWrite {
-        /// Index of the PLC in the plant.
-        plc: u16,
-        /// Absolute `%MB3` offset.
-        offset: u32,
-        /// Width in bytes: 1, 2 or 4.
-        width: u8,
-        /// The value written.
-        value: u32,
-    },
-    /// Something happened on the board of a PLC.
-    Board {
-        /// Index of the PLC in the plant.
-        plc: u16,
-        /// What.
-        what: BoardEvent,
-    },
-    /// A register is forced from now on.
-    Force {
-        /// Index of the PLC in the plant.
-        plc: u16,
-        /// Absolute `%MB3` offset.
-        offset: u32,
-        /// Width in bytes: 1, 2 or 4.
-        width: u8,
-        /// The value it keeps.
-        value: u32,
-    },
-    /// A register is no longer forced.
-    Unforce {
-        /// Index of the PLC in the plant.
-        plc: u16,
-        /// Absolute `%MB3` offset.
-        offset: u32,
-    },
-    /// News of an injected fault.
-    Fault {
-        /// Its number in the plant.
-        id: u16,
-        /// What it is.
-        kind: fault::Kind,
-        /// Where it acts.
-        target: Target,
-        /// What happened.
-        news: FaultNews,
-    },
-    /// The access checker has found something.
-    Finding(Finding),
 }
 
 /// What an event happened to.
@@ -207,56 +20,116 @@ pub enum Event {
 pub enum Source {
     /// A bus, by its index in the plant.
     Bus(u16),
-    /// A PLC, by its index in the plant.
+    /// A device, by its index in the plant.
     Plc(u16),
-    /// A CANsync node of a PLC.
+    /// A port of a device.
     Node(Origin),
 }
 
+/// How the journal keeps an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keeping {
+    /// In a record of its own.
+    Noted,
+    /// Together with equal ones at equal distances.
+    Counted,
+    /// In a record of its own; it is a request whose answers are to tell how long it waited.
+    Request {
+        /// Index of the device.
+        plc: u16,
+        /// Offset of the register.
+        offset: u32,
+        /// The value written.
+        value: u32,
+    },
+    /// Counted, unless it answers a request.
+    Answer {
+        /// Index of the device.
+        plc: u16,
+        /// Offset of the register.
+        offset: u32,
+        /// What had been written.
+        request: u32,
+        /// What stands there now, if more answers to the same request are to come.
+        goes_on: Option<u32>,
+    },
+    /// In a record of its own, behind everything that was counted up to here; it may answer a command.
+    State {
+        /// Index of the device.
+        plc: u16,
+        /// Offset of the register that commands come in.
+        command: u32,
+    },
+}
+
+/// One thing that happened. Register offsets are absolute bytes of the device's RAM.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Event {
+    kind: &'static Kind,
+    words: Words,
+}
+
 impl Event {
+    /// `words` must be those of the kind.
+    pub(super) const fn of_words(kind: &'static Kind, words: Words) -> Self {
+        Event { kind, words }
+    }
+
     /// What kind of event it is.
     #[inline]
-    pub fn kind(&self) -> Kind {
-        match self {
-            Event::SyncEdge { .. } => Kind::Sync,
-            Event::Frame { .. } => Kind::Frame,
-            Event::State { .. } => Kind::State,
-            Event::Handshake { .. } => Kind::Handshake,
-            Event::Register { .. } => Kind::Register,
-            Event::Missed { .. } => Kind::Missed,
-            Event::CommandIgnored { .. } => Kind::Ignored,
-            Event::InitRefused { .. } => Kind::InitRefused,
-            Event::SlaveStatus { .. } => Kind::SlaveStatus,
-            Event::BaudRateMismatch { .. } => Kind::BaudRateMismatch,
-            Event::ChannelWrite { .. } => Kind::ChannelWrite,
-            Event::Board { .. } => Kind::Board,
-            Event::Force { .. } => Kind::Force,
-            Event::Unforce { .. } => Kind::Unforce,
-            Event::Fault { .. } => Kind::Fault,
-            Event::Finding(_) => Kind::Finding,
-        }
+    pub const fn kind(&self) -> &'static Kind {
+        self.kind
+    }
+
+    /// The event as words.
+    #[inline]
+    pub const fn words(&self) -> Words {
+        self.words
+    }
+
+    /// Whether it is a `T`.
+    #[inline]
+    pub fn is<T: Coded>(&self) -> bool {
+        *self.kind == *T::KIND
+    }
+
+    /// What there is to tell, if it is a `T`.
+    #[inline]
+    pub fn get<T: Coded>(&self) -> Option<T> {
+        if self.is::<T>() { T::read(self.words) } else { None }
     }
 
     /// What it happened to.
     pub fn source(&self) -> Source {
-        match *self {
-            Event::SyncEdge { bus } | Event::Frame { bus, .. } => Source::Bus(bus),
-            Event::ChannelWrite { plc, .. }
-            | Event::Force { plc, .. }
-            | Event::Unforce { plc, .. }
-            | Event::Board { plc, .. }
-            | Event::Finding(Finding { plc, .. }) => Source::Plc(plc),
-            Event::Fault { target: Target::Bus(bus) | Target::Slave { bus, .. }, .. } => Source::Bus(bus),
-            Event::Fault { target: Target::Node { plc, node }, .. } => Source::Node(Origin { plc, node }),
-            Event::State { origin, .. }
-            | Event::Handshake { origin, .. }
-            | Event::Register { origin, .. }
-            | Event::Missed { origin, .. }
-            | Event::CommandIgnored { origin, .. }
-            | Event::InitRefused { origin, .. }
-            | Event::SlaveStatus { origin, .. }
-            | Event::BaudRateMismatch { origin, .. } => Source::Node(origin),
-        }
+        self.kind.source(self.words)
+    }
+
+    /// What happened, for people.
+    pub(super) fn text(&self, reader: &mut Reader) -> String {
+        self.kind.text(self.words, reader)
+    }
+
+    /// What happened, for programs.
+    pub(super) fn fields(&self, reader: &mut Reader) -> Fields {
+        self.kind.fields(self.words, reader)
+    }
+
+    /// A frame in the log format of `candump`.
+    pub(super) fn candump(&self) -> Option<String> {
+        self.kind.candump(self.words)
+    }
+}
+
+impl<T: Told> From<T> for Event {
+    #[inline]
+    fn from(told: T) -> Self {
+        Event { kind: T::KIND, words: told.words() }
+    }
+}
+
+impl fmt::Debug for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?} {:X?}", self.kind, self.words)
     }
 }
 

@@ -1,11 +1,19 @@
-//! The kinds of events: number, name and ring of each.
+//! A kind of event: its number and name, the ring that keeps it, and how it reads. Each family has its own;
+//! [`Catalogue`] is their sum.
+
+use super::catalogue::Catalogue;
+use super::coded::{Coded, Words};
+use super::event::{Keeping, Source};
+use super::fields::Fields;
+use super::reader::Reader;
+use core::fmt;
 
 /// Number of rings.
 pub(super) const RINGS: usize = 4;
 
 /// Which ring of the journal keeps an event. Those that come often must not push out those that come rarely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ring {
+pub enum Ring {
     /// Frames.
     Traffic,
     /// SYNC edges and what happens in registers.
@@ -16,76 +24,124 @@ pub(super) enum Ring {
     Rare,
 }
 
-macro_rules! kinds {
-    ($($(#[$doc:meta])* $kind:ident = $number:literal, $name:literal, $ring:ident;)*) => {
-        /// What kind of event it is.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-        #[repr(u8)]
-        pub enum Kind {
-            $($(#[$doc])* $kind = $number,)*
-        }
+/// What the journal can tell. The fields, number and name come from [`coded!`](super::coded::coded).
+pub trait Told: Coded {
+    /// How the journal keeps it.
+    #[inline]
+    fn keeping(&self) -> Keeping {
+        Keeping::Noted
+    }
 
-        impl Kind {
-            /// All kinds.
-            pub const ALL: &'static [Kind] = &[$(Kind::$kind,)*];
+    /// Whether the numbers in it that stand for something registered do so.
+    fn is_known(&self, catalogue: &Catalogue) -> bool {
+        let _ = catalogue;
+        true
+    }
 
-            /// Its name in JSON Lines and on the command line.
-            pub const fn name(self) -> &'static str {
-                match self { $(Kind::$kind => $name,)* }
-            }
+    /// What happened, for people.
+    fn text(&self, reader: &mut Reader) -> String;
 
-            /// The ring that keeps it.
-            #[inline]
-            pub(super) const fn ring(self) -> Ring {
-                match self { $(Kind::$kind => Ring::$ring,)* }
-            }
+    /// What happened, for programs: the fields that belong to this kind.
+    fn fields(&self, reader: &mut Reader) -> Fields;
 
-            /// The kind of that number, which is part of the channel's wire format.
-            pub(super) const fn from_number(number: u8) -> Option<Kind> {
-                match number { $($number => Some(Kind::$kind),)* _ => None }
-            }
-        }
-    };
+    /// A frame as the log format of `candump` has it: `583#7900210000000000`.
+    fn candump(&self) -> Option<String> {
+        None
+    }
 }
 
-kinds! {
-    /// Falling edge of a SYNC signal.
-    Sync = 1, "sync", Registers;
-    /// A frame on a bus.
-    Frame = 2, "frame", Traffic;
-    /// A change of `w_OPTION_STATUS`.
-    State = 3, "state", Rare;
-    /// A handshake register answered by the firmware.
-    Handshake = 4, "handshake", Registers;
-    /// A missed deadline.
-    Missed = 5, "missed", Missed;
-    /// A command without effect.
-    Ignored = 6, "ignored", Rare;
-    /// Refused initialization data.
-    InitRefused = 7, "init_refused", Rare;
-    /// A change of `a_STAT_SL`.
-    SlaveStatus = 8, "slave_status", Rare;
-    /// A node and its bus at different baud rates.
-    BaudRateMismatch = 9, "baud_rate_mismatch", Rare;
-    /// A register written through the channel.
-    ChannelWrite = 10, "channel_write", Registers;
-    /// A register changed by the firmware that is no handshake.
-    Register = 11, "register", Registers;
-    /// Something on the board of a PLC.
-    Board = 20, "board", Rare;
-    /// A register forced.
-    Force = 30, "force", Rare;
-    /// A forced register let go.
-    Unforce = 31, "unforce", Rare;
-    /// News of an injected fault.
-    Fault = 21, "fault", Missed;
-    /// What the access checker has found.
-    Finding = 40, "finding", Rare;
+/// What kind of event it is. Kinds are equal if their numbers are.
+pub struct Kind {
+    number: u8,
+    name: &'static str,
+    ring: Ring,
+    reads: Reads,
+}
+
+/// How the words of a kind read. Words that say nothing never get here: [`Catalogue::event`] refuses them.
+struct Reads {
+    normal: fn(Words, &Catalogue) -> Option<Words>,
+    source: fn(Words) -> Option<Source>,
+    text: fn(Words, &mut Reader) -> Option<String>,
+    fields: fn(Words, &mut Reader) -> Option<Fields>,
+    candump: fn(Words) -> Option<String>,
+    #[cfg(test)]
+    push: fn(Words, &mut super::Journal, u64),
 }
 
 impl Kind {
-    /// The kind of that name.
-    pub fn from_name(name: &str) -> Option<Kind> {
-        Kind::ALL.iter().copied().find(|kind| kind.name() == name)
+    /// The kind of `T`. The number is part of the channel's wire format and belongs to this kind alone; `name` is that
+    /// in JSON Lines and on the command line.
+    pub const fn new<T: Told>(number: u8, name: &'static str, ring: Ring) -> Self {
+        let reads = Reads {
+            normal: |words, catalogue| {
+                T::read(words).filter(|told| told.is_known(catalogue)).map(|told| told.words())
+            },
+            source: |words| T::read(words).map(|told| told.source()),
+            text: |words, reader| T::read(words).map(|told| told.text(reader)),
+            fields: |words, reader| T::read(words).map(|told| told.fields(reader)),
+            candump: |words| T::read(words).and_then(|told| told.candump()),
+            #[cfg(test)]
+            push: |words, journal, time_us| journal.push(time_us, T::read(words).unwrap()),
+        };
+        Kind { number, name, ring, reads }
+    }
+
+    /// Its number.
+    #[inline]
+    pub const fn number(&self) -> u8 {
+        self.number
+    }
+
+    /// Its name in JSON Lines and on the command line.
+    pub const fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// The ring that keeps it.
+    #[inline]
+    pub const fn ring(&self) -> Ring {
+        self.ring
+    }
+
+    /// The words without what this kind does not look at; `None` if they say nothing.
+    pub(crate) fn normal(&self, words: Words, catalogue: &Catalogue) -> Option<Words> {
+        (self.reads.normal)(words, catalogue)
+    }
+
+    pub(super) fn source(&self, words: Words) -> Source {
+        (self.reads.source)(words).unwrap_or(Source::Plc(0))
+    }
+
+    pub(super) fn text(&self, words: Words, reader: &mut Reader) -> String {
+        (self.reads.text)(words, reader).unwrap_or_default()
+    }
+
+    pub(super) fn fields(&self, words: Words, reader: &mut Reader) -> Fields {
+        (self.reads.fields)(words, reader).unwrap_or_default()
+    }
+
+    pub(super) fn candump(&self, words: Words) -> Option<String> {
+        (self.reads.candump)(words)
+    }
+
+    #[cfg(test)]
+    pub(super) fn push(&self, words: Words, journal: &mut super::Journal, time_us: u64) {
+        (self.reads.push)(words, journal, time_us);
+    }
+}
+
+impl PartialEq for Kind {
+    #[inline]
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+    }
+}
+
+impl Eq for Kind {}
+
+impl fmt::Debug for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
     }
 }

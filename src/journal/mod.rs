@@ -11,41 +11,67 @@
 //!   counted together.
 //! - Records are numbered without gaps, so a reader can go on where it stopped and sees how many it has missed.
 //!
+//! An [`Event`] is a [`Kind`] and words. What can happen is told by whom it happens to: here what happens in registers of
+//! any device, in the families of devices what only they know. Each kind is a structure that [`Told`] reads; the
+//! [`Catalogue`] is the sum of them all.
+//!
 //! [`text`], [`jsonl`] and [`candump`] write records for people and programs; `docs/journal.md` describes the formats.
 
-mod board;
 pub mod candump;
-mod code;
+mod catalogue;
+pub(crate) mod coded;
 mod event;
+mod fields;
+mod finding;
+mod findings;
 mod fingerprint;
 pub mod jsonl;
 mod kind;
 mod names;
 mod printer;
+mod reader;
 mod record;
+mod registers;
 mod requests;
 mod ring;
-#[cfg(test)]
-pub(crate) mod samples;
+pub(crate) mod rule;
 mod tally;
+#[cfg(test)]
+mod testing;
 #[cfg(test)]
 mod tests;
 pub mod text;
 
-pub use board::BoardEvent;
-pub use code::Words;
-pub use event::{BAPS_NODE, Command, Event, FaultNews, Missed, Origin, Source};
-pub use kind::Kind;
+pub use catalogue::{Catalogue, FaultName};
+pub use coded::{Coded, Packer, Part, Place, Unpacker, Words};
+pub use event::{Event, Keeping, Origin, Source};
+pub use fields::Fields;
+pub use finding::{Finding, Found};
+pub use findings::{Entry, Findings, MAX_ENTRIES};
+pub use kind::{Kind, Ring, Told};
 pub use names::Names;
 pub use printer::{Printer, Selection};
+pub use reader::Reader;
 pub use record::Record;
+pub use registers::{ChannelWrite, Force, Handshake, Register, State, Unforce};
 pub use ring::Records;
+pub use rule::{Rule, Severity};
 
-use crate::check::Findings;
 use fingerprint::Fingerprint;
 use requests::Requests;
-use ring::Ring;
+use ring::Rings;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
+
+/// What can happen in any device.
+pub static KINDS: &[&Kind] = &[
+    State::KIND,
+    Handshake::KIND,
+    Register::KIND,
+    ChannelWrite::KIND,
+    Force::KIND,
+    Unforce::KIND,
+    Found::KIND,
+];
 
 /// Writes records one after the other in some format.
 pub trait Format {
@@ -61,7 +87,7 @@ pub trait Format {
 
 /// Bounded record of a run.
 pub struct Journal {
-    ring: Ring,
+    ring: Rings,
     tally: Tally,
     requests: Requests,
     findings: Findings,
@@ -79,7 +105,7 @@ impl Journal {
     /// missed deadlines, everything else.
     pub fn new(capacity: usize) -> Self {
         Journal {
-            ring: Ring::new(capacity),
+            ring: Rings::new(capacity),
             tally: Tally::new(),
             requests: Requests::new(),
             findings: Findings::default(),
@@ -91,33 +117,54 @@ impl Journal {
 
     /// Writes an event. Times must not decrease.
     #[inline]
-    pub fn push(&mut self, time_us: u64, event: Event) {
-        let key = event.words();
-        self.fingerprint.add(time_us, key);
-        self.written += 1;
-        match event {
-            Event::Frame { .. } => self.ring.note(Record::single(time_us, event)),
-            Event::SyncEdge { .. }
-            | Event::Missed { .. }
-            | Event::Register { .. }
-            | Event::Fault { news: FaultNews::Hit(_), .. } => {
-                self.count(time_us, event, key);
+    pub fn push<T: Told>(&mut self, time_us: u64, told: T) {
+        let event = self.witness(time_us, told);
+        match told.keeping() {
+            Keeping::Noted => self.ring.note(Record::single(time_us, event)),
+            Keeping::Counted => self.count(time_us, event),
+            Keeping::Request { plc, offset, value } => {
+                self.requests.written(time_us, plc, offset, value);
+                self.ring.note(Record::single(time_us, event));
             }
-            Event::Handshake { origin, offset, request, answer } => {
-                match self.requests.answered(time_us, origin, offset, request, answer) {
-                    None => self.count(time_us, event, key),
+            Keeping::Answer { plc, offset, request, goes_on } => {
+                match self.requests.answered(time_us, plc, offset, request, goes_on) {
+                    None => self.count(time_us, event),
                     latency_us => {
                         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
                     }
                 }
             }
-            _ => self.note_rare(time_us, event),
+            Keeping::State { plc, command } => self.note_state(time_us, event, plc, command),
         }
     }
 
+    /// Writes that the access checker has found something.
+    #[cold]
+    pub fn find(&mut self, time_us: u64, finding: Finding) {
+        let event = self.witness(time_us, Found::from(finding));
+        if self.findings.note(time_us, finding) {
+            self.ring.note(Record::single(time_us, event));
+        }
+    }
+
+    /// Writes an event of any kind.
+    #[cfg(test)]
+    pub(crate) fn push_event(&mut self, time_us: u64, event: Event) {
+        event.kind().push(event.words(), self, time_us);
+    }
+
+    /// Takes an event into the hash.
     #[inline]
-    fn count(&mut self, time_us: u64, event: Event, key: code::Words) {
-        let Outcome { counted, single } = self.tally.see(time_us, &event, key);
+    fn witness<T: Told>(&mut self, time_us: u64, told: T) -> Event {
+        let event = Event::from(told);
+        self.fingerprint.add(time_us, event.words());
+        self.written += 1;
+        event
+    }
+
+    #[inline]
+    fn count(&mut self, time_us: u64, event: Event) {
+        let Outcome { counted, single } = self.tally.see(time_us, event);
         if let Some(record) = counted {
             self.ring.note(record);
         }
@@ -127,20 +174,10 @@ impl Journal {
     }
 
     #[cold]
-    fn note_rare(&mut self, time_us: u64, event: Event) {
-        let mut latency_us = None;
-        match event {
-            Event::ChannelWrite { plc, offset, value, .. } => {
-                self.requests.written(time_us, plc, offset, value);
-            }
-            Event::State { origin, .. } => {
-                // What was counted up to here belongs to the state before.
-                self.tally.all().into_iter().for_each(|record| self.ring.note(record));
-                latency_us = self.requests.commanded(time_us, origin);
-            }
-            Event::Finding(finding) if !self.findings.note(time_us, finding) => return,
-            _ => {}
-        }
+    fn note_state(&mut self, time_us: u64, event: Event, plc: u16, command: u32) {
+        // What was counted up to here belongs to the state before.
+        self.tally.all().into_iter().for_each(|record| self.ring.note(record));
+        let latency_us = self.requests.commanded(time_us, plc, command);
         self.ring.note(Record { latency_us, ..Record::single(time_us, event) });
     }
 

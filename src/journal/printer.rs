@@ -7,7 +7,7 @@ use super::{Format, Kind, Record, Source};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
     /// These kinds.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<&'static Kind>,
     /// These buses, by index.
     pub buses: Vec<u16>,
     /// These PLCs with their nodes, by index. With buses as well: both.
@@ -55,8 +55,8 @@ impl Printer {
 
     /// The records to come are a part of the journal, read at one moment.
     pub fn begin_part(&mut self) {
-        let kinds = if self.selection.kinds.is_empty() { Kind::ALL } else { &self.selection.kinds };
-        self.forgetful = [false; RINGS];
+        let kinds = &self.selection.kinds;
+        self.forgetful = [kinds.is_empty(); RINGS];
         kinds.iter().for_each(|kind| self.forgetful[kind.ring() as usize] = true);
     }
 
@@ -95,10 +95,11 @@ impl Printer {
 
 #[cfg(test)]
 mod tests {
-    use super::super::text::Text;
-    use super::super::{Event, Names, Origin};
+    use super::super::testing::{Edge, Refused, catalogue};
     use super::*;
     use crate::journal::candump::Candump;
+    use crate::journal::text::Text;
+    use crate::journal::{ChannelWrite, Coded, Event, Names, Origin};
 
     fn names() -> Names {
         Names { plcs: vec!["a".into(), "b".into()], buses: vec!["x".into(), "y".into()] }
@@ -109,15 +110,15 @@ mod tests {
     }
 
     fn sync(seq: u64, bus: u16) -> Record {
-        record(seq, Event::SyncEdge { bus })
+        record(seq, Edge { bus }.into())
     }
 
     fn write(seq: u64, plc: u16) -> Record {
-        record(seq, Event::ChannelWrite { plc, offset: 200_000, width: 2, value: 1 })
+        record(seq, ChannelWrite { plc, offset: 200_000, width: 2, value: 1 }.into())
     }
 
     fn refused(seq: u64, plc: u16) -> Record {
-        record(seq, Event::InitRefused { origin: Origin { plc, node: 2 }, reason: 1 })
+        record(seq, Refused { origin: Origin { plc, node: 2 } }.into())
     }
 
     #[test]
@@ -131,7 +132,7 @@ mod tests {
         assert_eq!(numbers(Selection { buses: vec![1], ..none() }), [1]);
         assert_eq!(numbers(Selection { plcs: vec![1], ..none() }), [3, 5]);
         assert_eq!(numbers(Selection { plcs: vec![1], buses: vec![0], ..none() }), [0, 3, 5]);
-        assert_eq!(numbers(Selection { kinds: vec![Kind::Sync, Kind::InitRefused], ..none() }), [0, 1, 4, 5]);
+        assert_eq!(numbers(Selection { kinds: vec![Edge::KIND, Refused::KIND], ..none() }), [0, 1, 4, 5]);
         assert_eq!(numbers(Selection { since_us: 40, ..none() }), [4, 5]);
     }
 
@@ -150,11 +151,11 @@ mod tests {
         let kinds = |kind| Selection { kinds: vec![kind], ..Selection::default() };
         // The ring of states still has its first record, so what is missing later is of another.
         let first = [refused(0, 0), sync(9, 0), refused(10, 0)];
-        assert_eq!(lost(kinds(Kind::InitRefused), &[&first]), 0);
-        assert_eq!(lost(kinds(Kind::Sync), &[&first]), 8);
+        assert_eq!(lost(kinds(Refused::KIND), &[&first]), 0);
+        assert_eq!(lost(kinds(Edge::KIND), &[&first]), 8);
         assert_eq!(lost(Selection::default(), &[&first]), 8);
         // Later it may have forgotten some.
-        assert_eq!(lost(kinds(Kind::InitRefused), &[&first, &[refused(20, 0), refused(22, 0)]]), 9);
+        assert_eq!(lost(kinds(Refused::KIND), &[&first, &[refused(20, 0), refused(22, 0)]]), 9);
         let since = Selection { since_us: 90, ..Selection::default() };
         assert_eq!(lost(since.clone(), &[&[sync(3, 0), sync(8, 0), sync(9, 0)]]), 0);
         assert_eq!(lost(since, &[&[sync(3, 0), sync(8, 0), sync(10, 0)]]), 1);
@@ -162,16 +163,16 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_told_in_front_of_the_next_wanted_record() {
-        let selection = Selection { kinds: vec![Kind::Sync], ..Selection::default() };
-        let mut printer = Printer::new(Box::new(Text::new(names())), selection, 3);
+        let selection = Selection { kinds: vec![Edge::KIND], ..Selection::default() };
+        let mut printer = Printer::new(Box::new(Text::new(names(), catalogue())), selection, 3);
         let mut out = String::new();
         for record in [sync(3, 0), write(5, 0), sync(8, 1), sync(9, 0)] {
             assert_eq!(printer.print(&record, &mut out), 0);
         }
         assert_eq!(printer.next(), 10);
         let lines: Vec<_> = out.lines().map(str::trim_start).collect();
-        let (first, last) = ("0.000030 s  x        SYNC", "0.000090 s  x        SYNC");
-        assert_eq!(lines, [first, "-- 3 records lost here --", "0.000080 s  y        SYNC", last]);
+        let (first, last) = ("0.000030 s  x        EDGE", "0.000090 s  x        EDGE");
+        assert_eq!(lines, [first, "-- 3 records lost here --", "0.000080 s  y        EDGE", last]);
     }
 
     #[test]

@@ -1,10 +1,5 @@
 //! Requests of handshakes that came through the channel, until they are answered.
 
-use super::Origin;
-use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
-
-/// Number of the node that is the master.
-const MASTER: u8 = 2;
 /// Requests remembered; more than a client can have under way in one node.
 const PLACES: usize = 64;
 
@@ -43,33 +38,30 @@ impl Requests {
         self.open += u32::from(before.is_none());
     }
 
-    /// A request was answered; returns the time since it was made, if that is known.
-    ///
-    /// While bit 0 of the answer is set, a job of the master is under way (manual 5.00005.03a p. 165, 167): the answers
-    /// to come belong to the same request.
+    /// A request was answered; returns the time since it was made, if that is known. If it `goes_on`, the answers to come
+    /// belong to the same request, with what stands in the register now.
     #[inline]
     pub fn answered(
         &mut self,
         time_us: u64,
-        origin: Origin,
+        plc: u16,
         offset: u32,
-        request: u16,
-        answer: u16,
+        request: u32,
+        goes_on: Option<u32>,
     ) -> Option<u32> {
-        let made = self.take(origin.plc, offset)?;
-        if made.value != u32::from(request) {
+        let made = self.take(plc, offset)?;
+        if made.value != request {
             return None;
         }
-        if origin.node == MASTER && answer & 1 != 0 {
-            self.written(made.time_us, origin.plc, offset, answer.into());
+        if let Some(now) = goes_on {
+            self.written(made.time_us, plc, offset, now);
         }
         made.latency(time_us)
     }
 
-    /// A node changed its state; returns the time since the last command in its `w_CPU_CONTROL`, if that is known.
-    pub fn commanded(&mut self, time_us: u64, origin: Origin) -> Option<u32> {
-        let node = if origin.node == MASTER { NODE2 } else { NODE1 };
-        self.take(origin.plc, node as u32)?.latency(time_us)
+    /// A state changed; returns the time since the last command in the register at `offset`, if that is known.
+    pub fn commanded(&mut self, time_us: u64, plc: u16, offset: u32) -> Option<u32> {
+        self.take(plc, offset)?.latency(time_us)
     }
 
     /// The request in the register at `offset`, which is forgotten.

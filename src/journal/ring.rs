@@ -5,16 +5,16 @@ use super::kind::RINGS;
 use std::collections::VecDeque;
 
 /// The records that are kept.
-pub(super) struct Ring {
+pub(super) struct Rings {
     lanes: [VecDeque<Record>; RINGS],
     capacity: usize,
     end: u64,
 }
 
-impl Ring {
+impl Rings {
     /// Rings for `capacity` records each, at least one.
     pub fn new(capacity: usize) -> Self {
-        Ring { lanes: [const { VecDeque::new() }; RINGS], capacity: capacity.max(1), end: 0 }
+        Rings { lanes: [const { VecDeque::new() }; RINGS], capacity: capacity.max(1), end: 0 }
     }
 
     /// Numbers a record and appends it; the oldest one of its kind is dropped when there is no room.

@@ -4,7 +4,7 @@
 //! counted, until one is missing, comes early, or a second is full. First time, distance and number tell the
 //! time of each of them, so that nothing is lost.
 
-use super::code::Words;
+use super::coded::Words;
 use super::{Event, Record};
 
 /// Longest distance at which equal events count as repetition: 100 ms of emulated time.
@@ -20,7 +20,6 @@ const WAYS: usize = 4;
 /// An event that was seen and may come again.
 #[derive(Clone, Copy)]
 struct Watched {
-    key: Words,
     event: Event,
     /// Time of the last one.
     last: u64,
@@ -31,6 +30,11 @@ struct Watched {
 }
 
 impl Watched {
+    #[inline]
+    fn key(&self) -> Words {
+        self.event.words()
+    }
+
     fn record(&self) -> Option<Record> {
         (self.count > 0).then(|| Record {
             count: self.count,
@@ -62,10 +66,11 @@ impl Tally {
 
     /// Sees an event.
     #[inline]
-    pub fn see(&mut self, time_us: u64, event: &Event, key: Words) -> Outcome {
+    pub fn see(&mut self, time_us: u64, event: Event) -> Outcome {
+        let key = event.words();
         let Some(place) = self.place(key) else { return Outcome { counted: None, single: true } };
         match place {
-            Some(watched) if watched.key == key => {
+            Some(watched) if watched.key() == key => {
                 let distance = time_us.saturating_sub(watched.last);
                 if distance != 0 && distance == u64::from(watched.period) {
                     watched.last = time_us;
@@ -86,7 +91,7 @@ impl Tally {
             }
             _ => {
                 let counted = place.as_ref().and_then(Watched::record);
-                *place = Some(Watched { key, event: *event, last: time_us, period: 0, count: 0 });
+                *place = Some(Watched { event, last: time_us, period: 0, count: 0 });
                 Outcome { counted, single: true }
             }
         }
@@ -102,7 +107,7 @@ impl Tally {
         for way in 0..WAYS {
             let at = (home + way) % PLACES;
             match self.places.get(at)? {
-                Some(watched) if watched.key == key => {
+                Some(watched) if watched.key() == key => {
                     best = at;
                     break;
                 }

@@ -1,30 +1,34 @@
+use super::testing::{Edge, Packet};
 use super::*;
+use crate::layout::Live;
 use proptest::prelude::*;
 
 fn sync(bus: u16) -> Event {
-    Event::SyncEdge { bus }
+    Edge { bus }.into()
 }
 
 fn frame(data: u8) -> Event {
-    Event::Frame { bus: 0, frame: crate::devices::cansync::bus::Frame::new(0x100, &[data]).unwrap() }
+    Packet { bus: 0, data }.into()
 }
 
 fn state(to: u16) -> Event {
-    Event::State { origin: Origin { plc: 0, node: 2 }, from: 0, to }
+    let origin = Origin { plc: 0, node: 2 };
+    State { origin, offset: 200_002, command: 200_000, from: 0, to, live: Live::Cyclic }.into()
 }
 
 fn handshake(offset: u32) -> Event {
-    Event::Handshake { origin: Origin { plc: 0, node: 2 }, offset, request: 5, answer: 4 }
+    let origin = Origin { plc: 0, node: 2 };
+    Handshake { origin, offset, request: 5, answer: 4, goes_on: false }.into()
 }
 
 fn write(offset: u32, value: u32) -> Event {
-    Event::ChannelWrite { plc: 0, offset, width: 1, value }
+    ChannelWrite { plc: 0, offset, width: 1, value }.into()
 }
 
 fn journal(events: &[(u64, Event)]) -> Journal {
     let mut journal = Journal::default();
     for &(time, event) in events {
-        journal.push(time, event);
+        journal.push_event(time, event);
     }
     journal
 }
@@ -40,8 +44,8 @@ fn forgets_the_oldest_but_hashes_all() {
     let mut small = Journal::new(2);
     let mut large = Journal::new(10);
     for t in 0..5 {
-        small.push(t, frame(0));
-        large.push(t, frame(0));
+        small.push_event(t, frame(0));
+        large.push_event(t, frame(0));
     }
     assert_eq!(small.records().map(|r| r.time_us).collect::<Vec<_>>(), [3, 4]);
     assert_eq!(small.records().rev().map(|r| r.time_us).collect::<Vec<_>>(), [4, 3]);
@@ -60,9 +64,9 @@ fn time_order_and_content_change_the_hash() {
 #[test]
 fn bus_traffic_does_not_push_out_states() {
     let mut journal = Journal::new(100);
-    journal.push(1, state(2));
+    journal.push_event(1, state(2));
     for t in 0..1000 {
-        journal.push(10 + t, frame(t as u8));
+        journal.push_event(10 + t, frame(t as u8));
     }
     assert_eq!(journal.records().next().map(|r| r.event), Some(state(2)));
     assert_eq!(journal.records().count(), 101);
@@ -76,7 +80,7 @@ fn a_reader_goes_on_where_it_stopped() {
     assert_eq!(journal.read(1).map(|r| r.seq).collect::<Vec<_>>(), [1, 2]);
     let end = journal.end();
     assert_eq!(journal.read(end).count(), 0);
-    journal.push(4, frame(4));
+    journal.push_event(4, frame(4));
     assert_eq!(journal.read(end).map(|r| r.time_us).collect::<Vec<_>>(), [4]);
     assert_eq!(journal.read(u64::MAX).count(), 0);
 }
@@ -85,8 +89,8 @@ fn a_reader_goes_on_where_it_stopped() {
 fn sync_edges_at_equal_distances_are_counted_once_a_second() {
     let mut journal = Journal::default();
     for n in 0..1_600 {
-        journal.push(n * 2_000, sync(0));
-        journal.push(n * 2_000 + 700, frame(n as u8));
+        journal.push_event(n * 2_000, sync(0));
+        journal.push_event(n * 2_000 + 700, frame(n as u8));
     }
     // Two edges make the distance known; then half a thousand edges, 2 ms apart, fill a second.
     let noted = counts(journal.records(), sync(0));
@@ -103,7 +107,7 @@ fn sync_edges_at_equal_distances_are_counted_once_a_second() {
 fn a_count_that_is_over_is_noted_without_another_event() {
     let mut journal = Journal::default();
     for n in 0..10 {
-        journal.push(n * 2_000, sync(0));
+        journal.push_event(n * 2_000, sync(0));
         journal.tick(n * 2_000);
     }
     journal.tick(LONGEST_PERIOD_US);
@@ -116,7 +120,7 @@ fn a_count_that_goes_on_is_left_alone_by_the_time() {
     let mut journal = Journal::default();
     for n in 0..=50 {
         journal.tick(n * 2_000);
-        journal.push(n * 2_000, sync(0));
+        journal.push_event(n * 2_000, sync(0));
     }
     journal.tick(2 * LONGEST_PERIOD_US - 98_000);
     assert_eq!(counts(&journal.pending(), sync(0)), [(100_000, 49, 2_000)]);
@@ -126,10 +130,10 @@ fn a_count_that_goes_on_is_left_alone_by_the_time() {
 fn a_change_of_state_ends_all_counts() {
     let mut journal = Journal::default();
     for n in 0..10 {
-        journal.push(n * 2_000, sync(0));
-        journal.push(n * 2_000 + 500, handshake(200_012));
+        journal.push_event(n * 2_000, sync(0));
+        journal.push_event(n * 2_000 + 500, handshake(200_012));
     }
-    journal.push(20_000, state(0x80));
+    journal.push_event(20_000, state(0x80));
     let last: Vec<_> = journal.records().rev().take(3).map(|r| (r.event, r.count)).collect();
     assert_eq!(last, [(state(0x80), 1), (handshake(200_012), 8), (sync(0), 8)]);
 }
@@ -138,10 +142,10 @@ fn a_change_of_state_ends_all_counts() {
 fn irregular_and_rare_events_are_all_noted() {
     let mut journal = Journal::default();
     for t in [0, 10, 30, 60, 100, 150] {
-        journal.push(t, handshake(200_012));
+        journal.push_event(t, handshake(200_012));
     }
     for n in 1..10 {
-        journal.push(n * 1_000_000, handshake(200_012));
+        journal.push_event(n * 1_000_000, handshake(200_012));
     }
     assert_eq!(journal.records().map(|r| r.count).collect::<Vec<_>>(), [1; 15]);
 }
@@ -168,12 +172,33 @@ fn handshakes_know_how_long_their_request_waited() {
 }
 
 #[test]
+fn an_answer_that_goes_on_leaves_the_request_open() {
+    let origin = Origin { plc: 0, node: 2 };
+    let answer = |request, answer, goes_on| Handshake { origin, offset: 200_012, request, answer, goes_on };
+    let mut journal = journal(&[(100, write(200_012, 3))]);
+    journal.push(300, answer(3, 0x0B, true));
+    journal.push(700, answer(0x0B, 0x4B, true));
+    journal.push(900, answer(0x4B, 2, false));
+    journal.push(950, answer(2, 0, false));
+    let latencies: Vec<_> = journal.records().skip(1).map(|record| record.latency_us).collect();
+    assert_eq!(latencies, [Some(200), Some(600), Some(800), None]);
+}
+
+#[test]
+fn a_state_knows_how_long_its_command_waited() {
+    let mut journal = journal(&[(100, write(200_000, 2)), (490, state(2))]);
+    journal.push_event(900, state(3));
+    let latencies: Vec<_> = journal.records().skip(1).map(|record| record.latency_us).collect();
+    assert_eq!(latencies, [Some(390), None]);
+}
+
+#[test]
 fn many_watched_events_do_not_disturb_the_count() {
     // More than a plant has, and far more than there are places for in one group.
     let mut journal = Journal::default();
     for n in 0..20 {
         for register in 0..60 {
-            journal.push(n * 2_000, handshake(200_000 + register));
+            journal.push_event(n * 2_000, handshake(200_000 + register));
         }
     }
     let counted = journal.pending().len() + journal.records().filter(|r| r.count > 1).count();
@@ -207,7 +232,7 @@ proptest! {
             match step {
                 Step::Event(distance, which) => {
                     now += distance;
-                    journal.push(now, events[usize::from(which)]);
+                    journal.push_event(now, events[usize::from(which)]);
                     expected.push((now, which));
                 }
                 Step::Tick => journal.tick(now),

@@ -1,8 +1,9 @@
 //! The boards of the PLCs as the plant's callers see them: switches, supply, events, NOVRAM.
 
 use super::Plant;
+use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Look, Power};
-use crate::journal::{BoardEvent, Event, Origin};
+use crate::journal::Origin;
 use crate::memory::header::{BoardSetting, SeatState};
 
 impl Plant {
@@ -71,7 +72,7 @@ impl Plant {
     /// Notes what became of a task in lockstep.
     pub fn note_lockstep(&mut self, plc: usize, event: usize, state: SeatState) {
         let (plc, event) = (plc as u16, u8::try_from(event).unwrap_or(u8::MAX));
-        self.journal.push(self.now, Event::Board { plc, what: BoardEvent::Lockstep { event, state } });
+        self.journal.push(self.now, OnBoard { plc, what: BoardEvent::Lockstep { event, state } });
     }
 
     /// What stands in the NOVRAM registers counts as stored, as at power-off.

@@ -7,7 +7,7 @@
 use super::Plant;
 use crate::devices::Device;
 use crate::devices::omega_drive_line_2::registers::DEVICE;
-use crate::journal::Event;
+use crate::journal::{Force, Unforce};
 use crate::layout::LayoutError;
 use crate::memory::{Address, MemoryError, Width};
 
@@ -81,7 +81,7 @@ impl Plant {
         self.forces.apply(&self.devices);
         self.devices[index].named(offset, width.bytes());
         self.leave();
-        self.journal.push(self.now, Event::Force { plc, offset, width: width.bytes() as u8, value });
+        self.journal.push(self.now, Force { plc, offset, width: width.bytes() as u8, value });
         Ok(())
     }
 
@@ -89,7 +89,7 @@ impl Plant {
     pub fn unforce(&mut self, plc: u16, offset: u32) -> bool {
         let ended = self.forces.end(plc, offset);
         if ended {
-            self.journal.push(self.now, Event::Unforce { plc, offset });
+            self.journal.push(self.now, Unforce { plc, offset });
         }
         ended
     }

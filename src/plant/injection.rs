@@ -1,7 +1,7 @@
 //! Faults as the plant's callers see them, and what acts on nodes and slaves as a whole.
 
 use super::Plant;
-use crate::fault::{Effect, Fault, FaultStatus, Faults, NodeEffect, Refusal, Sites, SlaveEffect};
+use crate::fault::{Effect, Fault, FaultStatus, Faults, Hit, NodeEffect, Refusal, Sites, SlaveEffect};
 
 impl Plant {
     /// Adds a fault; one whose time has come begins at once. Returns its number.
@@ -78,7 +78,7 @@ impl Plant {
                 }
                 _ => return None,
             };
-            hits.then_some(0)
+            hits.then_some(Hit::Plain)
         });
     }
 }

@@ -21,7 +21,7 @@ use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::medium::SimBus;
 use crate::devices::{BuildError, Context, Device, Medium, World};
 use crate::fault::Faults;
-use crate::journal::{Event, Journal, Names, Origin};
+use crate::journal::{ChannelWrite, Journal, Names, Origin};
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
 use ports::Ports;
@@ -339,7 +339,7 @@ impl Plant {
     /// Notes a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
         self.forces.apply(&self.devices);
-        self.journal.push(self.now, Event::ChannelWrite { plc: plc as u16, offset, width, value });
+        self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });
         if self.devices.get(plc).is_some_and(|device| device.answers_write(offset)) {
             self.look_for_writes();
             let origin = Origin { plc: plc as u16, node: 0 };

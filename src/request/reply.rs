@@ -1,9 +1,8 @@
 //! The replies.
 
 use super::Refused;
-use crate::check::Entry;
 use crate::fault::FaultStatus;
-use crate::journal::{Names, Record};
+use crate::journal::{Entry, Names, Record};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use serde::{Deserialize, Serialize};

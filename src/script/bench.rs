@@ -18,6 +18,7 @@ pub use memory::{Change, MemoryCopy};
 use super::carrier::Carrier;
 use super::local::Local;
 use super::{Failure, ScenarioError, Value};
+use crate::devices;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names};
 use crate::plant::PlantConfig;
@@ -232,7 +233,7 @@ impl Bench {
     fn last_entries(&mut self) -> Result<Vec<String>, ScenarioError> {
         let from = self.journal_end()?.saturating_sub(LOOK_BACK);
         let (records, _) = self.records(from)?;
-        let mut text = Text::new(self.names.clone());
+        let mut text = Text::new(self.names.clone(), devices::catalogue());
         let (before, last) = records.split_at(records.len().saturating_sub(LAST_ENTRIES));
         before.iter().for_each(|record| text.skip(record));
         let mut lines = String::new();

@@ -5,7 +5,8 @@ mod block;
 mod board;
 
 use super::{Bench, Failure, MemoryCopy, ScenarioError, SeenFrame};
-use crate::check::Entry;
+use crate::devices;
+use crate::journal::Entry;
 use crate::journal::text::Text;
 use crate::journal::{Format, Record};
 use crate::plant::PlantConfig;
@@ -319,7 +320,7 @@ impl Verbs {
             move |since: INT| {
                 stage.act(|bench| {
                     let records = bench.journal(number(since, "time")?)?;
-                    let mut text = Text::new(bench.names().clone());
+                    let mut text = Text::new(bench.names().clone(), devices::catalogue());
                     Ok(records.iter().map(|record| record_map(record, &mut text).into()).collect::<Array>())
                 })
             }

@@ -13,7 +13,8 @@ mod c;
 mod d;
 
 use crate::rig::{BOTH, Memory, segment};
-use commram::journal::{Event, Missed};
+use commram::devices::cansync::records::{Left, Missed};
+use commram::journal::{Event, Rule};
 use commram::memory::Image;
 use commram::memory::header::Start;
 use commram::plant::{Plant, PlantConfig, Plc, Power};
@@ -118,7 +119,8 @@ impl Stage {
 
     /// When the frame 1 with reference values was released too late; nobody uses frame 2.
     fn missed_deadlines(&self) -> Vec<u64> {
-        let frame_1 = |event: &Event| matches!(event, Event::Missed { what: Missed::ReferenceValue(1), .. });
+        let frame_1 =
+            |event: &Event| event.get().is_some_and(|it: Missed| it.what == Left::ReferenceValue(1));
         let journal = self.plant.journal();
         journal.records().filter(|record| frame_1(&record.event)).flat_map(|it| it.times()).collect()
     }
@@ -128,7 +130,11 @@ impl Stage {
 impl Drop for Stage {
     fn drop(&mut self) {
         if !std::thread::panicking() {
-            assert_eq!(self.plant.journal().findings().errors(), [], "the access checker finds nothing");
+            assert_eq!(
+                self.plant.journal().findings().errors(),
+                Vec::<&Rule>::new(),
+                "the access checker finds nothing"
+            );
         }
     }
 }

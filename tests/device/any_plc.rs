@@ -2,7 +2,6 @@
 //! same writes give the same journal, and PLCs that start over find everything in working order.
 
 use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
-use commram::check::Rule;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::fault::FaultSpec;
 use commram::memory::Width;
@@ -178,7 +177,7 @@ fn start_over(rig: &mut Rig) {
 
 fn run(memory: Memory, acts: &[Act], active: bool, slice_us: u64) -> u64 {
     let mut rig = Rig::of(memory, RATES[0], DRIVES);
-    rig.tolerate_errors(Rule::ALL);
+    rig.tolerate_errors(&commram::devices::catalogue().rules);
     if active {
         rig.activate();
         rig.step(60_000);

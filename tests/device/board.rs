@@ -1,8 +1,9 @@
 //! Boards in a plant: events from the SYNC signal, reset and power of one PLC while the others go on.
 
 use crate::rig::{BOTH, Memory, RATES, Rig};
+use commram::devices::cansync::records::SyncEdge;
+use commram::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use commram::devices::omega_drive_line_2::registers::*;
-use commram::journal::{BoardEvent, Event};
 use commram::memory::Segment;
 use commram::memory::header::{InterruptResult, OptInitResult};
 use commram::plant::{Plant, PlantConfig, Plc, Power};
@@ -32,7 +33,7 @@ fn edges(rig: &Rig) -> Vec<u64> {
         .records()
         .copied()
         .chain(journal.pending())
-        .filter(|record| matches!(record.event, Event::SyncEdge { .. }))
+        .filter(|record| record.event.is::<SyncEdge>())
         .flat_map(|record| record.times())
         .collect();
     times.sort_unstable();
@@ -213,7 +214,7 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(2);
     rig.plant.set_power(B, Power::Off);
     rig.plant.set_power(B, Power::On);
-    let taken = Event::Board { plc: B as u16, what: BoardEvent::NumberTaken { number: 2 } };
+    let taken = OnBoard { plc: B as u16, what: BoardEvent::NumberTaken { number: 2 } }.into();
     assert!(rig.records().any(|record| record.event == taken));
     // Back to a free one.
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(1);

@@ -1,10 +1,10 @@
 //! Process data between a master, a slave node and drives: who hears what, when, and who does not.
 
 use crate::rig::{BOTH, Memory, RATES, Rig};
-use commram::check::Rule;
+use commram::devices::cansync;
 use commram::devices::cansync::bus::wire;
+use commram::devices::cansync::records::{BaudRateMismatch, Left, Missed, SyncEdge};
 use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
-use commram::journal::{Event, Missed};
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
@@ -103,7 +103,8 @@ fn an_own_actual_value_needs_release_and_request() {
     rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
     rig.send_wrc1();
     assert_eq!(rig.last_frame(0x300..=0x300), None, "not released");
-    let missed = rig.records().any(|r| matches!(r.event, Event::Missed { what: Missed::ActualValue(1), .. }));
+    let missed =
+        rig.records().any(|r| r.event.get().is_some_and(|it: Missed| it.what == Left::ActualValue(1)));
     assert!(missed);
 
     rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
@@ -131,7 +132,7 @@ fn the_second_actual_value_frame_has_a_later_deadline() {
 #[test]
 fn a_number_that_no_slave_has_asks_nobody() {
     let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
-    rig.expect_errors(&[Rule::SlaveNumber]);
+    rig.expect_errors(&[&cansync::rules::SLAVE_NUMBER]);
     rig.activate();
     rig.run_to_sync(); // "SYNC mode: on" has gone out
     for number in [0x20, 0x21, 0x7F, 0x81, 0x82, 0x9F, 0xA1, 0xFF] {
@@ -148,7 +149,7 @@ fn a_number_that_no_slave_has_asks_nobody() {
 #[test]
 fn automatic_requests_end_at_slave_31() {
     let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
-    rig.expect_errors(&[Rule::SlaveNumber]);
+    rig.expect_errors(&[&cansync::rules::SLAVE_NUMBER]);
     rig.activate();
     rig.master.b_MAX_SL_NR.store(200);
     rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
@@ -168,7 +169,7 @@ fn automatic_requests_end_at_slave_31() {
 #[test]
 fn another_baud_rate_is_deaf() {
     let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
-    rig.expect_errors(&[Rule::BusBaudRate]);
+    rig.expect_errors(&[&cansync::rules::BUS_BAUD_RATE]);
     rig.rate = RATES[1];
     rig.initialize_master();
     rig.rate = RATES[0];
@@ -179,7 +180,7 @@ fn another_baud_rate_is_deaf() {
     rig.step(100_000);
     assert_eq!(rig.master.a_STAT_SL[0].load(), 0, "the slave node is set to 500 kbit/s, the bus to 250");
     assert_eq!(rig.master.a_STAT_SL[1].load(), 0, "so are the drives");
-    assert!(rig.records().any(|r| matches!(r.event, Event::BaudRateMismatch { .. })));
+    assert!(rig.records().any(|r| r.event.is::<BaudRateMismatch>()));
 }
 
 /// D-12: the lower bus gets its edges at the same microsecond as the upper one.
@@ -212,7 +213,7 @@ fn a_cluster_forwards_the_sync_signal() {
     assert_eq!(nodes[2].0.w_OPTION_STATUS.load(), 0x0043);
     plant.advance_to(plant.now() + 50_000);
     let edges = |bus| -> Vec<u64> {
-        let edge = |r: &&commram::journal::Record| r.event == Event::SyncEdge { bus };
+        let edge = |r: &&commram::journal::Record| r.event == SyncEdge { bus }.into();
         let (noted, pending) = (plant.journal().records(), plant.journal().pending());
         noted.chain(&pending).filter(edge).flat_map(|r| r.times()).collect()
     };

@@ -2,23 +2,24 @@
 
 use crate::rig::cluster::{Cluster, INTERVAL_US};
 use crate::rig::{RATES, Rate, write_init_data};
-use commram::check::Rule;
+use commram::devices::cansync;
+use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
 use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
-use commram::journal::{Event, Record};
+use commram::journal::Record;
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
 
 /// Times of the SYNC edges of a bus.
 fn edges(cluster: &Cluster, bus: u16) -> Vec<u64> {
     let journal = cluster.plant.journal();
-    let edge = |record: &&Record| record.event == Event::SyncEdge { bus };
+    let edge = |record: &&Record| record.event == SyncEdge { bus }.into();
     journal.records().chain(&journal.pending()).filter(edge).flat_map(|record| record.times()).collect()
 }
 
 /// Frames so far on a bus.
 fn frames(cluster: &Cluster, bus: u16) -> usize {
-    let of_bus = |record: &&Record| matches!(record.event, Event::Frame { bus: b, .. } if b == bus);
+    let of_bus = |record: &&Record| record.event.get().is_some_and(|it: Transmitted| it.bus == bus);
     cluster.plant.journal().records().filter(of_bus).count()
 }
 
@@ -136,15 +137,13 @@ fn a_cluster_of_unlike_rates_says_so() {
         let told: Vec<_> = plant
             .journal()
             .records()
-            .filter_map(|record| match record.event {
-                Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s } => {
-                    Some((origin.plc, origin.node, node_kbit_s, bus_kbit_s))
-                }
-                _ => None,
+            .filter_map(|record| {
+                let BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, .. } = record.event.get()?;
+                Some((origin.plc, origin.node, node_kbit_s, bus_kbit_s))
             })
             .collect();
         assert_eq!(told, [1, 2].map(|plc| (plc, 2, lower.kbit_s, upper.kbit_s)), "once each");
-        assert_eq!(plant.journal().findings().errors(), [Rule::ClusterBaudRate]);
+        assert_eq!(plant.journal().findings().errors(), [&cansync::rules::CLUSTER_BAUD_RATE]);
 
         set_up(&mut plant, &[(0, NODE2, 0x00, lower), (1, NODE1, 0x01, lower)]);
         plant.advance_to(plant.now() + 100_000);

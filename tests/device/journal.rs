@@ -1,16 +1,16 @@
 //! What the journal tells of the handshakes of both nodes: every request, every answer, results, latencies.
 
 use crate::rig::{Memory, RATES, Rig};
-use commram::check::Rule;
+use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::registers::{DEVICE, NODE2};
-use commram::journal::{Event, Record};
+use commram::journal::{Handshake, Record, Register, State};
 use commram::layout::{Address, Live};
 
 /// Both nodes active, slave 0's turn in every interval, block 1 of the slave enabled.
 fn connected() -> Rig {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);
     // The control register decides; the journal is tested without the status register.
-    rig.tolerate_errors(&[Rule::Order]);
+    rig.tolerate_errors(&[&cansync::rules::ORDER]);
     rig.activate();
     rig.slave.b_EN_UPDOWNBLK1.store(1);
     rig.run_to_sync();
@@ -24,11 +24,10 @@ fn told(rig: &Rig, from: u64) -> Vec<String> {
 }
 
 fn told_by(record: &Record) -> Option<String> {
-    let (offset, before, after) = match record.event {
-        Event::Handshake { offset, request, answer, .. } => (offset, request.into(), answer.into()),
-        Event::Register { offset, from, to, .. } => (offset, from, to),
-        _ => return None,
-    };
+    let answered = |it: Handshake| (it.offset, it.request.into(), it.answer.into());
+    let shown = |it: Register| (it.offset, it.from, it.to);
+    let (offset, before, after) =
+        record.event.get().map(answered).or_else(|| record.event.get().map(shown))?;
     let found = DEVICE.registers_at(Address::byte(offset), Some(Live::Cyclic)).unwrap();
     let register = found.into_iter().find(|register| register.offset() == offset).unwrap();
     Some(format!("{} {before:02X} -> {after:02X}", register.name()))
@@ -79,7 +78,7 @@ fn a_parameter_job_with_its_answers_at_both_ends() {
         .plant
         .journal()
         .read(from)
-        .filter(|record| matches!(record.event, Event::Handshake { offset, .. } if offset == job));
+        .filter(|record| record.event.get().is_some_and(|it: Handshake| it.offset == job));
     let mut count = 0;
     for record in answers {
         assert_eq!(
@@ -192,7 +191,7 @@ fn process_data_tell_their_handshakes_and_nothing_else() {
 #[test]
 fn the_status_register_is_told_but_for_bus_traffic() {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    rig.expect_errors(&[Rule::InitBaudRate]);
+    rig.expect_errors(&[&cansync::rules::INIT_BAUD_RATE]);
     rig.activate();
     (0..50).for_each(|_| rig.run_to_sync());
     let status = |rig: &Rig| {
@@ -220,7 +219,7 @@ fn states_know_how_long_their_command_waited() {
     rig.step(2_000);
     rig.master_init.w_CPU_CONTROL.store(0x0000);
     rig.step(500);
-    let states = rig.records().filter(|record| matches!(record.event, Event::State { .. }));
+    let states = rig.records().filter(|record| record.event.is::<State>());
     let latencies: Vec<_> = states.map(|record| record.latency_us).collect();
     assert_eq!(latencies, [Some(300), None], "through the channel, by a mapped client");
 }

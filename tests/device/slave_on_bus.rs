@@ -2,6 +2,7 @@
 //! end: what both PLCs see, and what is left of it when the SYNC signal fails.
 
 use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
+use commram::devices::cansync::records::Missed;
 use commram::journal::Event;
 
 /// Both nodes active, slave 0's turn in every interval, block 1 of the slave enabled.
@@ -250,8 +251,7 @@ fn own_actual_values_are_taken_at_their_deadline() {
                 rig.run_to_sync();
                 assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), if in_time { 0x04 } else { 0x05 });
                 assert_eq!(rig.last_frame(0x300..=0x37F).is_some(), in_time && asked == 0);
-                let missed =
-                    |event: &Event| matches!(event, Event::Missed { origin, .. } if origin.node == 1);
+                let missed = |event: &Event| event.get().is_some_and(|it: Missed| it.origin.node == 1);
                 let missed = rig.records().any(|record| missed(&record.event));
                 assert_eq!(missed, !in_time && asked == 0, "only a frame that was asked for is missed");
             }

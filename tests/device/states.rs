@@ -1,9 +1,10 @@
 //! `w_CPU_CONTROL` and `w_OPTION_STATUS` of both nodes (manual 5.00005.03a p. 147-150, 173-175; D-05).
 
 use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
-use commram::check::Rule;
+use commram::devices::cansync;
+use commram::devices::cansync::firmware::InitFault;
+use commram::devices::cansync::records::{Command, CommandIgnored, InitRefused};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
-use commram::journal::{Command, Event};
 use commram::memory::{View, Width};
 use commram::plant::Forced;
 
@@ -73,7 +74,7 @@ fn every_command_in_every_state() {
                     let again = regs.w_CPU_CONTROL.load() == command;
                     let is_refused =
                         !again && next(state, command).is_none() && !(state == 4 && command & 0x0040 != 0);
-                    rig.expect_errors(if is_refused { &[Rule::Command] } else { &[] });
+                    rig.expect_errors(&vec![&cansync::rules::COMMAND; is_refused.into()]);
                     regs.w_CPU_CONTROL.store(command);
                     rig.step(500);
                     let expected = if again { state } else { next(state, command).unwrap_or(state) };
@@ -92,17 +93,15 @@ fn every_command_in_every_state() {
 #[test]
 fn an_ignored_command_is_noted_once() {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    rig.expect_errors(&[Rule::Command]);
+    rig.expect_errors(&[&cansync::rules::COMMAND]);
     let regs = bring_to(&mut rig, Role::Master, 0);
     for (value, why) in [(0x0040, Command::NotNow), (0x0012, Command::Unknown), (0x0007, Command::Unknown)] {
         regs.w_CPU_CONTROL.store(value);
         rig.step(5000);
         let noted: Vec<_> = rig
             .records()
-            .filter_map(|record| match record.event {
-                Event::CommandIgnored { value: seen, why, .. } if seen == value => Some(why),
-                _ => None,
-            })
+            .filter_map(|record| record.event.get())
+            .filter_map(|it: CommandIgnored| (it.value == value).then_some(it.why))
             .collect();
         assert_eq!(noted, [why], "16#{value:04X}");
     }
@@ -122,7 +121,7 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
                 let stands = regs.w_CPU_CONTROL.load() == command;
                 let rests = stands || state == 4 && command & 0x0040 != 0;
                 let is_refused = !rests && next(state, command).is_none();
-                rig.expect_errors(if is_refused { &[Rule::Command] } else { &[] });
+                rig.expect_errors(&vec![&cansync::rules::COMMAND; is_refused.into()]);
                 regs.w_CPU_CONTROL.store(0x0080 | command);
                 rig.step(2000);
                 assert_eq!(regs.w_CPU_CONTROL.load(), command, "bit 7 is cleared, the others stay");
@@ -141,7 +140,7 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
 fn what_is_written_too_early_is_found_with_bit_7_too() {
     for command in [0x0002, 0x0082] {
         let mut rig = Rig::new(Memory::Heap, RATES[0]);
-        rig.expect_errors(&[Rule::BeforeInit]);
+        rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
         let regs = bring_to(&mut rig, Role::Master, 1);
         write_init_data(&regs, RATES[0], 0x00);
         rig.master.a_RD_BMARRAY[31][7].store(1);
@@ -149,7 +148,12 @@ fn what_is_written_too_early_is_found_with_bit_7_too() {
         rig.step(500);
         assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003);
         assert_eq!(
-            rig.plant.journal().findings().iter().filter(|it| it.last.rule == Rule::BeforeInit).count(),
+            rig.plant
+                .journal()
+                .findings()
+                .iter()
+                .filter(|it| it.last.rule == &cansync::rules::BEFORE_INIT)
+                .count(),
             1
         );
     }
@@ -185,7 +189,7 @@ fn bit_7_alone_restarts_nothing_until_a_0_is_written() {
             assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001, "{role:?}, state {state}: written by name");
 
             let (mut rig, regs) = begin();
-            rig.tolerate_errors(&[Rule::Command]);
+            rig.tolerate_errors(&[&cansync::rules::COMMAND]);
             regs.w_CPU_CONTROL.store(0x0012);
             rig.step(500);
             regs.w_CPU_CONTROL.store(0x0000);
@@ -215,12 +219,13 @@ fn what_bit_7_leaves_is_noted() {
         rig.step(5000);
         let records = rig.records().filter(|record| {
             let why = Command::LeftBehind;
-            matches!(record.event, Event::CommandIgnored { value: 0, why: found, .. } if found == why)
+            record.event.get().is_some_and(|it: CommandIgnored| it.value == 0 && it.why == why)
         });
         assert_eq!(records.count(), noted, "journal, state {state}");
         let entries = rig.plant.journal().findings().iter();
-        let found =
-            entries.filter(|entry| entry.last.rule == Rule::LeftBehind).map(|entry| entry.last.offset);
+        let found = entries
+            .filter(|entry| entry.last.rule == &cansync::rules::LEFT_BEHIND)
+            .map(|entry| entry.last.offset);
         assert_eq!(found.collect::<Vec<_>>(), vec![NODE2 as u32; noted], "checker, state {state}");
     }
     // With the bits of the present state nothing is in doubt.
@@ -228,7 +233,12 @@ fn what_bit_7_leaves_is_noted() {
     bring_to(&mut rig, Role::Master, 4).w_CPU_CONTROL.store(0x00C0);
     rig.step(5000);
     assert_eq!(
-        rig.plant.journal().findings().iter().filter(|it| it.last.rule == Rule::LeftBehind).count(),
+        rig.plant
+            .journal()
+            .findings()
+            .iter()
+            .filter(|it| it.last.rule == &cansync::rules::LEFT_BEHIND)
+            .count(),
         0
     );
 }
@@ -268,7 +278,7 @@ fn after_a_controller_reset_commands_are_taken_again() {
 fn bad_initialization_data_are_refused_until_they_are_right() {
     for memory in BOTH {
         let mut rig = Rig::new(memory, RATES[0]);
-        rig.expect_errors(&[Rule::InitInterval]);
+        rig.expect_errors(&[&cansync::rules::INIT_INTERVAL]);
         let regs = bring_to(&mut rig, Role::Master, 1);
         write_init_data(&regs, RATES[0], 0x00);
         regs.b_TIME_PATTERN.store(4);
@@ -276,8 +286,10 @@ fn bad_initialization_data_are_refused_until_they_are_right() {
         rig.step(5000);
         assert_eq!(regs.w_OPTION_STATUS.load(), 0x0002);
         assert_eq!(regs.w_CANsync_STATUS.load() & 0x0040, 0x0040, "bit 6: error present");
-        let refused =
-            rig.records().filter(|r| matches!(r.event, Event::InitRefused { reason: 3, .. })).count();
+        let refused = rig
+            .records()
+            .filter(|r| r.event.get().is_some_and(|it: InitRefused| it.fault == InitFault::TimePattern))
+            .count();
         assert_eq!(refused, 1, "noted once");
 
         regs.b_TIME_PATTERN.store(2);
@@ -292,7 +304,7 @@ fn bad_initialization_data_are_refused_until_they_are_right() {
 fn taking_over_init_data_clears_the_cyclic_area() {
     for memory in BOTH {
         let mut rig = Rig::new(memory, RATES[0]);
-        rig.expect_errors(&[Rule::BeforeInit]);
+        rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
         rig.master.a_RD_BMARRAY[31][7].store(0xDEAD_BEEF);
         rig.master.a_STAT_SL[5].store(3);
         bring_to(&mut rig, Role::Master, 2);

@@ -4,8 +4,8 @@
 //! "5.00005.03a" is the Omega Drive-Line II itself. Times are this device's.
 
 use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
-use commram::check::Rule;
-use commram::journal::Event;
+use commram::check::rules;
+use commram::devices::cansync::records::Missed;
 
 struct Vector {
     id: &'static str,
@@ -84,7 +84,7 @@ fn send_rdc1(rig: &mut Rig, words: [u16; 4]) {
 
 fn t2(memory: Memory, rate: Rate) {
     let mut rig = Rig::new(memory, rate);
-    rig.expect_errors(&[Rule::Owner]); // to see that half of it stays
+    rig.expect_errors(&[&rules::OWNER]); // to see that half of it stays
     rig.activate();
     rig.master.a_CFG_RDC_WORD[0].b_CFG_RDC1_WORD0.store(0x0D);
     rig.master.a_RD_BMARRAY[0][3].store(0x5555_6666);
@@ -188,7 +188,7 @@ fn t35(memory: Memory, rate: Rate) {
         let sent = rig.last_frame(0x100..=0x17F).is_some();
         assert_eq!(sent, in_time, "released {release_at} us after SYNC");
         assert_eq!(rig.master.b_CTRLREG_WRC1.load(), if in_time { 0x04 } else { 0x05 });
-        let missed = rig.records().any(|record| matches!(record.event, Event::Missed { .. }));
+        let missed = rig.records().any(|record| record.event.is::<Missed>());
         assert!(missed, "the frames nobody released are in the journal");
     }
 }

@@ -5,10 +5,10 @@
 pub mod bench;
 pub mod cluster;
 
-use commram::check::{Rule, Severity};
 use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::records::Transmitted;
 use commram::devices::omega_drive_line_2::registers::*;
-use commram::journal::{Event, Record};
+use commram::journal::{Record, Rule, Severity};
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -49,9 +49,9 @@ pub struct Rig {
     pub slave: View<CANsync_SL_CTRL_BMSTRUCT>,
     pub slave_init: View<CANsync_INIT_BMSTRUCT>,
     /// Errors that the access checker is to find in this test; any other one, or a missing one, fails it.
-    expected: Vec<Rule>,
+    expected: Vec<&'static Rule>,
     /// Errors that it may find as well.
-    tolerated: Vec<Rule>,
+    tolerated: Vec<&'static Rule>,
     _images: Vec<Image>,
 }
 
@@ -65,25 +65,33 @@ impl Drop for Rig {
         let mut errors = findings.errors();
         errors.retain(|rule| !self.tolerated.contains(rule));
         let wrong = errors != self.expected;
+        let names = self.plant.names();
+        let name = |entry: &commram::journal::Entry| entry.last.name(names.device(entry.last.plc));
         let all: String =
-            findings.iter().map(|entry| format!("{:?} {}\n", entry.last.name(), describe(entry))).collect();
+            findings.iter().map(|entry| format!("{:?} {}\n", name(entry), describe(entry))).collect();
         assert!(!wrong, "expected {:?}, found\n{all}", self.expected);
     }
 }
 
-fn describe(entry: &commram::check::Entry) -> String {
-    format!("{} {} x {}", entry.last.rule, entry.last.value_text(), entry.count)
+fn describe(entry: &commram::journal::Entry) -> String {
+    format!(
+        "{} {} x {}",
+        entry.last.rule,
+        entry.last.value_text(commram::journal::Names::default().device(entry.last.plc)),
+        entry.count
+    )
 }
 
 impl Rig {
     /// Names errors that the access checker may find, because the test is about something else.
-    pub fn tolerate_errors(&mut self, rules: &[Rule]) {
+    pub fn tolerate_errors(&mut self, rules: &[&'static Rule]) {
         self.tolerated = rules.to_vec();
     }
 
     /// Names the errors that the access checker is to find in this test. Warnings are never looked at.
-    pub fn expect_errors(&mut self, rules: &[Rule]) {
-        self.expected = Rule::ALL.iter().copied().filter(|rule| rules.contains(rule)).collect();
+    pub fn expect_errors(&mut self, rules: &[&'static Rule]) {
+        self.expected =
+            commram::devices::catalogue().rules.iter().copied().filter(|rule| rules.contains(rule)).collect();
         self.expected.retain(|rule| rule.severity() == Severity::Error);
     }
 
@@ -195,10 +203,7 @@ impl Rig {
     /// All frames so far with the time of their end.
     pub fn frames(&self) -> Vec<(u64, Frame)> {
         self.records()
-            .filter_map(|record| match record.event {
-                Event::Frame { frame, .. } => Some((record.time_us, frame)),
-                _ => None,
-            })
+            .filter_map(|record| Some((record.time_us, record.event.get::<Transmitted>()?.frame)))
             .collect()
     }
 

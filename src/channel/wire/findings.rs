@@ -1,8 +1,8 @@
 //! The access checker's table on the wire: 64 bytes for each entry, so that whole blocks carry whole entries.
 
 use super::Block;
-use crate::check::Entry;
-use crate::journal::Event;
+use crate::devices;
+use crate::journal::{Coded, Entry, Found};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout)]
@@ -25,7 +25,7 @@ const _: () =
 impl From<&Entry> for WireEntry {
     fn from(entry: &Entry) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
-        let last = Event::Finding(last).words();
+        let last = Found::from(last).words();
         WireEntry { last, count, first_us, last_us, latest_us, is_single: is_single.into(), reserved: 0 }
     }
 }
@@ -34,7 +34,8 @@ impl WireEntry {
     /// The way back; `None` for what no server of this version can have sent.
     pub fn entry(&self) -> Option<Entry> {
         let WireEntry { last, count, first_us, last_us, latest_us, is_single, .. } = *self;
-        let Event::Finding(last) = Event::from_words(last)? else { return None };
+        let found: Found = devices::catalogue().event(last)?.get()?;
+        let last = found.finding(devices::catalogue())?;
         let entry = Entry { last, is_single: is_single != 0, count, first_us, last_us, latest_us };
         // A field that a later version gives a meaning must not be passed over by this one.
         (count > 0 && WireEntry::from(&entry) == *self).then_some(entry)
@@ -44,13 +45,14 @@ impl WireEntry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::{Finding, Rule};
+    use crate::check::rules;
+    use crate::journal::Finding;
     use crate::layout::Live;
 
     #[test]
     fn entries_travel_whole_and_strange_ones_are_refused() {
         let last = Finding {
-            rule: Rule::Header,
+            rule: &rules::HEADER,
             plc: 3,
             offset: 40,
             live: Live::Always,

@@ -1,7 +1,8 @@
 //! Records of the journal on the wire: 64 bytes each, so that whole blocks carry whole records.
 
 use super::Block;
-use crate::journal::{Event, Record};
+use crate::devices;
+use crate::journal::Record;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 /// No latency is known.
@@ -47,7 +48,7 @@ impl WireRecord {
         let record = Record {
             seq: self.seq,
             time_us: self.time_us,
-            event: Event::from_words(self.event)?,
+            event: devices::catalogue().event(self.event)?,
             count: self.count,
             period_us: self.period_us,
             latency_us: (self.latency_us != NO_LATENCY).then_some(self.latency_us),

@@ -1,7 +1,8 @@
 use super::*;
 use crate::channel::wire::{Block, ReplyBuffer, decode};
+use crate::devices::cansync::records::SyncEdge;
+use crate::devices::samples::event;
 use crate::journal::Journal;
-use crate::journal::samples::event;
 use crate::request::Reply;
 use proptest::prelude::*;
 
@@ -54,7 +55,7 @@ proptest! {
 #[test]
 fn a_record_cut_short_is_refused() {
     let mut journal = Journal::default();
-    journal.push(1, Event::SyncEdge { bus: 0 });
+    journal.push(1, SyncEdge { bus: 0 });
     let mut buffer = ReplyBuffer::default();
     let records = journal.read(0).copied().collect();
     buffer.push(&Reply::Journal { records, end: 0 }).unwrap();

@@ -6,6 +6,7 @@ use crate::cli::output;
 use crate::cli::pause::{Look, Pause, Wake};
 use crate::cli::session::Session;
 use crate::cli::time;
+use commram::devices;
 use commram::journal::candump::Candump;
 use commram::journal::jsonl::Jsonl;
 use commram::journal::text::Text;
@@ -16,8 +17,8 @@ use std::collections::VecDeque;
 /// Prints what there is, and what comes if asked for.
 pub fn print(args: &Args, session: &Session, selection: Selection, names: Names) -> Result<(), CliError> {
     let format: Box<dyn Format> = match args.format {
-        FormatArg::Text => Box::new(Text::new(names)),
-        FormatArg::Jsonl => Box::new(Jsonl::new(names)),
+        FormatArg::Text => Box::new(Text::new(names, devices::catalogue())),
+        FormatArg::Jsonl => Box::new(Jsonl::new(names, devices::catalogue())),
         FormatArg::Candump => Box::new(Candump::new(&names)),
     };
     let mut trace = Trace {

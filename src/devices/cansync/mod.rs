@@ -10,3 +10,7 @@ pub mod drive;
 pub mod firmware;
 #[cfg(feature = "emulator")]
 pub mod medium;
+#[cfg(feature = "emulator")]
+pub mod records;
+#[cfg(feature = "emulator")]
+pub mod rules;

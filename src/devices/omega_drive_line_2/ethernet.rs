@@ -4,12 +4,12 @@
 //! mask are stored by writing `d_IP_CONFIG` (p. 78), which the firmware sees when the register changes (decision
 //! D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows what came out of it.
 
-use crate::check::{Finding, Rule};
 use crate::devices::Context;
+use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use crate::devices::omega_drive_line_2::registers::{
     ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_CONFIG_BYTES, ETHERNET_DIAGNOSE_BMSTRUCT,
 };
-use crate::journal::{BoardEvent, Event};
+use crate::devices::omega_drive_line_2::rules;
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
@@ -138,10 +138,8 @@ impl Ethernet {
             return;
         }
         self.report(ctx, |config, address| BoardEvent::AddressRefused { config, address });
-        let offset = (ETHERNET_CONFIG + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3) as u32;
-        let (plc, value) = (ctx.origin.plc, address.octets()[3].into());
-        let (rule, live) = (Rule::IpAddress, Live::Always);
-        ctx.report(Event::Finding(Finding { rule, plc, offset, live, value, late_us: 0 }));
+        let offset = ETHERNET_CONFIG + offset_of!(ETHERNET_CONFIG_BMSTRUCT, a_IP_ADDRESS) + 3;
+        ctx.find(&rules::IP_ADDRESS, Live::Always, offset, address.octets()[3].into());
         self.put_back();
         self.keep();
         self.show(true);
@@ -193,7 +191,7 @@ impl Ethernet {
     fn report(&self, ctx: &mut Context, what: impl FnOnce(u32, Ipv4Addr) -> BoardEvent) {
         if let Some((config, address, ..)) = parts(&self.registers()) {
             let plc = ctx.origin.plc;
-            ctx.report(Event::Board { plc, what: what(config, address) });
+            ctx.report(OnBoard { plc, what: what(config, address) });
         }
     }
 }

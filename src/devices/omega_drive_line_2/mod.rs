@@ -13,6 +13,10 @@ mod config;
 pub mod ethernet;
 #[cfg(feature = "emulator")]
 mod plc;
+#[cfg(feature = "emulator")]
+pub mod records;
+#[cfg(feature = "emulator")]
+pub mod rules;
 
 #[cfg(feature = "emulator")]
 pub use config::{PlcConfig, ProjectConfig};

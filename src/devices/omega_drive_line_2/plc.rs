@@ -9,10 +9,11 @@ use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
 use crate::devices::omega_drive_line_2::board::Board;
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
+use crate::devices::omega_drive_line_2::records::{BAPS_NODE, BoardEvent, OnBoard};
 use crate::devices::omega_drive_line_2::registers::{BAPS, DEVICE, ETHERNET_CONFIG, NODE1, NODE2};
 use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
-use crate::fault::{Effect, Faults, NodeEffect};
-use crate::journal::{BAPS_NODE, BoardEvent, Event, Journal, Origin};
+use crate::fault::{Effect, Faults, Hit, NodeEffect};
+use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::layout::flags::{RETAIN_OFFSET, is_flag};
 use crate::memory::header::{BoardSetting, BoardState};
@@ -171,7 +172,7 @@ impl Device for Plc {
     fn stop(&mut self, ctx: &mut Context) {
         self.board.stop();
         self.ethernet.power_off();
-        ctx.report(Event::Board { plc: self.index, what: BoardEvent::Down });
+        ctx.report(OnBoard { plc: self.index, what: BoardEvent::Down });
         self.baps.reset();
     }
 
@@ -185,7 +186,7 @@ impl Device for Plc {
 
     fn address_taken(&mut self, ctx: &mut Context, _: u8) {
         let (plc, number) = (self.index, self.board.dip());
-        ctx.report(Event::Board { plc, what: BoardEvent::NumberTaken { number } });
+        ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { number } });
     }
 
     fn port_joined(&mut self, port: u8, takes_part: bool) {
@@ -322,7 +323,7 @@ fn pace(faults: &mut Faults, now: u64, plc: u16, has_waited: bool, journal: &mut
             }
             _ => return None,
         }
-        Some(0)
+        Some(Hit::Plain)
     });
     pace
 }

@@ -1,8 +1,7 @@
 //! What the verbs ask of the plant.
 
 use super::Bench;
-use crate::check::Entry;
-use crate::journal::Record;
+use crate::journal::{Entry, Record};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Address, Width};
 use crate::plant::Forced;

@@ -1,7 +1,8 @@
 //! What the access checker has found.
 
 use super::Bench;
-use crate::check::{Entry, Rule};
+use crate::devices;
+use crate::journal::Entry;
 use crate::request::Op;
 use crate::script::ScenarioError;
 use crate::time::seconds;
@@ -31,9 +32,9 @@ impl Bench {
     #[track_caller]
     pub fn expect_no_findings(&mut self, allowed: &[&str]) -> Result<(), ScenarioError> {
         let at = Location::caller();
-        let unknown = |name: &&&str| !Rule::ALL.iter().any(|rule| rule.id() == **name);
-        if let Some(name) = allowed.iter().find(unknown) {
-            let known: Vec<_> = Rule::ALL.iter().map(|rule| rule.id()).collect();
+        let catalogue = devices::catalogue();
+        if let Some(name) = allowed.iter().find(|name| catalogue.rule_called(name).is_none()) {
+            let known: Vec<_> = catalogue.rules.iter().map(|rule| rule.id()).collect();
             let (name, known) = ((*name).to_owned(), known.join(", "));
             return Err(ScenarioError::Unknown { what: "rule", name, known });
         }
@@ -51,20 +52,22 @@ impl Bench {
 
     /// The register of a finding, with the PLC in front if there are several; its address if it has no name.
     pub(in crate::script) fn finding_place(&self, entry: &Entry) -> String {
-        let name = entry.last.name().unwrap_or_else(|| entry.last.address().to_string());
+        let device = self.names.device(entry.last.plc);
+        let name = entry.last.name(device).unwrap_or_else(|| entry.last.address(device).to_string());
         format!("{}{name}", self.prefix(entry.last.plc))
     }
 
     /// `error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 2 times since 0.001000 s: ...`
     fn finding_text(&self, entry: &Entry) -> String {
         let Entry { last, count, first_us, .. } = entry;
+        let device = self.names.device(last.plc);
         format!(
             "{}: {}: {} ({}) := {}, {count} times since {}: {}",
             last.rule.severity(),
             last.rule.id(),
             self.finding_place(entry),
-            last.address(),
-            last.value_text(),
+            last.address(device),
+            last.value_text(device),
             seconds(*first_us),
             last.rule.text()
         )

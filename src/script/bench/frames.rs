@@ -2,8 +2,8 @@
 
 use super::Bench;
 use crate::devices::cansync::bus::Frame;
-use crate::journal::text::frame_text;
-use crate::journal::{Event, Record};
+use crate::devices::cansync::records::{Transmitted, frame_text};
+use crate::journal::Record;
 use crate::script::{ScenarioError, Span};
 use crate::time::{seconds, short};
 use core::panic::Location;
@@ -199,10 +199,8 @@ impl Bench {
 
 /// The frame of a record, if it was on this bus.
 fn frame_of(record: &Record, on: u16) -> Option<SeenFrame> {
-    match record.event {
-        Event::Frame { bus, frame } if bus == on => Some(SeenFrame { time_us: record.time_us, frame }),
-        _ => None,
-    }
+    let Transmitted { bus, frame } = record.event.get()?;
+    (bus == on).then_some(SeenFrame { time_us: record.time_us, frame })
 }
 
 impl core::fmt::Display for SeenFrame {

@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};
+use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::*;
 use std::collections::BTreeMap;
@@ -54,7 +55,7 @@ fn every_error_bit_of_the_masters_blocks() {
         ($block:expr, $bits:expr, $number:expr) => {{
             let mut bench = Bench::active(Memory::Heap);
             // One of the slaves is not polled.
-            bench.rig.tolerate_errors(&[commram::check::Rule::NeverPolled]);
+            bench.rig.tolerate_errors(&[&cansync::rules::NEVER_POLLED]);
             let mut block = $block;
             block.t_TIME = Duration::from_millis(500);
             let start = bench.rig.plant.now();

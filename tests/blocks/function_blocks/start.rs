@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, Dead, init};
 use crate::rig::{BOTH, Memory};
+use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::*;
 
@@ -75,7 +76,6 @@ fn init_data_follow_the_inputs() {
 /// Manual p. 215: each bit of `w_ERR`.
 #[test]
 fn init_reports_every_error() {
-    use commram::check::Rule;
     let refused = CANsync_INIT { us_SYNC_INTERVAL: 8, ..init() };
     let unknown_rate = CANsync_INIT { us_BAUDRATE: 7, us_SYNC_INTERVAL: 8, ..init() };
     let unknown_timing = CANsync_INIT { us_BAUDRATE: 0, b_BIT_TIMING1: 0x14, ..init() };
@@ -85,7 +85,7 @@ fn init_reports_every_error() {
         (unknown_timing, 1 << 1 | 1 << 11, 0x0002),
     ] {
         let mut bench = Bench::new(Memory::Heap);
-        bench.rig.tolerate_errors(&[Rule::InitInterval, Rule::InitBaudRate]);
+        bench.rig.tolerate_errors(&[&cansync::rules::INIT_INTERVAL, &cansync::rules::INIT_BAUD_RATE]);
         bench.until(|b| {
             block.call(&b.ma_init);
             block.x_OK || block.x_ERR

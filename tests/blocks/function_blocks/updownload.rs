@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};
+use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::*;
 use std::time::Duration;
@@ -129,7 +130,7 @@ fn inputs_that_change_meanwhile_change_nothing() {
 fn every_error_of_the_masters_block() {
     // Nobody there: a timeout after all tries.
     let mut both = Both::new(Memory::Heap);
-    both.bench.rig.expect_errors(&[commram::check::Rule::NeverPolled]);
+    both.bench.rig.expect_errors(&[&cansync::rules::NEVER_POLLED]);
     (both.ma.si_SL_NR, both.ma.u_LENGTH, both.ma.us_MAX_NR_OF_COMM) = (5, 1, 3);
     both.ma.t_TIME = Duration::from_millis(100);
     let start = both.bench.rig.plant.now();

@@ -2,11 +2,11 @@
 
 use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
 use commram::devices::cansync::drive::BuiltInDrive;
+use commram::devices::omega_drive_line_2::records::BAPS_NODE;
 use commram::devices::omega_drive_line_2::registers::{
     BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2,
 };
 use commram::fault::{Effect, Fault, FaultSpec, Limit, NodeEffect};
-use commram::journal::BAPS_NODE;
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
 use commram::memory::{Header, Image, View};
 use commram::plant::{Plant, PlantConfig, Plc};

@@ -6,7 +6,7 @@ use commram::journal::Format;
 use commram::journal::text::Text;
 
 fn told(bench: &Bench) -> String {
-    let mut text = Text::new(bench.plant.names());
+    let mut text = Text::new(bench.plant.names(), commram::devices::catalogue());
     let mut out = String::new();
     for record in bench.plant.journal().records() {
         text.record(record, &mut out);

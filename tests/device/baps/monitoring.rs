@@ -95,5 +95,8 @@ fn another_pwm_frequency_is_a_finding() {
     let findings: Vec<_> = bench.plant.journal().findings().iter().map(|entry| entry.last).collect();
     assert_eq!(findings.len(), 1);
     assert_eq!((findings[0].rule.id(), findings[0].value), ("drive-pwm", 5));
-    assert_eq!(findings[0].name().as_deref(), Some("baps.ud_PAR_VALUE"));
+    assert_eq!(
+        findings[0].name(commram::journal::Names::default().device(0)).as_deref(),
+        Some("baps.ud_PAR_VALUE")
+    );
 }

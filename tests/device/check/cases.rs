@@ -1,13 +1,16 @@
 //! For each rule something that breaks it, and next to it something much alike that is right.
 
 use crate::rig::{Memory, RATES, Rate, Rig, write_init_data};
-use commram::check::Rule;
+use commram::check::rules;
+use commram::devices::cansync;
+use commram::devices::omega_drive_line_2 as omega;
 use commram::devices::omega_drive_line_2::registers::*;
+use commram::journal::Rule;
 use commram::memory::View;
 
 /// How a rule is broken, and how its correct neighbour goes. Both start from a fresh plant.
 pub struct Case {
-    pub rule: Rule,
+    pub rule: &'static Rule,
     /// Name of the register that the finding is about.
     pub register: &'static str,
     /// Value in the finding.
@@ -17,7 +20,7 @@ pub struct Case {
 }
 
 /// The same plant with a drive that has this value in a parameter, its master in set-up mode.
-fn set_up_with_drive(rig: &mut Rig, expected: &[Rule], parameter: u16, value: u16) {
+fn set_up_with_drive(rig: &mut Rig, expected: &[&'static Rule], parameter: u16, value: u16) {
     rig.expect_errors(&[]);
     let drive = format!(
         "[[bus.drive]]\nname = 'd'\nslave_number = 1\n\
@@ -31,35 +34,35 @@ fn set_up_with_drive(rig: &mut Rig, expected: &[Rule], parameter: u16, value: u1
 
 pub const CASES: &[Case] = &[
     Case {
-        rule: Rule::DriveSyncSlot,
+        rule: &cansync::rules::DRIVE_SYNC_SLOT,
         register: "node2.a_DATA_PARAMETER[1].d_PAR_VALUE",
         value: 1000,
-        wrong: |rig| set_up_with_drive(rig, &[Rule::DriveSyncSlot], 167, 1000),
+        wrong: |rig| set_up_with_drive(rig, &[&cansync::rules::DRIVE_SYNC_SLOT], 167, 1000),
         right: |rig| set_up_with_drive(rig, &[], 167, 2000),
     },
     Case {
-        rule: Rule::DrivePwm,
+        rule: &cansync::rules::DRIVE_PWM,
         register: "node2.a_DATA_PARAMETER[1].d_PAR_VALUE",
         value: 5,
         wrong: |rig| set_up_with_drive(rig, &[], 103, 5),
         right: |rig| set_up_with_drive(rig, &[], 103, 8),
     },
     Case {
-        rule: Rule::IpAddress,
+        rule: &omega::rules::IP_ADDRESS,
         register: "ethernet_config.a_IP_ADDRESS[3]",
         value: 255,
         wrong: |rig| store_ip_config(rig, 255),
         right: |rig| store_ip_config(rig, 7),
     },
     Case {
-        rule: Rule::Owner,
+        rule: &rules::OWNER,
         register: "node2.w_OPTION_STATUS",
         value: 0x0080,
         wrong: |rig| rig.master.w_OPTION_STATUS.store(0x0080),
         right: |rig| rig.master.w_CPU_CONTROL.store(0x0001),
     },
     Case {
-        rule: Rule::Owner,
+        rule: &rules::OWNER,
         register: "node2.a_RD_BMARRAY[31][7]",
         value: 1,
         wrong: |rig| {
@@ -72,7 +75,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::Owner,
+        rule: &rules::OWNER,
         register: "node1.w_CONTROLWORD",
         value: 7,
         wrong: |rig| {
@@ -85,14 +88,14 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::Owner,
+        rule: &rules::OWNER,
         register: "baps.w_STATUSWORD",
         value: 0x1234,
         wrong: |rig| baps(rig).w_STATUSWORD.store(0x1234),
         right: |rig| baps(rig).w_CONTROLWORD.store(0x1234),
     },
     Case {
-        rule: Rule::ReservedRegister,
+        rule: &rules::RESERVED_REGISTER,
         register: "node2.a_WR_VALUE[8]",
         value: 5,
         wrong: |rig| {
@@ -105,7 +108,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::ReservedBit,
+        rule: &rules::RESERVED_BIT,
         register: "node2.a_CFG_RDC_WORD[3].b_CFG_RDC1_WORD0",
         value: 0x41,
         wrong: |rig| {
@@ -118,7 +121,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::ReservedValue,
+        rule: &rules::RESERVED_VALUE,
         register: "node2.b_CMD_BC0",
         value: 0x10,
         wrong: |rig| {
@@ -131,7 +134,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::ValueNumber,
+        rule: &cansync::rules::VALUE_NUMBER,
         register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD2",
         value: 0x21,
         wrong: |rig| {
@@ -144,7 +147,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::ValueNumber,
+        rule: &cansync::rules::VALUE_NUMBER,
         register: "node1.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3",
         value: 0x3F,
         wrong: |rig| {
@@ -157,7 +160,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::WordUnassigned,
+        rule: &cansync::rules::WORD_UNASSIGNED,
         register: "node1._CFG_WRC_WORD.b_CFG_WRC1_WORD1",
         value: 0x0C,
         wrong: |rig| {
@@ -170,7 +173,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::SplitDoubleword,
+        rule: &cansync::rules::SPLIT_DOUBLEWORD,
         register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD3",
         value: 0x09,
         wrong: |rig| {
@@ -191,7 +194,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::SplitDoubleword,
+        rule: &cansync::rules::SPLIT_DOUBLEWORD,
         register: "node1._CFG_RDC_WORD.b_CFG_RDC2_WORD0",
         value: 0x01,
         wrong: |rig| {
@@ -209,14 +212,14 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::ClusterBaudRate,
+        rule: &cansync::rules::CLUSTER_BAUD_RATE,
         register: "node2.b_BT_0",
         value: 0x01,
         wrong: |rig| cluster(rig, RATES[1]),
         right: |rig| cluster(rig, RATES[0]),
     },
     Case {
-        rule: Rule::SlaveNumber,
+        rule: &cansync::rules::SLAVE_NUMBER,
         register: "node2.b_CTRLREG_RD_ORDER_RDC2",
         value: 0x81,
         wrong: |rig| {
@@ -229,7 +232,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::SlaveNumber,
+        rule: &cansync::rules::SLAVE_NUMBER,
         register: "node2.b_MAX_SL_NR",
         value: 0x80,
         wrong: |rig| {
@@ -243,7 +246,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::NeverPolled,
+        rule: &cansync::rules::NEVER_POLLED,
         register: "node2.a_CTRLREG_PAR_CMD_SL[3].b_STEUREG_PAR_CMD",
         value: 0x03,
         wrong: |rig| {
@@ -260,7 +263,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::NeverPolled,
+        rule: &cansync::rules::NEVER_POLLED,
         register: "node2.a_STEUREG_CONTROLWORD[1]",
         value: 0x05,
         wrong: |rig| {
@@ -275,14 +278,14 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::NeverPolled,
+        rule: &cansync::rules::NEVER_POLLED,
         register: "node2.b_STEUREG_UPDOWNBLK1",
         value: 0x15,
         wrong: |rig| enter_download(rig, 2, 1),
         right: |rig| enter_download(rig, 2, 2),
     },
     Case {
-        rule: Rule::NotRequested,
+        rule: &cansync::rules::NOT_REQUESTED,
         register: "node2.b_MAX_SL_NR",
         value: 2,
         wrong: |rig| {
@@ -300,14 +303,14 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::Command,
+        rule: &cansync::rules::COMMAND,
         register: "node2.w_CPU_CONTROL",
         value: 0x0020,
         wrong: |rig| rig.master.w_CPU_CONTROL.store(0x0020),
         right: |rig| rig.set_up(),
     },
     Case {
-        rule: Rule::Command,
+        rule: &cansync::rules::COMMAND,
         register: "node1.w_CPU_CONTROL",
         value: 0x0013,
         wrong: |rig| {
@@ -320,7 +323,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::LeftBehind,
+        rule: &cansync::rules::LEFT_BEHIND,
         register: "node1.w_CPU_CONTROL",
         value: 0x0080,
         wrong: |rig| {
@@ -333,7 +336,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::Order,
+        rule: &cansync::rules::ORDER,
         register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
         value: 0x05,
         wrong: |rig| {
@@ -350,7 +353,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::Order,
+        rule: &cansync::rules::ORDER,
         register: "node1.b_STEUREG_PAR_CMD",
         value: 0x42,
         wrong: |rig| answer_parameter(rig, |slave| slave.b_STEUREG_PAR_CMD.store(0x42)),
@@ -362,7 +365,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::JobChanged,
+        rule: &cansync::rules::JOB_CHANGED,
         register: "node2.a_DATA_PARAMETER[0].w_PAR_NR",
         value: 9,
         wrong: |rig| {
@@ -379,7 +382,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::JobChanged,
+        rule: &cansync::rules::JOB_CHANGED,
         register: "node2.a_DATA_UPDOWNBLK1[74]",
         value: 1,
         wrong: |rig| {
@@ -397,7 +400,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::JobReplaced,
+        rule: &cansync::rules::JOB_REPLACED,
         register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
         value: 0x05,
         wrong: |rig| {
@@ -412,35 +415,35 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::LateReference,
+        rule: &cansync::rules::LATE_REFERENCE,
         register: "node2.b_CTRLREG_WRC1",
         value: 0x05,
         wrong: |rig| release_reference(rig, 490 + 37),
         right: |rig| release_reference(rig, 489),
     },
     Case {
-        rule: Rule::LateActual,
+        rule: &cansync::rules::LATE_ACTUAL,
         register: "node1.b_CTRLREG_RD_RDC1",
         value: 0x05,
         wrong: |rig| release_actual(rig, 500),
         right: |rig| release_actual(rig, 400),
     },
     Case {
-        rule: Rule::InitMode,
+        rule: &cansync::rules::INIT_MODE,
         register: "node2.b_MA_SL_MODE",
         value: 1,
         wrong: |rig| take_over_init_data(rig, |init| init.b_MA_SL_MODE.store(1)),
         right: |rig| take_over_init_data(rig, |init| init.b_MA_SL_MODE.store(2)),
     },
     Case {
-        rule: Rule::InitBaudRate,
+        rule: &cansync::rules::INIT_BAUD_RATE,
         register: "node2.b_BT_0",
         value: 2,
         wrong: |rig| take_over_init_data(rig, |init| init.b_BT_0.store(2)),
         right: |rig| take_over_init_data(rig, |_| ()),
     },
     Case {
-        rule: Rule::InitInterval,
+        rule: &cansync::rules::INIT_INTERVAL,
         register: "node2.b_TIME_PATTERN",
         value: 2,
         wrong: |rig| take_over_init_data(rig, |init| init.b_BT_0.store(1)),
@@ -452,21 +455,21 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::InitController,
+        rule: &cansync::rules::INIT_CONTROLLER,
         register: "node2.b_CLOCK_DIVIDER",
         value: 0,
         wrong: |rig| take_over_init_data(rig, |init| init.b_CLOCK_DIVIDER.store(0)),
         right: |rig| take_over_init_data(rig, |init| init.b_AM.store(0)),
     },
     Case {
-        rule: Rule::BusBaudRate,
+        rule: &cansync::rules::BUS_BAUD_RATE,
         register: "node1.b_BT_0",
         value: 0,
         wrong: |rig| start_both(rig, [1, 0]),
         right: |rig| start_both(rig, [0, 0]),
     },
     Case {
-        rule: Rule::BeforeInit,
+        rule: &cansync::rules::BEFORE_INIT,
         register: "node2.a_WR_VALUE[0]",
         value: 3,
         wrong: |rig| {
@@ -479,7 +482,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::AfterInit,
+        rule: &cansync::rules::AFTER_INIT,
         register: "node2.b_CTRLREG_WRC5",
         value: 0x1C,
         wrong: |rig| {
@@ -494,7 +497,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::Header,
+        rule: &rules::HEADER,
         register: "header.sync_counter",
         value: 77,
         wrong: |rig| header(rig, |header| header.sync_counter[0].store(77)),

@@ -2,35 +2,36 @@
 
 use super::cases::{Case, baps};
 use crate::rig::Rig;
-use commram::check::Rule;
+use commram::check::rules;
+use commram::devices::omega_drive_line_2 as omega;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::View;
 use commram::memory::header::ProgramState;
 
 pub const CASES: &[Case] = &[
     Case {
-        rule: Rule::ReservedBit,
+        rule: &rules::RESERVED_BIT,
         register: "baps.w_COMMAND_REG",
         value: 0x0114,
         wrong: |rig| configure(&baps(rig), rig, 0x0114),
         right: |rig| configure(&baps(rig), rig, 0x0014),
     },
     Case {
-        rule: Rule::ReservedValue,
+        rule: &rules::RESERVED_VALUE,
         register: "baps.w_COMMAND_REG",
         value: 0x0012,
         wrong: |rig| configure(&baps(rig), rig, 0x0012),
         right: |rig| configure(&baps(rig), rig, 0x0010),
     },
     Case {
-        rule: Rule::BapsEarly,
+        rule: &omega::rules::BAPS_EARLY,
         register: "baps.b_COMMAND",
         value: 2,
         wrong: |rig| configure_in_program(rig, ProgramState::Cyclic, 5),
         right: |rig| configure_in_program(rig, ProgramState::Cyclic, 6),
     },
     Case {
-        rule: Rule::BapsEarly,
+        rule: &omega::rules::BAPS_EARLY,
         register: "baps.b_COMMAND",
         value: 2,
         wrong: |rig| configure_in_program(rig, ProgramState::Initializing, 0),
@@ -38,7 +39,7 @@ pub const CASES: &[Case] = &[
         right: |rig| configure_in_program(rig, ProgramState::Cyclic, 0),
     },
     Case {
-        rule: Rule::BapsRunning,
+        rule: &omega::rules::BAPS_RUNNING,
         register: "baps.b_COMMAND",
         value: 2,
         wrong: |rig| {
@@ -56,7 +57,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::BapsCycle,
+        rule: &omega::rules::BAPS_CYCLE,
         register: "baps.w_COMMAND_REG",
         value: 0x0024,
         wrong: |rig| {
@@ -72,7 +73,7 @@ pub const CASES: &[Case] = &[
         },
     },
     Case {
-        rule: Rule::BapsSyncSlot,
+        rule: &omega::rules::BAPS_SYNC_SLOT,
         register: "baps.w_COMMAND_REG",
         value: 0x0014,
         wrong: |rig| follow_positions(rig, 0x0014),

@@ -5,8 +5,10 @@ mod cases_baps;
 
 use crate::rig::{BOTH, Memory, RATES, Rig};
 use cases::Case;
-use commram::check::{Entry, Rule};
+use commram::check::rules;
+use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::registers::*;
+use commram::journal::{Entry, Names, Rule};
 use commram::memory::Width;
 
 fn cases() -> impl Iterator<Item = &'static Case> {
@@ -17,8 +19,12 @@ fn findings(rig: &Rig) -> Vec<Entry> {
     rig.plant.journal().findings().iter().copied().collect()
 }
 
+fn device() -> &'static commram::layout::Device {
+    Names::default().device(0)
+}
+
 fn names(entries: &[Entry]) -> Vec<(&'static str, Option<String>)> {
-    entries.iter().map(|entry| (entry.last.rule.id(), entry.last.name())).collect()
+    entries.iter().map(|entry| (entry.last.rule.id(), entry.last.name(device()))).collect()
 }
 
 #[test]
@@ -33,7 +39,7 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
             let found = findings(&rig);
             let [entry] = found[..] else { panic!("{rule}, {memory:?}: {:?}", names(&found)) };
             assert_eq!(entry.last.rule, rule);
-            assert_eq!(entry.last.name().as_deref(), Some(case.register), "{rule}");
+            assert_eq!(entry.last.name(device()).as_deref(), Some(case.register), "{rule}");
             assert_eq!(entry.last.value, case.value, "{rule}");
             assert_eq!(entry.count, 1, "{rule} is reported once");
 
@@ -47,7 +53,12 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
 
 #[test]
 fn every_rule_has_a_case() {
-    let without: Vec<_> = Rule::ALL.iter().filter(|rule| cases().all(|case| case.rule != **rule)).collect();
+    let without: Vec<_> = commram::devices::catalogue()
+        .rules
+        .iter()
+        .copied()
+        .filter(|rule| cases().all(|case| case.rule != *rule))
+        .collect();
     assert_eq!(without, Vec::<&Rule>::new());
 }
 
@@ -55,7 +66,7 @@ fn every_rule_has_a_case() {
 fn how_late_it_was_is_told() {
     for (rate, deadline) in [(RATES[0], 490), (RATES[2], 2780)] {
         let mut rig = Rig::new(Memory::Heap, rate);
-        rig.expect_errors(&[Rule::LateReference]);
+        rig.expect_errors(&[&cansync::rules::LATE_REFERENCE]);
         for late in [12, 37, 5] {
             if rig.plant.now() == 0 {
                 rig.activate();
@@ -97,7 +108,7 @@ fn working_ahead_and_pausing_are_not_late() {
 fn the_time_is_that_of_the_write() {
     for slice in [1, 77, 5000] {
         let mut rig = Rig::new(Memory::Mapped, RATES[0]);
-        rig.expect_errors(&[Rule::Owner]);
+        rig.expect_errors(&[&rules::OWNER]);
         rig.activate();
         rig.step(333);
         let at = rig.plant.now();
@@ -117,7 +128,7 @@ fn the_time_is_that_of_the_write() {
 #[test]
 fn through_the_channel_every_write_is_seen() {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    rig.expect_errors(&[Rule::Owner]);
+    rig.expect_errors(&[&rules::OWNER]);
     rig.activate();
     for _ in 0..3 {
         rig.plant.note_channel_write(0, NODE2 as u32 + 2, 2, 0x0080);
@@ -133,14 +144,17 @@ fn through_the_channel_every_write_is_seen() {
         rig.plant.devices()[0].segment().store(baps_status, Width::Word, 0x0008).unwrap();
         rig.plant.note_channel_write(0, baps_status, 2, 0x0008);
         let found = findings(&rig);
-        assert_eq!((found[1].last.name().as_deref(), found[1].count), (Some("baps.w_STATUS_REG"), times));
+        assert_eq!(
+            (found[1].last.name(device()).as_deref(), found[1].count),
+            (Some("baps.w_STATUS_REG"), times)
+        );
     }
 }
 
 #[test]
 fn findings_can_be_forgotten() {
     let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    rig.expect_errors(&[Rule::Owner]);
+    rig.expect_errors(&[&rules::OWNER]);
     for value in [5, 6] {
         rig.plant.clear_findings();
         rig.master.w_OMEGA_NR.store(value);
@@ -155,7 +169,7 @@ fn findings_can_be_forgotten() {
 fn findings_belong_to_the_run() {
     let run = |memory, value| {
         let mut rig = Rig::new(memory, RATES[0]);
-        rig.expect_errors(&[Rule::Owner]);
+        rig.expect_errors(&[&rules::OWNER]);
         rig.activate();
         rig.master.w_OMEGA_NR.store(value);
         rig.step(3000);

@@ -36,10 +36,8 @@ fn a_master_in_bus_off_sends_nothing_until_it_is_reset() {
         intervals(&mut rig, 2);
         assert_eq!(parameter(&rig, DRIVE), (0x02, 100));
         assert_eq!(rig.master.b_CTRLREG_WRC1.load(), 0x04);
-        let noted = rig.records().filter_map(|record| match record.event {
-            Event::Register { offset: 200_004, to, .. } => Some(to),
-            _ => None,
-        });
+        let noted = rig.records().filter_map(|record| record.event.get());
+        let noted = noted.filter_map(|it: Register| (it.offset == 200_004).then_some(it.to));
         assert!(noted.skip_while(|to| *to != u32::from(BUS_OFF)).count() >= 2, "off and on again");
     }
 }
@@ -91,7 +89,7 @@ fn a_cause_that_stays_switches_the_controller_off_again() {
     rig.step(5_000);
     assert_eq!(rig.master.w_CANsync_STATUS.load(), BUS_OFF);
     rig.step(6_000);
-    assert_eq!(news(&rig).last().map(|n| (n.1, n.2)), Some((id, FaultNews::Over)));
+    assert_eq!(news(&rig).last().map(|n| (n.1, n.2)), Some((id, News::Over)));
     rig.master.w_CPU_CONTROL.store(0x00C0);
     rig.step(5_000);
     assert_eq!(rig.master.w_CANsync_STATUS.load() & BUS_OFF, 0);

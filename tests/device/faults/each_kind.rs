@@ -96,14 +96,11 @@ fn every_kind_comes_through_every_door_and_ends_by_count_and_by_time() {
             assert_eq!(rig.plant.faults().count(), 0, "{what} is over");
             let mut news = news(&rig);
             // Hits that are still being counted come behind those that are not.
-            news.sort_by_key(|(time, _, news)| (*time, *news == FaultNews::Over));
-            let [(0, 1, FaultNews::Added), ref hit @ .., (over, 1, FaultNews::Over)] = news[..] else {
+            news.sort_by_key(|(time, _, news)| (*time, *news == News::Over));
+            let [(0, 1, News::Added), ref hit @ .., (over, 1, News::Over)] = news[..] else {
                 panic!("{what}: {news:?}")
             };
-            assert!(
-                hit.iter().all(|(_, id, news)| *id == 1 && matches!(news, FaultNews::Hit(_))),
-                "{news:?}"
-            );
+            assert!(hit.iter().all(|(_, id, news)| *id == 1 && matches!(news, News::Hit(_))), "{news:?}");
             let times = || hit.iter().map(|(time, ..)| *time);
             assert!(times().all(|time| time >= AT_US), "{what} waits for its time: {news:?}");
             match hits {

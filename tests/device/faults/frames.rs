@@ -26,8 +26,8 @@ fn a_lost_reference_frame_is_acknowledged_but_nobody_has_it() {
         assert!(exchanged(&mut rig), "the third one arrives");
         let now = news(&rig);
         let kinds: Vec<_> = now.iter().map(|(_, id, news)| (*id, *news)).collect();
-        let frame = FaultNews::Hit(0x101);
-        assert_eq!(kinds, [(id, FaultNews::Added), (id, frame), (id, frame), (id, FaultNews::Over)]);
+        let frame = News::Hit(Hit::Frame(0x101));
+        assert_eq!(kinds, [(id, News::Added), (id, frame), (id, frame), (id, News::Over)]);
         assert_eq!(rig.plant.faults().count(), 0);
     }
 }

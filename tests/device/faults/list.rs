@@ -24,7 +24,7 @@ fn a_fault_waits_for_its_time_and_ends_after_its_duration() {
     assert_eq!(acting(&rig), [true]);
     rig.plant.advance_to(at + 444);
     assert!(acting(&rig).is_empty());
-    assert_eq!(news(&rig), [(now, id, FaultNews::Added), (at + 444, id, FaultNews::Over)]);
+    assert_eq!(news(&rig), [(now, id, News::Added), (at + 444, id, News::Over)]);
 }
 
 #[test]
@@ -38,7 +38,7 @@ fn numbers_count_up_and_cleared_ones_are_gone() {
     assert_eq!(add(&mut rig, "kind = 'lose_sync'"), 4, "a number is not given away again at once");
     assert_eq!(rig.plant.clear_faults(), 3);
     assert_eq!(rig.plant.faults().count(), 0);
-    let cleared = news(&rig).iter().filter(|(_, _, news)| *news == FaultNews::Cleared).count();
+    let cleared = news(&rig).iter().filter(|(_, _, news)| *news == News::Cleared).count();
     assert_eq!(cleared, 4);
 }
 

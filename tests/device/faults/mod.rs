@@ -10,8 +10,10 @@ mod slaves;
 mod sync;
 
 use crate::rig::{Memory, RATES, Rig};
+use commram::devices::cansync::records::SyncEdge;
 use commram::fault::{Fault, FaultSpec};
-use commram::journal::{Event, FaultNews};
+use commram::fault::{FaultNews, Hit, News};
+use commram::journal::{Handshake, Register};
 
 /// Slave number of the drive.
 const DRIVE: usize = 1;
@@ -33,14 +35,14 @@ fn add(rig: &mut Rig, text: &str) -> u16 {
 }
 
 /// All news of faults with their times.
-fn news(rig: &Rig) -> Vec<(u64, u16, FaultNews)> {
+fn news(rig: &Rig) -> Vec<(u64, u16, News)> {
     let pending = rig.plant.journal().pending();
     let mut all: Vec<_> = rig
         .records()
         .chain(&pending)
-        .filter_map(|record| match record.event {
-            Event::Fault { id, news, .. } => Some(record.times().map(move |time| (time, id, news))),
-            _ => None,
+        .filter_map(|record| {
+            let FaultNews { id, news, .. } = record.event.get()?;
+            Some(record.times().map(move |time| (time, id, news)))
         })
         .flatten()
         .collect();
@@ -50,7 +52,12 @@ fn news(rig: &Rig) -> Vec<(u64, u16, FaultNews)> {
 
 /// What the hits concerned.
 fn hits(rig: &Rig) -> Vec<i32> {
-    let hit = |(_, _, news)| if let FaultNews::Hit(detail) = news { Some(detail) } else { None };
+    let hit = |(_, _, news)| match news {
+        News::Hit(Hit::Plain) => Some(0),
+        News::Hit(Hit::Frame(id)) => i32::try_from(id).ok(),
+        News::Hit(Hit::Edge(us)) => Some(us),
+        _ => None,
+    };
     news(rig).into_iter().filter_map(hit).collect()
 }
 

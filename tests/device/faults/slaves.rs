@@ -25,7 +25,7 @@ fn a_drive_without_power_is_silent_and_comes_back_as_new() {
         );
         assert_eq!(
             news(&rig).iter().map(|n| (n.1, n.2)).collect::<Vec<_>>(),
-            [(off, FaultNews::Added), (off, FaultNews::Over)]
+            [(off, News::Added), (off, News::Over)]
         );
         rig.master.w_CPU_CONTROL.store(0x0020);
         rig.step(60_000);
@@ -180,12 +180,12 @@ fn a_drive_with_a_fault_brakes_until_it_is_reset() {
         assert_eq!(
             news(&rig).iter().map(|n| (n.1, n.2)).collect::<Vec<_>>(),
             [
-                (fault, FaultNews::Added),
-                (fault, FaultNews::Hit(0)),
-                (fault, FaultNews::Over),
-                (second, FaultNews::Added),
-                (second, FaultNews::Hit(0)),
-                (second, FaultNews::Over)
+                (fault, News::Added),
+                (fault, News::Hit(Hit::Plain)),
+                (fault, News::Over),
+                (second, News::Added),
+                (second, News::Hit(Hit::Plain)),
+                (second, News::Over)
             ]
         );
     }

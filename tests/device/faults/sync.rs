@@ -2,16 +2,13 @@
 
 use super::*;
 use crate::rig::{BOTH, Memory};
-use commram::check::Rule;
+use commram::devices::cansync;
 use commram::devices::cansync::drive::State;
 
 fn edges(rig: &Rig) -> Vec<u64> {
     let (noted, pending) = (rig.records(), rig.plant.journal().pending());
-    let mut times: Vec<u64> = noted
-        .chain(&pending)
-        .filter(|r| matches!(r.event, Event::SyncEdge { .. }))
-        .flat_map(|r| r.times())
-        .collect();
+    let mut times: Vec<u64> =
+        noted.chain(&pending).filter(|r| r.event.is::<SyncEdge>()).flat_map(|r| r.times()).collect();
     times.sort_unstable();
     times
 }
@@ -224,7 +221,7 @@ fn a_drive_without_sync_reacts_as_it_is_set() {
 fn a_sync_slot_of_another_rate_is_found_and_hinders_locking() {
     let drive = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n";
     let mut rig = Rig::of(Memory::Heap, RATES[1], drive);
-    rig.expect_errors(&[Rule::DriveSyncSlot]);
+    rig.expect_errors(&[&cansync::rules::DRIVE_SYNC_SLOT]);
     rig.activate();
     rig.step(60_000);
     assert!(is_locked(&rig), "4000 at 250 kbit/s");
@@ -234,8 +231,14 @@ fn a_sync_slot_of_another_rate_is_found_and_hinders_locking() {
     let findings: Vec<_> =
         rig.plant.journal().findings().iter().map(|entry| (entry.last, entry.count)).collect();
     assert_eq!(findings.len(), 1);
-    assert_eq!((findings[0].0.rule, findings[0].0.value, findings[0].1), (Rule::DriveSyncSlot, 2000, 1));
-    assert_eq!(findings[0].0.name().as_deref(), Some("node2.a_DATA_PARAMETER[1].d_PAR_VALUE"));
+    assert_eq!(
+        (findings[0].0.rule, findings[0].0.value, findings[0].1),
+        (&cansync::rules::DRIVE_SYNC_SLOT, 2000, 1)
+    );
+    assert_eq!(
+        findings[0].0.name(commram::journal::Names::default().device(0)).as_deref(),
+        Some("node2.a_DATA_PARAMETER[1].d_PAR_VALUE")
+    );
     enter_parameter(&rig, DRIVE, 0x05, 167, 4000);
     rig.step(80_000);
     assert!(is_locked(&rig));

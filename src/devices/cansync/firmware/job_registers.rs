@@ -2,7 +2,7 @@
 //! firmware shows in both how far the job is (manual 5.00005.03a p. 165, 167, 189, 191).
 
 use crate::devices::Context;
-use crate::journal::Event;
+use crate::journal::Handshake;
 use crate::memory::Cell8;
 
 /// The two registers of one job. Both hold the same bits; the control register is the decisive one, the
@@ -12,6 +12,8 @@ pub(super) struct JobRegisters<'a> {
     pub(super) status: &'a Cell8,
     /// Offset of the control register in the node's area, for the journal.
     pub(super) offset: usize,
+    /// It is the master's: while bit 0 is set, more answers to the same request are to come (p. 165, 167).
+    pub(super) is_masters: bool,
 }
 
 impl JobRegisters<'_> {
@@ -53,7 +55,8 @@ impl JobRegisters<'_> {
         if seen != new {
             let (origin, offset) = (ctx.origin, ctx.at(self.offset));
             let (request, answer) = (u16::from(seen), u16::from(new));
-            ctx.report(Event::Handshake { origin, offset, request, answer });
+            let goes_on = self.is_masters && answer & 1 != 0;
+            ctx.report(Handshake { origin, offset, request, answer, goes_on });
         }
     }
 }
@@ -69,7 +72,7 @@ mod tests {
         let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
         let mut journal = Journal::default();
         let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 2 }, base: 0 };
-        let registers = JobRegisters { control: &control, status: &status, offset: 1 };
+        let registers = JobRegisters { control: &control, status: &status, offset: 1, is_masters: true };
         control.store(0x05);
         assert!(registers.replace(&mut ctx, 0x05, 0x0D));
         assert_eq!((control.load(), status.load()), (0x0D, 0x0D));
@@ -84,7 +87,7 @@ mod tests {
         let (control, status) = (Cell8::new_zeroed(), Cell8::new_zeroed());
         let mut journal = Journal::default();
         let mut ctx = Context { now: 7, journal: &mut journal, origin: Origin { plc: 0, node: 1 }, base: 0 };
-        let registers = JobRegisters { control: &control, status: &status, offset: 1 };
+        let registers = JobRegisters { control: &control, status: &status, offset: 1, is_masters: true };
         registers.show(&mut ctx, 0x45);
         status.store(0x64);
         registers.change(&mut ctx, |value| value & 0xBF);

@@ -13,9 +13,10 @@ use super::word_config::WordConfigs;
 use crate::check::Facts;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
+use crate::devices::cansync::records::{Left, Missed};
 use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_MA_CTRL_BMSTRUCT};
 use crate::devices::{Context, SyncSignal};
-use crate::journal::{Event, Missed};
+use crate::journal::Handshake;
 use crate::memory::{Cell8, MemoryError, Segment, View};
 use core::mem::offset_of;
 
@@ -166,7 +167,7 @@ impl Master {
         self.punctual[channel.index()].deadline(ctx.now, released);
         if !released {
             let origin = ctx.origin;
-            ctx.report(Event::Missed { origin, what: Missed::ReferenceValue(channel.number()) });
+            ctx.report(Missed { origin, what: Left::ReferenceValue(channel.number()) });
             return None;
         }
         let values = &self.regs.a_WR_VALUE;
@@ -269,11 +270,12 @@ pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) ->
     let acknowledged = register.compare_exchange(Code::RELEASED, Code::DONE).is_ok();
     if acknowledged {
         let origin = ctx.origin;
-        ctx.report(Event::Handshake {
+        ctx.report(Handshake {
             origin,
             offset: ctx.at(offset),
             request: u16::from(Code::RELEASED),
             answer: u16::from(Code::DONE),
+            goes_on: false,
         });
     }
     acknowledged

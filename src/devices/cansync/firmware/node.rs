@@ -7,10 +7,12 @@ use super::init::{InitData, InitFault};
 use super::orders::{Order, Orders};
 use super::punctual::Punctual;
 use super::registers::{control, status};
-use crate::check::{Facts, Rule};
+use crate::check::Facts;
+use crate::devices::cansync::records::{BaudRateMismatch, Command, CommandIgnored, InitRefused};
+use crate::devices::cansync::rules;
 use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::{Context, SyncSignal};
-use crate::journal::{Command, Event};
+use crate::journal::{Handshake, Register, State};
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
@@ -233,14 +235,15 @@ impl Node {
         let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
         self.controller.reset(ctx.now, kbit_per_s);
         let (origin, offset, request) = (ctx.origin, ctx.at(0), answer | control::RESET_CONTROLLER);
-        ctx.report(Event::Handshake { origin, offset, request, answer });
+        let goes_on = self.role == Role::Master && answer & 1 != 0;
+        ctx.report(Handshake { origin, offset, request, answer, goes_on });
     }
 
     /// From here on a restart in the RAM alone cannot be told from what stands there.
     fn report_left_behind(&self, ctx: &mut Context) {
         let (origin, value) = (ctx.origin, control::RESTART);
-        ctx.report(Event::CommandIgnored { origin, value, why: Command::LeftBehind });
-        ctx.find(Rule::LeftBehind, self.live(), 0, control::RESET_CONTROLLER.into());
+        ctx.report(CommandIgnored { origin, value, why: Command::LeftBehind });
+        ctx.find(&rules::LEFT_BEHIND, self.live(), 0, control::RESET_CONTROLLER.into());
     }
 
     fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
@@ -260,7 +263,7 @@ impl Node {
             Err(fault) => {
                 if self.refused.replace(fault) != Some(fault) {
                     let origin = ctx.origin;
-                    ctx.report(Event::InitRefused { origin, reason: fault as u8 });
+                    ctx.report(InitRefused { origin, fault });
                     self.report_refused(ctx, fault);
                 }
                 Change::None
@@ -272,13 +275,13 @@ impl Node {
         let regs = &self.regs;
         let (rule, offset, value) = match fault {
             InitFault::Mode => {
-                (Rule::InitMode, offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE), regs.b_MA_SL_MODE.load())
+                (&rules::INIT_MODE, offset_of!(CANsync_INIT_BMSTRUCT, b_MA_SL_MODE), regs.b_MA_SL_MODE.load())
             }
             InitFault::BitTiming => {
-                (Rule::InitBaudRate, offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0), regs.b_BT_0.load())
+                (&rules::INIT_BAUD_RATE, offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0), regs.b_BT_0.load())
             }
             InitFault::TimePattern => (
-                Rule::InitInterval,
+                &rules::INIT_INTERVAL,
                 offset_of!(CANsync_INIT_BMSTRUCT, b_TIME_PATTERN),
                 regs.b_TIME_PATTERN.load(),
             ),
@@ -294,7 +297,7 @@ impl Node {
         for (register, offset, right) in [output, clock] {
             let value = register.load();
             if value != right {
-                ctx.find(Rule::InitController, Live::Init, offset, value.into());
+                ctx.find(&rules::INIT_CONTROLLER, Live::Init, offset, value.into());
             }
         }
     }
@@ -308,9 +311,9 @@ impl Node {
         self.sync_is_unlike = is_unlike;
         if is_news {
             let (origin, node_kbit_s, bus_kbit_s) = (ctx.origin, timing.kbit_per_s, signal.kbit_s);
-            ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
+            ctx.report(BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, passes_on: true });
             let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
-            ctx.find(Rule::ClusterBaudRate, Live::Init, offset, timing.b_BT_0.into());
+            ctx.find(&rules::CLUSTER_BAUD_RATE, Live::Init, offset, timing.b_BT_0.into());
         }
     }
 
@@ -335,8 +338,8 @@ impl Node {
         ) && !control::RESERVED.contains(&value);
         let why = if known { Command::NotNow } else { Command::Unknown };
         let origin = ctx.origin;
-        ctx.report(Event::CommandIgnored { origin, value, why });
-        ctx.find(Rule::Command, self.live(), 0, value.into());
+        ctx.report(CommandIgnored { origin, value, why });
+        ctx.find(&rules::COMMAND, self.live(), 0, value.into());
     }
 
     fn show(&mut self, ctx: &mut Context, state: NodeState) {
@@ -344,7 +347,9 @@ impl Node {
         self.state = state;
         self.regs.w_OPTION_STATUS.store(to);
         let origin = ctx.origin;
-        ctx.report(Event::State { origin, from, to });
+        let offset = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_OPTION_STATUS));
+        let command = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_CPU_CONTROL));
+        ctx.report(State { origin, offset, command, from, to, live: self.live() });
     }
 
     fn code(&self, state: NodeState) -> u16 {
@@ -389,7 +394,7 @@ impl Node {
         if (before ^ value) & !status::TRAFFIC != 0 {
             let origin = ctx.origin;
             let offset = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_CANsync_STATUS));
-            ctx.report(Event::Register { origin, offset, from: before.into(), to: value.into() });
+            ctx.report(Register { origin, offset, from: before.into(), to: value.into() });
         }
     }
 }

@@ -46,6 +46,7 @@ impl<'a> Area<'a> {
                 offset: offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL)
                     + index * size_of::<CTRLREG_PAR_CMD_SL>()
                     + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD),
+                is_masters: true,
             },
             data: regs.a_DATA_PARAMETER.get(index)?,
             data_offset: offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)

@@ -11,8 +11,8 @@ use crate::devices::cansync::bus::codec::action::ActionCommand;
 use crate::devices::cansync::bus::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult,
 };
+use crate::devices::cansync::records::SlaveStatus;
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
-use crate::journal::Event;
 
 /// Parameter number of the status word (manual 5.01010.01 p. 14; decision D-06).
 pub(super) const STATUS_WORD: u16 = 121;
@@ -128,7 +128,7 @@ fn show(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8, status: u
     if cell.load() != status {
         cell.store(status);
         let origin = ctx.origin;
-        ctx.report(Event::SlaveStatus { origin, slave, status });
+        ctx.report(SlaveStatus { origin, slave, status });
     }
 }
 

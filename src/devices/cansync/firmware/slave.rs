@@ -23,9 +23,9 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind, SyncLock};
+use crate::devices::cansync::records::{Left, Missed};
 use crate::devices::omega_drive_line_2::registers::{BaudRate, CANsync_SL_CTRL_BMSTRUCT};
 use crate::devices::shown::Shown;
-use crate::journal::{Event, Missed};
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 use jobs::Jobs;
@@ -274,7 +274,7 @@ impl Slave {
         }
         let Some(payload) = self.ready[channel.index()].take() else {
             let origin = ctx.origin;
-            ctx.report(Event::Missed { origin, what: Missed::ActualValue(channel.number()) });
+            ctx.report(Missed { origin, what: Left::ActualValue(channel.number()) });
             return None;
         };
         Some(Frame::of(FrameKind::ActualValue(channel, self.number), payload))

@@ -266,5 +266,6 @@ fn registers(regs: &CANsync_MA_CTRL_BMSTRUCT) -> JobRegisters<'_> {
         control: &regs.b_STEUREG_UPDOWNBLK1,
         status: &regs.b_STATREG_UPDOWNBLK1,
         offset: offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_STEUREG_UPDOWNBLK1),
+        is_masters: true,
     }
 }

@@ -3,7 +3,7 @@
 use super::agenda::{Agenda, Slot};
 use super::disturbance::Fate;
 use super::{Run, Sender, Station};
-use crate::check::Rule;
+use crate::devices::cansync;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::drive::Objection;
@@ -56,8 +56,8 @@ impl Run<'_> {
         let (number, objections) = (drive.slave_number(), drive.take_objections(interval_us));
         for objection in objections {
             let (rule, value) = match objection {
-                Objection::SyncSlot(us) => (Rule::DriveSyncSlot, us),
-                Objection::Pwm(khz) => (Rule::DrivePwm, khz),
+                Objection::SyncSlot(us) => (&cansync::rules::DRIVE_SYNC_SLOT, us),
+                Objection::Pwm(khz) => (&cansync::rules::DRIVE_PWM, khz),
             };
             let data = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_DATA_PARAMETER)
                 + usize::from(number) * size_of::<DATA_PARAMETER>();

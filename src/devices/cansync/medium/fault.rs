@@ -11,7 +11,7 @@ use crate::devices::cansync::bus::codec::{
 };
 use crate::devices::cansync::bus::wire::Airtime;
 use crate::devices::cansync::bus::{Frame, FrameKind};
-use crate::fault::{Effect, FrameEffect, NodeEffect, OffsetAt, SlaveEffect, SyncEffect};
+use crate::fault::{Effect, FrameEffect, Hit, NodeEffect, OffsetAt, SlaveEffect, SyncEffect};
 use crate::journal::Origin;
 
 impl Run<'_> {
@@ -42,7 +42,7 @@ impl Run<'_> {
                 }
                 _ => return None,
             }
-            Some(frame.id().into())
+            Some(Hit::Frame(frame.id().into()))
         });
         if lost {
             self.bus.disturbance.lost |= 1 << place;
@@ -146,7 +146,7 @@ impl Run<'_> {
             })?;
             lost.then(|| {
                 deaf.push(place);
-                frame.id().into()
+                Hit::Frame(frame.id().into())
             })
         });
         deaf
@@ -159,7 +159,7 @@ impl Run<'_> {
         self.faults.strike(self.now, self.journal, |effect, _| match *effect {
             Effect::Sync { bus, what: SyncEffect::Lose } if bus == index && !lost => {
                 lost = true;
-                Some(0)
+                Some(Hit::Plain)
             }
             _ => None,
         });
@@ -177,7 +177,7 @@ impl Run<'_> {
                 let us = i64::from(us).min(most);
                 let own = if hits.is_multiple_of(2) { us } else { -us };
                 shift = (shift + own).clamp(-most, most);
-                i32::try_from(own).ok()
+                Some(Hit::Edge(own as i32))
             }
             _ => None,
         });
@@ -222,7 +222,7 @@ impl Run<'_> {
                 if (bus, slave, at) == (index, number, wanted) && wrong.is_none() =>
             {
                 wrong = Some(offset.unwrap_or((right + BLOCK as u16) & MAX_OFFSET));
-                Some(id.into())
+                Some(Hit::Frame(id.into()))
             }
             _ => None,
         });
@@ -244,7 +244,7 @@ impl Run<'_> {
                     | SlaveEffect::WrongOffset { .. }
                     | SlaveEffect::Trip(_) => None,
                 };
-                answer.map(|answer| answer.id().into())
+                answer.map(|answer| Hit::Frame(answer.id().into()))
             }
             _ => None,
         });

@@ -3,11 +3,13 @@
 use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
 use super::{Sender, SimBus, Station};
-use crate::check::{Facts, Rule};
+use crate::check::Facts;
 use crate::devices::cansync::firmware::{Change, Slave};
+use crate::devices::cansync::records::BaudRateMismatch;
+use crate::devices::cansync::rules;
 use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::{BuildError, Context, Medium, SyncSignal, World};
-use crate::journal::{Event, Journal};
+use crate::journal::Journal;
 use crate::layout::Live;
 use core::any::Any;
 use core::mem::offset_of;
@@ -218,8 +220,8 @@ fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: Option<u16>) {
         && bus_kbit_s != timing.kbit_per_s
     {
         let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
-        ctx.report(Event::BaudRateMismatch { origin, node_kbit_s, bus_kbit_s });
+        ctx.report(BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, passes_on: false });
         let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
-        ctx.find(Rule::BusBaudRate, Live::Init, offset, timing.b_BT_0.into());
+        ctx.find(&rules::BUS_BAUD_RATE, Live::Init, offset, timing.b_BT_0.into());
     }
 }

@@ -5,7 +5,7 @@ use super::disturbance::Fate;
 use super::{Run, Sender, Station};
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use crate::devices::cansync::firmware::Built;
-use crate::journal::Event;
+use crate::devices::cansync::records::SyncEdge;
 
 /// Time to build or take over one word of a frame, in us (manual 5.00005.03a p. 154: 15 to 60 us).
 const WORD_US: u64 = 15;
@@ -32,7 +32,7 @@ impl Run<'_> {
         if lost {
             self.miss_edge(interval_us);
         } else {
-            self.journal.push(self.now, Event::SyncEdge { bus: self.bus.index });
+            self.journal.push(self.now, SyncEdge { bus: self.bus.index });
             self.deliver_edge(interval_us);
         }
         self.sync_events(lost);

@@ -4,7 +4,7 @@ use super::agenda::Slot;
 use super::disturbance::Fate;
 use super::{Run, Sender};
 use crate::devices::cansync::bus::{Frame, wire};
-use crate::journal::Event;
+use crate::devices::cansync::records::Transmitted;
 
 /// How many frames an interval has.
 pub(super) const PLACES: usize = 6;
@@ -79,7 +79,7 @@ impl Run<'_> {
     }
 
     pub(super) fn note_frame(&mut self, frame: Frame) {
-        self.journal.push(self.now, Event::Frame { bus: self.bus.index, frame });
+        self.journal.push(self.now, Transmitted { bus: self.bus.index, frame });
     }
 }
 

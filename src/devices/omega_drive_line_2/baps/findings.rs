@@ -1,10 +1,12 @@
 //! What the drive finds wrong when it takes a command; the access checker counts it.
 
 use super::cycle::Cycle;
-use crate::check::Rule;
+use crate::check;
 use crate::devices::Context;
+use crate::devices::cansync;
 use crate::devices::cansync::drive::{BuiltInDrive, pwm_objection};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::journal::Rule;
 use crate::layout::Live;
 use crate::memory::Header;
 use crate::memory::header::ProgramState;
@@ -23,7 +25,7 @@ pub(super) fn is_too_early(header: &Header) -> bool {
 }
 
 /// Reports a broken rule at the register at `offset` of the BAPS.
-pub(super) fn find(ctx: &mut Context, rule: Rule, offset: usize, value: u32) {
+pub(super) fn find(ctx: &mut Context, rule: &'static Rule, offset: usize, value: u32) {
     ctx.find(rule, Live::Always, offset, value);
 }
 
@@ -33,10 +35,10 @@ pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<C
     let cycle = Cycle::from_register(word);
     let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
     if cycle.is_none() {
-        find(ctx, Rule::ReservedValue, offset, word.into());
+        find(ctx, &check::rules::RESERVED_VALUE, offset, word.into());
     }
     if word & Cycle::RESERVED != 0 {
-        find(ctx, Rule::ReservedBit, offset, word.into());
+        find(ctx, &check::rules::RESERVED_BIT, offset, word.into());
     }
     cycle
 }
@@ -46,6 +48,6 @@ pub(super) fn cycle_of(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT) -> Option<C
 pub(super) fn find_wrong_pwm(ctx: &mut Context, drive: &BuiltInDrive) {
     let khz = drive.regler().pwm_khz();
     if pwm_objection(khz).is_some() {
-        find(ctx, Rule::DrivePwm, offset_of!(BAPS_CTRL_BMSTRUCT, ud_PAR_VALUE), khz);
+        find(ctx, &cansync::rules::DRIVE_PWM, offset_of!(BAPS_CTRL_BMSTRUCT, ud_PAR_VALUE), khz);
     }
 }

@@ -4,13 +4,13 @@ use super::config::Numbers;
 use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
 use super::findings::{cycle_of, find, find_wrong_pwm, is_too_early};
 use super::{command, quit};
-use crate::check::Rule;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::rules;
 use crate::devices::shown::Shown;
-use crate::journal::Event;
+use crate::journal::Handshake;
 use crate::memory::{Header, MemoryError, Segment, View};
 use core::mem::offset_of;
 
@@ -142,13 +142,18 @@ impl Process {
         if former.is_some_and(|former| former.is_used) {
             find(
                 ctx,
-                Rule::BapsRunning,
+                &rules::BAPS_RUNNING,
                 offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND),
                 command::CONFIGURE.into(),
             );
         }
         if is_too_early(&self.header) {
-            find(ctx, Rule::BapsEarly, offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND), command::CONFIGURE.into());
+            find(
+                ctx,
+                &rules::BAPS_EARLY,
+                offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND),
+                command::CONFIGURE.into(),
+            );
         }
         let Some(cycle) = cycle_of(ctx, regs) else { return quit::NOT_UNDERSTOOD };
         let numbers = Numbers::of(regs);
@@ -214,12 +219,12 @@ impl Configured {
     fn judge(&mut self, ctx: &mut Context, cycle: Cycle, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) {
         let offset = offset_of!(BAPS_CTRL_BMSTRUCT, w_COMMAND_REG);
         if cycle != self.cycle {
-            find(ctx, Rule::BapsCycle, offset, regs.w_COMMAND_REG.load().into());
+            find(ctx, &rules::BAPS_CYCLE, offset, regs.w_COMMAND_REG.load().into());
         }
         let is_wrong = |slot: &u32| u64::from(*slot) != cycle.communication_us();
         let wrong_slot = drive.required_slot_us(ctx.now).filter(is_wrong);
         if wrong_slot.is_some() && wrong_slot != self.wrong_slot {
-            find(ctx, Rule::BapsSyncSlot, offset, regs.w_COMMAND_REG.load().into());
+            find(ctx, &rules::BAPS_SYNC_SLOT, offset, regs.w_COMMAND_REG.load().into());
         }
         self.wrong_slot = wrong_slot;
     }
@@ -297,6 +302,6 @@ fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u
     if regs.b_COMMAND.compare_exchange(word, command::NONE).is_ok() {
         let offset = ctx.at(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND));
         let (origin, request, answer) = (ctx.origin, word.into(), command::NONE.into());
-        ctx.report(Event::Handshake { origin, offset, request, answer });
+        ctx.report(Handshake { origin, offset, request, answer, goes_on: false });
     }
 }

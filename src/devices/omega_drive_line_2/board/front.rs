@@ -3,8 +3,8 @@
 use super::flags::Flags;
 use super::project::Projects;
 use super::report;
+use crate::devices::omega_drive_line_2::records::BoardEvent;
 use crate::devices::{Context, Look, Power};
-use crate::journal::BoardEvent;
 use crate::memory::Header;
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
 

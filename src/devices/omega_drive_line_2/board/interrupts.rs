@@ -3,7 +3,7 @@
 use super::report;
 use super::timers::{CPU_STEP, Timer, Timers};
 use crate::devices::Context;
-use crate::journal::BoardEvent;
+use crate::devices::omega_drive_line_2::records::BoardEvent;
 use crate::memory::Header;
 use crate::memory::header::InterruptResult;
 

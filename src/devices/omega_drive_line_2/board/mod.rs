@@ -15,8 +15,8 @@ mod triggers;
 
 pub use interrupts::level;
 
+use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Look, Power};
-use crate::journal::{BoardEvent, Event};
 use crate::memory::header;
 use crate::memory::{Header, MemoryError, Segment, View};
 use flags::Flags;
@@ -220,5 +220,5 @@ impl Board {
 
 fn report(ctx: &mut Context, what: BoardEvent) {
     let plc = ctx.origin.plc;
-    ctx.report(Event::Board { plc, what });
+    ctx.report(OnBoard { plc, what });
 }

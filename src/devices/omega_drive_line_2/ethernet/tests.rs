@@ -1,6 +1,7 @@
 use super::*;
-use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
-use crate::journal::{Journal, Origin};
+use crate::devices::catalogue;
+use crate::devices::omega_drive_line_2::registers::{DEVICE, SEGMENT_END};
+use crate::journal::{Found, Journal, Origin};
 use std::net::Ipv4Addr as Ip;
 
 struct Rig {
@@ -51,11 +52,7 @@ impl Rig {
     }
 
     fn events(&self) -> Vec<BoardEvent> {
-        let what = |record: &crate::journal::Record| match record.event {
-            Event::Board { what, .. } => Some(what),
-            _ => None,
-        };
-        self.journal.records().filter_map(what).collect()
+        self.journal.records().filter_map(|record| Some(record.event.get::<OnBoard>()?.what)).collect()
     }
 }
 
@@ -136,9 +133,9 @@ fn a_refused_address_leaves_the_old_configuration() {
         let refused = BoardEvent::AddressRefused { config, address: Ip::new(10, 1, 2, last) };
         assert_eq!(rig.events().last(), Some(&refused));
         let finding = rig.journal.records().next_back().unwrap().event;
-        let Event::Finding(finding) = finding else { panic!("{finding:?}") };
-        assert_eq!((finding.rule, finding.value), (Rule::IpAddress, last.into()));
-        assert_eq!(finding.name().as_deref(), Some("ethernet_config.a_IP_ADDRESS[3]"));
+        let finding = finding.get::<Found>().and_then(|found| found.finding(catalogue())).unwrap();
+        assert_eq!((finding.rule, finding.value), (&rules::IP_ADDRESS, last.into()));
+        assert_eq!(finding.name(&DEVICE).as_deref(), Some("ethernet_config.a_IP_ADDRESS[3]"));
     }
     rig.store(PLUS_DIP, Ip::new(10, 1, 2, 1), OTHER_MASK);
     assert_eq!((rig.address().0, rig.status() & status::REFUSED), (Ip::new(10, 1, 2, 32), 0));

@@ -135,5 +135,6 @@ fn registers(regs: &CANsync_SL_CTRL_BMSTRUCT) -> JobRegisters<'_> {
         control: &regs.b_STEUREG_PAR_CMD,
         status: &regs.b_STATREG_PAR_CMD,
         offset: offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_STEUREG_PAR_CMD),
+        is_masters: false,
     }
 }

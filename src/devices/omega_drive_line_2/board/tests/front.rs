@@ -288,7 +288,7 @@ fn starts_can_be_asked_for_at_run_only() {
     rig.ask_for(Start::Warm);
     assert_eq!(rig.ordered(), (5, Start::Stop), "refused");
     let refused = |record: &Record| {
-        matches!(record.event, Event::Board { what: BoardEvent::StartRefused { code: 2 }, .. })
+        record.event == OnBoard { plc: 0, what: BoardEvent::StartRefused { code: 2 } }.into()
     };
     assert_eq!(rig.journal.records().filter(|record| refused(record)).count(), 2);
 }

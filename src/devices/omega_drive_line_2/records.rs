@@ -1,7 +1,45 @@
-//! What the journal tells about boards.
+//! What the journal tells about the board of an Omega Drive-Line II.
 
+use crate::journal::coded::coded;
+use crate::journal::{Coded, Fields, Kind, Packer, Part, Reader, Told, Unpacker};
 use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, SeatState, Start};
 use std::net::Ipv4Addr;
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[OnBoard::KIND];
+
+/// Number of the BAPS among the ports of a PLC; it is none.
+pub const BAPS_NODE: u8 = 0;
+
+coded! {
+    /// Something happened on the board of a PLC.
+    OnBoard = 20, "board", Rare, at plc {
+        /// What.
+        what: BoardEvent,
+    }
+}
+
+impl Told for OnBoard {
+    fn text(&self, _: &mut Reader) -> String {
+        self.what.text()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("what", self.what.name()).with("text", self.what.text())
+    }
+}
+
+impl Part for BoardEvent {
+    fn put(self, packer: &mut Packer) {
+        let (what, numbers) = self.words();
+        what.put(packer);
+        numbers.put(packer);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        BoardEvent::from_words(u8::take(unpacker)?, u64::take(unpacker)?)
+    }
+}
 
 /// Something that happened on a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,7 +126,7 @@ pub enum BoardEvent {
 
 impl BoardEvent {
     /// What it is, and its numbers.
-    pub(super) fn words(&self) -> (u8, u64) {
+    fn words(&self) -> (u8, u64) {
         let address_words =
             |config: u32, address: Ipv4Addr| u64::from(config) << 32 | u64::from(address.to_bits());
         let byte = |value: u8, place: u32| u64::from(value) << (8 * place);
@@ -115,7 +153,7 @@ impl BoardEvent {
     }
 
     /// The way back; `None` for numbers that nothing has. Some that nothing has are let through.
-    pub(super) fn from_words(what: u8, numbers: u64) -> Option<Self> {
+    fn from_words(what: u8, numbers: u64) -> Option<Self> {
         let [first, second, third, fourth, ..] = numbers.to_le_bytes();
         let code = u32::from(first);
         let (config, address) = ((numbers >> 32) as u32, Ipv4Addr::from_bits(numbers as u32));

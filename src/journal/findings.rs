@@ -98,14 +98,17 @@ impl Findings {
     }
 
     /// The rules of severity [`Severity::Error`] that were broken, each one once.
-    pub fn errors(&self) -> Vec<Rule> {
+    pub fn errors(&self) -> Vec<&'static Rule> {
         self.rules(Severity::Error)
     }
 
     /// The rules of one severity that were broken, each one once, in the order of the rules.
-    pub fn rules(&self, severity: Severity) -> Vec<Rule> {
-        let broken = |rule: &Rule| self.iter().any(|entry| entry.last.rule == *rule);
-        Rule::ALL.iter().copied().filter(|rule| rule.severity() == severity && broken(rule)).collect()
+    pub fn rules(&self, severity: Severity) -> Vec<&'static Rule> {
+        let broken = self.iter().map(|entry| entry.last.rule);
+        let mut rules: Vec<_> = broken.filter(|rule| rule.severity() == severity).collect();
+        rules.sort_by_key(|rule| rule.number());
+        rules.dedup();
+        rules
     }
 
     /// Forgets everything.
@@ -117,9 +120,15 @@ impl Findings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::journal::rule::rules;
     use crate::layout::Live;
 
-    fn finding(rule: Rule, offset: u32, value: u32) -> Finding {
+    rules! {
+        OWNER: 0, "owner", Error, "p. 1", "Do not. Only read it.";
+        ORDER: 1, "order", Error, "p. 2", "The other way round. So.";
+    }
+
+    fn finding(rule: &'static Rule, offset: u32, value: u32) -> Finding {
         Finding { rule, plc: 0, offset, live: Live::Cyclic, value, late_us: value }
     }
 
@@ -127,9 +136,9 @@ mod tests {
     fn equal_findings_are_counted_with_first_and_last_time() {
         let mut findings = Findings::default();
         for time in [10, 20, 30] {
-            findings.note(time, finding(Rule::Owner, 200_002, 7));
+            findings.note(time, finding(&OWNER, 200_002, 7));
         }
-        findings.note(40, finding(Rule::Owner, 200_004, 7));
+        findings.note(40, finding(&OWNER, 200_004, 7));
         let [first, second] = findings.iter().collect::<Vec<_>>()[..] else { panic!("{findings:?}") };
         assert_eq!((first.count, first.first_us, first.last_us), (3, 10, 30));
         assert_eq!((second.count, second.first_us, second.last_us), (1, 40, 40));
@@ -139,7 +148,7 @@ mod tests {
     fn only_news_is_worth_a_record_and_not_for_ever() {
         let mut findings = Findings::default();
         let records = |findings: &mut Findings, values: &mut dyn Iterator<Item = u32>| {
-            values.filter(|&value| findings.note(0, finding(Rule::Owner, 200_002, value))).count()
+            values.filter(|&value| findings.note(0, finding(&OWNER, 200_002, value))).count()
         };
         assert_eq!(records(&mut findings, &mut [1, 1, 1, 2, 2].into_iter()), 2);
         assert_eq!(records(&mut findings, &mut (0..100)), 6);
@@ -150,14 +159,14 @@ mod tests {
     fn without_room_findings_are_counted_under_their_rule() {
         let mut findings = Findings::default();
         for offset in 0..2 * MAX_ENTRIES as u32 {
-            findings.note(u64::from(offset), finding(Rule::Owner, offset, 0));
+            findings.note(u64::from(offset), finding(&OWNER, offset, 0));
         }
-        findings.note(1000, finding(Rule::Order, 0, 0));
+        findings.note(1000, finding(&ORDER, 0, 0));
         assert_eq!(findings.len(), MAX_ENTRIES + 2);
         let rest: Vec<_> = findings.iter().filter(|entry| !entry.is_single).collect();
-        assert_eq!((rest[0].last.rule, rest[0].count), (Rule::Owner, MAX_ENTRIES as u64));
-        assert_eq!((rest[1].last.rule, rest[1].count), (Rule::Order, 1));
-        assert_eq!(findings.errors(), [Rule::Owner, Rule::Order]);
+        assert_eq!((rest[0].last.rule, rest[0].count), (&OWNER, MAX_ENTRIES as u64));
+        assert_eq!((rest[1].last.rule, rest[1].count), (&ORDER, 1));
+        assert_eq!(findings.errors(), ALL);
         findings.clear();
         assert!(findings.is_empty());
     }

@@ -1,0 +1,288 @@
+//! What the journal tells about CANsync: its bus and its nodes.
+
+use super::bus::Frame;
+use super::bus::codec;
+use super::firmware::InitFault;
+use crate::journal::coded::coded;
+use crate::journal::{Coded, Fields, Keeping, Kind, Packer, Part, Reader, Told, Unpacker};
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[
+    SyncEdge::KIND,
+    Transmitted::KIND,
+    Missed::KIND,
+    CommandIgnored::KIND,
+    InitRefused::KIND,
+    SlaveStatus::KIND,
+    BaudRateMismatch::KIND,
+];
+
+coded! {
+    /// Falling edge of the SYNC signal on a bus: an interval begins.
+    SyncEdge = 1, "sync", Registers, at bus {}
+
+    /// A frame was transmitted; the time is the end of the frame, when its receivers have it.
+    Transmitted = 2, "frame", Traffic, at bus {
+        /// The frame itself.
+        frame: Frame,
+    }
+
+    /// A deadline was missed, so that a frame is left out in this interval.
+    Missed = 5, "missed", Missed, at origin {
+        /// Which frame.
+        what: Left,
+    }
+
+    /// A value in `w_CPU_CONTROL` was ignored.
+    CommandIgnored = 6, "ignored", Rare, at origin {
+        /// The value.
+        value: u16,
+        /// Why.
+        why: Command,
+    }
+
+    /// Initialization data was refused.
+    InitRefused = 7, "init_refused", Rare, at origin {
+        /// Why.
+        fault: InitFault,
+    }
+
+    /// The master's picture of a slave (`a_STAT_SL[slave]`) changed.
+    SlaveStatus = 8, "slave_status", Rare, at origin {
+        /// Slave number.
+        slave: u8,
+        /// New value: bit 0 responds, bit 1 synchronized.
+        status: u8,
+    }
+
+    /// A node is set to another baud rate than the bus it listens to, or whose SYNC signal it passes on.
+    BaudRateMismatch = 9, "baud_rate_mismatch", Rare, at origin {
+        /// The node's baud rate in kbit/s.
+        node_kbit_s: u16,
+        /// The bus's baud rate in kbit/s.
+        bus_kbit_s: u16,
+        /// It passes on the SYNC signal of that bus, and no slave of its own synchronizes; else it hears nothing.
+        passes_on: bool,
+    }
+}
+
+/// A command in `w_CPU_CONTROL` that had no effect, and why it is worth a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// The command does not exist or is reserved.
+    Unknown,
+    /// The command exists but not in the node's present state.
+    NotNow,
+    /// 16#0000 that the firmware's clearing of bit 7 left; a restart stored over it in the RAM looks the same
+    /// (decision D-29).
+    LeftBehind,
+}
+
+/// A frame of process data that is left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Left {
+    /// Reference value frame 1 or 2 was not released by 16#05 in time.
+    ReferenceValue(u8),
+    /// Own actual value frame 1 or 2 was asked for but had not been released by 16#05 in time.
+    ActualValue(u8),
+}
+
+impl Left {
+    /// As short as on the bus: `WRC1`.
+    fn frame(self) -> String {
+        match self {
+            Left::ReferenceValue(channel) => format!("WRC{channel}"),
+            Left::ActualValue(channel) => format!("RDC{channel}"),
+        }
+    }
+
+    fn register(self) -> String {
+        match self {
+            Left::ReferenceValue(channel) => format!("b_CTRLREG_WRC{channel}"),
+            Left::ActualValue(channel) => format!("b_CTRLREG_RD_RDC{channel}"),
+        }
+    }
+}
+
+impl Part for Left {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        let (kind, channel) = match self {
+            Left::ReferenceValue(channel) => (0, channel),
+            Left::ActualValue(channel) => (1, channel),
+        };
+        packer.put(kind);
+        channel.put(packer);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        match (unpacker.take(), u8::take(unpacker)?) {
+            (0, channel) => Some(Left::ReferenceValue(channel)),
+            (1, channel) => Some(Left::ActualValue(channel)),
+            _ => None,
+        }
+    }
+}
+
+impl Part for Command {
+    fn put(self, packer: &mut Packer) {
+        packer.put(self as u32);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        match unpacker.take() {
+            0 => Some(Command::Unknown),
+            1 => Some(Command::NotNow),
+            2 => Some(Command::LeftBehind),
+            _ => None,
+        }
+    }
+}
+
+impl Part for InitFault {
+    fn put(self, packer: &mut Packer) {
+        packer.put(self as u32);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        InitFault::from_number(u8::take(unpacker)?)
+    }
+}
+
+impl Part for Frame {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        packer.put(u32::from(self.id()) << 8 | self.data().len() as u32);
+        u64::from_le_bytes(self.padded()).put(packer);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        let (id_and_length, data) = (unpacker.take(), u64::take(unpacker)?.to_le_bytes());
+        let length = usize::from(id_and_length as u8);
+        Frame::new((id_and_length >> 8) as u16, data.get(..length)?)
+    }
+}
+
+impl Told for SyncEdge {
+    #[inline]
+    fn keeping(&self) -> Keeping {
+        Keeping::Counted
+    }
+
+    fn text(&self, _: &mut Reader) -> String {
+        "SYNC".to_owned()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new()
+    }
+}
+
+/// The frame taken apart, or its bytes and why that cannot be done.
+pub(crate) fn frame_text(frame: &Frame) -> String {
+    match codec::decode(frame) {
+        Ok(decoded) => format!("16#{:03X} {decoded}", frame.id()),
+        Err(error) => {
+            let bytes: String = frame.data().iter().map(|byte| format!(" {byte:02X}")).collect();
+            format!("16#{:03X}{bytes}: {error}", frame.id())
+        }
+    }
+}
+
+fn hex(frame: &Frame) -> String {
+    frame.data().iter().map(|byte| format!("{byte:02X}")).collect()
+}
+
+impl Told for Transmitted {
+    fn text(&self, _: &mut Reader) -> String {
+        frame_text(&self.frame)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        let text = codec::decode(&self.frame).map_or_else(|error| error.to_string(), |it| it.to_string());
+        Fields::new().with("id", self.frame.id()).with("data", hex(&self.frame)).with("text", text)
+    }
+
+    fn candump(&self) -> Option<String> {
+        Some(format!("{:03X}#{}", self.frame.id(), hex(&self.frame)))
+    }
+}
+
+impl Told for Missed {
+    #[inline]
+    fn keeping(&self) -> Keeping {
+        Keeping::Counted
+    }
+
+    fn text(&self, _: &mut Reader) -> String {
+        let (frame, register) = (self.what.frame(), self.what.register());
+        format!("missed: {frame} is left out in this interval, {register} was not 16#05 in time")
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("frame", self.what.frame())
+    }
+}
+
+impl Told for CommandIgnored {
+    fn text(&self, reader: &mut Reader) -> String {
+        let control = reader.of_port(self.origin, "w_CPU_CONTROL");
+        let why = match self.why {
+            Command::Unknown => "no such command",
+            Command::NotNow => "not possible in this state",
+            Command::LeftBehind => "left behind by clearing bit 7",
+        };
+        format!("{} {} ignored: {why}", control.label(), control.value(self.value.into()))
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        let why = match self.why {
+            Command::Unknown => "unknown",
+            Command::NotNow => "not_now",
+            Command::LeftBehind => "left_behind",
+        };
+        Fields::new().with("command", self.value).with("why", why)
+    }
+}
+
+impl Told for InitRefused {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("initialization data refused: {}", self.fault)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("reason", self.fault as u8).with("text", self.fault.to_string())
+    }
+}
+
+impl Told for SlaveStatus {
+    fn text(&self, reader: &mut Reader) -> String {
+        let register = reader.of_port(self.origin, &format!("a_STAT_SL[{}]", self.slave));
+        let status = self.status.into();
+        format!("{} {}, {}", register.label(), register.value(status), register.meaning(status))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let register = reader.of_port(self.origin, &format!("a_STAT_SL[{}]", self.slave));
+        let text = register.meaning(self.status.into());
+        Fields::new().with("slave", self.slave).with("status", self.status).with("text", text)
+    }
+}
+
+impl Told for BaudRateMismatch {
+    fn text(&self, _: &mut Reader) -> String {
+        let BaudRateMismatch { node_kbit_s, bus_kbit_s, .. } = self;
+        if self.passes_on {
+            format!(
+                "is set to {node_kbit_s} kbit/s and passes on the SYNC signal of a bus at {bus_kbit_s}: nobody \
+                 synchronizes"
+            )
+        } else {
+            format!("is set to {node_kbit_s} kbit/s, its bus runs at {bus_kbit_s}: it hears nothing")
+        }
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("node_kbit_s", self.node_kbit_s).with("bus_kbit_s", self.bus_kbit_s)
+    }
+}

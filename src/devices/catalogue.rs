@@ -1,0 +1,90 @@
+//! What there can be in a journal, whatever the devices of a plant: the sum of what everybody has registered.
+
+use crate::check;
+use crate::devices::{cansync, omega_drive_line_2};
+use crate::fault;
+use crate::journal;
+use crate::journal::{Catalogue, FaultName, Kind, Rule};
+use std::sync::LazyLock;
+
+/// Where kinds of events come from.
+static KINDS: &[&[&Kind]] =
+    &[journal::KINDS, fault::KINDS, cansync::records::KINDS, omega_drive_line_2::records::KINDS];
+/// Where rules come from.
+static RULES: &[&[&Rule]] = &[check::rules::ALL, cansync::rules::ALL, omega_drive_line_2::rules::ALL];
+
+/// The sum of all kinds of events, rules and kinds of faults.
+pub fn catalogue() -> &'static Catalogue {
+    static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
+        let mut kinds: Vec<&'static Kind> = KINDS.concat();
+        kinds.sort_by_key(|kind| kind.number());
+        let mut rules: Vec<&'static Rule> = RULES.concat();
+        rules.sort_by_key(|rule| rule.number());
+        let name = |kind: &fault::Kind| FaultName { number: *kind as u8, name: kind.name() };
+        Catalogue { kinds, rules, faults: fault::Kind::ALL.iter().map(name).collect() }
+    });
+    &SUM
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    fn are_unique<T: Eq + std::hash::Hash>(all: impl ExactSizeIterator<Item = T>) -> bool {
+        let count = all.len();
+        all.collect::<HashSet<_>>().len() == count
+    }
+
+    #[test]
+    fn numbers_and_names_belong_to_one_each() {
+        let Catalogue { kinds, rules, faults } = catalogue();
+        assert!(are_unique(kinds.iter().map(|kind| kind.number())), "{kinds:?}");
+        assert!(are_unique(kinds.iter().map(|kind| kind.name())), "{kinds:?}");
+        assert!(are_unique(rules.iter().map(|rule| rule.number())), "{rules:?}");
+        assert!(are_unique(rules.iter().map(|rule| rule.id())), "{rules:?}");
+        assert!(are_unique(faults.iter().map(|fault| fault.number)), "{faults:?}");
+        assert!(are_unique(faults.iter().map(|fault| fault.name)), "{faults:?}");
+    }
+
+    #[test]
+    fn numbers_and_names_lead_back() {
+        for kind in &catalogue().kinds {
+            assert_eq!(catalogue().kind(kind.name()), Some(*kind));
+        }
+        for rule in &catalogue().rules {
+            assert_eq!(catalogue().rule(rule.number()), Some(*rule));
+            assert_eq!(catalogue().rule_called(rule.id()), Some(*rule));
+        }
+        assert_eq!((catalogue().rule(u8::MAX), catalogue().rule_called("")), (None, None));
+    }
+
+    #[test]
+    fn every_rule_says_what_would_be_right_in_full_sentences() {
+        for rule in &catalogue().rules {
+            let text = rule.text();
+            assert!(text.ends_with('.') && text.matches(". ").count() >= 1, "{rule}: {text}");
+            assert!(rule.id().bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'-'), "{rule}");
+        }
+    }
+
+    /// The page for users lists every rule, letter for letter, and no other.
+    #[test]
+    fn the_documentation_lists_exactly_these_rules() {
+        let page = include_str!("../../docs/checker.md");
+        let rows: Vec<_> = page.lines().filter(|line| line.starts_with("| `")).collect();
+        let row = |rule: &&Rule| {
+            format!("| `{rule}` | {} | {} | {} |", rule.severity(), rule.text(), rule.source())
+        };
+        assert_eq!(rows, catalogue().rules.iter().map(row).collect::<Vec<_>>());
+    }
+
+    /// The page for users tells of every kind of event.
+    #[test]
+    fn the_documentation_tells_of_every_kind() {
+        let page = include_str!("../../docs/journal.md");
+        for kind in &catalogue().kinds {
+            assert!(page.contains(&format!("| `{}` |", kind.name())), "{kind:?}");
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! What the journal tells about injected faults.
+
+use super::Target;
+use crate::journal::{
+    Catalogue, Coded, Fields, Keeping, Kind, Origin, Packer, Part, Reader, Ring, Source, Told, Unpacker,
+    Words,
+};
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[FaultNews::KIND];
+
+/// News of an injected fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultNews {
+    /// Where it acts.
+    pub target: Target,
+    /// Its number in the plant.
+    pub id: u16,
+    /// Number of its kind.
+    pub kind: u8,
+    /// What happened.
+    pub news: News,
+}
+
+/// What there is to tell about an injected fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum News {
+    /// It was added; it begins at its time.
+    Added,
+    /// It has hit.
+    Hit(Hit),
+    /// Its count or duration is over.
+    Over,
+    /// It was cleared.
+    Cleared,
+}
+
+/// What a hit concerns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hit {
+    /// Nothing that its kind and place do not tell.
+    Plain,
+    /// The frame with this identifier.
+    Frame(u32),
+    /// A SYNC edge, which is moved by so many microseconds.
+    Edge(i32),
+}
+
+impl Part for News {
+    fn put(self, packer: &mut Packer) {
+        let (what, detail) = match self {
+            News::Added => (0, 0),
+            News::Over => (1, 0),
+            News::Cleared => (2, 0),
+            News::Hit(Hit::Plain) => (3, 0),
+            News::Hit(Hit::Frame(id)) => (4, id),
+            News::Hit(Hit::Edge(us)) => (5, us.cast_unsigned()),
+        };
+        packer.put(what);
+        packer.put(detail);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        let (what, detail) = (unpacker.take(), unpacker.take());
+        Some(match what {
+            0 => News::Added,
+            1 => News::Over,
+            2 => News::Cleared,
+            3 => News::Hit(Hit::Plain),
+            4 => News::Hit(Hit::Frame(detail)),
+            5 => News::Hit(Hit::Edge(detail.cast_signed())),
+            _ => return None,
+        })
+    }
+}
+
+impl Coded for FaultNews {
+    const KIND: &'static Kind = &Kind::new::<Self>(21, "fault", Ring::Missed);
+
+    fn words(&self) -> Words {
+        let (form, index, number) = match self.target {
+            Target::Bus(bus) => (0, bus, 0),
+            Target::Slave { bus, slave } => (1, bus, slave),
+            Target::Node { plc, node } => (2, plc, node),
+        };
+        let mut packer = Packer::new(Self::KIND, index, number);
+        packer.put(form);
+        self.id.put(&mut packer);
+        self.kind.put(&mut packer);
+        self.news.put(&mut packer);
+        packer.words()
+    }
+
+    fn read(words: Words) -> Option<Self> {
+        let mut unpacker = Unpacker::new(words);
+        let (index, number) = (unpacker.index(), unpacker.number());
+        let target = match unpacker.take() {
+            0 => Target::Bus(index),
+            1 => Target::Slave { bus: index, slave: number },
+            2 => Target::Node { plc: index, node: number },
+            _ => return None,
+        };
+        let (id, kind) = (u16::take(&mut unpacker)?, u8::take(&mut unpacker)?);
+        Some(FaultNews { target, id, kind, news: News::take(&mut unpacker)? })
+    }
+
+    fn source(&self) -> Source {
+        match self.target {
+            Target::Bus(bus) | Target::Slave { bus, .. } => Source::Bus(bus),
+            Target::Node { plc, node } => Source::Node(Origin { plc, node }),
+        }
+    }
+}
+
+impl FaultNews {
+    fn slave(&self) -> Option<u8> {
+        match self.target {
+            Target::Slave { slave, .. } => Some(slave),
+            Target::Bus(_) | Target::Node { .. } => None,
+        }
+    }
+}
+
+impl Told for FaultNews {
+    fn keeping(&self) -> Keeping {
+        if matches!(self.news, News::Hit(_)) { Keeping::Counted } else { Keeping::Noted }
+    }
+
+    fn is_known(&self, catalogue: &Catalogue) -> bool {
+        catalogue.fault(self.kind).is_some()
+    }
+
+    fn text(&self, reader: &mut Reader) -> String {
+        let name = reader.fault(self.kind);
+        let slave = self.slave().map(|slave| format!(" of slave {slave}")).unwrap_or_default();
+        let news = match self.news {
+            News::Added => "added".to_owned(),
+            News::Hit(Hit::Plain) => "hits".to_owned(),
+            News::Hit(Hit::Edge(us)) => format!("hits, edge moved by {us:+} us"),
+            News::Hit(Hit::Frame(id)) => format!("hits frame 16#{id:03X}"),
+            News::Over => "over".to_owned(),
+            News::Cleared => "cleared".to_owned(),
+        };
+        format!("fault {}, {name}{slave}: {news}", self.id)
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let news = match self.news {
+            News::Added => "added",
+            News::Hit(_) => "hit",
+            News::Over => "over",
+            News::Cleared => "cleared",
+        };
+        let fields = Fields::new()
+            .with("fault", self.id)
+            .with("what", reader.fault(self.kind))
+            .with_any("slave", self.slave())
+            .with("news", news);
+        match self.news {
+            News::Hit(Hit::Frame(id)) => fields.with("id", id),
+            News::Hit(Hit::Edge(us)) => fields.with("shift_us", us),
+            _ => fields,
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! What there can be in a journal: the sum of what the families of devices register.
+
+use super::coded::Words;
+use super::event::Event;
+use super::kind::Kind;
+use super::rule::Rule;
+
+/// A kind of fault as far as records need it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultName {
+    /// Its number.
+    pub number: u8,
+    /// Its name.
+    pub name: &'static str,
+}
+
+/// All kinds of events, rules of the access checker and kinds of faults, in the order of their numbers.
+#[derive(Debug)]
+pub struct Catalogue {
+    /// Kinds of events.
+    pub kinds: Vec<&'static Kind>,
+    /// Rules.
+    pub rules: Vec<&'static Rule>,
+    /// Kinds of faults.
+    pub faults: Vec<FaultName>,
+}
+
+impl Catalogue {
+    /// The kind with this name.
+    pub fn kind(&self, name: &str) -> Option<&'static Kind> {
+        self.kinds.iter().copied().find(|kind| kind.name() == name)
+    }
+
+    /// The rule of this number.
+    pub fn rule(&self, number: u8) -> Option<&'static Rule> {
+        self.rules.iter().copied().find(|rule| rule.number() == number)
+    }
+
+    /// The rule with this name.
+    pub fn rule_called(&self, id: &str) -> Option<&'static Rule> {
+        self.rules.iter().copied().find(|rule| rule.id() == id)
+    }
+
+    /// Name of the kind of fault of this number.
+    pub fn fault(&self, number: u8) -> Option<&'static str> {
+        self.faults.iter().find(|fault| fault.number == number).map(|fault| fault.name)
+    }
+
+    /// The event with these words; `None` for words that no event has.
+    pub fn event(&self, words: Words) -> Option<Event> {
+        let [number, ..] = words[0].to_le_bytes();
+        let kind = self.kinds.iter().copied().find(|kind| kind.number() == number)?;
+        (kind.normal(words, self)? == words).then(|| Event::of_words(kind, words))
+    }
+}

@@ -1,0 +1,263 @@
+//! Events as three words: for the running hash, for counting equal ones, and for the channel.
+//!
+//! First word: bits 0-7 number of the [`Kind`], 8-15 number of the port, 16-31 index of the device or bus. The
+//! remaining five halves of 32 bits belong to the kind, which puts its [`Part`]s there one after the other.
+//! [`coded!`] writes both ways, there and back again, from one list of fields.
+
+use super::event::{Origin, Source};
+use super::kind::Kind;
+use crate::layout::Live;
+
+/// An event as numbers. Equal events have equal words, different events different ones.
+pub type Words = [u64; 3];
+
+/// Halves of words that belong to the kind.
+const HALVES: usize = 5;
+
+/// Something with a kind, as words and back again.
+pub trait Coded: Copy + 'static {
+    /// What kind it is.
+    const KIND: &'static Kind;
+
+    /// It as words.
+    fn words(&self) -> Words;
+
+    /// What the words of this kind say; `None` if they say nothing. Bits that it does not look at do not matter.
+    fn read(words: Words) -> Option<Self>;
+
+    /// What it happened to.
+    fn source(&self) -> Source;
+}
+
+/// A piece of what a kind has to tell.
+pub trait Part: Copy {
+    /// Puts it behind what is there.
+    fn put(self, packer: &mut Packer);
+
+    /// Takes it from there; `None` if the number means nothing.
+    fn take(unpacker: &mut Unpacker) -> Option<Self>;
+}
+
+/// Puts parts into words.
+pub struct Packer {
+    first: u64,
+    halves: [u32; HALVES],
+    used: usize,
+}
+
+impl Packer {
+    /// Words of a kind; `index` and `number` tell where it happened.
+    #[inline]
+    pub fn new(kind: &Kind, index: u16, number: u8) -> Self {
+        let first = u64::from(kind.number()) | u64::from(number) << 8 | u64::from(index) << 16;
+        Packer { first, halves: [0; HALVES], used: 0 }
+    }
+
+    /// Puts a number behind what is there. There is room for five.
+    #[inline]
+    pub fn put(&mut self, number: u32) {
+        debug_assert!(self.used < HALVES, "an event has five numbers at most");
+        if let Some(half) = self.halves.get_mut(self.used) {
+            *half = number;
+        }
+        self.used += 1;
+    }
+
+    /// The words.
+    #[inline]
+    pub fn words(self) -> Words {
+        let pair = |high: u32, low: u32| u64::from(high) << 32 | u64::from(low);
+        let [first, second, third, fourth, fifth] = self.halves;
+        [self.first | u64::from(first) << 32, pair(third, second), pair(fifth, fourth)]
+    }
+}
+
+/// Takes parts out of words.
+pub struct Unpacker {
+    first: u64,
+    halves: [u32; HALVES],
+    used: usize,
+}
+
+impl Unpacker {
+    /// Begins with the first part.
+    #[inline]
+    pub fn new([first, second, third]: Words) -> Self {
+        let high = |word: u64| (word >> 32) as u32;
+        let halves = [high(first), second as u32, high(second), third as u32, high(third)];
+        Unpacker { first, halves, used: 0 }
+    }
+
+    /// Index of the device or bus.
+    #[inline]
+    pub fn index(&self) -> u16 {
+        (self.first >> 16) as u16
+    }
+
+    /// Number of the port.
+    #[inline]
+    pub fn number(&self) -> u8 {
+        (self.first >> 8) as u8
+    }
+
+    /// The next number; 0 behind the last one.
+    #[inline]
+    pub fn take(&mut self) -> u32 {
+        let number = self.halves.get(self.used).copied().unwrap_or(0);
+        self.used += 1;
+        number
+    }
+}
+
+macro_rules! parts {
+    ($($ty:ty)*) => {$(
+        impl Part for $ty {
+            #[inline]
+            fn put(self, packer: &mut Packer) {
+                packer.put(self as u32);
+            }
+
+            #[inline]
+            fn take(unpacker: &mut Unpacker) -> Option<Self> {
+                Some(unpacker.take() as $ty)
+            }
+        }
+    )*};
+}
+
+parts!(u8 u16 u32 i32);
+
+impl Part for bool {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        packer.put(self.into());
+    }
+
+    #[inline]
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        Some(unpacker.take() != 0)
+    }
+}
+
+impl Part for u64 {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        packer.put(self as u32);
+        packer.put((self >> 32) as u32);
+    }
+
+    #[inline]
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        Some(u64::from(unpacker.take()) | u64::from(unpacker.take()) << 32)
+    }
+}
+
+impl Part for Live {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        packer.put(match self {
+            Live::Always => 0,
+            Live::Init => 1,
+            Live::Cyclic => 2,
+        });
+    }
+
+    #[inline]
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        match unpacker.take() {
+            0 => Some(Live::Always),
+            1 => Some(Live::Init),
+            2 => Some(Live::Cyclic),
+            _ => None,
+        }
+    }
+}
+
+/// Where something happened, as the first word has it.
+pub trait Place: Copy {
+    /// Index of device or bus, and number of the port.
+    fn numbers(self) -> (u16, u8);
+
+    /// The way back.
+    fn of_numbers(index: u16, number: u8) -> Self;
+}
+
+impl Place for u16 {
+    #[inline]
+    fn numbers(self) -> (u16, u8) {
+        (self, 0)
+    }
+
+    #[inline]
+    fn of_numbers(index: u16, _: u8) -> Self {
+        index
+    }
+}
+
+impl Place for Origin {
+    #[inline]
+    fn numbers(self) -> (u16, u8) {
+        (self.plc, self.node)
+    }
+
+    #[inline]
+    fn of_numbers(plc: u16, node: u8) -> Self {
+        Origin { plc, node }
+    }
+}
+
+/// Declares what the journal can tell: a structure with where it happened (`bus`, `plc` or `origin`) and what there
+/// is to tell, each field a [`Part`]. What it says is the family's to write: [`Told`](crate::journal::Told).
+macro_rules! coded {
+    (@type bus) => { u16 };
+    (@type plc) => { u16 };
+    (@type origin) => { $crate::journal::Origin };
+    (@source bus, $place:expr) => { $crate::journal::Source::Bus($place) };
+    (@source plc, $place:expr) => { $crate::journal::Source::Plc($place) };
+    (@source origin, $place:expr) => { $crate::journal::Source::Node($place) };
+    ($(
+        $(#[$doc:meta])*
+        $name:ident = $number:literal, $text:literal, $ring:ident, at $place:tt {
+            $($(#[$field_doc:meta])* $field:ident: $ty:ty,)*
+        }
+    )+) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct $name {
+            /// Where.
+            pub $place: $crate::journal::coded::coded!(@type $place),
+            $($(#[$field_doc])* pub $field: $ty,)*
+        }
+
+        impl $crate::journal::Coded for $name {
+            const KIND: &'static $crate::journal::Kind =
+                &$crate::journal::Kind::new::<Self>($number, $text, $crate::journal::Ring::$ring);
+
+            #[inline]
+            fn words(&self) -> $crate::journal::Words {
+                let (index, number) = $crate::journal::Place::numbers(self.$place);
+                #[allow(unused_mut, reason = "a kind may have nothing to tell beyond its place")]
+                let mut packer = $crate::journal::Packer::new(Self::KIND, index, number);
+                $($crate::journal::Part::put(self.$field, &mut packer);)*
+                packer.words()
+            }
+
+            #[inline]
+            fn read(words: $crate::journal::Words) -> Option<Self> {
+                #[allow(unused_mut, reason = "a kind may have nothing to tell beyond its place")]
+                let mut unpacker = $crate::journal::Unpacker::new(words);
+                Some($name {
+                    $place: $crate::journal::Place::of_numbers(unpacker.index(), unpacker.number()),
+                    $($field: $crate::journal::Part::take(&mut unpacker)?,)*
+                })
+            }
+
+            #[inline]
+            fn source(&self) -> $crate::journal::Source {
+                $crate::journal::coded::coded!(@source $place, self.$place)
+            }
+        }
+    )+};
+}
+
+pub(crate) use coded;

@@ -1,0 +1,37 @@
+//! The fields of a record in JSON Lines that belong to its kind, in their order.
+
+use serde::{Serialize, Serializer};
+use serde_json::Value;
+
+/// Names and values.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fields(Vec<(&'static str, Value)>);
+
+impl Fields {
+    /// No field.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A field more.
+    #[must_use]
+    pub fn with(mut self, name: &'static str, value: impl Into<Value>) -> Self {
+        self.0.push((name, value.into()));
+        self
+    }
+
+    /// A field more, if there is a value; else none at all.
+    #[must_use]
+    pub fn with_any(self, name: &'static str, value: Option<impl Into<Value>>) -> Self {
+        match value {
+            Some(value) => self.with(name, value),
+            None => self,
+        }
+    }
+}
+
+impl Serialize for Fields {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(name, value)| (name, value)))
+    }
+}

@@ -1,0 +1,126 @@
+//! One finding: which rule, where, with which value.
+
+use super::catalogue::Catalogue;
+use super::coded::coded;
+use super::fields::Fields;
+use super::kind::Told;
+use super::reader::Reader;
+use super::rule::Rule;
+use crate::layout::{Address, Device, Live, RegType, RegisterRef, format_value};
+use crate::memory::{HEADER_SIZE, header};
+
+/// A rule was broken at a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// The rule.
+    pub rule: &'static Rule,
+    /// Index of the device in the plant.
+    pub plc: u16,
+    /// Offset of the register in the device's RAM.
+    pub offset: u32,
+    /// Which of the structures that overlay each other the register belongs to.
+    pub live: Live,
+    /// The value written.
+    pub value: u32,
+    /// By how many microseconds it was late; 0 for rules without a deadline.
+    pub late_us: u32,
+}
+
+coded! {
+    /// A finding as the journal has it, with the number of its rule.
+    Found = 40, "finding", Rare, at plc {
+        /// Number of the rule.
+        rule: u8,
+        /// Offset of the register in the device's RAM.
+        offset: u32,
+        /// Which of the structures that overlay each other the register belongs to.
+        live: Live,
+        /// The value written.
+        value: u32,
+        /// By how many microseconds it was late; 0 for rules without a deadline.
+        late_us: u32,
+    }
+}
+
+impl Found {
+    /// The finding; `None` if no rule has this number.
+    pub fn finding(&self, catalogue: &Catalogue) -> Option<Finding> {
+        let Found { plc, rule, offset, live, value, late_us } = *self;
+        Some(Finding { rule: catalogue.rule(rule)?, plc, offset, live, value, late_us })
+    }
+}
+
+impl From<Finding> for Found {
+    #[inline]
+    fn from(finding: Finding) -> Self {
+        let Finding { rule, plc, offset, live, value, late_us } = finding;
+        Found { plc, rule: rule.number(), offset, live, value, late_us }
+    }
+}
+
+impl Told for Found {
+    fn is_known(&self, catalogue: &Catalogue) -> bool {
+        catalogue.rule(self.rule).is_some()
+    }
+
+    fn text(&self, reader: &mut Reader) -> String {
+        let Some(finding) = self.finding(reader.catalogue) else { return String::new() };
+        let (device, rule) = (reader.names.device(self.plc), finding.rule);
+        let name = finding.name(device).unwrap_or_default();
+        let late = if self.late_us > 0 { format!(", {} us late", self.late_us) } else { String::new() };
+        let (severity, address, value) =
+            (rule.severity(), finding.address(device), finding.value_text(device));
+        format!("{severity} {rule}: {name} ({address}) {value}{late}")
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let Some(finding) = self.finding(reader.catalogue) else { return Fields::new() };
+        let (device, rule) = (reader.names.device(self.plc), finding.rule);
+        Fields::new()
+            .with("rule", rule.id())
+            .with("severity", rule.severity().name())
+            .with("register", finding.name(device))
+            .with("address", finding.address(device).to_string())
+            .with("value", self.value)
+            .with_any("late_us", Some(self.late_us).filter(|late| *late > 0))
+            .with("text", rule.text())
+    }
+}
+
+impl Finding {
+    /// The register; `None` in the header page and where there is none.
+    #[must_use]
+    pub fn register(&self, device: &'static Device) -> Option<RegisterRef> {
+        let found = device.registers_at(Address::byte(self.offset), Some(self.live)).ok()?;
+        found.into_iter().find(|register| register.offset() == self.offset)
+    }
+
+    /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`.
+    #[must_use]
+    pub fn name(&self, device: &'static Device) -> Option<String> {
+        match self.register(device) {
+            Some(register) => Some(register.name()),
+            None if self.is_in_header() => {
+                Some(format!("header.{}", header::field_at(self.offset as usize)?))
+            }
+            None => None,
+        }
+    }
+
+    /// Address at the register's own width: `%MW3.200002`.
+    #[must_use]
+    pub fn address(&self, device: &'static Device) -> Address {
+        self.register(device).map_or(Address::byte(self.offset), |register| register.address())
+    }
+
+    /// The value as the register writes it: `16#0043`.
+    #[must_use]
+    pub fn value_text(&self, device: &'static Device) -> String {
+        let plain = if self.is_in_header() { RegType::Dword } else { RegType::Byte };
+        format_value(self.register(device).map_or(plain, |register| register.ty()), self.value)
+    }
+
+    fn is_in_header(&self) -> bool {
+        (self.offset as usize) < HEADER_SIZE
+    }
+}

@@ -1,0 +1,157 @@
+//! What numbers in records mean: names, registers, and which of the structures that overlay each other was valid.
+
+use super::catalogue::Catalogue;
+use super::event::Origin;
+use super::names::Names;
+use super::record::Record;
+use super::registers::State;
+use crate::layout::{Address, Live, RegType, RegisterRef, Width, format_value};
+use std::collections::HashMap;
+
+/// Names and what the records so far tell about the state of the ports: INIT and cyclic structure overlay
+/// each other, so the name of a register depends on it.
+pub struct Reader {
+    pub(crate) names: Names,
+    pub(crate) catalogue: &'static Catalogue,
+    /// Which structure is live at ports that have not been heard of.
+    unheard: Option<Live>,
+    live: HashMap<Port, Live>,
+    registers: HashMap<(u16, u32, Live), Option<RegisterRef>>,
+}
+
+/// Index of the device and number of the port.
+type Port = (u16, u8);
+
+impl Reader {
+    /// A reader that has seen nothing yet.
+    pub(super) fn new(names: Names, catalogue: &'static Catalogue) -> Self {
+        Reader { names, catalogue, unheard: None, live: HashMap::new(), registers: HashMap::new() }
+    }
+
+    /// Takes note of what a record tells about the state.
+    pub(super) fn observe(&mut self, record: &Record) {
+        // Who has seen all records since power-on knows that the ports began with INIT.
+        self.unheard.get_or_insert(if record.seq == 0 { Live::Init } else { Live::Cyclic });
+        if let Some(State { origin, live, .. }) = record.event.get() {
+            self.live.insert((origin.plc, origin.node), live);
+        }
+    }
+
+    /// Records are missing: the states may have changed.
+    pub(super) fn gap(&mut self) {
+        self.unheard = Some(Live::Cyclic);
+        self.live.clear();
+    }
+
+    /// Name of a kind of fault.
+    pub(crate) fn fault(&self, number: u8) -> &'static str {
+        self.catalogue.fault(number).unwrap_or("unknown")
+    }
+
+    fn live(&self, plc: u16, area: &str) -> Live {
+        let node = match area {
+            "node1" => 1,
+            "node2" => 2,
+            _ => return Live::Always,
+        };
+        self.live.get(&(plc, node)).copied().or(self.unheard).unwrap_or(Live::Cyclic)
+    }
+
+    /// The register that begins at `offset` of the device's RAM.
+    fn register(&mut self, plc: u16, offset: u32) -> Option<RegisterRef> {
+        let (device, address) = (self.names.device(plc), Address::byte(offset));
+        let live = self.live(plc, device.area_at(address).ok()?.name);
+        *self.registers.entry((plc, offset, live)).or_insert_with(|| {
+            let found = device.registers_at(address, Some(live)).ok()?;
+            found.into_iter().find(|register| register.offset() == offset)
+        })
+    }
+
+    /// The register that an access of `width` bytes at `offset` means, if it is just one.
+    pub(super) fn accessed(&mut self, plc: u16, offset: u32, width: u8) -> Place {
+        let register = self.register(plc, offset).filter(|register| register.width() == u32::from(width));
+        let (ty, width) = match width {
+            1 => (RegType::Byte, Width::Byte),
+            2 => (RegType::Word, Width::Word),
+            _ => (RegType::Dword, Width::Dword),
+        };
+        let address = Address::new(width, offset).unwrap_or(Address::byte(offset));
+        Place { register, address, ty }
+    }
+
+    /// The register at `offset`, whatever its width.
+    pub(crate) fn whole(&mut self, plc: u16, offset: u32) -> Place {
+        match self.register(plc, offset) {
+            Some(register) => {
+                Place { register: Some(register), address: register.address(), ty: register.ty() }
+            }
+            None => self.accessed(plc, offset, 2),
+        }
+    }
+
+    /// The register `name` of a port.
+    pub(crate) fn of_port(&self, origin: Origin, name: &str) -> Named {
+        let device = self.names.device(origin.plc);
+        Named(device.register(&format!("{}.{name}", self.names.port(origin))).ok())
+    }
+}
+
+/// A register that a family knows by its name; none if the device has no such register.
+pub(crate) struct Named(Option<RegisterRef>);
+
+impl Named {
+    /// `w_CPU_CONTROL (%MW3.200000)`
+    pub(crate) fn label(&self) -> String {
+        let label = |register: &RegisterRef| format!("{} ({})", register.path(), register.address());
+        self.0.as_ref().map_or_else(|| "?".to_owned(), label)
+    }
+
+    /// `16#0002`
+    pub(crate) fn value(&self, value: u32) -> String {
+        self.0.as_ref().map_or_else(|| format!("16#{value:04X}"), |register| register.format_value(value))
+    }
+
+    /// What the value means.
+    pub(crate) fn meaning(&self, value: u32) -> String {
+        self.0.as_ref().map(|register| register.decode(value)).unwrap_or_default()
+    }
+}
+
+/// A register, or a part of the RAM that is none.
+pub(crate) struct Place {
+    register: Option<RegisterRef>,
+    address: Address,
+    ty: RegType,
+}
+
+impl Place {
+    /// `b_CTRLREG_WRC1 (%MB3.200012)`, or just the address.
+    pub(crate) fn label(&self) -> String {
+        match &self.register {
+            Some(register) => format!("{} ({})", register.path(), self.address),
+            None => self.address.to_string(),
+        }
+    }
+
+    /// Name with that of its area, if it is a register.
+    pub(super) fn name(&self) -> Option<String> {
+        self.register.map(|register| register.name())
+    }
+
+    /// Its address.
+    pub(super) fn address(&self) -> String {
+        self.address.to_string()
+    }
+
+    /// `16#05`
+    pub(crate) fn value(&self, value: u32) -> String {
+        format_value(self.ty, value)
+    }
+
+    /// What the value means, if it means more than a number.
+    pub(super) fn meaning(&self, value: u32) -> Option<String> {
+        self.register
+            .filter(|register| register.register.meaning.is_some())
+            .map(|register| register.decode(value))
+    }
+}

@@ -1,0 +1,179 @@
+//! What happens in registers, whatever device they belong to.
+
+use super::coded::coded;
+use super::event::Keeping;
+use super::fields::Fields;
+use super::kind::Told;
+use super::reader::{Place, Reader};
+use crate::layout::Live;
+
+coded! {
+    /// A register that shows the state of a port, and with it which structure is valid, changed.
+    State = 3, "state", Rare, at origin {
+        /// Offset of the register.
+        offset: u32,
+        /// Offset of the register that commands come in.
+        command: u32,
+        /// Value before.
+        from: u16,
+        /// Value now.
+        to: u16,
+        /// Which of the structures that overlay each other is valid now.
+        live: Live,
+    }
+
+    /// The firmware answered a handshake register.
+    Handshake = 4, "handshake", Registers, at origin {
+        /// Offset of the register.
+        offset: u32,
+        /// What the PLC had written.
+        request: u16,
+        /// What the firmware wrote instead.
+        answer: u16,
+        /// More answers to the same request are to come.
+        goes_on: bool,
+    }
+
+    /// The firmware changed a register that is no handshake.
+    Register = 11, "register", Registers, at origin {
+        /// Offset of the register.
+        offset: u32,
+        /// Value before.
+        from: u32,
+        /// Value now.
+        to: u32,
+    }
+
+    /// A register was written through the channel.
+    ChannelWrite = 10, "channel_write", Registers, at plc {
+        /// Offset of the register.
+        offset: u32,
+        /// Width in bytes: 1, 2 or 4.
+        width: u8,
+        /// The value written.
+        value: u32,
+    }
+
+    /// A register is forced from now on.
+    Force = 30, "force", Rare, at plc {
+        /// Offset of the register.
+        offset: u32,
+        /// Width in bytes: 1, 2 or 4.
+        width: u8,
+        /// The value it keeps.
+        value: u32,
+    }
+
+    /// A register is no longer forced.
+    Unforce = 31, "unforce", Rare, at plc {
+        /// Offset of the register.
+        offset: u32,
+    }
+}
+
+/// Name and address.
+fn named(place: &Place) -> Fields {
+    Fields::new().with("register", place.name()).with("address", place.address())
+}
+
+impl Told for State {
+    #[inline]
+    fn keeping(&self) -> Keeping {
+        Keeping::State { plc: self.origin.plc, command: self.command }
+    }
+
+    fn text(&self, reader: &mut Reader) -> String {
+        let place = reader.whole(self.origin.plc, self.offset);
+        let [from, to] = [self.from, self.to].map(|value| place.value(value.into()));
+        let meaning = place.meaning(self.to.into()).unwrap_or_default();
+        format!("{} {from} -> {to}, {meaning}", place.label())
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let place = reader.whole(self.origin.plc, self.offset);
+        let text = place.meaning(self.to.into()).unwrap_or_default();
+        Fields::new().with("from", self.from).with("to", self.to).with("text", text)
+    }
+}
+
+impl Told for Handshake {
+    #[inline]
+    fn keeping(&self) -> Keeping {
+        Keeping::Answer {
+            plc: self.origin.plc,
+            offset: self.offset,
+            request: self.request.into(),
+            goes_on: self.goes_on.then_some(self.answer.into()),
+        }
+    }
+
+    fn text(&self, reader: &mut Reader) -> String {
+        let place = reader.whole(self.origin.plc, self.offset);
+        let [request, answer] = [self.request, self.answer].map(|value| place.value(value.into()));
+        format!("{} {request} -> {answer}", place.label())
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let place = reader.whole(self.origin.plc, self.offset);
+        named(&place).with("request", self.request).with("answer", self.answer)
+    }
+}
+
+impl Told for Register {
+    #[inline]
+    fn keeping(&self) -> Keeping {
+        Keeping::Counted
+    }
+
+    fn text(&self, reader: &mut Reader) -> String {
+        let place = reader.whole(self.origin.plc, self.offset);
+        let meaning = place.meaning(self.to).map(|meaning| format!(", {meaning}")).unwrap_or_default();
+        format!("{} {} -> {}{meaning}", place.label(), place.value(self.from), place.value(self.to))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let place = reader.whole(self.origin.plc, self.offset);
+        named(&place).with("from", self.from).with("to", self.to).with_any("text", place.meaning(self.to))
+    }
+}
+
+impl Told for ChannelWrite {
+    #[inline]
+    fn keeping(&self) -> Keeping {
+        Keeping::Request { plc: self.plc, offset: self.offset, value: self.value }
+    }
+
+    fn text(&self, reader: &mut Reader) -> String {
+        let place = reader.accessed(self.plc, self.offset, self.width);
+        let meaning = place.meaning(self.value).map(|meaning| format!(" ({meaning})")).unwrap_or_default();
+        format!("{} := {}{meaning}", place.label(), place.value(self.value))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let place = reader.accessed(self.plc, self.offset, self.width);
+        let meaning = place.meaning(self.value);
+        named(&place).with("width", self.width).with("value", self.value).with_any("text", meaning)
+    }
+}
+
+impl Told for Force {
+    fn text(&self, reader: &mut Reader) -> String {
+        let place = reader.accessed(self.plc, self.offset, self.width);
+        format!("{} forced to {}", place.label(), place.value(self.value))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let place = reader.accessed(self.plc, self.offset, self.width);
+        named(&place).with("width", self.width).with("value", self.value)
+    }
+}
+
+impl Told for Unforce {
+    fn text(&self, reader: &mut Reader) -> String {
+        format!("{} no longer forced", reader.whole(self.plc, self.offset).label())
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        named(&reader.whole(self.plc, self.offset))
+    }
+}

@@ -1,0 +1,120 @@
+//! What a rule of the access checker is: what a PLC program may do wrong, how bad it is, and where that is written.
+//! The rules themselves belong to those who find what breaks them, and are declared with [`rules!`].
+
+use core::fmt;
+
+/// How bad it is to break a rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Severity {
+    /// The manual forbids it, or it cannot have the effect that was wanted.
+    Error,
+    /// Allowed or without effect, but hardly what was meant.
+    Warning,
+}
+
+impl Severity {
+    /// `error` or `warning`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        }
+    }
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A rule of the access checker. Rules are equal if their numbers are.
+pub struct Rule {
+    number: u8,
+    id: &'static str,
+    severity: Severity,
+    source: &'static str,
+    text: &'static str,
+}
+
+impl Rule {
+    /// A rule; [`rules!`] declares them. Number and name belong to it alone.
+    pub const fn new(
+        number: u8,
+        id: &'static str,
+        severity: Severity,
+        source: &'static str,
+        text: &'static str,
+    ) -> Self {
+        Rule { number, id, severity, source, text }
+    }
+
+    /// Its number, by which it travels through journal and channel and in whose order rules are listed.
+    #[must_use]
+    pub const fn number(&self) -> u8 {
+        self.number
+    }
+
+    /// Name by which people refer to the rule.
+    #[must_use]
+    pub const fn id(&self) -> &'static str {
+        self.id
+    }
+
+    /// How bad it is.
+    #[must_use]
+    pub const fn severity(&self) -> Severity {
+        self.severity
+    }
+
+    /// What the PLC program did, and what would be right.
+    #[must_use]
+    pub const fn text(&self) -> &'static str {
+        self.text
+    }
+
+    /// Pages of the manual, or a decision of the project.
+    #[must_use]
+    pub const fn source(&self) -> &'static str {
+        self.source
+    }
+}
+
+impl PartialEq for Rule {
+    #[inline]
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+    }
+}
+
+impl Eq for Rule {}
+
+impl fmt::Debug for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.id)
+    }
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.id)
+    }
+}
+
+/// Declares rules, and `ALL` of them as a list: number, name, severity, source, text.
+macro_rules! rules {
+    ($($rule:ident: $number:literal, $id:literal, $severity:ident, $source:literal, $text:literal;)+) => {
+        $(
+            #[doc = $text]
+            pub static $rule: $crate::journal::Rule = $crate::journal::Rule::new(
+                $number, $id, $crate::journal::Severity::$severity, $source, $text,
+            );
+        )+
+
+        /// All of them.
+        pub static ALL: &[&$crate::journal::Rule] = &[$(&$rule),+];
+    };
+}
+
+pub(crate) use rules;

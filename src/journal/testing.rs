@@ -1,0 +1,66 @@
+//! Kinds of events to test the journal with, as families of devices have them.
+
+use super::coded::coded;
+use super::{Catalogue, Coded, Fields, Keeping, Reader, Told};
+use std::sync::LazyLock;
+
+coded! {
+    /// Comes often and is counted.
+    Edge = 1, "edge", Registers, at bus {}
+
+    /// Comes often and is not counted.
+    Packet = 2, "packet", Traffic, at bus {
+        /// What it carries.
+        data: u8,
+    }
+
+    /// Comes rarely.
+    Refused = 7, "refused", Rare, at origin {}
+}
+
+impl Told for Edge {
+    fn keeping(&self) -> Keeping {
+        Keeping::Counted
+    }
+
+    fn text(&self, _: &mut Reader) -> String {
+        "EDGE".to_owned()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new()
+    }
+}
+
+impl Told for Packet {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("{:02X}", self.data)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("data", self.data)
+    }
+
+    fn candump(&self) -> Option<String> {
+        Some(format!("100#{:02X}", self.data))
+    }
+}
+
+impl Told for Refused {
+    fn text(&self, _: &mut Reader) -> String {
+        "refused".to_owned()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new()
+    }
+}
+
+/// A catalogue with these and what can happen in any device.
+pub fn catalogue() -> &'static Catalogue {
+    static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
+        let kinds = [super::KINDS, &[Edge::KIND, Packet::KIND, Refused::KIND]].concat();
+        Catalogue { kinds, rules: Vec::new(), faults: Vec::new() }
+    });
+    &SUM
+}
