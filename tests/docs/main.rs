@@ -7,3 +7,4 @@ mod architecture;
 mod features;
 mod pages;
 mod programs;
+mod public_api;

@@ -1,0 +1,140 @@
+//! Items without what their users do not see: bodies, private fields, comments.
+
+use syn::parse::Parser;
+use syn::{
+    Attribute, Block, Expr, Field, Fields, File, ImplItem, Item, ItemImpl, Lit, TraitItem, Visibility,
+};
+
+/// The text of items.
+pub fn print(items: Vec<Item>) -> String {
+    prettyplease::unparse(&File { shebang: None, attrs: Vec::new(), items })
+}
+
+/// A public item as its users see it.
+pub fn of(item: &Item) -> Item {
+    let mut item = item.clone();
+    match &mut item {
+        Item::Const(it) => {
+            keep_told(&mut it.attrs);
+            if !is_plain(&it.expr) {
+                it.expr = Box::new(unknown());
+            }
+        }
+        Item::Static(it) => {
+            keep_told(&mut it.attrs);
+            it.expr = Box::new(unknown());
+        }
+        Item::Fn(it) => {
+            keep_told(&mut it.attrs);
+            it.block = Box::new(nothing());
+        }
+        Item::Struct(it) => {
+            keep_told(&mut it.attrs);
+            if strip_fields(&mut it.fields, false) {
+                it.attrs.extend(Attribute::parse_outer.parse_str("#[with_private_fields]").unwrap());
+            }
+        }
+        Item::Union(it) => {
+            keep_told(&mut it.attrs);
+            it.fields.named.iter_mut().for_each(|field| keep_told(&mut field.attrs));
+        }
+        Item::Enum(it) => {
+            keep_told(&mut it.attrs);
+            for variant in &mut it.variants {
+                keep_told(&mut variant.attrs);
+                strip_fields(&mut variant.fields, true);
+            }
+        }
+        Item::Trait(it) => {
+            keep_told(&mut it.attrs);
+            for part in &mut it.items {
+                strip_trait_item(part);
+            }
+        }
+        Item::Mod(it) => {
+            keep_told(&mut it.attrs);
+            it.content = None;
+            it.semi = Some(Default::default());
+        }
+        Item::Type(it) => keep_told(&mut it.attrs),
+        Item::Use(it) => keep_told(&mut it.attrs),
+        _ => {}
+    }
+    item
+}
+
+/// What an implementation adds for users: public functions and constants, or the trait. `None`: nothing.
+pub fn implementation(of: &ItemImpl) -> Option<Item> {
+    let mut it = of.clone();
+    keep_told(&mut it.attrs);
+    if it.trait_.is_some() {
+        it.items.retain(|part| matches!(part, ImplItem::Type(_)));
+        return Some(Item::Impl(it));
+    }
+    it.items.retain_mut(|part| match part {
+        ImplItem::Fn(function) if is_public(&function.vis) => {
+            keep_told(&mut function.attrs);
+            function.block = nothing();
+            true
+        }
+        ImplItem::Const(constant) if is_public(&constant.vis) => {
+            keep_told(&mut constant.attrs);
+            constant.expr = unknown();
+            true
+        }
+        _ => false,
+    });
+    (!it.items.is_empty()).then_some(Item::Impl(it))
+}
+
+fn strip_trait_item(part: &mut TraitItem) {
+    match part {
+        TraitItem::Fn(function) => {
+            keep_told(&mut function.attrs);
+            if function.default.is_some() {
+                function.default = Some(nothing());
+            }
+        }
+        TraitItem::Const(constant) => keep_told(&mut constant.attrs),
+        TraitItem::Type(of) => keep_told(&mut of.attrs),
+        _ => {}
+    }
+}
+
+/// Removes private fields, and tells whether there were any.
+fn strip_fields(fields: &mut Fields, all_are_public: bool) -> bool {
+    let strip = |field: &Field| {
+        let mut field = field.clone();
+        keep_told(&mut field.attrs);
+        (all_are_public || is_public(&field.vis)).then_some(field)
+    };
+    let before = fields.len();
+    match fields {
+        Fields::Named(named) => named.named = named.named.iter().filter_map(strip).collect(),
+        Fields::Unnamed(unnamed) => unnamed.unnamed = unnamed.unnamed.iter().filter_map(strip).collect(),
+        Fields::Unit => {}
+    }
+    fields.len() < before
+}
+
+/// Of attributes those that users feel.
+fn keep_told(attributes: &mut Vec<Attribute>) {
+    let told = ["cfg", "derive", "must_use", "non_exhaustive", "repr", "deprecated"];
+    attributes.retain(|attribute| told.iter().any(|name| attribute.path().is_ident(name)));
+}
+
+fn is_public(visibility: &Visibility) -> bool {
+    matches!(visibility, Visibility::Public(_))
+}
+
+fn is_plain(value: &Expr) -> bool {
+    matches!(value, Expr::Lit(literal) if !matches!(literal.lit, Lit::Str(_)))
+}
+
+fn nothing() -> Block {
+    syn::parse_str("{}").unwrap()
+}
+
+fn unknown() -> Expr {
+    syn::parse_str("_").unwrap()
+}

@@ -1,0 +1,150 @@
+//! The library's public interface, kept as text: who changes it sees so in `tests/docs/public-api.txt`.
+//!
+//! It is read from the sources, because rustdoc's JSON needs an unstable compiler. Tables generated from `layouts/` are not in
+//! it - the layout hash guards those - nor what macros make: there stands what they make it from.
+
+mod skeleton;
+mod tree;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use syn::{Item, Type};
+use tree::{Found, Module};
+
+/// Set to any value, it makes the text anew.
+const UPDATE: &str = "COMMRAM_UPDATE_PUBLIC_API";
+
+/// How long a chain of re-exports may be.
+const DEPTH: u8 = 12;
+
+/// Items by the path of the public module that shows them.
+#[derive(Default)]
+struct Shown<'a> {
+    modules: BTreeMap<String, Vec<Item>>,
+    /// Where an item is shown first: defining module and name, and the module that shows it.
+    places: BTreeMap<(&'a [String], String), String>,
+}
+
+fn path_text(path: &[String]) -> String {
+    ["commram"].into_iter().chain(path.iter().map(String::as_str)).collect::<Vec<_>>().join("::")
+}
+
+impl<'a> Shown<'a> {
+    /// Everything that users see in the module, which they know as `path`.
+    fn module(&mut self, root: &'a Module, module: &'a Module, path: &[String]) {
+        self.modules.entry(path_text(path)).or_default();
+        for item in &module.items {
+            if let Item::Macro(made) = item
+                && made.ident.is_none()
+            {
+                self.push(path, item.clone());
+            }
+            if !tree::is_public(item) {
+                continue;
+            }
+            match item {
+                Item::Mod(child) => {
+                    self.push(path, skeleton::of(item));
+                    let name = child.ident.to_string();
+                    let child = module.child(&name).expect("a module that was read");
+                    self.module(root, child, &[path, &[name]].concat());
+                }
+                Item::Use(import) => {
+                    for branch in tree::branches(&import.tree) {
+                        match root.resolve(module, &branch.path, DEPTH) {
+                            Some(found) => self.export(root, found, branch.name, path),
+                            None => self.push(path, skeleton::of(item)),
+                        }
+                    }
+                }
+                _ => self.item(module, item, path),
+            }
+        }
+    }
+
+    /// What a `pub use` shows.
+    fn export(&mut self, root: &'a Module, found: Found<'a>, name: Option<String>, path: &[String]) {
+        match (found, name) {
+            (Found::Module(module), None) => self.module(root, module, path),
+            (Found::Module(module), Some(name)) => self.module(root, module, &[path, &[name]].concat()),
+            (Found::Item(module, item), _) => self.item(module, item, path),
+        }
+    }
+
+    fn item(&mut self, module: &'a Module, item: &'a Item, path: &[String]) {
+        if let Some(name) = tree::name_of(item) {
+            self.places.entry((&module.path, name)).or_insert_with(|| path_text(path));
+        }
+        self.push(path, skeleton::of(item));
+    }
+
+    fn push(&mut self, path: &[String], item: Item) {
+        self.modules.entry(path_text(path)).or_default().push(item);
+    }
+
+    /// Implementations stand with the type, or with the trait if that is the library's and the type is not.
+    fn implementations(&mut self, root: &'a Module) {
+        for module in root.all() {
+            for item in &module.items {
+                let Item::Impl(implementation) = item else { continue };
+                let Some(made) = skeleton::implementation(implementation) else { continue };
+                let of_type = type_path(&implementation.self_ty);
+                let of_trait = implementation.trait_.as_ref().map(|(_, path, _)| segments(path));
+                let place = [of_type, of_trait].into_iter().flatten().find_map(|path| {
+                    let Found::Item(home, item) = root.resolve(module, &path, DEPTH)? else { return None };
+                    self.places.get(&(&home.path[..], tree::name_of(item)?)).cloned()
+                });
+                if let Some(place) = place {
+                    self.modules.entry(place).or_default().push(made);
+                }
+            }
+        }
+    }
+}
+
+fn segments(path: &syn::Path) -> Vec<String> {
+    path.segments.iter().map(|segment| segment.ident.to_string()).collect()
+}
+
+fn type_path(of: &Type) -> Option<Vec<String>> {
+    match of {
+        Type::Path(path) => Some(segments(&path.path)),
+        Type::Reference(reference) => type_path(&reference.elem),
+        _ => None,
+    }
+}
+
+fn public_interface() -> String {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let root = Module::read(&source.join("lib.rs"), &source, Vec::new());
+    let mut shown = Shown::default();
+    shown.module(&root, &root, &[]);
+    shown.implementations(&root);
+    let mut text = String::new();
+    for (path, items) in shown.modules {
+        let mut items: Vec<_> = items.into_iter().map(|item| skeleton::print(vec![item])).collect();
+        // In the order of the text: moving an item within its module changes nothing for anybody.
+        items.sort();
+        items.dedup();
+        text += &format!("// {path}\n\n{}\n", items.concat());
+    }
+    text
+}
+
+#[test]
+fn the_public_interface_is_the_one_that_was_agreed_upon() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/docs/public-api.txt");
+    let now = public_interface();
+    if std::env::var_os(UPDATE).is_some() {
+        std::fs::write(&path, &now).unwrap();
+    }
+    let kept = std::fs::read_to_string(&path).unwrap_or_default();
+    let line = |text: &str, index: usize| text.lines().nth(index).map(str::to_owned);
+    let same = kept.lines().zip(now.lines()).take_while(|(kept, now)| kept == now).count();
+    let difference = (line(&kept, same), line(&now, same));
+    assert!(
+        kept == now,
+        "the public interface has changed, first behind line {same} (kept, now): {difference:?}; if it is meant to, run this test with \
+         {UPDATE}=1 and put it into the CHANGELOG"
+    );
+}
