@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+/// The devices: directories below `layouts/`. Each becomes a file of its name, `-` replaced by `_`.
+const DEVICES: [&str; 1] = ["omega-drive-line-2"];
+
 fn main() -> ExitCode {
     println!("cargo::rerun-if-changed=layouts");
     match generate() {
@@ -16,9 +19,11 @@ fn main() -> ExitCode {
 
 fn generate() -> Result<(), String> {
     let out_dir = PathBuf::from(std::env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
-    let compiled =
-        commram_layoutc::compile(Path::new("layouts/omega-drive-line-2")).map_err(|e| e.to_string())?;
-    write(&out_dir.join("omega_drive_line_2.rs"), compiled.rust)?;
+    for device in DEVICES {
+        let compiled =
+            commram_layoutc::compile(&Path::new("layouts").join(device)).map_err(|e| e.to_string())?;
+        write(&out_dir.join(format!("{}.rs", device.replace('-', "_"))), compiled.rust)?;
+    }
     let parameters = commram_layoutc::parameters::compile(Path::new("layouts/v-regler"), "parameters.toml")
         .map_err(|e| e.to_string())?;
     write(&out_dir.join("v_regler.rs"), parameters)

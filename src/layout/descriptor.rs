@@ -14,6 +14,68 @@ pub struct Device {
     pub layout_hash: u64,
     /// The areas in ascending order.
     pub areas: &'static [Area],
+    /// The ports in the order of their numbers.
+    pub ports: &'static [Port],
+}
+
+impl Device {
+    /// The port called `name`.
+    #[must_use]
+    pub fn port(&self, name: &str) -> Option<&'static Port> {
+        self.ports.iter().find(|port| port.name == name)
+    }
+
+    /// The port with this number, from 1.
+    #[must_use]
+    pub fn port_numbered(&self, number: u8) -> Option<&'static Port> {
+        self.ports.iter().find(|port| port.number == number)
+    }
+}
+
+/// The device's end of a medium.
+pub struct Port {
+    /// Its name, for example `node2`.
+    pub name: &'static str,
+    /// Its number in journals and on the channel, from 1; 0 stands for the device itself.
+    pub number: u8,
+    /// Kind of medium, for example `cansync`.
+    pub medium: &'static str,
+    /// What the port can be there.
+    pub roles: &'static [Role],
+    /// Where its registers lie.
+    pub area: &'static Area,
+}
+
+impl Port {
+    /// What the port is at its medium, if it can be one thing only.
+    #[must_use]
+    pub const fn role(&self) -> Option<Role> {
+        match self.roles {
+            [role] => Some(*role),
+            _ => None,
+        }
+    }
+}
+
+/// What a port is at its medium.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Role {
+    /// It governs the medium.
+    Master,
+    /// It answers a master.
+    Slave,
+    /// One of several with equal rights.
+    Peer,
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Role::Master => "master",
+            Role::Slave => "slave",
+            Role::Peer => "peer",
+        })
+    }
 }
 
 /// A stretch of segment 3 with a purpose.
@@ -68,7 +130,7 @@ macro_rules! short_debug {
         }
     )*};
 }
-short_debug!(Device, Area, Structure);
+short_debug!(Device, Area, Port, Structure);
 
 /// A structure in an area.
 #[derive(Debug)]

@@ -34,8 +34,8 @@ mod width;
 pub use address::Address;
 pub use decode::format_value;
 pub use descriptor::{
-    Area, BitField, Device, Dim, Live, Meaning, Owner, Placed, Provenance, RegType, Register, Structure,
-    ValueMeaning,
+    Area, BitField, Device, Dim, Live, Meaning, Owner, Placed, Port, Provenance, RegType, Register, Role,
+    Structure, ValueMeaning,
 };
 pub use error::LayoutError;
 pub use iter::Registers;

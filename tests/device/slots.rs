@@ -3,8 +3,9 @@
 
 use crate::rig::{Memory, RATES, Rate, Rig};
 use commram::can::wire;
+use commram::devices::cansync::BaudRate;
 use commram::devices::cansync::bus::{Frame, FrameKind};
-use commram::devices::omega_drive_line_2::registers::{BAUD_RATES, BaudRate};
+use commram::devices::omega_drive_line_2::registers::BAUD_RATES;
 use proptest::prelude::*;
 
 /// Behind `[[bus]]`: two drives with the standard mapping.

@@ -19,10 +19,10 @@ mod slots;
 pub use config::BusConfig;
 pub use end::{Socket, SocketRole};
 
+use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::{Channel, Frame, FrameLength};
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
-use crate::devices::omega_drive_line_2::registers::BaudRate;
 use crate::devices::{Context, SyncSignal, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};

@@ -14,3 +14,6 @@ pub mod medium;
 pub mod records;
 #[cfg(feature = "emulator")]
 pub mod rules;
+mod rate;
+
+pub use rate::{BaudRate, Deadline};

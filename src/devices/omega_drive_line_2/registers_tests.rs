@@ -1,7 +1,7 @@
 //! What the layout's tables and structures of the Omega Drive-Line II must hold.
 
 use crate::devices::omega_drive_line_2::registers::*;
-use crate::layout::Owner;
+use crate::layout::{Owner, Provenance, Role};
 use core::mem::offset_of;
 use zerocopy::FromZeros;
 
@@ -62,6 +62,32 @@ fn error_numbers_of_up_and_downloads_are_the_masters_to_read_and_the_slaves_to_w
         ("node1.w_ERR_NR_UPDOWN_SINGLE", Owner::Plc),
     ] {
         assert_eq!(DEVICE.register(name).unwrap().owner(), owner, "{name}");
+    }
+}
+
+/// 5.00005.03a p. 61: node 1 is the slave, node 2 the master; nothing but the layout knows it.
+#[test]
+fn ports_are_found_by_name_and_by_number() {
+    let found = DEVICE.port("node2").unwrap();
+    assert_eq!((found.number, found.role(), found.area.first), (2, Some(Role::Master), NODE2 as u32));
+    let found = DEVICE.port_numbered(1).unwrap();
+    assert_eq!((found.name, found.role(), found.medium), ("node1", Some(Role::Slave), "cansync"));
+    assert!(DEVICE.port("baps").is_none() && DEVICE.port_numbered(0).is_none());
+}
+
+/// 5.00005.03a p. 153, 181, 182; D-09 and D-26 for the other rates.
+#[test]
+fn deadlines_say_where_they_are_from() {
+    for rate in &BAUD_RATES {
+        let documented = rate.kbit_per_s == 500;
+        for deadline in [rate.deadline_WRC, rate.deadline_RDC1, rate.deadline_RDC2] {
+            assert_eq!(deadline.source == Provenance::Manual, documented, "{rate:?}");
+        }
+        assert_eq!(rate.deadline_WRC.latest, rate.t_WRC1 - 240, "{rate:?}");
+        assert_eq!(rate.deadline_RDC1.latest, rate.deadline_WRC.latest, "{rate:?}");
+        let factor = 500 / u32::from(rate.kbit_per_s);
+        let window = (rate.t_WRC1 + 70 * factor, rate.t_WRC1 + 270 * factor);
+        assert_eq!((rate.deadline_RDC2.earliest, rate.deadline_RDC2.latest), window, "{rate:?}");
     }
 }
 

@@ -91,6 +91,14 @@ pub enum Reason {
     AreaReversed { name: String, first: u32, last: u32 },
     #[error("area `{name}` ({first} to {last}) overlaps area `{other}`, which ends at {other_last}")]
     AreaOverlap { name: String, first: u32, last: u32, other: String, other_last: u32 },
+    #[error("port number 0 is the device itself; ports are 1 to 255")]
+    PortZero,
+    #[error("port number {0} is already in use")]
+    PortNumberTwice(u8),
+    #[error("`roles` names what a port can be at its medium, each once: \"master\", \"slave\", \"peer\"")]
+    PortRoles,
+    #[error("unknown area `{0}`; areas stand under [[area]] of device.toml")]
+    UnknownArea(String),
     #[error("an array has one or two dimensions of 1 to 65535 elements, this one is {0:?}")]
     BadArray(Vec<u32>),
     #[error("`{0}`: arrays of sub-structures have one dimension, and so have arrays inside of them")]

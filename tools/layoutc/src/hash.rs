@@ -13,9 +13,7 @@ pub fn layout_hash(device: &Device) -> u64 {
 
 fn canonical(device: &Device) -> String {
     let mut text = format!("device {}\n", device.name);
-    let mut areas: Vec<_> = device.areas.iter().collect();
-    areas.sort_by_key(|area| area.first);
-    for area in areas {
+    for area in &device.areas {
         let _ = write!(text, "area {} {} {}", area.name, area.first, area.bytes);
         for placed in &area.structures {
             let _ = write!(text, " {}:{:?}", device.structures[placed.structure].name, placed.live);

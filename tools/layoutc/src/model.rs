@@ -1,6 +1,6 @@
 //! The checked layout: every offset, width and reference in here has passed [`crate::check`].
 
-pub use crate::raw::{BaudRate, Live, Owner, Provenance};
+pub use crate::raw::{Live, Owner, Provenance, Role};
 
 /// A whole device.
 pub struct Device {
@@ -12,8 +12,33 @@ pub struct Device {
     pub meanings: Vec<Meaning>,
     pub substructures: Vec<Structure>,
     pub structures: Vec<Structure>,
+    /// In ascending order.
     pub areas: Vec<Area>,
+    /// In the order of their numbers.
+    pub ports: Vec<Port>,
     pub baud_rates: Vec<BaudRate>,
+}
+
+pub struct Port {
+    pub name: String,
+    pub number: u8,
+    pub medium: String,
+    pub roles: Vec<Role>,
+    /// Index into [`Device::areas`].
+    pub area: usize,
+}
+
+/// One line of the timing table, as it is written in Rust: names and values of fields.
+pub struct BaudRate {
+    pub numbers: Vec<(&'static str, u32)>,
+    pub deadlines: Vec<(&'static str, Deadline)>,
+}
+
+/// Microseconds after the start of the event task, equal if it is one time.
+pub struct Deadline {
+    pub earliest: u32,
+    pub latest: u32,
+    pub source: Provenance,
 }
 
 pub struct Area {

@@ -18,6 +18,9 @@ pub struct Device {
     pub parts: Vec<Spanned<String>>,
     pub structures: Vec<Spanned<String>>,
     pub area: Vec<Area>,
+    #[serde(default)]
+    pub port: Vec<Port>,
+    #[serde(default)]
     pub baud_rate: Vec<BaudRate>,
 }
 
@@ -60,6 +63,25 @@ pub struct Placed {
     pub unused: Vec<Spanned<String>>,
 }
 
+/// The device's end of a medium.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Port {
+    pub name: Spanned<String>,
+    pub number: Spanned<u8>,
+    pub medium: String,
+    pub roles: Spanned<Vec<Role>>,
+    pub area: Spanned<String>,
+}
+
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    Master,
+    Slave,
+    Peer,
+}
+
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
 pub enum Live {
@@ -69,7 +91,7 @@ pub enum Live {
 }
 
 /// One line of the timing table; times in microseconds.
-#[derive(Deserialize, Clone)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(non_snake_case)]
 pub struct BaudRate {
@@ -85,8 +107,20 @@ pub struct BaudRate {
     pub t_CC: u32,
     pub t_RC: u32,
     pub t_RSPTO: u32,
-    pub deadline: u32,
+    pub deadline_WRC: Spanned<Deadline>,
+    pub deadline_RDC1: Spanned<Deadline>,
+    pub deadline_RDC2: Spanned<Deadline>,
     pub max_bus_m: u16,
+}
+
+/// A time (`at`) or the limits of one (`from`, `to`), in microseconds after the start of the event task.
+#[derive(Deserialize, Clone)]
+#[serde(deny_unknown_fields)]
+pub struct Deadline {
+    pub at: Option<u32>,
+    pub from: Option<u32>,
+    pub to: Option<u32>,
+    pub source: Provenance,
 }
 
 /// A parts file: what several structures share.

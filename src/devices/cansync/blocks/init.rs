@@ -1,7 +1,7 @@
 //! `CANsync_INIT`: from restart to "waiting for start" or set-up mode (p. 211-215, in 5.02066.01a p. 122-127). Baud rates
 //! are each device's own.
 
-use crate::devices::omega_drive_line_2::registers::BaudRate;
+use crate::devices::cansync::BaudRate;
 use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;

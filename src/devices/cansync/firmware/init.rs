@@ -1,6 +1,7 @@
 //! Initialization data: what `CANsync_INIT_BMSTRUCT` holds when the PLC orders it to be taken over.
 
-use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, BaudRate, CANsync_INIT_BMSTRUCT};
+use crate::devices::cansync::BaudRate;
+use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_INIT_BMSTRUCT};
 use thiserror::Error;
 
 /// Where a master's SYNC signal comes from.

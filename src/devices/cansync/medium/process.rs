@@ -26,7 +26,7 @@ impl Run<'_> {
         if self.bus.asked.is_some() || self.bus.command.is_some() {
             self.at(Slot::ResponseStart, timing.t_RC);
         }
-        self.at(Slot::Build1, timing.deadline);
+        self.at(Slot::Build1, timing.deadline_WRC.earliest);
         self.at(Slot::CommandStart, timing.t_CC);
         let lost = !self.faults.is_empty() && self.edge_is_lost();
         if lost {

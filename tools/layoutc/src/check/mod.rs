@@ -3,6 +3,8 @@
 mod area;
 mod field;
 mod meaning;
+mod port;
+mod rate;
 mod structure;
 
 use crate::error::{Error, Reason};
@@ -70,7 +72,11 @@ pub fn load(sources: &mut Sources) -> Result<Device, Error> {
         parts.types.add(sources, file, &raw.name)?;
         structures.push(structure::check(sources, &parts, file, &raw)?);
     }
-    let areas = area::check(sources, file, (&raw.area, &raw.names), &structures, &parts.substructures)?;
+    let mut areas = area::check(sources, file, (&raw.area, &raw.names), &structures, &parts.substructures)?;
+    areas.sort_by_key(|area| area.first);
+    let ports = port::check(sources, file, &raw.port, &areas)?;
+    let baud_rates = raw.baud_rate.iter().map(|rate| rate::check(sources, file, rate));
+    let baud_rates = baud_rates.collect::<Result<_, Error>>()?;
     identifier(sources, at(file, raw.name.span()), &raw.name.get_ref().replace('-', "_"))?;
     Ok(Device {
         name: raw.name.into_inner(),
@@ -82,7 +88,8 @@ pub fn load(sources: &mut Sources) -> Result<Device, Error> {
         substructures: parts.substructures,
         structures,
         areas,
-        baud_rates: raw.baud_rate,
+        ports,
+        baud_rates,
     })
 }
 

@@ -1,7 +1,8 @@
 //! Hash, areas, DIP range, timing table.
 
+use super::tables::provenance;
 use super::text::doc;
-use crate::model::{BaudRate, Device};
+use crate::model::{Deadline, Device};
 use std::fmt::Write;
 
 pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
@@ -35,67 +36,28 @@ pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
 }
 
 fn baud_rates(out: &mut String, device: &Device) {
-    let _ = writeln!(
-        out,
-        "/// Baud rate, interval and slot times of the CANsync bus that belong together.\n\
-         /// Times `t_` are microseconds after the SYNC edge, each the latest start of that frame.\n\
-         #[derive(Debug, Clone, Copy, PartialEq, Eq)]\n\
-         pub struct BaudRate {{"
-    );
-    for (name, ty, text) in FIELDS {
-        let _ = writeln!(out, "    /// {text}.\n    pub {name}: {ty},");
-    }
     let rates = &device.baud_rates;
+    if rates.is_empty() {
+        return;
+    }
     let _ = writeln!(
         out,
-        "}}\n\n/// The legal pairs of baud rate and interval with their times, fastest first.\n\
-         pub static BAUD_RATES: [BaudRate; {}] = [",
+        "/// The legal pairs of baud rate and interval with their times, fastest first.\n\
+         pub static BAUD_RATES: [crate::devices::cansync::BaudRate; {}] = [",
         rates.len()
     );
     for rate in rates {
-        let values: Vec<String> =
-            FIELDS.iter().zip(numbers(rate)).map(|((name, ..), n)| format!("{name}: {n}")).collect();
-        let _ = writeln!(out, "    BaudRate {{ {} }},", values.join(", "));
+        let numbers = rate.numbers.iter().map(|(name, number)| format!("{name}: {number}"));
+        let deadlines = rate.deadlines.iter().map(|(name, deadline)| {
+            let Deadline { earliest, latest, source } = deadline;
+            let source = provenance(source);
+            format!(
+                "{name}: crate::devices::cansync::Deadline {{ earliest: {earliest}, latest: {latest}, \
+                 source: crate::layout::{source} }}"
+            )
+        });
+        let fields: Vec<String> = numbers.chain(deadlines).collect();
+        let _ = writeln!(out, "    crate::devices::cansync::BaudRate {{ {} }},", fields.join(", "));
     }
     out.push_str("];\n\n");
-}
-
-const FIELDS: [(&str, &str, &str); 14] = [
-    ("kbit_per_s", "u16", "Baud rate in kbit/s"),
-    ("us_BAUDRATE", "u8", "Code of the baud rate at function block `CANsync_INIT`"),
-    ("b_BT_0", "u8", "Bit timing register 0 of the CAN controller"),
-    ("b_BT_1", "u8", "Bit timing register 1 of the CAN controller"),
-    ("b_TIME_PATTERN", "u8", "Interval in ms"),
-    ("t_WRC1", "u32", "Reference value frame 1"),
-    ("t_RDC1", "u32", "Actual value frame 1"),
-    ("t_WRC2", "u32", "Reference value frame 2"),
-    ("t_RDC2", "u32", "Actual value frame 2"),
-    ("t_CC", "u32", "Command channel"),
-    ("t_RC", "u32", "Response channel, in the next interval"),
-    ("t_RSPTO", "u32", "Longest time a slave may take to answer, in us"),
-    (
-        "deadline",
-        "u32",
-        "Reference values must be there this long after the start of the event task, in us (D-09)",
-    ),
-    ("max_bus_m", "u16", "Longest bus in metres"),
-];
-
-fn numbers(rate: &BaudRate) -> [u32; 14] {
-    [
-        rate.kbit_per_s.into(),
-        rate.us_BAUDRATE.into(),
-        rate.b_BT_0.into(),
-        rate.b_BT_1.into(),
-        rate.b_TIME_PATTERN.into(),
-        rate.t_WRC1,
-        rate.t_RDC1,
-        rate.t_WRC2,
-        rate.t_RDC2,
-        rate.t_CC,
-        rate.t_RC,
-        rate.t_RSPTO,
-        rate.deadline,
-        rate.max_bus_m.into(),
-    ]
 }

@@ -1,13 +1,15 @@
 //! Descriptor tables for tools: static data of the types in `commram::layout`.
 
-use crate::model::{Area, Bit, Device, Field, Kind, Meaning, Owner, Placed, Provenance, Structure, Value};
+use crate::model::{
+    Area, Bit, Device, Field, Kind, Meaning, Owner, Placed, Port, Provenance, Structure, Value,
+};
 use std::fmt::Write;
 
 pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     let _ = writeln!(
         out,
         "/// The whole device, for tools.\npub static DEVICE: crate::layout::Device = crate::layout::Device {{\n    \
-         name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, areas: &descriptor::AREAS,\n}};\n",
+         name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, areas: &descriptor::AREAS,\n    ports: &descriptor::PORTS,\n}};\n",
         device.name, device.title, device.manual
     );
     out.push_str(
@@ -15,6 +17,7 @@ pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
          pub mod descriptor {\n    use crate::layout::*;\n\n",
     );
     areas(out, device);
+    ports(out, device);
     for structure in &device.structures {
         emit_structure(out, device, structure);
     }
@@ -25,14 +28,9 @@ pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
 }
 
 fn areas(out: &mut String, device: &Device) {
-    let mut sorted: Vec<&Area> = device.areas.iter().collect();
-    sorted.sort_by_key(|area| area.first);
-    let _ = writeln!(
-        out,
-        "    /// The areas in ascending order.\n    pub static AREAS: [Area; {}] = [",
-        sorted.len()
-    );
-    for area in sorted {
+    let count = device.areas.len();
+    let _ = writeln!(out, "    /// The areas in ascending order.\n    pub static AREAS: [Area; {count}] = [");
+    for area in &device.areas {
         let Area { name, name_from, first, bytes, cpu_first, cpu_last, page, doc, structures } = area;
         let name_from = provenance(name_from);
         let _ = write!(
@@ -50,6 +48,22 @@ fn areas(out: &mut String, device: &Device) {
             );
         }
         out.push_str("] },\n");
+    }
+    out.push_str("    ];\n\n");
+}
+
+fn ports(out: &mut String, device: &Device) {
+    let count = device.ports.len();
+    let _ = writeln!(
+        out,
+        "    /// The ports in the order of their numbers.\n    pub static PORTS: [Port; {count}] = ["
+    );
+    for Port { name, number, medium, roles, area } in &device.ports {
+        let roles: String = roles.iter().map(|role| format!("Role::{role:?}, ")).collect();
+        let _ = writeln!(
+            out,
+            "        Port {{ name: {name:?}, number: {number}, medium: {medium:?}, roles: &[{roles}], area: &AREAS[{area}] }},"
+        );
     }
     out.push_str("    ];\n\n");
 }
@@ -136,7 +150,7 @@ fn dims(device: &Device, field: &Field) -> Vec<String> {
     .collect()
 }
 
-fn provenance(from: &Provenance) -> String {
+pub fn provenance(from: &Provenance) -> String {
     match from {
         Provenance::Manual => "Provenance::Manual".to_owned(),
         Provenance::Documented(document) => format!("Provenance::Documented({document:?})"),

@@ -1,0 +1,54 @@
+//! Baud rates: the interval that belongs to each, and when in it what happens.
+
+use crate::layout::Provenance;
+
+/// Baud rate, interval and slot times of a CANsync bus that belong together. Times `t_` are microseconds after the
+/// SYNC edge, each the latest start of that frame. The table of a device is in its layout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(non_snake_case)]
+pub struct BaudRate {
+    /// Baud rate in kbit/s.
+    pub kbit_per_s: u16,
+    /// Code of the baud rate at function block `CANsync_INIT`.
+    pub us_BAUDRATE: u8,
+    /// Bit timing register 0 of the CAN controller.
+    pub b_BT_0: u8,
+    /// Bit timing register 1 of the CAN controller.
+    pub b_BT_1: u8,
+    /// Interval in ms.
+    pub b_TIME_PATTERN: u8,
+    /// Reference value frame 1.
+    pub t_WRC1: u32,
+    /// Actual value frame 1.
+    pub t_RDC1: u32,
+    /// Reference value frame 2.
+    pub t_WRC2: u32,
+    /// Actual value frame 2.
+    pub t_RDC2: u32,
+    /// Command channel.
+    pub t_CC: u32,
+    /// Response channel, in the next interval.
+    pub t_RC: u32,
+    /// Longest time a slave may take to answer, in us.
+    pub t_RSPTO: u32,
+    /// A master's reference values.
+    pub deadline_WRC: Deadline,
+    /// A slave's own actual values for frame 1.
+    pub deadline_RDC1: Deadline,
+    /// A slave's own actual values for frame 2.
+    pub deadline_RDC2: Deadline,
+    /// Longest bus in metres.
+    pub max_bus_m: u16,
+}
+
+/// When the firmware begins to build a frame: values must be released before. Microseconds after the start of the event
+/// task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Deadline {
+    /// Values released before this time are in time.
+    pub earliest: u32,
+    /// Values released at this time or later are late; equal to `earliest` if nothing else decides.
+    pub latest: u32,
+    /// Where the times are from.
+    pub source: Provenance,
+}

@@ -1,0 +1,36 @@
+//! Ports: each its own name and number, and an area that exists.
+
+use super::Names;
+use crate::error::{Error, Reason};
+use crate::model::{Area, Port};
+use crate::raw;
+use crate::source::{Sources, at};
+
+/// Checks all ports of the device and brings them into the order of their numbers.
+pub fn check(sources: &Sources, file: usize, raw: &[raw::Port], areas: &[Area]) -> Result<Vec<Port>, Error> {
+    let mut names = Names::default();
+    let mut ports: Vec<Port> = Vec::new();
+    for raw in raw {
+        names.add(sources, file, &raw.name)?;
+        let number = *raw.number.get_ref();
+        let number_is = |reason| sources.error(at(file, raw.number.span()), reason);
+        if number == 0 {
+            return Err(number_is(Reason::PortZero));
+        }
+        if ports.iter().any(|port| port.number == number) {
+            return Err(number_is(Reason::PortNumberTwice(number)));
+        }
+        let roles = raw.roles.get_ref();
+        if roles.is_empty() || (1..roles.len()).any(|n| roles[..n].contains(&roles[n])) {
+            return Err(sources.error(at(file, raw.roles.span()), Reason::PortRoles));
+        }
+        let wanted = raw.area.get_ref();
+        let Some(area) = areas.iter().position(|area| area.name == *wanted) else {
+            return Err(sources.error(at(file, raw.area.span()), Reason::UnknownArea(wanted.clone())));
+        };
+        let (name, medium) = (raw.name.get_ref().clone(), raw.medium.clone());
+        ports.push(Port { name, number, medium, roles: roles.clone(), area });
+    }
+    ports.sort_by_key(|port| port.number);
+    Ok(ports)
+}
