@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The devices: directories below `layouts/`. Each becomes a file of its name, `-` replaced by `_`.
-const DEVICES: [&str; 1] = ["omega-drive-line-2"];
+const DEVICES: [&str; 2] = ["omega-drive-line-2", "bm4-plc"];
+
+/// What devices share: directories below `layouts/`, each a file of its name, too.
+const FAMILIES: [&str; 1] = ["cansync"];
 
 fn main() -> ExitCode {
     println!("cargo::rerun-if-changed=layouts");
@@ -23,6 +26,10 @@ fn generate() -> Result<(), String> {
         let compiled =
             commram_layoutc::compile(&Path::new("layouts").join(device)).map_err(|e| e.to_string())?;
         write(&out_dir.join(format!("{}.rs", device.replace('-', "_"))), compiled.rust)?;
+    }
+    for family in FAMILIES {
+        let rust = commram_layoutc::compile_family(&Path::new("layouts").join(family));
+        write(&out_dir.join(format!("{family}.rs")), rust.map_err(|e| e.to_string())?)?;
     }
     let parameters = commram_layoutc::parameters::compile(Path::new("layouts/v-regler"), "parameters.toml")
         .map_err(|e| e.to_string())?;

@@ -1,5 +1,6 @@
 //! The devices, a folder each, [`cansync`], what the CANsync devices share, and the registry of them all.
 
+pub mod bm4_o_can_06;
 pub mod cansync;
 #[cfg(feature = "emulator")]
 mod catalogue;
@@ -43,11 +44,18 @@ pub struct Registered {
 }
 
 /// Every device, the default one first.
-pub static DEVICES: &[Registered] = &[Registered {
-    layout: &omega_drive_line_2::registers::DEVICE,
-    #[cfg(feature = "plc")]
-    blocks: omega_drive_line_2::blocks::BLOCKS,
-}];
+pub static DEVICES: &[Registered] = &[
+    Registered {
+        layout: &omega_drive_line_2::registers::DEVICE,
+        #[cfg(feature = "plc")]
+        blocks: omega_drive_line_2::blocks::BLOCKS,
+    },
+    Registered {
+        layout: &bm4_o_can_06::registers::DEVICE,
+        #[cfg(feature = "plc")]
+        blocks: &[],
+    },
+];
 
 /// The device of this name, as `--device` and plant files give it.
 #[must_use]

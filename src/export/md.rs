@@ -35,7 +35,7 @@ fn areas(scope: &Scope) -> String {
         vec![
             format!("`{}`", area.name),
             format!("`%MB3.{}` to `{}`", area.first, area.last()),
-            format!("16#{:08X}", area.cpu_first),
+            area.cpu_address(area.first),
             area.page.to_owned(),
             area.doc.to_owned(),
         ]

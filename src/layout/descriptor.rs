@@ -88,10 +88,8 @@ pub struct Area {
     pub first: u32,
     /// Size in bytes.
     pub bytes: u32,
-    /// First CPU address.
-    pub cpu_first: u32,
-    /// Last CPU address.
-    pub cpu_last: u32,
+    /// First and last CPU address, if the manual gives them.
+    pub cpu: Option<(u32, u32)>,
     /// What the area is for.
     pub doc: &'static str,
     /// Page of the manual.
@@ -107,10 +105,10 @@ impl Area {
         self.first + (self.bytes - 1)
     }
 
-    /// Where the CPU finds byte `offset` of the segment, one of this area's: `16#B414A004`.
+    /// Where the CPU finds byte `offset` of the segment, one of this area's: `16#B414A004`; empty if the manual does not say.
     #[must_use]
     pub fn cpu_address(&self, offset: u32) -> String {
-        format!("16#{:08X}", self.cpu_first + (offset - self.first))
+        self.cpu.map_or(String::new(), |(first, _)| format!("16#{:08X}", first + (offset - self.first)))
     }
 
     /// Whether the area has byte `offset` of the segment.
@@ -139,6 +137,8 @@ pub struct Placed {
     pub structure: &'static Structure,
     /// When the structure is the valid one of those that overlay each other.
     pub live: Live,
+    /// What the port of this area must be for the structure to lie there; `None`: anything.
+    pub role: Option<Role>,
     /// Name of the variable that the application declares there, the manual's where it has one.
     pub variable: &'static str,
     /// Where the name of the variable is from.

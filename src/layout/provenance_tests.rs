@@ -1,7 +1,8 @@
 //! Every fact that the register maps show is either documented, with its page, or follows from a decision that
 //! `docs/decisions.md` has.
 
-use super::{Meaning, Provenance, Register, Structure};
+use super::{Device, Meaning, Provenance, Register, Structure};
+use crate::devices::DEVICES;
 use crate::devices::omega_drive_line_2::registers::DEVICE;
 use std::collections::BTreeMap;
 
@@ -43,24 +44,32 @@ fn check(what: &str, source: Provenance, page: &str) {
 
 #[test]
 fn every_fact_has_a_page_or_a_decision() {
-    for area in DEVICE.areas {
+    for device in DEVICES {
+        every_fact_of(device.layout);
+    }
+}
+
+fn every_fact_of(device: &'static Device) {
+    for area in device.areas {
         check(area.name, area.name_from, area.page);
         for placed in area.structures {
             check(placed.variable, placed.variable_from, placed.structure.page);
         }
     }
-    for structure in structures() {
+    for structure in device.areas.iter().flat_map(|area| area.structures).map(|placed| placed.structure) {
         check(structure.name, structure.name_from, structure.page);
         for register in structure.registers {
             for (fact, source) in register.facts() {
                 check(&format!("{}.{}: {fact}", structure.name, register.name), source, register.page);
             }
             check(register.group_type, register.group_type_from, register.page);
-        }
-    }
-    for (name, meaning) in meanings() {
-        for (text, source) in sources(meaning) {
-            check(&format!("{name}: {text}"), source, meaning.page);
+            for (meaning, (text, source)) in register
+                .meaning
+                .into_iter()
+                .flat_map(|known| sources(known).into_iter().map(move |it| (known, it)))
+            {
+                check(&format!("{}: {}: {text}", device.name, meaning.name), source, meaning.page);
+            }
         }
     }
 }

@@ -4,12 +4,20 @@ use super::entry::Entry;
 use crate::cli::table;
 use commram::layout::Device;
 
+/// The address, and where the CPU finds it if that is known.
+fn address(entry: &Entry) -> String {
+    match entry.cpu_address.as_str() {
+        "" => entry.address.clone(),
+        cpu => format!("{} (CPU {cpu})", entry.address),
+    }
+}
+
 /// Several lines of text.
 pub fn text(device: &Device, entry: &Entry) -> String {
     let line = |name: &str, value: String| vec![format!("  {name}"), value];
     let mut lines = vec![
         line("meaning", entry.meaning.to_owned()),
-        line("address", format!("{} (CPU {})", entry.address, entry.cpu_address)),
+        line("address", address(entry)),
         line("type", entry.ty.clone()),
         line("owner", entry.owner.clone()),
         line("reset value", entry.reset.clone()),

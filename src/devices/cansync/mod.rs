@@ -16,4 +16,10 @@ pub mod records;
 pub mod rules;
 mod rate;
 
+/// Registers of CANsync nodes, generated from `layouts/cansync`.
+#[allow(non_snake_case, non_camel_case_types)]
+pub mod registers {
+    include!(concat!(env!("OUT_DIR"), "/cansync.rs"));
+}
+
 pub use rate::{BaudRate, Deadline};

@@ -20,7 +20,7 @@ fn canonical(device: &Device) -> String {
         }
         text.push('\n');
     }
-    let mut structures: Vec<_> = device.structures.iter().chain(&device.substructures).collect();
+    let mut structures: Vec<_> = device.used_types().collect();
     structures.sort_by(|a, b| a.name.cmp(&b.name));
     for structure in structures {
         describe(&mut text, device, structure);

@@ -31,6 +31,15 @@ pub struct Compiled {
     pub inputs: Vec<PathBuf>,
 }
 
+/// Compiles what the devices of a family share, in `dir`, starting at its `family.toml`.
+///
+/// # Errors
+/// The first thing that is wrong, with its place.
+pub fn compile_family(dir: &Path) -> Result<String, Error> {
+    let family = check::load_family(&mut source::Sources::new(dir))?;
+    Ok(emit::family(&family))
+}
+
 /// Compiles the layout in `dir`, starting at its `device.toml`.
 ///
 /// # Errors

@@ -2,11 +2,13 @@
 
 pub use crate::raw::{Live, Owner, Provenance, Role};
 
-/// A whole device.
+/// A whole device, or a family: structures without areas.
 pub struct Device {
     pub name: String,
     pub title: String,
     pub manual: String,
+    /// Name of the family that the `shared` structures and meanings are of.
+    pub family: Option<String>,
     pub dip_first: u8,
     pub dip_last: u8,
     pub meanings: Vec<Meaning>,
@@ -46,8 +48,8 @@ pub struct Area {
     pub name_from: Provenance,
     pub first: u32,
     pub bytes: u32,
-    pub cpu_first: u32,
-    pub cpu_last: u32,
+    /// First and last CPU address, if the manual gives them.
+    pub cpu: Option<(u32, u32)>,
     pub page: String,
     pub doc: String,
     pub structures: Vec<Placed>,
@@ -58,6 +60,8 @@ pub struct Placed {
     /// Index into [`Device::structures`].
     pub structure: usize,
     pub live: Live,
+    /// What the port of this area must be for the structure to lie there; `None`: anything.
+    pub role: Option<Role>,
     /// Name of the variable that the application declares there.
     pub variable: String,
     pub variable_from: Provenance,
@@ -73,11 +77,17 @@ pub struct Structure {
     pub align: u32,
     pub page: String,
     pub doc: String,
+    /// Whether it is the family's.
+    pub shared: bool,
+    /// The family's structure that it can be looked at as: an index into [`Device::structures`].
+    pub view: Option<usize>,
     pub fields: Vec<Field>,
 }
 
 pub struct Field {
     pub name: String,
+    /// What the structure of `view` calls it.
+    pub view_name: String,
     pub offset: u32,
     pub kind: Kind,
     pub dims: Vec<u32>,
@@ -168,13 +178,25 @@ impl Scalar {
 /// What the values and bits of a register mean.
 pub struct Meaning {
     pub name: String,
-    /// Empty if the manual states none of it.
-    pub page: String,
+    /// Manuals, and the pages on which they state it; none if no manual does.
+    pub pages: Vec<(String, String)>,
+    /// Whether it is the family's.
+    pub shared: bool,
     pub values: Vec<Value>,
     pub bits: Vec<Bit>,
 }
 
 impl Meaning {
+    /// The pages of this manual that state it; empty if none does.
+    pub fn page_in(&self, manual: &str) -> &str {
+        self.pages.iter().find(|(known, _)| known == manual).map_or("", |(_, pages)| pages)
+    }
+
+    /// Whether a manual states something of it.
+    pub fn is_documented(&self) -> bool {
+        self.sources().any(|source| *source == Provenance::Manual)
+    }
+
     /// Those of all values and bits.
     pub fn sources(&self) -> impl Iterator<Item = &Provenance> {
         let of_bits = self
@@ -206,6 +228,32 @@ pub struct Bit {
 }
 
 impl Device {
+    /// Structures and sub-structures that become types of the device's own module.
+    pub fn own_types(&self) -> impl Iterator<Item = &Structure> {
+        self.substructures.iter().chain(&self.structures).filter(|structure| !structure.shared)
+    }
+
+    /// The family's structures and sub-structures that something of the device is made of.
+    pub fn used_shared_types(&self) -> impl Iterator<Item = &Structure> {
+        self.used_types().filter(|structure| structure.shared)
+    }
+
+    /// What lies in the areas, and the sub-structures in it; of a family all.
+    pub fn used_types(&self) -> impl Iterator<Item = &Structure> {
+        let in_areas = |index: usize| {
+            self.areas.iter().flat_map(|area| &area.structures).any(|placed| placed.structure == index)
+        };
+        let counts = move |index: usize| !self.structures[index].shared || in_areas(index);
+        let has = move |sub: usize| {
+            let used = self.structures.iter().enumerate().filter(move |(index, _)| counts(*index));
+            used.flat_map(|(_, structure)| &structure.fields).any(|field| field.kind == Kind::Sub(sub))
+        };
+        let subs = self.substructures.iter().enumerate();
+        let subs = subs.filter(move |(index, sub)| !sub.shared || has(*index)).map(|(_, sub)| sub);
+        let structures = self.structures.iter().enumerate();
+        subs.chain(structures.filter(move |(index, _)| counts(*index)).map(|(_, structure)| structure))
+    }
+
     /// Bytes of `field` with all its elements.
     pub fn size(&self, field: &Field) -> u32 {
         field.size(&self.substructures)

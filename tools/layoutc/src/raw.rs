@@ -3,6 +3,20 @@
 use serde::Deserialize;
 use toml::Spanned;
 
+/// `family.toml`: what devices share.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Family {
+    pub name: Spanned<String>,
+    pub title: String,
+    /// The manual that the pages in the family's files refer to.
+    pub manual: String,
+    pub reserved: Reserved,
+    #[serde(default)]
+    pub parts: Vec<Spanned<String>>,
+    pub structures: Vec<Spanned<String>>,
+}
+
 /// `device.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -10,6 +24,8 @@ pub struct Device {
     pub name: Spanned<String>,
     pub title: String,
     pub manual: String,
+    /// Directory beside the device's, if it shares structures with others.
+    pub family: Option<Spanned<String>>,
     pub dip: Range,
     pub reserved: Reserved,
     /// Where the names of areas are from, and of variables that are made of these.
@@ -25,7 +41,7 @@ pub struct Device {
 }
 
 /// Who writes the registers that the manual reserves.
-#[derive(Deserialize)]
+#[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub struct Reserved {
     pub owner: Owner,
@@ -45,8 +61,8 @@ pub struct Area {
     pub name: Spanned<String>,
     pub first: Spanned<u32>,
     pub last: Spanned<u32>,
-    pub cpu_first: u32,
-    pub cpu_last: u32,
+    pub cpu_first: Option<u32>,
+    pub cpu_last: Option<u32>,
     pub page: String,
     pub doc: String,
     #[serde(default)]
@@ -58,6 +74,7 @@ pub struct Area {
 pub struct Placed {
     pub name: Spanned<String>,
     pub live: Live,
+    pub role: Option<Role>,
     pub variable: Option<Spanned<String>>,
     #[serde(default)]
     pub unused: Vec<Spanned<String>>,
@@ -145,6 +162,8 @@ pub struct Structure {
     pub doc: String,
     /// Of the type's own name; a block has none.
     pub name_from: Option<Provenance>,
+    /// The family's structure that firmware and function blocks look at this one as.
+    pub view: Option<Spanned<String>>,
     pub offsets: Provenance,
     pub names: Provenance,
     pub types: Provenance,
@@ -162,6 +181,8 @@ pub struct Entry {
     pub offset: Spanned<u32>,
     pub padding: Option<Spanned<u32>>,
     pub name: Option<Spanned<String>>,
+    /// What the structure of `view` calls it, if otherwise.
+    pub view_name: Option<Spanned<String>>,
     #[serde(rename = "type")]
     pub ty: Option<Spanned<String>>,
     pub array: Option<Spanned<Vec<u32>>>,
@@ -231,6 +252,9 @@ pub struct Meaning {
     pub name: Spanned<String>,
     /// Where the manual states it.
     pub page: Option<String>,
+    /// Where manuals of other devices state it, too.
+    #[serde(default)]
+    pub pages: std::collections::BTreeMap<String, String>,
     /// Of values and bits without one of their own; the manual, if there is a page.
     pub source: Option<Provenance>,
     #[serde(default)]

@@ -42,10 +42,13 @@ impl Sources {
         self.files.iter().map(|(path, _)| path.clone()).collect()
     }
 
-    /// Reads and parses `name`, and returns its number with the content. `from` is where the file is
+    /// Reads and parses `name`, perhaps one of a directory beside (`../other/name`), and returns its number with the content. `from` is where the file is
     /// asked for; a missing file is reported there.
     pub fn parse<T: DeserializeOwned>(&mut self, name: &str, from: Option<At>) -> Result<(usize, T), Error> {
-        let path = self.dir.join(name);
+        let path = match (name.strip_prefix("../"), self.dir.parent()) {
+            (Some(beside), Some(parent)) => parent.join(beside),
+            _ => self.dir.join(name),
+        };
         let text = self.edits.get(&path).cloned().map_or_else(|| std::fs::read_to_string(&path), Ok);
         let text = text.map_err(|error| match from {
             Some(at) => self.error(at, Reason::Unreadable(format!("{}: {error}", path.display()))),

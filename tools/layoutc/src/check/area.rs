@@ -50,6 +50,11 @@ fn area(
     if last < first {
         return Err(sources.error(at(file, raw.last.span()), Reason::AreaReversed { name, first, last }));
     }
+    let cpu = match (raw.cpu_first, raw.cpu_last) {
+        (Some(first), Some(last)) => Some((first, last)),
+        (None, None) => None,
+        _ => return Err(sources.error(at(file, raw.name.span()), Reason::HalfCpu)),
+    };
     let bytes = (last - first).saturating_add(1);
     let mut placed: Vec<Placed> = Vec::new();
     for entry in &raw.structure {
@@ -71,11 +76,14 @@ fn area(
         let new = Placed {
             structure: index,
             live: entry.live,
+            role: entry.role,
             variable,
             variable_from,
             unused: unused(sources, file, structure, &entry.unused)?,
         };
-        for other in &placed {
+        // What is in the slot of a port stays there: structures of different roles never meet.
+        let meets = |other: &&Placed| new.role.is_none() || other.role.is_none() || new.role == other.role;
+        for other in placed.iter().filter(meets) {
             same_widths(sources, place, &name, [&new, other], structures, subs)?;
         }
         placed.push(new);
@@ -85,8 +93,7 @@ fn area(
         name_from: names.clone(),
         first,
         bytes,
-        cpu_first: raw.cpu_first,
-        cpu_last: raw.cpu_last,
+        cpu,
         page: raw.page.clone(),
         doc: raw.doc.clone(),
         structures: placed,

@@ -54,7 +54,7 @@ pub fn check(
             let meaning = match &entry.meaning {
                 Some(m) => {
                     let wanted = (m.get_ref().as_str(), at(file, m.span()));
-                    Some(meaning::find(sources, &parts.meanings, wanted, name, scalar)?)
+                    Some(meaning::find(sources, parts, wanted, name, scalar)?)
                 }
                 None => None,
             };
@@ -70,6 +70,7 @@ pub fn check(
     };
     let field = Field {
         name: name.clone(),
+        view_name: entry.view_name.as_ref().unwrap_or(name_at).get_ref().clone(),
         offset: *entry.offset.get_ref(),
         kind,
         dims,
@@ -92,6 +93,7 @@ pub fn check(
 fn padding(entry: &raw::Entry, bytes: u32, home: &raw::Structure) -> Field {
     Field {
         name: format!("_padding_{}", entry.offset.get_ref()),
+        view_name: String::new(),
         offset: *entry.offset.get_ref(),
         kind: Kind::Padding(bytes),
         dims: Vec::new(),

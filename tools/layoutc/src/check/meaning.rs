@@ -1,5 +1,6 @@
 //! Meanings: values and bits must not be described twice, and must fit the registers that use them.
 
+use super::Parts;
 use crate::error::{Error, Reason};
 use crate::model::{Bit, Meaning, Provenance, Scalar, Value};
 use crate::raw;
@@ -13,8 +14,14 @@ pub struct Checked {
     bits: Vec<At>,
 }
 
-/// Checks `raw` and appends it.
-pub fn add(sources: &Sources, file: usize, raw: &raw::Meaning, all: &mut Vec<Checked>) -> Result<(), Error> {
+/// Checks `raw` and appends it. `manual` is that of the file, `shared` whether the file is the family's.
+pub fn add(
+    sources: &Sources,
+    file: usize,
+    raw: &raw::Meaning,
+    (manual, shared): (&str, bool),
+    all: &mut Vec<Checked>,
+) -> Result<(), Error> {
     let name = raw.name.get_ref();
     if all.iter().any(|checked| checked.meaning.name == *name) {
         return Err(sources.error(at(file, raw.name.span()), Reason::DuplicateName(name.clone())));
@@ -37,9 +44,10 @@ pub fn add(sources: &Sources, file: usize, raw: &raw::Meaning, all: &mut Vec<Che
         }
         bits.push(bit);
     }
-    let page = raw.page.clone().unwrap_or_default();
-    let meaning = Meaning { name: name.clone(), page, values, bits };
-    if raw.page.is_none() && meaning.sources().any(|source| *source == Provenance::Manual) {
+    let own = raw.page.iter().map(|page| (manual.to_owned(), page.clone()));
+    let others = raw.pages.iter().map(|(manual, page)| (manual.clone(), page.clone()));
+    let meaning = Meaning { name: name.clone(), pages: own.chain(others).collect(), shared, values, bits };
+    if raw.page.is_none() && meaning.is_documented() {
         return Err(sources.error(at(file, raw.name.span()), Reason::MeaningWithoutPage(name.clone())));
     }
     all.push(Checked {
@@ -53,15 +61,20 @@ pub fn add(sources: &Sources, file: usize, raw: &raw::Meaning, all: &mut Vec<Che
 /// The meaning called `name`, if everything in it fits a register `register` of type `scalar`.
 pub fn find(
     sources: &Sources,
-    all: &[Checked],
+    parts: &Parts,
     name: (&str, At),
     register: &str,
     scalar: Scalar,
 ) -> Result<usize, Error> {
+    let all = &parts.meanings;
     let Some(index) = all.iter().position(|checked| checked.meaning.name == name.0) else {
         return Err(sources.error(name.1, Reason::UnknownMeaning(name.0.to_owned())));
     };
     let Checked { meaning, values, bits } = &all[index];
+    if meaning.is_documented() && !meaning.pages.iter().any(|(manual, _)| *manual == parts.manual) {
+        let (meaning, manual) = (meaning.name.clone(), parts.manual.clone());
+        return Err(sources.error(name.1, Reason::MeaningWithoutPagesOf { meaning, manual }));
+    }
     let width = scalar.width() * 8;
     for (value, place) in meaning.values.iter().zip(values) {
         if u64::from(value.last) >= 1u64 << width {

@@ -2,24 +2,30 @@
 
 mod area;
 mod field;
+pub mod files;
 mod meaning;
 mod port;
 mod rate;
 mod structure;
+mod view;
 
 use crate::error::{Error, Reason};
-use crate::model::Device;
+use crate::model::{Device, Structure};
 use crate::raw;
 use crate::source::{At, Sources, at};
+use files::{Named, Top};
 use std::collections::BTreeMap;
 
 /// Everything structures refer to by name.
 struct Parts {
     /// Who writes what the manual reserves.
     reserved: raw::Reserved,
+    /// The manual whose device is looked at.
+    manual: String,
     /// Where the bits of each meaning stand, to point at a bit that is too wide for a register.
     meanings: Vec<meaning::Checked>,
-    substructures: Vec<crate::model::Structure>,
+    substructures: Vec<Structure>,
+    structures: Vec<Structure>,
     blocks: Vec<(usize, raw::Structure)>,
     /// Every name of a type that becomes a Rust item.
     types: Names,
@@ -27,52 +33,23 @@ struct Parts {
 
 /// Reads and checks the layout whose `device.toml` lies in the directory of `sources`.
 pub fn load(sources: &mut Sources) -> Result<Device, Error> {
-    let (file, raw): (usize, raw::Device) = sources.parse("device.toml", None)?;
-    let mut parts = Parts {
-        reserved: raw.reserved,
-        meanings: Vec::new(),
-        substructures: Vec::new(),
-        blocks: Vec::new(),
-        types: Names::default(),
-    };
-    let mut part_files = Vec::new();
-    for name in &raw.parts {
-        part_files.push(sources.parse::<raw::Parts>(name.get_ref(), Some(at(file, name.span())))?);
+    let Top { file, device: raw, family, parts, structures } = files::read(sources)?;
+    let family_manual = family.as_ref().map_or("", |family| &family.manual);
+    let manual_of = |shared| if shared { family_manual } else { &raw.manual };
+    let mut all = Parts::new(&raw.reserved, &raw.manual);
+    let (shared, own): (Vec<_>, Vec<_>) = structures.into_iter().partition(|named| named.shared);
+    all.read_parts(sources, &parts, manual_of)?;
+    if let Some(family) = &family {
+        // The family's registers are judged by the family's rules.
+        let theirs = Parts::new(&family.reserved, &family.manual);
+        let (reserved, manual) = (theirs.reserved, theirs.manual);
+        let ours =
+            (std::mem::replace(&mut all.reserved, reserved), std::mem::replace(&mut all.manual, manual));
+        all.read_structures(sources, &shared)?;
+        (all.reserved, all.manual) = ours;
     }
-    // All meanings first: sub-structures and blocks of any parts file may refer to them.
-    for (file, part) in &part_files {
-        for meaning in &part.meaning {
-            meaning::add(sources, *file, meaning, &mut parts.meanings)?;
-        }
-    }
-    let mut block_names = Names::default();
-    for (file, part) in part_files {
-        for raw in &part.substructure {
-            parts.types.add(sources, file, &raw.name)?;
-            // Without the others in sight: sub-structures do not nest.
-            let others = std::mem::take(&mut parts.substructures);
-            let checked = structure::check(sources, &parts, file, raw)?;
-            if let Some(field) = checked.fields.iter().find(|field| field.dims.len() > 1) {
-                let reason = Reason::NestedArray(field.name.clone());
-                return Err(sources.error(at(file, raw.name.span()), reason));
-            }
-            parts.substructures = others;
-            parts.substructures.push(checked);
-        }
-        for raw in part.block {
-            block_names.add(sources, file, &raw.name)?;
-            parts.blocks.push((file, raw));
-        }
-    }
-
-    let mut structures = Vec::new();
-    for name in &raw.structures {
-        let file_name = format!("{}.toml", name.get_ref());
-        let (file, raw): (usize, raw::Structure) = sources.parse(&file_name, Some(at(file, name.span())))?;
-        parts.types.add(sources, file, &raw.name)?;
-        structures.push(structure::check(sources, &parts, file, &raw)?);
-    }
-    let mut areas = area::check(sources, file, (&raw.area, &raw.names), &structures, &parts.substructures)?;
+    all.read_structures(sources, &own)?;
+    let mut areas = area::check(sources, file, (&raw.area, &raw.names), &all.structures, &all.substructures)?;
     areas.sort_by_key(|area| area.first);
     let ports = port::check(sources, file, &raw.port, &areas)?;
     let baud_rates = raw.baud_rate.iter().map(|rate| rate::check(sources, file, rate));
@@ -82,15 +59,109 @@ pub fn load(sources: &mut Sources) -> Result<Device, Error> {
         name: raw.name.into_inner(),
         title: raw.title,
         manual: raw.manual,
+        family: raw.family.map(toml::Spanned::into_inner),
         dip_first: raw.dip.first,
         dip_last: raw.dip.last,
-        meanings: parts.meanings.into_iter().map(|checked| checked.meaning).collect(),
-        substructures: parts.substructures,
-        structures,
+        meanings: all.meanings.into_iter().map(|checked| checked.meaning).collect(),
+        substructures: all.substructures,
+        structures: all.structures,
         areas,
         ports,
         baud_rates,
     })
+}
+
+/// Reads and checks the family whose `family.toml` lies in the directory of `sources`.
+pub fn load_family(sources: &mut Sources) -> Result<Device, Error> {
+    let (file, raw, parts, structures) = files::read_family(sources)?;
+    let mut all = Parts::new(&raw.reserved, &raw.manual);
+    all.read_parts(sources, &parts, |_| &raw.manual)?;
+    all.read_structures(sources, &structures)?;
+    identifier(sources, at(file, raw.name.span()), raw.name.get_ref())?;
+    Ok(Device {
+        name: raw.name.into_inner(),
+        title: raw.title,
+        manual: raw.manual,
+        family: None,
+        dip_first: 0,
+        dip_last: 0,
+        meanings: all.meanings.into_iter().map(|checked| checked.meaning).collect(),
+        substructures: all.substructures,
+        structures: all.structures,
+        areas: Vec::new(),
+        ports: Vec::new(),
+        baud_rates: Vec::new(),
+    })
+}
+
+impl Parts {
+    fn new(reserved: &raw::Reserved, manual: &str) -> Self {
+        Self {
+            reserved: reserved.clone(),
+            manual: manual.to_owned(),
+            meanings: Vec::new(),
+            substructures: Vec::new(),
+            structures: Vec::new(),
+            blocks: Vec::new(),
+            types: Names::default(),
+        }
+    }
+
+    /// Reads meanings, sub-structures and blocks; `manual_of` tells the manual of shared files and of own ones.
+    fn read_parts<'a>(
+        &mut self,
+        sources: &mut Sources,
+        files: &[Named],
+        manual_of: impl Fn(bool) -> &'a str,
+    ) -> Result<(), Error> {
+        let mut read = Vec::new();
+        for named in files {
+            let (file, part) = sources.parse::<raw::Parts>(&named.path, Some(named.at))?;
+            read.push((file, part, named.shared));
+        }
+        // All meanings first: sub-structures and blocks of any parts file may refer to them.
+        for (file, part, shared) in &read {
+            for raw in &part.meaning {
+                let of = (manual_of(*shared), *shared);
+                meaning::add(sources, *file, raw, of, &mut self.meanings)?;
+            }
+        }
+        let mut block_names = Names::default();
+        for (file, part, shared) in read {
+            for raw in &part.substructure {
+                self.types.add(sources, file, &raw.name)?;
+                // Without the others in sight: sub-structures do not nest.
+                let others = std::mem::take(&mut self.substructures);
+                let mut checked = structure::check(sources, self, file, raw)?;
+                checked.shared = shared;
+                if let Some(field) = checked.fields.iter().find(|field| field.dims.len() > 1) {
+                    let reason = Reason::NestedArray(field.name.clone());
+                    return Err(sources.error(at(file, raw.name.span()), reason));
+                }
+                self.substructures = others;
+                self.substructures.push(checked);
+            }
+            for raw in part.block {
+                block_names.add(sources, file, &raw.name)?;
+                self.blocks.push((file, raw));
+            }
+        }
+        Ok(())
+    }
+
+    fn read_structures(&mut self, sources: &mut Sources, files: &[Named]) -> Result<(), Error> {
+        for named in files {
+            let (file, raw): (usize, raw::Structure) = sources.parse(&named.path, Some(named.at))?;
+            self.types.add(sources, file, &raw.name)?;
+            let mut checked = structure::check(sources, self, file, &raw)?;
+            checked.shared = named.shared;
+            if let Some(wanted) = &raw.view {
+                checked.view = Some(view::check(sources, self, file, wanted, &raw, &checked)?);
+            }
+            self.structures.push(checked);
+        }
+        Ok(())
+    }
 }
 
 /// Names that must be unique.

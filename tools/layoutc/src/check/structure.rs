@@ -73,6 +73,8 @@ pub fn check(
         align,
         page: raw.page.clone(),
         doc: raw.doc.clone(),
+        shared: false,
+        view: None,
         fields: fields.into_iter().map(|(_, field)| field).collect(),
     })
 }

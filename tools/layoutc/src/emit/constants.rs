@@ -11,9 +11,9 @@ pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         out,
         "/// Hash over everything that affects addresses or widths.\n\
          pub const LAYOUT_HASH: u64 = 0x{layout_hash:016X};\n\n\
-         /// Lowest number the DIP switches S33 can be set to.\n\
+         /// Lowest number that can be set at the DIP switches.\n\
          pub const DIP_FIRST: u8 = {};\n\n\
-         /// Highest number the DIP switches S33 can be set to.\n\
+         /// Highest number that can be set at the DIP switches.\n\
          pub const DIP_LAST: u8 = {};\n",
         device.dip_first, device.dip_last
     );

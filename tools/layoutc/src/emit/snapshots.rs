@@ -7,9 +7,12 @@ use std::fmt::Write;
 pub fn emit(out: &mut String, device: &Device) {
     out.push_str(
         "/// Plain copies of the structures, little-endian as in the RAM, for files, comparison and display.\n\
-         pub mod snapshot {\n    use super::{U16, U32};\n\n",
+         pub mod snapshot {\n    #[allow(unused_imports, reason = \"not every width occurs\")]\n    use super::{U16, U32};\n\n",
     );
-    for structure in device.substructures.iter().chain(&device.structures) {
+    if let Some(names) = super::shared_names(device) {
+        let _ = writeln!(out, "    pub use {}::snapshot::{{{names}}};\n", super::family_module(device));
+    }
+    for structure in device.own_types() {
         let name = &structure.name;
         let _ = writeln!(
             out,

@@ -5,12 +5,50 @@ use crate::model::{Device, Field, Kind, Structure};
 use std::fmt::Write;
 
 pub fn emit(out: &mut String, device: &Device) {
-    out.push_str("use crate::memory::cell::{Cell8, Cell16, Cell32, SharedRegs};\n");
-    out.push_str("use zerocopy::little_endian::{U16, U32};\n\n");
-    for structure in device.substructures.iter().chain(&device.structures) {
+    let unused = "#[allow(unused_imports, reason = \"not every width occurs\")]\n";
+    let _ = writeln!(
+        out,
+        "{unused}use crate::memory::cell::{{Cell8, Cell16, Cell32, SharedRegs}};\n\
+         {unused}use zerocopy::little_endian::{{U16, U32}};\n"
+    );
+    if let Some(names) = super::shared_names(device) {
+        let _ = writeln!(out, "pub use {}::{{{names}}};\n", super::family_module(device));
+    }
+    for structure in device.own_types() {
         emit_struct(out, device, structure);
         emit_methods(out, structure);
+        if let Some(view) = structure.view {
+            emit_view(out, device, structure, &device.structures[view]);
+        }
     }
+}
+
+/// The conversion to the family's structure, and the proof that it is one.
+fn emit_view(out: &mut String, device: &Device, structure: &Structure, view: &Structure) {
+    let (name, as_name) = (&structure.name, &view.name);
+    let family = super::family_module(device);
+    let _ = writeln!(
+        out,
+        "const _: () = {{\n    use {family}::{as_name} as View;\n    \
+         const fn alike<T, A, B>(_: fn(&A) -> &T, _: fn(&B) -> &T) {{}}"
+    );
+    for field in structure.fields.iter().filter(|field| !field.is_padding()) {
+        let (own, theirs) = (&field.name, &field.view_name);
+        let _ = writeln!(
+            out,
+            "    assert!(core::mem::offset_of!({name}, {own}) == core::mem::offset_of!(View, {theirs}));\n    \
+             alike(|own: &{name}| &own.{own}, |view: &View| &view.{theirs});"
+        );
+    }
+    let _ = writeln!(
+        out,
+        "    assert!(size_of::<{name}>() == size_of::<View>() && align_of::<{name}>() == align_of::<View>());\n}};\n\n\
+         impl AsRef<{family}::{as_name}> for {name} {{\n    \
+         fn as_ref(&self) -> &{family}::{as_name} {{\n        \
+         // SAFETY: both are cells only, of one size and alignment, and any bits are valid in a cell; that all registers\n        \
+         // lie alike is asserted above.\n        \
+         unsafe {{ &*core::ptr::from_ref(self).cast() }}\n    }}\n}}\n"
+    );
 }
 
 fn emit_struct(out: &mut String, device: &Device, structure: &Structure) {

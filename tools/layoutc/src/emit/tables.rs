@@ -3,6 +3,7 @@
 use crate::model::{
     Area, Bit, Device, Field, Kind, Meaning, Owner, Placed, Port, Provenance, Structure, Value,
 };
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
@@ -18,32 +19,63 @@ pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     );
     areas(out, device);
     ports(out, device);
-    for structure in &device.structures {
+    described(out, device);
+}
+
+/// The descriptors that devices of the family refer to.
+pub fn emit_family(out: &mut String, family: &Device) {
+    out.push_str(
+        "/// What the layout files say about structures and registers.\n\
+         pub mod descriptor {\n    use crate::layout::*;\n\n",
+    );
+    described(out, family);
+}
+
+fn described(out: &mut String, device: &Device) {
+    for structure in device.structures.iter().filter(|structure| !structure.shared) {
         emit_structure(out, device, structure);
     }
-    for meaning in &device.meanings {
-        emit_meaning(out, meaning);
+    let used = used_meanings(device);
+    for (_, meaning) in device.meanings.iter().enumerate().filter(|(index, _)| used.contains(index)) {
+        emit_meaning(out, device, meaning);
     }
     out.push_str("}\n\n");
+}
+
+/// The meanings that registers of the device's own structures have.
+fn used_meanings(device: &Device) -> BTreeSet<usize> {
+    let own = device.structures.iter().filter(|structure| !structure.shared);
+    let fields = own.flat_map(|structure| &structure.fields).flat_map(|field| match field.kind {
+        Kind::Sub(index) => device.substructures[index].fields.as_slice(),
+        _ => std::slice::from_ref(field),
+    });
+    fields.filter_map(|field| field.meaning).collect()
+}
+
+/// The path of a static, from the module of descriptors.
+fn path(device: &Device, shared: bool, name: &str) -> String {
+    if shared { format!("{}::descriptor::{name}", super::family_module(device)) } else { name.to_owned() }
 }
 
 fn areas(out: &mut String, device: &Device) {
     let count = device.areas.len();
     let _ = writeln!(out, "    /// The areas in ascending order.\n    pub static AREAS: [Area; {count}] = [");
     for area in &device.areas {
-        let Area { name, name_from, first, bytes, cpu_first, cpu_last, page, doc, structures } = area;
+        let Area { name, name_from, first, bytes, cpu, page, doc, structures } = area;
         let name_from = provenance(name_from);
         let _ = write!(
             out,
-            "        Area {{ name: {name:?}, name_from: {name_from}, first: {first}, bytes: {bytes}, cpu_first: 0x{cpu_first:X}, \
-             cpu_last: 0x{cpu_last:X}, page: {page:?}, doc: {doc:?}, structures: &["
+            "        Area {{ name: {name:?}, name_from: {name_from}, first: {first}, bytes: {bytes}, cpu: {cpu:?}, \
+             page: {page:?}, doc: {doc:?}, structures: &["
         );
-        for Placed { structure, live, variable, variable_from, unused } in structures {
+        for Placed { structure, live, role, variable, variable_from, unused } in structures {
             let variable_from = provenance(variable_from);
-            let item = static_name(&device.structures[*structure].name);
+            let structure = &device.structures[*structure];
+            let item = path(device, structure.shared, &static_name(&structure.name));
+            let role = role.map_or("None".to_owned(), |role| format!("Some(Role::{role:?})"));
             let _ = write!(
                 out,
-                "Placed {{ structure: &{item}, live: Live::{live:?}, variable: {variable:?}, \
+                "Placed {{ structure: &{item}, live: Live::{live:?}, role: {role}, variable: {variable:?}, \
                  variable_from: {variable_from}, unused: &{unused:?} }}, "
             );
         }
@@ -108,7 +140,10 @@ fn emit_register(out: &mut String, device: &Device, group: Option<&Field>, field
     });
     dims.extend(self::dims(device, field));
     let meaning = match field.meaning {
-        Some(index) => format!("Some(&{})", meaning_name(&device.meanings[index])),
+        Some(index) => {
+            let meaning = &device.meanings[index];
+            format!("Some(&{})", meaning_name(meaning))
+        }
         None => "None".to_owned(),
     };
     let Field { name, reset, reserved, doc, .. } = field;
@@ -162,13 +197,25 @@ fn meaning_name(meaning: &Meaning) -> String {
     format!("MEANING_{}", meaning.name.to_uppercase())
 }
 
-fn emit_meaning(out: &mut String, meaning: &Meaning) {
+/// A meaning on the pages of the device's manual; the family's values and bits are told there.
+fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
+    let page = meaning.page_in(&device.manual);
+    if meaning.shared {
+        let theirs = path(device, true, &meaning_name(meaning));
+        let _ = writeln!(
+            out,
+            "    static {}: Meaning = Meaning {{ name: {:?}, page: {page:?}, values: {theirs}.values, bits: {theirs}.bits }};\n",
+            meaning_name(meaning),
+            meaning.name,
+        );
+        return;
+    }
     let _ = writeln!(
         out,
-        "    static {}: Meaning = Meaning {{ name: {:?}, page: {:?}, values: {}, bits: &[",
+        "    /// Meaning `{}`.\n    pub static {}: Meaning = Meaning {{ name: {:?}, page: {page:?}, values: {}, bits: &[",
+        meaning.name,
         meaning_name(meaning),
         meaning.name,
-        meaning.page,
         values(&meaning.values)
     );
     for bit in &meaning.bits {

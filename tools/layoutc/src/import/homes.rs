@@ -1,5 +1,6 @@
 //! Everything in the layout files that has a list of registers: structures, sub-structures, blocks.
 
+use crate::check::files;
 use crate::error::Error;
 use crate::raw;
 use crate::source::Sources;
@@ -32,18 +33,18 @@ pub struct Homes {
 impl Homes {
     /// Reads a layout that has been found correct.
     pub fn read(mut sources: Sources) -> Result<Self, Error> {
-        let (_, device): (usize, raw::Device) = sources.parse("device.toml", None)?;
+        let top = files::read(&mut sources)?;
         let mut all = Vec::new();
-        for part in &device.parts {
-            let (file, part): (usize, raw::Parts) = sources.parse(part.get_ref(), None)?;
+        for part in &top.parts {
+            let (file, part): (usize, raw::Parts) = sources.parse(&part.path, None)?;
             let home = |table: fn(usize) -> Table| {
                 move |(index, raw): (usize, raw::Structure)| Home { file, table: table(index), raw }
             };
             all.extend(part.substructure.into_iter().enumerate().map(home(Table::Substructure)));
             all.extend(part.block.into_iter().enumerate().map(home(Table::Block)));
         }
-        for name in &device.structures {
-            let (file, raw) = sources.parse(&format!("{}.toml", name.get_ref()), None)?;
+        for structure in &top.structures {
+            let (file, raw) = sources.parse(&structure.path, None)?;
             all.push(Home { file, table: Table::Top, raw });
         }
         Ok(Self { all, files: sources.into_files() })

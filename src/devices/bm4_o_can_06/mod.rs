@@ -1,0 +1,11 @@
+//! b maXX PLC with CANsync option modules BM4-O-CAN-06, a master, and BM4-O-CAN-05 with DIP switch 9 at ON, a slave, in slots G
+//! to M (manual 5.02066.01a).
+
+#[cfg(test)]
+mod registers_tests;
+
+/// Areas, structures and timing, generated from `layouts/bm4-plc`.
+#[allow(non_snake_case, non_camel_case_types)]
+pub mod registers {
+    include!(concat!(env!("OUT_DIR"), "/bm4_plc.rs"));
+}

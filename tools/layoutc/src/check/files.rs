@@ -1,0 +1,71 @@
+//! Which files a layout consists of: the device's own and those of its family.
+
+use super::identifier;
+use crate::error::Error;
+use crate::raw;
+use crate::source::{At, Sources, at};
+use toml::Spanned;
+
+/// The top of a layout.
+pub struct Top {
+    pub file: usize,
+    pub device: raw::Device,
+    pub family: Option<raw::Family>,
+    /// Files with meanings, sub-structures and blocks; the family's first.
+    pub parts: Vec<Named>,
+    /// Files with a structure each; the family's first.
+    pub structures: Vec<Named>,
+}
+
+/// A file that another one names.
+pub struct Named {
+    /// As [`Sources::parse`] takes it.
+    pub path: String,
+    /// Where it is named.
+    pub at: At,
+    /// Whether it is the family's.
+    pub shared: bool,
+}
+
+/// Reads `device.toml`, and `family.toml` if that names a family.
+pub fn read(sources: &mut Sources) -> Result<Top, Error> {
+    let (file, device): (usize, raw::Device) = sources.parse("device.toml", None)?;
+    let mut top = Top { file, device, family: None, parts: Vec::new(), structures: Vec::new() };
+    if let Some(name) = &top.device.family {
+        let place = at(file, name.span());
+        identifier(sources, place, name.get_ref())?;
+        let dir = format!("../{}/", name.get_ref());
+        let (file, family): (usize, raw::Family) =
+            sources.parse(&format!("{dir}family.toml"), Some(place))?;
+        (top.parts, top.structures) = lists(file, &dir, &family.parts, &family.structures);
+        top.family = Some(family);
+    }
+    let (parts, structures) = lists(file, "", &top.device.parts, &top.device.structures);
+    top.parts.extend(parts);
+    top.structures.extend(structures);
+    Ok(top)
+}
+
+/// Reads the family in the directory of `sources`, as if it were a device without areas.
+pub fn read_family(sources: &mut Sources) -> Result<(usize, raw::Family, Vec<Named>, Vec<Named>), Error> {
+    let (file, family): (usize, raw::Family) = sources.parse("family.toml", None)?;
+    let (parts, structures) = lists(file, "", &family.parts, &family.structures);
+    Ok((file, family, parts, structures))
+}
+
+fn lists(
+    file: usize,
+    dir: &str,
+    parts: &[Spanned<String>],
+    structures: &[Spanned<String>],
+) -> (Vec<Named>, Vec<Named>) {
+    let named = |name: &Spanned<String>, end: &str| Named {
+        path: format!("{dir}{}{end}", name.get_ref()),
+        at: at(file, name.span()),
+        shared: !dir.is_empty(),
+    };
+    (
+        parts.iter().map(|name| named(name, "")).collect(),
+        structures.iter().map(|name| named(name, ".toml")).collect(),
+    )
+}
