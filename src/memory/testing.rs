@@ -32,12 +32,12 @@ pub const fn test_device() -> Device {
             name_from: Provenance::Inferred("D-220"),
             first: 80_000,
             bytes: 3_182_144,
-            cpu_first: 0,
-            cpu_last: 0,
+            cpu: None,
             doc: "Plain RAM",
             page: "",
             structures: &[],
         }],
+        ports: &[],
     }
 }
 const CHILD: &str = "COMMRAM_TEST_EMULATOR";

@@ -29,10 +29,12 @@ struct Checkout(tempfile::TempDir);
 impl Checkout {
     fn new(declarations: &str) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let layout = dir.path().join("layouts/omega-drive-line-2");
-        fs::create_dir_all(&layout).unwrap();
-        for (name, text) in files(Path::new(LAYOUT)) {
-            fs::write(layout.join(name), text).unwrap();
+        for directory in ["omega-drive-line-2", "cansync"] {
+            let layout = dir.path().join("layouts").join(directory);
+            fs::create_dir_all(&layout).unwrap();
+            for (name, text) in files(&Path::new(LAYOUT).with_file_name(directory)) {
+                fs::write(layout.join(name), text).unwrap();
+            }
         }
         fs::write(dir.path().join("TYPES.st"), declarations).unwrap();
         Self(dir)

@@ -10,8 +10,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const LAYOUT: &str = "layouts/omega-drive-line-2";
-
 /// A program that tells where the copy's register lies, in every way the library can tell it.
 const PROBE: &str = r#"//! Tells where `b_CTRL_REG_BC1` lies.
 use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT as Master, DEVICE, LAYOUT_HASH};
@@ -81,12 +79,14 @@ fn moved() -> String {
     lines.join("\n")
 }
 
-/// A copy of the layout with these declarations.
+/// A copy of all layouts, with these declarations.
 fn imported() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
-    copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join(LAYOUT), dir.path());
+    copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("layouts"), dir.path());
     let declarations = Declarations::parse(Path::new("BM_TYPES.st"), &moved()).unwrap();
-    let import = Import::plan(dir.path(), &declarations, Alignment::Natural, &Called::default()).unwrap();
+    let import =
+        Import::plan(&dir.path().join(DEVICE.name), &declarations, Alignment::Natural, &Called::default())
+            .unwrap();
     import.write().unwrap();
     dir
 }
@@ -102,8 +102,7 @@ fn project() -> PathBuf {
             copy(&entry.path(), &copied.join(name));
         }
     }
-    copy(&source.join("layouts/v-regler"), &copied.join("layouts/v-regler"));
-    copy(imported().path(), &copied.join(LAYOUT));
+    copy(imported().path(), &copied.join("layouts"));
     write_if_changed(&copied.join("src/bin/probe.rs"), PROBE.as_bytes());
     copied
 }

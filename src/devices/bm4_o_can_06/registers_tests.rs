@@ -42,7 +42,7 @@ fn the_module_in_the_slot_decides_which_structure_lies_there() {
 /// The firmware and the function blocks know the family's structures only.
 #[test]
 fn one_typed_view_serves_both_devices() {
-    let segment = Segment::heap();
+    let segment = Segment::heap(200_000);
     let bm4 = segment.view::<CANsync_PLC_SL_BMSTRUCT>(100_000).unwrap();
     let view = bm4.project(|own| -> &family::CANsync_SL_CTRL_BMSTRUCT { own.as_ref() });
     view.w_OMEGA_NR.store(7);

@@ -93,12 +93,12 @@ pub enum Reason {
     AreaOverlap { name: String, first: u32, last: u32, other: String, other_last: u32 },
     #[error("unknown structure `{0}`; a view is one of the structures of the family")]
     UnknownView(String),
-    #[error("as `{view}`, which it can be looked at as, it must have {size} bytes")]
-    ViewSize { view: String, size: u32 },
+    #[error("a structure with `view` takes offsets, paddings and size from the family's; leave them out")]
+    OwnPlace,
     #[error("`{view}` has no register `{name}`; say with `view_name` what it is called there")]
     NotInView { name: String, view: String },
-    #[error("`{name}` must lie as in `{view}`: at offset {offset}, of the same type and bounds")]
-    UnlikeView { name: String, view: String, offset: u32 },
+    #[error("`{name}` must have the type and the bounds that it has in `{view}`")]
+    UnlikeView { name: String, view: String },
     #[error("meaning `{meaning}` has values or bits from a manual, but no `pages` of manual {manual}")]
     MeaningWithoutPagesOf { meaning: String, manual: String },
     #[error("`cpu_first` and `cpu_last` are given together or not at all")]

@@ -60,7 +60,8 @@ pub struct Range {
 pub struct Area {
     pub name: Spanned<String>,
     pub first: Spanned<u32>,
-    pub last: Spanned<u32>,
+    /// Left out the area ends with its largest structure.
+    pub last: Option<Spanned<u32>>,
     pub cpu_first: Option<u32>,
     pub cpu_last: Option<u32>,
     pub page: String,
@@ -157,7 +158,8 @@ pub struct Parts {
 #[serde(deny_unknown_fields)]
 pub struct Structure {
     pub name: Spanned<String>,
-    pub size: Spanned<u32>,
+    /// Left out it is that of the structure of `view`.
+    pub size: Option<Spanned<u32>>,
     pub page: String,
     pub doc: String,
     /// Of the type's own name; a block has none.
@@ -178,7 +180,8 @@ pub struct Structure {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    pub offset: Spanned<u32>,
+    /// Of a register; left out it is that of the structure of `view`.
+    pub offset: Option<Spanned<u32>>,
     pub padding: Option<Spanned<u32>>,
     pub name: Option<Spanned<String>>,
     /// What the structure of `view` calls it, if otherwise.

@@ -43,12 +43,20 @@ fn area(
     subs: &[Structure],
 ) -> Result<Area, Error> {
     let name = raw.name.get_ref().clone();
-    let (first, last) = (*raw.first.get_ref(), *raw.last.get_ref());
+    let first = *raw.first.get_ref();
+    let size_of = |name: &String| structures.iter().find(|known| known.name == *name).map(|known| known.size);
+    let largest = raw.structure.iter().filter_map(|placed| size_of(placed.name.get_ref())).max();
+    let last_at = raw.last.as_ref().map_or(raw.first.span(), Spanned::span);
+    let last = match (&raw.last, largest) {
+        (Some(last), _) => *last.get_ref(),
+        (None, Some(largest)) => first.saturating_add(largest - 1),
+        (None, None) => return Err(sources.error(at(file, raw.first.span()), Reason::MissingKey("last"))),
+    };
     if !first.is_multiple_of(4) {
         return Err(sources.error(at(file, raw.first.span()), Reason::AreaMisaligned { name, first }));
     }
     if last < first {
-        return Err(sources.error(at(file, raw.last.span()), Reason::AreaReversed { name, first, last }));
+        return Err(sources.error(at(file, last_at), Reason::AreaReversed { name, first, last }));
     }
     let cpu = match (raw.cpu_first, raw.cpu_last) {
         (Some(first), Some(last)) => Some((first, last)),

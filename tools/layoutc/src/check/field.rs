@@ -71,7 +71,7 @@ pub fn check(
     let field = Field {
         name: name.clone(),
         view_name: entry.view_name.as_ref().unwrap_or(name_at).get_ref().clone(),
-        offset: *entry.offset.get_ref(),
+        offset: offset(entry),
         kind,
         dims,
         used,
@@ -90,11 +90,21 @@ pub fn check(
     Ok((place, field))
 }
 
+/// As written; a register without one gets its own from the structure of `view`.
+fn offset(entry: &raw::Entry) -> u32 {
+    entry.offset.as_ref().map_or(0, |offset| *offset.get_ref())
+}
+
 fn padding(entry: &raw::Entry, bytes: u32, home: &raw::Structure) -> Field {
+    gap(offset(entry), bytes, home)
+}
+
+/// Bytes without a register.
+pub fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
     Field {
-        name: format!("_padding_{}", entry.offset.get_ref()),
+        name: format!("_padding_{offset}"),
         view_name: String::new(),
-        offset: *entry.offset.get_ref(),
+        offset,
         kind: Kind::Padding(bytes),
         dims: Vec::new(),
         used: Vec::new(),

@@ -155,9 +155,6 @@ impl Parts {
             self.types.add(sources, file, &raw.name)?;
             let mut checked = structure::check(sources, self, file, &raw)?;
             checked.shared = named.shared;
-            if let Some(wanted) = &raw.view {
-                checked.view = Some(view::check(sources, self, file, wanted, &raw, &checked)?);
-            }
             self.structures.push(checked);
         }
         Ok(())

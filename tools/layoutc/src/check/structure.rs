@@ -1,6 +1,7 @@
 //! A structure: its registers in ascending order, aligned, without overlap or hidden gap.
 
 use super::field::{self, Placed};
+use super::view;
 use super::{Names, Parts};
 use crate::error::{Error, Reason};
 use crate::model::{Field, Kind, Structure};
@@ -15,6 +16,8 @@ pub fn check(
     raw: &raw::Structure,
 ) -> Result<Structure, Error> {
     let subs = &parts.substructures;
+    let view = raw.view.as_ref().map(|wanted| view::find(sources, parts, file, wanted)).transpose()?;
+    let view = view.map(|index| (index, &parts.structures[index]));
     let mut names = Names::default();
     let mut fields: Vec<Placed> = Vec::new();
     for block in &raw.blocks {
@@ -24,12 +27,22 @@ pub fn check(
             let reason = Reason::UnknownBlock(block.get_ref().clone());
             return Err(sources.error(at(file, block.span()), reason));
         };
-        add(sources, parts, *block_file, block, &mut names, &mut fields)?;
+        add(sources, parts, view, (*block_file, block), &mut names, &mut fields)?;
     }
-    add(sources, parts, file, raw, &mut names, &mut fields)?;
+    add(sources, parts, view, (file, raw), &mut names, &mut fields)?;
     fields.sort_by_key(|(_, field)| field.offset);
 
-    let size = *raw.size.get_ref();
+    let name_at = at(file, raw.name.span());
+    let size_at = raw.size.as_ref().map_or(name_at, |size| at(file, size.span()));
+    let size = match (&raw.size, view) {
+        (Some(size), None) => *size.get_ref(),
+        (None, Some((_, view))) => view.size,
+        (None, None) => return Err(sources.error(name_at, Reason::MissingKey("size"))),
+        (Some(_), Some(_)) => return Err(sources.error(size_at, Reason::OwnPlace)),
+    };
+    if view.is_some() {
+        view::fill_gaps(raw, subs, size, name_at, &mut fields);
+    }
     let mut end = 0;
     let mut previous = "the start of the structure";
     for (place, field) in &fields {
@@ -55,7 +68,6 @@ pub fn check(
         }
         previous = &field.name;
     }
-    let size_at = at(file, raw.size.span());
     if end < size {
         let name = format!("the end of `{}`", raw.name.get_ref());
         return Err(sources.error(size_at, Reason::Gap { name, start: end, bytes: size - end }));
@@ -74,7 +86,7 @@ pub fn check(
         page: raw.page.clone(),
         doc: raw.doc.clone(),
         shared: false,
-        view: None,
+        view: view.map(|(index, _)| index),
         fields: fields.into_iter().map(|(_, field)| field).collect(),
     })
 }
@@ -82,13 +94,19 @@ pub fn check(
 fn add(
     sources: &Sources,
     parts: &Parts,
-    file: usize,
-    raw: &raw::Structure,
+    view: Option<(usize, &Structure)>,
+    (file, raw): (usize, &raw::Structure),
     names: &mut Names,
     fields: &mut Vec<Placed>,
 ) -> Result<(), Error> {
     for entry in &raw.register {
-        let placed = field::check(sources, parts, file, raw, entry)?;
+        let mut placed = field::check(sources, parts, file, raw, entry)?;
+        match (view, &entry.get_ref().offset) {
+            (Some((_, view)), None) => view::place(sources, view, &mut placed)?,
+            (Some(_), Some(_)) => return Err(sources.error(placed.0, Reason::OwnPlace)),
+            (None, Some(_)) => {}
+            (None, None) => return Err(sources.error(placed.0, Reason::MissingKey("offset"))),
+        }
         if let Some(name) = &entry.get_ref().name {
             names.add(sources, file, name)?;
         }

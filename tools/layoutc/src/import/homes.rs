@@ -45,7 +45,9 @@ impl Homes {
         }
         for structure in &top.structures {
             let (file, raw) = sources.parse(&structure.path, None)?;
-            all.push(Home { file, table: Table::Top, raw });
+            let home = Home { file, table: Table::Top, raw };
+            // One with a view has no offsets of its own.
+            all.extend(home.raw.view.is_none().then_some(home));
         }
         Ok(Self { all, files: sources.into_files() })
     }
@@ -88,9 +90,16 @@ impl Home {
         self.raw.name.get_ref()
     }
 
+    /// In bytes.
+    pub fn size(&self) -> u32 {
+        self.raw.size.as_ref().map_or(0, |size| *size.get_ref())
+    }
+
     /// Offsets of the registers as they are; none of padding.
     pub fn offsets(&self) -> Vec<Option<u32>> {
         let entries = self.raw.register.iter().map(toml::Spanned::get_ref);
-        entries.map(|entry| entry.name.is_some().then_some(*entry.offset.get_ref())).collect()
+        entries
+            .map(|entry| entry.name.as_ref().and(entry.offset.as_ref()).map(|offset| *offset.get_ref()))
+            .collect()
     }
 }

@@ -72,7 +72,7 @@ impl<'a> Matcher<'a> {
             structure.placements.push(Placement { home: list, user, places, size, is_named_alike });
         }
         self.new_members(&mut structure, ty, "", 0)?;
-        let before = *home.raw.size.get_ref();
+        let before = home.size();
         let after = structure.placements.last().map(|placement| placement.size);
         let whole =
             structure.rows.iter().all(|row| !matches!(row.verdict, Verdict::Missing | Verdict::Unlike));
@@ -94,9 +94,11 @@ impl<'a> Matcher<'a> {
         entry: &raw::Entry,
         ty: TypeId,
     ) -> Result<Option<Range<u32>>, ImportError> {
-        let (Some(name), Some(our_type)) = (&entry.name, &entry.ty) else { return Ok(None) };
+        let (Some(name), Some(our_type), Some(offset)) = (&entry.name, &entry.ty, &entry.offset) else {
+            return Ok(None);
+        };
         let (name, our_type) = (name.get_ref().as_str(), our_type.get_ref().as_str());
-        let before = *entry.offset.get_ref();
+        let before = *offset.get_ref();
         let wanted = self.called.of(structure.name, name);
         let Some(found) = self.find(ty, &wanted)? else {
             structure.row(name, Verdict::Missing, Some(before), None, not_called(name, &wanted));
@@ -138,13 +140,15 @@ impl<'a> Matcher<'a> {
         let mut places = Vec::new();
         for entry in &self.homes.all[sub].raw.register {
             let entry = entry.get_ref();
-            let (Some(our_name), Some(our_type)) = (&entry.name, &entry.ty) else {
+            let (Some(our_name), Some(our_type), Some(our_offset)) = (&entry.name, &entry.ty, &entry.offset)
+            else {
                 places.push(None);
                 continue;
             };
             let path = format!("{name}.{}", our_name.get_ref());
             let our_type = our_type.get_ref().as_str();
-            let before = before + *entry.offset.get_ref();
+            let our_offset = *our_offset.get_ref();
+            let before = before + our_offset;
             let called = self.called.of(structure.name, &path);
             let wanted = called.rsplit('.').next().unwrap_or_default();
             let Some(part) = self.find(inner, wanted)? else {
@@ -168,7 +172,7 @@ impl<'a> Matcher<'a> {
             match shape.element {
                 Element::Scalar(theirs) if shape.counts == counts && Some(shape.size) == width => {
                     // Where it lies in the sub-structure; that this has moved is told already.
-                    if *entry.offset.get_ref() != part.offset || our_type != theirs {
+                    if our_offset != part.offset || our_type != theirs {
                         structure.scalar(&path, before, &at, our_type, theirs);
                     }
                     places.push(Some(part.offset..part.offset + self.sizes.size(part.ty)?));

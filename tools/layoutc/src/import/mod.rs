@@ -63,7 +63,7 @@ impl Import {
         for index in homes.structures() {
             let name = homes.all[index].name();
             let Some(ty) = declarations.find(&called.of_structure(name)) else {
-                rows.push(undeclared(name, *homes.all[index].raw.size.get_ref()));
+                rows.push(undeclared(name, homes.all[index].size()));
                 left.push(index);
                 continue;
             };
@@ -186,7 +186,7 @@ fn agree(homes: &Homes, placements: Vec<Placement>, left: &[usize]) -> Result<Ve
     {
         if let Some(known) = agreed.iter().find(|known| known.home == part) {
             let user = format!("`{}`, which stays as it is", homes.all[*index].name());
-            compare(homes, known, (&homes.all[part].offsets(), *homes.all[part].raw.size.get_ref(), &user))?;
+            compare(homes, known, (&homes.all[part].offsets(), homes.all[part].size(), &user))?;
         }
     }
     Ok(agreed)
