@@ -10,11 +10,11 @@ pub mod drive;
 pub mod firmware;
 #[cfg(feature = "emulator")]
 pub mod medium;
+mod rate;
 #[cfg(feature = "emulator")]
 pub mod records;
 #[cfg(feature = "emulator")]
 pub mod rules;
-mod rate;
 
 /// Registers of CANsync nodes, generated from `layouts/cansync`.
 #[allow(non_snake_case, non_camel_case_types)]
