@@ -35,7 +35,7 @@ pub fn fill_gaps(raw: &raw::Structure, subs: &[Structure], size: u32, place: At,
     let mut gaps = Vec::new();
     let mut end = 0;
     for (_, field) in fields.iter() {
-        gaps.extend((field.offset > end).then(|| end..field.offset));
+        gaps.extend((field.offset > end).then_some(end..field.offset));
         end = end.max(field.offset + field.size(subs));
     }
     gaps.extend((size > end).then_some(end..size));
