@@ -72,7 +72,7 @@ pub fn of_hash(hash: u64) -> Option<&'static Registered> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::memory::header::{AREAS, TABLE_NAME_LENGTH};
+    use crate::memory::header::{AREAS, PORTS, TABLE_NAME_LENGTH};
 
     #[test]
     fn every_device_is_found_by_name_and_hash() {
@@ -89,11 +89,18 @@ mod tests {
 
     /// The retain flags are one more area.
     #[test]
-    fn the_areas_of_every_device_fit_into_the_header_page() {
+    fn areas_and_ports_of_every_device_fit_into_the_header_page() {
         for layout in DEVICES.iter().map(|known| known.layout) {
             assert!(layout.areas.len() < AREAS, "{layout:?}");
             for area in layout.areas {
                 assert!(area.name.len() < TABLE_NAME_LENGTH, "{area:?}");
+            }
+            assert!(layout.ports.len() <= PORTS, "{layout:?}");
+            for port in layout.ports {
+                assert!(
+                    port.name.len() < TABLE_NAME_LENGTH && port.medium.len() < TABLE_NAME_LENGTH,
+                    "{port:?}"
+                );
             }
         }
     }

@@ -211,6 +211,8 @@ impl Header {
         self.areas.iter().for_each(AreaEntry::clear);
         let areas = device.areas.iter().chain([&flags::RETAIN_AREA]);
         self.areas.iter().zip(areas).for_each(|(entry, area)| entry.fill(area));
+        self.ports.iter().for_each(PortEntry::clear);
+        self.ports.iter().zip(device.ports).for_each(|(entry, port)| entry.fill(port));
     }
 
     /// Everything around the board as it is before power-on: nothing enabled, nobody seated. Bells go on counting.

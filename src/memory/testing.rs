@@ -1,7 +1,7 @@
 //! What the tests of images share: names of their own, clean-up, and an emulator that can be killed.
 
 use super::{ClockMode, Header, Image, ImageSpec, State, Width, header, image::tests::MARK, names};
-use crate::layout::{Area, Device, Provenance};
+use crate::layout::{Area, Device, Port, Provenance, Role};
 use std::{
     fs,
     io::{BufRead, BufReader, Read},
@@ -20,6 +20,17 @@ pub const SEGMENT_SIZE: usize = test_device().segment_size();
 /// The device in all tests.
 pub static DEVICE: Device = test_device();
 
+const RAM: Area = Area {
+    name: "ram",
+    name_from: Provenance::Inferred("D-220"),
+    first: 80_000,
+    bytes: 3_182_144,
+    cpu: None,
+    doc: "Plain RAM",
+    page: "",
+    structures: &[],
+};
+
 /// A device of plain RAM.
 pub const fn test_device() -> Device {
     Device {
@@ -27,17 +38,8 @@ pub const fn test_device() -> Device {
         title: "Test Device",
         manual: "none",
         layout_hash: HASH,
-        areas: &[Area {
-            name: "ram",
-            name_from: Provenance::Inferred("D-220"),
-            first: 80_000,
-            bytes: 3_182_144,
-            cpu: None,
-            doc: "Plain RAM",
-            page: "",
-            structures: &[],
-        }],
-        ports: &[],
+        areas: &[RAM],
+        ports: &[Port { name: "end", number: 1, medium: "wire", roles: &[Role::Peer], area: &RAM }],
     }
 }
 const CHILD: &str = "COMMRAM_TEST_EMULATOR";

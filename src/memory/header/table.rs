@@ -1,6 +1,6 @@
 //! Tables of the header page that tell what the device of an image consists of: its areas and its ports.
 
-use crate::layout::{Area, flags};
+use crate::layout::{Area, Port, flags};
 use crate::memory::header::set_name;
 use crate::memory::published::publish;
 use crate::memory::{Cell8, Cell32, SharedRegs};
@@ -90,5 +90,23 @@ impl AreaEntry {
     pub(super) fn clear(&self) {
         self.name.iter().chain(&self.space).for_each(|byte| byte.store(0));
         [&self.first, &self.unit, &self.file_offset, &self.size].into_iter().for_each(|cell| cell.store(0));
+    }
+}
+
+impl PortEntry {
+    /// Tells of `port`, and nothing has happened there yet.
+    pub(super) fn fill(&self, port: &Port) {
+        self.clear();
+        set_name(&self.name, port.name);
+        set_name(&self.medium, port.medium);
+        self.number.store(port.number.into());
+        self.file_offset.store(port.area.first);
+    }
+
+    /// No port.
+    pub(super) fn clear(&self) {
+        self.name.iter().chain(&self.medium).for_each(|byte| byte.store(0));
+        let words = [&self.number, &self.file_offset, &self.restarts_written, &self.dip, &self.leds];
+        words.into_iter().for_each(|cell| cell.store(0));
     }
 }

@@ -312,9 +312,9 @@ fn the_list_tells_the_living_from_the_rest() {
     assert!(matches!(find(&foreign), Condition::Unusable(MemoryError::WrongMagic { .. })));
 }
 
-/// Who knows nothing but the header page finds every area of the device in the file.
+/// Who knows nothing but the header page finds every area and port of the device in the file.
 #[test]
-fn the_header_page_tells_the_areas() {
+fn the_header_page_tells_areas_and_ports() {
     let instance = Instance::new();
     let image = instance.create();
     let told = |entry: &header::AreaEntry| {
@@ -325,4 +325,26 @@ fn the_header_page_tells_the_areas() {
     assert_eq!(told(ram), ("ram".to_owned(), "M3.".to_owned(), [80_000, 1, 80_000, 3_182_144]));
     assert_eq!(told(retain), ("retain".to_owned(), "M".to_owned(), [10_000_000, 1, 8_192, 71_808]));
     assert_eq!(told(none), (String::new(), String::new(), [0; 4]));
+    let told = |entry: &header::PortEntry| {
+        let numbers = [&entry.number, &entry.file_offset].map(|cell| cell.load());
+        (header::name(&entry.name), header::name(&entry.medium), numbers)
+    };
+    let [end, none, ..] = &image.header().ports;
+    assert_eq!(told(end), ("end".to_owned(), "wire".to_owned(), [1, 80_000]));
+    assert_eq!(told(none), (String::new(), String::new(), [0; 2]));
+}
+
+/// What happened at the ports of the emulator before is past.
+#[test]
+fn a_takeover_leaves_nothing_of_what_happened_at_the_ports() {
+    let instance = Instance::new();
+    instance.leave(SEGMENT_SIZE, |header| {
+        let [end, .., last] = &header.ports;
+        header::set_name(&last.name, "of another one");
+        [&end.restarts_written, &end.dip, &end.leds].iter().for_each(|cell| cell.store(7));
+    });
+    let image = instance.create();
+    let [end, .., last] = &image.header().ports;
+    assert_eq!([&end.restarts_written, &end.dip, &end.leds].map(|cell| cell.load()), [0; 3]);
+    assert_eq!(header::name(&last.name), "");
 }
