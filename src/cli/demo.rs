@@ -38,8 +38,8 @@ pub struct Args {}
 pub fn run(_args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
     let instance = format!("demo-{}", std::process::id());
-    let plcs = PlantConfig::built_in()?.plcs;
-    let plc = plcs.first().map_or("", |plc| &plc.name);
+    let devices = PlantConfig::built_in()?.devices;
+    let plc = devices.first().map_or("", |device| device.name());
     let mut emulator = Emulator::start(&instance, &interrupts)?;
     output::print(&format!("emulator: process {}, instance '{instance}'\n", emulator.pid()))?;
     let mut soft_plc = SoftPlc::start(&instance, plc)?;

@@ -31,6 +31,8 @@ pub struct SyncSignal {
 pub struct Plug {
     /// Its number in the device's layout.
     pub number: u8,
+    /// The family of media that it fits, one of [`MEDIA`](super::MEDIA).
+    pub family: &'static str,
     /// Name of the medium in the plant; none is plugged in if it is left out.
     pub medium: Option<String>,
     /// What the family of media needs to run the port's firmware.

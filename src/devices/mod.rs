@@ -5,6 +5,8 @@ pub mod cansync;
 #[cfg(feature = "emulator")]
 mod catalogue;
 #[cfg(feature = "emulator")]
+mod config;
+#[cfg(feature = "emulator")]
 mod context;
 #[cfg(feature = "emulator")]
 mod device;
@@ -21,13 +23,15 @@ mod shown;
 #[cfg(feature = "emulator")]
 pub use catalogue::catalogue;
 #[cfg(feature = "emulator")]
+pub use config::{DeviceConfig, MediumConfig, MediumKind, PortConfig, Read};
+#[cfg(feature = "emulator")]
 pub use context::Context;
 #[cfg(feature = "emulator")]
 pub use device::{Device, Look, Power};
 #[cfg(feature = "emulator")]
 pub use medium::{Medium, Plug, SyncSignal, World};
 #[cfg(feature = "emulator")]
-pub use settings::BuildError;
+pub use settings::{BuildError, SettingError};
 
 use crate::layout::Device as Layout;
 #[cfg(feature = "plc")]
@@ -41,6 +45,9 @@ pub struct Registered {
     /// The function blocks that its programs use.
     #[cfg(feature = "plc")]
     pub blocks: &'static [BlockKind],
+    /// Reads its section of a plant file; none if only its registers are known.
+    #[cfg(feature = "emulator")]
+    pub read: Option<Read<dyn DeviceConfig>>,
 }
 
 /// Every device, the default one first.
@@ -49,13 +56,25 @@ pub static DEVICES: &[Registered] = &[
         layout: &omega_drive_line_2::registers::DEVICE,
         #[cfg(feature = "plc")]
         blocks: omega_drive_line_2::blocks::BLOCKS,
+        #[cfg(feature = "emulator")]
+        read: Some(omega_drive_line_2::PlcConfig::read),
     },
     Registered {
         layout: &bm4_o_can_06::registers::DEVICE,
         #[cfg(feature = "plc")]
         blocks: &[],
+        #[cfg(feature = "emulator")]
+        read: None,
     },
 ];
+
+/// Every kind of media, the default one first.
+#[cfg(feature = "emulator")]
+pub static MEDIA: &[MediumKind] = &[MediumKind {
+    name: "cansync",
+    read: cansync::medium::BusConfig::read,
+    unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
+}];
 
 /// The device of this name, as `--device` and plant files give it.
 #[must_use]

@@ -1,43 +1,35 @@
 //! The plant file: which PLCs, buses and drives there are.
 
+mod file;
+#[cfg(test)]
+mod tests;
 #[cfg(test)]
 mod times_tests;
 
-use crate::devices::cansync::drive::DriveError;
-use crate::devices::cansync::medium::BusConfig;
-use crate::devices::omega_drive_line_2::PlcConfig;
-use crate::devices::settings::{BuildError, SettingError, range};
+use crate::devices::settings::range;
+use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig, SettingError};
 use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
-use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// The plant that runs when no file is given.
 const BUILT_IN: &str = include_str!("built_in.toml");
 
 /// A plant, as described by a plant file (TOML). See `docs/plant.md`.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug)]
 pub struct PlantConfig {
     /// How often, in emulated microseconds, the firmware looks at registers that nobody rang for
     /// (10..=10000, default 500; decision D-22).
-    #[serde(default = "default_cycle")]
     pub processor_cycle_us: u32,
-    /// The PLCs, one at least.
-    #[serde(rename = "plc", default)]
-    pub plcs: Vec<PlcConfig>,
-    /// The CANsync buses.
-    #[serde(rename = "bus", default)]
-    pub buses: Vec<BusConfig>,
+    /// The devices, one at least: first each `[[plc]]`, then each `[[device]]`.
+    pub devices: Vec<Arc<dyn DeviceConfig>>,
+    /// The media.
+    pub media: Vec<Arc<dyn MediumConfig>>,
     /// Faults that are injected from power-on or from a time on; see `docs/faults.md`.
-    #[serde(rename = "fault", default)]
     pub faults: Vec<FaultSpec>,
-}
-
-fn default_cycle() -> u32 {
-    500
 }
 
 /// What can be wrong with a plant file.
@@ -81,36 +73,68 @@ pub enum PlantError {
     /// A number out of its range.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// A PLC refers to a bus that does not exist.
-    #[error("node{node} of PLC '{plc}' is on bus '{bus}', which does not exist; buses are: {known}")]
+    /// Something else where sections belong.
+    #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
+    NoSection {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: usize,
+        /// The sections' name.
+        name: &'static str,
+    },
+    /// A section of a kind that there is not.
+    #[error("{file}: line {line}: there is no {what} of kind '{kind}'; kinds are: {known}")]
+    Kind {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: usize,
+        /// "device" or "bus".
+        what: &'static str,
+        /// The kind.
+        kind: String,
+        /// The kinds there are.
+        known: String,
+    },
+    /// A device refers to a bus that does not exist.
+    #[error("{port} of PLC '{plc}' is on bus '{bus}', which does not exist; buses are: {known}")]
     UnknownBus {
-        /// The PLC.
+        /// The device.
         plc: String,
-        /// 1 or 2.
-        node: u8,
+        /// Its port.
+        port: String,
         /// The bus it names.
         bus: String,
         /// The buses there are.
         known: String,
     },
-    /// Both nodes of a PLC on one bus.
+    /// Two ports of a device on one bus.
     #[error(
-        "node1 and node2 of PLC '{plc}' are both on bus '{bus}'; a PLC cannot be slave and master of one bus"
+        "{first} and {second} of PLC '{plc}' are both on bus '{bus}'; a PLC cannot be slave and master of one bus"
     )]
     BothNodes {
-        /// The PLC.
+        /// The device.
         plc: String,
+        /// A port.
+        first: String,
+        /// Another port.
+        second: String,
         /// The bus.
         bus: String,
     },
     /// Two masters on one bus.
-    #[error("bus '{bus}' has two masters, node2 of '{first}' and of '{second}'; a CANsync bus has one")]
+    #[error(
+        "bus '{bus}' has two masters, {first_port} of '{first}' and of '{second}'; a CANsync bus has one"
+    )]
     TwoMasters {
         /// The bus.
         bus: String,
-        /// A PLC.
+        /// A device.
         first: String,
-        /// Another PLC.
+        /// Its port.
+        first_port: String,
+        /// Another device.
         second: String,
     },
     /// Two slaves with one number.
@@ -125,9 +149,6 @@ pub enum PlantError {
         /// Another participant.
         second: String,
     },
-    /// A drive's settings are refused.
-    #[error(transparent)]
-    Drive(#[from] DriveError),
     /// A device or medium cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
@@ -163,8 +184,7 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
     pub fn parse(file: &str, text: &str) -> Result<Self, PlantError> {
-        let config: PlantConfig = toml::from_str(text)
-            .map_err(|source| PlantError::Syntax { file: file.to_owned(), source: Box::new(source) })?;
+        let config = file::read(file, text)?;
         config.check()?;
         Ok(config)
     }
@@ -174,25 +194,31 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
     pub fn check(&self) -> Result<(), PlantError> {
-        if self.plcs.is_empty() {
+        if self.devices.is_empty() {
             return Err(PlantError::NoPlc);
         }
         range("processor_cycle_us", "plant", self.processor_cycle_us.into(), 10..=10_000, "10 to 10000")?;
-        check_names("PLC", self.plcs.iter().map(|plc| plc.name.as_str()))?;
-        check_names("bus", self.buses.iter().map(|bus| bus.name.as_str()))?;
-        check_names("drive", self.buses.iter().flat_map(|bus| &bus.drives).map(|drive| drive.name.as_str()))?;
-        for plc in &self.plcs {
-            plc.check()?;
-            self.check_nodes(plc)?;
+        check_names("PLC", self.devices.iter().map(|device| device.name()))?;
+        check_names("bus", self.media.iter().map(|medium| medium.name()))?;
+        let participants = self.media.iter().flat_map(|medium| medium.participants());
+        check_names("drive", participants.map(|(name, _)| name))?;
+        for device in &self.devices {
+            device.check()?;
+            self.check_ports(&**device)?;
         }
-        self.buses.iter().try_for_each(BusConfig::check)?;
-        self.buses.iter().try_for_each(|bus| self.check_bus(bus))?;
+        self.media.iter().try_for_each(|medium| medium.check())?;
+        self.media.iter().try_for_each(|medium| self.check_medium(&**medium))?;
         self.resolved_faults().map(|_| ())
+    }
+
+    /// The device of this name.
+    pub fn device(&self, name: &str) -> Option<&dyn DeviceConfig> {
+        self.devices.iter().find(|device| device.name() == name).map(|device| &**device)
     }
 
     /// How many retain flags the PLC of this name has, in bytes; 0 if there is none.
     pub fn retain_bytes(&self, plc: &str) -> u32 {
-        self.plcs.iter().find(|config| config.name == plc).map_or(0, |config| config.retain_bytes)
+        self.device(plc).map_or(0, DeviceConfig::retain_bytes)
     }
 
     /// The faults of the file, checked.
@@ -223,58 +249,79 @@ impl PlantConfig {
 
     fn names(&self) -> Names {
         Names {
-            plcs: self.plcs.iter().map(|plc| plc.name.clone()).collect(),
-            buses: self.buses.iter().map(|bus| bus.name.clone()).collect(),
+            plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
+            buses: self.media.iter().map(|medium| medium.name().to_owned()).collect(),
         }
     }
 
     /// What faults can concern. Meant for a plant whose numbers have been checked.
     pub(super) fn sites(&self) -> Sites {
-        let bit = |number: u8| 1u32.checked_shl(number.into()).unwrap_or(0);
-        let slaves = |bus: &BusConfig| {
-            let nodes = self.plcs.iter().filter(|plc| plc.node1.as_ref() == Some(&bus.name));
-            let drives = bus.drives.iter().map(|drive| drive.slave_number);
-            nodes.map(|plc| plc.dip).chain(drives).fold(0, |mask, number| mask | bit(number))
+        let mask = |medium: &Arc<dyn MediumConfig>| {
+            let numbers = self.numbers_on(&**medium).into_iter().map(|(_, number)| number);
+            numbers.fold(0, |mask, number| mask | 1u32.checked_shl(number.into()).unwrap_or(0))
+        };
+        let plugged = |device: &Arc<dyn DeviceConfig>| {
+            let ports = device.ports();
+            [1, 2].map(|number| ports.iter().any(|port| port.number == number && port.medium.is_some()))
         };
         Sites {
-            slaves: self.buses.iter().map(slaves).collect(),
-            nodes: self.plcs.iter().map(|plc| [plc.node1.is_some(), plc.node2.is_some()]).collect(),
+            slaves: self.media.iter().map(mask).collect(),
+            nodes: self.devices.iter().map(plugged).collect(),
         }
     }
 
-    fn check_nodes(&self, plc: &PlcConfig) -> Result<(), PlantError> {
-        for (node, name) in [(1, &plc.node1), (2, &plc.node2)] {
-            if let Some(name) = name
-                && !self.buses.iter().any(|bus| bus.name == *name)
-            {
-                let known: Vec<&str> = self.buses.iter().map(|bus| bus.name.as_str()).collect();
+    /// The ports at a medium, each with its device's name.
+    fn ports_at(&self, medium: &dyn MediumConfig) -> Vec<(&str, PortConfig<'_>)> {
+        let mut found = Vec::new();
+        for device in &self.devices {
+            let ports = device.ports().into_iter().filter(|port| port.medium == Some(medium.name()));
+            found.extend(ports.map(|port| (device.name(), port)));
+        }
+        found
+    }
+
+    /// Whoever has a number on a medium: ports first, then participants of its own.
+    fn numbers_on<'a>(&'a self, medium: &'a dyn MediumConfig) -> Vec<(&'a str, u8)> {
+        let ports = self.ports_at(medium).into_iter();
+        let ports = ports.filter_map(|(name, port)| port.address.map(|number| (name, number)));
+        ports.chain(medium.participants()).collect()
+    }
+
+    fn check_ports(&self, device: &dyn DeviceConfig) -> Result<(), PlantError> {
+        let ports = device.ports();
+        for (index, port) in ports.iter().enumerate() {
+            let Some(bus) = port.medium else { continue };
+            let plc = device.name().to_owned();
+            if !self.media.iter().any(|medium| medium.name() == bus) {
+                let known: Vec<&str> = self.media.iter().map(|medium| medium.name()).collect();
                 let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-                return Err(PlantError::UnknownBus { plc: plc.name.clone(), node, bus: name.clone(), known });
+                let (port, bus) = (port.name.to_owned(), bus.to_owned());
+                return Err(PlantError::UnknownBus { plc, port, bus, known });
+            }
+            if let Some(other) = ports[..index].iter().find(|other| other.medium == port.medium) {
+                let (first, second) = (other.name.to_owned(), port.name.to_owned());
+                return Err(PlantError::BothNodes { plc, first, second, bus: bus.to_owned() });
             }
         }
-        match (&plc.node1, &plc.node2) {
-            (Some(one), Some(two)) if one == two => {
-                Err(PlantError::BothNodes { plc: plc.name.clone(), bus: one.clone() })
-            }
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
-    fn check_bus(&self, bus: &BusConfig) -> Result<(), PlantError> {
-        let mut masters = self.plcs.iter().filter(|plc| plc.node2.as_ref() == Some(&bus.name));
-        if let (Some(first), Some(second)) = (masters.next(), masters.next()) {
-            let (first, second) = (first.name.clone(), second.name.clone());
-            return Err(PlantError::TwoMasters { bus: bus.name.clone(), first, second });
+    fn check_medium(&self, medium: &dyn MediumConfig) -> Result<(), PlantError> {
+        let bus = || medium.name().to_owned();
+        let ports = self.ports_at(medium);
+        let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
+        if medium.has_one_master()
+            && let (Some((first, port)), Some((second, _))) = (masters.next(), masters.next())
+        {
+            let (first, second) = ((*first).to_owned(), (*second).to_owned());
+            let first_port = port.name.to_owned();
+            return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second });
         }
-        let nodes = self.plcs.iter().filter(|plc| plc.node1.as_ref() == Some(&bus.name));
-        let slaves = nodes
-            .map(|plc| (plc.dip, &plc.name))
-            .chain(bus.drives.iter().map(|drive| (drive.slave_number, &drive.name)));
-        let mut taken: [Option<&String>; 256] = [None; 256];
-        for (number, name) in slaves {
+        let mut taken: [Option<&str>; 256] = [None; 256];
+        for (name, number) in self.numbers_on(medium) {
             if let Some(first) = taken[usize::from(number)].replace(name) {
-                let (first, second) = (first.clone(), name.clone());
-                return Err(PlantError::SlaveNumber { bus: bus.name.clone(), number, first, second });
+                let (first, second) = (first.to_owned(), name.to_owned());
+                return Err(PlantError::SlaveNumber { bus: bus(), number, first, second });
             }
         }
         Ok(())
@@ -292,80 +339,4 @@ fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> 
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_built_in_plant_is_a_good_one() {
-        let plant = PlantConfig::built_in().unwrap();
-        let numbers: Vec<u8> = plant.buses[0].drives.iter().map(|drive| drive.slave_number).collect();
-        assert_eq!((plant.plcs.len(), numbers), (1, vec![1, 2, 3]));
-    }
-
-    #[test]
-    fn the_documented_plant_file_is_a_good_one() {
-        let text = include_str!("../../docs/plant.md");
-        let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
-        let plant = PlantConfig::parse("docs/plant.md", example).unwrap();
-        assert_eq!(plant.buses[1].drives[0].name, "winder");
-        assert!(crate::devices::cansync::drive::Drive::new(&plant.buses[1].drives[0], 250).is_ok());
-    }
-
-    #[test]
-    fn each_mistake_is_named() {
-        let drive =
-            |name: &str, number: u8| format!("[[bus.drive]]\nname = '{name}'\nslave_number = {number}\n");
-        let bus = "[[bus]]\nname = 'b'\n";
-        let plc = "[[plc]]\nname = 'p'\n";
-        let cases = [
-            (String::new(), "the plant has no PLC"),
-            ("[[plc]]\nname = 'a b'\n".into(), "PLC name 'a b': use 1 to 31 characters"),
-            (format!("{plc}{plc}"), "there are two PLCs named 'p'"),
-            (format!("{plc}dip = 32\n"), "dip of 'p' is 32; it must be 0 to 31"),
-            (format!("{plc}option_sync_us = 49\n"), "option_sync_us of 'p' is 49; it must be 50 to 1000000"),
-            (
-                format!("{plc}retain_bytes = 71812\n"),
-                "retain_bytes of 'p' is 71812; it must be 4 to 71808 and divisible by 4",
-            ),
-            (format!("{plc}retain_bytes = 6\n"), "retain_bytes of 'p' is 6; it must be 4 to 71808"),
-            (format!("{plc}ethernet_mbit = 1\n"), "ethernet_mbit of 'p' is 1; it must be 100, 10 or 0"),
-            (
-                format!("{plc}node2 = 'x'\n{bus}"),
-                "node2 of PLC 'p' is on bus 'x', which does not exist; buses are: b",
-            ),
-            (
-                format!("{plc}node1 = 'b'\nnode2 = 'b'\n{bus}"),
-                "node1 and node2 of PLC 'p' are both on bus 'b'",
-            ),
-            (
-                format!("{plc}node2 = 'b'\n[[plc]]\nname = 'q'\nnode2 = 'b'\n{bus}"),
-                "bus 'b' has two masters, node2 of 'p' and of 'q'",
-            ),
-            (
-                format!("{plc}{bus}{}{}", drive("d", 4), drive("e", 4)),
-                "slave number 4 is used twice on bus 'b', by 'd' and 'e'",
-            ),
-            (
-                format!("{plc}dip = 4\nnode1 = 'b'\n{bus}{}", drive("d", 4)),
-                "slave number 4 is used twice on bus 'b', by 'p' and 'd'",
-            ),
-            (format!("{plc}{bus}kbit_s = 1000\n"), "kbit_s of 'b' is 1000; it must be 500, 250 or 125"),
-            (
-                format!("{plc}{bus}frame_length = 'long'\n"),
-                "unknown variant `long`, expected `fixed` or `variable`",
-            ),
-            (
-                format!("processor_cycle_us = 5\n{plc}"),
-                "processor_cycle_us of 'plant' is 5; it must be 10 to 10000",
-            ),
-            (format!("{plc}colour = 1\n"), "test.toml: TOML parse error at line 3, column 1"),
-        ];
-        for (text, expected) in cases {
-            let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
-            assert!(message.contains(expected), "{text}\n{message}\nlacks: {expected}");
-        }
-    }
 }

@@ -19,7 +19,7 @@ pub use force::{ForceError, Forced};
 use crate::check::Checker;
 use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::medium::SimBus;
-use crate::devices::{BuildError, Context, Device, Medium, World};
+use crate::devices::{BuildError, Context, Device, MEDIA, Medium, World};
 use crate::fault::Faults;
 use crate::journal::{ChannelWrite, Journal, Names, Origin};
 use crate::memory::{MemoryError, RegisterWidths, Segment};
@@ -67,18 +67,18 @@ impl Plant {
         E: From<MemoryError> + From<PlantError>,
     {
         config.check()?;
-        let mut media: Vec<Box<dyn Medium>> = Vec::with_capacity(config.buses.len() + 1);
-        for (index, bus) in config.buses.iter().enumerate() {
-            media.push(Box::new(SimBus::new(index, bus).map_err(PlantError::from)?));
+        let mut media: Vec<Box<dyn Medium>> = Vec::with_capacity(config.media.len() + MEDIA.len());
+        for (index, medium) in config.media.iter().enumerate() {
+            media.push(medium.build(index).map_err(refused::<E>)?);
         }
         let named_media = media.len();
-        media.push(Box::new(SimBus::unplugged()));
-        let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.plcs.len());
+        media.extend(MEDIA.iter().map(|kind| (kind.unplugged)()));
+        let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
-        for (index, plc) in config.plcs.iter().enumerate() {
-            let (device, plugs) = Plc::new(index, plc, segment(&plc.name)?).map_err(refused::<E>)?;
-            ports.plug_in(&device, plugs, &mut media).map_err(refused::<E>)?;
-            devices.push(Box::new(device));
+        for (index, device) in config.devices.iter().enumerate() {
+            let (device, plugs) = device.build(index, segment(device.name())?).map_err(refused::<E>)?;
+            ports.plug_in(&*device, plugs, &mut media, named_media).map_err(refused::<E>)?;
+            devices.push(device);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
         let checker = Checker::new(devices.iter().map(|device| device.segment()))?;

@@ -2,7 +2,7 @@
 
 use super::Plant;
 use crate::check::Facts;
-use crate::devices::{BuildError, Context, Device, Look, Medium, Plug, SyncSignal};
+use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncSignal};
 use crate::journal::Origin;
 
 /// A port of a device, plugged in.
@@ -26,18 +26,20 @@ pub(super) struct Ports {
 }
 
 impl Ports {
-    /// Plugs the ports of the next device in; the last one of `media` is for those without a medium.
+    /// Plugs the ports of the next device in; behind the `named` media come those for ports without a medium, one for
+    /// each kind.
     pub(super) fn plug_in(
         &mut self,
         device: &dyn Device,
         plugs: Vec<Plug>,
         media: &mut [Box<dyn Medium>],
+        named: usize,
     ) -> Result<(), BuildError> {
-        let nowhere = media.len().saturating_sub(1);
         let mut ports = Vec::with_capacity(plugs.len());
-        for Plug { number, medium, socket } in plugs {
-            let at = |name: &String| media[..nowhere].iter().position(|medium| medium.name() == name);
-            let medium = medium.as_ref().and_then(at).unwrap_or(nowhere);
+        for Plug { number, family, medium, socket } in plugs {
+            let at = |name: &String| media[..named].iter().position(|medium| medium.name() == name);
+            let nowhere = MEDIA.iter().position(|kind| kind.name == family).ok_or(BuildError::OtherFamily)?;
+            let medium = medium.as_ref().and_then(at).unwrap_or(named + nowhere);
             let place = media[medium].attach(socket)?;
             ports.push(Port { number, medium, place, takes_part: false });
         }
@@ -45,7 +47,7 @@ impl Ports {
         let find = |number: u8| ports.iter().position(|port| port.number == number);
         for &(from, to) in device.sync_ways() {
             if let (Some(from), Some(to)) = (find(from), find(to))
-                && ports[from].medium != nowhere
+                && ports[from].medium < named
             {
                 self.ways[ports[from].medium].push((self.of_device.len(), to));
             }

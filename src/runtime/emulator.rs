@@ -130,7 +130,7 @@ impl Emulator {
             speed: options.clock.speed_permille(),
             processor_cycle_us: config.processor_cycle_us,
         };
-        let mut images = Vec::with_capacity(config.plcs.len());
+        let mut images = Vec::with_capacity(config.devices.len());
         let mut directory = None;
         let mut novram = Vec::new();
         let plant = Plant::new(config, |plc| {
@@ -416,7 +416,7 @@ impl Emulator {
 /// Takes the instance, and removes the images of PLCs that a killed emulator had and this one has not.
 fn take_instance(config: &PlantConfig, instance: &str) -> Result<InstanceLock, MemoryError> {
     let lock = InstanceLock::take(instance)?;
-    match lock.remove_dead(|plc| config.plcs.iter().any(|own| own.name == plc)) {
+    match lock.remove_dead(|plc| config.devices.iter().any(|own| own.name() == plc)) {
         Err(error @ MemoryError::AlreadyRunning { .. }) => Err(error),
         Err(error) => {
             tracing::warn!("{error}");

@@ -1,10 +1,18 @@
 //! A PLC as the plant file describes it.
 
+use super::Plc;
+use super::plc::{MASTER, SLAVE};
 use crate::devices::cansync::drive::{BuiltInDriveConfig, Watch};
-use crate::devices::settings::{SettingError, range, time, time_or_none};
+use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::devices::settings::{range, time, time_or_none};
+use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
+use crate::layout::Device;
 use crate::layout::flags::{MOST_RETAIN, RETAIN_SIZE};
+use crate::memory::Segment;
 use crate::memory::header::Project;
 use serde::Deserialize;
+use std::sync::Arc;
+use toml::de::{Error, ValueDeserializer};
 
 /// A PLC of the plant file.
 #[derive(Clone, Debug, Deserialize)]
@@ -77,8 +85,35 @@ fn default_retain_bytes() -> u32 {
 }
 
 impl PlcConfig {
-    /// Checks the numbers.
-    pub(crate) fn check(&self) -> Result<(), SettingError> {
+    /// Reads a `[[plc]]` section.
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn DeviceConfig>, Error> {
+        Ok(Arc::new(Self::deserialize(value)?))
+    }
+
+    /// Checks the times of node 1 and of the drive behind the BAPS.
+    fn check_times(&self) -> Result<(), SettingError> {
+        let (name, drive) = (self.name.as_str(), &self.drive);
+        time("lock_time_us", name, self.lock_time_us)?;
+        time("drive.lock_time_us", name, drive.lock_time_us)?;
+        time("drive.service_time_us", name, drive.service_time_us)?;
+        time_or_none("sync_loss_us", name, self.sync_loss_us)?;
+        time_or_none("drive.sync_loss_us", name, drive.sync_loss_us)?;
+        time("drive.monitoring.sync.time_us", name, drive.monitoring.sync.time_us)?;
+        let cyclic_data = drive.monitoring.cyclic_data.map(|Watch { time_us, .. }| time_us);
+        time_or_none("drive.monitoring.cyclic_data.time_us", name, cyclic_data)
+    }
+}
+
+impl DeviceConfig for PlcConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn layout(&self) -> &'static Device {
+        &DEVICE
+    }
+
+    fn check(&self) -> Result<(), SettingError> {
         range("dip", &self.name, self.dip.into(), 0..=31, "0 to 31")?;
         self.check_times()?;
         let sync = self.option_sync_us.map_or(50, u64::from);
@@ -96,16 +131,24 @@ impl PlcConfig {
         Ok(())
     }
 
-    /// Checks the times of node 1 and of the drive behind the BAPS.
-    fn check_times(&self) -> Result<(), SettingError> {
-        let (name, drive) = (self.name.as_str(), &self.drive);
-        time("lock_time_us", name, self.lock_time_us)?;
-        time("drive.lock_time_us", name, drive.lock_time_us)?;
-        time("drive.service_time_us", name, drive.service_time_us)?;
-        time_or_none("sync_loss_us", name, self.sync_loss_us)?;
-        time_or_none("drive.sync_loss_us", name, drive.sync_loss_us)?;
-        time("drive.monitoring.sync.time_us", name, drive.monitoring.sync.time_us)?;
-        let cyclic_data = drive.monitoring.cyclic_data.map(|Watch { time_us, .. }| time_us);
-        time_or_none("drive.monitoring.cyclic_data.time_us", name, cyclic_data)
+    fn ports(&self) -> Vec<PortConfig<'_>> {
+        let (node1, node2) = (self.node1.as_deref(), self.node2.as_deref());
+        vec![
+            PortConfig { number: SLAVE, name: "node1", medium: node1, address: Some(self.dip) },
+            PortConfig { number: MASTER, name: "node2", medium: node2, address: None },
+        ]
+    }
+
+    fn retain_bytes(&self) -> u32 {
+        self.retain_bytes
+    }
+
+    fn build(
+        &self,
+        index: usize,
+        segment: Segment,
+    ) -> Result<(Box<dyn crate::devices::Device>, Vec<Plug>), BuildError> {
+        let (plc, ports) = Plc::new(index, self, segment)?;
+        Ok((Box::new(plc), ports))
     }
 }

@@ -20,8 +20,8 @@ use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, View, Width};
 
 /// Numbers of the two ports.
-const SLAVE: u8 = 1;
-const MASTER: u8 = 2;
+pub(super) const SLAVE: u8 = 1;
+pub(super) const MASTER: u8 = 2;
 
 /// Where their registers lie.
 const SEATS: [Seat; 2] = [Seat { base: NODE1, place: 0 }, Seat { base: NODE2, place: 1 }];
@@ -56,6 +56,7 @@ impl Plc {
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         let plug = |number: u8, seat: Seat, medium: &Option<String>, role: SocketRole| Plug {
             number,
+            family: "cansync",
             medium: medium.clone(),
             socket: Box::new(Socket {
                 origin: Origin { plc: index, node: number },

@@ -1,9 +1,13 @@
 //! A bus as the plant file describes it.
 
+use super::SimBus;
 use crate::devices::cansync::bus::FrameLength;
 use crate::devices::cansync::drive::DriveConfig;
-use crate::devices::settings::{SettingError, range, time, time_or_none};
+use crate::devices::settings::{range, time, time_or_none};
+use crate::devices::{BuildError, Medium, MediumConfig, SettingError};
 use serde::Deserialize;
+use std::sync::Arc;
+use toml::de::{Error, ValueDeserializer};
 
 /// A bus of the plant file.
 #[derive(Clone, Debug, Deserialize)]
@@ -11,7 +15,7 @@ use serde::Deserialize;
 pub struct BusConfig {
     /// Name, unique among the buses.
     pub name: String,
-    /// Baud rate that the drives on it are set to: 500, 250 or 125 kbit/s (default 500). The bus itself
+    /// Baud rate that the drives on it are set to: 1000, 500, 250 or 125 kbit/s (default 500). The bus itself
     /// runs at the rate that its master is initialized with.
     #[serde(default = "default_kbit_s")]
     pub kbit_s: u16,
@@ -40,13 +44,36 @@ impl Default for BusConfig {
 }
 
 impl BusConfig {
-    /// Checks the numbers, but for what only the drives themselves know.
-    pub(crate) fn check(&self) -> Result<(), SettingError> {
-        if ![500, 250, 125].contains(&self.kbit_s) {
+    /// Reads a `[[bus]]` section.
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn MediumConfig>, Error> {
+        Ok(Arc::new(Self::deserialize(value)?))
+    }
+}
+
+impl MediumConfig for BusConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// But for what only the drives themselves know.
+    fn check(&self) -> Result<(), SettingError> {
+        if ![1000, 500, 250, 125].contains(&self.kbit_s) {
             let (name, value) = (self.name.clone(), self.kbit_s.into());
-            return Err(SettingError { what: "kbit_s", name, value, right: "500, 250 or 125" });
+            return Err(SettingError { what: "kbit_s", name, value, right: "1000, 500, 250 or 125" });
         }
         self.drives.iter().try_for_each(check_drive)
+    }
+
+    fn participants(&self) -> Vec<(&str, u8)> {
+        self.drives.iter().map(|drive| (drive.name.as_str(), drive.slave_number)).collect()
+    }
+
+    fn has_one_master(&self) -> bool {
+        true
+    }
+
+    fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
+        Ok(Box::new(SimBus::new(index, self)?))
     }
 }
 

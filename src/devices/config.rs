@@ -1,0 +1,91 @@
+//! What the plant file says about devices and media, as far as the plant must understand it: everything else is their own.
+
+use super::{BuildError, Device, Medium, Plug, SettingError};
+use crate::layout;
+use crate::memory::Segment;
+use core::fmt;
+use std::sync::Arc;
+use toml::de::{Error, ValueDeserializer};
+
+/// A device as the plant file describes it.
+pub trait DeviceConfig: fmt::Debug + Send + Sync {
+    /// Its name, unique among the devices.
+    fn name(&self) -> &str;
+
+    /// What it is.
+    fn layout(&self) -> &'static layout::Device;
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// [`SettingError`] names the key and what would be right.
+    fn check(&self) -> Result<(), SettingError>;
+
+    /// Its ports, plugged in or not.
+    fn ports(&self) -> Vec<PortConfig<'_>>;
+
+    /// How many retain flags it has, in bytes.
+    fn retain_bytes(&self) -> u32;
+
+    /// Device number `index` of the plant in this image, and its ports, which are still to be plugged in.
+    ///
+    /// # Errors
+    /// [`BuildError`]: the image is too small or read-only, or settings are refused that only their owner can judge.
+    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
+}
+
+/// A port as the plant file describes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PortConfig<'a> {
+    /// Its number in the layout, and in the journal.
+    pub number: u8,
+    /// Its name in the layout.
+    pub name: &'a str,
+    /// The medium that it is plugged in at.
+    pub medium: Option<&'a str>,
+    /// Its number on the medium, if others call it by one; a master has none.
+    pub address: Option<u8>,
+}
+
+/// A medium as the plant file describes it.
+pub trait MediumConfig: fmt::Debug + Send + Sync {
+    /// Its name, unique among the media.
+    fn name(&self) -> &str;
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// [`SettingError`] names the key and what would be right.
+    fn check(&self) -> Result<(), SettingError>;
+
+    /// Who takes part without being a device's port: name and number.
+    fn participants(&self) -> Vec<(&str, u8)>;
+
+    /// Whether there can be only one port without number, the master.
+    fn has_one_master(&self) -> bool;
+
+    /// Medium number `index` of the plant, without ports.
+    ///
+    /// # Errors
+    /// [`BuildError`]: settings of a participant that only itself can judge.
+    fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError>;
+}
+
+/// Reads a section of the plant file.
+pub type Read<T> = fn(ValueDeserializer<'_>) -> Result<Arc<T>, Error>;
+
+/// A kind of media.
+pub struct MediumKind {
+    /// Its name, in the plant file and as the family of ports in layouts.
+    pub name: &'static str,
+    /// Reads a `[[bus]]` of this kind.
+    pub read: Read<dyn MediumConfig>,
+    /// Where ports of this family are that no medium is plugged in at.
+    pub unplugged: fn() -> Box<dyn Medium>,
+}
+
+impl fmt::Debug for MediumKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MediumKind").field("name", &self.name).finish_non_exhaustive()
+    }
+}

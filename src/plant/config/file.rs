@@ -1,0 +1,115 @@
+//! A plant file as text: which section is whose, and the line of what is wrong.
+
+use super::{PlantConfig, PlantError};
+use crate::devices::{DEVICES, DeviceConfig, MEDIA, MediumConfig, Read};
+use crate::fault::FaultSpec;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use std::sync::Arc;
+use toml::Spanned;
+use toml::de::{DeArray, DeTable, DeValue, Deserializer, Error, ValueDeserializer};
+
+/// What is the plant's own, and the names of the rest for messages.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Rest {
+    #[serde(default = "default_cycle")]
+    processor_cycle_us: u32,
+    #[serde(default, rename = "plc")]
+    _plc: Option<IgnoredAny>,
+    #[serde(default, rename = "device")]
+    _device: Option<IgnoredAny>,
+    #[serde(default, rename = "bus")]
+    _bus: Option<IgnoredAny>,
+    #[serde(default)]
+    fault: Vec<FaultSpec>,
+}
+
+fn default_cycle() -> u32 {
+    500
+}
+
+/// The text, for messages.
+struct Source<'a> {
+    file: &'a str,
+    text: &'a str,
+}
+
+/// Reads a plant file.
+pub(super) fn read(file: &str, text: &str) -> Result<PlantConfig, PlantError> {
+    let source = Source { file, text };
+    let mut table = DeTable::parse(text).map_err(|error| source.syntax(error))?;
+    let plcs = source.sections(table.get_mut(), "plc")?;
+    let others = source.sections(table.get_mut(), "device")?;
+    let buses = source.sections(table.get_mut(), "bus")?;
+    let rest = Rest::deserialize(Deserializer::from(table)).map_err(|error| source.syntax(error))?;
+
+    let mut devices: Vec<Arc<dyn DeviceConfig>> = Vec::with_capacity(plcs.len() + others.len());
+    let kinds: Vec<_> =
+        DEVICES.iter().filter_map(|device| Some((device.layout.name, device.read?))).collect();
+    for section in plcs {
+        devices.push(source.read(section, kinds[0].1)?);
+    }
+    for section in others {
+        let (section, read) = source.of_kind(section, "device", None, &kinds)?;
+        devices.push(source.read(section, read)?);
+    }
+    let mut media: Vec<Arc<dyn MediumConfig>> = Vec::with_capacity(buses.len());
+    let kinds: Vec<_> = MEDIA.iter().map(|medium| (medium.name, medium.read)).collect();
+    for section in buses {
+        let (section, read) = source.of_kind(section, "bus", Some(kinds[0].0), &kinds)?;
+        media.push(source.read(section, read)?);
+    }
+    let Rest { processor_cycle_us, fault: faults, .. } = rest;
+    Ok(PlantConfig { processor_cycle_us, devices, media, faults })
+}
+
+impl Source<'_> {
+    fn syntax(&self, mut error: Error) -> PlantError {
+        error.set_input(Some(self.text));
+        PlantError::Syntax { file: self.file.to_owned(), source: Box::new(error) }
+    }
+
+    fn line_of(&self, offset: usize) -> usize {
+        1 + self.text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
+    }
+
+    /// Takes all sections `[[name]]` out of the file.
+    fn sections<'t>(&self, table: &mut DeTable<'t>, name: &'static str) -> Result<DeArray<'t>, PlantError> {
+        let Some(value) = table.remove(name) else { return Ok(DeArray::new()) };
+        let line = self.line_of(value.span().start);
+        match value.into_inner() {
+            DeValue::Array(sections) => Ok(sections),
+            _ => Err(PlantError::NoSection { file: self.file.to_owned(), line, name }),
+        }
+    }
+
+    /// Takes the `kind` out of a section and finds who reads the rest.
+    fn of_kind<'t, T: ?Sized>(
+        &self,
+        mut section: Spanned<DeValue<'t>>,
+        what: &'static str,
+        default: Option<&str>,
+        kinds: &[(&'static str, Read<T>)],
+    ) -> Result<(Spanned<DeValue<'t>>, Read<T>), PlantError> {
+        let given = match section.get_mut() {
+            DeValue::Table(table) => table.remove("kind"),
+            _ => None,
+        };
+        let line = self.line_of(given.as_ref().map_or(section.span().start, |kind| kind.span().start));
+        let kind = given.as_ref().and_then(|kind| kind.get_ref().as_str());
+        let kind = kind.or(default.filter(|_| given.is_none())).unwrap_or_default();
+        match kinds.iter().find(|(name, _)| *name == kind) {
+            Some((_, read)) => Ok((section, *read)),
+            None => {
+                let known = kinds.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+                let (file, kind) = (self.file.to_owned(), kind.to_owned());
+                Err(PlantError::Kind { file, line, what, kind, known })
+            }
+        }
+    }
+
+    fn read<T: ?Sized>(&self, section: Spanned<DeValue<'_>>, read: Read<T>) -> Result<Arc<T>, PlantError> {
+        read(ValueDeserializer::from(section)).map_err(|error| self.syntax(error))
+    }
+}

@@ -1,0 +1,88 @@
+//! Mistakes in a plant file, each with its message.
+
+use super::*;
+
+#[test]
+fn the_built_in_plant_is_a_good_one() {
+    let plant = PlantConfig::built_in().unwrap();
+    let numbers: Vec<u8> = plant.media[0].participants().iter().map(|(_, number)| *number).collect();
+    assert_eq!((plant.devices.len(), numbers), (1, vec![1, 2, 3]));
+}
+
+#[test]
+fn the_documented_plant_file_is_a_good_one() {
+    let text = include_str!("../../../docs/plant.md");
+    let example = text.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let plant = PlantConfig::parse("docs/plant.md", example).unwrap();
+    assert_eq!(plant.media[1].participants()[0].0, "winder");
+    assert!(plant.media[1].build(1).is_ok());
+}
+
+#[test]
+fn each_mistake_is_named() {
+    let drive = |name: &str, number: u8| format!("[[bus.drive]]\nname = '{name}'\nslave_number = {number}\n");
+    let bus = "[[bus]]\nname = 'b'\n";
+    let plc = "[[plc]]\nname = 'p'\n";
+    let cases = [
+        (String::new(), "the plant has no PLC"),
+        ("[[plc]]\nname = 'a b'\n".into(), "PLC name 'a b': use 1 to 31 characters"),
+        (format!("{plc}{plc}"), "there are two PLCs named 'p'"),
+        (format!("{plc}dip = 32\n"), "dip of 'p' is 32; it must be 0 to 31"),
+        (format!("{plc}option_sync_us = 49\n"), "option_sync_us of 'p' is 49; it must be 50 to 1000000"),
+        (
+            format!("{plc}retain_bytes = 71812\n"),
+            "retain_bytes of 'p' is 71812; it must be 4 to 71808 and divisible by 4",
+        ),
+        (format!("{plc}retain_bytes = 6\n"), "retain_bytes of 'p' is 6; it must be 4 to 71808"),
+        (format!("{plc}ethernet_mbit = 1\n"), "ethernet_mbit of 'p' is 1; it must be 100, 10 or 0"),
+        (
+            format!("{plc}node2 = 'x'\n{bus}"),
+            "node2 of PLC 'p' is on bus 'x', which does not exist; buses are: b",
+        ),
+        (format!("{plc}node1 = 'b'\nnode2 = 'b'\n{bus}"), "node1 and node2 of PLC 'p' are both on bus 'b'"),
+        (
+            format!("{plc}node2 = 'b'\n[[plc]]\nname = 'q'\nnode2 = 'b'\n{bus}"),
+            "bus 'b' has two masters, node2 of 'p' and of 'q'",
+        ),
+        (
+            format!("{plc}{bus}{}{}", drive("d", 4), drive("e", 4)),
+            "slave number 4 is used twice on bus 'b', by 'd' and 'e'",
+        ),
+        (
+            format!("{plc}dip = 4\nnode1 = 'b'\n{bus}{}", drive("d", 4)),
+            "slave number 4 is used twice on bus 'b', by 'p' and 'd'",
+        ),
+        (format!("{plc}{bus}kbit_s = 100\n"), "kbit_s of 'b' is 100; it must be 1000, 500, 250 or 125"),
+        (
+            format!("{plc}{bus}frame_length = 'long'\n"),
+            "unknown variant `long`, expected `fixed` or `variable`",
+        ),
+        (
+            format!("processor_cycle_us = 5\n{plc}"),
+            "processor_cycle_us of 'plant' is 5; it must be 10 to 10000",
+        ),
+        (
+            format!("{plc}[[device]]\nname = 'd'\nkind = 'toaster'\n"),
+            "test.toml: line 5: there is no device of kind 'toaster'; kinds are: omega-drive-line-2",
+        ),
+        (format!("{plc}[[device]]\nname = 'd'\n"), "test.toml: line 3: there is no device of kind ''"),
+        (
+            format!("{plc}{bus}kind = 'string'\n"),
+            "line 5: there is no bus of kind 'string'; kinds are: cansync",
+        ),
+        (
+            format!("{plc}[[device]]\nkind = 'omega-drive-line-2'\nname = 'd'\ncolour = 1\n"),
+            "test.toml: TOML parse error at line 6, column 1",
+        ),
+        (
+            format!("{plc}[[device]]\nkind = 'omega-drive-line-2'\nname = 'p'\n"),
+            "there are two PLCs named 'p'",
+        ),
+        (format!("bus = 1\n{plc}"), "test.toml: line 1: [[bus]]"),
+        (format!("{plc}colour = 1\n"), "test.toml: TOML parse error at line 3, column 1"),
+    ];
+    for (text, expected) in cases {
+        let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
+        assert!(message.contains(expected), "{text}\n{message}\nlacks: {expected}");
+    }
+}
