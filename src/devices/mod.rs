@@ -62,7 +62,7 @@ pub static DEVICES: &[Registered] = &[
     Registered {
         layout: &bm4_o_can_06::registers::DEVICE,
         #[cfg(feature = "plc")]
-        blocks: &[],
+        blocks: bm4_o_can_06::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
         read: None,
     },

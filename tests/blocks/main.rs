@@ -5,3 +5,4 @@ mod rig;
 
 mod configurations;
 mod function_blocks;
+mod played;

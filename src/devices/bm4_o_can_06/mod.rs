@@ -1,6 +1,8 @@
 //! b maXX PLC with CANsync option modules BM4-O-CAN-06, a master, and BM4-O-CAN-05 with DIP switch 9 at ON, a slave, in slots G
 //! to M (manual 5.02066.01a).
 
+#[cfg(feature = "plc")]
+pub mod blocks;
 #[cfg(test)]
 mod registers_tests;
 

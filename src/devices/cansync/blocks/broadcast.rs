@@ -1,7 +1,7 @@
 //! `CANsync_BC_MA0`, `_MA1`, `_MA2`, `CANsync_BC_SL`: broadcast commands (p. 196-203).
 
 use super::registers::{SEND, SENT, take_received};
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::plc::{Base, Like, function_block};
 
 macro_rules! sender {

@@ -1,7 +1,7 @@
 //! `CANsync_COMM_CONTROL_MA`: who may use the command channel (p. 204-206).
 
 use super::registers::{AUTOMATIC, slave_index};
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
 

@@ -1,7 +1,7 @@
 //! `CANsync_CONTROLWORD_MA`, `CANsync_CONTROLWORD_SL`: control words (p. 207-210).
 
 use super::registers::{SEND, SENT, slave_index, take_received};
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::plc::{Base, Like, function_block};
 
 function_block! {

@@ -2,7 +2,7 @@
 //! are each device's own.
 
 use crate::devices::cansync::BaudRate;
-use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
@@ -161,7 +161,7 @@ macro_rules! init {
             ///
             /// The first call begins; call on, at least once per processor cycle, until `x_OK` or `x_ERR`
             /// (decision D-201). A call after that begins anew.
-            pub struct CANsync_INIT(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT>) {
+            pub struct CANsync_INIT(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT>) {
                 in {
                     /// Slave; default: master.
                     x_SL: bool;
@@ -203,7 +203,7 @@ macro_rules! init {
 
         impl CANsync_INIT {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT>>) {
+            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT>>) {
                 let inputs = $crate::devices::cansync::blocks::init::Inputs {
                     slave: self.x_SL,
                     sync_in: self.x_SYNC_IN,

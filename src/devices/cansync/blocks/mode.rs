@@ -1,6 +1,6 @@
 //! `CANsync_MODE_MA`, `CANsync_MODE_SL`: commands to a node and what it shows (p. 216-221).
 
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell16, SharedRegs};
 use crate::plc::{Base, Like, Viewed, function_block};
 

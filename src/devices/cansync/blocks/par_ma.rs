@@ -1,7 +1,7 @@
 //! `CANsync_PAR_READ_MA`, `CANsync_PAR_WRITE_MA`: parameter jobs of a master (p. 222-224, 230-232).
 
 use super::registers::{ACTIVE, ERROR, Job, slave_index};
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
 use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
 
@@ -174,7 +174,7 @@ macro_rules! par_read_ma {
             #[doc = concat!("Reads a parameter of a slave (manual p. ", $page, "). Needs")]
             /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first. Several instances may run at the
             /// same time, one per slave.
-            pub struct CANsync_PAR_READ_MA(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>) {
+            pub struct CANsync_PAR_READ_MA(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>) {
                 in {
                     /// The slave, 0 to 31.
                     si_SL_NR: i8;
@@ -213,7 +213,7 @@ macro_rules! par_read_ma {
 
         impl CANsync_PAR_READ_MA {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>>) {
+            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>>) {
                 let _BASE = &_BASE.viewed();
                 let inputs = $crate::devices::cansync::blocks::par_ma::Inputs {
                     slave: self.si_SL_NR,

@@ -1,7 +1,7 @@
 //! `CANsync_PAR_SL`: parameter jobs at a slave (p. 225-229).
 
 use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::plc::{Base, Like, function_block};
 
 /// Bit 1; the manual's texts for bits 1 and 2 are swapped (p. 189), its values are right.

@@ -2,9 +2,7 @@
 //! half of which value (p. 233-246).
 
 use super::registers::{NOBODY, slave_index};
-use crate::devices::omega_drive_line_2::registers::{
-    CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD,
-};
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD};
 use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
 use core::ops::RangeInclusive;

@@ -4,7 +4,7 @@ use super::CANsync_RD_BMARRAY;
 use super::comm_control::set_highest_slave;
 use super::process_data::{receive_from_all, send, take_last_slave};
 use super::registers::{AUTOMATIC, NOBODY, slave_index};
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
 

@@ -3,7 +3,7 @@
 
 use super::process_data::receive_from;
 use super::registers::slave_index;
-use crate::devices::omega_drive_line_2::registers::STATREG_RDC;
+use crate::devices::cansync::registers::STATREG_RDC;
 use crate::memory::Cell32;
 
 /// The actual values of one slave: copies those of frames received since the last call, and says which were.
@@ -23,7 +23,7 @@ macro_rules! pd_comm_read {
         $crate::plc::function_block! {
             #[doc = concat!("Reads the actual values of one slave (manual p. ", $page, "). Kept by the vendor for")]
             #[doc = concat!("old projects, for use with `x_COPY_TO_RD_ARRAY` FALSE at `", $other, "`.")]
-            pub struct $name(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::$base>) {
+            pub struct $name(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::$base>) {
                 in {
                     /// The slave, 0 to 31; other numbers read nothing.
                     si_SL_NR: i8;
@@ -41,7 +41,7 @@ macro_rules! pd_comm_read {
 
         impl $name {
             /// One PLC cycle.
-            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::$base>>) {
+            pub fn call(&mut self, _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::$base>>) {
                 let _BASE = &_BASE.viewed();
                 let [one, two] = $crate::devices::cansync::blocks::pd_comm_read::take_actuals(
                     self.si_SL_NR,

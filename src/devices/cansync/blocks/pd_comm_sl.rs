@@ -3,7 +3,7 @@
 
 use super::CANsync_RD_BMARRAY;
 use super::process_data::{receive, receive_from_all, send, take_last_slave};
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::plc::Viewed;
 
 /// Releases the actual values of each frame whose input is 5.
@@ -36,7 +36,7 @@ macro_rules! pd_comm_sl {
             /// Hands over own actual values, reads reference values and overhears other slaves' actual values.
             /// Call it right at the start of the CANsync event task.
             #[doc = concat!("Manual p. ", $page, ".")]
-            pub struct CANsync_PD_COMM_SL(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT>) {
+            pub struct CANsync_PD_COMM_SL(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT>) {
                 in {
                     /// Own actual values 0 to 7.
                     a_RD_VALUES_SEND: [i32; 8];
@@ -69,7 +69,7 @@ macro_rules! pd_comm_sl {
             /// One PLC cycle. `a_RD_ARRAY` is written with `x_COPY_TO_RD_ARRAY` only.
             pub fn call(
                 &mut self,
-                _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT>>,
+                _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT>>,
                 a_RD_ARRAY: &mut $crate::devices::cansync::blocks::CANsync_RD_BMARRAY,
             ) {
                 use $crate::devices::cansync::blocks::pd_comm_sl::{overhear, release, take_references};

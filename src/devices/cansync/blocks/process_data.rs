@@ -3,7 +3,7 @@
 
 use super::CANsync_RD_BMARRAY;
 use super::registers::{AUTOMATIC, NOBODY, SEND, slave_index, take_received};
-use crate::devices::omega_drive_line_2::registers::STATREG_RDC;
+use crate::devices::cansync::registers::STATREG_RDC;
 use crate::memory::{Cell8, Cell32};
 
 /// Values of one frame.

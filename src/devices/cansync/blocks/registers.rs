@@ -1,7 +1,7 @@
 //! Values and bits of control and status registers that several function blocks use, and how a PLC
 //! writes the register pair of a job (manual 5.00005.03a chapters 7.2.2, 7.2.3).
 
-use crate::devices::omega_drive_line_2::registers::{
+use crate::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
 use crate::memory::Cell8;

@@ -3,7 +3,7 @@
 
 use super::registers::{ACTIVE, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, UPDOWN_VALUES};
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
@@ -219,7 +219,7 @@ macro_rules! updownload_ma {
             /// [`CANsync_UPDOWNLOAD_SL`](super::CANsync_UPDOWNLOAD_SL). Needs
             /// [`CANsync_COMM_CONTROL_MA`](super::CANsync_COMM_CONTROL_MA) first.
             #[doc = concat!("Manual p. ", $page, ".")]
-            pub struct CANsync_UPDOWNLOAD_MA(_BASE: $crate::plc::Base<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>) {
+            pub struct CANsync_UPDOWNLOAD_MA(_BASE: $crate::plc::Base<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>) {
                 in {
                     /// The slave, 0 to 31.
                     si_SL_NR: i8;
@@ -262,7 +262,7 @@ macro_rules! updownload_ma {
             /// One PLC cycle. Reads from `a_DOWNLOAD`, or writes to `a_UPLOAD`.
             pub fn call(
                 &mut self,
-                _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT>>,
+                _BASE: &$crate::plc::Base<impl $crate::plc::Like<$crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT>>,
                 a_DOWNLOAD: &$crate::devices::cansync::blocks::CANsync_UPDOWN_BMARRAY,
                 a_UPLOAD: &mut $crate::devices::cansync::blocks::CANsync_UPDOWN_BMARRAY,
             ) {

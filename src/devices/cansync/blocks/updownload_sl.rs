@@ -3,7 +3,7 @@
 use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
 use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, INIT, LAST, MODE, SLAVE_CANCELS};
 use super::updownload_ma::PRESET_TIME;
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
 
