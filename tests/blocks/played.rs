@@ -1,5 +1,7 @@
 //! Blocks of both devices against a firmware that the test plays: it sets the registers itself.
 
+#![allow(non_snake_case, reason = "the manuals' names, letter for letter")]
+
 use commram::memory::{Header, Segment, View};
 use commram::plc::Ram;
 
