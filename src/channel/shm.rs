@@ -9,8 +9,9 @@ use std::time::{Duration, Instant};
 
 /// Where POSIX shared memory lies on Linux.
 pub(super) const SHM: &str = "/dev/shm";
-/// How long a shared memory object may have no content: far longer than a living process needs.
-const HALF_MADE: Duration = Duration::from_millis(50);
+/// How long a shared memory object may have no content: far longer than a living process needs, also on a processor that
+/// several others want.
+const HALF_MADE: Duration = Duration::from_millis(500);
 /// Longest object that is open to everybody: iceoryx2's counter of nodes has 16 bytes.
 const MAX_PUBLIC: u64 = 4096;
 
