@@ -1,21 +1,20 @@
-//! The watch over the registers of BAPS and Ethernet diagnosis that only the firmware writes. The CANsync nodes have
-//! a [`NodeWatch`](super::node::NodeWatch), which knows many more rules.
+//! The watch over registers that only the firmware writes, where nobody knows more rules.
 
 use super::{rules, word};
-use crate::devices::omega_drive_line_2::registers::{BAPS, DEVICE, ETHERNET};
 use crate::journal::{Finding, Journal};
-use crate::layout::{Live, Owner, RegisterRef};
+use crate::layout::{Device, Live, Owner, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
-use std::sync::LazyLock;
 
 const WORD: u32 = word::WORD as u32;
 
-/// The registers, in ascending order.
-static OWNED: LazyLock<Vec<RegisterRef>> = LazyLock::new(|| {
-    let areas = DEVICE.areas.iter().filter(|area| [BAPS, ETHERNET].contains(&(area.first as usize)));
+/// The registers of a device that only its own firmware writes, in ascending order. What lies in the areas of its ports
+/// is the firmware's of a medium, and watched there.
+pub(crate) fn owned(layout: &'static Device) -> impl Iterator<Item = RegisterRef> {
+    let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
+    let areas = layout.areas.iter().filter(move |area| !is_ports(*area));
     let registers = areas.flat_map(|area| area.registers(Live::Always));
-    registers.filter(|register| register.owner() == Owner::Firmware).collect()
-});
+    registers.filter(|register| register.owner() == Owner::Firmware)
+}
 
 /// The bits of a register in its word.
 fn mask(register: &RegisterRef) -> u64 {
@@ -30,16 +29,26 @@ struct Word {
     watched: u64,
 }
 
-/// The watch over a PLC's registers.
+/// The watch over such registers.
 pub(super) struct OwnedWatch {
     plc: u16,
+    registers: Box<[RegisterRef]>,
     words: Box<[Word]>,
 }
 
 impl OwnedWatch {
-    pub fn new(plc: u16, segment: &Segment) -> Result<Self, MemoryError> {
+    /// The watch over these registers, in ascending order, of a device's image.
+    ///
+    /// # Errors
+    /// If the image is too small for them.
+    pub fn new(
+        plc: u16,
+        segment: &Segment,
+        registers: impl Iterator<Item = RegisterRef>,
+    ) -> Result<Self, MemoryError> {
+        let registers: Box<[_]> = registers.collect();
         let mut words: Vec<Word> = Vec::new();
-        for register in OWNED.iter() {
+        for register in &registers {
             let offset = register.offset() / WORD * WORD;
             match words.last_mut().filter(|word| word.offset == offset) {
                 Some(word) => word.watched |= mask(register),
@@ -51,7 +60,7 @@ impl OwnedWatch {
                 }),
             }
         }
-        let mut watch = OwnedWatch { plc, words: words.into() };
+        let mut watch = OwnedWatch { plc, registers, words: words.into() };
         watch.leave();
         Ok(watch)
     }
@@ -80,7 +89,8 @@ impl OwnedWatch {
             let now = word.now.load();
             let differs = now ^ word.left;
             let inside = |register: &&RegisterRef| register.offset() / WORD * WORD == word.offset;
-            for register in OWNED.iter().filter(inside).filter(|register| differs & mask(register) != 0) {
+            let hit = |register: &&RegisterRef| inside(register) && differs & mask(register) != 0;
+            for register in self.registers.iter().filter(hit) {
                 find(self.plc, register, now, time, journal);
             }
             word.left = now;
@@ -92,7 +102,7 @@ impl OwnedWatch {
         let hit = |register: &&RegisterRef| {
             register.offset() < offset + bytes && offset < register.offset() + register.width()
         };
-        for register in OWNED.iter().filter(hit) {
+        for register in self.registers.iter().filter(hit) {
             let home = |word: &&mut Word| word.offset == register.offset() / WORD * WORD;
             let Some(word) = self.words.iter_mut().find(home) else { continue };
             let now = word.now.load();
@@ -107,20 +117,4 @@ fn find(plc: u16, register: &RegisterRef, word: u64, time: u64, journal: &mut Jo
     let value = word::value(word, offset, register.width());
     let finding = Finding { rule: &rules::OWNER, plc, offset, live, value, late_us: 0 };
     journal.find(time, finding);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_register_maps_say_what_is_watched() {
-        let names: Vec<_> = OWNED.iter().map(RegisterRef::name).collect();
-        for name in ["baps.w_STATUSWORD", "baps.a_RD_VALUE[7]", "ethernet.w_DIP_NR"] {
-            assert!(names.iter().any(|it| it == name), "{name} in {names:?}");
-        }
-        assert!(!names.iter().any(|name| name == "baps.w_CONTROLWORD"), "{names:?}");
-        let offsets: Vec<_> = OWNED.iter().map(RegisterRef::offset).collect();
-        assert!(offsets.is_sorted(), "each word is there once: {offsets:?}");
-    }
 }

@@ -1,15 +1,15 @@
 //! Registers as bits of the 64-bit words in which the checker reads the RAM.
 
 /// Bytes of a word.
-pub(super) const WORD: usize = size_of::<u64>();
+pub(crate) const WORD: usize = size_of::<u64>();
 
 /// The bits of a register of `width` bytes at `offset` in the word it lies in.
-pub(super) fn mask(offset: u32, width: u32) -> u64 {
+pub(crate) fn mask(offset: u32, width: u32) -> u64 {
     u64::MAX >> (64 - 8 * width) << shift(offset)
 }
 
 /// The register's value in that word.
-pub(super) fn value(word: u64, offset: u32, width: u32) -> u32 {
+pub(crate) fn value(word: u64, offset: u32, width: u32) -> u32 {
     ((word & mask(offset, width)) >> shift(offset)) as u32
 }
 

@@ -1,7 +1,6 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
 use super::{BuildError, Context, Device};
-use crate::check::Facts;
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use core::any::Any;
@@ -64,8 +63,20 @@ pub trait Medium: Any + Send {
     /// Whether any port's program has written a control register that the firmware has not looked at yet.
     fn control_changed(&self) -> bool;
 
-    /// What the access checker must know about a port.
-    fn facts(&self, place: usize) -> Facts;
+    /// Before firmware runs: judges what others have written to the registers of a port since [`Medium::leave`]. The medium
+    /// has the watch over them, since its family has the rules and the firmware.
+    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal);
+
+    /// After firmware has run: notes what it leaves in the registers of a port.
+    fn leave(&mut self, place: usize);
+
+    /// Judges a write of `bytes` bytes at byte `offset` of the image, which came through the channel, if it hit registers of
+    /// a port.
+    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal);
+
+    /// Judges what is taken over at a SYNC edge. Called when all who are told of an edge that [`Medium::event`] returned have
+    /// been told.
+    fn judge_edge(&mut self, now: u64, journal: &mut Journal);
 
     /// When the next event is due; `u64::MAX` if none is.
     fn next_time(&self) -> u64;

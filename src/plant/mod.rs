@@ -9,6 +9,7 @@ mod config;
 mod force;
 mod injection;
 mod ports;
+mod writes;
 
 pub use crate::devices::Power;
 pub use crate::devices::cansync::medium::BusConfig;
@@ -16,12 +17,12 @@ pub use crate::devices::omega_drive_line_2::{Plc, PlcConfig, ProjectConfig};
 pub use config::{PlantConfig, PlantError};
 pub use force::{ForceError, Forced};
 
-use crate::check::Checker;
+use crate::check::DeviceWatch;
 use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::medium::SimBus;
 use crate::devices::{BuildError, Context, Device, MEDIA, Medium, World};
 use crate::fault::Faults;
-use crate::journal::{ChannelWrite, Journal, Names, Origin};
+use crate::journal::{Journal, Names, Origin};
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
 use ports::Ports;
@@ -47,7 +48,8 @@ pub struct Plant {
     journal: Journal,
     forces: Forces,
     faults: Faults,
-    checker: Checker,
+    /// Of the access checker, over each device; those over ports are the media's.
+    watches: Vec<DeviceWatch>,
     /// Ports whose devices are to be told of a SYNC edge; empty between events.
     edges: Vec<Origin>,
     /// Of each device, for accesses from outside.
@@ -81,7 +83,10 @@ impl Plant {
             devices.push(device);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
-        let checker = Checker::new(devices.iter().map(|device| device.segment()))?;
+        let watch = |(index, device): (usize, &Box<dyn Device>)| {
+            DeviceWatch::new(index as u16, device.segment(), device.layout())
+        };
+        let watches = devices.iter().enumerate().map(watch).collect::<Result<_, MemoryError>>()?;
         let widths = devices.iter().map(|device| RegisterWidths::of(device.layout())).collect();
         let mut plant = Plant {
             now: 0,
@@ -94,7 +99,7 @@ impl Plant {
             named_media,
             ports,
             journal: Journal::default(),
-            checker,
+            watches,
             widths,
             forces: Forces::default(),
             faults: Faults::default(),
@@ -102,7 +107,7 @@ impl Plant {
         };
         (0..plant.devices.len()).for_each(|index| plant.start(index));
         plant.find_next_device();
-        // The checker begins with what power-on has left.
+        // The watches begin with what power-on has left.
         plant.leave();
         for fault in config.resolved_faults()? {
             // Checked a moment ago, and there is room for all of them.
@@ -193,19 +198,7 @@ impl Plant {
         for device in &self.devices {
             device.show_time(self.now);
         }
-        self.checker.show_time(self.now);
-    }
-
-    /// What others have written since the firmware last ran is judged before it runs again.
-    #[inline]
-    fn look_for_writes(&mut self) {
-        self.checker.look(self.now, self.ports.facts(&self.media), &mut self.journal);
-    }
-
-    /// The firmware has run: from now on, others write.
-    #[inline]
-    fn leave(&mut self) {
-        self.checker.leave(self.ports.facts(&self.media));
+        self.watches.iter_mut().for_each(|watch| watch.show_time(self.now));
     }
 
     /// Which events of device `device` stop [`Plant::advance_until`], bit n for event n.
@@ -283,9 +276,7 @@ impl Plant {
         }
         let Some(signal) = signal else { return };
         self.forward_sync(index, signal);
-        let Plant { now, media, ports, journal, checker, .. } = self;
-        let concerns = |device, port| ports.is_at(device, port, index);
-        checker.sync_edge(*now, ports.facts(media), concerns, journal);
+        self.media[index].judge_edge(self.now, &mut self.journal);
     }
 
     /// Tells the devices of the SYNC edges at their ports, which may have begun or moved something of theirs.
@@ -334,25 +325,6 @@ impl Plant {
     /// Forgets what the access checker has found.
     pub fn clear_findings(&mut self) {
         self.journal.clear_findings();
-    }
-
-    /// Notes a register write that came through the channel.
-    pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
-        self.forces.apply(&self.devices);
-        self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });
-        if self.devices.get(plc).is_some_and(|device| device.answers_write(offset)) {
-            self.look_for_writes();
-            let origin = Origin { plc: plc as u16, node: 0 };
-            let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
-            self.devices[plc].written(ctx);
-            self.leave();
-        }
-        if let Some(device) = self.devices.get(plc) {
-            device.named(offset, width.into());
-            if let Some(facts) = self.ports.facts(&self.media).nth(plc) {
-                self.checker.written(plc, offset, width, self.now, &facts, &mut self.journal);
-            }
-        }
     }
 }
 

@@ -1,7 +1,6 @@
 //! Which port of which device is where, and what passes between the two.
 
 use super::Plant;
-use crate::check::Facts;
 use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncSignal};
 use crate::journal::Origin;
 
@@ -61,18 +60,9 @@ impl Ports {
         self.of_device.get(device)?.iter().find(|port| port.number == number)
     }
 
-    /// Whether that port is at medium `medium`.
-    pub(super) fn is_at(&self, device: usize, number: u8, medium: usize) -> bool {
-        self.find(device, number).is_some_and(|port| port.medium == medium)
-    }
-
-    /// What the access checker must know about each device's ports.
-    #[inline]
-    pub(super) fn facts<'a>(&'a self, media: &'a [Box<dyn Medium>]) -> impl Iterator<Item = [Facts; 2]> + 'a {
-        self.of_device.iter().filter_map(|ports| match ports[..] {
-            [first, second] => Some([first, second].map(|port| media[port.medium].facts(port.place))),
-            _ => None,
-        })
+    /// The ports of each device, in the order in which they were plugged in.
+    pub(super) fn of_devices(&self) -> impl Iterator<Item = &[Port]> {
+        self.of_device.iter().map(Vec::as_slice)
     }
 }
 

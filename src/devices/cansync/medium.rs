@@ -15,6 +15,7 @@ mod own_clock;
 mod ports;
 mod process;
 mod slots;
+mod watch;
 
 pub use config::BusConfig;
 pub use end::{Socket, SocketRole};

@@ -15,6 +15,8 @@ mod rate;
 pub mod records;
 #[cfg(feature = "emulator")]
 pub mod rules;
+#[cfg(feature = "emulator")]
+mod watch;
 
 /// Registers of CANsync nodes, generated from `layouts/cansync`.
 #[allow(non_snake_case, non_camel_case_types)]

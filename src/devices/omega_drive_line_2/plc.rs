@@ -54,21 +54,23 @@ impl Plc {
         header.retain_offset.store(RETAIN_OFFSET);
         header.retain_size.store(config.retain_bytes);
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
-        let plug = |number: u8, seat: Seat, medium: &Option<String>, role: SocketRole| Plug {
-            number,
-            family: "cansync",
-            medium: medium.clone(),
-            socket: Box::new(Socket {
-                origin: Origin { plc: index, node: number },
-                segment: segment.clone(),
-                seat,
-                role,
-            }),
-        };
+        let plug =
+            |port: &'static layout::Port, seat: Seat, medium: &Option<String>, role: SocketRole| Plug {
+                number: port.number,
+                family: "cansync",
+                medium: medium.clone(),
+                socket: Box::new(Socket {
+                    origin: Origin { plc: index, node: port.number },
+                    segment: segment.clone(),
+                    seat,
+                    area: port.area,
+                    role,
+                }),
+            };
         let slave = SocketRole::Slave { number: config.dip, lock };
         let ports = vec![
-            plug(SLAVE, SEATS[0], &config.node1, slave),
-            plug(MASTER, SEATS[1], &config.node2, SocketRole::Master),
+            plug(&DEVICE.ports[0], SEATS[0], &config.node1, slave),
+            plug(&DEVICE.ports[1], SEATS[1], &config.node2, SocketRole::Master),
         ];
         let device = Plc {
             index,

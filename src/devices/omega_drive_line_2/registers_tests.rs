@@ -1,5 +1,6 @@
 //! What the layout's tables and structures of the Omega Drive-Line II must hold.
 
+use crate::check;
 use crate::devices::omega_drive_line_2::registers::*;
 use crate::layout::{Owner, Provenance, Role};
 use core::mem::offset_of;
@@ -95,4 +96,16 @@ fn deadlines_say_where_they_are_from() {
 fn only_three_pairs_of_baud_rate_and_interval_exist() {
     let pairs = BAUD_RATES.map(|rate| (rate.kbit_per_s, rate.b_TIME_PATTERN, rate.b_BT_0, rate.t_WRC1));
     assert_eq!(pairs, [(500, 2, 0x00, 730), (250, 4, 0x01, 1430), (125, 8, 0x03, 3020)]);
+}
+
+/// The nodes' registers have a watch of their own.
+#[test]
+fn the_checker_watches_what_is_the_boards_own() {
+    let names: Vec<_> = check::owned(&DEVICE).map(|register| register.name()).collect();
+    for name in ["baps.w_STATUSWORD", "baps.a_RD_VALUE[7]", "ethernet.w_DIP_NR"] {
+        assert!(names.iter().any(|it| it == name), "{name} in {names:?}");
+    }
+    assert!(!names.iter().any(|name| name == "baps.w_CONTROLWORD" || name.starts_with("node")), "{names:?}");
+    let offsets: Vec<_> = check::owned(&DEVICE).map(|register| register.offset()).collect();
+    assert!(offsets.is_sorted(), "each word is there once: {offsets:?}");
 }

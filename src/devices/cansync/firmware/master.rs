@@ -10,11 +10,11 @@ use super::polling::Polling;
 use super::punctual::Punctual;
 use super::registers::Code;
 use super::word_config::WordConfigs;
-use crate::check::Facts;
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use crate::devices::cansync::records::{Left, Missed};
+use crate::devices::cansync::watch::Facts;
 use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::{Context, SyncSignal};
 use crate::journal::Handshake;
@@ -94,7 +94,7 @@ impl Master {
 
     /// What the access checker must know.
     #[inline]
-    pub fn facts(&self) -> Facts {
+    pub(in crate::devices::cansync) fn facts(&self) -> Facts {
         self.node.facts(self.punctual)
     }
 

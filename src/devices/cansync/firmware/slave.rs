@@ -18,13 +18,13 @@ use super::punctual::Punctual;
 use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::can::Payload;
-use crate::check::Facts;
 use crate::devices::Context;
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind, SyncLock};
 use crate::devices::cansync::records::{Left, Missed};
+use crate::devices::cansync::watch::Facts;
 use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::shown::Shown;
 use crate::memory::{MemoryError, Segment, View};
@@ -107,7 +107,7 @@ impl Slave {
 
     /// What the access checker must know.
     #[inline]
-    pub fn facts(&self) -> Facts {
+    pub(in crate::devices::cansync) fn facts(&self) -> Facts {
         self.node.facts(self.punctual)
     }
 

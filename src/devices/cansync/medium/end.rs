@@ -3,7 +3,9 @@
 use crate::devices::Context;
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::firmware::{Master, Seat, Slave};
+use crate::devices::cansync::watch::NodeWatch;
 use crate::journal::{Journal, Origin};
+use crate::layout::{Area, Role};
 use crate::memory::{Header, MemoryError, Segment, View};
 
 /// A CANsync port, as a device hands it over.
@@ -14,6 +16,8 @@ pub struct Socket {
     pub segment: Segment,
     /// Where in it the node's registers lie.
     pub seat: Seat,
+    /// What lies there.
+    pub area: &'static Area,
     /// What the node is.
     pub role: SocketRole,
 }
@@ -35,6 +39,7 @@ pub enum SocketRole {
 /// A node with its firmware.
 pub(super) struct End<F> {
     pub(super) firmware: F,
+    pub(super) watch: NodeWatch,
     pub(super) origin: Origin,
     header: View<Header>,
     segment: Segment,
@@ -51,8 +56,13 @@ pub(super) enum Place {
 
 impl<F> End<F> {
     fn new(socket: &Socket, firmware: F) -> Result<Self, MemoryError> {
+        let role = match socket.role {
+            SocketRole::Master => Role::Master,
+            SocketRole::Slave { .. } => Role::Slave,
+        };
         Ok(End {
             firmware,
+            watch: NodeWatch::new(socket.origin.plc, socket.area, role, &socket.segment)?,
             origin: socket.origin,
             header: socket.segment.header()?,
             segment: socket.segment.clone(),

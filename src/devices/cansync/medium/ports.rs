@@ -3,7 +3,6 @@
 use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
 use super::{Sender, SimBus, Station};
-use crate::check::Facts;
 use crate::devices::cansync::firmware::{Change, Slave};
 use crate::devices::cansync::records::BaudRateMismatch;
 use crate::devices::cansync::rules;
@@ -105,11 +104,25 @@ impl Medium for SimBus {
     }
 
     #[inline]
-    fn facts(&self, place: usize) -> Facts {
-        match self.places[place] {
-            Place::Master(index) => self.masters[index].firmware.facts(),
-            Place::Slave(index) => self.slaves[index].firmware.facts(),
-        }
+    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
+        let (watch, facts) = self.watched(place);
+        watch.look(now, &facts, journal);
+    }
+
+    #[inline]
+    fn leave(&mut self, place: usize) {
+        let (watch, facts) = self.watched(place);
+        watch.leave(facts.live);
+    }
+
+    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
+        let (watch, facts) = self.watched(place);
+        watch.written(offset as usize, bytes as usize, now, &facts, journal);
+    }
+
+    #[inline]
+    fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
+        self.judge_mappings(now, journal);
     }
 
     fn next_time(&self) -> u64 {

@@ -4,17 +4,19 @@
 //! compares before the firmware runs again: whatever differs was written by somebody else.
 
 use super::judge::{Judge, Place};
-use super::registers::{INIT_BYTES, Map, Watched};
-use super::word::WORD;
+use super::registers::{INIT_BYTES, Map, Maps, Watched};
 use super::{Facts, mapping};
-use crate::devices::cansync;
-use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
+use crate::check::word::WORD;
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::cansync::rules;
 use crate::journal::Journal;
-use crate::layout::Live;
+use crate::layout::{Area, Live, Role};
 use crate::memory::{Cell64, MemoryError, Segment, View};
+use std::sync::Arc;
 
 /// 64-bit words that hold the longest structure.
-const WORDS: usize = 500;
+const WORDS: usize = size_of::<CANsync_MA_CTRL_BMSTRUCT>().div_ceil(WORD);
+const _: () = assert!(size_of::<CANsync_SL_CTRL_BMSTRUCT>() <= WORDS * WORD);
 /// Words that hold the initialization structure.
 const INIT_WORDS: usize = (INIT_BYTES as usize).div_ceil(WORD);
 /// Words compared in one go.
@@ -104,10 +106,11 @@ fn byte(word: u64, offset: usize) -> u8 {
 }
 
 /// The watch over a node.
-pub(super) struct NodeWatch {
+pub(in crate::devices::cansync) struct NodeWatch {
     plc: u16,
-    /// 1 or 2.
-    node: u8,
+    /// First byte of the node's area.
+    base: usize,
+    maps: Arc<Maps>,
     registers: Registers,
     live: Live,
     /// Words that differ. Kept for its memory.
@@ -117,18 +120,29 @@ pub(super) struct NodeWatch {
 }
 
 impl NodeWatch {
-    /// The watch over node `node` (1 or 2) of PLC `plc`, whose registers are as the firmware left them.
-    pub fn new(plc: u16, node: u8, segment: &Segment) -> Result<Self, MemoryError> {
-        let registers = Registers { now: segment.view(base(node))?, left: Box::new([0; WORDS]) };
-        let mut watch =
-            NodeWatch { plc, node, registers, live: Live::Init, changed: Vec::new(), unsettled: false };
+    /// The watch over the node in `area` of PLC `plc`, whose registers are as the firmware left them.
+    ///
+    /// # Errors
+    /// If the segment is too small for it.
+    pub fn new(plc: u16, area: &'static Area, role: Role, segment: &Segment) -> Result<Self, MemoryError> {
+        let base = area.first as usize;
+        let registers = Registers { now: segment.view(base)?, left: Box::new([0; WORDS]) };
+        let mut watch = NodeWatch {
+            plc,
+            base,
+            maps: Maps::of(area, role),
+            registers,
+            live: Live::Init,
+            changed: Vec::new(),
+            unsettled: false,
+        };
         watch.registers.copy(WORDS);
         Ok(watch)
     }
 
     /// Words of the structure that is valid.
     fn words(&self) -> usize {
-        if self.live == Live::Init { INIT_WORDS } else { Map::of(self.node, self.live).len().div_ceil(WORD) }
+        if self.live == Live::Init { INIT_WORDS } else { self.maps.cyclic.len().div_ceil(WORD) }
     }
 
     /// Notes the registers as the firmware leaves them.
@@ -146,9 +160,9 @@ impl NodeWatch {
         self.registers.copy(words);
     }
 
-    /// Judges what was written since. Tells whether the mapping waits to be judged.
+    /// Judges what was written since.
     #[inline]
-    pub fn look(&mut self, now: u64, facts: &Facts, journal: &mut Journal) -> bool {
+    pub fn look(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         self.changed.clear();
         self.registers.compare(0..self.words(), &mut self.changed);
         if !self.changed.is_empty() {
@@ -157,7 +171,6 @@ impl NodeWatch {
         if facts.takes_over_init {
             self.judge_before_init(now, facts, journal);
         }
-        self.unsettled
     }
 
     fn judge_with<'a>(
@@ -165,17 +178,16 @@ impl NodeWatch {
         now: u64,
         facts: &'a Facts,
         journal: &'a mut Journal,
-    ) -> (Judge<'a>, &'a [(usize, u64)]) {
-        let place = Place { plc: self.plc, base: base(self.node), live: self.live };
+    ) -> (Judge<'a>, &'a Map, &'a [(usize, u64)]) {
+        let place = Place { plc: self.plc, base: self.base, live: self.live };
         let judge =
             Judge { place, now, facts, registers: &self.registers, journal, unsettled: &mut self.unsettled };
-        (judge, &self.changed)
+        (judge, self.maps.of_phase(self.live), &self.changed)
     }
 
     #[cold]
     fn judge(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
-        let map = Map::of(self.node, self.live);
-        let (mut judge, changed) = self.judge_with(now, facts, journal);
+        let (mut judge, map, changed) = self.judge_with(now, facts, journal);
         for &(index, word) in changed {
             for register in map.registers(index * WORD, WORD) {
                 let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
@@ -199,17 +211,18 @@ impl NodeWatch {
     /// is lost.
     #[cold]
     fn judge_before_init(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
-        let map = Map::of(self.node, Live::Cyclic);
+        let maps = Arc::clone(&self.maps);
+        let map = &maps.cyclic;
         self.changed.clear();
         self.registers.compare(INIT_WORDS - 1..map.len().div_ceil(WORD), &mut self.changed);
-        let (mut judge, changed) = self.judge_with(now, facts, journal);
+        let (mut judge, _, changed) = self.judge_with(now, facts, journal);
         judge.place.live = Live::Cyclic;
         for &(index, word) in changed {
             let behind = map.registers(index * WORD, WORD).filter(|register| register.offset >= INIT_BYTES);
             for register in behind {
                 let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
                 if before != after {
-                    judge.find(&cansync::rules::BEFORE_INIT, register.offset.into(), after);
+                    judge.find(&rules::BEFORE_INIT, register.offset.into(), after);
                 }
             }
         }
@@ -218,46 +231,33 @@ impl NodeWatch {
         }
     }
 
-    /// A write of `bytes` bytes at `offset` in the node came through the channel. Unlike those through the map it
-    /// is seen even if it has changed nothing. Tells whether the mapping waits to be judged.
-    pub fn written(
-        &mut self,
-        offset: usize,
-        bytes: usize,
-        now: u64,
-        facts: &Facts,
-        journal: &mut Journal,
-    ) -> bool {
-        let map = Map::of(self.node, self.live);
-        let (mut judge, _) = self.judge_with(now, facts, journal);
+    /// A write of `bytes` bytes at byte `offset` of the image came through the channel. Unlike those through the map it
+    /// is seen even if it has changed nothing.
+    pub fn written(&mut self, offset: usize, bytes: usize, now: u64, facts: &Facts, journal: &mut Journal) {
+        let Some(offset) = offset.checked_sub(self.base) else { return };
+        let (mut judge, map, _) = self.judge_with(now, facts, journal);
         for register in map.registers(offset, bytes) {
             let start = usize::from(register.offset);
             let Some(word) = judge.registers.now.get(start / WORD).map(Cell64::load) else { continue };
             let [before, after] = [judge.registers.left[start / WORD], word].map(|word| register.of(word));
             judge.write(register, before, after);
         }
-        for register in map.registers(offset, bytes) {
+        for register in self.maps.of_phase(self.live).registers(offset, bytes) {
             self.registers.copy_register(register);
         }
-        self.unsettled
     }
 
     /// The firmware has taken the mapping over, at a SYNC edge in active operation.
     #[cold]
     pub fn settle(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
-        let node = self.node;
-        let (mut judge, _) = self.judge_with(now, facts, journal);
+        let (mut judge, ..) = self.judge_with(now, facts, journal);
         *judge.unsettled = false;
-        mapping::judge(&mut judge, node);
+        mapping::judge(&mut judge);
     }
 
     /// Whether the mapping waits to be judged.
+    #[inline]
     pub fn is_unsettled(&self) -> bool {
         self.unsettled
     }
-}
-
-/// First byte of a node.
-fn base(node: u8) -> usize {
-    if node == 1 { NODE1 } else { NODE2 }
 }

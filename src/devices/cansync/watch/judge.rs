@@ -1,13 +1,14 @@
 //! What is wrong with a write: the rules that can be seen at the moment of writing.
 
+use super::Facts;
 use super::node::Registers;
 use super::registers::{Kind, Limit, Watched};
-use super::{Facts, rules};
-use crate::devices::cansync;
+use crate::check;
 use crate::devices::cansync::bus::LAST_SLAVE;
-use crate::devices::omega_drive_line_2::registers::{
+use crate::devices::cansync::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CTRLREG_PAR_CMD_SL, DATA_PARAMETER,
 };
+use crate::devices::cansync::rules;
 use crate::journal::{Finding, Journal, Rule};
 use crate::layout::Live;
 use core::mem::offset_of;
@@ -71,13 +72,13 @@ impl Judge<'_> {
     pub fn write(&mut self, register: &Watched, before: u32, after: u32) {
         let offset = usize::from(register.offset);
         match register.kind {
-            Kind::Owned => return self.find(&rules::OWNER, offset, after),
-            Kind::Reserved => return self.find(&rules::RESERVED_REGISTER, offset, after),
-            Kind::ReservedUnderInit => return self.find(&cansync::rules::AFTER_INIT, offset, after),
+            Kind::Owned => return self.find(&check::rules::OWNER, offset, after),
+            Kind::Reserved => return self.find(&check::rules::RESERVED_REGISTER, offset, after),
+            Kind::ReservedUnderInit => return self.find(&rules::AFTER_INIT, offset, after),
             _ => {}
         }
         if after & register.reserved_bits != 0 {
-            self.find(&rules::RESERVED_BIT, offset, after);
+            self.find(&check::rules::RESERVED_BIT, offset, after);
         }
         self.limits(register, after);
         let [was, is] = [before, after].map(|value| value as u8);
@@ -96,7 +97,7 @@ impl Judge<'_> {
                 // The application ends the job or confirms a change.
                 let acted = was & job::ACTIVE & !is | is & job::RESET & !was;
                 if acted != 0 && (is ^ self.status_of(offset)) & (job::ACTIVE | job::RESET) != 0 {
-                    self.find(&cansync::rules::ORDER, offset, after);
+                    self.find(&rules::ORDER, offset, after);
                 }
             }
             _ => {}
@@ -107,14 +108,14 @@ impl Judge<'_> {
         let offset = usize::from(register.offset);
         let is_slave = after <= LAST_SLAVE.into();
         match register.limit {
-            Limit::Slave if !is_slave => self.find(&cansync::rules::SLAVE_NUMBER, offset, after),
+            Limit::Slave if !is_slave => self.find(&rules::SLAVE_NUMBER, offset, after),
             Limit::SlaveOrAutomatic if !is_slave && ![AUTOMATIC, NOBODY].map(u32::from).contains(&after) => {
-                self.find(&cansync::rules::SLAVE_NUMBER, offset, after);
+                self.find(&rules::SLAVE_NUMBER, offset, after);
             }
             Limit::NotReserved(meaning) => {
                 let value = meaning.values.iter().find(|value| (value.first..=value.last).contains(&after));
                 if value.is_some_and(|value| value.text == "reserved") {
-                    self.find(&rules::RESERVED_VALUE, offset, after);
+                    self.find(&check::rules::RESERVED_VALUE, offset, after);
                 }
             }
             _ => {}
@@ -126,9 +127,9 @@ impl Judge<'_> {
         *self.unsettled = true;
         let used = after & !register.reserved_bits;
         if used & 1 == 0 && used != 0 {
-            self.find(&cansync::rules::WORD_UNASSIGNED, offset, after);
+            self.find(&rules::WORD_UNASSIGNED, offset, after);
         } else if used >> 2 > LAST_VALUE {
-            self.find(&cansync::rules::VALUE_NUMBER, offset, after);
+            self.find(&rules::VALUE_NUMBER, offset, after);
         }
     }
 
@@ -136,11 +137,7 @@ impl Judge<'_> {
         if let Some(Some(deadline)) = self.facts.missed.get(frame)
             && after == RELEASED
         {
-            let rule = if self.facts.is_master {
-                &cansync::rules::LATE_REFERENCE
-            } else {
-                &cansync::rules::LATE_ACTUAL
-            };
+            let rule = if self.facts.is_master { &rules::LATE_REFERENCE } else { &rules::LATE_ACTUAL };
             self.find_late(rule, offset, after, u32::try_from(self.now - deadline).unwrap_or(u32::MAX));
         }
     }
@@ -154,7 +151,7 @@ impl Judge<'_> {
     fn polled(&mut self, polling: usize, slave: u8, offset: usize) {
         let max = self.registers.now(offset_of!(Master, b_MAX_SL_NR));
         if self.facts.is_active && self.registers.now(polling) == AUTOMATIC && slave > max {
-            self.find(&cansync::rules::NEVER_POLLED, offset, self.registers.now(offset).into());
+            self.find(&rules::NEVER_POLLED, offset, self.registers.now(offset).into());
         }
     }
 
@@ -165,7 +162,7 @@ impl Judge<'_> {
             self.polled(offset_of!(Master, b_SL_NR_PARAMETER), slave, offset);
         }
         if was & is & UNDER_WAY == UNDER_WAY && (was ^ is) & job::PARAMETER_COMMAND != 0 {
-            self.find(&cansync::rules::JOB_CHANGED, offset, is.into());
+            self.find(&rules::JOB_CHANGED, offset, is.into());
         }
     }
 
@@ -175,10 +172,10 @@ impl Judge<'_> {
             return;
         }
         if self.status_of(offset) != is {
-            self.find(&cansync::rules::ORDER, offset, is.into());
+            self.find(&rules::ORDER, offset, is.into());
         }
         if was & job::ACTIVE != 0 && was & sent != 0 {
-            self.find(&cansync::rules::JOB_REPLACED, offset, is.into());
+            self.find(&rules::JOB_REPLACED, offset, is.into());
         }
     }
 
@@ -195,7 +192,7 @@ impl Judge<'_> {
         // The value of a read job is the firmware's to fill in.
         let matters = !is_value || self.registers.now(control) & job::WRITE != 0;
         if matters && self.is_untouched(control, job::PARAMETER_SENT) {
-            self.find(&cansync::rules::JOB_CHANGED, offset, after);
+            self.find(&rules::JOB_CHANGED, offset, after);
         }
     }
 
@@ -211,7 +208,7 @@ impl Judge<'_> {
         if was & is & (job::ACTIVE | job::BLOCK_SENT) == job::ACTIVE | job::BLOCK_SENT
             && (was ^ is) & job::DOWNLOAD != 0
         {
-            self.find(&cansync::rules::JOB_CHANGED, offset, is.into());
+            self.find(&rules::JOB_CHANGED, offset, is.into());
         }
     }
 
@@ -220,7 +217,7 @@ impl Judge<'_> {
         // The data of an upload are the firmware's to fill in.
         let matters = !is_data || self.registers.now(control) & job::DOWNLOAD != 0;
         if matters && self.is_untouched(control, job::BLOCK_SENT) {
-            self.find(&cansync::rules::JOB_CHANGED, offset, after);
+            self.find(&rules::JOB_CHANGED, offset, after);
         }
     }
 }

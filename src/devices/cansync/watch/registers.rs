@@ -1,9 +1,9 @@
 //! What is to be watched at each register of a CANsync structure, taken from the register maps.
 
-use super::word;
-use crate::devices::omega_drive_line_2::registers::DEVICE;
-use crate::layout::{Live, Meaning, Owner, RegisterRef};
-use std::sync::LazyLock;
+use crate::check::word;
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::layout::{Area, Live, Meaning, Owner, RegisterRef, Role};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the rules have to do with a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,12 +82,13 @@ pub(super) struct Map {
 impl Map {
     const NONE: u16 = u16::MAX;
 
-    /// The map of a node's structure in phase `live`.
-    fn new(area: &str, live: Live) -> Self {
+    /// The map of the structure that lies in `area` in phase `live` if a `role` is there.
+    fn new(area: &'static Area, role: Role, live: Live) -> Self {
         let mut map = Map { registers: Vec::new(), bytes: Vec::new() };
-        let Ok(area) = DEVICE.area(area) else { return map };
-        for register in area.registers(live) {
-            let watched = watched(&register, live);
+        let placed = area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
+        let placed = placed.filter(|placed| placed.role.is_none_or(|it| it == role));
+        for register in placed.flat_map(|placed| area.registers_of(placed.structure)) {
+            let watched = watched(&register, role, live);
             let (start, end) =
                 (usize::from(watched.offset), usize::from(watched.offset) + register.width() as usize);
             map.bytes.resize(map.bytes.len().max(end), Self::NONE);
@@ -95,21 +96,6 @@ impl Map {
             map.registers.push(watched);
         }
         map
-    }
-
-    /// The map of a node, 1 or 2, in a phase.
-    pub fn of(node: u8, live: Live) -> &'static Map {
-        static MAPS: LazyLock<[Map; 4]> = LazyLock::new(|| {
-            [("node1", Live::Init), ("node1", Live::Cyclic), ("node2", Live::Init), ("node2", Live::Cyclic)]
-                .map(|(area, live)| Map::new(area, live))
-        });
-        let [init1, cyclic1, init2, cyclic2] = &*MAPS;
-        match (node, live == Live::Init) {
-            (1, true) => init1,
-            (1, false) => cyclic1,
-            (_, true) => init2,
-            (_, false) => cyclic2,
-        }
     }
 
     /// Length of the structure in bytes.
@@ -129,7 +115,34 @@ impl Map {
     }
 }
 
-fn watched(register: &RegisterRef, live: Live) -> Watched {
+/// The maps of a node in both phases.
+pub(super) struct Maps {
+    pub init: Map,
+    pub cyclic: Map,
+}
+
+impl Maps {
+    /// The maps of a node in `area` that is a `role`. They are made once for all plants.
+    pub fn of(area: &'static Area, role: Role) -> Arc<Self> {
+        static MADE: Mutex<Vec<(&'static Area, Role, Arc<Maps>)>> = Mutex::new(Vec::new());
+        let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_it = |it: &&(&Area, Role, Arc<Maps>)| core::ptr::eq(it.0, area) && it.1 == role;
+        if let Some((.., maps)) = made.iter().find(is_it) {
+            return Arc::clone(maps);
+        }
+        let [init, cyclic] = [Live::Init, Live::Cyclic].map(|live| Map::new(area, role, live));
+        let maps = Arc::new(Maps { init, cyclic });
+        made.push((area, role, Arc::clone(&maps)));
+        maps
+    }
+
+    /// The map in a phase.
+    pub fn of_phase(&self, live: Live) -> &Map {
+        if live == Live::Init { &self.init } else { &self.cyclic }
+    }
+}
+
+fn watched(register: &RegisterRef, role: Role, live: Live) -> Watched {
     let meaning = register.register.meaning;
     let mut watched = Watched {
         offset: register.offset_in_structure() as u16,
@@ -158,7 +171,7 @@ fn watched(register: &RegisterRef, live: Live) -> Watched {
         _ => (Kind::Plain, Limit::None),
     };
     let slave = register.index[0] as u8;
-    let is_master = register.area.name == "node2";
+    let is_master = role == Role::Master;
     watched.kind = match register.register.name {
         "b_CTRLREG_RD_ORDER_RDC1" | "b_CTRLREG_RD_ORDER_RDC2" => Kind::Request,
         "b_CTRLREG_WRC1" if is_master => Kind::Release(0),
@@ -183,47 +196,72 @@ fn watched(register: &RegisterRef, live: Live) -> Watched {
 }
 
 /// Length of the structure that overlays the cyclic ones.
-pub(super) const INIT_BYTES: u16 =
-    size_of::<crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT>() as u16;
+pub(super) const INIT_BYTES: u16 = size_of::<CANsync_INIT_BMSTRUCT>() as u16;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::{bm4_o_can_06, omega_drive_line_2};
 
-    fn at(node: u8, live: Live, offset: usize) -> Option<Watched> {
-        Map::of(node, live).registers(offset, 1).next().copied()
+    /// The maps of the nodes of both devices; their structures differ where the manuals do.
+    fn maps(role: Role) -> [Arc<Maps>; 2] {
+        let (omega, bm4) = (&omega_drive_line_2::registers::DEVICE, &bm4_o_can_06::registers::DEVICE);
+        let node = if role == Role::Master { "node2" } else { "node1" };
+        [omega.area(node), bm4.area("slotJ")].map(|area| Maps::of(area.unwrap(), role))
+    }
+
+    fn at(map: &Map, offset: usize) -> Option<Watched> {
+        map.registers(offset, 1).next().copied()
     }
 
     #[test]
     fn registers_are_found_by_each_of_their_bytes_and_once_per_stretch() {
-        let map = Map::of(2, Live::Cyclic);
-        assert_eq!(at(2, Live::Cyclic, 3).unwrap().offset, 2);
-        assert_eq!(map.registers(0, 8).map(|register| register.offset).collect::<Vec<_>>(), [0, 2, 4, 6]);
-        assert_eq!(map.registers(829, 3).count(), 0, "padding");
-        assert_eq!(
-            (map.len(), Map::of(1, Live::Cyclic).len(), Map::of(1, Live::Init).len()),
-            (3996, 3542, 52)
-        );
+        for maps in maps(Role::Master) {
+            let map = &maps.cyclic;
+            assert_eq!(at(map, 3).unwrap().offset, 2);
+            assert_eq!(map.registers(0, 8).map(|register| register.offset).collect::<Vec<_>>(), [0, 2, 4, 6]);
+            assert_eq!(map.registers(829, 3).count(), 0, "padding");
+            assert_eq!((maps.init.len(), map.len()), (52, 3996));
+        }
+        let lengths = maps(Role::Slave).map(|maps| (maps.init.len(), maps.cyclic.len()));
+        assert_eq!(lengths, [(52, 3542), (52, 3524)]);
+    }
+
+    /// Where two modules can be in one slot, the structure of the one that is there counts.
+    #[test]
+    fn the_role_selects_the_structure() {
+        let [master, slave] =
+            [Role::Master, Role::Slave].map(|role| maps(role).map(|maps| maps.cyclic.len()));
+        assert!(master[0] != slave[0] && master[1] != slave[1]);
+        let starts = |map: &Map| map.registers.windows(2).all(|pair| pair[0].offset < pair[1].offset);
+        for maps in [Role::Master, Role::Slave].into_iter().flat_map(maps) {
+            assert!(starts(&maps.init) && starts(&maps.cyclic), "each byte is one register's");
+        }
     }
 
     #[test]
     fn the_register_maps_say_what_is_watched() {
-        let kind = |node, offset| at(node, Live::Cyclic, offset).unwrap().kind;
-        assert_eq!(kind(2, 0), Kind::Plain, "w_CPU_CONTROL");
-        assert_eq!(kind(2, 2), Kind::Owned, "w_OPTION_STATUS");
-        assert_eq!(kind(2, 12), Kind::Release(0));
-        assert_eq!(kind(2, 14), Kind::ReservedUnderInit);
-        assert_eq!(kind(2, 84), Kind::Reserved, "a_WR_VALUE[8]");
-        assert_eq!(kind(2, 832 + 4 * 7), Kind::Owned, "a_RD_BMARRAY[0][7]");
-        assert_eq!(kind(2, 832 + 4 * 8), Kind::Reserved, "a_RD_BMARRAY[0][8]");
-        assert_eq!(kind(2, 2916 + 5), Kind::ControlWord(5));
-        assert_eq!(kind(2, 3012 + 2 * 31), Kind::Parameter(31));
-        assert_eq!(kind(2, 3012 + 2 * 31 + 1), Kind::Plain, "b_STATREG_PAR_CMD");
-        assert_eq!(kind(2, 3076 + 8), Kind::ParameterData(1, true));
-        assert_eq!(kind(1, 2892), Kind::Owned, "w_PAR_NR is the firmware's at the slave");
-        assert_eq!(kind(1, 12), Kind::Plain, "b_CTRLREG_WRC1 of a slave only reports");
-        assert_eq!(kind(1, 2884), Kind::SlaveJob);
-        assert_eq!(at(2, Live::Cyclic, 317).unwrap().reserved_bits, 0xC0);
-        assert_eq!(at(2, Live::Cyclic, 20).unwrap().reserved_bits, 0x80);
+        for maps in maps(Role::Master) {
+            let kind = |offset| at(&maps.cyclic, offset).unwrap().kind;
+            assert_eq!(kind(0), Kind::Plain, "w_CPU_CONTROL");
+            assert_eq!(kind(2), Kind::Owned, "w_OPTION_STATUS");
+            assert_eq!(kind(12), Kind::Release(0));
+            assert_eq!(kind(14), Kind::ReservedUnderInit);
+            assert_eq!(kind(84), Kind::Reserved, "a_WR_VALUE[8]");
+            assert_eq!(kind(832 + 4 * 7), Kind::Owned, "a_RD_BMARRAY[0][7]");
+            assert_eq!(kind(832 + 4 * 8), Kind::Reserved, "a_RD_BMARRAY[0][8]");
+            assert_eq!(kind(2916 + 5), Kind::ControlWord(5));
+            assert_eq!(kind(3012 + 2 * 31), Kind::Parameter(31));
+            assert_eq!(kind(3012 + 2 * 31 + 1), Kind::Plain, "b_STATREG_PAR_CMD");
+            assert_eq!(kind(3076 + 8), Kind::ParameterData(1, true));
+            assert_eq!(at(&maps.cyclic, 317).unwrap().reserved_bits, 0xC0);
+            assert_eq!(at(&maps.cyclic, 20).unwrap().reserved_bits, 0x80);
+        }
+        for maps in maps(Role::Slave) {
+            let kind = |offset| at(&maps.cyclic, offset).unwrap().kind;
+            assert_eq!(kind(2892), Kind::Owned, "w_PAR_NR is the firmware's at the slave");
+            assert_eq!(kind(12), Kind::Plain, "b_CTRLREG_WRC1 of a slave only reports");
+            assert_eq!(kind(2884), Kind::SlaveJob);
+        }
     }
 }

@@ -2,28 +2,28 @@
 //! firmware takes it over.
 
 use super::judge::Judge;
-use crate::devices::cansync;
-use crate::devices::omega_drive_line_2::registers::{
+use crate::devices::cansync::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CANsync_SL_CTRL_BMSTRUCT as Slave, CFG_RDC_WORD,
 };
+use crate::devices::cansync::rules;
 use core::mem::offset_of;
 
 /// Words of the two frames together.
 const WORDS: usize = 8;
 
-/// Judges the mapping of node 1 or 2.
-pub(super) fn judge(judge: &mut Judge, node: u8) {
-    let (single, others): (&[usize], usize) = if node == 1 {
+/// Judges the mapping of a node.
+pub(super) fn judge(judge: &mut Judge) {
+    let (single, others): (&[usize], usize) = if judge.facts.is_master {
+        (&[offset_of!(Master, _CFG_WRC_WORD)], offset_of!(Master, a_CFG_RDC_WORD))
+    } else {
         let own = [offset_of!(Slave, _CFG_WRC_WORD), offset_of!(Slave, _CFG_RDC_WORD)];
         (&{ own }, offset_of!(Slave, a_CFG_RDC_WORD))
-    } else {
-        (&[offset_of!(Master, _CFG_WRC_WORD)], offset_of!(Master, a_CFG_RDC_WORD))
     };
     let others = (0..32).map(|slave| others + slave * size_of::<CFG_RDC_WORD>());
     for group in single.iter().copied().chain(others) {
         split_doublewords(judge, group);
     }
-    if node == 2 {
+    if judge.facts.is_master {
         requests(judge);
     }
 }
@@ -44,7 +44,7 @@ fn split_doublewords(judge: &mut Judge, group: usize) {
         let is_low_word_of_split =
             byte & 3 == 1 && 1u8.checked_shl(u32::from(byte >> 2 & 0x0F)).unwrap_or(0) & split != 0;
         if is_low_word_of_split {
-            judge.find(&cansync::rules::SPLIT_DOUBLEWORD, group + word, (*byte).into());
+            judge.find(&rules::SPLIT_DOUBLEWORD, group + word, (*byte).into());
         }
     }
 }
@@ -55,6 +55,6 @@ fn requests(judge: &mut Judge) {
     let max = judge.registers.now(offset_of!(Master, b_MAX_SL_NR));
     let never_asked = judge.facts.expected.checked_shr(u32::from(max) + 1).unwrap_or(0);
     if never_asked != 0 && orders.iter().any(|&order| judge.registers.now(order) == 0x80) {
-        judge.find(&cansync::rules::NOT_REQUESTED, offset_of!(Master, b_MAX_SL_NR), max.into());
+        judge.find(&rules::NOT_REQUESTED, offset_of!(Master, b_MAX_SL_NR), max.into());
     }
 }

@@ -1,0 +1,59 @@
+//! What others write into the images, as the access checker sees it.
+
+use super::Plant;
+use crate::devices::Context;
+use crate::journal::{ChannelWrite, Origin};
+
+impl Plant {
+    /// What others have written since the firmware last ran is judged before it runs again: device by device, then what
+    /// belongs to its ports.
+    #[inline]
+    pub(super) fn look_for_writes(&mut self) {
+        let Plant { now, media, ports, journal, watches, .. } = self;
+        for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
+            watch.look(*now, journal);
+            for port in ports {
+                media[port.medium].judge_writes(port.place, *now, journal);
+            }
+        }
+    }
+
+    /// The firmware has run: from now on, others write.
+    #[inline]
+    pub(super) fn leave(&mut self) {
+        let Plant { media, ports, watches, .. } = self;
+        for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
+            watch.leave();
+            for port in ports {
+                media[port.medium].leave(port.place);
+            }
+        }
+    }
+
+    /// Notes a register write that came through the channel.
+    pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
+        self.forces.apply(&self.devices);
+        self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });
+        if self.devices.get(plc).is_some_and(|device| device.answers_write(offset)) {
+            self.look_for_writes();
+            let origin = Origin { plc: plc as u16, node: 0 };
+            let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
+            self.devices[plc].written(ctx);
+            self.leave();
+        }
+        if let Some(device) = self.devices.get(plc) {
+            device.named(offset, width.into());
+            self.judge_channel_write(plc, offset, width.into());
+        }
+    }
+
+    fn judge_channel_write(&mut self, device: usize, offset: u32, bytes: u32) {
+        let Plant { now, media, ports, journal, watches, .. } = self;
+        if let (Some(watch), Some(ports)) = (watches.get_mut(device), ports.of_devices().nth(device)) {
+            watch.written(offset, bytes, *now, journal);
+            for port in ports {
+                media[port.medium].judge_write(port.place, offset, bytes, *now, journal);
+            }
+        }
+    }
+}
