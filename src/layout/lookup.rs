@@ -46,10 +46,11 @@ impl Device {
         }
     }
 
-    /// Bytes of the device's segment: of its image file, and of its RAM on the heap.
+    /// Bytes of the device's segment: of its image file, and of its RAM on the heap. Whole 64-bit words, as which the access
+    /// checker compares structures up to their end.
     #[must_use]
     pub const fn segment_size(&self) -> usize {
-        (self.end() as usize).next_multiple_of(4)
+        (self.end() as usize).next_multiple_of(8)
     }
 
     /// The area that `address` lies in; of a retain flag [`RETAIN_AREA`].

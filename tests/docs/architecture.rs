@@ -120,6 +120,30 @@ fn rows_name_modules_below_them_that_are_used() {
     }
 }
 
+/// What is generic, as far as it already is, does not even name a device: not in comments, not in generated tables.
+#[test]
+fn generic_modules_name_no_device() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let folders = fs::read_dir(src.join("devices")).unwrap().map(|entry| entry.unwrap().path());
+    let folders = folders.filter(|path| path.is_dir());
+    let first_word = |path: PathBuf| {
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        name.split('_').next().unwrap().to_owned()
+    };
+    let devices: BTreeSet<_> = folders.map(first_word).collect();
+    assert!(devices.contains("omega"), "{devices:?}");
+    for module in ["can", "check"] {
+        let mut files = Vec::new();
+        sources(&src.join(module), &mut files);
+        assert!(!files.is_empty(), "{module}");
+        for file in files {
+            let text = fs::read_to_string(&file).unwrap().to_lowercase();
+            let named: Vec<_> = devices.iter().filter(|device| text.contains(device.as_str())).collect();
+            assert!(named.is_empty(), "{} names {named:?}", file.display());
+        }
+    }
+}
+
 /// proptest would make a directory of its own beside `src`.
 #[test]
 fn property_tests_of_the_library_keep_what_failed_below_tests() {

@@ -38,3 +38,49 @@ impl SimBus {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::rules;
+    use crate::devices::Medium;
+    use crate::devices::bm4_o_can_06::registers::DEVICE;
+    use crate::devices::cansync::bus::SyncLock;
+    use crate::devices::cansync::firmware::Seat;
+    use crate::devices::cansync::medium::{Socket, SocketRole};
+    use crate::journal::Origin;
+    use crate::memory::{Segment, Width};
+
+    /// Six modules in one device, slaves and masters by turns: each is judged where it lies.
+    #[test]
+    fn every_port_of_a_device_is_watched() {
+        const W_OPTION_STATUS: u32 = 2;
+        let segment = Segment::heap(DEVICE.segment_size());
+        let mut bus = SimBus::unplugged();
+        for port in DEVICE.ports {
+            let number = port.number;
+            let role = match number % 2 {
+                0 => SocketRole::Master,
+                _ => SocketRole::Slave { number, lock: SyncLock::new(0, None) },
+            };
+            let seat = Seat { base: port.area.first as usize, place: usize::from(number) - 1 };
+            let origin = Origin { plc: 3, node: number };
+            let socket = Socket { origin, segment: segment.clone(), seat, area: port.area, role };
+            let place = bus.attach(Box::new(socket)).unwrap();
+            bus.power_on(place, number);
+            bus.leave(place);
+        }
+        let mut journal = Journal::default();
+        let mut look = |now| {
+            (0..DEVICE.ports.len()).for_each(|place| bus.judge_writes(place, now, &mut journal));
+            let found = journal.findings().iter().map(|entry| entry.last);
+            found.map(|finding| (finding.plc, finding.offset, finding.rule)).collect::<Vec<_>>()
+        };
+        assert_eq!(look(10), []);
+        let statuses = DEVICE.ports.iter().map(|port| port.area.first + W_OPTION_STATUS);
+        for offset in statuses.clone() {
+            segment.store(offset, Width::Word, 7).unwrap();
+        }
+        assert_eq!(look(20), statuses.map(|offset| (3, offset, &rules::OWNER)).collect::<Vec<_>>());
+    }
+}

@@ -4,7 +4,7 @@
 //! compares before the firmware runs again: whatever differs was written by somebody else.
 
 use super::judge::{Judge, Place};
-use super::registers::{INIT_BYTES, Map, Maps, Watched};
+use super::registers::{INIT_BYTES, Maps, Watched};
 use super::{Facts, mapping};
 use crate::check::word::WORD;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
@@ -178,16 +178,17 @@ impl NodeWatch {
         now: u64,
         facts: &'a Facts,
         journal: &'a mut Journal,
-    ) -> (Judge<'a>, &'a Map, &'a [(usize, u64)]) {
+    ) -> (Judge<'a>, &'a Maps, &'a [(usize, u64)]) {
         let place = Place { plc: self.plc, base: self.base, live: self.live };
         let judge =
             Judge { place, now, facts, registers: &self.registers, journal, unsettled: &mut self.unsettled };
-        (judge, self.maps.of_phase(self.live), &self.changed)
+        (judge, &self.maps, &self.changed)
     }
 
     #[cold]
     fn judge(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
-        let (mut judge, map, changed) = self.judge_with(now, facts, journal);
+        let (mut judge, maps, changed) = self.judge_with(now, facts, journal);
+        let map = maps.of_phase(judge.place.live);
         for &(index, word) in changed {
             for register in map.registers(index * WORD, WORD) {
                 let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
@@ -211,14 +212,13 @@ impl NodeWatch {
     /// is lost.
     #[cold]
     fn judge_before_init(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
-        let maps = Arc::clone(&self.maps);
-        let map = &maps.cyclic;
         self.changed.clear();
-        self.registers.compare(INIT_WORDS - 1..map.len().div_ceil(WORD), &mut self.changed);
-        let (mut judge, _, changed) = self.judge_with(now, facts, journal);
+        self.registers.compare(INIT_WORDS - 1..self.maps.cyclic.len().div_ceil(WORD), &mut self.changed);
+        let (mut judge, maps, changed) = self.judge_with(now, facts, journal);
         judge.place.live = Live::Cyclic;
         for &(index, word) in changed {
-            let behind = map.registers(index * WORD, WORD).filter(|register| register.offset >= INIT_BYTES);
+            let behind =
+                maps.cyclic.registers(index * WORD, WORD).filter(|register| register.offset >= INIT_BYTES);
             for register in behind {
                 let [before, after] = [judge.registers.left[index], word].map(|word| register.of(word));
                 if before != after {
@@ -235,8 +235,8 @@ impl NodeWatch {
     /// is seen even if it has changed nothing.
     pub fn written(&mut self, offset: usize, bytes: usize, now: u64, facts: &Facts, journal: &mut Journal) {
         let Some(offset) = offset.checked_sub(self.base) else { return };
-        let (mut judge, map, _) = self.judge_with(now, facts, journal);
-        for register in map.registers(offset, bytes) {
+        let (mut judge, maps, _) = self.judge_with(now, facts, journal);
+        for register in maps.of_phase(judge.place.live).registers(offset, bytes) {
             let start = usize::from(register.offset);
             let Some(word) = judge.registers.now.get(start / WORD).map(Cell64::load) else { continue };
             let [before, after] = [judge.registers.left[start / WORD], word].map(|word| register.of(word));
