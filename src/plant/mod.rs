@@ -83,10 +83,10 @@ impl Plant {
             devices.push(device);
         }
         let cycle_us = u64::from(config.processor_cycle_us.max(1));
-        let watch = |(index, device): (usize, &Box<dyn Device>)| {
-            DeviceWatch::new(index as u16, device.segment(), device.layout())
-        };
-        let watches = devices.iter().enumerate().map(watch).collect::<Result<_, MemoryError>>()?;
+        let mut watches = Vec::with_capacity(devices.len());
+        for (index, device) in devices.iter().enumerate() {
+            watches.push(DeviceWatch::new(index as u16, device.segment(), device.layout())?);
+        }
         let widths = devices.iter().map(|device| RegisterWidths::of(device.layout())).collect();
         let mut plant = Plant {
             now: 0,
