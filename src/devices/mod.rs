@@ -14,6 +14,8 @@ mod device;
 mod medium;
 pub mod omega_drive_line_2;
 #[cfg(test)]
+mod provenance_tests;
+#[cfg(test)]
 pub(crate) mod samples;
 #[cfg(feature = "emulator")]
 pub mod settings;

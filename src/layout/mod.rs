@@ -25,8 +25,6 @@ mod lookup;
 mod name;
 mod nearest;
 pub mod place;
-#[cfg(test)]
-mod provenance_tests;
 mod register;
 pub mod value;
 mod width;

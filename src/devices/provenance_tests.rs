@@ -1,9 +1,9 @@
 //! Every fact that the register maps show is either documented, with its page, or follows from a decision that
 //! `docs/decisions.md` has.
 
-use super::{Device, Meaning, Provenance, Register, Structure};
-use crate::devices::DEVICES;
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use super::DEVICES;
+use super::omega_drive_line_2::registers::DEVICE;
+use crate::layout::{Device, Meaning, Provenance, Register, Structure, ValueMeaning};
 use std::collections::BTreeMap;
 
 const DECISIONS: &str = include_str!("../../docs/decisions.md");
@@ -22,7 +22,7 @@ fn meanings() -> BTreeMap<&'static str, &'static Meaning> {
 
 /// All sources of a meaning with the texts that they are for.
 fn sources(meaning: &Meaning) -> Vec<(&'static str, Provenance)> {
-    let values = |of: &'static [super::ValueMeaning]| of.iter().map(|value| (value.text, value.source));
+    let values = |of: &'static [ValueMeaning]| of.iter().map(|value| (value.text, value.source));
     let bits = meaning.bits.iter().flat_map(|bit| values(bit.values).chain([(bit.name, bit.source)]));
     values(meaning.values).chain(bits).collect()
 }
