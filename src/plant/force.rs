@@ -6,9 +6,8 @@
 
 use super::Plant;
 use crate::devices::Device;
-use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::journal::{Force, Unforce};
-use crate::layout::LayoutError;
+use crate::layout::{self, LayoutError};
 use crate::memory::{Address, MemoryError, Width};
 
 /// A register with a forced value.
@@ -64,10 +63,10 @@ impl Plant {
     /// # Errors
     /// [`ForceError`].
     pub fn force(&mut self, forced: Forced) -> Result<(), ForceError> {
-        forced.check()?;
         let Forced { plc, offset, width, value } = forced;
         let index = usize::from(plc);
         let target = self.devices.get(index).ok_or(ForceError::NoSuchPlc)?;
+        forced.check(target.layout())?;
         target.segment().load(offset, width)?;
         if !target.has(offset, width) {
             return Err(
@@ -102,15 +101,15 @@ impl Plant {
 
 impl Forced {
     /// Checks that it is one whole register, or plain RAM, and that the value fits.
-    pub(super) fn check(&self) -> Result<(), ForceError> {
+    pub(super) fn check(&self, device: &'static layout::Device) -> Result<(), ForceError> {
         let address = self.width.at(self.offset);
-        DEVICE.area_at(address)?;
+        device.area_at(address)?;
         if self.value > self.width.max_value() {
             return Err(ForceError::TooWide { address, value: self.value });
         }
         for byte in self.offset..self.offset + self.width.bytes() {
             // Plain RAM and padding have no registers, which is no error here.
-            for register in DEVICE.registers_at(Address::byte(byte), None).unwrap_or_default() {
+            for register in device.registers_at(Address::byte(byte), None).unwrap_or_default() {
                 if (register.offset(), register.width()) != (self.offset, self.width.bytes()) {
                     return Err(ForceError::NotWhole { asked: address, right: register.address() });
                 }

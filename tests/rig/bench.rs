@@ -33,7 +33,7 @@ impl Bench {
         let mut images = Vec::new();
         let segment = segment(memory, "b", &mut images).unwrap();
         let mut slave =
-            Slave::new(&segment, Seat { base: NODE1, place: 0 }, NUMBER, SyncLock::new(LOCK_US, None))
+            Slave::new(&segment, Seat { base: NODE1, place: 0, rates: &BAUD_RATES }, NUMBER, SyncLock::new(LOCK_US, None))
                 .unwrap();
         slave.power_on();
         let (regs, init) = (segment.view(NODE1).unwrap(), segment.view(NODE1).unwrap());

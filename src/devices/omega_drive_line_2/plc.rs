@@ -10,7 +10,9 @@ use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
 use crate::devices::omega_drive_line_2::board::Board;
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::records::{BAPS_NODE, BoardEvent, OnBoard};
-use crate::devices::omega_drive_line_2::registers::{BAPS, DEVICE, ETHERNET_CONFIG, NODE1, NODE2};
+use crate::devices::omega_drive_line_2::registers::{
+    BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG, NODE1, NODE2,
+};
 use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
 use crate::fault::{Effect, Faults, Hit, NodeEffect};
 use crate::journal::{Journal, Origin};
@@ -24,7 +26,8 @@ pub(super) const SLAVE: u8 = 1;
 pub(super) const MASTER: u8 = 2;
 
 /// Where their registers lie.
-const SEATS: [Seat; 2] = [Seat { base: NODE1, place: 0 }, Seat { base: NODE2, place: 1 }];
+const SEATS: [Seat; 2] =
+    [Seat { base: NODE1, place: 0, rates: &BAUD_RATES }, Seat { base: NODE2, place: 1, rates: &BAUD_RATES }];
 
 /// An Omega Drive-Line II of the plant.
 pub struct Plc {

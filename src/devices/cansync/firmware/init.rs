@@ -1,7 +1,7 @@
 //! Initialization data: what `CANsync_INIT_BMSTRUCT` holds when the PLC orders it to be taken over.
 
 use crate::devices::cansync::BaudRate;
-use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_INIT_BMSTRUCT};
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use thiserror::Error;
 
 /// Where a master's SYNC signal comes from.
@@ -9,7 +9,7 @@ use thiserror::Error;
 pub enum SyncSource {
     /// The master makes its own (`b_MA_SL_MODE` = 16#00).
     Own,
-    /// The master passes on what its PLC's node 1 receives (16#02, decision D-12).
+    /// The master passes on what another node of its device receives (16#02, decision D-12).
     Forwarded,
 }
 
@@ -33,13 +33,13 @@ pub struct InitData {
 #[repr(u8)]
 pub enum InitFault {
     /// `b_MA_SL_MODE` does not fit the node.
-    #[error("b_MA_SL_MODE must be 16#00 or 16#02 on node 2 (master) and 16#01 on node 1 (slave)")]
+    #[error("b_MA_SL_MODE must be 16#00 or 16#02 on a master and 16#01 on a slave")]
     Mode = 1,
-    /// `b_BT_0`, `b_BT_1` are none of the three documented pairs.
-    #[error("b_BT_0, b_BT_1 must be 16#00, 16#1C (500 kbit/s), 16#01, 16#1C (250) or 16#03, 16#1C (125)")]
+    /// `b_BT_0`, `b_BT_1` are none of the documented pairs.
+    #[error("b_BT_0, b_BT_1 must be a pair of the device's table of baud rates, for example those of CANsync_INIT")]
     BitTiming = 2,
     /// `b_TIME_PATTERN` does not belong to the baud rate.
-    #[error("b_TIME_PATTERN must be 2 ms at 500 kbit/s, 4 ms at 250 and 8 ms at 125")]
+    #[error("b_TIME_PATTERN must be 1 ms at 1000 kbit/s, 2 ms at 500, 4 ms at 250 and 8 ms at 125")]
     TimePattern = 3,
 }
 
@@ -54,7 +54,10 @@ impl InitFault {
 
 impl InitData {
     /// Reads and checks the data of a master node.
-    pub(super) fn of_master(regs: &CANsync_INIT_BMSTRUCT) -> Result<Self, InitFault> {
+    pub(super) fn of_master(
+        regs: &CANsync_INIT_BMSTRUCT,
+        rates: &'static [BaudRate],
+    ) -> Result<Self, InitFault> {
         let sync = match regs.b_MA_SL_MODE.load() {
             0x00 => SyncSource::Own,
             0x02 => SyncSource::Forwarded,
@@ -65,20 +68,28 @@ impl InitData {
             // Types above 16#01 are reserved; they count as present (decision D-24).
             expected |= u32::from(slave_type.load() != 0) << n;
         }
-        Self::common(regs, sync, expected)
+        Self::common(regs, rates, sync, expected)
     }
 
     /// Reads and checks the data of a slave node, which has no slave types.
-    pub(super) fn of_slave(regs: &CANsync_INIT_BMSTRUCT) -> Result<Self, InitFault> {
+    pub(super) fn of_slave(
+        regs: &CANsync_INIT_BMSTRUCT,
+        rates: &'static [BaudRate],
+    ) -> Result<Self, InitFault> {
         match regs.b_MA_SL_MODE.load() {
-            0x01 => Self::common(regs, SyncSource::Own, 0),
+            0x01 => Self::common(regs, rates, SyncSource::Own, 0),
             _ => Err(InitFault::Mode),
         }
     }
 
-    fn common(regs: &CANsync_INIT_BMSTRUCT, sync: SyncSource, expected: u32) -> Result<Self, InitFault> {
+    fn common(
+        regs: &CANsync_INIT_BMSTRUCT,
+        rates: &'static [BaudRate],
+        sync: SyncSource,
+        expected: u32,
+    ) -> Result<Self, InitFault> {
         let (bt_0, bt_1) = (regs.b_BT_0.load(), regs.b_BT_1.load());
-        let timing = BAUD_RATES
+        let timing = rates
             .iter()
             .find(|rate| (rate.b_BT_0, rate.b_BT_1) == (bt_0, bt_1))
             .ok_or(InitFault::BitTiming)?;
@@ -107,7 +118,7 @@ impl InitData {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
+    use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, SEGMENT_END};
     use crate::memory::Segment;
 
     fn regs(mode: u8, bt: (u8, u8), pattern: u8) -> crate::memory::View<CANsync_INIT_BMSTRUCT> {
@@ -126,26 +137,26 @@ mod tests {
     fn only_the_three_documented_pairs_are_taken() {
         for (bt, pattern, kbit_s) in [((0x00, 0x1C), 2, 500), ((0x01, 0x1C), 4, 250), ((0x03, 0x1C), 8, 125)]
         {
-            let data = InitData::of_master(&regs(0, bt, pattern)).unwrap();
+            let data = InitData::of_master(&regs(0, bt, pattern), &BAUD_RATES).unwrap();
             assert_eq!(data.timing.kbit_per_s, kbit_s);
             for wrong in [0, 1, 2, 4, 8].into_iter().filter(|p| *p != pattern) {
                 assert_eq!(
-                    InitData::of_master(&regs(0, bt, wrong)).unwrap_err(),
+                    InitData::of_master(&regs(0, bt, wrong), &BAUD_RATES).unwrap_err(),
                     InitFault::TimePattern,
                     "{kbit_s} kbit/s with {wrong} ms"
                 );
             }
         }
-        assert_eq!(InitData::of_master(&regs(0, (0x40, 0x34), 1)).unwrap_err(), InitFault::BitTiming);
+        assert_eq!(InitData::of_master(&regs(0, (0x40, 0x34), 1), &BAUD_RATES).unwrap_err(), InitFault::BitTiming);
     }
 
     #[test]
     fn the_mode_must_fit_the_node() {
         let good = (0x00, 0x1C);
-        assert!(InitData::of_slave(&regs(1, good, 2)).is_ok());
-        assert_eq!(InitData::of_slave(&regs(0, good, 2)).unwrap_err(), InitFault::Mode);
-        assert_eq!(InitData::of_master(&regs(1, good, 2)).unwrap_err(), InitFault::Mode);
-        assert_eq!(InitData::of_master(&regs(2, good, 2)).unwrap().sync, SyncSource::Forwarded);
+        assert!(InitData::of_slave(&regs(1, good, 2), &BAUD_RATES).is_ok());
+        assert_eq!(InitData::of_slave(&regs(0, good, 2), &BAUD_RATES).unwrap_err(), InitFault::Mode);
+        assert_eq!(InitData::of_master(&regs(1, good, 2), &BAUD_RATES).unwrap_err(), InitFault::Mode);
+        assert_eq!(InitData::of_master(&regs(2, good, 2), &BAUD_RATES).unwrap().sync, SyncSource::Forwarded);
     }
 
     #[test]
@@ -153,16 +164,16 @@ mod tests {
         let regs = regs(0, (0x00, 0x1C), 2);
         regs.a_SL_TYP[3].store(0x01);
         regs.a_SL_TYP[31].store(0x01);
-        assert_eq!(InitData::of_master(&regs).unwrap().expected, 1 << 3 | 1 << 31);
+        assert_eq!(InitData::of_master(&regs, &BAUD_RATES).unwrap().expected, 1 << 3 | 1 << 31);
     }
 
     #[test]
     fn the_acceptance_filter_works_as_in_basic_can() {
         let regs = regs(1, (0x00, 0x1C), 2);
-        assert!(InitData::of_slave(&regs).unwrap().accepts(0x7FF));
+        assert!(InitData::of_slave(&regs, &BAUD_RATES).unwrap().accepts(0x7FF));
         regs.b_AC.store(0x020); // identifiers 16#100..16#107
         regs.b_AM.store(0x00);
-        let data = InitData::of_slave(&regs).unwrap();
+        let data = InitData::of_slave(&regs, &BAUD_RATES).unwrap();
         assert!(data.accepts(0x107) && !data.accepts(0x108));
     }
 

@@ -8,8 +8,8 @@ use super::orders::{Order, Orders};
 use super::punctual::Punctual;
 use super::registers::{control, status};
 use crate::devices::cansync::records::{BaudRateMismatch, Command, CommandIgnored, InitRefused};
-use crate::devices::cansync::rules;
 use crate::devices::cansync::watch::Facts;
+use crate::devices::cansync::{BaudRate, rules};
 use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::{Context, SyncSignal};
 use crate::journal::{Handshake, Register, State};
@@ -24,13 +24,15 @@ pub(super) enum Role {
     Master,
 }
 
-/// Where a node's registers lie, and which of its device's nodes it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Where a node's registers lie, which of its device's nodes it is, and at what rates it can run.
+#[derive(Clone, Copy, Debug)]
 pub struct Seat {
     /// First byte of its area.
     pub base: usize,
     /// Its place among the ports of the header page, from 0.
     pub place: usize,
+    /// The baud rates of its device.
+    pub rates: &'static [BaudRate],
 }
 
 /// The state a node shows in `w_OPTION_STATUS`.
@@ -69,6 +71,7 @@ pub enum Change {
 pub(super) struct Node {
     role: Role,
     pub(super) regs: View<CANsync_INIT_BMSTRUCT>,
+    rates: &'static [BaudRate],
     state: NodeState,
     init: Option<InitData>,
     refused: Option<InitFault>,
@@ -88,6 +91,7 @@ impl Node {
             orders: Orders::new(segment, seat.place)?,
             role,
             regs: segment.view(seat.base)?,
+            rates: seat.rates,
             state: NodeState::StartUp,
             init: None,
             refused: None,
@@ -248,8 +252,8 @@ impl Node {
 
     fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
         let data = match self.role {
-            Role::Master => InitData::of_master(&self.regs),
-            Role::Slave => InitData::of_slave(&self.regs),
+            Role::Master => InitData::of_master(&self.regs, self.rates),
+            Role::Slave => InitData::of_slave(&self.regs, self.rates),
         };
         match data {
             Ok(data) => {

@@ -3,6 +3,7 @@
 use super::agenda::Slot;
 use super::disturbance::Fate;
 use super::{Run, Sender, Station};
+use crate::devices::cansync::Deadline;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use crate::devices::cansync::firmware::Built;
 use crate::devices::cansync::records::SyncEdge;
@@ -112,7 +113,7 @@ impl Run<'_> {
     fn send_reference(&mut self, channel: Channel) {
         let Some(built) = self.bus.reference[channel.index()] else {
             if channel == Channel::One {
-                self.at(Slot::BuildActual2, self.timing.t_WRC1 + self.actual2_window().1);
+                self.at(Slot::BuildActual2, self.timing.deadline_RDC2.latest);
             }
             return;
         };
@@ -200,18 +201,10 @@ impl Run<'_> {
     fn schedule_actual2(&mut self) {
         let mut words = 1;
         self.each_node(|slave, _| words = words.max(slave.words_taken()));
-        let (earliest, latest) = self.actual2_window();
-        let slot = self.start + u64::from(self.timing.t_WRC1);
+        let Deadline { earliest, latest, .. } = self.timing.deadline_RDC2;
         let due = (self.now + WORD_US * u64::from(words))
-            .clamp(slot + u64::from(earliest), slot + u64::from(latest));
+            .clamp(self.start + u64::from(earliest), self.start + u64::from(latest));
         self.bus.agenda.set(Slot::BuildActual2, due);
-    }
-
-    /// Limits of that deadline after t_WRC1, in us: 70 to 270 at 500 kbit/s, that is 800 to 1000 after
-    /// SYNC; longer in proportion at lower baud rates.
-    fn actual2_window(&self) -> (u32, u32) {
-        let factor = 500 / u32::from(self.timing.kbit_per_s.max(1));
-        (70 * factor, 270 * factor)
     }
 }
 
