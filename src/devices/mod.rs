@@ -11,6 +11,8 @@ mod context;
 #[cfg(feature = "emulator")]
 mod device;
 #[cfg(feature = "emulator")]
+mod events;
+#[cfg(feature = "emulator")]
 mod medium;
 pub mod omega_drive_line_2;
 #[cfg(test)]
@@ -66,7 +68,7 @@ pub static DEVICES: &[Registered] = &[
         #[cfg(feature = "plc")]
         blocks: bm4_o_can_06::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
-        read: None,
+        read: Some(bm4_o_can_06::Bm4Config::read),
     },
 ];
 

@@ -2,13 +2,18 @@
 
 use crate::devices::cansync::drive::DriveError;
 use crate::memory::MemoryError;
-use core::ops::RangeInclusive;
-use thiserror::Error;
+use core::convert::Infallible;
+use core::fmt;
+use core::ops::{Range, RangeInclusive};
+use serde::Deserializer;
+use serde::de::{DeserializeSeed, Visitor};
+use toml::Spanned;
+use toml::de::{DeValue, ValueDeserializer};
 
 const HOUR_US: u64 = 3_600_000_000;
 
 /// A number out of its range.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 #[error("{what} of '{name}' is {value}; it must be {right}")]
 pub struct SettingError {
     /// The key.
@@ -22,7 +27,7 @@ pub struct SettingError {
 }
 
 /// Why a device or medium cannot be built.
-#[derive(Debug, Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// Its RAM is too small or read-only.
     #[error(transparent)]
@@ -66,4 +71,39 @@ pub fn time(what: &'static str, name: &str, us: u64) -> Result<(), SettingError>
 /// As [`range`].
 pub fn time_or_none(what: &'static str, name: &str, us: Option<u64>) -> Result<(), SettingError> {
     us.map_or(Ok(()), |us| range(what, name, us, 1..=HOUR_US, "1 to 3600000000"))
+}
+
+/// A refusal of what stands at `span` of the plant file; the message will tell the line.
+pub fn refused_at(span: Range<usize>, text: String) -> toml::de::Error {
+    // Only a value that is being read gives an error its place.
+    let value = ValueDeserializer::from(Spanned::new(span, DeValue::Boolean(false)));
+    match (Refusal { text }).deserialize(value) {
+        Err(error) => error,
+        Ok(never) => match never {},
+    }
+}
+
+/// Takes no value at all, and says why.
+struct Refusal {
+    text: String,
+}
+
+impl<'de> DeserializeSeed<'de> for Refusal {
+    type Value = Infallible;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Infallible, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl Visitor<'_> for Refusal {
+    type Value = Infallible;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+
+    fn visit_bool<E: serde::de::Error>(self, _: bool) -> Result<Infallible, E> {
+        Err(E::custom(self.text))
+    }
 }

@@ -134,7 +134,8 @@ impl Emulator {
         let mut directory = None;
         let mut novram = Vec::new();
         let plant = Plant::new(config, |plc| {
-            let image = Image::create(&options.instance, plc, &spec)?;
+            let device = config.device(plc).map_or(&device::DEVICE, |device| device.layout());
+            let image = Image::create(&options.instance, plc, &ImageSpec { device, ..spec })?;
             let segment = image.segment().clone();
             images.push(image);
             if let Some(path) = &options.novram {

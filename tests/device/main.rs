@@ -5,6 +5,7 @@ mod rig;
 
 mod any_plc;
 mod baps;
+mod bm4;
 mod board;
 mod bus;
 mod check;

@@ -3,8 +3,23 @@
 
 #[cfg(feature = "plc")]
 pub mod blocks;
+#[cfg(feature = "emulator")]
+mod config;
+#[cfg(feature = "emulator")]
+mod front;
+#[cfg(feature = "emulator")]
+mod leds;
+#[cfg(feature = "emulator")]
+mod plc;
 #[cfg(test)]
 mod registers_tests;
+
+#[cfg(feature = "emulator")]
+pub use config::{Bm4Config, ModuleConfig, ModuleKind};
+#[cfg(feature = "emulator")]
+pub use leds::{Led, Leds};
+#[cfg(feature = "emulator")]
+pub use plc::Bm4Plc;
 
 /// Areas, structures and timing, generated from `layouts/bm4-plc`.
 #[allow(non_snake_case, non_camel_case_types)]

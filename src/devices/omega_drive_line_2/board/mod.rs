@@ -15,20 +15,20 @@ mod triggers;
 
 pub use interrupts::level;
 
+use crate::devices::events::Events;
 use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Look, Power};
 use crate::memory::header;
 use crate::memory::{Header, MemoryError, Segment, View};
 use flags::Flags;
 use front::Front;
-use interrupts::Interrupts;
 use timers::{Timer, Timers};
 use triggers::{Source, Triggers};
 
 /// The board of one PLC.
 pub struct Board {
     header: View<Header>,
-    interrupts: Interrupts,
+    events: Events,
     timers: Timers,
     triggers: Triggers,
     front: Front,
@@ -54,7 +54,7 @@ impl Board {
             requests: header.board_requests.load(),
             front: Front::new(&header, Flags::new(segment)?, project),
             header,
-            interrupts: Interrupts::default(),
+            events: Events::default(),
             timers: Timers::default(),
             triggers: Triggers::default(),
             option_sync_us,
@@ -71,13 +71,13 @@ impl Board {
             self.timers.start(Timer::OptionSync, ctx.now, u64::from(period) * timers::PER_US);
         }
         let dip = self.front.start(ctx, &self.header);
-        self.interrupts.held = !self.front.runs_events();
+        self.events.held = !self.front.runs_events();
         dip
     }
 
     /// Power-off, or RESET is held.
     pub fn stop(&mut self) {
-        self.interrupts.disable_all();
+        self.events.disable_all();
         self.triggers = Triggers::default();
         self.timers = Timers::default();
         self.front.stop(&self.header);
@@ -118,7 +118,7 @@ impl Board {
     #[cold]
     fn look_closely(&mut self, ctx: &mut Context) -> Look {
         let look = self.look_at_all(ctx);
-        self.interrupts.held = !self.front.runs_events();
+        self.events.held = !self.front.runs_events();
         look
     }
 
@@ -144,7 +144,7 @@ impl Board {
         if !asked {
             return Look::Answered;
         }
-        self.interrupts.look(ctx, &self.header, &mut self.timers);
+        interrupts::look(&mut self.events, ctx, &self.header, &mut self.timers);
         if let Some(result) = self.triggers.look(ctx.now, &self.header, &mut self.timers) {
             let modes = [0, 1, 2].map(|n| self.header.opt_init.triggers[n].load() as u8);
             report(ctx, BoardEvent::Triggers { modes, result });
@@ -175,7 +175,7 @@ impl Board {
             [(Timer::Cpu1, 0), (Timer::A, 5), (Timer::OptionSync, 11), (Timer::Cpu2, 2), (Timer::A, 6)]
         {
             if due.has(timer) {
-                self.interrupts.fire(&self.header, event, now);
+                self.events.fire(&self.header, event, now);
             }
         }
     }
@@ -184,14 +184,14 @@ impl Board {
     #[inline]
     pub fn sync_net(&mut self, now: u64) {
         self.triggers.pulse(&self.header, Source::SyncNet, now);
-        self.interrupts.fire(&self.header, 12, now);
+        self.events.fire(&self.header, 12, now);
     }
 
     /// The drive has process data for the BAPS: event 4 or 8, whichever is enabled.
     #[inline]
     pub fn baps(&mut self, now: u64) {
-        self.interrupts.fire(&self.header, 8, now);
-        self.interrupts.fire(&self.header, 4, now);
+        self.events.fire(&self.header, 8, now);
+        self.events.fire(&self.header, 4, now);
     }
 
     /// Whether the trigger controller of the drive was pulsed since the last call.
@@ -203,18 +203,18 @@ impl Board {
     /// Events that have occurred since the last call, bit n for event n.
     #[inline]
     pub fn take_fired(&mut self) -> u16 {
-        core::mem::take(&mut self.interrupts.fired)
+        core::mem::take(&mut self.events.fired)
     }
 
     /// Which events stop [`Plant::advance_until`](crate::plant::Plant::advance_until), bit n for event n.
     pub fn watch(&mut self, events: u16) {
-        self.interrupts.watched = events;
+        self.events.watched = events;
     }
 
     /// Whether a watched event has occurred since the last call.
     #[inline]
     pub fn take_stop(&mut self) -> bool {
-        core::mem::take(&mut self.interrupts.stop)
+        core::mem::take(&mut self.events.stop)
     }
 }
 

@@ -1,0 +1,210 @@
+//! A b maXX PLC with its option modules as the plant file describes it.
+
+use super::Bm4Plc;
+use super::registers::DEVICE;
+use crate::devices::settings::{range, refused_at, time};
+use crate::devices::{BuildError, Device, DeviceConfig, Plug, PortConfig, SettingError};
+use crate::layout;
+use crate::layout::Port;
+use crate::memory::Segment;
+use core::ops::Range;
+use serde::Deserialize;
+use std::sync::Arc;
+use toml::Spanned;
+use toml::de::{Error, ValueDeserializer};
+
+/// What a module is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub enum ModuleKind {
+    /// BM4-O-CAN-06: the master of its bus.
+    #[serde(rename = "can-06")]
+    Can06,
+    /// BM4-O-CAN-05 with DIP switch 9 at ON: a slave.
+    #[serde(rename = "can-05")]
+    Can05,
+}
+
+/// A CANsync option module.
+#[derive(Clone, Debug)]
+pub struct ModuleConfig {
+    /// Its slot.
+    pub port: &'static Port,
+    /// What it is.
+    pub kind: ModuleKind,
+    /// Name of its bus.
+    pub bus: Option<String>,
+    /// Slave number at DIP switches 4 to 8, 0 to 31; a BM4-O-CAN-06 has none.
+    pub dip: u8,
+    /// The module whose SYNC signal a master can pass on (decision D-12).
+    pub sync_in_from: Option<&'static Port>,
+    /// Emulated time that a slave needs to lock to the SYNC signal, in us (default 1 s; D-07).
+    pub lock_time_us: u64,
+}
+
+/// A b maXX PLC of the plant file.
+#[derive(Clone, Debug)]
+pub struct Bm4Config {
+    /// Name, unique among the devices.
+    pub name: String,
+    /// The module that raises event 11; none without modules (decision D-365).
+    pub sync_source: Option<&'static Port>,
+    /// Its modules, from slot G to slot M.
+    pub modules: Vec<ModuleConfig>,
+}
+
+/// The section as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Section {
+    name: String,
+    sync_source: Option<Spanned<String>>,
+    #[serde(default)]
+    module: Vec<ModuleSection>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModuleSection {
+    slot: Spanned<String>,
+    kind: ModuleKind,
+    bus: Option<String>,
+    dip: Option<Spanned<u8>>,
+    dip9: Option<Spanned<bool>>,
+    sync_in_from: Option<Spanned<String>>,
+    lock_time_us: Option<Spanned<u64>>,
+}
+
+impl Bm4Config {
+    /// Reads a `[[device]]` section of kind `bm4-plc`.
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn DeviceConfig>, Error> {
+        let Section { name, sync_source, module } = Section::deserialize(value)?;
+        let mut modules: Vec<ModuleConfig> = Vec::with_capacity(module.len());
+        let mut sync_in = Vec::new();
+        for section in module {
+            let slot = section.slot.span();
+            let (module, from) = section.read()?;
+            if modules.iter().any(|other| other.port.number == module.port.number) {
+                let text = format!("there are two modules in slot '{}'", letter(module.port));
+                return Err(refused_at(slot, text));
+            }
+            sync_in.extend(from.map(|from| (module.port.number, from)));
+            modules.push(module);
+        }
+        modules.sort_by_key(|module| module.port.number);
+        for (number, from) in sync_in {
+            let source = occupied(&modules, "sync_in_from", &from)?;
+            if source.number == number {
+                return Err(refused_at(from.span(), "sync_in_from names the module's own slot".to_owned()));
+            }
+            let module = modules.iter_mut().find(|module| module.port.number == number);
+            module.into_iter().for_each(|module| module.sync_in_from = Some(source));
+        }
+        let sync_source = match sync_source {
+            Some(slot) => Some(occupied(&modules, "sync_source", &slot)?),
+            None => modules.first().map(|module| module.port),
+        };
+        Ok(Arc::new(Bm4Config { name, sync_source, modules }))
+    }
+}
+
+impl ModuleSection {
+    /// The module, and the slot that it can have its SYNC signal from.
+    fn read(self) -> Result<(ModuleConfig, Option<Spanned<String>>), Error> {
+        let Some(port) = port_of(self.slot.get_ref()) else {
+            let text = format!("there is no slot '{}'; slots are: {}", self.slot.get_ref(), slots());
+            return Err(refused_at(self.slot.span(), text));
+        };
+        let is_master = self.kind == ModuleKind::Can06;
+        let refuse = |span: Option<Range<usize>>, text: &str| {
+            span.map_or(Ok(()), |span| Err(refused_at(span, text.to_owned())))
+        };
+        if is_master {
+            let no_dip = "a BM4-O-CAN-06 has no DIP switches";
+            refuse(self.dip.as_ref().map(Spanned::span), no_dip)?;
+            refuse(self.dip9.as_ref().map(Spanned::span), no_dip)?;
+            let no_lock = "a BM4-O-CAN-06 does not synchronize, lock_time_us is a BM4-O-CAN-05's";
+            refuse(self.lock_time_us.as_ref().map(Spanned::span), no_lock)?;
+        } else {
+            let no_sync_in = "only a BM4-O-CAN-06 passes a SYNC signal on";
+            refuse(self.sync_in_from.as_ref().map(Spanned::span), no_sync_in)?;
+        }
+        let for_controller = self.dip9.filter(|dip9| !*dip9.get_ref());
+        refuse(
+            for_controller.as_ref().map(Spanned::span),
+            "with DIP switch 9 at OFF a BM4-O-CAN-05 is a slave for the controller, which is not emulated; a \
+             [[bus.drive]] is such a slave",
+        )?;
+        let module = ModuleConfig {
+            port,
+            kind: self.kind,
+            bus: self.bus,
+            dip: self.dip.map_or(0, Spanned::into_inner),
+            sync_in_from: None,
+            lock_time_us: self.lock_time_us.map_or(1_000_000, Spanned::into_inner),
+        };
+        Ok((module, self.sync_in_from))
+    }
+}
+
+/// The letter of a slot.
+fn letter(port: &Port) -> &'static str {
+    port.name.trim_start_matches("slot")
+}
+
+fn port_of(slot: &str) -> Option<&'static Port> {
+    DEVICE.ports.iter().find(|port| letter(port) == slot)
+}
+
+fn slots() -> String {
+    DEVICE.ports.iter().map(letter).collect::<Vec<_>>().join(", ")
+}
+
+/// The slot that `key` names, in which there must be a module.
+fn occupied(modules: &[ModuleConfig], key: &str, slot: &Spanned<String>) -> Result<&'static Port, Error> {
+    let module = modules.iter().find(|module| letter(module.port) == slot.get_ref());
+    module.map(|module| module.port).ok_or_else(|| {
+        let known = modules.iter().map(|module| letter(module.port)).collect::<Vec<_>>().join(", ");
+        let text =
+            format!("{key} names slot '{}', in which there is no module; modules are in: {known}", slot.get_ref());
+        refused_at(slot.span(), text)
+    })
+}
+
+impl DeviceConfig for Bm4Config {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn layout(&self) -> &'static layout::Device {
+        &DEVICE
+    }
+
+    fn check(&self) -> Result<(), SettingError> {
+        for module in &self.modules {
+            let name = format!("{}:{}", self.name, module.port.name);
+            range("dip", &name, module.dip.into(), 0..=31, "0 to 31")?;
+            time("lock_time_us", &name, module.lock_time_us)?;
+        }
+        Ok(())
+    }
+
+    fn ports<'a>(&'a self) -> Vec<PortConfig<'a>> {
+        let port = |module: &'a ModuleConfig| PortConfig {
+            number: module.port.number,
+            name: module.port.name,
+            medium: module.bus.as_deref(),
+            address: (module.kind == ModuleKind::Can05).then_some(module.dip),
+        };
+        self.modules.iter().map(port).collect()
+    }
+
+    /// The manual of the modules tells of none.
+    fn retain_bytes(&self) -> u32 {
+        0
+    }
+
+    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        let (plc, ports) = Bm4Plc::new(index, self, segment)?;
+        Ok((Box::new(plc), ports))
+    }
+}

@@ -1,0 +1,153 @@
+//! What of the b maXX PLC stands around its modules: supply, start of the program, events. The manual of the modules
+//! tells nothing of it but event 11 (p. 25); the rest is as far as a program needs it (decision D-366).
+
+use crate::devices::events::Events;
+use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use crate::devices::{Context, Look, Power};
+use crate::memory::header::{self, InterruptResult, ProgramState, Start};
+use crate::memory::{Header, View};
+
+/// The one event there is: SYNC signal 1 of an option module.
+const SYNC_EVENT: usize = 11;
+
+/// Supply, program and events.
+pub(super) struct Front {
+    header: View<Header>,
+    pub events: Events,
+    powered: bool,
+    up: bool,
+    is_used: bool,
+    /// Cells that clients write, as last seen.
+    seen: Seen,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Seen {
+    requests: u32,
+    power: u32,
+    program: u32,
+}
+
+impl Seen {
+    #[inline]
+    fn now(header: &Header) -> Self {
+        Seen {
+            requests: header.board_requests.load(),
+            power: header.program.power.load(),
+            program: header.program.state.load(),
+        }
+    }
+}
+
+impl Front {
+    pub fn new(header: View<Header>) -> Self {
+        let seen = Seen::now(&header);
+        Front { header, events: Events::default(), powered: true, up: false, is_used: false, seen }
+    }
+
+    pub fn is_up(&self) -> bool {
+        self.up
+    }
+
+    #[inline]
+    pub fn has_changed(&self) -> bool {
+        Seen::now(&self.header) != self.seen
+    }
+
+    /// Power-on.
+    pub fn start(&mut self, ctx: &mut Context) {
+        self.up = true;
+        self.events.disable_all();
+        self.header.interrupts.iter().for_each(|interrupt| interrupt.clear());
+        self.header.program.restarts.increment();
+        if core::mem::replace(&mut self.is_used, true) {
+            let plc = ctx.origin.plc;
+            ctx.report(OnBoard { plc, what: BoardEvent::Up { dip: 0 } });
+        }
+    }
+
+    /// Power-off.
+    pub fn stop(&mut self, ctx: &mut Context) {
+        self.up = false;
+        self.events.disable_all();
+        ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Down });
+    }
+
+    /// Switches the supply, as if a client had turned the switch. A reset does the same to the modules.
+    pub fn set_power(&mut self, power: Power) -> Look {
+        let on = matches!(power, Power::On | Power::ReleaseReset);
+        let code = if on { header::Power::On } else { header::Power::Off }.code();
+        self.header.program.power.store(code);
+        self.seen.power = code;
+        self.switch(on)
+    }
+
+    fn switch(&mut self, on: bool) -> Look {
+        if core::mem::replace(&mut self.powered, on) == on {
+            return Look::Nothing;
+        }
+        if on { Look::Up } else { Look::Off }
+    }
+
+    /// One look at switches and requests.
+    pub fn look(&mut self, ctx: &mut Context) -> Look {
+        let seen = Seen::now(&self.header);
+        let before = core::mem::replace(&mut self.seen, seen);
+        if seen == before {
+            return Look::Nothing;
+        }
+        let look = self.switch(seen.power != header::Power::Off.code());
+        if look != Look::Nothing || !self.up {
+            return look;
+        }
+        let stopped = ProgramState::Stopped.code();
+        if seen.program != before.program && seen.program == stopped {
+            // Nothing remembers a program that was loaded before, so it starts with initial values.
+            self.order(ctx, Start::Cold);
+        }
+        if seen.requests != before.requests {
+            self.look_at_start_request(ctx);
+            self.events.answer(ctx, &self.header, set);
+        }
+        Look::Answered
+    }
+
+    fn look_at_start_request(&mut self, ctx: &mut Context) {
+        let request = &self.header.program.start_request;
+        let code = request.load();
+        if code == Start::None.code() || request.compare_exchange(code, Start::None.code()).is_err() {
+            return;
+        }
+        let has_program = self.header.program.state.load() != ProgramState::None.code();
+        match Start::from_code(code) {
+            Some(kind) if has_program => self.order(ctx, kind),
+            _ => {
+                let what = BoardEvent::StartRefused { code: code as u8 };
+                ctx.report(OnBoard { plc: ctx.origin.plc, what });
+            }
+        }
+    }
+
+    fn order(&mut self, ctx: &mut Context, kind: Start) {
+        self.events.held = kind == Start::Stop;
+        self.header.program.start_kind.store(kind.code());
+        self.header.program.start.ring();
+        ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Start { kind } });
+    }
+
+    /// An edge of the SYNC signal at the module that raises the event.
+    #[inline]
+    pub fn sync(&mut self, now: u64) {
+        self.events.fire(&self.header, SYNC_EVENT, now);
+    }
+}
+
+/// `INTR_SET` (p. 25).
+fn set(events: &mut Events, event: usize, _: i16, enable: bool) -> InterruptResult {
+    if event != SYNC_EVENT {
+        return InterruptResult::NoSuchEvent;
+    }
+    let bit = 1 << SYNC_EVENT;
+    events.enabled = if enable { events.enabled | bit } else { events.enabled & !bit };
+    InterruptResult::Done
+}

@@ -1,0 +1,93 @@
+//! LEDs H1 to H4 of the modules (manual 5.02066.01a section 3.1.4, p. 28-30).
+
+use crate::memory::Cell16;
+
+/// Status register 16#0002 and below: the program has not configured the module yet.
+const WAITING_FOR_INIT: u16 = 0x0002;
+/// Bit 7 of `w_CANsync_STATUS`: BUS-off.
+const BUS_OFF: u16 = 1 << 7;
+
+/// What a LED shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Led {
+    /// Dark.
+    #[default]
+    Off,
+    /// Lit.
+    On,
+    /// Flashes: so many times, then a pause.
+    Flashes(u8),
+}
+
+/// The LEDs of a module; a BM4-O-CAN-06 has H1 and H2 only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Leds {
+    /// H1 to H4.
+    pub h: [Led; 4],
+}
+
+/// What they depend on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// The module is in set-up mode or active operation.
+    pub takes_part: bool,
+    /// Interval of the SYNC signal in us; `None` while there is none.
+    pub interval_us: Option<u64>,
+}
+
+impl Leds {
+    /// The LEDs of a master.
+    pub(super) fn of_master(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
+        let Seen { takes_part, interval_us } = seen;
+        let h1 = green(option, takes_part && interval_us.is_some());
+        Leds { h: [h1, fault(can, takes_part), Led::Off, Led::Off] }
+    }
+
+    /// The LEDs of a slave.
+    pub(super) fn of_slave(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
+        let Seen { takes_part, interval_us } = seen;
+        let h1 = green(option, takes_part && interval_us.is_some());
+        let h2 = if takes_part && interval_us.is_none() { Led::On } else { Led::Off };
+        // 1, 2, 4 and 8 flashes for as many ms.
+        let h3 = interval_us.filter(|_| takes_part).map_or(Led::Off, |us| {
+            Led::Flashes(((us + 500) / 1000).clamp(1, 8) as u8) // at most 8
+        });
+        Leds { h: [h1, h2, h3, fault(can, takes_part)] }
+    }
+
+    /// As in the header page: eight bits for each, H1 lowest.
+    pub(super) fn code(self) -> u32 {
+        let code = |led| match led {
+            Led::Off => 0,
+            Led::On => 0xFF,
+            Led::Flashes(count) => count,
+        };
+        u32::from_le_bytes(self.h.map(code))
+    }
+
+    /// The LEDs that a code of the header page means.
+    pub fn of_code(code: u32) -> Self {
+        let led = |byte| match byte {
+            0 => Led::Off,
+            0xFF => Led::On,
+            count => Led::Flashes(count),
+        };
+        Leds { h: code.to_le_bytes().map(led) }
+    }
+}
+
+/// H1: lit while the module waits for the program, then it shows frames.
+fn green(option: &Cell16, has_traffic: bool) -> Led {
+    if option.load() <= WAITING_FOR_INIT {
+        Led::On
+    } else if has_traffic {
+        Led::Flashes(1)
+    } else {
+        Led::Off
+    }
+}
+
+/// H2 of a master, H4 of a slave: flashes in the case of a fault, which is BUS-off here (decision D-367).
+fn fault(can: &Cell16, takes_part: bool) -> Led {
+    if takes_part && can.load() & BUS_OFF != 0 { Led::Flashes(1) } else { Led::Off }
+}

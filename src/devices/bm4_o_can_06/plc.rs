@@ -1,0 +1,310 @@
+//! One b maXX PLC: its communication RAM, its option modules as far as their nodes do not run where their buses are, and
+//! its front.
+
+use super::config::{Bm4Config, ModuleConfig, ModuleKind};
+use super::front::Front;
+use super::leds::{Leds, Seen};
+use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE};
+use crate::devices::cansync::bus::SyncLock;
+use crate::devices::cansync::firmware::Seat;
+use crate::devices::cansync::medium::{Socket, SocketRole};
+use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
+use crate::journal::Origin;
+use crate::layout;
+use crate::layout::flags::is_flag;
+use crate::memory::header::{BoardSetting, BoardState};
+use crate::memory::{Header, MemoryError, Segment, View, Width};
+
+/// Highest number that DIP switches 4 to 8 can be set to.
+const DIP_MASK: u32 = 0x1F;
+
+/// A module, seen from the PLC.
+struct Module {
+    /// Number of its port.
+    number: u8,
+    kind: ModuleKind,
+    regs: View<CANsync_PLC_INIT_BMSTRUCT>,
+    /// Number at the DIP switches, as read at the last power-on.
+    dip: u8,
+    takes_part: bool,
+    /// The last edge of its SYNC signal, and the time from the one before.
+    edge: Option<(u64, u64)>,
+}
+
+impl Module {
+    fn new(config: &ModuleConfig, segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Module {
+            number: config.port.number,
+            kind: config.kind,
+            regs: segment.view(config.port.area.first as usize)?,
+            dip: config.dip,
+            takes_part: false,
+            edge: None,
+        })
+    }
+
+    /// Its place among the ports of the header page.
+    fn place(&self) -> usize {
+        usize::from(self.number) - 1
+    }
+
+    /// How long the interval is, while the SYNC signal is there: two and a half intervals without an edge end it, as
+    /// they end the lock of a slave.
+    fn interval_us(&self, now: u64) -> Option<u64> {
+        let (at, interval) = self.edge?;
+        (interval != 0 && (now - at) * 2 <= interval * 5).then_some(interval)
+    }
+
+    fn leds(&self, now: u64) -> Leds {
+        let seen = Seen { takes_part: self.takes_part, interval_us: self.interval_us(now) };
+        let (option, can) = (&self.regs.w_OPTION_STATUS, &self.regs.w_CANsync_STATUS);
+        match self.kind {
+            ModuleKind::Can06 => Leds::of_master(option, can, seen),
+            ModuleKind::Can05 => Leds::of_slave(option, can, seen),
+        }
+    }
+}
+
+/// A b maXX PLC of the plant.
+pub struct Bm4Plc {
+    index: u16,
+    name: String,
+    segment: Segment,
+    header: View<Header>,
+    front: Front,
+    modules: Vec<Module>,
+    /// Number of the port whose SYNC signal is event 11.
+    sync_source: Option<u8>,
+    /// Ports whose SYNC signal another one can pass on.
+    sync_ways: Vec<(u8, u8)>,
+}
+
+impl Bm4Plc {
+    /// Device number `index` of the plant, and its ports, which are still to be plugged in.
+    pub(crate) fn new(
+        index: usize,
+        config: &Bm4Config,
+        segment: Segment,
+    ) -> Result<(Self, Vec<Plug>), BuildError> {
+        let index = index as u16;
+        let header = segment.header()?;
+        header.retain_size.store(0);
+        let mut modules = Vec::with_capacity(config.modules.len());
+        for module in &config.modules {
+            let module = Module::new(module, &segment)?;
+            header.ports[module.place()].dip.store(module.dip.into());
+            modules.push(module);
+        }
+        let plug = |module: &ModuleConfig| {
+            let role = match module.kind {
+                ModuleKind::Can06 => SocketRole::Master,
+                ModuleKind::Can05 => SocketRole::Slave {
+                    number: module.dip,
+                    lock: SyncLock::new(module.lock_time_us, None),
+                },
+            };
+            let number = module.port.number;
+            let base = module.port.area.first as usize;
+            let seat = Seat { base, place: usize::from(number) - 1, rates: &BAUD_RATES };
+            let origin = Origin { plc: index, node: number };
+            Plug {
+                number,
+                family: module.port.medium,
+                medium: module.bus.clone(),
+                socket: Box::new(Socket { origin, segment: segment.clone(), seat, role }),
+            }
+        };
+        let ports = config.modules.iter().map(plug).collect();
+        let way = |module: &ModuleConfig| Some((module.sync_in_from?.number, module.port.number));
+        let device = Bm4Plc {
+            index,
+            name: config.name.clone(),
+            front: Front::new(header.clone()),
+            header,
+            modules,
+            sync_source: config.sync_source.map(|port| port.number),
+            sync_ways: config.modules.iter().filter_map(way).collect(),
+            segment,
+        };
+        Ok((device, ports))
+    }
+
+    fn module(&mut self, port: u8) -> Option<&mut Module> {
+        self.modules.iter_mut().find(|module| module.number == port)
+    }
+
+    fn show_leds(&self, now: u64) {
+        for module in &self.modules {
+            self.header.ports[module.place()].leds.store(module.leds(now).code());
+        }
+    }
+}
+
+impl Device for Bm4Plc {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn segment(&self) -> &Segment {
+        &self.segment
+    }
+
+    fn layout(&self) -> &'static layout::Device {
+        &DEVICE
+    }
+
+    fn board(&self) -> BoardState {
+        BoardState::of(&self.header)
+    }
+
+    /// DIP switches and LEDs are the modules'; a program and a switch for it are not described (decision D-366).
+    fn turn(&self, setting: BoardSetting) {
+        match setting {
+            BoardSetting::Power(power) => self.header.program.power.store(power.code()),
+            BoardSetting::Start(start) => {
+                self.header.program.start_request.store(start.code());
+                self.header.board_requests.increment();
+            }
+            _ => {}
+        }
+    }
+
+    fn set_power(&mut self, power: Power) -> Look {
+        self.front.set_power(power)
+    }
+
+    #[inline]
+    fn look(&mut self, ctx: &mut Context) -> Look {
+        self.front.look(ctx)
+    }
+
+    fn is_up(&self) -> bool {
+        self.front.is_up()
+    }
+
+    fn start(&mut self, ctx: &mut Context) {
+        self.front.start(ctx);
+        for module in &mut self.modules {
+            let dip = self.header.ports[module.place()].dip.load();
+            module.dip = (dip & DIP_MASK) as u8;
+            module.edge = None;
+        }
+        self.show_leds(ctx.now);
+    }
+
+    fn stop(&mut self, ctx: &mut Context) {
+        self.front.stop(ctx);
+        for module in &self.modules {
+            self.header.ports[module.place()].leds.store(0);
+        }
+    }
+
+    fn supply_failed(&mut self) {}
+
+    /// The DIP switches of a slave; a master has none.
+    fn address(&self, port: u8) -> u8 {
+        let module = self.modules.iter().find(|module| module.number == port);
+        module.map_or(0, |module| module.dip)
+    }
+
+    fn address_taken(&mut self, ctx: &mut Context, port: u8) {
+        let (plc, number) = (self.index, self.address(port));
+        ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { number } });
+    }
+
+    fn port_joined(&mut self, port: u8, takes_part: bool) {
+        if let Some(module) = self.module(port) {
+            module.takes_part = takes_part;
+            module.edge = None;
+        }
+    }
+
+    fn sync_ways(&self) -> &[(u8, u8)] {
+        &self.sync_ways
+    }
+
+    /// Event 11 while the module takes part in its bus (decision D-365).
+    #[inline]
+    fn sync_edge(&mut self, port: u8, now: u64) {
+        let is_source = self.sync_source == Some(port);
+        let Some(module) = self.module(port) else { return };
+        module.edge = Some((now, module.edge.map_or(0, |(before, _)| now - before)));
+        if is_source && module.takes_part {
+            self.front.sync(now);
+        }
+    }
+
+    fn has_changed(&self) -> bool {
+        self.front.has_changed()
+    }
+
+    #[inline]
+    fn front_has_changed(&self) -> bool {
+        self.front.has_changed()
+    }
+
+    fn processor_cycle(&mut self, ctx: &mut Context) {
+        self.show_leds(ctx.now);
+    }
+
+    #[inline]
+    fn next_time(&self) -> u64 {
+        u64::MAX
+    }
+
+    fn due(&mut self, _: &mut World) {}
+
+    /// There is no drive in it.
+    fn trip(&mut self, _: u64, _: u16) -> bool {
+        false
+    }
+
+    fn watch(&mut self, events: u16) {
+        self.front.events.watched = events;
+    }
+
+    fn is_watched(&self) -> bool {
+        self.front.events.watched != 0
+    }
+
+    #[inline]
+    fn take_stop(&mut self) -> bool {
+        core::mem::take(&mut self.front.events.stop)
+    }
+
+    fn take_fired(&mut self) -> u16 {
+        core::mem::take(&mut self.front.events.fired)
+    }
+
+    fn has(&self, offset: u32, _: Width) -> bool {
+        !is_flag(offset)
+    }
+
+    /// If that is a `w_CPU_CONTROL`, 16#0000 in it is a restart, even if it stood there before (decision D-29).
+    fn named(&self, offset: u32, bytes: u32) {
+        for port in DEVICE.ports {
+            let register = port.area.first;
+            let is_hit = offset < register + 2 && register < offset + bytes;
+            if is_hit && self.segment.load(register, Width::Word).is_ok_and(|value| value == 0) {
+                self.header.ports[usize::from(port.number) - 1].restarts_written.increment();
+            }
+        }
+    }
+
+    fn answers_write(&self, _: u32) -> bool {
+        false
+    }
+
+    fn written(&mut self, _: &mut Context) {}
+
+    fn novram(&self) -> (&[u8], u32) {
+        (&[], 0)
+    }
+
+    fn keep_novram(&mut self) {}
+
+    fn show_time(&self, now: u64) {
+        self.header.virtual_time_us.store(now);
+    }
+}

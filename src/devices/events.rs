@@ -1,0 +1,64 @@
+//! Interrupt events of a device: which are enabled, and what has become of them. How they are enabled is the same for
+//! every device: function block `INTR_SET`; which there are is not.
+
+use super::Context;
+use super::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use crate::memory::Header;
+use crate::memory::header::InterruptResult;
+
+/// Enabled events and what has become of them. Bit n stands for event n.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Events {
+    pub enabled: u16,
+    /// No event occurs: switch or program stand at STOP (decision D-300).
+    pub held: bool,
+    /// Events since somebody asked last.
+    pub fired: u16,
+    /// Events that stop the plant for lockstep.
+    pub watched: u16,
+    /// Whether a watched one has occurred.
+    pub stop: bool,
+}
+
+impl Events {
+    /// One occurrence of an event, if it is enabled and the program may run.
+    #[inline]
+    pub fn fire(&mut self, header: &Header, event: usize, now: u64) {
+        let bit = 1u16 << event;
+        if self.enabled & bit == 0 || self.held {
+            return;
+        }
+        if let Some(slot) = header.events.get(event) {
+            slot.fire(now);
+        }
+        self.fired |= bit;
+        self.stop |= self.watched & bit != 0;
+    }
+
+    /// As after power-on. Who watches and what has occurred stays.
+    pub fn disable_all(&mut self) {
+        self.enabled = 0;
+    }
+
+    /// Answers the requests that have come in, by ascending event number: `set` is told event number, `i_PAR1` and
+    /// `x_EN`.
+    pub fn answer(
+        &mut self,
+        ctx: &mut Context,
+        header: &Header,
+        mut set: impl FnMut(&mut Self, usize, i16, bool) -> InterruptResult,
+    ) {
+        for (event, slot) in header.interrupts.iter().enumerate() {
+            let request = slot.request.load();
+            if request == slot.answer.load() {
+                continue;
+            }
+            let (factor, enable) = ((request >> 16) as u16 as i16, request & 1 != 0);
+            let result = set(self, event, factor, enable);
+            slot.result.store(result.code());
+            slot.answer.store(request);
+            let what = BoardEvent::Interrupt { event: event as u8, factor, enable, result };
+            ctx.report(OnBoard { plc: ctx.origin.plc, what });
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! The b maXX PLC: its modules on buses, at its own rates.
+
+use commram::devices::bm4_o_can_06::registers::*;
+use commram::devices::cansync::bus::Frame;
+use commram::devices::cansync::records::Transmitted;
+use commram::devices::cansync::{BaudRate, registers as family};
+use commram::memory::{MemoryError, Segment, View};
+use commram::plant::{Plant, PlantConfig, PlantError};
+
+type Master = View<family::CANsync_MA_CTRL_BMSTRUCT>;
+type Slave = View<family::CANsync_SL_CTRL_BMSTRUCT>;
+type Init = View<family::CANsync_INIT_BMSTRUCT>;
+
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+enum Failed {
+    Memory(#[from] MemoryError),
+    Plant(#[from] PlantError),
+}
+
+pub struct Bm4 {
+    pub plant: Plant,
+}
+
+impl Bm4 {
+    fn new(text: &str) -> Self {
+        let config = PlantConfig::parse("bm4", text).unwrap();
+        let build = |name: &str| {
+            let device = config.device(name).unwrap().layout();
+            Ok::<_, Failed>(Segment::heap(device.segment_size()))
+        };
+        Bm4 { plant: Plant::new(&config, build).unwrap() }
+    }
+
+    fn segment(&self, device: usize) -> Segment {
+        self.plant.devices()[device].segment().clone()
+    }
+
+    fn step(&mut self, us: u64) {
+        self.plant.advance_to(self.plant.now() + us);
+    }
+
+    /// From restart to `waiting for start`.
+    fn initialize(&mut self, init: &Init, rate: &BaudRate, mode: u8) {
+        for (command, status) in [(0x0000, 0x0001), (0x0001, 0x0002)] {
+            init.w_CPU_CONTROL.store(command);
+            self.step(500);
+            assert_eq!(init.w_OPTION_STATUS.load(), status);
+        }
+        init.b_MA_SL_MODE.store(mode);
+        init.b_AC.store(0xFF);
+        init.b_AM.store(0xFF);
+        init.b_BT_0.store(rate.b_BT_0);
+        init.b_BT_1.store(rate.b_BT_1);
+        init.b_OUTPUT_CONTROL.store(0xFA);
+        init.b_CLOCK_DIVIDER.store(0x07);
+        init.b_TIME_PATTERN.store(rate.b_TIME_PATTERN);
+        if mode != 1 {
+            (0..4).for_each(|slave| init.a_SL_TYP[slave].store(1));
+        }
+        self.command(init, 0x0002, 0x0003);
+    }
+
+    fn command(&mut self, init: &Init, value: u16, expected: u16) {
+        init.w_CPU_CONTROL.store(value);
+        self.step(500);
+        assert_eq!(init.w_OPTION_STATUS.load(), expected);
+    }
+
+    fn run_to_sync(&mut self, device: usize, port: u8) {
+        let edge = self.plant.next_sync(device, port).expect("there is a SYNC signal");
+        self.plant.advance_to(edge);
+    }
+
+    /// All frames so far with the time of their end.
+    fn frames(&self) -> Vec<(u64, Frame)> {
+        let records = self.plant.journal().records();
+        records.filter_map(|it| Some((it.time_us, it.event.get::<Transmitted>()?.frame))).collect()
+    }
+
+    fn last_frame(&self, ids: core::ops::RangeInclusive<u16>) -> Option<(u64, Frame)> {
+        self.frames().into_iter().rfind(|(_, frame)| ids.contains(&frame.id()))
+    }
+}
+
+fn rate(kbit_s: u16) -> &'static BaudRate {
+    BAUD_RATES.iter().find(|rate| rate.kbit_per_s == kbit_s).unwrap()
+}
+
+/// A master in slot G with a drive at its bus, and a slave in slot H at the bus of another b maXX PLC.
+fn plant_text(kbit_s: u16) -> String {
+    format!(
+        "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n\
+         [[device.module]]\nslot = 'H'\nkind = 'can-05'\nbus = 'upper'\ndip = 6\nlock_time_us = 20000\n\
+         [[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'fast'\n\
+         [[device]]\nkind = 'bm4-plc'\nname = 'top'\n\
+         [[device.module]]\nslot = 'M'\nkind = 'can-06'\nbus = 'upper'\n\
+         [[bus]]\nname = 'fast'\nkbit_s = {kbit_s}\n\
+         [[bus.drive]]\nname = 'winder'\nslave_number = 3\nlock_time_us = 20000\ncard_function = 0\n\
+         [[bus]]\nname = 'upper'\nkbit_s = {kbit_s}\n"
+    )
+}
+
+/// Manual 5.02066.01a p. 18, 47-55, 62-71: a master with a drive, at every rate of this device.
+#[test]
+fn a_master_reaches_active_operation_and_exchanges_values_with_a_drive() {
+    for rate in &BAUD_RATES {
+        let mut bm4 = Bm4::new(&plant_text(rate.kbit_per_s));
+        let master: Master = bm4.segment(0).view(SLOTG).unwrap();
+        let init: Init = bm4.segment(0).view(SLOTG).unwrap();
+        bm4.initialize(&init, rate, 0x00);
+        bm4.command(&init, 0x0020, 0x0043);
+        bm4.step(200_000);
+        assert_eq!(master.a_STAT_SL[3].load(), 0x03, "{} kbit/s", rate.kbit_per_s);
+        bm4.command(&init, 0x0040, 0x0080);
+        master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x0D);
+        master.a_WR_VALUE[3].store(0x1234_5678);
+        master.b_CTRLREG_RD_ORDER_RDC1.store(3);
+        bm4.run_to_sync(0, 1);
+        let edge = bm4.plant.now();
+        master.b_CTRLREG_WRC1.store(0x05);
+        bm4.run_to_sync(0, 1);
+        assert_eq!(bm4.plant.now() - edge, u64::from(rate.b_TIME_PATTERN) * 1000);
+        assert_eq!(master.b_CTRLREG_WRC1.load(), 0x04);
+        let (_, frame) = bm4.last_frame(0x100..=0x17F).expect("WRC1 went out");
+        assert_eq!((frame.id(), &frame.data()[..2]), (0x103, &[0x78, 0x56][..]));
+        assert_eq!(master.b_STATREG_RDC1.load(), 3, "the drive has answered");
+        let findings = bm4.plant.journal().findings();
+        assert!(findings.errors().is_empty(), "{:?}", findings.errors());
+    }
+}
+
+/// Manual 5.02066.01a p. 71-87.
+#[test]
+fn a_slave_module_is_slave_of_another_plc() {
+    for rate in &BAUD_RATES {
+        let mut bm4 = Bm4::new(&plant_text(rate.kbit_per_s));
+        let (slave, slave_init): (Slave, Init) =
+            (bm4.segment(0).view(SLOTH).unwrap(), bm4.segment(0).view(SLOTH).unwrap());
+        let (master, master_init): (Master, Init) =
+            (bm4.segment(1).view(SLOTM).unwrap(), bm4.segment(1).view(SLOTM).unwrap());
+        assert_eq!(slave.w_OMEGA_NR.load(), 6, "w_SLAVE_NUMBER");
+        bm4.initialize(&slave_init, rate, 0x01);
+        bm4.initialize(&master_init, rate, 0x00);
+        bm4.command(&slave_init, 0x0020, 0x0013);
+        bm4.command(&master_init, 0x0020, 0x0043);
+        bm4.step(60_000);
+        bm4.command(&slave_init, 0x0040, 0x0020);
+        bm4.command(&master_init, 0x0040, 0x0080);
+        master._CFG_WRC_WORD.b_CFG_WRC2_WORD1.store(0x03);
+        slave._CFG_WRC_WORD.b_CFG_WRC2_WORD1.store(0x03);
+        slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+        master.a_CFG_RDC_WORD[6].b_CFG_RDC2_WORD0.store(0x01);
+        master.a_WR_VALUE[0].store(0xABCD_0000);
+        slave.a_RD_VALUE_SEND[0].store(0x7777);
+        master.b_CTRLREG_RD_ORDER_RDC2.store(6);
+        bm4.run_to_sync(1, 6);
+        slave.b_CTRLREG_RD_RDC2.store(0x05);
+        master.b_CTRLREG_WRC2.store(0x05);
+        bm4.run_to_sync(1, 6);
+        assert_eq!((slave.b_CTRLREG_RD_RDC2.load(), slave.b_CTRLREG_WRC2.load()), (0x04, 0x02));
+        assert_eq!(slave.a_WR_VALUE_RECEIVE[0].load(), 0xABCD_0000);
+        assert_eq!(master.a_RD_BMARRAY[6][0].load(), 0x7777);
+        assert_eq!(master.a_STATREG_RDC[6].b_STATREG_RDC2.load(), 0x02);
+    }
+}
+
+/// T35; manual 5.02066.01a p. 54, 86-87.
+#[test]
+fn values_must_be_released_by_the_deadlines_of_this_device() {
+    let rate = rate(1000);
+    for (at, in_time) in [(199, true), (200, false)] {
+        let mut bm4 = Bm4::new(&plant_text(rate.kbit_per_s));
+        let (master, init): (Master, Init) =
+            (bm4.segment(0).view(SLOTG).unwrap(), bm4.segment(0).view(SLOTG).unwrap());
+        bm4.initialize(&init, rate, 0x00);
+        bm4.command(&init, 0x0020, 0x0043);
+        bm4.command(&init, 0x0040, 0x0080);
+        bm4.run_to_sync(0, 1);
+        bm4.step(at);
+        master.b_CTRLREG_WRC1.store(0x05);
+        bm4.run_to_sync(0, 1);
+        assert_eq!(bm4.last_frame(0x100..=0x17F).is_some(), in_time, "{at} us");
+    }
+}
