@@ -1,9 +1,11 @@
 //! The b maXX PLC: its modules on buses, at its own rates.
 
 use commram::devices::bm4_o_can_06::registers::*;
+use commram::devices::bm4_o_can_06::{Led, Leds};
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::records::Transmitted;
-use commram::devices::cansync::{BaudRate, registers as family};
+use commram::devices::cansync::{BaudRate, registers as family, rules};
+use commram::devices::omega_drive_line_2::registers as omega;
 use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 
@@ -182,4 +184,133 @@ fn values_must_be_released_by_the_deadlines_of_this_device() {
         bm4.run_to_sync(0, 1);
         assert_eq!(bm4.last_frame(0x100..=0x17F).is_some(), in_time, "{at} us");
     }
+}
+
+/// Manual 5.02066.01a p. 25, 28-31: event 11 is that of the module that `sync_source` names; LEDs of master and slave.
+#[test]
+fn the_chosen_module_raises_event_11_and_each_has_its_leds() {
+    let text = plant_text(1000).replace("name = 'maxx'\n", "name = 'maxx'\nsync_source = 'G'\n");
+    let mut bm4 = Bm4::new(&text);
+    let rate = rate(1000);
+    let header = bm4.segment(0).header().unwrap();
+    let leds = |slot: usize| Leds::of_code(header.ports[slot].leds.load()).h;
+    assert_eq!(leds(0), [Led::On, Led::Off, Led::Off, Led::Off], "waits for the program");
+    assert_eq!(header.ports[1].dip.load(), 6);
+    let request = header.interrupts[11].ask(0, true);
+    header.submit_request();
+    let refused = header.interrupts[12].ask(0, true);
+    header.submit_request();
+    bm4.step(500);
+    assert_eq!(header.interrupts[11].outcome(request), Some(0));
+    assert_eq!(header.interrupts[12].outcome(refused), Some(1), "there is one event only");
+    let init: Init = bm4.segment(0).view(SLOTG).unwrap();
+    let slave: Init = bm4.segment(0).view(SLOTH).unwrap();
+    bm4.initialize(&slave, rate, 0x01);
+    bm4.command(&slave, 0x0020, 0x0013);
+    bm4.initialize(&init, rate, 0x00);
+    bm4.step(500);
+    assert_eq!(leds(0)[0], Led::Off, "configured, no frames yet");
+    assert_eq!(leds(1)[1], Led::On, "no SYNC signal on the upper bus");
+    assert_eq!(header.events[11].bell.rings(), 0);
+    bm4.command(&init, 0x0020, 0x0043);
+    bm4.run_to_sync(0, 1);
+    let rings = header.events[11].bell.rings();
+    bm4.step(10_000);
+    assert_eq!(header.events[11].bell.rings() - rings, 10, "every ms");
+    assert_eq!(header.events[11].time_us.load(), bm4.plant.now());
+    assert_eq!(header.sync_counter[0].load(), header.events[11].bell.rings());
+    assert_eq!(leds(0), [Led::Flashes(1), Led::Off, Led::Off, Led::Off]);
+    let upper: Init = bm4.segment(1).view(SLOTM).unwrap();
+    bm4.initialize(&upper, rate, 0x00);
+    bm4.command(&upper, 0x0020, 0x0043);
+    bm4.step(5_000);
+    assert_eq!(leds(1), [Led::Flashes(1), Led::Off, Led::Flashes(1), Led::Off], "an interval of 1 ms");
+}
+
+/// An Omega Drive-Line II and a b maXX PLC on one bus, each in turn the master, at the rates that both have.
+#[test]
+fn both_devices_meet_on_one_bus() {
+    for (kbit_s, bmaxx_is_master) in [(500, true), (500, false), (250, true), (125, false)] {
+        let module = match bmaxx_is_master {
+            true => "kind = 'can-06'",
+            false => "kind = 'can-05'\ndip = 5\nlock_time_us = 20000",
+        };
+        let node = if bmaxx_is_master { "node1" } else { "node2" };
+        let mut bm4 = Bm4::new(&format!(
+            "[[plc]]\nname = 'omega'\ndip = 5\n{node} = 'b'\nlock_time_us = 20000\n\
+             [[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'K'\nbus = 'b'\n{module}\n\
+             [[bus]]\nname = 'b'\n"
+        ));
+        let ours = (1, SLOTK, rate(kbit_s));
+        let base = if bmaxx_is_master { omega::NODE1 } else { omega::NODE2 };
+        let omegas = omega::BAUD_RATES.iter().find(|rate| rate.kbit_per_s == kbit_s).unwrap();
+        let theirs = (0, base, omegas);
+        let (master_at, slave_at) = if bmaxx_is_master { (ours, theirs) } else { (theirs, ours) };
+        let (master, master_init): (Master, Init) = (
+            bm4.segment(master_at.0).view(master_at.1).unwrap(),
+            bm4.segment(master_at.0).view(master_at.1).unwrap(),
+        );
+        let (slave, slave_init): (Slave, Init) = (
+            bm4.segment(slave_at.0).view(slave_at.1).unwrap(),
+            bm4.segment(slave_at.0).view(slave_at.1).unwrap(),
+        );
+        bm4.initialize(&slave_init, slave_at.2, 0x01);
+        bm4.initialize(&master_init, master_at.2, 0x00);
+        bm4.command(&slave_init, 0x0020, 0x0013);
+        bm4.command(&master_init, 0x0020, 0x0043);
+        bm4.step(400_000);
+        bm4.command(&slave_init, 0x0040, 0x0020);
+        bm4.command(&master_init, 0x0040, 0x0080);
+        master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
+        slave._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
+        master.a_WR_VALUE[0].store(0x4321);
+        let port = if bmaxx_is_master { 4 } else { 2 };
+        bm4.run_to_sync(master_at.0, port);
+        master.b_CTRLREG_WRC1.store(0x05);
+        bm4.run_to_sync(master_at.0, port);
+        assert_eq!(slave.a_WR_VALUE_RECEIVE[0].load(), 0x4321, "{kbit_s} kbit/s, {bmaxx_is_master}");
+        assert_eq!(slave.b_CTRLREG_WRC1.load(), 0x02);
+    }
+}
+
+/// SYNC from outside: the master in slot G passes on what the slave in slot H receives (D-12).
+#[test]
+fn a_master_passes_the_sync_signal_of_another_slot_on() {
+    let text = plant_text(500).replace("bus = 'fast'\n", "bus = 'fast'\nsync_in_from = 'H'\n");
+    let mut bm4 = Bm4::new(&text);
+    let rate = rate(500);
+    let header = bm4.segment(0).header().unwrap();
+    let init: Init = bm4.segment(0).view(SLOTG).unwrap();
+    let upper: Init = bm4.segment(1).view(SLOTM).unwrap();
+    bm4.initialize(&init, rate, 0x02);
+    bm4.command(&init, 0x0020, 0x0043);
+    bm4.step(10_000);
+    assert_eq!(header.sync_counter[0].load(), 0, "nobody makes a SYNC signal");
+    bm4.initialize(&upper, rate, 0x00);
+    bm4.command(&upper, 0x0020, 0x0043);
+    bm4.run_to_sync(1, 6);
+    let before = header.sync_counter[0].load();
+    bm4.step(10_000);
+    assert_eq!(header.sync_counter[0].load() - before, 5);
+}
+
+/// An Omega Drive-Line II knows no 1 Mbit/s: it hears nothing there.
+#[test]
+fn an_omega_hears_nothing_on_a_bus_of_1_mbit() {
+    let mut bm4 = Bm4::new(
+        "[[plc]]\nname = 'omega'\ndip = 5\nnode1 = 'b'\nlock_time_us = 20000\n\
+         [[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'b'\n\
+         [[bus]]\nname = 'b'\nkbit_s = 1000\n",
+    );
+    let master: Init = bm4.segment(1).view(SLOTG).unwrap();
+    let slave: Init = bm4.segment(0).view(omega::NODE1).unwrap();
+    bm4.initialize(&master, rate(1000), 0x00);
+    bm4.command(&master, 0x0020, 0x0043);
+    bm4.initialize(&slave, &omega::BAUD_RATES[0], 0x01);
+    bm4.command(&slave, 0x0020, 0x0013);
+    bm4.step(100_000);
+    let polled: Master = bm4.segment(1).view(SLOTG).unwrap();
+    assert_eq!(polled.a_STAT_SL[5].load(), 0, "it does not answer");
+    let findings = bm4.plant.journal().findings();
+    assert_eq!(findings.errors(), [&rules::BUS_BAUD_RATE]);
 }

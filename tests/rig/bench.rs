@@ -32,9 +32,13 @@ impl Bench {
     pub fn in_set_up(memory: Memory) -> Bench {
         let mut images = Vec::new();
         let segment = segment(memory, "b", &mut images).unwrap();
-        let mut slave =
-            Slave::new(&segment, Seat { base: NODE1, place: 0, rates: &BAUD_RATES }, NUMBER, SyncLock::new(LOCK_US, None))
-                .unwrap();
+        let mut slave = Slave::new(
+            &segment,
+            Seat { base: NODE1, place: 0, rates: &BAUD_RATES },
+            NUMBER,
+            SyncLock::new(LOCK_US, None),
+        )
+        .unwrap();
         slave.power_on();
         let (regs, init) = (segment.view(NODE1).unwrap(), segment.view(NODE1).unwrap());
         let mut bench = Bench { slave, regs, init, journal: Journal::default(), now: 0, _images: images };

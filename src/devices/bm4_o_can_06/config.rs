@@ -164,8 +164,10 @@ fn occupied(modules: &[ModuleConfig], key: &str, slot: &Spanned<String>) -> Resu
     let module = modules.iter().find(|module| letter(module.port) == slot.get_ref());
     module.map(|module| module.port).ok_or_else(|| {
         let known = modules.iter().map(|module| letter(module.port)).collect::<Vec<_>>().join(", ");
-        let text =
-            format!("{key} names slot '{}', in which there is no module; modules are in: {known}", slot.get_ref());
+        let text = format!(
+            "{key} names slot '{}', in which there is no module; modules are in: {known}",
+            slot.get_ref()
+        );
         refused_at(slot.span(), text)
     })
 }
@@ -206,5 +208,62 @@ impl DeviceConfig for Bm4Config {
     fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let (plc, ports) = Bm4Plc::new(index, self, segment)?;
         Ok((Box::new(plc), ports))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::devices::DeviceConfig;
+    use toml::de::{Error, ValueDeserializer};
+
+    fn read(text: &str) -> Result<std::sync::Arc<dyn DeviceConfig>, Error> {
+        let read = || super::Bm4Config::read(ValueDeserializer::parse(text)?);
+        read().map_err(|mut error: Error| {
+            error.set_input(Some(text));
+            error
+        })
+    }
+
+    #[test]
+    fn modules_are_masters_and_slaves_in_the_order_of_the_slots() {
+        let config = read(
+            "{ name = 'maxx', module = [{ slot = 'M', kind = 'can-05', bus = 'b', dip = 6 }, \
+             { slot = 'G', kind = 'can-06', sync_in_from = 'M' }] }",
+        )
+        .unwrap();
+        let ports = config.ports();
+        let ports: Vec<_> =
+            ports.iter().map(|port| (port.name, port.number, port.medium, port.address)).collect();
+        assert_eq!(ports, [("slotG", 1, None, None), ("slotM", 6, Some("b"), Some(6))]);
+    }
+
+    #[test]
+    fn each_mistake_is_named_where_it_stands() {
+        let cases = [
+            ("{ slot = 'I', kind = 'can-06' }", "there is no slot 'I'; slots are: G, H, J, K, L, M"),
+            ("{ slot = 'G', kind = 'can-06' },\n{ slot = 'G', kind = 'can-06' }", "two modules in slot 'G'"),
+            ("{ slot = 'G', kind = 'can-07' }", "unknown variant `can-07`"),
+            ("{ slot = 'G', kind = 'can-06', dip = 3 }", "a BM4-O-CAN-06 has no DIP switches"),
+            (
+                "{ slot = 'G', kind = 'can-05', dip9 = false }",
+                "slave for the controller, which is not emulated",
+            ),
+            ("{ slot = 'G', kind = 'can-05', sync_in_from = 'G' }", "only a BM4-O-CAN-06 passes"),
+            ("{ slot = 'G', kind = 'can-06', sync_in_from = 'H' }", "slot 'H', in which there is no module"),
+            ("{ slot = 'G', kind = 'can-06', sync_in_from = 'G' }", "the module's own slot"),
+        ];
+        for (module, expected) in cases {
+            let text = format!("{{ name = 'maxx', module = [\n{module}\n] }}");
+            let message = read(&text).unwrap_err().to_string();
+            assert!(message.contains(expected), "{text}\n{message}");
+            let line = 1 + module.lines().count();
+            assert!(message.contains(&format!("line {line},")), "{text}\n{message}");
+        }
+        let text = "{ name = 'maxx', sync_source = 'K', module = [{ slot = 'G', kind = 'can-06' }] }";
+        let message = read(text).unwrap_err().to_string();
+        assert!(message.contains("sync_source names slot 'K'"), "{message}");
+        let text = "{ name = 'maxx', module = [{ slot = 'G', kind = 'can-05', dip = 32 }] }";
+        let message = read(text).unwrap().check().unwrap_err().to_string();
+        assert!(message.contains("dip of 'maxx:slotG' is 32; it must be 0 to 31"), "{message}");
     }
 }

@@ -99,10 +99,9 @@ impl Bm4Plc {
         let plug = |module: &ModuleConfig| {
             let role = match module.kind {
                 ModuleKind::Can06 => SocketRole::Master,
-                ModuleKind::Can05 => SocketRole::Slave {
-                    number: module.dip,
-                    lock: SyncLock::new(module.lock_time_us, None),
-                },
+                ModuleKind::Can05 => {
+                    SocketRole::Slave { number: module.dip, lock: SyncLock::new(module.lock_time_us, None) }
+                }
             };
             let number = module.port.number;
             let base = module.port.area.first as usize;
@@ -112,7 +111,13 @@ impl Bm4Plc {
                 number,
                 family: module.port.medium,
                 medium: module.bus.clone(),
-                socket: Box::new(Socket { origin, segment: segment.clone(), seat, role }),
+                socket: Box::new(Socket {
+                    origin,
+                    segment: segment.clone(),
+                    seat,
+                    area: module.port.area,
+                    role,
+                }),
             }
         };
         let ports = config.modules.iter().map(plug).collect();

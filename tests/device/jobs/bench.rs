@@ -29,7 +29,15 @@ impl Bench {
         let mut bench = Bench {
             regs: segment.view(NODE2).unwrap(),
             init: segment.view(NODE2).unwrap(),
-            master: Master::new(&segment, Seat { base: NODE2, place: 1, rates: &commram::devices::omega_drive_line_2::registers::BAUD_RATES }).unwrap(),
+            master: Master::new(
+                &segment,
+                Seat {
+                    base: NODE2,
+                    place: 1,
+                    rates: &commram::devices::omega_drive_line_2::registers::BAUD_RATES,
+                },
+            )
+            .unwrap(),
             journal: Journal::default(),
             now: 0,
             _images: images,

@@ -36,7 +36,9 @@ pub enum InitFault {
     #[error("b_MA_SL_MODE must be 16#00 or 16#02 on a master and 16#01 on a slave")]
     Mode = 1,
     /// `b_BT_0`, `b_BT_1` are none of the documented pairs.
-    #[error("b_BT_0, b_BT_1 must be a pair of the device's table of baud rates, for example those of CANsync_INIT")]
+    #[error(
+        "b_BT_0, b_BT_1 must be a pair of the device's table of baud rates, for example those of CANsync_INIT"
+    )]
     BitTiming = 2,
     /// `b_TIME_PATTERN` does not belong to the baud rate.
     #[error("b_TIME_PATTERN must be 1 ms at 1000 kbit/s, 2 ms at 500, 4 ms at 250 and 8 ms at 125")]
@@ -147,7 +149,10 @@ mod tests {
                 );
             }
         }
-        assert_eq!(InitData::of_master(&regs(0, (0x40, 0x34), 1), &BAUD_RATES).unwrap_err(), InitFault::BitTiming);
+        assert_eq!(
+            InitData::of_master(&regs(0, (0x40, 0x34), 1), &BAUD_RATES).unwrap_err(),
+            InitFault::BitTiming
+        );
     }
 
     #[test]

@@ -29,7 +29,8 @@ fn excluded_by(event: usize) -> Option<usize> {
 /// Answers the requests that have come in.
 pub(super) fn look(events: &mut Events, ctx: &mut Context, header: &Header, timers: &mut Timers) {
     let now = ctx.now;
-    events.answer(ctx, header, |events, event, factor, enable| set(events, event, factor, enable, now, timers));
+    events
+        .answer(ctx, header, |events, event, factor, enable| set(events, event, factor, enable, now, timers));
 }
 
 fn set(
