@@ -44,7 +44,7 @@ mod tests {
     use super::*;
     use crate::check::rules;
     use crate::devices::Medium;
-    use crate::devices::bm4_o_can_06::registers::DEVICE;
+    use crate::devices::bm4_o_can_06::registers::{BAUD_RATES, DEVICE};
     use crate::devices::cansync::bus::SyncLock;
     use crate::devices::cansync::firmware::Seat;
     use crate::devices::cansync::medium::{Socket, SocketRole};
@@ -63,7 +63,8 @@ mod tests {
                 0 => SocketRole::Master,
                 _ => SocketRole::Slave { number, lock: SyncLock::new(0, None) },
             };
-            let seat = Seat { base: port.area.first as usize, place: usize::from(number) - 1 };
+            let place = usize::from(number) - 1;
+            let seat = Seat { base: port.area.first as usize, place, rates: &BAUD_RATES };
             let origin = Origin { plc: 3, node: number };
             let socket = Socket { origin, segment: segment.clone(), seat, area: port.area, role };
             let place = bus.attach(Box::new(socket)).unwrap();
