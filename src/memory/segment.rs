@@ -69,7 +69,7 @@ impl Segment {
     /// An anonymous map instead of a `Vec`, because the allocator would clear page-aligned memory by
     /// hand and so touch all of it. Out of address space is fatal, as it is for a `Vec`.
     pub fn heap(size: usize) -> Segment {
-        let size = size.max(HEADER_SIZE).next_multiple_of(8);
+        let size = size.max(HEADER_SIZE).next_multiple_of(4);
         let map = MmapOptions::new().len(size).map_anon().ok();
         match map.and_then(|map| Backing::new(MmapRaw::from(map), size, true)) {
             Some(backing) => Self { backing: Arc::new(backing) },
