@@ -2,7 +2,7 @@
 
 use super::{rules, word};
 use crate::journal::{Finding, Journal};
-use crate::layout::{Device, Live, Owner, RegisterRef};
+use crate::layout::{Device, Fitted, Live, Owner, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
 
 const WORD: u32 = word::WORD as u32;
@@ -12,7 +12,7 @@ const WORD: u32 = word::WORD as u32;
 pub(crate) fn owned(layout: &'static Device) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
     let areas = layout.areas.iter().filter(move |area| !is_ports(*area));
-    let registers = areas.flat_map(|area| area.registers(Live::Always));
+    let registers = areas.flat_map(move |area| Fitted::unknown(layout).registers_in(area, Live::Always));
     registers.filter(|register| register.owner() == Owner::Firmware)
 }
 

@@ -9,7 +9,7 @@ use super::table::{self, Format, FormatArg};
 use super::time;
 use commram::devices::omega_drive_line_2::registers::DEVICE;
 use commram::layout::flags::{RETAIN_AREA, is_flag};
-use commram::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value, split_plc};
+use commram::layout::{Address, Area, Fitted, Live, RegType, RegisterRef, Width, format_value, split_plc};
 use core::ops::Range;
 
 /// Longest block one read may have.
@@ -278,7 +278,7 @@ impl View<'_> {
         let live = self.live();
         match &self.selection.registers {
             Some(registers) => registers.iter().filter(|register| is_live(register, live)).copied().collect(),
-            None => self.area().registers(live).collect(),
+            None => Fitted::unknown(&DEVICE).registers_in(self.area(), live).collect(),
         }
     }
 

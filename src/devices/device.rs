@@ -1,7 +1,7 @@
 //! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
 
 use super::{Context, World};
-use crate::layout;
+use crate::layout::{self, Fitted};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Segment, Width};
 use core::any::Any;
@@ -45,6 +45,11 @@ pub trait Device: Any + Send {
 
     /// Its registers.
     fn layout(&self) -> &'static layout::Device;
+
+    /// What its ports are, as it is fitted: of a modular device it is the modules that decide.
+    fn fitted(&self) -> Fitted {
+        Fitted::unknown(self.layout())
+    }
 
     /// Its front as it stands.
     fn board(&self) -> BoardState;

@@ -3,7 +3,7 @@
 
 use super::c;
 use super::scope::Scope;
-use crate::layout::Area;
+use crate::layout::{Area, Fitted};
 use std::fmt::Write;
 
 const GLUE: &str = include_str!("matiec/glue.h");
@@ -33,7 +33,7 @@ fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
     for area in &scope.areas {
         let mut bytes = vec![0; area.bytes as usize];
-        for found in area.used_registers() {
+        for found in Fitted::unknown(scope.device).used_registers(area) {
             let first = found.offset_in_structure() as usize;
             let width = found.width();
             bytes.iter_mut().skip(first).take(width as usize).for_each(|byte| *byte = width);

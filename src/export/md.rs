@@ -52,7 +52,7 @@ fn structure(area: &'static Area, placed: &'static Placed) -> String {
     };
     let made_up = text::made_up(placed).map(|made_up| format!(" ({made_up})")).unwrap_or_default();
     let rows = of.registers.iter().map(|register| {
-        let first = RegisterRef { area, structure: of, register, index: [0; 2] };
+        let first = RegisterRef { area, placed, register, index: [0; 2], role: None };
         vec![
             format!("`{}`", register.pattern()),
             format!("`{}`", first.address()),

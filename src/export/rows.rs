@@ -5,9 +5,9 @@ use crate::layout::{Live, Placed, RegisterRef};
 
 /// The registers of all areas, element by element; where structures share one it appears in each.
 pub fn all(scope: &Scope) -> impl Iterator<Item = (&'static Placed, RegisterRef)> {
-    scope.placed().flat_map(|(area, placed)| {
-        area.registers_of(placed.structure).map(move |register| (placed, register))
-    })
+    scope
+        .placed()
+        .flat_map(|(area, placed)| area.registers_of(placed).map(move |register| (placed, register)))
 }
 
 /// When a structure is the valid one.

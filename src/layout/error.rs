@@ -1,5 +1,6 @@
 //! What can be wrong with an address or a register name.
 
+use super::descriptor::Role;
 use super::flags::{FIRST_FLAG, MOST_RETAIN};
 
 /// An address or a register name that does not exist.
@@ -82,6 +83,34 @@ pub enum LayoutError {
         given: String,
         /// The right spelling.
         right: String,
+    },
+    /// A variable that the device does not have.
+    #[error("unknown variable `{variable}`; the variables are {known}")]
+    UnknownVariable {
+        /// As given.
+        variable: String,
+        /// All variables.
+        known: String,
+    },
+    /// What the port is decides where the register lies, and it is not known.
+    #[error("`{name}` is ambiguous: {names}")]
+    Ambiguous {
+        /// As given.
+        name: String,
+        /// What is not.
+        names: String,
+    },
+    /// A variable of another role than the port has.
+    #[error("`{variable}` is a {of}'s, but `{area}` is a {is}")]
+    WrongRole {
+        /// The variable.
+        variable: &'static str,
+        /// Whose it is.
+        of: Role,
+        /// Where it would lie.
+        area: &'static str,
+        /// What is there.
+        is: Role,
     },
     /// A register that the area does not have.
     #[error("area `{area}` has no register `{name}`{hint}")]

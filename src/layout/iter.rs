@@ -1,6 +1,6 @@
 //! All registers of an area in address order, arrays element by element.
 
-use super::descriptor::{Area, Live, Register, Structure};
+use super::descriptor::{Area, Placed, Register, Structure};
 use super::register::RegisterRef;
 
 /// Iterator over the registers of one structure in ascending order of their addresses. Padding is left
@@ -8,7 +8,7 @@ use super::register::RegisterRef;
 #[derive(Debug, Clone)]
 pub struct Registers {
     area: &'static Area,
-    structure: &'static Structure,
+    placed: &'static Placed,
     /// First descriptor of the current run: a sub-structure's registers, or a register of its own.
     run: usize,
     run_end: usize,
@@ -18,9 +18,9 @@ pub struct Registers {
 }
 
 impl Registers {
-    fn new(area: &'static Area, structure: &'static Structure) -> Self {
-        let run_end = run_end(structure, 0);
-        Self { area, structure, run: 0, run_end, next: 0, index: [0; 2] }
+    fn new(area: &'static Area, placed: &'static Placed) -> Self {
+        let run_end = run_end(placed.structure, 0);
+        Self { area, placed, run: 0, run_end, next: 0, index: [0; 2] }
     }
 
     /// Moves on to the element after that of `register`.
@@ -44,7 +44,7 @@ impl Registers {
         }
         self.run = self.run_end;
         self.next = self.run;
-        self.run_end = run_end(self.structure, self.run);
+        self.run_end = run_end(self.placed.structure, self.run);
     }
 
     /// Increments one index; at the array's end resets it.
@@ -76,40 +76,30 @@ impl Iterator for Registers {
     type Item = RegisterRef;
 
     fn next(&mut self) -> Option<RegisterRef> {
-        let register = self.structure.registers.get(self.next)?;
-        let found = RegisterRef { area: self.area, structure: self.structure, register, index: self.index };
+        let register = self.placed.structure.registers.get(self.next)?;
+        let found =
+            RegisterRef { area: self.area, placed: self.placed, register, index: self.index, role: None };
         self.advance(register);
         Some(found)
     }
 }
 
 impl Area {
-    /// The registers of `structure`, one of this area's, in address order.
+    /// The registers of a structure of this area, in address order.
     #[must_use]
-    pub fn registers_of(&'static self, structure: &'static Structure) -> Registers {
-        Registers::new(self, structure)
-    }
-
-    /// The registers that somebody uses in this area, structure by structure. They agree on widths wherever
-    /// structures overlay each other.
-    pub fn used_registers(&'static self) -> impl Iterator<Item = RegisterRef> {
-        self.structures.iter().flat_map(|placed| {
-            self.registers_of(placed.structure).filter(|found| !placed.unused.contains(&found.register.name))
-        })
-    }
-
-    /// The registers that are valid in phase `live`, in address order.
-    pub fn registers(&'static self, live: Live) -> impl Iterator<Item = RegisterRef> {
-        let placed = self.structures.iter().filter(move |placed| placed.live.is_valid_in(live));
-        placed.flat_map(|placed| self.registers_of(placed.structure))
+    pub fn registers_of(&'static self, placed: &'static Placed) -> Registers {
+        Registers::new(self, placed)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use crate::devices::omega_drive_line_2::registers::DEVICE;
-    use crate::layout::{Live, RegisterRef};
-    use std::collections::BTreeMap;
+    use crate::layout::{Area, Fitted, Live, RegisterRef};
+
+    fn registers(area: &'static Area, live: Live) -> impl Iterator<Item = RegisterRef> {
+        Fitted::unknown(&DEVICE).registers_in(area, live)
+    }
 
     /// The iterator, the names and the addresses must agree on every single register.
     #[test]
@@ -117,7 +107,7 @@ mod tests {
         for area in DEVICE.areas {
             for placed in area.structures {
                 let mut end = area.first;
-                for found in area.registers_of(placed.structure) {
+                for found in area.registers_of(placed) {
                     assert!(found.offset() >= end, "{found} is out of order");
                     end = found.offset() + found.width();
                     let named = DEVICE.register(&found.name()).unwrap();
@@ -138,7 +128,7 @@ mod tests {
     fn reserved_elements_are_marked() {
         let node2 = DEVICE.area("node2").unwrap();
         let count = |wanted: &dyn Fn(&RegisterRef) -> bool| {
-            node2.registers(Live::Cyclic).filter(wanted).filter(RegisterRef::is_reserved).count()
+            registers(node2, Live::Cyclic).filter(wanted).filter(RegisterRef::is_reserved).count()
         };
         assert_eq!(count(&|r| r.register.name == "a_WR_VALUE"), 24);
         assert_eq!(count(&|r| r.register.name == "a_RD_BMARRAY"), 32 * 8);
@@ -148,32 +138,10 @@ mod tests {
     }
 
     #[test]
-    fn used_registers_agree_on_the_width_of_every_byte() {
-        for area in DEVICE.areas {
-            let mut widths = BTreeMap::new();
-            for found in area.used_registers() {
-                for byte in found.offset()..found.offset() + found.width() {
-                    let cell = (found.offset(), found.width());
-                    assert_eq!(*widths.entry(byte).or_insert(cell), cell, "{found}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn the_slave_types_are_the_masters_alone() {
-        let used = |area: &str| {
-            let registers = DEVICE.area(area).unwrap().used_registers();
-            registers.filter(|found| found.register.name == "a_SL_TYP").count()
-        };
-        assert_eq!((used("node1"), used("node2")), (0, 32));
-    }
-
-    #[test]
     fn the_phase_selects_the_structure() {
         let node1 = DEVICE.area("node1").unwrap();
-        assert_eq!(node1.registers(Live::Init).count(), 6 + 8 + 32);
-        assert!(node1.registers(Live::Cyclic).all(|r| r.structure.name == "CANsync_SL_CTRL_BMSTRUCT"));
-        assert_eq!(DEVICE.area("option1").unwrap().registers(Live::Cyclic).count(), 0);
+        assert_eq!(registers(node1, Live::Init).count(), 6 + 8 + 32);
+        assert!(registers(node1, Live::Cyclic).all(|r| r.structure().name == "CANsync_SL_CTRL_BMSTRUCT"));
+        assert_eq!(registers(DEVICE.area("option1").unwrap(), Live::Cyclic).count(), 0);
     }
 }

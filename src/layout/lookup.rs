@@ -3,6 +3,7 @@
 use super::address::Address;
 use super::descriptor::{Area, Device, Live};
 use super::error::LayoutError;
+use super::fitted::{Fit, Fitted};
 use super::flags::RETAIN_AREA;
 use super::name::split_plc;
 use super::register::RegisterRef;
@@ -30,10 +31,7 @@ impl Target<'_> {
 }
 
 fn is_valid(found: &RegisterRef, live: Live) -> bool {
-    let structures = found.area.structures.iter();
-    structures
-        .filter(|placed| core::ptr::eq(placed.structure, found.structure))
-        .any(|placed| placed.live.is_valid_in(live))
+    found.placed.live.is_valid_in(live)
 }
 
 impl Device {
@@ -78,24 +76,46 @@ impl Device {
         Err(LayoutError::NoArea { address: address.to_string(), hint })
     }
 
+    /// The registers that have a byte at `address`, with nothing known of the ports: [`Fitted::registers_at`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn registers_at(
+        &'static self,
+        address: Address,
+        live: Option<Live>,
+    ) -> Result<Vec<RegisterRef>, LayoutError> {
+        Fitted::unknown(self).registers_at(address, live)
+    }
+
+    /// What `text` stands for, with nothing known of the ports: [`Fitted::target`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn target<'a>(&'static self, text: &'a str) -> Result<Target<'a>, LayoutError> {
+        Fitted::unknown(self).target(text)
+    }
+}
+
+impl Fitted {
     /// The registers that have a byte at `address`. With `live` only those of the structure that is
     /// valid then, if it has one there.
     ///
     /// # Errors
     /// [`LayoutError::NoArea`], and [`LayoutError::NoRegister`] for plain RAM and padding.
     pub fn registers_at(
-        &'static self,
+        &self,
         address: Address,
         live: Option<Live>,
     ) -> Result<Vec<RegisterRef>, LayoutError> {
-        let area = self.area_at(address)?;
+        let area = self.device().area_at(address)?;
         let first = address.offset();
         let end = first + address.width().bytes();
         let mut found: Vec<RegisterRef> = Vec::new();
         // The cyclic structure first, as it is the one an engineer usually means.
-        for placed in area.structures.iter().rev() {
+        for placed in self.placed(area).rev() {
             found.extend(
-                area.registers_of(placed.structure)
+                self.registers_of(area, placed)
                     .filter(|r| r.offset() < end && first < r.offset() + r.width()),
             );
         }
@@ -104,18 +124,18 @@ impl Device {
         {
             found.retain(|r| is_valid(r, live));
         }
-        if found.is_empty() { Err(no_register(area, address)) } else { Ok(found) }
+        if found.is_empty() { Err(self.no_register(area, address)) } else { Ok(found) }
     }
 
     /// What `text` stands for: an address or a name, each perhaps with a PLC in front.
     ///
     /// # Errors
     /// What is wrong with it, and what would be right. An address in plain RAM is no error.
-    pub fn target<'a>(&'static self, text: &'a str) -> Result<Target<'a>, LayoutError> {
+    pub fn target<'a>(&self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         let (plc, rest) = split_plc(text);
         if rest.starts_with('%') {
             let address: Address = rest.parse()?;
-            let area = self.area_at(address)?;
+            let area = self.device().area_at(address)?;
             let registers = match self.registers_at(address, None) {
                 Ok(registers) => registers,
                 Err(LayoutError::NoRegister { .. }) => Vec::new(),
@@ -127,18 +147,19 @@ impl Device {
         let (address, area) = (register.address(), register.area);
         Ok(Target { plc, address, area, registers: vec![register] })
     }
-}
 
-fn no_register(area: &'static Area, address: Address) -> LayoutError {
-    let all = || area.structures.iter().flat_map(|placed| area.registers_of(placed.structure));
-    let before = all().filter(|r| r.offset() < address.offset()).max_by_key(RegisterRef::offset);
-    let behind = all().filter(|r| r.offset() > address.offset()).min_by_key(RegisterRef::offset);
-    let hint = match (before, behind) {
-        (Some(a), Some(b)) => format!("padding between `{}` and `{}`", a.path(), b.path()),
-        (Some(a), None) => format!("the last register is `{}` at {}", a.path(), a.address()),
-        _ => "plain RAM".to_owned(),
-    };
-    LayoutError::NoRegister { address: address.to_string(), area: area.name, hint }
+    fn no_register(&self, area: &'static Area, address: Address) -> LayoutError {
+        let all = || self.placed(area).flat_map(|placed| self.registers_of(area, placed));
+        let before = all().filter(|r| r.offset() < address.offset()).max_by_key(RegisterRef::offset);
+        let behind = all().filter(|r| r.offset() > address.offset()).min_by_key(RegisterRef::offset);
+        let hint = match (before, behind) {
+            (Some(a), Some(b)) => format!("padding between `{}` and `{}`", a.path(), b.path()),
+            (Some(a), None) => format!("the last register is `{}` at {}", a.path(), a.address()),
+            _ if self.area(area) == Fit::Empty => "nothing is there".to_owned(),
+            _ => "plain RAM".to_owned(),
+        };
+        LayoutError::NoRegister { address: address.to_string(), area: area.name, hint }
+    }
 }
 
 #[cfg(test)]
@@ -195,8 +216,8 @@ mod tests {
         let target = DEVICE.target("line2:node2.a_STAT_SL[4]").unwrap();
         assert_eq!((target.plc, target.address.to_string().as_str()), (Some("line2"), "%MB3.203968"));
         let target = DEVICE.target("%mw3.200002").unwrap();
-        assert_eq!(target.register(Live::Init).unwrap().structure.name, "CANsync_INIT_BMSTRUCT");
-        assert_eq!(target.register(Live::Cyclic).unwrap().structure.name, "CANsync_MA_CTRL_BMSTRUCT");
+        assert_eq!(target.register(Live::Init).unwrap().structure().name, "CANsync_INIT_BMSTRUCT");
+        assert_eq!(target.register(Live::Cyclic).unwrap().structure().name, "CANsync_MA_CTRL_BMSTRUCT");
         let plain = DEVICE.target("%MD3.1000000").unwrap();
         assert!(plain.registers.is_empty());
         assert_eq!(plain.area.name, "option1");

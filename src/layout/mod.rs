@@ -19,6 +19,7 @@ mod address;
 mod decode;
 mod descriptor;
 mod error;
+mod fitted;
 pub mod flags;
 mod iter;
 mod lookup;
@@ -36,6 +37,7 @@ pub use descriptor::{
     Structure, ValueMeaning,
 };
 pub use error::LayoutError;
+pub use fitted::{Fit, Fitted, MOST_PORTS};
 pub use iter::Registers;
 pub use lookup::Target;
 pub use name::{plc_prefix, split_plc};

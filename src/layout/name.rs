@@ -1,7 +1,9 @@
-//! Register names: `[plc:]area.register[i][j]` and `[plc:]area.group[i].register`.
+//! Register names: `[plc:]area.register[i][j]` and `[plc:]area.group[i].register`; in front may also stand the variable that
+//! the manual declares there, as in `_CANsync_CTRL_MA.w_CPU_CONTROL`.
 
-use super::descriptor::{Area, Device, Register, Structure};
+use super::descriptor::{Area, Device, Placed, Register};
 use super::error::LayoutError;
+use super::fitted::{Fit, Fitted};
 use super::nearest;
 use super::register::RegisterRef;
 use std::collections::BTreeSet;
@@ -96,14 +98,32 @@ impl Device {
         Err(LayoutError::UnknownArea { area: name.to_owned(), known: known.join(", ") })
     }
 
-    /// The register called `name`, without the name of a PLC. A register that INIT and cyclic structure
-    /// share is given as that of the cyclic one.
+    /// The register called `name`, with nothing known of the ports: [`Fitted::register`].
     ///
     /// # Errors
     /// What is wrong with the name, and what would be right.
     pub fn register(&'static self, name: &str) -> Result<RegisterRef, LayoutError> {
-        let found = self.named(name)?;
-        let Found { area, structure, register, path } = found;
+        Fitted::unknown(self).register(name)
+    }
+
+    /// All registers that `name` stands for, with nothing known of the ports: [`Fitted::registers`].
+    ///
+    /// # Errors
+    /// As [`Device::register`].
+    pub fn registers(&'static self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
+        Fitted::unknown(self).registers(name)
+    }
+}
+
+impl Fitted {
+    /// The register called `name`, without the name of a PLC. A register that INIT and cyclic structure
+    /// share is given as that of the cyclic one.
+    ///
+    /// # Errors
+    /// What is wrong with the name, and what would be right; [`LayoutError::Ambiguous`] if what the port is decides
+    /// where the register lies, and is not known.
+    pub fn register(&self, name: &str) -> Result<RegisterRef, LayoutError> {
+        let Found { block, placed, register, path } = self.named(name)?;
         let mut given = path.group.iter().flat_map(|group| group.index.iter()).collect::<Vec<_>>();
         let group_given = given.len();
         given.extend(&path.register.index);
@@ -117,24 +137,24 @@ impl Device {
                 LayoutError::IndexRange { name: path.text.to_owned(), index: *given, of, last: dim.count - 1 }
             })?;
         }
-        Ok(RegisterRef { area, structure, register, index })
+        Ok(RegisterRef { area: block.area, placed, register, index, role: block.fit.role() })
     }
 
-    /// All registers that `name` stands for, in address order: an area alone, an array without indices,
-    /// a sub-structure, or a single register.
+    /// All registers that `name` stands for, in address order: an area or a variable alone, an array without indices,
+    /// a sub-structure, or a single register. If the place depends on what the port is, and that is not known, those of
+    /// every role.
     ///
     /// # Errors
-    /// As [`Device::register`].
-    pub fn registers(&'static self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
-        let Some((area, path)) = name.split_once('.') else {
-            let area = self.area(name)?;
-            return Ok(by_address(area, |_| true));
+    /// As [`Fitted::register`].
+    pub fn registers(&self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
+        let Some((front, path)) = name.split_once('.') else {
+            return Ok(self.block(name)?.by_address(|_| true));
         };
-        let area_found = self.area(area)?;
+        let block = self.block(front)?;
         let parsed = Path::parse(path)?;
         if parsed.group.is_none() && parsed.register.index.is_empty() {
             let wanted = parsed.register.name;
-            let all = by_address(area_found, |found| {
+            let all = block.by_address(|found| {
                 found.register.group == wanted
                     || (found.register.group.is_empty() && found.register.name == wanted)
             });
@@ -143,13 +163,13 @@ impl Device {
             }
         }
         match self.register(name) {
-            Err(LayoutError::IndexCount { .. }) => {}
+            Err(LayoutError::IndexCount { .. } | LayoutError::Ambiguous { .. }) => {}
             other => return other.map(|one| vec![one]),
         }
         let matches = |given: &[u32], index: &[u16]| {
             given.iter().zip(index).all(|(given, index)| *given == u32::from(*index))
         };
-        let all = by_address(area_found, |found| {
+        let all = block.by_address(|found| {
             let (group, own) = found.index.split_at(found.register.group_dims);
             let group_index = parsed.group.as_ref().map_or(&[][..], |group| &group.index);
             parsed.is(found.register) && matches(group_index, group) && matches(&parsed.register.index, own)
@@ -157,49 +177,115 @@ impl Device {
         if all.is_empty() { self.register(name).map(|one| vec![one]) } else { Ok(all) }
     }
 
-    /// Area and descriptor of `name`, whose indices are not yet checked.
-    fn named<'a>(&'static self, name: &'a str) -> Result<Found<'a>, LayoutError> {
-        let Some((area, path)) = name.split_once('.') else {
+    /// Place and descriptor of `name`, whose indices are not yet checked.
+    fn named<'a>(&self, name: &'a str) -> Result<Found<'a>, LayoutError> {
+        let Some((front, path)) = name.split_once('.') else {
             let reason = "no area in front";
             return Err(LayoutError::BadName { text: name.to_owned(), reason });
         };
-        let area = self.area(area)?;
+        let block = self.block(front)?;
         let path = Path::parse(path)?;
-        // The cyclic structure comes last, and it is the one to be preferred.
-        let all = || area.structures.iter().rev().map(|placed| placed.structure);
-        for structure in all() {
-            if let Some(register) = structure.registers.iter().find(|register| path.is(register)) {
-                return Ok(Found { area, structure, register, path });
+        let mut found: Vec<(&'static Placed, &'static Register)> = Vec::new();
+        for placed in block.placed() {
+            let hidden = found.iter().any(|(preferred, _)| preferred.shares_role(placed));
+            let register = placed.structure.registers.iter().find(|register| path.is(register));
+            found.extend(register.filter(|_| !hidden).map(|register| (placed, register)));
+        }
+        if let Some((placed, register)) = found.first().copied() {
+            if found.iter().any(|(_, other)| !other.lies_like(register)) {
+                // In the order of the layout.
+                let names =
+                    found.iter().rev().map(|(placed, _)| format!("{}.{}", placed.variable, path.text));
+                let names = names.collect::<Vec<_>>().join(" or ");
+                return Err(LayoutError::Ambiguous { name: name.to_owned(), names });
+            }
+            return Ok(Found { block, placed, register, path });
+        }
+        let mut registers = block.placed().flat_map(|placed| placed.structure.registers);
+        match registers.find(|register| path.is_but_for_case(register)) {
+            Some(register) => {
+                Err(LayoutError::WrongCase { given: path.text.to_owned(), right: register.pattern() })
+            }
+            None => Err(unknown(&block, &path)),
+        }
+    }
+
+    /// What `front` names, which stands before the first dot: an area, or the variable that is declared there.
+    fn block(&self, front: &str) -> Result<Block, LayoutError> {
+        let variables = || {
+            let areas = self.device().areas.iter();
+            areas.flat_map(|area| area.structures.iter().map(move |placed| (area, placed)))
+        };
+        if let Some((area, placed)) = variables().find(|(_, placed)| placed.variable == front) {
+            let fit = self.area(area);
+            return match (fit, placed.role) {
+                (Fit::As(is), Some(of)) if is != of => {
+                    let (variable, area) = (placed.variable, area.name);
+                    Err(LayoutError::WrongRole { variable, of, area, is })
+                }
+                _ => Ok(Block { area, fit, only: Some(placed) }),
+            };
+        }
+        match self.device().area(front) {
+            Ok(area) => Ok(Block { area, fit: self.area(area), only: None }),
+            Err(LayoutError::UnknownArea { .. }) if front.starts_with('_') => {
+                let names = || variables().map(|(_, placed)| placed.variable);
+                if let Some(right) = names().find(|name| name.eq_ignore_ascii_case(front)) {
+                    return Err(LayoutError::WrongCase { given: front.to_owned(), right: right.to_owned() });
+                }
+                let known = names().collect::<Vec<_>>().join(", ");
+                Err(LayoutError::UnknownVariable { variable: front.to_owned(), known })
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// What stands in front of a register's name.
+struct Block {
+    area: &'static Area,
+    fit: Fit,
+    /// The structure, if its variable is named.
+    only: Option<&'static Placed>,
+}
+
+impl Block {
+    /// The structures that may be meant, the preferred ones first: a cyclic one comes last in the layout. Where nothing is
+    /// plugged in, names stand for all that could lie there.
+    fn placed(&self) -> impl Iterator<Item = &'static Placed> + use<'_> {
+        let named = self
+            .area
+            .structures
+            .iter()
+            .rev()
+            .filter(|placed| self.only.is_none_or(|only| core::ptr::eq(only, *placed)));
+        named.filter(|placed| self.fit == Fit::Empty || self.fit.has(placed.role))
+    }
+
+    /// The registers that `wanted` accepts, each once, in ascending order.
+    fn by_address(&self, wanted: impl Fn(&RegisterRef) -> bool) -> Vec<RegisterRef> {
+        let role = self.fit.role();
+        let all = self.placed().flat_map(|placed| self.area.registers_of(placed));
+        let mut all: Vec<_> = all.map(|found| RegisterRef { role, ..found }).filter(wanted).collect();
+        all.sort_by_key(RegisterRef::offset);
+        let mut kept: Vec<RegisterRef> = Vec::with_capacity(all.len());
+        for register in all {
+            // What structures share lies side by side now.
+            let here = kept.iter().rev().take_while(|other| other.offset() == register.offset());
+            let is_twin = |other: &RegisterRef| other.register.name == register.register.name;
+            if !here.copied().any(|other| is_twin(&other)) {
+                kept.push(register);
             }
         }
-        for structure in all() {
-            if let Some(register) = structure.registers.iter().find(|r| path.is_but_for_case(r)) {
-                return Err(LayoutError::WrongCase {
-                    given: path.text.to_owned(),
-                    right: register.pattern(),
-                });
-            }
-        }
-        Err(unknown(area, &path))
+        kept
     }
 }
 
 struct Found<'a> {
-    area: &'static Area,
-    structure: &'static Structure,
+    block: Block,
+    placed: &'static Placed,
     register: &'static Register,
     path: Path<'a>,
-}
-
-/// The area's registers that `wanted` accepts, each address once, in ascending order.
-fn by_address(area: &'static Area, wanted: impl Fn(&RegisterRef) -> bool) -> Vec<RegisterRef> {
-    let structures = area.structures.iter().rev();
-    let mut all: Vec<RegisterRef> =
-        structures.flat_map(|placed| area.registers_of(placed.structure)).filter(wanted).collect();
-    all.sort_by_key(RegisterRef::offset);
-    // What INIT and cyclic structure share lies side by side now.
-    all.dedup_by(|a, b| a.offset() == b.offset() && a.register.name == b.register.name);
-    all
 }
 
 impl Register {
@@ -223,8 +309,8 @@ fn index_count(register: &Register, text: &str) -> LayoutError {
     LayoutError::IndexCount { name: text.to_owned(), needs }
 }
 
-fn unknown(area: &'static Area, path: &Path<'_>) -> LayoutError {
-    let registers = || area.structures.iter().flat_map(|placed| placed.structure.registers);
+fn unknown(block: &Block, path: &Path<'_>) -> LayoutError {
+    let registers = || block.placed().flat_map(|placed| placed.structure.registers);
     if path.group.is_none() {
         let members: Vec<_> =
             registers().filter(|register| register.group == path.register.name).map(|r| r.name).collect();
@@ -242,149 +328,8 @@ fn unknown(area: &'static Area, path: &Path<'_>) -> LayoutError {
         [] => String::new(),
         near => format!("; nearest: {}", near.join(", ")),
     };
-    LayoutError::UnknownRegister { area: area.name, name: wanted, hint }
+    LayoutError::UnknownRegister { area: block.area.name, name: wanted, hint }
 }
 
 #[cfg(test)]
-mod tests {
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
-    use crate::layout::{LayoutError, split_plc};
-
-    fn error(name: &str) -> String {
-        DEVICE.register(name).unwrap_err().to_string()
-    }
-
-    #[test]
-    fn names_and_addresses_agree_both_ways() {
-        for (name, address) in [
-            ("node2.w_CPU_CONTROL", "%MW3.200000"),
-            ("node1.w_OPTION_STATUS", "%MW3.100002"),
-            ("node2.b_MA_SL_MODE", "%MB3.200012"),
-            ("node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0", "%MB3.200020"),
-            ("node1._CFG_RDC_WORD.b_CFG_RDC1_WORD0", "%MB3.100100"),
-            ("node2.a_WR_VALUE[31]", "%MD3.200176"),
-            ("node2.a_RD_BMARRAY[3][0]", "%MD3.201024"),
-            ("node2.a_CFG_RDC_WORD[31].b_CFG_RDC2_WORD3", "%MB3.200820"),
-            ("ethernet_config.d_ROUTER", "%MD3.180028"),
-            ("ethernet_config.a_IP_ADDRESS[3]", "%MB3.180023"),
-        ] {
-            let register = DEVICE.register(name).unwrap();
-            assert_eq!(register.address().to_string(), address);
-            assert_eq!(register.name(), name);
-        }
-    }
-
-    #[test]
-    fn a_dot_between_the_brackets_is_taken_as_in_the_watch_window() {
-        let register = DEVICE.register("node2.a_RD_BMARRAY[3].[15]").unwrap();
-        assert_eq!(register.path(), "a_RD_BMARRAY[3][15]");
-        assert!(register.is_reserved());
-    }
-
-    #[test]
-    fn the_plc_is_split_off() {
-        assert_eq!(split_plc("line2:node2.w_OMEGA_NR"), (Some("line2"), "node2.w_OMEGA_NR"));
-        assert_eq!(split_plc("node2.w_OMEGA_NR"), (None, "node2.w_OMEGA_NR"));
-    }
-
-    #[test]
-    fn wrong_names_are_answered_with_the_right_ones() {
-        assert_eq!(
-            error("node3.w_CPU_CONTROL"),
-            "unknown area `node3`; the areas are baps, node1, ethernet_config, node2, ethernet, option1, \
-             option2, option3"
-        );
-        assert_eq!(error("Node2.w_CPU_CONTROL"), "`Node2` is spelled `node2`");
-        assert_eq!(error("node2.w_cpu_control"), "`w_cpu_control` is spelled `w_CPU_CONTROL`");
-        assert_eq!(
-            error("node2.a_rd_bmarray[3][0]"),
-            "`a_rd_bmarray[3][0]` is spelled `a_RD_BMARRAY[0..31][0..15]`"
-        );
-        assert_eq!(
-            error("node2.w_CPU_CONTRL"),
-            "area `node2` has no register `w_CPU_CONTRL`; nearest: w_CPU_CONTROL"
-        );
-        assert_eq!(
-            error("node1.a_WR_VALUE[0]").split(';').next(),
-            Some("area `node1` has no register `a_WR_VALUE`")
-        );
-        assert_eq!(error("option1.x"), "area `option1` has no register `x`: it is plain RAM, use an address");
-        assert_eq!(
-            error("node2.a_DATA_PARAMETER"),
-            "`a_DATA_PARAMETER` is a sub-structure, not a register; its registers are d_PAR_VALUE, w_PAR_NR, \
-             w_SUBSL_ADR"
-        );
-    }
-
-    #[test]
-    fn wrong_indices_are_answered_with_the_ranges() {
-        assert_eq!(
-            error("node2.a_RD_BMARRAY[32][0]"),
-            "`a_RD_BMARRAY[32][0]`: index 32 is out of range, a_RD_BMARRAY has elements 0 to 31"
-        );
-        assert_eq!(
-            error("node2.a_RD_BMARRAY[0][16]"),
-            "`a_RD_BMARRAY[0][16]`: index 16 is out of range, a_RD_BMARRAY has elements 0 to 15"
-        );
-        assert_eq!(
-            error("node2.a_RD_BMARRAY[0]"),
-            "`a_RD_BMARRAY[0]` needs indices: a_RD_BMARRAY[0..31][0..15]"
-        );
-        assert_eq!(
-            error("node2.a_DATA_PARAMETER.w_PAR_NR[3]"),
-            "`a_DATA_PARAMETER.w_PAR_NR[3]` needs indices: a_DATA_PARAMETER[0..31].w_PAR_NR"
-        );
-        assert_eq!(
-            error("node2.w_CPU_CONTROL[0]"),
-            "`w_CPU_CONTROL[0]` is not an array; leave out the index"
-        );
-        assert!(error("node2.a_STAT_SL[99999999]").contains("index 99999999 is out of range"));
-    }
-
-    #[test]
-    fn malformed_names_are_refused_with_the_reason() {
-        for (name, reason) in [
-            ("w_CPU_CONTROL", "no area in front"),
-            ("node2.", "an empty part"),
-            ("node2..x", "an empty part"),
-            ("node2.a[", "a `[` without `]`"),
-            ("node2.a[1]x", "something behind a `]`"),
-            ("node2.a[x]", "an index that is no number"),
-            ("node2.a[-1]", "an index that is no number"),
-            ("node2.a.b.c", "too many parts"),
-        ] {
-            let error = DEVICE.register(name).unwrap_err();
-            assert!(
-                matches!(error, LayoutError::BadName { reason: found, .. } if found == reason),
-                "{name}: {error}"
-            );
-        }
-    }
-
-    #[test]
-    fn a_name_may_stand_for_many_registers() {
-        let names = |name: &str| -> Vec<String> {
-            DEVICE.registers(name).unwrap().iter().map(|register| register.path()).collect()
-        };
-        assert_eq!(names("node2.w_CPU_CONTROL"), ["w_CPU_CONTROL"]);
-        assert_eq!(names("node2.a_STAT_SL").len(), 32);
-        assert_eq!(names("node2.a_RD_BMARRAY").len(), 512);
-        assert_eq!(names("node2.a_RD_BMARRAY[7]").first().unwrap(), "a_RD_BMARRAY[7][0]");
-        assert_eq!(names("node2.a_RD_BMARRAY[7]").len(), 16);
-        assert_eq!(
-            names("node2.a_DATA_PARAMETER")[..4],
-            [
-                "a_DATA_PARAMETER[0].d_PAR_VALUE",
-                "a_DATA_PARAMETER[0].w_PAR_NR",
-                "a_DATA_PARAMETER[0].w_SUBSL_ADR",
-                "a_DATA_PARAMETER[1].d_PAR_VALUE"
-            ]
-        );
-        assert_eq!(names("node2.a_DATA_PARAMETER.w_PAR_NR").len(), 32);
-        assert_eq!(names("node1._CFG_RDC_WORD").len(), 16);
-        assert_eq!(names("ethernet_config").len(), 10);
-        assert_eq!(names("node2").iter().filter(|name| *name == "w_CPU_CONTROL").count(), 1);
-        assert!(DEVICE.registers("node2.a_RD_BMARRAY[32]").is_err());
-        assert!(DEVICE.registers("node2.nothing").is_err());
-    }
-}
+mod tests;

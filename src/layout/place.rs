@@ -165,9 +165,10 @@ pub fn live_by(status: u32) -> Live {
 /// Whether the register is valid in phase `live`: its structure is, or shares the register with one that is.
 pub fn is_live(register: &RegisterRef, live: Live) -> bool {
     let structures = register.area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
-    structures.map(|placed| placed.structure).any(|structure| {
-        core::ptr::eq(structure, register.structure)
-            || structure
+    structures.filter(|placed| placed.shares_role(register.placed)).any(|placed| {
+        core::ptr::eq(placed.structure, register.structure())
+            || placed
+                .structure
                 .registers
                 .iter()
                 .any(|other| other.name == register.register.name && other.offset == register.register.offset)
@@ -190,7 +191,7 @@ pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
 
 /// The register's structure if it is not live.
 fn live_name(register: &RegisterRef, live: Live) -> Option<&'static str> {
-    (!is_live(register, live)).then_some(register.structure.name)
+    (!is_live(register, live)).then_some(register.structure().name)
 }
 
 #[cfg(test)]

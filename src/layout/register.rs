@@ -2,7 +2,7 @@
 
 use super::address::Address;
 use super::decode;
-use super::descriptor::{Area, Owner, RegType, Register, Structure};
+use super::descriptor::{Area, Owner, Placed, RegType, Register, Role, Structure};
 use super::width::Width;
 use core::fmt;
 
@@ -11,16 +11,40 @@ use core::fmt;
 pub struct RegisterRef {
     /// The area.
     pub area: &'static Area,
-    /// The structure that lies in the area.
-    pub structure: &'static Structure,
+    /// The structure's place in the area.
+    pub placed: &'static Placed,
     /// The register's descriptor.
     pub register: &'static Register,
     /// Index per dimension of the descriptor; 0 where it has none.
     pub index: [u16; 2],
+    /// What the port of the area is, if that is known.
+    pub role: Option<Role>,
 }
 
 impl RegisterRef {
-    /// Full name, for example `node2.a_RD_BMARRAY[3][0]`.
+    /// The structure that lies in the area.
+    #[must_use]
+    pub const fn structure(&self) -> &'static Structure {
+        self.placed.structure
+    }
+
+    /// Whether `area.register` can be another register, because what the port of the area is decides and is not known.
+    #[must_use]
+    pub fn is_ambiguous(&self) -> bool {
+        let others = self.area.structures.iter().filter(|placed| !placed.shares_role(self.placed));
+        let mut twins = others.flat_map(|placed| placed.structure.registers);
+        self.role.is_none()
+            && twins.any(|twin| twin.has_name_of(self.register) && !twin.lies_like(self.register))
+    }
+
+    /// What stands in front of the register's name: the area; the variable if the register is ambiguous.
+    #[must_use]
+    pub fn front(&self) -> &'static str {
+        if self.is_ambiguous() { self.placed.variable } else { self.area.name }
+    }
+
+    /// Full name, for example `node2.a_RD_BMARRAY[3][0]`; of a register whose place depends on what the port is, which
+    /// is not known, `_CANsyncMaster_Ctrl_Slot_G.b_STATREG_RDC1`.
     #[must_use]
     pub fn name(&self) -> String {
         self.to_string()
@@ -120,7 +144,7 @@ impl fmt::Debug for RegisterRef {
 
 impl fmt::Display for RegisterRef {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&format!("{}.{}", self.area.name, Path(self)))
+        f.pad(&format!("{}.{}", self.front(), Path(self)))
     }
 }
 

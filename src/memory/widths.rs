@@ -1,8 +1,8 @@
 //! Accesses of any width: how they meet the registers, each of which has just one.
 
 use super::{MemoryError, Segment, Width};
-use crate::layout::Device;
 use crate::layout::flags::{RETAIN, is_flag};
+use crate::layout::{Fitted, RegisterRef};
 
 /// No register area covers an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,14 +44,16 @@ struct Part {
 }
 
 impl RegisterWidths {
-    /// The widths of the device's registers.
+    /// The widths of the device's registers, as it is fitted. Where what a port is decides and is not known, its area is
+    /// plain RAM.
     #[must_use]
-    pub fn of(device: &'static Device) -> Self {
-        let areas = device.areas.iter().map(|area| {
+    pub fn of(fitted: &Fitted) -> Self {
+        let areas = fitted.device().areas.iter().map(|area| {
             // Only as many bytes as have registers; option interfaces are large and empty.
-            let described = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
+            let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
-            for register in area.used_registers() {
+            let decided = |found: &RegisterRef| found.placed.role.is_none() || found.role.is_some();
+            for register in fitted.used_registers(area).filter(decided) {
                 let start = (register.offset() - area.first) as usize;
                 for place in 0..register.width() {
                     if let Some(byte) = bytes.get_mut(start + place as usize) {
@@ -228,7 +230,10 @@ mod tests {
     use crate::devices::omega_drive_line_2::registers::{DEVICE, SEGMENT_END};
 
     fn parts(offset: u32, width: Width) -> Vec<Part> {
-        RegisterWidths::of(&DEVICE).parts(&Segment::heap(SEGMENT_END), offset, width).unwrap().collect()
+        RegisterWidths::of(&Fitted::unknown(&DEVICE))
+            .parts(&Segment::heap(SEGMENT_END), offset, width)
+            .unwrap()
+            .collect()
     }
 
     #[test]
@@ -269,7 +274,7 @@ mod tests {
 
     #[test]
     fn holes_are_named() {
-        let (map, segment) = (RegisterWidths::of(&DEVICE), Segment::heap(SEGMENT_END));
+        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::heap(SEGMENT_END));
         assert_eq!(map.area(&segment, 8191, 1).err(), Some(Unmapped { offset: 8191 }));
         assert_eq!(map.area(&segment, 88_190, 4).err(), Some(Unmapped { offset: 88_192 }));
         assert!(map.area(&segment, 88_190, 2).is_ok());
@@ -277,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_plc_has_as_many_retain_flags_as_its_header_page_says() {
-        let (map, segment) = (RegisterWidths::of(&DEVICE), Segment::heap(SEGMENT_END));
+        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::heap(SEGMENT_END));
         for (bytes, end) in [(0, 8192), (20_000, 28_192), (71_808, 80_000), (u32::MAX, 80_000)] {
             segment.header().unwrap().retain_size.store(bytes);
             assert_eq!(map.store(&segment, 8192, Width::Dword, 7).is_ok(), bytes != 0);

@@ -87,7 +87,7 @@ impl Plant {
         for (index, device) in devices.iter().enumerate() {
             watches.push(DeviceWatch::new(index as u16, device.segment(), device.layout())?);
         }
-        let widths = devices.iter().map(|device| RegisterWidths::of(device.layout())).collect();
+        let widths = devices.iter().map(|device| RegisterWidths::of(&device.fitted())).collect();
         let mut plant = Plant {
             now: 0,
             next_cycle: cycle_us,

@@ -1,7 +1,7 @@
 //! Entries of the register map.
 
 use crate::cli::table::Row;
-use commram::layout::{Area, Meaning, Provenance, Register, RegisterRef, Structure, format_value};
+use commram::layout::{Area, Meaning, Provenance, Register, RegisterRef, format_value};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -159,7 +159,7 @@ pub fn of_area(area: &'static Area) -> Vec<Entry> {
             let key = (register.name, register.offset);
             if !seen.contains(&key) {
                 seen.push(key);
-                entries.push(of_array(area, placed.structure, register));
+                entries.push(of_array(&RegisterRef { area, placed, register, index: [0; 2], role: None }));
             }
         }
     }
@@ -178,7 +178,7 @@ pub fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
         if count < whole || count == 1 {
             entries.push(of_register(first));
         } else if is_first {
-            entries.push(of_array(first.area, first.structure, first.register));
+            entries.push(of_array(&RegisterRef { index: [0; 2], ..*first }));
         }
         rest = rest.get(1..).unwrap_or_default();
     }
@@ -193,17 +193,17 @@ pub fn of_register(register: &RegisterRef) -> Entry {
         cpu_address: register.area.cpu_address(register.offset()),
         reserved: register.is_reserved(),
         used: String::new(),
-        ..of_array(register.area, register.structure, register.register)
+        ..of_array(register)
     }
 }
 
-/// The entry of a register or a whole array.
-fn of_array(area: &'static Area, structure: &'static Structure, register: &'static Register) -> Entry {
-    let first = RegisterRef { area, structure, register, index: [0; 2] };
+/// The entry of a register or a whole array, which `first` is the first of.
+fn of_array(first: &RegisterRef) -> Entry {
+    let RegisterRef { area, register, .. } = *first;
     Entry {
-        name: format!("{}.{}", area.name, register.pattern()),
+        name: format!("{}.{}", first.front(), register.pattern()),
         area: area.name,
-        structure: structure.name,
+        structure: first.structure().name,
         used: used(register),
         address: first.address().to_string(),
         cpu_address: area.cpu_address(first.offset()),

@@ -3,10 +3,9 @@
 use crate::devices::bm4_o_can_06::registers::*;
 use crate::devices::cansync::registers as family;
 use crate::devices::omega_drive_line_2::registers as omega;
-use crate::layout::{Area, Live, Provenance, RegisterRef, Role, Structure};
+use crate::layout::{Area, Live, Provenance, Role, Structure};
 use crate::memory::Segment;
 use core::mem::offset_of;
-use std::collections::BTreeMap;
 
 /// Manual 5.02066.01a p. 43-45, 72-74.
 #[test]
@@ -64,24 +63,6 @@ fn the_master_has_nothing_where_the_slave_shows_its_number() {
     assert_eq!(offset_of!(CANsync_PLC_MA_BMSTRUCT, i_SW1_NR), offset_of!(CANsync_PLC_SL_BMSTRUCT, i_SW1_NR));
     assert_eq!(offset_of!(CANsync_PLC_INIT_BMSTRUCT, b_MA_SL_MODE), 12);
     assert_eq!(offset_of!(CANsync_PLC_MA_BMSTRUCT, a_WR_VALUE) % 4, 0);
-}
-
-/// Modules do not change while a device runs, so master and slave need not agree; INIT and the cyclic structure must.
-#[test]
-fn used_registers_of_a_role_agree_on_the_width_of_every_byte() {
-    for (area, role) in DEVICE.areas.iter().flat_map(|area| [(area, Role::Master), (area, Role::Slave)]) {
-        let mut widths = BTreeMap::new();
-        let structures = area.structures.iter().filter(|placed| placed.role == Some(role));
-        for placed in structures {
-            let used = |found: &RegisterRef| !placed.unused.contains(&found.register.name);
-            for found in area.registers_of(placed.structure).filter(used) {
-                for byte in found.offset()..found.offset() + found.width() {
-                    let cell = (found.offset(), found.width());
-                    assert_eq!(*widths.entry(byte).or_insert(cell), cell, "{found}");
-                }
-            }
-        }
-    }
 }
 
 /// Manual 5.02066.01a p. 18, 32, 126-127.

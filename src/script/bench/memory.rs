@@ -76,8 +76,7 @@ impl Bench {
     pub fn changes(&mut self, since: &MemoryCopy) -> Result<Vec<Change>, ScenarioError> {
         let now = self.copy(since.plc, since.area)?;
         let (live, prefix) = (now.live(), self.prefix(since.plc));
-        let registers =
-            since.area.structures.iter().flat_map(|placed| since.area.registers_of(placed.structure));
+        let registers = since.area.structures.iter().flat_map(|placed| since.area.registers_of(placed));
         let changed = registers.filter(|register| since.value(register) != now.value(register));
         let live_ones = changed.filter(|register| is_live(register, live)).collect();
         let change = |register: RegisterRef| {

@@ -87,7 +87,7 @@ impl Map {
         let mut map = Map { registers: Vec::new(), bytes: Vec::new() };
         let placed = area.structures.iter().filter(|placed| placed.live.is_valid_in(live));
         let placed = placed.filter(|placed| placed.role.is_none_or(|it| it == role));
-        for register in placed.flat_map(|placed| area.registers_of(placed.structure)) {
+        for register in placed.flat_map(|placed| area.registers_of(placed)) {
             let watched = watched(&register, role, live);
             let (start, end) =
                 (usize::from(watched.offset), usize::from(watched.offset) + register.width() as usize);

@@ -1,0 +1,225 @@
+//! A device as it is fitted: which of the structures that its areas can have lie there.
+
+use super::descriptor::{Area, Device, Dim, Live, Placed, Register, Role};
+use super::register::RegisterRef;
+
+/// Most ports that a device can have.
+pub const MOST_PORTS: usize = 15;
+
+/// What is known of a port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Fit {
+    /// Nothing: it can be all that the layout allows.
+    #[default]
+    Unknown,
+    /// The port is not there, for instance because a slot is empty: its area has no registers.
+    Empty,
+    /// What it is at its medium.
+    As(Role),
+}
+
+impl Fit {
+    /// What the port is, if that is known.
+    #[must_use]
+    pub const fn role(self) -> Option<Role> {
+        match self {
+            Fit::As(role) => Some(role),
+            Fit::Unknown | Fit::Empty => None,
+        }
+    }
+
+    /// Whether a structure for this role, or for any, lies in the area of such a port.
+    #[must_use]
+    pub fn has(self, role: Option<Role>) -> bool {
+        match (self, role) {
+            (Fit::Unknown, _) | (_, None) => true,
+            (Fit::Empty, Some(_)) => false,
+            (Fit::As(is), Some(role)) => is == role,
+        }
+    }
+}
+
+/// A device, and what is known of its ports. Names and widths follow from both: what lies in the slots of a
+/// modular PLC depends on the modules there.
+#[derive(Debug, Clone, Copy)]
+pub struct Fitted {
+    device: &'static Device,
+    /// In the order of the device's ports.
+    ports: [Fit; MOST_PORTS],
+}
+
+impl Fitted {
+    /// The device with nothing known but what its layout leaves no choice in.
+    #[must_use]
+    pub fn unknown(device: &'static Device) -> Self {
+        let mut fitted = Self { device, ports: [Fit::Unknown; MOST_PORTS] };
+        for (fit, port) in fitted.ports.iter_mut().zip(device.ports) {
+            *fit = port.role().map_or(Fit::Unknown, Fit::As);
+        }
+        fitted
+    }
+
+    /// The same, with port `number` as `fit` says. A number that no port has changes nothing.
+    #[must_use]
+    pub fn with(mut self, number: u8, fit: Fit) -> Self {
+        let ports = self.ports.iter_mut().zip(self.device.ports);
+        ports.filter(|(_, port)| port.number == number).for_each(|(known, _)| *known = fit);
+        self
+    }
+
+    /// The device.
+    #[must_use]
+    pub const fn device(&self) -> &'static Device {
+        self.device
+    }
+
+    /// What is known of port `number`.
+    #[must_use]
+    pub fn port(&self, number: u8) -> Fit {
+        let mut ports = self.device.ports.iter().zip(self.ports);
+        ports.find(|(port, _)| port.number == number).map_or(Fit::Unknown, |(_, fit)| fit)
+    }
+
+    /// What is known of the port whose registers lie in `area`.
+    #[must_use]
+    pub fn area(&self, area: &Area) -> Fit {
+        let mut ports = self.device.ports.iter().zip(self.ports);
+        ports.find(|(port, _)| port.area.first == area.first).map_or(Fit::Unknown, |(_, fit)| fit)
+    }
+
+    /// The structures that lie in `area`, as far as is known.
+    pub fn placed(&self, area: &'static Area) -> impl DoubleEndedIterator<Item = &'static Placed> + use<> {
+        let fit = self.area(area);
+        area.structures.iter().filter(move |placed| fit.has(placed.role))
+    }
+
+    /// The registers of one of these structures, in address order.
+    pub(super) fn registers_of(
+        &self,
+        area: &'static Area,
+        placed: &'static Placed,
+    ) -> impl Iterator<Item = RegisterRef> + use<> {
+        let role = self.area(area).role();
+        area.registers_of(placed).map(move |found| RegisterRef { role, ..found })
+    }
+
+    /// The registers that are valid in phase `live`, structure by structure, each in address order.
+    pub fn registers_in(&self, area: &'static Area, live: Live) -> impl Iterator<Item = RegisterRef> + use<> {
+        let fitted = *self;
+        let placed = self.placed(area).filter(move |placed| placed.live.is_valid_in(live));
+        placed.flat_map(move |placed| fitted.registers_of(area, placed))
+    }
+
+    /// The registers that somebody uses in this area, structure by structure. Those of one role agree on widths
+    /// wherever structures overlay each other.
+    pub fn used_registers(&self, area: &'static Area) -> impl Iterator<Item = RegisterRef> + use<> {
+        let fitted = *self;
+        self.placed(area).flat_map(move |placed| {
+            let registers = fitted.registers_of(area, placed);
+            registers.filter(|found| !placed.unused.contains(&found.register.name))
+        })
+    }
+}
+
+impl Placed {
+    /// Whether the area can have both structures at once.
+    pub(super) fn shares_role(&self, other: &Self) -> bool {
+        self.role.is_none() || other.role.is_none() || self.role == other.role
+    }
+}
+
+impl Register {
+    /// Whether both are called the same.
+    pub(super) fn has_name_of(&self, other: &Self) -> bool {
+        self.name == other.name && self.group == other.group
+    }
+
+    /// Whether both lie at the same place of their structures, at the same widths and with the same bounds.
+    pub(super) fn lies_like(&self, other: &Self) -> bool {
+        let bounds = |of: &'static [Dim]| of.iter().map(|dim| (dim.count, dim.stride));
+        self.offset == other.offset
+            && self.ty.width() == other.ty.width()
+            && self.group_dims == other.group_dims
+            && bounds(self.dims).eq(bounds(other.dims))
+    }
+}
+
+impl From<&'static Device> for Fitted {
+    fn from(device: &'static Device) -> Self {
+        Self::unknown(device)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::bm4_o_can_06::registers::DEVICE;
+    use crate::devices::omega_drive_line_2::registers::DEVICE as OMEGA;
+    use std::collections::BTreeMap;
+
+    fn fitted(fit: Fit) -> Fitted {
+        Fitted::unknown(&DEVICE).with(1, fit)
+    }
+
+    fn names(fit: Fit, live: Live) -> Vec<&'static str> {
+        let registers = fitted(fit).registers_in(DEVICE.areas.first().unwrap(), live);
+        let mut names: Vec<_> = registers.map(|found| found.structure().name).collect();
+        names.dedup();
+        names
+    }
+
+    #[test]
+    fn the_role_selects_the_structures() {
+        let [master, slave] = ["CANsync_PLC_MA_BMSTRUCT", "CANsync_PLC_SL_BMSTRUCT"];
+        assert_eq!(names(Fit::As(Role::Master), Live::Cyclic), [master]);
+        assert_eq!(names(Fit::As(Role::Slave), Live::Cyclic), [slave]);
+        assert_eq!(names(Fit::Unknown, Live::Cyclic), [master, slave]);
+        assert_eq!(names(Fit::As(Role::Slave), Live::Init), ["CANsync_PLC_INIT_BMSTRUCT"]);
+        assert_eq!(names(Fit::Empty, Live::Cyclic), [""; 0]);
+    }
+
+    #[test]
+    fn a_port_is_known_by_its_number_and_by_its_area() {
+        let fitted = fitted(Fit::Empty).with(3, Fit::As(Role::Slave)).with(99, Fit::Empty);
+        assert_eq!((fitted.port(1), fitted.port(2)), (Fit::Empty, Fit::Unknown));
+        assert_eq!((fitted.port(3), fitted.port(99)), (Fit::As(Role::Slave), Fit::Unknown));
+        assert_eq!(fitted.area(DEVICE.area("slotJ").unwrap()), Fit::As(Role::Slave));
+    }
+
+    #[test]
+    fn where_a_layout_leaves_no_choice_the_role_is_known() {
+        let fitted = Fitted::unknown(&OMEGA);
+        assert_eq!((fitted.port(1), fitted.port(2)), (Fit::As(Role::Slave), Fit::As(Role::Master)));
+    }
+
+    #[test]
+    fn used_registers_of_a_role_agree_on_the_width_of_every_byte() {
+        let of_role =
+            |role| (1..=6).fold(Fitted::unknown(&DEVICE), |fitted, port| fitted.with(port, Fit::As(role)));
+        let fitted = [Fitted::unknown(&OMEGA), of_role(Role::Master), of_role(Role::Slave)];
+        for (fitted, area) in
+            fitted.iter().flat_map(|it| it.device().areas.iter().map(move |area| (it, area)))
+        {
+            let mut widths = BTreeMap::new();
+            for found in fitted.used_registers(area) {
+                for byte in found.offset()..found.offset() + found.width() {
+                    let cell = (found.offset(), found.width());
+                    assert_eq!(*widths.entry(byte).or_insert(cell), cell, "{found}");
+                }
+            }
+            assert_eq!(widths.is_empty(), area.structures.is_empty(), "{area:?}");
+        }
+    }
+
+    #[test]
+    fn the_slave_types_are_the_masters_alone() {
+        let used = |fitted: Fitted, area: &str| {
+            let registers = fitted.used_registers(fitted.device().area(area).unwrap());
+            registers.filter(|found| found.register.name == "a_SL_TYP").count()
+        };
+        let omega = Fitted::unknown(&OMEGA);
+        assert_eq!((used(omega, "node1"), used(omega, "node2")), (0, 32));
+        let [slave, master] = [Role::Slave, Role::Master].map(|role| fitted(Fit::As(role)));
+        assert_eq!((used(slave, "slotG"), used(master, "slotG")), (0, 32));
+    }
+}

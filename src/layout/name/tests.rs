@@ -1,0 +1,238 @@
+//! Names of registers, right and wrong ones, on both devices.
+
+use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
+use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::layout::{Fit, Fitted, LayoutError, Role, split_plc};
+
+fn error(name: &str) -> String {
+    DEVICE.register(name).unwrap_err().to_string()
+}
+
+#[test]
+fn names_and_addresses_agree_both_ways() {
+    for (name, address) in [
+        ("node2.w_CPU_CONTROL", "%MW3.200000"),
+        ("node1.w_OPTION_STATUS", "%MW3.100002"),
+        ("node2.b_MA_SL_MODE", "%MB3.200012"),
+        ("node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0", "%MB3.200020"),
+        ("node1._CFG_RDC_WORD.b_CFG_RDC1_WORD0", "%MB3.100100"),
+        ("node2.a_WR_VALUE[31]", "%MD3.200176"),
+        ("node2.a_RD_BMARRAY[3][0]", "%MD3.201024"),
+        ("node2.a_CFG_RDC_WORD[31].b_CFG_RDC2_WORD3", "%MB3.200820"),
+        ("ethernet_config.d_ROUTER", "%MD3.180028"),
+        ("ethernet_config.a_IP_ADDRESS[3]", "%MB3.180023"),
+    ] {
+        let register = DEVICE.register(name).unwrap();
+        assert_eq!(register.address().to_string(), address);
+        assert_eq!(register.name(), name);
+    }
+}
+
+#[test]
+fn a_dot_between_the_brackets_is_taken_as_in_the_watch_window() {
+    let register = DEVICE.register("node2.a_RD_BMARRAY[3].[15]").unwrap();
+    assert_eq!(register.path(), "a_RD_BMARRAY[3][15]");
+    assert!(register.is_reserved());
+}
+
+#[test]
+fn the_plc_is_split_off() {
+    assert_eq!(split_plc("line2:node2.w_OMEGA_NR"), (Some("line2"), "node2.w_OMEGA_NR"));
+    assert_eq!(split_plc("node2.w_OMEGA_NR"), (None, "node2.w_OMEGA_NR"));
+}
+
+#[test]
+fn wrong_names_are_answered_with_the_right_ones() {
+    assert_eq!(
+        error("node3.w_CPU_CONTROL"),
+        "unknown area `node3`; the areas are baps, node1, ethernet_config, node2, ethernet, option1, \
+         option2, option3"
+    );
+    assert_eq!(error("Node2.w_CPU_CONTROL"), "`Node2` is spelled `node2`");
+    assert_eq!(error("node2.w_cpu_control"), "`w_cpu_control` is spelled `w_CPU_CONTROL`");
+    assert_eq!(
+        error("node2.a_rd_bmarray[3][0]"),
+        "`a_rd_bmarray[3][0]` is spelled `a_RD_BMARRAY[0..31][0..15]`"
+    );
+    assert_eq!(
+        error("node2.w_CPU_CONTRL"),
+        "area `node2` has no register `w_CPU_CONTRL`; nearest: w_CPU_CONTROL"
+    );
+    assert_eq!(
+        error("node1.a_WR_VALUE[0]").split(';').next(),
+        Some("area `node1` has no register `a_WR_VALUE`")
+    );
+    assert_eq!(error("option1.x"), "area `option1` has no register `x`: it is plain RAM, use an address");
+    assert_eq!(
+        error("node2.a_DATA_PARAMETER"),
+        "`a_DATA_PARAMETER` is a sub-structure, not a register; its registers are d_PAR_VALUE, w_PAR_NR, \
+         w_SUBSL_ADR"
+    );
+}
+
+#[test]
+fn wrong_indices_are_answered_with_the_ranges() {
+    assert_eq!(
+        error("node2.a_RD_BMARRAY[32][0]"),
+        "`a_RD_BMARRAY[32][0]`: index 32 is out of range, a_RD_BMARRAY has elements 0 to 31"
+    );
+    assert_eq!(
+        error("node2.a_RD_BMARRAY[0][16]"),
+        "`a_RD_BMARRAY[0][16]`: index 16 is out of range, a_RD_BMARRAY has elements 0 to 15"
+    );
+    assert_eq!(
+        error("node2.a_RD_BMARRAY[0]"),
+        "`a_RD_BMARRAY[0]` needs indices: a_RD_BMARRAY[0..31][0..15]"
+    );
+    assert_eq!(
+        error("node2.a_DATA_PARAMETER.w_PAR_NR[3]"),
+        "`a_DATA_PARAMETER.w_PAR_NR[3]` needs indices: a_DATA_PARAMETER[0..31].w_PAR_NR"
+    );
+    assert_eq!(
+        error("node2.w_CPU_CONTROL[0]"),
+        "`w_CPU_CONTROL[0]` is not an array; leave out the index"
+    );
+    assert!(error("node2.a_STAT_SL[99999999]").contains("index 99999999 is out of range"));
+}
+
+#[test]
+fn malformed_names_are_refused_with_the_reason() {
+    for (name, reason) in [
+        ("w_CPU_CONTROL", "no area in front"),
+        ("node2.", "an empty part"),
+        ("node2..x", "an empty part"),
+        ("node2.a[", "a `[` without `]`"),
+        ("node2.a[1]x", "something behind a `]`"),
+        ("node2.a[x]", "an index that is no number"),
+        ("node2.a[-1]", "an index that is no number"),
+        ("node2.a.b.c", "too many parts"),
+    ] {
+        let error = DEVICE.register(name).unwrap_err();
+        assert!(
+            matches!(error, LayoutError::BadName { reason: found, .. } if found == reason),
+            "{name}: {error}"
+        );
+    }
+}
+
+#[test]
+fn a_name_may_stand_for_many_registers() {
+    let names = |name: &str| -> Vec<String> {
+        DEVICE.registers(name).unwrap().iter().map(|register| register.path()).collect()
+    };
+    assert_eq!(names("node2.w_CPU_CONTROL"), ["w_CPU_CONTROL"]);
+    assert_eq!(names("node2.a_STAT_SL").len(), 32);
+    assert_eq!(names("node2.a_RD_BMARRAY").len(), 512);
+    assert_eq!(names("node2.a_RD_BMARRAY[7]").first().unwrap(), "a_RD_BMARRAY[7][0]");
+    assert_eq!(names("node2.a_RD_BMARRAY[7]").len(), 16);
+    assert_eq!(
+        names("node2.a_DATA_PARAMETER")[..4],
+        [
+            "a_DATA_PARAMETER[0].d_PAR_VALUE",
+            "a_DATA_PARAMETER[0].w_PAR_NR",
+            "a_DATA_PARAMETER[0].w_SUBSL_ADR",
+            "a_DATA_PARAMETER[1].d_PAR_VALUE"
+        ]
+    );
+    assert_eq!(names("node2.a_DATA_PARAMETER.w_PAR_NR").len(), 32);
+    assert_eq!(names("node1._CFG_RDC_WORD").len(), 16);
+    assert_eq!(names("ethernet_config").len(), 10);
+    assert_eq!(names("node2").iter().filter(|name| *name == "w_CPU_CONTROL").count(), 1);
+    assert!(DEVICE.registers("node2.a_RD_BMARRAY[32]").is_err());
+    assert!(DEVICE.registers("node2.nothing").is_err());
+}
+
+fn slot_g(fit: Fit) -> Fitted {
+    Fitted::unknown(&SLOTS).with(1, fit)
+}
+
+#[test]
+fn a_variable_of_the_manual_stands_for_its_structure() {
+    for (name, address) in [
+        ("_CANsync_CTRL_MA.w_CPU_CONTROL", "%MW3.200000"),
+        ("_CANsync_CTRL_SL.w_OMEGA_NR", "%MW3.100006"),
+        ("_CANsync_INIT_MA.b_BT_0", "%MB3.200013"),
+    ] {
+        assert_eq!(DEVICE.register(name).unwrap().address().to_string(), address, "{name}");
+    }
+    assert_eq!(DEVICE.register("_CANsync_CTRL_MA.w_CPU_CONTROL").unwrap().name(), "node2.w_CPU_CONTROL");
+    assert!(error("_CANsync_CTRL_MA.b_BT_0").starts_with("area `node2` has no register `b_BT_0`"));
+    assert_eq!(error("_cansync_ctrl_ma.x"), "`_cansync_ctrl_ma` is spelled `_CANsync_CTRL_MA`");
+    let unknown = error("_CANsync.w_CPU_CONTROL");
+    assert!(unknown.starts_with("unknown variable `_CANsync`; the variables are "), "{unknown}");
+    assert!(unknown.contains("_CANsync_INIT_MA, _CANsync_CTRL_MA"), "{unknown}");
+    let all = DEVICE.registers("_CANsync_INIT_SL").unwrap();
+    assert!(all.iter().all(|found| found.structure().name == "CANsync_INIT_BMSTRUCT"));
+    assert_eq!(all.len(), 6 + 8 + 32);
+}
+
+#[test]
+fn variables_and_areas_of_a_device_have_different_names() {
+    for device in [&DEVICE, &SLOTS] {
+        let placed = device.areas.iter().flat_map(|area| area.structures);
+        let mut names: Vec<_> = placed.map(|placed| placed.variable).collect();
+        names.extend(device.areas.iter().map(|area| area.name));
+        let all = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), all);
+    }
+}
+
+#[test]
+fn where_master_and_slave_agree_no_role_is_needed() {
+    for name in
+        ["slotG.w_CPU_CONTROL", "slotG.w_SLAVE_NUMBER", "slotG.b_BT_0", "slotG.a_RD_BMARRAY[3][0]"]
+    {
+        let register = SLOTS.register(name).unwrap();
+        assert_eq!(register.name(), name);
+    }
+    assert_eq!(SLOTS.register("slotM.w_CPU_CONTROL").unwrap().address().to_string(), "%MW3.7001792");
+}
+
+#[test]
+fn where_they_differ_the_role_decides() {
+    let [master, slave] = ["_CANsyncMaster_Ctrl_Slot_G", "_CANsyncSlave_Ctrl_Slot_G"];
+    let offset = |fit, name: &str| slot_g(fit).register(name).unwrap().offset() - 2_001_792;
+    assert_eq!(offset(Fit::As(Role::Master), "slotG.b_STATREG_RDC1"), 185);
+    assert_eq!(offset(Fit::As(Role::Slave), "slotG.b_STATREG_RDC1"), 180);
+    for fit in [Fit::Unknown, Fit::Empty] {
+        assert_eq!(
+            slot_g(fit).register("slotG.b_STATREG_RDC1").unwrap_err().to_string(),
+            format!(
+                "`slotG.b_STATREG_RDC1` is ambiguous: {master}.b_STATREG_RDC1 or {slave}.b_STATREG_RDC1"
+            )
+        );
+        for (variable, place) in [(master, 185), (slave, 180)] {
+            let name = format!("{variable}.b_STATREG_RDC1");
+            assert_eq!(offset(fit, &name), place);
+            assert_eq!(slot_g(fit).register(&name).unwrap().name(), name);
+        }
+    }
+    let known = slot_g(Fit::As(Role::Master));
+    let register = known.register(&format!("{master}.b_STATREG_RDC1")).unwrap();
+    assert_eq!(register.name(), "slotG.b_STATREG_RDC1");
+    assert_eq!(
+        known.register(&format!("{slave}.b_STATREG_RDC1")).unwrap_err().to_string(),
+        format!("`{slave}` is a slave's, but `slotG` is a master")
+    );
+    assert!(known.register("slotG.a_WR_VALUE_RECEIVE[0]").is_err());
+    let both = SLOTS.registers("slotG.b_STATREG_RDC1").unwrap();
+    let both: Vec<_> = both.iter().map(|found| found.name()).collect();
+    assert_eq!(both, [format!("{slave}.b_STATREG_RDC1"), format!("{master}.b_STATREG_RDC1")]);
+}
+
+#[test]
+fn every_name_leads_back_to_its_register_whatever_is_plugged_in() {
+    for fit in [Fit::Unknown, Fit::As(Role::Master), Fit::As(Role::Slave)] {
+        let fitted = slot_g(fit);
+        for found in fitted.registers("slotG").unwrap() {
+            let named = fitted.register(&found.name()).unwrap();
+            assert_eq!(
+                (named.address(), named.path()),
+                (found.address(), found.path()),
+                "{found} {fit:?}"
+            );
+        }
+    }
+}
