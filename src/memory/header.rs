@@ -21,7 +21,7 @@ pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::published::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
-use crate::layout::{Device, flags};
+use crate::layout::{Device, Fitted, flags};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Length of the header page in bytes.
@@ -207,12 +207,26 @@ impl Header {
     }
 
     /// Tells what the device consists of.
-    pub(super) fn describe(&self, device: &Device) {
+    pub(super) fn describe(&self, device: &'static Device) {
         self.areas.iter().for_each(AreaEntry::clear);
         let areas = device.areas.iter().chain([&flags::RETAIN_AREA]);
         self.areas.iter().zip(areas).for_each(|(entry, area)| entry.fill(area));
         self.ports.iter().for_each(PortEntry::clear);
         self.ports.iter().zip(device.ports).for_each(|(entry, port)| entry.fill(port));
+        self.set_fitted(&Fitted::unknown(device));
+    }
+
+    /// Tells what the ports are.
+    pub fn set_fitted(&self, fitted: &Fitted) {
+        let ports = self.ports.iter().zip(fitted.device().ports);
+        ports.for_each(|(entry, port)| entry.set_fit(fitted.port(port.number)));
+    }
+
+    /// `device`, the one of this image, as the ports say that it is fitted.
+    #[must_use]
+    pub fn fitted(&self, device: &'static Device) -> Fitted {
+        let ports = self.ports.iter().zip(device.ports);
+        ports.fold(Fitted::unknown(device), |fitted, (entry, port)| fitted.with(port.number, entry.fit()))
     }
 
     /// Everything around the board as it is before power-on: nothing enabled, nobody seated. Bells go on counting.

@@ -86,6 +86,7 @@ impl Plant {
         let mut watches = Vec::with_capacity(devices.len());
         for (index, device) in devices.iter().enumerate() {
             watches.push(DeviceWatch::new(index as u16, device.segment(), device.layout())?);
+            device.segment().header()?.set_fitted(&device.fitted());
         }
         let widths = devices.iter().map(|device| RegisterWidths::of(&device.fitted())).collect();
         let mut plant = Plant {

@@ -51,7 +51,9 @@ fn used(source: &str) -> BTreeSet<String> {
     let code: String =
         source.lines().flat_map(|line| [line.split("//").next().unwrap_or(""), "\n"]).collect();
     // Generated tables know nothing but `layout` and the cells of `memory`.
-    let code = code.replace("crate::devices::omega_drive_line_2::registers", "crate::layout");
+    let tables =
+        ["bm4_o_can_06", "omega_drive_line_2"].map(|device| format!("crate::devices::{device}::registers"));
+    let code = tables.iter().fold(code, |code, table| code.replace(table, "crate::layout"));
     let is_part = |c: char| c.is_alphanumeric() || c == '_';
     let mut used = BTreeSet::new();
     for prefix in ["crate::", "commram::"] {

@@ -1,6 +1,6 @@
 //! Tables of the header page that tell what the device of an image consists of: its areas and its ports.
 
-use crate::layout::{Area, Port, flags};
+use crate::layout::{Area, Fit, MOST_PORTS, Port, Role, flags};
 use crate::memory::header::set_name;
 use crate::memory::published::publish;
 use crate::memory::{Cell8, Cell32, SharedRegs};
@@ -9,7 +9,7 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 /// Most areas that a device can have, its retain flags included.
 pub const AREAS: usize = 16;
 /// Most ports that a device can have.
-pub const PORTS: usize = 15;
+pub const PORTS: usize = MOST_PORTS;
 /// Length of the names in the tables in bytes, with the terminating zero.
 pub const TABLE_NAME_LENGTH: usize = 16;
 
@@ -52,8 +52,10 @@ pub struct PortEntry {
     pub dip: Cell32,
     /// Its LEDs, where it has any of its own: eight bits for each, 0 off, 16#FF on, else the number of flashes.
     pub leds: Cell32,
+    /// What it is at its medium: 0 nothing, there is no such module; 1 master, 2 slave, 3 peer.
+    pub role: Cell32,
     /// Zero.
-    pub reserved_52: [Cell32; 3],
+    pub reserved_56: [Cell32; 2],
 }
 
 // SAFETY: every field is a cell or an array of cells; IntoBytes proves that there is no padding and FromBytes that any
@@ -67,7 +69,7 @@ publish! { AreaEntry:
 }
 publish! { PortEntry:
     0 => name, 16 => medium, 32 => number, 36 => file_offset, 40 => restarts_written, 44 => dip, 48 => leds,
-    52 => reserved_52,
+    52 => role, 56 => reserved_56,
 }
 const _: () = assert!(size_of::<AreaEntry>() == 48 && size_of::<PortEntry>() == 64);
 
@@ -106,7 +108,29 @@ impl PortEntry {
     /// No port.
     pub(super) fn clear(&self) {
         self.name.iter().chain(&self.medium).for_each(|byte| byte.store(0));
-        let words = [&self.number, &self.file_offset, &self.restarts_written, &self.dip, &self.leds];
+        let words =
+            [&self.number, &self.file_offset, &self.restarts_written, &self.dip, &self.leds, &self.role];
         words.into_iter().for_each(|cell| cell.store(0));
+    }
+
+    /// Tells what the port is.
+    pub(super) fn set_fit(&self, fit: Fit) {
+        self.role.store(match fit.role() {
+            None => 0,
+            Some(Role::Master) => 1,
+            Some(Role::Slave) => 2,
+            Some(Role::Peer) => 3,
+        });
+    }
+
+    /// What the port is; unknown if the code is none.
+    pub(super) fn fit(&self) -> Fit {
+        match self.role.load() {
+            0 => Fit::Empty,
+            1 => Fit::As(Role::Master),
+            2 => Fit::As(Role::Slave),
+            3 => Fit::As(Role::Peer),
+            _ => Fit::Unknown,
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! Creating, taking over, refusing, removing.
 
 use super::*;
-use crate::layout::Device;
+use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
+use crate::layout::{Device, Fit, Fitted, Role};
 use crate::memory::{
     AttachMode, Width,
     header::{ABI_VERSION, name},
@@ -16,6 +17,7 @@ use std::{
         atomic::{AtomicU32, Ordering},
     },
 };
+use zerocopy::FromZeros;
 
 /// A register that tells who has written it.
 pub const MARK: u32 = 200_000;
@@ -332,6 +334,23 @@ fn the_header_page_tells_areas_and_ports() {
     let [end, none, ..] = &image.header().ports;
     assert_eq!(told(end), ("end".to_owned(), "wire".to_owned(), [1, 80_000]));
     assert_eq!(told(none), (String::new(), String::new(), [0; 2]));
+    assert_eq!((end.role.load(), none.role.load()), (3, 0), "a layout that leaves no choice says the role");
+}
+
+/// What lies in the areas of a modular device depends on its modules.
+#[test]
+fn the_header_page_tells_what_the_ports_are() {
+    let header = Header::new_box_zeroed().unwrap();
+    let known = Fitted::unknown(&SLOTS).with(1, Fit::As(Role::Master)).with(2, Fit::As(Role::Slave));
+    header.describe(&SLOTS);
+    header.set_fitted(&known);
+    let told = header.fitted(&SLOTS);
+    assert_eq!(
+        [1, 2, 3].map(|port| told.port(port)),
+        [Fit::As(Role::Master), Fit::As(Role::Slave), Fit::Empty]
+    );
+    header.ports[2].role.store(99);
+    assert_eq!(header.fitted(&SLOTS).port(3), Fit::Unknown);
 }
 
 /// What happened at the ports of the emulator before is past.
