@@ -15,6 +15,8 @@ mod own_clock;
 mod ports;
 mod process;
 mod slots;
+#[cfg(test)]
+mod tests;
 mod watch;
 
 pub use config::BusConfig;

@@ -44,15 +44,17 @@ rules! {
     INIT_MODE: 17, "init-mode", Error, "p. 149, 174, D-12",
         "b_MA_SL_MODE does not fit the node. Write 16#00 (or 16#02 to pass SYNC on) on node 2, 16#01 on node 1.";
     INIT_BAUD_RATE: 18, "init-baud-rate", Error, "p. 125, 149",
-        "b_BT_0 and b_BT_1 give no baud rate of CANsync. Write 16#00, 16#1C for 500 kbit/s, 16#01, 16#1C for 250 or \
-         16#03, 16#1C for 125.";
+        "b_BT_0 and b_BT_1 give no baud rate of the device. On an Omega Drive-Line II write 16#00, 16#1C for 500 kbit/s, \
+         16#01, 16#1C for 250 or 16#03, 16#1C for 125; on a BM4-O-CAN 16#40, 16#34 for 1000, 16#41, 16#34 for 500, \
+         16#43, 16#34 for 250 or 16#47, 16#34 for 125.";
     INIT_INTERVAL: 19, "init-interval", Error, "p. 125, 149",
-        "b_TIME_PATTERN does not belong to the baud rate. Write 2 ms at 500 kbit/s, 4 at 250, 8 at 125.";
+        "b_TIME_PATTERN does not belong to the baud rate. Write 1 ms at 1000 kbit/s, 2 at 500, 4 at \
+         250, 8 at 125.";
     INIT_CONTROLLER: 20, "init-controller", Warning, "p. 149, 174",
         "b_OUTPUT_CONTROL or b_CLOCK_DIVIDER is not what the controller needs. Write 16#FA and 16#07.";
     BUS_BAUD_RATE: 21, "bus-baud-rate", Error, "p. 125",
         "The node was started with another baud rate than its bus runs at and hears nothing. Give all nodes of a \
-         bus the same b_BT_0.";
+         bus the same baud rate.";
     CLUSTER_BAUD_RATE: 22, "cluster-baud-rate", Error, "p. 122-125, D-282",
         "Node 2 passes on the SYNC signal of a bus at another baud rate, so no slave of it ever synchronizes. Give all \
          buses of a cluster the same b_BT_0 and b_TIME_PATTERN.";

@@ -78,7 +78,10 @@ impl Medium for SimBus {
                 let (is_on_bus, timing, own_sync) =
                     (master.is_on_bus(), master.timing(), !master.forwards_sync());
                 match (change, timing) {
-                    (Change::SetUpStarted, Some(timing)) => self.start(now, timing, own_sync),
+                    (Change::SetUpStarted, Some(timing)) => {
+                        self.start(now, timing, own_sync);
+                        self.report_mismatches(now, timing.kbit_per_s, journal);
+                    }
                     (Change::Restarted, _) => self.stop(now),
                     _ => {}
                 }
@@ -89,8 +92,8 @@ impl Medium for SimBus {
                 let end = &mut self.slaves[index];
                 end.run(now, journal, |slave, ctx| {
                     let change = slave.processor_cycle(ctx, on_wire);
-                    if change == Change::SetUpStarted {
-                        report_mismatch(slave, ctx, bus_kbit_s);
+                    if let (Change::SetUpStarted, Some(kbit_s)) = (change, bus_kbit_s) {
+                        report_mismatch(slave, ctx, kbit_s);
                     }
                 });
                 end.firmware.is_on_bus()
@@ -207,6 +210,17 @@ impl SimBus {
         }
     }
 
+    /// The bus has started at this rate.
+    fn report_mismatches(&mut self, now: u64, kbit_s: u16, journal: &mut Journal) {
+        // Without a wire nobody misses anything.
+        if self.running.is_none() {
+            return;
+        }
+        for end in self.slaves.iter_mut().filter(|end| end.firmware.is_on_bus()) {
+            end.run(now, journal, |slave, ctx| report_mismatch(slave, ctx, kbit_s));
+        }
+    }
+
     /// What the controller of a node is doing: `Some(true)` sending, `Some(false)` receiving.
     fn on_wire(&self, now: u64, place: Place) -> Option<bool> {
         let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
@@ -227,10 +241,10 @@ impl SimBus {
     }
 }
 
-/// A slave that enters set-up mode at another rate than that of the running bus hears nothing.
-fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: Option<u16>) {
-    if let (Some(bus_kbit_s), Some(timing)) = (bus_kbit_s, slave.timing())
-        && bus_kbit_s != timing.kbit_per_s
+/// A slave that is on a bus which runs at another rate hears nothing: said when the later of the two starts.
+fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: u16) {
+    if let Some(timing) = slave.timing()
+        && timing.kbit_per_s != bus_kbit_s
     {
         let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
         ctx.report(BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, passes_on: false });

@@ -91,7 +91,9 @@ impl Run<'_> {
         self.bus.no_edge_for_drives(now, interval_us);
     }
 
+    /// The deadline of reference value frame 1, which is that of the slaves' actual value frame 1 too (decision D-354).
     pub(super) fn build_first(&mut self) {
+        self.at(Slot::BuildActual2, self.timing.deadline_RDC2.latest);
         self.build_actual(Channel::One);
         let built = self.master(|master, ctx| master.build_reference(ctx, Channel::One)).flatten();
         self.bus.reference[0] = built;
@@ -111,12 +113,7 @@ impl Run<'_> {
 
     /// Acknowledges a built frame and puts it into its slot.
     fn send_reference(&mut self, channel: Channel) {
-        let Some(built) = self.bus.reference[channel.index()] else {
-            if channel == Channel::One {
-                self.at(Slot::BuildActual2, self.timing.deadline_RDC2.latest);
-            }
-            return;
-        };
+        let Some(built) = self.bus.reference[channel.index()] else { return };
         let frame = self.bus.frame_length.of(built.frame);
         self.bus.reference[channel.index()] = Some(Built { frame, ..built });
         self.master(|master, ctx| master.acknowledge_reference(ctx, channel));
@@ -137,7 +134,7 @@ impl Run<'_> {
             self.deliver(&built.frame, false);
         }
         if channel == Channel::One {
-            self.schedule_actual2();
+            self.advance_actual2();
         }
     }
 
@@ -196,14 +193,18 @@ impl Run<'_> {
         self.each_node(|slave, ctx| slave.build_actual(ctx, channel));
     }
 
-    /// Deadline of the slaves' second actual value frame: WRC1 received and processed, within the
-    /// limits of the manual (p. 182; at other baud rates and for several slaves: decision D-26).
-    fn schedule_actual2(&mut self) {
+    /// The slaves' second actual value frame waits no longer than until WRC1 is received and processed, within the limits
+    /// of the rate (manual 5.00005.03a p. 182; several slaves: decision D-26). Where the deadline is a time of its own,
+    /// it may be over by now.
+    fn advance_actual2(&mut self) {
+        let Deadline { earliest, latest, .. } = self.timing.deadline_RDC2;
+        let [earliest, latest] = [earliest, latest].map(|after| self.start + u64::from(after));
+        if self.now >= latest {
+            return;
+        }
         let mut words = 1;
         self.each_node(|slave, _| words = words.max(slave.words_taken()));
-        let Deadline { earliest, latest, .. } = self.timing.deadline_RDC2;
-        let due = (self.now + WORD_US * u64::from(words))
-            .clamp(self.start + u64::from(earliest), self.start + u64::from(latest));
+        let due = (self.now + WORD_US * u64::from(words)).clamp(earliest, latest);
         self.bus.agenda.set(Slot::BuildActual2, due);
     }
 }

@@ -1,0 +1,271 @@
+//! A bus at every baud rate of a device that knows all four, and one whose participants disagree.
+
+use super::agenda::Slot;
+use super::{BusConfig, SimBus, Socket, SocketRole};
+use crate::devices::bm4_o_can_06::registers::{BAUD_RATES as FOUR, DEVICE};
+use crate::devices::cansync::bus::{Channel, FrameKind, SyncLock, wire};
+use crate::devices::cansync::firmware::Seat;
+use crate::devices::cansync::records::{BaudRateMismatch, Transmitted};
+use crate::devices::cansync::registers::{
+    CANsync_INIT_BMSTRUCT as Init, CANsync_MA_CTRL_BMSTRUCT as MasterRegisters,
+    CANsync_SL_CTRL_BMSTRUCT as SlaveRegisters,
+};
+use crate::devices::cansync::{BaudRate, rules};
+use crate::devices::omega_drive_line_2::registers::BAUD_RATES as THREE;
+use crate::devices::{Medium, World};
+use crate::fault::Faults;
+use crate::journal::{Journal, Origin};
+use crate::memory::{Cell8, Segment, View};
+
+const MASTER: usize = 0;
+const SLAVE: usize = 1;
+/// Number of the drive, which is asked in frame 1, and of the slave node, which is asked in frame 2.
+const DRIVE: u8 = 1;
+const NODE: u8 = 2;
+
+struct Bench {
+    bus: SimBus,
+    init: [View<Init>; 2],
+    master: View<MasterRegisters>,
+    slave: View<SlaveRegisters>,
+    journal: Journal,
+    faults: Faults,
+    now: u64,
+}
+
+impl Bench {
+    /// A bus whose drive is set to `kbit_s`; the nodes are restarted.
+    fn new(kbit_s: u16, master: &'static [BaudRate], slave: &'static [BaudRate]) -> Self {
+        let config = format!(
+            "name = 'b'\nkbit_s = {kbit_s}\nframe_length = 'variable'\n\
+             [[drive]]\nname = 'd'\nslave_number = {DRIVE}\ncard_function = 0\nlock_time_us = 0\n"
+        );
+        let config: BusConfig = toml::from_str(&config).unwrap();
+        let mut bus = SimBus::new(0, &config).unwrap();
+        let segment = Segment::heap(DEVICE.segment_size());
+        let lock = SyncLock::new(0, None);
+        let roles = [SocketRole::Master, SocketRole::Slave { number: NODE, lock }];
+        for (place, (role, rates)) in roles.into_iter().zip([master, slave]).enumerate() {
+            let area = DEVICE.ports[place].area;
+            let origin = Origin { plc: 0, node: DEVICE.ports[place].number };
+            let seat = Seat { base: area.first as usize, place, rates };
+            let socket = Socket { origin, segment: segment.clone(), seat, area, role };
+            assert_eq!(bus.attach(Box::new(socket)).unwrap(), place);
+            assert!(bus.power_on(place, NODE));
+        }
+        Bench {
+            bus,
+            init: [MASTER, SLAVE].map(|place| segment.view(base(place)).unwrap()),
+            master: segment.view(base(MASTER)).unwrap(),
+            slave: segment.view(base(SLAVE)).unwrap(),
+            journal: Journal::default(),
+            faults: Faults::default(),
+            now: 0,
+        }
+    }
+
+    /// Master, slave node and drive at this rate; the bus starts now.
+    fn started(rate: &BaudRate) -> Self {
+        let mut bench = Bench::new(rate.kbit_per_s, &FOUR, &FOUR);
+        bench.set_up(SLAVE, rate);
+        bench.set_up(MASTER, rate);
+        bench
+    }
+
+    /// In active operation, everybody locked, one word in every frame; an interval begins now.
+    fn active(rate: &BaudRate) -> Self {
+        let mut bench = Bench::started(rate);
+        bench.run_to(20 * interval_us(rate));
+        bench.command(MASTER, 0x0040);
+        bench.command(SLAVE, 0x0040);
+        bench.master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
+        bench.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x01);
+        bench.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+        bench.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+        bench.run_to(30 * interval_us(rate));
+        bench
+    }
+
+    /// From restart to set-up mode; the master expects the drive and nobody else.
+    fn set_up(&mut self, place: usize, rate: &BaudRate) {
+        self.initialize(place, rate);
+        self.command(place, 0x0020);
+    }
+
+    fn initialize(&mut self, place: usize, rate: &BaudRate) {
+        self.command(place, 0x0000);
+        self.command(place, 0x0001);
+        let init = &self.init[place];
+        init.b_MA_SL_MODE.store(place as u8);
+        init.b_BT_0.store(rate.b_BT_0);
+        init.b_BT_1.store(rate.b_BT_1);
+        init.b_TIME_PATTERN.store(rate.b_TIME_PATTERN);
+        init.b_AC.store(0xFF);
+        init.b_AM.store(0xFF);
+        init.b_OUTPUT_CONTROL.store(0xFA);
+        init.b_CLOCK_DIVIDER.store(0x07);
+        if place == MASTER {
+            init.a_SL_TYP[usize::from(DRIVE)].store(0x01);
+        }
+        self.command(place, 0x0002);
+    }
+
+    fn command(&mut self, place: usize, value: u16) {
+        self.init[place].w_CPU_CONTROL.store(value);
+        self.bus.processor_cycle(place, self.now, &mut self.journal);
+    }
+
+    /// Everything that is due up to `time`.
+    fn run_to(&mut self, time: u64) {
+        while self.bus.next_time() <= time {
+            assert!(self.bus.next_time() >= self.now, "nothing stays undone");
+            self.now = self.bus.next_time();
+            let mut edges = Vec::new();
+            let Bench { journal, faults, now, .. } = self;
+            self.bus.event(&mut World { now: *now, journal, faults, edges: &mut edges });
+        }
+        self.now = time;
+    }
+
+    /// When in its interval, which is as long as `rate` says, the last frame of this kind began.
+    fn last(&self, kind: FrameKind, rate: &BaudRate) -> Option<u32> {
+        let frames =
+            self.journal.records().filter_map(|it| Some((it.time_us, it.event.get::<Transmitted>()?.frame)));
+        let (end, frame) = frames.filter(|(_, frame)| frame.kind() == Some(kind)).last()?;
+        let begin = end - u64::from(wire::airtime(&frame, rate.kbit_per_s.into()).delivery_us);
+        u32::try_from(begin % interval_us(rate)).ok()
+    }
+
+    /// Rates of nodes that hear nothing, and of their buses.
+    fn deaf(&self) -> Vec<(u16, u16)> {
+        let told = self.journal.records().filter_map(|it| it.event.get::<BaudRateMismatch>());
+        told.map(|it| (it.node_kbit_s, it.bus_kbit_s)).collect()
+    }
+}
+
+/// Where the node's registers lie: in a slot of the b maXX PLC, whatever its rates.
+fn base(place: usize) -> usize {
+    DEVICE.ports[place].area.first as usize
+}
+
+fn interval_us(rate: &BaudRate) -> u64 {
+    u64::from(rate.b_TIME_PATTERN) * 1000
+}
+
+/// Manuals 5.02066.01a p. 18, 5.00005.03a p. 125.
+#[test]
+fn process_data_stand_in_the_slots_of_every_rate() {
+    for rate in &FOUR {
+        let mut bench = Bench::active(rate);
+        bench.master.b_CTRLREG_RD_ORDER_RDC1.store(DRIVE);
+        bench.master.b_CTRLREG_RD_ORDER_RDC2.store(NODE);
+        bench.master.b_CTRLREG_WRC1.store(0x05);
+        bench.master.b_CTRLREG_WRC2.store(0x05);
+        bench.slave.b_CTRLREG_RD_RDC2.store(0x05);
+        bench.run_to(31 * interval_us(rate) - 1);
+        for (kind, slot) in [
+            (FrameKind::ReferenceValue(Channel::One, DRIVE), rate.t_WRC1),
+            (FrameKind::ActualValue(Channel::One, DRIVE), rate.t_RDC1),
+            (FrameKind::ReferenceValue(Channel::Two, NODE), rate.t_WRC2),
+            (FrameKind::ActualValue(Channel::Two, NODE), rate.t_RDC2),
+        ] {
+            assert_eq!(bench.last(kind, rate), Some(slot), "{kind:?} of {rate:?}");
+        }
+        assert_eq!(bench.master.b_STATREG_RDC2.load(), NODE);
+        assert_eq!(bench.slave.b_CTRLREG_WRC1.load(), 0x02);
+    }
+}
+
+/// Manual 5.02066.01a p. 18, 32: the answer comes in the next interval, and is waited for as long as the rate says.
+#[test]
+fn the_command_channel_has_the_times_of_every_rate() {
+    for rate in &FOUR {
+        let mut bench = Bench::started(rate);
+        bench.run_to(5 * interval_us(rate) - 1);
+        let (job, answer) = (FrameKind::Job(DRIVE), FrameKind::Response(DRIVE));
+        assert_eq!(bench.last(job, rate), Some(rate.t_CC), "{rate:?}");
+        assert_eq!(bench.last(answer, rate), Some(rate.t_RC), "{rate:?}");
+        let mut asked = None;
+        while asked.is_none() {
+            bench.run_to(bench.bus.next_time());
+            asked = bench.bus.agenda.at(Slot::ResponseTimeout);
+        }
+        assert_eq!(asked, Some(bench.now + u64::from(rate.t_RSPTO)), "{rate:?}");
+    }
+}
+
+/// Manuals 5.02066.01a p. 54, 86-87, 5.00005.03a p. 153, 181-182; D-351, D-354.
+#[test]
+fn values_are_in_time_until_the_deadline_of_every_rate() {
+    for rate in &FOUR {
+        let released = |after: u32, control: fn(&Bench) -> &Cell8| {
+            let mut bench = Bench::active(rate);
+            let start = bench.now;
+            bench.run_to(start + u64::from(after));
+            control(&bench).store(0x05);
+            bench.run_to(start + interval_us(rate) - 1);
+            control(&bench).load()
+        };
+        let reference: fn(&Bench) -> &Cell8 = |it| &it.master.b_CTRLREG_WRC1;
+        let first: fn(&Bench) -> &Cell8 = |it| &it.slave.b_CTRLREG_RD_RDC1;
+        let second: fn(&Bench) -> &Cell8 = |it| &it.slave.b_CTRLREG_RD_RDC2;
+        for (deadline, control) in
+            [(rate.deadline_WRC, reference), (rate.deadline_RDC1, first), (rate.deadline_RDC2, second)]
+        {
+            assert_eq!(released(deadline.earliest - 1, control), 0x04, "{deadline:?} of {rate:?}");
+            assert_eq!(released(deadline.latest, control), 0x05, "{deadline:?} of {rate:?}");
+        }
+    }
+}
+
+/// D-354: what a bus takes from its master's table holds for its slaves.
+#[test]
+fn devices_agree_on_the_times_of_the_rates_that_they_share() {
+    let times = |it: &BaudRate| {
+        let deadlines =
+            [it.deadline_WRC, it.deadline_RDC1, it.deadline_RDC2].map(|it| (it.earliest, it.latest));
+        let slots = [it.t_WRC1, it.t_RDC1, it.t_WRC2, it.t_RDC2, it.t_CC, it.t_RC, it.t_RSPTO];
+        (it.b_TIME_PATTERN, slots, deadlines)
+    };
+    for rate in &THREE {
+        let other = FOUR.iter().find(|it| it.kbit_per_s == rate.kbit_per_s).unwrap();
+        assert_eq!(times(other), times(rate));
+    }
+    for rate in FOUR.iter().chain(&THREE) {
+        let (_, _, [reference, first, _]) = times(rate);
+        assert_eq!((reference, reference.0), (first, reference.1), "{rate:?}");
+    }
+}
+
+/// An Omega Drive-Line II knows no 1000 kbit/s: it can only be deaf there, whoever starts first.
+#[test]
+fn a_slave_of_another_rate_hears_nothing_and_is_told() {
+    let (fast, [slow, ..]) = (&FOUR[0], &THREE);
+    for slave_first in [true, false] {
+        let mut bench = Bench::new(1000, &FOUR, &THREE);
+        let order = if slave_first { [SLAVE, MASTER] } else { [MASTER, SLAVE] };
+        for place in order {
+            assert_eq!(bench.deaf(), []);
+            bench.set_up(place, if place == MASTER { fast } else { slow });
+        }
+        bench.command(MASTER, 0x0040);
+        bench.command(SLAVE, 0x0040);
+        bench.run_to(20 * interval_us(fast));
+        bench.master.b_CTRLREG_WRC1.store(0x05);
+        bench.run_to(21 * interval_us(fast));
+        assert_eq!(bench.master.b_CTRLREG_WRC1.load(), 0x04);
+        assert_eq!(bench.slave.b_CTRLREG_WRC1.load(), 0x00);
+        assert_eq!(bench.deaf(), [(500, 1000)], "slave first: {slave_first}");
+        assert_eq!(bench.journal.findings().errors(), [&rules::BUS_BAUD_RATE]);
+    }
+}
+
+#[test]
+fn a_node_takes_only_the_rates_of_its_device() {
+    let mut bench = Bench::new(1000, &FOUR, &THREE);
+    bench.initialize(MASTER, &FOUR[0]);
+    assert_eq!(bench.master.w_OPTION_STATUS.load(), 0x0003);
+    bench.initialize(SLAVE, &FOUR[0]);
+    assert_eq!(bench.slave.w_OPTION_STATUS.load(), 0x0002);
+    assert_eq!(bench.journal.findings().errors(), [&rules::INIT_BAUD_RATE]);
+}
