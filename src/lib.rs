@@ -30,14 +30,13 @@
 //! In a test, without any file or process:
 //!
 //! ```
-//! use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2, SEGMENT_END};
+//! use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 //! use commram::memory::Segment;
 //! use commram::plant::{Plant, PlantConfig};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let config = PlantConfig::built_in()?;
-//! let memory = |_plc: &str| Ok::<_, Box<dyn std::error::Error>>(Segment::heap(SEGMENT_END));
-//! let mut plant = Plant::new(&config, memory)?;
+//! let mut plant = Plant::new(&config, |_plc, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device)))?;
 //! let node2 = plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2)?;
 //! node2.w_CPU_CONTROL.store(0x0001);
 //! plant.advance_to(1000);

@@ -1,8 +1,10 @@
-//! `--device`: which device, where no emulator says so.
+//! Which device, where no emulator says so.
 
+use super::error::CliError;
+use super::place::Place;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use commram::devices;
-use commram::layout::Device;
+use commram::layout::{Device, LayoutError};
 
 /// The device whose registers are meant.
 #[derive(clap::Args)]
@@ -18,4 +20,37 @@ fn known() -> impl TypedValueParser<Value = &'static Device> {
         devices::DEVICES.iter().map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
     PossibleValuesParser::new(names)
         .try_map(|name| devices::find(&name).map(|known| known.layout).ok_or("no device of this name"))
+}
+
+/// Looks a name up without knowing the device: what this refuses, no instance has.
+///
+/// # Errors
+/// What the device says that has at least such an area, else the default one.
+pub fn on_any_device<T>(look_up: impl Fn(&'static Device) -> Result<T, LayoutError>) -> Result<T, CliError> {
+    let mut refusal = match look_up(devices::DEVICES[0].layout) {
+        Ok(found) => return Ok(found),
+        Err(refusal) => refusal,
+    };
+    for known in &devices::DEVICES[1..] {
+        match look_up(known.layout) {
+            Ok(found) => return Ok(found),
+            Err(other) => {
+                let has_area = |refusal: &LayoutError| !matches!(refusal, LayoutError::UnknownArea { .. });
+                if has_area(&other) && !has_area(&refusal) {
+                    refusal = other;
+                }
+            }
+        }
+    }
+    Err(refusal.into())
+}
+
+/// The register or address, of whatever device has it; what it is at an instance, [`Session::place`] tells.
+///
+/// # Errors
+/// As [`on_any_device`].
+///
+/// [`Session::place`]: super::session::Session::place
+pub fn of_any_device(text: &str) -> Result<Place, CliError> {
+    on_any_device(|device| Place::parse(device, text))
 }

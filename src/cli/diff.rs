@@ -2,13 +2,13 @@
 
 use super::Instance;
 use super::change::{self, Held, Known};
+use super::device::on_any_device;
 use super::dump::Blocks;
 use super::error::CliError;
 use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
-use commram::devices::omega_drive_line_2::registers::DEVICE;
-use commram::layout::{Address, Area};
+use commram::layout::{Address, Area, Device, LayoutError};
 use std::path::{Path, PathBuf};
 
 /// Compare two dumps, or a dump with what the registers hold now.
@@ -79,15 +79,19 @@ fn read(path: &Path) -> Result<Vec<Held>, CliError> {
 
 /// The registers of the blocks in `before`: those that are there, and those that differ from their reset value.
 fn now(instance: &str, before: &[Held], known: &Known) -> Result<Vec<Held>, CliError> {
-    let areas = before.iter().map(|held| area(&held.address)).collect::<Result<Vec<_>, _>>()?;
+    before.iter().try_for_each(|held| on_any_device(|device| area(device, held).map(drop)))?;
     let session = Session::open_for_reading(instance)?;
-    let dump = Blocks::parse(&[])?.read(&session)?;
+    let first = |held: &Held| {
+        let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();
+        Ok::<_, CliError>(area(session.device(plc as u16), held)?.first)
+    };
+    let meant = before.iter().map(first).collect::<Result<Vec<_>, _>>()?;
+    let dump = Blocks::find(&session, &[])?.read(&session)?;
     let mut registers = Vec::new();
     for row in dump.rows {
         let differs = row.differs;
         let held = Held::from(row.holding);
-        let first = area(&held.address)?.first;
-        let is_meant = areas.is_empty() || areas.iter().any(|area| area.first == first);
+        let is_meant = meant.is_empty() || meant.contains(&first(&held)?);
         if known.has(&held) || is_meant && differs {
             registers.push(held);
         }
@@ -95,6 +99,6 @@ fn now(instance: &str, before: &[Held], known: &Known) -> Result<Vec<Held>, CliE
     Ok(registers)
 }
 
-fn area(address: &str) -> Result<&'static Area, CliError> {
-    Ok(DEVICE.area_at(address.parse::<Address>()?)?)
+fn area(device: &'static Device, held: &Held) -> Result<&'static Area, LayoutError> {
+    device.area_at(held.address.parse::<Address>()?)
 }

@@ -1,15 +1,17 @@
 //! `commram dump`: registers with their meaning.
 
 use super::Instance;
+use super::device::on_any_device;
 use super::error::CliError;
 use super::peek::{Holding, number};
 use super::place::{is_live, live_by, status_of, without_twins};
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
-use commram::devices::omega_drive_line_2::registers::DEVICE;
 use commram::layout::flags::{RETAIN_AREA, is_flag};
-use commram::layout::{Address, Area, Fitted, Live, RegType, RegisterRef, Width, format_value, split_plc};
+use commram::layout::{
+    Address, Area, Device, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value, split_plc,
+};
 use core::ops::Range;
 
 /// Longest block one read may have.
@@ -48,9 +50,12 @@ struct Selection {
     registers: Option<Vec<RegisterRef>>,
     /// Of plain RAM just this place; `None`: all.
     place: Option<Address>,
-    plc: Option<String>,
-    /// As given, without the PLC.
-    text: String,
+}
+
+impl Selection {
+    fn whole(area: &'static Area) -> Self {
+        Selection { area, registers: None, place: None }
+    }
 }
 
 /// Prints the dump.
@@ -67,9 +72,9 @@ pub fn show(instance: &str, blocks: &[String]) -> Result<(), CliError> {
 }
 
 fn print(instance: &str, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
-    let blocks = Blocks::parse(blocks)?;
+    check(blocks)?;
     let session = Session::open_for_reading(instance)?;
-    let dump = blocks.read(&session)?;
+    let dump = Blocks::find(&session, blocks)?.read(&session)?;
     let wanted = dump.rows.into_iter().filter(|row| all || row.differs || row.holding.forced);
     let rows: Vec<_> = wanted.map(|row| row.holding).collect();
     table::print(format, &rows, |rows| {
@@ -78,8 +83,8 @@ fn print(instance: &str, blocks: &[String], all: bool, format: Format) -> Result
     })
 }
 
-/// Blocks, arrays and registers by name.
-pub struct Blocks(Vec<Selection>);
+/// Blocks, arrays and registers of PLCs.
+pub struct Blocks(Vec<Part>);
 
 /// All registers of some blocks at one moment.
 pub struct Dump {
@@ -99,24 +104,51 @@ pub struct DumpRow {
     pub differs: bool,
 }
 
+/// Checks names as far as this can be done without an instance.
+///
+/// # Errors
+/// No device has such a block or register.
+pub fn check(names: &[String]) -> Result<(), CliError> {
+    names
+        .iter()
+        .map(|name| split_plc(name).1)
+        .try_for_each(|name| on_any_device(|device| select(device, name).map(drop)))
+}
+
 impl Blocks {
-    /// Finds the blocks; without names all areas with registers.
+    /// Finds the blocks of an instance; without names all areas with registers of all PLCs.
     ///
     /// # Errors
-    /// There is no such block or register.
-    pub fn parse(names: &[String]) -> Result<Self, CliError> {
-        Ok(Blocks(select(names)?))
+    /// There is no such PLC, block or register.
+    pub fn find(session: &Session, names: &[String]) -> Result<Self, CliError> {
+        let mut parts = Vec::new();
+        let mut add = |plc: u16, name: &str| {
+            for selection in select(session.device(plc), name)? {
+                parts.push(Part { plc, bytes: selection.bytes(session, plc)?, selection });
+            }
+            Ok::<_, CliError>(())
+        };
+        for name in names {
+            let (plc, name) = split_plc(name);
+            add(session.plc(plc, name)?, name)?;
+        }
+        if names.is_empty() {
+            let plcs = 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX);
+            plcs.into_iter().try_for_each(|plc| add(plc, ""))?;
+        }
+        // One PLC after the other, each in the order of the addresses or of the arguments.
+        parts.sort_by_key(|part| part.plc);
+        Ok(Blocks(parts))
     }
 
     /// Reads all of them at one moment.
     ///
     /// # Errors
-    /// There is no such PLC, or the emulator has gone.
+    /// The emulator has gone.
     pub fn read(&self, session: &Session) -> Result<Dump, CliError> {
-        let parts = parts(session, &self.0)?;
-        let reads: Vec<_> = parts.iter().flat_map(Part::reads).collect();
+        let reads: Vec<_> = self.0.iter().flat_map(Part::reads).collect();
         let snapshot = session.read(&reads)?;
-        let views = views(session, &parts, &snapshot);
+        let views = views(session, &self.0, &snapshot);
         Ok(Dump {
             time_us: snapshot.time_us,
             rows: views.iter().flat_map(View::rows).collect(),
@@ -125,81 +157,40 @@ impl Blocks {
     }
 }
 
-/// The areas and registers that the user names; without names all areas with registers.
-fn select(blocks: &[String]) -> Result<Vec<Selection>, CliError> {
-    let all = |plc: Option<&str>| {
-        let described = DEVICE.areas.iter().filter(|area| !area.structures.is_empty());
-        let plc = plc.map(str::to_owned);
-        let text = String::new();
-        described
-            .map(|area| Selection {
-                area,
-                registers: None,
-                place: None,
-                plc: plc.clone(),
-                text: text.clone(),
-            })
-            .collect::<Vec<_>>()
-    };
-    if blocks.is_empty() {
-        return Ok(all(None));
+/// The area and registers of a device that the user names; without a name all areas with registers.
+fn select(device: &'static Device, name: &str) -> Result<Vec<Selection>, LayoutError> {
+    if name.is_empty() {
+        let described = device.areas.iter().filter(|area| !area.structures.is_empty());
+        return Ok(described.map(Selection::whole).collect());
     }
-    let mut selections = Vec::new();
-    for block in blocks {
-        let (plc, name) = split_plc(block);
-        if plc.is_some() && name.is_empty() {
-            selections.extend(all(plc));
-            continue;
-        }
-        let (plc, text) = (plc.map(str::to_owned), name.to_owned());
-        selections.push(if name.starts_with('%') {
-            let address: Address = name.parse()?;
-            let area = DEVICE.area_at(address)?;
-            if area.structures.is_empty() {
-                Selection { area, registers: None, place: Some(address), plc, text }
-            } else {
-                let registers = Some(without_twins(DEVICE.registers_at(address, None)?));
-                Selection { area, registers, place: None, plc, text }
-            }
-        } else if name == RETAIN_AREA.name {
-            Selection { area: &RETAIN_AREA, registers: None, place: None, plc, text }
-        } else if name.contains('.') {
-            let registers = DEVICE.registers(name)?;
-            let area = registers.first().map(|register| register.area);
-            let area = area.map_or_else(|| DEVICE.area(name), Ok)?;
-            Selection { area, registers: Some(registers), place: None, plc, text }
+    let selection = if name.starts_with('%') {
+        let address: Address = name.parse()?;
+        let area = device.area_at(address)?;
+        if area.structures.is_empty() {
+            Selection { area, registers: None, place: Some(address) }
         } else {
-            Selection { area: DEVICE.area(name)?, registers: None, place: None, plc, text }
-        });
-    }
-    Ok(selections)
+            let registers = Some(without_twins(device.registers_at(address, None)?));
+            Selection { area, registers, place: None }
+        }
+    } else if name == RETAIN_AREA.name {
+        Selection::whole(&RETAIN_AREA)
+    } else if name.contains('.') {
+        let registers = device.registers(name)?;
+        let area = registers.first().map(|register| register.area);
+        let area = area.map_or_else(|| device.area(name), Ok)?;
+        Selection { area, registers: Some(registers), place: None }
+    } else {
+        Selection::whole(device.area(name)?)
+    };
+    Ok(vec![selection])
 }
 
 /// A selection on one PLC.
-struct Part<'a> {
+struct Part {
     plc: u16,
-    selection: &'a Selection,
+    selection: Selection,
     /// The bytes that are read, in segment 3.
     bytes: Range<u32>,
-}
-
-fn parts<'a>(session: &Session, selections: &'a [Selection]) -> Result<Vec<Part<'a>>, CliError> {
-    let mut parts = Vec::new();
-    for selection in selections {
-        let everything = selection.text.is_empty() && selection.plc.is_none();
-        if everything {
-            let plcs = 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX);
-            for plc in plcs {
-                parts.push(Part { plc, selection, bytes: selection.bytes(session, plc)? });
-            }
-        } else {
-            let plc = session.plc(selection.plc.as_deref(), &selection.text)?;
-            parts.push(Part { plc, selection, bytes: selection.bytes(session, plc)? });
-        }
-    }
-    // One PLC after the other, each in the order of the addresses or of the arguments.
-    parts.sort_by_key(|part| part.plc);
-    Ok(parts)
 }
 
 impl Selection {
@@ -219,7 +210,7 @@ impl Selection {
     }
 }
 
-impl Part<'_> {
+impl Part {
     fn reads(&self) -> Vec<Read> {
         let Range { start, end } = self.bytes;
         let block = |offset: u32| Read::Block { plc: self.plc, offset, len: MAX_BLOCK.min(end - offset) };
@@ -227,10 +218,10 @@ impl Part<'_> {
     }
 }
 
-fn views<'a>(session: &Session, parts: &[Part<'a>], snapshot: &'a Snapshot) -> Vec<View<'a>> {
+fn views<'a>(session: &Session, parts: &'a [Part], snapshot: &'a Snapshot) -> Vec<View<'a>> {
     let mut blocks = snapshot.data.iter();
-    let view = |part: &Part<'a>| View {
-        selection: part.selection,
+    let view = |part: &'a Part| View {
+        selection: &part.selection,
         first: part.bytes.start,
         bytes: blocks.by_ref().take(part.reads().len()).flatten().copied().collect(),
         prefix: session.prefix(part.plc),

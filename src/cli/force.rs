@@ -1,6 +1,7 @@
 //! `commram force` and `commram unforce`: registers that keep their value.
 
 use super::Instance;
+use super::device::of_any_device;
 use super::error::CliError;
 use super::place::Place;
 use super::table::FormatArg;
@@ -52,11 +53,13 @@ pub fn run(args: &Args) -> Result<(), CliError> {
     use super::{poke, session::Session};
     use commram::request::Op;
 
-    let writes = args.writes.iter().map(|text| poke::parse(text)).collect::<Result<Vec<_>, _>>()?;
-    if writes.is_empty() {
+    if args.writes.is_empty() {
         return list(args);
     }
+    args.writes.iter().try_for_each(|text| poke::parse(text, of_any_device).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;
+    let parse = |text: &String| poke::parse(text, |name| session.place(name));
+    let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
     let op = |(place, value): &(Place, u32)| {
         let (offset, width) = (place.offset(), place.width());
         Ok(Op::Force { plc: session.plc_of(place)?, offset, width, value: *value })
@@ -74,7 +77,7 @@ fn list(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance.name, 0)?;
     let snapshot = session.read(&[])?;
     let row = |forced: &commram::plant::Forced| {
-        let place = Place::parse(&forced.width.at(forced.offset).to_string())?;
+        let place = Place::parse(session.device(forced.plc), &forced.width.at(forced.offset).to_string())?;
         let row = holding(&session, &place, forced.plc, Live::Cyclic, forced.value, snapshot.time_us);
         Ok(Holding { forced: true, ..row })
     };
@@ -92,14 +95,14 @@ fn list(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub fn run(args: &Args) -> Result<(), CliError> {
-    args.writes.iter().try_for_each(|text| super::poke::parse(text).map(drop))?;
+    args.writes.iter().try_for_each(|text| super::poke::parse(text, of_any_device).map(drop))?;
     Err(CliError::NoChannel { command: "force" })
 }
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
-    args.registers.iter().try_for_each(|text| Place::parse(text).map(drop))?;
+    args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
     Err(CliError::NoChannel { command: "unforce" })
 }
 
@@ -109,17 +112,17 @@ pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
     use commram::request::Op;
 
-    let places = args.registers.iter().map(|text| Place::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;
     let ops = if args.all {
         let forces = session.read(&[])?.forces;
         forces.iter().map(|f| Op::Unforce { plc: f.plc, offset: f.offset, width: f.width }).collect()
     } else {
-        let op = |place: &Place| {
-            let (offset, width) = (place.offset(), place.width());
-            Ok(Op::Unforce { plc: session.plc_of(place)?, offset, width })
+        let op = |text: &String| {
+            let place = session.place(text)?;
+            Ok(Op::Unforce { plc: session.plc_of(&place)?, offset: place.offset(), width: place.width() })
         };
-        places.iter().map(op).collect::<Result<Vec<_>, CliError>>()?
+        args.registers.iter().map(op).collect::<Result<Vec<_>, CliError>>()?
     };
     session.request(&ops).map(drop)
 }

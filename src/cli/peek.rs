@@ -1,5 +1,6 @@
 //! `commram peek`: what registers hold.
 
+use super::device::of_any_device;
 use super::error::CliError;
 use super::place::{Place, live_by};
 use super::session::{Read, Session};
@@ -84,8 +85,9 @@ impl Row for Holding {
 
 /// Reads the registers and prints them.
 pub fn run(args: &Args) -> Result<(), CliError> {
-    let places = args.registers.iter().map(|text| Place::parse(text)).collect::<Result<Vec<_>, _>>()?;
+    args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
     let session = Session::open_for_reading(&args.instance.name)?;
+    let places = args.registers.iter().map(|text| session.place(text)).collect::<Result<Vec<_>, _>>()?;
     let holdings = read(&session, &places)?;
     if args.raw {
         return output::print(

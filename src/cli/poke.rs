@@ -1,6 +1,7 @@
 //! `commram poke`: write registers.
 
 use super::Instance;
+use super::device::of_any_device;
 use super::error::CliError;
 use super::place::Place;
 
@@ -25,18 +26,18 @@ pub struct Args {
     instance: Instance,
 }
 
-/// A register and its new value.
+/// A register, which `place` looks up, and its new value.
 ///
 /// # Errors
 /// What is wrong with the notation, the register or the value.
-pub fn parse(text: &str) -> Result<(Place, u32), CliError> {
+pub fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<(Place, u32), CliError> {
     let wrong = |right: &str| CliError::Argument { text: text.to_owned(), right: right.to_owned() };
     let example = "write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001";
     let (register, value) = text.split_once('=').ok_or_else(|| wrong(example))?;
     if value.starts_with('=') {
         return Err(wrong("one `=` writes; a comparison is for `commram wait`"));
     }
-    let place = Place::parse(register.trim())?;
+    let place = place(register.trim())?;
     if place.bit().is_some() {
         return Err(wrong("a single bit cannot be written, only its whole register"));
     }
@@ -50,8 +51,10 @@ pub fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use commram::request::Op;
 
-    let writes = args.writes.iter().map(|text| parse(text)).collect::<Result<Vec<_>, _>>()?;
+    args.writes.iter().try_for_each(|text| parse(text, of_any_device).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;
+    let parse = |text: &String| parse(text, |name| session.place(name));
+    let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
     let op = |(place, value): &(Place, u32)| {
         let (offset, width) = (place.offset(), place.width());
         Ok(Op::Poke { plc: session.plc_of(place)?, offset, width, value: *value })
@@ -63,7 +66,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub fn run(args: &Args) -> Result<(), CliError> {
-    args.writes.iter().try_for_each(|text| parse(text).map(drop))?;
+    args.writes.iter().try_for_each(|text| parse(text, of_any_device).map(drop))?;
     Err(CliError::NoChannel { command: "poke" })
 }
 
@@ -73,13 +76,13 @@ mod tests {
 
     #[test]
     fn a_write_is_a_register_and_a_value() {
-        let (place, value) = parse("line2:node2.w_CPU_CONTROL=16#0020").unwrap();
+        let (place, value) = parse("line2:node2.w_CPU_CONTROL=16#0020", of_any_device).unwrap();
         assert_eq!((place.plc.as_deref(), place.offset(), value), (Some("line2"), 200_000, 0x20));
     }
 
     #[test]
     fn mistakes_are_explained() {
-        let message = |text| parse(text).err().unwrap().to_string();
+        let message = |text| parse(text, of_any_device).err().unwrap().to_string();
         assert_eq!(
             message("node2.w_CPU_CONTROL"),
             "`node2.w_CPU_CONTROL`: write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001"

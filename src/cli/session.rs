@@ -3,10 +3,10 @@
 use super::error::CliError;
 use super::output;
 use super::place::Place;
-use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
-use commram::layout::{RegisterRef, plc_prefix};
+use commram::devices;
+use commram::layout::{Device, RegisterRef, plc_prefix, split_plc};
 use commram::memory::header::BoardState;
-use commram::memory::{AttachMode, Attached, Condition, Image, ImageInfo, ImageSummary, InstanceLock, Width};
+use commram::memory::{AttachMode, Attached, Condition, ImageInfo, ImageSummary, InstanceLock, Width};
 use commram::plant::Forced;
 
 /// Registers to be read.
@@ -68,6 +68,8 @@ impl Snapshot {
 pub struct Session {
     instance: String,
     plcs: Vec<String>,
+    /// What each of them is.
+    devices: Vec<&'static Device>,
     door: Door,
 }
 
@@ -145,6 +147,33 @@ impl Session {
         })
     }
 
+    /// What PLC `plc` is.
+    pub fn device(&self, plc: u16) -> &'static Device {
+        self.devices.get(usize::from(plc)).copied().unwrap_or(&Device::UNKNOWN)
+    }
+
+    /// The register or address that the user means.
+    ///
+    /// # Errors
+    /// As [`Session::plc`], or its device has no such register or address.
+    pub fn place(&self, text: &str) -> Result<Place, CliError> {
+        let (plc, name) = split_plc(text);
+        Ok(Place::parse(self.device(self.plc(plc, name)?), text)?)
+    }
+
+    /// Number of the PLC and of the port that the user means; without a name the first one that can be a master.
+    ///
+    /// # Errors
+    /// As [`Session::plc`], or its device has no such port.
+    #[cfg(feature = "channel")]
+    pub fn port(&self, text: &str) -> Result<(u16, u8), CliError> {
+        let (plc, name) = split_plc(text);
+        let first = || self.device(0).first_master().map_or("", |port| port.name);
+        let name = if name.is_empty() { first() } else { name };
+        let plc = self.plc(plc, name)?;
+        Ok((plc, self.device(plc).port_named(name)?.number))
+    }
+
     /// Number of the PLC of `place`.
     ///
     /// # Errors
@@ -164,7 +193,7 @@ impl Session {
     /// The emulator has gone.
     pub fn retain_bytes(&self, plc: u16) -> Result<u32, CliError> {
         let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
-        let image = Image::attach(&self.instance, name, AttachMode::ReadOnly, Some(LAYOUT_HASH))?;
+        let (image, _) = devices::attach(&self.instance, name, AttachMode::ReadOnly)?;
         Ok(image.header_snapshot().retain_size.load())
     }
 
@@ -198,11 +227,11 @@ impl Session {
         // After a restart with fewer PLCs, images of the emulator before may be left.
         let any_alive = images.iter().any(is_alive);
         let images: Vec<_> = images.iter().filter(|image| !any_alive || is_alive(image)).collect();
-        let attach =
-            |image: &ImageInfo| Image::attach(instance, &image.plc, AttachMode::ReadOnly, Some(LAYOUT_HASH));
-        let attached: Vec<_> = images.iter().copied().map(attach).collect::<Result<_, _>>()?;
+        let attach = |image: &ImageInfo| devices::attach(instance, &image.plc, AttachMode::ReadOnly);
+        let attached = images.iter().copied().map(attach).collect::<Result<Vec<_>, _>>()?;
+        let (attached, devices) = attached.into_iter().unzip();
         let plcs = images.iter().map(|image| image.plc.clone()).collect();
-        Ok(Self { instance: instance.to_owned(), plcs, door: Door::Images(attached) })
+        Ok(Self { instance: instance.to_owned(), plcs, devices, door: Door::Images(attached) })
     }
 }
 
@@ -211,6 +240,7 @@ mod by_channel {
     use super::*;
     use commram::channel::client::Patience;
     use commram::channel::{Client, ClientError, HeaderBells};
+    use commram::journal::Names;
     use commram::memory::names::channel_root;
     use commram::memory::{MemoryError, State};
     use commram::request::{Op, Reply, WrongReply};
@@ -240,8 +270,8 @@ mod by_channel {
             let patience = Patience { reply, ..Patience::default() };
             let bells = Box::new(HeaderBells::of_client(attached)?);
             let client = Client::connect(instance, &channel_root(instance)?, bells, patience)?;
-            let plcs = client.info()?.names.plcs;
-            Ok(Self { instance: instance.to_owned(), plcs, door: Door::Channel(client) })
+            let Names { plcs, devices, .. } = client.info()?.names;
+            Ok(Self { instance: instance.to_owned(), plcs, devices, door: Door::Channel(client) })
         }
 
         /// The bare connection.
@@ -311,13 +341,13 @@ mod by_channel {
         };
         let start = Instant::now();
         loop {
-            match Image::attach(instance, &image.plc, AttachMode::ReadWrite, Some(LAYOUT_HASH)) {
+            match devices::attach(instance, &image.plc, AttachMode::ReadWrite) {
                 Err(MemoryError::NotReady { state: Some(State::Starting), .. })
                     if start.elapsed() < STARTING =>
                 {
                     std::thread::sleep(Duration::from_millis(1));
                 }
-                other => return Ok(other?),
+                other => return Ok(other?.0),
             }
         }
     }

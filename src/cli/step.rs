@@ -1,7 +1,9 @@
 //! `commram step`: let the emulated time pass.
 
+use super::device::on_any_device;
 use super::error::CliError;
 use super::{Instance, time};
+use commram::layout::split_plc;
 
 /// Let the emulated time pass (stepped mode only).
 ///
@@ -17,31 +19,17 @@ pub struct Args {
     /// How long (us, ms, s, min, h)
     #[arg(value_name = "TIME", value_parser = time::parse, required_unless_present = "to_sync")]
     time: Option<u64>,
-    /// Up to the next SYNC on the bus of a CANsync node: node1 or node2, with the PLC in front if there are several
-    #[arg(
-        long,
-        value_name = "NODE",
-        num_args = 0..=1,
-        default_missing_value = "node2",
-        conflicts_with = "time"
-    )]
+    /// Up to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the device's first port that can be a master]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "time")]
     to_sync: Option<String>,
     #[command(flatten)]
     instance: Instance,
 }
 
-/// PLC and number of a CANsync node.
-fn node(text: &str) -> Result<(Option<&str>, u8), CliError> {
-    let (plc, name) = commram::layout::split_plc(text);
-    let number = match name {
-        "node1" => 1,
-        "node2" => 2,
-        _ => {
-            let right = "the CANsync nodes are node1 and node2".to_owned();
-            return Err(CliError::Argument { text: text.to_owned(), right });
-        }
-    };
-    Ok((plc, number))
+/// Whether any device has such a port.
+fn check(text: &str) -> Result<(), CliError> {
+    let (_, name) = split_plc(text);
+    if name.is_empty() { Ok(()) } else { on_any_device(|device| device.port_named(name).map(drop)) }
 }
 
 /// Lets the time pass.
@@ -51,10 +39,13 @@ pub fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use commram::request::Op;
 
-    let to_sync = args.to_sync.as_deref().map(|text| Ok::<_, CliError>((text, node(text)?))).transpose()?;
+    args.to_sync.as_deref().map_or(Ok(()), check)?;
     let session = Session::open(&args.instance.name, args.time.unwrap_or(0))?;
-    let op = match to_sync {
-        Some((text, (plc, node))) => Op::AdvanceToSync { plc: session.plc(plc, text)?, node },
+    let op = match &args.to_sync {
+        Some(text) => {
+            let (plc, node) = session.port(text)?;
+            Op::AdvanceToSync { plc, node }
+        }
         None => Op::Advance { us: args.time.unwrap_or(0) },
     };
     let time_us = session.ask(op)?.time()?;
@@ -64,7 +55,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub fn run(args: &Args) -> Result<(), CliError> {
-    args.to_sync.as_deref().map(node).transpose()?;
+    args.to_sync.as_deref().map_or(Ok(()), check)?;
     Err(CliError::NoChannel { command: "step" })
 }
 
@@ -73,11 +64,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nodes_are_named_as_in_registers() {
-        assert_eq!(node("node2").unwrap(), (None, 2));
-        assert_eq!(node("line2:node1").unwrap(), (Some("line2"), 1));
-        let error = node("node3").unwrap_err();
-        assert_eq!(error.to_string(), "`node3`: the CANsync nodes are node1 and node2");
+    fn ports_are_named_as_in_registers() {
+        assert!(["", "node2", "line2:node1", "slotG"].into_iter().all(|text| check(text).is_ok()));
+        let error = check("node3").unwrap_err();
+        assert_eq!(error.to_string(), "unknown port `node3`; the ports are node1, node2");
         assert_eq!(error.exit_code(), 2);
     }
 }

@@ -1,6 +1,7 @@
 //! `commram wait`: wait for a register.
 
 use super::Instance;
+use super::device::of_any_device;
 use super::error::CliError;
 use super::place::Place;
 use super::time;
@@ -37,7 +38,8 @@ struct Condition {
     wanted: String,
 }
 
-fn parse(text: &str) -> Result<Condition, CliError> {
+/// The condition, with the register that `place` looks up.
+fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<Condition, CliError> {
     let wrong = |right: &str| CliError::Argument { text: text.to_owned(), right: right.to_owned() };
     let example = "write REG==VALUE or REG&MASK==VALUE, for example node2.w_OPTION_STATUS==16#0043";
     let (left, value) = text.split_once("==").ok_or_else(|| wrong(example))?;
@@ -45,7 +47,7 @@ fn parse(text: &str) -> Result<Condition, CliError> {
         Some((register, mask)) => (register, Some(mask)),
         None => (left, None),
     };
-    let place = Place::parse(register.trim())?;
+    let place = place(register.trim())?;
     let given = place.parse_value(value)?;
     let (mask, value, wanted) = match (place.bit(), mask) {
         (Some(_), Some(_)) => return Err(wrong("a single bit needs no mask")),
@@ -75,8 +77,9 @@ pub fn run(args: &Args) -> Result<(), CliError> {
     use commram::layout::Live;
     use commram::request::{Op, Refused, Waited};
 
-    let Condition { place, mask, value, wanted } = parse(&args.condition)?;
+    parse(&args.condition, of_any_device)?;
     let session = Session::open(&args.instance.name, args.within)?;
+    let Condition { place, mask, value, wanted } = parse(&args.condition, |name| session.place(name))?;
     let (plc, offset, width) = (session.plc_of(&place)?, place.offset(), place.width());
     let within_us = args.within;
     let wait = Op::Wait { plc, offset, width, mask, value, within_us };
@@ -110,7 +113,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub fn run(args: &Args) -> Result<(), CliError> {
-    parse(&args.condition)?;
+    parse(&args.condition, of_any_device)?;
     Err(CliError::NoChannel { command: "wait" })
 }
 
@@ -120,7 +123,8 @@ mod tests {
 
     #[test]
     fn conditions() {
-        let parsed = |text| parse(text).map(|condition| (condition.mask, condition.value)).unwrap();
+        let parsed =
+            |text| parse(text, of_any_device).map(|condition| (condition.mask, condition.value)).unwrap();
         assert_eq!(parsed("node2.w_OPTION_STATUS==16#0043"), (0xFFFF, 0x43));
         assert_eq!(parsed("node2.w_OPTION_STATUS & 16#80 == 16#80"), (0x80, 0x80));
         assert_eq!(parsed("%MX3.200004.2==1"), (4, 4));
@@ -130,7 +134,7 @@ mod tests {
 
     #[test]
     fn mistakes_are_explained() {
-        let message = |text| parse(text).err().unwrap().to_string();
+        let message = |text| parse(text, of_any_device).err().unwrap().to_string();
         assert!(message("node2.w_OPTION_STATUS=1").contains("write REG==VALUE"));
         assert!(message("node2.w_OPTION_STATUS&1==2").contains("can never be"));
         assert!(message("%MX3.200004.2&1==1").contains("needs no mask"));

@@ -42,7 +42,7 @@ enum FormatArg {
 mod by_channel {
     use super::{Args, FormatArg};
     use crate::cli::change::{self, Change, Held, Known};
-    use crate::cli::dump::{Blocks, Dump};
+    use crate::cli::dump::{self, Blocks, Dump};
     use crate::cli::error::CliError;
     use crate::cli::output;
     use crate::cli::pause::{Look, Pause, Wake};
@@ -61,8 +61,9 @@ mod by_channel {
 
     /// Shows changes until the end.
     pub fn run(args: &Args) -> Result<(), CliError> {
-        let blocks = Blocks::parse(&args.blocks)?;
+        dump::check(&args.blocks)?;
         let session = Session::open(&args.instance.name, 0)?;
+        let blocks = Blocks::find(&session, &args.blocks)?;
         let mut pause = Pause::new()?;
         let first = blocks.read(&session)?;
         output::note(&format!(
@@ -131,6 +132,6 @@ pub use by_channel::run;
 /// Says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub fn run(args: &Args) -> Result<(), super::error::CliError> {
-    super::dump::Blocks::parse(&args.blocks)?;
+    super::dump::check(&args.blocks)?;
     Err(super::error::CliError::NoChannel { command: "watch" })
 }

@@ -38,6 +38,7 @@ pub use medium::{Medium, Plug, SyncSignal, World};
 pub use settings::{BuildError, SettingError};
 
 use crate::layout::Device as Layout;
+use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
 #[cfg(feature = "plc")]
 use crate::plc::BlockKind;
 
@@ -90,6 +91,28 @@ pub fn find(name: &str) -> Option<&'static Registered> {
 #[must_use]
 pub fn of_hash(hash: u64) -> Option<&'static Registered> {
     DEVICES.iter().find(|it| it.layout.layout_hash == hash)
+}
+
+/// Attaches to the image of a PLC, whatever it is, and tells what it is.
+///
+/// # Errors
+/// As [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
+pub fn attach(
+    instance: &str,
+    plc: &str,
+    mode: AttachMode,
+) -> Result<(Attached, &'static Layout), MemoryError> {
+    let attached = Image::attach(instance, plc, mode, None)?;
+    let header = attached.header_snapshot();
+    match of_hash(header.layout_hash.load()) {
+        Some(known) => Ok((attached, known.layout)),
+        None => Err(MemoryError::OtherLayout {
+            path: attached.path().to_owned(),
+            device: header::name(&header.device),
+            found: header.layout_hash.load(),
+            expected: DEVICES[0].layout.layout_hash,
+        }),
+    }
 }
 
 #[cfg(test)]

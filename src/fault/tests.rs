@@ -3,7 +3,7 @@ use crate::journal::Names;
 
 fn names() -> Names {
     let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-    Names { plcs: list(&["line", "saw"]), buses: list(&["drives", "upper"]) }
+    Names { plcs: list(&["line", "saw"]), buses: list(&["drives", "upper"]), ..Names::default() }
 }
 
 fn resolve(text: &str) -> Result<Fault, FaultError> {
@@ -171,7 +171,7 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
 
 #[test]
 fn the_only_bus_or_plc_need_not_be_named() {
-    let one = Names { plcs: vec!["line".into()], buses: vec!["drives".into()] };
+    let one = Names { plcs: vec!["line".into()], buses: vec!["drives".into()], ..Names::default() };
     for kind in ["kind = 'lose_sync'", "kind = 'overrun'\nnode = 2"] {
         assert!(toml::from_str::<FaultSpec>(kind).unwrap().resolve(&one).is_ok());
     }

@@ -1,18 +1,18 @@
 //! Names of the things that records refer to by their index.
 
 use super::event::{Origin, Source};
-use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::Device;
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// Names of the things that records refer to by their index.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Names {
     /// The PLCs, in the order of the plant.
     pub plcs: Vec<String>,
     /// The buses, in the order of the plant.
     pub buses: Vec<String>,
+    /// What each PLC is, in the order of the plant.
+    pub devices: Vec<&'static Device>,
 }
 
 impl Names {
@@ -26,14 +26,18 @@ impl Names {
         name(&self.buses, index, "bus")
     }
 
-    /// What the PLC's RAM holds.
-    pub fn device(&self, _plc: u16) -> &'static Device {
-        &DEVICE
+    /// What the PLC's RAM holds: nothing, if that is not known.
+    pub fn device(&self, plc: u16) -> &'static Device {
+        self.devices.get(usize::from(plc)).copied().unwrap_or(&Device::UNKNOWN)
     }
 
-    /// Name of a port.
+    /// Name of a port; `port3` if it has none.
     pub(crate) fn port(&self, origin: Origin) -> Cow<'static, str> {
-        if origin.node == 0 { Cow::Borrowed("baps") } else { Cow::Owned(format!("node{}", origin.node)) }
+        match (origin.node, self.device(origin.plc).port_numbered(origin.node)) {
+            (0, _) => Cow::Borrowed("baps"),
+            (_, Some(port)) => Cow::Borrowed(port.name),
+            (number, None) => Cow::Owned(format!("port{number}")),
+        }
     }
 
     /// Bus, PLC, or port as `line:node2`.

@@ -102,7 +102,7 @@ mod tests {
     use crate::journal::{ChannelWrite, Coded, Event, Names, Origin};
 
     fn names() -> Names {
-        Names { plcs: vec!["a".into(), "b".into()], buses: vec!["x".into(), "y".into()] }
+        Names { plcs: vec!["a".into(), "b".into()], buses: vec!["x".into(), "y".into()], ..Names::default() }
     }
 
     fn record(seq: u64, event: Event) -> Record {

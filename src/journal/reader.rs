@@ -5,7 +5,7 @@ use super::event::Origin;
 use super::names::Names;
 use super::record::Record;
 use super::registers::State;
-use crate::layout::{Address, Live, RegType, RegisterRef, Width, format_value};
+use crate::layout::{Address, Area, Live, RegType, RegisterRef, Width, format_value};
 use std::collections::HashMap;
 
 /// Names and what the records so far tell about the state of the ports: INIT and cyclic structure overlay
@@ -48,19 +48,16 @@ impl Reader {
         self.catalogue.fault(number).unwrap_or("unknown")
     }
 
-    fn live(&self, plc: u16, area: &str) -> Live {
-        let node = match area {
-            "node1" => 1,
-            "node2" => 2,
-            _ => return Live::Always,
-        };
-        self.live.get(&(plc, node)).copied().or(self.unheard).unwrap_or(Live::Cyclic)
+    fn live(&self, plc: u16, area: &Area) -> Live {
+        let mut ports = self.names.device(plc).ports.iter();
+        let Some(port) = ports.find(|port| port.area.first == area.first) else { return Live::Always };
+        self.live.get(&(plc, port.number)).copied().or(self.unheard).unwrap_or(Live::Cyclic)
     }
 
     /// The register that begins at `offset` of the device's RAM.
     fn register(&mut self, plc: u16, offset: u32) -> Option<RegisterRef> {
         let (device, address) = (self.names.device(plc), Address::byte(offset));
-        let live = self.live(plc, device.area_at(address).ok()?.name);
+        let live = self.live(plc, device.area_at(address).ok()?);
         *self.registers.entry((plc, offset, live)).or_insert_with(|| {
             let found = device.registers_at(address, Some(live)).ok()?;
             found.into_iter().find(|register| register.offset() == offset)

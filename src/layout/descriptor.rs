@@ -1,5 +1,6 @@
 //! Descriptors: what the layout files say about areas, structures and registers, as static data.
 
+use super::error::LayoutError;
 use core::fmt;
 
 /// A device: its areas and what lies in them.
@@ -18,11 +19,47 @@ pub struct Device {
     pub ports: &'static [Port],
 }
 
+/// The same registers at the same places.
+impl PartialEq for Device {
+    fn eq(&self, other: &Self) -> bool {
+        (self.name, self.layout_hash) == (other.name, other.layout_hash)
+    }
+}
+
+impl Eq for Device {}
+
 impl Device {
+    /// A device that nothing is known about: without areas, so that none of its registers has a name.
+    pub const UNKNOWN: Device = Device {
+        name: "unknown",
+        title: "unknown device",
+        manual: "",
+        layout_hash: 0,
+        areas: &[],
+        ports: &[],
+    };
+
     /// The port called `name`.
     #[must_use]
     pub fn port(&self, name: &str) -> Option<&'static Port> {
         self.ports.iter().find(|port| port.name == name)
+    }
+
+    /// The port that a user calls `name`.
+    ///
+    /// # Errors
+    /// [`LayoutError::UnknownPort`] with all ports.
+    pub fn port_named(&self, name: &str) -> Result<&'static Port, LayoutError> {
+        self.port(name).ok_or_else(|| {
+            let known: Vec<_> = self.ports.iter().map(|port| port.name).collect();
+            LayoutError::UnknownPort { port: name.to_owned(), known: known.join(", ") }
+        })
+    }
+
+    /// The first port that can be the master of its medium: the one meant where none is named.
+    #[must_use]
+    pub fn first_master(&self) -> Option<&'static Port> {
+        self.ports.iter().find(|port| port.roles.contains(&Role::Master))
     }
 
     /// The port with this number, from 1.

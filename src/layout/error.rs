@@ -76,6 +76,14 @@ pub enum LayoutError {
         /// All areas.
         known: String,
     },
+    /// A port that the device does not have.
+    #[error("unknown port `{port}`; the ports are {known}")]
+    UnknownPort {
+        /// As given.
+        port: String,
+        /// All ports.
+        known: String,
+    },
     /// A name right but for upper and lower case.
     #[error("`{given}` is spelled `{right}`")]
     WrongCase {

@@ -1,8 +1,7 @@
 //! Registers and addresses as people name them.
 
 use super::value::{self, ValueError};
-use super::{Address, Area, LayoutError, Live, RegType, RegisterRef, Width, format_value};
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use super::{Address, Area, Device, LayoutError, Live, RegType, RegisterRef, Width, format_value};
 use thiserror::Error;
 
 /// A value that the register cannot hold.
@@ -29,12 +28,12 @@ pub struct Place {
 }
 
 impl Place {
-    /// Looks up `[PLC:]REGISTER` or `[PLC:]%ADDRESS`.
+    /// Looks up `[PLC:]REGISTER` or `[PLC:]%ADDRESS` of a device.
     ///
     /// # Errors
     /// There is no such register or address.
-    pub fn parse(text: &str) -> Result<Self, LayoutError> {
-        let target = DEVICE.target(text)?;
+    pub fn parse(device: &'static Device, text: &str) -> Result<Self, LayoutError> {
+        let target = device.target(text)?;
         Ok(Self {
             text: target.plc.map_or(text, |plc| &text[plc.len() + 1..]).to_owned(),
             plc: target.plc.map(str::to_owned),
@@ -152,9 +151,8 @@ impl Place {
 
 /// `w_OPTION_STATUS` of an area in which INIT and cyclic structure overlay each other.
 pub fn status_of(area: &'static Area) -> Option<RegisterRef> {
-    let overlaid = area.structures.iter().any(|placed| placed.live == Live::Init);
-    let name = || format!("{}.w_OPTION_STATUS", area.name);
-    overlaid.then(|| DEVICE.register(&name()).ok()).flatten()
+    let init = area.structures.iter().find(|placed| placed.live == Live::Init)?;
+    area.registers_of(init).find(|register| register.register.name == "w_OPTION_STATUS")
 }
 
 /// Which structure is live when `w_OPTION_STATUS` holds `status`.
@@ -197,9 +195,10 @@ fn live_name(register: &RegisterRef, live: Live) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     fn place(text: &str) -> Place {
-        Place::parse(text).unwrap()
+        Place::parse(&DEVICE, text).unwrap()
     }
 
     #[test]

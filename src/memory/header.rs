@@ -206,8 +206,10 @@ impl Header {
         self.channel_reply.ring();
     }
 
-    /// Tells what the device consists of.
+    /// Tells what the device is and consists of.
     pub(super) fn describe(&self, device: &'static Device) {
+        self.layout_hash.store(device.layout_hash);
+        set_name(&self.device, device.title);
         self.areas.iter().for_each(AreaEntry::clear);
         let areas = device.areas.iter().chain([&flags::RETAIN_AREA]);
         self.areas.iter().zip(areas).for_each(|(entry, area)| entry.fill(area));

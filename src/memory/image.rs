@@ -164,7 +164,6 @@ impl Image {
         header.abi_version.store(header::ABI_VERSION);
         header.header_size.store(HEADER_SIZE as u32);
         header.segment_size.store(self.segment.size() as u32);
-        header.layout_hash.store(spec.device.layout_hash);
         header.clock_mode.store(spec.clock_mode.code());
         header.speed.store(spec.speed);
         header.processor_cycle_us.store(spec.processor_cycle_us);
@@ -172,7 +171,6 @@ impl Image {
         header.sync_counter.iter().for_each(|counter| counter.store(0));
         header::set_name(&header.instance, &self.file.instance);
         header::set_name(&header.plc, &self.file.plc);
-        header::set_name(&header.device, spec.device.title);
         header.describe(spec.device);
         header.clear_board();
         // Whoever held this bell is dead, we hold its lock.

@@ -17,6 +17,7 @@ use super::{
     Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::Value,
     cell::SharedRegs,
 };
+use crate::layout::Device;
 use core::{fmt, ptr::NonNull};
 use memmap2::{MmapOptions, MmapRaw};
 use std::sync::Arc;
@@ -62,13 +63,21 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// A zeroed segment of `size` bytes, of this process alone: as many as the device's register map needs
-    /// ([`Device::segment_size`](crate::layout::Device::segment_size)), the header page at least. Pages are allocated by
-    /// the kernel when first touched.
+    /// The memory of a device in this process alone, zeroed; its header page tells what the device consists of.
+    pub fn of(device: &'static Device) -> Segment {
+        let segment = Segment::heap(device.segment_size());
+        if let Ok(header) = segment.header() {
+            header.describe(device);
+        }
+        segment
+    }
+
+    /// A zeroed segment of `size` bytes, of this process alone, the header page at least. Pages are allocated by the
+    /// kernel when first touched.
     ///
     /// An anonymous map instead of a `Vec`, because the allocator would clear page-aligned memory by
     /// hand and so touch all of it. Out of address space is fatal, as it is for a `Vec`.
-    pub fn heap(size: usize) -> Segment {
+    pub(crate) fn heap(size: usize) -> Segment {
         let size = size.max(HEADER_SIZE).next_multiple_of(4);
         let map = MmapOptions::new().len(size).map_anon().ok();
         match map.and_then(|map| Backing::new(MmapRaw::from(map), size, true)) {

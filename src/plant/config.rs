@@ -251,6 +251,7 @@ impl PlantConfig {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.media.iter().map(|medium| medium.name().to_owned()).collect(),
+            devices: self.devices.iter().map(|device| device.layout()).collect(),
         }
     }
 

@@ -7,7 +7,7 @@
 use super::Plant;
 use crate::devices::Device;
 use crate::journal::{Force, Unforce};
-use crate::layout::{self, LayoutError};
+use crate::layout::{Device as Layout, LayoutError};
 use crate::memory::{Address, MemoryError, Width};
 
 /// A register with a forced value.
@@ -101,7 +101,7 @@ impl Plant {
 
 impl Forced {
     /// Checks that it is one whole register, or plain RAM, and that the value fits.
-    pub(super) fn check(&self, device: &'static layout::Device) -> Result<(), ForceError> {
+    pub(super) fn check(&self, device: &'static Layout) -> Result<(), ForceError> {
         let address = self.width.at(self.offset);
         device.area_at(address)?;
         if self.value > self.width.max_value() {

@@ -23,6 +23,7 @@ use crate::devices::cansync::medium::SimBus;
 use crate::devices::{BuildError, Context, Device, MEDIA, Medium, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Names, Origin};
+use crate::layout::Device as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
 use ports::Ports;
@@ -57,13 +58,14 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Builds and powers on the plant. `segment` supplies the RAM of each device by its name: heap or image.
+    /// Builds and powers on the plant. `segment` supplies the RAM of each device by its name and
+    /// layout: heap or image.
     ///
     /// # Errors
     /// If the configuration is refused, or if a segment cannot be had or is too small.
     pub fn new<E>(
         config: &PlantConfig,
-        mut segment: impl FnMut(&str) -> Result<Segment, E>,
+        mut segment: impl FnMut(&str, &'static Layout) -> Result<Segment, E>,
     ) -> Result<Self, E>
     where
         E: From<MemoryError> + From<PlantError>,
@@ -78,7 +80,8 @@ impl Plant {
         let mut devices: Vec<Box<dyn Device>> = Vec::with_capacity(config.devices.len());
         let mut ports = Ports::default();
         for (index, device) in config.devices.iter().enumerate() {
-            let (device, plugs) = device.build(index, segment(device.name())?).map_err(refused::<E>)?;
+            let (device, plugs) =
+                device.build(index, segment(device.name(), device.layout())?).map_err(refused::<E>)?;
             ports.plug_in(&*device, plugs, &mut media, named_media).map_err(refused::<E>)?;
             devices.push(device);
         }
@@ -310,6 +313,7 @@ impl Plant {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.bus_names().map(str::to_owned).collect(),
+            devices: self.devices.iter().map(|device| device.layout()).collect(),
         }
     }
 

@@ -1,6 +1,6 @@
 //! What a PLC program sees of the board: the RAM and, in the header page, the clock.
 
-use crate::devices::omega_drive_line_2::registers::{NODE1, NODE2};
+use crate::memory::header::PortEntry;
 use crate::memory::{Header, MemoryError, Segment, SharedRegs, View};
 use core::ops::Deref;
 use core::time::Duration;
@@ -24,11 +24,11 @@ impl Ram {
     /// A structure at `%MB3.offset`: what `_NAME AT %MB3.offset : T` declares in an IEC program.
     ///
     /// ```
-    /// use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, NODE2, SEGMENT_END};
+    /// use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2};
     /// use commram::memory::Segment;
     /// use commram::plc::Ram;
     ///
-    /// let ram = Ram::of(&Segment::heap(SEGMENT_END))?;
+    /// let ram = Ram::of(&Segment::of(&DEVICE))?;
     /// let _CANsync_CTRL_MA = ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?;
     /// # Ok::<(), commram::memory::MemoryError>(())
     /// ```
@@ -122,8 +122,9 @@ impl<V> Viewed<'_, V> {
     /// A restart (16#0000) was written to `w_CPU_CONTROL` of the CANsync node there. The firmware is told, because in the
     /// RAM it cannot see it where 16#0000 stood before (decision D-29).
     pub fn tell_restart(&self) {
-        if let Some(node) = [NODE1, NODE2].iter().position(|node| *node == self.offset) {
-            self.ram.header.ports[node].restarts_written.increment();
+        let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;
+        if let Some(port) = self.ram.header.ports.iter().find(is_here) {
+            port.restarts_written.increment();
         }
     }
 }

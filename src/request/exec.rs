@@ -171,9 +171,11 @@ fn plc_name(host: &dyn Host, plc: u16) -> &str {
 }
 
 fn no_sync(host: &dyn Host, plc: u16, node: u8) -> Refused {
-    let plc = plc_name(host, plc);
+    let ports = host.plant().devices().get(usize::from(plc)).map(|device| device.layout().ports);
+    let port = ports.unwrap_or_default().iter().find(|port| port.number == node);
+    let (plc, port) = (plc_name(host, plc), port.map_or("this port", |port| port.name));
     let text =
-        format_args!("PLC '{plc}': nobody sends SYNC on the bus of node{node}; initialize its master first");
+        format_args!("PLC '{plc}': nobody sends SYNC on the bus of {port}; initialize its master first");
     Refused::new(Code::NO_SYNC, text)
 }
 

@@ -9,6 +9,7 @@
 
 mod exec;
 mod host;
+mod naming;
 mod op;
 mod refused;
 mod register;

@@ -80,13 +80,12 @@ pub struct InstanceInfo {
     pub generation: u32,
     /// Process id of the emulator.
     pub pid: u32,
-    /// Hash of the register map.
-    pub layout_hash: u64,
     /// Version of the attach contract.
     pub abi_version: u32,
     /// Version of the program, as in `commram --version`.
     pub version: String,
-    /// What its PLCs and buses are called, in the order of their numbers.
+    /// What its PLCs and buses are called, in the order of their numbers, and what the PLCs are.
+    #[serde(with = "super::naming")]
     pub names: Names,
 }
 

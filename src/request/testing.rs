@@ -1,7 +1,6 @@
 //! A host for tests: a plant with a clock that does what the test says.
 
 use super::{Code, Execution, Host, InstanceInfo, Op, Refused, Reply};
-use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::memory::{Segment, Width};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use core::ops::Range;
@@ -50,7 +49,7 @@ impl TestHost {
     pub fn new(is_stepped: bool) -> Self {
         let config = PlantConfig::parse("test", PLANT).unwrap();
         Self {
-            plant: Plant::new(&config, |_plc| Ok::<_, NoPlant>(Segment::heap(SEGMENT_END))).unwrap(),
+            plant: Plant::new(&config, |_plc, device| Ok::<_, NoPlant>(Segment::of(device))).unwrap(),
             is_stepped,
             stop: Arc::default(),
             script: Vec::new(),
@@ -156,7 +155,6 @@ impl Host for TestHost {
             time_us: self.plant.now(),
             generation: 3,
             pid: std::process::id(),
-            layout_hash: 0x1234_5678_9ABC_DEF0,
             abi_version: 1,
             version: env!("CARGO_PKG_VERSION").into(),
             names: self.plant.names(),

@@ -9,7 +9,6 @@ use super::lockstep::Lockstep;
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 
 use super::watch::Watch;
-use crate::devices::omega_drive_line_2::registers as device;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use std::path::PathBuf;
@@ -124,18 +123,17 @@ impl Emulator {
             return Err(RuntimeError::Speed { speed });
         }
         let lock = take_instance(config, &options.instance)?;
-        let spec = ImageSpec {
-            device: &device::DEVICE,
-            clock_mode: options.clock.mode(),
-            speed: options.clock.speed_permille(),
-            processor_cycle_us: config.processor_cycle_us,
-        };
         let mut images = Vec::with_capacity(config.devices.len());
         let mut directory = None;
         let mut novram = Vec::new();
-        let plant = Plant::new(config, |plc| {
-            let device = config.device(plc).map_or(&device::DEVICE, |device| device.layout());
-            let image = Image::create(&options.instance, plc, &ImageSpec { device, ..spec })?;
+        let plant = Plant::new(config, |plc, device| {
+            let spec = ImageSpec {
+                device,
+                clock_mode: options.clock.mode(),
+                speed: options.clock.speed_permille(),
+                processor_cycle_us: config.processor_cycle_us,
+            };
+            let image = Image::create(&options.instance, plc, &spec)?;
             let segment = image.segment().clone();
             images.push(image);
             if let Some(path) = &options.novram {

@@ -43,7 +43,6 @@ impl Host for Emulator {
             time_us: self.plant.now(),
             generation: header.generation.load(),
             pid: header.firmware_pid.load(),
-            layout_hash: header.layout_hash.load(),
             abi_version: header.abi_version.load(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             names: self.plant.names(),

@@ -186,7 +186,7 @@ impl Verbs {
     fn time(&mut self) {
         self.on("now", |stage| move || stage.act(|bench| Ok(int(bench.now()?))));
         self.on("step", |stage| move |time: Dynamic| stage.act(|bench| bench.step(span(&time)?)));
-        self.on("step_to_sync", |stage| move || stage.act(|bench| bench.step_to_sync("node2")));
+        self.on("step_to_sync", |stage| move || stage.act(|bench| bench.step_to_sync("")));
         self.on("step_to_sync", |stage| move |node: &str| stage.act(|bench| bench.step_to_sync(node)));
         self.on("wait", |stage| {
             move |register: &str, wanted: Dynamic, within: Dynamic| {

@@ -2,7 +2,6 @@
 
 use super::ScenarioError;
 use super::carrier::Carrier;
-use crate::devices::omega_drive_line_2::registers::{LAYOUT_HASH, SEGMENT_END};
 use crate::memory::Segment;
 use crate::memory::header::ABI_VERSION;
 use crate::plant::{Plant, PlantConfig};
@@ -20,7 +19,7 @@ impl Local {
     /// # Errors
     /// The plant is refused.
     pub fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
-        let plant = Plant::new(config, |_plc| Ok::<_, ScenarioError>(Segment::heap(SEGMENT_END)))?;
+        let plant = Plant::new(config, |_plc, device| Ok::<_, ScenarioError>(Segment::of(device)))?;
         Ok(Self { plant, is_stopping: false })
     }
 }
@@ -80,7 +79,6 @@ impl Host for Local {
             time_us: self.plant.now(),
             generation: 1,
             pid: std::process::id(),
-            layout_hash: LAYOUT_HASH,
             abi_version: ABI_VERSION,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             names: self.plant.names(),

@@ -3,8 +3,8 @@
 use super::ScenarioError;
 use super::carrier::Carrier;
 use crate::channel::{Client, ClientError};
-use crate::devices::omega_drive_line_2::registers::LAYOUT_HASH;
-use crate::memory::{AttachMode, Image, Segment};
+use crate::devices;
+use crate::memory::{AttachMode, Segment};
 use crate::request::{Op, Reply, WrongReply};
 
 /// A connection to an instance.
@@ -36,7 +36,7 @@ impl Carrier for Remote {
 
     fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError> {
         let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
-        let attached = Image::attach(&self.instance, name, AttachMode::ReadWrite, Some(LAYOUT_HASH))?;
+        let (attached, _) = devices::attach(&self.instance, name, AttachMode::ReadWrite)?;
         Ok(attached.segment().clone())
     }
 }

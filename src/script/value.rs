@@ -96,9 +96,10 @@ impl From<Duration> for Span {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     fn bits(register: &str, value: impl Into<Value>) -> Result<u32, String> {
-        value.into().bits(&Place::parse(register).unwrap()).map_err(|error| error.to_string())
+        value.into().bits(&Place::parse(&DEVICE, register).unwrap()).map_err(|error| error.to_string())
     }
 
     #[test]

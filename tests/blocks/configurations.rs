@@ -75,7 +75,7 @@ impl Stage {
             .collect();
         let config = PlantConfig::parse("configurations", &format!("{PLANT}{drives}")).unwrap();
         let mut images = Vec::new();
-        let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
+        let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
         let ram = Ram::of(plant.devices()[0].segment()).unwrap();
         Stage { plant, ram, _images: images }
     }

@@ -13,7 +13,7 @@ struct Played {
 
 impl Played {
     fn new(device: &commram::layout::Device) -> Self {
-        let segment = Segment::heap(device.segment_size());
+        let segment = Segment::of(device);
         Played { ram: Ram::of(&segment).unwrap(), header: segment.header().unwrap() }
     }
 

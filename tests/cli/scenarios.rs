@@ -184,7 +184,7 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("step(\"2\")", "a time needs a unit"),
         ("step(-1)", "`-1`: the time must not be negative"),
         ("step(1.5)", "a time is a text with a unit"),
-        ("step_to_sync(\"node3\")", "the CANsync nodes are node1 and node2"),
+        ("step_to_sync(\"node3\")", "unknown port `node3`; the ports are node1, node2"),
         ("wait_bits(\"node2.w_OPTION_STATUS\", 1, 2, 0)", "the value has bits outside the mask"),
         ("expect_frame(\"upper\", 0x101, \"*\", \"1ms\")", "there is no bus 'upper'; there are: drives"),
         ("expect_frame(\"drives\", 0x801, \"*\", \"1ms\")", "identifiers have 11 bits"),

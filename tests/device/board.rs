@@ -103,7 +103,7 @@ fn a_forwarded_edge_is_one_event() {
                 [[bus]]\nname='upper'\n[[bus]]\nname='lower'\n";
     let config = PlantConfig::parse("cluster", text).unwrap();
     let mut plant =
-        Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
+        Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();
     let init = |plc: usize, node| {
         plant.devices()[plc].segment().clone().view::<CANsync_INIT_BMSTRUCT>(node).unwrap()
     };

@@ -4,7 +4,6 @@ use crate::rig::{BOTH, Memory, RATES, Rig};
 use commram::devices::cansync;
 use commram::devices::cansync::bus::wire;
 use commram::devices::cansync::records::{BaudRateMismatch, Left, Missed, SyncEdge};
-use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
@@ -196,7 +195,7 @@ fn a_cluster_forwards_the_sync_signal() {
                 [[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n";
     let config = PlantConfig::parse("cluster", text).unwrap();
     let mut plant =
-        Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
+        Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();
     let init = |plc: usize, node: usize| -> commram::memory::View<CANsync_INIT_BMSTRUCT> {
         plant.devices()[plc].segment().view(node).unwrap()
     };

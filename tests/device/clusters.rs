@@ -4,7 +4,6 @@ use crate::rig::cluster::{Cluster, INTERVAL_US};
 use crate::rig::{RATES, Rate, write_init_data};
 use commram::devices::cansync;
 use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
-use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::journal::Record;
 use commram::memory::Segment;
@@ -123,7 +122,7 @@ fn a_cluster_of_unlike_rates_says_so() {
     for (upper, lower) in [(RATES[0], RATES[1]), (RATES[1], RATES[0]), (RATES[0], RATES[2])] {
         let config = PlantConfig::parse("cluster", &text(lower)).unwrap();
         let mut plant =
-            Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
+            Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();
         let nodes = |rate: Rate| [(1, NODE2, 0x02, rate), (2, NODE1, 0x01, rate), (2, NODE2, 0x02, rate)];
         set_up(&mut plant, &[(0, NODE2, 0x00, upper), (1, NODE1, 0x01, upper)]);
         set_up(&mut plant, &nodes(lower));

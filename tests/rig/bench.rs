@@ -31,7 +31,7 @@ impl Bench {
     /// A node in set-up mode with the first SYNC edge behind it.
     pub fn in_set_up(memory: Memory) -> Bench {
         let mut images = Vec::new();
-        let segment = segment(memory, "b", &mut images).unwrap();
+        let segment = segment(memory, "b", &DEVICE, &mut images).unwrap();
         let mut slave = Slave::new(
             &segment,
             Seat { base: NODE1, place: 0, rates: &BAUD_RATES },

@@ -60,8 +60,8 @@ impl Cluster {
     pub fn new(widths: &[usize]) -> Cluster {
         let (text, children) = plant_text(widths);
         let config = PlantConfig::parse("cluster", &text).expect("the plant is a good one");
-        let plant =
-            Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap(SEGMENT_END))).expect("it can be built");
+        let plant = Plant::new(&config, |_plc, device| Ok::<_, Failed>(Segment::of(device)))
+            .expect("it can be built");
         let plcs = plant.devices().iter().zip(children).enumerate();
         let plcs = plcs.map(|(index, (plc, children))| plc_of(plc.segment(), index == 0, children));
         Cluster { plcs: plcs.collect(), plant }

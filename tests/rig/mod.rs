@@ -74,12 +74,7 @@ impl Drop for Rig {
 }
 
 fn describe(entry: &commram::journal::Entry) -> String {
-    format!(
-        "{} {} x {}",
-        entry.last.rule,
-        entry.last.value_text(commram::journal::Names::default().device(entry.last.plc)),
-        entry.count
-    )
+    format!("{} {} x {}", entry.last.rule, entry.last.value_text(&DEVICE), entry.count)
 }
 
 impl Rig {
@@ -109,7 +104,7 @@ impl Rig {
         );
         let config = PlantConfig::parse("rig", &text).unwrap();
         let mut images = Vec::new();
-        let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
+        let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
         let view = |plc: usize| plant.devices()[plc].segment().clone();
         Rig {
             rate,
@@ -229,19 +224,20 @@ pub fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8) {
 }
 
 /// RAM for a PLC; an image is kept alive in `images` and removes its file when that is dropped.
-pub fn segment(memory: Memory, plc: &str, images: &mut Vec<Image>) -> Result<Segment, RigError> {
+pub fn segment(
+    memory: Memory,
+    plc: &str,
+    device: &'static commram::layout::Device,
+    images: &mut Vec<Image>,
+) -> Result<Segment, RigError> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     match memory {
-        Memory::Heap => Ok(Segment::heap(SEGMENT_END)),
+        Memory::Heap => Ok(Segment::of(device)),
         Memory::Mapped => {
             let count = COUNT.fetch_add(1, Ordering::Relaxed);
             let instance = format!("rig-{}-{count}", std::process::id());
-            let spec = ImageSpec {
-                device: &DEVICE,
-                clock_mode: ClockMode::Stepped,
-                speed: 0,
-                processor_cycle_us: 500,
-            };
+            let spec =
+                ImageSpec { device, clock_mode: ClockMode::Stepped, speed: 0, processor_cycle_us: 500 };
             let image = Image::create(&instance, plc, &spec)?;
             let segment = image.segment().clone();
             images.push(image);

@@ -1,4 +1,5 @@
 use super::*;
+use crate::devices::DEVICES;
 use crate::fault::{
     Effect, Fault, FaultStatus, FrameEffect, FrameSlot, Frames, Limit, NodeEffect, OffsetAt, SlaveEffect,
     SyncEffect,
@@ -129,22 +130,13 @@ fn faults() -> impl Strategy<Value = Vec<FaultStatus>> {
 
 fn information() -> impl Strategy<Value = InstanceInfo> {
     let names = || proptest::collection::vec(".*", 0..4);
-    let names = (names(), names()).prop_map(|(plcs, buses)| Names { plcs, buses });
-    let numbers = any::<(u32, u64, u32, u32, u64, u32)>();
+    let device = (0..DEVICES.len()).prop_map(|index| DEVICES[index].layout);
+    let devices = proptest::collection::vec(device, 0..4);
+    let names = (names(), names(), devices).prop_map(|(plcs, buses, devices)| Names { plcs, buses, devices });
+    let numbers = any::<(u32, u64, u32, u32, u32)>();
     (any::<bool>(), numbers, (".*", ".*"), names).prop_map(|(is_stepped, numbers, (name, version), names)| {
-        let (speed, time_us, generation, pid, layout_hash, abi_version) = numbers;
-        InstanceInfo {
-            name,
-            is_stepped,
-            speed,
-            time_us,
-            generation,
-            pid,
-            layout_hash,
-            abi_version,
-            version,
-            names,
-        }
+        let (speed, time_us, generation, pid, abi_version) = numbers;
+        InstanceInfo { name, is_stepped, speed, time_us, generation, pid, abi_version, version, names }
     })
 }
 

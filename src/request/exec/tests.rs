@@ -1,4 +1,5 @@
 use super::*;
+use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::fault::{Effect, Fault, FaultStatus, Limit, SlaveEffect};
 use crate::layout::Place;
 use crate::memory::Width;
@@ -21,7 +22,7 @@ fn wait(mask: u32, value: u32, within_us: u64) -> Op {
 
 /// Writes a register of PLC 0 by its name.
 fn set(name: &str, value: u32) -> Op {
-    let place = Place::parse(name).unwrap();
+    let place = Place::parse(&DEVICE, name).unwrap();
     poke(place.offset(), place.width(), value)
 }
 
@@ -29,7 +30,7 @@ fn set(name: &str, value: u32) -> Op {
 fn with_sync() -> TestHost {
     let mut host = TestHost::new(true);
     let status = |value| {
-        let place = Place::parse("node2.w_OPTION_STATUS").unwrap();
+        let place = Place::parse(&DEVICE, "node2.w_OPTION_STATUS").unwrap();
         let (offset, width) = (place.offset(), place.width());
         Op::Wait { plc: 0, offset, width, mask: 0xFFFF, value, within_us: 10_000 }
     };

@@ -1,9 +1,8 @@
 //! Copies of register areas, and what has changed since.
 
 use super::Bench;
-use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::layout::place::{is_live, live_by, status_of, without_twins};
-use crate::layout::{Area, Live, RegisterRef, split_plc};
+use crate::layout::{Area, Device, Live, RegisterRef, split_plc};
 use crate::request::Op;
 use crate::script::ScenarioError;
 use core::panic::Location;
@@ -43,9 +42,9 @@ impl MemoryCopy {
     }
 }
 
-/// The area with registers that has this name.
-pub(super) fn register_area(name: &str) -> Result<&'static Area, ScenarioError> {
-    let with_registers = || DEVICE.areas.iter().filter(|area| !area.structures.is_empty());
+/// The area with registers of a device that has this name.
+pub(super) fn register_area(device: &'static Device, name: &str) -> Result<&'static Area, ScenarioError> {
+    let with_registers = || device.areas.iter().filter(|area| !area.structures.is_empty());
     with_registers().find(|area| area.name == name).ok_or_else(|| {
         let known: Vec<_> = with_registers().map(|area| area.name).collect();
         ScenarioError::Unknown { what: "area", name: name.to_owned(), known: known.join(", ") }
@@ -60,7 +59,7 @@ impl Bench {
     pub fn snapshot(&mut self, area: &str) -> Result<MemoryCopy, ScenarioError> {
         let (plc, name) = split_plc(area);
         let plc = self.plc(plc, name)?;
-        self.copy(plc, register_area(name)?)
+        self.copy(plc, register_area(self.names.device(plc), name)?)
     }
 
     fn copy(&mut self, plc: u16, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {

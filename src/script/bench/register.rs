@@ -65,12 +65,13 @@ impl Bench {
     pub(in crate::script) fn area(&self, text: &str) -> Result<(u16, &'static Area), ScenarioError> {
         let (plc, name) = split_plc(text);
         let plc = self.plc(plc, name)?;
-        Ok((plc, memory::register_area(name)?))
+        Ok((plc, memory::register_area(self.names.device(plc), name)?))
     }
 
     pub(super) fn register(&self, text: &str) -> Result<Register, ScenarioError> {
-        let place = Place::parse(text)?;
-        let plc = self.plc(place.plc.as_deref(), place.text())?;
+        let (plc, name) = split_plc(text);
+        let plc = self.plc(plc, name)?;
+        let place = Place::parse(self.names.device(plc), text)?;
         let spot = Spot::new(plc, place.address());
         Ok(Register { place, spot, prefix: self.prefix(plc) })
     }

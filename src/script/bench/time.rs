@@ -15,21 +15,19 @@ impl Bench {
         self.advance(us)
     }
 
-    /// Lets the time pass up to the next SYNC on the bus of a CANsync node, `node1` or `node2`, with the PLC in
-    /// front where there are several.
+    /// Lets the time pass up to the next SYNC on the bus of a port, for example `node2`, with the PLC in front where
+    /// there are several; without a name of the device's first port that can be a master.
     ///
     /// # Errors
-    /// There is no such node, or nobody sends SYNC.
-    pub fn step_to_sync(&mut self, node: &str) -> Result<(), ScenarioError> {
-        let (plc, name) = split_plc(node);
-        let number = match name {
-            "node1" => 1,
-            "node2" => 2,
-            _ => return Err(ScenarioError::argument(node, "the CANsync nodes are node1 and node2")),
-        };
+    /// There is no such port, or nobody sends SYNC.
+    pub fn step_to_sync(&mut self, port: &str) -> Result<(), ScenarioError> {
+        let (plc, name) = split_plc(port);
+        let first = || self.names.device(0).first_master().map_or("", |port| port.name);
+        let name = if name.is_empty() { first() } else { name };
         let plc = self.plc(plc, name)?;
+        let node = self.names.device(plc).port_named(name)?.number;
         self.within_limit(0)?;
-        self.ask(Op::AdvanceToSync { plc, node: number })?.time()?;
+        self.ask(Op::AdvanceToSync { plc, node })?.time()?;
         Ok(())
     }
 

@@ -56,7 +56,6 @@ impl Block {
             None => (bench.only_plc(place)?, None),
         };
         let ram = bench.ram_of(plc)?;
-        // A plant without image files notes no layout: its PLCs are of the first device.
         let device = devices::of_hash(ram.header().layout_hash.load()).unwrap_or(&DEVICES[0]);
         let kind = find(device.blocks, name).ok_or_else(|| unknown(name, device.blocks.iter()))?;
         if let (Some(structure), Some(area)) = (kind.structure, area) {

@@ -32,7 +32,7 @@ impl Stage {
         let text = format!("[[plc]]\nname = 'line'\n[plc.drive]\nenable = 'at_power_on'\n{drive}");
         let config = PlantConfig::parse("baps", &text).unwrap();
         let mut images = Vec::new();
-        let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
+        let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
         let ram = Ram::of(plant.devices()[0].segment()).unwrap();
         Stage { base: ram.at(BAPS).unwrap(), ram, plant, _images: images }
     }

@@ -105,7 +105,7 @@ pub struct Dead {
 
 impl Dead {
     pub fn new() -> Dead {
-        let segment = Segment::heap(SEGMENT_END);
+        let segment = Segment::of(&DEVICE);
         Dead { ram: Ram::of(&segment).unwrap(), header: segment.header().unwrap() }
     }
 

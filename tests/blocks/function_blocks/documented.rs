@@ -57,7 +57,7 @@ fn presets(device: &Registered, kind: &BlockKind) -> Vec<PinValue> {
     };
     let area = device.layout.areas.iter().find(has);
     assert_eq!(area.is_some(), kind.structure.is_some(), "{} works on {:?}", kind.name, kind.structure);
-    let ram = Ram::of(&Segment::heap(device.layout.segment_size())).unwrap();
+    let ram = Ram::of(&Segment::of(device.layout)).unwrap();
     let offset = area.map_or(0, |area| area.first as usize);
     let block = kind.make(&Place { ram: &ram, offset, variables: &Variables::default() }).unwrap();
     assert_eq!(block.get("x_UNHEARD_OF"), None);

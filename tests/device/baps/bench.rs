@@ -41,7 +41,7 @@ impl Bench {
     pub fn of_plant(memory: Memory, text: &str) -> Bench {
         let config = PlantConfig::parse("baps", text).unwrap();
         let mut images = Vec::new();
-        let plant = Plant::new(&config, |plc| segment(memory, plc, &mut images)).unwrap();
+        let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
         let regs = plant.devices()[0].segment().view(BAPS).unwrap();
         Bench { plant, regs, _images: images }
     }

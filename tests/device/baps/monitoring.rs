@@ -3,7 +3,7 @@
 use super::bench::*;
 use crate::rig::{Memory, RATES};
 use commram::devices::cansync::drive::State;
-use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
+use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, DEVICE, NODE2};
 use commram::plant::Power;
 
 const MONITORING: &str = "[plc.drive.monitoring]\ncyclic_data = { time_us = 100000, reaction = 'quick_stop' }\n\
@@ -95,8 +95,5 @@ fn another_pwm_frequency_is_a_finding() {
     let findings: Vec<_> = bench.plant.journal().findings().iter().map(|entry| entry.last).collect();
     assert_eq!(findings.len(), 1);
     assert_eq!((findings[0].rule.id(), findings[0].value), ("drive-pwm", 5));
-    assert_eq!(
-        findings[0].name(commram::journal::Names::default().device(0)).as_deref(),
-        Some("baps.ud_PAR_VALUE")
-    );
+    assert_eq!(findings[0].name(&DEVICE).as_deref(), Some("baps.ud_PAR_VALUE"));
 }

@@ -8,7 +8,7 @@ use cases::Case;
 use commram::check::rules;
 use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::registers::*;
-use commram::journal::{Entry, Names, Rule};
+use commram::journal::{Entry, Rule};
 use commram::memory::Width;
 
 fn cases() -> impl Iterator<Item = &'static Case> {
@@ -20,7 +20,7 @@ fn findings(rig: &Rig) -> Vec<Entry> {
 }
 
 fn device() -> &'static commram::layout::Device {
-    Names::default().device(0)
+    &DEVICE
 }
 
 fn names(entries: &[Entry]) -> Vec<(&'static str, Option<String>)> {

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::rig::{BOTH, Memory};
-use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 use commram::fault::{Effect, Limit, MAX_AT_US, MAX_FAULTS, NodeEffect, Refusal, SlaveEffect, SyncEffect};
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
@@ -77,7 +76,7 @@ fn faults_of_the_plant_file_begin_at_their_time() {
                 [[fault]]\nkind = 'lose_frame'\nbus = 'b'\nslot = 'WRC1'\nat_us = 5000\n";
     let config = PlantConfig::parse("faults", text).unwrap();
     let mut plant =
-        Plant::new(&config, |_| Ok::<_, crate::rig::RigError>(Segment::heap(SEGMENT_END))).unwrap();
+        Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();
     let acting = |plant: &Plant| plant.faults().map(|fault| (fault.id, fault.acting)).collect::<Vec<_>>();
     assert_eq!(acting(&plant), [(1, true), (2, false)]);
     plant.advance_to(5_000);

@@ -236,7 +236,7 @@ fn a_sync_slot_of_another_rate_is_found_and_hinders_locking() {
         (&cansync::rules::DRIVE_SYNC_SLOT, 2000, 1)
     );
     assert_eq!(
-        findings[0].0.name(commram::journal::Names::default().device(0)).as_deref(),
+        findings[0].0.name(&commram::devices::omega_drive_line_2::registers::DEVICE).as_deref(),
         Some("node2.a_DATA_PARAMETER[1].d_PAR_VALUE")
     );
     enter_parameter(&rig, DRIVE, 0x05, 167, 4000);

@@ -7,7 +7,7 @@ use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
 use commram::devices::cansync::firmware::{Change, Master, NodeState, Seat};
 use commram::devices::omega_drive_line_2::registers::{
-    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
+    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2,
 };
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
@@ -25,7 +25,7 @@ pub struct Bench {
 impl Bench {
     pub fn new(memory: Memory) -> Self {
         let mut images = Vec::new();
-        let segment = segment(memory, "a", &mut images).unwrap();
+        let segment = segment(memory, "a", &DEVICE, &mut images).unwrap();
         let mut bench = Bench {
             regs: segment.view(NODE2).unwrap(),
             init: segment.view(NODE2).unwrap(),

@@ -2,7 +2,6 @@
 
 use crate::active::activate;
 use commram::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
-use commram::devices::omega_drive_line_2::registers::SEGMENT_END;
 use commram::memory::{MemoryError, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;
@@ -26,8 +25,8 @@ pub fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
         let _ = writeln!(text, "[[bus.drive]]\nname = 'drive{number}'\nslave_number = {number}");
     }
     let config = PlantConfig::parse("bench", &text).expect("the plant is a good one");
-    let mut plant =
-        Plant::new(&config, |_| Ok::<_, Failed>(Segment::heap(SEGMENT_END))).expect("the plant can be built");
+    let mut plant = Plant::new(&config, |_plc, device| Ok::<_, Failed>(Segment::of(device)))
+        .expect("the plant can be built");
     let segment = plant.devices()[0].segment().clone();
     let master = activate(&segment, 0..=drives - 1, |us| plant.advance_to(plant.now() + us));
     let edge = plant.next_sync(0, 2).expect("SYNC runs");
