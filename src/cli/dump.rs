@@ -227,6 +227,7 @@ fn views<'a>(session: &Session, parts: &'a [Part], snapshot: &'a Snapshot) -> Ve
         prefix: session.prefix(part.plc),
         plc: session.plcs().get(usize::from(part.plc)).cloned().unwrap_or_default(),
         number: part.plc,
+        device: session.device(part.plc),
         snapshot,
     };
     parts.iter().map(view).collect()
@@ -241,6 +242,7 @@ struct View<'a> {
     plc: String,
     prefix: String,
     number: u16,
+    device: &'static Device,
     snapshot: &'a Snapshot,
 }
 
@@ -269,7 +271,7 @@ impl View<'_> {
         let live = self.live();
         match &self.selection.registers {
             Some(registers) => registers.iter().filter(|register| is_live(register, live)).copied().collect(),
-            None => Fitted::unknown(&DEVICE).registers_in(self.area(), live).collect(),
+            None => Fitted::unknown(self.device).registers_in(self.area(), live).collect(),
         }
     }
 

@@ -27,10 +27,7 @@ pub struct Bm4 {
 impl Bm4 {
     fn new(text: &str) -> Self {
         let config = PlantConfig::parse("bm4", text).unwrap();
-        let build = |name: &str| {
-            let device = config.device(name).unwrap().layout();
-            Ok::<_, Failed>(Segment::heap(device.segment_size()))
-        };
+        let build = |_: &str, device| Ok::<_, Failed>(Segment::of(device));
         Bm4 { plant: Plant::new(&config, build).unwrap() }
     }
 
