@@ -11,8 +11,8 @@ use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
 use crate::journal::Origin;
-use crate::layout;
 use crate::layout::flags::is_flag;
+use crate::layout::{self, Fit, Fitted, Role};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, MemoryError, Segment, View, Width};
 
@@ -161,6 +161,19 @@ impl Device for Bm4Plc {
 
     fn board(&self) -> BoardState {
         BoardState::of(&self.header)
+    }
+
+    fn fitted(&self) -> Fitted {
+        let layout = self.layout();
+        let empty =
+            layout.ports.iter().fold(Fitted::unknown(layout), |it, port| it.with(port.number, Fit::Empty));
+        self.modules.iter().fold(empty, |fitted, module| {
+            let role = match module.kind {
+                ModuleKind::Can06 => Role::Master,
+                ModuleKind::Can05 => Role::Slave,
+            };
+            fitted.with(module.number, Fit::As(role))
+        })
     }
 
     /// DIP switches and LEDs are the modules'; a program and a switch for it are not described (decision D-366).
