@@ -12,7 +12,7 @@ struct Played {
 }
 
 impl Played {
-    fn new(device: &commram::layout::Device) -> Self {
+    fn new(device: &'static commram::layout::Device) -> Self {
         let segment = Segment::of(device);
         Played { ram: Ram::of(&segment).unwrap(), header: segment.header().unwrap() }
     }
