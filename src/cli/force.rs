@@ -3,6 +3,7 @@
 use super::Instance;
 use super::device::of_any_device;
 use super::error::CliError;
+#[cfg(feature = "channel")]
 use super::place::Place;
 use super::table::FormatArg;
 

@@ -24,7 +24,7 @@ pub enum Ring {
     Rare,
 }
 
-/// What the journal can tell. The fields, number and name come from [`coded!`](super::coded::coded).
+/// What the journal can tell. The fields, number and name come from `coded!`.
 pub trait Told: Coded {
     /// How the journal keeps it.
     #[inline]

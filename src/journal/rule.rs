@@ -1,5 +1,5 @@
 //! What a rule of the access checker is: what a PLC program may do wrong, how bad it is, and where that is written.
-//! The rules themselves belong to those who find what breaks them, and are declared with [`rules!`].
+//! The rules themselves belong to those who find what breaks them, and are declared with `rules!`.
 
 use core::fmt;
 

@@ -42,6 +42,7 @@ pub(crate) struct TestHost {
     /// Raises `stop` at this time.
     pub stop_at: u64,
     /// Whether the real-time clock of the test server stands still.
+    #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub is_frozen: bool,
 }
 
@@ -74,6 +75,7 @@ impl TestHost {
     }
 
     /// Writes a WORD of PLC 0 as another program does.
+    #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub fn store(&self, offset: u32, value: u16) {
         self.plant.devices()[0].segment().store(offset, Width::Word, value.into()).unwrap();
     }

@@ -319,7 +319,7 @@ fn what_does_not_exist_is_wrong_use_before_any_emulator_is_asked() {
     assert!(fails(&["wait", "node2.w_CPU_CONTROL=1"]).contains("write REG==VALUE"));
     assert!(fails(&["wait", "node2.w_CPU_CONTROL==1", "--within", "5"]).contains("5us, 5ms or 5s"));
     assert!(fails(&["poke", "node2.w_CPU_CONTROL"]).contains("write REG=VALUE"));
-    assert!(fails(&["step", "--to-sync", "node3"]).contains("node1 and node2"));
+    assert!(fails(&["step", "--to-sync", "node3"]).contains("the ports are node1, node2"));
     assert!(fails(&["step", "2 parsecs"]).contains("for example 250us, 2ms or 1.5s"));
     assert!(fails(&["step"]).contains("<TIME>"));
     assert!(fails(&["peek"]).contains("<REG>"));

@@ -5,7 +5,7 @@ use crate::plc::function_block;
 macro_rules! inputs {
     ($($index:literal $name:ident,)*) => {
         function_block! {
-            /// Collects the slave types for input `a_SL_TYP` of [`CANsync_INIT`](super::CANsync_INIT)
+            /// Collects the slave types for input `a_SL_TYP` of `CANsync_INIT`
             /// (manual p. 261-262). Touches no register.
             pub struct CANsync_SL_TYP_INIT() {
                 in {

@@ -13,7 +13,7 @@ const CHANGE: u8 = 1 << 1;
 const TIMEOUT: u16 = 1 << 0;
 
 function_block! {
-    /// Does the up- and downloads of [`CANsync_UPDOWNLOAD_MA`](super::CANsync_UPDOWNLOAD_MA) at the slave
+    /// Does the up- and downloads of `CANsync_UPDOWNLOAD_MA` at the slave
     /// (manual p. 268-271).
     pub struct CANsync_UPDOWNLOAD_SL(_BASE: Base<CANsync_SL_CTRL_BMSTRUCT>) {
         in {

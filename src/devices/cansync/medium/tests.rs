@@ -129,9 +129,9 @@ impl Bench {
 
     /// When in its interval, which is as long as `rate` says, the last frame of this kind began.
     fn last(&self, kind: FrameKind, rate: &BaudRate) -> Option<u32> {
-        let frames =
+        let mut frames =
             self.journal.records().filter_map(|it| Some((it.time_us, it.event.get::<Transmitted>()?.frame)));
-        let (end, frame) = frames.filter(|(_, frame)| frame.kind() == Some(kind)).last()?;
+        let (end, frame) = frames.rfind(|(_, frame)| frame.kind() == Some(kind))?;
         let begin = end - u64::from(wire::airtime(&frame, rate.kbit_per_s.into()).delivery_us);
         u32::try_from(begin % interval_us(rate)).ok()
     }
