@@ -39,7 +39,7 @@ pub struct Rule {
 }
 
 impl Rule {
-    /// A rule; [`rules!`] declares them. Number and name belong to it alone.
+    /// A rule; `rules!` declares them. Number and name belong to it alone.
     pub const fn new(
         number: u8,
         id: &'static str,
