@@ -82,7 +82,7 @@ pub(super) struct Domain {
 impl Domain {
     /// The domain of `instance` in `root` for its owner, who makes it. As long as the second value lives, those who
     /// leave do not sweep.
-    pub fn own(instance: &str, root: &FsPath) -> Result<(Self, Held), RootError> {
+    pub(crate) fn own(instance: &str, root: &FsPath) -> Result<(Self, Held), RootError> {
         let start = Instant::now();
         loop {
             let directory = Arc::new(PrivateDir::create(root)?);
@@ -104,7 +104,7 @@ impl Domain {
     }
 
     /// The domain of `instance` in `root`; `None` if there is none.
-    pub fn find(instance: &str, root: &FsPath) -> Result<Option<Self>, RootError> {
+    pub(crate) fn find(instance: &str, root: &FsPath) -> Result<Option<Self>, RootError> {
         let Some(directory) = PrivateDir::open(root)? else { return Ok(None) };
         let tag = tag(instance, &canonical(root)?);
         let Some(prefix) = prefix(&directory, &tag) else { return Ok(None) };
@@ -128,7 +128,7 @@ impl Domain {
     }
 
     /// Begins anew, with a prefix that nobody knows. Only for its owner: whoever is still connected is cut off.
-    pub fn renew(self) -> Result<Self, RootError> {
+    pub(crate) fn renew(self) -> Result<Self, RootError> {
         self.sweep();
         let prefix =
             new_prefix(&self.root, &self.tag).map_err(|source| io_error(self.root.path(), source))?;
@@ -136,7 +136,7 @@ impl Domain {
     }
 
     /// A node of its own for one end of the channel.
-    pub fn node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
+    pub(crate) fn node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
         NodeBuilder::new()
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -145,7 +145,7 @@ impl Domain {
 
     /// The service of the domain. One request per client may be under way, and a client that has given
     /// up does not block the next: its request is overwritten or skipped.
-    pub fn service(node: &Node<Ipc>) -> Option<ServiceBuilder> {
+    pub(crate) fn service(node: &Node<Ipc>) -> Option<ServiceBuilder> {
         let name = ServiceName::new("commram.channel").ok()?;
         let builder = node
             .service_builder(&name)
@@ -165,7 +165,7 @@ impl Domain {
 
     /// The owner's node. iceoryx2 opens one file to every user, the counter of the prefix's nodes; a private copy takes
     /// its place before anybody relies on it.
-    pub fn owners_node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
+    pub(crate) fn owners_node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
         let node = self.node()?;
         match shm::make_private(&self.prefix) {
             Ok(false) => return Ok(node),
@@ -193,25 +193,25 @@ impl Domain {
     }
 
     /// Whether a living process has announced itself.
-    pub fn is_served(&self) -> bool {
+    pub(crate) fn is_served(&self) -> bool {
         self.announced().is_some_and(ProcessId::is_running)
     }
 
     /// Says that the server, which is this process, is ready. Clients stay away from the domain until then, so that
     /// they do not meet the sweep before it.
-    pub fn announce(&self) -> Result<(), RootError> {
+    pub(crate) fn announce(&self) -> Result<(), RootError> {
         let published = self.root.publish(READY, &format!("{}\n", ProcessId::own()));
         published.map_err(|source| io_error(self.root.path(), source))
     }
 
     /// Takes the announcement back.
-    pub fn withdraw(&self) {
+    pub(crate) fn withdraw(&self) {
         self.root.remove(READY);
     }
 
     /// Whether the server with process id `pid` has announced itself and not taken it back. An
     /// announcement that a killed server left has another id.
-    pub fn is_announced(&self, pid: u32) -> bool {
+    pub(crate) fn is_announced(&self, pid: u32) -> bool {
         self.announced().is_some_and(|process| process.pid == pid)
     }
 
@@ -221,31 +221,31 @@ impl Domain {
 
     /// Removes all that remains of earlier runs, unless a living process still uses the domain after
     /// `patience`.
-    pub fn sweep_if_unused(&self, patience: Duration) {
+    pub(crate) fn sweep_if_unused(&self, patience: Duration) {
         if settles(patience, || !self.in_use()) {
             self.sweep();
         }
     }
 
     /// Removes what dead processes left, while others may use the domain.
-    pub fn clean_up_after_the_dead(&self, node: &Node<Ipc>) {
+    pub(crate) fn clean_up_after_the_dead(&self, node: &Node<Ipc>) {
         self.remove_half_made();
         node.try_cleanup_dead_nodes();
     }
 
     /// Removes shared memory objects without content, on which others would wait for ever.
-    pub fn remove_half_made(&self) {
+    pub(crate) fn remove_half_made(&self) {
         for path in self.half_made() {
             let _ = std::fs::remove_file(path);
         }
     }
 
     /// Shared memory objects that stay without content, so that nobody can enter the domain.
-    pub fn half_made(&self) -> Vec<PathBuf> {
+    pub(crate) fn half_made(&self) -> Vec<PathBuf> {
         shm::half_made(&self.prefix)
     }
 
-    pub fn in_use(&self) -> bool {
+    pub(crate) fn in_use(&self) -> bool {
         if !self.root.path().join(DIRECTORIES[0]).exists() {
             return false;
         }
@@ -262,7 +262,7 @@ impl Domain {
 
     /// Removes everything of the domain. Only for the owner of the instance: whoever is still connected is
     /// cut off.
-    pub fn sweep(&self) {
+    pub(crate) fn sweep(&self) {
         for directory in DIRECTORIES {
             let _ = std::fs::remove_dir_all(self.root.path().join(directory));
         }
@@ -272,7 +272,7 @@ impl Domain {
     }
 
     /// Removes the root directory if nothing is in it any more.
-    pub fn remove_root(&self) {
+    pub(crate) fn remove_root(&self) {
         self.root.remove_if_empty();
     }
 }
@@ -286,7 +286,7 @@ pub(super) struct Guest {
 
 impl Guest {
     /// Enters a domain.
-    pub fn enter(domain: &Domain) -> Result<Self, NodeCreationFailure> {
+    pub(crate) fn enter(domain: &Domain) -> Result<Self, NodeCreationFailure> {
         // Ahead of the node: an attempt that fails leaves things behind as well.
         let leave = Leave(Box::new(domain.clone()));
         Ok(Guest { node: domain.node()?, _leave: leave })

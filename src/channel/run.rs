@@ -5,7 +5,7 @@ use crate::request::{Code, Execution, Host, MAX_OPS, Op, Refused};
 
 /// Whether a request is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
+pub(crate) enum Progress {
     /// All operations are answered, or one of them by an error.
     Done,
     /// A wait goes on; try again after the next firmware step.
@@ -14,7 +14,7 @@ pub enum Progress {
 
 /// A request under way.
 #[derive(Debug, Default)]
-pub struct Run {
+pub(crate) struct Run {
     /// Position of the next operation.
     next: usize,
     /// That operation.
@@ -25,7 +25,7 @@ pub struct Run {
 
 impl Run {
     /// Makes it ready for another request; the reply buffer's memory stays.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.next = 0;
         self.execution = Execution::default();
         self.replies.clear();
@@ -33,7 +33,7 @@ impl Run {
 
     /// Executes `ops` from where the last call stopped. They are read once each, so it does no harm if a
     /// hostile client changes them meanwhile.
-    pub fn go(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
+    pub(crate) fn go(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
         if ops.len() > MAX_OPS {
             let count = ops.len();
             let text = format_args!("{count} operations in one request are too many, at most {MAX_OPS}");
@@ -57,7 +57,7 @@ impl Run {
     }
 
     /// Ends a request that waits, because the emulator ends.
-    pub fn abort(&mut self) {
+    pub(crate) fn abort(&mut self) {
         self.replies.error(&Refused::shutting_down());
     }
 

@@ -54,7 +54,7 @@ pub(super) struct HeaderWatch {
 }
 
 impl HeaderWatch {
-    pub fn new(plc: u16, segment: &Segment) -> Result<Self, MemoryError> {
+    pub(crate) fn new(plc: u16, segment: &Segment) -> Result<Self, MemoryError> {
         let mut watch = HeaderWatch { plc, now: segment.header_words()?, left: [0; WORDS] };
         watch.leave();
         Ok(watch)
@@ -62,7 +62,7 @@ impl HeaderWatch {
 
     /// Notes the page as the firmware leaves it.
     #[inline]
-    pub fn leave(&mut self) {
+    pub(crate) fn leave(&mut self) {
         for (left, now) in self.left.as_chunks_mut().0.iter_mut().zip(self.now.as_chunks().0) {
             *left = Cell64::load_four(now);
         }
@@ -70,14 +70,14 @@ impl HeaderWatch {
 
     /// Notes the emulated time, which goes on also when the firmware has nothing to do.
     #[inline]
-    pub fn show_time(&mut self, now: u64) {
+    pub(crate) fn show_time(&mut self, now: u64) {
         const TIME: usize = offset_of!(Header, virtual_time_us) / WORD;
         self.left[TIME] = now;
     }
 
     /// Reports what was written since.
     #[inline]
-    pub fn look(&mut self, now: u64, journal: &mut Journal) {
+    pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
         let mut bits = [0; 4];
         let (left, watched) = (self.left.as_chunks::<4>().0, WATCHED.as_chunks::<4>().0);
         let rows = self.now.as_chunks::<4>().0.iter().zip(left).zip(watched);

@@ -41,7 +41,7 @@ impl OwnedWatch {
     ///
     /// # Errors
     /// If the image is too small for them.
-    pub fn new(
+    pub(crate) fn new(
         plc: u16,
         segment: &Segment,
         registers: impl Iterator<Item = RegisterRef>,
@@ -67,7 +67,7 @@ impl OwnedWatch {
 
     /// Notes the registers as the firmware leaves them.
     #[inline]
-    pub fn leave(&mut self) {
+    pub(crate) fn leave(&mut self) {
         for word in &mut self.words {
             word.left = word.now.load();
         }
@@ -75,7 +75,7 @@ impl OwnedWatch {
 
     /// Reports what was written since.
     #[inline]
-    pub fn look(&mut self, now: u64, journal: &mut Journal) {
+    pub(crate) fn look(&mut self, now: u64, journal: &mut Journal) {
         let differs =
             self.words.iter().fold(0, |all, word| all | (word.now.load() ^ word.left) & word.watched);
         if differs != 0 {
@@ -98,7 +98,7 @@ impl OwnedWatch {
     }
 
     /// A write of `bytes` bytes came through the channel, which is seen even if it has changed nothing.
-    pub fn written(&mut self, offset: u32, bytes: u32, time: u64, journal: &mut Journal) {
+    pub(crate) fn written(&mut self, offset: u32, bytes: u32, time: u64, journal: &mut Journal) {
         let hit = |register: &&RegisterRef| {
             register.offset() < offset + bytes && offset < register.offset() + register.width()
         };

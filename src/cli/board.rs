@@ -22,7 +22,7 @@ Examples:
   commram board set project=sent
   commram board reset
   commram board power-cycle line2")]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
 }
@@ -121,7 +121,7 @@ impl Entry {
 }
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Get { plc, format, instance } => get(plc.as_deref(), format, instance),
         Command::Set { settings, instance } => {

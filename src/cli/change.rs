@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 /// What is compared of a register; also how a dump in JSON is read back.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
-pub struct Held {
+pub(crate) struct Held {
     /// The PLC.
     pub plc: String,
     /// Name of the register with the PLC if need be, else the address.
@@ -30,7 +30,7 @@ impl From<Holding> for Held {
 
 /// A register that differs.
 #[derive(Debug, Serialize, PartialEq, Eq)]
-pub struct Change {
+pub(crate) struct Change {
     /// The PLC.
     pub plc: String,
     /// Name of the register with the PLC if need be, else the address.
@@ -65,7 +65,7 @@ impl Row for Change {
 }
 
 /// Lines for people: `node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for ...`.
-pub fn text(changes: &[Change]) -> String {
+pub(crate) fn text(changes: &[Change]) -> String {
     let value = |value: &Option<String>| value.clone().unwrap_or_else(|| ABSENT.to_owned());
     let cells = |change: &Change| {
         let values = format!("{} -> {}", value(&change.before), value(&change.after));
@@ -75,21 +75,21 @@ pub fn text(changes: &[Change]) -> String {
 }
 
 /// Registers by PLC and name.
-pub struct Known(BTreeMap<(String, String), Held>);
+pub(crate) struct Known(BTreeMap<(String, String), Held>);
 
 impl Known {
     /// Of registers with one name the last one counts.
-    pub fn new(registers: impl IntoIterator<Item = Held>) -> Self {
+    pub(crate) fn new(registers: impl IntoIterator<Item = Held>) -> Self {
         Known(registers.into_iter().map(|held| ((held.plc.clone(), held.register.clone()), held)).collect())
     }
 
     /// Whether the register is among them.
-    pub fn has(&self, held: &Held) -> bool {
+    pub(crate) fn has(&self, held: &Held) -> bool {
         self.0.contains_key(&(held.plc.clone(), held.register.clone()))
     }
 
     /// Those of `after` that are new or hold something else, in their order.
-    pub fn changed<'a>(&self, after: impl IntoIterator<Item = &'a Held>) -> Vec<Change> {
+    pub(crate) fn changed<'a>(&self, after: impl IntoIterator<Item = &'a Held>) -> Vec<Change> {
         let change = |now: &Held| {
             let before = self.0.get(&(now.plc.clone(), now.register.clone()));
             let differs = before.is_none_or(|before| before.hex != now.hex);
@@ -106,7 +106,7 @@ impl Known {
     }
 
     /// Those of `before` that are not among them, in their order.
-    pub fn missing(&self, before: &[Held]) -> Vec<Change> {
+    pub(crate) fn missing(&self, before: &[Held]) -> Vec<Change> {
         let change = |held: &Held| Change {
             plc: held.plc.clone(),
             register: held.register.clone(),
@@ -123,7 +123,7 @@ impl Known {
 ///
 /// # Errors
 /// `text` is none; `name` is what it is called.
-pub fn parse(name: &str, text: &str) -> Result<Vec<Held>, CliError> {
+pub(crate) fn parse(name: &str, text: &str) -> Result<Vec<Held>, CliError> {
     serde_json::from_str(text)
         .map_err(|error| CliError::NoDump { name: name.to_owned(), reason: error.to_string() })
 }

@@ -22,7 +22,7 @@ Examples:
   commram check --clear
   commram check --format json
   commram check --rules")]
-pub struct Args {
+pub(crate) struct Args {
     /// Forget the findings after having shown them
     #[arg(long)]
     clear: bool,
@@ -36,7 +36,7 @@ pub struct Args {
 }
 
 /// Prints findings or rules.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.rules {
         let rules: Vec<_> = devices::catalogue().rules.iter().copied().map(RuleRow::new).collect();
         return table::print(args.format.format, &rules, rules_text);

@@ -11,14 +11,14 @@ Examples:
   source <(commram completions bash)
   commram completions fish > ~/.config/fish/completions/commram.fish
   commram completions zsh > ~/.zfunc/_commram")]
-pub struct Args {
+pub(crate) struct Args {
     /// The shell
     #[arg(value_name = "SHELL")]
     shell: Shell,
 }
 
 /// Prints the script.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut command = clap::Command::new("commram").version(env!("CARGO_PKG_VERSION"));
     // Scripts have no notion of what is hidden, so it must not be there at all.
     for known in Cli::command().get_subcommands().filter(|known| !known.is_hide_set()) {

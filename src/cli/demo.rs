@@ -4,7 +4,7 @@
 //! and this one, which starts, watches and ends them.
 
 mod exchange;
-pub mod plc;
+pub(crate) mod plc;
 mod processes;
 mod trace;
 
@@ -12,7 +12,7 @@ use super::error::CliError;
 use super::{dump, output};
 use commram::plant::PlantConfig;
 use processes::{Emulator, POLL, SoftPlc};
-pub use processes::{Interrupts, command, end_with};
+pub(crate) use processes::{Interrupts, command, end_with};
 use std::time::{Duration, Instant};
 
 /// Everything together takes a few seconds; something hangs if it takes this long.
@@ -32,10 +32,10 @@ const GRACE: Duration = Duration::from_secs(2);
 Examples:
   commram demo
   commram demo | less")]
-pub struct Args {}
+pub(crate) struct Args {}
 
 /// Runs the demonstration.
-pub fn run(_args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(_args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
     let instance = format!("demo-{}", std::process::id());
     let devices = PlantConfig::built_in()?.devices;

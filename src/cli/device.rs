@@ -8,7 +8,7 @@ use commram::layout::{Device, LayoutError};
 
 /// The device whose registers are meant.
 #[derive(clap::Args)]
-pub struct DeviceArg {
+pub(crate) struct DeviceArg {
     /// The device
     #[arg(long = "device", value_name = "DEVICE", value_parser = known(), default_value = devices::DEVICES[0].layout.name)]
     pub device: &'static Device,
@@ -26,7 +26,9 @@ fn known() -> impl TypedValueParser<Value = &'static Device> {
 ///
 /// # Errors
 /// What the device says that has at least such an area, else the default one.
-pub fn on_any_device<T>(look_up: impl Fn(&'static Device) -> Result<T, LayoutError>) -> Result<T, CliError> {
+pub(crate) fn on_any_device<T>(
+    look_up: impl Fn(&'static Device) -> Result<T, LayoutError>,
+) -> Result<T, CliError> {
     let mut refusal = match look_up(devices::DEVICES[0].layout) {
         Ok(found) => return Ok(found),
         Err(refusal) => refusal,
@@ -51,6 +53,6 @@ pub fn on_any_device<T>(look_up: impl Fn(&'static Device) -> Result<T, LayoutErr
 /// As [`on_any_device`].
 ///
 /// [`Session::place`]: super::session::Session::place
-pub fn of_any_device(text: &str) -> Result<Place, CliError> {
+pub(crate) fn of_any_device(text: &str) -> Result<Place, CliError> {
     on_any_device(|device| Place::parse(device, text))
 }

@@ -28,7 +28,7 @@ Exit codes:
   0  nothing differs
   1  something differs, or the emulator is not there
   2  wrong use, or a file cannot be read")]
-pub struct Args {
+pub(crate) struct Args {
     /// A dump in JSON
     #[arg(value_name = "BEFORE")]
     before: PathBuf,
@@ -42,7 +42,7 @@ pub struct Args {
 }
 
 /// Prints what differs.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let before = read(&args.before)?;
     let known = Known::new(before.iter().cloned());
     let changes = match &args.after {

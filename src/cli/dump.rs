@@ -30,7 +30,7 @@ Examples:
   commram dump 'node2.a_RD_BMARRAY[3]' --all
   commram dump retain
   commram dump line2:node1 --format csv")]
-pub struct Args {
+pub(crate) struct Args {
     /// Blocks, arrays, registers or addresses, `retain` for the retain flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
     #[arg(value_name = "BLOCK")]
     blocks: Vec<String>,
@@ -59,7 +59,7 @@ impl Selection {
 }
 
 /// Prints the dump.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     print(&args.instance.name, &args.blocks, args.all, args.format.format)
 }
 
@@ -67,7 +67,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 ///
 /// # Errors
 /// As all commands that read.
-pub fn show(instance: &str, blocks: &[String]) -> Result<(), CliError> {
+pub(crate) fn show(instance: &str, blocks: &[String]) -> Result<(), CliError> {
     print(instance, blocks, false, Format::Text)
 }
 
@@ -84,10 +84,10 @@ fn print(instance: &str, blocks: &[String], all: bool, format: Format) -> Result
 }
 
 /// Blocks, arrays and registers of PLCs.
-pub struct Blocks(Vec<Part>);
+pub(crate) struct Blocks(Vec<Part>);
 
 /// All registers of some blocks at one moment.
-pub struct Dump {
+pub(crate) struct Dump {
     /// Emulated time, in microseconds.
     pub time_us: u64,
     /// The registers that are live.
@@ -97,7 +97,7 @@ pub struct Dump {
 }
 
 /// A register in a dump.
-pub struct DumpRow {
+pub(crate) struct DumpRow {
     /// What it holds.
     pub holding: Holding,
     /// Whether this is not its reset value.
@@ -108,7 +108,7 @@ pub struct DumpRow {
 ///
 /// # Errors
 /// No device has such a block or register.
-pub fn check(names: &[String]) -> Result<(), CliError> {
+pub(crate) fn check(names: &[String]) -> Result<(), CliError> {
     names
         .iter()
         .map(|name| split_plc(name).1)
@@ -120,7 +120,7 @@ impl Blocks {
     ///
     /// # Errors
     /// There is no such PLC, block or register.
-    pub fn find(session: &Session, names: &[String]) -> Result<Self, CliError> {
+    pub(crate) fn find(session: &Session, names: &[String]) -> Result<Self, CliError> {
         let mut parts = Vec::new();
         let mut add = |plc: u16, name: &str| {
             for selection in select(session.device(plc), name)? {
@@ -145,7 +145,7 @@ impl Blocks {
     ///
     /// # Errors
     /// The emulator has gone.
-    pub fn read(&self, session: &Session) -> Result<Dump, CliError> {
+    pub(crate) fn read(&self, session: &Session) -> Result<Dump, CliError> {
         let reads: Vec<_> = self.0.iter().flat_map(Part::reads).collect();
         let snapshot = session.read(&reads)?;
         let views = views(session, &self.0, &snapshot);

@@ -15,7 +15,7 @@ use thiserror::Error;
 
 /// Why a command did not do what it was asked for.
 #[derive(Debug, Error)]
-pub enum CliError {
+pub(crate) enum CliError {
     /// A register or block that does not exist.
     #[error("{0}")]
     Layout(#[from] LayoutError),
@@ -261,12 +261,12 @@ pub enum CliError {
 
 impl CliError {
     /// Exit code for an expectation that failed, or an emulator that is not there.
-    pub const FAILED: u8 = 1;
+    pub(crate) const FAILED: u8 = 1;
     /// Exit code for wrong use.
-    pub const WRONG_USE: u8 = 2;
+    pub(crate) const WRONG_USE: u8 = 2;
 
     /// The exit code of the process.
-    pub fn exit_code(&self) -> u8 {
+    pub(crate) fn exit_code(&self) -> u8 {
         let wrong_use = match self {
             Self::Layout(_)
             | Self::Unchecked(_)

@@ -18,7 +18,7 @@ Examples:
   commram export md > registers.md
 
 docs/export.md tells how each format is used.")]
-pub struct Args {
+pub(crate) struct Args {
     /// What to export
     #[arg(value_enum)]
     format: FormatArg,
@@ -58,7 +58,7 @@ impl ValueEnum for FormatArg {
 }
 
 /// Exports.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let format = match (args.format.0, args.elementary) {
         (format, false) => format,
         (Format::St, true) => Format::StElementary,

@@ -16,7 +16,7 @@ Examples:
   commram fault add lose_frame slot=WRC1 count=3
   commram fault list
   commram fault clear --all")]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
 }
@@ -105,7 +105,7 @@ struct Clear {
 }
 
 /// Adds, lists or clears faults.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Add(args) => {
             let spec = commram::fault::FaultSpec::from_words(&args.kind, &args.fields)?;

@@ -19,7 +19,7 @@ Examples:
   commram force 'node2.a_RD_BMARRAY[1][0]=-1000'
   commram force                                      list all forced registers
   commram force --format json")]
-pub struct Args {
+pub(crate) struct Args {
     /// Registers by name or address, and the values they keep; none: list the forced registers
     #[arg(value_name = "REG=VALUE")]
     writes: Vec<String>,
@@ -37,7 +37,7 @@ pub struct Args {
 Examples:
   commram unforce node2.w_OPTION_STATUS
   commram unforce --all")]
-pub struct UnforceArgs {
+pub(crate) struct UnforceArgs {
     /// Registers by name or address
     #[arg(value_name = "REG", required_unless_present = "all")]
     registers: Vec<String>,
@@ -50,7 +50,7 @@ pub struct UnforceArgs {
 
 /// Forces registers, or lists them.
 #[cfg(feature = "channel")]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::{poke, session::Session};
     use commram::request::Op;
 
@@ -109,7 +109,7 @@ pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
 
 /// Lets registers go.
 #[cfg(feature = "channel")]
-pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
+pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
     use commram::request::Op;
 

@@ -19,7 +19,7 @@ Examples:
   commram layout import BM_TYPES.st --check
   commram layout import BM_TYPES.st && cargo build --release"
 )]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
 }
@@ -116,7 +116,7 @@ fn pair(text: &str) -> Result<(String, String), String> {
 }
 
 /// Runs the subcommand.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Import(args) => import(args),
     }

@@ -15,7 +15,7 @@ use serde::Serialize;
 Examples:
   commram list
   commram list --format json")]
-pub struct Args {
+pub(crate) struct Args {
     #[command(flatten)]
     format: FormatArg,
 }
@@ -48,7 +48,7 @@ impl Row for Entry {
 }
 
 /// Prints the instances.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let entries = entries(commram::memory::list()?);
     table::print(args.format.format, &entries, |entries| match entries {
         [] => "no instance is running; start one with `commram run`\n".to_owned(),

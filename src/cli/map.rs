@@ -24,7 +24,7 @@ Examples:
 Provenance: facts marked `manual` are stated in the manual, or with a name behind it in the vendor's
 library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from.
 Names of blocks (baps, node1, ...) are ours (D-220).")]
-pub struct Args {
+pub(crate) struct Args {
     /// A register, an array, an address or a block [default: everything]
     #[arg(value_name = "NAME|ADDRESS|BLOCK")]
     what: Option<String>,
@@ -38,7 +38,7 @@ pub struct Args {
 }
 
 /// Prints the map.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     // The map is the same for all PLCs.
     let what = args.what.as_deref().map(|text| split_plc(text).1);
     let device = args.device.device;

@@ -121,7 +121,7 @@ fn instance_name(text: &str) -> Result<String, commram::memory::MemoryError> {
 }
 
 /// Parses the command line and runs the command.
-pub fn main() -> ExitCode {
+pub(crate) fn main() -> ExitCode {
     let result = match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
         Err(error) => return refuse(&error),

@@ -7,7 +7,7 @@ use std::io::{self, Write};
 ///
 /// # Errors
 /// [`CliError::BrokenPipe`] if nobody reads it any more, [`CliError::Output`] for all else.
-pub fn print(text: &str) -> Result<(), CliError> {
+pub(crate) fn print(text: &str) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|reason| match reason.kind() {
         io::ErrorKind::BrokenPipe => CliError::BrokenPipe,
@@ -16,16 +16,16 @@ pub fn print(text: &str) -> Result<(), CliError> {
 }
 
 /// Writes a complaint to the standard error output. If even that fails, nobody is left to be told.
-pub fn complain(text: &str) {
+pub(crate) fn complain(text: &str) {
     let _ = writeln!(io::stderr().lock(), "commram: {text}");
 }
 
 /// Writes something worth knowing, which is no error, to the standard error output.
-pub fn note(text: &str) {
+pub(crate) fn note(text: &str) {
     complain(&format!("note: {text}"));
 }
 
 /// Shows help to somebody who has not asked for it.
-pub fn print_help(text: &str) {
+pub(crate) fn print_help(text: &str) {
     let _ = write!(io::stderr().lock(), "{text}");
 }

@@ -16,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 const INTERVAL: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
 /// What came of a look.
-pub enum Look<T> {
+pub(crate) enum Look<T> {
     /// The emulator has answered.
     Seen(T),
     /// Not this time: another client lets much time pass, and a stepped emulator answers when it has.
@@ -30,7 +30,7 @@ impl<T> Look<T> {
     ///
     /// # Errors
     /// Any other error.
-    pub fn of(result: Result<T, CliError>, instance: &str) -> Result<Self, CliError> {
+    pub(crate) fn of(result: Result<T, CliError>, instance: &str) -> Result<Self, CliError> {
         match result {
             Ok(seen) => Ok(Look::Seen(seen)),
             Err(CliError::Client(ClientError::Timeout { .. })) => Ok(Look::Later),
@@ -52,7 +52,7 @@ fn has_ended(error: &ClientError) -> bool {
 }
 
 /// Why a pause is over.
-pub enum Wake {
+pub(crate) enum Wake {
     /// Its time.
     Time,
     /// A signal asks the process to end.
@@ -62,14 +62,14 @@ pub enum Wake {
 }
 
 /// Pauses that end early when there is no more to do.
-pub struct Pause {
+pub(crate) struct Pause {
     /// A signal writes a byte to its other end.
     signals: UnixStream,
 }
 
 impl Pause {
     /// From here on the first signal ends a pause, the second one the process.
-    pub fn new() -> Result<Self, CliError> {
+    pub(crate) fn new() -> Result<Self, CliError> {
         Self::on_signals().map_err(|reason| CliError::Signals { reason })
     }
 
@@ -84,7 +84,7 @@ impl Pause {
         Ok(Self { signals })
     }
 
-    pub fn wait(&mut self) -> Result<Wake, CliError> {
+    pub(crate) fn wait(&mut self) -> Result<Wake, CliError> {
         let out = io::stdout();
         // Nothing is asked of the output: that its reader has gone is always told.
         let mut files = [PollFd::new(&self.signals, PollFlags::IN), PollFd::new(&out, PollFlags::empty())];

@@ -19,7 +19,7 @@ Examples:
   commram peek 'node2.a_STAT_SL[1]' 'node2.a_STAT_SL[2]' 'node2.a_STAT_SL[3]'
   commram peek --raw %MW3.200002
   commram peek line2:node1.w_OPTION_STATUS --format json")]
-pub struct Args {
+pub(crate) struct Args {
     /// Registers by name or address
     #[arg(value_name = "REG", required = true)]
     registers: Vec<String>,
@@ -34,7 +34,7 @@ pub struct Args {
 
 /// A register and what it holds.
 #[derive(Serialize)]
-pub struct Holding {
+pub(crate) struct Holding {
     /// Emulated time, in microseconds.
     pub time_us: u64,
     /// The PLC.
@@ -58,7 +58,7 @@ pub struct Holding {
 
 impl Holding {
     /// The meaning, with a mark if the register is forced.
-    pub fn marked_meaning(&self) -> String {
+    pub(crate) fn marked_meaning(&self) -> String {
         let mark = if self.forced { "[forced] " } else { "" };
         format!("{mark}{}", self.meaning)
     }
@@ -84,7 +84,7 @@ impl Row for Holding {
 }
 
 /// Reads the registers and prints them.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
     let session = Session::open_for_reading(&args.instance.name)?;
     let places = args.registers.iter().map(|text| session.place(text)).collect::<Result<Vec<_>, _>>()?;
@@ -101,7 +101,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
 ///
 /// # Errors
 /// A PLC that does not exist or is missing, or the emulator has gone.
-pub fn read(session: &Session, places: &[Place]) -> Result<Vec<Holding>, CliError> {
+pub(crate) fn read(session: &Session, places: &[Place]) -> Result<Vec<Holding>, CliError> {
     let plcs = places.iter().map(|place| session.plc_of(place)).collect::<Result<Vec<_>, _>>()?;
     let mut reads: Vec<_> = places.iter().zip(&plcs).map(|(place, &plc)| Read::place(plc, place)).collect();
     // Which of two overlaid structures is live follows from a register, read at the same moment.
@@ -124,7 +124,14 @@ pub fn read(session: &Session, places: &[Place]) -> Result<Vec<Holding>, CliErro
 }
 
 /// What a place of PLC `plc` holds, in phase `live`, at an emulated time.
-pub fn holding(session: &Session, place: &Place, plc: u16, live: Live, value: u32, time_us: u64) -> Holding {
+pub(crate) fn holding(
+    session: &Session,
+    place: &Place,
+    plc: u16,
+    live: Live,
+    value: u32,
+    time_us: u64,
+) -> Holding {
     let ty = place.ty(live);
     let bit = place.bit();
     Holding {
@@ -141,13 +148,13 @@ pub fn holding(session: &Session, place: &Place, plc: u16, live: Live, value: u3
 }
 
 /// `node2.w_OPTION_STATUS = 16#0043  synchronous operation of the master is being set up`
-pub fn line(holding: &Holding) -> String {
+pub(crate) fn line(holding: &Holding) -> String {
     let Holding { register, hex, .. } = holding;
     let line = format!("{register} = {hex}  {}", holding.marked_meaning());
     format!("{}\n", line.trim_end())
 }
 
 /// The number in little-endian bytes.
-pub fn number(bytes: &[u8]) -> u32 {
+pub(crate) fn number(bytes: &[u8]) -> u32 {
     bytes.iter().take(4).rev().fold(0, |number, &byte| number << 8 | u32::from(byte))
 }

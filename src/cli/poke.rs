@@ -18,7 +18,7 @@ Examples:
   commram poke 'node2.a_WR_VALUE[0]=-1000' node2.b_CTRLREG_WRC1=16#05
   commram poke %MW3.200000=0x20
   commram poke line2:node2.w_CPU_CONTROL=0")]
-pub struct Args {
+pub(crate) struct Args {
     /// Registers by name or address, and their new values
     #[arg(value_name = "REG=VALUE", required = true)]
     writes: Vec<String>,
@@ -30,7 +30,10 @@ pub struct Args {
 ///
 /// # Errors
 /// What is wrong with the notation, the register or the value.
-pub fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<(Place, u32), CliError> {
+pub(crate) fn parse(
+    text: &str,
+    place: impl Fn(&str) -> Result<Place, CliError>,
+) -> Result<(Place, u32), CliError> {
     let wrong = |right: &str| CliError::Argument { text: text.to_owned(), right: right.to_owned() };
     let example = "write REG=VALUE, for example node2.w_CPU_CONTROL=16#0001";
     let (register, value) = text.split_once('=').ok_or_else(|| wrong(example))?;
@@ -47,7 +50,7 @@ pub fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Res
 
 /// Writes the registers.
 #[cfg(feature = "channel")]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use commram::request::Op;
 

@@ -30,7 +30,7 @@ Examples:
   commram run plant.toml --speed 10
   commram run --novram ~/.local/state/commram
   commram run --layout layouts/omega-drive-line-2")]
-pub struct Args {
+pub(crate) struct Args {
     /// The plant: PLCs, buses, drives
     #[arg(value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
@@ -66,7 +66,7 @@ enum ClockArg {
 }
 
 /// Runs the emulator.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let options = Options {
         instance: args.instance.name.clone(),
         clock: clock(args)?,
@@ -160,7 +160,7 @@ fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {
 }
 
 /// `real time`, or `real time x 2.5`.
-pub fn real_time_name(speed: f64) -> String {
+pub(crate) fn real_time_name(speed: f64) -> String {
     if speed == 1.0 { "real time".to_owned() } else { format!("real time x {speed}") }
 }
 

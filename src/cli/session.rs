@@ -11,7 +11,7 @@ use commram::plant::Forced;
 
 /// Registers to be read.
 #[derive(Clone, Copy, Debug)]
-pub enum Read {
+pub(crate) enum Read {
     /// One register.
     Register {
         /// Number of the PLC.
@@ -34,19 +34,19 @@ pub enum Read {
 
 impl Read {
     /// Reads a register of PLC `plc`.
-    pub fn register(plc: u16, register: &RegisterRef) -> Self {
+    pub(crate) fn register(plc: u16, register: &RegisterRef) -> Self {
         Self::Register { plc, offset: register.offset(), width: Width::of(register.ty()) }
     }
 
     /// Reads a place of PLC `plc`.
-    pub fn place(plc: u16, place: &Place) -> Self {
+    pub(crate) fn place(plc: u16, place: &Place) -> Self {
         Self::Register { plc, offset: place.offset(), width: place.width() }
     }
 }
 
 /// What was read, all at one moment of emulated time if the emulator lives.
 #[derive(Debug)]
-pub struct Snapshot {
+pub(crate) struct Snapshot {
     /// That moment, in microseconds.
     pub time_us: u64,
     /// The bytes, one item per read; registers in little-endian order.
@@ -57,7 +57,7 @@ pub struct Snapshot {
 
 impl Snapshot {
     /// Whether one of `len` bytes at `offset` of PLC `plc` was forced.
-    pub fn is_forced(&self, plc: u16, offset: u32, len: u32) -> bool {
+    pub(crate) fn is_forced(&self, plc: u16, offset: u32, len: u32) -> bool {
         self.forces.iter().any(|forced| {
             forced.plc == plc && forced.offset < offset + len && offset < forced.offset + forced.width.bytes()
         })
@@ -65,7 +65,7 @@ impl Snapshot {
 }
 
 /// An open way to an instance.
-pub struct Session {
+pub(crate) struct Session {
     instance: String,
     plcs: Vec<String>,
     /// What each of them is.
@@ -85,7 +85,7 @@ impl Session {
     ///
     /// # Errors
     /// Nothing of that name is there, or it cannot be used.
-    pub fn open_for_reading(instance: &str) -> Result<Self, CliError> {
+    pub(crate) fn open_for_reading(instance: &str) -> Result<Self, CliError> {
         let images = images_of(instance)?;
         if let Some(pid) = dead(&images) {
             output::note(&format!(
@@ -117,7 +117,7 @@ impl Session {
     }
 
     /// The names of its PLCs.
-    pub fn plcs(&self) -> &[String] {
+    pub(crate) fn plcs(&self) -> &[String] {
         &self.plcs
     }
 
@@ -125,7 +125,7 @@ impl Session {
     ///
     /// # Errors
     /// No such PLC, or none given and several there.
-    pub fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, CliError> {
+    pub(crate) fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, CliError> {
         let plcs = || self.plcs.join(", ");
         let instance = || self.instance.clone();
         let Some(plc) = plc else {
@@ -148,7 +148,7 @@ impl Session {
     }
 
     /// What PLC `plc` is.
-    pub fn device(&self, plc: u16) -> &'static Device {
+    pub(crate) fn device(&self, plc: u16) -> &'static Device {
         self.devices.get(usize::from(plc)).copied().unwrap_or(&Device::UNKNOWN)
     }
 
@@ -156,7 +156,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::plc`], or its device has no such register or address.
-    pub fn place(&self, text: &str) -> Result<Place, CliError> {
+    pub(crate) fn place(&self, text: &str) -> Result<Place, CliError> {
         let (plc, name) = split_plc(text);
         Ok(Place::parse(self.device(self.plc(plc, name)?), text)?)
     }
@@ -166,7 +166,7 @@ impl Session {
     /// # Errors
     /// As [`Session::plc`], or its device has no such port.
     #[cfg(feature = "channel")]
-    pub fn port(&self, text: &str) -> Result<(u16, u8), CliError> {
+    pub(crate) fn port(&self, text: &str) -> Result<(u16, u8), CliError> {
         let (plc, name) = split_plc(text);
         let first = || self.device(0).first_master().map_or("", |port| port.name);
         let name = if name.is_empty() { first() } else { name };
@@ -178,12 +178,12 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::plc`].
-    pub fn plc_of(&self, place: &Place) -> Result<u16, CliError> {
+    pub(crate) fn plc_of(&self, place: &Place) -> Result<u16, CliError> {
         self.plc(place.plc.as_deref(), place.text())
     }
 
     /// What stands in front of register names: the PLC, if there are several.
-    pub fn prefix(&self, plc: u16) -> String {
+    pub(crate) fn prefix(&self, plc: u16) -> String {
         plc_prefix(&self.plcs, plc)
     }
 
@@ -191,7 +191,7 @@ impl Session {
     ///
     /// # Errors
     /// The emulator has gone.
-    pub fn retain_bytes(&self, plc: u16) -> Result<u32, CliError> {
+    pub(crate) fn retain_bytes(&self, plc: u16) -> Result<u32, CliError> {
         let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
         let (image, _) = devices::attach(&self.instance, name, AttachMode::ReadOnly)?;
         Ok(image.header_snapshot().retain_size.load())
@@ -201,7 +201,7 @@ impl Session {
     ///
     /// # Errors
     /// The emulator has gone or refuses.
-    pub fn read(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
+    pub(crate) fn read(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
         match &self.door {
             #[cfg(feature = "channel")]
             Door::Channel(_) => self.read_by_channel(reads),
@@ -213,7 +213,7 @@ impl Session {
     ///
     /// # Errors
     /// The emulator has gone.
-    pub fn boards(&self) -> Result<Vec<(String, BoardState)>, CliError> {
+    pub(crate) fn boards(&self) -> Result<Vec<(String, BoardState)>, CliError> {
         let states: Vec<BoardState> = match &self.door {
             #[cfg(feature = "channel")]
             Door::Channel(_) => self.boards_by_channel()?,
@@ -254,7 +254,7 @@ mod by_channel {
         ///
         /// # Errors
         /// Nothing of that name lives, or the channel cannot be had.
-        pub fn open(instance: &str, waits_us: u64) -> Result<Self, CliError> {
+        pub(crate) fn open(instance: &str, waits_us: u64) -> Result<Self, CliError> {
             let images = images_of(instance)?;
             match dead(&images) {
                 Some(pid) => Err(CliError::Dead { instance: instance.to_owned(), pid }),
@@ -278,7 +278,7 @@ mod by_channel {
         ///
         /// # Errors
         /// There is none.
-        pub fn into_client(self) -> Result<Client, CliError> {
+        pub(crate) fn into_client(self) -> Result<Client, CliError> {
             match self.door {
                 Door::Channel(client) => Ok(client),
                 Door::Images(_) => Err(no_channel(&self.instance)),
@@ -289,7 +289,7 @@ mod by_channel {
         ///
         /// # Errors
         /// The first operation that was refused, or no reply.
-        pub fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
+        pub(crate) fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
             let Door::Channel(client) = &self.door else {
                 return Err(no_channel(&self.instance));
             };
@@ -304,7 +304,7 @@ mod by_channel {
         ///
         /// # Errors
         /// It was refused, or no reply.
-        pub fn ask(&self, op: Op) -> Result<Reply, CliError> {
+        pub(crate) fn ask(&self, op: Op) -> Result<Reply, CliError> {
             Ok(self.request(&[op])?.pop().ok_or(WrongReply)?)
         }
 
@@ -369,7 +369,7 @@ mod by_channel {
 ///
 /// # Errors
 /// There is none, or one cannot be used.
-pub fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
+pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
     let all = commram::memory::list()?;
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
     if own.is_empty() {
@@ -394,12 +394,12 @@ pub fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
 }
 
 /// Whether an emulator serves the image.
-pub fn is_alive(image: &ImageInfo) -> bool {
+pub(crate) fn is_alive(image: &ImageInfo) -> bool {
     matches!(image.condition, Condition::Alive(_))
 }
 
 /// The process that serves the images.
-pub fn alive(images: &[ImageInfo]) -> Option<u32> {
+pub(crate) fn alive(images: &[ImageInfo]) -> Option<u32> {
     images.iter().find_map(|image| match &image.condition {
         Condition::Alive(ImageSummary { pid, .. }) => Some(*pid),
         _ => None,
@@ -407,7 +407,7 @@ pub fn alive(images: &[ImageInfo]) -> Option<u32> {
 }
 
 /// The process that left the images behind, if none of them is served any more.
-pub fn dead(images: &[ImageInfo]) -> Option<u32> {
+pub(crate) fn dead(images: &[ImageInfo]) -> Option<u32> {
     let pid = |image: &ImageInfo| match &image.condition {
         Condition::Dead(ImageSummary { pid, .. }) => Some(*pid),
         _ => None,

@@ -15,7 +15,7 @@ Examples:
   commram step 500us
   commram step --to-sync
   commram step --to-sync line2:node1")]
-pub struct Args {
+pub(crate) struct Args {
     /// How long (us, ms, s, min, h)
     #[arg(value_name = "TIME", value_parser = time::parse, required_unless_present = "to_sync")]
     time: Option<u64>,
@@ -34,7 +34,7 @@ fn check(text: &str) -> Result<(), CliError> {
 
 /// Lets the time pass.
 #[cfg(feature = "channel")]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::session::Session;
     use commram::request::Op;

@@ -16,7 +16,7 @@ Examples:
   commram stop
   commram stop -i test-3
   commram stop --clean -i test-3")]
-pub struct Args {
+pub(crate) struct Args {
     /// If the emulator was killed, remove what it left
     #[arg(long)]
     clean: bool,
@@ -31,7 +31,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// Ends the emulator.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let name = &args.instance.name;
     let Some(process) = InstanceLock::holder(name)? else {
         if args.clean && remove_remains(name)? {
@@ -58,7 +58,7 @@ fn why_not(name: &str) -> Result<CliError, CliError> {
 ///
 /// # Errors
 /// An emulator lives, something is in the way, or the system refuses.
-pub fn remove_remains(instance: &str) -> Result<bool, CliError> {
+pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     let directory = channel_root(instance)?.symlink_metadata().is_ok();
     let lock = InstanceLock::take(instance)?;
     let images = lock.remove_dead(|_| false);

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// How a table is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Format {
+pub(crate) enum Format {
     /// Columns for people
     Text,
     /// An array of objects
@@ -20,14 +20,14 @@ pub enum Format {
 
 /// The format option, the same at all commands.
 #[derive(clap::Args)]
-pub struct FormatArg {
+pub(crate) struct FormatArg {
     /// Output format
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = Format::Text)]
     pub format: Format,
 }
 
 /// A row of a table. JSON gets its fields, the other formats get its cells.
-pub trait Row: Serialize {
+pub(crate) trait Row: Serialize {
     /// Heads of the columns, also the names in CSV.
     const COLUMNS: &'static [&'static str];
 
@@ -39,7 +39,11 @@ pub trait Row: Serialize {
 ///
 /// # Errors
 /// As [`output::print`].
-pub fn print<R: Row>(format: Format, rows: &[R], text: impl FnOnce(&[R]) -> String) -> Result<(), CliError> {
+pub(crate) fn print<R: Row>(
+    format: Format,
+    rows: &[R],
+    text: impl FnOnce(&[R]) -> String,
+) -> Result<(), CliError> {
     output::print(&match format {
         Format::Text => text(rows),
         Format::Json => json(rows)?,
@@ -49,14 +53,14 @@ pub fn print<R: Row>(format: Format, rows: &[R], text: impl FnOnce(&[R]) -> Stri
 }
 
 /// The rows in columns as wide as needed, under a head line.
-pub fn aligned<R: Row>(rows: &[R]) -> String {
+pub(crate) fn aligned<R: Row>(rows: &[R]) -> String {
     let head = R::COLUMNS.iter().map(|column| column.to_uppercase()).collect();
     let lines: Vec<_> = std::iter::once(head).chain(rows.iter().map(Row::cells)).collect();
     columns(&lines)
 }
 
 /// Lines of cells in columns as wide as needed, two blanks between them.
-pub fn columns(lines: &[Vec<String>]) -> String {
+pub(crate) fn columns(lines: &[Vec<String>]) -> String {
     let mut widths: Vec<usize> = Vec::new();
     for line in lines {
         widths.resize(widths.len().max(line.len()), 0);

@@ -2,7 +2,7 @@
 
 mod line;
 mod process;
-pub mod scenario;
+pub(crate) mod scenario;
 
 use super::demo::Interrupts;
 use super::error::CliError;
@@ -32,7 +32,7 @@ Exit codes:
   0  all scenarios passed
   1  an expectation was not met, or a scenario does not end or crashes
   2  wrong use: a script is missing, does not compile or uses a verb wrongly")]
-pub struct Args {
+pub(crate) struct Args {
     /// Scripts; of a directory all files that end in .rhai, in the order of their names
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
@@ -53,7 +53,7 @@ pub struct Args {
 
 /// What a scenario may use up.
 #[derive(clap::Args, Clone, Copy)]
-pub struct LimitArgs {
+pub(crate) struct LimitArgs {
     /// Steps of a script after which it counts as endless
     #[arg(long, value_name = "N", default_value_t = Limits::default().operations)]
     max_operations: u64,
@@ -69,7 +69,7 @@ pub struct LimitArgs {
 }
 
 /// Runs the scenarios and reports.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
     let files = scripts(&args.files)?;
     let setting = Setting { attach: args.attach.clone(), limits: args.limits };

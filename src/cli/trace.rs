@@ -29,7 +29,7 @@ Examples:
 
 --follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more.
 What happens in the last 50 ms of the emulator may be missing. docs/journal.md describes the formats.")]
-pub struct Args {
+pub(crate) struct Args {
     /// Wait for more and show it as it comes
     #[arg(short, long)]
     follow: bool,
@@ -96,7 +96,7 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
 
 /// Prints the journal.
 #[cfg(feature = "channel")]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use commram::request::{InstanceInfo, Op};
 

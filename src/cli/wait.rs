@@ -18,7 +18,7 @@ Examples:
   commram wait %MX3.200004.2==1
 
 Exit code 1 if the register does not hold the value in time; the message says what it held.")]
-pub struct Args {
+pub(crate) struct Args {
     /// REG==VALUE, or REG&MASK==VALUE if only some bits count
     #[arg(value_name = "CONDITION")]
     condition: String,
@@ -70,7 +70,7 @@ fn shown(place: &Place, value: u32) -> String {
 
 /// Waits and prints the register.
 #[cfg(feature = "channel")]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::{Read, Session};
     use super::{output, peek, place::live_by};
     use commram::channel::ClientError;

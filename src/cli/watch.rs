@@ -15,7 +15,7 @@ Examples:
   commram watch node2.w_CPU_CONTROL node2.w_OPTION_STATUS
   commram watch 'node2.a_RD_BMARRAY[1]' --format jsonl
   commram watch baps --count 1        # until something changes")]
-pub struct Args {
+pub(crate) struct Args {
     /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]
     #[arg(value_name = "BLOCK")]
     blocks: Vec<String>,
@@ -60,7 +60,7 @@ mod by_channel {
     }
 
     /// Shows changes until the end.
-    pub fn run(args: &Args) -> Result<(), CliError> {
+    pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         dump::check(&args.blocks)?;
         let session = Session::open(&args.instance.name, 0)?;
         let blocks = Blocks::find(&session, &args.blocks)?;
@@ -127,7 +127,7 @@ mod by_channel {
 }
 
 #[cfg(feature = "channel")]
-pub use by_channel::run;
+pub(crate) use by_channel::run;
 
 /// Says that there is no channel.
 #[cfg(not(feature = "channel"))]

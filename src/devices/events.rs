@@ -23,7 +23,7 @@ pub(super) struct Events {
 impl Events {
     /// One occurrence of an event, if it is enabled and the program may run.
     #[inline]
-    pub fn fire(&mut self, header: &Header, event: usize, now: u64) {
+    pub(crate) fn fire(&mut self, header: &Header, event: usize, now: u64) {
         let bit = 1u16 << event;
         if self.enabled & bit == 0 || self.held {
             return;
@@ -36,13 +36,13 @@ impl Events {
     }
 
     /// As after power-on. Who watches and what has occurred stays.
-    pub fn disable_all(&mut self) {
+    pub(crate) fn disable_all(&mut self) {
         self.enabled = 0;
     }
 
     /// Answers the requests that have come in, by ascending event number: `set` is told event number, `i_PAR1` and
     /// `x_EN`.
-    pub fn answer(
+    pub(crate) fn answer(
         &mut self,
         ctx: &mut Context,
         header: &Header,

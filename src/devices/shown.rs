@@ -5,7 +5,7 @@ use crate::journal::Register;
 use crate::memory::{Cell8, Cell16, Cell32};
 
 /// A register whose changes are worth a record. Process data are not: the frames tell them.
-pub trait Shown {
+pub(crate) trait Shown {
     /// What the register holds.
     type Value;
 

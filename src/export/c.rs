@@ -22,7 +22,7 @@ const KEYWORDS: [&str; 12] = [
     "long",
 ];
 
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let mut out = String::from("/*\n");
     for line in text::banner(scope, "c") {
         let _ = writeln!(out, " * {line}");
@@ -183,7 +183,7 @@ fn places(out: &mut String, scope: &Scope) {
 }
 
 /// `uint16_t` for a WORD.
-pub fn c_type(ty: RegType) -> &'static str {
+pub(crate) fn c_type(ty: RegType) -> &'static str {
     match ty {
         RegType::Byte | RegType::Usint => "uint8_t",
         RegType::Word | RegType::Uint => "uint16_t",

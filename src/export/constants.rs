@@ -4,7 +4,7 @@ use crate::layout::{BitField, Meaning, ValueMeaning};
 
 /// A named number.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Constant {
+pub(crate) struct Constant {
     /// `OPTION_STATUS_WAITING_FOR_START`.
     pub name: String,
     /// The value, or the mask of bits, as it stands in the register.
@@ -22,7 +22,7 @@ impl Constant {
 }
 
 /// The constants of a meaning: of its values first, then of its bits. Reserved values and bits have none.
-pub fn of(meaning: &Meaning) -> Vec<Constant> {
+pub(crate) fn of(meaning: &Meaning) -> Vec<Constant> {
     let mut constants = values(&upper(meaning.name), meaning.values, 0);
     for field in meaning.bits.iter().filter(|field| !field.reserved) {
         bits(&mut constants, meaning, field);
@@ -32,7 +32,7 @@ pub fn of(meaning: &Meaning) -> Vec<Constant> {
 }
 
 /// The values that stand for themselves, without ranges and reserved ones, named by their meaning alone.
-pub fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
+pub(crate) fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
     let alone = known.iter().filter(|value| value.first == value.last);
     let mut constants: Vec<_> = alone.flat_map(|value| values("", core::slice::from_ref(value), 0)).collect();
     tell_apart(&mut constants);
@@ -43,13 +43,13 @@ pub fn singles(known: &[ValueMeaning]) -> Vec<Constant> {
 }
 
 /// A constant's name without `prefix`, as a name of its own.
-pub fn own_name(prefix: &str, name: &str) -> String {
+pub(crate) fn own_name(prefix: &str, name: &str) -> String {
     let own = name.strip_prefix(prefix).map_or(name, |rest| rest.trim_start_matches('_'));
     if own.starts_with(|c: char| c.is_ascii_digit()) { format!("VALUE_{own}") } else { own.to_owned() }
 }
 
 /// What a field of bits is about, in a few words, and the decision if it is inferred.
-pub fn about(field: &BitField) -> String {
+pub(crate) fn about(field: &BitField) -> String {
     let text = [field.one, field.text, field.name].into_iter().find(|text| !text.is_empty());
     let text = text.unwrap_or_default().replace("{}", "n");
     match field.source.decision() {
@@ -109,7 +109,7 @@ fn tell_apart(constants: &mut [Constant]) {
 }
 
 /// Letters and digits in upper case, everything between them one `_`.
-pub fn upper(text: &str) -> String {
+pub(crate) fn upper(text: &str) -> String {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.map(str::to_ascii_uppercase).collect::<Vec<_>>().join("_")
 }

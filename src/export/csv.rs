@@ -22,7 +22,7 @@ const HEAD: [&str; 15] = [
     "doc",
 ];
 
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let mut text = line(&HEAD);
     for (placed, found) in rows::all(scope) {
         let register = found.register;

@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 /// Version of the document's shape. New keys do not change it.
 const VERSION: u32 = 1;
 
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let device = scope.device;
     let document = json!({
         "schema": "commram.registers",

@@ -8,7 +8,7 @@ use std::fmt::Write;
 
 const GLUE: &str = include_str!("matiec/glue.h");
 
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let mut out = c::generate(scope).replacen("`commram export c", "`commram export matiec", 1);
     out.push_str("\n#ifndef COMMRAM_MATIEC_H\n#define COMMRAM_MATIEC_H\n\n");
     out.push_str("/* Whether byte n of segment 3 lies in an area. */\n#define COMMRAM_IN_AREA(n) (0");

@@ -5,7 +5,7 @@ use crate::layout::{Dim, Register, Structure};
 
 /// A part of a structure or sub-structure.
 #[derive(Debug)]
-pub enum Member {
+pub(crate) enum Member {
     /// A register or an array of registers.
     Register(&'static Register),
     /// A sub-structure or an array of them.
@@ -21,7 +21,7 @@ pub enum Member {
 
 /// A sub-structure.
 #[derive(Debug)]
-pub struct Group {
+pub(crate) struct Group {
     /// The registers; their offsets count from the start of the whole structure.
     registers: &'static [Register],
     /// The first of them.
@@ -30,17 +30,17 @@ pub struct Group {
 
 impl Group {
     /// Name of the member.
-    pub const fn member_name(&self) -> &'static str {
+    pub(crate) const fn member_name(&self) -> &'static str {
         self.first.group
     }
 
     /// Name of the type.
-    pub const fn type_name(&self) -> &'static str {
+    pub(crate) const fn type_name(&self) -> &'static str {
         self.first.group_type
     }
 
     /// What is said of the type: whose name it has, and what of its registers is inferred.
-    pub fn about(&self) -> String {
+    pub(crate) fn about(&self) -> String {
         let name = match self.first.group_type_from.decision() {
             Some(decision) => format!(" Name of the type: inferred, {decision}."),
             None => String::new(),
@@ -50,33 +50,33 @@ impl Group {
     }
 
     /// Size of one element in bytes.
-    pub const fn bytes(&self) -> u32 {
+    pub(crate) const fn bytes(&self) -> u32 {
         self.first.group_bytes
     }
 
     /// Array bounds; empty if there is only one element.
-    pub fn dims(&self) -> &'static [Dim] {
+    pub(crate) fn dims(&self) -> &'static [Dim] {
         self.first.dims.get(..self.first.group_dims).unwrap_or_default()
     }
 
     /// Offset of the first element in the structure. The first register of a sub-structure begins with it.
-    pub const fn offset(&self) -> u32 {
+    pub(crate) const fn offset(&self) -> u32 {
         self.first.offset
     }
 
     /// The parts of one element.
-    pub fn members(&self) -> Vec<Member> {
+    pub(crate) fn members(&self) -> Vec<Member> {
         members(self.registers, self.offset(), self.bytes(), Member::Register)
     }
 }
 
 /// Array bounds of the register alone, without those of its sub-structure.
-pub fn own_dims(register: &'static Register) -> &'static [Dim] {
+pub(crate) fn own_dims(register: &'static Register) -> &'static [Dim] {
     register.dims.get(register.group_dims..).unwrap_or_default()
 }
 
 /// The parts of a structure in ascending order, without a gap.
-pub fn of(structure: &'static Structure) -> Vec<Member> {
+pub(crate) fn of(structure: &'static Structure) -> Vec<Member> {
     members(structure.registers, 0, structure.bytes, |register| {
         if register.group.is_empty() {
             return Member::Register(register);
@@ -90,7 +90,7 @@ pub fn of(structure: &'static Structure) -> Vec<Member> {
 }
 
 /// The sub-structure types of several structures, each once.
-pub fn groups(structures: &[&'static Structure]) -> Vec<Group> {
+pub(crate) fn groups(structures: &[&'static Structure]) -> Vec<Group> {
     let mut found: Vec<Group> = Vec::new();
     for member in structures.iter().flat_map(|structure| of(structure)) {
         if let Member::Group(group) = member

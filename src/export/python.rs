@@ -26,7 +26,7 @@ from typing import Callable, Iterator, NamedTuple, Optional, Union
 ";
 const ATTACH: &str = include_str!("python/attach.py");
 
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let mut out = String::from("\"\"\"");
     out.push_str(&text::banner(scope, "python").join("\n"));
     out.push_str("\n\"\"\"\n\n");

@@ -4,14 +4,14 @@ use super::scope::Scope;
 use crate::layout::{Live, Placed, RegisterRef};
 
 /// The registers of all areas, element by element; where structures share one it appears in each.
-pub fn all(scope: &Scope) -> impl Iterator<Item = (&'static Placed, RegisterRef)> {
+pub(crate) fn all(scope: &Scope) -> impl Iterator<Item = (&'static Placed, RegisterRef)> {
     scope
         .placed()
         .flat_map(|(area, placed)| area.registers_of(placed).map(move |register| (placed, register)))
 }
 
 /// When a structure is the valid one.
-pub const fn live(live: Live) -> &'static str {
+pub(crate) const fn live(live: Live) -> &'static str {
     match live {
         Live::Always => "always",
         Live::Init => "init",

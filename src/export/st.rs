@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 /// Types and variables with the manual's names.
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let structures = scope.structures();
     let mut arrays = BTreeSet::new();
     let (mut small, mut large) = (String::new(), String::new());
@@ -37,7 +37,7 @@ pub fn generate(scope: &Scope) -> String {
 }
 
 /// Elementary variables only.
-pub fn elementary(scope: &Scope) -> String {
+pub(crate) fn elementary(scope: &Scope) -> String {
     let mut out = head(scope, "st --elementary");
     out.push_str("VAR_GLOBAL\n");
     let mut seen: BTreeSet<(String, u32)> = BTreeSet::new();

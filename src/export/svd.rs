@@ -7,7 +7,7 @@ use super::text;
 use super::xml::Xml;
 use crate::layout::{Area, Dim, Meaning, Owner, Placed, Register, ValueMeaning};
 
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let device = scope.device;
     let mut xml = Xml::new();
     for line in text::banner(scope, "svd") {

@@ -8,7 +8,7 @@ use super::text;
 use crate::layout::{Area, BitField, Meaning, Owner, Placed, Register, ValueMeaning};
 use std::fmt::Write;
 
-pub fn generate(scope: &Scope) -> String {
+pub(crate) fn generate(scope: &Scope) -> String {
     let mut out: String =
         text::banner(scope, "systemrdl").iter().map(|line| format!("// {line}\n")).collect();
     for (meaning, register) in scope.meanings() {

@@ -4,7 +4,7 @@ use super::scope::Scope;
 use crate::layout::{Dim, Placed, Provenance, Register, Structure};
 
 /// What the comment at the head of every exported file says.
-pub fn banner(scope: &Scope, format: &str) -> [String; 8] {
+pub(crate) fn banner(scope: &Scope, format: &str) -> [String; 8] {
     let device = scope.device;
     let block = match scope.areas.as_slice() {
         [area] => format!(" --block {}", area.name),
@@ -23,17 +23,17 @@ pub fn banner(scope: &Scope, format: &str) -> [String; 8] {
 }
 
 /// The version of commram.
-pub const fn version() -> &'static str {
+pub(crate) const fn version() -> &'static str {
     env!("CARGO_PKG_VERSION")
 }
 
 /// Array bounds in brackets: `[32][16]`.
-pub fn bounds(dims: &[Dim]) -> String {
+pub(crate) fn bounds(dims: &[Dim]) -> String {
     dims.iter().map(|dim| format!("[{}]", dim.count)).collect()
 }
 
 /// Bounds of the part in use, if only a part is: `[0..31][0..7]`.
-pub fn used(register: &Register) -> Option<String> {
+pub(crate) fn used(register: &Register) -> Option<String> {
     if register.dims.iter().all(|dim| dim.used == dim.count) {
         return None;
     }
@@ -42,7 +42,7 @@ pub fn used(register: &Register) -> Option<String> {
 
 /// A register's description on one line: owner, purpose, what is reserved, pages, and which facts are not in the
 /// manual.
-pub fn remark(register: &Register) -> String {
+pub(crate) fn remark(register: &Register) -> String {
     let used = used(register).filter(|_| !register.reserved);
     let used = used.map(|used| format!("; {used} in use")).unwrap_or_default();
     let Register { owner, doc, page, .. } = register;
@@ -50,7 +50,7 @@ pub fn remark(register: &Register) -> String {
 }
 
 /// What stands behind a variable: nothing, or the decision that its name follows from.
-pub fn made_up(placed: &Placed) -> Option<String> {
+pub(crate) fn made_up(placed: &Placed) -> Option<String> {
     placed.variable_from.decision().map(|decision| format!("name inferred, {decision}"))
 }
 
@@ -64,7 +64,7 @@ fn inferred(provenance: &str) -> String {
 }
 
 /// Of a structure which facts about its registers follow from which decisions; `None` if all are documented.
-pub fn sources(registers: &[Register]) -> Option<String> {
+pub(crate) fn sources(registers: &[Register]) -> Option<String> {
     let mut known: Vec<(&str, Vec<&str>)> = Vec::new();
     for (fact, from) in registers.iter().flat_map(Register::facts) {
         let Some(decision) = from.decision() else { continue };
@@ -80,7 +80,7 @@ pub fn sources(registers: &[Register]) -> Option<String> {
 }
 
 /// What is said of a structure: purpose, pages, and what of it is inferred.
-pub fn about(structure: &Structure) -> String {
+pub(crate) fn about(structure: &Structure) -> String {
     let about = format!("{} (p. {}).", structure.doc, structure.page);
     match sources(structure.registers) {
         Some(sources) => format!("{about} {sources}"),
@@ -89,7 +89,7 @@ pub fn about(structure: &Structure) -> String {
 }
 
 /// `event_slot` for `EventSlot`.
-pub fn snake(name: &str) -> String {
+pub(crate) fn snake(name: &str) -> String {
     let mut snake = String::new();
     for c in name.chars() {
         if c.is_ascii_uppercase() && !snake.is_empty() {

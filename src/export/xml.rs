@@ -3,25 +3,25 @@
 use std::fmt::{Display, Write};
 
 /// A document under construction.
-pub struct Xml {
+pub(crate) struct Xml {
     text: String,
     depth: usize,
 }
 
 impl Xml {
     /// Begins a document.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { text: "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n".to_owned(), depth: 0 }
     }
 
     /// An element with text.
-    pub fn leaf(&mut self, name: &str, text: impl Display) {
+    pub(crate) fn leaf(&mut self, name: &str, text: impl Display) {
         let text = escape(&text.to_string());
         self.line(&format!("<{name}>{text}</{name}>"));
     }
 
     /// An element with what `inside` writes. `attributes` are written as they are.
-    pub fn node(&mut self, name: &str, attributes: &str, inside: impl FnOnce(&mut Self)) {
+    pub(crate) fn node(&mut self, name: &str, attributes: &str, inside: impl FnOnce(&mut Self)) {
         let blank = if attributes.is_empty() { "" } else { " " };
         self.line(&format!("<{name}{blank}{attributes}>"));
         self.depth += 1;
@@ -31,12 +31,12 @@ impl Xml {
     }
 
     /// A comment.
-    pub fn comment(&mut self, text: &str) {
+    pub(crate) fn comment(&mut self, text: &str) {
         self.line(&format!("<!-- {} -->", text.replace("--", "- -")));
     }
 
     /// The document.
-    pub fn finish(self) -> String {
+    pub(crate) fn finish(self) -> String {
         self.text
     }
 

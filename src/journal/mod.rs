@@ -37,6 +37,7 @@ mod ring;
 pub(crate) mod rule;
 mod tally;
 #[cfg(test)]
+#[allow(unreachable_pub, reason = "the macro declares what families publish")]
 mod testing;
 #[cfg(test)]
 mod tests;

@@ -24,7 +24,7 @@ pub(super) struct Requests {
 }
 
 impl Requests {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Requests { places: [None; PLACES], open: 0 }
     }
 
@@ -33,7 +33,7 @@ impl Requests {
     }
 
     /// A register was written.
-    pub fn written(&mut self, time_us: u64, plc: u16, offset: u32, value: u32) {
+    pub(crate) fn written(&mut self, time_us: u64, plc: u16, offset: u32, value: u32) {
         let before = self.place(plc, offset).replace(Request { plc, offset, value, time_us });
         self.open += u32::from(before.is_none());
     }
@@ -41,7 +41,7 @@ impl Requests {
     /// A request was answered; returns the time since it was made, if that is known. If it `goes_on`, the answers to come
     /// belong to the same request, with what stands in the register now.
     #[inline]
-    pub fn answered(
+    pub(crate) fn answered(
         &mut self,
         time_us: u64,
         plc: u16,
@@ -60,7 +60,7 @@ impl Requests {
     }
 
     /// A state changed; returns the time since the last command in the register at `offset`, if that is known.
-    pub fn commanded(&mut self, time_us: u64, plc: u16, offset: u32) -> Option<u32> {
+    pub(crate) fn commanded(&mut self, time_us: u64, plc: u16, offset: u32) -> Option<u32> {
         self.take(plc, offset)?.latency(time_us)
     }
 

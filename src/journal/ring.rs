@@ -13,13 +13,13 @@ pub(super) struct Rings {
 
 impl Rings {
     /// Rings for `capacity` records each, at least one.
-    pub fn new(capacity: usize) -> Self {
+    pub(crate) fn new(capacity: usize) -> Self {
         Rings { lanes: [const { VecDeque::new() }; RINGS], capacity: capacity.max(1), end: 0 }
     }
 
     /// Numbers a record and appends it; the oldest one of its kind is dropped when there is no room.
     #[inline]
-    pub fn note(&mut self, mut record: Record) {
+    pub(crate) fn note(&mut self, mut record: Record) {
         record.seq = self.end;
         self.end += 1;
         let lane = &mut self.lanes[record.event.kind().ring() as usize];
@@ -30,12 +30,12 @@ impl Rings {
     }
 
     /// The number of the next record.
-    pub fn end(&self) -> u64 {
+    pub(crate) fn end(&self) -> u64 {
         self.end
     }
 
     /// The records from number `from` on.
-    pub fn records(&self, from: u64) -> Records<'_> {
+    pub(crate) fn records(&self, from: u64) -> Records<'_> {
         let rest = self.lanes.each_ref().map(|lane| {
             let start = lane.partition_point(|record| record.seq < from);
             Rest { lane, start, end: lane.len() }

@@ -60,13 +60,13 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Tally { places: vec![None; PLACES], is_quiet: true }
     }
 
     /// Sees an event.
     #[inline]
-    pub fn see(&mut self, time_us: u64, event: Event) -> Outcome {
+    pub(crate) fn see(&mut self, time_us: u64, event: Event) -> Outcome {
         let key = event.words();
         let Some(place) = self.place(key) else { return Outcome { counted: None, single: true } };
         match place {
@@ -124,12 +124,12 @@ impl Tally {
     }
 
     /// Ends the counts whose next event should have come before `now`. Returns them in the order of time.
-    pub fn overdue(&mut self, now: u64) -> Vec<Record> {
+    pub(crate) fn overdue(&mut self, now: u64) -> Vec<Record> {
         self.end(|watched| watched.last + u64::from(watched.period) < now)
     }
 
     /// Ends all counts. Returns them in the order of time.
-    pub fn all(&mut self) -> Vec<Record> {
+    pub(crate) fn all(&mut self) -> Vec<Record> {
         if core::mem::replace(&mut self.is_quiet, true) { Vec::new() } else { self.end(|_| true) }
     }
 
@@ -146,7 +146,7 @@ impl Tally {
     }
 
     /// The counts that are not over, in the order of time.
-    pub fn pending(&self) -> Vec<Record> {
+    pub(crate) fn pending(&self) -> Vec<Record> {
         let mut records: Vec<_> = self.places.iter().flatten().filter_map(Watched::record).collect();
         records.sort_by_key(|record| record.time_us);
         records

@@ -57,7 +57,7 @@ impl Told for Refused {
 }
 
 /// A catalogue with these and what can happen in any device.
-pub fn catalogue() -> &'static Catalogue {
+pub(crate) fn catalogue() -> &'static Catalogue {
     static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
         let kinds = [super::KINDS, &[Edge::KIND, Packet::KIND, Refused::KIND]].concat();
         Catalogue { kinds, rules: Vec::new(), faults: Vec::new() }

@@ -104,7 +104,7 @@ mod machine {
     }
 
     #[inline(always)]
-    pub unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
+    pub(crate) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
         let (first, second, third, fourth);
         // SAFETY: the caller vouches for the pointer; the instructions read it and write registers.
         unsafe {

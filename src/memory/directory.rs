@@ -23,12 +23,12 @@ pub(crate) struct Directory(File);
 impl Directory {
     /// Opens the directory that `path` leads to.
     #[cfg(feature = "emulator")]
-    pub fn open(path: &Path) -> Result<Self, Errno> {
+    pub(crate) fn open(path: &Path) -> Result<Self, Errno> {
         Self::open_with(path, OFlags::empty())
     }
 
     /// Opens the directory at `path`, unless that is a link.
-    pub fn open_itself(path: &Path) -> Result<Self, Errno> {
+    pub(crate) fn open_itself(path: &Path) -> Result<Self, Errno> {
         Self::open_with(path, OFlags::NOFOLLOW)
     }
 
@@ -38,18 +38,18 @@ impl Directory {
     }
 
     /// Owner, mode and identity.
-    pub fn stat(&self) -> Result<Stat, Errno> {
+    pub(crate) fn stat(&self) -> Result<Stat, Errno> {
         fs::fstat(&self.0)
     }
 
     /// Keeps everybody but its owner out.
-    pub fn close_to_others(&self) -> Result<(), Errno> {
+    pub(crate) fn close_to_others(&self) -> Result<(), Errno> {
         fs::fchmod(&self.0, Mode::RWXU)
     }
 
     /// Takes the directory's lock; `false` if somebody else has it.
     #[cfg(feature = "emulator")]
-    pub fn try_lock(&self) -> io::Result<bool> {
+    pub(crate) fn try_lock(&self) -> io::Result<bool> {
         match self.0.try_lock() {
             Ok(()) => Ok(true),
             Err(std::fs::TryLockError::WouldBlock) => Ok(false),
@@ -59,17 +59,17 @@ impl Directory {
 
     /// Lets go of the lock.
     #[cfg(feature = "channel")]
-    pub fn unlock(&self) -> io::Result<()> {
+    pub(crate) fn unlock(&self) -> io::Result<()> {
         self.0.unlock()
     }
 
     /// Opens the file `name` for reading.
-    pub fn read(&self, name: &str) -> Result<File, Errno> {
+    pub(crate) fn read(&self, name: &str) -> Result<File, Errno> {
         Ok(fs::openat(&self.0, name, OFlags::RDONLY | CAREFULLY, Mode::empty())?.into())
     }
 
     /// Opens the file `name` for reading and writing, and makes it if it is missing, for this user alone.
-    pub fn read_write(&self, name: &str) -> Result<File, Errno> {
+    pub(crate) fn read_write(&self, name: &str) -> Result<File, Errno> {
         let flags = OFlags::RDWR | OFlags::CREATE | CAREFULLY;
         Ok(fs::openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)?.into())
     }
@@ -77,7 +77,7 @@ impl Directory {
     /// Writes a new file, for this user alone, and hands it to `then`, which gives it its final name; if either fails, it
     /// is removed. Whoever looks at that name sees the old content or the whole new one.
     #[cfg(feature = "emulator")]
-    pub fn with_new(
+    pub(crate) fn with_new(
         &self,
         new: &str,
         content: &[u8],
@@ -92,31 +92,31 @@ impl Directory {
 
     /// Gives the file `from` the name `to`; a file that has it is replaced.
     #[cfg(feature = "emulator")]
-    pub fn rename(&self, from: &str, to: &str) -> Result<(), Errno> {
+    pub(crate) fn rename(&self, from: &str, to: &str) -> Result<(), Errno> {
         fs::renameat(&self.0, from, &self.0, to)
     }
 
     /// Gives the file `from` the name `to`, unless a file has it.
     #[cfg(feature = "emulator")]
-    pub fn rename_to_free(&self, from: &str, to: &str) -> Result<(), Errno> {
+    pub(crate) fn rename_to_free(&self, from: &str, to: &str) -> Result<(), Errno> {
         // A rename would replace it.
         fs::linkat(&self.0, from, &self.0, to, AtFlags::empty())?;
         self.remove(from)
     }
 
     /// Removes the file `name`.
-    pub fn remove(&self, name: &str) -> Result<(), Errno> {
+    pub(crate) fn remove(&self, name: &str) -> Result<(), Errno> {
         fs::unlinkat(&self.0, name, AtFlags::empty())
     }
 
     /// Brings the names of its files to the disk.
     #[cfg(feature = "emulator")]
-    pub fn sync(&self) -> Result<(), Errno> {
+    pub(crate) fn sync(&self) -> Result<(), Errno> {
         fs::fsync(&self.0)
     }
 
     /// What has the name, whatever it is.
-    pub fn stat_of(&self, name: &str) -> Result<Stat, Errno> {
+    pub(crate) fn stat_of(&self, name: &str) -> Result<Stat, Errno> {
         fs::statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW)
     }
 }

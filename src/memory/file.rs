@@ -24,7 +24,7 @@ pub(super) struct ImageFile {
 
 impl ImageFile {
     /// Opens an existing file; `None` if there is none.
-    pub fn open(instance: &str, plc: &str, write: bool) -> Result<Option<Self>, MemoryError> {
+    pub(crate) fn open(instance: &str, plc: &str, write: bool) -> Result<Option<Self>, MemoryError> {
         let path = names::image_path(instance, plc)?;
         let access = if write { OFlags::RDWR } else { OFlags::RDONLY };
         // NONBLOCK: a pipe under this name must be refused, not waited for.
@@ -40,12 +40,12 @@ impl ImageFile {
         }
     }
 
-    pub fn new(instance: &str, plc: &str, path: PathBuf, file: File) -> Self {
+    pub(crate) fn new(instance: &str, plc: &str, path: PathBuf, file: File) -> Self {
         Self { instance: instance.to_owned(), plc: plc.to_owned(), path, file }
     }
 
     /// The header as it is in the file; what lies behind a short file's end reads as zero.
-    pub fn header(&self) -> Result<Box<Header>, MemoryError> {
+    pub(crate) fn header(&self) -> Result<Box<Header>, MemoryError> {
         let mut header = Header::new_box_zeroed()
             .map_err(|_| self.failed("read", io::Error::from(io::ErrorKind::OutOfMemory)))?;
         let bytes = header.as_mut_bytes();
@@ -62,7 +62,7 @@ impl ImageFile {
     }
 
     /// The header, if the file begins with the magic.
-    pub fn own_header(&self) -> Result<Box<Header>, MemoryError> {
+    pub(crate) fn own_header(&self) -> Result<Box<Header>, MemoryError> {
         let header = self.header()?;
         match header.magic.load() {
             header::MAGIC => Ok(header),
@@ -71,13 +71,13 @@ impl ImageFile {
     }
 
     /// Length of the file in bytes.
-    pub fn size(&self) -> Result<u64, MemoryError> {
+    pub(crate) fn size(&self) -> Result<u64, MemoryError> {
         Ok(u64::try_from(self.stat()?.st_size).unwrap_or(0))
     }
 
     /// Refuses contents of another ABI version, and a file that is shorter than its header page tells: behind such a
     /// header nothing is where this program would look for it.
-    pub fn check_shape(&self, header: &Header) -> Result<(), MemoryError> {
+    pub(crate) fn check_shape(&self, header: &Header) -> Result<(), MemoryError> {
         let found = header.abi_version.load();
         if found != header::ABI_VERSION {
             let path = self.path.clone();
@@ -91,7 +91,7 @@ impl ImageFile {
     }
 
     /// Whether the path still names this file, and not one that has replaced it.
-    pub fn is_named(&self) -> Result<bool, MemoryError> {
+    pub(crate) fn is_named(&self) -> Result<bool, MemoryError> {
         let own = self.stat()?;
         match rustix::fs::lstat(&self.path) {
             Ok(named) => Ok((named.st_dev, named.st_ino) == (own.st_dev, own.st_ino)),
@@ -101,7 +101,7 @@ impl ImageFile {
     }
 
     /// Takes the emulator's lock; `false` if somebody else holds it.
-    pub fn lock(&self) -> Result<bool, MemoryError> {
+    pub(crate) fn lock(&self) -> Result<bool, MemoryError> {
         match self.file.try_lock() {
             Ok(()) => Ok(true),
             Err(TryLockError::WouldBlock) => Ok(false),
@@ -111,7 +111,7 @@ impl ImageFile {
 
     /// Whether the emulator that wrote `header` still lives: its process does, or, if that is in a pid
     /// namespace we cannot see into, somebody holds the lock.
-    pub fn is_alive(&self, header: &Header) -> bool {
+    pub(crate) fn is_alive(&self, header: &Header) -> bool {
         header.state.load() != State::Stopped.code() && (emulator(header).is_running() || self.is_locked())
     }
 
@@ -126,14 +126,14 @@ impl ImageFile {
     }
 
     /// Removes the path, if it still names this file. Only the holder of the lock may.
-    pub fn unlink(&self) -> Result<(), MemoryError> {
+    pub(crate) fn unlink(&self) -> Result<(), MemoryError> {
         if self.is_named()? {
             rustix::fs::unlink(&self.path).map_err(|errno| self.failed("remove", errno.into()))?;
         }
         Ok(())
     }
 
-    pub fn failed(&self, doing: &'static str, reason: io::Error) -> MemoryError {
+    pub(crate) fn failed(&self, doing: &'static str, reason: io::Error) -> MemoryError {
         MemoryError::System { path: self.path.clone(), doing, reason }
     }
 

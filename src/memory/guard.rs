@@ -69,7 +69,7 @@ pub(super) struct Guard(Option<usize>);
 
 impl Guard {
     /// Guards the map of `size` bytes at `base`, if there still is a place.
-    pub fn new(base: *const u8, size: usize, file: RawFd) -> Self {
+    pub(crate) fn new(base: *const u8, size: usize, file: RawFd) -> Self {
         let take =
             |slot: &Slot| slot.base.compare_exchange(0, 1, Ordering::AcqRel, Ordering::Relaxed).is_ok();
         let place = SLOTS.iter().position(take);
@@ -89,12 +89,12 @@ impl Guard {
 
     /// Whether the file was shorter than its map.
     #[inline]
-    pub fn has_mended(&self) -> bool {
+    pub(crate) fn has_mended(&self) -> bool {
         self.slot().is_some_and(|slot| slot.mended.load(Ordering::Acquire))
     }
 
     /// Looks at the file before anybody touches the map.
-    pub fn look(&self) {
+    pub(crate) fn look(&self) {
         if let Some(slot) = self.slot() {
             // Without memory, whoever touches the map has no way out.
             let _ = slot.grow_back();

@@ -35,7 +35,7 @@ impl PrivateDir {
     /// # Errors
     /// Something else has the name, the directory belongs to somebody else or others could write to it, or the
     /// system refuses.
-    pub fn create(path: &Path) -> Result<Self, MemoryError> {
+    pub(crate) fn create(path: &Path) -> Result<Self, MemoryError> {
         loop {
             match rustix::fs::mkdir(path, Mode::RWXU) {
                 Ok(()) | Err(Errno::EXIST) => {}
@@ -52,7 +52,7 @@ impl PrivateDir {
     ///
     /// # Errors
     /// As [`PrivateDir::create`].
-    pub fn open(path: &Path) -> Result<Option<Self>, MemoryError> {
+    pub(crate) fn open(path: &Path) -> Result<Option<Self>, MemoryError> {
         let directory = match Directory::open_itself(path) {
             Ok(directory) => directory,
             Err(Errno::NOENT) => return Ok(None),
@@ -68,25 +68,25 @@ impl PrivateDir {
 
     /// Its path.
     #[cfg(feature = "channel")]
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Whether the path still names this directory.
-    pub fn is_named(&self) -> bool {
+    pub(crate) fn is_named(&self) -> bool {
         is_same(rustix::fs::lstat(&self.path), self.directory.stat())
     }
 
     /// Takes the directory's lock, if nobody else has it, for as long as the result lives.
     #[cfg(feature = "channel")]
-    pub fn try_lock(self: &std::sync::Arc<Self>) -> Option<Held> {
+    pub(crate) fn try_lock(self: &std::sync::Arc<Self>) -> Option<Held> {
         let is_ours = self.directory.try_lock().is_ok_and(|is_ours| is_ours);
         is_ours.then(|| Held(std::sync::Arc::clone(self)))
     }
 
     /// Opens the file `name` in it for reading and writing, and makes it if it is missing; `None` if the
     /// directory itself has been removed.
-    pub fn open_file(&self, name: &str) -> io::Result<Option<File>> {
+    pub(crate) fn open_file(&self, name: &str) -> io::Result<Option<File>> {
         match self.directory.read_write(name) {
             Ok(file) => Ok(Some(file)),
             Err(Errno::NOENT) => Ok(None),
@@ -95,18 +95,18 @@ impl PrivateDir {
     }
 
     /// Opens the file `name` in it for reading; `None` if there is none.
-    pub fn find_file(&self, name: &str) -> Option<File> {
+    pub(crate) fn find_file(&self, name: &str) -> Option<File> {
         self.directory.read(name).ok()
     }
 
     /// Whether `name` still names `file`.
-    pub fn names(&self, name: &str, file: &File) -> bool {
+    pub(crate) fn names(&self, name: &str, file: &File) -> bool {
         is_same(self.directory.stat_of(name), rustix::fs::fstat(file))
     }
 
     /// The text of the file `name`; `None` if there is no such file.
     #[cfg(feature = "channel")]
-    pub fn read(&self, name: &str) -> Option<String> {
+    pub(crate) fn read(&self, name: &str) -> Option<String> {
         let mut text = String::new();
         self.find_file(name)?.take(MAX_TEXT).read_to_string(&mut text).ok()?;
         Some(text)
@@ -115,19 +115,19 @@ impl PrivateDir {
     /// Writes the file `name` as a whole: whoever reads it sees the old text or the new one. One process at a
     /// time may do so.
     #[cfg(feature = "channel")]
-    pub fn publish(&self, name: &str, text: &str) -> io::Result<()> {
+    pub(crate) fn publish(&self, name: &str, text: &str) -> io::Result<()> {
         let new = format!("{name}.new");
         self.remove(&new);
         self.directory.with_new(&new, text.as_bytes(), |_| Ok(self.directory.rename(&new, name)?))
     }
 
     /// Removes the file `name`, if it is there.
-    pub fn remove(&self, name: &str) {
+    pub(crate) fn remove(&self, name: &str) {
         let _ = self.directory.remove(name);
     }
 
     /// Removes the directory, if nothing is in it any more and the path still names it.
-    pub fn remove_if_empty(&self) {
+    pub(crate) fn remove_if_empty(&self) {
         if self.is_named() {
             let _ = rustix::fs::rmdir(&self.path);
         }

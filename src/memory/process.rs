@@ -13,25 +13,25 @@ pub(crate) struct ProcessId {
 
 impl ProcessId {
     /// This process. Without `/proc` the start time is 0, and nobody will take us for dead because of it.
-    pub fn own() -> Self {
+    pub(crate) fn own() -> Self {
         let pid = std::process::id();
         let start = read_stat(pid).and_then(|stat| parse_stat(&stat)).map_or(0, |(_, start)| start);
         Self { pid, start }
     }
 
     /// The process in a text as [`core::fmt::Display`] writes it.
-    pub fn parse(text: &str) -> Option<Self> {
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         let (pid, start) = text.trim_end().split_once(' ')?;
         Some(Self { pid: pid.parse().ok()?, start: start.parse().ok()? })
     }
 
     /// Whether the process exists, in this pid namespace, and has not ended (a zombie has).
-    pub fn is_running(self) -> bool {
+    pub(crate) fn is_running(self) -> bool {
         running_since(self.pid) == Some(self.start)
     }
 
     /// Whether the process was stopped and waits to be told to go on.
-    pub fn is_stopped(self) -> bool {
+    pub(crate) fn is_stopped(self) -> bool {
         self.is_running() && state(self.pid).is_some_and(|(state, _)| matches!(state, 'T' | 't'))
     }
 }

@@ -12,13 +12,13 @@ use std::{
 use zerocopy::{FromZeros, IntoBytes};
 
 /// The name of the PLC in all tests.
-pub const PLC: &str = "plc";
+pub(crate) const PLC: &str = "plc";
 /// The layout hash in all tests.
-pub const HASH: u64 = 0x0123_4567_89AB_CDEF;
+pub(crate) const HASH: u64 = 0x0123_4567_89AB_CDEF;
 /// Length of the segment in all tests.
-pub const SEGMENT_SIZE: usize = test_device().segment_size();
+pub(crate) const SEGMENT_SIZE: usize = test_device().segment_size();
 /// The device in all tests.
-pub static DEVICE: Device = test_device();
+pub(crate) static DEVICE: Device = test_device();
 
 const RAM: Area = Area {
     name: "ram",
@@ -32,7 +32,7 @@ const RAM: Area = Area {
 };
 
 /// A device of plain RAM.
-pub const fn test_device() -> Device {
+pub(crate) const fn test_device() -> Device {
     Device {
         name: "test-device",
         title: "Test Device",
@@ -45,30 +45,30 @@ pub const fn test_device() -> Device {
 const CHILD: &str = "COMMRAM_TEST_EMULATOR";
 
 /// An instance name nobody else uses; whatever lies under it is removed in the end.
-pub struct Instance(String);
+pub(crate) struct Instance(String);
 
 impl Instance {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         static COUNTER: AtomicU32 = AtomicU32::new(0);
         Self(format!("test-{}-{}", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed)))
     }
 
-    pub fn path(&self) -> PathBuf {
+    pub(crate) fn path(&self) -> PathBuf {
         names::image_path(self, PLC).unwrap()
     }
 
-    pub fn create(&self) -> Image {
+    pub(crate) fn create(&self) -> Image {
         Image::create(self, PLC, &spec()).unwrap()
     }
 
-    pub fn create_ready(&self) -> Image {
+    pub(crate) fn create_ready(&self) -> Image {
         let image = self.create();
         image.set_ready();
         image
     }
 
     /// Leaves what a killed emulator leaves, as changed by `damage`.
-    pub fn leave(&self, size: usize, damage: impl FnOnce(&Header)) {
+    pub(crate) fn leave(&self, size: usize, damage: impl FnOnce(&Header)) {
         let mut header = Header::new_box_zeroed().unwrap();
         header.magic.store(header::MAGIC);
         header.abi_version.store(header::ABI_VERSION);
@@ -99,15 +99,15 @@ impl Drop for Instance {
     }
 }
 
-pub fn spec() -> ImageSpec {
+pub(crate) fn spec() -> ImageSpec {
     ImageSpec { device: &DEVICE, clock_mode: ClockMode::RealTime, speed: 1000, processor_cycle_us: 1_000 }
 }
 
 /// An emulator in a process of its own.
-pub struct Emulator(Child);
+pub(crate) struct Emulator(Child);
 
 impl Emulator {
-    pub fn start(instance: &Instance) -> Self {
+    pub(crate) fn start(instance: &Instance) -> Self {
         let child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "memory::testing::emulator_process", "--nocapture"])
             .env(CHILD, &**instance)
@@ -121,12 +121,12 @@ impl Emulator {
         emulator
     }
 
-    pub fn pid(&self) -> u32 {
+    pub(crate) fn pid(&self) -> u32 {
         self.0.id()
     }
 
     /// `kill -9`, and waits until it is gone.
-    pub fn kill(mut self) {
+    pub(crate) fn kill(mut self) {
         self.0.kill().unwrap();
         self.0.wait().unwrap();
     }

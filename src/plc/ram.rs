@@ -115,13 +115,13 @@ pub(crate) struct Viewed<'a, V> {
 
 impl<V> Viewed<'_, V> {
     /// The RAM that the structure lies in.
-    pub fn ram(&self) -> &Ram {
+    pub(crate) fn ram(&self) -> &Ram {
         self.ram
     }
 
     /// A restart (16#0000) was written to `w_CPU_CONTROL` of the CANsync node there. The firmware is told, because in the
     /// RAM it cannot see it where 16#0000 stood before (decision D-29).
-    pub fn tell_restart(&self) {
+    pub(crate) fn tell_restart(&self) {
         let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;
         if let Some(port) = self.ram.header.ports.iter().find(is_here) {
             port.restarts_written.increment();

@@ -13,7 +13,7 @@ pub(super) struct Register {
 }
 
 impl Register {
-    pub fn check(host: &dyn Host, plc: u16, offset: u32, width: Width) -> Result<Self, Refused> {
+    pub(crate) fn check(host: &dyn Host, plc: u16, offset: u32, width: Width) -> Result<Self, Refused> {
         let plc = known_plc(host, plc)?;
         let address = width.at(offset);
         if !offset.is_multiple_of(width.bytes()) {
@@ -23,7 +23,7 @@ impl Register {
         Ok(Self { plc, address })
     }
 
-    pub fn fits(self, value: u32) -> Result<(), Refused> {
+    pub(crate) fn fits(self, value: u32) -> Result<(), Refused> {
         let width = self.address.width();
         if value <= width.max_value() {
             return Ok(());
@@ -34,7 +34,7 @@ impl Register {
         Err(Refused::new(Code::VALUE_TOO_WIDE, text))
     }
 
-    pub fn can_match(self, mask: u32, value: u32) -> Result<(), Refused> {
+    pub(crate) fn can_match(self, mask: u32, value: u32) -> Result<(), Refused> {
         if value & !mask == 0 {
             return Ok(());
         }
@@ -45,16 +45,16 @@ impl Register {
         Err(Refused::new(Code::NEVER_MATCHES, text))
     }
 
-    pub fn load(self, host: &dyn Host) -> Result<u32, Refused> {
+    pub(crate) fn load(self, host: &dyn Host) -> Result<u32, Refused> {
         let loaded = host.plant().load(self.plc, self.address.offset(), self.address.width());
         loaded.map_err(|_| self.unmapped())
     }
 
-    pub fn unmapped(self) -> Refused {
+    pub(crate) fn unmapped(self) -> Refused {
         Refused::new(Code::UNMAPPED, format_args!("{}: {}", self.address, flags::not_covered(self.address)))
     }
 
-    pub fn not_in_time(self, waited: Waited) -> Refused {
+    pub(crate) fn not_in_time(self, waited: Waited) -> Refused {
         let Waited { time_us, value } = waited;
         let digits = self.address.width().bytes() as usize * 2;
         let text = format_args!(
@@ -64,7 +64,7 @@ impl Register {
         Refused { waited: Some(waited), ..Refused::new(Code::NOT_IN_TIME, text) }
     }
 
-    pub fn not_forcible(self, error: &ForceError) -> Refused {
+    pub(crate) fn not_forcible(self, error: &ForceError) -> Refused {
         match error {
             ForceError::TooMany => Refused::new(Code::TOO_MANY_FORCES, error),
             ForceError::NotWhole { .. } => Refused::new(Code::NOT_WHOLE, error),

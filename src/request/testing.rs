@@ -47,7 +47,7 @@ pub(crate) struct TestHost {
 }
 
 impl TestHost {
-    pub fn new(is_stepped: bool) -> Self {
+    pub(crate) fn new(is_stepped: bool) -> Self {
         let config = PlantConfig::parse("test", PLANT).unwrap();
         Self {
             plant: Plant::new(&config, |_plc, device| Ok::<_, NoPlant>(Segment::of(device))).unwrap(),
@@ -62,7 +62,7 @@ impl TestHost {
     }
 
     /// Runs the plant up to time `t`, in either mode.
-    pub fn run_to(&mut self, t: u64) {
+    pub(crate) fn run_to(&mut self, t: u64) {
         self.plant.advance_to(t);
         self.steps += 1;
         let due = self.script.extract_if(.., |(time, ..)| *time <= t);
@@ -76,12 +76,12 @@ impl TestHost {
 
     /// Writes a WORD of PLC 0 as another program does.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
-    pub fn store(&self, offset: u32, value: u16) {
+    pub(crate) fn store(&self, offset: u32, value: u16) {
         self.plant.devices()[0].segment().store(offset, Width::Word, value.into()).unwrap();
     }
 
     /// Executes operations up to the first that is refused. None of them may wait.
-    pub fn request(&mut self, ops: &[Op]) -> Vec<Reply> {
+    pub(crate) fn request(&mut self, ops: &[Op]) -> Vec<Reply> {
         self.begin_request();
         let mut replies = Vec::new();
         for op in ops {
@@ -98,7 +98,7 @@ impl TestHost {
 
     /// The refusal of an operation.
     #[track_caller]
-    pub fn refused(&mut self, op: Op) -> Refused {
+    pub(crate) fn refused(&mut self, op: Op) -> Refused {
         match self.request(&[op]).pop() {
             Some(Reply::Error(refused)) => refused,
             other => panic!("{op:?} should be refused, got {other:?}"),
@@ -107,7 +107,7 @@ impl TestHost {
 
     /// Code and text of the refusal of an operation.
     #[track_caller]
-    pub fn refusal(&mut self, op: Op) -> (Code, String) {
+    pub(crate) fn refusal(&mut self, op: Op) -> (Code, String) {
         let Refused { code, text, .. } = self.refused(op);
         (code, text)
     }

@@ -47,13 +47,13 @@ pub(super) struct Lockstep {
 }
 
 impl Lockstep {
-    pub fn new(headers: Vec<View<Header>>, stepped: bool) -> Self {
+    pub(crate) fn new(headers: Vec<View<Header>>, stepped: bool) -> Self {
         let requests = vec![0; headers.len()];
         Lockstep { headers, requests, tasks: Vec::new(), stepped }
     }
 
     /// Seats those that ask for it and forgets those that have left; tells whether there was anything.
-    pub fn look(&mut self, plant: &mut Plant) -> bool {
+    pub(crate) fn look(&mut self, plant: &mut Plant) -> bool {
         let mut changed = false;
         for plc in 0..self.headers.len() {
             let requests = self.headers[plc].board_requests.load();
@@ -111,7 +111,7 @@ impl Lockstep {
 
     /// Lets emulated time pass until `target`, with a turn for each task whenever it is due. Returns early if `stop`
     /// says so while a task has its turn.
-    pub fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
+    pub(crate) fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
         self.look(plant);
         loop {
             if !self.give_turns(plant, &stop) {
@@ -127,7 +127,7 @@ impl Lockstep {
     }
 
     /// When the first of the tasks that run has its next turn; `u64::MAX` if none runs.
-    pub fn next_turn(&self) -> u64 {
+    pub(crate) fn next_turn(&self) -> u64 {
         self.tasks.iter().filter_map(|task| task.until).fold(u64::MAX, u64::min)
     }
 

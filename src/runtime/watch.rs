@@ -18,7 +18,7 @@ impl Watch {
     ///
     /// # Errors
     /// No thread can be started.
-    pub fn start(files: Vec<ImageFileWatch>, stop: StopHandle) -> std::io::Result<Self> {
+    pub(crate) fn start(files: Vec<ImageFileWatch>, stop: StopHandle) -> std::io::Result<Self> {
         let (end, ended) = mpsc::channel();
         let thread = std::thread::Builder::new().name("images".to_owned());
         Ok(Self(Some((end, thread.spawn(move || watch(&files, &stop, &ended))?))))

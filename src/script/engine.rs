@@ -33,19 +33,19 @@ pub(super) struct Stage {
 
 impl Stage {
     /// For a script in `directory`; without a bench it makes its own.
-    pub fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
+    pub(crate) fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
         let mut stage = Self { attached: bench.is_some(), bench: None, directory, limit_us };
         stage.bench = bench.map(|bench| stage.limited(bench));
         stage
     }
 
     /// Emulated time that the scenario has taken, in microseconds.
-    pub fn elapsed_us(&mut self) -> u64 {
+    pub(crate) fn elapsed_us(&mut self) -> u64 {
         self.bench.as_mut().and_then(|bench| bench.elapsed().ok()).unwrap_or(0)
     }
 
     /// A failure at the present moment, unless the plant has gone.
-    pub fn failure(&mut self, what: &str) -> Option<Failure> {
+    pub(crate) fn failure(&mut self, what: &str) -> Option<Failure> {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()
     }
 

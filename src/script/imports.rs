@@ -39,7 +39,7 @@ impl core::fmt::Display for Import {
 
 impl Imports {
     /// For the scenario in file `scenario`.
-    pub fn new(scenario: &Path, directory: &Path) -> Self {
+    pub(crate) fn new(scenario: &Path, directory: &Path) -> Self {
         Self {
             files: FileModuleResolver::new_with_path(directory),
             directory: directory.to_owned(),

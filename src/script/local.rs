@@ -18,7 +18,7 @@ impl Local {
     ///
     /// # Errors
     /// The plant is refused.
-    pub fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
+    pub(crate) fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
         let plant = Plant::new(config, |_plc, device| Ok::<_, ScenarioError>(Segment::of(device)))?;
         Ok(Self { plant, is_stopping: false })
     }

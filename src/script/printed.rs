@@ -12,12 +12,12 @@ pub(super) struct Printed {
 
 impl Printed {
     /// Hands lines on, each with its end.
-    pub fn new(hand_on: impl FnMut(&str) + 'static) -> Self {
+    pub(crate) fn new(hand_on: impl FnMut(&str) + 'static) -> Self {
         Self { text: String::new(), is_cut: false, hand_on: Box::new(hand_on) }
     }
 
     /// Takes a line, or the beginning of the first one that is too much.
-    pub fn line(&mut self, line: &str) {
+    pub(crate) fn line(&mut self, line: &str) {
         if self.is_cut {
             return;
         }
@@ -36,7 +36,7 @@ impl Printed {
     }
 
     /// Everything that was kept.
-    pub fn take(&mut self) -> String {
+    pub(crate) fn take(&mut self) -> String {
         core::mem::take(&mut self.text)
     }
 }

@@ -19,7 +19,7 @@ impl Remote {
     ///
     /// # Errors
     /// The instance does not answer.
-    pub fn new(client: Client) -> Result<Self, ClientError> {
+    pub(crate) fn new(client: Client) -> Result<Self, ClientError> {
         let info = client.info()?;
         Ok(Self { client, instance: info.name, plcs: info.names.plcs })
     }

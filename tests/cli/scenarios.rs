@@ -9,10 +9,10 @@ use tempfile::TempDir;
 mod attached;
 
 /// Scripts in a directory of their own, which is where the command runs.
-pub struct Scripts(pub TempDir);
+pub(crate) struct Scripts(pub TempDir);
 
 impl Scripts {
-    pub fn new(scripts: &[(&str, &str)]) -> Self {
+    pub(crate) fn new(scripts: &[(&str, &str)]) -> Self {
         let directory = TempDir::new().unwrap();
         for (name, text) in scripts {
             std::fs::write(directory.path().join(name), text).unwrap();
@@ -20,17 +20,17 @@ impl Scripts {
         Self(directory)
     }
 
-    pub fn command(&self, args: &[&str]) -> Command {
+    pub(crate) fn command(&self, args: &[&str]) -> Command {
         let mut command = commram();
         command.arg("test").args(args).current_dir(self.0.path());
         command
     }
 
-    pub fn run(&self, args: &[&str]) -> Outcome {
+    pub(crate) fn run(&self, args: &[&str]) -> Outcome {
         finish(&mut self.command(args))
     }
 
-    pub fn read(&self, name: &str) -> String {
+    pub(crate) fn read(&self, name: &str) -> String {
         std::fs::read_to_string(self.0.path().join(name)).unwrap()
     }
 }

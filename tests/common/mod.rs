@@ -15,13 +15,13 @@ const WATCHDOG: Duration = Duration::from_secs(60);
 const TOO_LATE: [&str; 2] = ["late-reference", "late-actual"];
 
 /// A name that no other test and no other test run uses.
-pub fn unique_name() -> String {
+pub(crate) fn unique_name() -> String {
     static COUNTER: AtomicU32 = AtomicU32::new(0);
     format!("t{}-{}", std::process::id(), COUNTER.fetch_add(1, Ordering::Relaxed))
 }
 
 /// The program, without the settings of whoever runs the tests.
-pub fn commram() -> Command {
+pub(crate) fn commram() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_commram"));
     command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
     command
@@ -29,7 +29,7 @@ pub fn commram() -> Command {
 
 /// The path of an example program. `cargo test` builds examples only if it is not told which test to run; building
 /// them here does nothing if they are there.
-pub fn example(name: &str) -> PathBuf {
+pub(crate) fn example(name: &str) -> PathBuf {
     static BUILT: Once = Once::new();
     BUILT.call_once(|| {
         let mut cargo = Command::new(env!("CARGO"));
@@ -48,19 +48,19 @@ pub fn example(name: &str) -> PathBuf {
 
 /// What a command has said and how it ended.
 #[derive(Debug)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     pub code: Option<i32>,
     pub out: String,
     pub err: String,
 }
 
 /// Runs the program with these arguments to its end.
-pub fn run(args: &[&str]) -> Outcome {
+pub(crate) fn run(args: &[&str]) -> Outcome {
     finish(commram().args(args))
 }
 
 /// Runs a command to its end.
-pub fn finish(command: &mut Command) -> Outcome {
+pub(crate) fn finish(command: &mut Command) -> Outcome {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let out = collect(child.stdout.take().unwrap());
     let err = collect(child.stderr.take().unwrap());
@@ -80,7 +80,7 @@ fn collect(mut stream: impl Read + Send + 'static) -> mpsc::Receiver<String> {
 }
 
 /// Waits for the end of a process; kills it and fails if it does not end.
-pub fn wait_for(child: &mut Child, what: &str) -> ExitStatus {
+pub(crate) fn wait_for(child: &mut Child, what: &str) -> ExitStatus {
     let mut status = None;
     let ended = eventually(|| {
         status = child.try_wait().unwrap();
@@ -95,7 +95,7 @@ pub fn wait_for(child: &mut Child, what: &str) -> ExitStatus {
 }
 
 /// Whether the condition becomes true before the watchdog barks.
-pub fn eventually(mut condition: impl FnMut() -> bool) -> bool {
+pub(crate) fn eventually(mut condition: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
     loop {
         if condition() {
@@ -112,14 +112,14 @@ pub fn eventually(mut condition: impl FnMut() -> bool) -> bool {
 impl Outcome {
     /// The output of a command that must succeed without a word on stderr.
     #[track_caller]
-    pub fn ok(&self) -> &str {
+    pub(crate) fn ok(&self) -> &str {
         assert_eq!((self.code, self.err.as_str()), (Some(0), ""), "stdout: {}", self.out);
         &self.out
     }
 
     /// The complaint of a command that must fail with this exit code.
     #[track_caller]
-    pub fn fails(&self, code: i32) -> &str {
+    pub(crate) fn fails(&self, code: i32) -> &str {
         assert_eq!(self.code, Some(code), "stdout: {}\nstderr: {}", self.out, self.err);
         assert_eq!(self.out, "", "a command that fails prints nothing");
         assert!(self.err.starts_with("commram: "), "{}", self.err);
@@ -128,14 +128,14 @@ impl Outcome {
 }
 
 /// A command under way that shows what happens at an emulator.
-pub struct Follower {
+pub(crate) struct Follower {
     pub child: Child,
     pub lines: Lines<BufReader<ChildStdout>>,
     notes: Lines<BufReader<ChildStderr>>,
 }
 
 impl Follower {
-    pub fn start(emulator: &Emulator, subcommand: &str, args: &[&str]) -> Self {
+    pub(crate) fn start(emulator: &Emulator, subcommand: &str, args: &[&str]) -> Self {
         let mut command = emulator.command(subcommand, args);
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
@@ -144,17 +144,17 @@ impl Follower {
     }
 
     /// What it shows next.
-    pub fn line(&mut self) -> String {
+    pub(crate) fn line(&mut self) -> String {
         self.lines.next().expect("a line").unwrap()
     }
 
     /// What it says next beside that.
-    pub fn note(&mut self) -> String {
+    pub(crate) fn note(&mut self) -> String {
         self.notes.next().expect("a note").unwrap()
     }
 
     /// Exit code and the rest of its words.
-    pub fn end(mut self) -> (Option<i32>, Vec<String>, String) {
+    pub(crate) fn end(mut self) -> (Option<i32>, Vec<String>, String) {
         let rest = self.lines.map(Result::unwrap).collect();
         let status = wait_for(&mut self.child, "a command that follows");
         let err = self.notes.map(|note| note.unwrap() + "\n").collect();
@@ -163,7 +163,7 @@ impl Follower {
 }
 
 /// A running emulator. It is killed, and its files are removed, when this value is dropped.
-pub struct Emulator {
+pub(crate) struct Emulator {
     pub name: String,
     /// What it said when it was ready.
     pub ready: String,
@@ -178,17 +178,17 @@ pub struct Emulator {
 
 impl Emulator {
     /// Starts `commram run` with a unique instance name and waits until it is ready.
-    pub fn start(args: &[&str]) -> Self {
+    pub(crate) fn start(args: &[&str]) -> Self {
         Self::start_as(&unique_name(), args)
     }
 
     /// As [`Emulator::start`] with the built-in plant and the stepped clock.
-    pub fn stepped() -> Self {
+    pub(crate) fn stepped() -> Self {
         Self::start(&["--clock", "stepped"])
     }
 
     /// Starts an instance of the given name.
-    pub fn start_as(name: &str, args: &[&str]) -> Self {
+    pub(crate) fn start_as(name: &str, args: &[&str]) -> Self {
         let mut command = commram();
         command.arg("run").args(args).args(["-i", name]).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
@@ -219,43 +219,43 @@ impl Emulator {
         this
     }
 
-    pub fn pid(&self) -> u32 {
+    pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
 
     /// A subcommand on this instance.
-    pub fn command(&self, subcommand: &str, args: &[&str]) -> Command {
+    pub(crate) fn command(&self, subcommand: &str, args: &[&str]) -> Command {
         let mut command = commram();
         command.arg(subcommand).args(args).args(["-i", &self.name]);
         command
     }
 
     /// Runs a subcommand on this instance to its end.
-    pub fn run(&self, subcommand: &str, args: &[&str]) -> Outcome {
+    pub(crate) fn run(&self, subcommand: &str, args: &[&str]) -> Outcome {
         finish(&mut self.command(subcommand, args))
     }
 
     /// The bare numbers of registers, as one line.
     #[track_caller]
-    pub fn peek(&self, registers: &[&str]) -> String {
+    pub(crate) fn peek(&self, registers: &[&str]) -> String {
         let outcome = self.run("peek", &[&["--raw"], registers].concat());
         outcome.ok().lines().collect::<Vec<_>>().join(" ")
     }
 
     #[track_caller]
-    pub fn poke(&self, writes: &[&str]) {
+    pub(crate) fn poke(&self, writes: &[&str]) {
         self.run("poke", writes).ok();
     }
 
     #[track_caller]
-    pub fn step(&self, args: &[&str]) -> String {
+    pub(crate) fn step(&self, args: &[&str]) -> String {
         self.run("step", args).ok().trim_end().to_owned()
     }
 
     /// Puts node 2 of the built-in plant into set-up mode, its drives 1 to 3 expected, as the manual orders (p. 132 and
     /// 150); `writes` are the PLC's first in the cyclic structure. In stepped mode.
     #[track_caller]
-    pub fn set_up(&self, writes: &[&str]) {
+    pub(crate) fn set_up(&self, writes: &[&str]) {
         let init = [
             "node2.b_MA_SL_MODE=16#00",
             "node2.b_AC=16#FF",
@@ -283,28 +283,28 @@ impl Emulator {
         }
     }
 
-    pub fn signal(&self, signal: &str) {
+    pub(crate) fn signal(&self, signal: &str) {
         let pid = self.pid().to_string();
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
     }
 
     /// Kills it as `kill -9` does.
-    pub fn kill(&mut self) {
+    pub(crate) fn kill(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    pub fn wait(&mut self) -> ExitStatus {
+    pub(crate) fn wait(&mut self) -> ExitStatus {
         wait_for(&mut self.child, "the emulator")
     }
 
     /// Everything it has said on stderr; it must have ended.
-    pub fn complaints(&mut self) -> String {
+    pub(crate) fn complaints(&mut self) -> String {
         self.err.get_mut().unwrap().take().and_then(|err| err.recv_timeout(WATCHDOG).ok()).unwrap_or_default()
     }
 
     /// Names the rules, errors all of them, that this test breaks on purpose. Warnings are never looked at.
-    pub fn breaks(&self, rules: &[&'static str]) {
+    pub(crate) fn breaks(&self, rules: &[&'static str]) {
         *self.expected.lock().unwrap() = rules.to_vec();
     }
 
@@ -333,13 +333,13 @@ impl Emulator {
     fn assert_no_other_errors(&mut self) {}
 
     /// Its files in /dev/shm that bear its name.
-    pub fn files(&self) -> Vec<PathBuf> {
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
         files_of(&self.name)
     }
 }
 
 /// The files in /dev/shm that bear the name of an instance.
-pub fn files_of(instance: &str) -> Vec<PathBuf> {
+pub(crate) fn files_of(instance: &str) -> Vec<PathBuf> {
     let prefix = format!("commram.{instance}.");
     let entries = std::fs::read_dir("/dev/shm").unwrap().flatten();
     let own = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix));
@@ -378,7 +378,7 @@ impl Emulator {
 }
 
 /// Removes what a killed emulator has left, the anonymous parts of its channel included.
-pub fn remove_remains(instance: &str) {
+pub(crate) fn remove_remains(instance: &str) {
     if !files_of(instance).is_empty() {
         let _ = commram().args(["stop", "--clean", "-i", instance]).output();
     }

@@ -20,7 +20,7 @@ enum Failed {
     Plant(#[from] PlantError),
 }
 
-pub struct Bm4 {
+pub(crate) struct Bm4 {
     pub plant: Plant,
 }
 

@@ -12,13 +12,13 @@ use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
 
 /// The node's slave number.
-pub const NUMBER: u8 = 5;
+pub(crate) const NUMBER: u8 = 5;
 /// Time the node needs to lock.
-pub const LOCK_US: u64 = 20_000;
+pub(crate) const LOCK_US: u64 = 20_000;
 const INTERVAL_US: u64 = 2000;
 const CYCLE_US: u64 = 500;
 
-pub struct Bench {
+pub(crate) struct Bench {
     pub slave: Slave,
     pub regs: View<CANsync_SL_CTRL_BMSTRUCT>,
     init: View<CANsync_INIT_BMSTRUCT>,
@@ -29,7 +29,7 @@ pub struct Bench {
 
 impl Bench {
     /// A node in set-up mode with the first SYNC edge behind it.
-    pub fn in_set_up(memory: Memory) -> Bench {
+    pub(crate) fn in_set_up(memory: Memory) -> Bench {
         let mut images = Vec::new();
         let segment = segment(memory, "b", &DEVICE, &mut images).unwrap();
         let mut slave = Slave::new(
@@ -60,7 +60,7 @@ impl Bench {
     }
 
     /// The PLC restarts the node and brings it back into active operation.
-    pub fn start_over(&mut self, acceptance: [u8; 2]) {
+    pub(crate) fn start_over(&mut self, acceptance: [u8; 2]) {
         self.set_up(acceptance);
         self.enable();
     }
@@ -72,7 +72,7 @@ impl Bench {
     }
 
     /// A node in active operation with a SYNC edge behind it, its PLC ready for jobs in block 1.
-    pub fn active(memory: Memory) -> Bench {
+    pub(crate) fn active(memory: Memory) -> Bench {
         let mut bench = Self::in_set_up(memory);
         bench.enable();
         bench.regs.b_EN_UPDOWNBLK1.store(1);
@@ -80,13 +80,13 @@ impl Bench {
     }
 
     /// Writes `w_CPU_CONTROL` and lets the firmware look at it.
-    pub fn command(&mut self, value: u16) {
+    pub(crate) fn command(&mut self, value: u16) {
         self.regs.w_CPU_CONTROL.store(value);
         self.pass(CYCLE_US);
     }
 
     /// Lets time pass without SYNC, with a processor cycle every 500 us.
-    pub fn pass(&mut self, us: u64) {
+    pub(crate) fn pass(&mut self, us: u64) {
         for _ in 0..us / CYCLE_US {
             self.now += CYCLE_US;
             self.with(|slave, ctx| slave.processor_cycle(ctx, None));
@@ -94,24 +94,24 @@ impl Bench {
     }
 
     /// An interval goes by; ends just after the next SYNC edge.
-    pub fn edge(&mut self) {
+    pub(crate) fn edge(&mut self) {
         self.pass(INTERVAL_US);
         self.slave.sync_edge(self.now, INTERVAL_US as u32);
     }
 
-    pub fn with<R>(&mut self, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> R {
+    pub(crate) fn with<R>(&mut self, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> R {
         let origin = Origin { plc: 0, node: 1 };
         f(&mut self.slave, &mut Context { now: self.now, journal: &mut self.journal, origin, base: NODE1 })
     }
 
     /// A job frame comes in, and the interval ends.
-    pub fn deliver(&mut self, frame: &Frame) {
+    pub(crate) fn deliver(&mut self, frame: &Frame) {
         self.with(|slave, ctx| slave.job(ctx, frame));
         self.edge();
     }
 
     /// The response slot: the node's answer goes out.
-    pub fn answer(&mut self) -> Option<Frame> {
+    pub(crate) fn answer(&mut self) -> Option<Frame> {
         let frame = self.with(|slave, ctx| slave.response(ctx));
         if frame.is_some() {
             self.with(|slave, ctx| slave.response_sent(ctx));
@@ -120,26 +120,26 @@ impl Bench {
     }
 
     /// One turn of the command and response channel.
-    pub fn turn(&mut self, frame: &Frame) -> Option<Frame> {
+    pub(crate) fn turn(&mut self, frame: &Frame) -> Option<Frame> {
         self.deliver(frame);
         self.answer()
     }
 
     /// One turn with a parameter job.
-    pub fn parameter(&mut self, job: &ParameterJob) -> ParameterResponse {
+    pub(crate) fn parameter(&mut self, job: &ParameterJob) -> ParameterResponse {
         let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
         assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));
         ParameterResponse::decode(job, frame.payload()).unwrap()
     }
 
     /// One turn with an up-/download job.
-    pub fn updown(&mut self, job: &UpDownJob) -> UpDownResponse {
+    pub(crate) fn updown(&mut self, job: &UpDownJob) -> UpDownResponse {
         let frame = self.turn(&job.frame(NUMBER)).expect("the slave answers");
         assert_eq!(frame.id(), 0x580 + u16::from(NUMBER));
         UpDownResponse::decode(job, frame.payload()).unwrap()
     }
 
-    pub fn action(&mut self, command: ActionCommand) {
+    pub(crate) fn action(&mut self, command: ActionCommand) {
         self.with(|slave, ctx| slave.action(ctx, &command.frame(), &command));
     }
 }

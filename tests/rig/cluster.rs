@@ -8,7 +8,7 @@ use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;
 
 /// Length of an interval at 500 kbit/s.
-pub const INTERVAL_US: u64 = 2000;
+pub(crate) const INTERVAL_US: u64 = 2000;
 /// `b_MA_SL_MODE`: a master with SYNC of its own, a slave, a master that takes its SYNC over (D-12).
 const OWN_SYNC: u8 = 0x00;
 const SLAVE: u8 = 0x01;
@@ -24,13 +24,13 @@ const LOW: u8 = 0x01;
 const HIGH: u8 = 0x03;
 
 /// The running cluster. PLC 0 is the top; children come after their parents.
-pub struct Cluster {
+pub(crate) struct Cluster {
     pub plant: Plant,
     pub plcs: Vec<ClusterPlc>,
 }
 
 /// A PLC of the cluster.
-pub struct ClusterPlc {
+pub(crate) struct ClusterPlc {
     /// Node 1; none at the top.
     slave: Option<View<CANsync_SL_CTRL_BMSTRUCT>>,
     /// Node 2.
@@ -57,7 +57,7 @@ impl Drop for Cluster {
 
 impl Cluster {
     /// `widths[n]`: participants on each bus of level n; those of the last level are drives.
-    pub fn new(widths: &[usize]) -> Cluster {
+    pub(crate) fn new(widths: &[usize]) -> Cluster {
         let (text, children) = plant_text(widths);
         let config = PlantConfig::parse("cluster", &text).expect("the plant is a good one");
         let plant = Plant::new(&config, |_plc, device| Ok::<_, Failed>(Segment::of(device)))
@@ -68,7 +68,7 @@ impl Cluster {
     }
 
     /// From restart to active operation, all PLCs level with each other; ends at a SYNC edge.
-    pub fn activate(&mut self) {
+    pub(crate) fn activate(&mut self) {
         self.command(0x0000, [0x0001; 2]);
         self.command(0x0001, [0x0002; 2]);
         for plc in &self.plcs {
@@ -101,13 +101,13 @@ impl Cluster {
         }
     }
 
-    pub fn run_to_sync(&mut self) {
+    pub(crate) fn run_to_sync(&mut self) {
         let edge = self.plant.next_sync(0, 2).expect("there is a SYNC signal");
         self.plant.advance_to(edge);
     }
 
     /// The task of all PLCs, then the rest of the interval. Call it at a SYNC edge.
-    pub fn interval(&mut self) {
+    pub(crate) fn interval(&mut self) {
         self.plcs.iter().for_each(ClusterPlc::task);
         self.plant.advance_to(self.plant.now() + INTERVAL_US);
     }
@@ -146,7 +146,7 @@ impl ClusterPlc {
     }
 
     /// What all participants below this PLC report.
-    pub fn sum(&self) -> u32 {
+    pub(crate) fn sum(&self) -> u32 {
         let values = &self.master.a_RD_BMARRAY[..self.children];
         values.iter().fold(0, |sum: u32, values| sum.wrapping_add(values[0].load()))
     }

@@ -2,8 +2,8 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part of the rig")]
 
-pub mod bench;
-pub mod cluster;
+pub(crate) mod bench;
+pub(crate) mod cluster;
 
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::records::Transmitted;
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Where the RAM of the plant lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Memory {
+pub(crate) enum Memory {
     /// Heap memory of this process.
     Heap,
     /// Image files in shared memory.
@@ -23,23 +23,23 @@ pub enum Memory {
 }
 
 /// Both kinds of memory; a test over this list runs the same on each.
-pub const BOTH: [Memory; 2] = [Memory::Heap, Memory::Mapped];
+pub(crate) const BOTH: [Memory; 2] = [Memory::Heap, Memory::Mapped];
 
 /// A baud rate as the PLC sets it.
 #[derive(Clone, Copy, Debug)]
-pub struct Rate {
+pub(crate) struct Rate {
     pub kbit_s: u16,
     pub bt_0: u8,
     pub interval_us: u64,
 }
 
-pub const RATES: [Rate; 3] = [
+pub(crate) const RATES: [Rate; 3] = [
     Rate { kbit_s: 500, bt_0: 0x00, interval_us: 2000 },
     Rate { kbit_s: 250, bt_0: 0x01, interval_us: 4000 },
     Rate { kbit_s: 125, bt_0: 0x03, interval_us: 8000 },
 ];
 
-pub struct Rig {
+pub(crate) struct Rig {
     pub plant: Plant,
     pub rate: Rate,
     /// Node 2 of PLC `a`.
@@ -79,23 +79,23 @@ fn describe(entry: &commram::journal::Entry) -> String {
 
 impl Rig {
     /// Names errors that the access checker may find, because the test is about something else.
-    pub fn tolerate_errors(&mut self, rules: &[&'static Rule]) {
+    pub(crate) fn tolerate_errors(&mut self, rules: &[&'static Rule]) {
         self.tolerated = rules.to_vec();
     }
 
     /// Names the errors that the access checker is to find in this test. Warnings are never looked at.
-    pub fn expect_errors(&mut self, rules: &[&'static Rule]) {
+    pub(crate) fn expect_errors(&mut self, rules: &[&'static Rule]) {
         self.expected =
             commram::devices::catalogue().rules.iter().copied().filter(|rule| rules.contains(rule)).collect();
         self.expected.retain(|rule| rule.severity() == Severity::Error);
     }
 
-    pub fn new(memory: Memory, rate: Rate) -> Rig {
+    pub(crate) fn new(memory: Memory, rate: Rate) -> Rig {
         Self::of(memory, rate, "")
     }
 
     /// `drives` is TOML text put behind the bus.
-    pub fn of(memory: Memory, rate: Rate, drives: &str) -> Rig {
+    pub(crate) fn of(memory: Memory, rate: Rate, drives: &str) -> Rig {
         let text = format!(
             "[[plc]]\nname = 'a'\ndip = 9\nnode2 = 'line'\n\
              [[plc]]\nname = 'b'\ndip = 0\nnode1 = 'line'\nlock_time_us = 20000\n\
@@ -120,24 +120,24 @@ impl Rig {
     }
 
     /// Lets `us` microseconds of emulated time pass.
-    pub fn step(&mut self, us: u64) {
+    pub(crate) fn step(&mut self, us: u64) {
         self.plant.advance_to(self.plant.now() + us);
     }
 
     /// Runs to the next SYNC edge of the bus and handles it.
-    pub fn run_to_sync(&mut self) {
+    pub(crate) fn run_to_sync(&mut self) {
         let edge = self.plant.next_sync(0, 2).expect("the bus has a SYNC signal");
         self.plant.advance_to(edge);
     }
 
     /// Brings the master from restart to "waiting for start"; slaves 0 to 3 are expected.
-    pub fn initialize_master(&mut self) {
+    pub(crate) fn initialize_master(&mut self) {
         let init = self.master_init.clone();
         self.initialize(&init, 0x00);
     }
 
     /// Brings the slave node from restart to "waiting for start".
-    pub fn initialize_slave(&mut self) {
+    pub(crate) fn initialize_slave(&mut self) {
         let init = self.slave_init.clone();
         self.initialize(&init, 0x01);
     }
@@ -155,7 +155,7 @@ impl Rig {
     }
 
     /// Both nodes in set-up mode.
-    pub fn set_up(&mut self) {
+    pub(crate) fn set_up(&mut self) {
         self.initialize_slave();
         self.initialize_master();
         self.slave.w_CPU_CONTROL.store(0x0020);
@@ -166,7 +166,7 @@ impl Rig {
     }
 
     /// Both nodes in active operation; ends at the first SYNC edge of it.
-    pub fn activate(&mut self) {
+    pub(crate) fn activate(&mut self) {
         self.set_up();
         self.slave.w_CPU_CONTROL.store(0x0040);
         self.master.w_CPU_CONTROL.store(0x0040);
@@ -177,7 +177,7 @@ impl Rig {
     }
 
     /// Configuration bytes of reference value frame 1 at the master.
-    pub fn configure_wrc1(&self, bytes: [u8; 4]) {
+    pub(crate) fn configure_wrc1(&self, bytes: [u8; 4]) {
         let cfg = &self.master._CFG_WRC_WORD;
         cfg.b_CFG_WRC1_WORD0.store(bytes[0]);
         cfg.b_CFG_WRC1_WORD1.store(bytes[1]);
@@ -186,30 +186,30 @@ impl Rig {
     }
 
     /// Releases WRC1 in this interval and runs to the next SYNC edge. Call it at a SYNC edge.
-    pub fn send_wrc1(&mut self) {
+    pub(crate) fn send_wrc1(&mut self) {
         self.master.b_CTRLREG_WRC1.store(0x05);
         self.run_to_sync();
     }
 
-    pub fn records(&self) -> impl DoubleEndedIterator<Item = &Record> {
+    pub(crate) fn records(&self) -> impl DoubleEndedIterator<Item = &Record> {
         self.plant.journal().records()
     }
 
     /// All frames so far with the time of their end.
-    pub fn frames(&self) -> Vec<(u64, Frame)> {
+    pub(crate) fn frames(&self) -> Vec<(u64, Frame)> {
         self.records()
             .filter_map(|record| Some((record.time_us, record.event.get::<Transmitted>()?.frame)))
             .collect()
     }
 
     /// The last frame whose identifier is in `ids`.
-    pub fn last_frame(&self, ids: core::ops::RangeInclusive<u16>) -> Option<Frame> {
+    pub(crate) fn last_frame(&self, ids: core::ops::RangeInclusive<u16>) -> Option<Frame> {
         self.frames().into_iter().rev().map(|(_, frame)| frame).find(|frame| ids.contains(&frame.id()))
     }
 }
 
 /// Fills the initialization data; slaves 0 to 3 are expected by a master.
-pub fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8) {
+pub(crate) fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8) {
     init.b_MA_SL_MODE.store(mode);
     init.b_AC.store(0xFF);
     init.b_AM.store(0xFF);
@@ -224,7 +224,7 @@ pub fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8) {
 }
 
 /// RAM for a PLC; an image is kept alive in `images` and removes its file when that is dropped.
-pub fn segment(
+pub(crate) fn segment(
     memory: Memory,
     plc: &str,
     device: &'static commram::layout::Device,
@@ -248,7 +248,7 @@ pub fn segment(
 
 /// What building a rig can fail with.
 #[derive(Debug)]
-pub struct RigError(#[expect(dead_code, reason = "shown by Debug")] String);
+pub(crate) struct RigError(#[expect(dead_code, reason = "shown by Debug")] String);
 
 impl From<commram::memory::MemoryError> for RigError {
     fn from(error: commram::memory::MemoryError) -> Self {

@@ -26,7 +26,7 @@ const SPEED_LIMIT: u16 = 305;
 const SPEED: u32 = 5000;
 
 /// The program.
-pub struct Drive {
+pub(crate) struct Drive {
     ram: Ram,
     cycles: u32,
     _BAPS: Base<BAPS_CTRL_BMSTRUCT>,
@@ -40,7 +40,7 @@ pub struct Drive {
 
 impl Drive {
     /// On the RAM of a PLC.
-    pub fn new(ram: Ram) -> Result<Self, MemoryError> {
+    pub(crate) fn new(ram: Ram) -> Result<Self, MemoryError> {
         Ok(Drive {
             _BAPS: ram.at(BAPS)?,
             _BAPS_SD_DATA: BAPS_BMSTRUCT::default(),

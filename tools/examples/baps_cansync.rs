@@ -32,7 +32,7 @@ const COMMAND_REG: u16 = 0x0044;
 const MASK: u32 = 0xFFFF_FFF0;
 
 /// The program.
-pub struct Master {
+pub(crate) struct Master {
     ram: Ram,
     _CANsync_INIT_MA: Base<CANsync_INIT_BMSTRUCT>,
     _CANsync_CTRL_MA: Base<CANsync_MA_CTRL_BMSTRUCT>,
@@ -47,7 +47,7 @@ pub struct Master {
 
 impl Master {
     /// On the RAM of a PLC.
-    pub fn new(ram: Ram) -> Result<Self, MemoryError> {
+    pub(crate) fn new(ram: Ram) -> Result<Self, MemoryError> {
         let mut init = CANsync_INIT { us_BAUDRATE: 5, us_SYNC_INTERVAL: INTERVAL_MS, ..Default::default() };
         SLAVES.iter().for_each(|slave| init.a_SL_TYP[*slave] = 1);
         Ok(Master {

@@ -24,7 +24,7 @@ const COMMAND_REG: u16 = 0x0024;
 const MASK: u32 = 0xFFFF_FFF8;
 
 /// The program.
-pub struct Timer {
+pub(crate) struct Timer {
     ram: Ram,
     triggers: OPT_INIT,
     event: INTR_SET,
@@ -33,7 +33,7 @@ pub struct Timer {
 
 impl Timer {
     /// On the RAM of a PLC.
-    pub fn new(ram: Ram) -> Result<Self, MemoryError> {
+    pub(crate) fn new(ram: Ram) -> Result<Self, MemoryError> {
         Ok(Timer {
             triggers: OPT_INIT {
                 us_MODE_TRIGGER_1: 4,

@@ -23,7 +23,7 @@ const DIVIDER: u16 = 2499;
 const EVENTS: u32 = 1000;
 
 /// The program.
-pub struct Timer {
+pub(crate) struct Timer {
     ram: Ram,
     number: usize,
     triggers: OPT_INIT,
@@ -40,7 +40,7 @@ pub struct Timer {
 
 impl Timer {
     /// On the RAM of a PLC, with the task on event `number`.
-    pub fn new(ram: Ram, number: usize) -> Self {
+    pub(crate) fn new(ram: Ram, number: usize) -> Self {
         Timer {
             triggers: OPT_INIT {
                 us_MODE_TRIGGER_1: 4,

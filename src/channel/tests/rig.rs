@@ -17,10 +17,10 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 /// The watchdog: nothing in these tests takes that long.
-pub const LONG: Duration = Duration::from_secs(30);
+pub(crate) const LONG: Duration = Duration::from_secs(30);
 
 /// Bells in a small file, as they lie in the header page of an image.
-pub struct FileBells {
+pub(crate) struct FileBells {
     map: MmapRaw,
 }
 
@@ -29,7 +29,7 @@ const REPLIES: usize = 1;
 const PID: usize = 2;
 
 impl FileBells {
-    pub fn open(path: &Path) -> Self {
+    pub(crate) fn open(path: &Path) -> Self {
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).unwrap();
         file.set_len(64).unwrap();
         Self { map: MmapRaw::map_raw(&file).unwrap() }
@@ -41,15 +41,15 @@ impl FileBells {
         unsafe { &*self.map.as_mut_ptr().cast::<AtomicU32>().add(index) }
     }
 
-    pub fn set_pid(&self, pid: u32) {
+    pub(crate) fn set_pid(&self, pid: u32) {
         self.word(PID).store(pid, Ordering::SeqCst);
     }
 
-    pub fn doorbell_count(&self) -> u32 {
+    pub(crate) fn doorbell_count(&self) -> u32 {
         self.word(DOORBELL).load(Ordering::SeqCst)
     }
 
-    pub fn wait_doorbell(&self, seen: u32, timeout: Duration) {
+    pub(crate) fn wait_doorbell(&self, seen: u32, timeout: Duration) {
         self.wait(DOORBELL, seen, timeout);
     }
 
@@ -92,14 +92,14 @@ impl Bells for FileBells {
 }
 
 /// Whether a process has ended; a zombie has.
-pub fn is_gone(pid: rustix::process::Pid) -> bool {
+pub(crate) fn is_gone(pid: rustix::process::Pid) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero())).unwrap_or_default();
     let state = stat.rsplit(") ").next().unwrap_or_default().chars().next();
     matches!(state, None | Some('Z' | 'X'))
 }
 
 /// The files of one instance.
-pub struct Place {
+pub(crate) struct Place {
     /// Removes the files in the end; `None` in a child process.
     owned: Option<TempDir>,
     pub directory: PathBuf,
@@ -107,7 +107,7 @@ pub struct Place {
 }
 
 impl Place {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         static COUNTER: AtomicU32 = AtomicU32::new(0);
         let number = COUNTER.fetch_add(1, Ordering::Relaxed);
         let instance = format!("test-{}-{number}", std::process::id());
@@ -117,35 +117,35 @@ impl Place {
     }
 
     /// The same place, seen from a child process.
-    pub fn inherited(directory: PathBuf, instance: String) -> Self {
+    pub(crate) fn inherited(directory: PathBuf, instance: String) -> Self {
         Self { owned: None, directory, instance }
     }
 
-    pub fn root(&self) -> PathBuf {
+    pub(crate) fn root(&self) -> PathBuf {
         self.directory.join("iox")
     }
 
-    pub fn bells(&self) -> Arc<FileBells> {
+    pub(crate) fn bells(&self) -> Arc<FileBells> {
         Arc::new(FileBells::open(&self.directory.join("bells")))
     }
 
-    pub fn server(&self) -> Result<Server, ServerError> {
+    pub(crate) fn server(&self) -> Result<Server, ServerError> {
         let bells = self.bells();
         bells.set_pid(std::process::id());
         Server::open(&self.instance, &self.root(), Box::new(bells))
     }
 
-    pub fn connect(&self, patience: Patience) -> Result<Client, ClientError> {
+    pub(crate) fn connect(&self, patience: Patience) -> Result<Client, ClientError> {
         Client::connect(&self.instance, &self.root(), Box::new(self.bells()), patience)
     }
 
     /// A client that waits for the server.
-    pub fn client(&self) -> Client {
+    pub(crate) fn client(&self) -> Client {
         self.connect(Patience { connect: LONG, reply: LONG, ..Patience::default() }).unwrap()
     }
 
     /// The domain; makes its root directory.
-    pub fn domain(&self) -> Domain {
+    pub(crate) fn domain(&self) -> Domain {
         Domain::own(&self.instance, &self.root()).unwrap().0
     }
 
@@ -157,7 +157,7 @@ impl Place {
     }
 
     /// Shared memory of the instance.
-    pub fn remains(&self) -> Vec<PathBuf> {
+    pub(crate) fn remains(&self) -> Vec<PathBuf> {
         shm::objects(&self.tag()).collect()
     }
 }
@@ -172,7 +172,7 @@ impl Drop for Place {
 }
 
 /// Runs the firmware thread until it is asked to stop.
-pub fn serve(place: &Place, mut host: TestHost) {
+pub(crate) fn serve(place: &Place, mut host: TestHost) {
     let bells = place.bells();
     let mut server = place.server().unwrap();
     while !host.should_stop() {
@@ -194,18 +194,18 @@ pub fn serve(place: &Place, mut host: TestHost) {
 }
 
 /// A server on a thread of its own; ended on drop.
-pub struct Emulator {
+pub(crate) struct Emulator {
     stop: Arc<AtomicBool>,
     bells: Arc<FileBells>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Emulator {
-    pub fn start(place: &Arc<Place>, stepped: bool) -> Self {
+    pub(crate) fn start(place: &Arc<Place>, stepped: bool) -> Self {
         Self::start_with(place, TestHost::new(stepped))
     }
 
-    pub fn start_with(place: &Arc<Place>, host: TestHost) -> Self {
+    pub(crate) fn start_with(place: &Arc<Place>, host: TestHost) -> Self {
         let stop = Arc::clone(&host.stop);
         let bells = place.bells();
         let place = Arc::clone(place);
@@ -214,7 +214,7 @@ impl Emulator {
     }
 
     /// Ends the emulator and waits for its end.
-    pub fn end(mut self) {
+    pub(crate) fn end(mut self) {
         self.finish();
     }
 

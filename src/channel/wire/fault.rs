@@ -9,9 +9,9 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 /// Kinds of limits.
 mod limit {
-    pub const UNTIL_CLEARED: u8 = 0;
-    pub const COUNT: u8 = 1;
-    pub const DURATION: u8 = 2;
+    pub(crate) const UNTIL_CLEARED: u8 = 0;
+    pub(crate) const COUNT: u8 = 1;
+    pub(crate) const DURATION: u8 = 2;
 }
 
 /// What a kind of fault has besides its place.
@@ -168,7 +168,7 @@ impl From<&FaultStatus> for WireFault {
 
 impl WireFault {
     /// The way back; `None` for what no server of this version can have sent.
-    pub fn status(&self) -> Option<FaultStatus> {
+    pub(crate) fn status(&self) -> Option<FaultStatus> {
         let acting = match self.acting {
             0 => false,
             1 => true,

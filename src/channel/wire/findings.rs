@@ -32,7 +32,7 @@ impl From<&Entry> for WireEntry {
 
 impl WireEntry {
     /// The way back; `None` for what no server of this version can have sent.
-    pub fn entry(&self) -> Option<Entry> {
+    pub(crate) fn entry(&self) -> Option<Entry> {
         let WireEntry { last, count, first_us, last_us, latest_us, is_single, .. } = *self;
         let found: Found = devices::catalogue().event(last)?.get()?;
         let last = found.finding(devices::catalogue())?;

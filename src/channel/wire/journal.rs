@@ -44,7 +44,7 @@ impl From<&Record> for WireRecord {
 
 impl WireRecord {
     /// The way back; `None` for what no server of this version can have sent.
-    pub fn record(&self) -> Option<Record> {
+    pub(crate) fn record(&self) -> Option<Record> {
         let record = Record {
             seq: self.seq,
             time_us: self.time_us,

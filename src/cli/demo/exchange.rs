@@ -6,7 +6,7 @@ use crate::cli::output;
 use std::time::Duration;
 
 /// Slave numbers of the drives.
-pub const DRIVES: [u8; 3] = [1, 2, 3];
+pub(crate) const DRIVES: [u8; 3] = [1, 2, 3];
 /// Intervals that are traced, enough for each drive to answer once: the question goes to slave 0 first, and
 /// answers are seen one interval later.
 const TRACED: u32 = 6;
@@ -22,7 +22,7 @@ const SETTLE: u32 = 250;
 const SYNC: Duration = Duration::from_secs(5);
 
 /// Process data, with a count of what happened.
-pub struct Exchange<'a> {
+pub(crate) struct Exchange<'a> {
     trace: &'a Trace,
     /// SYNC pulses seen so far.
     syncs: u32,
@@ -38,7 +38,7 @@ pub struct Exchange<'a> {
 
 impl<'a> Exchange<'a> {
     /// Begins with the next SYNC pulse.
-    pub fn new(trace: &'a Trace) -> Self {
+    pub(crate) fn new(trace: &'a Trace) -> Self {
         Self { trace, syncs: trace.syncs(), seen: 0, unseen: 0, sent: 0, received: [0; DRIVES.len()] }
     }
 
@@ -46,7 +46,7 @@ impl<'a> Exchange<'a> {
     ///
     /// # Errors
     /// The emulator has gone, or a drive does not follow.
-    pub fn run(mut self) -> Result<(), CliError> {
+    pub(crate) fn run(mut self) -> Result<(), CliError> {
         self.trace.headline(&format!("Process data: the first {TRACED} of {INTERVALS} intervals"))?;
         for interval in 0..INTERVALS {
             self.interval(interval * SLOPE, interval < TRACED)?;

@@ -21,7 +21,7 @@ const LOCK: Duration = Duration::from_secs(20);
 #[command(after_help = "\
 Examples:
   commram demo-plc default line")]
-pub struct Args {
+pub(crate) struct Args {
     /// Name of the instance
     instance: String,
     /// Name of the PLC
@@ -32,7 +32,7 @@ pub struct Args {
 }
 
 /// Attaches, initializes node 2 and exchanges process data.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         processes::end_with(parent)?;
     }

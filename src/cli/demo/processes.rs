@@ -13,19 +13,19 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 /// Pause between two looks at the processes.
-pub const POLL: Duration = Duration::from_millis(5);
+pub(crate) const POLL: Duration = Duration::from_millis(5);
 /// How long the emulator may take to get ready, and to end.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Whether the user wants it to end.
-pub struct Interrupts(Arc<AtomicBool>);
+pub(crate) struct Interrupts(Arc<AtomicBool>);
 
 impl Interrupts {
     /// Catches the signals that ask for an end. A second one ends at once.
     ///
     /// # Errors
     /// The system refuses.
-    pub fn catch() -> Result<Self, CliError> {
+    pub(crate) fn catch() -> Result<Self, CliError> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
             // The order counts: the second signal finds the flag raised.
@@ -37,7 +37,7 @@ impl Interrupts {
     }
 
     /// Whether a signal has come.
-    pub fn any(&self) -> bool {
+    pub(crate) fn any(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
@@ -47,7 +47,7 @@ impl Interrupts {
 ///
 /// # Errors
 /// Nobody knows where this program is.
-pub fn command(subcommand: &str) -> Result<Command, CliError> {
+pub(crate) fn command(subcommand: &str) -> Result<Command, CliError> {
     let program = std::env::current_exe().map_err(process_error)?;
     let mut command = Command::new(program);
     command.arg(subcommand).args(["--parent", &std::process::id().to_string()]);
@@ -63,7 +63,7 @@ fn process_error(reason: io::Error) -> CliError {
 ///
 /// # Errors
 /// The system refuses, or the parent has ended already.
-pub fn end_with(parent: u32) -> Result<(), CliError> {
+pub(crate) fn end_with(parent: u32) -> Result<(), CliError> {
     rustix::process::set_parent_process_death_signal(Some(Signal::TERM))
         .map_err(|errno| process_error(errno.into()))?;
     let found = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get().unsigned_abs());
@@ -71,7 +71,7 @@ pub fn end_with(parent: u32) -> Result<(), CliError> {
 }
 
 /// The emulator's process.
-pub struct Emulator {
+pub(crate) struct Emulator {
     child: Child,
     instance: String,
 }
@@ -81,7 +81,7 @@ impl Emulator {
     ///
     /// # Errors
     /// It does not get ready, or the user has had enough.
-    pub fn start(instance: &str, interrupts: &Interrupts) -> Result<Self, CliError> {
+    pub(crate) fn start(instance: &str, interrupts: &Interrupts) -> Result<Self, CliError> {
         let mut command = command("run")?;
         command.args(["-i", instance]).stdout(Stdio::piped());
         let mut child = command.spawn().map_err(process_error)?;
@@ -114,7 +114,7 @@ impl Emulator {
     }
 
     /// Its process id.
-    pub fn pid(&self) -> u32 {
+    pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
 
@@ -122,7 +122,7 @@ impl Emulator {
     ///
     /// # Errors
     /// The system refuses to tell.
-    pub fn has_ended(&mut self) -> Result<bool, CliError> {
+    pub(crate) fn has_ended(&mut self) -> Result<bool, CliError> {
         Ok(self.child.try_wait().map_err(process_error)?.is_some())
     }
 
@@ -130,7 +130,7 @@ impl Emulator {
     ///
     /// # Errors
     /// It does not end, or not in good order.
-    pub fn stop(mut self) -> Result<(), CliError> {
+    pub(crate) fn stop(mut self) -> Result<(), CliError> {
         terminate(&mut self.child)?;
         let status = self.child.wait().map_err(process_error)?;
         if status.success() {
@@ -149,7 +149,7 @@ impl Drop for Emulator {
 }
 
 /// The soft-PLC's process.
-pub struct SoftPlc {
+pub(crate) struct SoftPlc {
     child: Child,
 }
 
@@ -158,7 +158,7 @@ impl SoftPlc {
     ///
     /// # Errors
     /// The system refuses.
-    pub fn start(instance: &str, plc: &str) -> Result<Self, CliError> {
+    pub(crate) fn start(instance: &str, plc: &str) -> Result<Self, CliError> {
         let child = command("demo-plc")?.args([instance, plc]).spawn().map_err(process_error)?;
         Ok(Self { child })
     }
@@ -167,7 +167,7 @@ impl SoftPlc {
     ///
     /// # Errors
     /// The system refuses to tell.
-    pub fn outcome(&mut self) -> Result<Option<Result<(), CliError>>, CliError> {
+    pub(crate) fn outcome(&mut self) -> Result<Option<Result<(), CliError>>, CliError> {
         let Some(status) = self.child.try_wait().map_err(process_error)? else { return Ok(None) };
         Ok(Some(match status.code() {
             Some(0) => Ok(()),

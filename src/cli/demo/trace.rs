@@ -12,7 +12,7 @@ use std::time::Duration;
 
 /// Who has written what is printed.
 #[derive(Clone, Copy)]
-pub enum Who {
+pub(crate) enum Who {
     /// The soft-PLC.
     Plc,
     /// The firmware behind the RAM.
@@ -21,7 +21,7 @@ pub enum Who {
 
 /// An attached image, seen as that of a master. Registers are noted at once and printed later, because printing
 /// takes longer than the firmware needs for its answer.
-pub struct Trace {
+pub(crate) struct Trace {
     attached: Attached,
     header: View<Header>,
     /// Node 2 in cyclic operation.
@@ -41,7 +41,7 @@ impl Trace {
     ///
     /// # Errors
     /// It is attached read-only.
-    pub fn new(attached: Attached) -> Result<Self, CliError> {
+    pub(crate) fn new(attached: Attached) -> Result<Self, CliError> {
         let node = attached.segment().view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?;
         let header = attached.header()?.clone();
         Ok(Self { attached, header, node, notes: RefCell::default() })
@@ -51,7 +51,7 @@ impl Trace {
     ///
     /// # Errors
     /// The image is attached read-only.
-    pub fn ring(&self) -> Result<(), CliError> {
+    pub(crate) fn ring(&self) -> Result<(), CliError> {
         Ok(self.attached.ring()?)
     }
 
@@ -59,7 +59,7 @@ impl Trace {
     ///
     /// # Errors
     /// As [`output::print`].
-    pub fn print(&self) -> Result<(), CliError> {
+    pub(crate) fn print(&self) -> Result<(), CliError> {
         let notes = self.notes.take();
         output::print(&notes.iter().map(line).collect::<Result<String, _>>()?)
     }
@@ -68,7 +68,7 @@ impl Trace {
     ///
     /// # Errors
     /// As [`output::print`].
-    pub fn headline(&self, text: &str) -> Result<(), CliError> {
+    pub(crate) fn headline(&self, text: &str) -> Result<(), CliError> {
         self.print()?;
         output::print(&format!("\n{text}\n"))
     }
@@ -78,7 +78,7 @@ impl Trace {
     ///
     /// # Errors
     /// The register is none of node 2.
-    pub fn note<T: SharedRegs>(&self, who: Who, cell: &T) -> Result<(), CliError> {
+    pub(crate) fn note<T: SharedRegs>(&self, who: Who, cell: &T) -> Result<(), CliError> {
         let address = self.address(cell)?;
         let value = self.attached.segment().load(address.offset(), address.width())?;
         self.note_value(who, address, value);
@@ -95,7 +95,7 @@ impl Trace {
     ///
     /// # Errors
     /// The emulator has gone, or [`CliError::Stuck`] after `patience` of real time.
-    pub fn await_value<T: SharedRegs>(
+    pub(crate) fn await_value<T: SharedRegs>(
         &self,
         cell: &T,
         wanted: u32,
@@ -129,7 +129,7 @@ impl Trace {
     ///
     /// # Errors
     /// The emulator has gone, or nothing happened for `patience` of real time.
-    pub fn await_change(
+    pub(crate) fn await_change(
         &self,
         what: &str,
         patience: Duration,
@@ -139,13 +139,13 @@ impl Trace {
     }
 
     /// SYNC pulses of node 2 so far.
-    pub fn syncs(&self) -> u32 {
+    pub(crate) fn syncs(&self) -> u32 {
         let [_, node2, ..] = &self.header.sync_counter;
         node2.load()
     }
 
     /// Notes a SYNC pulse.
-    pub fn note_sync(&self, count: u32) {
+    pub(crate) fn note_sync(&self, count: u32) {
         let time_us = self.header.virtual_time_us.load();
         self.notes.borrow_mut().push(Note::Sync { time_us, count });
     }

@@ -13,7 +13,7 @@ fn address(entry: &Entry) -> String {
 }
 
 /// Several lines of text.
-pub fn text(device: &Device, entry: &Entry) -> String {
+pub(crate) fn text(device: &Device, entry: &Entry) -> String {
     let line = |name: &str, value: String| vec![format!("  {name}"), value];
     let mut lines = vec![
         line("meaning", entry.meaning.to_owned()),

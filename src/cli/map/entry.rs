@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 /// A register, an array of registers, or an area of plain RAM.
 #[derive(Serialize)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// Name with the block; arrays with the range of their indices.
     pub name: String,
     /// The block.
@@ -48,7 +48,7 @@ pub struct Entry {
 
 /// Where each fact comes from.
 #[derive(Serialize)]
-pub struct Sources {
+pub(crate) struct Sources {
     #[serde(flatten)]
     facts: BTreeMap<&'static str, String>,
     /// The same in the order in which they are told.
@@ -61,7 +61,7 @@ pub struct Sources {
 
 /// A value, or a range of values, with its meaning.
 #[derive(Serialize)]
-pub struct Value {
+pub(crate) struct Value {
     /// The first value.
     pub first: u32,
     /// The last value.
@@ -76,7 +76,7 @@ pub struct Value {
 
 /// A bit, or a field of bits, with its meaning.
 #[derive(Serialize)]
-pub struct Bit {
+pub(crate) struct Bit {
     /// Lowest bit.
     pub first: u8,
     /// Highest bit.
@@ -123,7 +123,7 @@ impl Row for Entry {
 
 impl Entry {
     /// The columns that fit on a screen.
-    pub fn text_cells(&self) -> Vec<String> {
+    pub(crate) fn text_cells(&self) -> Vec<String> {
         let page = format!("p. {}", self.page);
         let meaning = self.meaning.to_owned();
         let texts = [&self.name, &self.address, &self.ty, &self.owner].map(Clone::clone);
@@ -142,13 +142,13 @@ impl Sources {
     }
 
     /// All facts with their sources.
-    pub fn all(&self) -> &[(&'static str, String)] {
+    pub(crate) fn all(&self) -> &[(&'static str, String)] {
         &self.ordered
     }
 }
 
 /// All entries of an area; a register that several of its structures share is given once.
-pub fn of_area(area: &'static Area) -> Vec<Entry> {
+pub(crate) fn of_area(area: &'static Area) -> Vec<Entry> {
     if area.structures.is_empty() {
         return vec![plain(area)];
     }
@@ -167,7 +167,7 @@ pub fn of_area(area: &'static Area) -> Vec<Entry> {
 }
 
 /// The entries of registers; those of a whole array become one.
-pub fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
+pub(crate) fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
     let mut entries = Vec::new();
     let mut rest = registers;
     while let Some(first) = rest.first() {
@@ -186,7 +186,7 @@ pub fn of_registers(registers: &[RegisterRef]) -> Vec<Entry> {
 }
 
 /// The entry of a single register.
-pub fn of_register(register: &RegisterRef) -> Entry {
+pub(crate) fn of_register(register: &RegisterRef) -> Entry {
     Entry {
         name: register.name(),
         address: register.address().to_string(),

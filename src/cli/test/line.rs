@@ -9,7 +9,7 @@ use std::fmt::Write;
 
 /// A scenario in a table.
 #[derive(Serialize)]
-pub struct Line {
+pub(crate) struct Line {
     scenario: String,
     file: String,
     outcome: &'static str,
@@ -39,7 +39,7 @@ struct Details {
 
 impl Line {
     /// The scenario's line.
-    pub fn of(report: &Report) -> Self {
+    pub(crate) fn of(report: &Report) -> Self {
         let (message, failure) = match &report.outcome {
             Outcome::Passed => (None, None),
             Outcome::Failed(failure) => (Some(failure.what.clone()), Some(Details::of(failure))),
@@ -92,7 +92,7 @@ fn outcome(outcome: &Outcome) -> &'static str {
 }
 
 /// One line about a scenario, and below it why it did not pass and what it printed.
-pub fn text(report: &Report) -> String {
+pub(crate) fn text(report: &Report) -> String {
     let emulated = report.emulated_us.map(|us| format!("{} emulated ", seconds(us))).unwrap_or_default();
     let mut text = format!(
         "{:<6}  {}  {emulated}in {} ms\n",
@@ -114,7 +114,7 @@ pub fn text(report: &Report) -> String {
 }
 
 /// `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, and how many died, if any did.
-pub fn summary(reports: &[Report]) -> String {
+pub(crate) fn summary(reports: &[Report]) -> String {
     let count = |name| reports.iter().filter(|report| outcome(&report.outcome) == name).count();
     let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();
     let died = match count("died") {

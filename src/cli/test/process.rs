@@ -24,7 +24,7 @@ const LONGEST_LINE: u64 = 16 << 20;
 const COMPLAINTS: usize = 4096;
 
 /// How scenarios are run.
-pub struct Setting {
+pub(crate) struct Setting {
     /// The instance to run on.
     pub attach: Option<String>,
     /// What each may use up.
@@ -32,7 +32,7 @@ pub struct Setting {
 }
 
 /// Runs a scenario in a process of its own, until told to `stop`.
-pub fn run(file: &Path, setting: &Setting, stop: impl Fn() -> bool) -> Report {
+pub(crate) fn run(file: &Path, setting: &Setting, stop: impl Fn() -> bool) -> Report {
     if stop() {
         return died(file, "not run: interrupted");
     }
@@ -43,7 +43,7 @@ pub fn run(file: &Path, setting: &Setting, stop: impl Fn() -> bool) -> Report {
 }
 
 /// The report about a scenario whose process cannot tell anything.
-pub fn died(file: &Path, why: &str) -> Report {
+pub(crate) fn died(file: &Path, why: &str) -> Report {
     let outcome = Outcome::Died(format!("{}: {why}", file.display()));
     let (took, printed) = (Duration::ZERO, String::new());
     Report { file: file.to_owned(), outcome, emulated_us: None, took, printed }

@@ -20,7 +20,7 @@ const STACK: usize = 16 << 20;
 #[command(after_help = "\
 Examples:
   commram test-scenario master.rhai")]
-pub struct Args {
+pub(crate) struct Args {
     /// The script
     file: PathBuf,
     /// Run on this running instance
@@ -35,7 +35,7 @@ pub struct Args {
 
 /// A line to whoever has started this process.
 #[derive(Serialize, Deserialize)]
-pub enum Message<'a> {
+pub(crate) enum Message<'a> {
     /// The script has printed this.
     Printed(Cow<'a, str>),
     /// It has ended.
@@ -43,7 +43,7 @@ pub enum Message<'a> {
 }
 
 /// Runs the scenario.
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }

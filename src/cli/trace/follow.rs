@@ -15,7 +15,12 @@ use commram::request::{MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 
 /// Prints what there is, and what comes if asked for.
-pub fn print(args: &Args, session: &Session, selection: Selection, names: Names) -> Result<(), CliError> {
+pub(crate) fn print(
+    args: &Args,
+    session: &Session,
+    selection: Selection,
+    names: Names,
+) -> Result<(), CliError> {
     let format: Box<dyn Format> = match args.format {
         FormatArg::Text => Box::new(Text::new(names, devices::catalogue())),
         FormatArg::Jsonl => Box::new(Jsonl::new(names, devices::catalogue())),

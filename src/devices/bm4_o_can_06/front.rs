@@ -40,22 +40,22 @@ impl Seen {
 }
 
 impl Front {
-    pub fn new(header: View<Header>) -> Self {
+    pub(crate) fn new(header: View<Header>) -> Self {
         let seen = Seen::now(&header);
         Front { header, events: Events::default(), powered: true, up: false, is_used: false, seen }
     }
 
-    pub fn is_up(&self) -> bool {
+    pub(crate) fn is_up(&self) -> bool {
         self.up
     }
 
     #[inline]
-    pub fn has_changed(&self) -> bool {
+    pub(crate) fn has_changed(&self) -> bool {
         Seen::now(&self.header) != self.seen
     }
 
     /// Power-on.
-    pub fn start(&mut self, ctx: &mut Context) {
+    pub(crate) fn start(&mut self, ctx: &mut Context) {
         self.up = true;
         self.events.disable_all();
         self.header.interrupts.iter().for_each(|interrupt| interrupt.clear());
@@ -67,14 +67,14 @@ impl Front {
     }
 
     /// Power-off.
-    pub fn stop(&mut self, ctx: &mut Context) {
+    pub(crate) fn stop(&mut self, ctx: &mut Context) {
         self.up = false;
         self.events.disable_all();
         ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Down });
     }
 
     /// Switches the supply, as if a client had turned the switch. A reset does the same to the modules.
-    pub fn set_power(&mut self, power: Power) -> Look {
+    pub(crate) fn set_power(&mut self, power: Power) -> Look {
         let on = matches!(power, Power::On | Power::ReleaseReset);
         let code = if on { header::Power::On } else { header::Power::Off }.code();
         self.header.program.power.store(code);
@@ -90,7 +90,7 @@ impl Front {
     }
 
     /// One look at switches and requests.
-    pub fn look(&mut self, ctx: &mut Context) -> Look {
+    pub(crate) fn look(&mut self, ctx: &mut Context) -> Look {
         let seen = Seen::now(&self.header);
         let before = core::mem::replace(&mut self.seen, seen);
         if seen == before {
@@ -137,7 +137,7 @@ impl Front {
 
     /// An edge of the SYNC signal at the module that raises the event.
     #[inline]
-    pub fn sync(&mut self, now: u64) {
+    pub(crate) fn sync(&mut self, now: u64) {
         self.events.fire(&self.header, SYNC_EVENT, now);
     }
 }

@@ -28,10 +28,10 @@ const DELIVERY: (Ipv4Addr, Ipv4Addr) = (Ipv4Addr::new(192, 168, 1, 1), Ipv4Addr:
 
 /// Bits of `w_STATUS`.
 mod status {
-    pub const LINK: u16 = 1 << 0;
-    pub const ADDRESS: u16 = 1 << 1;
-    pub const ROUTERS: u16 = 1 << 2;
-    pub const REFUSED: u16 = 1 << 3;
+    pub(crate) const LINK: u16 = 1 << 0;
+    pub(crate) const ADDRESS: u16 = 1 << 1;
+    pub(crate) const ROUTERS: u16 = 1 << 2;
+    pub(crate) const REFUSED: u16 = 1 << 3;
 }
 
 /// Content of `ETHERNET_CONFIG_BMSTRUCT`, byte by byte.

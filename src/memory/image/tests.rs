@@ -20,7 +20,7 @@ use std::{
 use zerocopy::FromZeros;
 
 /// A register that tells who has written it.
-pub const MARK: u32 = 200_000;
+pub(crate) const MARK: u32 = 200_000;
 
 fn create(instance: &Instance) -> Result<Image, MemoryError> {
     Image::create(instance, PLC, &spec())

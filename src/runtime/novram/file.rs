@@ -21,35 +21,35 @@ pub(super) struct Content(Vec<u8>);
 
 impl Content {
     /// Delivery state, without any flag.
-    pub fn empty() -> Self {
+    pub(crate) fn empty() -> Self {
         Content(vec![0; ETHERNET_SIZE])
     }
 
     /// Ethernet configuration and retain flags.
     #[cfg(test)]
-    pub fn new(ethernet: &[u8; ETHERNET_SIZE], retain: &[u8]) -> Self {
+    pub(crate) fn new(ethernet: &[u8; ETHERNET_SIZE], retain: &[u8]) -> Self {
         Content([&ethernet[..], retain].concat())
     }
 
     /// The same with at least `flags` retain flags; those that are missing are 0.
-    pub fn at_least(mut self, flags: usize) -> Self {
+    pub(crate) fn at_least(mut self, flags: usize) -> Self {
         let bytes = self.0.len().max(ETHERNET_SIZE + flags);
         self.0.resize(bytes, 0);
         self
     }
 
     /// Takes over the configuration and the first retain flags. Flags of a plant that had more stay, for it.
-    pub fn replace(&mut self, ethernet: &[u8; ETHERNET_SIZE], retain: &[u8]) {
+    pub(crate) fn replace(&mut self, ethernet: &[u8; ETHERNET_SIZE], retain: &[u8]) {
         for (to, from) in self.0.iter_mut().zip(ethernet.iter().chain(retain)) {
             *to = *from;
         }
     }
 
-    pub fn ethernet(&self) -> &[u8] {
+    pub(crate) fn ethernet(&self) -> &[u8] {
         &self.0[..ETHERNET_SIZE]
     }
 
-    pub fn retain(&self) -> &[u8] {
+    pub(crate) fn retain(&self) -> &[u8] {
         &self.0[ETHERNET_SIZE..]
     }
 }

@@ -24,7 +24,7 @@ pub(super) struct Spot {
 }
 
 impl Spot {
-    pub fn new(plc: u16, address: Address) -> Self {
+    pub(crate) fn new(plc: u16, address: Address) -> Self {
         Self { plc, offset: address.offset(), width: address.width() }
     }
 }

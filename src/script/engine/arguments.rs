@@ -4,7 +4,7 @@ use crate::script::{ScenarioError, Span, Value};
 use rhai::{Dynamic, INT};
 
 /// A value for a register: a number, a text such as `16#0040`, or true and false for 1 and 0.
-pub fn value(given: &Dynamic) -> Result<Value, ScenarioError> {
+pub(crate) fn value(given: &Dynamic) -> Result<Value, ScenarioError> {
     if let Ok(number) = given.as_int() {
         return Ok(Value::Number(number));
     }
@@ -18,7 +18,7 @@ pub fn value(given: &Dynamic) -> Result<Value, ScenarioError> {
 }
 
 /// A time: a text with a unit, or a number of microseconds.
-pub fn span(given: &Dynamic) -> Result<Span, ScenarioError> {
+pub(crate) fn span(given: &Dynamic) -> Result<Span, ScenarioError> {
     if let Ok(number) = given.as_int() {
         return number_us(number);
     }
@@ -33,19 +33,19 @@ fn number_us(us: INT) -> Result<Span, ScenarioError> {
 }
 
 /// A number that must fit its type.
-pub fn number<T: TryFrom<INT>>(given: INT, what: &str) -> Result<T, ScenarioError> {
+pub(crate) fn number<T: TryFrom<INT>>(given: INT, what: &str) -> Result<T, ScenarioError> {
     let right = format!("the {what} must not be negative or that large");
     T::try_from(given).map_err(|_| ScenarioError::argument(&given.to_string(), &right))
 }
 
 /// An identifier of a frame, or a mask for it.
-pub fn identifier(given: INT) -> Result<u16, ScenarioError> {
+pub(crate) fn identifier(given: INT) -> Result<u16, ScenarioError> {
     u16::try_from(given)
         .map_err(|_| ScenarioError::argument(&given.to_string(), "identifiers have 11 bits, 0 to 16#7FF"))
 }
 
 /// The data of a frame: `44 33 ..`, or an array of bytes.
-pub fn data_bytes(given: &Dynamic) -> Result<String, ScenarioError> {
+pub(crate) fn data_bytes(given: &Dynamic) -> Result<String, ScenarioError> {
     if let Ok(text) = given.as_immutable_string_ref() {
         return Ok(text.to_string());
     }
@@ -57,7 +57,7 @@ pub fn data_bytes(given: &Dynamic) -> Result<String, ScenarioError> {
 }
 
 /// Names of registers or of other things.
-pub fn names(given: &[Dynamic], what: &str) -> Result<Vec<String>, ScenarioError> {
+pub(crate) fn names(given: &[Dynamic], what: &str) -> Result<Vec<String>, ScenarioError> {
     let right = format!("this is no {what}'s name");
     let name = |item: &Dynamic| item.clone().into_string().map_err(|_| wrong(item, &right));
     given.iter().map(name).collect()

@@ -10,16 +10,16 @@ use commram::plant::{Plant, PlantConfig};
 use std::time::Duration;
 
 /// Two reference and two (four) actual values every 0.5 ms, all the same cycle; eight in time slices.
-pub const SAME_CYCLE: u16 = 0x0014;
+pub(crate) const SAME_CYCLE: u16 = 0x0014;
 const TIME_SLICES: u16 = 0x0010;
 /// Parameters: speed reference and actual value, additional reference value.
-pub const SPEED: u16 = 300;
-pub const SPEED_ACTUAL: u16 = 301;
+pub(crate) const SPEED: u16 = 300;
+pub(crate) const SPEED_ACTUAL: u16 = 301;
 const ADDITIONAL: u16 = 302;
 const UNKNOWN: u16 = 4000;
 
 /// A plant of one PLC with a drive behind its BAPS.
-pub struct Stage {
+pub(crate) struct Stage {
     pub plant: Plant,
     pub ram: Ram,
     pub base: Base<BAPS_CTRL_BMSTRUCT>,
@@ -28,7 +28,7 @@ pub struct Stage {
 
 impl Stage {
     /// `drive` is TOML text for the section `[plc.drive]`.
-    pub fn new(memory: Memory, drive: &str) -> Stage {
+    pub(crate) fn new(memory: Memory, drive: &str) -> Stage {
         let text = format!("[[plc]]\nname = 'line'\n[plc.drive]\nenable = 'at_power_on'\n{drive}");
         let config = PlantConfig::parse("baps", &text).unwrap();
         let mut images = Vec::new();
@@ -39,7 +39,7 @@ impl Stage {
 
     /// PLC cycles of 500 us until `done` says so; returns how long it took in us.
     #[track_caller]
-    pub fn until(&mut self, mut done: impl FnMut(&mut Stage) -> bool) -> u64 {
+    pub(crate) fn until(&mut self, mut done: impl FnMut(&mut Stage) -> bool) -> u64 {
         let start = self.plant.now();
         while !done(self) {
             self.step(500);
@@ -48,13 +48,13 @@ impl Stage {
         self.plant.now() - start
     }
 
-    pub fn step(&mut self, us: u64) {
+    pub(crate) fn step(&mut self, us: u64) {
         self.plant.advance_to(self.plant.now() + us);
     }
 
     /// Runs `BAPS_INIT` to its end.
     #[track_caller]
-    pub fn initialize(&mut self, init: &mut BAPS_INIT) {
+    pub(crate) fn initialize(&mut self, init: &mut BAPS_INIT) {
         self.until(|stage| {
             init.call(&stage.base);
             init.x_OK || init.x_ERR
@@ -62,7 +62,7 @@ impl Stage {
     }
 }
 
-pub fn init(w_COMMAND_REG: u16, reference: [u16; 2], actual: [u16; 4]) -> BAPS_INIT {
+pub(crate) fn init(w_COMMAND_REG: u16, reference: [u16; 2], actual: [u16; 4]) -> BAPS_INIT {
     BAPS_INIT {
         w_COMMAND_REG,
         u_WR_PAR_NR0: reference[0],
@@ -76,7 +76,7 @@ pub fn init(w_COMMAND_REG: u16, reference: [u16; 2], actual: [u16; 4]) -> BAPS_I
 }
 
 /// `BAPS_PD_COMM24` with the method and cycle time of the configuration.
-pub fn exchange() -> BAPS_PD_COMM24 {
+pub(crate) fn exchange() -> BAPS_PD_COMM24 {
     BAPS_PD_COMM24 { w_COMMAND_REG: SAME_CYCLE, ..Default::default() }
 }
 

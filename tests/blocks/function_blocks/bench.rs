@@ -12,7 +12,7 @@ const CYCLE_US: u64 = 1000;
 /// Far more than any block takes without waiting for a monitoring time.
 const PATIENCE_US: u64 = 60_000_000;
 
-pub struct Bench {
+pub(crate) struct Bench {
     pub rig: Rig,
     pub ma: Base<CANsync_MA_CTRL_BMSTRUCT>,
     pub sl: Base<CANsync_SL_CTRL_BMSTRUCT>,
@@ -22,7 +22,7 @@ pub struct Bench {
 
 impl Bench {
     /// After power-on.
-    pub fn new(memory: Memory) -> Bench {
+    pub(crate) fn new(memory: Memory) -> Bench {
         let rig = Rig::of(memory, RATES[0], DRIVE);
         let [a, b] = [0, 1].map(|plc| Ram::of(rig.plant.devices()[plc].segment()).unwrap());
         Bench {
@@ -35,7 +35,7 @@ impl Bench {
     }
 
     /// Both nodes in active operation with synchronized slaves, all jobs enabled for slaves 0 and 1.
-    pub fn active(memory: Memory) -> Bench {
+    pub(crate) fn active(memory: Memory) -> Bench {
         let mut bench = Bench::new(memory);
         let mut types = CANsync_SL_TYP_INIT { us_SL_TYP0: 1, us_SL_TYP1: 1, ..Default::default() };
         types.call();
@@ -75,7 +75,7 @@ impl Bench {
     }
 
     /// PLC cycles until `done` says so; the test fails if it never does.
-    pub fn until(&mut self, mut done: impl FnMut(&mut Bench) -> bool) {
+    pub(crate) fn until(&mut self, mut done: impl FnMut(&mut Bench) -> bool) {
         let start = self.rig.plant.now();
         while !done(self) {
             self.rig.step(CYCLE_US);
@@ -84,7 +84,7 @@ impl Bench {
     }
 
     /// That many PLC cycles.
-    pub fn cycles(&mut self, count: u32, mut cycle: impl FnMut(&mut Bench)) {
+    pub(crate) fn cycles(&mut self, count: u32, mut cycle: impl FnMut(&mut Bench)) {
         for _ in 0..count {
             cycle(self);
             self.rig.step(CYCLE_US);
@@ -93,23 +93,23 @@ impl Bench {
 }
 
 /// `CANsync_INIT` at 500 kbit/s.
-pub fn init() -> CANsync_INIT {
+pub(crate) fn init() -> CANsync_INIT {
     CANsync_INIT { us_BAUDRATE: 5, us_SYNC_INTERVAL: 2, ..Default::default() }
 }
 
 /// RAM behind which no firmware runs, with a clock that the test sets.
-pub struct Dead {
+pub(crate) struct Dead {
     pub ram: Ram,
     header: View<commram::memory::Header>,
 }
 
 impl Dead {
-    pub fn new() -> Dead {
+    pub(crate) fn new() -> Dead {
         let segment = Segment::of(&DEVICE);
         Dead { ram: Ram::of(&segment).unwrap(), header: segment.header().unwrap() }
     }
 
-    pub fn pass(&self, us: u64) {
+    pub(crate) fn pass(&self, us: u64) {
         self.header.virtual_time_us.store(self.header.virtual_time_us.load() + us);
     }
 }

@@ -50,7 +50,7 @@ fn mapping_of_actual_values_as_in_the_manual() {
 
 /// A master in active operation with reference values 0, 1 and 4, a slave that takes them and sends its own
 /// actual values 0 and 5, both listening to the drive (slave 1).
-pub fn mapped(memory: Memory) -> Bench {
+pub(crate) fn mapped(memory: Memory) -> Bench {
     let bench = Bench::active(memory);
     let low_high = [false, true, false, true];
     CANsync_PD_CFG_MA {

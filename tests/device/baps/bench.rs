@@ -12,20 +12,20 @@ use commram::memory::{Header, Image, View};
 use commram::plant::{Plant, PlantConfig, Plc};
 
 /// Commands in `b_COMMAND`.
-pub const EXCHANGE: u8 = 0x01;
-pub const CONFIGURE: u8 = 0x02;
-pub const RE_INITIALIZE: u8 = 0x03;
+pub(crate) const EXCHANGE: u8 = 0x01;
+pub(crate) const CONFIGURE: u8 = 0x02;
+pub(crate) const RE_INITIALIZE: u8 = 0x03;
 
 /// Two reference and four actual values every 0.5 ms.
-pub const SAME_CYCLE: u16 = 0x0014;
+pub(crate) const SAME_CYCLE: u16 = 0x0014;
 /// Eight values in time slices, 0.5 ms.
-pub const TIME_SLICES: u16 = 0x0010;
+pub(crate) const TIME_SLICES: u16 = 0x0010;
 
-pub const SPEED_REFERENCE: u16 = 300;
-pub const SPEED_ACTUAL: u16 = 301;
-pub const ADDITIONAL: u16 = 302;
+pub(crate) const SPEED_REFERENCE: u16 = 300;
+pub(crate) const SPEED_ACTUAL: u16 = 301;
+pub(crate) const ADDITIONAL: u16 = 302;
 
-pub struct Bench {
+pub(crate) struct Bench {
     pub plant: Plant,
     pub regs: View<BAPS_CTRL_BMSTRUCT>,
     _images: Vec<Image>,
@@ -33,12 +33,12 @@ pub struct Bench {
 
 impl Bench {
     /// `drive` is TOML text for the section `[plc.drive]`.
-    pub fn new(memory: Memory, drive: &str) -> Bench {
+    pub(crate) fn new(memory: Memory, drive: &str) -> Bench {
         let text = format!("[[plc]]\nname = 'line'\n[plc.drive]\n{drive}");
         Self::of_plant(memory, &text)
     }
 
-    pub fn of_plant(memory: Memory, text: &str) -> Bench {
+    pub(crate) fn of_plant(memory: Memory, text: &str) -> Bench {
         let config = PlantConfig::parse("baps", text).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
@@ -47,30 +47,30 @@ impl Bench {
     }
 
     /// The same test on heap and mapped memory.
-    pub fn on_both(drive: &str, test: impl Fn(Bench)) {
+    pub(crate) fn on_both(drive: &str, test: impl Fn(Bench)) {
         for memory in BOTH {
             test(Bench::new(memory, drive));
         }
     }
 
-    pub fn step(&mut self, us: u64) {
+    pub(crate) fn step(&mut self, us: u64) {
         self.plant.advance_to(self.plant.now() + us);
     }
 
-    pub fn drive(&self) -> &BuiltInDrive {
+    pub(crate) fn drive(&self) -> &BuiltInDrive {
         self.plant.devices()[0].as_a::<Plc>().unwrap().baps().drive()
     }
 
-    pub fn p(&self, number: u16) -> u32 {
+    pub(crate) fn p(&self, number: u16) -> u32 {
         self.drive().parameter(number).unwrap()
     }
 
-    pub fn events(&self) -> u64 {
+    pub(crate) fn events(&self) -> u64 {
         self.plant.devices()[0].as_a::<Plc>().unwrap().baps().process_data_events()
     }
 
     /// Node 2 starts SYNC.
-    pub fn start_sync(&mut self, rate: Rate) {
+    pub(crate) fn start_sync(&mut self, rate: Rate) {
         let node = self.plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
         node.w_CPU_CONTROL.store(0x0001);
         self.step(500);
@@ -86,7 +86,7 @@ impl Bench {
     }
 
     /// `OPT_INIT`: source of the trigger controller (1 SYNC net, 2 timer A) and period of timer A, 0: not started.
-    pub fn opt_init(&mut self, controller: u32, timer_a_us: u32) {
+    pub(crate) fn opt_init(&mut self, controller: u32, timer_a_us: u32) {
         let header = self.header();
         header.opt_init.triggers[Trigger::Controller as usize].store(controller);
         header.opt_init.timers[0].divider.store((timer_a_us * 5 / 2).saturating_sub(1));
@@ -98,7 +98,7 @@ impl Bench {
     }
 
     /// `INTR_SET`: enables an event.
-    pub fn intr_set(&mut self, event: usize) {
+    pub(crate) fn intr_set(&mut self, event: usize) {
         let header = self.header();
         let request = header.interrupts[event].ask(1, true);
         header.submit_request();
@@ -107,25 +107,25 @@ impl Bench {
     }
 
     /// How often an event has occurred.
-    pub fn occurred(&self, event: usize) -> u32 {
+    pub(crate) fn occurred(&self, event: usize) -> u32 {
         self.header().events[event].bell.rings()
     }
 
     /// Brings a fault upon the drive.
-    pub fn trip(&mut self, number: u16) {
+    pub(crate) fn trip(&mut self, number: u16) {
         let effect = Effect::Node { plc: 0, node: BAPS_NODE, what: NodeEffect::Trip(number) };
         let fault = Fault { effect, at_us: 0, limit: Limit::Count(1) };
         self.plant.add_fault(fault).unwrap();
     }
 
     /// Adds a fault at once; its number.
-    pub fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
+    pub(crate) fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
         let spec = FaultSpec::from_words(kind, fields).unwrap();
         let fault = spec.resolve(&self.plant.names()).unwrap();
         self.plant.add_fault(fault).unwrap()
     }
 
-    pub fn numbers(&self, writes: &[u16], reads: &[u16]) {
+    pub(crate) fn numbers(&self, writes: &[u16], reads: &[u16]) {
         let all = |numbers: &[u16], x: usize| numbers.get(x).copied().unwrap_or(0);
         for x in 0..8 {
             self.regs.a_WR_PAR_NR[x].store(all(writes, x));
@@ -135,7 +135,7 @@ impl Bench {
 
     /// Gives a command, lets `us` go by and returns the acknowledgement.
     #[track_caller]
-    pub fn command(&mut self, command: u8, us: u64) -> u8 {
+    pub(crate) fn command(&mut self, command: u8, us: u64) -> u8 {
         self.regs.b_SL_QUIT.store(0xFF);
         self.regs.b_COMMAND.store(command);
         self.step(us);
@@ -145,7 +145,7 @@ impl Bench {
 
     /// What `BAPS_INIT` does.
     #[track_caller]
-    pub fn configure(&mut self, command_reg: u16, writes: &[u16], reads: &[u16]) -> u8 {
+    pub(crate) fn configure(&mut self, command_reg: u16, writes: &[u16], reads: &[u16]) -> u8 {
         self.regs.w_COMMAND_REG.store(command_reg);
         self.numbers(writes, reads);
         self.command(CONFIGURE, 500)
@@ -153,7 +153,7 @@ impl Bench {
 
     /// One call of `BAPS_PD_COMM` in each of `count` slices.
     #[track_caller]
-    pub fn exchange(&mut self, count: usize) {
+    pub(crate) fn exchange(&mut self, count: usize) {
         for _ in 0..count {
             self.regs.w_TIMEOUT.update(|count| count.wrapping_add(1));
             assert_eq!(self.command(EXCHANGE, 500), 0x01);
@@ -161,7 +161,7 @@ impl Bench {
     }
 
     /// Brings the drive into operation.
-    pub fn enable(&mut self) {
+    pub(crate) fn enable(&mut self) {
         for word in [0x0006, 0x0007, 0x000F] {
             self.regs.w_CONTROLWORD.store(word);
             self.exchange(1);
@@ -170,7 +170,7 @@ impl Bench {
 
     /// A job as `BAPS_SD_CONTROL` runs it; the result.
     #[track_caller]
-    pub fn job(&mut self, code: u8, number: u16, element: u8, value: (u8, u32)) -> i16 {
+    pub(crate) fn job(&mut self, code: u8, number: u16, element: u8, value: (u8, u32)) -> i16 {
         let regs = &self.regs;
         assert_eq!((regs.b_MA_SEMAPHORE.load(), regs.b_SL_SEMAPHORE.load()), (0, 0));
         regs.b_JOB.store(code);
@@ -184,7 +184,7 @@ impl Bench {
 
     /// The job that stands in the registers.
     #[track_caller]
-    pub fn run_job(&mut self) -> i16 {
+    pub(crate) fn run_job(&mut self) -> i16 {
         self.regs.b_MA_SEMAPHORE.store(1);
         self.step(3000);
         assert_eq!(self.regs.b_SL_SEMAPHORE.load(), 1, "the job is not answered");
@@ -195,16 +195,16 @@ impl Bench {
         result
     }
 
-    pub fn read(&mut self, number: u16) -> (i16, u8, u32) {
+    pub(crate) fn read(&mut self, number: u16) -> (i16, u8, u32) {
         let result = self.job(1, number, 7, (0, 0));
         (result, self.regs.b_PAR_FORMAT.load(), self.regs.ud_PAR_VALUE.load())
     }
 
-    pub fn write_word(&mut self, number: u16, value: u16) -> i16 {
+    pub(crate) fn write_word(&mut self, number: u16, value: u16) -> i16 {
         self.job(2, number, 7, (0, value.into()))
     }
 
-    pub fn write_doubleword(&mut self, number: u16, value: u32) -> i16 {
+    pub(crate) fn write_doubleword(&mut self, number: u16, value: u32) -> i16 {
         self.job(2, number, 7, (1, value))
     }
 }

@@ -9,7 +9,7 @@ use commram::journal::Rule;
 use commram::memory::View;
 
 /// How a rule is broken, and how its correct neighbour goes. Both start from a fresh plant.
-pub struct Case {
+pub(crate) struct Case {
     pub rule: &'static Rule,
     /// Name of the register that the finding is about.
     pub register: &'static str,
@@ -32,7 +32,7 @@ fn set_up_with_drive(rig: &mut Rig, expected: &[&'static Rule], parameter: u16, 
     rig.step(60_000);
 }
 
-pub const CASES: &[Case] = &[
+pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &cansync::rules::DRIVE_SYNC_SLOT,
         register: "node2.a_DATA_PARAMETER[1].d_PAR_VALUE",
@@ -602,7 +602,7 @@ fn store_ip_config(rig: &mut Rig, last: u8) {
 }
 
 /// BAPS registers of PLC `a`, at whose drive the clock has been running.
-pub fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
+pub(crate) fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
     rig.step(5000);
     rig.plant.devices()[0].segment().view(BAPS).unwrap()
 }

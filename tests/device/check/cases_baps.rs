@@ -8,7 +8,7 @@ use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::View;
 use commram::memory::header::ProgramState;
 
-pub const CASES: &[Case] = &[
+pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &rules::RESERVED_BIT,
         register: "baps.w_COMMAND_REG",

@@ -13,7 +13,7 @@ use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
 
 /// A master in active operation, at the start of an interval.
-pub struct Bench {
+pub(crate) struct Bench {
     pub regs: View<CANsync_MA_CTRL_BMSTRUCT>,
     init: View<CANsync_INIT_BMSTRUCT>,
     master: Master,
@@ -23,7 +23,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    pub fn new(memory: Memory) -> Self {
+    pub(crate) fn new(memory: Memory) -> Self {
         let mut images = Vec::new();
         let segment = segment(memory, "a", &DEVICE, &mut images).unwrap();
         let mut bench = Bench {
@@ -54,14 +54,14 @@ impl Bench {
     }
 
     /// Writes a command to `w_CPU_CONTROL` and lets the firmware see it.
-    pub fn command_node(&mut self, command: u16) -> Change {
+    pub(crate) fn command_node(&mut self, command: u16) -> Change {
         self.init.w_CPU_CONTROL.store(command);
         self.now += 500;
         self.with(|master, ctx| master.processor_cycle(ctx, None))
     }
 
     /// From restart to set-up mode; no slave is expected.
-    pub fn initialize(&mut self) {
+    pub(crate) fn initialize(&mut self) {
         self.command_node(0x0000);
         self.command_node(0x0001);
         write_init_data(&self.init, RATES[0], 0x00);
@@ -73,53 +73,53 @@ impl Bench {
     }
 
     /// From set-up mode to active operation.
-    pub fn activate(&mut self) {
+    pub(crate) fn activate(&mut self) {
         self.command_node(0x0040);
         assert_eq!(self.master.state(), NodeState::Active);
     }
 
     /// An interval up to its command slot: the frame that goes out.
-    pub fn interval(&mut self) -> Option<Frame> {
+    pub(crate) fn interval(&mut self) -> Option<Frame> {
         self.now += 2000;
         self.master.sync_edge();
         self.with(|master, ctx| master.command(ctx))
     }
 
     /// The same, where a parameter job goes out: its slave and the job.
-    pub fn parameter_job(&mut self) -> Option<(u8, ParameterJob)> {
+    pub(crate) fn parameter_job(&mut self) -> Option<(u8, ParameterJob)> {
         let frame = self.interval()?;
         assert_eq!(frame.id() & 0x780, 0x500, "{frame:?} is no job");
         Some(((frame.id() & 0x7F) as u8, ParameterJob::decode(frame.payload()).unwrap()))
     }
 
     /// The same, where a frame of an up-/download goes out: its slave and the job.
-    pub fn updown_job(&mut self) -> Option<(u8, UpDownJob)> {
+    pub(crate) fn updown_job(&mut self) -> Option<(u8, UpDownJob)> {
         let frame = self.interval()?;
         assert_eq!(frame.id() & 0x780, 0x500, "{frame:?} is no job");
         Some(((frame.id() & 0x7F) as u8, UpDownJob::decode(frame.payload()).unwrap()))
     }
 
     /// `frame` arrives in the response slot.
-    pub fn respond(&mut self, frame: Frame) {
+    pub(crate) fn respond(&mut self, frame: Frame) {
         let slave = (frame.id() & 0x7F) as u8;
         self.with(|master, ctx| master.response(ctx, slave, &frame));
     }
 
-    pub fn answer(&mut self, slave: u8, job: &ParameterJob, result: ParameterResult) {
+    pub(crate) fn answer(&mut self, slave: u8, job: &ParameterJob, result: ParameterResult) {
         self.respond(job.answer(result).frame(slave));
     }
 
-    pub fn answer_block(&mut self, slave: u8, job: &UpDownJob, result: UpDownResult) {
+    pub(crate) fn answer_block(&mut self, slave: u8, job: &UpDownJob, result: UpDownResult) {
         self.respond(job.answer(result).frame(slave));
     }
 
     /// t_RSPTO passes.
-    pub fn no_answer(&mut self) {
+    pub(crate) fn no_answer(&mut self) {
         self.with(|master, ctx| master.response_timeout(ctx));
     }
 
     /// Enters a parameter job by the rule: data, status register, control register.
-    pub fn enter_parameter(&self, slave: usize, control: u8, number: u16, value: u32) {
+    pub(crate) fn enter_parameter(&self, slave: usize, control: u8, number: u16, value: u32) {
         let data = &self.regs.a_DATA_PARAMETER[slave];
         data.d_PAR_VALUE.store(value);
         data.w_PAR_NR.store(number);
@@ -127,26 +127,26 @@ impl Bench {
     }
 
     /// Writes status and control register of a parameter job.
-    pub fn put(&self, slave: usize, control: u8, status: u8) {
+    pub(crate) fn put(&self, slave: usize, control: u8, status: u8) {
         let registers = &self.regs.a_CTRLREG_PAR_CMD_SL[slave];
         registers.b_STATREG_PAR_CMD.store(status);
         registers.b_STEUREG_PAR_CMD.store(control);
     }
 
     /// Control register of a parameter job; the status register must hold the same.
-    pub fn parameter(&self, slave: usize) -> u8 {
+    pub(crate) fn parameter(&self, slave: usize) -> u8 {
         let registers = &self.regs.a_CTRLREG_PAR_CMD_SL[slave];
         let (control, status) = (registers.b_STEUREG_PAR_CMD.load(), registers.b_STATREG_PAR_CMD.load());
         assert_eq!(control, status, "control and status register differ");
         control
     }
 
-    pub fn value(&self, slave: usize) -> u32 {
+    pub(crate) fn value(&self, slave: usize) -> u32 {
         self.regs.a_DATA_PARAMETER[slave].d_PAR_VALUE.load()
     }
 
     /// Enters an up-/download of block 1.
-    pub fn enter_block(&self, control: u8, slave: u8, address: u32, length: u16) {
+    pub(crate) fn enter_block(&self, control: u8, slave: u8, address: u32, length: u16) {
         self.regs.b_SL_NR_UPDOWNBLK1.store(slave);
         self.regs.d_BASE_ADR_UPDOWNBLK1.store(address);
         self.regs.w_LENGTH_UPDOWNBLK1.store(length);
@@ -155,17 +155,17 @@ impl Bench {
     }
 
     /// Control register of block 1; the status register must hold the same.
-    pub fn block(&self) -> u8 {
+    pub(crate) fn block(&self) -> u8 {
         let control = self.regs.b_STEUREG_UPDOWNBLK1.load();
         assert_eq!(control, self.regs.b_STATREG_UPDOWNBLK1.load(), "control and status register differ");
         control
     }
 
-    pub fn counter(&self) -> u16 {
+    pub(crate) fn counter(&self) -> u16 {
         self.regs.w_COUNTER_UPDOWNBLK1.load()
     }
 
-    pub fn error(&self) -> u16 {
+    pub(crate) fn error(&self) -> u16 {
         self.regs.w_ERR_NR_UPDOWNBLK1.load()
     }
 }

@@ -6,25 +6,25 @@ use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult, 
 use commram::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use commram::memory::{Cell8, Cell16, Cell32};
 
-pub const BASE: u32 = 0x0001_0000;
+pub(crate) const BASE: u32 = 0x0001_0000;
 
-pub fn init_at(direction: Direction, address: u32, sub_slave: u16, length: u16) -> UpDownJob {
+pub(crate) fn init_at(direction: Direction, address: u32, sub_slave: u16, length: u16) -> UpDownJob {
     UpDownJob::new(length, UpDownStep::Init { direction, address, sub_slave }).unwrap()
 }
 
-pub fn init(direction: Direction, length: u16) -> UpDownJob {
+pub(crate) fn init(direction: Direction, length: u16) -> UpDownJob {
     init_at(direction, BASE, 0, length)
 }
 
-pub fn up(offset: u16, last: bool) -> UpDownJob {
+pub(crate) fn up(offset: u16, last: bool) -> UpDownJob {
     UpDownJob::new(offset, UpDownStep::Upload { last }).unwrap()
 }
 
-pub fn down(offset: u16, last: bool) -> UpDownJob {
+pub(crate) fn down(offset: u16, last: bool) -> UpDownJob {
     UpDownJob::new(offset, UpDownStep::Download { last, data: bytes(offset) }).unwrap()
 }
 
-pub fn block(direction: Direction, offset: u16, last: bool) -> UpDownJob {
+pub(crate) fn block(direction: Direction, offset: u16, last: bool) -> UpDownJob {
     match direction {
         Direction::Upload => up(offset, last),
         Direction::Download => down(offset, last),
@@ -32,18 +32,18 @@ pub fn block(direction: Direction, offset: u16, last: bool) -> UpDownJob {
 }
 
 /// The six bytes at `offset` of a block in which byte n is n + 1, cut to eight bits.
-pub fn bytes(offset: u16) -> [u8; 6] {
+pub(crate) fn bytes(offset: u16) -> [u8; 6] {
     core::array::from_fn(|n| (offset + n as u16 + 1) as u8)
 }
 
 /// Frames behind the init frame of a block of `length` bytes.
-pub fn blocks(length: u16) -> impl Iterator<Item = (u16, bool)> {
+pub(crate) fn blocks(length: u16) -> impl Iterator<Item = (u16, bool)> {
     (0..length).step_by(6).map(move |offset| (offset, offset + 6 >= length))
 }
 
 /// Registers that block 1 and the single-frame area have in common.
 #[derive(Clone, Copy)]
-pub struct Area {
+pub(crate) struct Area {
     pub control: fn(&CANsync_SL_CTRL_BMSTRUCT) -> &Cell8,
     pub status: fn(&CANsync_SL_CTRL_BMSTRUCT) -> &Cell8,
     pub error: fn(&CANsync_SL_CTRL_BMSTRUCT) -> &Cell16,
@@ -53,7 +53,7 @@ pub struct Area {
     pub enable: u8,
 }
 
-pub const BLOCK_1: Area = Area {
+pub(crate) const BLOCK_1: Area = Area {
     control: |regs| &regs.b_STEUREG_UPDOWNBLK1,
     status: |regs| &regs.b_STATREG_UPDOWNBLK1,
     error: |regs| &regs.w_ERR_NR_UPDOWNBLK1,
@@ -63,7 +63,7 @@ pub const BLOCK_1: Area = Area {
     enable: 1,
 };
 
-pub const SINGLE: Area = Area {
+pub(crate) const SINGLE: Area = Area {
     control: |regs| &regs.b_STEUREG_UPDOWN_SINGLE,
     status: |regs| &regs.b_STATREG_UPDOWN_SINGLE,
     error: |regs| &regs.w_ERR_NR_UPDOWN_SINGLE,
@@ -73,39 +73,39 @@ pub const SINGLE: Area = Area {
     enable: 0,
 };
 
-pub const AREAS: [Area; 2] = [BLOCK_1, SINGLE];
+pub(crate) const AREAS: [Area; 2] = [BLOCK_1, SINGLE];
 
 impl Area {
-    pub fn bench(&self, memory: Memory) -> Bench {
+    pub(crate) fn bench(&self, memory: Memory) -> Bench {
         let bench = Bench::active(memory);
         bench.regs.b_EN_UPDOWNBLK1.store(self.enable);
         bench
     }
 
     /// Control register; the status register must agree.
-    pub fn job(&self, bench: &Bench) -> u8 {
+    pub(crate) fn job(&self, bench: &Bench) -> u8 {
         let control = (self.control)(&bench.regs).load();
         assert_eq!((self.status)(&bench.regs).load(), control);
         control
     }
 
     /// The application's write: status register first.
-    pub fn write(&self, bench: &Bench, value: u8) {
+    pub(crate) fn write(&self, bench: &Bench, value: u8) {
         (self.status)(&bench.regs).store(value);
         (self.control)(&bench.regs).store(value);
     }
 
     /// The application clears bit 0.
-    pub fn acknowledge(&self, bench: &Bench) {
+    pub(crate) fn acknowledge(&self, bench: &Bench) {
         self.write(bench, self.job(bench) & !0x01);
     }
 
-    pub fn counter(&self, bench: &Bench) -> u16 {
+    pub(crate) fn counter(&self, bench: &Bench) -> u16 {
         (self.counter)(&bench.regs).load()
     }
 
     /// A transfer that the application has allowed and whose init frame is answered.
-    pub fn started(&self, direction: Direction, length: u16) -> Bench {
+    pub(crate) fn started(&self, direction: Direction, length: u16) -> Bench {
         let mut bench = self.bench(Memory::Heap);
         let init = init(direction, length);
         assert_eq!(bench.updown(&init).result(), UpDownResult::Busy);
@@ -116,6 +116,6 @@ impl Area {
 }
 
 /// Bytes of block 1.
-pub fn data(bench: &Bench) -> Vec<u8> {
+pub(crate) fn data(bench: &Bench) -> Vec<u8> {
     bench.regs.a_DATA_UPDOWNBLK1.iter().flat_map(|cell| cell.load().to_le_bytes()).collect()
 }

@@ -6,12 +6,12 @@ use syn::{
 };
 
 /// The text of items.
-pub fn print(items: Vec<Item>) -> String {
+pub(crate) fn print(items: Vec<Item>) -> String {
     prettyplease::unparse(&File { shebang: None, attrs: Vec::new(), items })
 }
 
 /// A public item as its users see it.
-pub fn of(item: &Item) -> Item {
+pub(crate) fn of(item: &Item) -> Item {
     let mut item = item.clone();
     match &mut item {
         Item::Const(it) => {
@@ -64,7 +64,7 @@ pub fn of(item: &Item) -> Item {
 }
 
 /// What an implementation adds for users: public functions and constants, or the trait. `None`: nothing.
-pub fn implementation(of: &ItemImpl) -> Option<Item> {
+pub(crate) fn implementation(of: &ItemImpl) -> Option<Item> {
     let mut it = of.clone();
     keep_told(&mut it.attrs);
     if it.trait_.is_some() {

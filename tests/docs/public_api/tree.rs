@@ -5,7 +5,7 @@ use std::path::Path;
 use syn::{Attribute, Item, UseTree, Visibility};
 
 /// A module, with its submodules.
-pub struct Module {
+pub(crate) struct Module {
     /// Its path from the library's root, which has an empty one.
     pub path: Vec<String>,
     pub items: Vec<Item>,
@@ -14,20 +14,20 @@ pub struct Module {
 
 /// What a name stands for: a module, or an item of one.
 #[derive(Clone, Copy)]
-pub enum Found<'a> {
+pub(crate) enum Found<'a> {
     Module(&'a Module),
     Item(&'a Module, &'a Item),
 }
 
 /// What one branch of a `use` brings into scope: a name for a path, or all of a module.
-pub struct Import {
+pub(crate) struct Import {
     pub name: Option<String>,
     pub path: Vec<String>,
 }
 
 impl Module {
     /// The module in `file`; its submodules lie in `directory`.
-    pub fn read(file: &Path, directory: &Path, path: Vec<String>) -> Module {
+    pub(crate) fn read(file: &Path, directory: &Path, path: Vec<String>) -> Module {
         let text = fs::read_to_string(file).unwrap();
         let parsed = syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
         let items: Vec<_> = parsed.items.into_iter().filter(|item| !is_hidden(attributes(item))).collect();
@@ -49,12 +49,12 @@ impl Module {
         Module { path, items, children }
     }
 
-    pub fn child(&self, name: &str) -> Option<&Module> {
+    pub(crate) fn child(&self, name: &str) -> Option<&Module> {
         self.children.iter().find(|child| child.path.last().is_some_and(|last| last == name))
     }
 
     /// This module and all below it.
-    pub fn all(&self) -> Vec<&Module> {
+    pub(crate) fn all(&self) -> Vec<&Module> {
         [self].into_iter().chain(self.children.iter().flat_map(Module::all)).collect()
     }
 
@@ -63,7 +63,7 @@ impl Module {
     }
 
     /// What `path` means in `scope`; `self` is the root. `None` if it leads out of the library.
-    pub fn resolve<'a>(&'a self, scope: &'a Module, path: &[String], depth: u8) -> Option<Found<'a>> {
+    pub(crate) fn resolve<'a>(&'a self, scope: &'a Module, path: &[String], depth: u8) -> Option<Found<'a>> {
         let mut found = Found::Module(scope);
         for (index, name) in path.iter().enumerate() {
             let Found::Module(module) = found else { return None };
@@ -105,7 +105,7 @@ impl Module {
 }
 
 /// The branches of a `use`.
-pub fn branches(tree: &UseTree) -> Vec<Import> {
+pub(crate) fn branches(tree: &UseTree) -> Vec<Import> {
     fn walk(tree: &UseTree, path: &[String], found: &mut Vec<Import>) {
         let with = |name: String| [path, &[name]].concat();
         match tree {
@@ -130,7 +130,7 @@ pub fn branches(tree: &UseTree) -> Vec<Import> {
 }
 
 /// The name that an item defines.
-pub fn name_of(item: &Item) -> Option<String> {
+pub(crate) fn name_of(item: &Item) -> Option<String> {
     Some(match item {
         Item::Const(it) => it.ident.to_string(),
         Item::Enum(it) => it.ident.to_string(),
@@ -145,7 +145,7 @@ pub fn name_of(item: &Item) -> Option<String> {
 }
 
 /// Whether everybody who sees its module sees the item.
-pub fn is_public(item: &Item) -> bool {
+pub(crate) fn is_public(item: &Item) -> bool {
     let visibility = match item {
         Item::Const(it) => &it.vis,
         Item::Enum(it) => &it.vis,
@@ -162,7 +162,7 @@ pub fn is_public(item: &Item) -> bool {
     matches!(visibility, Visibility::Public(_))
 }
 
-pub fn attributes(item: &Item) -> &[Attribute] {
+pub(crate) fn attributes(item: &Item) -> &[Attribute] {
     match item {
         Item::Const(it) => &it.attrs,
         Item::Enum(it) => &it.attrs,

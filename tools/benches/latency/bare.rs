@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Name of the server's role.
-pub const ROLE: &str = "request-response";
+pub(crate) const ROLE: &str = "request-response";
 
 /// Where channel and POSIX shared memory lie.
 const SHARED_MEMORY: &str = "/dev/shm";
@@ -30,7 +30,7 @@ type Response = [u64; 2];
 type Factory = PortFactory<ipc::Service, Request, (), Response, ()>;
 
 /// A server in a child process and a client of it.
-pub struct Pair {
+pub(crate) struct Pair {
     client: Client<ipc::Service, Request, (), Response, ()>,
     _service: Factory,
     _node: Node<ipc::Service>,
@@ -43,7 +43,7 @@ pub struct Pair {
 
 impl Pair {
     /// Starts the server on processor `cpu`. `waiting`: busy or sleeping.
-    pub fn start(waiting: &str, cpu: usize) -> Self {
+    pub(crate) fn start(waiting: &str, cpu: usize) -> Self {
         let files = Files::new();
         let page = Page::create();
         let server =
@@ -62,7 +62,7 @@ impl Pair {
     }
 
     /// Sends `number` and awaits the next number.
-    pub fn exchange(&self, number: u64) {
+    pub(crate) fn exchange(&self, number: u64) {
         let Registers { doorbell, answer, .. } = self.page.registers();
         let pending = self.client.send_copy([number, 0, 0, 0]).expect("a request can be sent");
         if self.sleeps {
@@ -87,7 +87,7 @@ impl Pair {
 }
 
 /// The server.
-pub fn play(args: &[String]) {
+pub(crate) fn play(args: &[String]) {
     let [waiting, page, root, prefix, processor] = args else { panic!("wrong arguments {args:?}") };
     cpu::pin(processor.parse().expect("the number of a processor"));
     let page = Page::open(page);

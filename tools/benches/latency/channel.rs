@@ -28,12 +28,12 @@ const TAKEN: u32 = 0x04;
 const INTERVAL_US: u64 = 2000;
 
 /// Client and emulator sleep until they are rung for.
-pub fn sleeping(criterion: &mut Criterion) -> Outcome {
+pub(crate) fn sleeping(criterion: &mut Criterion) -> Outcome {
     peek(criterion, "sleeping", Duration::ZERO)
 }
 
 /// Client and emulator poll.
-pub fn busy(criterion: &mut Criterion) -> Outcome {
+pub(crate) fn busy(criterion: &mut Criterion) -> Outcome {
     peek(criterion, "busy", PATIENCE)
 }
 
@@ -72,7 +72,7 @@ fn one_peek(client: &Client) {
 
 /// Poke, 2 ms step and peek in one message, with client and emulator on one processor. The bus is in active
 /// operation: each message releases a reference value frame and finds it taken.
-pub fn message(criterion: &mut Criterion) -> Outcome {
+pub(crate) fn message(criterion: &mut Criterion) -> Outcome {
     let [cpu, _] = cpu::pair();
     let _pinned = Pinned::to(cpu);
     let mut samples = Samples::new();

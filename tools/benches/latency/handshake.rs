@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Name of the role of the bare page's other side.
-pub const ROLE: &str = "page";
+pub(crate) const ROLE: &str = "page";
 
 /// `w_CPU_CONTROL` of node 2, `%MW3.200000`.
 const W_CPU_CONTROL: u32 = NODE2 as u32;
@@ -31,7 +31,7 @@ const RESTART: u16 = 0x0000;
 const HANDSHAKE: u16 = 0x0001;
 
 /// The client rings and sleeps, the emulator sleeps until it is rung for.
-pub fn doorbell(criterion: &mut Criterion) -> Outcome {
+pub(crate) fn doorbell(criterion: &mut Criterion) -> Outcome {
     let [client, server] = cpu::pair();
     let _pinned = Pinned::to(client);
     let mut group = criterion.benchmark_group("handshake through the doorbell");
@@ -57,7 +57,7 @@ pub fn doorbell(criterion: &mut Criterion) -> Outcome {
 }
 
 /// Both sides poll; the client only stores.
-pub fn busy(criterion: &mut Criterion) -> Outcome {
+pub(crate) fn busy(criterion: &mut Criterion) -> Outcome {
     let [client, server] = cpu::pair();
     let _pinned = Pinned::to(client);
     let mut group = criterion.benchmark_group("handshake by polling");
@@ -146,7 +146,7 @@ impl BarePage {
 }
 
 /// The other side of the bare page: answers each command with the next number.
-pub fn play(args: &[String]) {
+pub(crate) fn play(args: &[String]) {
     let [waiting, path, processor] = args else { panic!("page: wrong arguments {args:?}") };
     cpu::pin(processor.parse().expect("the number of a processor"));
     let page = Page::open(path);

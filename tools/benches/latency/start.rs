@@ -18,7 +18,7 @@ const START_UP: u32 = 0x0001;
 const LOOK: Duration = Duration::from_micros(200);
 
 /// Not pinned: this is what a script meets that starts an emulator and goes on at once.
-pub fn first_peek(criterion: &mut Criterion) -> Outcome {
+pub(crate) fn first_peek(criterion: &mut Criterion) -> Outcome {
     let mut samples = Samples::new();
     let mut group = criterion.benchmark_group("start");
     group.sample_size(20);

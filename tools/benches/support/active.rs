@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 /// Takes node 2 from restart to active operation at 500 kbit/s, with both reference value and both actual
 /// value channels configured and the slaves `slaves` asked in turn. `advance` lets emulated time pass, in
 /// microseconds.
-pub fn activate(
+pub(crate) fn activate(
     segment: &Segment,
     slaves: RangeInclusive<u8>,
     mut advance: impl FnMut(u64),

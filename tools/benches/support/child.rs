@@ -15,13 +15,13 @@ use std::time::{Duration, Instant};
 const ROLE: &str = "role";
 
 /// The role and its arguments, if this process is a child.
-pub fn role() -> Option<Vec<String>> {
+pub(crate) fn role() -> Option<Vec<String>> {
     let mut args = std::env::args().skip(1);
     (args.next()? == ROLE).then(|| args.collect())
 }
 
 /// In a child: runs `stop` when the parent wants the child to end or is gone.
-pub fn when_parent_ends(stop: impl FnOnce() + Send + 'static) {
+pub(crate) fn when_parent_ends(stop: impl FnOnce() + Send + 'static) {
     // Ctrl-C and `timeout` reach parent and children alike; the children end through the pipe.
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::default()).expect("the signal can be caught");
@@ -34,14 +34,14 @@ pub fn when_parent_ends(stop: impl FnOnce() + Send + 'static) {
 }
 
 /// A running child process. Dropping it ends it.
-pub struct Child {
+pub(crate) struct Child {
     process: Process,
     name: String,
 }
 
 impl Child {
     /// Starts this executable in the role `args`.
-    pub fn play(args: &[&str]) -> Self {
+    pub(crate) fn play(args: &[&str]) -> Self {
         let executable = std::env::current_exe().expect("the benchmark knows its own path");
         let process = Command::new(executable)
             .arg(ROLE)
@@ -54,7 +54,7 @@ impl Child {
     }
 
     /// Fails if the child has ended by itself.
-    pub fn check(&mut self) {
+    pub(crate) fn check(&mut self) {
         if let Some(status) = self.process.try_wait().expect("a child can be asked for its status") {
             panic!("the child process `{}` has ended: {status}", self.name);
         }
@@ -73,7 +73,7 @@ impl Drop for Child {
 }
 
 /// Waits for the end of a process; kills it if that takes too long, and then returns `None`.
-pub fn wait(process: &mut Process) -> Option<std::process::ExitStatus> {
+pub(crate) fn wait(process: &mut Process) -> Option<std::process::ExitStatus> {
     let start = Instant::now();
     while start.elapsed() < PATIENCE {
         match process.try_wait() {

@@ -6,7 +6,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 ///
 /// # Panics
 /// There is only one: two processes that poll would take turns of milliseconds.
-pub fn pair() -> [usize; 2] {
+pub(crate) fn pair() -> [usize; 2] {
     let allowed = sched_getaffinity(None).expect("the processors can be listed");
     let mut usable = (0..CpuSet::MAX_CPU).filter(|&cpu| allowed.is_set(cpu));
     match (usable.next(), usable.next()) {
@@ -16,20 +16,20 @@ pub fn pair() -> [usize; 2] {
 }
 
 /// Pins this thread, and threads and processes it starts later, to one processor.
-pub fn pin(cpu: usize) {
+pub(crate) fn pin(cpu: usize) {
     let mut set = CpuSet::new();
     set.set(cpu);
     sched_setaffinity(None, &set).expect("a thread can be pinned");
 }
 
 /// Pins this thread until the guard is dropped.
-pub struct Pinned {
+pub(crate) struct Pinned {
     before: CpuSet,
 }
 
 impl Pinned {
     /// Pins this thread to one processor.
-    pub fn to(cpu: usize) -> Self {
+    pub(crate) fn to(cpu: usize) -> Self {
         let before = sched_getaffinity(None).expect("the processors can be listed");
         pin(cpu);
         Pinned { before }

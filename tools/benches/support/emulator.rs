@@ -14,15 +14,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 /// Name of this role.
-pub const ROLE: &str = "emulator";
+pub(crate) const ROLE: &str = "emulator";
 /// The only PLC of the built-in plant.
-pub const PLC: &str = "line";
+pub(crate) const PLC: &str = "line";
 /// Slave numbers of its drives.
-pub const DRIVES: RangeInclusive<u8> = 1..=3;
+pub(crate) const DRIVES: RangeInclusive<u8> = 1..=3;
 
 /// How the emulator is run.
 #[derive(Clone, Copy)]
-pub struct How {
+pub(crate) struct How {
     /// Real time or stepped.
     pub clock: Clock,
     /// Polls instead of sleeping.
@@ -32,7 +32,7 @@ pub struct How {
 }
 
 /// In the child: the built-in plant, run until the parent ends.
-pub fn play(args: &[String]) {
+pub(crate) fn play(args: &[String]) {
     let [instance, clock, waiting, processor] = args else { panic!("emulator: wrong arguments {args:?}") };
     cpu::pin(processor.parse().expect("the number of a processor"));
     let clock = if clock == "stepped" { Clock::Stepped } else { Clock::RealTime { speed: 1.0 } };
@@ -45,13 +45,13 @@ pub fn play(args: &[String]) {
 }
 
 /// An instance name that no other run has.
-pub fn unique_instance() -> String {
+pub(crate) fn unique_instance() -> String {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     format!("bench-{}-{}", std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed))
 }
 
 /// A running emulator. Dropping it ends it.
-pub struct Remote {
+pub(crate) struct Remote {
     // Detached before the emulator ends.
     attached: Attached,
     instance: String,
@@ -60,7 +60,7 @@ pub struct Remote {
 
 impl Remote {
     /// Starts an emulator and attaches to it.
-    pub fn start(how: How) -> Self {
+    pub(crate) fn start(how: How) -> Self {
         let instance = unique_instance();
         let clock = if how.clock.is_stepped() { "stepped" } else { "realtime" };
         let waiting = if how.busy { "busy" } else { "sleeping" };
@@ -78,12 +78,12 @@ impl Remote {
     }
 
     /// The mapped image.
-    pub fn attached(&self) -> &Attached {
+    pub(crate) fn attached(&self) -> &Attached {
         &self.attached
     }
 
     /// Connects to the channel; the client looks for its reply for `spin` before it sleeps.
-    pub fn connect(&self, spin: Duration) -> Client {
+    pub(crate) fn connect(&self, spin: Duration) -> Client {
         connect(&self.instance, spin)
     }
 }
@@ -92,12 +92,12 @@ impl Remote {
 ///
 /// # Errors
 /// It is not ready.
-pub fn attach(instance: &str) -> Result<Attached, MemoryError> {
+pub(crate) fn attach(instance: &str) -> Result<Attached, MemoryError> {
     Image::attach(instance, PLC, AttachMode::ReadWrite, Some(LAYOUT_HASH))
 }
 
 /// Connects to the channel of an emulator that is ready.
-pub fn connect(instance: &str, spin: Duration) -> Client {
+pub(crate) fn connect(instance: &str, spin: Duration) -> Client {
     let bells = HeaderBells::of_client(attach(instance).expect("the emulator is ready"));
     let patience = Patience { connect: PATIENCE, spin, ..Patience::default() };
     let root = channel_root(instance).expect("the instance's name is a good one");

@@ -7,7 +7,7 @@ use commram::plant::{Plant, PlantConfig, PlantError};
 use std::fmt::Write;
 
 /// The interval at 500 kbit/s.
-pub const INTERVAL_US: u64 = 2000;
+pub(crate) const INTERVAL_US: u64 = 2000;
 /// A reference value frame is released.
 const RELEASED: u8 = 0x05;
 
@@ -19,7 +19,7 @@ enum Failed {
 }
 
 /// A plant with `drives` drives in active operation, at a SYNC edge.
-pub fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
+pub(crate) fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
     let mut text = "[[plc]]\nname = 'line'\nnode2 = 'bus'\n[[bus]]\nname = 'bus'\n".to_owned();
     for number in 0..drives {
         let _ = writeln!(text, "[[bus.drive]]\nname = 'drive{number}'\nslave_number = {number}");
@@ -35,7 +35,7 @@ pub fn active_plant(drives: u8) -> (Plant, View<CANsync_MA_CTRL_BMSTRUCT>) {
 }
 
 /// New reference values, both frames released.
-pub fn release(master: &View<CANsync_MA_CTRL_BMSTRUCT>, value: u32) {
+pub(crate) fn release(master: &View<CANsync_MA_CTRL_BMSTRUCT>, value: u32) {
     master.a_WR_VALUE[0].store(value);
     master.a_WR_VALUE[1].store(!value);
     master.a_WR_VALUE[4].store(value);

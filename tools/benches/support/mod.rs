@@ -1,20 +1,20 @@
 //! What the benchmarks between processes share.
 
-pub mod active;
-pub mod child;
-pub mod cpu;
-pub mod emulator;
-pub mod page;
-pub mod report;
+pub(crate) mod active;
+pub(crate) mod child;
+pub(crate) mod cpu;
+pub(crate) mod emulator;
+pub(crate) mod page;
+pub(crate) mod report;
 
 use std::time::{Duration, Instant};
 
 /// Longest wait for anything another process has to do. Longer means that the benchmark is broken, and
 /// it fails instead of hanging.
-pub const PATIENCE: Duration = Duration::from_secs(10);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Looks for something without a pause until it is there.
-pub fn spin_until(mut is_there: impl FnMut() -> bool) {
+pub(crate) fn spin_until(mut is_there: impl FnMut() -> bool) {
     /// Looks between two looks at the clock.
     const LOOKS: u32 = 1 << 16;
     let start = Instant::now();

@@ -14,7 +14,7 @@ use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 /// own, as in an image.
 #[derive(FromBytes, IntoBytes, KnownLayout, Debug)]
 #[repr(C)]
-pub struct Registers {
+pub(crate) struct Registers {
     /// Rung by the client.
     pub doorbell: Cell32,
     reserved_4: [Cell32; 15],
@@ -31,7 +31,7 @@ pub struct Registers {
 unsafe impl SharedRegs for Registers {}
 
 /// A mapped page.
-pub struct Page {
+pub(crate) struct Page {
     map: MmapRaw,
     /// Keeps the memory, which has no name, reachable for [`Page::open`].
     file: File,
@@ -41,7 +41,7 @@ impl Page {
     const SIZE: u64 = 4096;
 
     /// A new page, zeroed. It disappears with the last process that uses it.
-    pub fn create() -> Self {
+    pub(crate) fn create() -> Self {
         let memory = rustix::fs::memfd_create("commram-bench", MemfdFlags::CLOEXEC);
         let file = File::from(memory.expect("memory can be shared"));
         file.set_len(Self::SIZE).expect("the page can be given its size");
@@ -49,7 +49,7 @@ impl Page {
     }
 
     /// Maps the page that another process has created; see [`Page::path`].
-    pub fn open(path: &str) -> Self {
+    pub(crate) fn open(path: &str) -> Self {
         let file = File::options().read(true).write(true).open(Path::new(path));
         Self::map(file.expect("the parent's page can be opened"))
     }
@@ -61,12 +61,12 @@ impl Page {
     }
 
     /// Where a child process finds the page while this process lives.
-    pub fn path(&self) -> String {
+    pub(crate) fn path(&self) -> String {
         format!("/proc/{}/fd/{}", std::process::id(), self.file.as_raw_fd())
     }
 
     /// The registers in the page.
-    pub fn registers(&self) -> &Registers {
+    pub(crate) fn registers(&self) -> &Registers {
         // SAFETY: the map is page-aligned, longer than `Registers` and lives as long as `self`; everybody
         // accesses it through the same cells.
         unsafe { &*self.map.as_mut_ptr().cast::<Registers>() }
@@ -74,13 +74,13 @@ impl Page {
 }
 
 /// Counts the word up and wakes who sleeps on it, in as few steps as there can be.
-pub fn ring(word: &Cell32) {
+pub(crate) fn ring(word: &Cell32) {
     word.increment();
     futex::wake(futex_word(word), futex::Flags::empty(), 1).expect("a futex can be woken");
 }
 
 /// Sleeps until the word is no longer `seen`; wakes up now and then to look whether all is well.
-pub fn sleep(word: &Cell32, seen: u32) {
+pub(crate) fn sleep(word: &Cell32, seen: u32) {
     let timeout = futex::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
     // All of its errors mean: look again.
     let _ = futex::wait(futex_word(word), futex::Flags::empty(), seen.to_le(), Some(&timeout));

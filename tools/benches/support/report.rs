@@ -8,7 +8,7 @@ const KEPT: usize = 1 << 20;
 const CLOCK_READS: usize = 10_000;
 
 /// The latencies of one measurement.
-pub struct Samples {
+pub(crate) struct Samples {
     nanoseconds: Vec<u64>,
     /// Place of the next sample once all places are taken.
     next: usize,
@@ -18,7 +18,7 @@ pub struct Samples {
 
 impl Samples {
     /// None yet.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let mut empty = Samples { nanoseconds: Vec::with_capacity(KEPT), next: 0, clock: Duration::ZERO };
         for _ in 0..CLOCK_READS {
             empty.time(|| ());
@@ -29,7 +29,7 @@ impl Samples {
     }
 
     /// Measures one run of `f`, without the cost of the clock.
-    pub fn time(&mut self, f: impl FnOnce()) -> Duration {
+    pub(crate) fn time(&mut self, f: impl FnOnce()) -> Duration {
         let start = Instant::now();
         f();
         let duration = start.elapsed().saturating_sub(self.clock);
@@ -64,7 +64,7 @@ impl Samples {
 }
 
 /// What a median is held against.
-pub enum Target {
+pub(crate) enum Target {
     /// At most that many times the median of the other samples, which are named.
     Times(f64, &'static str, Samples),
     /// At most that many microseconds.
@@ -72,7 +72,7 @@ pub enum Target {
 }
 
 /// A measurement and its target.
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// What was measured.
     pub what: &'static str,
     /// The latencies.
@@ -84,7 +84,7 @@ pub struct Outcome {
 impl Outcome {
     /// Prints the medians beside the target. Nothing is printed if the filter on the command line left
     /// this measurement out.
-    pub fn print(&self) {
+    pub(crate) fn print(&self) {
         if self.samples.is_empty() {
             return;
         }

@@ -18,10 +18,10 @@ const STEP: u32 = 100_003;
 /// The position loop of the drive does not see less than this.
 const NEAR: u32 = 32;
 /// `BAPS_INIT` is enabled after so many cycles of the cyclic task (manual p. 63).
-pub const CYCLES_BEFORE_INIT: u32 = 5;
+pub(crate) const CYCLES_BEFORE_INIT: u32 = 5;
 
 /// The control word that brings a drive with this status word nearer to operation.
-pub fn control_word(status: u16) -> u16 {
+pub(crate) fn control_word(status: u16) -> u16 {
     match status & 0x006F {
         0x0021 => 0x0007,
         0x0023 | 0x0027 => 0x000F,
@@ -55,7 +55,7 @@ impl Commissioning {
 }
 
 /// A drive that follows an angle which the event task generates.
-pub struct SynchronousDrive {
+pub(crate) struct SynchronousDrive {
     _BAPS: Base<BAPS_CTRL_BMSTRUCT>,
     setup: Commissioning,
     init: BAPS_INIT,
@@ -71,7 +71,7 @@ pub struct SynchronousDrive {
 
 impl SynchronousDrive {
     /// A drive whose SYNC slot is `slot_us`, with this `w_COMMAND_REG` and this mask over P258 (manual p. 74).
-    pub fn new(ram: &Ram, slot_us: u16, w_COMMAND_REG: u16, mask: u32) -> Result<Self, MemoryError> {
+    pub(crate) fn new(ram: &Ram, slot_us: u16, w_COMMAND_REG: u16, mask: u32) -> Result<Self, MemoryError> {
         let left = vec![(OPERATING_MODE, SYNCHRONOUS_POSITION), (SYNC_OFFSET, 0), (SYNC_SLOT, slot_us)];
         Ok(SynchronousDrive {
             _BAPS: ram.at(BAPS)?,
@@ -99,7 +99,7 @@ impl SynchronousDrive {
     }
 
     /// In the event task: process data first, then the next reference value (manual p. 65).
-    pub fn exchange(&mut self) -> Result<(), String> {
+    pub(crate) fn exchange(&mut self) -> Result<(), String> {
         if !self.init.x_OK {
             return Ok(());
         }
@@ -119,7 +119,7 @@ impl SynchronousDrive {
     }
 
     /// In the cyclic task: sets the drive up; done when it is enabled, synchronized and at the end of its way.
-    pub fn cyclic(&mut self) -> Result<Progress, String> {
+    pub(crate) fn cyclic(&mut self) -> Result<Progress, String> {
         self.cycles += 1;
         if self.cycles <= CYCLES_BEFORE_INIT || self.setup.cycle(&self._BAPS)? == Progress::Again {
             return Ok(Progress::Again);
@@ -137,7 +137,7 @@ impl SynchronousDrive {
     }
 
     /// Where the way ends, as the drive shows it in P258.
-    pub fn end(&self) -> u32 {
+    pub(crate) fn end(&self) -> u32 {
         self.comm.ud_RD_VALUE1
     }
 }

@@ -2,7 +2,7 @@
 
 #![allow(dead_code, reason = "each example uses a part of it")]
 
-pub mod drive;
+pub(crate) mod drive;
 
 use commram::devices::omega_drive_line_2::blocks::{
     Base, CANsync_PAR_SL, CANsync_PD_CFG_SL, Program, Ram, Tasks,
@@ -13,18 +13,18 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 /// Number of the event "SYNC of the network".
-pub const SYNC: usize = 12;
+pub(crate) const SYNC: usize = 12;
 /// Command number with which the master ends the example programs of its slaves.
-pub const END: u8 = 128;
+pub(crate) const END: u8 = 128;
 /// Value 0 is a doubleword in words 0 and 1 of each frame 1: number of the value in each word ...
-pub const VALUES: [i8; 4] = [0, 0, -1, -1];
+pub(crate) const VALUES: [i8; 4] = [0, 0, -1, -1];
 /// ... and whether the word is its high one.
-pub const HIGH: [bool; 4] = [false, true, false, false];
+pub(crate) const HIGH: [bool; 4] = [false, true, false, false];
 /// How long nothing may happen.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Where a program runs, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`.
-pub struct Arguments {
+pub(crate) struct Arguments {
     instance: String,
     plc: String,
     /// What comes after the PLC.
@@ -33,7 +33,7 @@ pub struct Arguments {
 
 impl Arguments {
     /// The command line; `plc` is meant if it names none.
-    pub fn parse(plc: &str) -> Result<Self, String> {
+    pub(crate) fn parse(plc: &str) -> Result<Self, String> {
         let mut words = std::env::args().skip(1).peekable();
         let mut instance = "default".to_owned();
         if words.next_if(|word| word == "-i").is_some() {
@@ -49,7 +49,7 @@ impl Arguments {
 }
 
 /// Runs a program until it ends: cyclic task every 10 ms, a task for one event.
-pub fn run<P: Program<Error = String>>(
+pub(crate) fn run<P: Program<Error = String>>(
     arguments: Result<Arguments, String>,
     event: usize,
     program: impl FnOnce(Ram, &Arguments) -> Result<P, MemoryError>,
@@ -73,12 +73,12 @@ pub fn run<P: Program<Error = String>>(
 }
 
 /// The error of a block that has failed.
-pub fn check(failed: bool, block: &str, error: u16) -> Result<(), String> {
+pub(crate) fn check(failed: bool, block: &str, error: u16) -> Result<(), String> {
     if failed { Err(format!("{block} has failed: 16#{error:04X}")) } else { Ok(()) }
 }
 
 /// Maps the process data of a slave.
-pub fn map_slave(_BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+pub(crate) fn map_slave(_BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
     let (a_WRC1, a_HL_WRC1, a_RDC1, a_HL_RDC1) = (VALUES, HIGH, VALUES, HIGH);
     CANsync_PD_CFG_SL { a_WRC1, a_HL_WRC1, a_RDC1, a_HL_RDC1, ..Default::default() }.call(_BASE);
 }
@@ -87,7 +87,7 @@ pub fn map_slave(_BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
 const NOT_PRESENT: i16 = -5;
 
 /// What a slave answers to parameter jobs: it has no parameters. (Its status word the firmware answers, D-06.)
-pub struct Application {
+pub(crate) struct Application {
     jobs: CANsync_PAR_SL,
 }
 
@@ -99,7 +99,7 @@ impl Default for Application {
 
 impl Application {
     /// One PLC cycle.
-    pub fn cycle(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
+    pub(crate) fn cycle(&mut self, _BASE: &Base<CANsync_SL_CTRL_BMSTRUCT>) {
         self.jobs.call(_BASE);
         self.jobs.x_ERR_IN = self.jobs.x_ACTIV;
     }

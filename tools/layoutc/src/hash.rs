@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 /// FNV-1a (64 bits) over a canonical description of names, addresses, types and dimensions. Comments,
 /// documentation, meanings, owners and reset values do not count.
-pub fn layout_hash(device: &Device) -> u64 {
+pub(crate) fn layout_hash(device: &Device) -> u64 {
     canonical(device).bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3)
     })

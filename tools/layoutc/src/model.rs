@@ -1,9 +1,9 @@
 //! The checked layout: every offset, width and reference in here has passed [`crate::check`].
 
-pub use crate::raw::{Live, Owner, Provenance, Role};
+pub(crate) use crate::raw::{Live, Owner, Provenance, Role};
 
 /// A whole device, or a family: structures without areas.
-pub struct Device {
+pub(crate) struct Device {
     pub name: String,
     pub title: String,
     pub manual: String,
@@ -21,7 +21,7 @@ pub struct Device {
     pub baud_rates: Vec<BaudRate>,
 }
 
-pub struct Port {
+pub(crate) struct Port {
     pub name: String,
     pub number: u8,
     pub medium: String,
@@ -31,19 +31,19 @@ pub struct Port {
 }
 
 /// One line of the timing table, as it is written in Rust: names and values of fields.
-pub struct BaudRate {
+pub(crate) struct BaudRate {
     pub numbers: Vec<(&'static str, u32)>,
     pub deadlines: Vec<(&'static str, Deadline)>,
 }
 
 /// Microseconds after the start of the event task, equal if it is one time.
-pub struct Deadline {
+pub(crate) struct Deadline {
     pub earliest: u32,
     pub latest: u32,
     pub source: Provenance,
 }
 
-pub struct Area {
+pub(crate) struct Area {
     pub name: String,
     pub name_from: Provenance,
     pub first: u32,
@@ -56,7 +56,7 @@ pub struct Area {
 }
 
 /// A structure in an area.
-pub struct Placed {
+pub(crate) struct Placed {
     /// Index into [`Device::structures`].
     pub structure: usize,
     pub live: Live,
@@ -70,7 +70,7 @@ pub struct Placed {
 }
 
 /// A structure or sub-structure: fields in ascending order that cover `0..size` without a gap.
-pub struct Structure {
+pub(crate) struct Structure {
     pub name: String,
     pub name_from: Provenance,
     pub size: u32,
@@ -84,7 +84,7 @@ pub struct Structure {
     pub fields: Vec<Field>,
 }
 
-pub struct Field {
+pub(crate) struct Field {
     pub name: String,
     /// What the structure of `view` calls it.
     pub view_name: String,
@@ -108,7 +108,7 @@ pub struct Field {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub(crate) enum Kind {
     Scalar(Scalar),
     /// Index into [`Device::substructures`].
     Sub(usize),
@@ -118,7 +118,7 @@ pub enum Kind {
 
 /// The elementary data types (manual 5.00005.03a p. 144).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Scalar {
+pub(crate) enum Scalar {
     Byte,
     Word,
     Dword,
@@ -144,7 +144,7 @@ impl Scalar {
         (Scalar::Udint, "UDINT", "ud", 4),
     ];
 
-    pub fn named(name: &str) -> Option<Self> {
+    pub(crate) fn named(name: &str) -> Option<Self> {
         Self::TABLE.iter().find(|row| row.1 == name).map(|row| row.0)
     }
 
@@ -152,31 +152,31 @@ impl Scalar {
         &Self::TABLE[self as usize]
     }
 
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         self.row().1
     }
 
-    pub fn prefix(self) -> &'static str {
+    pub(crate) fn prefix(self) -> &'static str {
         self.row().2
     }
 
     /// In bytes; also the alignment.
-    pub fn width(self) -> u32 {
+    pub(crate) fn width(self) -> u32 {
         self.row().3
     }
 
-    pub fn signed(self) -> bool {
+    pub(crate) fn signed(self) -> bool {
         matches!(self, Scalar::Sint | Scalar::Int | Scalar::Dint)
     }
 
     /// How the type is written in generated code.
-    pub fn variant(self) -> String {
+    pub(crate) fn variant(self) -> String {
         format!("{self:?}")
     }
 }
 
 /// What the values and bits of a register mean.
-pub struct Meaning {
+pub(crate) struct Meaning {
     pub name: String,
     /// Manuals, and the pages on which they state it; none if no manual does.
     pub pages: Vec<(String, String)>,
@@ -188,17 +188,17 @@ pub struct Meaning {
 
 impl Meaning {
     /// The pages of this manual that state it; empty if none does.
-    pub fn page_in(&self, manual: &str) -> &str {
+    pub(crate) fn page_in(&self, manual: &str) -> &str {
         self.pages.iter().find(|(known, _)| known == manual).map_or("", |(_, pages)| pages)
     }
 
     /// Whether a manual states something of it.
-    pub fn is_documented(&self) -> bool {
+    pub(crate) fn is_documented(&self) -> bool {
         self.sources().any(|source| *source == Provenance::Manual)
     }
 
     /// Those of all values and bits.
-    pub fn sources(&self) -> impl Iterator<Item = &Provenance> {
+    pub(crate) fn sources(&self) -> impl Iterator<Item = &Provenance> {
         let of_bits = self
             .bits
             .iter()
@@ -207,14 +207,14 @@ impl Meaning {
     }
 }
 
-pub struct Value {
+pub(crate) struct Value {
     pub first: u32,
     pub last: u32,
     pub text: String,
     pub source: Provenance,
 }
 
-pub struct Bit {
+pub(crate) struct Bit {
     pub first: u8,
     pub last: u8,
     pub name: String,
@@ -229,17 +229,17 @@ pub struct Bit {
 
 impl Device {
     /// Structures and sub-structures that become types of the device's own module.
-    pub fn own_types(&self) -> impl Iterator<Item = &Structure> {
+    pub(crate) fn own_types(&self) -> impl Iterator<Item = &Structure> {
         self.substructures.iter().chain(&self.structures).filter(|structure| !structure.shared)
     }
 
     /// The family's structures and sub-structures that something of the device is made of.
-    pub fn used_shared_types(&self) -> impl Iterator<Item = &Structure> {
+    pub(crate) fn used_shared_types(&self) -> impl Iterator<Item = &Structure> {
         self.used_types().filter(|structure| structure.shared)
     }
 
     /// What lies in the areas, and the sub-structures in it; of a family all.
-    pub fn used_types(&self) -> impl Iterator<Item = &Structure> {
+    pub(crate) fn used_types(&self) -> impl Iterator<Item = &Structure> {
         let in_areas = |index: usize| {
             self.areas.iter().flat_map(|area| &area.structures).any(|placed| placed.structure == index)
         };
@@ -255,22 +255,22 @@ impl Device {
     }
 
     /// Bytes of `field` with all its elements.
-    pub fn size(&self, field: &Field) -> u32 {
+    pub(crate) fn size(&self, field: &Field) -> u32 {
         field.size(&self.substructures)
     }
 }
 
 impl Field {
-    pub fn is_padding(&self) -> bool {
+    pub(crate) fn is_padding(&self) -> bool {
         matches!(self.kind, Kind::Padding(_))
     }
 
-    pub fn size(&self, subs: &[Structure]) -> u32 {
+    pub(crate) fn size(&self, subs: &[Structure]) -> u32 {
         // Saturating: a size beyond all bounds is then refused as too long for its structure.
         self.dims.iter().fold(element_size(self.kind, subs), |size, n| size.saturating_mul(*n))
     }
 
-    pub fn align(&self, subs: &[Structure]) -> u32 {
+    pub(crate) fn align(&self, subs: &[Structure]) -> u32 {
         match self.kind {
             Kind::Scalar(scalar) => scalar.width(),
             Kind::Sub(index) => subs[index].align,

@@ -6,7 +6,7 @@ use toml::Spanned;
 /// `family.toml`: what devices share.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Family {
+pub(crate) struct Family {
     pub name: Spanned<String>,
     pub title: String,
     /// The manual that the pages in the family's files refer to.
@@ -20,7 +20,7 @@ pub struct Family {
 /// `device.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Device {
+pub(crate) struct Device {
     pub name: Spanned<String>,
     pub title: String,
     pub manual: String,
@@ -43,21 +43,21 @@ pub struct Device {
 /// Who writes the registers that the manual reserves.
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
-pub struct Reserved {
+pub(crate) struct Reserved {
     pub owner: Owner,
     pub source: Provenance,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Range {
+pub(crate) struct Range {
     pub first: u8,
     pub last: u8,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Area {
+pub(crate) struct Area {
     pub name: Spanned<String>,
     pub first: Spanned<u32>,
     /// Left out the area ends with its largest structure.
@@ -72,7 +72,7 @@ pub struct Area {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Placed {
+pub(crate) struct Placed {
     pub name: Spanned<String>,
     pub live: Live,
     pub role: Option<Role>,
@@ -84,7 +84,7 @@ pub struct Placed {
 /// The device's end of a medium.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Port {
+pub(crate) struct Port {
     pub name: Spanned<String>,
     pub number: Spanned<u8>,
     pub medium: String,
@@ -94,7 +94,7 @@ pub struct Port {
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
-pub enum Role {
+pub(crate) enum Role {
     Master,
     Slave,
     Peer,
@@ -102,7 +102,7 @@ pub enum Role {
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
-pub enum Live {
+pub(crate) enum Live {
     Always,
     Init,
     Cyclic,
@@ -112,7 +112,7 @@ pub enum Live {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(non_snake_case)]
-pub struct BaudRate {
+pub(crate) struct BaudRate {
     pub kbit_per_s: u16,
     pub us_BAUDRATE: u8,
     pub b_BT_0: u8,
@@ -134,7 +134,7 @@ pub struct BaudRate {
 /// A time (`at`) or the limits of one (`from`, `to`), in microseconds after the start of the event task.
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
-pub struct Deadline {
+pub(crate) struct Deadline {
     pub at: Option<u32>,
     pub from: Option<u32>,
     pub to: Option<u32>,
@@ -144,7 +144,7 @@ pub struct Deadline {
 /// A parts file: what several structures share.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Parts {
+pub(crate) struct Parts {
     #[serde(default)]
     pub meaning: Vec<Meaning>,
     #[serde(default)]
@@ -156,7 +156,7 @@ pub struct Parts {
 /// A structure, a sub-structure or a block of registers shared by structures.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Structure {
+pub(crate) struct Structure {
     pub name: Spanned<String>,
     /// Left out it is that of the structure of `view`.
     pub size: Option<Spanned<u32>>,
@@ -179,7 +179,7 @@ pub struct Structure {
 /// A register, or with `padding` the bytes between two registers.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// Of a register; left out it is that of the structure of `view`.
     pub offset: Option<Spanned<u32>>,
     pub padding: Option<Spanned<u32>>,
@@ -206,7 +206,7 @@ pub struct Entry {
 
 #[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
 #[serde(rename_all = "lowercase")]
-pub enum Owner {
+pub(crate) enum Owner {
     Plc,
     Firmware,
     Both,
@@ -216,7 +216,7 @@ pub enum Owner {
 /// says how.
 #[derive(Deserialize, Clone, PartialEq, Eq, Debug)]
 #[serde(try_from = "String")]
-pub enum Provenance {
+pub(crate) enum Provenance {
     Manual,
     Documented(String),
     Inferred(String),
@@ -251,7 +251,7 @@ fn is_decision(text: &str) -> bool {
 /// What the values and bits of a register mean; registers refer to it by name.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Meaning {
+pub(crate) struct Meaning {
     pub name: Spanned<String>,
     /// Where the manual states it.
     pub page: Option<String>,
@@ -269,7 +269,7 @@ pub struct Meaning {
 /// One value (`is`) or a range of them (`from`, `to`); `{}` in the text stands for the value.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Value {
+pub(crate) struct Value {
     pub is: Option<u32>,
     pub from: Option<u32>,
     pub to: Option<u32>,
@@ -280,7 +280,7 @@ pub struct Value {
 /// One bit (`at`) or a field of bits (`from`, `to`).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Bit {
+pub(crate) struct Bit {
     pub at: Option<u8>,
     pub from: Option<u8>,
     pub to: Option<u8>,

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Every file read so far.
-pub struct Sources {
+pub(crate) struct Sources {
     dir: PathBuf,
     /// Texts that count instead of the files'.
     edits: BTreeMap<PathBuf, String>,
@@ -16,35 +16,39 @@ pub struct Sources {
 
 /// A place: file number and byte position.
 #[derive(Clone, Copy, Debug)]
-pub struct At {
+pub(crate) struct At {
     pub file: usize,
     pub byte: usize,
 }
 
 impl Sources {
-    pub fn new(dir: &Path) -> Self {
+    pub(crate) fn new(dir: &Path) -> Self {
         Self { dir: dir.to_owned(), edits: BTreeMap::new(), files: Vec::new() }
     }
 
     /// With other texts than some of the files have.
     #[cfg(feature = "import")]
-    pub fn with_edits(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Self {
+    pub(crate) fn with_edits(dir: &Path, edits: BTreeMap<PathBuf, String>) -> Self {
         Self { edits, ..Self::new(dir) }
     }
 
     /// The files read so far, with their texts.
     #[cfg(feature = "import")]
-    pub fn into_files(self) -> Vec<(PathBuf, String)> {
+    pub(crate) fn into_files(self) -> Vec<(PathBuf, String)> {
         self.files
     }
 
-    pub fn paths(&self) -> Vec<PathBuf> {
+    pub(crate) fn paths(&self) -> Vec<PathBuf> {
         self.files.iter().map(|(path, _)| path.clone()).collect()
     }
 
     /// Reads and parses `name`, perhaps one of a directory beside (`../other/name`), and returns its number with the content. `from` is where the file is
     /// asked for; a missing file is reported there.
-    pub fn parse<T: DeserializeOwned>(&mut self, name: &str, from: Option<At>) -> Result<(usize, T), Error> {
+    pub(crate) fn parse<T: DeserializeOwned>(
+        &mut self,
+        name: &str,
+        from: Option<At>,
+    ) -> Result<(usize, T), Error> {
         let path = match (name.strip_prefix("../"), self.dir.parent()) {
             (Some(beside), Some(parent)) => parent.join(beside),
             _ => self.dir.join(name),
@@ -66,7 +70,7 @@ impl Sources {
         Ok((file, value))
     }
 
-    pub fn error(&self, at: At, reason: Reason) -> Error {
+    pub(crate) fn error(&self, at: At, reason: Reason) -> Error {
         let (path, text) = &self.files[at.file];
         let before = &text[..at.byte.min(text.len())];
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
@@ -82,6 +86,6 @@ impl Sources {
 }
 
 /// Shorthand for the place where `span` starts.
-pub fn at(file: usize, span: Range<usize>) -> At {
+pub(crate) fn at(file: usize, span: Range<usize>) -> At {
     At { file, byte: span.start }
 }

@@ -49,7 +49,7 @@ pub(crate) struct Inputs {
 
 /// Why a transfer has failed.
 #[derive(Clone, Copy, Debug)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// `u_LENGTH` is 0 or more than 2048.
     Length,
     /// The last try of a block took too long.

@@ -32,13 +32,13 @@ pub(super) struct SetPoint {
 impl SetPoint {
     /// The drive stands at `angle` and is to stay there.
     #[inline]
-    pub fn hold(&mut self, angle: u32) {
+    pub(crate) fn hold(&mut self, angle: u32) {
         *self = SetPoint { from: angle, ..SetPoint::default() };
     }
 
     /// A reference value came: it is to be reached in one slot; in a slot of 0 us at once.
     #[inline]
-    pub fn reference(&mut self, value: u32, slot_us: u16) {
+    pub(crate) fn reference(&mut self, value: u32, slot_us: u16) {
         let (from, _) = self.now();
         *self = match slot_us {
             0 => SetPoint { from: value, ..SetPoint::default() },
@@ -53,13 +53,13 @@ impl SetPoint {
 
     /// Lets time pass.
     #[inline]
-    pub fn pass(&mut self, us: u32) {
+    pub(crate) fn pass(&mut self, us: u32) {
         self.elapsed_us += u64::from(us);
     }
 
     /// Set point and its speed in increments per millisecond.
     #[inline]
-    pub fn now(&self) -> (u32, i64) {
+    pub(crate) fn now(&self) -> (u32, i64) {
         if self.way == 0 {
             return (self.from, 0);
         }

@@ -77,7 +77,7 @@ type Fault = (u8, u16, ZkError);
 
 impl Card {
     /// Resolves the ZK parameters; the error names the one at fault with its value.
-    pub fn new(
+    pub(crate) fn new(
         zk: &ZkParameters,
         function: CardFunction,
         slave_number: u8,
@@ -138,7 +138,7 @@ impl Card {
 
     /// A frame with values of `source` has come.
     #[inline]
-    pub fn receive(&mut self, source: Source, channel: Channel, payload: &Payload) {
+    pub(crate) fn receive(&mut self, source: Source, channel: Channel, payload: &Payload) {
         let bits = u64::from_le_bytes(payload.padded());
         for slot in self.references.iter_mut().flatten() {
             if slot.channel == channel && slot.source == source && payload.len() >= slot.end {
@@ -153,7 +153,7 @@ impl Card {
 
     /// Takes the actual values and the status word out of the drive, to be sent in this interval.
     #[inline]
-    pub fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
+    pub(crate) fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
         if self.stopped {
             return self.sample_sync_state(status_word & SYNCHRONIZED);
         }
@@ -181,7 +181,7 @@ impl Card {
     /// Gives the drive the reference values of the interval that has just ended, or of up to three
     /// intervals before (ZK 24). Where none came the drive keeps the last one.
     #[inline]
-    pub fn hand_over(&mut self, store: &mut ParameterStore) {
+    pub(crate) fn hand_over(&mut self, store: &mut ParameterStore) {
         self.count_losses();
         if self.underway == 0 {
             return;
@@ -221,7 +221,7 @@ impl Card {
 
     /// Forgets what came while the drive was not synchronized.
     #[inline]
-    pub fn discard(&mut self) {
+    pub(crate) fn discard(&mut self) {
         self.losses.seen = 0;
         self.losses.expected = 0;
         self.losses.in_succession = 0;
@@ -237,37 +237,37 @@ impl Card {
     }
 
     /// Resumes the exchange that too many losses have stopped.
-    pub fn resume(&mut self) {
+    pub(crate) fn resume(&mut self) {
         self.stopped = false;
         self.losses.in_succession = 0;
         self.losses.expected = 0;
     }
 
     /// Whether too many reference value losses have stopped the exchange.
-    pub const fn is_stopped(&self) -> bool {
+    pub(crate) const fn is_stopped(&self) -> bool {
         self.stopped
     }
 
     /// Reference value frames lost so far.
-    pub const fn total_losses(&self) -> u64 {
+    pub(crate) const fn total_losses(&self) -> u64 {
         self.losses.total
     }
 
     /// The own actual value frame, if anything is mapped into it.
     #[inline]
-    pub const fn frame(&self, channel: Channel) -> Option<Payload> {
+    pub(crate) const fn frame(&self, channel: Channel) -> Option<Payload> {
         let (bits, len) = (self.frames[channel.index()], self.lens[channel.index()]);
         if len == 0 { None } else { Some(Payload::from_padded(bits.to_le_bytes(), len)) }
     }
 
     /// Whether the master's reference value frames of this channel carry anything for the drive.
     #[inline]
-    pub const fn wants_reference(&self, channel: Channel) -> bool {
+    pub(crate) const fn wants_reference(&self, channel: Channel) -> bool {
         self.losses.wanted >> channel.index() & 1 != 0
     }
 
     /// Slaves whose actual value frames carry reference values for the drive, bit n for slave n.
-    pub fn wants_overheard(&self) -> u32 {
+    pub(crate) fn wants_overheard(&self) -> u32 {
         self.references.iter().flatten().fold(0, |mask, slot| match slot.source {
             Source::Master => mask,
             Source::Slave(number) => mask | 1 << (number & 31),

@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 
 /// Control word bits.
 mod control {
-    pub const SWITCH_ON: u16 = 0x0001;
-    pub const ENABLE_VOLTAGE: u16 = 0x0002;
+    pub(crate) const SWITCH_ON: u16 = 0x0001;
+    pub(crate) const ENABLE_VOLTAGE: u16 = 0x0002;
     /// 0 stops.
-    pub const QUICK_STOP: u16 = 0x0004;
-    pub const ENABLE_OPERATION: u16 = 0x0008;
-    pub const FAULT_RESET: u16 = 0x0080;
+    pub(crate) const QUICK_STOP: u16 = 0x0004;
+    pub(crate) const ENABLE_OPERATION: u16 = 0x0008;
+    pub(crate) const FAULT_RESET: u16 = 0x0080;
 }
 
 /// Bit 4 of the status word. The simulated supply never fails.
@@ -70,7 +70,7 @@ impl State {
 
 /// State, control word and warning of one drive.
 #[derive(Clone, Copy, Debug)]
-pub struct StateMachine {
+pub(crate) struct StateMachine {
     state: State,
     control_word: u16,
     warning: bool,
@@ -78,7 +78,7 @@ pub struct StateMachine {
 
 impl StateMachine {
     /// The state machine after power-on.
-    pub const fn new(enable: Enable) -> Self {
+    pub(crate) const fn new(enable: Enable) -> Self {
         let (state, control_word) = match enable {
             Enable::AtPowerOn => (State::OperationEnabled, 0x000F),
             Enable::ByControlWord => (State::SwitchOnDisabled, 0x0000),
@@ -88,24 +88,24 @@ impl StateMachine {
 
     /// The state.
     #[inline]
-    pub const fn state(&self) -> State {
+    pub(crate) const fn state(&self) -> State {
         self.state
     }
 
     /// The control word last received.
-    pub const fn control_word(&self) -> u16 {
+    pub(crate) const fn control_word(&self) -> u16 {
         self.control_word
     }
 
     /// The drive's status word. Bit 15 is 0, the card adds it.
     #[inline]
-    pub const fn status_word(&self) -> u16 {
+    pub(crate) const fn status_word(&self) -> u16 {
         let warning = if self.warning { WARNING } else { 0 };
         self.state.status_bits() | VOLTAGE | warning
     }
 
     /// Takes over a control word and makes all transitions it causes.
-    pub fn command(&mut self, word: u16) {
+    pub(crate) fn command(&mut self, word: u16) {
         let reset = word & !self.control_word & control::FAULT_RESET != 0;
         self.control_word = word;
         if self.state == State::Fault {
@@ -142,7 +142,7 @@ impl StateMachine {
 
     /// The drive stands still: ends quick stop (transition 12) and fault reaction (14).
     #[inline]
-    pub fn standstill(&mut self) {
+    pub(crate) fn standstill(&mut self) {
         self.state = match self.state {
             State::QuickStopActive => State::SwitchOnDisabled,
             State::FaultReactionActive => State::Fault,
@@ -151,19 +151,19 @@ impl StateMachine {
     }
 
     /// A fault occurs (transition 13).
-    pub fn trip(&mut self) {
+    pub(crate) fn trip(&mut self) {
         if self.state != State::Fault {
             self.state = State::FaultReactionActive;
         }
     }
 
     /// A fault switches the power stage off at once: transitions 13 and 14 in one.
-    pub fn inhibit(&mut self) {
+    pub(crate) fn inhibit(&mut self) {
         self.state = State::Fault;
     }
 
     /// Sets or clears the warning.
-    pub fn set_warning(&mut self, on: bool) {
+    pub(crate) fn set_warning(&mut self, on: bool) {
         self.warning = on;
     }
 }

@@ -8,9 +8,9 @@ use std::num::NonZeroU16;
 
 /// Fault numbers where the plant file gives none (decision D-293).
 pub(super) mod fault {
-    pub const SYNC: u16 = 501;
-    pub const REFERENCE_VALUES: u16 = 502;
-    pub const CYCLIC_DATA: u16 = 503;
+    pub(crate) const SYNC: u16 = 501;
+    pub(crate) const REFERENCE_VALUES: u16 = 502;
+    pub(crate) const CYCLIC_DATA: u16 = 503;
 }
 
 /// What a drive does beside reporting the error (5.00005.03a p. 135: quick stop, inhibit, ...).
@@ -73,14 +73,14 @@ pub(super) struct Monitor {
 
 impl Monitor {
     /// A monitor that reports `fault` unless `watch` names another number.
-    pub fn new(watch: &Watch, fault: u16) -> Self {
+    pub(crate) fn new(watch: &Watch, fault: u16) -> Self {
         let fault = watch.fault.map_or(fault, NonZeroU16::get);
         Monitor { watch: *watch, fault, since: None, reported: false }
     }
 
     /// The thing is away, or still away, at `now`.
     #[inline]
-    pub fn away(&mut self, now: u64) {
+    pub(crate) fn away(&mut self, now: u64) {
         if self.since.is_none() {
             (self.since, self.reported) = (Some(now), false);
         }
@@ -88,12 +88,12 @@ impl Monitor {
 
     /// The thing is there.
     #[inline]
-    pub fn there(&mut self) {
+    pub(crate) fn there(&mut self) {
         self.since = None;
     }
 
     /// When the error will be reported.
-    pub fn next_time(&self) -> Option<u64> {
+    pub(crate) fn next_time(&self) -> Option<u64> {
         self.due().filter(|_| !self.reported)
     }
 
@@ -103,7 +103,7 @@ impl Monitor {
 
     /// Number and reaction, if the thing has been away for too long at `now`.
     #[inline]
-    pub fn error(&mut self, now: u64) -> Option<(u16, Reaction)> {
+    pub(crate) fn error(&mut self, now: u64) -> Option<(u16, Reaction)> {
         let is_due = self.due()? <= now;
         self.reported |= is_due;
         is_due.then_some((self.fault, self.watch.reaction))

@@ -3,7 +3,7 @@
 /// Speed of the drive in increments per millisecond, and the angle it has come to in increments. An increment is
 /// the 2^32nd part of a revolution, so that the angle wraps around once per revolution (decision D-162).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Motion {
+pub(crate) struct Motion {
     speed: i32,
     angle: u32,
     /// Part of an increment of speed left over by the ramp, in millionths.
@@ -15,20 +15,20 @@ pub struct Motion {
 impl Motion {
     /// The speed.
     #[inline]
-    pub const fn speed(&self) -> i32 {
+    pub(crate) const fn speed(&self) -> i32 {
         self.speed
     }
 
     /// The angle.
     #[inline]
-    pub const fn angle(&self) -> u32 {
+    pub(crate) const fn angle(&self) -> u32 {
         self.angle
     }
 
     /// Moves on by `interval_us` towards the speed `target`, by at most `ramp` increments of speed per second
     /// (0: at once); returns the new speed.
     #[inline]
-    pub fn step(&mut self, target: i32, interval_us: u32, ramp: u32) -> i32 {
+    pub(crate) fn step(&mut self, target: i32, interval_us: u32, ramp: u32) -> i32 {
         if self.speed != target {
             match ramp {
                 0 => self.speed = target,

@@ -147,7 +147,7 @@ pub(super) struct ParameterStore {
 
 impl ParameterStore {
     /// A store with the given parameters; the error names the parameter at fault.
-    pub fn new(mut specs: Vec<ParameterSpec>) -> Result<Self, (u16, ParameterError)> {
+    pub(crate) fn new(mut specs: Vec<ParameterSpec>) -> Result<Self, (u16, ParameterError)> {
         specs.sort_by_key(|spec| spec.number);
         for spec in &specs {
             let fault = if spec.number > MAX_NUMBER {
@@ -170,19 +170,19 @@ impl ParameterStore {
     }
 
     /// Watches writes of one parameter, also those that do not change it.
-    pub fn watch(&mut self, slot: Slot) {
+    pub(crate) fn watch(&mut self, slot: Slot) {
         self.watched = Some(slot);
     }
 
     /// Whether the watched parameter was written since the last call.
     #[inline]
-    pub fn take_written(&mut self) -> bool {
+    pub(crate) fn take_written(&mut self) -> bool {
         std::mem::take(&mut self.written)
     }
 
     /// Lets time pass for recalculations.
     #[inline]
-    pub fn pass(&mut self, us: u32) {
+    pub(crate) fn pass(&mut self, us: u32) {
         if !self.settling.is_empty() {
             self.settling.retain_mut(|(_, left)| {
                 *left = left.saturating_sub(us);
@@ -192,45 +192,45 @@ impl ParameterStore {
     }
 
     /// Whether any parameter is being recalculated.
-    pub fn is_settling(&self) -> bool {
+    pub(crate) fn is_settling(&self) -> bool {
         !self.settling.is_empty()
     }
 
     /// Whether the parameter can be had: it is not being recalculated.
     #[inline]
-    pub fn is_available(&self, slot: Slot) -> bool {
+    pub(crate) fn is_available(&self, slot: Slot) -> bool {
         self.settling.iter().all(|(settling, _)| *settling != slot)
     }
 
     /// Lowest and highest value of a parameter, in its format.
-    pub fn limits(&self, slot: Slot) -> (u32, u32) {
+    pub(crate) fn limits(&self, slot: Slot) -> (u32, u32) {
         self.specs[slot.0].limits()
     }
 
     /// Where parameter `number` is.
-    pub fn slot(&self, number: u16) -> Option<Slot> {
+    pub(crate) fn slot(&self, number: u16) -> Option<Slot> {
         self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(Slot)
     }
 
     /// Width of a parameter.
-    pub fn format(&self, slot: Slot) -> ParamFormat {
+    pub(crate) fn format(&self, slot: Slot) -> ParamFormat {
         self.specs[slot.0].format
     }
 
     /// Whether only the drive itself may write the parameter.
-    pub fn is_read_only(&self, slot: Slot) -> bool {
+    pub(crate) fn is_read_only(&self, slot: Slot) -> bool {
         self.specs[slot.0].read_only
     }
 
     /// Value of a parameter.
     #[inline]
-    pub fn get(&self, slot: Slot) -> u32 {
+    pub(crate) fn get(&self, slot: Slot) -> u32 {
         self.values[slot.0]
     }
 
     /// Sets a parameter from inside the drive; limits do not apply.
     #[inline]
-    pub fn set(&mut self, slot: Slot, value: u32) {
+    pub(crate) fn set(&mut self, slot: Slot, value: u32) {
         let place = &mut self.values[slot.0];
         self.changed |= *place != value;
         *place = value;
@@ -239,12 +239,12 @@ impl ParameterStore {
 
     /// Whether any value has changed since the last call.
     #[inline]
-    pub fn take_changed(&mut self) -> bool {
+    pub(crate) fn take_changed(&mut self) -> bool {
         std::mem::take(&mut self.changed)
     }
 
     /// Writes a parameter for a parameter job; the error is an error number of the manual.
-    pub fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
+    pub(crate) fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
         let spec = &self.specs[slot.0];
         if spec.read_only {
             return Err(error_number::NOT_CHANGEABLE);

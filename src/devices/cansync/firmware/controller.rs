@@ -6,9 +6,9 @@ const RECOVERY_BITS: u64 = 128 * 11;
 /// Why the node hears and sends nothing, as bits.
 mod cut {
     /// The controller is BUS-off.
-    pub const BUS_OFF: u8 = 1 << 0;
+    pub(crate) const BUS_OFF: u8 = 1 << 0;
     /// The frame that is just arriving is lost to an overrun.
-    pub const FRAME: u8 = 1 << 1;
+    pub(crate) const FRAME: u8 = 1 << 1;
 }
 
 /// State of a CAN controller.

@@ -32,7 +32,7 @@ impl Orders {
     ///
     /// # Errors
     /// If the segment is read-only.
-    pub fn new(segment: &Segment, node: usize) -> Result<Self, MemoryError> {
+    pub(crate) fn new(segment: &Segment, node: usize) -> Result<Self, MemoryError> {
         let mut orders = Orders {
             header: segment.header()?,
             node,
@@ -46,18 +46,18 @@ impl Orders {
 
     /// Whether something was ordered since the last look.
     #[inline]
-    pub fn is_waiting(&self, register: &Cell16) -> bool {
+    pub(crate) fn is_waiting(&self, register: &Cell16) -> bool {
         register.load() != self.seen || self.left_behind && self.restarts_written() != self.restarts
     }
 
     /// Whether what stands in the register is no order, because the firmware has written it.
     #[inline]
-    pub fn are_left_behind(&self) -> bool {
+    pub(crate) fn are_left_behind(&self) -> bool {
         self.left_behind
     }
 
     /// Looks at the register and clears bit 7.
-    pub fn take(&mut self, register: &Cell16) -> Order {
+    pub(crate) fn take(&mut self, register: &Cell16) -> Order {
         let (value, restarts, with_reset) = loop {
             let value = register.load();
             // In between: restarts written before this value are past, later ones make the exchange fail.

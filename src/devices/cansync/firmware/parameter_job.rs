@@ -18,13 +18,13 @@ use core::mem::offset_of;
 
 /// Bits of `b_STEUREG_PAR_CMD` and `b_STATREG_PAR_CMD` (p. 164).
 mod bits {
-    pub const ACTIVE: u8 = 1 << 0;
-    pub const READ: u8 = 1 << 1;
-    pub const WRITE: u8 = 1 << 2;
-    pub const SENT: u8 = 1 << 3;
-    pub const DOUBLEWORD: u8 = 1 << 4;
-    pub const ERROR: u8 = 1 << 5;
-    pub const BUSY: u8 = 1 << 6;
+    pub(crate) const ACTIVE: u8 = 1 << 0;
+    pub(crate) const READ: u8 = 1 << 1;
+    pub(crate) const WRITE: u8 = 1 << 2;
+    pub(crate) const SENT: u8 = 1 << 3;
+    pub(crate) const DOUBLEWORD: u8 = 1 << 4;
+    pub(crate) const ERROR: u8 = 1 << 5;
+    pub(crate) const BUSY: u8 = 1 << 6;
 }
 
 /// The registers of the job for one slave.

@@ -16,26 +16,26 @@ impl Code {
 
 /// `w_CPU_CONTROL` (manual 5.00005.03a p. 149, 174).
 pub(super) mod control {
-    pub const RESTART: u16 = 0x0000;
-    pub const HANDSHAKE: u16 = 0x0001;
-    pub const TAKE_OVER_INIT_DATA: u16 = 0x0002;
-    pub const RESERVED: [u16; 2] = [0x0012, 0x0013];
-    pub const START_SYNCHRONOUS: u16 = 0x0020;
-    pub const ENABLE_ACTIVE: u16 = 0x0040;
-    pub const RESET_CONTROLLER: u16 = 0x0080;
+    pub(crate) const RESTART: u16 = 0x0000;
+    pub(crate) const HANDSHAKE: u16 = 0x0001;
+    pub(crate) const TAKE_OVER_INIT_DATA: u16 = 0x0002;
+    pub(crate) const RESERVED: [u16; 2] = [0x0012, 0x0013];
+    pub(crate) const START_SYNCHRONOUS: u16 = 0x0020;
+    pub(crate) const ENABLE_ACTIVE: u16 = 0x0040;
+    pub(crate) const RESET_CONTROLLER: u16 = 0x0080;
 }
 
 /// `w_CANsync_STATUS` (manual 5.00005.03a p. 148, 173).
 pub(super) mod status {
-    pub const OVERRUN: u16 = 1 << 1;
-    pub const SEND_BUFFER_FREE: u16 = 1 << 2;
-    pub const SEND_JOB_DONE: u16 = 1 << 3;
-    pub const RECEIVING: u16 = 1 << 4;
-    pub const SENDING: u16 = 1 << 5;
-    pub const WARNING: u16 = 1 << 6;
-    pub const BUS_OFF: u16 = 1 << 7;
+    pub(crate) const OVERRUN: u16 = 1 << 1;
+    pub(crate) const SEND_BUFFER_FREE: u16 = 1 << 2;
+    pub(crate) const SEND_JOB_DONE: u16 = 1 << 3;
+    pub(crate) const RECEIVING: u16 = 1 << 4;
+    pub(crate) const SENDING: u16 = 1 << 5;
+    pub(crate) const WARNING: u16 = 1 << 6;
+    pub(crate) const BUS_OFF: u16 = 1 << 7;
     /// The bits that change with every frame.
-    pub const TRAFFIC: u16 = SEND_BUFFER_FREE | SEND_JOB_DONE | RECEIVING | SENDING;
+    pub(crate) const TRAFFIC: u16 = SEND_BUFFER_FREE | SEND_JOB_DONE | RECEIVING | SENDING;
 }
 
 /// Automatic slave numbers (manual 5.00005.03a p. 159-160; counters: decision D-08).

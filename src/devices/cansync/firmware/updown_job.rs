@@ -18,16 +18,16 @@ use core::mem::offset_of;
 
 /// Bits of `b_STEUREG_UPDOWNBLK1` and `b_STATREG_UPDOWNBLK1` (p. 166-167).
 mod bits {
-    pub const ACTIVE: u8 = 1 << 0;
-    pub const SENT: u8 = 1 << 1;
-    pub const MODE: u8 = 0b11 << 2;
-    pub const MODE_INIT: u8 = 0b01 << 2;
-    pub const MODE_TRANSFER: u8 = 0b10 << 2;
-    pub const MODE_END: u8 = 0b11 << 2;
-    pub const DOWNLOAD: u8 = 1 << 4;
-    pub const ERROR: u8 = 1 << 5;
-    pub const BUSY: u8 = 1 << 6;
-    pub const RESET: u8 = 1 << 7;
+    pub(crate) const ACTIVE: u8 = 1 << 0;
+    pub(crate) const SENT: u8 = 1 << 1;
+    pub(crate) const MODE: u8 = 0b11 << 2;
+    pub(crate) const MODE_INIT: u8 = 0b01 << 2;
+    pub(crate) const MODE_TRANSFER: u8 = 0b10 << 2;
+    pub(crate) const MODE_END: u8 = 0b11 << 2;
+    pub(crate) const DOWNLOAD: u8 = 1 << 4;
+    pub(crate) const ERROR: u8 = 1 << 5;
+    pub(crate) const BUSY: u8 = 1 << 6;
+    pub(crate) const RESET: u8 = 1 << 7;
 }
 
 /// Base addresses below are the operating system's (p. 167).

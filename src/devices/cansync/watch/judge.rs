@@ -24,16 +24,16 @@ const LAST_VALUE: u32 = 7;
 
 /// Bits of the control registers of jobs (p. 164, 166, 189, 191).
 mod job {
-    pub const ACTIVE: u8 = 1 << 0;
+    pub(crate) const ACTIVE: u8 = 1 << 0;
     /// Master, parameter job.
-    pub const WRITE: u8 = 1 << 2;
-    pub const PARAMETER_SENT: u8 = 1 << 3;
+    pub(crate) const WRITE: u8 = 1 << 2;
+    pub(crate) const PARAMETER_SENT: u8 = 1 << 3;
     /// Read, write and format.
-    pub const PARAMETER_COMMAND: u8 = 0x16;
+    pub(crate) const PARAMETER_COMMAND: u8 = 0x16;
     /// Master, block 1.
-    pub const BLOCK_SENT: u8 = 1 << 1;
-    pub const DOWNLOAD: u8 = 1 << 4;
-    pub const RESET: u8 = 1 << 7;
+    pub(crate) const BLOCK_SENT: u8 = 1 << 1;
+    pub(crate) const DOWNLOAD: u8 = 1 << 4;
+    pub(crate) const RESET: u8 = 1 << 7;
 }
 
 /// Where the judge is at work.
@@ -58,7 +58,7 @@ pub(super) struct Judge<'a> {
 
 impl Judge<'_> {
     /// Reports a finding at the register at `offset` in the node.
-    pub fn find(&mut self, rule: &'static Rule, offset: usize, value: u32) {
+    pub(crate) fn find(&mut self, rule: &'static Rule, offset: usize, value: u32) {
         self.find_late(rule, offset, value, 0);
     }
 
@@ -69,7 +69,7 @@ impl Judge<'_> {
     }
 
     /// A register that held `before` was given `after`, which is different, or through the channel the same.
-    pub fn write(&mut self, register: &Watched, before: u32, after: u32) {
+    pub(crate) fn write(&mut self, register: &Watched, before: u32, after: u32) {
         let offset = usize::from(register.offset);
         match register.kind {
             Kind::Owned => return self.find(&check::rules::OWNER, offset, after),

@@ -31,12 +31,12 @@ pub(super) struct Registers {
 
 impl Registers {
     /// A byte register as it is now.
-    pub fn now(&self, offset: usize) -> u8 {
+    pub(crate) fn now(&self, offset: usize) -> u8 {
         self.now.get(offset / WORD).map_or(0, |word| byte(word.load(), offset))
     }
 
     /// A byte register as the firmware left it.
-    pub fn left(&self, offset: usize) -> u8 {
+    pub(crate) fn left(&self, offset: usize) -> u8 {
         self.left.get(offset / WORD).map_or(0, |word| byte(*word, offset))
     }
 
@@ -124,7 +124,12 @@ impl NodeWatch {
     ///
     /// # Errors
     /// If the segment is too small for it.
-    pub fn new(plc: u16, area: &'static Area, role: Role, segment: &Segment) -> Result<Self, MemoryError> {
+    pub(crate) fn new(
+        plc: u16,
+        area: &'static Area,
+        role: Role,
+        segment: &Segment,
+    ) -> Result<Self, MemoryError> {
         let base = area.first as usize;
         let registers = Registers { now: segment.view(base)?, left: Box::new([0; WORDS]) };
         let mut watch = NodeWatch {
@@ -147,7 +152,7 @@ impl NodeWatch {
 
     /// Notes the registers as the firmware leaves them.
     #[inline]
-    pub fn leave(&mut self, live: Live) {
+    pub(crate) fn leave(&mut self, live: Live) {
         if self.live == Live::Init && live == Live::Init {
             self.registers.copy(INIT_WORDS - 1);
             self.registers.copy_end_of_init();
@@ -162,7 +167,7 @@ impl NodeWatch {
 
     /// Judges what was written since.
     #[inline]
-    pub fn look(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
+    pub(crate) fn look(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         self.changed.clear();
         self.registers.compare(0..self.words(), &mut self.changed);
         if !self.changed.is_empty() {
@@ -233,7 +238,14 @@ impl NodeWatch {
 
     /// A write of `bytes` bytes at byte `offset` of the image came through the channel. Unlike those through the map it
     /// is seen even if it has changed nothing.
-    pub fn written(&mut self, offset: usize, bytes: usize, now: u64, facts: &Facts, journal: &mut Journal) {
+    pub(crate) fn written(
+        &mut self,
+        offset: usize,
+        bytes: usize,
+        now: u64,
+        facts: &Facts,
+        journal: &mut Journal,
+    ) {
         let Some(offset) = offset.checked_sub(self.base) else { return };
         let (mut judge, maps, _) = self.judge_with(now, facts, journal);
         for register in maps.of_phase(judge.place.live).registers(offset, bytes) {
@@ -249,7 +261,7 @@ impl NodeWatch {
 
     /// The firmware has taken the mapping over, at a SYNC edge in active operation.
     #[cold]
-    pub fn settle(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
+    pub(crate) fn settle(&mut self, now: u64, facts: &Facts, journal: &mut Journal) {
         let (mut judge, ..) = self.judge_with(now, facts, journal);
         *judge.unsettled = false;
         mapping::judge(&mut judge);
@@ -257,7 +269,7 @@ impl NodeWatch {
 
     /// Whether the mapping waits to be judged.
     #[inline]
-    pub fn is_unsettled(&self) -> bool {
+    pub(crate) fn is_unsettled(&self) -> bool {
         self.unsettled
     }
 }

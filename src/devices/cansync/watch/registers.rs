@@ -62,12 +62,12 @@ pub(super) struct Watched {
 
 impl Watched {
     /// The register's bits in the 64-bit word it lies in.
-    pub fn mask(&self) -> u64 {
+    pub(crate) fn mask(&self) -> u64 {
         word::mask(self.offset.into(), self.width.into())
     }
 
     /// The register's value in that word.
-    pub fn of(&self, word: u64) -> u32 {
+    pub(crate) fn of(&self, word: u64) -> u32 {
         word::value(word, self.offset.into(), self.width.into())
     }
 }
@@ -99,12 +99,12 @@ impl Map {
     }
 
     /// Length of the structure in bytes.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.bytes.len()
     }
 
     /// The registers that begin within `first .. first + bytes`, in ascending order.
-    pub fn registers(&self, first: usize, bytes: usize) -> impl Iterator<Item = &Watched> {
+    pub(crate) fn registers(&self, first: usize, bytes: usize) -> impl Iterator<Item = &Watched> {
         let covered = self.bytes.get(first..self.bytes.len().min(first + bytes)).unwrap_or_default();
         let mut last = Self::NONE;
         covered.iter().filter_map(move |&index| {
@@ -123,7 +123,7 @@ pub(super) struct Maps {
 
 impl Maps {
     /// The maps of a node in `area` that is a `role`. They are made once for all plants.
-    pub fn of(area: &'static Area, role: Role) -> Arc<Self> {
+    pub(crate) fn of(area: &'static Area, role: Role) -> Arc<Self> {
         static MADE: Mutex<Vec<(&'static Area, Role, Arc<Maps>)>> = Mutex::new(Vec::new());
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
         let is_it = |it: &&(&Area, Role, Arc<Maps>)| core::ptr::eq(it.0, area) && it.1 == role;
@@ -137,7 +137,7 @@ impl Maps {
     }
 
     /// The map in a phase.
-    pub fn of_phase(&self, live: Live) -> &Map {
+    pub(crate) fn of_phase(&self, live: Live) -> &Map {
         if live == Live::Init { &self.init } else { &self.cyclic }
     }
 }

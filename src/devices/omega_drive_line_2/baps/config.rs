@@ -12,14 +12,14 @@ pub(super) struct Numbers {
 }
 
 impl Numbers {
-    pub fn of(regs: &BAPS_CTRL_BMSTRUCT) -> Self {
+    pub(crate) fn of(regs: &BAPS_CTRL_BMSTRUCT) -> Self {
         let load = |x: usize| (regs.a_WR_PAR_NR[x].load(), regs.a_RD_PAR_NR[x].load());
         Numbers { writes: core::array::from_fn(|x| load(x).0), reads: core::array::from_fn(|x| load(x).1) }
     }
 
     /// These numbers with reference values 0 and 1 and actual values 0 to 3 of others: what a re-initialization
     /// replaces (manual 5.00005.03a p. 90).
-    pub fn re_initialized(mut self, others: &Numbers) -> Self {
+    pub(crate) fn re_initialized(mut self, others: &Numbers) -> Self {
         self.writes[..2].copy_from_slice(&others.writes[..2]);
         self.reads[..4].copy_from_slice(&others.reads[..4]);
         self
@@ -30,7 +30,7 @@ impl Numbers {
     /// # Errors
     /// The acknowledgement. A reference value that cannot be written goes before an actual value that cannot be read
     /// (as manual 5.00005.03a p. 111 says of the re-initialization).
-    pub fn check(&self, drive: &BuiltInDrive) -> Result<(), u8> {
+    pub(crate) fn check(&self, drive: &BuiltInDrive) -> Result<(), u8> {
         let regler = drive.regler();
         if self.writes.iter().any(|&number| number != 0 && !regler.is_writable(number)) {
             return Err(quit::UNWRITABLE);

@@ -19,18 +19,18 @@ pub(super) struct Hold {
 
 impl Hold {
     /// Whether something waits.
-    pub fn is_running(&self) -> bool {
+    pub(crate) fn is_running(&self) -> bool {
         self.until.is_some()
     }
 
     /// There is nothing to do, or no longer.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.until = None;
     }
 
     /// How something to do is taken in the slice at `now`. `pace` is asked when it turns up and once more when it has
     /// waited, and told which of both: what has waited once does not wait again.
-    pub fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
+    pub(crate) fn turn(&mut self, now: u64, pace: impl FnOnce(bool) -> Pace) -> Pace {
         if let Some(until) = self.until.filter(|&until| now < until) {
             return Pace::Late((until - now) as u32);
         }

@@ -27,23 +27,23 @@ use service::Service;
 
 /// `b_COMMAND` (decision D-151).
 mod command {
-    pub const NONE: u8 = 0x00;
-    pub const EXCHANGE: u8 = 0x01;
-    pub const CONFIGURE: u8 = 0x02;
-    pub const RE_INITIALIZE: u8 = 0x03;
+    pub(crate) const NONE: u8 = 0x00;
+    pub(crate) const EXCHANGE: u8 = 0x01;
+    pub(crate) const CONFIGURE: u8 = 0x02;
+    pub(crate) const RE_INITIALIZE: u8 = 0x03;
 }
 
 /// `b_SL_QUIT` (manual 5.00005.03a p. 91, 108).
 mod quit {
-    pub const EXCHANGED: u8 = 0x01;
-    pub const CONFIGURED: u8 = 0x02;
-    pub const RE_INITIALIZING: u8 = 0x03;
-    pub const NOT_UNDERSTOOD: u8 = 0x80;
-    pub const NOT_CONFIGURED: u8 = 0x81;
-    pub const UNREADABLE: u8 = 0x82;
-    pub const UNWRITABLE: u8 = 0x83;
-    pub const RE_INIT_UNWRITABLE: u8 = 0x86;
-    pub const RE_INIT_UNREADABLE: u8 = 0x87;
+    pub(crate) const EXCHANGED: u8 = 0x01;
+    pub(crate) const CONFIGURED: u8 = 0x02;
+    pub(crate) const RE_INITIALIZING: u8 = 0x03;
+    pub(crate) const NOT_UNDERSTOOD: u8 = 0x80;
+    pub(crate) const NOT_CONFIGURED: u8 = 0x81;
+    pub(crate) const UNREADABLE: u8 = 0x82;
+    pub(crate) const UNWRITABLE: u8 = 0x83;
+    pub(crate) const RE_INIT_UNWRITABLE: u8 = 0x86;
+    pub(crate) const RE_INIT_UNREADABLE: u8 = 0x87;
 }
 
 /// `w_STATUS_REG`, bit 0.

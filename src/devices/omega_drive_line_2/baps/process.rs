@@ -59,33 +59,33 @@ impl Process {
     ///
     /// # Errors
     /// If the segment is read-only.
-    pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
+    pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Process { header: segment.header()?, configured: None, events: 0 })
     }
 
     /// The board starts anew: without configuration, as at first (manual p. 90).
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.configured = None;
     }
 
-    pub fn is_configured(&self) -> bool {
+    pub(crate) fn is_configured(&self) -> bool {
         self.configured.is_some()
     }
 
     /// Communications since power-on.
-    pub fn events(&self) -> u64 {
+    pub(crate) fn events(&self) -> u64 {
         self.events
     }
 
     /// The communications go on with this slot of the trigger signal, if there is one.
-    pub fn align(&mut self, slot: Option<u64>) {
+    pub(crate) fn align(&mut self, slot: Option<u64>) {
         if let (Some(configured), Some(slot)) = (&mut self.configured, slot) {
             configured.next = slot;
         }
     }
 
     /// A communication may fall due at `now`.
-    pub fn pass(&mut self, now: u64) {
+    pub(crate) fn pass(&mut self, now: u64) {
         if let Some(configured) = &mut self.configured
             && configured.next <= now
         {
@@ -97,7 +97,7 @@ impl Process {
     }
 
     /// Whether there is a communication to do or a command to answer.
-    pub fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
+    pub(crate) fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         let is_due = self.configured.is_some_and(|configured| configured.is_due);
         match regs.b_COMMAND.load() {
             command::NONE => is_due,
@@ -107,14 +107,14 @@ impl Process {
     }
 
     /// The communication that is due does not take place.
-    pub fn leave_out(&mut self) {
+    pub(crate) fn leave_out(&mut self) {
         if let Some(configured) = &mut self.configured {
             configured.is_due = false;
         }
     }
 
     /// Does the communication that is due and answers a command.
-    pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+    pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let word = regs.b_COMMAND.load();
         match word {
             command::NONE => {}

@@ -17,14 +17,14 @@ use core::mem::offset_of;
 
 /// Both semaphores know 0 and 1 only.
 mod semaphore {
-    pub const FREE: u8 = 0;
-    pub const TAKEN: u8 = 1;
+    pub(crate) const FREE: u8 = 0;
+    pub(crate) const TAKEN: u8 = 1;
 }
 
 /// `b_JOB` (decision D-150).
 mod job {
-    pub const READ: u8 = 1;
-    pub const WRITE: u8 = 2;
+    pub(crate) const READ: u8 = 1;
+    pub(crate) const WRITE: u8 = 2;
 }
 
 /// `i_ERR_DETAIL` 0.
@@ -80,21 +80,21 @@ pub(super) struct Service {
 
 impl Service {
     /// A job takes `time_us` of emulated time.
-    pub fn new(time_us: u64) -> Self {
+    pub(crate) fn new(time_us: u64) -> Self {
         Service { phase: Phase::default(), time_us }
     }
 
     /// The board starts anew: a job under way is forgotten.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.phase = Phase::Idle;
     }
 
-    pub fn is_idle(&self) -> bool {
+    pub(crate) fn is_idle(&self) -> bool {
         matches!(self.phase, Phase::Idle)
     }
 
     /// Whether there is a step to take at `now`.
-    pub fn has_work(&self, now: u64, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
+    pub(crate) fn has_work(&self, now: u64, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         match (self.phase, regs.b_MA_SEMAPHORE.load()) {
             (Phase::Idle, semaphore::TAKEN) | (Phase::Working(..) | Phase::Answered, semaphore::FREE) => true,
             (Phase::Working(_, due), _) => now >= due,
@@ -103,7 +103,7 @@ impl Service {
     }
 
     /// One look of the drive at the semaphores.
-    pub fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
+    pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let master = regs.b_MA_SEMAPHORE.load();
         match self.phase {
             Phase::Idle if master == semaphore::TAKEN => {

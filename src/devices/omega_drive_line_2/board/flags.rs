@@ -17,19 +17,19 @@ impl Flags {
     ///
     /// # Errors
     /// If the segment is read-only.
-    pub fn new(segment: &Segment) -> Result<Self, MemoryError> {
+    pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         let bytes = segment.header()?.retain_size.load().min(MOST_RETAIN) & !3;
         Ok(Flags { segment: segment.clone(), initial: vec![0; bytes as usize].into() })
     }
 
     /// Whether any of them is not 0: NOVRAM has kept them.
-    pub fn are_kept(&self) -> bool {
+    pub(crate) fn are_kept(&self) -> bool {
         let mut bytes = vec![0; self.initial.len()];
         self.segment.read_range(RETAIN_OFFSET, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)
     }
 
     /// Answers a request, if there is one.
-    pub fn look(&mut self, slot: &InitialFlag) {
+    pub(crate) fn look(&mut self, slot: &InitialFlag) {
         let request = slot.request.load();
         if request == slot.answer.load() {
             return;
@@ -53,12 +53,12 @@ impl Flags {
     }
 
     /// The program is gone, and its initial values with it.
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.initial.fill(0);
     }
 
     /// Cold start: all flags get their initial values.
-    pub fn initialize(&self) {
+    pub(crate) fn initialize(&self) {
         for (offset, bytes) in (RETAIN_OFFSET..).step_by(4).zip(self.initial.as_chunks::<4>().0) {
             // They lie in the segment, which is writable.
             let _: Result<(), MemoryError> =

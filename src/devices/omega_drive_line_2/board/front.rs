@@ -56,7 +56,7 @@ impl Seen {
 }
 
 impl Front {
-    pub fn new(header: &Header, flags: Flags, project: Project) -> Self {
+    pub(crate) fn new(header: &Header, flags: Flags, project: Project) -> Self {
         let mut projects = Projects::new(project);
         if flags.are_kept() {
             projects.retain_was_kept();
@@ -77,26 +77,26 @@ impl Front {
         }
     }
 
-    pub fn is_up(&self) -> bool {
+    pub(crate) fn is_up(&self) -> bool {
         self.up
     }
 
-    pub fn has_supply(&self) -> bool {
+    pub(crate) fn has_supply(&self) -> bool {
         self.powered
     }
 
-    pub fn dip(&self) -> u8 {
+    pub(crate) fn dip(&self) -> u8 {
         self.dip
     }
 
     /// Whether something was turned since the last look, or the display has to blink.
     #[inline]
-    pub fn has_changed(&self, header: &Header) -> bool {
+    pub(crate) fn has_changed(&self, header: &Header) -> bool {
         Seen::now(header) != self.seen || self.program == ProgramState::CopyingBootProject
     }
 
     /// Power-on or end of reset: reads the DIP switches and returns their number.
-    pub fn start(&mut self, ctx: &mut Context, header: &Header) -> u8 {
+    pub(crate) fn start(&mut self, ctx: &mut Context, header: &Header) -> u8 {
         self.up = true;
         self.dip = (header.board.dip.load() & DIP_MASK) as u8;
         header.program.dip_latched.store(self.dip.into());
@@ -119,14 +119,14 @@ impl Front {
     }
 
     /// Power-off, or RESET is held: everything dark.
-    pub fn stop(&mut self, header: &Header) {
+    pub(crate) fn stop(&mut self, header: &Header) {
         self.up = false;
         self.released = false;
         header.board.leds.store(0);
         header.board.display.store(0);
     }
 
-    pub fn set_power(&mut self, header: &Header, power: Power) -> Look {
+    pub(crate) fn set_power(&mut self, header: &Header, power: Power) -> Look {
         match power {
             Power::Off => header.program.power.store(header::Power::Off.code()),
             Power::On => header.program.power.store(header::Power::On.code()),
@@ -157,7 +157,7 @@ impl Front {
         }
     }
 
-    pub fn look(&mut self, ctx: &mut Context, header: &Header) -> Look {
+    pub(crate) fn look(&mut self, ctx: &mut Context, header: &Header) -> Look {
         let (before, had_supply) = (self.switch, self.powered);
         self.read(header);
         if self.switch != before {
@@ -221,7 +221,7 @@ impl Front {
     }
 
     /// A project that a client sends or deletes, as the control dialog does (manual p. 37-38).
-    pub fn look_at_project_request(&mut self, ctx: &mut Context, header: &Header) {
+    pub(crate) fn look_at_project_request(&mut self, ctx: &mut Context, header: &Header) {
         let code = header.project_request.load();
         if code == 0 || header.project_request.compare_exchange(code, 0).is_err() {
             return;
@@ -239,12 +239,12 @@ impl Front {
     }
 
     /// Whether events may occur: no event task runs while the switch or the program stands at STOP.
-    pub fn runs_events(&self) -> bool {
+    pub(crate) fn runs_events(&self) -> bool {
         self.switch == RunSwitch::Run && !(self.halted && self.projects.loaded() != Project::None)
     }
 
     /// A start that a client asks for, as the control dialog does: possible only at RUN (manual p. 38).
-    pub fn look_at_start_request(&mut self, ctx: &mut Context, header: &Header) {
+    pub(crate) fn look_at_start_request(&mut self, ctx: &mut Context, header: &Header) {
         let code = header.program.start_request.load();
         if code == Start::None.code() {
             return;
@@ -272,12 +272,12 @@ impl Front {
     }
 
     /// Initial values that a client gives the retain flags.
-    pub fn look_at_flags(&mut self, header: &Header) {
+    pub(crate) fn look_at_flags(&mut self, header: &Header) {
         self.flags.look(&header.initial_flag);
     }
 
     /// Whether a cold or warm start was ordered since the last call.
-    pub fn take_start(&mut self) -> bool {
+    pub(crate) fn take_start(&mut self) -> bool {
         core::mem::take(&mut self.started)
     }
 

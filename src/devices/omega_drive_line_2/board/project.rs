@@ -27,34 +27,34 @@ pub(super) struct Projects {
 
 impl Projects {
     /// At the first power-on.
-    pub fn new(loaded: Project) -> Self {
+    pub(crate) fn new(loaded: Project) -> Self {
         let flash = if loaded == Project::Boot { Flash::Boot } else { Flash::Empty };
         Projects { loaded, flash, cold: true, boot_cold: true, lost: false }
     }
 
     /// What is loaded.
-    pub fn loaded(&self) -> Project {
+    pub(crate) fn loaded(&self) -> Project {
         self.loaded
     }
 
     /// Whether the next start is a cold one.
-    pub fn starts_cold(&self) -> bool {
+    pub(crate) fn starts_cold(&self) -> bool {
         self.cold
     }
 
     /// A project that was only sent has been lost; who had it may report what it did until another one is loaded.
-    pub fn is_lost(&self) -> bool {
+    pub(crate) fn is_lost(&self) -> bool {
         self.lost
     }
 
     /// NOVRAM has kept the retain flags: they are those of the boot project.
-    pub fn retain_was_kept(&mut self) {
+    pub(crate) fn retain_was_kept(&mut self) {
         self.boot_cold = false;
         self.cold = self.loaded == Project::Sent;
     }
 
     /// A cold start was ordered.
-    pub fn started_cold(&mut self) {
+    pub(crate) fn started_cold(&mut self) {
         self.cold = false;
         if self.loaded == Project::Boot {
             self.boot_cold = false;
@@ -62,7 +62,7 @@ impl Projects {
     }
 
     /// Somebody loads a project, or deletes the one that is loaded. The boot project stays in the flash memory (p. 38).
-    pub fn load(&mut self, project: Project) {
+    pub(crate) fn load(&mut self, project: Project) {
         if project == Project::Boot {
             (self.flash, self.boot_cold) = (Flash::Boot, true);
         }
@@ -70,7 +70,7 @@ impl Projects {
     }
 
     /// A process has brought its program. It counts as a boot project.
-    pub fn brought(&mut self) {
+    pub(crate) fn brought(&mut self) {
         if self.flash == Flash::Empty {
             self.flash = Flash::OfProcess;
         }
@@ -78,7 +78,7 @@ impl Projects {
     }
 
     /// The process has taken its program back: whatever is loaded next is a new project.
-    pub fn taken_back(&mut self) {
+    pub(crate) fn taken_back(&mut self) {
         if self.flash == Flash::OfProcess {
             self.flash = Flash::Empty;
             self.boot_cold = true;
@@ -87,7 +87,7 @@ impl Projects {
     }
 
     /// The boot project is erased from the flash memory; what is loaded stays until power-off or reset.
-    pub fn erased(&mut self) {
+    pub(crate) fn erased(&mut self) {
         self.flash = Flash::Empty;
         if self.loaded == Project::Boot {
             self.loaded = Project::Sent;
@@ -95,12 +95,12 @@ impl Projects {
     }
 
     /// A boot project was copied to the flash memory; it is loaded by the next power-on or reset.
-    pub fn copied(&mut self) {
+    pub(crate) fn copied(&mut self) {
         (self.flash, self.boot_cold) = (Flash::Boot, true);
     }
 
     /// Power-on or end of a reset: the boot project is loaded, and only that (p. 37).
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         if self.flash != Flash::Empty {
             (self.loaded, self.cold, self.lost) = (Project::Boot, self.boot_cold, false);
         } else if self.loaded == Project::Sent {

@@ -46,7 +46,7 @@ pub(super) struct Timers {
 pub(super) struct Due(u8);
 
 impl Due {
-    pub fn has(self, timer: Timer) -> bool {
+    pub(crate) fn has(self, timer: Timer) -> bool {
         self.0 & 1 << timer as u8 != 0
     }
 }
@@ -61,11 +61,11 @@ impl Default for Timers {
 impl Timers {
     /// Starts a timer at `now`, or anew; its first pulse comes after a whole period, given in [`PER_US`], at least
     /// 1 us.
-    pub fn start(&mut self, timer: Timer, now: u64, period: u64) {
+    pub(crate) fn start(&mut self, timer: Timer, now: u64, period: u64) {
         self.set(timer, Clock { period, start: now, next: 1, due: now + period / PER_US });
     }
 
-    pub fn stop(&mut self, timer: Timer) {
+    pub(crate) fn stop(&mut self, timer: Timer) {
         self.set(timer, Clock { period: 0, start: 0, next: 0, due: NEVER });
     }
 
@@ -79,12 +79,12 @@ impl Timers {
     }
 
     #[inline]
-    pub fn next_time(&self) -> u64 {
+    pub(crate) fn next_time(&self) -> u64 {
         self.next_time
     }
 
     /// Takes the timers that are due at `now`.
-    pub fn take_due(&mut self, now: u64) -> Due {
+    pub(crate) fn take_due(&mut self, now: u64) -> Due {
         let mut due = Due::default();
         for (index, clock) in self.clocks.iter_mut().enumerate() {
             if clock.due == now {

@@ -33,7 +33,7 @@ pub(super) struct Triggers {
 impl Triggers {
     /// A pulse of `source`.
     #[inline]
-    pub fn pulse(&mut self, header: &Header, source: Source, now: u64) {
+    pub(crate) fn pulse(&mut self, header: &Header, source: Source, now: u64) {
         if !self.routed {
             return;
         }
@@ -46,12 +46,12 @@ impl Triggers {
     }
 
     /// The program starts anew: its start task may run `OPT_INIT` again (decision D-260).
-    pub fn permit(&mut self) {
+    pub(crate) fn permit(&mut self) {
         self.closed = false;
     }
 
     /// Answers an `OPT_INIT`, if there is one; tells what became of it.
-    pub fn look(&mut self, now: u64, header: &Header, timers: &mut Timers) -> Option<OptInitResult> {
+    pub(crate) fn look(&mut self, now: u64, header: &Header, timers: &mut Timers) -> Option<OptInitResult> {
         let request = header.opt_init.request.load();
         if request == header.opt_init.answer.load() {
             return None;

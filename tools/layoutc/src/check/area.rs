@@ -8,7 +8,7 @@ use crate::source::{At, Sources, at};
 use toml::Spanned;
 
 /// Checks all areas of the device.
-pub fn check(
+pub(crate) fn check(
     sources: &Sources,
     file: usize,
     (raw, from): (&[raw::Area], &Provenance),

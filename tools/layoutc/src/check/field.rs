@@ -8,10 +8,10 @@ use crate::source::{At, Sources, at};
 use toml::Spanned;
 
 /// The entry's place with the checked field.
-pub type Placed = (At, Field);
+pub(crate) type Placed = (At, Field);
 
 /// Checks everything that concerns `entry` alone. `home` is the structure or block it is written in.
-pub fn check(
+pub(crate) fn check(
     sources: &Sources,
     parts: &Parts,
     file: usize,
@@ -100,7 +100,7 @@ fn padding(entry: &raw::Entry, bytes: u32, home: &raw::Structure) -> Field {
 }
 
 /// Bytes without a register.
-pub fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
+pub(crate) fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
     Field {
         name: format!("_padding_{offset}"),
         view_name: String::new(),

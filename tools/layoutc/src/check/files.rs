@@ -7,7 +7,7 @@ use crate::source::{At, Sources, at};
 use toml::Spanned;
 
 /// The top of a layout.
-pub struct Top {
+pub(crate) struct Top {
     pub file: usize,
     pub device: raw::Device,
     pub family: Option<raw::Family>,
@@ -18,7 +18,7 @@ pub struct Top {
 }
 
 /// A file that another one names.
-pub struct Named {
+pub(crate) struct Named {
     /// As [`Sources::parse`] takes it.
     pub path: String,
     /// Where it is named.
@@ -28,7 +28,7 @@ pub struct Named {
 }
 
 /// Reads `device.toml`, and `family.toml` if that names a family.
-pub fn read(sources: &mut Sources) -> Result<Top, Error> {
+pub(crate) fn read(sources: &mut Sources) -> Result<Top, Error> {
     let (file, device): (usize, raw::Device) = sources.parse("device.toml", None)?;
     let mut top = Top { file, device, family: None, parts: Vec::new(), structures: Vec::new() };
     if let Some(name) = &top.device.family {
@@ -47,7 +47,9 @@ pub fn read(sources: &mut Sources) -> Result<Top, Error> {
 }
 
 /// Reads the family in the directory of `sources`, as if it were a device without areas.
-pub fn read_family(sources: &mut Sources) -> Result<(usize, raw::Family, Vec<Named>, Vec<Named>), Error> {
+pub(crate) fn read_family(
+    sources: &mut Sources,
+) -> Result<(usize, raw::Family, Vec<Named>, Vec<Named>), Error> {
     let (file, family): (usize, raw::Family) = sources.parse("family.toml", None)?;
     let (parts, structures) = lists(file, "", &family.parts, &family.structures);
     Ok((file, family, parts, structures))

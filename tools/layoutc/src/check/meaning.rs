@@ -8,14 +8,14 @@ use crate::source::{At, Sources, at};
 use toml::Spanned;
 
 /// A meaning, and where its parts stand.
-pub struct Checked {
+pub(crate) struct Checked {
     pub meaning: Meaning,
     values: Vec<At>,
     bits: Vec<At>,
 }
 
 /// Checks `raw` and appends it. `manual` is that of the file, `shared` whether the file is the family's.
-pub fn add(
+pub(crate) fn add(
     sources: &Sources,
     file: usize,
     raw: &raw::Meaning,
@@ -59,7 +59,7 @@ pub fn add(
 }
 
 /// The meaning called `name`, if everything in it fits a register `register` of type `scalar`.
-pub fn find(
+pub(crate) fn find(
     sources: &Sources,
     parts: &Parts,
     name: (&str, At),
@@ -91,7 +91,7 @@ pub fn find(
     Ok(index)
 }
 
-pub fn too_wide(what: &'static str, value: i64, name: &str, scalar: Scalar) -> Reason {
+pub(crate) fn too_wide(what: &'static str, value: i64, name: &str, scalar: Scalar) -> Reason {
     let value = if value < 0 { value.to_string() } else { format!("16#{value:X}") };
     Reason::ValueTooWide { what, value, name: name.to_owned(), ty: scalar.name(), bits: scalar.width() * 8 }
 }

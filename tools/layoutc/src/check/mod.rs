@@ -2,7 +2,7 @@
 
 mod area;
 mod field;
-pub mod files;
+pub(crate) mod files;
 mod meaning;
 mod port;
 mod rate;
@@ -32,7 +32,7 @@ struct Parts {
 }
 
 /// Reads and checks the layout whose `device.toml` lies in the directory of `sources`.
-pub fn load(sources: &mut Sources) -> Result<Device, Error> {
+pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let Top { file, device: raw, family, parts, structures } = files::read(sources)?;
     let family_manual = family.as_ref().map_or("", |family| &family.manual);
     let manual_of = |shared| if shared { family_manual } else { &raw.manual };
@@ -72,7 +72,7 @@ pub fn load(sources: &mut Sources) -> Result<Device, Error> {
 }
 
 /// Reads and checks the family whose `family.toml` lies in the directory of `sources`.
-pub fn load_family(sources: &mut Sources) -> Result<Device, Error> {
+pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
     let (file, raw, parts, structures) = files::read_family(sources)?;
     let mut all = Parts::new(&raw.reserved, &raw.manual);
     all.read_parts(sources, &parts, |_| &raw.manual)?;

@@ -7,7 +7,12 @@ use crate::raw;
 use crate::source::{Sources, at};
 
 /// Checks all ports of the device and brings them into the order of their numbers.
-pub fn check(sources: &Sources, file: usize, raw: &[raw::Port], areas: &[Area]) -> Result<Vec<Port>, Error> {
+pub(crate) fn check(
+    sources: &Sources,
+    file: usize,
+    raw: &[raw::Port],
+    areas: &[Area],
+) -> Result<Vec<Port>, Error> {
     let mut names = Names::default();
     let mut ports: Vec<Port> = Vec::new();
     for raw in raw {

@@ -7,7 +7,7 @@ use crate::source::{Sources, at};
 use toml::Spanned;
 
 /// Checks one line.
-pub fn check(sources: &Sources, file: usize, raw: &raw::BaudRate) -> Result<BaudRate, Error> {
+pub(crate) fn check(sources: &Sources, file: usize, raw: &raw::BaudRate) -> Result<BaudRate, Error> {
     let numbers = vec![
         ("kbit_per_s", raw.kbit_per_s.into()),
         ("us_BAUDRATE", raw.us_BAUDRATE.into()),

@@ -9,7 +9,7 @@ use crate::raw;
 use crate::source::{Sources, at};
 
 /// Checks `raw` with the blocks it includes.
-pub fn check(
+pub(crate) fn check(
     sources: &Sources,
     parts: &Parts,
     file: usize,

@@ -10,14 +10,19 @@ use crate::source::{At, Sources, at};
 use toml::Spanned;
 
 /// The family's structure called `wanted`.
-pub fn find(sources: &Sources, parts: &Parts, file: usize, wanted: &Spanned<String>) -> Result<usize, Error> {
+pub(crate) fn find(
+    sources: &Sources,
+    parts: &Parts,
+    file: usize,
+    wanted: &Spanned<String>,
+) -> Result<usize, Error> {
     let is_it = |known: &Structure| known.shared && known.name == *wanted.get_ref();
     let unknown = || sources.error(at(file, wanted.span()), Reason::UnknownView(wanted.get_ref().clone()));
     parts.structures.iter().position(is_it).ok_or_else(unknown)
 }
 
 /// Puts a register where `view` has it; type and bounds must be the same.
-pub fn place(sources: &Sources, view: &Structure, (at, field): &mut Placed) -> Result<(), Error> {
+pub(crate) fn place(sources: &Sources, view: &Structure, (at, field): &mut Placed) -> Result<(), Error> {
     let Some(known) = view.fields.iter().find(|known| known.name == field.view_name) else {
         let (name, view) = (field.view_name.clone(), view.name.clone());
         return Err(sources.error(*at, Reason::NotInView { name, view }));
@@ -31,7 +36,13 @@ pub fn place(sources: &Sources, view: &Structure, (at, field): &mut Placed) -> R
 }
 
 /// Padding for what only the family's structure has, up to `size`. `fields` are in ascending order.
-pub fn fill_gaps(raw: &raw::Structure, subs: &[Structure], size: u32, place: At, fields: &mut Vec<Placed>) {
+pub(crate) fn fill_gaps(
+    raw: &raw::Structure,
+    subs: &[Structure],
+    size: u32,
+    place: At,
+    fields: &mut Vec<Placed>,
+) {
     let mut gaps = Vec::new();
     let mut end = 0;
     for (_, field) in fields.iter() {

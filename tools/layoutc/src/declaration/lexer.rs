@@ -4,7 +4,7 @@ use super::error::{Fault, Place, Wrong};
 
 /// What the text consists of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Token<'a> {
+pub(crate) enum Token<'a> {
     /// A name or keyword.
     Word(&'a str),
     /// A number as written, base and underscores included.
@@ -26,18 +26,18 @@ const SKIPPED: [(&str, &str, &str); 3] =
     [("(*", "*)", "comment"), ("/*", "*/", "comment"), ("{", "}", "pragma")];
 
 /// Gives one token after the other.
-pub struct Lexer<'a> {
+pub(crate) struct Lexer<'a> {
     rest: &'a str,
     place: Place,
 }
 
 impl<'a> Lexer<'a> {
-    pub fn new(text: &'a str) -> Self {
+    pub(crate) fn new(text: &'a str) -> Self {
         Self { rest: text, place: Place { line: 1, column: 1 } }
     }
 
     /// The next token and where it begins.
-    pub fn next(&mut self) -> Result<(Place, Token<'a>), Fault> {
+    pub(crate) fn next(&mut self) -> Result<(Place, Token<'a>), Fault> {
         self.skip()?;
         let place = self.place;
         let Some(first) = self.rest.chars().next() else { return Ok((place, Token::End)) };
@@ -143,7 +143,7 @@ fn direct_length(text: &str) -> usize {
 
 impl Token<'_> {
     /// As a complaint names it.
-    pub fn told(self) -> String {
+    pub(crate) fn told(self) -> String {
         match self {
             Token::Word(text) | Token::Number(text) => format!("`{text}`"),
             Token::Direct => "an address".to_owned(),

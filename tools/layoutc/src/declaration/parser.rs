@@ -28,7 +28,7 @@ const KEYWORDS: [&str; 16] = [
 ];
 
 /// Reads all types that `text` declares.
-pub fn parse(text: &str) -> Result<Types, Fault> {
+pub(crate) fn parse(text: &str) -> Result<Types, Fault> {
     let mut lexer = Lexer::new(text);
     let next = lexer.next()?;
     let mut parser = Parser { lexer, next, names: HashMap::new(), types: Types::default() };

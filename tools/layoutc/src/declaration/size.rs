@@ -72,7 +72,7 @@ pub enum Element {
 }
 
 /// Members of a structure with their offsets.
-pub type Placed<'a> = Vec<(u32, &'a Member)>;
+pub(crate) type Placed<'a> = Vec<(u32, &'a Member)>;
 
 /// A type in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use super::text::doc;
 use crate::model::{Deadline, Device};
 use std::fmt::Write;
 
-pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
+pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     let manual = &device.manual;
     let _ = writeln!(
         out,

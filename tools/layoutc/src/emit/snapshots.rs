@@ -4,7 +4,7 @@ use super::text::{doc, field_doc, field_type, snapshot_type};
 use crate::model::Device;
 use std::fmt::Write;
 
-pub fn emit(out: &mut String, device: &Device) {
+pub(crate) fn emit(out: &mut String, device: &Device) {
     out.push_str(
         "/// Plain copies of the structures, little-endian as in the RAM, for files, comparison and display.\n\
          pub mod snapshot {\n    #[allow(unused_imports, reason = \"not every width occurs\")]\n    use super::{U16, U32};\n\n",

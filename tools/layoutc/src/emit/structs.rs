@@ -4,7 +4,7 @@ use super::text::{cell_type, doc, field_doc, field_type};
 use crate::model::{Device, Field, Kind, Structure};
 use std::fmt::Write;
 
-pub fn emit(out: &mut String, device: &Device) {
+pub(crate) fn emit(out: &mut String, device: &Device) {
     let unused = "#[allow(unused_imports, reason = \"not every width occurs\")]\n";
     let _ = writeln!(
         out,

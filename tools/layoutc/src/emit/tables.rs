@@ -6,7 +6,7 @@ use crate::model::{
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
+pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     let _ = writeln!(
         out,
         "/// The whole device, for tools.\npub static DEVICE: crate::layout::Device = crate::layout::Device {{\n    \
@@ -23,7 +23,7 @@ pub fn emit(out: &mut String, device: &Device, layout_hash: u64) {
 }
 
 /// The descriptors that devices of the family refer to.
-pub fn emit_family(out: &mut String, family: &Device) {
+pub(crate) fn emit_family(out: &mut String, family: &Device) {
     out.push_str(
         "/// What the layout files say about structures and registers.\n\
          pub mod descriptor {\n    use crate::layout::*;\n\n",
@@ -185,7 +185,7 @@ fn dims(device: &Device, field: &Field) -> Vec<String> {
     .collect()
 }
 
-pub fn provenance(from: &Provenance) -> String {
+pub(crate) fn provenance(from: &Provenance) -> String {
     match from {
         Provenance::Manual => "Provenance::Manual".to_owned(),
         Provenance::Documented(document) => format!("Provenance::Documented({document:?})"),

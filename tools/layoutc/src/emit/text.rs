@@ -3,7 +3,7 @@
 use crate::model::{Device, Field, Kind, Provenance, Scalar};
 
 /// One documentation line per line of `text`, each starting with `indent`.
-pub fn doc(indent: &str, text: &str) -> String {
+pub(crate) fn doc(indent: &str, text: &str) -> String {
     // Brackets in names such as `a_X[3]` must not be taken for links.
     text.lines().map(|line| format!("{indent}/// {}\n", escape(line))).collect()
 }
@@ -13,7 +13,7 @@ fn escape(line: &str) -> String {
 }
 
 /// What a register's documentation says: meaning, source, where the offset is from.
-pub fn field_doc(device: &Device, field: &Field) -> String {
+pub(crate) fn field_doc(device: &Device, field: &Field) -> String {
     if field.is_padding() {
         return format!("Bytes without a register ({}).", provenance(&field.offset_from));
     }
@@ -41,7 +41,12 @@ fn provenance(from: &Provenance) -> String {
 }
 
 /// The type of a field, with `scalar` naming the type of elementary registers.
-pub fn field_type(device: &Device, field: &Field, byte: &str, scalar: fn(Scalar) -> &'static str) -> String {
+pub(crate) fn field_type(
+    device: &Device,
+    field: &Field,
+    byte: &str,
+    scalar: fn(Scalar) -> &'static str,
+) -> String {
     let element = match field.kind {
         Kind::Scalar(kind) => scalar(kind).to_owned(),
         Kind::Sub(index) => device.substructures[index].name.clone(),
@@ -50,7 +55,7 @@ pub fn field_type(device: &Device, field: &Field, byte: &str, scalar: fn(Scalar)
     field.dims.iter().rev().fold(element, |inner, n| format!("[{inner}; {n}]"))
 }
 
-pub fn cell_type(scalar: Scalar) -> &'static str {
+pub(crate) fn cell_type(scalar: Scalar) -> &'static str {
     match scalar.width() {
         1 => "Cell8",
         2 => "Cell16",
@@ -58,7 +63,7 @@ pub fn cell_type(scalar: Scalar) -> &'static str {
     }
 }
 
-pub fn snapshot_type(scalar: Scalar) -> &'static str {
+pub(crate) fn snapshot_type(scalar: Scalar) -> &'static str {
     match scalar.width() {
         1 => "u8",
         2 => "U16",

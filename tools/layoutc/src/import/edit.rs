@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
 /// The files that change, with their new content.
-pub fn files(
+pub(crate) fn files(
     homes: &Homes,
     placements: &[Placement],
     mark: &str,

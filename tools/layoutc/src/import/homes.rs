@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// Where a list of registers stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Table {
+pub(crate) enum Table {
     /// At the top of its own file.
     Top,
     /// This element of `[[substructure]]`.
@@ -18,21 +18,21 @@ pub enum Table {
 }
 
 /// A structure, sub-structure or block as written.
-pub struct Home {
+pub(crate) struct Home {
     pub file: usize,
     pub table: Table,
     pub raw: raw::Structure,
 }
 
 /// All of them, and the files they are in.
-pub struct Homes {
+pub(crate) struct Homes {
     pub all: Vec<Home>,
     pub files: Vec<(PathBuf, String)>,
 }
 
 impl Homes {
     /// Reads a layout that has been found correct.
-    pub fn read(mut sources: Sources) -> Result<Self, Error> {
+    pub(crate) fn read(mut sources: Sources) -> Result<Self, Error> {
         let top = files::read(&mut sources)?;
         let mut all = Vec::new();
         for part in &top.parts {
@@ -53,18 +53,18 @@ impl Homes {
     }
 
     /// Indices of the structures.
-    pub fn structures(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn structures(&self) -> impl Iterator<Item = usize> {
         (0..self.all.len()).filter(|index| self.all[*index].table == Table::Top)
     }
 
     /// The sub-structure of this name.
-    pub fn substructure(&self, name: &str) -> Option<usize> {
+    pub(crate) fn substructure(&self, name: &str) -> Option<usize> {
         let is_it = |home: &Home| matches!(home.table, Table::Substructure(_)) && home.name() == name;
         self.all.iter().position(is_it)
     }
 
     /// A structure's own list and those of its blocks.
-    pub fn lists(&self, structure: usize) -> Vec<usize> {
+    pub(crate) fn lists(&self, structure: usize) -> Vec<usize> {
         let blocks = self.all[structure].raw.blocks.iter().filter_map(|name| {
             let is_it = |home: &Home| matches!(home.table, Table::Block(_)) && home.name() == name.get_ref();
             self.all.iter().position(is_it)
@@ -73,7 +73,7 @@ impl Homes {
     }
 
     /// Everything a structure uses: its lists and the sub-structures in them.
-    pub fn parts(&self, structure: usize) -> Vec<usize> {
+    pub(crate) fn parts(&self, structure: usize) -> Vec<usize> {
         let mut parts = self.lists(structure);
         for list in self.lists(structure) {
             let types = self.all[list].raw.register.iter().filter_map(|entry| entry.get_ref().ty.as_ref());
@@ -86,17 +86,17 @@ impl Homes {
 }
 
 impl Home {
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         self.raw.name.get_ref()
     }
 
     /// In bytes.
-    pub fn size(&self) -> u32 {
+    pub(crate) fn size(&self) -> u32 {
         self.raw.size.as_ref().map_or(0, |size| *size.get_ref())
     }
 
     /// Offsets of the registers as they are; none of padding.
-    pub fn offsets(&self) -> Vec<Option<u32>> {
+    pub(crate) fn offsets(&self) -> Vec<Option<u32>> {
         let entries = self.raw.register.iter().map(toml::Spanned::get_ref);
         entries
             .map(|entry| entry.name.as_ref().and(entry.offset.as_ref()).map(|offset| *offset.get_ref()))

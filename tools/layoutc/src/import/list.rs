@@ -14,7 +14,7 @@ struct Line {
 }
 
 /// Gives each register its offset and each gap its padding. Nothing, if an entry is no inline table.
-pub fn place(list: &mut Array, offsets: &[Option<u32>], gaps: &[Range<u32>]) -> Option<()> {
+pub(crate) fn place(list: &mut Array, offsets: &[Option<u32>], gaps: &[Range<u32>]) -> Option<()> {
     let (mut lines, end) = take_apart(list)?;
     let mut is_changed = false;
     let mut fillers: Vec<_> = gaps.iter().collect();

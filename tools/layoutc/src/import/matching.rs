@@ -10,7 +10,7 @@ use std::collections::HashSet;
 use std::ops::Range;
 
 /// Where the registers of one list lie, as one structure uses it.
-pub struct Placement {
+pub(crate) struct Placement {
     /// The list: an index into [`Homes::all`].
     pub home: usize,
     /// Who says so: the structure, or its member that has the sub-structure's type.
@@ -24,14 +24,14 @@ pub struct Placement {
 }
 
 /// What became of a structure.
-pub struct Matched {
+pub(crate) struct Matched {
     pub rows: Vec<Row>,
     /// Of every list it uses, if all of its registers have a place.
     pub placements: Option<Vec<Placement>>,
 }
 
 /// Compares structures with their declarations.
-pub struct Matcher<'a> {
+pub(crate) struct Matcher<'a> {
     pub homes: &'a Homes,
     pub sizes: Sizes<'a>,
     pub called: &'a Called,
@@ -56,7 +56,7 @@ struct Found {
 
 impl<'a> Matcher<'a> {
     /// Compares structure `index` with its declaration `ty`.
-    pub fn structure(&mut self, index: usize, ty: TypeId) -> Result<Matched, ImportError> {
+    pub(crate) fn structure(&mut self, index: usize, ty: TypeId) -> Result<Matched, ImportError> {
         let homes = self.homes;
         let home = &homes.all[index];
         let mut structure =

@@ -24,7 +24,7 @@ const OMEGA_DRIVE_LINE_II: u8 = 0;
 
 /// Values of `b_COMMAND`, and of `b_SL_QUIT` when they succeed.
 mod command {
-    pub const EXCHANGE: u8 = 0x01;
-    pub const CONFIGURE: u8 = 0x02;
-    pub const RE_INITIALIZE: u8 = 0x03;
+    pub(crate) const EXCHANGE: u8 = 0x01;
+    pub(crate) const CONFIGURE: u8 = 0x02;
+    pub(crate) const RE_INITIALIZE: u8 = 0x03;
 }

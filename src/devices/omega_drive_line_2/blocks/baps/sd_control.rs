@@ -8,14 +8,14 @@ use core::time::Duration;
 /// Bits of `b_ERR`.
 mod error {
     /// A read job was dropped (decision D-218).
-    pub const READ_DISTURBED: u8 = 1 << 0;
+    pub(crate) const READ_DISTURBED: u8 = 1 << 0;
     /// A write job was dropped.
-    pub const WRITE_DISTURBED: u8 = 1 << 1;
-    pub const NO_START: u8 = 1 << 2;
-    pub const INTERRUPTED: u8 = 1 << 3;
-    pub const NO_END: u8 = 1 << 4;
-    pub const JOB: u8 = 1 << 5;
-    pub const FORMAT: u8 = 1 << 6;
+    pub(crate) const WRITE_DISTURBED: u8 = 1 << 1;
+    pub(crate) const NO_START: u8 = 1 << 2;
+    pub(crate) const INTERRUPTED: u8 = 1 << 3;
+    pub(crate) const NO_END: u8 = 1 << 4;
+    pub(crate) const JOB: u8 = 1 << 5;
+    pub(crate) const FORMAT: u8 = 1 << 6;
 }
 
 /// Values of `b_JOB`.
