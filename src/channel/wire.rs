@@ -13,6 +13,7 @@ mod fault;
 mod findings;
 mod forces;
 mod journal;
+mod own;
 mod reply;
 #[cfg(test)]
 mod tests;

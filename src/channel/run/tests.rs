@@ -87,7 +87,7 @@ fn replies_that_are_too_long_together_are_refused() {
     for value in 0..2_000 {
         all(&mut host, &wires(&[poke(REG, value)]));
     }
-    let got = all(&mut host, &wires(&[Op::Journal { from: 0, max: 1_024 }; 8]));
+    let got = all(&mut host, &wires(&[Op::Journal { from: 0, max: 1_024 }; 64]));
     assert_eq!(refusal(&got).0, Code::REPLY_TOO_LONG);
     assert!(got.len() > 4, "four of them do fit");
 }

@@ -3,11 +3,11 @@
 use super::fault::WireFault;
 use super::findings::WireEntry;
 use super::journal::WireRecord;
-use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, reply_kind};
+use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, own, reply_kind};
 use crate::fault::FaultStatus;
 use crate::journal::{Entry, Record};
 use crate::memory::header::BoardState;
-use crate::request::{Code, InstanceInfo, Refused, Reply, Waited};
+use crate::request::{Code, Refused, Reply, Waited};
 use zerocopy::{FromBytes, IntoBytes};
 
 /// Longest text of an error in bytes; what is longer is cut.
@@ -57,7 +57,7 @@ impl ReplyBuffer {
             Reply::Time(time_us) => self.append((reply_kind::TIME, 0, *time_us), &[]),
             Reply::Journal { records, end } => {
                 let records: Vec<_> = records.iter().map(WireRecord::from).collect();
-                self.append((reply_kind::JOURNAL, 0, *end), records.as_bytes())
+                self.append((reply_kind::JOURNAL, 0, *end), &own::encode(&records))
             }
             Reply::Forces(forced) => self.append(only(reply_kind::FORCES), &forces::encode(forced)),
             Reply::FaultAdded { id } => self.append((reply_kind::FAULT_ADDED, 0, u64::from(*id)), &[]),
@@ -71,14 +71,10 @@ impl ReplyBuffer {
             Reply::Board(state) => self.append(only(reply_kind::BOARD), state.as_bytes()),
             Reply::Findings(entries) => {
                 let entries: Vec<_> = entries.iter().map(WireEntry::from).collect();
-                self.append(only(reply_kind::FINDINGS), entries.as_bytes())
+                self.append(only(reply_kind::FINDINGS), &own::encode(&entries))
             }
             Reply::Cleared => self.append(only(reply_kind::CLEARED), &[]),
-            Reply::Info(info) => {
-                // Into a vector, writing cannot fail.
-                let bytes = postcard::to_allocvec(&**info).unwrap_or_default();
-                self.append(only(reply_kind::INFO), &bytes)
-            }
+            Reply::Info(info) => self.append(only(reply_kind::INFO), &own::encode(&**info)),
             Reply::Stopping => self.append(only(reply_kind::STOPPING), &[]),
             Reply::Error(refused) => {
                 self.error(refused);
@@ -164,7 +160,7 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::BOARD => Reply::Board(BoardState::read_from_bytes(data).ok()?),
         reply_kind::FINDINGS => Reply::Findings(entries(data)?),
         reply_kind::CLEARED => Reply::Cleared,
-        reply_kind::INFO => Reply::Info(Box::new(info(data)?)),
+        reply_kind::INFO => Reply::Info(Box::new(own::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => Reply::Error(error(Code(head.code), value, data)?),
         _ => return None,
@@ -177,14 +173,8 @@ fn error(code: Code, time_us: u64, data: &[u8]) -> Option<Refused> {
     Some(Refused { code, text: str::from_utf8(text).ok()?.to_owned(), waited })
 }
 
-fn info(data: &[u8]) -> Option<InstanceInfo> {
-    let (info, rest) = postcard::take_from_bytes(data).ok()?;
-    rest.is_empty().then_some(info)
-}
-
 fn journal_records(data: &[u8]) -> Option<Vec<Record>> {
-    let chunks = data.chunks(size_of::<WireRecord>());
-    chunks.map(|bytes| WireRecord::read_from_bytes(bytes).ok()?.record()).collect()
+    own::decode::<Vec<WireRecord>>(data)?.iter().map(WireRecord::record).collect()
 }
 
 fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {
@@ -193,8 +183,7 @@ fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {
 }
 
 fn entries(data: &[u8]) -> Option<Vec<Entry>> {
-    let chunks = data.chunks(size_of::<WireEntry>());
-    chunks.map(|bytes| WireEntry::read_from_bytes(bytes).ok()?.entry()).collect()
+    own::decode::<Vec<WireEntry>>(data)?.iter().map(WireEntry::entry).collect()
 }
 
 fn flag(code: u16) -> Option<bool> {
