@@ -11,7 +11,7 @@ ci:
 check:
     cargo fmt --all --check
     cargo clippy --workspace --all-targets --locked -- -D warnings
-    cargo test --locked --lib
+    cargo test --workspace --locked --lib
 
 # One group of integration tests: attach, blocks, cli, device, docs, export.
 group NAME *FILTER:
