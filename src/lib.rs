@@ -19,6 +19,7 @@
 //! | [`runtime`] | a plant on image files, in real time or stepped |
 //! | [`channel`] | the request-response door for tools and tests |
 //! | [`export`] | the register map for other languages and tools |
+//! | [`cli`] | the program, for others that have devices of their own |
 //! | [`time`] | emulated times as text |
 //! | [`handed_in`] | text files that people hand in |
 //!
@@ -45,12 +46,17 @@
 //! # }
 //! ```
 
+// Register maps are generated with paths that hold in this crate and in others alike.
+extern crate self as commram;
+
 #[cfg(feature = "emulator")]
 pub mod can;
 #[cfg(feature = "channel")]
 pub mod channel;
 #[cfg(feature = "emulator")]
 pub mod check;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod devices;
 #[cfg(feature = "export")]
 pub mod export;

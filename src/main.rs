@@ -1,7 +1,5 @@
 //! The `commram` command.
 
-mod cli;
-
 fn main() -> std::process::ExitCode {
-    cli::main()
+    commram::cli::main()
 }

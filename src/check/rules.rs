@@ -1,6 +1,6 @@
 //! Rules that hold for every device.
 
-use crate::journal::rule::rules;
+use crate::rules;
 
 rules! {
     OWNER: 0, "owner", Error, "p. 147-193, D-17",

@@ -3,8 +3,8 @@
 use super::Instance;
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
+use crate::memory::header::{BoardSetting, BoardState, BoardWords};
 use clap::Subcommand;
-use commram::memory::header::{BoardSetting, BoardState, BoardWords};
 use serde::Serialize;
 
 /// Look at the board of a PLC, turn its switches, reset it, switch it off and on.
@@ -156,7 +156,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
 #[cfg(feature = "channel")]
 fn set(instance: &Instance, settings: &[(&str, (Option<&str>, BoardSetting))]) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::request::Op;
+    use crate::request::Op;
     let session = Session::open(&instance.name, 0)?;
     let op = |(text, (plc, setting)): &(&str, (Option<&str>, BoardSetting))| {
         Ok(Op::SetBoard { plc: session.plc(*plc, text)?, setting: *setting })

@@ -3,9 +3,9 @@
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use super::{Instance, time};
-use commram::devices;
-use commram::journal::{Entry, Names, Rule, Severity};
-use commram::layout::plc_prefix;
+use crate::devices;
+use crate::journal::{Entry, Names, Rule, Severity};
+use crate::layout::plc_prefix;
 use serde::Serialize;
 
 /// Show what PLC programs have done against the manual.
@@ -61,7 +61,7 @@ struct Checked {
 #[cfg(feature = "channel")]
 fn findings(args: &Args) -> Result<Checked, CliError> {
     use super::session::Session;
-    use commram::request::{Op, Reply, WrongReply};
+    use crate::request::{Op, Reply, WrongReply};
     let instance = args.instance.name.clone();
     let session = Session::open(&instance, 0)?;
     let mut ops = vec![Op::Info, Op::Findings];

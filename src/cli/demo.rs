@@ -10,7 +10,7 @@ mod trace;
 
 use super::error::CliError;
 use super::{dump, output};
-use commram::plant::PlantConfig;
+use crate::plant::PlantConfig;
 use processes::{Emulator, POLL, SoftPlc};
 pub(crate) use processes::{Interrupts, command, end_with};
 use std::time::{Duration, Instant};

@@ -2,22 +2,22 @@
 
 use super::error::CliError;
 use super::place::Place;
+use crate::devices;
+use crate::layout::{Device, LayoutError};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use commram::devices;
-use commram::layout::{Device, LayoutError};
 
 /// The device whose registers are meant.
 #[derive(clap::Args)]
 pub(crate) struct DeviceArg {
     /// The device
-    #[arg(long = "device", value_name = "DEVICE", value_parser = known(), default_value = devices::DEVICES[0].layout.name)]
+    #[arg(long = "device", value_name = "DEVICE", value_parser = known(), default_value = devices::default().layout.name)]
     pub device: &'static Device,
 }
 
 /// Takes the names of the registry, and offers them for completion.
 fn known() -> impl TypedValueParser<Value = &'static Device> {
     let names =
-        devices::DEVICES.iter().map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
+        devices::all().iter().map(|known| PossibleValue::new(known.layout.name).help(known.layout.title));
     PossibleValuesParser::new(names)
         .try_map(|name| devices::find(&name).map(|known| known.layout).ok_or("no device of this name"))
 }
@@ -29,11 +29,11 @@ fn known() -> impl TypedValueParser<Value = &'static Device> {
 pub(crate) fn on_any_device<T>(
     look_up: impl Fn(&'static Device) -> Result<T, LayoutError>,
 ) -> Result<T, CliError> {
-    let mut refusal = match look_up(devices::DEVICES[0].layout) {
+    let mut refusal = match look_up(devices::default().layout) {
         Ok(found) => return Ok(found),
         Err(refusal) => refusal,
     };
-    for known in &devices::DEVICES[1..] {
+    for known in &devices::all()[1..] {
         match look_up(known.layout) {
             Ok(found) => return Ok(found),
             Err(other) => {

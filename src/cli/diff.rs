@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
-use commram::layout::{Address, Area, Device, LayoutError};
+use crate::layout::{Address, Area, Device, LayoutError};
 use std::path::{Path, PathBuf};
 
 /// Compare two dumps, or a dump with what the registers hold now.
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 fn read(path: &Path) -> Result<Vec<Held>, CliError> {
     let name = path.display().to_string();
-    let text = commram::handed_in::read(path)
+    let text = crate::handed_in::read(path)
         .map_err(|error| CliError::NoDump { name: name.clone(), reason: error.to_string() })?;
     change::parse(&name, &text)
 }

@@ -8,8 +8,8 @@ use super::place::{is_live, live_by, status_of, without_twins};
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
-use commram::layout::flags::{RETAIN_AREA, is_flag};
-use commram::layout::{
+use crate::layout::flags::{RETAIN_AREA, is_flag};
+use crate::layout::{
     Address, Area, Device, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value, split_plc,
 };
 use core::ops::Range;

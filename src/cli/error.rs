@@ -1,13 +1,13 @@
 //! What a command can end with instead of success.
 
 use super::time;
-use commram::fault::FaultError;
-use commram::layout::LayoutError;
-use commram::layout::place::BadValue;
-use commram::memory::MemoryError;
-use commram::memory::header::BoardWordError;
-use commram::plant::PlantError;
-use commram::runtime::RuntimeError;
+use crate::fault::FaultError;
+use crate::layout::LayoutError;
+use crate::layout::place::BadValue;
+use crate::memory::MemoryError;
+use crate::memory::header::BoardWordError;
+use crate::plant::PlantError;
+use crate::runtime::RuntimeError;
 use commram_layoutc::import::ImportError;
 use std::io;
 use std::path::PathBuf;
@@ -147,11 +147,11 @@ pub(crate) enum CliError {
     /// The channel.
     #[cfg(feature = "channel")]
     #[error(transparent)]
-    Client(#[from] commram::channel::ClientError),
+    Client(#[from] crate::channel::ClientError),
     /// The emulator's end of the channel.
     #[cfg(feature = "channel")]
     #[error(transparent)]
-    Server(#[from] commram::channel::ServerError),
+    Server(#[from] crate::channel::ServerError),
     /// The image files.
     #[error(transparent)]
     Memory(#[from] MemoryError),
@@ -192,15 +192,15 @@ pub(crate) enum CliError {
     ReportedWrongUse,
     /// A fault that cannot be read.
     #[error(transparent)]
-    FaultWord(#[from] commram::fault::WordError),
+    FaultWord(#[from] crate::fault::WordError),
     /// The emulator answers something else.
     #[cfg(feature = "channel")]
     #[error(transparent)]
-    WrongReply(#[from] commram::request::WrongReply),
+    WrongReply(#[from] crate::request::WrongReply),
     /// A scenario cannot begin.
     #[cfg(feature = "channel")]
     #[error(transparent)]
-    Scenario(#[from] commram::script::ScenarioError),
+    Scenario(#[from] crate::script::ScenarioError),
     /// A process cannot be started or watched.
     #[error("cannot handle a process: {reason}")]
     Process {
@@ -301,8 +301,8 @@ impl CliError {
 }
 
 #[cfg(feature = "channel")]
-fn is_wrong_use(error: &commram::channel::ClientError) -> bool {
-    use commram::channel::ClientError;
+fn is_wrong_use(error: &crate::channel::ClientError) -> bool {
+    use crate::channel::ClientError;
     match error {
         ClientError::TooManyOperations { .. } => true,
         ClientError::Refused(refused) => refused.code.is_wrong_use(),

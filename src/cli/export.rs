@@ -3,9 +3,9 @@
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
+use crate::export::{self, Format};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
-use commram::export::{self, Format};
 use std::path::PathBuf;
 
 /// Export declarations and documentation of the registers for other languages and tools.

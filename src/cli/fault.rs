@@ -108,7 +108,7 @@ struct Clear {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Add(args) => {
-            let spec = commram::fault::FaultSpec::from_words(&args.kind, &args.fields)?;
+            let spec = crate::fault::FaultSpec::from_words(&args.kind, &args.fields)?;
             by_channel::add(&spec, &args.instance.name)
         }
         Command::List(args) => by_channel::list(args.format.format, &args.instance.name),
@@ -121,9 +121,9 @@ mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{error::CliError, output};
-    use commram::fault::{FaultSpec, FaultStatus};
-    use commram::journal::Names;
-    use commram::request::Op;
+    use crate::fault::{FaultSpec, FaultStatus};
+    use crate::journal::Names;
+    use crate::request::Op;
     use serde::Serialize;
     use std::num::NonZeroU16;
 
@@ -189,7 +189,7 @@ mod by_channel {
 #[cfg(not(feature = "channel"))]
 mod by_channel {
     use super::super::{error::CliError, table::Format};
-    use commram::fault::FaultSpec;
+    use crate::fault::FaultSpec;
     use std::num::NonZeroU16;
 
     const NO_CHANNEL: CliError = CliError::NoChannel { command: "fault" };

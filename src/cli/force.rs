@@ -52,7 +52,7 @@ pub(crate) struct UnforceArgs {
 #[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::{poke, session::Session};
-    use commram::request::Op;
+    use crate::request::Op;
 
     if args.writes.is_empty() {
         return list(args);
@@ -73,11 +73,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 fn list(args: &Args) -> Result<(), CliError> {
     use super::peek::{Holding, holding};
     use super::{session::Session, table};
-    use commram::layout::Live;
+    use crate::layout::Live;
 
     let session = Session::open(&args.instance.name, 0)?;
     let snapshot = session.read(&[])?;
-    let row = |forced: &commram::plant::Forced| {
+    let row = |forced: &crate::plant::Forced| {
         let place = Place::parse(session.device(forced.plc), &forced.width.at(forced.offset).to_string())?;
         let row = holding(&session, &place, forced.plc, Live::Cyclic, forced.value, snapshot.time_us);
         Ok(Holding { forced: true, ..row })
@@ -111,7 +111,7 @@ pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
 #[cfg(feature = "channel")]
 pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::request::Op;
+    use crate::request::Op;
 
     args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;

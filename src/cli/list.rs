@@ -3,7 +3,7 @@
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use super::time;
-use commram::memory::{ClockMode, Condition, ImageInfo, ImageSummary, State};
+use crate::memory::{ClockMode, Condition, ImageInfo, ImageSummary, State};
 use serde::Serialize;
 
 /// List the instances.
@@ -49,7 +49,7 @@ impl Row for Entry {
 
 /// Prints the instances.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let entries = entries(commram::memory::list()?);
+    let entries = entries(crate::memory::list()?);
     table::print(args.format.format, &entries, |entries| match entries {
         [] => "no instance is running; start one with `commram run`\n".to_owned(),
         entries => table::aligned(entries),
@@ -110,7 +110,7 @@ fn clock_name(summary: &ImageSummary) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use commram::memory::MemoryError;
+    use crate::memory::MemoryError;
 
     fn image(instance: &str, plc: &str, condition: Condition) -> ImageInfo {
         let path = format!("/dev/shm/commram.{instance}.{plc}").into();

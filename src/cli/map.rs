@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::output;
 use super::place::without_twins;
 use super::table::{self, Format, FormatArg};
-use commram::layout::{Address, Area, Device, split_plc};
+use crate::layout::{Address, Area, Device, split_plc};
 use entry::Entry;
 
 /// Show the register map: types, owners, meanings, and where each fact comes from.

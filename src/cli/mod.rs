@@ -33,9 +33,9 @@ mod wait;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod watch;
 
+use crate::layout::place;
+use crate::time;
 use clap::{Args, ColorChoice, Parser, Subcommand};
-use commram::layout::place;
-use commram::time;
 use error::CliError;
 use std::process::ExitCode;
 
@@ -116,12 +116,13 @@ struct Instance {
     name: String,
 }
 
-fn instance_name(text: &str) -> Result<String, commram::memory::MemoryError> {
-    commram::memory::names::check_instance(text).map(|()| text.to_owned())
+fn instance_name(text: &str) -> Result<String, crate::memory::MemoryError> {
+    crate::memory::names::check_instance(text).map(|()| text.to_owned())
 }
 
-/// Parses the command line and runs the command.
-pub(crate) fn main() -> ExitCode {
+/// Parses the command line, runs the command and returns what the process is to end with. The whole program, for a
+/// `main` that has registered devices of its own before ([`devices::register`](crate::devices::register)).
+pub fn main() -> ExitCode {
     let result = match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
         Err(error) => return refuse(&error),

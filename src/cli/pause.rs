@@ -2,8 +2,8 @@
 
 use super::error::CliError;
 use super::output;
-use commram::channel::ClientError;
-use commram::request::Code;
+use crate::channel::ClientError;
+use crate::request::Code;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};

@@ -6,7 +6,7 @@ use super::place::{Place, live_by};
 use super::session::{Read, Session};
 use super::table::{self, FormatArg, Row};
 use super::{Instance, output};
-use commram::layout::Live;
+use crate::layout::Live;
 use serde::Serialize;
 
 /// Read registers and say what they mean.

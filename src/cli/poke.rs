@@ -52,7 +52,7 @@ pub(crate) fn parse(
 #[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::request::Op;
+    use crate::request::Op;
 
     args.writes.iter().try_for_each(|text| parse(text, of_any_device).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;

@@ -3,10 +3,10 @@
 use super::demo::end_with;
 use super::error::CliError;
 use super::{Instance, output};
+use crate::devices;
+use crate::plant::PlantConfig;
+use crate::runtime::{Clock, Emulator, Options, StopHandle};
 use clap::ValueEnum;
-use commram::devices;
-use commram::plant::PlantConfig;
-use commram::runtime::{Clock, Emulator, Options, StopHandle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::path::{Path, PathBuf};
@@ -88,7 +88,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let (started, starting) = mpsc::channel();
     std::thread::spawn(move || stop_on_signal(signals, &starting));
-    commram::memory::survive_shortened_images().map_err(|reason| CliError::Signals { reason })?;
+    crate::memory::survive_shortened_images().map_err(|reason| CliError::Signals { reason })?;
     let mut emulator = Emulator::start(&config, options)?;
     report_takeover(&emulator);
     // A reader that has gone away is no reason to end.
@@ -104,7 +104,7 @@ fn check_layout(dir: &Path) -> Result<(), CliError> {
         return Ok(());
     }
     let hash = |known: &devices::Registered| format!("16#{:016X}", known.layout.layout_hash);
-    let built = devices::DEVICES.iter().map(hash).collect::<Vec<_>>().join(" and ");
+    let built = devices::all().iter().copied().map(hash).collect::<Vec<_>>().join(" and ");
     Err(CliError::OtherLayout { dir: dir.to_owned(), found, built })
 }
 

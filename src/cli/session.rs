@@ -3,11 +3,11 @@
 use super::error::CliError;
 use super::output;
 use super::place::Place;
-use commram::devices;
-use commram::layout::{Device, RegisterRef, plc_prefix, split_plc};
-use commram::memory::header::BoardState;
-use commram::memory::{AttachMode, Attached, Condition, ImageInfo, ImageSummary, InstanceLock, Width};
-use commram::plant::Forced;
+use crate::devices;
+use crate::layout::{Device, RegisterRef, plc_prefix, split_plc};
+use crate::memory::header::BoardState;
+use crate::memory::{AttachMode, Attached, Condition, ImageInfo, ImageSummary, InstanceLock, Width};
+use crate::plant::Forced;
 
 /// Registers to be read.
 #[derive(Clone, Copy, Debug)]
@@ -75,7 +75,7 @@ pub(crate) struct Session {
 
 enum Door {
     #[cfg(feature = "channel")]
-    Channel(commram::channel::Client),
+    Channel(crate::channel::Client),
     /// In the order of `plcs`.
     Images(Vec<Attached>),
 }
@@ -98,7 +98,7 @@ impl Session {
 
     #[cfg(feature = "channel")]
     fn open_live_for_reading(instance: &str, images: &[ImageInfo]) -> Result<Self, CliError> {
-        use commram::channel::ClientError;
+        use crate::channel::ClientError;
         match Self::connect(instance, images, 0) {
             // The emulator lives, but it had to do without a channel.
             Err(CliError::Client(ClientError::NotRunning { .. })) if images_of(instance).is_ok() => {
@@ -238,12 +238,12 @@ impl Session {
 #[cfg(feature = "channel")]
 mod by_channel {
     use super::*;
-    use commram::channel::client::Patience;
-    use commram::channel::{Client, ClientError, HeaderBells};
-    use commram::journal::Names;
-    use commram::memory::names::channel_root;
-    use commram::memory::{MemoryError, State};
-    use commram::request::{Op, Reply, WrongReply};
+    use crate::channel::client::Patience;
+    use crate::channel::{Client, ClientError, HeaderBells};
+    use crate::journal::Names;
+    use crate::memory::names::channel_root;
+    use crate::memory::{MemoryError, State};
+    use crate::request::{Op, Reply, WrongReply};
     use std::time::{Duration, Instant};
 
     /// How long a command waits for an emulator that is just starting.
@@ -370,7 +370,7 @@ mod by_channel {
 /// # Errors
 /// There is none, or one cannot be used.
 pub(crate) fn images_of(instance: &str) -> Result<Vec<ImageInfo>, CliError> {
-    let all = commram::memory::list()?;
+    let all = crate::memory::list()?;
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|image| image.instance == instance);
     if own.is_empty() {
         if let Some(process) = InstanceLock::holder(instance)? {

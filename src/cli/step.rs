@@ -3,7 +3,7 @@
 use super::device::on_any_device;
 use super::error::CliError;
 use super::{Instance, time};
-use commram::layout::split_plc;
+use crate::layout::split_plc;
 
 /// Let the emulated time pass (stepped mode only).
 ///
@@ -37,7 +37,7 @@ fn check(text: &str) -> Result<(), CliError> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::session::Session;
-    use commram::request::Op;
+    use crate::request::Op;
 
     args.to_sync.as_deref().map_or(Ok(()), check)?;
     let session = Session::open(&args.instance.name, args.time.unwrap_or(0))?;

@@ -5,8 +5,8 @@ use super::error::CliError;
 use super::session::is_alive;
 use super::session::{alive, dead, images_of};
 use super::{Instance, output};
-use commram::memory::names::channel_root;
-use commram::memory::{EmulatorProcess, InstanceLock};
+use crate::memory::names::channel_root;
+use crate::memory::{EmulatorProcess, InstanceLock};
 use std::time::{Duration, Instant};
 
 /// End an emulator and wait until it has cleaned up.
@@ -63,7 +63,7 @@ pub(crate) fn remove_remains(instance: &str) -> Result<bool, CliError> {
     let lock = InstanceLock::take(instance)?;
     let images = lock.remove_dead(|_| false);
     #[cfg(feature = "channel")]
-    commram::channel::remove_remains(instance, &channel_root(instance)?)?;
+    crate::channel::remove_remains(instance, &channel_root(instance)?)?;
     drop(lock);
     Ok(images? || directory)
 }
@@ -99,10 +99,10 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
 
 #[cfg(feature = "channel")]
 fn ask(name: &str) -> Result<(), CliError> {
-    use commram::channel::client::Patience;
-    use commram::channel::{Client, ClientError, HeaderBells};
-    use commram::memory::{AttachMode, Image, MemoryError, State};
-    use commram::request::Code;
+    use crate::channel::client::Patience;
+    use crate::channel::{Client, ClientError, HeaderBells};
+    use crate::memory::{AttachMode, Image, MemoryError, State};
+    use crate::request::Code;
     let images = images_of(name)?;
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(why_not(name)?);

@@ -1,8 +1,8 @@
 //! Tables in the formats that people and programs read.
 
 use super::{error::CliError, output};
+use crate::export::{csv_line, md_table};
 use clap::ValueEnum;
-use commram::export::{csv_line, md_table};
 use serde::Serialize;
 
 /// How a table is printed.

@@ -8,7 +8,7 @@ use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
-use commram::script::{Limits, Outcome, Report, junit};
+use crate::script::{Limits, Outcome, Report, junit};
 use line::{Line, summary};
 use process::Setting;
 use std::num::NonZero;

@@ -6,10 +6,10 @@ mod follow;
 use super::Instance;
 use super::error::CliError;
 use super::time;
+use crate::devices;
+use crate::journal::{Kind, Ring};
 use clap::ValueEnum;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use commram::devices;
-use commram::journal::{Kind, Ring};
 
 /// Show the journal: frames, states, handshakes with their latency, missed deadlines.
 ///
@@ -98,7 +98,7 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
 #[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
-    use commram::request::{InstanceInfo, Op};
+    use crate::request::{InstanceInfo, Op};
 
     let kinds = kinds(args)?;
     let session = Session::open(&args.instance.name, 0)?;
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             buses: names.buses.join(", "),
         })
     };
-    let selection = commram::journal::Selection {
+    let selection = crate::journal::Selection {
         kinds,
         buses: args.bus.iter().map(bus).collect::<Result<_, _>>()?,
         plcs: args.plc.iter().map(|name| session.plc(Some(name), name)).collect::<Result<_, _>>()?,

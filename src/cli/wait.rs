@@ -65,7 +65,7 @@ fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<
 }
 
 fn shown(place: &Place, value: u32) -> String {
-    place.format(commram::layout::Live::Cyclic, value)
+    place.format(crate::layout::Live::Cyclic, value)
 }
 
 /// Waits and prints the register.
@@ -73,9 +73,9 @@ fn shown(place: &Place, value: u32) -> String {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::{Read, Session};
     use super::{output, peek, place::live_by};
-    use commram::channel::ClientError;
-    use commram::layout::Live;
-    use commram::request::{Op, Refused, Waited};
+    use crate::channel::ClientError;
+    use crate::layout::Live;
+    use crate::request::{Op, Refused, Waited};
 
     parse(&args.condition, of_any_device)?;
     let session = Session::open(&args.instance.name, args.within)?;

@@ -1,25 +1,49 @@
 //! What there can be in a journal, whatever the devices of a plant: the sum of what everybody has registered.
 
+use super::{MEDIA, all};
 use crate::check;
-use crate::devices::{cansync, omega_drive_line_2};
 use crate::fault;
 use crate::journal;
 use crate::journal::{Catalogue, FaultName, Kind, Rule};
 use std::sync::LazyLock;
 
-/// Where kinds of events come from.
-static KINDS: &[&[&Kind]] =
-    &[journal::KINDS, fault::KINDS, cansync::records::KINDS, omega_drive_line_2::records::KINDS];
-/// Where rules come from.
-static RULES: &[&[&Rule]] = &[check::rules::ALL, cansync::rules::ALL, omega_drive_line_2::rules::ALL];
+/// What somebody registers that is no device.
+pub(super) struct Generic {
+    pub owner: &'static str,
+    pub records: &'static [&'static Kind],
+    pub rules: &'static [&'static Rule],
+}
 
-/// The sum of all kinds of events, rules and kinds of faults.
+/// What is the same for every device, and what each kind of media has.
+pub(super) fn generic() -> impl Iterator<Item = Generic> {
+    let own = [
+        Generic { owner: "journal", records: journal::KINDS, rules: &[] },
+        Generic { owner: "fault", records: fault::KINDS, rules: &[] },
+        Generic { owner: "check", records: &[], rules: check::rules::ALL },
+    ];
+    let of_media =
+        MEDIA.iter().map(|kind| Generic { owner: kind.name, records: kind.records, rules: kind.rules });
+    own.into_iter().chain(of_media)
+}
+
+/// The sum of all kinds of events, rules and kinds of faults. From now on no device can be added.
 pub fn catalogue() -> &'static Catalogue {
     static SUM: LazyLock<Catalogue> = LazyLock::new(|| {
-        let mut kinds: Vec<&'static Kind> = KINDS.concat();
+        let of_devices = all().iter().map(|device| Generic {
+            owner: device.layout.name,
+            records: device.records,
+            rules: device.rules,
+        });
+        let (mut kinds, mut rules): (Vec<&Kind>, Vec<&Rule>) = Default::default();
+        for Generic { records, rules: more, .. } in generic().chain(of_devices) {
+            kinds.extend(records);
+            rules.extend(more);
+        }
+        // Devices may share what their family has.
         kinds.sort_by_key(|kind| kind.number());
-        let mut rules: Vec<&'static Rule> = RULES.concat();
+        kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
         rules.sort_by_key(|rule| rule.number());
+        rules.dedup_by(|one, other| core::ptr::eq(*one, *other));
         let name = |kind: &fault::Kind| FaultName { number: *kind as u8, name: kind.name() };
         Catalogue { kinds, rules, faults: fault::Kind::ALL.iter().map(name).collect() }
     });

@@ -1,6 +1,7 @@
 //! What the plant file says about devices and media, as far as the plant must understand it: everything else is their own.
 
 use super::{BuildError, Device, Medium, Plug, SettingError};
+use crate::journal::{Kind, Rule};
 use crate::layout;
 use crate::memory::Segment;
 use core::fmt;
@@ -82,6 +83,10 @@ pub struct MediumKind {
     pub read: Read<dyn MediumConfig>,
     /// Where ports of this family are that no medium is plugged in at.
     pub unplugged: fn() -> Box<dyn Medium>,
+    /// What it has to tell the journal.
+    pub records: &'static [&'static Kind],
+    /// Rules of the access checker about the registers of its ports.
+    pub rules: &'static [&'static Rule],
 }
 
 impl fmt::Debug for MediumKind {

@@ -1,7 +1,7 @@
 //! Every fact that the register maps show is either documented, with its page, or follows from a decision that
 //! `docs/decisions.md` has.
 
-use super::DEVICES;
+use super::all;
 use super::omega_drive_line_2::registers::DEVICE;
 use crate::layout::{Device, Meaning, Provenance, Register, Structure, ValueMeaning};
 use std::collections::BTreeMap;
@@ -44,7 +44,7 @@ fn check(what: &str, source: Provenance, page: &str) {
 
 #[test]
 fn every_fact_has_a_page_or_a_decision() {
-    for device in DEVICES {
+    for device in all() {
         every_fact_of(device.layout);
     }
 }

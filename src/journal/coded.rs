@@ -208,6 +208,34 @@ impl Place for Origin {
 
 /// Declares what the journal can tell: a structure with where it happened (`bus`, `plc` or `origin`) and what there
 /// is to tell, each field a [`Part`]. What it says is the family's to write: [`Told`](crate::journal::Told).
+/// A device registers their `KIND`s, and its firmware says `ctx.report(It { .. })`.
+///
+/// ```
+/// use commram::coded;
+/// use commram::journal::{Coded, Fields, Kind, Reader, Told};
+///
+/// coded! {
+///     /// A door was opened.
+///     Opened = 250, "opened", Rare, at origin {
+///         /// How far, in degrees.
+///         angle: u16,
+///     }
+/// }
+///
+/// impl Told for Opened {
+///     fn text(&self, _: &mut Reader) -> String {
+///         format!("opened by {} degrees", self.angle)
+///     }
+///
+///     fn fields(&self, _: &mut Reader) -> Fields {
+///         Fields::new().with("angle", self.angle)
+///     }
+/// }
+///
+/// static KINDS: &[&Kind] = &[Opened::KIND];
+/// assert_eq!(KINDS[0].name(), "opened");
+/// ```
+#[macro_export]
 macro_rules! coded {
     (@type bus) => { u16 };
     (@type plc) => { u16 };
@@ -225,7 +253,7 @@ macro_rules! coded {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct $name {
             /// Where.
-            pub $place: $crate::journal::coded::coded!(@type $place),
+            pub $place: $crate::coded!(@type $place),
             $($(#[$field_doc])* pub $field: $ty,)*
         }
 
@@ -254,10 +282,8 @@ macro_rules! coded {
 
             #[inline]
             fn source(&self) -> $crate::journal::Source {
-                $crate::journal::coded::coded!(@source $place, self.$place)
+                $crate::coded!(@source $place, self.$place)
             }
         }
     )+};
 }
-
-pub(crate) use coded;

@@ -1,11 +1,11 @@
 //! One finding: which rule, where, with which value.
 
 use super::catalogue::Catalogue;
-use super::coded::coded;
 use super::fields::Fields;
 use super::kind::Told;
 use super::reader::Reader;
 use super::rule::Rule;
+use crate::coded;
 use crate::layout::{Address, Device, Live, RegType, RegisterRef, format_value};
 use crate::memory::{HEADER_SIZE, header};
 

@@ -125,7 +125,7 @@ mod tests {
 
     #[allow(unreachable_pub, reason = "the macro declares what families publish")]
     mod declared {
-        crate::journal::rule::rules! {
+        crate::rules! {
             OWNER: 0, "owner", Error, "p. 1", "Do not. Only read it.";
             ORDER: 1, "order", Error, "p. 2", "The other way round. So.";
         }

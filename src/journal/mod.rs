@@ -19,7 +19,7 @@
 
 pub mod candump;
 mod catalogue;
-pub(crate) mod coded;
+mod coded;
 mod event;
 mod fields;
 mod finding;
@@ -34,7 +34,7 @@ mod record;
 mod registers;
 mod requests;
 mod ring;
-pub(crate) mod rule;
+mod rule;
 mod tally;
 #[cfg(test)]
 #[allow(unreachable_pub, reason = "the macro declares what families publish")]

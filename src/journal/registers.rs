@@ -1,10 +1,10 @@
 //! What happens in registers, whatever device they belong to.
 
-use super::coded::coded;
 use super::event::Keeping;
 use super::fields::Fields;
 use super::kind::Told;
 use super::reader::{Place, Reader};
+use crate::coded;
 use crate::layout::Live;
 
 coded! {

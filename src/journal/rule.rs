@@ -102,7 +102,16 @@ impl fmt::Display for Rule {
     }
 }
 
-/// Declares rules, and `ALL` of them as a list: number, name, severity, source, text.
+/// Declares rules, and `ALL` of them as a list: number, name, severity, source, text. A device registers them, and its
+/// firmware says `ctx.find(&IT, ..)`.
+///
+/// ```
+/// commram::rules! {
+///     TOO_FAR: 250, "too-far", Warning, "p. 7", "The angle is above 90 degrees. A door opens by 90 degrees at most.";
+/// }
+/// assert_eq!(ALL, [&TOO_FAR]);
+/// ```
+#[macro_export]
 macro_rules! rules {
     ($($rule:ident: $number:literal, $id:literal, $severity:ident, $source:literal, $text:literal;)+) => {
         $(
@@ -116,5 +125,3 @@ macro_rules! rules {
         pub static ALL: &[&$crate::journal::Rule] = &[$(&$rule),+];
     };
 }
-
-pub(crate) use rules;

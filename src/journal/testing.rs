@@ -1,7 +1,7 @@
 //! Kinds of events to test the journal with, as families of devices have them.
 
-use super::coded::coded;
 use super::{Catalogue, Coded, Fields, Keeping, Reader, Told};
+use crate::coded;
 use std::sync::LazyLock;
 
 coded! {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::devices::DEVICES;
+use crate::devices;
 use crate::fault::{
     Effect, Fault, FaultStatus, FrameEffect, FrameSlot, Frames, Limit, NodeEffect, OffsetAt, SlaveEffect,
     SyncEffect,
@@ -130,7 +130,7 @@ fn faults() -> impl Strategy<Value = Vec<FaultStatus>> {
 
 fn information() -> impl Strategy<Value = InstanceInfo> {
     let names = || proptest::collection::vec(".*", 0..4);
-    let device = (0..DEVICES.len()).prop_map(|index| DEVICES[index].layout);
+    let device = proptest::sample::select(devices::all()).prop_map(|known| known.layout);
     let devices = proptest::collection::vec(device, 0..4);
     let names = (names(), names(), devices).prop_map(|(plcs, buses, devices)| Names { plcs, buses, devices });
     let numbers = any::<(u32, u64, u32, u32, u32)>();

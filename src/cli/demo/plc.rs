@@ -5,10 +5,8 @@ use super::trace::{Trace, Who};
 use crate::cli::demo::processes;
 use crate::cli::error::CliError;
 use crate::cli::output;
-use commram::devices::omega_drive_line_2::registers::{
-    BAUD_RATES, CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2,
-};
-use commram::memory::{AttachMode, Image, View};
+use crate::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_INIT_BMSTRUCT, LAYOUT_HASH, NODE2};
+use crate::memory::{AttachMode, Image, View};
 use std::time::Duration;
 
 /// How long a state change may take, in real time. It takes milliseconds.

@@ -4,9 +4,9 @@ use crate::cli::error::CliError;
 use crate::cli::output;
 use crate::cli::place::{Place, live_by};
 use crate::cli::time;
-use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2};
-use commram::layout::{Address, Live, Width};
-use commram::memory::{Attached, Header, MemoryError, SharedRegs, View};
+use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2};
+use crate::layout::{Address, Live, Width};
+use crate::memory::{Attached, Header, MemoryError, SharedRegs, View};
 use std::cell::RefCell;
 use std::time::Duration;
 

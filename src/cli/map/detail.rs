@@ -2,7 +2,7 @@
 
 use super::entry::Entry;
 use crate::cli::table;
-use commram::layout::Device;
+use crate::layout::Device;
 
 /// The address, and where the CPU finds it if that is known.
 fn address(entry: &Entry) -> String {

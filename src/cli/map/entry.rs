@@ -1,7 +1,7 @@
 //! Entries of the register map.
 
 use crate::cli::table::Row;
-use commram::layout::{Area, Meaning, Provenance, Register, RegisterRef, format_value};
+use crate::layout::{Area, Meaning, Provenance, Register, RegisterRef, format_value};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -261,7 +261,7 @@ fn used(register: &Register) -> String {
 
 fn values(register: &Register) -> Vec<Value> {
     let known = register.meaning.map(|meaning| meaning.values).unwrap_or_default();
-    let value = |known: &commram::layout::ValueMeaning| {
+    let value = |known: &crate::layout::ValueMeaning| {
         let [first, last] = [known.first, known.last].map(|value| format_value(register.ty, value));
         let hex = if first == last { first } else { format!("{first}-{last}") };
         let meaning = known.text.replace("{}", "n");
@@ -271,7 +271,7 @@ fn values(register: &Register) -> Vec<Value> {
 }
 
 fn bits(meaning: &'static Meaning) -> Vec<Bit> {
-    let bit = |field: &'static commram::layout::BitField| {
+    let bit = |field: &'static crate::layout::BitField| {
         let singles = [("0", field.zero), ("1", field.one), ("", field.text)];
         let known = singles.into_iter().filter(|(_, text)| !text.is_empty());
         let mut texts: Vec<_> = known

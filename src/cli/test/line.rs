@@ -2,8 +2,8 @@
 
 use super::real_time;
 use crate::cli::table::Row;
-use commram::script::{Failure, Outcome, Report};
-use commram::time::seconds;
+use crate::script::{Failure, Outcome, Report};
+use crate::time::seconds;
 use serde::Serialize;
 use std::fmt::Write;
 

@@ -5,7 +5,7 @@ use super::LimitArgs;
 use crate::cli::demo::end_with;
 use crate::cli::error::CliError;
 use crate::cli::output;
-use commram::script::{Bench, Limits, Report, run_file};
+use crate::script::{Bench, Limits, Report, run_file};
 use rustix::process::{Resource, Rlimit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;

@@ -6,12 +6,12 @@ use crate::cli::output;
 use crate::cli::pause::{Look, Pause, Wake};
 use crate::cli::session::Session;
 use crate::cli::time;
-use commram::devices;
-use commram::journal::candump::Candump;
-use commram::journal::jsonl::Jsonl;
-use commram::journal::text::Text;
-use commram::journal::{Format, Names, Printer, Record, Selection};
-use commram::request::{MAX_RECORDS, Op, WrongReply};
+use crate::devices;
+use crate::journal::candump::Candump;
+use crate::journal::jsonl::Jsonl;
+use crate::journal::text::Text;
+use crate::journal::{Format, Names, Printer, Record, Selection};
+use crate::request::{MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 
 /// Prints what there is, and what comes if asked for.

@@ -3,7 +3,7 @@
 use super::bus::Frame;
 use super::bus::codec;
 use super::firmware::InitFault;
-use crate::journal::coded::coded;
+use crate::coded;
 use crate::journal::{Coded, Fields, Keeping, Kind, Packer, Part, Reader, Told, Unpacker};
 
 /// All kinds.

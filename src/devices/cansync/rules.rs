@@ -1,6 +1,6 @@
 //! What a PLC program may do wrong at registers of CANsync, and a drive on its bus may be set to wrongly.
 
-use crate::journal::rule::rules;
+use crate::rules;
 
 rules! {
     VALUE_NUMBER: 4, "value-number", Error, "p. 153, 158, 178, 181, 184",

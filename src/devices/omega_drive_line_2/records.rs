@@ -1,6 +1,6 @@
 //! What the journal tells about the board of an Omega Drive-Line II.
 
-use crate::journal::coded::coded;
+use crate::coded;
 use crate::journal::{Coded, Fields, Kind, Packer, Part, Reader, Told, Unpacker};
 use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, SeatState, Start};
 use std::net::Ipv4Addr;

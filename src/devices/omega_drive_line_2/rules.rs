@@ -1,6 +1,6 @@
 //! What a PLC program may do wrong at the BAPS and with the IP address.
 
-use crate::journal::rule::rules;
+use crate::rules;
 
 rules! {
     IP_ADDRESS: 25, "ip-address", Error, "p. 79-80, D-190",

@@ -1,7 +1,7 @@
 //! A plant file as text: which section is whose, and the line of what is wrong.
 
 use super::{PlantConfig, PlantError};
-use crate::devices::{DEVICES, DeviceConfig, MEDIA, MediumConfig, Read};
+use crate::devices::{self, DeviceConfig, MEDIA, MediumConfig, Read};
 use crate::fault::FaultSpec;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -46,7 +46,7 @@ pub(super) fn read(file: &str, text: &str) -> Result<PlantConfig, PlantError> {
 
     let mut devices: Vec<Arc<dyn DeviceConfig>> = Vec::with_capacity(plcs.len() + others.len());
     let kinds: Vec<_> =
-        DEVICES.iter().filter_map(|device| Some((device.layout.name, device.read?))).collect();
+        devices::all().iter().filter_map(|device| Some((device.layout.name, device.read?))).collect();
     for section in plcs {
         devices.push(source.read(section, kinds[0].1)?);
     }

@@ -2,7 +2,7 @@
 
 use super::arguments::span;
 use super::{Fallible, Verbs, int, thrown};
-use crate::devices::{self, DEVICES, Registered};
+use crate::devices::{self, Registered};
 use crate::layout::Area;
 use crate::plc::{BlockKind, PinError, PinValue, Place, Placed, Variables};
 use crate::script::{Bench, ScenarioError};
@@ -49,14 +49,15 @@ impl Block {
         place: &str,
     ) -> Result<Self, ScenarioError> {
         // Whether it lies in an area is the same at all devices that have it; what the device is, the place tells.
-        let of_any = DEVICES.iter().find_map(|device| find(device.blocks, name));
-        let of_any = of_any.ok_or_else(|| unknown(name, DEVICES.iter().flat_map(|device| device.blocks)))?;
+        let of_any = devices::all().iter().find_map(|device| find(device.blocks, name));
+        let of_any =
+            of_any.ok_or_else(|| unknown(name, devices::all().iter().flat_map(|device| device.blocks)))?;
         let (plc, area) = match of_any.structure {
             Some(_) => bench.area(place).map(|(plc, area)| (plc, Some(area)))?,
             None => (bench.only_plc(place)?, None),
         };
         let ram = bench.ram_of(plc)?;
-        let device = devices::of_hash(ram.header().layout_hash.load()).unwrap_or(&DEVICES[0]);
+        let device = devices::of_hash(ram.header().layout_hash.load()).unwrap_or(devices::default());
         let kind = find(device.blocks, name).ok_or_else(|| unknown(name, device.blocks.iter()))?;
         if let (Some(structure), Some(area)) = (kind.structure, area) {
             check_area(device, kind, structure, area, place)?;

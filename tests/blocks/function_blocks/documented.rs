@@ -1,7 +1,7 @@
 //! `docs/function-blocks.md` names every input and output with its preset, and the presets are the manual's.
 
 use commram::devices::omega_drive_line_2::blocks::*;
-use commram::devices::{DEVICES, Registered};
+use commram::devices::{self, Registered};
 use commram::memory::Segment;
 use commram::plc::{BlockKind, Direction, PinValue, Place, Variables};
 use std::collections::BTreeSet;
@@ -72,7 +72,7 @@ fn quoted(text: &str) -> &str {
 #[test]
 fn every_input_and_output_is_documented_with_its_type_and_preset() {
     for (device, kind) in
-        DEVICES.iter().flat_map(|device| device.blocks.iter().map(move |kind| (device, kind)))
+        devices::all().iter().flat_map(|device| device.blocks.iter().map(move |kind| (device, kind)))
     {
         let section = section(kind.name);
         let rows = section.lines().filter(|line| line.starts_with("| in |") || line.starts_with("| out |"));

@@ -43,7 +43,7 @@ fn baud_rates(out: &mut String, device: &Device) {
     let _ = writeln!(
         out,
         "/// The legal pairs of baud rate and interval with their times, fastest first.\n\
-         pub static BAUD_RATES: [crate::devices::cansync::BaudRate; {}] = [",
+         pub static BAUD_RATES: [commram::devices::cansync::BaudRate; {}] = [",
         rates.len()
     );
     for rate in rates {
@@ -52,12 +52,12 @@ fn baud_rates(out: &mut String, device: &Device) {
             let Deadline { earliest, latest, source } = deadline;
             let source = provenance(source);
             format!(
-                "{name}: crate::devices::cansync::Deadline {{ earliest: {earliest}, latest: {latest}, \
-                 source: crate::layout::{source} }}"
+                "{name}: commram::devices::cansync::Deadline {{ earliest: {earliest}, latest: {latest}, \
+                 source: commram::layout::{source} }}"
             )
         });
         let fields: Vec<String> = numbers.chain(deadlines).collect();
-        let _ = writeln!(out, "    crate::devices::cansync::BaudRate {{ {} }},", fields.join(", "));
+        let _ = writeln!(out, "    commram::devices::cansync::BaudRate {{ {} }},", fields.join(", "));
     }
     out.push_str("];\n\n");
 }

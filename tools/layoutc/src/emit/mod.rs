@@ -31,7 +31,7 @@ pub(crate) fn family(family: &Device) -> String {
 
 /// The module of the family's items.
 fn family_module(device: &Device) -> String {
-    format!("crate::devices::{}::registers", device.family.as_deref().unwrap_or_default())
+    format!("commram::devices::{}::registers", device.family.as_deref().unwrap_or_default())
 }
 
 /// The names of the family's types that the device is made of, as a list for `use`.

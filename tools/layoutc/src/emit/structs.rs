@@ -8,7 +8,7 @@ pub(crate) fn emit(out: &mut String, device: &Device) {
     let unused = "#[allow(unused_imports, reason = \"not every width occurs\")]\n";
     let _ = writeln!(
         out,
-        "{unused}use crate::memory::cell::{{Cell8, Cell16, Cell32, SharedRegs}};\n\
+        "{unused}use commram::memory::cell::{{Cell8, Cell16, Cell32, SharedRegs}};\n\
          {unused}use zerocopy::little_endian::{{U16, U32}};\n"
     );
     if let Some(names) = super::shared_names(device) {

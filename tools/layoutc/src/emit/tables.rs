@@ -9,13 +9,13 @@ use std::fmt::Write;
 pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     let _ = writeln!(
         out,
-        "/// The whole device, for tools.\npub static DEVICE: crate::layout::Device = crate::layout::Device {{\n    \
+        "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
          name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, areas: &descriptor::AREAS,\n    ports: &descriptor::PORTS,\n}};\n",
         device.name, device.title, device.manual
     );
     out.push_str(
         "/// What the layout files say about areas, structures and registers.\n\
-         pub mod descriptor {\n    use crate::layout::*;\n\n",
+         pub mod descriptor {\n    use commram::layout::*;\n\n",
     );
     areas(out, device);
     ports(out, device);
@@ -26,7 +26,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
 pub(crate) fn emit_family(out: &mut String, family: &Device) {
     out.push_str(
         "/// What the layout files say about structures and registers.\n\
-         pub mod descriptor {\n    use crate::layout::*;\n\n",
+         pub mod descriptor {\n    use commram::layout::*;\n\n",
     );
     described(out, family);
 }

@@ -1,0 +1,279 @@
+//! Which devices there are: those of commram itself, and those that a program adds before it uses any.
+
+#[cfg(feature = "emulator")]
+use super::{DeviceConfig, Read, catalogue};
+use super::{bm4_o_can_06, omega_drive_line_2};
+#[cfg(feature = "emulator")]
+use crate::journal::{Kind, Rule};
+use crate::layout::Device as Layout;
+use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
+#[cfg(feature = "plc")]
+use crate::plc::BlockKind;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+/// A device that commram knows.
+#[derive(Debug)]
+pub struct Registered {
+    /// Its areas, registers, ports and times.
+    pub layout: &'static Layout,
+    /// The function blocks that its programs use.
+    #[cfg(feature = "plc")]
+    pub blocks: &'static [BlockKind],
+    /// Reads its section of a plant file; none if only its registers are known.
+    #[cfg(feature = "emulator")]
+    pub read: Option<Read<dyn DeviceConfig>>,
+    /// What only its firmware has to tell the journal.
+    #[cfg(feature = "emulator")]
+    pub records: &'static [&'static Kind],
+    /// Rules of the access checker that only hold for it.
+    #[cfg(feature = "emulator")]
+    pub rules: &'static [&'static Rule],
+}
+
+/// The devices of commram itself, the default one first.
+static BUILT_IN: [Registered; 2] = [
+    Registered {
+        layout: &omega_drive_line_2::registers::DEVICE,
+        #[cfg(feature = "plc")]
+        blocks: omega_drive_line_2::blocks::BLOCKS,
+        #[cfg(feature = "emulator")]
+        read: Some(omega_drive_line_2::PlcConfig::read),
+        #[cfg(feature = "emulator")]
+        records: omega_drive_line_2::records::KINDS,
+        #[cfg(feature = "emulator")]
+        rules: omega_drive_line_2::rules::ALL,
+    },
+    Registered {
+        layout: &bm4_o_can_06::registers::DEVICE,
+        #[cfg(feature = "plc")]
+        blocks: bm4_o_can_06::blocks::BLOCKS,
+        #[cfg(feature = "emulator")]
+        read: Some(bm4_o_can_06::Bm4Config::read),
+        #[cfg(feature = "emulator")]
+        records: &[],
+        #[cfg(feature = "emulator")]
+        rules: &[],
+    },
+];
+
+/// Why a device cannot be added.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+pub enum RegisterError {
+    /// Somebody has already looked something up.
+    #[error("device '{name}' comes too late: add devices before anything else uses them")]
+    TooLate {
+        /// The device.
+        name: &'static str,
+    },
+    /// There is such a name, number or hash already.
+    #[error("device '{name}' has {what} {taken} of '{other}'; each belongs to one device or family")]
+    Taken {
+        /// The device.
+        name: &'static str,
+        /// "the name", "the layout hash", "the number of record" ...
+        what: &'static str,
+        /// The name or number.
+        taken: String,
+        /// Who has it.
+        other: &'static str,
+    },
+}
+
+/// Devices in the order of their registration; who looks first ends it.
+struct Registry {
+    added: Mutex<Vec<&'static Registered>>,
+    all: OnceLock<Vec<&'static Registered>>,
+}
+
+/// The one of this process.
+static REGISTRY: Registry = Registry::new();
+
+impl Registry {
+    const fn new() -> Self {
+        Registry { added: Mutex::new(Vec::new()), all: OnceLock::new() }
+    }
+
+    fn all(&self) -> &[&'static Registered] {
+        self.all.get_or_init(|| {
+            let added = self.added.lock().unwrap_or_else(PoisonError::into_inner);
+            BUILT_IN.iter().chain(added.iter().copied()).collect()
+        })
+    }
+
+    fn register(&self, device: &'static Registered) -> Result<(), RegisterError> {
+        // Whoever looks first waits for this lock.
+        let mut added = self.added.lock().unwrap_or_else(PoisonError::into_inner);
+        let name = device.layout.name;
+        if self.all.get().is_some() {
+            return Err(RegisterError::TooLate { name });
+        }
+        let mut taken = generic_claims();
+        BUILT_IN.iter().chain(added.iter().copied()).for_each(|known| taken.extend(claims(known)));
+        for claim in claims(device) {
+            if let Some(other) = taken.iter().find(|other| other.collides(&claim)) {
+                let Claim { what, value, .. } = claim;
+                return Err(RegisterError::Taken { name, what, taken: value, other: other.owner });
+            }
+            taken.push(claim);
+        }
+        added.push(device);
+        Ok(())
+    }
+}
+
+/// A name or number that only one can have.
+struct Claim {
+    owner: &'static str,
+    what: &'static str,
+    value: String,
+    /// What has it: devices may share it, as those of a family do.
+    thing: *const (),
+}
+
+impl Claim {
+    fn new<T>(owner: &'static str, what: &'static str, value: impl ToString, thing: &'static T) -> Self {
+        Claim { owner, what, value: value.to_string(), thing: core::ptr::from_ref(thing).cast() }
+    }
+
+    fn collides(&self, other: &Claim) -> bool {
+        self.what == other.what && self.value == other.value && self.thing != other.thing
+    }
+}
+
+/// What a device claims for itself.
+fn claims(device: &'static Registered) -> Vec<Claim> {
+    let layout = device.layout;
+    let hash = format!("16#{:016X}", layout.layout_hash);
+    let own = [
+        Claim::new(layout.name, "the name", layout.name, device),
+        Claim::new(layout.name, "the layout hash", hash, device),
+    ];
+    let own = own.into_iter();
+    #[cfg(feature = "emulator")]
+    let own = own.chain(claims_of(layout.name, device.records, device.rules));
+    own.collect()
+}
+
+#[cfg(feature = "emulator")]
+fn claims_of(
+    owner: &'static str,
+    records: &'static [&'static Kind],
+    rules: &'static [&'static Rule],
+) -> impl Iterator<Item = Claim> {
+    let of_records = records.iter().flat_map(move |&kind| {
+        let number = Claim::new(owner, "the number of record", kind.number(), kind);
+        [number, Claim::new(owner, "the name of record", kind.name(), kind)]
+    });
+    let of_rules = rules.iter().flat_map(move |&rule| {
+        let number = Claim::new(owner, "the number of rule", rule.number(), rule);
+        [number, Claim::new(owner, "the name of rule", rule.id(), rule)]
+    });
+    of_records.chain(of_rules)
+}
+
+/// What is the same for every device, and what belongs to media.
+fn generic_claims() -> Vec<Claim> {
+    #[cfg(feature = "emulator")]
+    let claims = catalogue::generic().flat_map(|it| claims_of(it.owner, it.records, it.rules)).collect();
+    #[cfg(not(feature = "emulator"))]
+    let claims = Vec::new();
+    claims
+}
+
+/// Adds a device, for a program that has one of its own: before it does anything else, so that the device is there
+/// wherever commram looks one up. Such a program then calls [`cli::main`](crate::cli::main), or takes what it needs of
+/// the library.
+///
+/// # Errors
+/// [`RegisterError`]: name, layout hash, or the number or name of a record or rule is taken, or somebody has already looked
+/// a device up.
+pub fn register(device: &'static Registered) -> Result<(), RegisterError> {
+    REGISTRY.register(device)
+}
+
+/// Every device, the default one first. From now on none can be added.
+#[must_use]
+pub fn all() -> &'static [&'static Registered] {
+    REGISTRY.all()
+}
+
+/// The device that is meant if nobody names one.
+#[must_use]
+pub fn default() -> &'static Registered {
+    &BUILT_IN[0]
+}
+
+/// The device of this name, as `--device` and plant files give it.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Registered> {
+    all().iter().copied().find(|it| it.layout.name == name)
+}
+
+/// The device of an image whose header holds this layout hash.
+#[must_use]
+pub fn of_hash(hash: u64) -> Option<&'static Registered> {
+    all().iter().copied().find(|it| it.layout.layout_hash == hash)
+}
+
+/// Attaches to the image of a PLC, whatever it is, and tells what it is.
+///
+/// # Errors
+/// As [`Image::attach`]; [`MemoryError::OtherLayout`] if no device has the layout of the image.
+pub fn attach(
+    instance: &str,
+    plc: &str,
+    mode: AttachMode,
+) -> Result<(Attached, &'static Layout), MemoryError> {
+    let attached = Image::attach(instance, plc, mode, None)?;
+    let header = attached.header_snapshot();
+    match of_hash(header.layout_hash.load()) {
+        Some(known) => Ok((attached, known.layout)),
+        None => Err(MemoryError::OtherLayout {
+            path: attached.path().to_owned(),
+            device: header::name(&header.device),
+            found: header.layout_hash.load(),
+            expected: default().layout.layout_hash,
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::header::{AREAS, PORTS, TABLE_NAME_LENGTH};
+
+    #[test]
+    fn every_device_is_found_by_name_and_hash() {
+        for &known in all() {
+            let layout = known.layout;
+            assert!(find(layout.name).is_some_and(|found| core::ptr::eq(found, known)), "{layout:?}");
+            assert!(
+                of_hash(layout.layout_hash).is_some_and(|found| core::ptr::eq(found, known)),
+                "{layout:?}"
+            );
+        }
+        assert!(find("omega").is_none() && of_hash(0).is_none());
+    }
+
+    /// The retain flags are one more area.
+    #[test]
+    fn areas_and_ports_of_every_device_fit_into_the_header_page() {
+        for layout in all().iter().map(|known| known.layout) {
+            assert!(layout.areas.len() < AREAS, "{layout:?}");
+            for area in layout.areas {
+                assert!(area.name.len() < TABLE_NAME_LENGTH, "{area:?}");
+            }
+            assert!(layout.ports.len() <= PORTS, "{layout:?}");
+            for port in layout.ports {
+                assert!(
+                    port.name.len() < TABLE_NAME_LENGTH && port.medium.len() < TABLE_NAME_LENGTH,
+                    "{port:?}"
+                );
+            }
+        }
+    }
+}
+
+#[cfg(all(test, feature = "emulator"))]
+#[allow(unreachable_pub, reason = "the macros declare what families publish")]
+mod register_tests;

@@ -1,0 +1,125 @@
+//! Which devices can be added, and when.
+
+use super::*;
+use crate::coded;
+use crate::journal::{Coded, Fields, Reader, Told};
+use crate::rules;
+
+rules! {
+    OWN: 250, "own", Warning, "p. 1", "Something was done. Something else would be right.";
+    SAME_NUMBER: 250, "other", Warning, "p. 1", "Something was done. Something else would be right.";
+}
+
+coded! {
+    /// Has the number of a frame.
+    NumberOfFrames = 2, "own", Rare, at plc {}
+
+    /// Has the name of a frame.
+    NameOfFrames = 250, "frame", Rare, at plc {}
+}
+
+impl Told for NumberOfFrames {
+    fn text(&self, _: &mut Reader) -> String {
+        "own".to_owned()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new()
+    }
+}
+
+impl Told for NameOfFrames {
+    fn text(&self, _: &mut Reader) -> String {
+        "own".to_owned()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new()
+    }
+}
+
+/// A device with this name and hash, and what it registers.
+fn device(
+    name: &'static str,
+    layout_hash: u64,
+    records: Vec<&'static Kind>,
+    rules: Vec<&'static Rule>,
+) -> &'static Registered {
+    let layout = Box::leak(Box::new(Layout { name, layout_hash, ..Layout::UNKNOWN }));
+    Box::leak(Box::new(Registered {
+        layout,
+        #[cfg(feature = "plc")]
+        blocks: &[],
+        read: None,
+        records: records.leak(),
+        rules: rules.leak(),
+    }))
+}
+
+fn taken(
+    name: &'static str,
+    what: &'static str,
+    taken: impl ToString,
+    other: &'static str,
+) -> Result<(), RegisterError> {
+    Err(RegisterError::Taken { name, what, taken: taken.to_string(), other })
+}
+
+#[test]
+fn devices_stand_behind_those_of_commram_in_the_order_of_their_registration() {
+    let registry = Registry::new();
+    let (one, two) = (device("one", 1, vec![], vec![&OWN]), device("two", 2, vec![], vec![&OWN]));
+    assert_eq!(
+        (registry.register(one), registry.register(two)),
+        (Ok(()), Ok(())),
+        "a family shares its rules"
+    );
+    let all = registry.all();
+    assert_eq!(all.len(), BUILT_IN.len() + 2);
+    assert!(core::ptr::eq(all[0], default()));
+    assert!(core::ptr::eq(all[all.len() - 2], one) && core::ptr::eq(all[all.len() - 1], two));
+}
+
+#[test]
+fn what_somebody_has_nobody_else_can_have() {
+    let registry = Registry::new();
+    let built_in = BUILT_IN[1].layout;
+    let hash = format!("16#{:016X}", built_in.layout_hash);
+    let refusals = [
+        (
+            device(built_in.name, 1, vec![], vec![]),
+            taken(built_in.name, "the name", built_in.name, built_in.name),
+        ),
+        (
+            device("it", built_in.layout_hash, vec![], vec![]),
+            taken("it", "the layout hash", hash, built_in.name),
+        ),
+        (device("it", 1, vec![], ALL.to_vec()), taken("it", "the number of rule", 250, "it")),
+    ];
+    for (device, refusal) in refusals {
+        assert_eq!(registry.register(device), refusal);
+    }
+    assert_eq!(registry.register(device("it", 1, vec![], vec![&OWN])), Ok(()));
+    assert_eq!(registry.register(device("it", 2, vec![], vec![])), taken("it", "the name", "it", "it"));
+    let other = device("other", 2, vec![], vec![&SAME_NUMBER]);
+    assert_eq!(registry.register(other), taken("other", "the number of rule", 250, "it"));
+}
+
+#[test]
+fn numbers_and_names_of_records_of_commram_are_taken() {
+    let registry = Registry::new();
+    let number = device("it", 1, vec![NumberOfFrames::KIND], vec![]);
+    assert_eq!(registry.register(number), taken("it", "the number of record", 2, "cansync"));
+    let name = device("it", 1, vec![NameOfFrames::KIND], vec![]);
+    assert_eq!(registry.register(name), taken("it", "the name of record", "frame", "cansync"));
+}
+
+#[test]
+fn whoever_looks_first_ends_it() {
+    let registry = Registry::new();
+    registry.all();
+    assert_eq!(
+        registry.register(device("it", 1, vec![], vec![])),
+        Err(RegisterError::TooLate { name: "it" })
+    );
+}
