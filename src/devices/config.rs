@@ -28,6 +28,11 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// How many retain flags it has, in bytes.
     fn retain_bytes(&self) -> u32;
 
+    /// The area whose first structure lies in NOVRAM; `None` without any. [`Device::novram`] tells what of it is stored.
+    fn novram(&self) -> Option<&'static layout::Area> {
+        None
+    }
+
     /// Device number `index` of the plant in this image, and its ports, which are still to be plugged in.
     ///
     /// # Errors

@@ -110,6 +110,9 @@ pub trait Device: Any + Send {
     /// fault.
     fn trip(&mut self, now: u64, fault: u16) -> bool;
 
+    /// Interrupt level of an event: a task of a higher one interrupts one of a lower one. `None`: there is no such event.
+    fn event_level(&self, event: usize) -> Option<u8>;
+
     /// Which events stop the plant's clock, bit n for event n.
     fn watch(&mut self, events: u16);
 

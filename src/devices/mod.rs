@@ -12,6 +12,8 @@ mod context;
 mod device;
 #[cfg(feature = "emulator")]
 mod events;
+#[cfg(feature = "plc")]
+mod intr_set;
 #[cfg(feature = "emulator")]
 mod medium;
 pub mod omega_drive_line_2;

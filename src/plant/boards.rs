@@ -80,6 +80,11 @@ impl Plant {
         self.devices.iter_mut().for_each(|device| device.keep_novram());
     }
 
+    /// Interrupt level of an event of PLC `plc`; `None`: there is no such event.
+    pub fn event_level(&self, plc: usize, event: usize) -> Option<u8> {
+        self.devices.get(plc)?.event_level(event)
+    }
+
     /// Events of PLC `plc` since the last call, bit n for event n.
     pub fn take_fired(&mut self, plc: usize) -> u16 {
         self.devices.get_mut(plc).map_or(0, |device| device.take_fired())

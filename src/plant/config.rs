@@ -216,11 +216,6 @@ impl PlantConfig {
         self.devices.iter().find(|device| device.name() == name).map(|device| &**device)
     }
 
-    /// How many retain flags the PLC of this name has, in bytes; 0 if there is none.
-    pub fn retain_bytes(&self, plc: &str) -> u32 {
-        self.device(plc).map_or(0, DeviceConfig::retain_bytes)
-    }
-
     /// The faults of the file, checked.
     ///
     /// # Errors

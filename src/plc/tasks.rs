@@ -109,7 +109,7 @@ pub struct Tasks<P: Program> {
 
 impl<P: Program> Tasks<P> {
     /// Loads a program with a cyclic task every `period` of emulated time and a task for each of the event
-    /// numbers, which the program enables with [`INTR_SET`](crate::devices::omega_drive_line_2::blocks::INTR_SET).
+    /// numbers, which the program enables with `INTR_SET`.
     pub fn load(ram: &Ram, program: P, period: Duration, events: &[usize]) -> Self {
         let header = ram.header();
         let mut orders = header.program.start.rings();

@@ -136,17 +136,17 @@ impl Emulator {
             let image = Image::create(&options.instance, plc, &spec)?;
             let segment = image.segment().clone();
             images.push(image);
-            if let Some(path) = &options.novram {
+            if let (Some(path), Some(of)) = (&options.novram, config.device(plc)) {
                 // After the first image: who starts an instance twice is told so, not that the directory is in use.
                 let directory = match &mut directory {
                     Some(directory) => directory,
                     none => none.insert(Directory::open(path)?),
                 };
-                let (content, found) = Novram::power_on(directory, plc, &segment, config.retain_bytes(plc))?;
-                if let Found::SetAside(path) = &found {
+                let content = Novram::power_on(directory, of, &segment)?;
+                if let Some((_, Found::SetAside(path))) = &content {
                     tracing::warn!("damaged NOVRAM of {plc}: kept as {}", path.display());
                 }
-                novram.push(content);
+                novram.push(content.map(|(novram, _)| novram));
             }
             Ok::<_, RuntimeError>(segment)
         })?;
@@ -343,11 +343,7 @@ impl Emulator {
     fn save_novram(&mut self, last: bool) {
         let (devices, images) = (self.plant.devices(), &self.images);
         let is_lost = |plc: usize| images.get(plc).is_some_and(Image::was_shortened);
-        let stored = |plc: usize| {
-            // A device without NOVRAM has nothing to store.
-            let (stored, generation) = devices.get(plc).filter(|_| !is_lost(plc))?.novram();
-            Some((stored.try_into().ok()?, generation))
-        };
+        let stored = |plc: usize| Some(devices.get(plc).filter(|_| !is_lost(plc))?.novram());
         self.novram.save(stored, last);
     }
 

@@ -5,7 +5,6 @@
 //! higher level interrupts one of a lower level, which then needs as much longer; tasks of the same level wait for
 //! each other (manual 5.00005.03a p. 43-44, 73). Who dies, leaves or takes too long is given up.
 
-use crate::devices::omega_drive_line_2::board::level;
 use crate::memory::header::{Seat, SeatState};
 use crate::memory::{Header, View, bell};
 use crate::plant::Plant;
@@ -91,7 +90,7 @@ impl Lockstep {
     fn seat(&mut self, plc: usize, seat: View<Seat>, plant: &mut Plant) {
         let event = seat.event.load() as usize;
         let (Some(level), Some(slot), true) =
-            (level(event), self.headers[plc].events.get(event), self.stepped)
+            (plant.event_level(plc, event), self.headers[plc].events.get(event), self.stepped)
         else {
             seat.state.store(SeatState::Refused.code());
             plant.note_lockstep(plc, event, SeatState::Refused);

@@ -7,6 +7,7 @@ mod active;
 mod common;
 
 mod attach_contract;
+mod bm4;
 mod events;
 mod lockstep;
 mod novram;

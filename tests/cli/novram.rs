@@ -63,3 +63,25 @@ fn a_novram_directory_that_cannot_be_used_is_an_error() {
     assert!(outcome.fails(1).contains("--novram needs a writable directory"), "{}", outcome.err);
     assert!(files_of(&name).is_empty());
 }
+
+/// Of a plant with several devices each keeps what it has: a b maXX PLC has nothing, and no file.
+#[test]
+fn devices_without_novram_get_no_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let plant = directory.path().join("plant.toml");
+    let text = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[plc]]\nname = 'omega'\n[[bus]]\nname = 'b'\n";
+    std::fs::write(&plant, text).unwrap();
+    let novram = directory.path().join("novram");
+    let arguments = [plant.to_str().unwrap(), "--clock", "stepped", "--novram", novram.to_str().unwrap()];
+    let mut emulator = Emulator::start(&arguments);
+    emulator.poke(&["omega:ethernet_config.d_ROUTER=16#4E6F5F52"]);
+    emulator.run("stop", &[]).ok();
+    assert_eq!(emulator.wait().code(), Some(0));
+    let files = std::fs::read_dir(&novram).unwrap().map(|file| file.unwrap().file_name());
+    assert_eq!(
+        files.filter(|file| file.to_str().unwrap().ends_with("novram")).collect::<Vec<_>>(),
+        ["omega.novram"]
+    );
+    let emulator = Emulator::start(&arguments);
+    assert_eq!(emulator.peek(&["omega:ethernet_config.d_ROUTER"]), "16#4E6F5F52");
+}

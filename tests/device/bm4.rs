@@ -1,13 +1,17 @@
 //! The b maXX PLC: its modules on buses, at its own rates.
 
+use commram::devices::bm4_o_can_06::blocks::{CANsync_INIT, INTR_SET, Ram};
 use commram::devices::bm4_o_can_06::registers::*;
 use commram::devices::bm4_o_can_06::{Led, Leds};
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::{BaudRate, registers as family, rules};
+use commram::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use commram::devices::omega_drive_line_2::registers as omega;
+use commram::journal::Format;
+use commram::journal::text::Text;
 use commram::memory::{MemoryError, Segment, View};
-use commram::plant::{Plant, PlantConfig, PlantError};
+use commram::plant::{Plant, PlantConfig, PlantError, Power};
 
 type Master = View<family::CANsync_MA_CTRL_BMSTRUCT>;
 type Slave = View<family::CANsync_SL_CTRL_BMSTRUCT>;
@@ -289,6 +293,57 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
     let before = header.sync_counter[0].load();
     bm4.step(10_000);
     assert_eq!(header.sync_counter[0].load() - before, 5);
+}
+
+/// D-29: where 16#0000 stood before, the RAM does not show a restart; the block tells of it, for its own slot.
+#[test]
+fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
+    let mut bm4 = Bm4::new(&plant_text(1000));
+    let init: Init = bm4.segment(1).view(SLOTM).unwrap();
+    bm4.initialize(&init, rate(1000), 0x00);
+    bm4.command(&init, 0x0020, 0x0043);
+    init.w_CPU_CONTROL.store(0x0080);
+    bm4.step(500);
+    assert_eq!((init.w_CPU_CONTROL.load(), init.w_OPTION_STATUS.load()), (0x0000, 0x0043));
+    let header = bm4.segment(1).header().unwrap();
+    let told = || header.ports.iter().map(|port| port.restarts_written.load()).take(6).collect::<Vec<_>>();
+    let before = told();
+    let ram = Ram::of(&bm4.segment(1)).unwrap();
+    let base = ram.at::<CANsync_PLC_INIT_BMSTRUCT>(SLOTM).unwrap();
+    CANsync_INIT { us_BAUDRATE: 6, us_SYNC_INTERVAL: 1, ..Default::default() }.call(&base);
+    assert_eq!(told(), [&before[..5], &[before[5] + 1]].concat());
+    bm4.step(500);
+    assert_eq!(init.w_OPTION_STATUS.load(), 0x0001);
+}
+
+/// P. 25: event 11 by the block, every other one is refused.
+#[test]
+fn intr_set_knows_event_11_only() {
+    let mut bm4 = Bm4::new(&plant_text(1000));
+    let ram = Ram::of(&bm4.segment(0)).unwrap();
+    for event in 0..16 {
+        let mut block = INTR_SET { i_EVENT: event, x_EN: true, ..Default::default() };
+        block.call(&ram);
+        bm4.step(500);
+        block.call(&ram);
+        assert_eq!((block.is_answered(), block.x_ERR), (true, event != 11), "event {event}");
+    }
+}
+
+/// P. 27: a slave number that somebody else has.
+#[test]
+fn a_number_that_is_taken_is_told_with_its_slot() {
+    let text =
+        format!("{}[[bus.drive]]\nname = 'other'\nslave_number = 7\ncard_function = 0\n", plant_text(1000));
+    let mut bm4 = Bm4::new(&text);
+    bm4.segment(0).header().unwrap().ports[1].dip.store(7);
+    bm4.plant.set_power(0, Power::Off);
+    bm4.plant.set_power(0, Power::On);
+    let taken = OnBoard { plc: 0, what: BoardEvent::NumberTaken { port: 2, number: 7 } };
+    let record = bm4.plant.journal().records().find(|record| record.event == taken.into()).unwrap();
+    let mut text = String::new();
+    Text::new(bm4.plant.names(), commram::devices::catalogue()).record(record, &mut text);
+    assert!(text.contains("nobody can address slotH"), "{text}");
 }
 
 /// An Omega Drive-Line II knows no 1 Mbit/s: it hears nothing there.

@@ -142,9 +142,14 @@ impl Front {
     }
 }
 
+/// Interrupt level of an event. There is only one, so that there is nothing for it to be higher or lower than.
+pub(super) fn level(event: usize) -> Option<u8> {
+    (event == SYNC_EVENT).then_some(0)
+}
+
 /// `INTR_SET` (p. 25).
 fn set(events: &mut Events, event: usize, _: i16, enable: bool) -> InterruptResult {
-    if event != SYNC_EVENT {
+    if level(event).is_none() {
         return InterruptResult::NoSuchEvent;
     }
     let bit = 1 << SYNC_EVENT;

@@ -2,7 +2,7 @@
 //! its front.
 
 use super::config::{Bm4Config, ModuleConfig, ModuleKind};
-use super::front::Front;
+use super::front::{self, Front};
 use super::leds::{Leds, Seen};
 use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE};
 use crate::devices::cansync::bus::SyncLock;
@@ -228,7 +228,7 @@ impl Device for Bm4Plc {
 
     fn address_taken(&mut self, ctx: &mut Context, port: u8) {
         let (plc, number) = (self.index, self.address(port));
-        ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { number } });
+        ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
     }
 
     fn port_joined(&mut self, port: u8, takes_part: bool) {
@@ -276,6 +276,10 @@ impl Device for Bm4Plc {
     /// There is no drive in it.
     fn trip(&mut self, _: u64, _: u16) -> bool {
         false
+    }
+
+    fn event_level(&self, event: usize) -> Option<u8> {
+        front::level(event)
     }
 
     fn watch(&mut self, events: u16) {

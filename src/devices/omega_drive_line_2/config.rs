@@ -3,11 +3,11 @@
 use super::Plc;
 use super::plc::{MASTER, SLAVE};
 use crate::devices::cansync::drive::{BuiltInDriveConfig, Watch};
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::devices::omega_drive_line_2::registers::{DEVICE, ETHERNET_CONFIG};
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
-use crate::layout::Device;
 use crate::layout::flags::{MOST_RETAIN, RETAIN_SIZE};
+use crate::layout::{Area, Device};
 use crate::memory::Segment;
 use crate::memory::header::Project;
 use serde::Deserialize;
@@ -141,6 +141,11 @@ impl DeviceConfig for PlcConfig {
 
     fn retain_bytes(&self) -> u32 {
         self.retain_bytes
+    }
+
+    /// The Ethernet configuration (p. 61, 76).
+    fn novram(&self) -> Option<&'static Area> {
+        DEVICE.areas.iter().find(|area| area.first == ETHERNET_CONFIG as u32)
     }
 
     fn build(

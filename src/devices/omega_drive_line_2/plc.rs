@@ -7,7 +7,7 @@ use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::cansync::firmware::Seat;
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
-use crate::devices::omega_drive_line_2::board::Board;
+use crate::devices::omega_drive_line_2::board::{Board, level};
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::records::{BAPS_NODE, BoardEvent, OnBoard};
 use crate::devices::omega_drive_line_2::registers::{
@@ -190,9 +190,9 @@ impl Device for Plc {
         self.board.dip()
     }
 
-    fn address_taken(&mut self, ctx: &mut Context, _: u8) {
+    fn address_taken(&mut self, ctx: &mut Context, port: u8) {
         let (plc, number) = (self.index, self.board.dip());
-        ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { number } });
+        ctx.report(OnBoard { plc, what: BoardEvent::NumberTaken { port, number } });
     }
 
     fn port_joined(&mut self, port: u8, takes_part: bool) {
@@ -247,6 +247,10 @@ impl Device for Plc {
 
     fn trip(&mut self, now: u64, fault: u16) -> bool {
         self.board.has_supply() && self.baps.trip(now, fault)
+    }
+
+    fn event_level(&self, event: usize) -> Option<u8> {
+        level(event)
     }
 
     fn watch(&mut self, events: u16) {

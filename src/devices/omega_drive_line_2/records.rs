@@ -1,8 +1,9 @@
 //! What the journal tells about the board of an Omega Drive-Line II.
 
 use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Packer, Part, Reader, Told, Unpacker};
+use crate::journal::{Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
 use crate::memory::header::{InterruptResult, OptInitResult, Project, RunSwitch, SeatState, Start};
+use std::borrow::Cow;
 use std::net::Ipv4Addr;
 
 /// All kinds.
@@ -20,12 +21,13 @@ coded! {
 }
 
 impl Told for OnBoard {
-    fn text(&self, _: &mut Reader) -> String {
-        self.what.text()
+    fn text(&self, reader: &mut Reader) -> String {
+        let port = |node| reader.names.port(Origin { plc: self.plc, node });
+        self.what.text(port)
     }
 
-    fn fields(&self, _: &mut Reader) -> Fields {
-        Fields::new().with("what", self.what.name()).with("text", self.what.text())
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        Fields::new().with("what", self.what.name()).with("text", self.text(reader))
     }
 }
 
@@ -89,8 +91,10 @@ pub enum BoardEvent {
         /// What became of it.
         result: OptInitResult,
     },
-    /// The DIP number belongs to another station of the bus at node 1: nobody can address the node.
+    /// The number at the DIP switches belongs to another station of the bus at a port: nobody can address the port.
     NumberTaken {
+        /// Number of the port.
+        port: u8,
         /// The number.
         number: u8,
     },
@@ -143,7 +147,7 @@ impl BoardEvent {
             BoardEvent::Triggers { modes: [one, two, controller], result } => {
                 (7, byte(one, 0) | byte(two, 1) | byte(controller, 2) | byte(result.code() as u8, 3))
             }
-            BoardEvent::NumberTaken { number } => (8, number.into()),
+            BoardEvent::NumberTaken { port, number } => (8, byte(number, 0) | byte(port, 1)),
             BoardEvent::Lockstep { event, state } => (9, byte(event, 0) | byte(state.code() as u8, 1)),
             BoardEvent::AddressStored { config, address } => (10, address_words(config, address)),
             BoardEvent::AddressRefused { config, address } => (11, address_words(config, address)),
@@ -173,7 +177,7 @@ impl BoardEvent {
                 modes: [first, second, third],
                 result: OptInitResult::from_code(fourth.into())?,
             },
-            8 => BoardEvent::NumberTaken { number: first },
+            8 => BoardEvent::NumberTaken { port: second, number: first },
             9 => BoardEvent::Lockstep { event: first, state: SeatState::from_code(second.into())? },
             10 => BoardEvent::AddressStored { config, address },
             11 => BoardEvent::AddressRefused { config, address },
@@ -202,8 +206,8 @@ impl BoardEvent {
         }
     }
 
-    /// What happened, in words.
-    pub fn text(&self) -> String {
+    /// What happened, in words; `port_name` tells the name of a port.
+    fn text<'a>(&self, port_name: impl Fn(u8) -> Cow<'a, str>) -> String {
         match *self {
             BoardEvent::Up { dip } => format!("on, DIP number {dip}"),
             BoardEvent::Down => "off, or held in RESET".to_owned(),
@@ -239,8 +243,9 @@ impl BoardEvent {
                 };
                 format!("OPT_INIT refused ({modes}): {why}")
             }
-            BoardEvent::NumberTaken { number } => {
-                format!("slave number {number} belongs to another station already, nobody can address node1")
+            BoardEvent::NumberTaken { port, number } => {
+                let port = port_name(port);
+                format!("slave number {number} belongs to another station already, nobody can address {port}")
             }
             BoardEvent::Lockstep { event, state } => {
                 let what = match state {

@@ -2,20 +2,22 @@ mod killed;
 
 use super::file::{decode, encode};
 use super::*;
-use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use crate::memory::header::{RETAIN_OFFSET, RETAIN_SIZE};
+use crate::plant::PlantConfig;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-const ROUTER: u32 = ETHERNET_CONFIG as u32 + 12;
-const ADDRESS: u32 = ETHERNET_CONFIG as u32 + 4;
+/// Registers that the device of the built-in plant has in NOVRAM, in bytes, and two of them.
+const REGISTERS: usize = 16;
+const ROUTER: u32 = 180_016 + 12;
+const ADDRESS: u32 = 180_016 + 4;
 const FLAG: u32 = RETAIN_OFFSET as u32;
 const LAST_FLAG: u32 = (RETAIN_OFFSET + RETAIN_SIZE - 1) as u32;
 
 fn content(byte: u8) -> Content {
-    Content::new(&[byte; ETHERNET_SIZE], &[byte; RETAIN_SIZE])
+    Content::new(&[byte; REGISTERS], &[byte; RETAIN_SIZE])
 }
 
 /// The directory as an emulator has it.
@@ -23,8 +25,19 @@ fn open(directory: &tempfile::TempDir) -> Directory {
     Directory::open(directory.path()).unwrap()
 }
 
+fn segment() -> Segment {
+    Segment::of(PlantConfig::built_in().unwrap().devices[0].layout())
+}
+
+/// The NOVRAM of a device of a plant.
+fn restored(directory: &Directory, plant: &str, segment: &Segment) -> Result<(Novram, Found), NovramError> {
+    let plant = PlantConfig::parse("novram", plant).unwrap();
+    Ok(Novram::power_on(directory, &*plant.devices[0], segment)?.expect("it has one"))
+}
+
+/// That of PLC `line`, with the number of retain flags that a PLC has that does not say otherwise.
 fn power_on(directory: &tempfile::TempDir, segment: &Segment) -> Result<(Novram, Found), NovramError> {
-    Novram::power_on(&open(directory), "line", segment, RETAIN_SIZE as u32)
+    restored(&open(directory), "[[plc]]\nname = 'line'\n", segment)
 }
 
 /// Names of the files in it.
@@ -37,22 +50,24 @@ fn names(directory: &tempfile::TempDir) -> Vec<String> {
 #[test]
 fn flags_beyond_those_of_the_plant_stay_in_the_file() {
     let directory = tempfile::tempdir().unwrap();
-    let on =
-        |segment: &Segment, bytes| Novram::power_on(&open(&directory), "line", segment, bytes).unwrap().0;
+    let on = |segment: &Segment, bytes: u32| {
+        let plant = format!("[[plc]]\nname = 'line'\nretain_bytes = {bytes}\n");
+        restored(&open(&directory), &plant, segment).unwrap().0
+    };
     let save = |novram: &mut Novram| {
-        let content = novram.changed((&[0; ETHERNET_SIZE], 0), true).unwrap();
+        let content = novram.changed((&[0; REGISTERS], 0), true).unwrap();
         file::store(&mut open(&directory), &novram.name, &content).unwrap();
     };
-    let (many, few) = (Segment::heap(SEGMENT_END), Segment::heap(SEGMENT_END));
+    let (many, few) = (segment(), segment());
     let (last, first) = (79_996, RETAIN_OFFSET as u32);
     many.store(last, Width::Dword, 7).unwrap();
     save(&mut on(&many, 71_808));
     let mut novram = on(&few, 8);
     assert_eq!(few.load(last, Width::Dword).unwrap(), 0, "this plant has no such flag");
-    assert_eq!(novram.changed((&[0; ETHERNET_SIZE], 0), true), None);
+    assert_eq!(novram.changed((&[0; REGISTERS], 0), true), None);
     few.store(first, Width::Dword, 5).unwrap();
     save(&mut novram);
-    let again = Segment::heap(SEGMENT_END);
+    let again = segment();
     on(&again, 71_808);
     let held = [first, last].map(|flag| again.load(flag, Width::Dword).unwrap());
     assert_eq!(held, [5, 7]);
@@ -61,10 +76,10 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
 #[test]
 fn content_survives_power_off() {
     let directory = tempfile::tempdir().unwrap();
-    let first = Segment::heap(SEGMENT_END);
+    let first = segment();
     let (mut novram, found) = power_on(&directory, &first).unwrap();
     assert_eq!(found, Found::Nothing);
-    let mut config = [0; ETHERNET_SIZE];
+    let mut config = [0; REGISTERS];
     assert_eq!(novram.changed((&config, 0), true), None, "nothing to save");
     config[4] = 192;
     config[12..].copy_from_slice(&0x4E6F_5F52_u32.to_le_bytes());
@@ -75,7 +90,7 @@ fn content_survives_power_off() {
     file::store(&mut open(&directory), &novram.name, &changed).unwrap();
     assert_eq!(novram.changed((&config, 1), true), None, "saved already");
 
-    let second = Segment::heap(SEGMENT_END);
+    let second = segment();
     let (_, found) = power_on(&directory, &second).unwrap();
     assert_eq!(found, Found::Content { retain: true });
     for (offset, width, value) in
@@ -87,13 +102,29 @@ fn content_survives_power_off() {
     assert_eq!(names(&directory), ["line.novram"], "no temporary file stays");
 }
 
+/// Neither registers nor retain flags: no file.
+#[test]
+fn a_device_without_novram_has_no_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let none = |known: &&crate::devices::Registered| {
+        let text = format!("[[device]]\nkind = '{}'\nname = 'line'\n", known.layout.name);
+        let Ok(plant) = PlantConfig::parse("novram", &text) else { return false };
+        let device = &*plant.devices[0];
+        let restored = Novram::power_on(&open(&directory), device, &Segment::of(device.layout())).unwrap();
+        assert_eq!(restored.is_some(), device.retain_bytes() > 0 || device.novram().is_some());
+        restored.is_none()
+    };
+    assert!(crate::devices::DEVICES.iter().filter(none).count() > 0, "there are such devices");
+    assert_eq!(names(&directory), [""; 0]);
+}
+
 #[test]
 fn retain_flags_are_looked_at_when_it_is_time() {
     let directory = tempfile::tempdir().unwrap();
-    let segment = Segment::heap(SEGMENT_END);
+    let segment = segment();
     let (mut novram, _) = power_on(&directory, &segment).unwrap();
     segment.store(FLAG, Width::Dword, 7).unwrap();
-    let config = [0; ETHERNET_SIZE];
+    let config = [0; REGISTERS];
     assert_eq!(novram.changed((&config, 0), false), None);
     let mut flags = [0; RETAIN_SIZE];
     flags[0] = 7;
@@ -105,7 +136,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("line.novram");
     let good = encode(&content(7));
-    assert_eq!(decode(&good), Some(content(7)));
+    assert_eq!(decode(&good, REGISTERS), Some(content(7)));
     let mut flipped = good.clone();
     flipped[20] ^= 1;
     let mut older = good.clone();
@@ -114,7 +145,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
     let bad = [flipped, older, truncated, b"something else".to_vec(), Vec::new()];
     for (n, bytes) in bad.into_iter().enumerate() {
         fs::write(&path, &bytes).unwrap();
-        let segment = Segment::heap(SEGMENT_END);
+        let segment = segment();
         let (_, found) = power_on(&directory, &segment).unwrap();
         let aside = directory.path().join(format!("line.novram.bad-{}", n + 1));
         assert_eq!(found, Found::SetAside(aside.clone()));
@@ -134,31 +165,32 @@ fn a_directory_that_cannot_be_used_is_named() {
 #[test]
 fn the_keeper_has_written_everything_when_it_ends() {
     let directory = tempfile::tempdir().unwrap();
-    let segments = [Segment::heap(SEGMENT_END), Segment::heap(SEGMENT_END)];
+    let segments = [segment(), segment()];
     let opened = open(&directory);
-    let power_on = |name, segment| Novram::power_on(&opened, name, segment, RETAIN_SIZE as u32).unwrap().0;
-    let novram = vec![power_on("a", &segments[0]), power_on("b", &segments[1])];
+    let power_on = |name, segment| {
+        restored(&opened, &format!("[[plc]]\nname = '{name}'\n"), segment).map(|(novram, _)| novram).ok()
+    };
+    let novram = vec![power_on("a", &segments[0]), None, power_on("b", &segments[1])];
     let mut keeper = Keeper::new(Some(opened), novram).unwrap();
-    let configs = [1, 2].map(|byte| [byte; ETHERNET_SIZE]);
+    let configs = [1, 0, 2].map(|byte| [byte; REGISTERS]);
     for generation in 1..50 {
-        keeper.save(|plc| Some((&configs[plc], generation)), false);
+        keeper.save(|plc| Some((&configs[plc][..], generation)), false);
     }
     segments[1].store(FLAG, Width::Byte, 9).unwrap();
-    keeper.save(|plc| Some((&configs[plc], 50)), true);
+    keeper.save(|plc| Some((&configs[plc][..], 50)), true);
     drop(keeper);
     for (name, byte, flag) in [("a", 1, 0), ("b", 2, 9)] {
         let bytes = fs::read(directory.path().join(format!("{name}.novram"))).unwrap();
-        let content = decode(&bytes).unwrap();
-        assert_eq!((content.ethernet()[0], content.retain()[0]), (byte, flag));
+        let content = decode(&bytes, REGISTERS).unwrap();
+        assert_eq!((content.registers()[0], content.retain()[0]), (byte, flag));
     }
 }
 
 /// The NOVRAM of a PLC with its keeper, which has not written anything yet.
 fn keeper(directory: &tempfile::TempDir) -> Keeper {
     let opened = open(directory);
-    let (novram, _) =
-        Novram::power_on(&opened, "line", &Segment::heap(SEGMENT_END), RETAIN_SIZE as u32).unwrap();
-    Keeper::new(Some(opened), vec![novram]).unwrap()
+    let (novram, _) = restored(&opened, "[[plc]]\nname = 'line'\n", &segment()).unwrap();
+    Keeper::new(Some(opened), vec![Some(novram)]).unwrap()
 }
 
 /// A directory in the way of the new file: it cannot be written, whoever runs this.
@@ -170,7 +202,7 @@ fn block(directory: &tempfile::TempDir) -> std::path::PathBuf {
 
 fn saved(directory: &tempfile::TempDir) -> Option<Content> {
     match fs::read(directory.path().join("line.novram")) {
-        Ok(bytes) => Some(decode(&bytes).expect("whole")),
+        Ok(bytes) => Some(decode(&bytes, REGISTERS).expect("whole")),
         Err(error) if error.kind() == ErrorKind::NotFound => None,
         Err(error) => panic!("{error}"),
     }
@@ -189,13 +221,13 @@ fn what_cannot_be_written_is_tried_again_until_it_can() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     let in_the_way = block(&directory);
-    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), false);
+    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), false);
     // Nothing changes any more, and still.
-    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), true);
+    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
     assert_eq!(saved(&directory), None);
     fs::remove_dir(in_the_way).unwrap();
     wait_until_saved(&directory);
-    assert_eq!(saved(&directory).unwrap().ethernet(), [5; ETHERNET_SIZE]);
+    assert_eq!(saved(&directory).unwrap().registers(), [5; REGISTERS]);
     keeper.close().unwrap();
     assert_eq!(names(&directory), ["line.novram"]);
 }
@@ -205,7 +237,7 @@ fn what_cannot_be_written_at_last_either_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     let _in_the_way = block(&directory);
-    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), true);
+    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
     let error = keeper.close().unwrap_err();
     assert!(matches!(error, NovramError::Lost { .. }), "{error:?}");
     let error = error.to_string();
@@ -218,16 +250,16 @@ fn a_directory_that_has_gone_is_made_again() {
     let directory = tempfile::tempdir().unwrap();
     let mut keeper = keeper(&directory);
     fs::remove_dir(directory.path()).unwrap();
-    keeper.save(|_| Some((&[5; ETHERNET_SIZE], 1)), true);
+    keeper.save(|_| Some((&[5; REGISTERS][..], 1)), true);
     keeper.close().unwrap();
-    assert_eq!(saved(&directory).unwrap().ethernet(), [5; ETHERNET_SIZE]);
+    assert_eq!(saved(&directory).unwrap().registers(), [5; REGISTERS]);
 }
 
 #[test]
 fn a_directory_that_cannot_be_written_is_found_out_at_power_on() {
     let directory = tempfile::tempdir().unwrap();
     let _in_the_way = block(&directory);
-    let error = power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap_err().to_string();
+    let error = power_on(&directory, &segment()).unwrap_err().to_string();
     assert!(error.contains("line.novram: cannot write it"), "{error}");
 }
 
@@ -236,12 +268,12 @@ fn what_a_killed_emulator_has_left_half_written_goes() {
     let directory = tempfile::tempdir().unwrap();
     let (new, other) = (directory.path().join("line.novram.new"), directory.path().join("other"));
     fs::write(&new, "half").unwrap();
-    power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
+    power_on(&directory, &segment()).unwrap();
     assert_eq!(names(&directory), [""; 0]);
     // Nor is it written to, if it is a link to something else.
     fs::write(&other, "mine").unwrap();
     std::os::unix::fs::symlink(&other, &new).unwrap();
-    power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
+    power_on(&directory, &segment()).unwrap();
     assert_eq!((names(&directory), fs::read(&other).unwrap()), (vec!["other".to_owned()], b"mine".to_vec()));
 }
 
@@ -267,7 +299,7 @@ fn only_regular_files_are_read_and_no_links_are_followed() {
     for (found, make) in makers {
         let directory = tempfile::tempdir().unwrap();
         make(&directory.path().join("line.novram")).unwrap();
-        let error = power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap_err().to_string();
+        let error = power_on(&directory, &segment()).unwrap_err().to_string();
         assert!(error.contains(&format!("line.novram: this is {found}")), "{error}");
         assert_eq!(names(&directory), ["line.novram"], "it is left alone");
     }
@@ -279,7 +311,7 @@ fn a_huge_file_is_set_aside_unread() {
     let directory = tempfile::tempdir().unwrap();
     let file = fs::File::create(directory.path().join("line.novram")).unwrap();
     file.set_len(1 << 40).unwrap();
-    let (_, found) = power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
+    let (_, found) = power_on(&directory, &segment()).unwrap();
     assert_eq!(found, Found::SetAside(directory.path().join("line.novram.bad-1")));
 }
 

@@ -2,7 +2,6 @@
 
 use super::file::{self, Content};
 use super::{Directory, Novram, NovramError};
-use crate::devices::omega_drive_line_2::ethernet::Stored;
 use std::collections::BTreeMap;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
@@ -22,17 +21,17 @@ type Writer = JoinHandle<Result<(), NovramError>>;
 /// Keeps the NOVRAM files of all PLCs. Dropping it waits until everything is written.
 #[derive(Debug)]
 pub struct Keeper {
-    novram: Vec<Novram>,
+    novram: Vec<Option<Novram>>,
     writer: Option<(Sender<Job>, Writer)>,
     next_look: Instant,
 }
 
 impl Keeper {
-    /// Keeps these, in the order of the plant, in their directory; without one it never does anything.
+    /// Keeps these, one for each device of the plant that has any, in their directory; without one it never does anything.
     ///
     /// # Errors
     /// No thread can be started.
-    pub fn new(directory: Option<Directory>, novram: Vec<Novram>) -> std::io::Result<Self> {
+    pub fn new(directory: Option<Directory>, novram: Vec<Option<Novram>>) -> std::io::Result<Self> {
         let writer = match directory {
             None => None,
             Some(directory) => {
@@ -44,16 +43,17 @@ impl Keeper {
         Ok(Keeper { novram, writer, next_look: Instant::now() + RETAIN_EVERY })
     }
 
-    /// Writes what has changed; `stored` tells the Ethernet configuration of a PLC, or nothing if its registers are
-    /// lost. The retain flags are looked at once a second, or if this is the `last` time.
-    pub fn save<'a>(&mut self, stored: impl Fn(usize) -> Option<(&'a Stored, u32)>, last: bool) {
+    /// Writes what has changed; `stored` tells what registers a device has stored, or nothing if they are lost.
+    /// The retain flags are looked at once a second, or if this is the `last` time.
+    pub fn save<'a>(&mut self, stored: impl Fn(usize) -> Option<(&'a [u8], u32)>, last: bool) {
         let Some((jobs, _)) = &self.writer else { return };
         let now = Instant::now();
         let retain = last || now >= self.next_look;
         if retain {
             self.next_look = now + RETAIN_EVERY;
         }
-        for (index, novram) in self.novram.iter_mut().enumerate() {
+        let novram = self.novram.iter_mut().enumerate();
+        for (index, novram) in novram.filter_map(|(index, novram)| Some((index, novram.as_mut()?))) {
             if let Some(stored_now) = stored(index)
                 && let Some(content) = novram.changed(stored_now, retain)
                 // Lost while they were read: the file has the last that is known.

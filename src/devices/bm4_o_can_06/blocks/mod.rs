@@ -1,4 +1,5 @@
-//! The function blocks for the CANsync option modules of the b maXX PLC (manual 5.02066.01a chapter 4, p. 99-196).
+//! The function blocks for the CANsync option modules of the b maXX PLC (manual 5.02066.01a chapter 4, p. 99-196), and
+//! `INTR_SET`, which p. 25 names.
 //!
 //! What `_BASE` is connected to are this device's structures: `_CANsyncMaster_Init_Slot_G AT %MB3.2001792 :
 //! CANsync_PLC_INIT_BMSTRUCT` and so on. Blocks of the BACI are not described and not here.
@@ -10,6 +11,7 @@ mod cansync;
 use crate::plc::{BlockKind, block_kinds};
 
 pub use crate::devices::cansync::blocks::*;
+pub use crate::devices::intr_set::INTR_SET;
 pub use crate::plc::{Base, Program, Progress, Ram, RunError, Tasks};
 pub use cansync::*;
 
@@ -23,5 +25,5 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
         CANsync_BC_SL CANsync_CONTROLWORD_SL CANsync_MODE_SL CANsync_PAR_SL CANsync_PD_CFG_READ_SL CANsync_PD_CFG_SL
         CANsync_PD_COMM_READ_SL CANsync_PD_COMM_SL CANsync_UPDOWNLOAD_SL;
     "CANsync_PLC_INIT_BMSTRUCT": CANsync_INIT;
-    -: CANsync_SL_TYP_INIT;
+    -: CANsync_SL_TYP_INIT INTR_SET;
 };

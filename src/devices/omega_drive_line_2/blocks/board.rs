@@ -1,29 +1,12 @@
-//! `LED`, `INTR_SET`, `OPT_INIT`, `TIME_MEASURE_START`, `TIME_MEASURE_END`: blocks of the board
-//! (manual 5.00005.03a p. 47-51, 56-60).
+//! `LED`, `OPT_INIT`, `TIME_MEASURE_START`, `TIME_MEASURE_END`: blocks of the board
+//! (manual 5.00005.03a p. 47, 51, 56-60).
 //!
 //! On the device they call its firmware and have no registers; here they use the header page
 //! (`docs/attach.md`).
 
-use crate::memory::header::{InterruptResult, OptInitResult};
+use crate::devices::intr_set::Request;
+use crate::memory::header::OptInitResult;
 use crate::plc::{Ram, function_block};
-
-/// A request to the board. A power-on or reset drops it, so it counts for one life of the board only.
-#[derive(Clone, Copy, Debug)]
-pub struct Request {
-    number: u32,
-    restarts: u32,
-}
-
-impl Request {
-    fn new(ram: &Ram, number: u32) -> Self {
-        ram.header().submit_request();
-        Request { number, restarts: ram.header().program.restarts.load() }
-    }
-
-    fn is_of_this_life(&self, ram: &Ram) -> bool {
-        self.restarts == ram.header().program.restarts.load()
-    }
-}
 
 function_block! {
     /// Sets the LEDs on the board's front (manual p. 51).
@@ -39,63 +22,6 @@ impl LED {
     /// One PLC cycle.
     pub fn call(&mut self, ram: &Ram) {
         ram.header().board.leds.store(u32::from(self.b_LEDS & 0x0F));
-    }
-}
-
-function_block! {
-    /// Enables or disables an event (manual p. 47-49).
-    ///
-    /// A call submits the inputs if they have changed, or if the board has been reset since; until
-    /// [`INTR_SET::is_answered`], `x_ERR` is FALSE (decision D-213).
-    pub struct INTR_SET(ram: Ram) {
-        in {
-            /// Event number, see `docs/board.md`.
-            i_EVENT: i8;
-            /// Reserved.
-            i_MODE: i16;
-            /// CPU timer: its period in units of 50 us.
-            i_PAR1: i16;
-            /// Reserved.
-            i_PAR2: i16;
-            /// TRUE enables, FALSE disables the event.
-            x_EN: bool;
-        }
-        out {
-            /// The inputs were refused.
-            x_ERR: bool;
-        }
-        internal: Option<((i8, i16, bool), Request, bool)>;
-    }
-}
-
-impl INTR_SET {
-    /// One PLC cycle.
-    pub fn call(&mut self, ram: &Ram) {
-        let inputs = (self.i_EVENT, self.i_PAR1, self.x_EN);
-        let slot = usize::try_from(self.i_EVENT).ok().and_then(|event| ram.header().interrupts.get(event));
-        let Some(slot) = slot else {
-            // No slot to ask in.
-            (self.x_ERR, self.internal) = (true, None);
-            return;
-        };
-        match self.internal {
-            Some((of, request, answered)) if of == inputs && request.is_of_this_life(ram) => {
-                if let Some(result) = slot.outcome(request.number).filter(|_| !answered) {
-                    self.x_ERR = result != InterruptResult::Done.code();
-                    self.internal = Some((inputs, request, true));
-                }
-            }
-            _ => {
-                self.x_ERR = false;
-                let request = Request::new(ram, slot.ask(self.i_PAR1, self.x_EN));
-                self.internal = Some((inputs, request, false));
-            }
-        }
-    }
-
-    /// Whether `x_ERR` tells what became of the inputs of the last call.
-    pub fn is_answered(&self) -> bool {
-        self.x_ERR || matches!(self.internal, Some((.., true)))
     }
 }
 
@@ -141,7 +67,7 @@ impl OPT_INIT {
         let slot = &ram.header().opt_init;
         match self.internal.filter(|request| request.is_of_this_life(ram)) {
             Some(request) => {
-                if let Some(result) = slot.outcome(request.number).filter(|_| !self.x_OK && !self.x_ERR) {
+                if let Some(result) = slot.outcome(request.number()).filter(|_| !self.x_OK && !self.x_ERR) {
                     self.x_OK = result == OptInitResult::Done.code();
                     self.x_ERR = !self.x_OK;
                 }

@@ -9,9 +9,10 @@ mod cansync;
 use crate::plc::{BlockKind, block_kinds};
 
 pub use crate::devices::cansync::blocks::*;
+pub use crate::devices::intr_set::INTR_SET;
 pub use crate::plc::{Base, Program, Progress, Ram, RunError, Tasks};
 pub use baps::*;
-pub use board::{INTR_SET, LED, OPT_INIT, TIME_MEASURE_END, TIME_MEASURE_START};
+pub use board::{LED, OPT_INIT, TIME_MEASURE_END, TIME_MEASURE_START};
 pub use cansync::*;
 
 /// The function blocks with the structures that they work on, in the order of the manual's chapters.

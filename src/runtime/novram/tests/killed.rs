@@ -1,7 +1,6 @@
 //! Kills a process that writes, at random moments.
 
 use super::*;
-use crate::devices::omega_drive_line_2::registers::SEGMENT_END;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command, Stdio};
@@ -16,11 +15,11 @@ const SLOWEST_US: u64 = 500_000;
 #[test]
 fn child() {
     let Some(directory) = std::env::var_os(DIRECTORY) else { return };
-    let segment = Segment::heap(SEGMENT_END);
+    let segment = segment();
     let mut directory = Directory::open(Path::new(&directory)).unwrap();
-    let (novram, found) = Novram::power_on(&directory, "line", &segment, RETAIN_SIZE as u32).unwrap();
+    let (novram, found) = restored(&directory, "[[plc]]\nname = 'line'\n", &segment).unwrap();
     assert!(!matches!(found, Found::SetAside(_)), "{found:?}");
-    let first = novram.saved.ethernet()[0];
+    let first = novram.saved.registers()[0];
     println!("\nwriting");
     for byte in (0..=u8::MAX).cycle().skip(usize::from(first) + 1) {
         file::store(&mut directory, &novram.name, &content(byte)).unwrap();
@@ -50,14 +49,14 @@ fn the_file_holds_the_old_or_the_new_content_never_a_mixture() {
         }
         child.kill().unwrap();
         assert_eq!(child.wait().unwrap().signal(), Some(9));
-        let found = fs::read(&path).ok().map(|bytes| decode(&bytes).expect("whole"));
-        let byte = found.as_ref().map(|found| found.ethernet()[0]);
+        let found = fs::read(&path).ok().map(|bytes| decode(&bytes, REGISTERS).expect("whole"));
+        let byte = found.as_ref().map(|found| found.registers()[0]);
         assert_eq!(found, byte.map(content), "no mixture");
         longest_us = if byte == last { (2 * longest_us).min(SLOWEST_US) } else { LONGEST_US };
         last = byte;
         contents.extend(byte);
     }
     assert!(contents.len() > 10, "the kills meet different contents: {contents:?}");
-    power_on(&directory, &Segment::heap(SEGMENT_END)).unwrap();
+    power_on(&directory, &segment()).unwrap();
     assert_eq!(names(&directory), ["line.novram"], "the next one cleans up");
 }
