@@ -14,6 +14,7 @@ mod reference;
 pub mod wire;
 
 pub use arbitration::Arbitration;
+pub use embedded_can::{ExtendedId, Id, StandardId};
 pub use filter::Filter;
 pub use frame::Frame;
 pub use medium::{Event, Medium, OnWire, Participants};

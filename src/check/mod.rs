@@ -16,6 +16,7 @@ mod owned;
 pub mod rules;
 pub(crate) mod word;
 
+pub(crate) use owned::OwnedWatch;
 #[cfg(test)]
 pub(crate) use owned::owned;
 
@@ -23,7 +24,6 @@ use crate::journal::Journal;
 use crate::layout::Device;
 use crate::memory::{MemoryError, Segment};
 use header::HeaderWatch;
-use owned::OwnedWatch;
 
 /// The watch over what any device has: the header page, and registers beside those of its ports that only the firmware
 /// writes.

@@ -2,7 +2,7 @@
 
 use super::{rules, word};
 use crate::journal::{Finding, Journal};
-use crate::layout::{Device, Fitted, Live, Owner, RegisterRef};
+use crate::layout::{Area, Device, Fitted, Live, Owner, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
 
 const WORD: u32 = word::WORD as u32;
@@ -12,7 +12,12 @@ const WORD: u32 = word::WORD as u32;
 pub(crate) fn owned(layout: &'static Device) -> impl Iterator<Item = RegisterRef> {
     let is_ports = |area| layout.ports.iter().any(|port| core::ptr::eq(port.area, area));
     let areas = layout.areas.iter().filter(move |area| !is_ports(*area));
-    let registers = areas.flat_map(move |area| Fitted::unknown(layout).registers_in(area, Live::Always));
+    areas.flat_map(move |area| owned_in(layout, area))
+}
+
+/// Those of one area.
+fn owned_in(layout: &'static Device, area: &'static Area) -> impl Iterator<Item = RegisterRef> {
+    let registers = Fitted::unknown(layout).registers_in(area, Live::Always);
     registers.filter(|register| register.owner() == Owner::Firmware)
 }
 
@@ -30,7 +35,7 @@ struct Word {
 }
 
 /// The watch over such registers.
-pub(super) struct OwnedWatch {
+pub(crate) struct OwnedWatch {
     plc: u16,
     registers: Box<[RegisterRef]>,
     words: Box<[Word]>,
@@ -63,6 +68,19 @@ impl OwnedWatch {
         let mut watch = OwnedWatch { plc, registers, words: words.into() };
         watch.leave();
         Ok(watch)
+    }
+
+    /// The watch over those of an area of `layout`, whose structures are always valid.
+    ///
+    /// # Errors
+    /// If the image is too small for them.
+    pub(crate) fn of_area(
+        plc: u16,
+        segment: &Segment,
+        layout: &'static Device,
+        area: &'static Area,
+    ) -> Result<Self, MemoryError> {
+        Self::new(plc, segment, owned_in(layout, area))
     }
 
     /// Notes the registers as the firmware leaves them.

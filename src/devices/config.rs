@@ -20,13 +20,19 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// [`SettingError`] names the key and what would be right.
-    fn check(&self) -> Result<(), SettingError>;
+    fn check(&self) -> Result<(), SettingError> {
+        Ok(())
+    }
 
     /// Its ports, plugged in or not.
-    fn ports(&self) -> Vec<PortConfig<'_>>;
+    fn ports(&self) -> Vec<PortConfig<'_>> {
+        Vec::new()
+    }
 
     /// How many retain flags it has, in bytes.
-    fn retain_bytes(&self) -> u32;
+    fn retain_bytes(&self) -> u32 {
+        0
+    }
 
     /// The area whose first structure lies in NOVRAM; `None` without any. [`Device::novram`] tells what of it is stored.
     fn novram(&self) -> Option<&'static layout::Area> {
@@ -62,13 +68,19 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// [`SettingError`] names the key and what would be right.
-    fn check(&self) -> Result<(), SettingError>;
+    fn check(&self) -> Result<(), SettingError> {
+        Ok(())
+    }
 
     /// Who takes part without being a device's port: name and number.
-    fn participants(&self) -> Vec<(&str, u8)>;
+    fn participants(&self) -> Vec<(&str, u8)> {
+        Vec::new()
+    }
 
     /// Whether there can be only one port without number, the master.
-    fn has_one_master(&self) -> bool;
+    fn has_one_master(&self) -> bool {
+        false
+    }
 
     /// Medium number `index` of the plant, without ports.
     ///

@@ -4,7 +4,7 @@
 //! whether they lie on the heap or in a mapped image. It has no clock of its own: the plant calls it at
 //! the emulated times at which the device would look at its registers.
 
-use crate::journal::{Finding, Journal, Origin, Rule, Told};
+use crate::journal::{Finding, Handshake, Journal, Origin, Rule, Told};
 use crate::layout::Live;
 
 /// What the firmware is given at each call: the time, a place to report to, and who is reporting.
@@ -30,6 +30,12 @@ impl Context<'_> {
     #[inline]
     pub fn at(&self, offset: usize) -> u32 {
         (self.base + offset) as u32 // areas lie in segments of a few megabytes
+    }
+
+    /// Reports that a handshake register at `offset` of the area, which held `request`, has been answered.
+    pub fn answered(&mut self, offset: usize, request: u16, answer: u16) {
+        let (origin, offset) = (self.origin, self.at(offset));
+        self.report(Handshake { origin, offset, request, answer, goes_on: false });
     }
 
     /// Reports that the PLC has broken a rule at the register at `offset` of the area, which belongs to the

@@ -35,7 +35,8 @@ pub enum Look {
 }
 
 /// A device of a plant. Its ports are firmware of the medium that they belong to; the plant tells the device what of
-/// them concerns it, and the ports what of it concerns them.
+/// them concerns it, and the ports what of it concerns them. What a device does not have, it does not implement; one with
+/// nothing in front but its supply is a [`Plain`](super::Plain) one.
 pub trait Device: Any + Send {
     /// Its name in the plant.
     fn name(&self) -> &str;
@@ -73,76 +74,121 @@ pub trait Device: Any + Send {
     fn stop(&mut self, ctx: &mut Context);
 
     /// The supply is gone, for what goes on while RESET is held.
-    fn supply_failed(&mut self);
+    fn supply_failed(&mut self) {}
 
     /// The number on its medium that `port` has from now on: that of the switches at the last start.
-    fn address(&self, port: u8) -> u8;
+    fn address(&self, port: u8) -> u8 {
+        let _ = port;
+        0
+    }
 
     /// Somebody else has the number of `port`, which is therefore not connected.
-    fn address_taken(&mut self, ctx: &mut Context, port: u8);
+    fn address_taken(&mut self, ctx: &mut Context, port: u8) {
+        let _ = (ctx, port);
+    }
 
     /// Whether `port` takes part in the traffic of its medium; told when it changes.
-    fn port_joined(&mut self, port: u8, takes_part: bool);
+    fn port_joined(&mut self, port: u8, takes_part: bool) {
+        let _ = (port, takes_part);
+    }
 
     /// The ports whose SYNC signal goes on to another port of the device, if the firmware there wants it: from, to.
-    fn sync_ways(&self) -> &[(u8, u8)];
+    fn sync_ways(&self) -> &[(u8, u8)] {
+        &[]
+    }
 
     /// An edge of the SYNC signal at `port`, when everything else has seen it.
-    fn sync_edge(&mut self, port: u8, now: u64);
+    fn sync_edge(&mut self, port: u8, now: u64) {
+        let _ = (port, now);
+    }
 
     /// Whether a client has turned a switch, put in a request or written a register that the firmware answers at once.
     /// For busy polling.
-    fn has_changed(&self) -> bool;
+    fn has_changed(&self) -> bool {
+        self.front_has_changed()
+    }
 
     /// Whether a client has turned a switch or put in a request.
     fn front_has_changed(&self) -> bool;
 
     /// The processor cycle: looks at the registers that are no port's.
-    fn processor_cycle(&mut self, ctx: &mut Context);
+    fn processor_cycle(&mut self, ctx: &mut Context) {
+        let _ = ctx;
+    }
 
     /// When the next of its own times is due; `u64::MAX` if none is.
-    fn next_time(&self) -> u64;
+    fn next_time(&self) -> u64 {
+        u64::MAX
+    }
 
     /// Handles what is due at `world.now`.
-    fn due(&mut self, world: &mut World);
+    fn due(&mut self, world: &mut World) {
+        let _ = world;
+    }
 
     /// Brings fault number `fault` upon the drive that belongs to it. Tells whether there is one, with power and without
     /// fault.
-    fn trip(&mut self, now: u64, fault: u16) -> bool;
+    fn trip(&mut self, now: u64, fault: u16) -> bool {
+        let _ = (now, fault);
+        false
+    }
 
     /// Interrupt level of an event: a task of a higher one interrupts one of a lower one. `None`: there is no such event.
-    fn event_level(&self, event: usize) -> Option<u8>;
+    fn event_level(&self, event: usize) -> Option<u8> {
+        let _ = event;
+        None
+    }
 
     /// Which events stop the plant's clock, bit n for event n.
-    fn watch(&mut self, events: u16);
+    fn watch(&mut self, events: u16) {
+        let _ = events;
+    }
 
     /// Whether there are any.
-    fn is_watched(&self) -> bool;
+    fn is_watched(&self) -> bool {
+        false
+    }
 
     /// Whether one has occurred since the last call.
-    fn take_stop(&mut self) -> bool;
+    fn take_stop(&mut self) -> bool {
+        false
+    }
 
     /// Events since the last call, bit n for event n.
-    fn take_fired(&mut self) -> u16;
+    fn take_fired(&mut self) -> u16 {
+        0
+    }
 
     /// Whether an access in the right area meets something that this device has: it may have less of it than fits.
-    fn has(&self, offset: u32, width: Width) -> bool;
+    fn has(&self, offset: u32, width: Width) -> bool {
+        let _ = (offset, width);
+        true
+    }
 
     /// `bytes` bytes at `offset` were written by somebody who named the place.
-    fn named(&self, offset: u32, bytes: u32);
+    fn named(&self, offset: u32, bytes: u32) {
+        let _ = (offset, bytes);
+    }
 
     /// Whether the firmware answers a write at `offset` at once if it came through the channel, where also an unchanged
     /// value is seen.
-    fn answers_write(&self, offset: u32) -> bool;
+    fn answers_write(&self, offset: u32) -> bool {
+        let _ = offset;
+        false
+    }
 
     /// Such a write.
-    fn written(&mut self, ctx: &mut Context);
+    fn written(&mut self, ctx: &mut Context) {
+        let _ = ctx;
+    }
 
     /// What its NOVRAM holds, and a number that changes with it; empty if it has none.
-    fn novram(&self) -> (&[u8], u32);
+    fn novram(&self) -> (&[u8], u32) {
+        (&[], 0)
+    }
 
     /// What stands in the NOVRAM registers counts as stored, as at power-off.
-    fn keep_novram(&mut self);
+    fn keep_novram(&mut self) {}
 
     /// The emulated time, for the header page.
     fn show_time(&self, now: u64);

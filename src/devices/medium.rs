@@ -52,7 +52,7 @@ pub trait Medium: Any + Send {
 
     /// Its device starts, with this number at its switches; `false` if somebody else has it and the port is therefore not
     /// connected.
-    fn power_on(&mut self, place: usize, address: u8) -> bool;
+    fn power_on(&mut self, place: usize, address: u8, now: u64, journal: &mut Journal) -> bool;
 
     /// Its device stops: the port leaves the medium and forgets everything.
     fn power_off(&mut self, place: usize, now: u64, journal: &mut Journal);
@@ -61,22 +61,32 @@ pub trait Medium: Any + Send {
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool;
 
     /// Whether any port's program has written a control register that the firmware has not looked at yet.
-    fn control_changed(&self) -> bool;
+    fn control_changed(&self) -> bool {
+        false
+    }
 
     /// Before firmware runs: judges what others have written to the registers of a port since [`Medium::leave`]. The medium
     /// has the watch over them, since its family has the rules and the firmware.
-    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal);
+    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
+        let _ = (place, now, journal);
+    }
 
     /// After firmware has run: notes what it leaves in the registers of a port.
-    fn leave(&mut self, place: usize);
+    fn leave(&mut self, place: usize) {
+        let _ = place;
+    }
 
     /// Judges a write of `bytes` bytes at byte `offset` of the image, which came through the channel, if it hit registers of
     /// a port.
-    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal);
+    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
+        let _ = (place, offset, bytes, now, journal);
+    }
 
     /// Judges what is taken over at a SYNC edge. Called when all who are told of an edge that [`Medium::event`] returned have
     /// been told.
-    fn judge_edge(&mut self, now: u64, journal: &mut Journal);
+    fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
+        let _ = (now, journal);
+    }
 
     /// When the next event is due; `u64::MAX` if none is.
     fn next_time(&self) -> u64;
@@ -85,25 +95,42 @@ pub trait Medium: Any + Send {
     fn event(&mut self, world: &mut World) -> Option<SyncSignal>;
 
     /// Whether the port takes its SYNC signal from another port of its device.
-    fn takes_sync(&self, place: usize) -> bool;
+    fn takes_sync(&self, place: usize) -> bool {
+        let _ = place;
+        false
+    }
 
     /// An edge of such a signal.
-    fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal);
+    fn forwarded_edge(&mut self, place: usize, now: u64, signal: SyncSignal, journal: &mut Journal) {
+        let _ = (place, now, signal, journal);
+    }
 
     /// The next SYNC edge, if the signal is made here.
-    fn next_sync(&self) -> Option<u64>;
+    fn next_sync(&self) -> Option<u64> {
+        None
+    }
 
     /// Participants that faults can concern, bit n for number n.
-    fn participants(&self) -> u32;
+    fn participants(&self) -> u32 {
+        0
+    }
 
     /// Participants that are off from now on, bit n for number n.
-    fn set_off(&mut self, now: u64, off: u32);
+    fn set_off(&mut self, now: u64, off: u32) {
+        let _ = (now, off);
+    }
 
     /// Brings fault number `fault` upon participant `number`. Tells whether there is one that can have it.
-    fn trip(&mut self, now: u64, number: u8, fault: u16) -> bool;
+    fn trip(&mut self, now: u64, number: u8, fault: u16) -> bool {
+        let _ = (now, number, fault);
+        false
+    }
 
     /// The controller of a port goes BUS-off; tells whether it was working.
-    fn go_bus_off(&mut self, place: usize, now: u64) -> bool;
+    fn go_bus_off(&mut self, place: usize, now: u64) -> bool {
+        let _ = (place, now);
+        false
+    }
 }
 
 impl dyn Device {

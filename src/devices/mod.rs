@@ -1,6 +1,8 @@
 //! The devices, a folder each, [`cansync`], what the CANsync devices share, and the registry of them all.
 
 pub mod bm4_o_can_06;
+#[cfg(feature = "emulator")]
+pub mod can_bus;
 pub mod cansync;
 #[cfg(feature = "emulator")]
 mod catalogue;
@@ -17,6 +19,8 @@ mod intr_set;
 #[cfg(feature = "emulator")]
 mod medium;
 pub mod omega_drive_line_2;
+#[cfg(feature = "emulator")]
+mod plain;
 #[cfg(test)]
 mod provenance_tests;
 mod registry;
@@ -37,16 +41,27 @@ pub use context::Context;
 pub use device::{Device, Look, Power};
 #[cfg(feature = "emulator")]
 pub use medium::{Medium, Plug, SyncSignal, World};
+#[cfg(feature = "emulator")]
+pub use plain::{Firmware, Plain};
 pub use registry::{RegisterError, Registered, all, attach, default, find, of_hash, register};
 #[cfg(feature = "emulator")]
 pub use settings::{BuildError, SettingError};
 
 /// Every kind of media, the default one first.
 #[cfg(feature = "emulator")]
-pub static MEDIA: &[MediumKind] = &[MediumKind {
-    name: "cansync",
-    read: cansync::medium::BusConfig::read,
-    records: cansync::records::KINDS,
-    rules: cansync::rules::ALL,
-    unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
-}];
+pub static MEDIA: &[MediumKind] = &[
+    MediumKind {
+        name: "cansync",
+        read: cansync::medium::BusConfig::read,
+        records: cansync::records::KINDS,
+        rules: cansync::rules::ALL,
+        unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
+    },
+    MediumKind {
+        name: "can",
+        read: can_bus::CanBusConfig::read,
+        records: can_bus::records::KINDS,
+        rules: &[],
+        unplugged: || Box::new(can_bus::CanBus::unplugged()),
+    },
+];

@@ -152,6 +152,19 @@ impl Part for u64 {
     }
 }
 
+impl Part for Origin {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        packer.put(u32::from(self.plc) << 8 | u32::from(self.node));
+    }
+
+    #[inline]
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        let number = unpacker.take();
+        Some(Origin { plc: (number >> 8) as u16, node: number as u8 })
+    }
+}
+
 impl Part for Live {
     #[inline]
     fn put(self, packer: &mut Packer) {

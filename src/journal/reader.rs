@@ -1,7 +1,7 @@
 //! What numbers in records mean: names, registers, and which of the structures that overlay each other was valid.
 
 use super::catalogue::Catalogue;
-use super::event::Origin;
+use super::event::{Origin, Source};
 use super::names::Names;
 use super::record::Record;
 use super::registers::State;
@@ -84,6 +84,12 @@ impl Reader {
             }
             None => self.accessed(plc, offset, 2),
         }
+    }
+
+    /// Name of a port, behind that of its device: `line:node2`.
+    #[must_use]
+    pub fn port(&self, origin: Origin) -> String {
+        self.names.source(Source::Node(origin))
     }
 
     /// The register `name` of a port.

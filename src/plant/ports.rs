@@ -74,11 +74,12 @@ impl Plant {
             return;
         };
         let origin = Origin { plc: index as u16, node: 0 };
-        let ctx = &mut Context { now: *now, journal, origin, base: 0 };
-        device.start(ctx);
+        let now = *now;
+        device.start(&mut Context { now, journal, origin, base: 0 });
         for port in ports {
-            if !media[port.medium].power_on(port.place, device.address(port.number)) {
-                device.address_taken(ctx, port.number);
+            let address = device.address(port.number);
+            if !media[port.medium].power_on(port.place, address, now, journal) {
+                device.address_taken(&mut Context { now, journal, origin, base: 0 }, port.number);
             }
         }
     }

@@ -9,7 +9,7 @@ use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::firmware::Seat;
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
-use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
+use crate::devices::{BuildError, Context, Device, Look, Plug, Power};
 use crate::journal::Origin;
 use crate::layout::flags::is_flag;
 use crate::layout::{self, Fit, Fitted, Role};
@@ -218,8 +218,6 @@ impl Device for Bm4Plc {
         }
     }
 
-    fn supply_failed(&mut self) {}
-
     /// The DIP switches of a slave; a master has none.
     fn address(&self, port: u8) -> u8 {
         let module = self.modules.iter().find(|module| module.number == port);
@@ -266,18 +264,6 @@ impl Device for Bm4Plc {
         self.show_leds(ctx.now);
     }
 
-    #[inline]
-    fn next_time(&self) -> u64 {
-        u64::MAX
-    }
-
-    fn due(&mut self, _: &mut World) {}
-
-    /// There is no drive in it.
-    fn trip(&mut self, _: u64, _: u16) -> bool {
-        false
-    }
-
     fn event_level(&self, event: usize) -> Option<u8> {
         front::level(event)
     }
@@ -313,18 +299,6 @@ impl Device for Bm4Plc {
             }
         }
     }
-
-    fn answers_write(&self, _: u32) -> bool {
-        false
-    }
-
-    fn written(&mut self, _: &mut Context) {}
-
-    fn novram(&self) -> (&[u8], u32) {
-        (&[], 0)
-    }
-
-    fn keep_novram(&mut self) {}
 
     fn show_time(&self, now: u64) {
         self.header.virtual_time_us.store(now);

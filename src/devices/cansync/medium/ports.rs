@@ -38,7 +38,7 @@ impl Medium for SimBus {
         Ok(self.places.len() - 1)
     }
 
-    fn power_on(&mut self, place: usize, address: u8) -> bool {
+    fn power_on(&mut self, place: usize, address: u8, _: u64, _: &mut Journal) -> bool {
         let mut is_free = true;
         match self.places[place] {
             Place::Master(index) => self.masters[index].firmware.power_on(address),

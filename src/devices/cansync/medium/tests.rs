@@ -51,7 +51,7 @@ impl Bench {
             let seat = Seat { base: area.first as usize, place, rates };
             let socket = Socket { origin, segment: segment.clone(), seat, area, role };
             assert_eq!(bus.attach(Box::new(socket)).unwrap(), place);
-            assert!(bus.power_on(place, NODE));
+            assert!(bus.power_on(place, NODE, 0, &mut Journal::default()));
         }
         Bench {
             bus,

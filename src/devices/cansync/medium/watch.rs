@@ -68,7 +68,7 @@ mod tests {
             let origin = Origin { plc: 3, node: number };
             let socket = Socket { origin, segment: segment.clone(), seat, area: port.area, role };
             let place = bus.attach(Box::new(socket)).unwrap();
-            bus.power_on(place, number);
+            bus.power_on(place, number, 0, &mut Journal::default());
             bus.leave(place);
         }
         let mut journal = Journal::default();

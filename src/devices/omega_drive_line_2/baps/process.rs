@@ -10,7 +10,6 @@ use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::rules;
 use crate::devices::shown::Shown;
-use crate::journal::Handshake;
 use crate::memory::{Header, MemoryError, Segment, View};
 use core::mem::offset_of;
 
@@ -300,8 +299,6 @@ impl Configured {
 fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
     regs.b_SL_QUIT.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT), answer);
     if regs.b_COMMAND.compare_exchange(word, command::NONE).is_ok() {
-        let offset = ctx.at(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND));
-        let (origin, request, answer) = (ctx.origin, word.into(), command::NONE.into());
-        ctx.report(Handshake { origin, offset, request, answer, goes_on: false });
+        ctx.answered(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND), word.into(), command::NONE.into());
     }
 }

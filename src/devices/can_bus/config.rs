@@ -1,0 +1,106 @@
+//! A CAN bus as the plant file describes it.
+
+use super::CanBus;
+use crate::can::BitRate;
+use crate::devices::settings::refused_at;
+use crate::devices::{BuildError, Medium, MediumConfig};
+use serde::Deserialize;
+use std::sync::Arc;
+use toml::Spanned;
+use toml::de::{Error, ValueDeserializer};
+
+/// A CAN bus of the plant file.
+#[derive(Clone, Debug)]
+pub struct CanBusConfig {
+    /// Name, unique among the buses.
+    pub name: String,
+    /// Its bit rate, 10 to 1000 kbit/s.
+    pub rate: BitRate,
+}
+
+/// The section as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Section {
+    name: String,
+    kbit_s: Spanned<f64>,
+}
+
+impl CanBusConfig {
+    /// Reads a `[[bus]]` section of kind `can`.
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn MediumConfig>, Error> {
+        let Section { name, kbit_s } = Section::deserialize(value)?;
+        let rate = rate(*kbit_s.get_ref()).ok_or_else(|| {
+            let text = format!(
+                "kbit_s of '{name}' is {}; it must be 10 to 1000, with three decimals at most",
+                kbit_s.get_ref()
+            );
+            refused_at(kbit_s.span(), text)
+        })?;
+        Ok(Arc::new(CanBusConfig { name, rate }))
+    }
+}
+
+/// So many kbit/s, if a CAN bus can run at them and they are a whole number of bit/s.
+fn rate(kbit_s: f64) -> Option<BitRate> {
+    if !(10.0..=1000.0).contains(&kbit_s) {
+        return None;
+    }
+    let bit_s = (kbit_s * 1000.0).round();
+    // The decimals of the file are not those of the number.
+    ((kbit_s * 1000.0 - bit_s).abs() < 1e-6).then(|| BitRate::new(bit_s as u32)).flatten()
+}
+
+impl MediumConfig for CanBusConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
+        Ok(Box::new(CanBus::new(index, self)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_exact_to_the_bit() {
+        for (kbit_s, bit_s) in [
+            (10.0, 10_000),
+            (12.5, 12_500),
+            (33.3, 33_300),
+            (66.6, 66_600),
+            (83.333, 83_333),
+            (166.0, 166_000),
+            (333.3, 333_300),
+            (666.6, 666_600),
+            (1000.0, 1_000_000),
+        ] {
+            assert_eq!(rate(kbit_s).map(BitRate::bit_s), Some(bit_s), "{kbit_s}");
+        }
+        for wrong in [0.0, 9.999, 1000.001, -125.0, f64::NAN, f64::INFINITY, 33.3333] {
+            assert_eq!(rate(wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_refused() {
+        let refusal = |section: &str| {
+            let read = CanBusConfig::read(ValueDeserializer::parse(section).unwrap());
+            read.map(|config| config.name().to_owned()).unwrap_err().to_string()
+        };
+        let right = CanBusConfig::read(ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap());
+        assert_eq!(right.unwrap().name(), "open");
+        let slow = refusal("{ name = 'open', kbit_s = 5 }");
+        assert!(slow.contains("kbit_s of 'open' is 5; it must be 10 to 1000"), "{slow}");
+        for (section, text) in [
+            ("{ name = 'open' }", "missing field `kbit_s`"),
+            ("{ name = 'open', kbit_s = 'fast' }", "invalid type"),
+            ("{ name = 'open', kbit_s = 125, frame_length = 'fixed' }", "unknown field `frame_length`"),
+        ] {
+            assert!(refusal(section).contains(text), "{}", refusal(section));
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! A device with one port, which is at a CAN bus, and registers: the least that a device of one's own can be.
+
+use super::{CanPort, CanSocket};
+use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
+use crate::journal::Origin;
+use crate::layout;
+use crate::layout::Port;
+use crate::memory::{MemoryError, Segment};
+use core::fmt;
+use core::marker::PhantomData;
+use serde::Deserialize;
+use std::sync::Arc;
+use toml::de::{Error, ValueDeserializer};
+
+/// The firmware of such a device, which all runs at its port.
+pub trait CanDevice: CanPort + Sized + 'static {
+    /// Its registers. Its first port of medium `can` is the one.
+    const LAYOUT: &'static layout::Device;
+
+    /// The firmware of a device with this image.
+    ///
+    /// # Errors
+    /// [`MemoryError`]: the image has no room for its registers, or is read-only.
+    fn new(segment: &Segment) -> Result<Self, MemoryError>;
+}
+
+/// Reads its `[[device]]` section, for [`Registered::read`](crate::devices::Registered::read): `name`, and `bus`, which may be
+/// left out.
+///
+/// # Errors
+/// What is wrong, with its place.
+pub fn read<D: CanDevice>(value: ValueDeserializer<'_>) -> Result<Arc<dyn DeviceConfig>, Error> {
+    let Section { name, bus } = Section::deserialize(value)?;
+    Ok(Arc::new(Config::<D> { name, bus, firmware: PhantomData }))
+}
+
+/// The section as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Section {
+    name: String,
+    bus: Option<String>,
+}
+
+/// Such a device of the plant file.
+struct Config<D> {
+    name: String,
+    bus: Option<String>,
+    firmware: PhantomData<fn() -> D>,
+}
+
+impl<D: CanDevice> Config<D> {
+    fn port() -> Option<&'static Port> {
+        D::LAYOUT.ports.iter().find(|port| port.medium == "can")
+    }
+}
+
+impl<D: CanDevice> fmt::Debug for Config<D> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct(D::LAYOUT.name).field("name", &self.name).field("bus", &self.bus).finish()
+    }
+}
+
+impl<D: CanDevice> DeviceConfig for Config<D> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn layout(&self) -> &'static layout::Device {
+        D::LAYOUT
+    }
+
+    fn ports(&self) -> Vec<PortConfig<'_>> {
+        let medium = self.bus.as_deref();
+        let port =
+            |port: &'static Port| PortConfig { number: port.number, name: port.name, medium, address: None };
+        Self::port().map(port).into_iter().collect()
+    }
+
+    fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
+        let mut plugs = Vec::new();
+        if let Some(port) = Self::port() {
+            let origin = Origin { plc: index as u16, node: port.number };
+            let firmware = Box::new(D::new(&segment)?);
+            let socket = CanSocket { origin, segment: segment.clone(), layout: D::LAYOUT, port: firmware };
+            let (number, medium) = (port.number, self.bus.clone());
+            plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
+        }
+        let device = Plain::new(index, &self.name, D::LAYOUT, segment, ())?;
+        Ok((Box::new(device), plugs))
+    }
+}

@@ -1,0 +1,18 @@
+//! A CAN bus of a plant, `kind = "can"`: what [`can::Medium`](crate::can::Medium) is to frames, with ports of devices as its
+//! participants.
+//!
+//! What its frames mean is the devices' affair: each hands over a [`CanSocket`] with the firmware of its port, a [`CanPort`],
+//! which gives frames to its [`Controller`] and is given those that pass the filters.
+
+mod config;
+mod device;
+mod medium;
+mod port;
+pub mod records;
+#[cfg(test)]
+mod tests;
+
+pub use config::CanBusConfig;
+pub use device::{CanDevice, read};
+pub use medium::CanBus;
+pub use port::{CanPort, CanSocket, Controller, QueueFull};

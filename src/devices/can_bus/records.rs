@@ -1,0 +1,162 @@
+//! What the journal tells about CAN buses: their frames.
+
+use crate::can::{Frame, Payload};
+use crate::coded;
+use crate::journal::{Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
+use embedded_can::{ExtendedId, Id, StandardId};
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND];
+
+coded! {
+    /// A frame has arrived; the time is its end, when its receivers have it, in whole microseconds rounded up.
+    Transmitted = 50, "can_frame", Traffic, at bus {
+        /// The frame.
+        frame: Frame,
+        /// Whose it is.
+        sender: Origin,
+    }
+
+    /// A frame was on the wire to its end and has not arrived: its sender, or everybody else, was gone by then.
+    Lost = 51, "can_lost", Missed, at bus {
+        /// The frame.
+        frame: Frame,
+        /// Whose it is.
+        sender: Origin,
+    }
+}
+
+/// Marks of an identifier, as SocketCAN has them: 29 bits, and a remote frame.
+const EXTENDED: u32 = 1 << 31;
+const REMOTE: u32 = 1 << 30;
+
+/// The identifier as a number.
+fn raw(frame: &Frame) -> u32 {
+    match frame.arbitration().id() {
+        Id::Standard(id) => id.as_raw().into(),
+        Id::Extended(id) => id.as_raw(),
+    }
+}
+
+impl Part for Frame {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        let field = self.arbitration();
+        let extended = if field.is_extended() { EXTENDED } else { 0 };
+        let remote = if field.is_remote() { REMOTE } else { 0 };
+        packer.put(raw(&self) | extended | remote);
+        packer.put(self.length() as u32);
+        u64::from_le_bytes(self.payload().padded()).put(packer);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        let (id, length, data) = (unpacker.take(), unpacker.take() as usize, u64::take(unpacker)?);
+        let is_remote = id & REMOTE != 0;
+        let id = if id & EXTENDED != 0 {
+            Id::Extended(ExtendedId::new(id & ExtendedId::MAX.as_raw())?)
+        } else {
+            Id::Standard(StandardId::new(id as u16 & StandardId::MAX.as_raw())?)
+        };
+        if is_remote {
+            return Frame::remote(id, length);
+        }
+        Some(Frame::new(id, Payload::new(data.to_le_bytes().get(..length)?)?))
+    }
+}
+
+/// The data bytes, each with `before` in front of it.
+fn bytes(frame: &Frame, before: &str) -> String {
+    frame.payload().data().iter().map(|byte| format!("{before}{byte:02X}")).collect()
+}
+
+/// `16#123 01 02`, `16#00000123 remote, 2 bytes`
+fn text(frame: &Frame) -> String {
+    let rest = if frame.arbitration().is_remote() {
+        format!(" remote, length {}", frame.length())
+    } else {
+        bytes(frame, " ")
+    };
+    let id = raw(frame);
+    if frame.arbitration().is_extended() {
+        format!("16#{id:08X}{rest}")
+    } else {
+        format!("16#{id:03X}{rest}")
+    }
+}
+
+/// What programs are told of a frame.
+fn fields(frame: &Frame, sender: Origin, reader: &Reader) -> Fields {
+    let field = frame.arbitration();
+    Fields::new()
+        .with("id", raw(frame))
+        .with("extended", field.is_extended())
+        .with("remote", field.is_remote())
+        .with("length", frame.length())
+        .with("data", bytes(frame, ""))
+        .with("from", reader.port(sender))
+}
+
+impl Told for Transmitted {
+    fn text(&self, reader: &mut Reader) -> String {
+        format!("{} from {}", text(&self.frame), reader.port(self.sender))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        fields(&self.frame, self.sender, reader)
+    }
+
+    fn candump(&self) -> Option<String> {
+        let (frame, id) = (&self.frame, raw(&self.frame));
+        let field = frame.arbitration();
+        let id = if field.is_extended() { format!("{id:08X}") } else { format!("{id:03X}") };
+        Some(match (field.is_remote(), frame.length()) {
+            (false, _) => format!("{id}#{}", bytes(frame, "")),
+            (true, 0) => format!("{id}#R"),
+            (true, length) => format!("{id}#R{length}"),
+        })
+    }
+}
+
+impl Told for Lost {
+    fn text(&self, reader: &mut Reader) -> String {
+        format!("{} from {} has not arrived", text(&self.frame), reader.port(self.sender))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        fields(&self.frame, self.sender, reader)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candump(frame: Frame) -> Option<String> {
+        Transmitted { bus: 0, frame, sender: Origin { plc: 0, node: 1 } }.candump()
+    }
+
+    #[test]
+    fn frames_as_candump_writes_them() {
+        let id = ExtendedId::new(0x123).unwrap();
+        assert_eq!(candump(Frame::standard(0x23, Payload::EMPTY)).unwrap(), "023#");
+        assert_eq!(candump(Frame::standard(0x7FF, Payload::new(&[1, 0xAB]).unwrap())).unwrap(), "7FF#01AB");
+        assert_eq!(candump(Frame::new(id, Payload::new(&[5]).unwrap())).unwrap(), "00000123#05");
+        assert_eq!(candump(Frame::remote(id, 0).unwrap()).unwrap(), "00000123#R");
+        assert_eq!(candump(Frame::remote(StandardId::MAX, 8).unwrap()).unwrap(), "7FF#R8");
+    }
+
+    #[test]
+    fn frames_for_people() {
+        assert_eq!(text(&Frame::standard(0x23, Payload::new(&[0x12, 3]).unwrap())), "16#023 12 03");
+        assert_eq!(text(&Frame::remote(ExtendedId::MAX, 4).unwrap()), "16#1FFFFFFF remote, length 4");
+    }
+
+    /// Words that a client might send back.
+    #[test]
+    fn a_frame_of_nine_bytes_is_none() {
+        let sender = Origin { plc: 0, node: 1 };
+        let mut words = Transmitted { bus: 0, frame: Frame::standard(1, Payload::EMPTY), sender }.words();
+        words[1] = 9;
+        assert_eq!(Transmitted::read(words), None);
+    }
+}

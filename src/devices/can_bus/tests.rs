@@ -1,0 +1,264 @@
+//! A bus between scripted ports: who hears what, when, to the nanosecond.
+
+use super::records::{Lost, Transmitted};
+use super::{CanBus, CanBusConfig, CanPort, CanSocket, Controller, QueueFull};
+use crate::can::{BitRate, Filter, Frame, Payload, wire};
+use crate::devices::{Context, Medium, World};
+use crate::fault::Faults;
+use crate::journal::{Journal, Origin};
+use crate::layout::{Area, Device, Port, Provenance, Role};
+use crate::memory::{HEADER_SIZE, Segment};
+use embedded_can::StandardId;
+use std::sync::{Arc, Mutex};
+
+const MOST: usize = 4;
+
+static AREA: Area = Area {
+    name: "can",
+    name_from: Provenance::Manual,
+    first: 0,
+    bytes: HEADER_SIZE as u32,
+    cpu: None,
+    doc: "",
+    page: "",
+    structures: &[],
+};
+static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
+static DEVICE: Device = Device { ports: &PORTS, ..Device::UNKNOWN };
+
+/// What ports have told: who, when, what.
+type Log = Arc<Mutex<Vec<(u16, u64, &'static str, u8)>>>;
+
+/// Filters of a port, and when it queues which frame, ascending.
+type Script = (Vec<Filter>, Vec<(u64, Frame)>);
+
+/// A port that sends frames at given times and notes what becomes of them; a frame is told by its first data byte.
+struct Scripted {
+    who: u16,
+    log: Log,
+    filters: Vec<Filter>,
+    /// When to queue which frame, ascending.
+    script: Vec<(u64, Frame)>,
+}
+
+impl Scripted {
+    fn note(&self, now: u64, what: &'static str, frame: &Frame) {
+        self.log.lock().unwrap().push((self.who, now, what, frame.payload().data()[0]));
+    }
+}
+
+impl CanPort for Scripted {
+    fn power_on(&mut self, _: &mut Context, controller: &mut Controller, _: u8) {
+        controller.set_filters(self.filters.iter().copied());
+    }
+
+    fn look(&mut self, _: &mut Context, _: &mut Controller) {}
+
+    fn received(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
+        self.note(ctx.now, "received", frame);
+    }
+
+    fn sent(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
+        self.note(ctx.now, "sent", frame);
+    }
+
+    fn next_time(&self) -> u64 {
+        self.script.first().map_or(u64::MAX, |(at, _)| *at)
+    }
+
+    fn due(&mut self, _: &mut Context, controller: &mut Controller) {
+        controller.send(self.script.remove(0).1).unwrap();
+    }
+}
+
+fn frame(id: u16, mark: u8) -> Frame {
+    Frame::standard(id, Payload::new(&[mark, 0x55]).unwrap())
+}
+
+struct Bench {
+    bus: CanBus,
+    journal: Journal,
+    log: Log,
+}
+
+impl Bench {
+    /// A bus at so many bit/s with ports that run these scripts, all on.
+    fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
+        let rate = BitRate::new(bit_s).unwrap();
+        let bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate });
+        Self::of(bus, scripts)
+    }
+
+    fn of(mut bus: CanBus, scripts: Vec<Script>) -> Self {
+        assert!(scripts.len() <= MOST);
+        let (log, mut journal) = (Log::default(), Journal::default());
+        for (who, (filters, script)) in scripts.into_iter().enumerate() {
+            let origin = Origin { plc: who as u16, node: 1 };
+            let port = Box::new(Scripted { who: origin.plc, log: log.clone(), filters, script });
+            let segment = Segment::heap(2 * HEADER_SIZE);
+            let socket = CanSocket { origin, segment, layout: &DEVICE, port };
+            let place = bus.attach(Box::new(socket)).unwrap();
+            assert!(bus.power_on(place, 0, 0, &mut journal));
+        }
+        Bench { bus, journal, log }
+    }
+
+    /// Everything that is due until `end`, as a plant does it.
+    fn run(&mut self, end: u64) {
+        let (faults, edges) = (&mut Faults::default(), &mut Vec::new());
+        while self.bus.next_time() <= end {
+            let now = self.bus.next_time();
+            let signal = self.bus.event(&mut World { now, journal: &mut self.journal, faults, edges });
+            assert_eq!(signal, None);
+        }
+    }
+
+    fn log(&self) -> Vec<(u16, u64, &'static str, u8)> {
+        core::mem::take(&mut self.log.lock().unwrap())
+    }
+
+    /// Times, identifiers and senders of the frames of the journal.
+    fn frames(&self) -> Vec<(u64, Frame, u16)> {
+        let told = |record: &crate::journal::Record| {
+            let it: Transmitted = record.event.get()?;
+            Some((record.time_us, it.frame, it.sender.plc))
+        };
+        self.journal.records().filter_map(told).collect()
+    }
+
+    fn lost(&self) -> Vec<(u64, Frame)> {
+        let told =
+            |record: &crate::journal::Record| record.event.get().map(|it: Lost| (record.time_us, it.frame));
+        self.journal.records().filter_map(told).collect()
+    }
+}
+
+#[test]
+fn a_frame_arrives_at_its_end_and_is_noted_before_anybody_answers() {
+    let it = frame(0x123, 7);
+    let mut bench = Bench::new(125_000, vec![(vec![], vec![(500, it)]), (vec![], vec![])]);
+    bench.run(1_000_000);
+    let end = 500 + wire::airtime(&it, BitRate::new(125_000).unwrap()).delivery_ns / 1000;
+    assert_eq!(bench.log(), [(0, end, "sent", 7), (1, end, "received", 7)]);
+    assert_eq!(bench.frames(), [(end, it, 0)]);
+    assert_eq!(bench.bus.next_time(), u64::MAX);
+}
+
+/// At 33.3 kbit/s no bit lasts a whole microsecond: a hundred frames behind one another show whether anything but the
+/// journal is rounded.
+#[test]
+fn times_on_the_wire_are_rounded_for_the_journal_only() {
+    let rate = BitRate::new(33_300).unwrap();
+    let script: Vec<_> = (0..60).map(|mark| (1, frame(0x100, mark))).collect();
+    let mut bench = Bench::new(rate.bit_s(), vec![(vec![], script.clone()), (vec![], vec![])]);
+    bench.run(10_000_000);
+    let (mut begin_ns, mut expected) = (1000, Vec::new());
+    for (_, it) in script {
+        let airtime = wire::airtime(&it, rate);
+        expected.push(((begin_ns + airtime.delivery_ns).div_ceil(1000), it, 0));
+        begin_ns += airtime.occupation_ns;
+    }
+    assert_eq!(bench.frames(), expected);
+}
+
+#[test]
+fn the_lower_identifier_goes_first_and_who_comes_too_late_waits() {
+    let (low, high) = (frame(0x100, 1), frame(0x200, 2));
+    let scripts = vec![(vec![], vec![(10, high)]), (vec![], vec![(10, low), (11, low)]), (vec![], vec![])];
+    let mut bench = Bench::new(1_000_000, scripts);
+    bench.run(9);
+    assert_eq!(bench.bus.next_time(), 10);
+    bench.run(100_000);
+    // The first port's firmware runs first, but what is sent in one microsecond begins in one.
+    let order: Vec<_> =
+        bench.frames().iter().map(|(_, it, sender)| (it.payload().data()[0], *sender)).collect();
+    assert_eq!(order, [(1, 1), (1, 1), (2, 0)]);
+}
+
+/// The wire is free within a microsecond; a frame that comes at its end does not take part in the arbitration before.
+#[test]
+fn a_frame_takes_part_from_the_time_on_at_which_it_is_there() {
+    let rate = BitRate::new(666_600).unwrap();
+    let (first, waiting, late) = (frame(0x300, 1), frame(0x200, 2), frame(0x100, 3));
+    let free_ns = 10_000 + wire::airtime(&first, rate).occupation_ns;
+    assert_ne!(free_ns % 1000, 0, "the test wants a time within a microsecond");
+    let late_us = free_ns.div_ceil(1000);
+    let scripts = |late_us| vec![(vec![], vec![(10, first), (20, waiting)]), (vec![], vec![(late_us, late)])];
+    for (at_us, order) in [(late_us, [1, 2, 3]), (late_us - 1, [1, 3, 2])] {
+        let mut bench = Bench::new(rate.bit_s(), scripts(at_us));
+        bench.run(100_000);
+        let marks: Vec<_> = bench.frames().iter().map(|(_, it, _)| it.payload().data()[0]).collect();
+        assert_eq!(marks, order, "{at_us}");
+    }
+}
+
+#[test]
+fn filters_keep_frames_from_the_firmware() {
+    let only = vec![Filter::exactly(StandardId::new(0x101).unwrap())];
+    let script = vec![(1, frame(0x100, 1)), (2, frame(0x101, 2))];
+    let mut bench = Bench::new(500_000, vec![(vec![], script), (only, vec![]), (vec![], vec![])]);
+    bench.run(100_000);
+    let heard = |who| {
+        let log = bench.log.lock().unwrap();
+        let of = log.iter().filter(|(port, _, what, _)| (*port, *what) == (who, "received"));
+        of.map(|(.., mark)| *mark).collect::<Vec<_>>()
+    };
+    assert_eq!((heard(1), heard(2)), (vec![2], vec![1, 2]));
+}
+
+/// D-350.
+#[test]
+fn a_frame_waits_for_somebody_who_hears_it() {
+    let mut bench = Bench::new(500_000, vec![(vec![], vec![(100, frame(0x100, 1))]), (vec![], vec![])]);
+    bench.bus.power_off(1, 50, &mut bench.journal);
+    bench.run(10_000);
+    assert_eq!((bench.bus.next_time(), bench.frames()), (u64::MAX, vec![]));
+    bench.bus.power_on(1, 0, 20_000, &mut bench.journal);
+    assert_eq!(bench.bus.next_time(), 20_000);
+    bench.run(30_000);
+    assert_eq!(bench.frames().len(), 1);
+}
+
+#[test]
+fn a_frame_whose_sender_goes_off_is_lost_even_if_it_comes_back() {
+    let it = frame(0x100, 1);
+    let mut bench = Bench::new(125_000, vec![(vec![], vec![(100, it)]), (vec![], vec![])]);
+    bench.run(100);
+    bench.bus.power_off(0, 110, &mut bench.journal);
+    bench.bus.power_on(0, 0, 120, &mut bench.journal);
+    bench.run(100_000);
+    let end = 100 + wire::airtime(&it, BitRate::new(125_000).unwrap()).delivery_ns / 1000;
+    assert_eq!((bench.frames(), bench.lost(), bench.log()), (vec![], vec![(end, it)], vec![]));
+}
+
+#[test]
+fn who_comes_during_a_frame_has_missed_it() {
+    let it = frame(0x100, 1);
+    let scripts = vec![(vec![], vec![(100, it)]), (vec![], vec![]), (vec![], vec![])];
+    let mut bench = Bench::new(125_000, scripts);
+    bench.run(100);
+    bench.bus.power_off(2, 110, &mut bench.journal);
+    bench.bus.power_on(2, 0, 120, &mut bench.journal);
+    bench.run(100_000);
+    let heard: Vec<_> = bench.log().into_iter().map(|(who, _, what, _)| (who, what)).collect();
+    assert_eq!(heard, [(0, "sent"), (1, "received")]);
+}
+
+#[test]
+fn the_queue_has_an_end() {
+    let mut controller = Controller::default();
+    for _ in 0..Controller::ROOM {
+        assert_eq!(controller.send(frame(1, 1)), Ok(()));
+    }
+    assert_eq!((controller.send(frame(1, 1)), controller.to_send()), (Err(QueueFull), Controller::ROOM));
+    assert_eq!(QueueFull.to_string(), "the controller has 64 frames to send already");
+}
+
+#[test]
+fn nothing_goes_out_where_no_bus_is_plugged_in() {
+    let scripts = vec![(vec![], vec![]), (vec![], vec![])];
+    let mut bench = Bench::of(CanBus::unplugged(), scripts);
+    assert!(!bench.bus.processor_cycle(0, 10, &mut bench.journal));
+    bench.run(1000);
+    assert_eq!((bench.bus.next_time(), bench.frames()), (u64::MAX, vec![]));
+}

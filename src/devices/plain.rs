@@ -1,0 +1,181 @@
+//! A device with nothing in front but its supply: what an ordinary device needs around its firmware.
+
+use super::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use super::{Context, Device, Look, Power, World};
+use crate::layout;
+use crate::layout::Fitted;
+use crate::memory::header::{self, BoardSetting, BoardState};
+use crate::memory::{Header, MemoryError, Segment, View};
+
+/// The firmware of a [`Plain`] device, as far as it does not run at its ports. Whoever has none takes `()`.
+pub trait Firmware: Send + 'static {
+    /// Power-on or end of a reset.
+    fn start(&mut self, ctx: &mut Context) {
+        let _ = ctx;
+    }
+
+    /// Power-off or reset.
+    fn stop(&mut self) {}
+
+    /// The processor cycle: looks at the registers that are no port's.
+    fn look(&mut self, ctx: &mut Context) {
+        let _ = ctx;
+    }
+
+    /// When the next of its own times is due; `u64::MAX` if none is.
+    fn next_time(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// Handles what is due at `ctx.now`.
+    fn due(&mut self, ctx: &mut Context) {
+        let _ = ctx;
+    }
+}
+
+impl Firmware for () {}
+
+/// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their reset
+/// values. A reset does the same; a program, events and switches it does not have.
+pub struct Plain<F> {
+    index: u16,
+    name: String,
+    layout: &'static layout::Device,
+    segment: Segment,
+    header: View<Header>,
+    /// The firmware.
+    pub firmware: F,
+    is_powered: bool,
+    is_up: bool,
+    /// Whether it has been up before: the first power-on is no event.
+    is_used: bool,
+    /// The switch, as last seen.
+    seen: u32,
+}
+
+impl<F: Firmware> Plain<F> {
+    /// Device number `index` of the plant, called `name`, in this image.
+    ///
+    /// # Errors
+    /// [`MemoryError`]: the image is too small or read-only.
+    pub fn new(
+        index: usize,
+        name: &str,
+        layout: &'static layout::Device,
+        segment: Segment,
+        firmware: F,
+    ) -> Result<Self, MemoryError> {
+        let header = segment.header()?;
+        header.retain_size.store(0);
+        let seen = header.program.power.load();
+        let (index, name) = (index as u16, name.to_owned());
+        let (is_powered, is_up, is_used) = (true, false, false);
+        let it = Plain { index, name, layout, segment, header, firmware, is_powered, is_up, is_used, seen };
+        it.reset_registers()?;
+        Ok(it)
+    }
+
+    fn switch(&mut self, on: bool) -> Look {
+        if core::mem::replace(&mut self.is_powered, on) == on {
+            return Look::Nothing;
+        }
+        if on { Look::Up } else { Look::Off }
+    }
+
+    /// Every register as it is after power-on.
+    fn reset_registers(&self) -> Result<(), MemoryError> {
+        let fitted = Fitted::unknown(self.layout);
+        let mut registers = self.layout.areas.iter().flat_map(|area| fitted.used_registers(area));
+        registers.try_for_each(|register| {
+            self.segment.store(register.offset(), register.address().width(), register.reset())
+        })
+    }
+
+    fn tell(&self, ctx: &mut Context, what: BoardEvent) {
+        ctx.report(OnBoard { plc: self.index, what });
+    }
+}
+
+impl<F: Firmware> Device for Plain<F> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn segment(&self) -> &Segment {
+        &self.segment
+    }
+
+    fn layout(&self) -> &'static layout::Device {
+        self.layout
+    }
+
+    fn board(&self) -> BoardState {
+        BoardState::of(&self.header)
+    }
+
+    fn turn(&self, setting: BoardSetting) {
+        if let BoardSetting::Power(power) = setting {
+            self.header.program.power.store(power.code());
+        }
+    }
+
+    fn set_power(&mut self, power: Power) -> Look {
+        let on = matches!(power, Power::On | Power::ReleaseReset);
+        self.seen = if on { header::Power::On } else { header::Power::Off }.code();
+        self.header.program.power.store(self.seen);
+        self.switch(on)
+    }
+
+    fn look(&mut self, _: &mut Context) -> Look {
+        if !self.front_has_changed() {
+            return Look::Nothing;
+        }
+        self.seen = self.header.program.power.load();
+        match self.switch(self.seen != header::Power::Off.code()) {
+            Look::Nothing => Look::Answered,
+            look => look,
+        }
+    }
+
+    fn is_up(&self) -> bool {
+        self.is_up
+    }
+
+    fn start(&mut self, ctx: &mut Context) {
+        self.is_up = true;
+        self.header.program.restarts.increment();
+        // They were there when it was built.
+        let _ = self.reset_registers();
+        if core::mem::replace(&mut self.is_used, true) {
+            self.tell(ctx, BoardEvent::Up { dip: 0 });
+        }
+        self.firmware.start(ctx);
+    }
+
+    fn stop(&mut self, ctx: &mut Context) {
+        self.is_up = false;
+        self.firmware.stop();
+        self.tell(ctx, BoardEvent::Down);
+    }
+
+    fn front_has_changed(&self) -> bool {
+        self.header.program.power.load() != self.seen
+    }
+
+    fn processor_cycle(&mut self, ctx: &mut Context) {
+        self.firmware.look(ctx);
+    }
+
+    fn next_time(&self) -> u64 {
+        if self.is_up { self.firmware.next_time() } else { u64::MAX }
+    }
+
+    fn due(&mut self, world: &mut World) {
+        let origin = crate::journal::Origin { plc: self.index, node: 0 };
+        self.firmware.due(&mut world.context(origin, 0));
+    }
+
+    fn show_time(&self, now: u64) {
+        self.header.virtual_time_us.store(now);
+    }
+}
