@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
-use crate::layout::{Address, Area, Device, LayoutError};
+use crate::layout::{Area, Device, LayoutError};
 use std::path::{Path, PathBuf};
 
 /// Compare two dumps, or a dump with what the registers hold now.
@@ -100,5 +100,5 @@ fn now(instance: &str, before: &[Held], known: &Known) -> Result<Vec<Held>, CliE
 }
 
 fn area(device: &'static Device, held: &Held) -> Result<&'static Area, LayoutError> {
-    device.area_at(held.address.parse::<Address>()?)
+    device.area_at(device.address(&held.address)?)
 }

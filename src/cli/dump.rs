@@ -8,7 +8,6 @@ use super::place::{is_live, live_by, status_of, without_twins};
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
-use crate::layout::flags::{RETAIN_AREA, is_flag};
 use crate::layout::{
     Address, Area, Device, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value, split_plc,
 };
@@ -164,7 +163,7 @@ fn select(device: &'static Device, name: &str) -> Result<Vec<Selection>, LayoutE
         return Ok(described.map(Selection::whole).collect());
     }
     let selection = if name.starts_with('%') {
-        let address: Address = name.parse()?;
+        let address = device.address(name)?;
         let area = device.area_at(address)?;
         if area.structures.is_empty() {
             Selection { area, registers: None, place: Some(address) }
@@ -172,8 +171,8 @@ fn select(device: &'static Device, name: &str) -> Result<Vec<Selection>, LayoutE
             let registers = Some(without_twins(device.registers_at(address, None)?));
             Selection { area, registers, place: None }
         }
-    } else if name == RETAIN_AREA.name {
-        Selection::whole(&RETAIN_AREA)
+    } else if let Some(retain) = device.retain.filter(|retain| retain.area.name == name) {
+        Selection::whole(&retain.area)
     } else if name.contains('.') {
         let registers = device.registers(name)?;
         let area = registers.first().map(|register| register.area);
@@ -189,7 +188,7 @@ fn select(device: &'static Device, name: &str) -> Result<Vec<Selection>, LayoutE
 struct Part {
     plc: u16,
     selection: Selection,
-    /// The bytes that are read, in segment 3.
+    /// The bytes that are read, in the image.
     bytes: Range<u32>,
 }
 
@@ -203,7 +202,7 @@ impl Selection {
         let described = area.structures.iter().map(|placed| placed.structure.bytes).max();
         let len = match described {
             Some(bytes) => bytes,
-            None if is_flag(area.first) => session.retain_bytes(plc)?,
+            None if session.device(plc).is_retain(area.first) => session.retain_bytes(plc)?,
             None => area.bytes,
         };
         Ok(area.first..area.first + len)
@@ -236,7 +235,7 @@ fn views<'a>(session: &Session, parts: &'a [Part], snapshot: &'a Snapshot) -> Ve
 /// A selection with the bytes of its area.
 struct View<'a> {
     selection: &'a Selection,
-    /// Where the bytes begin, in segment 3.
+    /// Where the bytes begin, in the image.
     first: u32,
     bytes: Vec<u8>,
     plc: String,
@@ -255,7 +254,7 @@ impl View<'_> {
         self.selection.area
     }
 
-    /// The register or memory of `len` bytes at `offset` of segment 3.
+    /// The register or memory of `len` bytes at `offset` of the image.
     fn value(&self, offset: u32, len: u32) -> u32 {
         let start = (offset - self.first) as usize;
         number(self.bytes.get(start..start + len as usize).unwrap_or_default())
@@ -315,7 +314,7 @@ impl View<'_> {
         let offsets = (self.first..).step_by(width.bytes() as usize);
         let row = |offset| {
             let value = self.value(offset, width.bytes());
-            let address = width.at(offset).to_string();
+            let address = self.device.at(width, offset).to_string();
             let holding = Holding {
                 time_us: self.snapshot.time_us,
                 plc: self.plc.clone(),

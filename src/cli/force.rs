@@ -78,7 +78,10 @@ fn list(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance.name, 0)?;
     let snapshot = session.read(&[])?;
     let row = |forced: &crate::plant::Forced| {
-        let place = Place::parse(session.device(forced.plc), &forced.width.at(forced.offset).to_string())?;
+        let place = {
+            let device = session.device(forced.plc);
+            Place::parse(device, &device.at(forced.width, forced.offset).to_string())?
+        };
         let row = holding(&session, &place, forced.plc, Live::Cyclic, forced.value, snapshot.time_us);
         Ok(Holding { forced: true, ..row })
     };

@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let areas = || device.areas.iter();
     let (entries, single) = match what {
         None => (areas().flat_map(entry::of_area).collect::<Vec<_>>(), false),
-        Some(address) if address.starts_with('%') => (at_address(device, address.parse()?)?, true),
+        Some(address) if address.starts_with('%') => (at_address(device, device.address(address)?)?, true),
         Some(name) if name.contains('.') => {
             let entries = entry::of_registers(&device.registers(name)?);
             // Who asks for a reserved register gets it.
@@ -94,11 +94,11 @@ fn text(entries: &[Entry]) -> String {
 }
 
 fn head(area: &Area, structure: &str) -> String {
-    let Area { name, first, doc, page, .. } = area;
+    let Area { name, doc, page, .. } = area;
     let placed = area.structures.iter().find(|placed| placed.structure.name == structure);
     let (content, page) = match placed {
         Some(placed) => (format!("{structure}: {}", placed.structure.doc), placed.structure.page),
         None => ("plain RAM".to_owned(), *page),
     };
-    format!("{name}  %MB3.{first}-{}  {doc}. {content} (p. {page})\n", area.last())
+    format!("{name}  {}-{}  {doc}. {content} (p. {page})\n", area.begin(), area.numbers().end())
 }

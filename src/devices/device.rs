@@ -159,10 +159,13 @@ pub trait Device: Any + Send {
         0
     }
 
-    /// Whether an access in the right area meets something that this device has: it may have less of it than fits.
+    /// Whether an access in the right area meets something that this device has: it may have fewer retain flags than fit.
     fn has(&self, offset: u32, width: Width) -> bool {
-        let _ = (offset, width);
-        true
+        let Some(retain) = self.layout().retain.filter(|retain| retain.area.contains(offset)) else {
+            return true;
+        };
+        let bytes = self.segment().header().map_or(0, |header| header.retain_size.load());
+        u64::from(offset) + u64::from(width.bytes()) <= u64::from(retain.area.first) + u64::from(bytes)
     }
 
     /// `bytes` bytes at `offset` were written by somebody who named the place.

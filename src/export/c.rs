@@ -160,7 +160,7 @@ fn assert_size(out: &mut String, name: &str, bytes: u32) {
 
 /// Where the structures lie, and functions that find them in an image.
 fn places(out: &mut String, scope: &Scope) {
-    out.push_str("\n/* The areas, n of %MB3.n, and the structures in an image. */\n\n");
+    out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
     for area in &scope.areas {
         let name = constants::upper(area.name);
         let _ = writeln!(out, "#define COMMRAM_{name} {}u /* {} */", area.first, area.doc);

@@ -98,7 +98,7 @@ fn enumeration(out: &mut String, meaning: &Meaning) {
 
 fn areas(out: &mut String, scope: &Scope) {
     out.push_str(
-        "\n\n# First byte (n of %MB3.n), size in bytes, purpose; structures: type, when it is valid, variable.\n\
+        "\n\n# First byte in an image, size in bytes, purpose; structures: type, when it is valid, variable.\n\
          AREAS = {\n",
     );
     for area in &scope.areas {

@@ -1,4 +1,4 @@
-//! IEC 61131-3 declarations: the structures as types and the variables that lie at `%MB3.n`; or, for compilers
+//! IEC 61131-3 declarations: the structures as types and the variables at their addresses; or, for compilers
 //! that cannot place a structure, one elementary variable per register. Each type has a `TYPE` of its own, which
 //! the standard allows and some compilers want.
 
@@ -30,7 +30,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     for (area, placed) in scope.placed() {
         let (variable, structure) = (placed.variable, placed.structure.name);
         let remark = text::made_up(placed).map(|made_up| format!(" (* {made_up} *)")).unwrap_or_default();
-        let _ = writeln!(out, "    {variable} AT %MB3.{} : {structure};{remark}", area.first);
+        let _ = writeln!(out, "    {variable} AT {} : {structure};{remark}", area.begin());
     }
     out.push_str("END_VAR\n");
     out

@@ -80,7 +80,7 @@ fn peripheral(xml: &mut Xml, area: &Area, placed: &Placed) {
 fn place(xml: &mut Xml, area: &Area, doc: &str, bytes: u32, usage: &str) {
     xml.leaf("description", doc);
     xml.leaf("groupName", area.name);
-    // Without a CPU address the number of the byte in segment 3, which keeps areas apart.
+    // Without a CPU address the number of the byte in the image, which keeps areas apart.
     let base = area.cpu.map_or(area.first, |(first, _)| first);
     xml.leaf("baseAddress", format!("0x{base:08X}"));
     xml.node("addressBlock", "", |xml| {

@@ -1,4 +1,4 @@
-//! SystemRDL 2.0, the register description that hardware tools and PeakRDL read. Addresses are n of `%MB3.n`.
+//! SystemRDL 2.0, the register description that hardware tools and PeakRDL read. Addresses are bytes of the image.
 
 use super::constants::{self, upper};
 use super::members::{self, Group, Member};
@@ -41,7 +41,7 @@ fn maps(out: &mut String, scope: &Scope) {
     for phase in ["init", "cyclic"] {
         let _ = writeln!(
             out,
-            "\naddrmap {name}_{phase} {{\n    desc = \"Segment 3 of the {}, {phase} structures\";\n    \
+            "\naddrmap {name}_{phase} {{\n    desc = \"Image of the {}, {phase} structures\";\n    \
              littleendian;\n    addressing = compact;",
             scope.device.title
         );

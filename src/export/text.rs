@@ -1,7 +1,7 @@
 //! Small pieces of text that several formats need.
 
 use super::scope::Scope;
-use crate::layout::{Dim, Placed, Provenance, Register, Structure};
+use crate::layout::{Device, Dim, Placed, Provenance, Register, Space, Structure};
 
 /// What the comment at the head of every exported file says.
 pub(crate) fn banner(scope: &Scope, format: &str) -> [String; 8] {
@@ -11,7 +11,7 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> [String; 8] {
         _ => String::new(),
     };
     [
-        format!("Registers of the {} (manual {}), segment 3.", device.title, device.manual),
+        format!("Registers of the {} (manual {}).", device.title, device.manual),
         format!("Made by commram {} with `commram export {format}{block}`; do not edit.", version()),
         format!("Layout hash 16#{:016X}.", device.layout_hash),
         "What the manual documents and what not: it states where the areas begin and what the registers are".to_owned(),
@@ -20,6 +20,15 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> [String; 8] {
         "gives the reasons. Do not take those facts, above all offsets, for the device's without a check.".to_owned(),
         "Names of areas, and of variables for which the manual has none, are ours too (D-220).".to_owned(),
     ]
+}
+
+/// The addresses of the device and where in the image they lie.
+pub(crate) fn spaces(device: &Device) -> String {
+    let told = |space: &Space| {
+        let (first, last) = (space.begin(), space.end());
+        format!("`{first}` to `{last}` ({}) from byte {} of the image on", space.doc, space.offset)
+    };
+    device.spaces.iter().map(told).collect::<Vec<_>>().join(", ")
 }
 
 /// The version of commram.

@@ -6,7 +6,7 @@ use super::kind::Told;
 use super::reader::Reader;
 use super::rule::Rule;
 use crate::coded;
-use crate::layout::{Address, Device, Live, RegType, RegisterRef, format_value};
+use crate::layout::{Address, Device, Live, RegType, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
 /// A rule was broken at a register.
@@ -110,7 +110,7 @@ impl Finding {
     /// Address at the register's own width: `%MW3.200002`.
     #[must_use]
     pub fn address(&self, device: &'static Device) -> Address {
-        self.register(device).map_or(Address::byte(self.offset), |register| register.address())
+        self.register(device).map_or(device.at(Width::Byte, self.offset), |register| register.address())
     }
 
     /// The value as the register writes it: `16#0043`.

@@ -72,7 +72,8 @@ impl Reader {
             2 => (RegType::Word, Width::Word),
             _ => (RegType::Dword, Width::Dword),
         };
-        let address = Address::new(width, offset).unwrap_or(Address::byte(offset));
+        let device = self.names.device(plc);
+        let address = device.aligned(width, offset).unwrap_or(device.at(Width::Byte, offset));
         Place { register, address, ty }
     }
 

@@ -1,59 +1,39 @@
-//! Addresses in IEC 61131-3 notation: `%MB3.n`, `%MW3.n`, `%MD3.n`, `%MX3.n.b`; retain flags `%MBn`, `%MWn`, `%MDn`,
-//! `%MXn.b` with n from 10000000 on.
+//! Addresses as a device writes them: `%MB3.n`, `%MW3.n`, `%MD3.n`, `%MX3.n.b` where numbers count bytes, `%MW2000` and
+//! `%IX0.3` where they count words.
 
+use super::descriptor::Device;
 use super::error::LayoutError;
-use super::flags::{self, FIRST_FLAG, MOST_RETAIN, RETAIN_OFFSET};
+use super::space::Space;
 use super::width::Width;
+use core::cmp::Ordering;
 use core::fmt;
-use core::str::FromStr;
+use core::hash::{Hash, Hasher};
 
-/// Segment of the communication RAM.
-const SEGMENT: u32 = 3;
-
-/// A place in segment 3, with the width of the access: prints as `%MB3.n`, `%MW3.n`, `%MD3.n`, or
-/// `%MX3.n.b` for a single bit. The number is always the byte's, whatever the width. Of the retain flags it prints the
-/// flag, `%MB10000000`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+/// A place in the image of a device, with the width of the access. It prints as the device writes it
+/// ([`Device::at`], [`Device::address`]), for example `%MW3.200002`; of no device ([`Width::at`]), and where the device has no
+/// addresses, as `WORD at byte 200002 of the image`.
+///
+/// Two addresses are equal if they mean the same bytes, the same bit and the same width.
+#[derive(Debug, Clone, Copy)]
 pub struct Address {
     offset: u32,
     width: Width,
     bit: Option<u8>,
-    /// A retain flag, not a byte of segment 3.
-    is_flag: bool,
+    space: Option<&'static Space>,
 }
 
 impl Address {
-    /// The address of byte `offset` of the segment, accessed at `width`.
-    ///
-    /// # Errors
-    /// [`LayoutError::Misaligned`] if the offset is not divisible by the width (manual 5.00005.03a
-    /// ch. 4.4.4).
-    pub fn new(width: Width, offset: u32) -> Result<Self, LayoutError> {
-        let address = Self::unchecked(width, offset);
-        if offset.is_multiple_of(width.bytes()) {
-            return Ok(address);
-        }
-        Err(LayoutError::Misaligned { address: address.to_string(), rule: width.alignment_rule() })
+    pub(super) const fn new(space: Option<&'static Space>, width: Width, offset: u32) -> Self {
+        Self { offset, width, bit: None, space }
     }
 
-    /// As [`Address::new`] without the check, also for what was refused.
-    pub(super) const fn unchecked(width: Width, offset: u32) -> Self {
-        Self { offset, width, bit: None, is_flag: flags::is_flag(offset) }
-    }
-
-    /// The byte with number `offset`.
+    /// Byte `offset` of the image, of no device.
     #[must_use]
     pub const fn byte(offset: u32) -> Self {
-        Self::unchecked(Width::Byte, offset)
+        Self::new(None, Width::Byte, offset)
     }
 
-    /// Whether it is that of a retain flag.
-    #[must_use]
-    pub const fn is_flag(self) -> bool {
-        self.is_flag
-    }
-
-    /// Number of the first byte in the segment; of a retain flag its place in the image, where segment 3 has nothing.
+    /// The first byte in the image.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
@@ -70,189 +50,187 @@ impl Address {
     pub const fn bit(self) -> Option<u8> {
         self.bit
     }
+
+    fn key(self) -> (u32, Width, Option<u8>) {
+        (self.offset, self.width, self.bit)
+    }
+}
+
+impl PartialEq for Address {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for Address {}
+
+impl PartialOrd for Address {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Address {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.key().cmp(&other.key())
+    }
+}
+
+impl Hash for Address {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.key().hash(state);
+    }
 }
 
 impl Width {
-    /// An access of this width at byte `offset` of segment 3, aligned or not; see [`Address::new`] for
-    /// the check.
+    /// An access of this width at byte `offset` of an image, of no device, aligned or not.
     #[must_use]
     pub const fn at(self, offset: u32) -> Address {
-        Address::unchecked(self, offset)
+        Address::new(None, self, offset)
     }
 }
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let number = if self.is_flag {
-            (self.offset - RETAIN_OFFSET + FIRST_FLAG).to_string()
-        } else {
-            format!("{SEGMENT}.{}", self.offset)
+        let Self { offset, width, bit, space } = *self;
+        let Some(space) = space else {
+            return f.pad(&match (bit, width) {
+                (Some(bit), _) => format!("bit {bit} of byte {offset} of the image"),
+                (None, Width::Byte) => format!("byte {offset} of the image"),
+                (None, _) => format!("{width} at byte {offset} of the image"),
+            });
         };
-        let text = match (self.bit, self.width) {
-            (Some(bit), _) => format!("%MX{number}.{bit}"),
-            (None, Width::Byte) => format!("%MB{number}"),
-            (None, Width::Word) => format!("%MW{number}"),
-            (None, Width::Dword) => format!("%MD{number}"),
-        };
-        f.pad(&text)
+        let Space { letter, segment, unit, .. } = space;
+        f.pad(&match bit {
+            Some(bit) => {
+                // A bit is counted within what the number counts.
+                let (number, first) = (space.number(offset, unit.width()), space.offset);
+                let inside = (offset - first) % unit.width().bytes();
+                format!("%{letter}X{segment}{number}.{}", u32::from(bit) + 8 * inside)
+            }
+            None => format!("%{letter}{}{segment}{}", width.letter(), space.number(offset, width)),
+        })
     }
 }
 
-impl FromStr for Address {
-    type Err = LayoutError;
+impl Device {
+    /// The address of an access at byte `offset` of the image, aligned or not. Where the device has no addresses it is
+    /// told as a byte of the image, and so is an access that begins in the middle of what a number counts.
+    #[must_use]
+    pub fn at(&self, width: Width, offset: u32) -> Address {
+        let space = self.space_at(offset);
+        let has_number = |space: &&Space| (offset - space.offset).is_multiple_of(space.unit.bytes(width));
+        Address::new(space.filter(has_number), width, offset)
+    }
 
-    /// Parses an address; letters may be lower case.
-    fn from_str(text: &str) -> Result<Self, LayoutError> {
-        let wrong = || LayoutError::BadAddress { text: text.to_owned() };
-        let rest = text.strip_prefix('%').ok_or_else(wrong)?;
-        let (head, rest) = rest.split_at_checked(2).ok_or_else(wrong)?;
-        let (width, single_bit) = match head.to_ascii_uppercase().as_str() {
-            "MB" => (Width::Byte, false),
-            "MW" => (Width::Word, false),
-            "MD" => (Width::Dword, false),
-            "MX" => (Width::Byte, true),
+    /// As [`Device::at`], for an access that is to be made.
+    ///
+    /// # Errors
+    /// [`LayoutError::Misaligned`] if the offset is not divisible by the width.
+    pub fn aligned(&self, width: Width, offset: u32) -> Result<Address, LayoutError> {
+        let address = self.at(width, offset);
+        if offset.is_multiple_of(width.bytes()) {
+            return Ok(address);
+        }
+        Err(LayoutError::Misaligned { address: address.to_string(), rule: width.alignment_rule() })
+    }
+
+    /// `address`, as this device writes it.
+    #[must_use]
+    pub fn told(&self, address: Address) -> Address {
+        Address { bit: address.bit, ..self.at(address.width, address.offset) }
+    }
+
+    /// The address that `text` is; letters may be lower case.
+    ///
+    /// # Errors
+    /// It is none, or none of this device; what would be right.
+    pub fn address(&'static self, text: &str) -> Result<Address, LayoutError> {
+        let wrong = || LayoutError::BadAddress { text: text.to_owned(), known: self.known_spaces() };
+        let nowhere = || LayoutError::NoSpace { text: text.to_owned(), known: self.known_spaces() };
+        let rest = text.strip_prefix('%').ok_or_else(wrong)?.to_ascii_uppercase();
+        let mut letters = rest.chars();
+        let (letter, width) = letters.next().zip(letters.next()).ok_or_else(wrong)?;
+        let (width, single_bit) = match width {
+            'B' => (Width::Byte, false),
+            'W' => (Width::Word, false),
+            'D' => (Width::Dword, false),
+            'X' => (Width::Byte, true),
             _ => return Err(wrong()),
         };
-        let mut numbers = rest.split('.').map(number);
-        let segment = numbers.next().flatten().ok_or_else(wrong)?;
-        let is_flag = segment >= FIRST_FLAG;
-        let offset = if is_flag {
-            // The number of a retain flag stands alone.
-            let flag = segment - FIRST_FLAG;
-            if flag >= MOST_RETAIN {
-                return Err(LayoutError::NoFlag { text: text.to_owned() });
-            }
-            RETAIN_OFFSET + flag
-        } else {
-            let Some(offset) = numbers.next() else {
-                // `%MB80000`: the flags of the application, no segment.
-                return Err(LayoutError::Segment { text: text.to_owned(), found: "the flags".to_owned() });
-            };
-            offset.ok_or_else(wrong)?
-        };
-        let bit = numbers.next();
-        if numbers.next().is_some() {
+        let digits = letters.as_str();
+        if !digits.split('.').all(|number| number.bytes().all(|b| b.is_ascii_digit()) && !number.is_empty()) {
             return Err(wrong());
         }
-        if !is_flag && segment != SEGMENT {
-            return Err(LayoutError::Segment { text: text.to_owned(), found: format!("segment {segment}") });
-        }
-        let bit = match (single_bit, bit) {
-            (true, Some(Some(bit))) => match u8::try_from(bit) {
-                Ok(bit @ 0..=7) => Some(bit),
-                _ => return Err(LayoutError::BadBit { text: text.to_owned(), bit }),
-            },
-            (false, None) => None,
+        // One number, and that of the bit; in front perhaps a segment.
+        let plain = digits.split('.').count() - usize::from(single_bit);
+        let spaces = || self.spaces.iter().filter(|space| space.letter == letter);
+        let segment = spaces().find(|space| !space.segment.is_empty() && digits.starts_with(space.segment));
+        let (space, number) = match (plain, segment) {
+            (2, Some(space)) => (space, &digits[space.segment.len()..]),
+            (2, None) => return Err(nowhere()),
+            (1, _) => {
+                let number: Option<u32> = digits.split('.').next().and_then(|number| number.parse().ok());
+                let has = |space: &&Space| {
+                    let width = if single_bit { space.unit.width() } else { width };
+                    space.segment.is_empty()
+                        && number.is_some_and(|number| space.place(number, width).is_some())
+                };
+                match spaces().find(has) {
+                    Some(space) => (space, digits),
+                    // `%MX3.2` lacks the bit rather than the segment.
+                    None if single_bit && segment.is_some() => return Err(wrong()),
+                    None => return Err(nowhere()),
+                }
+            }
             _ => return Err(wrong()),
         };
-        let address = Address { bit: None, is_flag, ..Address::unchecked(width, offset) };
+        self.within(space, text, number, (width, single_bit))
+    }
+
+    /// The place in `space` that `digits` name: a number, or number and bit.
+    fn within(
+        &'static self,
+        space: &'static Space,
+        text: &str,
+        digits: &str,
+        (width, single_bit): (Width, bool),
+    ) -> Result<Address, LayoutError> {
+        let wrong = || LayoutError::BadAddress { text: text.to_owned(), known: self.known_spaces() };
+        let mut numbers = digits.split('.').map(str::parse::<u32>);
+        let number = numbers.next().and_then(Result::ok).ok_or_else(wrong)?;
+        let bit = numbers.next().transpose().map_err(|_| wrong())?;
+        let counted = if single_bit { space.unit.width() } else { width };
+        let Some(offset) = space.place(number, counted) else {
+            return Err(self.outside(space, text, number, counted));
+        };
+        let bit = match bit {
+            Some(bit) if bit > space.last_bit() => {
+                let (of, last) = (space.unit.width().iec_name(), space.last_bit());
+                return Err(LayoutError::BadBit { text: text.to_owned(), bit, of, last });
+            }
+            other => other,
+        };
+        // The bit of a word is one of its first or its second byte.
+        let offset = offset + bit.map_or(0, |bit| bit / 8);
+        let address = Address::new(Some(space), width, offset);
         if !offset.is_multiple_of(width.bytes()) {
             return Err(LayoutError::Misaligned {
                 address: address.to_string(),
                 rule: width.alignment_rule(),
             });
         }
-        Ok(Address { bit, ..address })
+        Ok(Address { bit: bit.map(|bit| (bit % 8) as u8), ..address })
     }
-}
 
-fn number(text: &str) -> Option<u32> {
-    // `u32::from_str` alone would take `+5`.
-    if text.bytes().all(|b| b.is_ascii_digit()) { text.parse().ok() } else { None }
+    /// Why `number` is no address of `space`.
+    fn outside(&'static self, space: &'static Space, text: &str, number: u32, width: Width) -> LayoutError {
+        let byte = u64::from(number) * u64::from(space.unit.bytes(width));
+        let first = u64::from(space.first) * u64::from(space.unit.bytes(space.unit.width()));
+        let hint = self.areas_around(Some(space), byte as i64 - first as i64 + i64::from(space.offset));
+        LayoutError::NoArea { address: text.to_owned(), hint }
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn parse(text: &str) -> Result<Address, LayoutError> {
-        text.parse()
-    }
-
-    #[test]
-    fn prints_what_it_parses() {
-        for text in ["%MB3.200001", "%MW3.200000", "%MD3.300000", "%MX3.100003.7"] {
-            assert_eq!(parse(text).unwrap().to_string(), text);
-            assert_eq!(parse(&text.to_lowercase()).unwrap().to_string(), text);
-        }
-        assert_eq!(parse("%MX3.5.2").unwrap().bit(), Some(2));
-    }
-
-    #[test]
-    fn addresses_print_as_the_programmer_writes_them() {
-        assert_eq!(Width::Byte.at(3_262_143).to_string(), "%MB3.3262143");
-        assert_eq!(Width::Word.at(200_000).to_string(), "%MW3.200000");
-        assert_eq!(Width::Dword.at(80_000).to_string(), "%MD3.80000");
-    }
-
-    #[test]
-    fn retain_flags_have_addresses_of_their_own() {
-        for (text, offset) in [
-            ("%MB10000000", 8192),
-            ("%MW10000002", 8194),
-            ("%MD10019996", 28_188),
-            ("%MX10000001.7", 8193),
-            ("%MB10071807", 79_999),
-        ] {
-            let address = parse(text).unwrap();
-            assert_eq!(
-                (address.to_string().as_str(), address.offset(), address.is_flag()),
-                (text, offset, true)
-            );
-        }
-        assert_eq!(Address::byte(8193).to_string(), "%MB10000001", "the byte of the image");
-        assert_eq!(Address::byte(80_000).to_string(), "%MB3.80000");
-        let nowhere = parse("%MB3.8192").unwrap();
-        assert_eq!((nowhere.to_string().as_str(), nowhere.is_flag()), ("%MB3.8192", false));
-        let message = |text| parse(text).unwrap_err().to_string();
-        assert_eq!(message("%MW10000001"), "%MW10000001: a WORD needs an even address");
-        assert_eq!(
-            message("%MB10071808"),
-            "%MB10071808: retain flags are %MB10000000 to %MB10071807 at most"
-        );
-        assert_eq!(message("%MX10000000.8"), "%MX10000000.8: a byte has bits 0 to 7, not 8");
-        for text in ["%MX10000000", "%MB10000000.1", "%MX10000000.1.1"] {
-            assert!(matches!(parse(text), Err(LayoutError::BadAddress { .. })), "{text}");
-        }
-    }
-
-    #[test]
-    fn alignment_errors_name_the_rule() {
-        let message = parse("%MW3.200001").unwrap_err().to_string();
-        assert_eq!(message, "%MW3.200001: a WORD needs an even address");
-        let message = parse("%MD3.200002").unwrap_err().to_string();
-        assert_eq!(message, "%MD3.200002: a DWORD needs an address divisible by 4");
-    }
-
-    #[test]
-    fn other_segments_are_refused() {
-        let message = parse("%MW4.200000").unwrap_err().to_string();
-        assert_eq!(
-            message,
-            "%MW4.200000 lies in segment 4; the communication RAM is segment 3, for example %MW3.200000"
-        );
-        assert!(parse("%MB100").unwrap_err().to_string().starts_with("%MB100 lies in the flags;"));
-    }
-
-    #[test]
-    fn everything_else_is_no_address() {
-        for text in [
-            "",
-            "%",
-            "%M",
-            "%MQ3.1",
-            "MW3.2",
-            "%MW3.",
-            "%MW3.x",
-            "%MW3.+2",
-            "%MW3.2.1",
-            "%MX3.2",
-            "%MX3.2.1.0",
-        ] {
-            assert!(matches!(parse(text), Err(LayoutError::BadAddress { .. })), "{text}");
-        }
-        assert!(matches!(parse("%MB3.4294967296"), Err(LayoutError::BadAddress { .. })));
-        assert_eq!(parse("%MX3.2.8").unwrap_err().to_string(), "%MX3.2.8: a byte has bits 0 to 7, not 8");
-        assert!(matches!(parse("%é3.1"), Err(LayoutError::BadAddress { .. })));
-    }
-}
+mod tests;

@@ -1,7 +1,9 @@
 //! Descriptors: what the layout files say about areas, structures and registers, as static data.
 
 use super::error::LayoutError;
+use super::space::{Retain, Space};
 use core::fmt;
+use core::ops::RangeInclusive;
 
 /// A device: its areas and what lies in them.
 pub struct Device {
@@ -13,8 +15,12 @@ pub struct Device {
     pub manual: &'static str,
     /// Hash over everything that affects addresses or widths.
     pub layout_hash: u64,
+    /// The spaces of addresses.
+    pub spaces: &'static [Space],
     /// The areas in ascending order.
     pub areas: &'static [Area],
+    /// The area whose size each plant sets, if there is one.
+    pub retain: Option<&'static Retain>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
 }
@@ -35,7 +41,9 @@ impl Device {
         title: "unknown device",
         manual: "",
         layout_hash: 0,
+        spaces: &[],
         areas: &[],
+        retain: None,
         ports: &[],
     };
 
@@ -115,13 +123,15 @@ impl fmt::Display for Role {
     }
 }
 
-/// A stretch of segment 3 with a purpose.
+/// A stretch of addresses with a purpose.
 pub struct Area {
     /// Name in register names, for example `node2`.
     pub name: &'static str,
     /// Where the name is from.
     pub name_from: Provenance,
-    /// First byte: n of `%MB3.n`.
+    /// The space that it is in.
+    pub space: &'static Space,
+    /// First byte in the image.
     pub first: u32,
     /// Size in bytes.
     pub bytes: u32,
@@ -136,19 +146,37 @@ pub struct Area {
 }
 
 impl Area {
-    /// Last byte: n of `%MB3.n`.
+    /// Last byte in the image.
     #[must_use]
     pub const fn last(&self) -> u32 {
         self.first + (self.bytes - 1)
     }
 
-    /// Where the CPU finds byte `offset` of the segment, one of this area's: `16#B414A004`; empty if the manual does not say.
+    /// The address that it begins at: `%MB3.200000`, `%MW2000`.
+    #[must_use]
+    pub fn begin(&self) -> String {
+        self.space.named(self.first)
+    }
+
+    /// The address of its last byte, or of the word that it is in.
+    #[must_use]
+    pub fn end(&self) -> String {
+        self.space.named(self.last())
+    }
+
+    /// The numbers of its bytes, or of its words where those are counted.
+    #[must_use]
+    pub const fn numbers(&self) -> RangeInclusive<u32> {
+        self.space.numbers(self.first, self.last())
+    }
+
+    /// Where the CPU finds byte `offset` of the image, one of this area's: `16#B414A004`; empty if the manual does not say.
     #[must_use]
     pub fn cpu_address(&self, offset: u32) -> String {
         self.cpu.map_or(String::new(), |(first, _)| format!("16#{:08X}", first + (offset - self.first)))
     }
 
-    /// Whether the area has byte `offset` of the segment.
+    /// Whether the area has byte `offset` of the image.
     #[must_use]
     pub const fn contains(&self, offset: u32) -> bool {
         self.first <= offset && offset <= self.last()

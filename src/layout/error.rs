@@ -1,38 +1,39 @@
 //! What can be wrong with an address or a register name.
 
 use super::descriptor::Role;
-use super::flags::{FIRST_FLAG, MOST_RETAIN};
 
 /// An address or a register name that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
     /// Not the notation of an address.
-    #[error("`{text}` is no address; write %MB3.n, %MW3.n, %MD3.n or %MX3.n.bit, for example %MW3.200000")]
+    #[error(
+        "`{text}` is no address; this device has {known}, with W for words, D for double words, and X and .bit for bits"
+    )]
     BadAddress {
         /// As given.
         text: String,
+        /// The spaces of the device.
+        known: String,
     },
-    /// A bit number above 7.
-    #[error("{text}: a byte has bits 0 to 7, not {bit}")]
+    /// A bit number that is too high.
+    #[error("{text}: a {of} has bits 0 to {last}, not {bit}")]
     BadBit {
         /// As given.
         text: String,
         /// The bit number.
         bit: u32,
+        /// What the bit would be of.
+        of: &'static str,
+        /// Its last bit.
+        last: u32,
     },
-    /// An address outside segment 3.
-    #[error("{text} lies in {found}; the communication RAM is segment 3, for example %MW3.200000")]
-    Segment {
+    /// An address in none of the device's spaces.
+    #[error("{text} is no address of this device, which has {known}")]
+    NoSpace {
         /// As given.
         text: String,
-        /// Where it lies.
-        found: String,
-    },
-    /// A retain flag that no plant can have.
-    #[error("{text}: retain flags are %MB{} to %MB{} at most", FIRST_FLAG, FIRST_FLAG + MOST_RETAIN - 1)]
-    NoFlag {
-        /// As given.
-        text: String,
+        /// The spaces of the device.
+        known: String,
     },
     /// An address that is not divisible by the access width.
     #[error("{address}: {rule}")]

@@ -4,9 +4,9 @@ use super::address::Address;
 use super::descriptor::{Area, Device, Live};
 use super::error::LayoutError;
 use super::fitted::{Fit, Fitted};
-use super::flags::RETAIN_AREA;
 use super::name::split_plc;
 use super::register::RegisterRef;
+use super::space::Space;
 
 /// What a text such as `line2:node2.w_CPU_CONTROL` or `%MW3.200000` stands for.
 #[derive(Debug, Clone)]
@@ -38,9 +38,13 @@ impl Device {
     /// One past the last byte of the last area.
     #[must_use]
     pub const fn end(&self) -> u32 {
-        match self.areas.last() {
+        let areas = match self.areas.last() {
             Some(area) => area.last() + 1,
             None => 0,
+        };
+        match self.retain {
+            Some(retain) if retain.area.last() >= areas => retain.area.last() + 1,
+            _ => areas,
         }
     }
 
@@ -51,29 +55,44 @@ impl Device {
         (self.end() as usize).next_multiple_of(8)
     }
 
-    /// The area that `address` lies in; of a retain flag [`RETAIN_AREA`].
+    /// The area that `address` lies in.
     ///
     /// # Errors
     /// [`LayoutError::NoArea`] with the areas around.
     pub fn area_at(&'static self, address: Address) -> Result<&'static Area, LayoutError> {
-        if address.is_flag() {
-            return Ok(&RETAIN_AREA);
-        }
         let offset = address.offset();
-        if let Some(area) = self.areas.iter().find(|area| area.contains(offset)) {
-            return Ok(area);
-        }
-        let before = self.areas.iter().rev().find(|area| area.last() < offset);
-        let behind = self.areas.iter().find(|area| area.first > offset);
-        let hint = match (before, behind) {
+        self.all_areas().find(|area| area.contains(offset)).ok_or_else(|| {
+            let hint = self.areas_around(self.space_at(offset), offset.into());
+            LayoutError::NoArea { address: self.told(address).to_string(), hint }
+        })
+    }
+
+    /// The areas around byte `offset` of the image, perhaps only those of one space.
+    pub(super) fn areas_around(&'static self, space: Option<&Space>, offset: i64) -> String {
+        let wanted = |area: &&Area| space.is_none_or(|space| core::ptr::eq(area.space, space));
+        let areas = || self.areas.iter().filter(wanted);
+        let before = areas().rev().find(|area| i64::from(area.last()) < offset);
+        let behind = areas().find(|area| i64::from(area.first) > offset);
+        match (before, behind) {
             (Some(a), Some(b)) => {
-                format!("`{}` ends at %MB3.{}, `{}` starts at %MB3.{}", a.name, a.last(), b.name, b.first)
+                format!("`{}` ends at {}, `{}` starts at {}", a.name, a.end(), b.name, b.begin())
             }
-            (None, Some(b)) => format!("the first one, `{}`, starts at %MB3.{}", b.name, b.first),
-            (Some(a), None) => format!("the last one, `{}`, ends at %MB3.{}", a.name, a.last()),
+            (None, Some(b)) => format!("the first one, `{}`, starts at {}", b.name, b.begin()),
+            (Some(a), None) => format!("the last one, `{}`, ends at {}", a.name, a.end()),
             (None, None) => "there are none".to_owned(),
-        };
-        Err(LayoutError::NoArea { address: address.to_string(), hint })
+        }
+    }
+
+    /// Why nothing lies at `address`, for people.
+    #[must_use]
+    pub fn not_covered(&self, address: Address) -> String {
+        let width = address.width();
+        if self.is_retain(address.offset()) {
+            return format!(
+                "this PLC has fewer retain flags than this {width} needs; `retain_bytes` in the plant file gives it more"
+            );
+        }
+        format!("no register area of the device covers this {width}")
     }
 
     /// The registers that have a byte at `address`, with nothing known of the ports: [`Fitted::registers_at`].
@@ -134,7 +153,7 @@ impl Fitted {
     pub fn target<'a>(&self, text: &'a str) -> Result<Target<'a>, LayoutError> {
         let (plc, rest) = split_plc(text);
         if rest.starts_with('%') {
-            let address: Address = rest.parse()?;
+            let address = self.device().address(rest)?;
             let area = self.device().area_at(address)?;
             let registers = match self.registers_at(address, None) {
                 Ok(registers) => registers,
@@ -158,22 +177,26 @@ impl Fitted {
             _ if self.area(area) == Fit::Empty => "nothing is there".to_owned(),
             _ => "plain RAM".to_owned(),
         };
-        LayoutError::NoRegister { address: address.to_string(), area: area.name, hint }
+        LayoutError::NoRegister { address: self.device().told(address).to_string(), area: area.name, hint }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use crate::devices::omega_drive_line_2::registers::DEVICE;
-    use crate::layout::{Address, Live};
+    use crate::layout::Live;
 
     fn names(address: &str, live: Option<Live>) -> Vec<String> {
-        let address: Address = address.parse().unwrap();
+        let address = DEVICE.address(address).unwrap();
         DEVICE.registers_at(address, live).unwrap().iter().map(|register| register.path()).collect()
     }
 
     fn error(address: &str) -> String {
-        DEVICE.registers_at(address.parse().unwrap(), None).unwrap_err().to_string()
+        DEVICE
+            .address(address)
+            .and_then(|address| DEVICE.registers_at(address, None))
+            .unwrap_err()
+            .to_string()
     }
 
     #[test]

@@ -48,7 +48,7 @@ impl Place {
         &self.text
     }
 
-    /// Byte offset in segment 3.
+    /// First byte in the image.
     pub fn offset(&self) -> u32 {
         self.address.offset()
     }

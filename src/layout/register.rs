@@ -56,7 +56,7 @@ impl RegisterRef {
         Path(self).to_string()
     }
 
-    /// Number of the register's first byte in the segment: n of `%MB3.n`.
+    /// The register's first byte in the image.
     #[must_use]
     pub fn offset(&self) -> u32 {
         self.area.first + self.offset_in_structure()
@@ -72,9 +72,8 @@ impl RegisterRef {
     /// Address at the register's own width, for example `%MW3.200002`.
     #[must_use]
     pub fn address(&self) -> Address {
-        let width = Width::of(self.register.ty);
         // The layout compiler has checked the alignment of every register.
-        Address::new(width, self.offset()).unwrap_or(Address::byte(self.offset()))
+        Address::new(Some(self.area.space), Width::of(self.register.ty), self.offset())
     }
 
     /// Data type.

@@ -38,6 +38,16 @@ impl Width {
         }
     }
 
+    /// How it stands in an address: `W` of `%MW3.200000`.
+    #[must_use]
+    pub const fn letter(self) -> char {
+        match self {
+            Width::Byte => 'B',
+            Width::Word => 'W',
+            Width::Dword => 'D',
+        }
+    }
+
     /// The access that a register of this type needs.
     #[must_use]
     pub const fn of(ty: RegType) -> Self {

@@ -14,7 +14,7 @@ pub enum MemoryError {
         address: Address,
     },
     /// The access ends behind the segment.
-    #[error("{address} lies behind the segment's last byte %MB3.{}", end - 1)]
+    #[error("{address} lies behind the last one, byte {}", end - 1)]
     OutOfRange {
         /// The refused access.
         address: Address,
@@ -22,13 +22,13 @@ pub enum MemoryError {
         end: usize,
     },
     /// The access touches the header page, which belongs to the attach contract and holds no registers.
-    #[error("{address} lies in the header page; registers begin at %MB3.{}", HEADER_SIZE)]
+    #[error("{address} lies in the header page; registers begin at byte {}", HEADER_SIZE)]
     InHeader {
         /// The refused access.
         address: Address,
     },
     /// A block (typed view or copy) does not fit into the segment.
-    #[error("%MB3.{offset}: {size} bytes end behind the segment's last byte %MB3.{}", end - 1)]
+    #[error("byte {offset} of the image: {size} bytes from there end behind the last one, byte {}", end - 1)]
     BlockOutOfRange {
         /// First byte of the block.
         offset: usize,
@@ -38,7 +38,7 @@ pub enum MemoryError {
         end: usize,
     },
     /// A typed view at an address its widest register does not allow.
-    #[error("%MB3.{offset}: a view of {type_name} needs an address divisible by {align}")]
+    #[error("byte {offset} of the image: a view of {type_name} needs an address divisible by {align}")]
     BlockMisaligned {
         /// First byte of the block.
         offset: usize,
@@ -56,7 +56,7 @@ pub enum MemoryError {
         value: u32,
     },
     /// A partial access that is not part of the register it names.
-    #[error("{part} is no part of the {} at {register}", .register.width())]
+    #[error("{part} is no part of the register there: {register}")]
     NotWithin {
         /// The whole register.
         register: Address,
@@ -64,7 +64,9 @@ pub enum MemoryError {
         part: Address,
     },
     /// A write or a writable view on an image that was attached for reading.
-    #[error("%MB3.{offset}: the image is attached read-only; attach it for reading and writing instead")]
+    #[error(
+        "byte {offset} of the image: it is attached read-only; attach it for reading and writing instead"
+    )]
     ReadOnly {
         /// First byte of the access.
         offset: usize,

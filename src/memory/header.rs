@@ -21,7 +21,7 @@ pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::published::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
-use crate::layout::{Device, Fitted, flags};
+use crate::layout::{Device, Fitted};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Length of the header page in bytes.
@@ -36,10 +36,6 @@ pub const EVENT_SLOTS: usize = 16;
 pub const TRIGGERS: usize = 3;
 /// Tasks of one PLC that can take part in lockstep at the same time.
 pub const SEATS: usize = 8;
-/// Where the retain flags lie in the segment: `%MB10000000` is byte 8192 (decision D-194).
-pub const RETAIN_OFFSET: usize = flags::RETAIN_OFFSET as usize;
-/// Number of retain flags in bytes unless the plant file says otherwise.
-pub const RETAIN_SIZE: usize = flags::RETAIN_SIZE as usize;
 /// Words for the front of devices that [`Board`] does not describe.
 pub const FRONT: usize = 64;
 /// Length of the instance's and the PLC's name field in bytes, with the terminating zero.
@@ -112,7 +108,7 @@ pub struct Header {
     /// `CLOCK_MONOTONIC` at emulated time 0, in ns, extrapolated if the clock has another speed; 0 in stepped
     /// mode and until the clock runs.
     pub real_epoch_ns: Cell64,
-    /// Byte of this file that is `%MB10000000`, the first retain flag.
+    /// Byte of this file that is the first retain flag; 0 if the device has none.
     pub retain_offset: Cell32,
     /// Number of retain flags in bytes.
     pub retain_size: Cell32,
@@ -166,8 +162,6 @@ publish! { Header:
     1280 => lockstep, 1792 => areas, 2560 => ports, 3520 => front, 3776 => reserved_3776,
 }
 const _: () = assert!(size_of::<Header>() == HEADER_SIZE);
-// The retain flags lie behind the header page.
-const _: () = assert!(RETAIN_OFFSET >= HEADER_SIZE);
 
 codes! {
     /// What the emulator behind an image is doing.
@@ -211,7 +205,11 @@ impl Header {
         self.layout_hash.store(device.layout_hash);
         set_name(&self.device, device.title);
         self.areas.iter().for_each(AreaEntry::clear);
-        let areas = device.areas.iter().chain([&flags::RETAIN_AREA]);
+        let (retain, bytes) =
+            device.retain.map_or((0, 0), |retain| (retain.area.first, retain.default_bytes));
+        self.retain_offset.store(retain);
+        self.retain_size.store(bytes);
+        let areas = device.areas.iter().chain(device.retain.map(|retain| &retain.area));
         self.areas.iter().zip(areas).for_each(|(entry, area)| entry.fill(area));
         self.ports.iter().for_each(PortEntry::clear);
         self.ports.iter().zip(device.ports).for_each(|(entry, port)| entry.fill(port));
@@ -245,8 +243,6 @@ impl Header {
         let pulses = self.events.iter().chain(&self.triggers).chain(&self.timers);
         pulses.for_each(|slot| slot.time_us.store(0));
         self.real_epoch_ns.store(0);
-        self.retain_offset.store(flags::RETAIN_OFFSET);
-        self.retain_size.store(flags::RETAIN_SIZE);
     }
 
     /// Tells the emulator that a request was stored.

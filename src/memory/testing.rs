@@ -1,7 +1,7 @@
 //! What the tests of images share: names of their own, clean-up, and an emulator that can be killed.
 
 use super::{ClockMode, Header, Image, ImageSpec, State, Width, header, image::tests::MARK, names};
-use crate::layout::{Area, Device, Port, Provenance, Role};
+use crate::layout::{Area, Device, Port, Provenance, Retain, Role, Space, Unit};
 use std::{
     fs,
     io::{BufRead, BufReader, Read},
@@ -20,16 +20,45 @@ pub(crate) const SEGMENT_SIZE: usize = test_device().segment_size();
 /// The device in all tests.
 pub(crate) static DEVICE: Device = test_device();
 
-const RAM: Area = Area {
+const RAM_SPACE: Space = Space {
     name: "ram",
-    name_from: Provenance::Inferred("D-220"),
+    letter: 'M',
+    segment: "3.",
+    unit: Unit::Byte,
     first: 80_000,
+    offset: 80_000,
     bytes: 3_182_144,
-    cpu: None,
-    doc: "Plain RAM",
     page: "",
-    structures: &[],
+    doc: "plain RAM",
 };
+
+const FLAGS: Space = Space {
+    name: "flags",
+    segment: "",
+    first: 10_000_000,
+    offset: 8192,
+    bytes: 71_808,
+    doc: "retain flags",
+    ..RAM_SPACE
+};
+
+const RAM: Area = area("ram", &RAM_SPACE);
+
+static RETAIN: Retain = Retain { area: area("retain", &FLAGS), default_bytes: 20_000 };
+
+const fn area(name: &'static str, space: &'static Space) -> Area {
+    Area {
+        name,
+        name_from: Provenance::Inferred("D-220"),
+        space,
+        first: space.offset,
+        bytes: space.bytes,
+        cpu: None,
+        doc: "Plain RAM",
+        page: "",
+        structures: &[],
+    }
+}
 
 /// A device of plain RAM.
 pub(crate) const fn test_device() -> Device {
@@ -38,7 +67,9 @@ pub(crate) const fn test_device() -> Device {
         title: "Test Device",
         manual: "none",
         layout_hash: HASH,
+        spaces: &[RAM_SPACE, FLAGS],
         areas: &[RAM],
+        retain: Some(&RETAIN),
         ports: &[Port { name: "end", number: 1, medium: "wire", roles: &[Role::Peer], area: &RAM }],
     }
 }

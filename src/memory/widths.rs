@@ -1,8 +1,7 @@
 //! Accesses of any width: how they meet the registers, each of which has just one.
 
 use super::{MemoryError, Segment, Width};
-use crate::layout::flags::{RETAIN, is_flag};
-use crate::layout::{Fitted, RegisterRef};
+use crate::layout::{Device, Fitted, RegisterRef};
 
 /// No register area covers an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +19,7 @@ pub struct Unmapped {
 ///
 /// An access from outside may be narrower or wider than the registers it meets; this map says how to split it.
 pub struct RegisterWidths {
+    device: &'static Device,
     areas: Vec<AreaWidths>,
 }
 
@@ -48,7 +48,8 @@ impl RegisterWidths {
     /// plain RAM.
     #[must_use]
     pub fn of(fitted: &Fitted) -> Self {
-        let areas = fitted.device().areas.iter().map(|area| {
+        let device = fitted.device();
+        let areas = device.all_areas().map(|area| {
             // Only as many bytes as have registers; option interfaces are large and empty.
             let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
@@ -63,8 +64,7 @@ impl RegisterWidths {
             }
             AreaWidths { first: area.first, bytes, end: area.first + area.bytes }
         });
-        let flags = AreaWidths { first: RETAIN.start, bytes: Vec::new(), end: RETAIN.end };
-        RegisterWidths { areas: core::iter::once(flags).chain(areas).collect() }
+        RegisterWidths { device, areas: areas.collect() }
     }
 
     /// The area that holds all of `offset .. offset + len`; otherwise the first byte that has none. A PLC has as many
@@ -75,7 +75,10 @@ impl RegisterWidths {
             .iter()
             .find(|area| (area.first..area.end).contains(&offset))
             .ok_or(Unmapped { offset })?;
-        let end = if is_flag(offset) { retain_end(segment).min(area.end).max(offset) } else { area.end };
+        let end = match self.device.is_retain(offset) {
+            true => area.first.saturating_add(retain_bytes(segment)).min(area.end).max(offset),
+            false => area.end,
+        };
         if len > end - offset { Err(Unmapped { offset: end }) } else { Ok(area) }
     }
 
@@ -180,10 +183,9 @@ impl AreaWidths {
     }
 }
 
-/// One past the last retain flag of a PLC.
-fn retain_end(segment: &Segment) -> u32 {
-    let bytes = segment.header().map_or(0, |header| header.retain_size.load());
-    RETAIN.start.saturating_add(bytes)
+/// How many retain flags a PLC has, in bytes.
+fn retain_bytes(segment: &Segment) -> u32 {
+    segment.header().map_or(0, |header| header.retain_size.load())
 }
 
 /// Reads `bytes` bytes at `offset` out of the register they lie in.

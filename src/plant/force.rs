@@ -15,7 +15,7 @@ use crate::memory::{Address, MemoryError, Width};
 pub struct Forced {
     /// Index of the PLC in the plant.
     pub plc: u16,
-    /// Absolute `%MB3` offset of the register.
+    /// First byte of the register in the image.
     pub offset: u32,
     /// Its width.
     pub width: Width,
@@ -69,9 +69,11 @@ impl Plant {
         forced.check(target.layout())?;
         target.segment().load(offset, width)?;
         if !target.has(offset, width) {
-            return Err(
-                MemoryError::OutOfRange { address: width.at(offset), end: target.segment().size() }.into()
-            );
+            return Err(MemoryError::OutOfRange {
+                address: target.layout().at(width, offset),
+                end: target.segment().size(),
+            }
+            .into());
         }
         if !self.forces.set(forced) {
             return Err(ForceError::TooMany);
@@ -102,7 +104,7 @@ impl Plant {
 impl Forced {
     /// Checks that it is one whole register, or plain RAM, and that the value fits.
     pub(super) fn check(&self, device: &'static Layout) -> Result<(), ForceError> {
-        let address = self.width.at(self.offset);
+        let address = device.at(self.width, self.offset);
         device.area_at(address)?;
         if self.value > self.width.max_value() {
             return Err(ForceError::TooWide { address, value: self.value });

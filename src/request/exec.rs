@@ -1,9 +1,9 @@
 //! Executes operations: the one place that tells what each of them does.
 
-use super::register::{Register, known_plc};
+use super::register::{Register, device_of, known_plc};
 use super::{Code, Host, MAX_ADVANCE_US, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
-use crate::memory::Address;
+use crate::layout::Width;
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
 
@@ -200,7 +200,8 @@ fn limit(us: u64) -> Result<(), Refused> {
 
 fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, Refused> {
     let plc = known_plc(host, plc)?;
-    let begin = Address::byte(offset);
+    let byte = |offset| device_of(host, plc).at(Width::Byte, offset);
+    let begin = byte(offset);
     if len > MAX_RANGE {
         let text =
             format_args!("{begin}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation");
@@ -208,7 +209,7 @@ fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<Vec<u8
     }
     let mut bytes = vec![0; len as usize];
     host.plant().read_range(plc, offset, &mut bytes).map_err(|hole| {
-        let hole = Address::byte(hole.offset);
+        let hole = byte(hole.offset);
         let text =
             format_args!("{begin}, {len} bytes: no register area covers {hole}; read each area for itself");
         Refused::new(Code::RANGE_UNMAPPED, text)

@@ -1,26 +1,27 @@
 //! The register that an operation names, and what it can be refused for.
 
 use super::{Code, Host, Refused, Waited};
-use crate::layout::flags;
-use crate::memory::{Address, Width};
+use crate::layout::{Address, Device, Width};
 use crate::plant::ForceError;
 
 /// A register whose PLC exists and whose address suits its width.
 #[derive(Clone, Copy)]
 pub(super) struct Register {
     pub plc: usize,
+    device: &'static Device,
     pub address: Address,
 }
 
 impl Register {
     pub(crate) fn check(host: &dyn Host, plc: u16, offset: u32, width: Width) -> Result<Self, Refused> {
         let plc = known_plc(host, plc)?;
-        let address = width.at(offset);
+        let device = device_of(host, plc);
+        let address = device.at(width, offset);
         if !offset.is_multiple_of(width.bytes()) {
             let text = format_args!("{address}: {}", width.alignment_rule());
             return Err(Refused::new(Code::MISALIGNED, text));
         }
-        Ok(Self { plc, address })
+        Ok(Self { plc, device, address })
     }
 
     pub(crate) fn fits(self, value: u32) -> Result<(), Refused> {
@@ -51,7 +52,10 @@ impl Register {
     }
 
     pub(crate) fn unmapped(self) -> Refused {
-        Refused::new(Code::UNMAPPED, format_args!("{}: {}", self.address, flags::not_covered(self.address)))
+        Refused::new(
+            Code::UNMAPPED,
+            format_args!("{}: {}", self.address, self.device.not_covered(self.address)),
+        )
     }
 
     pub(crate) fn not_in_time(self, waited: Waited) -> Refused {
@@ -72,6 +76,11 @@ impl Register {
             ForceError::NoSuchPlc | ForceError::NoArea(_) | ForceError::Memory(_) => self.unmapped(),
         }
     }
+}
+
+/// The registers of a PLC that exists.
+pub(super) fn device_of(host: &dyn Host, plc: usize) -> &'static Device {
+    host.plant().devices().get(plc).map_or(&Device::UNKNOWN, |device| device.layout())
 }
 
 pub(super) fn known_plc(host: &dyn Host, plc: u16) -> Result<usize, Refused> {

@@ -20,9 +20,8 @@ pub use error::NovramError;
 pub use writer::Keeper;
 
 use crate::devices::DeviceConfig;
-use crate::layout::flags::RETAIN_OFFSET;
 use crate::memory::{Segment, Width};
-use file::Content;
+use file::{Content, Size};
 use std::path::PathBuf;
 
 /// What was found at power-on.
@@ -49,6 +48,8 @@ pub struct Novram {
     saved: Content,
     /// Number of the registers' content in it.
     generation: u32,
+    /// Where the first retain flag lies.
+    flags: u32,
     /// To read retain flags into.
     scratch: Vec<u8>,
 }
@@ -71,12 +72,16 @@ impl Novram {
             return Ok(None);
         }
         let name = format!("{}.novram", device.name());
-        let (content, found) = file::load(directory, &name, bytes)?;
+        let retain = device.layout().retain.map(|retain| &retain.area);
+        let size = Size { registers: bytes, flags: retain.map_or(0, |area| area.bytes) as usize };
+        let (content, found) = file::load(directory, &name, size)?;
+        let first = retain.map_or(0, |area| area.first);
         let novram = Novram {
             name,
             segment: segment.clone(),
             saved: content.at_least(retain_bytes as usize),
             generation: 0,
+            flags: first,
             scratch: vec![0; retain_bytes as usize],
         };
         for register in kept.into_iter().flat_map(|(area, placed)| area.registers_of(placed)) {
@@ -88,7 +93,7 @@ impl Novram {
         }
         // An image that was taken over is zeroed, so flags that are 0 need not be stored.
         let flags = novram.saved.retain().as_chunks::<4>().0;
-        for (offset, bytes) in (RETAIN_OFFSET..RETAIN_OFFSET + retain_bytes).step_by(4).zip(flags) {
+        for (offset, bytes) in (first..first + retain_bytes).step_by(4).zip(flags) {
             if *bytes != [0; 4] {
                 novram.segment.store(offset, Width::Dword, u32::from_le_bytes(*bytes))?;
             }
@@ -116,7 +121,7 @@ impl Novram {
     /// Reads the retain flags; tells whether they are others than in the file.
     fn read_flags(&mut self) -> bool {
         // They lie in the segment.
-        self.segment.read_range(RETAIN_OFFSET, &mut self.scratch).is_ok()
+        self.segment.read_range(self.flags, &mut self.scratch).is_ok()
             && !self.saved.retain().starts_with(&self.scratch)
     }
 }

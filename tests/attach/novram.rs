@@ -1,8 +1,7 @@
 //! NOVRAM of emulators that may not write it, and signals that come while an emulator starts.
 
 use crate::common::{Emulator, commram, eventually, finish, remove_remains, unique_name, wait_for};
-use commram::devices::omega_drive_line_2::registers::LAYOUT_HASH;
-use commram::memory::header::RETAIN_OFFSET;
+use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, RETAIN};
 use commram::memory::{AttachMode, Image, Width};
 use std::fs;
 use std::io::Write;
@@ -12,7 +11,7 @@ use std::process::{Command, Stdio};
 
 fn set_flag(emulator: &Emulator, value: u32) {
     let image = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap();
-    image.segment().store(RETAIN_OFFSET as u32, Width::Byte, value).unwrap();
+    image.segment().store(RETAIN as u32, Width::Byte, value).unwrap();
 }
 
 /// A directory in the way of the new file: it cannot be written, whoever runs this test.

@@ -3,9 +3,8 @@
 
 use crate::common::{Emulator, unique_name};
 use commram::devices::omega_drive_line_2::registers::{
-    ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_DIAGNOSE_BMSTRUCT, LAYOUT_HASH,
+    ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_DIAGNOSE_BMSTRUCT, LAYOUT_HASH, RETAIN,
 };
-use commram::memory::header::RETAIN_OFFSET;
 use commram::memory::{AttachMode, Attached, Image, MemoryError, Width};
 use std::time::{Duration, Instant};
 
@@ -24,7 +23,7 @@ fn attach(emulator: &Emulator) -> Attached {
 }
 
 fn flag(n: u32) -> u32 {
-    RETAIN_OFFSET as u32 + 2 * n
+    RETAIN as u32 + 2 * n
 }
 
 /// Address, mask and choice that belong to number `n`.

@@ -39,13 +39,14 @@ fn a_stop_right_behind_it_hides_nothing() {
 /// What NOVRAM kept before is better than the zeros in the place of what was lost.
 #[test]
 fn nothing_of_a_shortened_image_gets_into_novram() {
-    use commram::memory::{AttachMode, Image, Width, header::RETAIN_OFFSET};
+    use commram::devices::omega_drive_line_2::registers::RETAIN;
+    use commram::memory::{AttachMode, Image, Width};
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().to_str().unwrap();
     let start = || Emulator::start(&["--clock", "stepped", "--novram", path]);
     let attach =
         |emulator: &Emulator| Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
-    let flag = RETAIN_OFFSET as u32;
+    let flag = RETAIN as u32;
     let mut emulator = start();
     attach(&emulator).segment().store(flag, Width::Dword, 0x1234_5678).unwrap();
     let novram = directory.path().join("line.novram");

@@ -158,7 +158,7 @@ impl Trace {
             2 => Width::Word,
             _ => Width::Dword,
         };
-        Ok(Address::new(width, offset)?)
+        Ok(DEVICE.aligned(width, offset)?)
     }
 }
 

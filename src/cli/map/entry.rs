@@ -232,7 +232,7 @@ fn plain(area: &'static Area) -> Entry {
         area: area.name,
         structure: "",
         used: String::new(),
-        address: format!("%MB3.{}", area.first),
+        address: area.begin(),
         cpu_address: area.cpu_address(area.first),
         ty: format!("BYTE[{}]", area.bytes),
         owner: "both".to_owned(),

@@ -11,7 +11,6 @@ use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use crate::devices::{BuildError, Context, Device, Look, Plug, Power};
 use crate::journal::Origin;
-use crate::layout::flags::is_flag;
 use crate::layout::{self, Fit, Fitted, Role};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, MemoryError, Segment, View, Width};
@@ -89,7 +88,6 @@ impl Bm4Plc {
     ) -> Result<(Self, Vec<Plug>), BuildError> {
         let index = index as u16;
         let header = segment.header()?;
-        header.retain_size.store(0);
         let mut modules = Vec::with_capacity(config.modules.len());
         for module in &config.modules {
             let module = Module::new(module, &segment)?;
@@ -283,10 +281,6 @@ impl Device for Bm4Plc {
 
     fn take_fired(&mut self) -> u16 {
         core::mem::take(&mut self.front.events.fired)
-    }
-
-    fn has(&self, offset: u32, _: Width) -> bool {
-        !is_flag(offset)
     }
 
     /// If that is a `w_CPU_CONTROL`, 16#0000 in it is a restart, even if it stood there before (decision D-29).

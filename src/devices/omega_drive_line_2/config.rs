@@ -3,10 +3,9 @@
 use super::Plc;
 use super::plc::{MASTER, SLAVE};
 use crate::devices::cansync::drive::{BuiltInDriveConfig, Watch};
-use crate::devices::omega_drive_line_2::registers::{DEVICE, ETHERNET_CONFIG};
+use crate::devices::omega_drive_line_2::registers::{DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES};
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
-use crate::layout::flags::{MOST_RETAIN, RETAIN_SIZE};
 use crate::layout::{Area, Device};
 use crate::memory::Segment;
 use crate::memory::header::Project;
@@ -81,7 +80,7 @@ fn default_ethernet_mbit() -> u16 {
 }
 
 fn default_retain_bytes() -> u32 {
-    RETAIN_SIZE
+    RETAIN_DEFAULT_BYTES
 }
 
 impl PlcConfig {
@@ -123,7 +122,7 @@ impl DeviceConfig for PlcConfig {
             return Err(SettingError { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
         }
         let right = "4 to 71808 and divisible by 4";
-        range("retain_bytes", &self.name, self.retain_bytes.into(), 4..=MOST_RETAIN.into(), right)?;
+        range("retain_bytes", &self.name, self.retain_bytes.into(), 4..=RETAIN_BYTES as u64, right)?;
         if !self.retain_bytes.is_multiple_of(4) {
             let (name, value) = (self.name.clone(), self.retain_bytes.into());
             return Err(SettingError { what: "retain_bytes", name, value, right });

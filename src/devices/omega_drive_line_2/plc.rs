@@ -17,7 +17,6 @@ use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
 use crate::fault::{Effect, Faults, Hit, NodeEffect};
 use crate::journal::{Journal, Origin};
 use crate::layout;
-use crate::layout::flags::{RETAIN_OFFSET, is_flag};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, View, Width};
 
@@ -54,7 +53,6 @@ impl Plc {
         let drive = BuiltInDrive::new(&config.name, &config.drive)?;
         let header = segment.header()?;
         header.board.dip.store(u32::from(config.dip));
-        header.retain_offset.store(RETAIN_OFFSET);
         header.retain_size.store(config.retain_bytes);
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
         let plug =
@@ -269,11 +267,6 @@ impl Device for Plc {
 
     fn take_fired(&mut self) -> u16 {
         self.board.take_fired()
-    }
-
-    fn has(&self, offset: u32, width: Width) -> bool {
-        let end = RETAIN_OFFSET.saturating_add(self.header.retain_size.load());
-        !is_flag(offset) || u64::from(offset) + u64::from(width.bytes()) <= end.into()
     }
 
     /// If that is a `w_CPU_CONTROL`, 16#0000 in it is a restart, even if it stood there before (decision D-29).

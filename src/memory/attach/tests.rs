@@ -215,14 +215,14 @@ fn timeouts_name_what_did_not_come() {
         let client = attach(&instance, mode).unwrap();
         let soon = Duration::from_millis(2);
         let refused = client.wait_register(REGISTER, Width::Byte, soon, |v| v == 0x04).unwrap_err();
-        assert_eq!(refused.to_string(), "%MB3.200000 still holds 16#05 after 2ms");
+        assert_eq!(refused.to_string(), "byte 200000 of the image still holds 16#05 after 2ms");
         let refused = client.wait_until("slave 3 in mode 3", soon, |_| None::<()>).unwrap_err();
         assert_eq!(refused.to_string(), "slave 3 in mode 3 did not happen within 2ms");
         let seen = image.header().events[0].bell.rings();
         let refused = client.wait_event(0, seen, soon).unwrap_err();
         assert_eq!(refused.to_string(), "event 0 did not happen within 2ms");
         let refused = client.wait_register(REGISTER + 1, Width::Word, soon, |_| true).unwrap_err();
-        assert_eq!(refused.to_string(), "%MW3.200001: a WORD needs an even address");
+        assert_eq!(refused.to_string(), "WORD at byte 200001 of the image: a WORD needs an even address");
     }
 }
 

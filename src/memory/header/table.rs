@@ -1,6 +1,6 @@
 //! Tables of the header page that tell what the device of an image consists of: its areas and its ports.
 
-use crate::layout::{Area, Fit, MOST_PORTS, Port, Role, flags};
+use crate::layout::{Area, Fit, MOST_PORTS, Port, Role, Space};
 use crate::memory::header::set_name;
 use crate::memory::published::publish;
 use crate::memory::{Cell8, Cell32, SharedRegs};
@@ -77,13 +77,10 @@ impl AreaEntry {
     /// Tells of `area`; what it said before is gone.
     pub(super) fn fill(&self, area: &Area) {
         set_name(&self.name, area.name);
-        let (space, first) = match flags::is_flag(area.first) {
-            true => ("M", area.first - flags::RETAIN_OFFSET + flags::FIRST_FLAG),
-            false => ("M3.", area.first),
-        };
-        set_name(&self.space, space);
-        self.first.store(first);
-        self.unit.store(1);
+        let Space { letter, segment, unit, .. } = area.space;
+        set_name(&self.space, &format!("{letter}{segment}"));
+        self.first.store(area.space.number(area.first, unit.width()));
+        self.unit.store(unit.width().bytes());
         self.file_offset.store(area.first);
         self.size.store(area.bytes);
     }

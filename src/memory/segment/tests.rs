@@ -51,46 +51,49 @@ fn registers_lie_in_little_endian_order() {
 #[test]
 fn refusals_name_the_address_and_what_would_be_right() {
     for segment in both() {
-        assert_eq!(message(segment.load(200_001, Width::Word)), "%MW3.200001: a WORD needs an even address");
+        assert_eq!(
+            message(segment.load(200_001, Width::Word)),
+            "WORD at byte 200001 of the image: a WORD needs an even address"
+        );
         assert_eq!(
             message(segment.store(200_002, Width::Dword, 0)),
-            "%MD3.200002: a DWORD needs an address divisible by 4"
+            "DWORD at byte 200002 of the image: a DWORD needs an address divisible by 4"
         );
         assert_eq!(
             message(segment.load(3_262_144, Width::Dword)),
-            "%MD3.3262144 lies behind the segment's last byte %MB3.3262143"
+            "DWORD at byte 3262144 of the image lies behind the last one, byte 3262143"
         );
         assert_eq!(
             message(segment.load(u32::MAX, Width::Byte)),
-            "%MB3.4294967295 lies behind the segment's last byte %MB3.3262143"
+            "byte 4294967295 of the image lies behind the last one, byte 3262143"
         );
         assert_eq!(
             message(segment.load(4_095, Width::Byte)),
-            "%MB3.4095 lies in the header page; registers begin at %MB3.4096"
+            "byte 4095 of the image lies in the header page; registers begin at byte 4096"
         );
         assert_eq!(
             message(segment.store(200_000, Width::Byte, 0x100)),
-            "%MB3.200000: 16#100 does not fit, a BYTE holds at most 16#FF"
+            "byte 200000 of the image: 16#100 does not fit, a BYTE holds at most 16#FF"
         );
         assert_eq!(
             message(segment.compare_exchange(200_000, Width::Word, 0x1_0000, 0)),
-            "%MW3.200000: 16#10000 does not fit, a WORD holds at most 16#FFFF"
+            "WORD at byte 200000 of the image: 16#10000 does not fit, a WORD holds at most 16#FFFF"
         );
         assert_eq!(
             message(segment.store_within(200_000, Width::Word, 200_002, Width::Byte, 0)),
-            "%MB3.200002 is no part of the WORD at %MW3.200000"
+            "byte 200002 of the image is no part of the register there: WORD at byte 200000 of the image"
         );
         assert_eq!(
             message(segment.load_within(200_000, Width::Byte, 200_000, Width::Word)),
-            "%MW3.200000 is no part of the BYTE at %MB3.200000"
+            "WORD at byte 200000 of the image is no part of the register there: byte 200000 of the image"
         );
         assert_eq!(
             message(segment.store_within(200_000, Width::Dword, 200_001, Width::Word, 0)),
-            "%MW3.200001: a WORD needs an even address"
+            "WORD at byte 200001 of the image: a WORD needs an even address"
         );
         assert_eq!(
             message(segment.read_range(LAST, &mut [0; 2])),
-            "%MB3.3262143: 2 bytes end behind the segment's last byte %MB3.3262143"
+            "byte 3262143 of the image: 2 bytes from there end behind the last one, byte 3262143"
         );
     }
 }
@@ -100,11 +103,11 @@ fn view_refusals() {
     for segment in both() {
         assert_eq!(
             message(segment.view::<Cell16>(200_001)),
-            "%MB3.200001: a view of commram::memory::cell::Cell16 needs an address divisible by 2"
+            "byte 200001 of the image: a view of commram::memory::cell::Cell16 needs an address divisible by 2"
         );
         assert_eq!(
             message(segment.view::<[Cell8; 2]>(SEGMENT_SIZE - 1)),
-            "%MB3.3262143: 2 bytes end behind the segment's last byte %MB3.3262143"
+            "byte 3262143 of the image: 2 bytes from there end behind the last one, byte 3262143"
         );
         assert!(matches!(segment.view::<Cell32>(usize::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
         assert!(matches!(segment.view::<Cell32>(4_092), Err(MemoryError::InHeader { .. })));
@@ -251,7 +254,8 @@ fn a_snapshot_is_private() {
 #[test]
 fn a_read_only_segment_refuses_instead_of_crashing() {
     let segment = read_only();
-    let refusal = "%MB3.200000: the image is attached read-only; attach it for reading and writing instead";
+    let refusal =
+        "byte 200000 of the image: it is attached read-only; attach it for reading and writing instead";
     assert_eq!(message(segment.store(200_000, Width::Byte, 1)), refusal);
     assert_eq!(message(segment.compare_exchange(200_000, Width::Byte, 0, 1)), refusal);
     assert_eq!(message(segment.store_within(200_000, Width::Word, 200_000, Width::Byte, 1)), refusal);

@@ -133,7 +133,7 @@ fn compare_exchange_tells_what_it_found() {
 fn memory_errors_name_the_address_and_what_would_be_right() {
     let mut host = TestHost::new(true);
     let mut refused = |op, code, text: &str| assert_eq!(host.refusal(op), (code, text.to_owned()));
-    let nothing = "%MW3.998: no register area of the device covers this WORD";
+    let nothing = "WORD at byte 998 of the image: no register area of the device covers this WORD";
     refused(peek(998, Width::Word), Code::UNMAPPED, nothing);
     refused(poke(998, Width::Word, 1), Code::UNMAPPED, nothing);
     let misaligned = "%MD3.1000102: a DWORD needs an address divisible by 4";
@@ -145,7 +145,7 @@ fn memory_errors_name_the_address_and_what_would_be_right() {
     let exchange = Op::CompareExchange { plc: 0, offset: REG, width: Width::Byte, current: 256, new: 0 };
     let wide = "%MB3.1000100: 16#100 does not fit, a BYTE holds at most 16#FF";
     refused(exchange, Code::VALUE_TOO_WIDE, wide);
-    let last = "%MB3.4294967295: no register area of the device covers this BYTE";
+    let last = "byte 4294967295 of the image: no register area of the device covers this BYTE";
     refused(peek(u32::MAX, Width::Byte), Code::UNMAPPED, last);
 }
 

@@ -1,15 +1,21 @@
 //! The NOVRAM file: magic, version, length, content, checksum.
 
 use super::{Directory, Found, NovramError};
-use crate::layout::flags::MOST_RETAIN;
 
 const MAGIC: [u8; 8] = *b"commramN";
 const VERSION: u32 = 2;
 /// Magic, version, length of the content.
 const HEAD: usize = 16;
 const CHECKSUM: usize = 4;
-/// Most bytes of retain flags that a file keeps.
-const MOST_FLAGS: usize = MOST_RETAIN as usize;
+
+/// What a device can have in NOVRAM, in bytes.
+#[derive(Clone, Copy)]
+pub(super) struct Size {
+    /// Registers, always as many.
+    pub registers: usize,
+    /// Retain flags at most.
+    pub flags: usize,
+}
 
 /// What a file keeps: registers, as many bytes as the device has in NOVRAM, and retain flags, at least as many as it has.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,21 +60,21 @@ impl Content {
     }
 }
 
-/// Reads the file of this name, whose device has so many bytes of registers in NOVRAM. One that cannot be used is set
+/// Reads the file of this name. One that cannot be used is set
 /// aside; one that could not be written is an error.
 pub(super) fn load(
     directory: &Directory,
     name: &str,
-    registers: usize,
+    size: Size,
 ) -> Result<(Content, Found), NovramError> {
-    let (content, found) = match directory.read(name, HEAD + registers + MOST_FLAGS + CHECKSUM)? {
-        None => (Content::empty(registers), Found::Nothing),
-        Some(bytes) => match decode(&bytes, registers) {
+    let (content, found) = match directory.read(name, HEAD + size.registers + size.flags + CHECKSUM)? {
+        None => (Content::empty(size.registers), Found::Nothing),
+        Some(bytes) => match decode(&bytes, size) {
             Some(content) => {
                 let retain = content.retain().iter().any(|flag| *flag != 0);
                 (content, Found::Content { retain })
             }
-            None => (Content::empty(registers), Found::SetAside(directory.set_aside(name)?)),
+            None => (Content::empty(size.registers), Found::SetAside(directory.set_aside(name)?)),
         },
     };
     directory.probe(name, &encode(&content))?;
@@ -90,9 +96,9 @@ pub(super) fn encode(content: &Content) -> Vec<u8> {
     bytes
 }
 
-pub(super) fn decode(bytes: &[u8], registers: usize) -> Option<Content> {
+pub(super) fn decode(bytes: &[u8], Size { registers, flags }: Size) -> Option<Content> {
     let (body, checksum) = bytes.split_last_chunk::<CHECKSUM>()?;
-    let possible = registers..=registers + MOST_FLAGS;
+    let possible = registers..=registers + flags;
     let content = body.get(HEAD..).filter(|content| possible.contains(&content.len()))?;
     let content = Content { bytes: content.to_vec(), registers };
     (crc32fast::hash(body) == u32::from_le_bytes(*checksum) && encode(&content) == bytes).then_some(content)

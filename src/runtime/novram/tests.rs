@@ -2,7 +2,6 @@ mod killed;
 
 use super::file::{decode, encode};
 use super::*;
-use crate::memory::header::{RETAIN_OFFSET, RETAIN_SIZE};
 use crate::plant::PlantConfig;
 use std::fs;
 use std::io::ErrorKind;
@@ -13,11 +12,14 @@ use std::time::{Duration, Instant};
 const REGISTERS: usize = 16;
 const ROUTER: u32 = 180_016 + 12;
 const ADDRESS: u32 = 180_016 + 4;
-const FLAG: u32 = RETAIN_OFFSET as u32;
-const LAST_FLAG: u32 = (RETAIN_OFFSET + RETAIN_SIZE - 1) as u32;
+const FLAG: u32 = 8192;
+/// How many retain flags it has, in bytes, and most that it can have.
+const FLAGS: usize = 20_000;
+const SIZE: Size = Size { registers: REGISTERS, flags: 71_808 };
+const LAST_FLAG: u32 = FLAG + FLAGS as u32 - 1;
 
 fn content(byte: u8) -> Content {
-    Content::new(&[byte; REGISTERS], &[byte; RETAIN_SIZE])
+    Content::new(&[byte; REGISTERS], &[byte; FLAGS])
 }
 
 /// The directory as an emulator has it.
@@ -59,7 +61,7 @@ fn flags_beyond_those_of_the_plant_stay_in_the_file() {
         file::store(&mut open(&directory), &novram.name, &content).unwrap();
     };
     let (many, few) = (segment(), segment());
-    let (last, first) = (79_996, RETAIN_OFFSET as u32);
+    let (last, first) = (79_996, FLAG);
     many.store(last, Width::Dword, 7).unwrap();
     save(&mut on(&many, 71_808));
     let mut novram = on(&few, 8);
@@ -126,7 +128,7 @@ fn retain_flags_are_looked_at_when_it_is_time() {
     segment.store(FLAG, Width::Dword, 7).unwrap();
     let config = [0; REGISTERS];
     assert_eq!(novram.changed((&config, 0), false), None);
-    let mut flags = [0; RETAIN_SIZE];
+    let mut flags = [0; FLAGS];
     flags[0] = 7;
     assert_eq!(novram.changed((&config, 0), true), Some(Content::new(&config, &flags)));
 }
@@ -136,7 +138,7 @@ fn a_damaged_or_foreign_file_is_set_aside() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("line.novram");
     let good = encode(&content(7));
-    assert_eq!(decode(&good, REGISTERS), Some(content(7)));
+    assert_eq!(decode(&good, SIZE), Some(content(7)));
     let mut flipped = good.clone();
     flipped[20] ^= 1;
     let mut older = good.clone();
@@ -181,7 +183,7 @@ fn the_keeper_has_written_everything_when_it_ends() {
     drop(keeper);
     for (name, byte, flag) in [("a", 1, 0), ("b", 2, 9)] {
         let bytes = fs::read(directory.path().join(format!("{name}.novram"))).unwrap();
-        let content = decode(&bytes, REGISTERS).unwrap();
+        let content = decode(&bytes, SIZE).unwrap();
         assert_eq!((content.registers()[0], content.retain()[0]), (byte, flag));
     }
 }
@@ -202,7 +204,7 @@ fn block(directory: &tempfile::TempDir) -> std::path::PathBuf {
 
 fn saved(directory: &tempfile::TempDir) -> Option<Content> {
     match fs::read(directory.path().join("line.novram")) {
-        Ok(bytes) => Some(decode(&bytes, REGISTERS).expect("whole")),
+        Ok(bytes) => Some(decode(&bytes, SIZE).expect("whole")),
         Err(error) if error.kind() == ErrorKind::NotFound => None,
         Err(error) => panic!("{error}"),
     }

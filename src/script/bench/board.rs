@@ -1,7 +1,6 @@
 //! The boards of the PLCs: switches, supply, what they show, their events.
 
 use super::Bench;
-use crate::layout::flags::RETAIN_OFFSET;
 use crate::memory::header::{BoardSetting, BoardState, InitialFlagResult};
 use crate::script::{ScenarioError, Value};
 
@@ -64,12 +63,13 @@ impl Bench {
     pub fn initial_flag(&mut self, flag: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let register = self.whole_register(flag)?;
         let (address, bits) = (register.place.address(), value.into().bits(&register.place)?);
-        if !address.is_flag() {
+        let retain = self.names.device(register.spot.plc).retain;
+        let Some(retain) = retain.filter(|retain| retain.area.contains(address.offset())) else {
             return Err(ScenarioError::argument(flag, "write the address of retain flags, %MD10000000"));
-        }
+        };
         let ram = self.ram_of(register.spot.plc)?;
         let slot = &ram.header().initial_flag;
-        let request = slot.ask(address.offset() - RETAIN_OFFSET, address.width().bytes(), bits);
+        let request = slot.ask(address.offset() - retain.area.first, address.width().bytes(), bits);
         ram.header().submit_request();
         self.answer_boards()?;
         // A clock that runs by itself has to come to it.

@@ -85,8 +85,34 @@ pub enum Reason {
     PastAreaEnd { structure: String, size: u32, area: String, bytes: u32 },
     #[error("the size of `{structure}` is {size}; it must be a multiple of {align}")]
     OddSize { structure: String, size: u32, align: u32 },
-    #[error("area `{name}` starts at {first}; it must be divisible by 4")]
-    AreaMisaligned { name: String, first: u32 },
+    #[error("area `{name}` starts at {first}; it must be divisible by {by}")]
+    AreaMisaligned { name: String, first: u32, by: u32 },
+    #[error(
+        "area `{name}` ({first} to {last}) does not lie in space `{space}`, which has {space_first} to {space_last}"
+    )]
+    AreaOutside { name: String, first: u32, last: u32, space: String, space_first: u32, space_last: u64 },
+    #[error("unknown space `{0}`; spaces stand under [[space]] of device.toml")]
+    UnknownSpace(String),
+    #[error("space `{0}` has no area that it could end with; give its `bytes`")]
+    SpaceWithoutEnd(String),
+    #[error(
+        "space `{name}` begins at byte {offset} of the image; the first {header} bytes are the header page"
+    )]
+    SpaceInHeader { name: String, offset: u32, header: u32 },
+    #[error(
+        "`{key}` of space `{name}` is {value}; it must be divisible by {by}, so that what is aligned in the space is so in the image"
+    )]
+    SpaceMisaligned { key: &'static str, name: String, value: u32, by: u32 },
+    #[error("space `{0}` does not end within the 4 GiB that an address can name")]
+    SpaceTooLong(String),
+    #[error("space `{name}` has bytes {first} to {last} of the image, which space `{other}` has, too")]
+    SpaceOverlap { name: String, first: u32, last: u64, other: String },
+    #[error("addresses of space `{name}` are written like those of `{other}`, which has the same numbers")]
+    SpaceAmbiguous { name: String, other: String },
+    #[error("`{0}` is the retain area already; a device has one")]
+    RetainTwice(String),
+    #[error("retain area `{name}` takes no structures, and a `retain` of 4 to {most} bytes, divisible by 4")]
+    BadRetain { name: String, most: u32 },
     #[error("area `{name}` ends at {last}, before its first byte {first}")]
     AreaReversed { name: String, first: u32, last: u32 },
     #[error("area `{name}` ({first} to {last}) overlaps area `{other}`, which ends at {other_last}")]

@@ -13,6 +13,13 @@ pub(crate) fn layout_hash(device: &Device) -> u64 {
 
 fn canonical(device: &Device) -> String {
     let mut text = format!("device {}\n", device.name);
+    for space in &device.spaces {
+        let crate::model::Space { letter, segment, unit, first, offset, bytes, .. } = space;
+        let _ = writeln!(text, "space {letter:?} {segment:?} {unit:?} {first} {offset} {bytes}");
+    }
+    if let Some((area, _)) = &device.retain {
+        let _ = writeln!(text, "retain {} {} {}", area.name, area.first, area.bytes);
+    }
     for area in &device.areas {
         let _ = write!(text, "area {} {} {}", area.name, area.first, area.bytes);
         for placed in &area.structures {

@@ -1,6 +1,6 @@
 //! The checked layout: every offset, width and reference in here has passed [`crate::check`].
 
-pub(crate) use crate::raw::{Live, Owner, Provenance, Role};
+pub(crate) use crate::raw::{Letter, Live, Owner, Provenance, Role, Unit};
 
 /// A whole device, or a family: structures without areas.
 pub(crate) struct Device {
@@ -14,8 +14,12 @@ pub(crate) struct Device {
     pub meanings: Vec<Meaning>,
     pub substructures: Vec<Structure>,
     pub structures: Vec<Structure>,
+    /// In the order of the files; no two have a byte of the image in common.
+    pub spaces: Vec<Space>,
     /// In ascending order.
     pub areas: Vec<Area>,
+    /// The area whose size each plant sets, and what it is in a plant that does not.
+    pub retain: Option<(Area, u32)>,
     /// In the order of their numbers.
     pub ports: Vec<Port>,
     pub baud_rates: Vec<BaudRate>,
@@ -43,9 +47,47 @@ pub(crate) struct Deadline {
     pub source: Provenance,
 }
 
+pub(crate) struct Space {
+    pub name: String,
+    pub letter: Letter,
+    pub segment: Option<u16>,
+    pub unit: Unit,
+    /// Number of the first byte or word.
+    pub first: u32,
+    /// Where it lies in the image.
+    pub offset: u32,
+    pub bytes: u32,
+    pub page: String,
+    pub doc: String,
+}
+
+impl Space {
+    /// Bytes that one number counts.
+    pub(crate) fn unit_bytes(&self) -> u32 {
+        match self.unit {
+            Unit::Byte => 1,
+            Unit::Word => 2,
+        }
+    }
+
+    /// The byte of the image where number `number` lies, if the space begins before it.
+    pub(crate) fn place(&self, number: u32) -> Option<u32> {
+        let bytes = number.checked_sub(self.first)?.checked_mul(self.unit_bytes())?;
+        self.offset.checked_add(bytes)
+    }
+
+    /// One past its last byte in the image.
+    pub(crate) fn end(&self) -> u64 {
+        u64::from(self.offset) + u64::from(self.bytes)
+    }
+}
+
 pub(crate) struct Area {
     pub name: String,
     pub name_from: Provenance,
+    /// Index into [`Device::spaces`].
+    pub space: usize,
+    /// First byte in the image.
     pub first: u32,
     pub bytes: u32,
     /// First and last CPU address, if the manual gives them.

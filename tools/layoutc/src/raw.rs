@@ -33,6 +33,7 @@ pub(crate) struct Device {
     #[serde(default)]
     pub parts: Vec<Spanned<String>>,
     pub structures: Vec<Spanned<String>>,
+    pub space: Vec<Space>,
     pub area: Vec<Area>,
     #[serde(default)]
     pub port: Vec<Port>,
@@ -55,11 +56,53 @@ pub(crate) struct Range {
     pub last: u8,
 }
 
+/// Addresses that the application writes in one way, and where they lie in the image.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Space {
+    pub name: Spanned<String>,
+    pub letter: Letter,
+    /// Number between width and address, as in `%MB3.0`.
+    pub segment: Option<u16>,
+    pub unit: Unit,
+    /// Number of the first byte or word.
+    pub first: Spanned<u32>,
+    /// Where it lies in the image.
+    pub offset: Spanned<u32>,
+    /// Left out the space ends with its last area.
+    pub bytes: Option<Spanned<u32>>,
+    pub page: String,
+    pub doc: String,
+}
+
+/// What stands behind the `%` of an address.
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Letter {
+    I,
+    Q,
+    M,
+}
+
+/// What the number in an address counts.
+#[derive(Deserialize, Clone, Copy, PartialEq, Eq, Debug)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Unit {
+    /// Bytes, whatever the width.
+    Byte,
+    /// Accesses of the address's own width; of bits the words that they are in.
+    Word,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Area {
     pub name: Spanned<String>,
+    /// Left out it is the first one.
+    pub space: Option<Spanned<String>>,
+    /// Number of its first byte or word in the space.
     pub first: Spanned<u32>,
+    /// Bytes that it has in a plant that does not say otherwise: the retain flags alone.
+    pub retain: Option<Spanned<u32>>,
     /// Left out the area ends with its largest structure.
     pub last: Option<Spanned<u32>>,
     pub cpu_first: Option<u32>,

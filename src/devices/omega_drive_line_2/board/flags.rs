@@ -1,8 +1,11 @@
 //! The retain flags and what a cold start makes of them (manual 5.00005.03a p. 38, 41).
 
-use crate::layout::flags::{MOST_RETAIN, RETAIN_OFFSET};
+use crate::devices::omega_drive_line_2::registers::{RETAIN, RETAIN_BYTES};
 use crate::memory::header::{InitialFlag, InitialFlagResult};
 use crate::memory::{MemoryError, Segment, Width};
+
+/// Where the first flag lies.
+const FIRST: u32 = RETAIN as u32;
 
 /// The retain flags of a PLC with their initial values.
 #[derive(Debug)]
@@ -18,14 +21,14 @@ impl Flags {
     /// # Errors
     /// If the segment is read-only.
     pub(crate) fn new(segment: &Segment) -> Result<Self, MemoryError> {
-        let bytes = segment.header()?.retain_size.load().min(MOST_RETAIN) & !3;
+        let bytes = segment.header()?.retain_size.load().min(RETAIN_BYTES as u32) & !3;
         Ok(Flags { segment: segment.clone(), initial: vec![0; bytes as usize].into() })
     }
 
     /// Whether any of them is not 0: NOVRAM has kept them.
     pub(crate) fn are_kept(&self) -> bool {
         let mut bytes = vec![0; self.initial.len()];
-        self.segment.read_range(RETAIN_OFFSET, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)
+        self.segment.read_range(FIRST, &mut bytes).is_ok() && bytes.iter().any(|flag| *flag != 0)
     }
 
     /// Answers a request, if there is one.
@@ -59,7 +62,7 @@ impl Flags {
 
     /// Cold start: all flags get their initial values.
     pub(crate) fn initialize(&self) {
-        for (offset, bytes) in (RETAIN_OFFSET..).step_by(4).zip(self.initial.as_chunks::<4>().0) {
+        for (offset, bytes) in (FIRST..).step_by(4).zip(self.initial.as_chunks::<4>().0) {
             // They lie in the segment, which is writable.
             let _: Result<(), MemoryError> =
                 self.segment.store(offset, Width::Dword, u32::from_le_bytes(*bytes));
@@ -94,11 +97,11 @@ mod tests {
         ] {
             assert_eq!(flags.set(flag, width, value).is_some(), is_set, "{flag}, {width}");
         }
-        let behind = RETAIN_OFFSET + 24;
+        let behind = FIRST + 24;
         for offset in [8, 24] {
-            flags.segment.store(RETAIN_OFFSET + offset, Width::Dword, 9).unwrap();
+            flags.segment.store(FIRST + offset, Width::Dword, 9).unwrap();
         }
-        let load = |flags: &Flags, flag| flags.segment.load(RETAIN_OFFSET + flag, Width::Byte).unwrap();
+        let load = |flags: &Flags, flag| flags.segment.load(FIRST + flag, Width::Byte).unwrap();
         flags.initialize();
         let held = [0, 1, 2, 3, 6, 7, 8, 23].map(|flag| load(&flags, flag));
         assert_eq!(held, [1, 2, 3, 4, 0xEF, 0xBE, 0, 0x7F]);

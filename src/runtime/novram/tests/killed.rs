@@ -49,7 +49,7 @@ fn the_file_holds_the_old_or_the_new_content_never_a_mixture() {
         }
         child.kill().unwrap();
         assert_eq!(child.wait().unwrap().signal(), Some(9));
-        let found = fs::read(&path).ok().map(|bytes| decode(&bytes, REGISTERS).expect("whole"));
+        let found = fs::read(&path).ok().map(|bytes| decode(&bytes, SIZE).expect("whole"));
         let byte = found.as_ref().map(|found| found.registers()[0]);
         assert_eq!(found, byte.map(content), "no mixture");
         longest_us = if byte == last { (2 * longest_us).min(SLOWEST_US) } else { LONGEST_US };

@@ -1,69 +1,123 @@
-//! Areas of the segment: where the structures lie, and that overlaid structures agree on widths.
+//! Areas of the image: where the structures lie, and that overlaid structures agree on widths.
 
 use super::{Names, identifier};
 use crate::error::{Error, Reason};
-use crate::model::{Area, Field, Kind, Placed, Provenance, Structure};
+use crate::model::{Area, Field, Kind, Placed, Provenance, Space, Structure};
 use crate::raw;
 use crate::source::{At, Sources, at};
 use toml::Spanned;
 
-/// Checks all areas of the device.
-pub(crate) fn check(
+/// What areas can be made of.
+pub(super) struct Types<'a> {
+    pub structures: &'a [Structure],
+    pub subs: &'a [Structure],
+}
+
+/// Checks all areas of the device, in the order of the file.
+pub(super) fn check(
     sources: &Sources,
     file: usize,
     (raw, from): (&[raw::Area], &Provenance),
-    structures: &[Structure],
-    subs: &[Structure],
+    spaces: &[Space],
+    types: &Types<'_>,
 ) -> Result<Vec<Area>, Error> {
     let mut names = Names::default();
     let mut areas: Vec<Area> = Vec::new();
+    let mut numbers: Vec<(u32, u32)> = Vec::new();
     for raw in raw {
         names.add(sources, file, &raw.name)?;
-        let area = area(sources, file, raw, from, structures, subs)?;
-        let last = area.first + (area.bytes - 1);
-        for other in &areas {
-            let other_last = other.first + (other.bytes - 1);
-            if area.first <= other_last && other.first <= last {
-                let (name, first, other) = (area.name.clone(), area.first, other.name.clone());
+        let (area, (first, last)) = area(sources, file, raw, from, spaces, types)?;
+        for (other, (other_first, other_last)) in areas.iter().zip(&numbers) {
+            if area.space == other.space && first <= *other_last && *other_first <= last {
+                let (name, other, other_last) = (area.name.clone(), other.name.clone(), *other_last);
                 let reason = Reason::AreaOverlap { name, first, last, other, other_last };
                 return Err(sources.error(at(file, raw.first.span()), reason));
             }
         }
         areas.push(area);
+        numbers.push((first, last));
     }
     Ok(areas)
 }
 
+/// Takes the area whose size each plant sets out of the others.
+pub(super) fn retain(
+    sources: &Sources,
+    file: usize,
+    raw: &[raw::Area],
+    areas: &mut Vec<Area>,
+) -> Result<Option<(Area, u32)>, Error> {
+    let mut found: Option<(usize, u32)> = None;
+    for (index, (raw, area)) in raw.iter().zip(areas.iter()).enumerate() {
+        let Some(bytes) = &raw.retain else { continue };
+        let wrong = |reason| Err(sources.error(at(file, bytes.span()), reason));
+        if let Some((other, _)) = found {
+            return wrong(Reason::RetainTwice(areas[other].name.clone()));
+        }
+        let (default, most) = (*bytes.get_ref(), area.bytes);
+        if !area.structures.is_empty() || !(4..=most).contains(&default) || !default.is_multiple_of(4) {
+            return wrong(Reason::BadRetain { name: area.name.clone(), most });
+        }
+        found = Some((index, default));
+    }
+    Ok(found.map(|(index, default)| (areas.remove(index), default)))
+}
+
+/// The area, and its first and last number.
 fn area(
     sources: &Sources,
     file: usize,
     raw: &raw::Area,
     names: &Provenance,
-    structures: &[Structure],
-    subs: &[Structure],
-) -> Result<Area, Error> {
+    spaces: &[Space],
+    types: &Types<'_>,
+) -> Result<(Area, (u32, u32)), Error> {
+    let Types { structures, subs } = types;
     let name = raw.name.get_ref().clone();
+    let space = match &raw.space {
+        None => 0,
+        Some(wanted) => {
+            let known = spaces.iter().position(|space| space.name == *wanted.get_ref());
+            let unknown = || Reason::UnknownSpace(wanted.get_ref().clone());
+            known.ok_or_else(|| sources.error(at(file, wanted.span()), unknown()))?
+        }
+    };
+    let Some(within) = spaces.get(space) else {
+        return Err(sources.error(at(file, raw.name.span()), Reason::MissingKey("space")));
+    };
+    let unit = within.unit_bytes();
     let first = *raw.first.get_ref();
     let size_of = |name: &String| structures.iter().find(|known| known.name == *name).map(|known| known.size);
     let largest = raw.structure.iter().filter_map(|placed| size_of(placed.name.get_ref())).max();
     let last_at = raw.last.as_ref().map_or(raw.first.span(), Spanned::span);
     let last = match (&raw.last, largest) {
         (Some(last), _) => *last.get_ref(),
-        (None, Some(largest)) => first.saturating_add(largest - 1),
+        (None, Some(largest)) => first.saturating_add(largest.div_ceil(unit) - 1),
         (None, None) => return Err(sources.error(at(file, raw.first.span()), Reason::MissingKey("last"))),
     };
-    if !first.is_multiple_of(4) {
-        return Err(sources.error(at(file, raw.first.span()), Reason::AreaMisaligned { name, first }));
+    let by = 4 / unit;
+    if !first.is_multiple_of(by) {
+        return Err(sources.error(at(file, raw.first.span()), Reason::AreaMisaligned { name, first, by }));
     }
     if last < first {
         return Err(sources.error(at(file, last_at), Reason::AreaReversed { name, first, last }));
     }
+    let bytes = (last - first).saturating_add(1).saturating_mul(unit);
+    let begin = within.place(first);
+    let end = begin.and_then(|begin| begin.checked_add(bytes));
+    // A space without `bytes` ends with its last area.
+    let Some(begin) = begin.filter(|_| end.is_some_and(|end| raw_end(within) >= u64::from(end))) else {
+        let (space, space_first) = (within.name.clone(), within.first);
+        let space_last =
+            u64::from(space_first) + (raw_end(within) - u64::from(within.offset)) / u64::from(unit) - 1;
+        let reason = Reason::AreaOutside { name, first, last, space, space_first, space_last };
+        return Err(sources.error(at(file, raw.first.span()), reason));
+    };
     let cpu = match (raw.cpu_first, raw.cpu_last) {
         (Some(first), Some(last)) => Some((first, last)),
         (None, None) => None,
         _ => return Err(sources.error(at(file, raw.name.span()), Reason::HalfCpu)),
     };
-    let bytes = (last - first).saturating_add(1);
     let mut placed: Vec<Placed> = Vec::new();
     for entry in &raw.structure {
         let place = at(file, entry.name.span());
@@ -96,16 +150,23 @@ fn area(
         }
         placed.push(new);
     }
-    Ok(Area {
+    let area = Area {
         name,
         name_from: names.clone(),
-        first,
+        space,
+        first: begin,
         bytes,
         cpu,
         page: raw.page.clone(),
         doc: raw.doc.clone(),
         structures: placed,
-    })
+    };
+    Ok((area, (first, last)))
+}
+
+/// Where the space can end at most.
+fn raw_end(space: &Space) -> u64 {
+    if space.bytes == 0 { u64::from(u32::MAX) } else { space.end() }
 }
 
 /// The manual's name of the application's variable, or one made from area and phase, which is no more documented

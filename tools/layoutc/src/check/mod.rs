@@ -6,6 +6,7 @@ pub(crate) mod files;
 mod meaning;
 mod port;
 mod rate;
+mod space;
 mod structure;
 mod view;
 
@@ -49,7 +50,11 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         (all.reserved, all.manual) = ours;
     }
     all.read_structures(sources, &own)?;
-    let mut areas = area::check(sources, file, (&raw.area, &raw.names), &all.structures, &all.substructures)?;
+    let mut spaces = space::check(sources, file, &raw.space)?;
+    let of = area::Types { structures: &all.structures, subs: &all.substructures };
+    let mut areas = area::check(sources, file, (&raw.area, &raw.names), &spaces, &of)?;
+    space::close(sources, file, &raw.space, &mut spaces, &areas)?;
+    let retain = area::retain(sources, file, &raw.area, &mut areas)?;
     areas.sort_by_key(|area| area.first);
     let ports = port::check(sources, file, &raw.port, &areas)?;
     let baud_rates = raw.baud_rate.iter().map(|rate| rate::check(sources, file, rate));
@@ -65,7 +70,9 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         meanings: all.meanings.into_iter().map(|checked| checked.meaning).collect(),
         substructures: all.substructures,
         structures: all.structures,
+        spaces,
         areas,
+        retain,
         ports,
         baud_rates,
     })
@@ -88,7 +95,9 @@ pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
         meanings: all.meanings.into_iter().map(|checked| checked.meaning).collect(),
         substructures: all.substructures,
         structures: all.structures,
+        spaces: Vec::new(),
         areas: Vec::new(),
+        retain: None,
         ports: Vec::new(),
         baud_rates: Vec::new(),
     })

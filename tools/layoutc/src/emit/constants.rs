@@ -17,20 +17,30 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
          pub const DIP_LAST: u8 = {};\n",
         device.dip_first, device.dip_last
     );
-    for area in &device.areas {
+    let retain = device.retain.iter().map(|(area, _)| area);
+    for area in device.areas.iter().chain(retain) {
         let name = area.name.to_uppercase();
         out.push_str(&doc("", &format!("{} (manual {manual} p. {}).", area.doc, area.page)));
         let _ = writeln!(
             out,
-            "///\n/// The value is the area's first byte in `%MB3.`.\npub const {name}: usize = {};",
+            "///\n/// The value is the area's first byte in the image.\npub const {name}: usize = {};",
             area.first
         );
         let _ = writeln!(out, "/// Bytes of the area `{}`.", area.name);
         let _ = writeln!(out, "pub const {name}_BYTES: usize = {};\n", area.bytes);
     }
+    if let Some((area, default)) = &device.retain {
+        let name = area.name.to_uppercase();
+        let _ = writeln!(
+            out,
+            "/// Bytes of the area `{}` in a plant that does not say otherwise.\n\
+             pub const {name}_DEFAULT_BYTES: u32 = {default};\n",
+            area.name
+        );
+    }
     let _ = writeln!(out, "/// One past the last byte of the last area.");
-    let end =
-        device.areas.iter().map(|area| u64::from(area.first) + u64::from(area.bytes)).max().unwrap_or(0);
+    let areas = device.areas.iter().chain(device.retain.iter().map(|(area, _)| area));
+    let end = areas.map(|area| u64::from(area.first) + u64::from(area.bytes)).max().unwrap_or(0);
     let _ = writeln!(out, "pub const SEGMENT_END: usize = {end};\n");
     baud_rates(out, device);
 }

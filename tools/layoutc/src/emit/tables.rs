@@ -1,7 +1,7 @@
 //! Descriptor tables for tools: static data of the types in `commram::layout`.
 
 use crate::model::{
-    Area, Bit, Device, Field, Kind, Meaning, Owner, Placed, Port, Provenance, Structure, Value,
+    Area, Bit, Device, Field, Kind, Meaning, Owner, Placed, Port, Provenance, Space, Structure, Value,
 };
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -10,13 +10,18 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     let _ = writeln!(
         out,
         "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
-         name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, areas: &descriptor::AREAS,\n    ports: &descriptor::PORTS,\n}};\n",
-        device.name, device.title, device.manual
+         name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
+         areas: &descriptor::AREAS, retain: {}, ports: &descriptor::PORTS,\n}};\n",
+        device.name,
+        device.title,
+        device.manual,
+        if device.retain.is_some() { "Some(&descriptor::RETAIN)" } else { "None" },
     );
     out.push_str(
         "/// What the layout files say about areas, structures and registers.\n\
          pub mod descriptor {\n    use commram::layout::*;\n\n",
     );
+    spaces(out, device);
     areas(out, device);
     ports(out, device);
     described(out, device);
@@ -57,31 +62,58 @@ fn path(device: &Device, shared: bool, name: &str) -> String {
     if shared { format!("{}::descriptor::{name}", super::family_module(device)) } else { name.to_owned() }
 }
 
+fn spaces(out: &mut String, device: &Device) {
+    let count = device.spaces.len();
+    let _ = writeln!(out, "    /// The spaces of addresses.\n    pub static SPACES: [Space; {count}] = [");
+    for space in &device.spaces {
+        let Space { name, letter, segment, unit, first, offset, bytes, page, doc } = space;
+        let segment = segment.map_or(String::new(), |segment| format!("{segment}."));
+        let _ = writeln!(
+            out,
+            "        Space {{ name: {name:?}, letter: '{letter:?}', segment: {segment:?}, unit: Unit::{unit:?}, first: {first}, \
+             offset: {offset}, bytes: {bytes}, page: {page:?}, doc: {doc:?} }},"
+        );
+    }
+    out.push_str("    ];\n\n");
+}
+
 fn areas(out: &mut String, device: &Device) {
     let count = device.areas.len();
     let _ = writeln!(out, "    /// The areas in ascending order.\n    pub static AREAS: [Area; {count}] = [");
     for area in &device.areas {
-        let Area { name, name_from, first, bytes, cpu, page, doc, structures } = area;
-        let name_from = provenance(name_from);
-        let _ = write!(
-            out,
-            "        Area {{ name: {name:?}, name_from: {name_from}, first: {first}, bytes: {bytes}, cpu: {cpu:?}, \
-             page: {page:?}, doc: {doc:?}, structures: &["
-        );
-        for Placed { structure, live, role, variable, variable_from, unused } in structures {
-            let variable_from = provenance(variable_from);
-            let structure = &device.structures[*structure];
-            let item = path(device, structure.shared, &static_name(&structure.name));
-            let role = role.map_or("None".to_owned(), |role| format!("Some(Role::{role:?})"));
-            let _ = write!(
-                out,
-                "Placed {{ structure: &{item}, live: Live::{live:?}, role: {role}, variable: {variable:?}, \
-                 variable_from: {variable_from}, unused: &{unused:?} }}, "
-            );
-        }
-        out.push_str("] },\n");
+        let _ = writeln!(out, "        {},", self::area(device, area));
     }
     out.push_str("    ];\n\n");
+    if let Some((area, default)) = &device.retain {
+        let _ = writeln!(
+            out,
+            "    /// The area whose size each plant sets.\n    pub static RETAIN: Retain = Retain {{\n        \
+             area: {},\n        default_bytes: {default},\n    }};\n",
+            self::area(device, area)
+        );
+    }
+}
+
+fn area(device: &Device, area: &Area) -> String {
+    let Area { name, name_from, space, first, bytes, cpu, page, doc, structures } = area;
+    let name_from = provenance(name_from);
+    let mut out = format!(
+        "Area {{ name: {name:?}, name_from: {name_from}, space: &SPACES[{space}], first: {first}, bytes: {bytes}, \
+         cpu: {cpu:?}, page: {page:?}, doc: {doc:?}, structures: &["
+    );
+    for Placed { structure, live, role, variable, variable_from, unused } in structures {
+        let variable_from = provenance(variable_from);
+        let structure = &device.structures[*structure];
+        let item = path(device, structure.shared, &static_name(&structure.name));
+        let role = role.map_or("None".to_owned(), |role| format!("Some(Role::{role:?})"));
+        let _ = write!(
+            out,
+            "Placed {{ structure: &{item}, live: Live::{live:?}, role: {role}, variable: {variable:?}, \
+             variable_from: {variable_from}, unused: &{unused:?} }}, "
+        );
+    }
+    out.push_str("] }");
+    out
 }
 
 fn ports(out: &mut String, device: &Device) {

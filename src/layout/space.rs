@@ -1,0 +1,174 @@
+//! Spaces of addresses: how a device writes them, and where in the image they lie.
+
+use super::descriptor::{Area, Device};
+use super::width::Width;
+use core::fmt;
+use core::ops::RangeInclusive;
+
+/// Addresses that are written in one way and lie in the image in a row. No two of a device have a byte of the image in
+/// common, so that every byte is named in one way only.
+#[derive(Debug)]
+pub struct Space {
+    /// Name in the layout files.
+    pub name: &'static str,
+    /// What stands behind the `%`: `I`, `Q` or `M`.
+    pub letter: char,
+    /// What stands between width and number: `3.` of `%MB3.80000`, or nothing.
+    pub segment: &'static str,
+    /// What the number counts.
+    pub unit: Unit,
+    /// Number of the first byte or word.
+    pub first: u32,
+    /// The byte of the image that it is.
+    pub offset: u32,
+    /// Length in bytes.
+    pub bytes: u32,
+    /// Pages of the manual.
+    pub page: &'static str,
+    /// What lies there.
+    pub doc: &'static str,
+}
+
+/// What the number in an address counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Unit {
+    /// Bytes, whatever the width: `%MD3.200000` begins with `%MB3.200000`, and bit 0 to 7 are those of the byte.
+    Byte,
+    /// Accesses of the address's own width: `%MW2000` begins with `%MB4000`, and `%MD1000` with it; bits 0 to 15 are
+    /// those of the word (decision D-286).
+    Word,
+}
+
+impl Unit {
+    /// Bytes that one number of an access of this width counts.
+    #[must_use]
+    pub const fn bytes(self, width: Width) -> u32 {
+        match self {
+            Unit::Byte => 1,
+            Unit::Word => width.bytes(),
+        }
+    }
+
+    /// The width that `first` of a space counts, and areas count.
+    #[must_use]
+    pub const fn width(self) -> Width {
+        match self {
+            Unit::Byte => Width::Byte,
+            Unit::Word => Width::Word,
+        }
+    }
+}
+
+/// The area whose size each plant sets: retain flags.
+#[derive(Debug)]
+pub struct Retain {
+    /// Where they lie, as many as there can be. It is plain RAM, and none of the device's [`areas`](Device::areas).
+    pub area: Area,
+    /// How many bytes there are in a plant that does not say otherwise.
+    pub default_bytes: u32,
+}
+
+impl Space {
+    /// Whether byte `offset` of the image is of this space.
+    #[must_use]
+    pub const fn contains(&self, offset: u32) -> bool {
+        self.offset <= offset && offset - self.offset < self.bytes
+    }
+
+    /// The number of the byte, word or double word that begins at byte `offset` of the image; of a byte within, that it is
+    /// in.
+    #[must_use]
+    pub const fn number(&self, offset: u32, width: Width) -> u32 {
+        let first = self.first * self.unit.bytes(self.unit.width());
+        (first + (offset - self.offset)) / self.unit.bytes(width)
+    }
+
+    /// The byte of the image where number `number` begins, if it is of this space.
+    pub(super) fn place(&self, number: u32, width: Width) -> Option<u32> {
+        let byte = number.checked_mul(self.unit.bytes(width))?;
+        let first = self.first.checked_mul(self.unit.bytes(self.unit.width()))?;
+        let offset = self.offset.checked_add(byte.checked_sub(first)?)?;
+        self.contains(offset).then_some(offset)
+    }
+
+    /// The numbers of the bytes or words that lie in bytes `first` to `last` of the image.
+    #[must_use]
+    pub const fn numbers(&self, first: u32, last: u32) -> RangeInclusive<u32> {
+        let width = self.unit.width();
+        self.number(first, width)..=self.number(last, width)
+    }
+
+    /// The address of byte `offset` of the image, or of the word that it is in: `%MB3.80000`, `%MW2000`.
+    pub(super) fn named(&self, offset: u32) -> String {
+        let width = self.unit.width();
+        format!("%{}{}{}{}", self.letter, width.letter(), self.segment, self.number(offset, width))
+    }
+
+    /// The first address.
+    #[must_use]
+    pub fn begin(&self) -> String {
+        self.named(self.offset)
+    }
+
+    /// The last address of what a number counts.
+    #[must_use]
+    pub fn end(&self) -> String {
+        self.named(self.offset + (self.bytes - 1))
+    }
+
+    /// The highest number of a bit in `%MX`.
+    pub(super) const fn last_bit(&self) -> u32 {
+        8 * self.unit.width().bytes() - 1
+    }
+}
+
+impl fmt::Display for Space {
+    /// `%MB3.80000 to %MB3.3262143 (communication RAM)`
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {} ({})", self.begin(), self.end(), self.doc)
+    }
+}
+
+impl Device {
+    /// The space that byte `offset` of the image is of.
+    #[must_use]
+    pub fn space_at(&self, offset: u32) -> Option<&'static Space> {
+        self.spaces.iter().find(|space| space.contains(offset))
+    }
+
+    /// All spaces, for messages.
+    pub(super) fn known_spaces(&self) -> String {
+        let known: Vec<_> = self.spaces.iter().map(Space::to_string).collect();
+        if known.is_empty() { "no addresses".to_owned() } else { known.join(", ") }
+    }
+
+    /// All areas, that of the retain flags first or last as it lies.
+    pub fn all_areas(&'static self) -> impl Iterator<Item = &'static Area> {
+        let retain = self.retain.map(|retain| &retain.area);
+        let before = retain.filter(|area| self.areas.first().is_none_or(|first| area.first < first.first));
+        let behind = if before.is_none() { retain } else { None };
+        before.into_iter().chain(self.areas).chain(behind)
+    }
+
+    /// Whether byte `offset` of the image is a retain flag, or can be one.
+    #[must_use]
+    pub fn is_retain(&self, offset: u32) -> bool {
+        self.retain.is_some_and(|retain| retain.area.contains(offset))
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod samples {
+    use super::{Device, Space, Unit};
+
+    /// A device with word numbers and spaces that begin at 0.
+    pub(crate) static WORDS: Device =
+        Device { name: "words", title: "words", spaces: &SPACES, ..Device::UNKNOWN };
+
+    static SPACES: [Space; 3] =
+        [space('I', 4096, 6, "inputs"), space('Q', 4104, 2, "outputs"), space('M', 8192, 8192, "flags")];
+
+    const fn space(letter: char, offset: u32, bytes: u32, doc: &'static str) -> Space {
+        Space { name: doc, letter, segment: "", unit: Unit::Word, first: 0, offset, bytes, page: "1", doc }
+    }
+}
