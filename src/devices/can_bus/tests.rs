@@ -6,16 +6,28 @@ use crate::can::{BitRate, Filter, Frame, Payload, wire};
 use crate::devices::{Context, Medium, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
-use crate::layout::{Area, Device, Port, Provenance, Role};
+use crate::layout::{Area, Device, Port, Provenance, Role, Space, Unit};
 use crate::memory::{HEADER_SIZE, Segment};
 use embedded_can::StandardId;
 use std::sync::{Arc, Mutex};
 
 const MOST: usize = 4;
 
+static SPACE: Space = Space {
+    name: "can",
+    letter: 'M',
+    segment: "",
+    unit: Unit::Byte,
+    first: 0,
+    offset: 0,
+    bytes: HEADER_SIZE as u32,
+    page: "",
+    doc: "",
+};
 static AREA: Area = Area {
     name: "can",
     name_from: Provenance::Manual,
+    space: &SPACE,
     first: 0,
     bytes: HEADER_SIZE as u32,
     cpu: None,

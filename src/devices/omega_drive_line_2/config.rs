@@ -3,7 +3,9 @@
 use super::Plc;
 use super::plc::{MASTER, SLAVE};
 use crate::devices::cansync::drive::{BuiltInDriveConfig, Watch};
-use crate::devices::omega_drive_line_2::registers::{DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES};
+use crate::devices::omega_drive_line_2::registers::{
+    DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
+};
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
 use crate::layout::{Area, Device};

@@ -62,11 +62,7 @@ impl Content {
 
 /// Reads the file of this name. One that cannot be used is set
 /// aside; one that could not be written is an error.
-pub(super) fn load(
-    directory: &Directory,
-    name: &str,
-    size: Size,
-) -> Result<(Content, Found), NovramError> {
+pub(super) fn load(directory: &Directory, name: &str, size: Size) -> Result<(Content, Found), NovramError> {
     let (content, found) = match directory.read(name, HEAD + size.registers + size.flags + CHECKSUM)? {
         None => (Content::empty(size.registers), Found::Nothing),
         Some(bytes) => match decode(&bytes, size) {
