@@ -1,11 +1,7 @@
 //! LEDs H1 to H4 of the modules (manual 5.02066.01a section 3.1.4, p. 28-30).
 
+use crate::devices::cansync::registers::values::{cansync_status, option_status};
 use crate::memory::Cell16;
-
-/// Status register 16#0002 and below: the program has not configured the module yet.
-const WAITING_FOR_INIT: u16 = 0x0002;
-/// Bit 7 of `w_CANsync_STATUS`: BUS-off.
-const BUS_OFF: u16 = 1 << 7;
 
 /// What a LED shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -78,7 +74,7 @@ impl Leds {
 
 /// H1: lit while the module waits for the program, then it shows frames.
 fn green(option: &Cell16, has_traffic: bool) -> Led {
-    if option.load() <= WAITING_FOR_INIT {
+    if option.load() <= option_status::WAITING_FOR_INIT {
         Led::On
     } else if has_traffic {
         Led::Flashes(1)
@@ -89,5 +85,5 @@ fn green(option: &Cell16, has_traffic: bool) -> Led {
 
 /// H2 of a master, H4 of a slave: flashes in the case of a fault, which is BUS-off here (decision D-367).
 fn fault(can: &Cell16, takes_part: bool) -> Led {
-    if takes_part && can.load() & BUS_OFF != 0 { Led::Flashes(1) } else { Led::Off }
+    if takes_part && can.load() & cansync_status::BUS_OFF != 0 { Led::Flashes(1) } else { Led::Off }
 }

@@ -6,6 +6,7 @@
 
 use crate::devices::Context;
 use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use crate::devices::omega_drive_line_2::registers::values::{ethernet_status, ip_config, router};
 use crate::devices::omega_drive_line_2::registers::{
     ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_CONFIG_BYTES, ETHERNET_DIAGNOSE_BMSTRUCT,
 };
@@ -16,23 +17,8 @@ use core::mem::offset_of;
 use std::net::Ipv4Addr;
 use zerocopy::{FromBytes, IntoBytes};
 
-/// `d_IP_CONFIG`: the address is used as it is (p. 78).
-pub const FIXED: u32 = 0x1234_5678;
-/// `d_IP_CONFIG`: the DIP number is added to the address (p. 79).
-pub const PLUS_DIP: u32 = 0x1234_5600;
-/// `d_ROUTER`: no routers (p. 81).
-pub const NO_ROUTERS: u32 = 0x4E6F_5F52;
-
 /// The address of the delivery state, to which the DIP number is added, and its mask (p. 80).
 const DELIVERY: (Ipv4Addr, Ipv4Addr) = (Ipv4Addr::new(192, 168, 1, 1), Ipv4Addr::new(255, 255, 255, 0));
-
-/// Bits of `w_STATUS`.
-mod status {
-    pub(crate) const LINK: u16 = 1 << 0;
-    pub(crate) const ADDRESS: u16 = 1 << 1;
-    pub(crate) const ROUTERS: u16 = 1 << 2;
-    pub(crate) const REFUSED: u16 = 1 << 3;
-}
 
 /// Content of `ETHERNET_CONFIG_BMSTRUCT`, byte by byte.
 pub type Stored = [u8; ETHERNET_CONFIG_BYTES];
@@ -41,8 +27,8 @@ pub type Stored = [u8; ETHERNET_CONFIG_BYTES];
 /// 255 or run over, which is not allowed for devices (p. 79-80).
 pub fn effective(ip_config: u32, address: Ipv4Addr, mask: Ipv4Addr, dip: u8) -> Option<(Ipv4Addr, Ipv4Addr)> {
     let (base, mask, add) = match ip_config {
-        FIXED => (address, mask, 0),
-        PLUS_DIP => (address, mask, dip),
+        ip_config::FIXED => (address, mask, 0),
+        ip_config::PLUS_DIP => (address, mask, dip),
         _ => (DELIVERY.0, DELIVERY.1, dip),
     };
     let [a, b, c, d] = base.octets();
@@ -178,10 +164,10 @@ impl Ethernet {
         shown.w_DIP_NR.store(self.dip.into());
         shown.w_SPEED.store(self.speed);
         let bits = [
-            (self.speed != 0, status::LINK),
-            (found.is_some(), status::ADDRESS),
-            (router != NO_ROUTERS, status::ROUTERS),
-            (refused, status::REFUSED),
+            (self.speed != 0, ethernet_status::LINK),
+            (found.is_some(), ethernet_status::ADDRESS),
+            (router != router::NO_ROUTERS, ethernet_status::ROUTERS),
+            (refused, ethernet_status::REFUSED),
         ];
         shown.w_STATUS.store(bits.iter().filter(|(on, _)| *on).fold(0, |word, (_, bit)| word | bit));
         found.is_some()

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::rig::Memory;
-use commram::devices::cansync::bus::codec::{parameter, updown};
+use commram::devices::cansync::registers::values::{par_error, updown_error};
 
 /// How a number comes about.
 #[derive(Clone, Copy)]
@@ -21,30 +21,30 @@ enum By {
 
 /// Manual 5.00005.03a p. 166.
 const PARAMETER: [(u16, By); 7] = [
-    (parameter::error_number::GENERAL, By::Job(0x01, 1000, 0)), // neither read nor write (D-41)
-    (parameter::error_number::BELOW_MINIMUM, By::Job(0x05, 1000, 9)),
-    (parameter::error_number::ABOVE_MAXIMUM, By::Job(0x05, 1000, 501)),
-    (parameter::error_number::NOT_CHANGEABLE, By::Job(0x05, 121, 0)),
-    (parameter::error_number::NOT_PRESENT, By::Job(0x03, 999, 0)),
-    (parameter::error_number::NOT_AVAILABLE_NOW, By::Application),
-    (parameter::error_number::DATA_FORMAT, By::Job(0x15, 1000, 100)),
+    (par_error::GENERAL, By::Job(0x01, 1000, 0)), // neither read nor write (D-41)
+    (par_error::BELOW_MINIMUM, By::Job(0x05, 1000, 9)),
+    (par_error::ABOVE_MAXIMUM, By::Job(0x05, 1000, 501)),
+    (par_error::NOT_CHANGEABLE, By::Job(0x05, 121, 0)),
+    (par_error::NOT_PRESENT, By::Job(0x03, 999, 0)),
+    (par_error::NOT_AVAILABLE_NOW, By::Application),
+    (par_error::DATA_FORMAT, By::Job(0x15, 1000, 100)),
 ];
 
 /// Manual 5.00005.03a p. 168; the list has no 16#0106.
 const UPDOWN: [(u16, By); 11] = [
-    (updown::error_number::WRONG_BLOCK, By::Fault("kind = 'wrong_offset'\nslave = 0\ncount = 1")),
-    (updown::error_number::LENGTH, By::Block(0x15, 0x1000, 301)),
+    (updown_error::WRONG_BLOCK, By::Fault("kind = 'wrong_offset'\nslave = 0\ncount = 1")),
+    (updown_error::LENGTH, By::Block(0x15, 0x1000, 301)),
     (
-        updown::error_number::EXPECTS_OTHER_BLOCK,
+        updown_error::EXPECTS_OTHER_BLOCK,
         By::Fault("kind = 'wrong_offset'\nslave = 0\nslot = 'CC'\noffset = 12\ncount = 1"),
     ),
-    (updown::error_number::EXPECTS_END, By::Slave),
-    (updown::error_number::END_TOO_EARLY, By::Slave),
-    (updown::error_number::SLAVE_CANCELS, By::Application),
-    (updown::error_number::NOT_POSSIBLE, By::Block(0x15, 0x1000, 0)),
-    (updown::error_number::BASE_ADDRESS, By::Block(0x05, 0xFF, 6)),
-    (updown::error_number::TOO_LONG, By::Slave),
-    (updown::error_number::MODE, By::Slave),
+    (updown_error::EXPECTS_END, By::Slave),
+    (updown_error::END_TOO_EARLY, By::Slave),
+    (updown_error::SLAVE_CANCELS, By::Application),
+    (updown_error::NOT_POSSIBLE, By::Block(0x15, 0x1000, 0)),
+    (updown_error::BASE_ADDRESS, By::Block(0x05, 0xFF, 6)),
+    (updown_error::TOO_LONG, By::Slave),
+    (updown_error::MODE, By::Slave),
     (0x0200, By::Application), // above 16#00FF: a number of the slave's application (p. 192)
 ];
 

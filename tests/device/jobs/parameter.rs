@@ -3,8 +3,8 @@
 use super::bench::Bench;
 use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
 use commram::devices::cansync::bus::Frame;
-use commram::devices::cansync::bus::codec::parameter::error_number;
 use commram::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResult};
+use commram::devices::cansync::registers::values::par_error;
 
 /// A kind of job: what the PLC enters, what travels, what is left.
 struct Kind {
@@ -104,13 +104,13 @@ fn every_kind_of_job_runs_through_its_bit_sequence_for_every_slave() {
 #[test]
 fn every_error_number_ends_the_job_and_is_in_the_value() {
     let numbers = [
-        error_number::GENERAL,
-        error_number::BELOW_MINIMUM,
-        error_number::ABOVE_MAXIMUM,
-        error_number::NOT_CHANGEABLE,
-        error_number::NOT_PRESENT,
-        error_number::NOT_AVAILABLE_NOW,
-        error_number::DATA_FORMAT,
+        par_error::GENERAL,
+        par_error::BELOW_MINIMUM,
+        par_error::ABOVE_MAXIMUM,
+        par_error::NOT_CHANGEABLE,
+        par_error::NOT_PRESENT,
+        par_error::NOT_AVAILABLE_NOW,
+        par_error::DATA_FORMAT,
         0x4711,
     ];
     for memory in BOTH {
@@ -143,11 +143,11 @@ fn every_error_number_ends_the_job_and_is_in_the_value() {
 fn jobs_that_cannot_be_sent_are_refused_without_a_frame() {
     let mut bench = Bench::new(BOTH[0]);
     for (entered, number, end, error) in [
-        (0x01, 300, 0x20, error_number::GENERAL),
-        (0x07, 300, 0x26, error_number::GENERAL),
-        (0x17, 300, 0x36, error_number::GENERAL),
-        (0x05, 4096, 0x24, error_number::NOT_PRESENT),
-        (0x03, 0xFFFF, 0x22, error_number::NOT_PRESENT),
+        (0x01, 300, 0x20, par_error::GENERAL),
+        (0x07, 300, 0x26, par_error::GENERAL),
+        (0x17, 300, 0x36, par_error::GENERAL),
+        (0x05, 4096, 0x24, par_error::NOT_PRESENT),
+        (0x03, 0xFFFF, 0x22, par_error::NOT_PRESENT),
     ] {
         bench.enter_parameter(0, entered, number, 1);
         assert_eq!(bench.interval(), None);

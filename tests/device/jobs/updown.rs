@@ -5,8 +5,8 @@ mod errors;
 use super::bench::Bench;
 use crate::rig::{BOTH, Memory, RATES, Rig};
 use commram::devices::cansync::bus::Frame;
-use commram::devices::cansync::bus::codec::updown::error_number;
 use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
+use commram::devices::cansync::registers::values::updown_error;
 use core::array;
 
 const ADDRESS: u32 = 0x0001_2300;
@@ -140,7 +140,7 @@ fn an_upload_without_a_length_takes_the_slaves() {
             assert_eq!((bench.block(), bench.counter()), (0x0C, 8));
         }
         // The slave has more than the block takes, or nothing (D-49).
-        for (length, error) in [(301, error_number::LENGTH), (4095, error_number::LENGTH)] {
+        for (length, error) in [(301, updown_error::LENGTH), (4095, updown_error::LENGTH)] {
             bench.enter_block(UPLOAD, 0, ADDRESS, 0);
             let (_, job) = bench.updown_job().unwrap();
             bench.respond(job.answer_with_length(length).unwrap().frame(0));
@@ -149,7 +149,7 @@ fn an_upload_without_a_length_takes_the_slaves() {
         bench.enter_block(UPLOAD, 0, ADDRESS, 0);
         let (_, job) = bench.updown_job().unwrap();
         bench.answer_block(0, &job, UpDownResult::Done);
-        assert_eq!((bench.block(), bench.error()), (0x24, error_number::NOT_POSSIBLE));
+        assert_eq!((bench.block(), bench.error()), (0x24, updown_error::NOT_POSSIBLE));
     }
 }
 
@@ -221,7 +221,7 @@ fn a_changed_or_withdrawn_job_begins_anew_or_ends() {
         started(&mut bench);
         bench.regs.d_BASE_ADR_UPDOWNBLK1.store(0x77);
         assert_eq!(bench.interval(), None);
-        assert_eq!(bench.error(), error_number::BASE_ADDRESS);
+        assert_eq!(bench.error(), updown_error::BASE_ADDRESS);
     }
 }
 

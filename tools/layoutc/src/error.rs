@@ -149,6 +149,14 @@ pub enum Reason {
     ValueTooWide { what: &'static str, value: String, name: String, ty: &'static str, bits: u32 },
     #[error("bit {bit} of meaning `{meaning}` does not fit `{name}` ({ty}, {bits} bits)")]
     BitTooWide { bit: u8, meaning: String, name: String, ty: &'static str, bits: u32 },
+    #[error("meaning `{0}` has an `id` and so needs the `type` of its registers")]
+    IdWithoutType(String),
+    #[error("a value of a field of bits that has an `id` is a single one (`is`)")]
+    IdOfRange,
+    #[error("`{name}` is {ty}, but meaning `{meaning}` has the type {expected}, which is of another width")]
+    UnlikeMeaning { name: String, ty: &'static str, meaning: String, expected: &'static str },
+    #[error("value {value} does not fit bits {first} to {last}")]
+    ValueBesideBits { value: String, first: u8, last: u8 },
     #[error("bit {0} is described twice")]
     BitTwice(u8),
     #[error("a {0} needs either `{1}`, or `from` and `to` in ascending order")]
@@ -168,7 +176,7 @@ pub enum Reason {
     #[error("parameter {number} after {last}: parameters stand in the order of their numbers, each once")]
     ParameterOrder { number: u16, last: u16 },
     #[error("`{0}` is no id (capital letters, digits and `_`, starting with a letter)")]
-    ParameterId(String),
+    BadId(String),
     #[error("`{what}` of parameter {number} is {value}; its format holds {first} to {last}")]
     ParameterValue { what: &'static str, number: u16, value: i64, first: i64, last: i64 },
     #[error("`default` of parameter {number} lies outside its limits {first} to {last}")]

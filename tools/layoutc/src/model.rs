@@ -211,6 +211,15 @@ impl Scalar {
         matches!(self, Scalar::Sint | Scalar::Int | Scalar::Dint)
     }
 
+    /// What a cell of the type holds, in generated code: bits, without a sign.
+    pub(crate) fn content(self) -> &'static str {
+        match self.width() {
+            1 => "u8",
+            2 => "u16",
+            _ => "u32",
+        }
+    }
+
     /// How the type is written in generated code.
     pub(crate) fn variant(self) -> String {
         format!("{self:?}")
@@ -224,6 +233,8 @@ pub(crate) struct Meaning {
     pub pages: Vec<(String, String)>,
     /// Whether it is the family's.
     pub shared: bool,
+    /// Of the constants that values and bits with an `id` become; `None`: there are none.
+    pub scalar: Option<Scalar>,
     pub values: Vec<Value>,
     pub bits: Vec<Bit>,
 }
@@ -250,6 +261,7 @@ impl Meaning {
 }
 
 pub(crate) struct Value {
+    pub id: Option<String>,
     pub first: u32,
     pub last: u32,
     pub text: String,
@@ -257,6 +269,7 @@ pub(crate) struct Value {
 }
 
 pub(crate) struct Bit {
+    pub id: Option<String>,
     pub first: u8,
     pub last: u8,
     pub name: String,

@@ -146,16 +146,20 @@ pub fn compile(dir: &Path, file: &str) -> Result<String, Error> {
         }
         last = number;
         let id = row.id.get_ref();
-        let is_id = id.starts_with(|first: char| first.is_ascii_uppercase())
-            && id.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_');
-        if !is_id {
-            return refuse(row.id.span(), Reason::ParameterId(id.clone()));
+        if !is_id(id) {
+            return refuse(row.id.span(), Reason::BadId(id.clone()));
         }
         if !ids.insert(id) {
             return refuse(row.id.span(), Reason::DuplicateName(id.clone()));
         }
     }
     Ok(emit(&table))
+}
+
+/// Whether `id` can be the name of a constant.
+pub(crate) fn is_id(id: &str) -> bool {
+    id.starts_with(|first: char| first.is_ascii_uppercase())
+        && id.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_')
 }
 
 fn emit(table: &Table) -> String {

@@ -303,6 +303,9 @@ pub(crate) struct Meaning {
     pub pages: std::collections::BTreeMap<String, String>,
     /// Of values and bits without one of their own; the manual, if there is a page.
     pub source: Option<Provenance>,
+    /// Elementary type of the registers, for the constants that values and bits with an `id` become.
+    #[serde(rename = "type")]
+    pub ty: Option<Spanned<String>>,
     #[serde(default)]
     pub value: Vec<Spanned<Value>>,
     #[serde(default)]
@@ -313,6 +316,8 @@ pub(crate) struct Meaning {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Value {
+    /// Name of the constant, if the code needs it.
+    pub id: Option<Spanned<String>>,
     pub is: Option<u32>,
     pub from: Option<u32>,
     pub to: Option<u32>,
@@ -324,6 +329,8 @@ pub(crate) struct Value {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Bit {
+    /// Name of the constant, if the code needs it.
+    pub id: Option<Spanned<String>>,
     pub at: Option<u8>,
     pub from: Option<u8>,
     pub to: Option<u8>,

@@ -33,6 +33,7 @@ fn comments_texts_owners_and_reset_values_do_not_count() {
         ("CTRL.toml", "doc = \"Value\"", "doc = \"Something else\""),
         ("CTRL.toml", "owner = \"plc\"", "owner = \"firmware\""),
         ("CTRL.toml", "reset = -40", "reset = 7"),
+        ("values.toml", "id = \"OFF\", ", ""),
         ("device.toml", "[\"INIT\", \"CTRL\"]", "[\"CTRL\", \"INIT\"]"),
     ] {
         assert_eq!(hash_with(file, from, to), original(), "{from} -> {to}");

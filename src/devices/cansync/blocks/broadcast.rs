@@ -1,6 +1,7 @@
 //! `CANsync_BC_MA0`, `_MA1`, `_MA2`, `CANsync_BC_SL`: broadcast commands (p. 196-203).
 
-use super::registers::{SEND, SENT, take_received};
+use super::registers::take_received;
+use crate::devices::cansync::registers::values::send;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::plc::{Base, Like, function_block};
 
@@ -35,13 +36,13 @@ macro_rules! sender {
             /// One PLC cycle.
             pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
                 let _BASE = &_BASE.viewed();
-                self.x_OK = _BASE.$control.load() == SENT;
+                self.x_OK = _BASE.$control.load() == send::SENT;
                 if self.x_EN {
                     _BASE.$mask.store(self.d_SL_MASK);
                     _BASE.$command.store(self.us_BC_CMD_NR);
                     _BASE.$byte.store(self.si_BC_BYTE as u8);
                     _BASE.$word.store(self.i_BC_WORD as u16);
-                    _BASE.$control.store(SEND);
+                    _BASE.$control.store(send::RELEASED);
                 }
             }
         }

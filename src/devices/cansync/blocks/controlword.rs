@@ -1,6 +1,7 @@
 //! `CANsync_CONTROLWORD_MA`, `CANsync_CONTROLWORD_SL`: control words (p. 207-210).
 
-use super::registers::{SEND, SENT, slave_index, take_received};
+use super::registers::{slave_index, take_received};
+use crate::devices::cansync::registers::values::send;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::plc::{Base, Like, function_block};
 
@@ -36,10 +37,10 @@ impl CANsync_CONTROLWORD_MA {
         else {
             return;
         };
-        self.x_OK = control.load() == SENT;
+        self.x_OK = control.load() == send::SENT;
         if self.x_EN {
             word.store(self.w_CONTROLWORD);
-            control.store(SEND);
+            control.store(send::RELEASED);
         }
     }
 }

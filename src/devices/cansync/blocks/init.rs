@@ -3,6 +3,9 @@
 
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::values::{
+    clock_divider, cpu_control, ma_sl_mode, option_status, output_control,
+};
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
@@ -83,18 +86,26 @@ impl Initialization {
         match self.step {
             Step::Begin => {
                 (self.error, self.has_ended) = (0, false);
-                let restarted = command(0x0000).map(Step::Restarted);
+                let restarted = command(cpu_control::RESTART).map(Step::Restarted);
                 base.tell_restart();
                 restarted
             }
-            Step::Restarted(_) if state == 0x0001 => command(0x0001).map(Step::HandshakeAnswered),
-            Step::HandshakeAnswered(_) if state == 0x0002 => {
-                self.write_data(base, inputs);
-                command(0x0002).map(Step::DataTakenOver)
+            Step::Restarted(_) if state == option_status::START_UP => {
+                command(cpu_control::HANDSHAKE).map(Step::HandshakeAnswered)
             }
-            Step::DataTakenOver(_) if state == 0x0003 && inputs.set_up => command(0x0020).map(Step::ModeSet),
-            Step::DataTakenOver(_) if state == 0x0003 => self.end(0),
-            Step::ModeSet(_) if matches!(state, 0x0013 | 0x0043) => self.end(0),
+            Step::HandshakeAnswered(_) if state == option_status::WAITING_FOR_INIT => {
+                self.write_data(base, inputs);
+                command(cpu_control::TAKE_OVER_INIT_DATA).map(Step::DataTakenOver)
+            }
+            Step::DataTakenOver(_) if state == option_status::WAITING_FOR_START && inputs.set_up => {
+                command(cpu_control::START_SYNCHRONOUS).map(Step::ModeSet)
+            }
+            Step::DataTakenOver(_) if state == option_status::WAITING_FOR_START => self.end(0),
+            Step::ModeSet(_)
+                if matches!(state, option_status::SLAVE_SET_UP | option_status::MASTER_SET_UP) =>
+            {
+                self.end(0)
+            }
             Step::Restarted(watch) | Step::HandshakeAnswered(watch) if watch.is_over(base.ram()) => {
                 self.end(TIMEOUT | NOT_FINISHED)
             }
@@ -114,9 +125,9 @@ impl Initialization {
     fn write_data(&mut self, base: &CANsync_INIT_BMSTRUCT, inputs: &Inputs<'_>) {
         let [timing_0, timing_1] = self.bit_timing(inputs);
         let mode = match (inputs.slave, inputs.sync_in) {
-            (true, _) => 0x01,
-            (false, false) => 0x00,
-            (false, true) => 0x02,
+            (true, _) => ma_sl_mode::SLAVE,
+            (false, false) => ma_sl_mode::MASTER,
+            (false, true) => ma_sl_mode::MASTER_SYNC_IN,
         };
         for (register, value) in [
             (&base.b_MA_SL_MODE, mode),
@@ -124,8 +135,8 @@ impl Initialization {
             (&base.b_AM, inputs.acceptance[1]),
             (&base.b_BT_0, timing_0),
             (&base.b_BT_1, timing_1),
-            (&base.b_OUTPUT_CONTROL, 0xFA),
-            (&base.b_CLOCK_DIVIDER, 0x07),
+            (&base.b_OUTPUT_CONTROL, output_control::REQUIRED),
+            (&base.b_CLOCK_DIVIDER, clock_divider::REQUIRED),
             (&base.b_TIME_PATTERN, inputs.interval_ms),
         ] {
             register.store(value);

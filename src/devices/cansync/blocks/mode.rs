@@ -1,15 +1,12 @@
 //! `CANsync_MODE_MA`, `CANsync_MODE_SL`: commands to a node and what it shows (p. 216-221).
 
+use crate::devices::cansync::registers::values::{
+    cpu_control::{ENABLE_ACTIVE, RESET_CONTROLLER, RESTART, START_SYNCHRONOUS, TAKE_OVER_INIT_DATA},
+    option_status,
+};
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell16, SharedRegs};
 use crate::plc::{Base, Like, Viewed, function_block};
-
-/// Bit 7 of `w_CPU_CONTROL`.
-const RESET_CONTROLLER: u16 = 1 << 7;
-const RESTART: u16 = 0x0000;
-const TAKE_OVER_INIT_DATA: u16 = 0x0002;
-const START_SYNCHRONOUS: u16 = 0x0020;
-const ENABLE_ACTIVE: u16 = 0x0040;
 
 macro_rules! mode {
     ($name:ident, $base:ident, $who:literal, $page:literal) => {
@@ -73,15 +70,15 @@ macro_rules! mode {
                     reset_controller: self.x_RESET_CANsync_CONTROLLER,
                 };
                 commands.give(_BASE, &_BASE.w_CPU_CONTROL, state);
-                self.x_HS_ACTIV = state == 0x0001;
-                self.x_INIT_POSSIBLE = state == 0x0002;
-                self.x_WAIT = state == 0x0003;
+                self.x_HS_ACTIV = state == option_status::START_UP;
+                self.x_INIT_POSSIBLE = state == option_status::WAITING_FOR_INIT;
+                self.x_WAIT = state == option_status::WAITING_FOR_START;
                 self.x_PREPARE_ACTIV = is_set_up(state);
                 self.x_CANsync_ACTIV = is_active(state);
                 self.x_SYNC_MODE_ACTIV = is_set_up(state) || is_active(state);
                 self.x_ASYNC_MODE_ACTIV = false;
-                self.x_SL = matches!(state, 0x0013 | 0x0020);
-                self.x_MA = matches!(state, 0x0043 | 0x0080);
+                self.x_SL = matches!(state, option_status::SLAVE_SET_UP | option_status::SLAVE_ACTIVE);
+                self.x_MA = matches!(state, option_status::MASTER_SET_UP | option_status::MASTER_ACTIVE);
             }
         }
     };
@@ -91,11 +88,11 @@ mode!(CANsync_MODE_MA, CANsync_MA_CTRL_BMSTRUCT, "master", "216-218");
 mode!(CANsync_MODE_SL, CANsync_SL_CTRL_BMSTRUCT, "slave", "219-221");
 
 fn is_set_up(state: u16) -> bool {
-    matches!(state, 0x0013 | 0x0043)
+    matches!(state, option_status::SLAVE_SET_UP | option_status::MASTER_SET_UP)
 }
 
 fn is_active(state: u16) -> bool {
-    matches!(state, 0x0020 | 0x0080)
+    matches!(state, option_status::SLAVE_ACTIVE | option_status::MASTER_ACTIVE)
 }
 
 struct Commands {

@@ -1,6 +1,7 @@
 //! `CANsync_PAR_READ_MA`, `CANsync_PAR_WRITE_MA`: parameter jobs of a master (p. 222-224, 230-232).
 
-use super::registers::{ACTIVE, ERROR, Job, slave_index};
+use super::registers::{Job, slave_index};
+use crate::devices::cansync::registers::values::par_job_master::{ACTIVE, DOUBLEWORD, ERROR, READ, WRITE};
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
 use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
@@ -11,12 +12,6 @@ const COMMUNICATION: u8 = 1 << 0;
 const TIMEOUT: u8 = 1 << 1;
 /// Bit 4.
 const SLAVE_NUMBER: u8 = 1 << 4;
-
-/// Bits 1 and 2 of the control register, with bit 0.
-const READ: u8 = 0x03;
-const WRITE: u8 = 0x05;
-/// Bit 4.
-const DOUBLEWORD: u8 = 1 << 4;
 
 /// Preset of `t_TIME`.
 pub(crate) const PRESET_TIME: Duration = Duration::from_secs(3);
@@ -69,7 +64,7 @@ pub(crate) struct Inputs {
 impl Inputs {
     fn command(&self) -> u8 {
         let command = if self.write.is_some() { WRITE } else { READ };
-        command | if self.doubleword { DOUBLEWORD } else { 0 }
+        ACTIVE | command | if self.doubleword { DOUBLEWORD } else { 0 }
     }
 }
 

@@ -1,16 +1,11 @@
 //! `CANsync_PAR_SL`: parameter jobs at a slave (p. 225-229).
 
-use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
+use super::registers::Job;
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::par_job_slave::{
+    ACTIVE, BUSY, CHANGED, DOUBLEWORD, ERROR, READ, RESET, WRITE,
+};
 use crate::plc::{Base, Like, function_block};
-
-/// Bit 1; the manual's texts for bits 1 and 2 are swapped (p. 189), its values are right.
-const READ: u8 = 1 << 1;
-const WRITE: u8 = 1 << 2;
-/// Bit 3: the master has changed the job.
-const CHANGE: u8 = 1 << 3;
-/// Bit 4.
-const DOUBLEWORD: u8 = 1 << 4;
 
 function_block! {
     /// Shows the master's parameter jobs to a slave's application and sends its answers (manual p. 225-229).
@@ -89,7 +84,7 @@ impl CANsync_PAR_SL {
         let control = job.control();
         match self.internal {
             Phase::Locked => {}
-            Phase::Shown | Phase::Answered if control & CHANGE != 0 => {
+            Phase::Shown | Phase::Answered if control & CHANGED != 0 => {
                 job.change(|value| value | RESET);
                 self.x_RESET_JOB = true;
                 self.show(Phase::Idle);
@@ -119,7 +114,7 @@ impl CANsync_PAR_SL {
 
     /// A job stands in the registers.
     fn enter(&mut self, base: &CANsync_SL_CTRL_BMSTRUCT, job: &Job, control: u8) {
-        if control & CHANGE != 0 {
+        if control & CHANGED != 0 {
             // Changed before it was ever shown.
             job.change(|value| value | RESET);
             return;

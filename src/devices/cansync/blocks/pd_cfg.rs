@@ -1,7 +1,8 @@
 //! `CANsync_PD_CFG_MA`, `_PD_CFG_READ_MA`, `_PD_CFG_READ_SL`, `_PD_CFG_SL`: which word of a frame is which
 //! half of which value (p. 233-246).
 
-use super::registers::{NOBODY, slave_index};
+use super::registers::slave_index;
+use crate::devices::cansync::registers::values::last_received;
 use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT, CFG_RDC_WORD};
 use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
@@ -71,8 +72,8 @@ impl CANsync_PD_CFG_MA {
     pub fn call(&mut self, _BASE: &Base<impl Like<CANsync_MA_CTRL_BMSTRUCT>>) {
         let _BASE = &_BASE.viewed();
         configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));
-        _BASE.b_STATREG_RDC1.store(NOBODY);
-        _BASE.b_STATREG_RDC2.store(NOBODY);
+        _BASE.b_STATREG_RDC1.store(last_received::RE_ARMED);
+        _BASE.b_STATREG_RDC2.store(last_received::RE_ARMED);
     }
 }
 
@@ -146,7 +147,7 @@ impl CANsync_PD_CFG_SL {
         let _BASE = &_BASE.viewed();
         configure_wrc!(&_BASE._CFG_WRC_WORD, (self.a_WRC1, self.a_HL_WRC1), (self.a_WRC2, self.a_HL_WRC2));
         configure_rdc(&_BASE._CFG_RDC_WORD, (self.a_RDC1, self.a_HL_RDC1), (self.a_RDC2, self.a_HL_RDC2));
-        _BASE.b_STATREG_RDC1.store(NOBODY);
-        _BASE.b_STATREG_RDC2.store(NOBODY);
+        _BASE.b_STATREG_RDC1.store(last_received::RE_ARMED);
+        _BASE.b_STATREG_RDC2.store(last_received::RE_ARMED);
     }
 }

@@ -3,8 +3,9 @@
 use super::CANsync_RD_BMARRAY;
 use super::comm_control::set_highest_slave;
 use super::process_data::{receive_from_all, send, take_last_slave};
-use super::registers::{AUTOMATIC, NOBODY, slave_index};
+use super::registers::{AUTOMATIC, slave_index};
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::request;
 use crate::memory::Cell8;
 use crate::plc::{Base, Like, function_block};
 
@@ -68,8 +69,8 @@ impl CANsync_PD_COMM_MA {
 /// Input of a slave number; other numbers than the documented ones leave the register as it is.
 fn ask(register: &Cell8, slave: i8) {
     match slave {
-        ASK_NOBODY => register.store(NOBODY),
-        AUTOMATIC => register.store(AUTOMATIC as u8),
+        ASK_NOBODY => register.store(request::NOBODY),
+        AUTOMATIC => register.store(request::AUTOMATIC),
         number if slave_index(number).is_some() => register.store(number as u8),
         _ => {}
     }

@@ -2,8 +2,9 @@
 //! to 3, frame 2 values 4 to 7.
 
 use super::CANsync_RD_BMARRAY;
-use super::registers::{AUTOMATIC, NOBODY, SEND, slave_index, take_received};
+use super::registers::{AUTOMATIC, slave_index, take_received};
 use crate::devices::cansync::registers::STATREG_RDC;
+use crate::devices::cansync::registers::values::{last_received, send};
 use crate::memory::{Cell8, Cell32};
 
 /// Values of one frame.
@@ -13,9 +14,9 @@ const FRAME: usize = 4;
 pub(super) fn send(values: &[i32; 8], inputs: [i8; 2], registers: &[Cell32], controls: [&Cell8; 2]) {
     let frames = values.chunks(FRAME).zip(registers.chunks(FRAME));
     for ((input, control), (values, registers)) in inputs.into_iter().zip(controls).zip(frames) {
-        if input == SEND as i8 {
+        if input == send::RELEASED as i8 {
             registers.iter().zip(values).for_each(|(register, value)| register.store(*value as u32));
-            control.store(SEND);
+            control.store(send::RELEASED);
         }
     }
 }
@@ -50,6 +51,6 @@ pub(super) fn receive_from_all(
 
 /// The slave heard last since the last call; -128: none.
 pub(super) fn take_last_slave(register: &Cell8) -> i8 {
-    let number = register.update(|_| NOBODY) as i8;
+    let number = register.update(|_| last_received::RE_ARMED) as i8;
     if slave_index(number).is_some() { number } else { AUTOMATIC }
 }

@@ -1,6 +1,8 @@
 //! What `CANsync_UPDOWNLOAD_MA` and `_SL` have in common: how a transfer of up to 2048 values is split
 //! into blocks of 75 (decision D-211).
 
+use crate::devices::cansync::registers::values::{base_adr, updown_error};
+
 /// Values of one transfer at most (p. 264).
 pub const UPDOWN_VALUES: usize = 2048;
 /// The values of a transfer.
@@ -9,14 +11,7 @@ pub type CANsync_UPDOWN_BMARRAY = [i32; UPDOWN_VALUES];
 /// Values of one block at most (p. 266).
 pub(super) const BLOCK_VALUES: usize = 75;
 /// Base address of a transfer's first value; those below belong to the operating system (p. 167).
-const FIRST_ADDRESS: u32 = 0x100;
-
-/// Bits 3 and 2: what the last frame did.
-pub(super) const MODE: u8 = 0b11 << 2;
-pub(super) const INIT: u8 = 0b01 << 2;
-pub(super) const LAST: u8 = 0b11 << 2;
-/// Bit 4.
-pub(super) const DOWNLOAD: u8 = 1 << 4;
+const FIRST_ADDRESS: u32 = *base_adr::FREE.start();
 
 /// One block of a transfer: `d_BASE_ADR` and `w_LENGTH` of its job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,27 +50,21 @@ impl Block {
     /// transfer's length (bits 31 to 16) transfers a single block.
     pub(super) fn of_job(base_address: u32, length: u16) -> Result<Self, u16> {
         let low = base_address & 0xFFFF;
-        let first = low.checked_sub(FIRST_ADDRESS).ok_or(BASE_ADDRESS)? as usize;
+        let first = low.checked_sub(FIRST_ADDRESS).ok_or(updown_error::BASE_ADDRESS)? as usize;
         let values = usize::from(length / 4);
         if values == 0 || !length.is_multiple_of(4) {
-            return Err(NOT_POSSIBLE);
+            return Err(updown_error::NOT_POSSIBLE);
         }
         let total = match base_address >> 16 {
             0 => first + values,
             total => total as usize,
         };
         if total > UPDOWN_VALUES || first + values > total {
-            return Err(TOO_LONG);
+            return Err(updown_error::TOO_LONG);
         }
         Ok(Block { first, values, total })
     }
 }
-
-/// 16#0103: the slave cancels.
-pub(super) const SLAVE_CANCELS: u16 = 0x0103;
-const NOT_POSSIBLE: u16 = 0x0104;
-const BASE_ADDRESS: u16 = 0x0105;
-const TOO_LONG: u16 = 0x0107;
 
 #[cfg(test)]
 mod tests {

@@ -1,14 +1,15 @@
 //! `CANsync_UPDOWNLOAD_MA`: up- and downloads of a master (p. 263-267, in 5.02066.01a p. 187-192). Which bit of `b_ERR` says
 //! what is each device's own.
 
-use super::registers::{ACTIVE, ERROR, Job, RESET};
-use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, UPDOWN_VALUES};
+use super::registers::Job;
+use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, UPDOWN_VALUES};
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::updown_master::{ACTIVE, CANCEL, DOWNLOAD, ERROR, MODE_INIT};
 use crate::plc::{Viewed, Watch};
 use core::time::Duration;
 
 /// Control register of a job just entered, without the direction; the firmware fills in the mode.
-const ENTERED: u8 = 0x05;
+const ENTERED: u8 = ACTIVE | MODE_INIT;
 /// `t_TIME` is preset at the slave's block only; the master's takes the same (decision D-212).
 pub(crate) const PRESET_TIME: Duration = Duration::from_secs(30);
 
@@ -101,7 +102,7 @@ impl Transfer {
             }
         }
         if let Phase::Waiting(this) = self.phase {
-            if job.control() & (ACTIVE | RESET) == 0 {
+            if job.control() & (ACTIVE | CANCEL) == 0 {
                 self.enter(base, this, a_DOWNLOAD);
             } else {
                 self.check_time(base, inputs, this);
@@ -202,7 +203,7 @@ impl Transfer {
     /// Makes the firmware tell the slave that the transfer is over.
     fn cancel(&self, base: &CANsync_MA_CTRL_BMSTRUCT) {
         if let Phase::Running(_) = self.phase {
-            job(base).change(|value| value | RESET);
+            job(base).change(|value| value | CANCEL);
         }
     }
 }

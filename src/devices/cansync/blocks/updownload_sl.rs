@@ -1,14 +1,16 @@
 //! `CANsync_UPDOWNLOAD_SL`: up- and downloads at a slave (p. 268-271).
 
-use super::registers::{ACTIVE, BUSY, ERROR, Job, RESET};
-use super::updownload::{Block, CANsync_UPDOWN_BMARRAY, DOWNLOAD, INIT, LAST, MODE, SLAVE_CANCELS};
+use super::registers::Job;
+use super::updownload::{Block, CANsync_UPDOWN_BMARRAY};
 use super::updownload_ma::PRESET_TIME;
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{
+    updown_error,
+    updown_slave::{ACTIVE, BUSY, CHANGED, DOWNLOAD, ERROR, MODE, MODE_END, MODE_INIT, RESET},
+};
 use crate::plc::{Base, Like, Viewed, Watch, function_block};
 use core::time::Duration;
 
-/// Bit 1: the master has changed or cancelled the job.
-const CHANGE: u8 = 1 << 1;
 /// Bit 0 of `w_ERR`.
 const TIMEOUT: u16 = 1 << 0;
 
@@ -72,7 +74,7 @@ impl CANsync_UPDOWNLOAD_SL {
         if self.x_RESET || !self.x_EN {
             _BASE.b_EN_UPDOWNBLK1.store(0);
             if let Phase::Transfer(..) | Phase::Ending(_) = self.internal {
-                refuse(_BASE, SLAVE_CANCELS);
+                refuse(_BASE, updown_error::SLAVE_CANCELS);
                 self.show(Phase::Locked);
             }
             if self.x_RESET {
@@ -84,14 +86,14 @@ impl CANsync_UPDOWNLOAD_SL {
         _BASE.b_EN_UPDOWNBLK1.store(1);
         let control = job(_BASE).control();
         let is_locked = matches!(self.internal, Phase::Locked);
-        if control & CHANGE != 0 {
+        if control & CHANGED != 0 {
             job(_BASE).change(|value| value | RESET);
             return self.show(if is_locked { Phase::Locked } else { Phase::Idle });
         }
         if is_locked {
             // The master shall not wait for a block that needs a reset.
             if control & ACTIVE != 0 {
-                refuse(_BASE, SLAVE_CANCELS);
+                refuse(_BASE, updown_error::SLAVE_CANCELS);
             }
             return;
         }
@@ -102,16 +104,16 @@ impl CANsync_UPDOWNLOAD_SL {
         }
         if control & ACTIVE != 0 {
             match (control & MODE, self.internal) {
-                (INIT, _) => self.begin(_BASE, control, a_UPLOAD),
-                (LAST, Phase::Transfer(watch, block)) => self.block_done(_BASE, watch, block, a_DOWNLOAD),
+                (MODE_INIT, _) => self.begin(_BASE, control, a_UPLOAD),
+                (MODE_END, Phase::Transfer(watch, block)) => self.block_done(_BASE, watch, block, a_DOWNLOAD),
                 // Begun before this block was enabled or reset.
-                _ => refuse(_BASE, SLAVE_CANCELS),
+                _ => refuse(_BASE, updown_error::SLAVE_CANCELS),
             }
         }
         if let Phase::Transfer(watch, _) | Phase::Ending(watch) = self.internal
             && watch.is_over(_BASE.ram())
         {
-            refuse(_BASE, SLAVE_CANCELS);
+            refuse(_BASE, updown_error::SLAVE_CANCELS);
             self.show(Phase::Locked);
             (self.w_ERR, self.x_ERR) = (TIMEOUT, true);
         }

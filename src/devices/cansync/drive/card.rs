@@ -4,7 +4,6 @@
 //! The ZK parameters are resolved to bit positions and store places when the drive is built, so that a
 //! frame costs a few instructions.
 
-use super::SYNCHRONIZED;
 use super::card_function::CardFunction;
 use super::config::ZkError;
 use super::parameters::{ParamFormat, ParameterStore, Slot};
@@ -12,6 +11,7 @@ use super::table::number::{CONTROL_WORD, STATUS_WORD};
 use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
+use crate::devices::cansync::registers::values::drive_status;
 
 /// The longest delay of ZK 24 plus the interval being received.
 const DELAY_LINE: usize = 4;
@@ -155,7 +155,7 @@ impl Card {
     #[inline]
     pub(crate) fn sample(&mut self, store: &mut ParameterStore, status_word: u16) {
         if self.stopped {
-            return self.sample_sync_state(status_word & SYNCHRONIZED);
+            return self.sample_sync_state(status_word & drive_status::SYNCHRONIZED);
         }
         if !(store.take_changed() || self.sampled_status != Some(status_word)) {
             return;
@@ -171,10 +171,13 @@ impl Card {
 
     /// While nothing comes from the drive its last status word stands, but bit 15 is the card's own (p. 30).
     fn sample_sync_state(&mut self, sync_state: u16) {
-        let Some(last) = self.sampled_status.filter(|last| last & SYNCHRONIZED != sync_state) else { return };
-        self.sampled_status = Some(last ^ SYNCHRONIZED);
+        let Some(last) = self.sampled_status.filter(|last| last & drive_status::SYNCHRONIZED != sync_state)
+        else {
+            return;
+        };
+        self.sampled_status = Some(last ^ drive_status::SYNCHRONIZED);
         for slot in self.actuals.iter().flatten().filter(|slot| slot.origin.is_none()) {
-            self.frames[slot.channel.index()] ^= u64::from(SYNCHRONIZED) << slot.shift;
+            self.frames[slot.channel.index()] ^= u64::from(drive_status::SYNCHRONIZED) << slot.shift;
         }
     }
 

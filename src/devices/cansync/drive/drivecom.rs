@@ -5,22 +5,8 @@
 //! IEC 61800-7-201 (CiA 402). "Not ready to switch on" lasts for a self-test, which takes no time here,
 //! and transition 16 (back from quick stop), which the profile leaves open, does not exist.
 
+use crate::devices::cansync::registers::values::{drive_control, drive_status as status};
 use serde::{Deserialize, Serialize};
-
-/// Control word bits.
-mod control {
-    pub(crate) const SWITCH_ON: u16 = 0x0001;
-    pub(crate) const ENABLE_VOLTAGE: u16 = 0x0002;
-    /// 0 stops.
-    pub(crate) const QUICK_STOP: u16 = 0x0004;
-    pub(crate) const ENABLE_OPERATION: u16 = 0x0008;
-    pub(crate) const FAULT_RESET: u16 = 0x0080;
-}
-
-/// Bit 4 of the status word. The simulated supply never fails.
-const VOLTAGE: u16 = 0x0010;
-/// Bit 7 of the status word.
-const WARNING: u16 = 0x0080;
 
 /// In which state a drive comes up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,14 +42,15 @@ pub enum State {
 impl State {
     /// Bits 0-3, 5 and 6 of the status word.
     pub const fn status_bits(self) -> u16 {
+        const ENABLED: u16 = status::READY | status::SWITCHED_ON | status::OPERATION_ENABLED;
         match self {
-            State::SwitchOnDisabled => 0x0040,
-            State::ReadyToSwitchOn => 0x0021,
-            State::SwitchedOn => 0x0023,
-            State::OperationEnabled => 0x0027,
-            State::QuickStopActive => 0x0007,
-            State::FaultReactionActive => 0x000F,
-            State::Fault => 0x0008,
+            State::SwitchOnDisabled => status::DISABLED,
+            State::ReadyToSwitchOn => status::READY | status::NO_QUICK_STOP,
+            State::SwitchedOn => status::READY | status::SWITCHED_ON | status::NO_QUICK_STOP,
+            State::OperationEnabled => ENABLED | status::NO_QUICK_STOP,
+            State::QuickStopActive => ENABLED,
+            State::FaultReactionActive => ENABLED | status::FAULT,
+            State::Fault => status::FAULT,
         }
     }
 }
@@ -100,13 +87,13 @@ impl StateMachine {
     /// The drive's status word. Bit 15 is 0, the card adds it.
     #[inline]
     pub(crate) const fn status_word(&self) -> u16 {
-        let warning = if self.warning { WARNING } else { 0 };
-        self.state.status_bits() | VOLTAGE | warning
+        let warning = if self.warning { status::WARNING } else { 0 };
+        self.state.status_bits() | status::VOLTAGE | warning
     }
 
     /// Takes over a control word and makes all transitions it causes.
     pub(crate) fn command(&mut self, word: u16) {
-        let reset = word & !self.control_word & control::FAULT_RESET != 0;
+        let reset = word & !self.control_word & drive_control::FAULT_RESET != 0;
         self.control_word = word;
         if self.state == State::Fault {
             if reset {
@@ -123,10 +110,10 @@ impl StateMachine {
     /// The next transition under the present control word.
     const fn transition(&self) -> Option<State> {
         use State::*;
-        let switch_on = self.control_word & control::SWITCH_ON != 0;
-        let enable = self.control_word & control::ENABLE_OPERATION != 0;
-        let voltage = self.control_word & control::ENABLE_VOLTAGE != 0;
-        let run = self.control_word & control::QUICK_STOP != 0;
+        let switch_on = self.control_word & drive_control::SWITCH_ON != 0;
+        let enable = self.control_word & drive_control::ENABLE_OPERATION != 0;
+        let voltage = self.control_word & drive_control::ENABLE_VOLTAGE != 0;
+        let run = self.control_word & drive_control::NO_QUICK_STOP != 0;
         match self.state {
             ReadyToSwitchOn | SwitchedOn if !voltage || !run => Some(SwitchOnDisabled), // 7, 10
             OperationEnabled | QuickStopActive if !voltage => Some(SwitchOnDisabled),   // 9, 12

@@ -42,18 +42,15 @@ pub use table::{PARAMETERS, ParameterRow, number};
 pub use zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
 
 use crate::can::Payload;
-use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
+use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::bus::codec::{
     Access, Action, ActionCommand, ParameterJob, ParameterResponse, ParameterResult, UpDownJob, UpDownResult,
-    updown,
 };
 use crate::devices::cansync::bus::{Channel, Frame, SyncLock};
+use crate::devices::cansync::registers::values::{par_error, updown_error};
 use card::Card;
 use monitoring::{Monitor, fault};
 use regler::{Setup, VRegler};
-
-/// Bit of the status word that the card overwrites with the SYNC state (manual 5.01010.01 p. 30).
-pub const SYNCHRONIZED: u16 = 0x8000;
 
 /// Parameters that must fit each other, and the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -289,7 +286,7 @@ impl Drive {
             return Some(self.parameter_job(&job).frame(self.slave_number));
         }
         let job = UpDownJob::decode(payload).ok()?;
-        let refusal = job.answer(UpDownResult::Error(updown::error_number::NOT_POSSIBLE));
+        let refusal = job.answer(UpDownResult::Error(updown_error::NOT_POSSIBLE));
         Some(refusal.frame(self.slave_number))
     }
 
@@ -304,7 +301,7 @@ impl Drive {
 
     fn service(&mut self, job: &ParameterJob) -> Result<ParameterResult, u16> {
         if job.sub_slave() != 0 {
-            return Err(error_number::NOT_PRESENT);
+            return Err(par_error::NOT_PRESENT);
         }
         let (format, value) = match job.access() {
             Access::Read => {

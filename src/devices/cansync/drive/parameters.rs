@@ -1,6 +1,7 @@
 //! The drive's parameters: numbers 0 to 4095, word or doubleword, with limits.
 
-use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, error_number};
+use crate::devices::cansync::bus::codec::parameter::MAX_NUMBER;
+use crate::devices::cansync::registers::values::par_error;
 use serde::{Deserialize, Serialize};
 
 /// Width of a parameter.
@@ -97,10 +98,10 @@ impl ParameterSpec {
             (true, ParamFormat::Doubleword) => i64::from(value as i32),
         };
         if self.min.is_some_and(|min| value < min) {
-            return Err(error_number::BELOW_MINIMUM);
+            return Err(par_error::BELOW_MINIMUM);
         }
         if self.max.is_some_and(|max| value > max) {
-            return Err(error_number::ABOVE_MAXIMUM);
+            return Err(par_error::ABOVE_MAXIMUM);
         }
         Ok(())
     }
@@ -247,14 +248,14 @@ impl ParameterStore {
     pub(crate) fn write(&mut self, slot: Slot, format: ParamFormat, value: u32) -> Result<(), u16> {
         let spec = &self.specs[slot.0];
         if spec.read_only {
-            return Err(error_number::NOT_CHANGEABLE);
+            return Err(par_error::NOT_CHANGEABLE);
         }
         if spec.format != format {
-            return Err(error_number::DATA_FORMAT);
+            return Err(par_error::DATA_FORMAT);
         }
         let settle_us = spec.settle_us;
         if !self.is_available(slot) {
-            return Err(error_number::NOT_AVAILABLE_NOW);
+            return Err(par_error::NOT_AVAILABLE_NOW);
         }
         spec.check(value)?;
         self.set(slot, value);
@@ -337,7 +338,7 @@ mod tests {
         let mut store = store(&[ParameterSpec { settle_us: 1000, ..ParameterSpec::new(1, Word) }]).unwrap();
         let slot = store.slot(1).unwrap();
         assert_eq!(store.write(slot, Word, 5), Ok(()));
-        assert_eq!(store.write(slot, Word, 6), Err(error_number::NOT_AVAILABLE_NOW));
+        assert_eq!(store.write(slot, Word, 6), Err(par_error::NOT_AVAILABLE_NOW));
         store.pass(999);
         assert!(store.is_settling() && !store.is_available(slot));
         store.pass(1);
@@ -365,9 +366,9 @@ mod tests {
         .unwrap();
         let (limited, closed) = (store.slot(1).unwrap(), store.slot(2).unwrap());
         assert_eq!(store.write(limited, Word, 5), Ok(()));
-        assert_eq!(store.write(limited, Word, 6), Err(error_number::ABOVE_MAXIMUM));
-        assert_eq!(store.write(limited, Doubleword, 1), Err(error_number::DATA_FORMAT));
-        assert_eq!(store.write(closed, Word, 1), Err(error_number::NOT_CHANGEABLE));
+        assert_eq!(store.write(limited, Word, 6), Err(par_error::ABOVE_MAXIMUM));
+        assert_eq!(store.write(limited, Doubleword, 1), Err(par_error::DATA_FORMAT));
+        assert_eq!(store.write(closed, Word, 1), Err(par_error::NOT_CHANGEABLE));
         assert_eq!((store.get(limited), store.get(closed)), (5, 0));
     }
 }

@@ -7,7 +7,8 @@ use super::monitoring::{Monitor, Reaction};
 use super::motion::Motion;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
 use super::table::{PARAMETERS, number};
-use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
+use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
+use crate::devices::cansync::registers::values::{drive_status, par_error};
 use std::num::NonZeroU32;
 
 /// Element of a parameter that is its lowest value (decision D-160).
@@ -188,13 +189,13 @@ impl VRegler {
     /// The error number of the manual (5.00005.03a p. 95 and 166): 16#FFFB no such parameter or element, 16#FFFA
     /// being recalculated.
     pub(crate) fn read_element(&self, number: u16, element: u8) -> Result<Read, u16> {
-        let slot = self.store.slot(number).ok_or(error_number::NOT_PRESENT)?;
+        let slot = self.store.slot(number).ok_or(par_error::NOT_PRESENT)?;
         let value = match element {
             MINIMUM_ELEMENT => self.store.limits(slot).0,
             MAXIMUM_ELEMENT => self.store.limits(slot).1,
-            VALUE_ELEMENT if !self.store.is_available(slot) => return Err(error_number::NOT_AVAILABLE_NOW),
+            VALUE_ELEMENT if !self.store.is_available(slot) => return Err(par_error::NOT_AVAILABLE_NOW),
             VALUE_ELEMENT => self.value(number, slot),
-            _ => return Err(error_number::NOT_PRESENT),
+            _ => return Err(par_error::NOT_PRESENT),
         };
         Ok((self.store.format(slot), value))
     }
@@ -210,9 +211,9 @@ impl VRegler {
         format: ParamFormat,
         value: u32,
     ) -> Result<(), u16> {
-        let slot = self.store.slot(number).ok_or(error_number::NOT_PRESENT)?;
+        let slot = self.store.slot(number).ok_or(par_error::NOT_PRESENT)?;
         if element != VALUE_ELEMENT {
-            return Err(error_number::NOT_CHANGEABLE);
+            return Err(par_error::NOT_CHANGEABLE);
         }
         self.store.write(slot, format, value)?;
         if number == number::CONTROL_WORD {
@@ -262,7 +263,7 @@ impl VRegler {
     /// The status word (parameter 121); bit 15 tells whether the drive runs in step with its SYNC signal.
     #[inline]
     pub(crate) fn status_word(&self) -> u16 {
-        let synchronized = if self.synchronized { super::SYNCHRONIZED } else { 0 };
+        let synchronized = if self.synchronized { drive_status::SYNCHRONIZED } else { 0 };
         self.machine.status_word() | synchronized
     }
 

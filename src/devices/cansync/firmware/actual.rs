@@ -3,11 +3,11 @@
 //! Both cyclic structures have the same registers for it under the same names; the trait names them
 //! once.
 
-use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame};
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use crate::devices::cansync::registers::values::receive;
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use crate::memory::{Cell8, Cell32};
 
 /// The registers in which the actual values of slaves are received.
@@ -36,7 +36,7 @@ pub(super) trait ActualValueRegisters {
                 store_word(cell, high_word, word);
             }
         });
-        acknowledgement.store(Code::RECEIVED);
+        acknowledgement.store(receive::RECEIVED);
         self.last_slave(channel).store(slave);
     }
 }

@@ -2,11 +2,11 @@
 //! p. 162-163).
 
 use super::master::acknowledge;
-use super::registers::Code;
 use crate::devices::Context;
 use crate::devices::cansync::bus::Frame;
 use crate::devices::cansync::bus::codec::action::ActionCommand;
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::send;
 use crate::memory::{Cell8, Cell16, Cell32};
 use core::mem::offset_of;
 
@@ -70,7 +70,7 @@ fn take(
     offset: usize,
     command: impl FnOnce() -> ActionCommand,
 ) -> Option<Frame> {
-    if control.load() != Code::RELEASED {
+    if control.load() != send::RELEASED {
         return None;
     }
     let frame = command().frame();

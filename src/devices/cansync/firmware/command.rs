@@ -12,7 +12,7 @@ use crate::can::Payload;
 use crate::devices::Context;
 use crate::devices::cansync::bus::Frame;
 use crate::devices::cansync::bus::codec::{ParameterJob, UpDownJob};
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 
 /// A job whose answer is due.
 #[derive(Clone, Copy, Debug)]

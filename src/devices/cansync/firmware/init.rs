@@ -2,6 +2,7 @@
 
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::values::ma_sl_mode;
 use thiserror::Error;
 
 /// Where a master's SYNC signal comes from.
@@ -61,8 +62,8 @@ impl InitData {
         rates: &'static [BaudRate],
     ) -> Result<Self, InitFault> {
         let sync = match regs.b_MA_SL_MODE.load() {
-            0x00 => SyncSource::Own,
-            0x02 => SyncSource::Forwarded,
+            ma_sl_mode::MASTER => SyncSource::Own,
+            ma_sl_mode::MASTER_SYNC_IN => SyncSource::Forwarded,
             _ => return Err(InitFault::Mode),
         };
         let mut expected = 0;
@@ -79,7 +80,7 @@ impl InitData {
         rates: &'static [BaudRate],
     ) -> Result<Self, InitFault> {
         match regs.b_MA_SL_MODE.load() {
-            0x01 => Self::common(regs, rates, SyncSource::Own, 0),
+            ma_sl_mode::SLAVE => Self::common(regs, rates, SyncSource::Own, 0),
             _ => Err(InitFault::Mode),
         }
     }

@@ -8,14 +8,14 @@ use super::init::SyncSource;
 use super::node::{Change, Node, NodeState, Role, Seat};
 use super::polling::Polling;
 use super::punctual::Punctual;
-use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
 use crate::devices::cansync::records::{Left, Missed};
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::send;
 use crate::devices::cansync::watch::Facts;
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::{Context, SyncSignal};
 use crate::journal::Handshake;
 use crate::memory::{Cell8, MemoryError, Segment, View};
@@ -164,7 +164,7 @@ impl Master {
         if !self.is_exchanging() {
             return None;
         }
-        let released = self.control_register(channel).load() == Code::RELEASED;
+        let released = self.control_register(channel).load() == send::RELEASED;
         self.punctual[channel.index()].deadline(ctx.now, released);
         if !released {
             let origin = ctx.origin;
@@ -268,14 +268,14 @@ impl Master {
 
 /// 16#05 -> 16#04 in a register that holds such a handshake. Tells whether it still held 16#05.
 pub(super) fn acknowledge(ctx: &mut Context, register: &Cell8, offset: usize) -> bool {
-    let acknowledged = register.compare_exchange(Code::RELEASED, Code::DONE).is_ok();
+    let acknowledged = register.compare_exchange(send::RELEASED, send::SENT).is_ok();
     if acknowledged {
         let origin = ctx.origin;
         ctx.report(Handshake {
             origin,
             offset: ctx.at(offset),
-            request: u16::from(Code::RELEASED),
-            answer: u16::from(Code::DONE),
+            request: u16::from(send::RELEASED),
+            answer: u16::from(send::SENT),
             goes_on: false,
         });
     }

@@ -8,6 +8,7 @@
 //! jobs.
 
 mod actual;
+pub mod auto;
 mod block;
 mod broadcast;
 mod command;
@@ -20,7 +21,6 @@ mod orders;
 mod parameter_job;
 mod polling;
 mod punctual;
-mod registers;
 mod slave;
 mod updown_job;
 mod word_config;
@@ -28,5 +28,4 @@ mod word_config;
 pub use init::{InitData, InitFault};
 pub use master::{Built, Master};
 pub use node::{Change, NodeState, Seat};
-pub use registers::{Code, auto};
 pub use slave::Slave;

@@ -6,16 +6,24 @@ use super::controller::Controller;
 use super::init::{InitData, InitFault};
 use super::orders::{Order, Orders};
 use super::punctual::Punctual;
-use super::registers::{control, status};
 use crate::devices::cansync::records::{BaudRateMismatch, Command, CommandIgnored, InitRefused};
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::registers::values::{
+    cansync_status, clock_divider, cpu_control, option_status, output_control,
+};
 use crate::devices::cansync::watch::Facts;
 use crate::devices::cansync::{BaudRate, rules};
-use crate::devices::omega_drive_line_2::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::{Context, SyncSignal};
 use crate::journal::{Handshake, Register, State};
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
+
+/// The bits of `w_CANsync_STATUS` that change with every frame.
+const TRAFFIC: u16 = cansync_status::SEND_BUFFER_FREE
+    | cansync_status::SEND_JOB_DONE
+    | cansync_status::RECEIVING
+    | cansync_status::SENDING;
 
 /// What a node is on its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,8 +130,8 @@ impl Node {
     #[inline]
     pub(super) fn facts(&self, punctual: [Punctual; 2]) -> Facts {
         let ordered = || {
-            let others = self.regs.w_CPU_CONTROL.load() & !control::RESET_CONTROLLER;
-            others == control::TAKE_OVER_INIT_DATA
+            let others = self.regs.w_CPU_CONTROL.load() & !cpu_control::RESET_CONTROLLER;
+            others == cpu_control::TAKE_OVER_INIT_DATA
         };
         Facts {
             is_master: self.role == Role::Master,
@@ -199,8 +207,8 @@ impl Node {
             return Change::None;
         }
         match (self.state, value) {
-            (NodeState::StartUp, control::RESTART) => Change::None,
-            (_, control::RESTART) => {
+            (NodeState::StartUp, cpu_control::RESTART) => Change::None,
+            (_, cpu_control::RESTART) => {
                 self.init = None;
                 self.refused = None;
                 self.controller = Controller::default();
@@ -208,20 +216,20 @@ impl Node {
                 self.show(ctx, NodeState::StartUp);
                 Change::Restarted
             }
-            (NodeState::StartUp, control::HANDSHAKE) => {
+            (NodeState::StartUp, cpu_control::HANDSHAKE) => {
                 self.show(ctx, NodeState::WaitingForInit);
                 Change::Progressed
             }
-            (NodeState::WaitingForInit, control::TAKE_OVER_INIT_DATA) => self.take_over(ctx, clear),
-            (NodeState::WaitingForStart, control::START_SYNCHRONOUS) => {
+            (NodeState::WaitingForInit, cpu_control::TAKE_OVER_INIT_DATA) => self.take_over(ctx, clear),
+            (NodeState::WaitingForStart, cpu_control::START_SYNCHRONOUS) => {
                 self.show(ctx, NodeState::SetUp);
                 Change::SetUpStarted
             }
-            (NodeState::SetUp, value) if value & control::ENABLE_ACTIVE != 0 => {
+            (NodeState::SetUp, value) if value & cpu_control::ENABLE_ACTIVE != 0 => {
                 self.show(ctx, NodeState::Active);
                 Change::Enabled
             }
-            (NodeState::Active, control::START_SYNCHRONOUS) => {
+            (NodeState::Active, cpu_control::START_SYNCHRONOUS) => {
                 self.show(ctx, NodeState::SetUp);
                 Change::Disabled
             }
@@ -238,16 +246,16 @@ impl Node {
     fn reset_controller(&mut self, ctx: &mut Context, answer: u16) {
         let kbit_per_s = self.init.as_ref().map_or(500, |init| init.timing.kbit_per_s);
         self.controller.reset(ctx.now, kbit_per_s);
-        let (origin, offset, request) = (ctx.origin, ctx.at(0), answer | control::RESET_CONTROLLER);
+        let (origin, offset, request) = (ctx.origin, ctx.at(0), answer | cpu_control::RESET_CONTROLLER);
         let goes_on = self.role == Role::Master && answer & 1 != 0;
         ctx.report(Handshake { origin, offset, request, answer, goes_on });
     }
 
     /// From here on a restart in the RAM alone cannot be told from what stands there.
     fn report_left_behind(&self, ctx: &mut Context) {
-        let (origin, value) = (ctx.origin, control::RESTART);
+        let (origin, value) = (ctx.origin, cpu_control::RESTART);
         ctx.report(CommandIgnored { origin, value, why: Command::LeftBehind });
-        ctx.find(&rules::LEFT_BEHIND, self.live(), 0, control::RESET_CONTROLLER.into());
+        ctx.find(&rules::LEFT_BEHIND, self.live(), 0, cpu_control::RESET_CONTROLLER.into());
     }
 
     fn take_over(&mut self, ctx: &mut Context, clear: impl FnOnce()) -> Change {
@@ -296,8 +304,16 @@ impl Node {
     /// The two values that the manual gives for the CAN controller (p. 149). The bus is simulated, so other ones
     /// do no harm here; on the device they would.
     fn check_controller(&self, ctx: &mut Context) {
-        let output = (&self.regs.b_OUTPUT_CONTROL, offset_of!(CANsync_INIT_BMSTRUCT, b_OUTPUT_CONTROL), 0xFA);
-        let clock = (&self.regs.b_CLOCK_DIVIDER, offset_of!(CANsync_INIT_BMSTRUCT, b_CLOCK_DIVIDER), 0x07);
+        let output = (
+            &self.regs.b_OUTPUT_CONTROL,
+            offset_of!(CANsync_INIT_BMSTRUCT, b_OUTPUT_CONTROL),
+            output_control::REQUIRED,
+        );
+        let clock = (
+            &self.regs.b_CLOCK_DIVIDER,
+            offset_of!(CANsync_INIT_BMSTRUCT, b_CLOCK_DIVIDER),
+            clock_divider::REQUIRED,
+        );
         for (register, offset, right) in [output, clock] {
             let value = register.load();
             if value != right {
@@ -324,22 +340,22 @@ impl Node {
     /// Whether `value` is simply the command that led to `state` and still stands in the register.
     fn is_at_rest(state: NodeState, value: u16) -> bool {
         match state {
-            NodeState::StartUp => value == control::RESTART,
-            NodeState::WaitingForInit => value == control::HANDSHAKE,
-            NodeState::WaitingForStart => value == control::TAKE_OVER_INIT_DATA,
-            NodeState::SetUp => value == control::START_SYNCHRONOUS,
-            NodeState::Active => value & control::ENABLE_ACTIVE != 0,
+            NodeState::StartUp => value == cpu_control::RESTART,
+            NodeState::WaitingForInit => value == cpu_control::HANDSHAKE,
+            NodeState::WaitingForStart => value == cpu_control::TAKE_OVER_INIT_DATA,
+            NodeState::SetUp => value == cpu_control::START_SYNCHRONOUS,
+            NodeState::Active => value & cpu_control::ENABLE_ACTIVE != 0,
         }
     }
 
     fn report_ignored(&self, ctx: &mut Context, value: u16) {
         let known = matches!(
             value,
-            control::HANDSHAKE
-                | control::TAKE_OVER_INIT_DATA
-                | control::START_SYNCHRONOUS
-                | control::ENABLE_ACTIVE
-        ) && !control::RESERVED.contains(&value);
+            cpu_control::HANDSHAKE
+                | cpu_control::TAKE_OVER_INIT_DATA
+                | cpu_control::START_SYNCHRONOUS
+                | cpu_control::ENABLE_ACTIVE
+        );
         let why = if known { Command::NotNow } else { Command::Unknown };
         let origin = ctx.origin;
         ctx.report(CommandIgnored { origin, value, why });
@@ -358,13 +374,13 @@ impl Node {
 
     fn code(&self, state: NodeState) -> u16 {
         match (state, self.role) {
-            (NodeState::StartUp, _) => 0x0001,
-            (NodeState::WaitingForInit, _) => 0x0002,
-            (NodeState::WaitingForStart, _) => 0x0003,
-            (NodeState::SetUp, Role::Slave) => 0x0013,
-            (NodeState::SetUp, Role::Master) => 0x0043,
-            (NodeState::Active, Role::Slave) => 0x0020,
-            (NodeState::Active, Role::Master) => 0x0080,
+            (NodeState::StartUp, _) => option_status::START_UP,
+            (NodeState::WaitingForInit, _) => option_status::WAITING_FOR_INIT,
+            (NodeState::WaitingForStart, _) => option_status::WAITING_FOR_START,
+            (NodeState::SetUp, Role::Slave) => option_status::SLAVE_SET_UP,
+            (NodeState::SetUp, Role::Master) => option_status::MASTER_SET_UP,
+            (NodeState::Active, Role::Slave) => option_status::SLAVE_ACTIVE,
+            (NodeState::Active, Role::Master) => option_status::MASTER_ACTIVE,
         }
     }
 
@@ -374,28 +390,28 @@ impl Node {
         let mut value = 0;
         if self.controller.is_off() {
             // Nothing is sent or received, nothing waits to be sent (decision D-121).
-            value = status::BUS_OFF | status::WARNING;
+            value = cansync_status::BUS_OFF | cansync_status::WARNING;
         } else if self.init.is_some() {
-            value = status::SEND_BUFFER_FREE | status::SEND_JOB_DONE;
+            value = cansync_status::SEND_BUFFER_FREE | cansync_status::SEND_JOB_DONE;
         }
         if self.is_on_bus() && self.is_connected() {
             match on_wire {
-                Some(true) => value = status::SENDING,
-                Some(false) => value |= status::RECEIVING,
+                Some(true) => value = cansync_status::SENDING,
+                Some(false) => value |= cansync_status::RECEIVING,
                 None => {}
             }
         }
         if self.refused.is_some() || self.sync_is_unlike {
-            value |= status::WARNING;
+            value |= cansync_status::WARNING;
         }
         if self.controller.has_overrun() {
-            value |= status::OVERRUN;
+            value |= cansync_status::OVERRUN;
         }
         let before = self.regs.w_CANsync_STATUS.load();
         if before != value {
             self.regs.w_CANsync_STATUS.store(value);
         }
-        if (before ^ value) & !status::TRAFFIC != 0 {
+        if (before ^ value) & !TRAFFIC != 0 {
             let origin = ctx.origin;
             let offset = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_CANsync_STATUS));
             ctx.report(Register { origin, offset, from: before.into(), to: value.into() });

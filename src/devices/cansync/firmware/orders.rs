@@ -1,6 +1,6 @@
 //! `w_CPU_CONTROL` as the firmware reads it: a level, from which bit 7 is cleared (manual 5.00005.03a p. 149-150, 174).
 
-use super::registers::control;
+use crate::devices::cansync::registers::values::cpu_control;
 use crate::memory::{Cell16, Header, MemoryError, Segment, View};
 
 /// What the PLC has ordered, as far as the register tells.
@@ -36,7 +36,7 @@ impl Orders {
         let mut orders = Orders {
             header: segment.header()?,
             node,
-            seen: control::RESTART,
+            seen: cpu_control::RESTART,
             left_behind: false,
             restarts: 0,
         };
@@ -62,7 +62,7 @@ impl Orders {
             let value = register.load();
             // In between: restarts written before this value are past, later ones make the exchange fail.
             let restarts = self.restarts_written();
-            let rest = value & !control::RESET_CONTROLLER;
+            let rest = value & !cpu_control::RESET_CONTROLLER;
             if rest == value {
                 break (value, restarts, false);
             }
@@ -72,7 +72,7 @@ impl Orders {
         };
         let is_restarted = core::mem::replace(&mut self.restarts, restarts) != restarts;
         let is_new = core::mem::replace(&mut self.seen, value) != value || with_reset;
-        self.left_behind = value == control::RESTART && (with_reset || self.left_behind && !is_restarted);
+        self.left_behind = value == cpu_control::RESTART && (with_reset || self.left_behind && !is_restarted);
         Order { value, is_new, with_reset }
     }
 

@@ -8,24 +8,12 @@ use super::job_registers::JobRegisters;
 use crate::can::Payload;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::{
-    Access, ParameterJob, ParameterResponse, ParameterResult, error_number,
+    Access, ParameterJob, ParameterResponse, ParameterResult,
 };
-use crate::devices::omega_drive_line_2::registers::{
-    CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER,
-};
+use crate::devices::cansync::registers::values::{par_error, par_job_master};
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, CTRLREG_PAR_CMD_SL, DATA_PARAMETER};
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
-
-/// Bits of `b_STEUREG_PAR_CMD` and `b_STATREG_PAR_CMD` (p. 164).
-mod bits {
-    pub(crate) const ACTIVE: u8 = 1 << 0;
-    pub(crate) const READ: u8 = 1 << 1;
-    pub(crate) const WRITE: u8 = 1 << 2;
-    pub(crate) const SENT: u8 = 1 << 3;
-    pub(crate) const DOUBLEWORD: u8 = 1 << 4;
-    pub(crate) const ERROR: u8 = 1 << 5;
-    pub(crate) const BUSY: u8 = 1 << 6;
-}
 
 /// The registers of the job for one slave.
 struct Area<'a> {
@@ -57,15 +45,15 @@ impl<'a> Area<'a> {
     /// The job that `control` and the data registers describe, or the error number that refuses it
     /// (decision D-41). `w_SUBSL_ADR` is reserved: jobs go to the slave itself.
     fn entered(&self, control: u8) -> Result<ParameterJob, u16> {
-        let access = match (control & bits::READ != 0, control & bits::WRITE != 0) {
+        let access = match (control & par_job_master::READ != 0, control & par_job_master::WRITE != 0) {
             (true, false) => Access::Read,
-            (false, true) if control & bits::DOUBLEWORD != 0 => {
+            (false, true) if control & par_job_master::DOUBLEWORD != 0 => {
                 Access::WriteDoubleword(self.data.d_PAR_VALUE.load())
             }
             (false, true) => Access::WriteWord(self.data.d_PAR_VALUE.load() as u16),
-            (true, true) | (false, false) => return Err(error_number::GENERAL),
+            (true, true) | (false, false) => return Err(par_error::GENERAL),
         };
-        ParameterJob::new(self.data.w_PAR_NR.load(), access).map_err(|_| error_number::NOT_PRESENT)
+        ParameterJob::new(self.data.w_PAR_NR.load(), access).map_err(|_| par_error::NOT_PRESENT)
     }
 
     /// Shows the job's result.
@@ -77,13 +65,13 @@ impl<'a> Area<'a> {
     /// Ends the job that `control` holds with an error number; bit 3 goes off as at a good end (D-42).
     fn fail(&self, ctx: &mut Context, control: u8, number: u16) {
         self.show_value(ctx, u32::from(number));
-        self.job.replace(ctx, control, ended(control) | bits::ERROR);
+        self.job.replace(ctx, control, ended(control) | par_job_master::ERROR);
     }
 }
 
 /// What is left of a control register when its job has ended: what was asked for.
 const fn ended(control: u8) -> u8 {
-    control & !(bits::ACTIVE | bits::SENT | bits::BUSY | bits::ERROR)
+    control & !(par_job_master::ACTIVE | par_job_master::SENT | par_job_master::BUSY | par_job_master::ERROR)
 }
 
 /// The job for `slave` that goes out now, if one is entered. Jobs that cannot be sent end at once.
@@ -91,12 +79,15 @@ const fn ended(control: u8) -> u8 {
 pub(super) fn next(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, slave: u8) -> Option<ParameterJob> {
     let area = Area::of(regs, slave)?;
     let control = area.job.control.load();
-    if control & bits::ACTIVE == 0 {
+    if control & par_job_master::ACTIVE == 0 {
         return None;
     }
     match area.entered(control) {
         // Busy stays from one repetition to the next.
-        Ok(job) => area.job.replace(ctx, control, control & !bits::ERROR | bits::SENT).then_some(job),
+        Ok(job) => area
+            .job
+            .replace(ctx, control, control & !par_job_master::ERROR | par_job_master::SENT)
+            .then_some(job),
         Err(number) => {
             area.fail(ctx, control, number);
             None
@@ -112,7 +103,7 @@ pub(super) fn answered(
     job: &ParameterJob,
     payload: &Payload,
 ) {
-    const UNDER_WAY: u8 = bits::ACTIVE | bits::SENT;
+    const UNDER_WAY: u8 = par_job_master::ACTIVE | par_job_master::SENT;
     let Some(area) = Area::of(regs, slave) else { return };
     let control = area.job.control.load();
     // Bit 3 off: the PLC has entered a job anew, even if it is the same one again.
@@ -122,17 +113,17 @@ pub(super) fn answered(
     let Ok(response) = ParameterResponse::decode(job, payload) else { return };
     let end = ended(control);
     let end = match response.result() {
-        ParameterResult::Busy => control | bits::BUSY,
+        ParameterResult::Busy => control | par_job_master::BUSY,
         ParameterResult::Error(number) => return area.fail(ctx, control, number),
         ParameterResult::Done => end,
         // The format is that of the answer, whatever was asked for (p. 165).
         ParameterResult::Word(value) => {
             area.show_value(ctx, u32::from(value));
-            end & !bits::DOUBLEWORD
+            end & !par_job_master::DOUBLEWORD
         }
         ParameterResult::Doubleword(value) => {
             area.show_value(ctx, value);
-            end | bits::DOUBLEWORD
+            end | par_job_master::DOUBLEWORD
         }
     };
     area.job.replace(ctx, control, end);

@@ -12,17 +12,11 @@ use crate::devices::cansync::bus::codec::parameter::{
     Access, ParameterJob, ParameterResponse, ParameterResult,
 };
 use crate::devices::cansync::records::SlaveStatus;
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{drive_status, stat_sl};
 
 /// Parameter number of the status word (manual 5.01010.01 p. 14; decision D-06).
 pub(super) const STATUS_WORD: u16 = 121;
-/// Bit 15 of the status word: synchronized (manual 5.00005.03a p. 136).
-pub(super) const SYNCHRONIZED: u16 = 1 << 15;
-
-/// `a_STAT_SL[n]` bit 0: the slave responds.
-const RESPONDS: u8 = 1 << 0;
-/// `a_STAT_SL[n]` bit 1: the slave is synchronized.
-const IS_SYNCHRONIZED: u8 = 1 << 1;
 
 /// The read job on the status word.
 const STATUS_WORD_JOB: ParameterJob = match ParameterJob::new(STATUS_WORD, Access::Read) {
@@ -104,13 +98,17 @@ impl Polling {
         }
         self.asked = None;
         let status = match response.result() {
-            ParameterResult::Word(word) if word & SYNCHRONIZED != 0 => RESPONDS | IS_SYNCHRONIZED,
-            ParameterResult::Doubleword(value) if value & u32::from(SYNCHRONIZED) != 0 => {
-                RESPONDS | IS_SYNCHRONIZED
+            ParameterResult::Word(word) if word & drive_status::SYNCHRONIZED != 0 => {
+                stat_sl::RESPONDS | stat_sl::SYNCHRONIZED
+            }
+            ParameterResult::Doubleword(value) if value & u32::from(drive_status::SYNCHRONIZED) != 0 => {
+                stat_sl::RESPONDS | stat_sl::SYNCHRONIZED
             }
             // Busy: the slave is there, and its status word is asked for again in the next round.
-            ParameterResult::Busy => RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & IS_SYNCHRONIZED,
-            _ => RESPONDS,
+            ParameterResult::Busy => {
+                stat_sl::RESPONDS | regs.a_STAT_SL[usize::from(slave)].load() & stat_sl::SYNCHRONIZED
+            }
+            _ => stat_sl::RESPONDS,
         };
         show(ctx, regs, slave, status);
     }

@@ -4,7 +4,6 @@
 //! `parameter` and `updown`.
 
 mod area;
-mod bits;
 mod jobs;
 mod parameter;
 mod transfer;
@@ -13,9 +12,7 @@ mod updown;
 use super::actual::{ActualValueRegisters, store_word};
 use super::master::acknowledge;
 use super::node::{Change, Node, NodeState, Role, Seat};
-use super::polling::SYNCHRONIZED;
 use super::punctual::Punctual;
-use super::registers::Code;
 use super::word_config::WordConfigs;
 use crate::can::Payload;
 use crate::devices::Context;
@@ -24,8 +21,9 @@ use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::codec::process::FrameConfig;
 use crate::devices::cansync::bus::{Channel, Frame, FrameKind, SyncLock};
 use crate::devices::cansync::records::{Left, Missed};
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{drive_status, receive, send};
 use crate::devices::cansync::watch::Facts;
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::shown::Shown;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
@@ -240,7 +238,7 @@ impl Slave {
                 (&self.regs.b_CTRLREG_RD_RDC2, offset_of!(CANsync_SL_CTRL_BMSTRUCT, b_CTRLREG_RD_RDC2))
             }
         };
-        let released = register.load() == Code::RELEASED;
+        let released = register.load() == send::RELEASED;
         self.punctual[channel.index()].deadline(ctx.now, released);
         if !released {
             return;
@@ -263,8 +261,8 @@ impl Slave {
             }
         });
         match channel {
-            Channel::One => self.regs.b_CTRLREG_WRC1.store(Code::RECEIVED),
-            Channel::Two => self.regs.b_CTRLREG_WRC2.store(Code::RECEIVED),
+            Channel::One => self.regs.b_CTRLREG_WRC1.store(receive::RECEIVED),
+            Channel::Two => self.regs.b_CTRLREG_WRC2.store(receive::RECEIVED),
         }
     }
 
@@ -303,18 +301,18 @@ impl Slave {
         match command.action() {
             Action::ControlWord(word) => {
                 show!(w_CONTROLWORD, word);
-                show!(b_STATREG_CONTROLWORD, Code::RECEIVED);
+                show!(b_STATREG_CONTROLWORD, receive::RECEIVED);
             }
             Action::SyncMode(on) => {
                 self.lock.set_mode(on);
                 show!(b_SYNC_MODUS, command.data_byte);
-                show!(b_STATREG_SYNC_MODUS, Code::RECEIVED);
+                show!(b_STATREG_SYNC_MODUS, receive::RECEIVED);
             }
             Action::Other => {
                 show!(b_AKT_CMD, command.command);
                 show!(b_DATA_BYTE_AKT_CMD, command.data_byte);
                 show!(w_DATAWORD_AKT_CMD, command.data_word);
-                show!(b_STATREG_AKT_CMD, Code::RECEIVED);
+                show!(b_STATREG_AKT_CMD, receive::RECEIVED);
             }
         }
     }
@@ -347,7 +345,7 @@ impl Slave {
 
     /// Bit 15 tells whether the node is synchronized (p. 136); the firmware knows nothing that the others could show.
     fn status_word(&self) -> u16 {
-        if self.lock.is_locked() { SYNCHRONIZED } else { 0 }
+        if self.lock.is_locked() { drive_status::SYNCHRONIZED } else { 0 }
     }
 
     fn is_exchanging(&self) -> bool {

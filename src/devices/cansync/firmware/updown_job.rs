@@ -10,28 +10,12 @@ use crate::can::Payload;
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::CodecError;
 use crate::devices::cansync::bus::codec::updown::{
-    BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, error_number,
+    BLOCK, Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep,
 };
-use crate::devices::omega_drive_line_2::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{base_adr, updown_error, updown_master};
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
-
-/// Bits of `b_STEUREG_UPDOWNBLK1` and `b_STATREG_UPDOWNBLK1` (p. 166-167).
-mod bits {
-    pub(crate) const ACTIVE: u8 = 1 << 0;
-    pub(crate) const SENT: u8 = 1 << 1;
-    pub(crate) const MODE: u8 = 0b11 << 2;
-    pub(crate) const MODE_INIT: u8 = 0b01 << 2;
-    pub(crate) const MODE_TRANSFER: u8 = 0b10 << 2;
-    pub(crate) const MODE_END: u8 = 0b11 << 2;
-    pub(crate) const DOWNLOAD: u8 = 1 << 4;
-    pub(crate) const ERROR: u8 = 1 << 5;
-    pub(crate) const BUSY: u8 = 1 << 6;
-    pub(crate) const RESET: u8 = 1 << 7;
-}
-
-/// Base addresses below are the operating system's (p. 167).
-const FIRST_FREE_ADDRESS: u32 = 0x100;
 
 /// What the PLC has entered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +31,11 @@ impl Order {
     fn entered(regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8) -> Self {
         Order {
             slave: regs.b_SL_NR_UPDOWNBLK1.load(),
-            direction: if control & bits::DOWNLOAD != 0 { Direction::Download } else { Direction::Upload },
+            direction: if control & updown_master::DOWNLOAD != 0 {
+                Direction::Download
+            } else {
+                Direction::Upload
+            },
             address: regs.d_BASE_ADR_UPDOWNBLK1.load(),
             sub_slave: regs.w_SUBSL_NR_UPDOWNBLK1.load(),
             length: regs.w_LENGTH_UPDOWNBLK1.load(),
@@ -57,11 +45,11 @@ impl Order {
     /// Error number of an order that is refused without asking the slave (decision D-43).
     fn refusal(&self) -> Option<u16> {
         if self.length > MAX_LENGTH {
-            Some(error_number::LENGTH)
-        } else if self.address < FIRST_FREE_ADDRESS {
-            Some(error_number::BASE_ADDRESS)
+            Some(updown_error::LENGTH)
+        } else if base_adr::SYSTEM.contains(&self.address) {
+            Some(updown_error::BASE_ADDRESS)
         } else if self.length == 0 && self.direction == Direction::Download {
-            Some(error_number::NOT_POSSIBLE)
+            Some(updown_error::NOT_POSSIBLE)
         } else {
             None
         }
@@ -100,7 +88,7 @@ impl BlockJob {
         turn: u8,
     ) -> Option<UpDownJob> {
         let control = regs.b_STEUREG_UPDOWNBLK1.load();
-        if control & (bits::ACTIVE | bits::RESET) == 0 {
+        if control & (updown_master::ACTIVE | updown_master::CANCEL) == 0 {
             self.transfer = None;
             return None;
         }
@@ -108,7 +96,7 @@ impl BlockJob {
         if order.slave != turn {
             return None;
         }
-        if control & bits::RESET != 0 {
+        if control & updown_master::CANCEL != 0 {
             self.transfer = None;
             // No bit is left over (decision D-45).
             return registers(regs).replace(ctx, control, 0).then_some(UpDownJob::cancel());
@@ -118,7 +106,7 @@ impl BlockJob {
             None => begin(ctx, regs, control, order)?,
         };
         let (mode, job) = transfer.job(regs)?;
-        let shown = control & !(bits::MODE | bits::ERROR) | mode | bits::SENT;
+        let shown = control & !(updown_master::MODE | updown_master::ERROR) | mode | updown_master::SENT;
         self.transfer = Some(Transfer { control: shown, ..transfer });
         registers(regs).replace(ctx, control, shown).then_some(job)
     }
@@ -141,7 +129,7 @@ impl BlockJob {
             Ok(response) => match response.result() {
                 UpDownResult::Busy => Progress::Busy,
                 UpDownResult::Error(number) => {
-                    if number == error_number::EXPECTS_OTHER_BLOCK {
+                    if number == updown_error::EXPECTS_OTHER_BLOCK {
                         regs.w_COUNTER_UPDOWNBLK1.store(response.offset());
                     }
                     Progress::Failed(number)
@@ -149,16 +137,16 @@ impl BlockJob {
                 UpDownResult::Done => transfer.advance(regs, response.offset(), None),
                 UpDownResult::Data(data) => transfer.advance(regs, response.offset(), Some(data)),
             },
-            Err(CodecError::OtherOffset { .. }) => Progress::Failed(error_number::WRONG_BLOCK),
+            Err(CodecError::OtherOffset { .. }) => Progress::Failed(updown_error::WRONG_BLOCK),
             Err(_) => return,
         };
         let shown = match progress {
-            Progress::Busy => control | bits::BUSY,
-            Progress::Next => control & !bits::BUSY,
+            Progress::Busy => control | updown_master::BUSY,
+            Progress::Next => control & !updown_master::BUSY,
             Progress::Finished => ended(control),
             Progress::Failed(number) => {
                 show_error(ctx, regs, number);
-                ended(control) | bits::ERROR
+                ended(control) | updown_master::ERROR
             }
         };
         transfer.control = shown;
@@ -180,7 +168,9 @@ impl Transfer {
     fn job(&self, regs: &CANsync_MA_CTRL_BMSTRUCT) -> Option<(u8, UpDownJob)> {
         let Order { direction, address, sub_slave, length, .. } = self.order;
         let (mode, offset, step) = match self.phase {
-            Phase::Init => (bits::MODE_INIT, length, UpDownStep::Init { direction, address, sub_slave }),
+            Phase::Init => {
+                (updown_master::MODE_INIT, length, UpDownStep::Init { direction, address, sub_slave })
+            }
             Phase::Block(offset) => {
                 let last = block_end(offset) >= length;
                 let step = match direction {
@@ -190,7 +180,7 @@ impl Transfer {
                         UpDownStep::Download { last, data }
                     }
                 };
-                (if last { bits::MODE_END } else { bits::MODE_TRANSFER }, offset, step)
+                (if last { updown_master::MODE_END } else { updown_master::MODE_TRANSFER }, offset, step)
             }
         };
         // Offsets never exceed 300, so every job fits its frame.
@@ -209,13 +199,13 @@ impl Transfer {
                 // The slave may set the length of an upload; otherwise it answers 0 (p. 141 note a).
                 if self.order.direction == Direction::Upload && answered != 0 {
                     if answered > MAX_LENGTH {
-                        return Progress::Failed(error_number::LENGTH);
+                        return Progress::Failed(updown_error::LENGTH);
                     }
                     self.order.length = answered;
                     regs.w_LENGTH_UPDOWNBLK1.store(answered);
                 }
                 if self.order.length == 0 {
-                    return Progress::Failed(error_number::NOT_POSSIBLE);
+                    return Progress::Failed(updown_error::NOT_POSSIBLE);
                 }
                 self.phase = Phase::Block(0);
                 Progress::Next
@@ -245,7 +235,7 @@ fn begin(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8, order:
     let refusal = order.refusal();
     show_error(ctx, regs, refusal.unwrap_or(0));
     if refusal.is_some() {
-        registers(regs).replace(ctx, control, ended(control) | bits::ERROR);
+        registers(regs).replace(ctx, control, ended(control) | updown_master::ERROR);
         return None;
     }
     Some(Transfer { order, phase: Phase::Init, control })
@@ -253,7 +243,7 @@ fn begin(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, control: u8, order:
 
 /// What is left of a control register when its job has ended: direction and mode.
 const fn ended(control: u8) -> u8 {
-    control & !(bits::ACTIVE | bits::SENT | bits::BUSY | bits::ERROR)
+    control & !(updown_master::ACTIVE | updown_master::SENT | updown_master::BUSY | updown_master::ERROR)
 }
 
 fn show_error(ctx: &mut Context, regs: &CANsync_MA_CTRL_BMSTRUCT, number: u16) {

@@ -1,7 +1,7 @@
 //! The configuration bytes of a frame's four words, wherever they stand in the structures.
 
 use crate::devices::cansync::bus::Channel;
-use crate::devices::omega_drive_line_2::registers::{CFG_RDC_WORD, CFG_WRC_WORD_MA, CFG_WRC_WORD_SL};
+use crate::devices::cansync::registers::{CFG_RDC_WORD, CFG_WRC_WORD_MA, CFG_WRC_WORD_SL};
 
 /// A sub-structure with `b_CFG_..1_WORD0..3` and `b_CFG_..2_WORD0..3`.
 pub(super) trait WordConfigs {

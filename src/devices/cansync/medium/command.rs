@@ -7,7 +7,7 @@ use crate::devices::cansync;
 use crate::devices::cansync::bus::codec::action::{Action, ActionCommand};
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::drive::Objection;
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
+use crate::devices::cansync::registers::{CANsync_MA_CTRL_BMSTRUCT, DATA_PARAMETER};
 use crate::layout::Live;
 use core::mem::{offset_of, size_of};
 

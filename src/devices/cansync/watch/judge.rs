@@ -5,6 +5,9 @@ use super::node::Registers;
 use super::registers::{Kind, Limit, Watched};
 use crate::check;
 use crate::devices::cansync::bus::LAST_SLAVE;
+use crate::devices::cansync::registers::values::{
+    cfg_word, par_job_master, par_job_slave, request, send, updown_master, updown_slave,
+};
 use crate::devices::cansync::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CTRLREG_PAR_CMD_SL, DATA_PARAMETER,
 };
@@ -13,28 +16,15 @@ use crate::journal::{Finding, Journal, Rule};
 use crate::layout::Live;
 use core::mem::offset_of;
 
-/// 16#05: data are valid, send them.
-const RELEASED: u32 = 0x05;
-/// 16#80: the next slave number in every interval.
-const AUTOMATIC: u8 = 0x80;
-/// 16#FF: no slave at all, as the vendor's function blocks write it (decision D-148).
-const NOBODY: u8 = 0xFF;
 /// Highest value number.
 const LAST_VALUE: u32 = 7;
 
-/// Bits of the control registers of jobs (p. 164, 166, 189, 191).
-mod job {
-    pub(crate) const ACTIVE: u8 = 1 << 0;
-    /// Master, parameter job.
-    pub(crate) const WRITE: u8 = 1 << 2;
-    pub(crate) const PARAMETER_SENT: u8 = 1 << 3;
-    /// Read, write and format.
-    pub(crate) const PARAMETER_COMMAND: u8 = 0x16;
-    /// Master, block 1.
-    pub(crate) const BLOCK_SENT: u8 = 1 << 1;
-    pub(crate) const DOWNLOAD: u8 = 1 << 4;
-    pub(crate) const RESET: u8 = 1 << 7;
-}
+/// Bit 0 of every job's control register.
+const ACTIVE: u8 = par_job_master::ACTIVE;
+/// Bit 7 of every job's control register that has one.
+const RESET: u8 = updown_master::CANCEL;
+/// What a parameter job asks for.
+const PARAMETER_COMMAND: u8 = par_job_master::READ | par_job_master::WRITE | par_job_master::DOUBLEWORD;
 
 /// Where the judge is at work.
 pub(super) struct Place {
@@ -86,7 +76,7 @@ impl Judge<'_> {
             Kind::Mapping => self.mapping(register, after),
             Kind::Request => *self.unsettled = true,
             Kind::Release(frame) => self.release(frame, offset, after),
-            Kind::ControlWord(slave) if after == RELEASED => {
+            Kind::ControlWord(slave) if after == u32::from(send::RELEASED) => {
                 self.polled(offset_of!(Master, b_SL_NR_CONTROLWORD), slave, offset);
             }
             Kind::Parameter(slave) => self.parameter(slave, offset, was, is),
@@ -95,8 +85,8 @@ impl Judge<'_> {
             Kind::BlockData(is_data) => self.block_data(is_data, offset, after),
             Kind::SlaveJob => {
                 // The application ends the job or confirms a change.
-                let acted = was & job::ACTIVE & !is | is & job::RESET & !was;
-                if acted != 0 && (is ^ self.status_of(offset)) & (job::ACTIVE | job::RESET) != 0 {
+                let acted = was & ACTIVE & !is | is & RESET & !was;
+                if acted != 0 && (is ^ self.status_of(offset)) & (ACTIVE | RESET) != 0 {
                     self.find(&rules::ORDER, offset, after);
                 }
             }
@@ -109,7 +99,9 @@ impl Judge<'_> {
         let is_slave = after <= LAST_SLAVE.into();
         match register.limit {
             Limit::Slave if !is_slave => self.find(&rules::SLAVE_NUMBER, offset, after),
-            Limit::SlaveOrAutomatic if !is_slave && ![AUTOMATIC, NOBODY].map(u32::from).contains(&after) => {
+            Limit::SlaveOrAutomatic
+                if !is_slave && ![request::AUTOMATIC, request::NOBODY].map(u32::from).contains(&after) =>
+            {
                 self.find(&rules::SLAVE_NUMBER, offset, after);
             }
             Limit::NotReserved(meaning) => {
@@ -126,16 +118,16 @@ impl Judge<'_> {
         let offset = usize::from(register.offset);
         *self.unsettled = true;
         let used = after & !register.reserved_bits;
-        if used & 1 == 0 && used != 0 {
+        if used & u32::from(cfg_word::ASSIGNED) == 0 && used != 0 {
             self.find(&rules::WORD_UNASSIGNED, offset, after);
-        } else if used >> 2 > LAST_VALUE {
+        } else if used >> cfg_word::NUMBER.trailing_zeros() > LAST_VALUE {
             self.find(&rules::VALUE_NUMBER, offset, after);
         }
     }
 
     fn release(&mut self, frame: usize, offset: usize, after: u32) {
         if let Some(Some(deadline)) = self.facts.missed.get(frame)
-            && after == RELEASED
+            && after == u32::from(send::RELEASED)
         {
             let rule = if self.facts.is_master { &rules::LATE_REFERENCE } else { &rules::LATE_ACTUAL };
             self.find_late(rule, offset, after, u32::try_from(self.now - deadline).unwrap_or(u32::MAX));
@@ -150,31 +142,31 @@ impl Judge<'_> {
     /// A job for `slave` was entered; `polling` is the register that says whose turn it is.
     fn polled(&mut self, polling: usize, slave: u8, offset: usize) {
         let max = self.registers.now(offset_of!(Master, b_MAX_SL_NR));
-        if self.facts.is_active && self.registers.now(polling) == AUTOMATIC && slave > max {
+        if self.facts.is_active && self.registers.now(polling) == request::AUTOMATIC && slave > max {
             self.find(&rules::NEVER_POLLED, offset, self.registers.now(offset).into());
         }
     }
 
     fn parameter(&mut self, slave: u8, offset: usize, was: u8, is: u8) {
-        const UNDER_WAY: u8 = job::ACTIVE | job::PARAMETER_SENT;
-        self.entered(offset, was, is, job::PARAMETER_SENT);
-        if is & UNDER_WAY == job::ACTIVE {
+        const UNDER_WAY: u8 = ACTIVE | par_job_master::SENT;
+        self.entered(offset, was, is, par_job_master::SENT);
+        if is & UNDER_WAY == ACTIVE {
             self.polled(offset_of!(Master, b_SL_NR_PARAMETER), slave, offset);
         }
-        if was & is & UNDER_WAY == UNDER_WAY && (was ^ is) & job::PARAMETER_COMMAND != 0 {
+        if was & is & UNDER_WAY == UNDER_WAY && (was ^ is) & PARAMETER_COMMAND != 0 {
             self.find(&rules::JOB_CHANGED, offset, is.into());
         }
     }
 
     /// A new job: bit 0 set and the Send bit, which the firmware sets, not.
     fn entered(&mut self, offset: usize, was: u8, is: u8, sent: u8) {
-        if is & (job::ACTIVE | sent) != job::ACTIVE {
+        if is & (ACTIVE | sent) != ACTIVE {
             return;
         }
         if self.status_of(offset) != is {
             self.find(&rules::ORDER, offset, is.into());
         }
-        if was & job::ACTIVE != 0 && was & sent != 0 {
+        if was & ACTIVE != 0 && was & sent != 0 {
             self.find(&rules::JOB_REPLACED, offset, is.into());
         }
     }
@@ -182,7 +174,7 @@ impl Judge<'_> {
     /// Whether a job is under way whose control register the PLC has left alone.
     fn is_untouched(&self, control: usize, sent: u8) -> bool {
         let now = self.registers.now(control);
-        now == self.registers.left(control) && now & (job::ACTIVE | sent) == job::ACTIVE | sent
+        now == self.registers.left(control) && now & (ACTIVE | sent) == ACTIVE | sent
     }
 
     fn parameter_data(&mut self, slave: u8, is_value: bool, offset: usize, after: u32) {
@@ -190,23 +182,23 @@ impl Judge<'_> {
             + usize::from(slave) * size_of::<CTRLREG_PAR_CMD_SL>()
             + offset_of!(CTRLREG_PAR_CMD_SL, b_STEUREG_PAR_CMD);
         // The value of a read job is the firmware's to fill in.
-        let matters = !is_value || self.registers.now(control) & job::WRITE != 0;
-        if matters && self.is_untouched(control, job::PARAMETER_SENT) {
+        let matters = !is_value || self.registers.now(control) & par_job_master::WRITE != 0;
+        if matters && self.is_untouched(control, par_job_master::SENT) {
             self.find(&rules::JOB_CHANGED, offset, after);
         }
     }
 
     fn block(&mut self, offset: usize, was: u8, is: u8) {
-        if is & job::RESET != 0 {
+        if is & RESET != 0 {
             return;
         }
-        self.entered(offset, was, is, job::BLOCK_SENT);
-        if is & (job::ACTIVE | job::BLOCK_SENT) == job::ACTIVE {
+        self.entered(offset, was, is, updown_master::SENT);
+        if is & (ACTIVE | updown_master::SENT) == ACTIVE {
             let slave = self.registers.now(offset_of!(Master, b_SL_NR_UPDOWNBLK1));
             self.polled(offset_of!(Master, b_SL_NR_UPDOWN), slave, offset);
         }
-        if was & is & (job::ACTIVE | job::BLOCK_SENT) == job::ACTIVE | job::BLOCK_SENT
-            && (was ^ is) & job::DOWNLOAD != 0
+        if was & is & (ACTIVE | updown_master::SENT) == ACTIVE | updown_master::SENT
+            && (was ^ is) & updown_master::DOWNLOAD != 0
         {
             self.find(&rules::JOB_CHANGED, offset, is.into());
         }
@@ -215,13 +207,18 @@ impl Judge<'_> {
     fn block_data(&mut self, is_data: bool, offset: usize, after: u32) {
         let control = offset_of!(Master, b_STEUREG_UPDOWNBLK1);
         // The data of an upload are the firmware's to fill in.
-        let matters = !is_data || self.registers.now(control) & job::DOWNLOAD != 0;
-        if matters && self.is_untouched(control, job::BLOCK_SENT) {
+        let matters = !is_data || self.registers.now(control) & updown_master::DOWNLOAD != 0;
+        if matters && self.is_untouched(control, updown_master::SENT) {
             self.find(&rules::JOB_CHANGED, offset, after);
         }
     }
 }
 
-// The rules rely on it: a status register lies right behind its control register, in the same word.
+// The rules rely on it: these bits are the same in all jobs.
+const _: () = assert!(
+    updown_master::ACTIVE == ACTIVE && par_job_slave::ACTIVE == ACTIVE && updown_slave::ACTIVE == ACTIVE
+);
+const _: () = assert!(par_job_slave::RESET == RESET && updown_slave::RESET == RESET);
+// And this: a status register lies right behind its control register, in the same word.
 const _: () =
     assert!(offset_of!(CTRLREG_PAR_CMD_SL, b_STATREG_PAR_CMD) == 1 && size_of::<DATA_PARAMETER>() == 8);

@@ -2,6 +2,7 @@
 //! firmware takes it over.
 
 use super::judge::Judge;
+use crate::devices::cansync::registers::values::{cfg_word, request};
 use crate::devices::cansync::registers::{
     CANsync_MA_CTRL_BMSTRUCT as Master, CANsync_SL_CTRL_BMSTRUCT as Slave, CFG_RDC_WORD,
 };
@@ -34,19 +35,24 @@ fn split_doublewords(judge: &mut Judge, group: usize) {
     let config: [u8; WORDS] = core::array::from_fn(|word| judge.registers.now(group + word));
     // For each frame the values, a bit each, of which it carries the low word and the high word.
     let mut halves = [[0u8; 2]; 2];
-    for (word, byte) in config.iter().enumerate().filter(|(_, byte)| **byte & 1 != 0) {
-        let number = u32::from(byte >> 2 & 0x0F);
-        halves[word / 4][usize::from(byte >> 1 & 1)] |= 1u8.checked_shl(number).unwrap_or(0);
+    for (word, byte) in config.iter().enumerate().filter(|(_, byte)| **byte & cfg_word::ASSIGNED != 0) {
+        halves[word / 4][usize::from(byte & cfg_word::HIGH_WORD != 0)] |= value_bit(*byte);
     }
     let [[low1, high1], [low2, high2]] = halves;
     let split = low1 & high2 & !(high1 | low2) | low2 & high1 & !(high2 | low1);
     for (word, byte) in config.iter().enumerate() {
-        let is_low_word_of_split =
-            byte & 3 == 1 && 1u8.checked_shl(u32::from(byte >> 2 & 0x0F)).unwrap_or(0) & split != 0;
+        let is_low_word_of_split = byte & (cfg_word::ASSIGNED | cfg_word::HIGH_WORD) == cfg_word::ASSIGNED
+            && value_bit(*byte) & split != 0;
         if is_low_word_of_split {
             judge.find(&rules::SPLIT_DOUBLEWORD, group + word, (*byte).into());
         }
     }
+}
+
+/// The bit of the value whose number a configuration byte holds; none for numbers above 7.
+fn value_bit(byte: u8) -> u8 {
+    let number = (byte & cfg_word::NUMBER) >> cfg_word::NUMBER.trailing_zeros();
+    1u8.checked_shl(number.into()).unwrap_or(0)
 }
 
 /// Looks for expected slaves that automatic requests for actual values never reach.
@@ -54,7 +60,7 @@ fn requests(judge: &mut Judge) {
     let orders = [offset_of!(Master, b_CTRLREG_RD_ORDER_RDC1), offset_of!(Master, b_CTRLREG_RD_ORDER_RDC2)];
     let max = judge.registers.now(offset_of!(Master, b_MAX_SL_NR));
     let never_asked = judge.facts.expected.checked_shr(u32::from(max) + 1).unwrap_or(0);
-    if never_asked != 0 && orders.iter().any(|&order| judge.registers.now(order) == 0x80) {
+    if never_asked != 0 && orders.iter().any(|&order| judge.registers.now(order) == request::AUTOMATIC) {
         judge.find(&rules::NOT_REQUESTED, offset_of!(Master, b_MAX_SL_NR), max.into());
     }
 }

@@ -1,8 +1,8 @@
 //! Parameter numbers of the process data, and whether the drive can exchange them.
 
-use super::quit;
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::values::baps_quit;
 
 /// Parameter numbers of up to eight reference and eight actual values; 0: none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,10 +33,10 @@ impl Numbers {
     pub(crate) fn check(&self, drive: &BuiltInDrive) -> Result<(), u8> {
         let regler = drive.regler();
         if self.writes.iter().any(|&number| number != 0 && !regler.is_writable(number)) {
-            return Err(quit::UNWRITABLE);
+            return Err(baps_quit::UNWRITABLE);
         }
         if self.reads.iter().any(|&number| number != 0 && !regler.is_readable(number)) {
-            return Err(quit::UNREADABLE);
+            return Err(baps_quit::UNREADABLE);
         }
         Ok(())
     }

@@ -1,5 +1,8 @@
 //! `w_COMMAND_REG`: which values are exchanged when (manual 5.00005.03a p. 88-91).
 
+use crate::devices::omega_drive_line_2::registers::values::baps_command_reg::{
+    METHOD, NUMBER, SAME_CYCLE, SLICES, TIME_SLICE,
+};
 use core::ops::Range;
 
 /// Time slice of the drive for the BAPS, in us.
@@ -28,20 +31,20 @@ pub struct Cycle {
 
 impl Cycle {
     /// Bits of `w_COMMAND_REG` that are reserved and have no effect.
-    pub(super) const RESERVED: u16 = 0xFF01;
+    pub(super) const RESERVED: u16 = !(METHOD | SLICES | NUMBER);
 
     /// Reads `w_COMMAND_REG`; `None` if method or number are reserved. The bits `RESERVED` do not matter
     /// (decision D-153).
     pub fn from_register(word: u16) -> Option<Self> {
-        let method = match word >> 1 & 0b11 {
-            0b00 => Method::TimeSlice,
-            0b10 => Method::SameCycle,
+        let method = match word & METHOD {
+            TIME_SLICE => Method::TimeSlice,
+            SAME_CYCLE => Method::SameCycle,
             _ => return None,
         };
-        let number = word >> 4 & 0xF;
+        let number = (word & NUMBER) >> NUMBER.trailing_zeros();
         // A counter comes round after as many slices as its number says; time slot v of a binary division comes every
         // 2^v slices, first as slice 2^(v-1), and the communication follows one slice later (decision D-154).
-        let (period, first) = match (number, word & 0x0008 != 0) {
+        let (period, first) = match (number, word & SLICES != 0) {
             (0, _) => return None,
             (number, false) => (u64::from(number), u64::from(number)),
             (number, true) => (1 << number, (1 << (number - 1)) + 1),

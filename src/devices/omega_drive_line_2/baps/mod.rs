@@ -16,6 +16,7 @@ pub use hold::Pace;
 
 use crate::devices::Context;
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig};
+use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_semaphore, baps_status_reg};
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
 use crate::devices::shown::Shown;
 use crate::journal::Journal;
@@ -24,30 +25,6 @@ use core::mem::offset_of;
 use hold::Hold;
 use process::Process;
 use service::Service;
-
-/// `b_COMMAND` (decision D-151).
-mod command {
-    pub(crate) const NONE: u8 = 0x00;
-    pub(crate) const EXCHANGE: u8 = 0x01;
-    pub(crate) const CONFIGURE: u8 = 0x02;
-    pub(crate) const RE_INITIALIZE: u8 = 0x03;
-}
-
-/// `b_SL_QUIT` (manual 5.00005.03a p. 91, 108).
-mod quit {
-    pub(crate) const EXCHANGED: u8 = 0x01;
-    pub(crate) const CONFIGURED: u8 = 0x02;
-    pub(crate) const RE_INITIALIZING: u8 = 0x03;
-    pub(crate) const NOT_UNDERSTOOD: u8 = 0x80;
-    pub(crate) const NOT_CONFIGURED: u8 = 0x81;
-    pub(crate) const UNREADABLE: u8 = 0x82;
-    pub(crate) const UNWRITABLE: u8 = 0x83;
-    pub(crate) const RE_INIT_UNWRITABLE: u8 = 0x86;
-    pub(crate) const RE_INIT_UNREADABLE: u8 = 0x87;
-}
-
-/// `w_STATUS_REG`, bit 0.
-const SYNCHRONIZED: u16 = 0x0001;
 
 /// The BAPS of one PLC with the drive behind it.
 pub struct Baps {
@@ -143,7 +120,8 @@ impl Baps {
     pub fn is_called(&self) -> bool {
         self.next == Self::NEVER
             && self.is_up
-            && (self.regs.b_COMMAND.load() != command::NONE || self.regs.b_MA_SEMAPHORE.load() != 0)
+            && (self.regs.b_COMMAND.load() != baps_command::NONE
+                || self.regs.b_MA_SEMAPHORE.load() != baps_semaphore::IDLE)
     }
 
     /// One processor cycle: begins time slices if the PLC asks for something.
@@ -182,7 +160,7 @@ impl Baps {
     /// The drive looks at the registers: process data, commands and status first, then service data.
     fn exchange(&mut self, ctx: &mut Context, mut pace: impl FnMut(&mut Journal, bool) -> Pace) {
         self.process.pass(ctx.now);
-        let synchronized = if self.drive.is_synchronized() { SYNCHRONIZED } else { 0 };
+        let synchronized = if self.drive.is_synchronized() { baps_status_reg::SYNCHRONIZED } else { 0 };
         if self.process.has_work(&self.regs) || self.regs.w_STATUS_REG.load() != synchronized {
             match self.process_hold.turn(ctx.now, |has_waited| pace(ctx.journal, has_waited)) {
                 Pace::AtOnce => {

@@ -3,11 +3,11 @@
 use super::config::Numbers;
 use super::cycle::{Cycle, FOUR_ACTUAL_VALUES, Method};
 use super::findings::{cycle_of, find, find_wrong_pwm, is_too_early};
-use super::{command, quit};
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_quit};
 use crate::devices::omega_drive_line_2::rules;
 use crate::devices::shown::Shown;
 use crate::memory::{Header, MemoryError, Segment, View};
@@ -99,8 +99,8 @@ impl Process {
     pub(crate) fn has_work(&self, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         let is_due = self.configured.is_some_and(|configured| configured.is_due);
         match regs.b_COMMAND.load() {
-            command::NONE => is_due,
-            command::EXCHANGE | command::RE_INITIALIZE => is_due || !self.is_configured(),
+            baps_command::NONE => is_due,
+            baps_command::EXCHANGE | baps_command::RE_INITIALIZE => is_due || !self.is_configured(),
             _ => true,
         }
     }
@@ -116,17 +116,19 @@ impl Process {
     pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let word = regs.b_COMMAND.load();
         match word {
-            command::NONE => {}
-            command::CONFIGURE => {
+            baps_command::NONE => {}
+            baps_command::CONFIGURE => {
                 drive.configured();
                 let answer = self.configure(ctx, regs, drive);
                 acknowledge(ctx, regs, word, answer);
                 find_wrong_pwm(ctx, drive);
                 return;
             }
-            command::EXCHANGE | command::RE_INITIALIZE if self.is_configured() => {}
-            command::EXCHANGE | command::RE_INITIALIZE => acknowledge(ctx, regs, word, quit::NOT_CONFIGURED),
-            _ => acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD),
+            baps_command::EXCHANGE | baps_command::RE_INITIALIZE if self.is_configured() => {}
+            baps_command::EXCHANGE | baps_command::RE_INITIALIZE => {
+                acknowledge(ctx, regs, word, baps_quit::NOT_CONFIGURED)
+            }
+            _ => acknowledge(ctx, regs, word, baps_quit::NOT_UNDERSTOOD),
         }
         if let Some(configured) = &mut self.configured
             && configured.is_due
@@ -143,7 +145,7 @@ impl Process {
                 ctx,
                 &rules::BAPS_RUNNING,
                 offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND),
-                command::CONFIGURE.into(),
+                baps_command::CONFIGURE.into(),
             );
         }
         if is_too_early(&self.header) {
@@ -151,16 +153,16 @@ impl Process {
                 ctx,
                 &rules::BAPS_EARLY,
                 offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND),
-                command::CONFIGURE.into(),
+                baps_command::CONFIGURE.into(),
             );
         }
-        let Some(cycle) = cycle_of(ctx, regs) else { return quit::NOT_UNDERSTOOD };
+        let Some(cycle) = cycle_of(ctx, regs) else { return baps_quit::NOT_UNDERSTOOD };
         let numbers = Numbers::of(regs);
         if let Err(answer) = numbers.check(drive) {
             return answer;
         }
         self.configured = Some(Configured::new(ctx.now, cycle, numbers, drive));
-        quit::CONFIGURED
+        baps_quit::CONFIGURED
     }
 }
 
@@ -177,33 +179,33 @@ impl Configured {
         self.is_due = false;
         let software = drive.regler().software();
         let (writes, reads) = self.cycle.values(self.count, software);
-        let mut answer = quit::EXCHANGED;
+        let mut answer = baps_quit::EXCHANGED;
         for x in reads {
             if !self.read(x, regs, drive) {
-                answer = quit::UNREADABLE;
+                answer = baps_quit::UNREADABLE;
             }
         }
         regs.w_STATUSWORD.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, w_STATUSWORD), drive.status_word());
 
         let word = regs.b_COMMAND.load();
-        self.is_used = matches!(word, command::EXCHANGE | command::RE_INITIALIZE);
+        self.is_used = matches!(word, baps_command::EXCHANGE | baps_command::RE_INITIALIZE);
         if !self.is_used {
             return;
         }
         let Some(cycle) = cycle_of(ctx, regs) else {
-            return acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD);
+            return acknowledge(ctx, regs, word, baps_quit::NOT_UNDERSTOOD);
         };
         self.judge(ctx, cycle, regs, drive);
-        if word == command::RE_INITIALIZE
+        if word == baps_command::RE_INITIALIZE
             && (software < FOUR_ACTUAL_VALUES || self.cycle.method() != Method::SameCycle)
         {
-            return acknowledge(ctx, regs, word, quit::NOT_UNDERSTOOD);
+            return acknowledge(ctx, regs, word, baps_quit::NOT_UNDERSTOOD);
         }
         drive.exchanged(ctx.now);
         drive.regler_mut().command(regs.w_CONTROLWORD.load());
         for x in writes {
             if !self.write(x, regs, drive) {
-                answer = quit::UNWRITABLE;
+                answer = baps_quit::UNWRITABLE;
             }
         }
         let answer = self.re_initialize(word, regs, drive).unwrap_or(answer);
@@ -262,7 +264,7 @@ impl Configured {
 
     /// Starts a re-initialization or goes on with it; its acknowledgement, if there is one to give.
     fn re_initialize(&mut self, word: u8, regs: &BAPS_CTRL_BMSTRUCT, drive: &BuiltInDrive) -> Option<u8> {
-        let wanted = word == command::RE_INITIALIZE;
+        let wanted = word == baps_command::RE_INITIALIZE;
         match self.re_init {
             ReInit::Idle if wanted => {
                 let numbers = self.numbers.re_initialized(&Numbers::of(regs));
@@ -273,10 +275,10 @@ impl Configured {
                 let answer = match numbers.check(drive) {
                     Ok(()) => {
                         self.numbers = numbers;
-                        quit::EXCHANGED
+                        baps_quit::EXCHANGED
                     }
-                    Err(quit::UNWRITABLE) => quit::RE_INIT_UNWRITABLE,
-                    Err(_) => quit::RE_INIT_UNREADABLE,
+                    Err(baps_quit::UNWRITABLE) => baps_quit::RE_INIT_UNWRITABLE,
+                    Err(_) => baps_quit::RE_INIT_UNREADABLE,
                 };
                 self.re_init = ReInit::Over(answer);
                 return Some(answer);
@@ -290,7 +292,7 @@ impl Configured {
                 return None;
             }
         }
-        Some(quit::RE_INITIALIZING)
+        Some(baps_quit::RE_INITIALIZING)
     }
 }
 
@@ -298,7 +300,7 @@ impl Configured {
 /// PLC has entered meanwhile stays.
 fn acknowledge(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, word: u8, answer: u8) {
     regs.b_SL_QUIT.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, b_SL_QUIT), answer);
-    if regs.b_COMMAND.compare_exchange(word, command::NONE).is_ok() {
-        ctx.answered(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND), word.into(), command::NONE.into());
+    if regs.b_COMMAND.compare_exchange(word, baps_command::NONE).is_ok() {
+        ctx.answered(offset_of!(BAPS_CTRL_BMSTRUCT, b_COMMAND), word.into(), baps_command::NONE.into());
     }
 }

@@ -9,31 +9,13 @@
 
 use super::findings::find_wrong_pwm;
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::parameter::error_number;
 use crate::devices::cansync::drive::{BuiltInDrive, ParamFormat, number};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::values::{
+    baps_format, baps_job, baps_result, baps_semaphore,
+};
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
-
-/// Both semaphores know 0 and 1 only.
-mod semaphore {
-    pub(crate) const FREE: u8 = 0;
-    pub(crate) const TAKEN: u8 = 1;
-}
-
-/// `b_JOB` (decision D-150).
-mod job {
-    pub(crate) const READ: u8 = 1;
-    pub(crate) const WRITE: u8 = 2;
-}
-
-/// `i_ERR_DETAIL` 0.
-const NO_ERROR: u16 = 0x0000;
-/// `i_ERR_DETAIL` -8, which does not exist on the CANsync bus. -1 to -7 have the same bits there.
-const WRONG_COUNT: u16 = 0xFFF8;
-/// `b_PAR_FORMAT`: anything else is a doubleword, as a BOOL is TRUE.
-const WORD: u8 = 0;
-const DOUBLEWORD: u8 = 1;
 
 /// A job as the PLC entered it.
 #[derive(Clone, Copy, Debug)]
@@ -53,8 +35,9 @@ impl Job {
             number: regs.u_PAR_NR.load(),
             element: regs.us_PAR_ELEMENT.load(),
             count: regs.us_NUMBER.load(),
+            // Anything else is a doubleword, as a BOOL is TRUE.
             format: match regs.b_PAR_FORMAT.load() {
-                WORD => ParamFormat::Word,
+                baps_format::WORD => ParamFormat::Word,
                 _ => ParamFormat::Doubleword,
             },
             value: regs.ud_PAR_VALUE.load(),
@@ -96,7 +79,8 @@ impl Service {
     /// Whether there is a step to take at `now`.
     pub(crate) fn has_work(&self, now: u64, regs: &BAPS_CTRL_BMSTRUCT) -> bool {
         match (self.phase, regs.b_MA_SEMAPHORE.load()) {
-            (Phase::Idle, semaphore::TAKEN) | (Phase::Working(..) | Phase::Answered, semaphore::FREE) => true,
+            (Phase::Idle, baps_semaphore::JOB)
+            | (Phase::Working(..) | Phase::Answered, baps_semaphore::IDLE) => true,
             (Phase::Working(_, due), _) => now >= due,
             (Phase::Idle | Phase::Answered, _) => false,
         }
@@ -106,15 +90,15 @@ impl Service {
     pub(crate) fn slice(&mut self, ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) {
         let master = regs.b_MA_SEMAPHORE.load();
         match self.phase {
-            Phase::Idle if master == semaphore::TAKEN => {
+            Phase::Idle if master == baps_semaphore::JOB => {
                 self.phase = Phase::Working(Job::of(regs), ctx.now + self.time_us);
                 self.work(ctx, regs, drive);
             }
             // The PLC has given up: the job is not carried out (decision D-159).
-            Phase::Working(..) if master == semaphore::FREE => self.phase = Phase::Idle,
+            Phase::Working(..) if master == baps_semaphore::IDLE => self.phase = Phase::Idle,
             Phase::Working(..) => self.work(ctx, regs, drive),
-            Phase::Answered if master == semaphore::FREE => {
-                show_semaphore(ctx, regs, semaphore::FREE);
+            Phase::Answered if master == baps_semaphore::IDLE => {
+                show_semaphore(ctx, regs, baps_semaphore::IDLE);
                 self.phase = Phase::Idle;
             }
             Phase::Idle | Phase::Answered => {}
@@ -127,12 +111,12 @@ impl Service {
             return;
         }
         let result = carry_out(&job, regs, drive);
-        let detail = result.err().unwrap_or(NO_ERROR);
-        if job.code == job::WRITE && job.number == number::PWM_FREQUENCY {
+        let detail = result.err().unwrap_or(baps_result::NO_ERROR);
+        if job.code == baps_job::WRITE && job.number == number::PWM_FREQUENCY {
             find_wrong_pwm(ctx, drive);
         }
         regs.i_ERR_DETAIL.show(ctx, offset_of!(BAPS_CTRL_BMSTRUCT, i_ERR_DETAIL), detail);
-        show_semaphore(ctx, regs, semaphore::TAKEN);
+        show_semaphore(ctx, regs, baps_semaphore::JOB);
         self.phase = Phase::Answered;
     }
 }
@@ -144,20 +128,20 @@ fn show_semaphore(ctx: &mut Context, regs: &BAPS_CTRL_BMSTRUCT, value: u8) {
 /// The job itself; the error is the value of `i_ERR_DETAIL`.
 fn carry_out(job: &Job, regs: &BAPS_CTRL_BMSTRUCT, drive: &mut BuiltInDrive) -> Result<(), u16> {
     match job.code {
-        job::READ => {
+        baps_job::READ => {
             let (format, value) = drive.regler().read_element(job.number, job.element)?;
             regs.ud_PAR_VALUE.store(value);
             regs.b_PAR_FORMAT.store(match format {
-                ParamFormat::Word => WORD,
-                ParamFormat::Doubleword => DOUBLEWORD,
+                ParamFormat::Word => baps_format::WORD,
+                ParamFormat::Doubleword => baps_format::DOUBLEWORD,
             });
             Ok(())
         }
-        job::WRITE if job.count != 1 => Err(WRONG_COUNT),
-        job::WRITE => {
+        baps_job::WRITE if job.count != 1 => Err(baps_result::WRONG_COUNT),
+        baps_job::WRITE => {
             let regler = drive.regler_mut();
             regler.write_element(job.number, job.element, job.format, job.value & job.format.mask())
         }
-        _ => Err(error_number::GENERAL),
+        _ => Err(baps_result::GENERAL),
     }
 }

@@ -71,8 +71,8 @@ fn addresses_are_those_of_the_manual() {
         |dip: u8| [(0, 190), (1, 191), (30, 220), (31, 221)].into_iter().find(|it| it.0 == dip).unwrap().1;
     for dip in [0, 1, 30, 31] {
         let plus = Ip::new(192, 168, 75, last(dip));
-        assert_eq!(effective(PLUS_DIP, EXAMPLE, MASK, dip), Some((plus, MASK)));
-        assert_eq!(effective(FIXED, EXAMPLE, OTHER_MASK, dip), Some((EXAMPLE, OTHER_MASK)));
+        assert_eq!(effective(ip_config::PLUS_DIP, EXAMPLE, MASK, dip), Some((plus, MASK)));
+        assert_eq!(effective(ip_config::FIXED, EXAMPLE, OTHER_MASK, dip), Some((EXAMPLE, OTHER_MASK)));
         for config in [0, 1, 0x1234_5601, 0x1234_5677, 0x1234_5679, u32::MAX] {
             let delivery = Ip::new(192, 168, 1, 1 + dip);
             assert_eq!(effective(config, EXAMPLE, OTHER_MASK, dip), Some((delivery, MASK)), "{config:08X}");
@@ -85,17 +85,17 @@ fn addresses_are_those_of_the_manual() {
 fn ends_0_and_255_are_not_allowed() {
     let at = |last: u8| Ip::new(10, 0, 0, last);
     for (config, last, dip, allowed) in [
-        (FIXED, 0, 5, false),
-        (FIXED, 255, 0, false),
-        (FIXED, 1, 31, true),
-        (FIXED, 254, 31, true),
-        (PLUS_DIP, 224, 31, false),
-        (PLUS_DIP, 224, 30, true),
-        (PLUS_DIP, 223, 31, true),
-        (PLUS_DIP, 0, 0, false),
-        (PLUS_DIP, 0, 1, true),
-        (PLUS_DIP, 255, 0, false),
-        (PLUS_DIP, 250, 31, false),
+        (ip_config::FIXED, 0, 5, false),
+        (ip_config::FIXED, 255, 0, false),
+        (ip_config::FIXED, 1, 31, true),
+        (ip_config::FIXED, 254, 31, true),
+        (ip_config::PLUS_DIP, 224, 31, false),
+        (ip_config::PLUS_DIP, 224, 30, true),
+        (ip_config::PLUS_DIP, 223, 31, true),
+        (ip_config::PLUS_DIP, 0, 0, false),
+        (ip_config::PLUS_DIP, 0, 1, true),
+        (ip_config::PLUS_DIP, 255, 0, false),
+        (ip_config::PLUS_DIP, 250, 31, false),
     ] {
         assert_eq!(effective(config, at(last), MASK, dip).is_some(), allowed, "{config:08X} {last} + {dip}");
     }
@@ -109,27 +109,27 @@ fn writing_d_ip_config_stores_and_nothing_else_does() {
     rig.write_address(EXAMPLE, OTHER_MASK);
     rig.look();
     assert_eq!(rig.ethernet.stored(), (&[0; 16], before), "only written, not stored");
-    rig.store(FIXED, EXAMPLE, OTHER_MASK);
+    rig.store(ip_config::FIXED, EXAMPLE, OTHER_MASK);
     assert_eq!(rig.address(), (EXAMPLE, OTHER_MASK));
     assert_ne!(rig.ethernet.stored().1, before);
     assert_eq!(rig.ethernet.stored().0[..8], [0x78, 0x56, 0x34, 0x12, 192, 168, 75, 190]);
-    assert_eq!(rig.events(), [BoardEvent::AddressStored { config: FIXED, address: EXAMPLE }]);
+    assert_eq!(rig.events(), [BoardEvent::AddressStored { config: ip_config::FIXED, address: EXAMPLE }]);
     // Once more the same: nothing to store.
-    rig.store(FIXED, EXAMPLE, OTHER_MASK);
+    rig.store(ip_config::FIXED, EXAMPLE, OTHER_MASK);
     assert_eq!(rig.events().len(), 1);
 }
 
 #[test]
 fn a_refused_address_leaves_the_old_configuration() {
     let mut rig = Rig::new(31);
-    rig.store(FIXED, EXAMPLE, MASK);
+    rig.store(ip_config::FIXED, EXAMPLE, MASK);
     let before = *rig.ethernet.stored().0;
-    for (config, last) in [(PLUS_DIP, 224), (PLUS_DIP, 255)] {
+    for (config, last) in [(ip_config::PLUS_DIP, 224), (ip_config::PLUS_DIP, 255)] {
         rig.store(config, Ip::new(10, 1, 2, last), OTHER_MASK);
         assert_eq!(rig.ethernet.stored().0, &before);
         assert_eq!(rig.ethernet.registers(), before, "the registers show the old one again");
         assert_eq!(rig.address(), (EXAMPLE, MASK));
-        assert_eq!(rig.status() & status::REFUSED, status::REFUSED);
+        assert_eq!(rig.status() & ethernet_status::REFUSED, ethernet_status::REFUSED);
         let refused = BoardEvent::AddressRefused { config, address: Ip::new(10, 1, 2, last) };
         assert_eq!(rig.events().last(), Some(&refused));
         let finding = rig.journal.records().next_back().unwrap().event;
@@ -137,14 +137,14 @@ fn a_refused_address_leaves_the_old_configuration() {
         assert_eq!((finding.rule, finding.value), (&rules::IP_ADDRESS, last.into()));
         assert_eq!(finding.name(&DEVICE).as_deref(), Some("ethernet_config.a_IP_ADDRESS[3]"));
     }
-    rig.store(PLUS_DIP, Ip::new(10, 1, 2, 1), OTHER_MASK);
-    assert_eq!((rig.address().0, rig.status() & status::REFUSED), (Ip::new(10, 1, 2, 32), 0));
+    rig.store(ip_config::PLUS_DIP, Ip::new(10, 1, 2, 1), OTHER_MASK);
+    assert_eq!((rig.address().0, rig.status() & ethernet_status::REFUSED), (Ip::new(10, 1, 2, 32), 0));
 }
 
 #[test]
 fn the_dip_number_counts_from_the_next_reset_on() {
     let mut rig = Rig::new(1);
-    rig.store(PLUS_DIP, EXAMPLE, MASK);
+    rig.store(ip_config::PLUS_DIP, EXAMPLE, MASK);
     assert_eq!(rig.address().0, Ip::new(192, 168, 75, 191));
     rig.ethernet.power_off();
     assert_eq!((rig.address().0, rig.status()), (Ip::UNSPECIFIED, 0));
@@ -158,13 +158,13 @@ fn the_dip_number_counts_from_the_next_reset_on() {
 #[test]
 fn a_dip_number_can_make_the_address_invalid() {
     let mut rig = Rig::new(30);
-    rig.store(PLUS_DIP, Ip::new(10, 0, 0, 224), MASK);
+    rig.store(ip_config::PLUS_DIP, Ip::new(10, 0, 0, 224), MASK);
     let stored = *rig.ethernet.stored().0;
     let rig = Rig::on(&rig.segment, 31);
-    assert_eq!((rig.address().0, rig.status() & status::ADDRESS), (Ip::UNSPECIFIED, 0));
+    assert_eq!((rig.address().0, rig.status() & ethernet_status::ADDRESS), (Ip::UNSPECIFIED, 0));
     assert_eq!(rig.ethernet.stored().0, &stored, "and keeps its configuration");
     let address = Ip::new(10, 0, 0, 224);
-    assert_eq!(rig.events(), [BoardEvent::NoAddress { config: PLUS_DIP, address }]);
+    assert_eq!(rig.events(), [BoardEvent::NoAddress { config: ip_config::PLUS_DIP, address }]);
 }
 
 /// p. 81; it acts without `d_IP_CONFIG` and is no matter of the address.
@@ -172,11 +172,17 @@ fn a_dip_number_can_make_the_address_invalid() {
 fn routers_are_used_unless_they_are_forbidden() {
     let mut rig = Rig::new(0);
     let generation = rig.ethernet.stored().1;
-    assert_eq!(rig.status(), status::LINK | status::ADDRESS | status::ROUTERS, "delivery state");
-    for (router, used) in [(NO_ROUTERS, false), (NO_ROUTERS + 1, true), (NO_ROUTERS, false), (0, true)] {
+    assert_eq!(
+        rig.status(),
+        ethernet_status::LINK | ethernet_status::ADDRESS | ethernet_status::ROUTERS,
+        "delivery state"
+    );
+    for (router, used) in
+        [(router::NO_ROUTERS, false), (router::NO_ROUTERS + 1, true), (router::NO_ROUTERS, false), (0, true)]
+    {
         rig.ethernet.config.d_ROUTER.store(router);
         rig.look();
-        assert_eq!(rig.status() & status::ROUTERS != 0, used, "{router:08X}");
+        assert_eq!(rig.status() & ethernet_status::ROUTERS != 0, used, "{router:08X}");
     }
     assert_eq!(rig.ethernet.stored().1, generation + 4, "each is kept");
     assert_eq!(rig.events(), []);
@@ -188,6 +194,6 @@ fn without_a_link_there_is_still_an_address() {
     let mut ethernet = Ethernet::new(&segment, 0).unwrap();
     let mut journal = Journal::default();
     ethernet.power_on(&mut context(&mut journal), 0);
-    assert_eq!(ethernet.diagnose.w_STATUS.load(), status::ADDRESS | status::ROUTERS);
+    assert_eq!(ethernet.diagnose.w_STATUS.load(), ethernet_status::ADDRESS | ethernet_status::ROUTERS);
     assert_eq!(ethernet.diagnose.w_SPEED.load(), 0);
 }

@@ -7,13 +7,13 @@ use super::*;
 fn orders_that_cannot_be_right_are_refused_without_a_frame() {
     let mut bench = Bench::new(Memory::Heap);
     for (control, address, length, error) in [
-        (DOWNLOAD, ADDRESS, 301, error_number::LENGTH),
-        (UPLOAD, ADDRESS, 0xFFFF, error_number::LENGTH),
-        (DOWNLOAD, 0x0000_0000, 12, error_number::BASE_ADDRESS),
-        (DOWNLOAD, 0x0000_00FF, 12, error_number::BASE_ADDRESS),
-        (UPLOAD, 0x0000_00FF, 0, error_number::BASE_ADDRESS),
-        (DOWNLOAD, 0x0000_00FF, 301, error_number::LENGTH),
-        (DOWNLOAD, ADDRESS, 0, error_number::NOT_POSSIBLE),
+        (DOWNLOAD, ADDRESS, 301, updown_error::LENGTH),
+        (UPLOAD, ADDRESS, 0xFFFF, updown_error::LENGTH),
+        (DOWNLOAD, 0x0000_0000, 12, updown_error::BASE_ADDRESS),
+        (DOWNLOAD, 0x0000_00FF, 12, updown_error::BASE_ADDRESS),
+        (UPLOAD, 0x0000_00FF, 0, updown_error::BASE_ADDRESS),
+        (DOWNLOAD, 0x0000_00FF, 301, updown_error::LENGTH),
+        (DOWNLOAD, ADDRESS, 0, updown_error::NOT_POSSIBLE),
     ] {
         bench.enter_block(control, 0, address, length);
         assert_eq!(bench.interval(), None);
@@ -28,13 +28,13 @@ fn orders_that_cannot_be_right_are_refused_without_a_frame() {
 #[test]
 fn errors_of_the_slave_end_the_job() {
     let numbers = [
-        error_number::EXPECTS_END,
-        error_number::END_TOO_EARLY,
-        error_number::SLAVE_CANCELS,
-        error_number::NOT_POSSIBLE,
-        error_number::BASE_ADDRESS,
-        error_number::TOO_LONG,
-        error_number::MODE,
+        updown_error::EXPECTS_END,
+        updown_error::END_TOO_EARLY,
+        updown_error::SLAVE_CANCELS,
+        updown_error::NOT_POSSIBLE,
+        updown_error::BASE_ADDRESS,
+        updown_error::TOO_LONG,
+        updown_error::MODE,
         0x4711,
     ];
     for memory in BOTH {
@@ -79,7 +79,7 @@ fn a_gap_that_the_slave_finds_is_in_the_counter() {
     }
     let (_, job) = bench.updown_job().unwrap();
     bench.respond(job.expects_instead(12).unwrap().frame(0));
-    assert_eq!((bench.block(), bench.error()), (0x38, error_number::EXPECTS_OTHER_BLOCK));
+    assert_eq!((bench.block(), bench.error()), (0x38, updown_error::EXPECTS_OTHER_BLOCK));
     assert_eq!(bench.counter(), 12, "the block that the slave expects");
 }
 
@@ -95,7 +95,7 @@ fn a_wrong_block_number_ends_the_job_with_0001() {
             _ => (UpDownJob::new(6, job.step()).unwrap(), UpDownResult::Data([7; 6])),
         };
         bench.answer_block(0, &wrong, good);
-        assert_eq!((bench.block(), bench.error()), (0x28 | control & 0x10, error_number::WRONG_BLOCK));
+        assert_eq!((bench.block(), bench.error()), (0x28 | control & 0x10, updown_error::WRONG_BLOCK));
         assert_eq!(bytes(&bench)[..6], [0; 6], "data of a wrong block is not stored");
     }
 }

@@ -1,6 +1,6 @@
 //! Meanings: values and bits must not be described twice, and must fit the registers that use them.
 
-use super::Parts;
+use super::{Parts, id};
 use crate::error::{Error, Reason};
 use crate::model::{Bit, Meaning, Provenance, Scalar, Value};
 use crate::raw;
@@ -46,16 +46,43 @@ pub(crate) fn add(
     }
     let own = raw.page.iter().map(|page| (manual.to_owned(), page.clone()));
     let others = raw.pages.iter().map(|(manual, page)| (manual.clone(), page.clone()));
-    let meaning = Meaning { name: name.clone(), pages: own.chain(others).collect(), shared, values, bits };
+    let scalar = id::check(sources, file, raw)?;
+    let pages = own.chain(others).collect();
+    let meaning = Meaning { name: name.clone(), pages, shared, scalar, values, bits };
     if raw.page.is_none() && meaning.is_documented() {
         return Err(sources.error(at(file, raw.name.span()), Reason::MeaningWithoutPage(name.clone())));
     }
-    all.push(Checked {
+    let checked = Checked {
         meaning,
         values: raw.value.iter().map(|v| at(file, v.span())).collect(),
         bits: raw.bit.iter().map(|b| at(file, b.span())).collect(),
-    });
+    };
+    if let Some(scalar) = scalar {
+        checked.fits(sources, name, scalar)?;
+    }
+    all.push(checked);
     Ok(())
+}
+
+impl Checked {
+    /// Whether every value and bit fits `name` of type `scalar`.
+    fn fits(&self, sources: &Sources, name: &str, scalar: Scalar) -> Result<(), Error> {
+        let width = scalar.width() * 8;
+        for (value, place) in self.meaning.values.iter().zip(&self.values) {
+            if u64::from(value.last) >= 1u64 << width {
+                return Err(sources.error(*place, too_wide("value", i64::from(value.last), name, scalar)));
+            }
+        }
+        for (bit, place) in self.meaning.bits.iter().zip(&self.bits) {
+            if u32::from(bit.last) >= width {
+                let (meaning, name) = (self.meaning.name.clone(), name.to_owned());
+                let reason =
+                    Reason::BitTooWide { bit: bit.last, meaning, name, ty: scalar.name(), bits: width };
+                return Err(sources.error(*place, reason));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The meaning called `name`, if everything in it fits a register `register` of type `scalar`.
@@ -70,24 +97,18 @@ pub(crate) fn find(
     let Some(index) = all.iter().position(|checked| checked.meaning.name == name.0) else {
         return Err(sources.error(name.1, Reason::UnknownMeaning(name.0.to_owned())));
     };
-    let Checked { meaning, values, bits } = &all[index];
+    let checked = &all[index];
+    let meaning = &checked.meaning;
     if meaning.is_documented() && !meaning.pages.iter().any(|(manual, _)| *manual == parts.manual) {
         let (meaning, manual) = (meaning.name.clone(), parts.manual.clone());
         return Err(sources.error(name.1, Reason::MeaningWithoutPagesOf { meaning, manual }));
     }
-    let width = scalar.width() * 8;
-    for (value, place) in meaning.values.iter().zip(values) {
-        if u64::from(value.last) >= 1u64 << width {
-            return Err(sources.error(*place, too_wide("value", i64::from(value.last), register, scalar)));
-        }
+    if let Some(expected) = meaning.scalar.filter(|expected| expected.width() != scalar.width()) {
+        let (register, meaning, expected) = (register.to_owned(), meaning.name.clone(), expected.name());
+        let reason = Reason::UnlikeMeaning { name: register, ty: scalar.name(), meaning, expected };
+        return Err(sources.error(name.1, reason));
     }
-    for (bit, place) in meaning.bits.iter().zip(bits) {
-        if u32::from(bit.last) >= width {
-            let (meaning, name) = (meaning.name.clone(), register.to_owned());
-            let reason = Reason::BitTooWide { bit: bit.last, meaning, name, ty: scalar.name(), bits: width };
-            return Err(sources.error(*place, reason));
-        }
-    }
+    checked.fits(sources, register, scalar)?;
     Ok(index)
 }
 
@@ -116,7 +137,8 @@ fn values(
             return Err(sources.error(place, Reason::ValueTwice(format!("16#{first:X}"))));
         }
         let source = raw.source.as_ref().unwrap_or(source).clone();
-        values.push(Value { first, last, text: raw.text.clone(), source });
+        let id = raw.id.as_ref().map(|id| id.get_ref().clone());
+        values.push(Value { id, first, last, text: raw.text.clone(), source });
     }
     Ok(values)
 }
@@ -130,14 +152,25 @@ fn bit(sources: &Sources, file: usize, raw: &Spanned<raw::Bit>, source: &Provena
         _ => return Err(sources.error(place, Reason::BadRange("bit", "at"))),
     };
     let source = raw.source.as_ref().unwrap_or(source);
+    let of_field = values(sources, file, &raw.value, source)?;
+    for (value, raw) in of_field.iter().zip(&raw.value) {
+        if u64::from(value.last) >> (last - first + 1) != 0 {
+            let reason = Reason::ValueBesideBits { value: format!("16#{:X}", value.last), first, last };
+            return Err(sources.error(at(file, raw.span()), reason));
+        }
+        if value.id.is_some() && value.first < value.last {
+            return Err(sources.error(at(file, raw.span()), Reason::IdOfRange));
+        }
+    }
     Ok(Bit {
+        id: raw.id.as_ref().map(|id| id.get_ref().clone()),
         first,
         last,
         name: raw.name.clone(),
         zero: raw.zero.clone(),
         one: raw.one.clone(),
         text: raw.text.clone(),
-        values: values(sources, file, &raw.value, source)?,
+        values: of_field,
         joined: raw.joined,
         reserved: raw.reserved,
         source: source.clone(),

@@ -3,6 +3,7 @@
 mod area;
 mod field;
 pub(crate) mod files;
+mod id;
 mod meaning;
 mod port;
 mod rate;

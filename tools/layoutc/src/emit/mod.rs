@@ -5,6 +5,7 @@ mod snapshots;
 mod structs;
 mod tables;
 mod text;
+mod values;
 
 use crate::model::Device;
 
@@ -16,6 +17,7 @@ pub(crate) fn module(device: &Device, layout_hash: u64) -> String {
     constants::emit(&mut out, device, layout_hash);
     structs::emit(&mut out, device);
     snapshots::emit(&mut out, device);
+    values::emit(&mut out, device);
     tables::emit(&mut out, device, layout_hash);
     out
 }
@@ -25,6 +27,7 @@ pub(crate) fn family(family: &Device) -> String {
     let mut out = String::from(HEAD);
     structs::emit(&mut out, family);
     snapshots::emit(&mut out, family);
+    values::emit(&mut out, family);
     tables::emit_family(&mut out, family);
     out
 }

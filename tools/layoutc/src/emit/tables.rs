@@ -24,7 +24,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     spaces(out, device);
     areas(out, device);
     ports(out, device);
-    described(out, device);
+    described(out, device, &used_meanings(device));
 }
 
 /// The descriptors that devices of the family refer to.
@@ -33,16 +33,16 @@ pub(crate) fn emit_family(out: &mut String, family: &Device) {
         "/// What the layout files say about structures and registers.\n\
          pub mod descriptor {\n    use commram::layout::*;\n\n",
     );
-    described(out, family);
+    // Registers of its devices may have meanings that none of its own has.
+    described(out, family, &(0..family.meanings.len()).collect());
 }
 
-fn described(out: &mut String, device: &Device) {
+fn described(out: &mut String, device: &Device, meanings: &BTreeSet<usize>) {
     for structure in device.structures.iter().filter(|structure| !structure.shared) {
         emit_structure(out, device, structure);
     }
-    let used = used_meanings(device);
-    for (_, meaning) in device.meanings.iter().enumerate().filter(|(index, _)| used.contains(index)) {
-        emit_meaning(out, device, meaning);
+    for &index in meanings {
+        emit_meaning(out, device, &device.meanings[index]);
     }
     out.push_str("}\n\n");
 }
@@ -266,7 +266,7 @@ fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
 fn values(values: &[Value]) -> String {
     let items: Vec<String> = values
         .iter()
-        .map(|Value { first, last, text, source }| {
+        .map(|Value { first, last, text, source, .. }| {
             let source = provenance(source);
             format!("ValueMeaning {{ first: {first}, last: {last}, text: {text:?}, source: {source} }}")
         })

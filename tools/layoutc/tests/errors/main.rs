@@ -4,6 +4,7 @@ mod meanings;
 mod ports;
 mod provenance;
 mod registers;
+mod values;
 
 use std::fs;
 use std::path::Path;
@@ -38,7 +39,7 @@ fn check(file: &str, from: &str, to: &str, expected: &str) {
 #[test]
 fn the_fixture_itself_is_correct() {
     let compiled = commram_layoutc::compile(Path::new(FIXTURE)).unwrap();
-    assert_eq!(compiled.inputs.len(), 4);
+    assert_eq!(compiled.inputs.len(), 5);
     assert!(compiled.rust.contains("assert!(core::mem::offset_of!(CTRL, a_GRID) == 24);"));
 }
 

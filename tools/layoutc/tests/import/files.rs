@@ -49,7 +49,7 @@ page = "4"
 doc = "Afterwards"
 blocks = ["GENERAL"]
 register = [
-  { offset = 4,  name = "a_FLAGS", type = "BYTE", array = [3], used = [2], owner = "both", doc = "Flags", name_from = "manual" }, # three of them
+  { offset = 4,  name = "a_FLAGS", type = "BYTE", array = [3], used = [2], owner = "both", doc = "Flags", meaning = "kind", name_from = "manual" }, # three of them
   { offset = 7,  name = "b_CONTROL", type = "BYTE", owner = "both", doc = "Control" },
   { offset = 8,  name = "i_TEMPERATURE", type = "INT", owner = "firmware", reset = -40, reset_from = "manual", doc = "Temperature" },
   { offset = 10, padding = 2 },

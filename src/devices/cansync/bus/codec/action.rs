@@ -4,11 +4,7 @@
 use super::CodecError;
 use crate::can::Payload;
 use crate::devices::cansync::bus::{Frame, FrameKind};
-
-/// Command byte of "write control word" (p. 138).
-pub const CONTROL_WORD: u8 = 0x01;
-/// Command byte of "SYNC mode", data byte 1 on, 0 off (decision D-06; no manual gives the code).
-pub const SYNC_MODE: u8 = 0x02;
+use crate::devices::cansync::registers::values::action_command;
 
 /// An action command frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -41,13 +37,13 @@ impl ActionCommand {
     /// Writes the control word of every slave in `slave_group`.
     #[inline]
     pub const fn control_word(slave_group: u32, word: u16) -> Self {
-        ActionCommand { slave_group, command: CONTROL_WORD, data_byte: 0, data_word: word }
+        ActionCommand { slave_group, command: action_command::CONTROL_WORD, data_byte: 0, data_word: word }
     }
 
     /// Switches the SYNC mode of every slave in `slave_group`.
     #[inline]
     pub const fn sync_mode(slave_group: u32, on: bool) -> Self {
-        ActionCommand { slave_group, command: SYNC_MODE, data_byte: on as u8, data_word: 0 }
+        ActionCommand { slave_group, command: action_command::SYNC_MODE, data_byte: on as u8, data_word: 0 }
     }
 
     /// Whether the command concerns `slave`; numbers above 31 have no bit.
@@ -60,8 +56,8 @@ impl ActionCommand {
     #[inline]
     pub const fn action(&self) -> Action {
         match self.command {
-            CONTROL_WORD => Action::ControlWord(self.data_word),
-            SYNC_MODE => Action::SyncMode(self.data_byte == 1),
+            action_command::CONTROL_WORD => Action::ControlWord(self.data_word),
+            action_command::SYNC_MODE => Action::SyncMode(self.data_byte == 1),
             _ => Action::Other,
         }
     }

@@ -216,7 +216,7 @@ impl fmt::Display for ParameterResponse {
             ParameterResult::Doubleword(value) => write!(f, " = 16#{value:08X}")?,
             ParameterResult::Done => f.write_str(" written")?,
             ParameterResult::Error(number) => {
-                write!(f, ": error 16#{number:04X} ({})", parameter::error_number::text(number))?;
+                write!(f, ": error 16#{number:04X} ({})", parameter::error_text(number))?;
             }
             ParameterResult::Busy => f.write_str(": BUSY")?,
         }
@@ -258,7 +258,7 @@ impl fmt::Display for UpDownResponse {
             UpDownResult::Done => f.write_str("done"),
             UpDownResult::Data(data) => write!(f, "{}", Bytes(data)),
             UpDownResult::Error(number) => {
-                write!(f, "error 16#{number:04X} ({})", updown::error_number::text(number))
+                write!(f, "error 16#{number:04X} ({})", updown::error_text(number))
             }
             UpDownResult::Busy => f.write_str("BUSY"),
         }

@@ -7,41 +7,24 @@
 use super::CodecError;
 use crate::can::Payload;
 use crate::devices::cansync::bus::{Frame, FrameKind};
+use crate::devices::cansync::registers::values::par_error;
 
 /// Highest parameter number.
 pub const MAX_NUMBER: u16 = 4095;
 /// The element that is the parameter's value, the only one that may be written.
 pub const VALUE_ELEMENT: u8 = 7;
 
-/// Error numbers of a slave (manual 5.00005.03a p. 166).
-pub mod error_number {
-    /// Error without further explanation.
-    pub const GENERAL: u16 = 0xFFFF;
-    /// Value below the minimum.
-    pub const BELOW_MINIMUM: u16 = 0xFFFE;
-    /// Value above the maximum.
-    pub const ABOVE_MAXIMUM: u16 = 0xFFFD;
-    /// Parameter cannot be changed.
-    pub const NOT_CHANGEABLE: u16 = 0xFFFC;
-    /// Parameter does not exist.
-    pub const NOT_PRESENT: u16 = 0xFFFB;
-    /// Parameter cannot be had now.
-    pub const NOT_AVAILABLE_NOW: u16 = 0xFFFA;
-    /// Wrong data format (word for doubleword or the other way round).
-    pub const DATA_FORMAT: u16 = 0xFFF9;
-
-    /// A few words on an error number.
-    pub const fn text(number: u16) -> &'static str {
-        match number {
-            GENERAL => "error",
-            BELOW_MINIMUM => "below minimum",
-            ABOVE_MAXIMUM => "above maximum",
-            NOT_CHANGEABLE => "not changeable",
-            NOT_PRESENT => "not present",
-            NOT_AVAILABLE_NOW => "not available now",
-            DATA_FORMAT => "wrong data format",
-            _ => "error of the application",
-        }
+/// A few words on an error number of a slave.
+pub const fn error_text(number: u16) -> &'static str {
+    match number {
+        par_error::GENERAL => "error",
+        par_error::BELOW_MINIMUM => "below minimum",
+        par_error::ABOVE_MAXIMUM => "above maximum",
+        par_error::NOT_CHANGEABLE => "not changeable",
+        par_error::NOT_PRESENT => "not present",
+        par_error::NOT_AVAILABLE_NOW => "not available now",
+        par_error::DATA_FORMAT => "wrong data format",
+        _ => "error of the application",
     }
 }
 
@@ -184,7 +167,7 @@ pub enum ParameterResult {
     Doubleword(u32),
     /// Written.
     Done,
-    /// Refused; see [`error_number`].
+    /// Refused; see [`par_error`].
     Error(u16),
     /// Not ready yet; the master repeats the job.
     Busy,

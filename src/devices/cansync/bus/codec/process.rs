@@ -4,6 +4,16 @@
 //! slave's chapters from p. 176 on, which use the same byte.
 
 use crate::can::Payload;
+use crate::devices::cansync::registers::values::{cfg_word, cfg_wrc_master};
+
+/// Lowest bit of the value number.
+const NUMBER_AT: u32 = cfg_word::NUMBER.trailing_zeros();
+// Both kinds of bytes are alike but for the length of the number.
+const _: () = assert!(
+    cfg_wrc_master::NUMBER.trailing_zeros() == NUMBER_AT
+        && cfg_wrc_master::ASSIGNED == cfg_word::ASSIGNED
+        && cfg_wrc_master::HIGH_WORD == cfg_word::HIGH_WORD
+);
 
 /// One configuration byte (`b_CFG_WRCx_WORDy`, `b_CFG_RDCx_WORDy`): which half of which value a word is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -13,7 +23,8 @@ impl WordConfig {
     /// The byte for the low or high word of value `number` (0..=31, higher bits are cut).
     #[inline]
     pub const fn new(number: u8, high_word: bool) -> Self {
-        WordConfig(0x01 | (high_word as u8) << 1 | (number & 0x1F) << 2)
+        let half = if high_word { cfg_word::HIGH_WORD } else { 0 };
+        WordConfig(cfg_word::ASSIGNED | half | number << NUMBER_AT & cfg_wrc_master::NUMBER)
     }
 
     /// Whether the word is in use: any byte but 0 says so, even with bit 0 ("assigned") clear, because
@@ -26,13 +37,13 @@ impl WordConfig {
     /// Bit 0.
     #[inline]
     pub const fn is_assigned(self) -> bool {
-        self.0 & 0x01 != 0
+        self.0 & cfg_word::ASSIGNED != 0
     }
 
     /// Bit 1: the high word of the value instead of its low word.
     #[inline]
     pub const fn is_high_word(self) -> bool {
-        self.0 & 0x02 != 0
+        self.0 & cfg_word::HIGH_WORD != 0
     }
 }
 
@@ -40,7 +51,8 @@ impl WordConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FrameConfig {
     words: [u8; 4],
-    number_mask: u8,
+    /// The bits of the value number.
+    number: u8,
 }
 
 /// A process data frame as [`FrameConfig::build`] makes it.
@@ -56,14 +68,14 @@ impl FrameConfig {
     /// The master's reference value frames: 5-bit value numbers (bits 2 to 6).
     #[inline]
     pub const fn master_reference(words: [u8; 4]) -> Self {
-        FrameConfig { words, number_mask: 0x1F }
+        FrameConfig { words, number: cfg_wrc_master::NUMBER }
     }
 
     /// All other frames (actual values at the master, everything at the slave): 4-bit value numbers
     /// (bits 2 to 5).
     #[inline]
     pub const fn new(words: [u8; 4]) -> Self {
-        FrameConfig { words, number_mask: 0x0F }
+        FrameConfig { words, number: cfg_word::NUMBER }
     }
 
     /// Whether no word is in use.
@@ -88,7 +100,7 @@ impl FrameConfig {
         for (index, (word, byte)) in words.iter_mut().zip(self.words).enumerate() {
             let config = WordConfig(byte);
             if config.is_used() {
-                let value = values((byte >> 2) & self.number_mask);
+                let value = values((byte & self.number) >> NUMBER_AT);
                 *word = (value >> (16 * u32::from(config.is_high_word()))) as u16;
                 used_words += 1;
                 len = index + 1;
@@ -104,7 +116,7 @@ impl FrameConfig {
         for (index, byte) in self.words.into_iter().enumerate() {
             let config = WordConfig(byte);
             if let (true, Some(word)) = (config.is_used(), payload.word(index)) {
-                sink((byte >> 2) & self.number_mask, config.is_high_word(), word);
+                sink((byte & self.number) >> NUMBER_AT, config.is_high_word(), word);
             }
         }
     }

@@ -7,6 +7,7 @@
 use super::CodecError;
 use crate::can::Payload;
 use crate::devices::cansync::bus::{Frame, FrameKind};
+use crate::devices::cansync::registers::values::updown_error;
 
 /// Data bytes of one frame.
 pub const BLOCK: usize = 6;
@@ -22,44 +23,20 @@ const LAST: u8 = 0x30;
 const BUSY: u8 = 0x40;
 const ERR: u8 = 0x20;
 
-/// Error numbers of an up-/download (manual 5.00005.03a p. 168).
-pub mod error_number {
-    /// The slave has acknowledged a wrong block number (found by the master).
-    pub const WRONG_BLOCK: u16 = 0x0001;
-    /// Length above 300 bytes.
-    pub const LENGTH: u16 = 0x0002;
-    /// The slave expects the block with the number in the counter.
-    pub const EXPECTS_OTHER_BLOCK: u16 = 0x0100;
-    /// The slave expects the end of the block.
-    pub const EXPECTS_END: u16 = 0x0101;
-    /// The slave does not expect the end of the block yet.
-    pub const END_TOO_EARLY: u16 = 0x0102;
-    /// The slave cancels.
-    pub const SLAVE_CANCELS: u16 = 0x0103;
-    /// Up-/download not possible.
-    pub const NOT_POSSIBLE: u16 = 0x0104;
-    /// Base address not allowed.
-    pub const BASE_ADDRESS: u16 = 0x0105;
-    /// Longer than the slave takes.
-    pub const TOO_LONG: u16 = 0x0107;
-    /// Mode not allowed in this phase.
-    pub const MODE: u16 = 0x0108;
-
-    /// A few words on an error number.
-    pub const fn text(number: u16) -> &'static str {
-        match number {
-            WRONG_BLOCK => "wrong block acknowledged",
-            LENGTH => "length above 300 bytes",
-            EXPECTS_OTHER_BLOCK => "other block expected",
-            EXPECTS_END => "block end expected",
-            END_TOO_EARLY => "block end too early",
-            SLAVE_CANCELS => "cancelled by the slave",
-            NOT_POSSIBLE => "not possible",
-            BASE_ADDRESS => "base address not allowed",
-            TOO_LONG => "too long for the slave",
-            MODE => "mode not allowed now",
-            _ => "error of the application",
-        }
+/// A few words on an error number of an up-/download.
+pub const fn error_text(number: u16) -> &'static str {
+    match number {
+        updown_error::WRONG_BLOCK => "wrong block acknowledged",
+        updown_error::LENGTH => "length above 300 bytes",
+        updown_error::EXPECTS_OTHER_BLOCK => "other block expected",
+        updown_error::EXPECTS_END => "block end expected",
+        updown_error::END_TOO_EARLY => "block end too early",
+        updown_error::SLAVE_CANCELS => "cancelled by the slave",
+        updown_error::NOT_POSSIBLE => "not possible",
+        updown_error::BASE_ADDRESS => "base address not allowed",
+        updown_error::TOO_LONG => "too long for the slave",
+        updown_error::MODE => "mode not allowed now",
+        _ => "error of the application",
     }
 }
 
@@ -178,7 +155,7 @@ impl UpDownJob {
         if offset > MAX_OFFSET {
             return Err(CodecError::Offset(offset));
         }
-        Ok(UpDownResponse { offset, result: UpDownResult::Error(error_number::EXPECTS_OTHER_BLOCK) })
+        Ok(UpDownResponse { offset, result: UpDownResult::Error(updown_error::EXPECTS_OTHER_BLOCK) })
     }
 
     /// The frame to `slave` (0 to 127, on a bus 0 to 31).
@@ -246,7 +223,7 @@ pub enum UpDownResult {
     Done,
     /// Upload: six bytes; behind the end of the range they mean nothing.
     Data([u8; BLOCK]),
-    /// Refused; see [`error_number`].
+    /// Refused; see [`updown_error`].
     Error(u16),
     /// Not ready yet; the master repeats the job.
     Busy,

@@ -4,7 +4,7 @@
 use crate::devices::cansync::bus::codec::updown::BLOCK;
 use crate::devices::cansync::firmware::block;
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::memory::{Cell16, Cell32};
 use core::mem::offset_of;
 

@@ -6,13 +6,12 @@ use super::updown::UpDownServer;
 use crate::can::Payload;
 use crate::devices::Context;
 use crate::devices::cansync::bus::Frame;
-use crate::devices::cansync::bus::codec::parameter::error_number as parameter_error;
-use crate::devices::cansync::bus::codec::updown::error_number as updown_error;
 use crate::devices::cansync::bus::codec::{
     Access, CodecError, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep, is_up_download,
 };
 use crate::devices::cansync::firmware::polling::STATUS_WORD;
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{par_error, updown_error};
 
 /// Who answers the last job.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +97,7 @@ impl Jobs {
                 let result = if asks_for_status_word(&job) {
                     ParameterResult::Word(status_word)
                 } else {
-                    ParameterResult::Error(parameter_error::NOT_AVAILABLE_NOW)
+                    ParameterResult::Error(par_error::NOT_AVAILABLE_NOW)
                 };
                 self.parameter_answer(&job, result)
             })

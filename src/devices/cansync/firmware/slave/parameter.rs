@@ -3,23 +3,17 @@
 //! A job is entered in the registers and stays there until its answer has gone out. Until the
 //! application has cleared bit 0, every repetition by the master is answered BUSY (p. 139-140).
 
-use super::bits::{ACTIVE, BUSY, ERROR, RESET};
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::parameter::{VALUE_ELEMENT, error_number};
+use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
 use crate::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResponse, ParameterResult};
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{
+    par_error,
+    par_job_slave::{ACTIVE, BUSY, CHANGED, DOUBLEWORD, ERROR, READ, RESET, WRITE},
+};
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
-
-/// Bits 1 and 2. The manual's texts for them are swapped (p. 189); its values 16#43, 16#45 and 16#55
-/// show which is which.
-const READ: u8 = 1 << 1;
-const WRITE: u8 = 1 << 2;
-/// Bit 3: the master has changed the job.
-const CHANGE: u8 = 1 << 3;
-/// Bit 4: the parameter is a doubleword.
-const DOUBLEWORD: u8 = 1 << 4;
 
 /// A slave node's side of parameter jobs.
 #[derive(Clone, Debug, Default)]
@@ -38,9 +32,9 @@ impl ParameterServer {
     pub(super) fn refusal(job: &ParameterJob) -> Option<u16> {
         let write = !matches!(job.access(), Access::Read);
         if job.sub_slave() != 0 {
-            Some(error_number::NOT_PRESENT)
+            Some(par_error::NOT_PRESENT)
         } else if write && job.element() != VALUE_ELEMENT {
-            Some(error_number::NOT_CHANGEABLE)
+            Some(par_error::NOT_CHANGEABLE)
         } else {
             None
         }
@@ -53,7 +47,7 @@ impl ParameterServer {
             Some(entered) if entered == *job && self.changed.is_none() => {}
             Some(_) => {
                 self.changed = Some(*job);
-                registers(regs).change(ctx, |value| value | CHANGE);
+                registers(regs).change(ctx, |value| value | CHANGED);
             }
             None => self.enter(ctx, regs, *job),
         }

@@ -2,22 +2,15 @@
 //! (manual 5.00005.03a p. 141-143, 190-193).
 
 use super::area::{Area, Place};
-use super::bits::{ACTIVE, BUSY, ERROR, RESET};
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET, error_number};
+use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
 use crate::devices::cansync::firmware::block;
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-
-/// Bit 1: the master has changed the job.
-const CHANGE: u8 = 1 << 1;
-/// Bits 2 and 3.
-const MODE: u8 = 3 << 2;
-const INIT: u8 = 1 << 2;
-const BODY: u8 = 2 << 2;
-const LAST: u8 = 3 << 2;
-/// Bit 4.
-const DOWNLOAD: u8 = 1 << 4;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{
+    updown_error,
+    updown_slave::{ACTIVE, BUSY, CHANGED, DOWNLOAD, ERROR, MODE, MODE_END, MODE_INIT, MODE_TRANSFER, RESET},
+};
 
 /// Data bytes of one frame.
 const STEP: u16 = BLOCK as u16;
@@ -57,7 +50,7 @@ impl Transfer {
         }
         area.length.store(length);
         area.counter.store(0);
-        area.job.show(ctx, transfer.direction_bit() | INIT | BUSY | ACTIVE);
+        area.job.show(ctx, transfer.direction_bit() | MODE_INIT | BUSY | ACTIVE);
         transfer
     }
 
@@ -86,7 +79,7 @@ impl Transfer {
         successor: Successor,
     ) {
         self.changed = Some(successor);
-        self.area(regs).job.change(ctx, |value| value | CHANGE);
+        self.area(regs).job.change(ctx, |value| value | CHANGED);
     }
 
     /// Whether the application has confirmed a change.
@@ -108,7 +101,7 @@ impl Transfer {
     /// "slave cancels" (decision D-71).
     pub(super) fn error_number(&self, regs: &CANsync_SL_CTRL_BMSTRUCT) -> u16 {
         match self.area(regs).error.load() {
-            0..=0x00FF => error_number::SLAVE_CANCELS,
+            0..=0x00FF => updown_error::SLAVE_CANCELS,
             number => number,
         }
     }
@@ -123,15 +116,15 @@ impl Transfer {
         let init_is_shown = matches!(self.shown.map(|job| job.step()), Some(UpDownStep::Init { .. }));
         let wrong_phase = init_is_shown || self.changed.is_some();
         if wrong_phase || job.direction() != self.init.direction() {
-            return Some(job.answer(UpDownResult::Error(error_number::MODE)));
+            return Some(job.answer(UpDownResult::Error(updown_error::MODE)));
         }
         if job.offset() != self.next {
             // `next` is the offset of a block inside the 12-bit length.
             return job.expects_instead(self.next).ok();
         }
         let number = match (last, self.next + STEP >= self.length) {
-            (false, true) => error_number::EXPECTS_END,
-            (true, false) => error_number::END_TOO_EARLY,
+            (false, true) => updown_error::EXPECTS_END,
+            (true, false) => updown_error::END_TOO_EARLY,
             _ => return None,
         };
         Some(job.answer(UpDownResult::Error(number)))
@@ -153,11 +146,12 @@ impl Transfer {
         let (mode, answer) = match job.step() {
             UpDownStep::Download { last, data } => {
                 area.put(self.next, data, self.length);
-                (if last { LAST } else { BODY }, UpDownResult::Done)
+                (if last { MODE_END } else { MODE_TRANSFER }, UpDownResult::Done)
             }
-            UpDownStep::Upload { last } => {
-                (if last { LAST } else { BODY }, UpDownResult::Data(area.get(self.next, self.length)))
-            }
+            UpDownStep::Upload { last } => (
+                if last { MODE_END } else { MODE_TRANSFER },
+                UpDownResult::Data(area.get(self.next, self.length)),
+            ),
             UpDownStep::Init { .. } => return None,
         };
         let direction = self.direction_bit();
@@ -165,8 +159,8 @@ impl Transfer {
             if job.direction() == Direction::Download {
                 area.counter.store(self.behind_next());
             }
-            if mode == BODY {
-                area.job.change(ctx, |value| value & !MODE | BODY);
+            if mode == MODE_TRANSFER {
+                area.job.change(ctx, |value| value & !MODE | MODE_TRANSFER);
                 return Some(job.answer(answer));
             }
         }
@@ -196,8 +190,8 @@ impl Transfer {
                 // The application has set the length (p. 141; decision D-67).
                 let limit = if self.place == Place::Block1 { block::MAX_LENGTH } else { MAX_OFFSET };
                 match area.length.load() {
-                    0 => return refuse(error_number::NOT_POSSIBLE),
-                    length if length > limit => return refuse(error_number::TOO_LONG),
+                    0 => return refuse(updown_error::NOT_POSSIBLE),
+                    length if length > limit => return refuse(updown_error::TOO_LONG),
                     length => {
                         self.length = length;
                         shown.answer_with_length(length).ok()?

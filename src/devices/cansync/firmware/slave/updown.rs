@@ -3,12 +3,9 @@
 
 use super::transfer::{Successor, Transfer};
 use crate::devices::Context;
-use crate::devices::cansync::bus::codec::updown::error_number;
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
-use crate::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
-
-/// Highest base address that is the operating system's (p. 191).
-const SYSTEM_ADDRESSES: u32 = 0xFF;
+use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::{base_adr, updown_error};
 
 /// What an answer does to the transfer once it has left the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,10 +52,12 @@ impl UpDownServer {
     /// What the firmware answers to an init job by itself (decision D-68).
     fn init_refusal(job: &UpDownJob) -> Option<u16> {
         match job.step() {
-            UpDownStep::Init { address: 0..=SYSTEM_ADDRESSES, .. } => Some(error_number::BASE_ADDRESS),
-            UpDownStep::Init { sub_slave: 1.., .. } => Some(error_number::NOT_POSSIBLE),
+            UpDownStep::Init { address, .. } if base_adr::SYSTEM.contains(&address) => {
+                Some(updown_error::BASE_ADDRESS)
+            }
+            UpDownStep::Init { sub_slave: 1.., .. } => Some(updown_error::NOT_POSSIBLE),
             UpDownStep::Init { direction: Direction::Download, .. } if job.offset() == 0 => {
-                Some(error_number::NOT_POSSIBLE)
+                Some(updown_error::NOT_POSSIBLE)
             }
             _ => None,
         }
@@ -98,7 +97,7 @@ impl UpDownServer {
 
     fn block(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> Due {
         let Some(transfer) = &mut self.transfer else {
-            return Due::Answer(job.answer(UpDownResult::Error(error_number::MODE)), Effect::None);
+            return Due::Answer(job.answer(UpDownResult::Error(updown_error::MODE)), Effect::None);
         };
         if let Some(refusal) = transfer.refusal(job) {
             return Due::Answer(refusal, Effect::None);

@@ -1,9 +1,9 @@
 //! `BAPS_INIT`: configures the process data (p. 86-92).
 
 use super::OMEGA_DRIVE_LINE_II;
-use super::command::CONFIGURE;
 use crate::devices::omega_drive_line_2::blocks::INTR_SET;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_quit};
 use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
@@ -156,7 +156,7 @@ impl BAPS_INIT {
         let [reference, actual] = self.numbers();
         base.a_WR_PAR_NR.iter().zip(reference).for_each(|(cell, number)| cell.store(number));
         base.a_RD_PAR_NR.iter().zip(actual).for_each(|(cell, number)| cell.store(number));
-        base.b_COMMAND.store(CONFIGURE);
+        base.b_COMMAND.store(baps_command::CONFIGURE);
         self.end(Phase::Configuring(base.ram().watch(self.t_TIME)), 0);
         self.x_BUSY = self.us_MODE == 1;
     }
@@ -164,7 +164,7 @@ impl BAPS_INIT {
     /// The drive has answered.
     fn configured(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, watch: Watch) {
         self.b_SL_QUIT = base.b_SL_QUIT.load();
-        if self.b_SL_QUIT != CONFIGURE {
+        if self.b_SL_QUIT != baps_quit::CONFIGURED {
             self.end(Phase::Locked, NOT_CONFIGURED);
         } else if self.i_EVENT == 0 {
             self.succeed();

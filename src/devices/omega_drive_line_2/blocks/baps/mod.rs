@@ -21,10 +21,3 @@ pub use service_data::BAPS_BMSTRUCT;
 
 /// `us_HW_TYPE`: the only hardware that there is. With another one a block does nothing (decision D-215).
 const OMEGA_DRIVE_LINE_II: u8 = 0;
-
-/// Values of `b_COMMAND`, and of `b_SL_QUIT` when they succeed.
-mod command {
-    pub(crate) const EXCHANGE: u8 = 0x01;
-    pub(crate) const CONFIGURE: u8 = 0x02;
-    pub(crate) const RE_INITIALIZE: u8 = 0x03;
-}

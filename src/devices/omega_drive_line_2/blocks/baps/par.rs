@@ -1,12 +1,8 @@
 //! `BAPS_PAR_READ`, `BAPS_PAR_WRITE`: parameter jobs to the own drive (p. 93-98).
 
 use super::service_data::{BAPS_BMSTRUCT, Client, Job, Kind};
+use crate::devices::omega_drive_line_2::registers::values::{baps_element, baps_result};
 use crate::plc::{Shared, function_block};
-
-/// Element "value of the parameter".
-const VALUE: u8 = 7;
-/// `i_ERR_DETAIL`: wrong data format.
-const WRONG_FORMAT: i16 = -7;
 
 function_block! {
     /// Reads a parameter of the drive through [`BAPS_SD_CONTROL`](super::BAPS_SD_CONTROL) (manual p. 93-95).
@@ -15,7 +11,7 @@ function_block! {
             /// Parameter number.
             u_PAR_NR: u16;
             /// Element of the parameter; preset 7, its value.
-            us_PAR_ELEMENT: u8 = VALUE;
+            us_PAR_ELEMENT: u8 = baps_element::VALUE;
             /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then this block and
             /// `BAPS_SD_CONTROL` need `x_RESET`.
             x_EN: bool;
@@ -50,9 +46,9 @@ impl BAPS_PAR_READ {
         let outcome = self.internal.step(_BAPS_SD_DATA, [self.x_EN, self.x_RESET], job);
         let Some((busy, answered)) = outcome.shown() else { return };
         let answer = answered.unwrap_or_default();
-        (self.i_ERR_DETAIL, self.i_ERR_COMM) = (answer.detail, answer.communication);
+        (self.i_ERR_DETAIL, self.i_ERR_COMM) = (answer.detail.cast_signed(), answer.communication);
         self.x_BUSY = busy;
-        self.x_OK = answered.is_some() && answer.detail == 0 && answer.communication == 0;
+        self.x_OK = answered.is_some() && answer.detail == baps_result::NO_ERROR && answer.communication == 0;
         self.x_ERR = answered.is_some() && !self.x_OK;
         if self.x_OK {
             (self.ud_PAR_VALUE, self.x_PAR_FORMAT) = (answer.value, answer.doubleword);
@@ -98,15 +94,22 @@ impl BAPS_PAR_WRITE {
     /// One PLC cycle.
     pub fn call(&mut self, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         let (number, doubleword, value) = (self.u_PAR_NR, self.x_PAR_FORMAT, self.ud_PAR_VALUE);
-        let job = |ticket| Job { ticket, kind: Kind::Write, number, element: VALUE, doubleword, value };
+        let job = |ticket| Job {
+            ticket,
+            kind: Kind::Write,
+            number,
+            element: baps_element::VALUE,
+            doubleword,
+            value,
+        };
         let outcome = self.internal.step(_BAPS_SD_DATA, [self.x_EN, self.x_RESET], job);
         let Some((busy, answered)) = outcome.shown() else { return };
         let answer = answered.unwrap_or_default();
-        (self.i_ERR_DETAIL, self.i_ERR_COMM) = (answer.detail, answer.communication);
+        (self.i_ERR_DETAIL, self.i_ERR_COMM) = (answer.detail.cast_signed(), answer.communication);
         self.x_BUSY = busy;
         let passed = match answer.detail {
-            WRONG_FORMAT => !self.x_EN_ERR_FORMAT,
-            detail => detail == 0,
+            baps_result::WRONG_FORMAT => !self.x_EN_ERR_FORMAT,
+            detail => detail == baps_result::NO_ERROR,
         };
         self.x_OK = answered.is_some() && passed && answer.communication == 0;
         self.x_ERR = answered.is_some() && !self.x_OK;

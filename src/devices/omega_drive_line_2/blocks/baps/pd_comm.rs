@@ -2,8 +2,8 @@
 //! them.
 
 use super::OMEGA_DRIVE_LINE_II;
-use super::command::{CONFIGURE, EXCHANGE};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_quit};
 use crate::plc::{Base, function_block};
 
 /// Bit 0 of `b_ERR`.
@@ -29,7 +29,10 @@ pub(super) fn exchange(
 /// Whether an acknowledgement tells that values have not been exchanged. 16#00, 16#FF mean nothing and
 /// 16#02 is that of the configuration before (decision D-216).
 pub(super) fn is_error(b_SL_QUIT: u8) -> bool {
-    !matches!(b_SL_QUIT, 0x00 | EXCHANGE | CONFIGURE | 0xFF)
+    !matches!(
+        b_SL_QUIT,
+        baps_quit::NOTHING | baps_quit::EXCHANGED | baps_quit::CONFIGURED | baps_quit::RE_ARMED
+    )
 }
 
 macro_rules! block {
@@ -87,7 +90,7 @@ macro_rules! block {
                 self.w_STATUS_REG = _BASE.w_STATUS_REG.load();
                 let actuals = &mut [$(&mut self.$rd),*];
                 let words = [self.w_CONTROLWORD, self.w_COMMAND_REG];
-                exchange(_BASE, EXCHANGE, words, &[$(self.$wr),*], actuals);
+                exchange(_BASE, baps_command::EXCHANGE, words, &[$(self.$wr),*], actuals);
                 self.b_ERR = if is_error(self.b_SL_QUIT) { NOT_EXCHANGED } else { 0 };
                 self.x_ERR = self.b_ERR != 0;
             }

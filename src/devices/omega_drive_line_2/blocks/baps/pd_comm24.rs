@@ -2,17 +2,14 @@
 //! re-initialization while they run (p. 104-111).
 
 use super::OMEGA_DRIVE_LINE_II;
-use super::command::{EXCHANGE, RE_INITIALIZE};
 use super::pd_comm::{NOT_EXCHANGED, exchange, is_error};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_quit};
 use crate::plc::{Base, Watch, function_block};
 use core::time::Duration;
 
 /// Bit 1 of `b_ERR`.
 const TIMEOUT: u8 = 1 << 1;
-/// Acknowledgements of a failed re-initialization.
-const BAD_REFERENCE_NUMBER: u8 = 0x86;
-const BAD_ACTUAL_NUMBER: u8 = 0x87;
 
 function_block! {
     /// Exchanges control word, status word, two reference and four actual values with the drive, and takes over
@@ -102,8 +99,8 @@ impl BAPS_PD_COMM24 {
             self.watch_re_initialization(_BASE, watch, answered);
         }
         let command = match self.internal.re_initialization {
-            Some(_) => RE_INITIALIZE,
-            None => EXCHANGE,
+            Some(_) => baps_command::RE_INITIALIZE,
+            None => baps_command::EXCHANGE,
         };
         let actuals = &mut [
             &mut self.ud_RD_VALUE0,
@@ -114,7 +111,8 @@ impl BAPS_PD_COMM24 {
         let words = [self.w_CONTROLWORD, self.w_COMMAND_REG];
         exchange(_BASE, command, words, &[self.ud_WR_VALUE0, self.ud_WR_VALUE1], actuals);
         self.internal.command = command;
-        let of_re_initialization = [RE_INITIALIZE, BAD_REFERENCE_NUMBER, BAD_ACTUAL_NUMBER];
+        let of_re_initialization =
+            [baps_quit::RE_INITIALIZING, baps_quit::RE_INIT_UNWRITABLE, baps_quit::RE_INIT_UNREADABLE];
         self.b_ERR &= TIMEOUT;
         if is_error(self.b_SL_QUIT) && !of_re_initialization.contains(&self.b_SL_QUIT) {
             self.b_ERR |= NOT_EXCHANGED;
@@ -124,11 +122,12 @@ impl BAPS_PD_COMM24 {
 
     /// Ends a re-initialization with the drive's answer, or when its time is over.
     fn watch_re_initialization(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, watch: Watch, answered: bool) {
-        let answer = (answered && self.internal.command == RE_INITIALIZE).then_some(self.b_SL_QUIT);
+        let answer =
+            (answered && self.internal.command == baps_command::RE_INITIALIZE).then_some(self.b_SL_QUIT);
         match answer {
-            Some(RE_INITIALIZE) | None if watch.is_over(base.ram()) => self.b_ERR |= TIMEOUT,
-            Some(RE_INITIALIZE) | None => return,
-            Some(EXCHANGE) => self.x_RE_INIT_OK = true,
+            Some(baps_quit::RE_INITIALIZING) | None if watch.is_over(base.ram()) => self.b_ERR |= TIMEOUT,
+            Some(baps_quit::RE_INITIALIZING) | None => return,
+            Some(baps_quit::EXCHANGED) => self.x_RE_INIT_OK = true,
             Some(_) => self.x_RE_INIT_ERR = true,
         }
         self.internal.re_initialization = None;

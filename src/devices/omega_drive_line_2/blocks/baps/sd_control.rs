@@ -2,6 +2,10 @@
 
 use super::service_data::{Answer, BAPS_BMSTRUCT, Job, Kind, Stage};
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
+use crate::devices::omega_drive_line_2::registers::values::{
+    baps_job, baps_result,
+    baps_semaphore::{IDLE, JOB},
+};
 use crate::plc::{Base, Shared, Watch, function_block};
 use core::time::Duration;
 
@@ -17,12 +21,6 @@ mod error {
     pub(crate) const JOB: u8 = 1 << 5;
     pub(crate) const FORMAT: u8 = 1 << 6;
 }
-
-/// Values of `b_JOB`.
-const READ: u8 = 1;
-const WRITE: u8 = 2;
-/// `i_ERR_DETAIL`: wrong data format.
-const WRONG_FORMAT: i16 = -7;
 
 function_block! {
     /// Carries out parameter jobs through the semaphores of the BAPS, one at a time (manual p. 118-120). One
@@ -65,13 +63,13 @@ impl BAPS_SD_CONTROL {
     /// One PLC cycle.
     pub fn call(&mut self, _BASE: &Base<BAPS_CTRL_BMSTRUCT>, _BAPS_SD_DATA: &mut BAPS_BMSTRUCT) {
         if self.x_RESET {
-            _BASE.b_MA_SEMAPHORE.store(0);
+            _BASE.b_MA_SEMAPHORE.store(IDLE);
             _BAPS_SD_DATA.stage = Stage::Free;
             self.internal = Phase::Idle;
             return self.show(0);
         }
         if let Stage::Dropped(kind) = _BAPS_SD_DATA.stage {
-            _BASE.b_MA_SEMAPHORE.store(0);
+            _BASE.b_MA_SEMAPHORE.store(IDLE);
             self.internal = Phase::Locked;
             return self.show(match kind {
                 Kind::Read => error::READ_DISTURBED,
@@ -93,23 +91,23 @@ impl BAPS_SD_CONTROL {
     fn proceed(&mut self, base: &Base<BAPS_CTRL_BMSTRUCT>, job: &Job) -> Option<Answer> {
         let semaphores = (base.b_MA_SEMAPHORE.load(), base.b_SL_SEMAPHORE.load());
         match (self.internal, semaphores) {
-            (Phase::Starting(_), (0, 0)) => {
+            (Phase::Starting(_), (IDLE, IDLE)) => {
                 write_job(base, job);
-                base.b_MA_SEMAPHORE.store(1);
+                base.b_MA_SEMAPHORE.store(JOB);
                 self.internal = Phase::Running(base.ram().watch(self.t_TIME));
                 None
             }
-            (Phase::Running(_), (1, 1)) => {
+            (Phase::Running(_), (JOB, JOB)) => {
                 let answer = read_answer(base);
-                base.b_MA_SEMAPHORE.store(0);
+                base.b_MA_SEMAPHORE.store(IDLE);
                 self.internal = Phase::Ending(base.ram().watch(self.t_TIME), answer);
                 None
             }
-            (Phase::Ending(_, answer), (0, 0)) => {
+            (Phase::Ending(_, answer), (IDLE, IDLE)) => {
                 self.internal = Phase::Idle;
                 self.show(match answer.detail {
-                    0 => 0,
-                    WRONG_FORMAT => error::FORMAT,
+                    baps_result::NO_ERROR => 0,
+                    baps_result::WRONG_FORMAT => error::FORMAT,
                     _ => error::JOB,
                 });
                 Some(answer)
@@ -129,7 +127,7 @@ impl BAPS_SD_CONTROL {
     }
 
     fn give_up(&mut self, base: &BAPS_CTRL_BMSTRUCT, error: u8) -> Answer {
-        base.b_MA_SEMAPHORE.store(0);
+        base.b_MA_SEMAPHORE.store(IDLE);
         self.internal = Phase::Locked;
         self.show(error);
         Answer { communication: -1, ..Answer::default() }
@@ -145,11 +143,11 @@ fn write_job(base: &BAPS_CTRL_BMSTRUCT, job: &Job) {
     base.us_PAR_ELEMENT.store(job.element);
     base.us_NUMBER.store(1);
     let code = match job.kind {
-        Kind::Read => READ,
+        Kind::Read => baps_job::READ,
         Kind::Write => {
             base.b_PAR_FORMAT.store(job.doubleword.into());
             base.ud_PAR_VALUE.store(job.value);
-            WRITE
+            baps_job::WRITE
         }
     };
     base.b_JOB.store(code);
@@ -157,7 +155,7 @@ fn write_job(base: &BAPS_CTRL_BMSTRUCT, job: &Job) {
 
 fn read_answer(base: &BAPS_CTRL_BMSTRUCT) -> Answer {
     Answer {
-        detail: base.i_ERR_DETAIL.load() as i16,
+        detail: base.i_ERR_DETAIL.load(),
         communication: 0,
         doubleword: base.b_PAR_FORMAT.load() != 0,
         value: base.ud_PAR_VALUE.load(),

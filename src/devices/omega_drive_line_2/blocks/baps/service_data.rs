@@ -42,7 +42,8 @@ pub(super) enum Kind {
 /// What became of a job.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Answer {
-    pub(super) detail: i16,
+    /// `i_ERR_DETAIL`, as the register holds it.
+    pub(super) detail: u16,
     /// `i_ERR_COMM`: 0 or -1.
     pub(super) communication: i16,
     pub(super) doubleword: bool,

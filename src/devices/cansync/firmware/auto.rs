@@ -1,0 +1,88 @@
+//! Automatic slave numbers (manual 5.00005.03a p. 159-160; counters: decision D-08).
+
+use crate::devices::cansync::bus::LAST_SLAVE;
+use crate::devices::cansync::registers::values::request;
+
+/// A counter behind a register that takes a slave number or 16#80.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counter(Option<u8>);
+
+impl Counter {
+    /// Begins a new interval: 0 in the first one of active operation, then one more each time up to
+    /// `max` (`b_MAX_SL_NR`; above 31 it counts as 31, decision D-25), then 0 again.
+    #[inline]
+    pub fn next_interval(&mut self, max: u8) {
+        self.0 = Some(match self.0 {
+            Some(n) if n < max.min(LAST_SLAVE) => n + 1,
+            _ => 0,
+        });
+    }
+
+    /// Back to the state before active operation.
+    pub fn restart(&mut self) {
+        self.0 = None;
+    }
+
+    /// The slave number that `register` means in this interval; `None` if it names nobody (decision D-25).
+    #[inline]
+    pub fn resolve(self, register: u8) -> Option<u8> {
+        match register {
+            0..=LAST_SLAVE => Some(register),
+            request::AUTOMATIC => Some(self.0.unwrap_or(0)),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// T19: 16#80 with `b_MAX_SL_NR` = 3 asks 0, 1, 2, 3, 0, 1 ...
+    #[test]
+    fn counts_to_the_maximum_and_starts_again() {
+        let mut counter = Counter::default();
+        let asked: Vec<_> = (0..6)
+            .map(|_| {
+                counter.next_interval(3);
+                counter.resolve(request::AUTOMATIC)
+            })
+            .collect();
+        assert_eq!(asked, [0, 1, 2, 3, 0, 1].map(Some));
+        assert_eq!(counter.resolve(7), Some(7));
+    }
+
+    #[test]
+    fn a_number_that_no_slave_has_names_nobody() {
+        let counter = Counter(Some(5));
+        for register in 0..=u8::MAX {
+            let expected = match register {
+                0..=31 => Some(register),
+                0x80 => Some(5),
+                _ => None,
+            };
+            assert_eq!(counter.resolve(register), expected, "16#{register:02X}");
+        }
+    }
+
+    #[test]
+    fn a_maximum_that_no_slave_has_counts_as_31() {
+        for max in [31, 32, 127, 128, 255] {
+            let mut counter = Counter(Some(30));
+            counter.next_interval(max);
+            assert_eq!(counter.resolve(request::AUTOMATIC), Some(31), "{max}");
+            counter.next_interval(max);
+            assert_eq!(counter.resolve(request::AUTOMATIC), Some(0), "{max}");
+        }
+    }
+
+    #[test]
+    fn a_lowered_maximum_starts_again_at_zero() {
+        let mut counter = Counter::default();
+        for _ in 0..6 {
+            counter.next_interval(31);
+        }
+        counter.next_interval(2);
+        assert_eq!(counter.resolve(request::AUTOMATIC), Some(0));
+    }
+}
