@@ -227,8 +227,8 @@ impl TryFrom<WireOp> for Op {
             kind::UNFORCE => Op::Unforce { plc, offset, width: width()? },
             kind::FORCES => Op::Forces,
             kind::FAULT_ADD => {
-                let bad = BadField::new("the fault", wire.width);
-                Op::FaultAdd { fault: fault::decode(&wire).ok_or(bad)? }
+                let bad = |number| BadField::new("the fault", number);
+                Op::FaultAdd { fault: fault::decode(&wire).map_err(bad)? }
             }
             kind::FAULT_LIST => Op::FaultList,
             kind::FAULT_CLEAR => {

@@ -3,7 +3,12 @@
 use super::Instance;
 use super::error::CliError;
 use super::table::FormatArg;
+use crate::devices;
+use crate::fault::Kind;
+use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use clap::{Args as ClapArgs, Subcommand};
+use core::fmt::Write as _;
+use std::ffi::OsStr;
 use std::num::NonZeroU16;
 
 /// Let things go wrong: lost frames, silent slaves, BUS-off ...
@@ -32,41 +37,60 @@ enum Command {
 ///
 /// A fault is its kind and its fields, the same as in a [[fault]] of the plant file. Times can also be given
 /// with a unit: duration=5ms for duration_us=5000. Without `at` the fault begins at once; without `count` and
-/// `duration` it lasts until it is cleared (bus_off, overrun and faults of drives: once). The bus or PLC need not be
-/// named if there is only one.
+/// `duration` it lasts until it is cleared, if it does not happen once. The bus or PLC need not be named if there is
+/// only one.
 #[derive(ClapArgs)]
-#[command(after_help = "\
-Fields of all kinds:
-  at=2s          begin, emulated time since power-on
-  count=3        ends after so many hits
-  duration=5ms   ends after this emulated time
-
-Examples, one of each kind:
-  commram fault add lose_frame slot=WRC1 count=3                  # nobody receives it
-  commram fault add lose_frame bus=drives id=16#301 mask=16#77F   # RDC1 and RDC2 of slave 1
-  commram fault add delay_frame slot=RC delay=500us count=1       # comes later than its slot
-  commram fault add duplicate_frame slot=CC delay=50us            # comes once more
-  commram fault add lose_sync bus=drives count=2                  # slaves miss edges
-  commram fault add jitter_sync amplitude=40us duration=1s        # edges late and early in turn
-  commram fault add slave_off slave=2 duration=100ms              # no power, or plug pulled
-  commram fault add slave_late slave=1 delay=700us                # answers behind t_RSPTO
-  commram fault add slave_busy slave=1 count=5                    # answers BUSY
-  commram fault add slave_error slave=1 error=16#FFFB count=1     # refuses a job
-  commram fault add wrong_offset slave=5 slot=CC                  # in an up-/download; CC job, RC answer
-  commram fault add bus_off plc=line node=2                       # ended by bit 7 of w_CPU_CONTROL
-  commram fault add overrun node=2 count=2                        # the node loses frames it should receive
-  commram fault add drive_fault slave=1 error=17                  # a drive brakes and waits for a fault reset
-  commram fault add baps_drive_fault error=17                     # the same for the drive behind the BAPS
-  commram fault add baps_silent duration=4s                       # that drive answers nothing at the BAPS
-  commram fault add baps_slow delay=3.5s count=1                  # or later than the function blocks wait")]
+#[command(after_help = kinds())]
 struct Add {
     /// The kind: lose_frame, slave_busy ...
+    #[arg(value_parser = KindParser, hide_possible_values = true)]
     kind: String,
     /// Its fields
     #[arg(value_name = "FIELD=VALUE")]
     fields: Vec<String>,
     #[command(flatten)]
     instance: Instance,
+}
+
+/// The fields that say when, and an example of each kind.
+fn kinds() -> String {
+    let mut text = "\
+Fields of all kinds:
+  at=2s          begin, emulated time since power-on
+  count=3        ends after so many hits
+  duration=5ms   ends after this emulated time
+
+Examples, one of each kind:"
+        .to_owned();
+    for kind in devices::fault_kinds() {
+        let command = format!("commram fault add {} {}", kind.name(), kind.example());
+        let once = if kind.happens_once() { ", once" } else { "" };
+        // Into a text, writing cannot fail.
+        let _ = write!(text, "\n  {command:<63} # {}{once}", kind.about());
+    }
+    text
+}
+
+/// Any text; shells complete it with the kinds there are. What is no kind is refused together with its fields.
+#[derive(Clone)]
+struct KindParser;
+
+impl TypedValueParser for KindParser {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<String, clap::Error> {
+        StringValueParser::new().parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let value = |kind: &&Kind| PossibleValue::new(kind.name()).help(kind.about());
+        Some(Box::new(devices::fault_kinds().iter().map(value)))
+    }
 }
 
 /// List the faults that wait or act.
@@ -108,7 +132,7 @@ struct Clear {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Add(args) => {
-            let spec = crate::fault::FaultSpec::from_words(&args.kind, &args.fields)?;
+            let spec = crate::fault::FaultSpec::from_words(devices::fault_kinds(), &args.kind, &args.fields)?;
             by_channel::add(&spec, &args.instance.name)
         }
         Command::List(args) => by_channel::list(args.format.format, &args.instance.name),
@@ -121,6 +145,7 @@ mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{error::CliError, output};
+    use crate::devices;
     use crate::fault::{FaultSpec, FaultStatus};
     use crate::journal::Names;
     use crate::request::Op;
@@ -135,14 +160,16 @@ mod by_channel {
         hits: u32,
         #[serde(flatten)]
         fault: FaultSpec,
+        #[serde(skip)]
+        text: String,
     }
 
     impl Row for Entry {
         const COLUMNS: &'static [&'static str] = &["number", "state", "hits", "fault"];
 
         fn cells(&self) -> Vec<String> {
-            let Entry { number, state, hits, fault } = self;
-            vec![number.to_string(), (*state).to_owned(), hits.to_string(), fault.to_string()]
+            let Entry { number, state, hits, text, .. } = self;
+            vec![number.to_string(), (*state).to_owned(), hits.to_string(), text.clone()]
         }
     }
 
@@ -153,7 +180,7 @@ mod by_channel {
 
     pub(super) fn add(spec: &FaultSpec, instance: &str) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
-        let fault = spec.resolve(&names(&session)?)?;
+        let fault = spec.resolve(devices::fault_kinds(), &names(&session)?)?;
         let id = session.ask(Op::FaultAdd { fault })?.fault_added()?;
         output::print(&format!("{id}\n"))
     }
@@ -166,6 +193,7 @@ mod by_channel {
             state: if status.acting { "acting" } else { "waiting" },
             hits: status.hits,
             fault: FaultSpec::of(&status.fault, &names),
+            text: status.fault.text(&names),
         };
         let entries: Vec<_> = session.ask(Op::FaultList)?.faults()?.iter().map(entry).collect();
         table::print(format, &entries, |entries| match entries {

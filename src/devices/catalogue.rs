@@ -1,10 +1,11 @@
 //! What there can be in a journal, whatever the devices of a plant: the sum of what everybody has registered.
 
-use super::{MEDIA, all};
+use super::{MEDIA, all, of_hash};
 use crate::check;
 use crate::fault;
 use crate::journal;
 use crate::journal::{Catalogue, FaultName, Kind, Rule};
+use crate::layout::Device;
 use std::sync::LazyLock;
 
 /// What somebody registers that is no device.
@@ -12,17 +13,22 @@ pub(super) struct Generic {
     pub owner: &'static str,
     pub records: &'static [&'static Kind],
     pub rules: &'static [&'static Rule],
+    pub faults: &'static [&'static fault::Kind],
 }
 
 /// What is the same for every device, and what each kind of media has.
 pub(super) fn generic() -> impl Iterator<Item = Generic> {
     let own = [
-        Generic { owner: "journal", records: journal::KINDS, rules: &[] },
-        Generic { owner: "fault", records: fault::KINDS, rules: &[] },
-        Generic { owner: "check", records: &[], rules: check::rules::ALL },
+        Generic { owner: "journal", records: journal::KINDS, rules: &[], faults: &[] },
+        Generic { owner: "fault", records: fault::KINDS, rules: &[], faults: &[] },
+        Generic { owner: "check", records: &[], rules: check::rules::ALL, faults: &[] },
     ];
-    let of_media =
-        MEDIA.iter().map(|kind| Generic { owner: kind.name, records: kind.records, rules: kind.rules });
+    let of_media = MEDIA.iter().map(|kind| Generic {
+        owner: kind.name,
+        records: kind.records,
+        rules: kind.rules,
+        faults: kind.faults,
+    });
     own.into_iter().chain(of_media)
 }
 
@@ -33,6 +39,7 @@ pub fn catalogue() -> &'static Catalogue {
             owner: device.layout.name,
             records: device.records,
             rules: device.rules,
+            faults: device.faults,
         });
         let (mut kinds, mut rules): (Vec<&Kind>, Vec<&Rule>) = Default::default();
         for Generic { records, rules: more, .. } in generic().chain(of_devices) {
@@ -44,10 +51,32 @@ pub fn catalogue() -> &'static Catalogue {
         kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
         rules.sort_by_key(|rule| rule.number());
         rules.dedup_by(|one, other| core::ptr::eq(*one, *other));
-        let name = |kind: &fault::Kind| FaultName { number: *kind as u8, name: kind.name() };
-        Catalogue { kinds, rules, faults: fault::Kind::ALL.iter().map(name).collect() }
+        let name = |kind: &&fault::Kind| FaultName { number: kind.number(), name: kind.name() };
+        Catalogue { kinds, rules, faults: fault_kinds().iter().map(name).collect() }
     });
     &SUM
+}
+
+/// All kinds of faults, in the order of their numbers. From now on no device can be added.
+pub fn fault_kinds() -> &'static [&'static fault::Kind] {
+    static SUM: LazyLock<Vec<&'static fault::Kind>> = LazyLock::new(|| {
+        let own = generic().map(|it| it.faults).chain(all().iter().map(|device| device.faults));
+        let mut kinds: Vec<&'static fault::Kind> = own.flatten().copied().collect();
+        kinds.sort_by_key(|kind| kind.number());
+        kinds.dedup_by(|one, other| core::ptr::eq(*one, *other));
+        kinds
+    });
+    &SUM
+}
+
+/// The kinds of faults that a device has itself.
+pub fn faults_of_device(layout: &Device) -> &'static [&'static fault::Kind] {
+    of_hash(layout.layout_hash).map_or(&[], |known| known.faults)
+}
+
+/// The kinds of faults of media of this family, their participants and their ports.
+pub fn faults_of_medium(family: &str) -> &'static [&'static fault::Kind] {
+    MEDIA.iter().find(|kind| kind.name == family).map_or(&[], |kind| kind.faults)
 }
 
 #[cfg(test)]

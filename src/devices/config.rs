@@ -1,6 +1,7 @@
 //! What the plant file says about devices and media, as far as the plant must understand it: everything else is their own.
 
 use super::{BuildError, Device, Medium, Plug, SettingError};
+use crate::fault;
 use crate::journal::{Kind, Rule};
 use crate::layout;
 use crate::memory::Segment;
@@ -72,6 +73,9 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         Ok(())
     }
 
+    /// Its kind, one of [`MEDIA`](super::MEDIA).
+    fn family(&self) -> &'static str;
+
     /// Who takes part without being a device's port: name and number.
     fn participants(&self) -> Vec<(&str, u8)> {
         Vec::new()
@@ -96,14 +100,16 @@ pub type Read<T> = fn(ValueDeserializer<'_>) -> Result<Arc<T>, Error>;
 pub struct MediumKind {
     /// Its name, in the plant file and as the family of ports in layouts.
     pub name: &'static str,
-    /// Reads a `[[bus]]` of this kind.
-    pub read: Read<dyn MediumConfig>,
-    /// Where ports of this family are that no medium is plugged in at.
-    pub unplugged: fn() -> Box<dyn Medium>,
     /// What it has to tell the journal.
     pub records: &'static [&'static Kind],
     /// Rules of the access checker about the registers of its ports.
     pub rules: &'static [&'static Rule],
+    /// What can go wrong with it, its participants and its ports.
+    pub faults: &'static [&'static fault::Kind],
+    /// Reads a `[[bus]]` of this kind.
+    pub read: Read<dyn MediumConfig>,
+    /// Where ports of this family are that no medium is plugged in at.
+    pub unplugged: fn() -> Box<dyn Medium>,
 }
 
 impl fmt::Debug for MediumKind {

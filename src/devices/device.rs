@@ -1,6 +1,7 @@
 //! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
 
 use super::{Context, World};
+use crate::fault::{Effect, Hit, Target};
 use crate::layout::{self, Fitted};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Segment, Width};
@@ -126,11 +127,11 @@ pub trait Device: Any + Send {
         let _ = world;
     }
 
-    /// Brings fault number `fault` upon the drive that belongs to it. Tells whether there is one, with power and without
-    /// fault.
-    fn trip(&mut self, now: u64, fault: u16) -> bool {
-        let _ = (now, fault);
-        false
+    /// A fault acts that the device has itself: does it hit by itself, at its begin or in a processor cycle? What hits when the
+    /// device does something it finds out then ([`World::faults`]).
+    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+        let _ = (now, target, effect);
+        None
     }
 
     /// Interrupt level of an event: a task of a higher one interrupts one of a lower one. `None`: there is no such event.

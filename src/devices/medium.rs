@@ -1,7 +1,7 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
 use super::{BuildError, Context, Device};
-use crate::fault::Faults;
+use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
 
@@ -43,6 +43,9 @@ pub struct Plug {
 pub trait Medium: Any + Send {
     /// Its name in the plant.
     fn name(&self) -> &str;
+
+    /// Its kind, one of [`MEDIA`](super::MEDIA).
+    fn family(&self) -> &'static str;
 
     /// Attaches a port: the [`Plug::socket`] of a device. Returns the port's place, by which it is named from now on.
     ///
@@ -115,21 +118,16 @@ pub trait Medium: Any + Send {
         0
     }
 
-    /// Participants that are off from now on, bit n for number n.
-    fn set_off(&mut self, now: u64, off: u32) {
-        let _ = (now, off);
+    /// Which of the faults that the medium lets act do so has changed.
+    fn faults_changed(&mut self, now: u64, faults: &Faults) {
+        let _ = (now, faults);
     }
 
-    /// Brings fault number `fault` upon participant `number`. Tells whether there is one that can have it.
-    fn trip(&mut self, now: u64, number: u8, fault: u16) -> bool {
-        let _ = (now, number, fault);
-        false
-    }
-
-    /// The controller of a port goes BUS-off; tells whether it was working.
-    fn go_bus_off(&mut self, place: usize, now: u64) -> bool {
-        let _ = (place, now);
-        false
+    /// A fault acts on the medium, a participant or a port: does it hit by itself, at its begin or in a processor cycle? What
+    /// hits at an event the medium finds out then ([`World::faults`]).
+    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+        let _ = (now, target, effect);
+        None
     }
 }
 

@@ -14,6 +14,8 @@ mod context;
 mod device;
 #[cfg(feature = "emulator")]
 mod events;
+#[cfg(all(test, feature = "emulator"))]
+mod fault_tests;
 #[cfg(feature = "plc")]
 mod intr_set;
 #[cfg(feature = "emulator")]
@@ -32,7 +34,7 @@ pub mod settings;
 mod shown;
 
 #[cfg(feature = "emulator")]
-pub use catalogue::catalogue;
+pub use catalogue::{catalogue, fault_kinds, faults_of_device, faults_of_medium};
 #[cfg(feature = "emulator")]
 pub use config::{DeviceConfig, MediumConfig, MediumKind, PortConfig, Read};
 #[cfg(feature = "emulator")]
@@ -51,17 +53,19 @@ pub use settings::{BuildError, SettingError};
 #[cfg(feature = "emulator")]
 pub static MEDIA: &[MediumKind] = &[
     MediumKind {
-        name: "cansync",
+        name: cansync::medium::FAMILY,
         read: cansync::medium::BusConfig::read,
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
+        faults: cansync::faults::KINDS,
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
     },
     MediumKind {
-        name: "can",
+        name: can_bus::FAMILY,
         read: can_bus::CanBusConfig::read,
         records: can_bus::records::KINDS,
         rules: &[],
+        faults: &[],
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
     },
 ];

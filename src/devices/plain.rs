@@ -2,6 +2,7 @@
 
 use super::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use super::{Context, Device, Look, Power, World};
+use crate::fault::{Effect, Hit, Target};
 use crate::layout;
 use crate::layout::Fitted;
 use crate::memory::header::{self, BoardSetting, BoardState};
@@ -30,6 +31,12 @@ pub trait Firmware: Send + 'static {
     /// Handles what is due at `ctx.now`.
     fn due(&mut self, ctx: &mut Context) {
         let _ = ctx;
+    }
+
+    /// A fault of the device itself acts, at its begin or in a processor cycle: does it hit?
+    fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
+        let _ = (now, effect);
+        None
     }
 }
 
@@ -164,6 +171,10 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn processor_cycle(&mut self, ctx: &mut Context) {
         self.firmware.look(ctx);
+    }
+
+    fn strike(&mut self, now: u64, _: Target, effect: &Effect) -> Option<Hit> {
+        self.firmware.strike(now, effect)
     }
 
     fn next_time(&self) -> u64 {

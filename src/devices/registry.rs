@@ -4,6 +4,8 @@
 use super::{DeviceConfig, Read, catalogue};
 use super::{bm4_o_can_06, omega_drive_line_2};
 #[cfg(feature = "emulator")]
+use crate::fault;
+#[cfg(feature = "emulator")]
 use crate::journal::{Kind, Rule};
 use crate::layout::Device as Layout;
 use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
@@ -28,6 +30,9 @@ pub struct Registered {
     /// Rules of the access checker that only hold for it.
     #[cfg(feature = "emulator")]
     pub rules: &'static [&'static Rule],
+    /// What can go wrong with the device itself, or with its ports whatever they are at.
+    #[cfg(feature = "emulator")]
+    pub faults: &'static [&'static fault::Kind],
 }
 
 /// The devices of commram itself, the default one first.
@@ -42,6 +47,8 @@ static BUILT_IN: [Registered; 2] = [
         records: omega_drive_line_2::records::KINDS,
         #[cfg(feature = "emulator")]
         rules: omega_drive_line_2::rules::ALL,
+        #[cfg(feature = "emulator")]
+        faults: omega_drive_line_2::faults::KINDS,
     },
     Registered {
         layout: &bm4_o_can_06::registers::DEVICE,
@@ -53,6 +60,8 @@ static BUILT_IN: [Registered; 2] = [
         records: &[],
         #[cfg(feature = "emulator")]
         rules: &[],
+        #[cfg(feature = "emulator")]
+        faults: &[],
     },
 ];
 
@@ -150,7 +159,7 @@ fn claims(device: &'static Registered) -> Vec<Claim> {
     ];
     let own = own.into_iter();
     #[cfg(feature = "emulator")]
-    let own = own.chain(claims_of(layout.name, device.records, device.rules));
+    let own = own.chain(claims_of(layout.name, device.records, device.rules, device.faults));
     own.collect()
 }
 
@@ -159,6 +168,7 @@ fn claims_of(
     owner: &'static str,
     records: &'static [&'static Kind],
     rules: &'static [&'static Rule],
+    faults: &'static [&'static fault::Kind],
 ) -> impl Iterator<Item = Claim> {
     let of_records = records.iter().flat_map(move |&kind| {
         let number = Claim::new(owner, "the number of record", kind.number(), kind);
@@ -168,13 +178,17 @@ fn claims_of(
         let number = Claim::new(owner, "the number of rule", rule.number(), rule);
         [number, Claim::new(owner, "the name of rule", rule.id(), rule)]
     });
-    of_records.chain(of_rules)
+    let of_faults = faults.iter().flat_map(move |&kind| {
+        let number = Claim::new(owner, "the number of fault", kind.number(), kind);
+        [number, Claim::new(owner, "the name of fault", kind.name(), kind)]
+    });
+    of_records.chain(of_rules).chain(of_faults)
 }
 
 /// What is the same for every device, and what belongs to media.
 fn generic_claims() -> Vec<Claim> {
     #[cfg(feature = "emulator")]
-    let claims = catalogue::generic().flat_map(|it| claims_of(it.owner, it.records, it.rules)).collect();
+    let claims = catalogue::generic().flat_map(|it| claims_of(it.owner, it.records, it.rules, it.faults)).collect();
     #[cfg(not(feature = "emulator"))]
     let claims = Vec::new();
     claims
@@ -185,7 +199,7 @@ fn generic_claims() -> Vec<Claim> {
 /// the library.
 ///
 /// # Errors
-/// [`RegisterError`]: name, layout hash, or the number or name of a record or rule is taken, or somebody has already looked
+/// [`RegisterError`]: name, layout hash, or the number or name of a record, rule or fault is taken, or somebody has already looked
 /// a device up.
 pub fn register(device: &'static Registered) -> Result<(), RegisterError> {
     REGISTRY.register(device)

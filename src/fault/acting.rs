@@ -1,6 +1,6 @@
 //! The faults of an installation: which wait, which act, how often they have hit.
 
-use super::{Effect, Fault, FaultNews, FaultStatus, Hit, Limit, MAX_FAULTS, News, Refusal};
+use super::{Effect, Fault, FaultNews, FaultStatus, Hit, Limit, MAX_FAULTS, News, Owner, Refusal, Target};
 use crate::journal::Journal;
 
 /// Time at which nothing is ever due.
@@ -9,6 +9,9 @@ const NEVER: u64 = u64::MAX;
 /// A fault in the list.
 struct Entry {
     status: FaultStatus,
+    owner: Owner,
+    /// What the values mean, as the family has it that lets the fault act.
+    effect: Effect,
     begins: u64,
     ends: u64,
     done: bool,
@@ -17,7 +20,7 @@ struct Entry {
 impl Entry {
     fn report(&self, now: u64, journal: &mut Journal, news: News) {
         let FaultStatus { id, fault, .. } = self.status;
-        journal.push(now, FaultNews { target: fault.target(), id, kind: fault.kind() as u8, news });
+        journal.push(now, FaultNews { target: fault.target(), id, kind: fault.kind().number(), news });
     }
 
     fn next_time(&self) -> u64 {
@@ -47,20 +50,29 @@ impl Faults {
         self.next.unwrap_or(NEVER)
     }
 
-    /// Adds a fault that was checked; it begins with the next call of [`Faults::advance`]. Returns its number.
-    pub fn add(&mut self, now: u64, fault: Fault, journal: &mut Journal) -> Result<u16, Refusal> {
+    /// Adds a fault that `owner` lets act; it begins with the next call of [`Faults::advance`]. Returns its number.
+    ///
+    /// # Errors
+    /// [`Refusal::TooMany`].
+    pub fn add(
+        &mut self,
+        now: u64,
+        fault: Fault,
+        owner: Owner,
+        journal: &mut Journal,
+    ) -> Result<u16, Refusal> {
         if self.entries.len() >= MAX_FAULTS {
             return Err(Refusal::TooMany);
         }
         let id = self.free_id();
         self.last_id = id;
-        let begins = fault.at_us.max(now);
-        let ends = match fault.limit {
+        let begins = fault.at_us().max(now);
+        let ends = match fault.limit() {
             Limit::Duration(us) => begins.saturating_add(us.into()),
             Limit::UntilCleared | Limit::Count(_) => NEVER,
         };
         let status = FaultStatus { id, fault, acting: false, hits: 0 };
-        let entry = Entry { status, begins, ends, done: false };
+        let entry = Entry { status, owner, effect: fault.effect(), begins, ends, done: false };
         entry.report(now, journal, News::Added);
         self.entries.push(entry);
         self.schedule();
@@ -93,6 +105,9 @@ impl Faults {
     }
 
     /// Clears a fault.
+    ///
+    /// # Errors
+    /// [`Refusal::UnknownFault`].
     pub fn clear(&mut self, now: u64, id: u16, journal: &mut Journal) -> Result<(), Refusal> {
         let entry = self.entries.iter_mut().find(|entry| entry.status.id == id);
         let entry = entry.ok_or(Refusal::UnknownFault { id })?;
@@ -102,22 +117,48 @@ impl Faults {
         Ok(())
     }
 
-    /// Lets the acting faults strike, in the order in which they were added. `strike` gets the effect and the
-    /// number of hits before; it says whether this is a hit, and what to note of it.
-    pub fn strike(
+    /// Lets the faults strike that `owner` lets act, in the order in which they were added. `strike` gets where, the effect and
+    /// the number of hits before; it says whether this is a hit, and what to note of it.
+    pub fn strike<E: 'static>(
+        &mut self,
+        now: u64,
+        owner: Owner,
+        journal: &mut Journal,
+        mut strike: impl FnMut(Target, &E, u32) -> Option<Hit>,
+    ) {
+        self.strike_each(now, journal, |entry| {
+            if entry.owner != owner {
+                return None;
+            }
+            strike(entry.status.fault.target(), entry.effect.get()?, entry.status.hits)
+        });
+    }
+
+    /// Lets all faults strike that act, whoever's they are.
+    pub fn strike_all(
         &mut self,
         now: u64,
         journal: &mut Journal,
-        mut strike: impl FnMut(&Effect, u32) -> Option<Hit>,
+        mut strike: impl FnMut(Owner, Target, &Effect) -> Option<Hit>,
+    ) {
+        self.strike_each(now, journal, |entry| {
+            strike(entry.owner, entry.status.fault.target(), &entry.effect)
+        });
+    }
+
+    fn strike_each(
+        &mut self,
+        now: u64,
+        journal: &mut Journal,
+        mut strike: impl FnMut(&Entry) -> Option<Hit>,
     ) {
         let mut over = false;
         for entry in self.entries.iter_mut().filter(|entry| entry.status.acting) {
-            let Some(detail) = strike(&entry.status.fault.effect, entry.status.hits) else {
-                continue;
-            };
+            let Some(detail) = strike(entry) else { continue };
             entry.status.hits = entry.status.hits.saturating_add(1);
             entry.report(now, journal, News::Hit(detail));
-            if matches!(entry.status.fault.limit, Limit::Count(count) if entry.status.hits >= count) {
+            let limit = entry.status.fault.limit();
+            if matches!(limit, Limit::Count(count) if entry.status.hits >= count) {
                 entry.report(now, journal, News::Over);
                 entry.done = true;
                 over = true;
@@ -128,9 +169,10 @@ impl Faults {
         }
     }
 
-    /// The effects that act now.
-    pub fn acting(&self) -> impl Iterator<Item = &Effect> {
-        self.entries.iter().filter(|entry| entry.status.acting).map(|entry| &entry.status.fault.effect)
+    /// The effects that `owner` lets act now, and where.
+    pub fn acting<E: 'static>(&self, owner: Owner) -> impl Iterator<Item = (Target, &E)> {
+        let entries = self.entries.iter().filter(move |entry| entry.status.acting && entry.owner == owner);
+        entries.filter_map(|entry| Some((entry.status.fault.target(), entry.effect.get()?)))
     }
 
     /// All faults in the order in which they were added.

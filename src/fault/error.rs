@@ -1,20 +1,18 @@
 //! What can be wrong with the description of a fault.
 
-use super::kind::{Field, Kind};
-use super::{FrameSlot, MAX_FAULTS};
+use super::{Field, Kind, MAX_FAULTS, Place};
 use crate::journal::Names;
-use core::fmt;
+use crate::layout::Device;
 use thiserror::Error;
 
-/// Why an installation refuses a fault. Made of numbers only, so that it can travel; buses and PLCs are counted
-/// from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+/// Why a fault cannot be. Buses and PLCs are counted from 0; [`FaultError::refused`] has their names.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// A number out of its range.
-    #[error("{field} is {}; it must be {} to {}", show(*.field, *.value), show(*.field, *.least), show(*.field, *.most))]
+    #[error("{field} is {}; it must be {} to {}", .field.show(*.value), .field.show(*.least), .field.show(*.most))]
     Range {
         /// The field.
-        field: Field,
+        field: &'static Field,
         /// Its value.
         value: u64,
         /// Smallest value.
@@ -22,17 +20,32 @@ pub enum Refusal {
         /// Largest value.
         most: u64,
     },
-    /// An identifier with bits outside its mask.
-    #[error("id 16#{id:03X} can never match under the mask 16#{mask:03X}; clear the bits outside the mask")]
-    NeverMatches {
-        /// The identifier.
-        id: u16,
-        /// The mask.
-        mask: u16,
+    /// A field that is missing.
+    #[error("{field} is missing; {right}")]
+    Missing {
+        /// The field.
+        field: &'static Field,
+        /// What would be right.
+        right: String,
+    },
+    /// Values of which each is right, but not together.
+    #[error("{0}")]
+    Disagree(String),
+    /// It acts somewhere else.
+    #[error("it acts on {}", acts_on(*.place))]
+    OtherPlace {
+        /// Where faults of this kind act.
+        place: Place,
     },
     /// A count for a fault that does not come in hits.
-    #[error("count has no meaning for slave_off; give duration_us, or clear the fault")]
-    NotCounted,
+    #[error("count has no meaning for {}; give duration_us, or clear the fault", .kind.name())]
+    NotCounted {
+        /// The kind.
+        kind: &'static Kind,
+    },
+    /// Two ways to end.
+    #[error("count and duration_us exclude each other; give one of them")]
+    TwoLimits,
     /// No such bus.
     #[error("bus {bus} does not exist; there are {count}, numbered from 0")]
     UnknownBus {
@@ -59,13 +72,41 @@ pub enum Refusal {
         /// The slaves it has, bit n for slave n.
         present: u32,
     },
-    /// A node that is not on a bus.
-    #[error("node{node} of PLC {plc} is not on a bus; name a node, 1 or 2, that is")]
-    NoNode {
+    /// No such port.
+    #[error("PLC {plc} has no port {port}; its ports are: {}", port_list(.layout))]
+    NoPort {
         /// The PLC.
         plc: u16,
-        /// The node.
-        node: u8,
+        /// The port.
+        port: u8,
+        /// What the PLC is.
+        layout: &'static Device,
+    },
+    /// A port that is not on a bus.
+    #[error("{port} of PLC {plc} is not on a bus; those that are: {}", list(.plugged))]
+    NotPlugged {
+        /// The PLC.
+        plc: u16,
+        /// The port.
+        port: &'static str,
+        /// Its ports that are on a bus.
+        plugged: Vec<&'static str>,
+    },
+    /// A bus on which there is no such fault.
+    #[error("bus {bus} cannot have it; its faults are: {}", kind_list(.known))]
+    NotOfBus {
+        /// The bus.
+        bus: u16,
+        /// The faults of its kind of buses.
+        known: &'static [&'static Kind],
+    },
+    /// A PLC that cannot have such a fault.
+    #[error("PLC {plc} cannot have it; its faults are: {}", kind_list(.known))]
+    NotOfPlc {
+        /// The PLC.
+        plc: u16,
+        /// The faults that it has itself.
+        known: &'static [&'static Kind],
     },
     /// Too many faults at a time.
     #[error("there are {MAX_FAULTS} faults already; clear one first")]
@@ -82,42 +123,54 @@ pub enum Refusal {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum FaultError {
     /// A kind that does not exist.
-    #[error("kind = \"{kind}\": there is no such fault; the kinds are: {}", list(Kind::ALL, Kind::name))]
+    #[error("kind = \"{kind}\": there is no such fault; the kinds are: {known}")]
     UnknownKind {
         /// As given.
         kind: String,
+        /// The kinds there are.
+        known: String,
     },
-    /// A field that is missing.
-    #[error("{}: {field} is missing; {right}", .kind.name())]
-    Missing {
+    /// A field that no kind has.
+    #[error("{}: unknown field `{field}`; its fields are: {}", .kind.name(), field_list(.kind))]
+    UnknownField {
         /// The kind.
-        kind: Kind,
-        /// The field.
-        field: Field,
-        /// What would be right.
-        right: String,
+        kind: &'static Kind,
+        /// As given.
+        field: String,
     },
     /// A field that the kind does not have.
-    #[error("{0}: {field} has no meaning; its fields are: {1}, at_us, count, duration_us", .kind.name(), list(.kind.fields().iter().copied(), Field::name))]
+    #[error("{}: {field} has no meaning; its fields are: {}", .kind.name(), field_list(.kind))]
     NotForKind {
         /// The kind.
-        kind: Kind,
+        kind: &'static Kind,
         /// The field.
-        field: Field,
+        field: &'static Field,
     },
-    /// A slot that does not exist, or not for this kind.
-    #[error("{}: slot = \"{slot}\"; it must be {}", .kind.name(), list(.kind.slots().iter().copied(), FrameSlot::name))]
-    Slot {
+    /// A field under both of its names.
+    #[error("{}: {field} is given twice", .kind.name())]
+    Twice {
         /// The kind.
-        kind: Kind,
-        /// As given.
-        slot: String,
+        kind: &'static Kind,
+        /// The field.
+        field: &'static Field,
+    },
+    /// A text where a number belongs, or a number where a text belongs.
+    #[error("{}: {field} = {given}; it must be {right}", .kind.name())]
+    Form {
+        /// The kind.
+        kind: &'static Kind,
+        /// The field.
+        field: &'static Field,
+        /// As given, a text in quotation marks.
+        given: String,
+        /// What would be right.
+        right: String,
     },
     /// A bus that does not exist.
     #[error("{}: bus \"{bus}\" does not exist; buses are: {known}", .kind.name())]
     UnknownBus {
         /// The kind.
-        kind: Kind,
+        kind: &'static Kind,
         /// As given.
         bus: String,
         /// The buses there are.
@@ -127,23 +180,29 @@ pub enum FaultError {
     #[error("{}: PLC \"{plc}\" does not exist; PLCs are: {known}", .kind.name())]
     UnknownPlc {
         /// The kind.
-        kind: Kind,
+        kind: &'static Kind,
         /// As given.
         plc: String,
         /// The PLCs there are.
         known: String,
     },
-    /// Two ways to end.
-    #[error("{}: count and duration_us exclude each other; give one of them", .kind.name())]
-    TwoLimits {
+    /// A port that the PLC does not have.
+    #[error("{}: PLC \"{plc}\" has no port {port}; its ports are: {known}", .kind.name())]
+    NoPort {
         /// The kind.
-        kind: Kind,
+        kind: &'static Kind,
+        /// The PLC.
+        plc: String,
+        /// As given.
+        port: String,
+        /// The ports it has.
+        known: String,
     },
     /// A slave that the bus does not have.
     #[error("{}: bus \"{bus}\" has no slave {slave}; its slaves are: {}", .kind.name(), slave_list(*.present))]
     NoSlave {
         /// The kind.
-        kind: Kind,
+        kind: &'static Kind,
         /// The bus.
         bus: String,
         /// The slave number.
@@ -151,21 +210,43 @@ pub enum FaultError {
         /// The slaves it has, bit n for slave n.
         present: u32,
     },
-    /// A node that is not on a bus.
-    #[error("{}: node{node} of PLC \"{plc}\" is not on a bus; name a node, 1 or 2, that is", .kind.name())]
-    NoNode {
+    /// A port that is not on a bus.
+    #[error("{}: {port} of PLC \"{plc}\" is not on a bus; those that are: {}", .kind.name(), list(.plugged))]
+    NotPlugged {
         /// The kind.
-        kind: Kind,
+        kind: &'static Kind,
         /// The PLC.
         plc: String,
-        /// The node.
-        node: u8,
+        /// The port.
+        port: &'static str,
+        /// Its ports that are on a bus.
+        plugged: Vec<&'static str>,
     },
-    /// Numbers that are refused.
+    /// A bus on which there is no such fault.
+    #[error("{}: bus \"{bus}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
+    NotOfBus {
+        /// The kind.
+        kind: &'static Kind,
+        /// The bus.
+        bus: String,
+        /// The faults of its kind of buses.
+        known: &'static [&'static Kind],
+    },
+    /// A PLC that cannot have such a fault.
+    #[error("{}: PLC \"{plc}\" cannot have it; its faults are: {}", .kind.name(), kind_list(.known))]
+    NotOfPlc {
+        /// The kind.
+        kind: &'static Kind,
+        /// The PLC.
+        plc: String,
+        /// The faults that it has itself.
+        known: &'static [&'static Kind],
+    },
+    /// What does not depend on names.
     #[error("{}: {refusal}", .kind.name())]
     Refused {
         /// The kind.
-        kind: Kind,
+        kind: &'static Kind,
         /// Why.
         refusal: Refusal,
     },
@@ -173,36 +254,61 @@ pub enum FaultError {
 
 impl FaultError {
     /// The refusal of a fault, with the names of what it concerns.
-    pub fn refused(kind: Kind, refusal: Refusal, names: &Names) -> Self {
+    pub fn refused(kind: &'static Kind, refusal: Refusal, names: &Names) -> Self {
+        let (bus_name, plc_name) =
+            (|bus| names.bus(bus).into_owned(), |plc| names.plc(plc).into_owned());
         match refusal {
             Refusal::NoSlave { bus, slave, present } => {
-                FaultError::NoSlave { kind, bus: names.bus(bus).into_owned(), slave, present }
+                FaultError::NoSlave { kind, bus: bus_name(bus), slave, present }
             }
-            Refusal::NoNode { plc, node } => {
-                FaultError::NoNode { kind, plc: names.plc(plc).into_owned(), node }
+            Refusal::NoPort { plc, port, layout } => FaultError::NoPort {
+                kind,
+                plc: plc_name(plc),
+                port: port.to_string(),
+                known: port_list(layout),
+            },
+            Refusal::NotPlugged { plc, port, plugged } => {
+                FaultError::NotPlugged { kind, plc: plc_name(plc), port, plugged }
             }
+            Refusal::NotOfBus { bus, known } => FaultError::NotOfBus { kind, bus: bus_name(bus), known },
+            Refusal::NotOfPlc { plc, known } => FaultError::NotOfPlc { kind, plc: plc_name(plc), known },
             refusal => FaultError::Refused { kind, refusal },
         }
     }
 }
 
-impl fmt::Display for Field {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+/// What a kind acts on, for people.
+const fn acts_on(place: Place) -> &'static str {
+    match place {
+        Place::Medium => "a bus",
+        Place::Participant => "a participant of a bus",
+        Place::Port => "a port of a PLC",
+        Place::Device => "a PLC",
     }
 }
 
-/// A value in the base in which its field is written.
-fn show(field: Field, value: u64) -> String {
-    if field.is_hexadecimal() { format!("16#{value:03X}") } else { value.to_string() }
+/// Names one after the other, or "none".
+pub(super) fn list<T: AsRef<str>>(names: &[T]) -> String {
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
-fn list<T>(items: impl IntoIterator<Item = T>, name: impl Fn(T) -> &'static str) -> String {
-    items.into_iter().map(name).collect::<Vec<_>>().join(", ")
+/// Names of kinds.
+pub(super) fn kind_list(kinds: &[&Kind]) -> String {
+    list(&kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>())
+}
+
+/// Names of a device's ports.
+pub(super) fn port_list(device: &Device) -> String {
+    list(&device.ports.iter().map(|port| port.name).collect::<Vec<_>>())
+}
+
+fn field_list(kind: &'static Kind) -> String {
+    list(&kind.all_fields().map(Field::name).collect::<Vec<_>>())
 }
 
 /// Slave numbers as text; bit n of `mask` stands for slave n.
 pub fn slave_list(mask: u32) -> String {
     let numbers: Vec<_> = (0..32).filter(|n| mask >> n & 1 != 0).map(|n: u32| n.to_string()).collect();
-    if numbers.is_empty() { "none".to_owned() } else { numbers.join(", ") }
+    list(&numbers)
 }

@@ -1,270 +1,235 @@
-//! Kinds of faults, the fields that describe them, and where they act.
+//! Kinds of faults. A family tells each of its kinds once: number, name, where it acts, fields, how it ends, and what it
+//! makes of the values.
 
-use super::FrameSlot;
+use super::field::{Field, Form};
+use super::{Effect, Fault, MAX_AT_US, MAX_DURATION_US};
+use core::fmt;
+use core::hash::{Hash, Hasher};
 
-/// A kind of fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Kind {
-    /// A frame is lost.
-    LoseFrame = 1,
-    /// A frame comes late.
-    DelayFrame,
-    /// A frame comes twice.
-    DuplicateFrame,
-    /// A SYNC edge is lost.
-    LoseSync,
-    /// SYNC edges come late and early in turn.
-    JitterSync,
-    /// A slave is off.
-    SlaveOff,
-    /// A slave answers late.
-    SlaveLate,
-    /// A slave answers BUSY.
-    SlaveBusy,
-    /// A slave answers with an error number.
-    SlaveError,
-    /// An up-/download block carries a wrong offset.
-    WrongOffset,
-    /// A CAN controller is BUS-off.
-    BusOff,
-    /// A CAN controller loses frames it receives.
-    Overrun,
-    /// A drive on a bus has a fault.
-    DriveFault,
-    /// The drive behind the BAPS of a PLC has a fault.
-    BapsDriveFault,
-    /// The drive does nothing at the BAPS.
-    BapsSilent,
-    /// The drive is late at the BAPS.
-    BapsSlow,
+/// Most fields of a kind, besides those that say where and when.
+pub const MAX_FIELDS: usize = 4;
+/// Bytes that the values of a fault may take, seven bits a byte, so that it fits into an operation of the channel.
+const MAX_BYTES: usize = 11;
+/// Highest number that a participant of a medium is called by in a fault.
+pub const MAX_PARTICIPANT: u8 = 31;
+
+/// A kind of fault. Kinds are equal if their numbers are.
+pub struct Kind {
+    number: u8,
+    name: &'static str,
+    place: Place,
+    about: &'static str,
+    fields: &'static [Field],
+    example: &'static str,
+    happens_once: bool,
+    has_hits: bool,
+    agree: fn(&Fault) -> Result<(), String>,
+    effect: fn(&Fault) -> Effect,
 }
 
-/// A field of a fault's description, as plant files name it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Field {
-    /// Name of the bus.
-    Bus = 1,
-    /// Slot of the interval.
-    Slot,
-    /// Identifier of the frames.
-    Id,
-    /// The bits of the identifier that count.
-    Mask,
-    /// Delay in microseconds.
-    DelayUs,
-    /// Jitter in microseconds.
-    AmplitudeUs,
-    /// Slave number.
-    Slave,
-    /// Error number.
-    Error,
-    /// Offset of a block.
-    Offset,
-    /// Name of the PLC.
-    Plc,
-    /// CANsync node.
-    Node,
-    /// Begin in microseconds since power-on.
-    AtUs,
-    /// Number of hits.
-    Count,
-    /// Duration in microseconds.
-    DurationUs,
+/// Where a kind of fault acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A bus as a whole.
+    Medium,
+    /// One participant of a bus.
+    Participant,
+    /// A port of a device, which is plugged in.
+    Port,
+    /// A device itself.
+    Device,
 }
 
-/// Where a fault acts. Buses and PLCs are counted as in the plant file, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Target {
-    /// A bus.
-    Bus(u16),
-    /// A slave of a bus.
-    Slave {
-        /// The bus.
-        bus: u16,
-        /// Slave number.
-        slave: u8,
-    },
-    /// A CANsync node of a PLC, or its BAPS.
-    Node {
-        /// The PLC.
-        plc: u16,
-        /// 1 or 2; 0 is the BAPS.
-        node: u8,
-    },
-}
+/// The fields that say where.
+static BUS: Field = Field::new("bus", Form::Name, "Name of the bus");
+static PLC: Field = Field::new("plc", Form::Name, "Name of the PLC");
+/// The port of a PLC.
+pub(super) static NODE: Field = Field::new("node", Form::Port, "Port of the PLC, which must be on a bus");
+/// The participant of a bus.
+pub(super) static SLAVE: Field =
+    Field::new("slave", Form::Number { least: 0, most: MAX_PARTICIPANT as u64 }, "Slave number")
+        .required("give the slave number, 0 to 31");
 
-impl Target {
-    /// The numbers from which [`Kind::target`] makes it again.
-    pub const fn numbers(self) -> (u16, u8) {
+/// Begin of a fault.
+pub(super) static AT_US: Field = Field::new(
+    "at_us",
+    Form::Time { least: 0, most: MAX_AT_US },
+    "Begin, emulated time since power-on. Left out or past: at once",
+);
+/// Its end by hits.
+pub(super) static COUNT: Field =
+    Field::new("count", Form::Number { least: 1, most: u32::MAX as u64 }, "Ends after so many hits");
+/// Its end by time.
+pub(super) static DURATION_US: Field = Field::new(
+    "duration_us",
+    Form::Time { least: 1, most: MAX_DURATION_US as u64 },
+    "Ends after this emulated time. Not together with `count`",
+)
+.or("for_us");
+
+impl Place {
+    /// The fields that say where.
+    pub fn fields(self) -> &'static [&'static Field] {
         match self {
-            Target::Bus(bus) => (bus, 0),
-            Target::Slave { bus, slave } => (bus, slave),
-            Target::Node { plc, node } => (plc, node),
+            Place::Medium => const { &[&BUS] },
+            Place::Participant => const { &[&BUS, &SLAVE] },
+            Place::Port => const { &[&PLC, &NODE] },
+            Place::Device => const { &[&PLC] },
         }
     }
 }
 
 impl Kind {
-    /// All kinds.
-    pub const ALL: [Kind; 16] = [
-        Kind::LoseFrame,
-        Kind::DelayFrame,
-        Kind::DuplicateFrame,
-        Kind::LoseSync,
-        Kind::JitterSync,
-        Kind::SlaveOff,
-        Kind::SlaveLate,
-        Kind::SlaveBusy,
-        Kind::SlaveError,
-        Kind::WrongOffset,
-        Kind::BusOff,
-        Kind::Overrun,
-        Kind::DriveFault,
-        Kind::BapsDriveFault,
-        Kind::BapsSilent,
-        Kind::BapsSlow,
-    ];
+    /// The fields of every kind, which say when.
+    pub const COMMON: [&'static Field; 3] = [&AT_US, &COUNT, &DURATION_US];
+
+    /// A kind without fields of its own, which lasts until it is cleared. Number and name belong to it alone; `effect` makes
+    /// of the values what the medium or device wants to know while the fault acts.
+    #[must_use]
+    pub const fn new(
+        number: u8,
+        name: &'static str,
+        place: Place,
+        about: &'static str,
+        effect: fn(&Fault) -> Effect,
+    ) -> Self {
+        Kind {
+            number,
+            name,
+            place,
+            about,
+            fields: &[],
+            example: "",
+            happens_once: false,
+            has_hits: true,
+            agree: |_| Ok(()),
+            effect,
+        }
+    }
+
+    /// The same with fields, [`MAX_FIELDS`] at most. Their values are 32 bits wide.
+    ///
+    /// # Panics
+    /// If the values do not fit into an operation of the channel; as kinds are constants, at compile time.
+    #[must_use]
+    pub const fn with(self, fields: &'static [Field]) -> Self {
+        assert!(fields.len() <= MAX_FIELDS, "a fault has four values at most");
+        // A value that is not there takes a byte, too.
+        let (mut bytes, mut index) = (MAX_FIELDS - fields.len(), 0);
+        while index < fields.len() {
+            let (_, most) = fields[index].range();
+            assert!(most <= u32::MAX as u64, "a value has 32 bits");
+            bytes += if most == 0 { 1 } else { most.ilog2() as usize / 7 + 1 };
+            index += 1;
+        }
+        assert!(bytes <= MAX_BYTES, "the values do not fit into an operation of the channel");
+        Kind { fields, ..self }
+    }
+
+    /// The same, shown in help with these fields.
+    #[must_use]
+    pub const fn shown(self, example: &'static str) -> Self {
+        Kind { example, ..self }
+    }
+
+    /// The same, happening once if nobody says how often.
+    #[must_use]
+    pub const fn once(self) -> Self {
+        Kind { happens_once: true, ..self }
+    }
+
+    /// The same, a condition that does not come in hits: it cannot end by `count`.
+    #[must_use]
+    pub const fn without_hits(self) -> Self {
+        Kind { has_hits: false, ..self }
+    }
+
+    /// The same, whose values must agree with each other.
+    #[must_use]
+    pub const fn agreeing(self, agree: fn(&Fault) -> Result<(), String>) -> Self {
+        Kind { agree, ..self }
+    }
+
+    /// Its number, by which it travels through journal and channel and in whose order kinds are listed.
+    #[must_use]
+    pub const fn number(&self) -> u8 {
+        self.number
+    }
 
     /// Its name in plant files, on the command line and in the journal.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Kind::LoseFrame => "lose_frame",
-            Kind::DelayFrame => "delay_frame",
-            Kind::DuplicateFrame => "duplicate_frame",
-            Kind::LoseSync => "lose_sync",
-            Kind::JitterSync => "jitter_sync",
-            Kind::SlaveOff => "slave_off",
-            Kind::SlaveLate => "slave_late",
-            Kind::SlaveBusy => "slave_busy",
-            Kind::SlaveError => "slave_error",
-            Kind::WrongOffset => "wrong_offset",
-            Kind::BusOff => "bus_off",
-            Kind::Overrun => "overrun",
-            Kind::DriveFault => "drive_fault",
-            Kind::BapsDriveFault => "baps_drive_fault",
-            Kind::BapsSilent => "baps_silent",
-            Kind::BapsSlow => "baps_slow",
-        }
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        self.name
     }
 
-    /// The kind of a name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    /// Where it acts.
+    #[must_use]
+    pub const fn place(&self) -> Place {
+        self.place
     }
 
-    /// The kind of a number.
-    pub fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| *kind as u8 == code)
+    /// What happens, in a sentence.
+    #[must_use]
+    pub const fn about(&self) -> &'static str {
+        self.about
     }
 
-    /// Where a fault of this kind acts: `index` counts buses or PLCs, `number` is a slave or node.
-    pub const fn target(self, index: u16, number: u8) -> Target {
-        match self {
-            Kind::LoseFrame | Kind::DelayFrame | Kind::DuplicateFrame | Kind::LoseSync | Kind::JitterSync => {
-                Target::Bus(index)
-            }
-            Kind::SlaveOff
-            | Kind::SlaveLate
-            | Kind::SlaveBusy
-            | Kind::SlaveError
-            | Kind::WrongOffset
-            | Kind::DriveFault => Target::Slave { bus: index, slave: number },
-            Kind::BusOff | Kind::Overrun | Kind::BapsDriveFault | Kind::BapsSilent | Kind::BapsSlow => {
-                Target::Node { plc: index, node: number }
-            }
-        }
+    /// The fields of its own, in whose order values are.
+    #[must_use]
+    pub const fn fields(&self) -> &'static [Field] {
+        self.fields
     }
 
-    /// Fields that describe it, besides when it begins and ends.
-    pub const fn fields(self) -> &'static [Field] {
-        use Field::{AmplitudeUs, Bus, DelayUs, Error, Id, Mask, Node, Offset, Plc, Slave, Slot};
-        match self {
-            Kind::LoseFrame => &[Bus, Slot, Id, Mask],
-            Kind::DelayFrame | Kind::DuplicateFrame => &[Bus, Slot, Id, Mask, DelayUs],
-            Kind::LoseSync => &[Bus],
-            Kind::JitterSync => &[Bus, AmplitudeUs],
-            Kind::SlaveOff | Kind::SlaveBusy => &[Bus, Slave],
-            Kind::SlaveLate => &[Bus, Slave, DelayUs],
-            Kind::SlaveError | Kind::DriveFault => &[Bus, Slave, Error],
-            Kind::WrongOffset => &[Bus, Slave, Slot, Offset],
-            Kind::BusOff | Kind::Overrun => &[Plc, Node],
-            Kind::BapsDriveFault => &[Plc, Error],
-            Kind::BapsSilent => &[Plc],
-            Kind::BapsSlow => &[Plc, DelayUs],
-        }
-    }
-
-    /// Slots that it can name.
-    pub const fn slots(self) -> &'static [FrameSlot] {
-        match self {
-            Kind::WrongOffset => &[FrameSlot::Cc, FrameSlot::Rc],
-            _ => &FrameSlot::ALL,
-        }
+    /// Fields for an example.
+    #[must_use]
+    pub const fn example(&self) -> &'static str {
+        self.example
     }
 
     /// Whether it happens once if nobody says how often. All others last until they are cleared.
-    pub const fn happens_once(self) -> bool {
-        matches!(self, Kind::BusOff | Kind::Overrun | Kind::DriveFault | Kind::BapsDriveFault)
+    #[must_use]
+    pub const fn happens_once(&self) -> bool {
+        self.happens_once
+    }
+
+    /// Whether it comes in hits and can end by `count`.
+    #[must_use]
+    pub const fn has_hits(&self) -> bool {
+        self.has_hits
+    }
+
+    /// All fields: where, its own, when.
+    pub fn all_fields(&'static self) -> impl Iterator<Item = &'static Field> {
+        self.place.fields().iter().copied().chain(self.fields).chain(Self::COMMON)
+    }
+
+    /// Checks that the values agree with each other.
+    pub(super) fn agree(&self, fault: &Fault) -> Result<(), String> {
+        (self.agree)(fault)
+    }
+
+    /// What the values of a fault of this kind mean.
+    pub(super) fn effect(&self, fault: &Fault) -> Effect {
+        (self.effect)(fault)
     }
 }
 
-impl Field {
-    /// All fields, in the order in which descriptions are written.
-    pub const ALL: [Field; 14] = [
-        Field::Bus,
-        Field::Plc,
-        Field::Node,
-        Field::Slave,
-        Field::Slot,
-        Field::Id,
-        Field::Mask,
-        Field::DelayUs,
-        Field::AmplitudeUs,
-        Field::Error,
-        Field::Offset,
-        Field::AtUs,
-        Field::Count,
-        Field::DurationUs,
-    ];
-
-    /// Another name that is understood wherever [`Field::name`] is.
-    pub const fn other_name(self) -> Option<&'static str> {
-        match self {
-            Field::DelayUs => Some("us"),
-            Field::DurationUs => Some("for_us"),
-            _ => None,
-        }
+impl PartialEq for Kind {
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
     }
+}
 
-    /// Its name in plant files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Field::Bus => "bus",
-            Field::Slot => "slot",
-            Field::Id => "id",
-            Field::Mask => "mask",
-            Field::DelayUs => "delay_us",
-            Field::AmplitudeUs => "amplitude_us",
-            Field::Slave => "slave",
-            Field::Error => "error",
-            Field::Offset => "offset",
-            Field::Plc => "plc",
-            Field::Node => "node",
-            Field::AtUs => "at_us",
-            Field::Count => "count",
-            Field::DurationUs => "duration_us",
-        }
+impl Eq for Kind {}
+
+impl Hash for Kind {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.number.hash(state);
     }
+}
 
-    /// The field of a number.
-    pub fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|field| *field as u8 == code)
-    }
-
-    /// Whether a value is written as a hexadecimal number.
-    pub(super) const fn is_hexadecimal(self) -> bool {
-        matches!(self, Field::Id | Field::Mask | Field::Error)
+impl fmt::Debug for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
     }
 }

@@ -1,13 +1,17 @@
 //! Faults to be injected: what goes wrong, where, from when and how often.
 //!
-//! A [`Fault`] names buses and PLCs by their index, so that it is small and can travel anywhere; a
-//! [`FaultSpec`] is the same with names, as plant files and the command line have it. What the kinds do to the
-//! plant is described in `docs/faults.md` and done in [`crate::plant`].
+//! Nothing here knows a kind of fault: the families of devices and media describe theirs ([`Kind`]), once, and let them
+//! act. A [`Fault`] names buses and PLCs by their index, so that it is small and can travel anywhere, and is always one
+//! that its kind allows; a [`FaultSpec`] is the same with names, as plant files and the command line have it, and unchecked.
+//! What the kinds do to the plant is described in `docs/faults.md`.
 
 mod acting;
+mod effect;
 mod error;
+mod field;
 mod kind;
 mod record;
+mod shown;
 mod sites;
 mod spec;
 #[cfg(test)]
@@ -15,22 +19,18 @@ mod tests;
 mod words;
 
 pub use acting::Faults;
+pub use effect::Effect;
 pub use error::{FaultError, Refusal, slave_list};
-pub use kind::{Field, Kind, Target};
+pub use field::{Field, Form};
+pub use kind::{Kind, MAX_FIELDS, MAX_PARTICIPANT, Place};
 pub use record::{FaultNews, Hit, KINDS, News};
-pub use sites::Sites;
-pub use spec::FaultSpec;
+pub use sites::{DeviceSite, MediumSite, Owner, Sites, Target};
+pub use spec::{FaultSpec, Given};
 pub use words::WordError;
 
-use crate::devices::cansync::bus::codec::updown::MAX_OFFSET;
-use crate::devices::cansync::bus::{Channel, Frame, FrameKind};
+use kind::{AT_US, COUNT, DURATION_US};
+use serde::{Deserialize, Serialize};
 
-/// Longest delay of a frame, in emulated microseconds.
-pub const MAX_DELAY_US: u32 = 1_000_000;
-/// Longest time by which a drive is late at the BAPS, in emulated microseconds: longer than the function blocks wait.
-pub const MAX_SLOWNESS_US: u32 = 60_000_000;
-/// Largest jitter of SYNC edges, in microseconds; at most a quarter of the running interval takes effect.
-pub const MAX_JITTER_US: u32 = 2_000;
 /// Longest duration of a fault: one hour of emulated time, in microseconds.
 pub const MAX_DURATION_US: u32 = 3_600_000_000;
 /// Latest begin of a fault: 365 days of emulated time after power-on, in microseconds.
@@ -38,16 +38,34 @@ pub const MAX_AT_US: u64 = 31_536_000_000_000;
 /// Most faults that wait or act at a time.
 pub const MAX_FAULTS: usize = 256;
 
-/// A fault.
+/// Values of a kind's own fields, in their order; none where a field is left out that has no default.
+pub type Values = [Option<u32>; MAX_FIELDS];
+
+/// A fault that its kind allows. Whether an installation can have it is for [`Sites::owner`] to say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Fault {
-    /// What goes wrong, and where.
-    pub effect: Effect,
-    /// Emulated time of its begin in microseconds since power-on, at most [`MAX_AT_US`]; a time in the past
-    /// (0, for example) means at once.
+    kind: &'static Kind,
+    target: Target,
+    values: Values,
+    at_us: u64,
+    limit: Limit,
+}
+
+/// A fault that nobody has checked yet.
+#[derive(Clone, Copy, Debug)]
+pub struct Draft {
+    /// Its kind.
+    pub kind: &'static Kind,
+    /// Where it shall act.
+    pub target: Target,
+    /// Values of the kind's own fields, in their order; none where a field is left out.
+    pub values: [Option<u64>; MAX_FIELDS],
+    /// Emulated time of its begin in microseconds since power-on; a time in the past (0, for example) means at once.
     pub at_us: u64,
-    /// How long or how often.
-    pub limit: Limit,
+    /// How many times it shall hit.
+    pub count: Option<u64>,
+    /// How long it shall act, in emulated microseconds.
+    pub duration_us: Option<u64>,
 }
 
 /// A fault that waits or acts, as an installation lists it.
@@ -64,7 +82,7 @@ pub struct FaultStatus {
 }
 
 /// When a fault ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Limit {
     /// When somebody clears it.
     UntilCleared,
@@ -74,267 +92,93 @@ pub enum Limit {
     Duration(u32),
 }
 
-/// What goes wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Effect {
-    /// Frames on a bus.
-    Frame {
-        /// Index of the bus.
-        bus: u16,
-        /// Which frames.
-        frames: Frames,
-        /// What happens to them.
-        what: FrameEffect,
-    },
-    /// The SYNC signal of a bus.
-    Sync {
-        /// Index of the bus.
-        bus: u16,
-        /// What happens to its edges.
-        what: SyncEffect,
-    },
-    /// A slave.
-    Slave {
-        /// Index of the bus.
-        bus: u16,
-        /// Slave number, 0 to 31.
-        slave: u8,
-        /// What is wrong with it.
-        what: SlaveEffect,
-    },
-    /// The CAN controller of a CANsync node, or the drive behind the BAPS.
-    Node {
-        /// Index of the PLC.
-        plc: u16,
-        /// 1 (slave) or 2 (master); 0 for the BAPS.
-        node: u8,
-        /// What is wrong with it.
-        what: NodeEffect,
-    },
-}
-
-/// What happens to a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum FrameEffect {
-    /// Nobody receives it; its sender does not notice.
-    Lose,
-    /// It begins so many microseconds after its slot, 1 to [`MAX_DELAY_US`].
-    Delay(u32),
-    /// It arrives once more, so many microseconds after its end plus its own length, 0 to [`MAX_DELAY_US`].
-    Duplicate(u32),
-}
-
-/// What happens to SYNC edges.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum SyncEffect {
-    /// The slaves do not see them.
-    Lose,
-    /// They come so many microseconds late and early in turn, 1 to [`MAX_JITTER_US`].
-    Jitter(u32),
-}
-
-/// What is wrong with a slave.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum SlaveEffect {
-    /// It is off: a drive without power, a PLC's node with its plug pulled.
-    Off,
-    /// Its answers to jobs begin so many microseconds after their slot, 1 to [`MAX_DELAY_US`].
-    Late(u32),
-    /// It answers jobs with BUSY.
-    Busy,
-    /// It refuses jobs with this error number.
-    Error(u16),
-    /// Blocks of an up-/download travel with this offset, 0 to 4095 bytes, instead of their own.
-    WrongOffset {
-        /// In the master's job or in the slave's answer.
-        at: OffsetAt,
-        /// The wrong offset; `None`: the right one plus 6.
-        offset: Option<u16>,
-    },
-    /// It is a drive and has this fault, 1 to 65535.
-    Trip(u16),
-}
-
-/// Which frame carries the wrong offset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum OffsetAt {
-    /// The master's job, on its way to the slave.
-    Job,
-    /// The slave's answer.
-    Answer,
-}
-
-/// What is wrong with a CAN controller, or with the drive behind the BAPS.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum NodeEffect {
-    /// It switches itself off.
-    BusOff,
-    /// It cannot receive frames in time and loses them.
-    Overrun,
-    /// The drive has this fault, 1 to 65535.
-    Trip(u16),
-    /// The drive leaves out what it has to do at the BAPS.
-    Silent,
-    /// It does that so many microseconds late, 1 to [`MAX_SLOWNESS_US`].
-    Slow(u32),
-}
-
-/// A slot of the CANsync interval.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum FrameSlot {
-    /// Reference value frame 1 of the master.
-    Wrc1,
-    /// Actual value frame 1 of a slave.
-    Rdc1,
-    /// Reference value frame 2.
-    Wrc2,
-    /// Actual value frame 2.
-    Rdc2,
-    /// Command channel: action commands and jobs of the master.
-    Cc,
-    /// Response channel: answers of the slaves.
-    Rc,
-}
-
-impl FrameSlot {
-    /// All slots in the order of the manual's table (5.00005.03a p. 125).
-    pub const ALL: [FrameSlot; 6] =
-        [FrameSlot::Wrc1, FrameSlot::Rdc1, FrameSlot::Wrc2, FrameSlot::Rdc2, FrameSlot::Cc, FrameSlot::Rc];
-
-    /// Its name in the manual.
-    pub const fn name(self) -> &'static str {
-        match self {
-            FrameSlot::Wrc1 => "WRC1",
-            FrameSlot::Rdc1 => "RDC1",
-            FrameSlot::Wrc2 => "WRC2",
-            FrameSlot::Rdc2 => "RDC2",
-            FrameSlot::Cc => "CC",
-            FrameSlot::Rc => "RC",
-        }
+impl Draft {
+    /// A fault without values, at once, that ends as its kind does.
+    #[must_use]
+    pub const fn new(kind: &'static Kind, target: Target) -> Self {
+        Draft { kind, target, values: [None; MAX_FIELDS], at_us: 0, count: None, duration_us: None }
     }
 
-    /// The slot in which frames of a kind travel.
-    pub const fn of(kind: FrameKind) -> Self {
-        match kind {
-            FrameKind::ReferenceValue(Channel::One, _) => FrameSlot::Wrc1,
-            FrameKind::ReferenceValue(Channel::Two, _) => FrameSlot::Wrc2,
-            FrameKind::ActualValue(Channel::One, _) => FrameSlot::Rdc1,
-            FrameKind::ActualValue(Channel::Two, _) => FrameSlot::Rdc2,
-            FrameKind::Action | FrameKind::Job(_) => FrameSlot::Cc,
-            FrameKind::Response(_) => FrameSlot::Rc,
+    /// The fault, if its kind allows it.
+    ///
+    /// # Errors
+    /// [`Refusal`] names the field and what would be right.
+    pub fn check(self) -> Result<Fault, Refusal> {
+        let Draft { kind, target, values: given, at_us, count, duration_us } = self;
+        if target.place() != kind.place() {
+            return Err(Refusal::OtherPlace { place: kind.place() });
         }
-    }
-}
-
-/// Which frames a fault concerns: those of a slot whose identifier agrees with `id` where `mask` has a 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Frames {
-    /// Identifier, 0 to 16#7FF, no bit outside the mask.
-    pub id: u16,
-    /// The bits of the identifier that count, 0 to 16#7FF; 0: all frames.
-    pub mask: u16,
-    /// The slot; `None`: all.
-    pub slot: Option<FrameSlot>,
-}
-
-impl Frames {
-    /// All frames.
-    pub const ALL: Frames = Frames { id: 0, mask: 0, slot: None };
-    /// Highest identifier.
-    pub const MAX_ID: u16 = 0x7FF;
-
-    /// Whether the fault concerns `frame`.
-    pub fn include(&self, frame: &Frame) -> bool {
-        frame.id() & self.mask == self.id
-            && self.slot.is_none_or(|slot| frame.kind().is_some_and(|kind| FrameSlot::of(kind) == slot))
+        if let Target::Participant { number, .. } = target {
+            kind::SLAVE.check(number.into())?;
+        }
+        let mut values = [None; MAX_FIELDS];
+        for (field, (value, given)) in kind.fields().iter().zip(values.iter_mut().zip(given)) {
+            *value = match given {
+                // The ranges of values end within 32 bits.
+                Some(given) => Some(field.check(given)? as u32),
+                None => field.default_value(),
+            };
+            if let (None, Some(right)) = (*value, field.missing()) {
+                return Err(Refusal::Missing { field, right: right.to_owned() });
+            }
+        }
+        AT_US.check(at_us)?;
+        let limit = match (count, duration_us) {
+            (None, None) if kind.happens_once() => Limit::Count(1),
+            (None, None) => Limit::UntilCleared,
+            (Some(_), Some(_)) => return Err(Refusal::TwoLimits),
+            (Some(_), None) if !kind.has_hits() => return Err(Refusal::NotCounted { kind }),
+            (Some(count), None) => Limit::Count(COUNT.check(count)? as u32),
+            (None, Some(us)) => Limit::Duration(DURATION_US.check(us)? as u32),
+        };
+        let fault = Fault { kind, target, values, at_us, limit };
+        kind.agree(&fault).map_err(Refusal::Disagree)?;
+        Ok(fault)
     }
 }
 
 impl Fault {
     /// Which kind it is.
-    pub const fn kind(&self) -> Kind {
-        match self.effect {
-            Effect::Frame { what: FrameEffect::Lose, .. } => Kind::LoseFrame,
-            Effect::Frame { what: FrameEffect::Delay(_), .. } => Kind::DelayFrame,
-            Effect::Frame { what: FrameEffect::Duplicate(_), .. } => Kind::DuplicateFrame,
-            Effect::Sync { what: SyncEffect::Lose, .. } => Kind::LoseSync,
-            Effect::Sync { what: SyncEffect::Jitter(_), .. } => Kind::JitterSync,
-            Effect::Slave { what: SlaveEffect::Off, .. } => Kind::SlaveOff,
-            Effect::Slave { what: SlaveEffect::Late(_), .. } => Kind::SlaveLate,
-            Effect::Slave { what: SlaveEffect::Busy, .. } => Kind::SlaveBusy,
-            Effect::Slave { what: SlaveEffect::Error(_), .. } => Kind::SlaveError,
-            Effect::Slave { what: SlaveEffect::WrongOffset { .. }, .. } => Kind::WrongOffset,
-            Effect::Node { what: NodeEffect::BusOff, .. } => Kind::BusOff,
-            Effect::Node { what: NodeEffect::Overrun, .. } => Kind::Overrun,
-            Effect::Slave { what: SlaveEffect::Trip(_), .. } => Kind::DriveFault,
-            Effect::Node { what: NodeEffect::Trip(_), .. } => Kind::BapsDriveFault,
-            Effect::Node { what: NodeEffect::Silent, .. } => Kind::BapsSilent,
-            Effect::Node { what: NodeEffect::Slow(_), .. } => Kind::BapsSlow,
-        }
+    #[must_use]
+    pub const fn kind(&self) -> &'static Kind {
+        self.kind
     }
 
     /// Where it acts.
+    #[must_use]
     pub const fn target(&self) -> Target {
-        match self.effect {
-            Effect::Frame { bus, .. } | Effect::Sync { bus, .. } => Target::Bus(bus),
-            Effect::Slave { bus, slave, .. } => Target::Slave { bus, slave },
-            Effect::Node { plc, node, .. } => Target::Node { plc, node },
-        }
+        self.target
     }
 
-    /// Checks all numbers and that the installation has what the fault names.
-    ///
-    /// # Errors
-    /// [`Refusal`] names what is wrong and what would be right.
-    pub fn check(&self, sites: &Sites) -> Result<(), Refusal> {
-        self.check_numbers()?;
-        sites.check(&self.effect)
+    /// Values of the kind's own fields, in their order.
+    #[must_use]
+    pub const fn values(&self) -> Values {
+        self.values
     }
 
-    fn check_numbers(&self) -> Result<(), Refusal> {
-        let within = |field, value: u64, least: u64, most: u64| {
-            if (least..=most).contains(&value) {
-                Ok(())
-            } else {
-                Err(Refusal::Range { field, value, least, most })
-            }
-        };
-        let (delay, jitter) = (u64::from(MAX_DELAY_US), u64::from(MAX_JITTER_US));
-        within(Field::AtUs, self.at_us, 0, MAX_AT_US)?;
-        match self.limit {
-            Limit::UntilCleared => {}
-            Limit::Count(_) if self.kind() == Kind::SlaveOff => return Err(Refusal::NotCounted),
-            Limit::Count(count) => within(Field::Count, count.into(), 1, u32::MAX.into())?,
-            Limit::Duration(us) => within(Field::DurationUs, us.into(), 1, MAX_DURATION_US.into())?,
-        }
-        match self.effect {
-            Effect::Frame { frames, what, .. } => {
-                within(Field::Mask, frames.mask.into(), 0, Frames::MAX_ID.into())?;
-                within(Field::Id, frames.id.into(), 0, Frames::MAX_ID.into())?;
-                if frames.id & !frames.mask != 0 {
-                    return Err(Refusal::NeverMatches { id: frames.id, mask: frames.mask });
-                }
-                match what {
-                    FrameEffect::Lose => Ok(()),
-                    FrameEffect::Delay(us) => within(Field::DelayUs, us.into(), 1, delay),
-                    FrameEffect::Duplicate(us) => within(Field::DelayUs, us.into(), 0, delay),
-                }
-            }
-            Effect::Sync { what: SyncEffect::Jitter(us), .. } => {
-                within(Field::AmplitudeUs, us.into(), 1, jitter)
-            }
-            Effect::Slave { what: SlaveEffect::Late(us), .. } => within(Field::DelayUs, us.into(), 1, delay),
-            Effect::Node { what: NodeEffect::Slow(us), .. } => {
-                within(Field::DelayUs, us.into(), 1, MAX_SLOWNESS_US.into())
-            }
-            Effect::Slave { what: SlaveEffect::WrongOffset { offset: Some(offset), .. }, .. } => {
-                within(Field::Offset, offset.into(), 0, MAX_OFFSET.into())
-            }
-            Effect::Slave { what: SlaveEffect::Trip(number), .. }
-            | Effect::Node { what: NodeEffect::Trip(number), .. } => {
-                within(Field::Error, number.into(), 1, u16::MAX.into())
-            }
-            _ => Ok(()),
-        }
+    /// Value of the kind's own field `name`; none if it is left out.
+    #[must_use]
+    pub fn value(&self, name: &str) -> Option<u32> {
+        let index = self.kind.fields().iter().position(|field| field.name() == name)?;
+        self.values[index]
+    }
+
+    /// Emulated time of its begin in microseconds since power-on, at most [`MAX_AT_US`]; a time in the past (0, for example)
+    /// means at once.
+    #[must_use]
+    pub const fn at_us(&self) -> u64 {
+        self.at_us
+    }
+
+    /// How long or how often.
+    #[must_use]
+    pub const fn limit(&self) -> Limit {
+        self.limit
+    }
+
+    /// What it does, as its family has it.
+    #[must_use]
+    pub fn effect(&self) -> Effect {
+        self.kind.effect(self)
     }
 }

@@ -1,6 +1,6 @@
 //! What the journal tells about injected faults.
 
-use super::Target;
+use super::{Place, Target};
 use crate::journal::{
     Catalogue, Coded, Fields, Keeping, Kind, Origin, Packer, Part, Reader, Ring, Source, Told, Unpacker,
     Words,
@@ -78,10 +78,12 @@ impl Coded for FaultNews {
     const KIND: &'static Kind = &Kind::new::<Self>(21, "fault", Ring::Missed);
 
     fn words(&self) -> Words {
-        let (form, index, number) = match self.target {
-            Target::Bus(bus) => (0, bus, 0),
-            Target::Slave { bus, slave } => (1, bus, slave),
-            Target::Node { plc, node } => (2, plc, node),
+        let (index, number) = self.target.numbers();
+        let form = match self.target.place() {
+            Place::Medium => 0,
+            Place::Participant => 1,
+            Place::Port => 2,
+            Place::Device => 3,
         };
         let mut packer = Packer::new(Self::KIND, index, number);
         packer.put(form);
@@ -94,20 +96,23 @@ impl Coded for FaultNews {
     fn read(words: Words) -> Option<Self> {
         let mut unpacker = Unpacker::new(words);
         let (index, number) = (unpacker.index(), unpacker.number());
-        let target = match unpacker.take() {
-            0 => Target::Bus(index),
-            1 => Target::Slave { bus: index, slave: number },
-            2 => Target::Node { plc: index, node: number },
+        let place = match unpacker.take() {
+            0 => Place::Medium,
+            1 => Place::Participant,
+            2 => Place::Port,
+            3 => Place::Device,
             _ => return None,
         };
+        let target = Target::of_numbers(place, index, number);
         let (id, kind) = (u16::take(&mut unpacker)?, u8::take(&mut unpacker)?);
         Some(FaultNews { target, id, kind, news: News::take(&mut unpacker)? })
     }
 
     fn source(&self) -> Source {
         match self.target {
-            Target::Bus(bus) | Target::Slave { bus, .. } => Source::Bus(bus),
-            Target::Node { plc, node } => Source::Node(Origin { plc, node }),
+            Target::Medium(bus) | Target::Participant { medium: bus, .. } => Source::Bus(bus),
+            Target::Port { device: plc, port: node } => Source::Node(Origin { plc, node }),
+            Target::Device(plc) => Source::Node(Origin { plc, node: 0 }),
         }
     }
 }
@@ -115,8 +120,8 @@ impl Coded for FaultNews {
 impl FaultNews {
     fn slave(&self) -> Option<u8> {
         match self.target {
-            Target::Slave { slave, .. } => Some(slave),
-            Target::Bus(_) | Target::Node { .. } => None,
+            Target::Participant { number, .. } => Some(number),
+            Target::Medium(_) | Target::Port { .. } | Target::Device(_) => None,
         }
     }
 }

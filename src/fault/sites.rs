@@ -1,43 +1,155 @@
-//! What an installation has that faults can concern.
+//! Where a fault acts, and what an installation has that faults can concern.
 
-use super::{Effect, NodeEffect, Refusal};
+use super::{Fault, Kind, Place, Refusal};
+use crate::layout::Device;
 
-/// Buses, slaves and nodes that a fault can name.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// Where a fault acts. Buses and PLCs are counted as in the plant file, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Target {
+    /// A bus.
+    Medium(u16),
+    /// A participant of a bus.
+    Participant {
+        /// The bus.
+        medium: u16,
+        /// The participant's number there.
+        number: u8,
+    },
+    /// A port of a PLC.
+    Port {
+        /// The PLC.
+        device: u16,
+        /// The port's number in the PLC's layout.
+        port: u8,
+    },
+    /// A PLC itself.
+    Device(u16),
+}
+
+/// Who lets a fault act: the one that the target is, or whose participant or port it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owner {
+    /// A bus.
+    Medium(u16),
+    /// A PLC.
+    Device(u16),
+}
+
+impl Target {
+    /// What kinds must say of themselves to act here.
+    #[must_use]
+    pub const fn place(self) -> Place {
+        match self {
+            Target::Medium(_) => Place::Medium,
+            Target::Participant { .. } => Place::Participant,
+            Target::Port { .. } => Place::Port,
+            Target::Device(_) => Place::Device,
+        }
+    }
+
+    /// Index of the bus or PLC, and number of the participant or port, from which [`Target::of_numbers`] makes it again.
+    #[must_use]
+    pub const fn numbers(self) -> (u16, u8) {
+        match self {
+            Target::Medium(index) | Target::Device(index) => (index, 0),
+            Target::Participant { medium, number } => (medium, number),
+            Target::Port { device, port } => (device, port),
+        }
+    }
+
+    /// The way back.
+    #[must_use]
+    pub const fn of_numbers(place: Place, index: u16, number: u8) -> Self {
+        match place {
+            Place::Medium => Target::Medium(index),
+            Place::Participant => Target::Participant { medium: index, number },
+            Place::Port => Target::Port { device: index, port: number },
+            Place::Device => Target::Device(index),
+        }
+    }
+}
+
+/// What an installation has that a fault can name.
+#[derive(Clone, Debug, Default)]
 pub struct Sites {
-    /// The slaves of each bus in the order of the plant file, bit n for slave number n.
-    pub slaves: Vec<u32>,
-    /// For each PLC in the order of the plant file: whether its nodes 1 and 2 are on a bus.
-    pub nodes: Vec<[bool; 2]>,
+    /// The buses in the order of the plant file.
+    pub media: Vec<MediumSite>,
+    /// The PLCs in the order of the plant file.
+    pub devices: Vec<DeviceSite>,
+}
+
+/// A bus that faults can concern.
+#[derive(Clone, Copy, Debug)]
+pub struct MediumSite {
+    /// The kinds that its family has.
+    pub faults: &'static [&'static Kind],
+    /// Its participants, bit n for number n.
+    pub participants: u32,
+}
+
+/// A PLC that faults can concern.
+#[derive(Clone, Debug)]
+pub struct DeviceSite {
+    /// What it is.
+    pub layout: &'static Device,
+    /// The kinds that it has itself, and at its ports.
+    pub faults: &'static [&'static Kind],
+    /// The ports that are on a bus: their number, and the bus.
+    pub plugged: Vec<(u8, u16)>,
 }
 
 impl Sites {
-    /// Checks that what the fault names is there.
-    pub(super) fn check(&self, effect: &Effect) -> Result<(), Refusal> {
-        match *effect {
-            Effect::Frame { bus, .. } | Effect::Sync { bus, .. } => self.slaves_of(bus).map(|_| ()),
-            Effect::Slave { bus, slave, .. } => {
-                let present = self.slaves_of(bus)?;
-                if present.checked_shr(slave.into()).unwrap_or(0) & 1 == 0 {
-                    return Err(Refusal::NoSlave { bus, slave, present });
+    /// Checks that what the fault names is there and can have it. Returns who lets it act.
+    ///
+    /// # Errors
+    /// [`Refusal`] names what is wrong and what would be right.
+    pub fn owner(&self, fault: &Fault) -> Result<Owner, Refusal> {
+        match fault.target() {
+            Target::Medium(bus) => self.medium(bus, fault.kind()).map(|_| Owner::Medium(bus)),
+            Target::Participant { medium, number } => {
+                let present = self.medium(medium, fault.kind())?.participants;
+                if present.checked_shr(number.into()).unwrap_or(0) & 1 == 0 {
+                    return Err(Refusal::NoSlave { bus: medium, slave: number, present });
                 }
-                Ok(())
+                Ok(Owner::Medium(medium))
             }
-            Effect::Node { plc, node, what } => {
-                let count = self.nodes.len() as u16; // the plant file's indices are 16 bits wide
-                let nodes = self.nodes.get(usize::from(plc)).ok_or(Refusal::UnknownPlc { plc, count })?;
-                match (what, node, nodes) {
-                    (NodeEffect::Trip(_) | NodeEffect::Silent | NodeEffect::Slow(_), 0, _) => Ok(()),
-                    (NodeEffect::BusOff | NodeEffect::Overrun, 1, [true, _]) => Ok(()),
-                    (NodeEffect::BusOff | NodeEffect::Overrun, 2, [_, true]) => Ok(()),
-                    _ => Err(Refusal::NoNode { plc, node }),
+            Target::Port { device, port } => {
+                let site = self.device(device)?;
+                let Some(known) = site.layout.port_numbered(port) else {
+                    return Err(Refusal::NoPort { plc: device, port, layout: site.layout });
+                };
+                let Some(&(_, medium)) = site.plugged.iter().find(|(number, _)| *number == port) else {
+                    let name = |(number, _): &(u8, u16)| Some(site.layout.port_numbered(*number)?.name);
+                    let plugged = site.plugged.iter().filter_map(name).collect();
+                    return Err(Refusal::NotPlugged { plc: device, port: known.name, plugged });
+                };
+                // It is the port's firmware that has it, or what the medium does with any port.
+                if !site.faults.contains(&fault.kind()) {
+                    self.medium(medium, fault.kind())?;
                 }
+                Ok(Owner::Medium(medium))
+            }
+            Target::Device(plc) => {
+                let known = self.device(plc)?.faults;
+                if !known.contains(&fault.kind()) {
+                    return Err(Refusal::NotOfPlc { plc, known });
+                }
+                Ok(Owner::Device(plc))
             }
         }
     }
 
-    fn slaves_of(&self, bus: u16) -> Result<u32, Refusal> {
-        let count = self.slaves.len() as u16; // as above
-        self.slaves.get(usize::from(bus)).copied().ok_or(Refusal::UnknownBus { bus, count })
+    fn medium(&self, bus: u16, kind: &Kind) -> Result<&MediumSite, Refusal> {
+        let count = self.media.len() as u16; // the plant file's indices are 16 bits wide
+        let site = self.media.get(usize::from(bus)).ok_or(Refusal::UnknownBus { bus, count })?;
+        if !site.faults.contains(&kind) {
+            return Err(Refusal::NotOfBus { bus, known: site.faults });
+        }
+        Ok(site)
+    }
+
+    fn device(&self, plc: u16) -> Result<&DeviceSite, Refusal> {
+        let count = self.devices.len() as u16; // as above
+        self.devices.get(usize::from(plc)).ok_or(Refusal::UnknownPlc { plc, count })
     }
 }

@@ -1,6 +1,6 @@
 //! A fault in words, as on the command line: `kind field=value ...`.
 
-use super::{FaultSpec, Field};
+use super::{FaultSpec, Field, Form, Given, Kind};
 use crate::layout::{RegType, value};
 use crate::time;
 use thiserror::Error;
@@ -15,94 +15,110 @@ pub struct WordError {
     pub right: String,
 }
 
-/// Fields that are times; on the command line their names may stand without the unit, with it in the value.
-const TIMES: [Field; 4] = [Field::AtUs, Field::DelayUs, Field::AmplitudeUs, Field::DurationUs];
-
-/// Reads a fault. Whether its fields suit its kind is not looked at here.
-fn parse(kind: &str, fields: &[impl AsRef<str>]) -> Result<FaultSpec, WordError> {
-    let mut spec = FaultSpec { kind: kind.to_owned(), ..FaultSpec::default() };
-    let mut seen = Vec::new();
-    for text in fields {
-        let text = text.as_ref();
-        let wrong = |right: String| WordError { text: text.to_owned(), right };
-        let (name, given) = text
-            .split_once('=')
-            .ok_or_else(|| wrong("write a field as name=value, for example count=3".to_owned()))?;
-        let (field, with_unit) = field(name).ok_or_else(|| wrong(unknown(name)))?;
-        if seen.contains(&field) {
-            return Err(wrong(format!("{field} is given twice")));
-        }
-        seen.push(field);
-        match text_field(&mut spec, field) {
-            Some(place) => *place = Some(given.to_owned()),
-            None => {
-                let number = if with_unit {
-                    time::parse(given).map_err(|error| wrong(error.to_string()))?
-                } else {
-                    number(given, field).map_err(wrong)?
-                };
-                spec.set_value(field, number);
-            }
-        }
-    }
-    Ok(spec)
-}
-
 impl FaultSpec {
-    /// Reads a kind and its fields, each as `name=value`. The fields are those of a plant file; times may have a
-    /// unit, without `_us` in the field's name then (`delay=500us`), and numbers a base (`id=16#101`). Whether the
+    /// Reads a kind and its fields, each as `name=value`. The fields are those of a plant file, of any of these kinds; times may
+    /// have a unit, without `_us` in the field's name then (`delay=500us`), and numbers a base (`id=16#101`). Whether the
     /// fields suit the kind only [`FaultSpec::resolve`] tells.
     ///
     /// # Errors
     /// [`WordError`] for the first field that cannot be read.
-    pub fn from_words(kind: &str, fields: &[impl AsRef<str>]) -> Result<Self, WordError> {
-        parse(kind, fields)
+    pub fn from_words(
+        kinds: &[&'static Kind],
+        kind: &str,
+        fields: &[impl AsRef<str>],
+    ) -> Result<Self, WordError> {
+        let known = known(kind, kinds);
+        let mut spec = FaultSpec { kind: kind.to_owned(), ..FaultSpec::default() };
+        for text in fields {
+            let text = text.as_ref();
+            let wrong = |right: String| WordError { text: text.to_owned(), right };
+            let (name, given) = text
+                .split_once('=')
+                .ok_or_else(|| wrong("write a field as name=value, for example count=3".to_owned()))?;
+            let (field, with_unit) = field(&known, name).ok_or_else(|| wrong(unknown(&known, name)))?;
+            if spec.fields.iter().any(|(seen, _)| seen == field.name()) {
+                return Err(wrong(format!("{field} is given twice")));
+            }
+            let given = match field.form() {
+                Form::Name | Form::Word(_) => Given::Text(given.to_owned()),
+                Form::Port => number(given).map_or_else(|_| Given::Text(given.to_owned()), Given::Number),
+                Form::Time { .. } if with_unit => {
+                    Given::Number(time::parse(given).map_err(|error| wrong(error.to_string()))?)
+                }
+                // Times in microseconds may be longer than register values.
+                Form::Time { .. } => {
+                    Given::Number(given.parse().or_else(|_| number(given)).map_err(wrong)?)
+                }
+                Form::Number { .. } | Form::Hex { .. } => Given::Number(number(given).map_err(wrong)?),
+            };
+            spec.fields.push((field.name().to_owned(), given));
+        }
+        Ok(spec)
     }
 }
 
-/// The field of a name, and whether its value has a unit.
-fn field(name: &str) -> Option<(Field, bool)> {
-    let is = |field: &Field| field.name() == name || field.other_name() == Some(name);
-    let exact = Field::ALL.into_iter().find(is).map(|field| (field, false));
-    let is_short_for = |long: &str| long.strip_suffix("_us") == Some(name);
-    let short = || {
-        let is = |field: &Field| is_short_for(field.name()) || field.other_name().is_some_and(is_short_for);
-        TIMES.into_iter().find(is)
-    };
-    exact.or_else(|| short().map(|field| (field, true)))
+/// The fields of all kinds, each once: first those that say where, then the kinds' own, then those that say when. What
+/// they hold is for the kind that is meant to say.
+fn known(kind: &str, kinds: &[&'static Kind]) -> Vec<&'static Field> {
+    let place = kinds.iter().flat_map(|kind| kind.place().fields().iter().copied());
+    let (names, numbers): (Vec<_>, Vec<_>) =
+        place.partition(|field| !matches!(field.form(), Form::Number { .. }));
+    let own = kinds.iter().flat_map(|kind| kind.fields());
+    let meant = kinds.iter().find(|known| known.name() == kind);
+    let mut known: Vec<&'static Field> = Vec::new();
+    for field in names.into_iter().chain(numbers).chain(own).chain(Kind::COMMON) {
+        if !known.contains(&field) {
+            let meant = meant.and_then(|kind| kind.all_fields().find(|other| *other == field));
+            known.push(meant.unwrap_or(field));
+        }
+    }
+    known
 }
 
-fn unknown(name: &str) -> String {
-    let names: Vec<_> = Field::ALL.into_iter().map(|field| field.name().trim_end_matches("_us")).collect();
+/// The field of a name, and whether its value has a unit: the name of a time then stands without it.
+fn field(known: &[&'static Field], name: &str) -> Option<(&'static Field, bool)> {
+    let exact = known.iter().find(|field| field.is_called(name)).map(|field| (*field, false));
+    let long = format!("{name}_us");
+    let is_time = |field: &&&Field| matches!(field.form(), Form::Time { .. }) && field.is_called(&long);
+    exact.or_else(|| known.iter().find(is_time).map(|field| (*field, true)))
+}
+
+fn unknown(known: &[&Field], name: &str) -> String {
+    let names: Vec<_> = known.iter().map(|field| field.name().trim_end_matches("_us")).collect();
     format!("there is no field `{name}`; the fields are: {}", names.join(", "))
 }
 
-fn text_field(spec: &mut FaultSpec, field: Field) -> Option<&mut Option<String>> {
-    match field {
-        Field::Bus => Some(&mut spec.bus),
-        Field::Plc => Some(&mut spec.plc),
-        Field::Slot => Some(&mut spec.slot),
-        _ => None,
-    }
-}
-
-/// A number in the notations of register values; times in microseconds may be longer than those.
-fn number(text: &str, field: Field) -> Result<u64, String> {
-    if TIMES.contains(&field)
-        && let Ok(us) = text.parse()
-    {
-        return Ok(us);
-    }
+/// A number in the notations of register values.
+fn number(text: &str) -> Result<u64, String> {
     value::parse(text, RegType::Udint).map(u64::from).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Effect, Place};
     use super::*;
 
+    const fn time(name: &'static str) -> Field {
+        Field::new(name, Form::Time { least: 0, most: 1_000_000 }, "")
+    }
+
+    const HEX: Form = Form::Hex { least: 0, most: 0xFFFF, digits: 3 };
+
+    static FRAME: Kind = Kind::new(1, "lose_frame", Place::Participant, "", |_| Effect::new(())).with(
+        const {
+            &[
+                Field::new("slot", Form::Word(&["WRC1"]), ""),
+                Field::new("id", HEX, ""),
+                Field::new("mask", HEX, ""),
+                time("delay_us").or("us"),
+            ]
+        },
+    );
+    static NODE: Kind = Kind::new(2, "node", Place::Port, "", |_| Effect::new(()))
+        .with(const { &[time("amplitude_us"), Field::new("error", HEX, ""), Field::new("offset", HEX, "")] });
+
     fn parsed(kind: &str, fields: &[&str]) -> Result<FaultSpec, String> {
-        let fields: Vec<_> = fields.iter().map(|field| (*field).to_owned()).collect();
-        parse(kind, &fields).map_err(|error| error.to_string())
+        FaultSpec::from_words(&[&FRAME, &NODE], kind, fields).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -110,9 +126,6 @@ mod tests {
         let spec = parsed("lose_frame", &["bus=drives", "slot=WRC1", "id=16#101", "mask=0x70F", "count=3"]);
         let toml = "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\ncount = 3";
         assert_eq!(spec.unwrap(), toml::from_str(toml).unwrap());
-        let all = Field::ALL.map(|field| format!("{field}=7"));
-        let spec = parse("x", &all).unwrap();
-        assert_eq!(spec.to_string().split(' ').count(), 1 + Field::ALL.len());
     }
 
     #[test]
@@ -120,7 +133,7 @@ mod tests {
         let other = parsed("x", &["for_us=5000", "us=500"]);
         assert_eq!(other, parsed("x", &["duration_us=5000", "delay_us=500"]));
         assert_eq!(other, parsed("x", &["for=5ms", "us=500"]));
-        assert_eq!(other.unwrap(), toml::from_str("kind = 'x'\nfor_us = 5000\nus = 500").unwrap());
+        assert_eq!(other.unwrap(), toml::from_str("kind = 'x'\nduration_us = 5000\ndelay_us = 500").unwrap());
         assert_eq!(
             parsed("x", &["for=1s", "duration=1s"]).unwrap_err(),
             "`duration=1s`: duration_us is given twice"
@@ -133,7 +146,7 @@ mod tests {
         let without =
             parsed("x", &["at_us=2000000", "delay_us=500", "amplitude_us=40", "duration_us=60000000"]);
         assert_eq!(with.unwrap(), without.unwrap());
-        assert_eq!(parsed("x", &["at_us=31536000000000"]).unwrap().at_us, Some(31_536_000_000_000));
+        assert_eq!(parsed("x", &["at_us=31536000000000"]).unwrap().fields[0].1, Given::Number(31_536_000_000_000));
     }
 
     #[test]

@@ -6,9 +6,10 @@ mod tests;
 #[cfg(test)]
 mod times_tests;
 
+use crate::devices;
 use crate::devices::settings::range;
 use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig, SettingError};
-use crate::fault::{Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
+use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, MediumSite, Refusal, Sites};
 use crate::journal::Names;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -223,8 +224,9 @@ impl PlantConfig {
     pub fn resolved_faults(&self) -> Result<Vec<Fault>, PlantError> {
         let (names, sites) = (self.names(), self.sites());
         let resolve = |spec: &FaultSpec| {
-            let fault = spec.resolve(&names)?;
-            fault.check(&sites).map_err(|refusal| FaultError::refused(fault.kind(), refusal, &names))?;
+            let fault = spec.resolve(devices::fault_kinds(), &names)?;
+            let owner = sites.owner(&fault);
+            owner.map_err(|refusal| FaultError::refused(fault.kind(), refusal, &names))?;
             Ok(fault)
         };
         let numbered = self.faults.iter().enumerate();
@@ -256,14 +258,21 @@ impl PlantConfig {
             let numbers = self.numbers_on(&**medium).into_iter().map(|(_, number)| number);
             numbers.fold(0, |mask, number| mask | 1u32.checked_shl(number.into()).unwrap_or(0))
         };
-        let plugged = |device: &Arc<dyn DeviceConfig>| {
-            let ports = device.ports();
-            [1, 2].map(|number| ports.iter().any(|port| port.number == number && port.medium.is_some()))
-        };
-        Sites {
-            slaves: self.media.iter().map(mask).collect(),
-            nodes: self.devices.iter().map(plugged).collect(),
-        }
+        let medium_called = |name: &str| self.media.iter().position(|medium| medium.name() == name);
+        let media = self.media.iter().map(|medium| MediumSite {
+            faults: devices::faults_of_medium(medium.family()),
+            participants: mask(medium),
+        });
+        let devices = self.devices.iter().map(|device| {
+            let ports = device.ports().into_iter();
+            let plugged = ports.filter_map(|port| Some((port.number, medium_called(port.medium?)? as u16)));
+            DeviceSite {
+                layout: device.layout(),
+                faults: devices::faults_of_device(device.layout()),
+                plugged: plugged.collect(),
+            }
+        });
+        Sites { media: media.collect(), devices: devices.collect() }
     }
 
     /// The ports at a medium, each with its device's name.

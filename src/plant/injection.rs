@@ -1,16 +1,17 @@
 //! Faults as the plant's callers see them, and what acts on nodes and slaves as a whole.
 
 use super::Plant;
-use crate::fault::{Effect, Fault, FaultStatus, Faults, Hit, NodeEffect, Refusal, Sites, SlaveEffect};
+use crate::devices;
+use crate::fault::{DeviceSite, Fault, FaultStatus, MediumSite, Owner, Refusal, Sites};
 
 impl Plant {
     /// Adds a fault; one whose time has come begins at once. Returns its number.
     ///
     /// # Errors
-    /// [`Refusal`]: a number out of range, a bus, slave or node that the plant does not have, too many faults.
+    /// [`Refusal`]: a bus, slave or port that the plant does not have or that cannot have it, too many faults.
     pub fn add_fault(&mut self, fault: Fault) -> Result<u16, Refusal> {
-        fault.check(&self.sites())?;
-        let id = self.faults.add(self.now, fault, &mut self.journal)?;
+        let owner = self.sites().owner(&fault)?;
+        let id = self.faults.add(self.now, fault, owner, &mut self.journal)?;
         self.advance_faults();
         Ok(id)
     }
@@ -21,7 +22,7 @@ impl Plant {
     /// [`Refusal::UnknownFault`] if there is none of that number, or no longer.
     pub fn clear_fault(&mut self, id: u16) -> Result<(), Refusal> {
         self.faults.clear(self.now, id, &mut self.journal)?;
-        self.switch_slaves();
+        self.tell_of_faults();
         Ok(())
     }
 
@@ -40,55 +41,41 @@ impl Plant {
     /// Begins and ends what is due now.
     pub(super) fn advance_faults(&mut self) {
         self.faults.advance(self.now, &mut self.journal);
-        self.switch_slaves();
-        self.strike_controllers();
+        self.tell_of_faults();
+        self.strike();
         self.find_next_device();
     }
 
-    fn switch_slaves(&mut self) {
-        for (index, medium) in self.media.iter_mut().enumerate() {
-            medium.set_off(self.now, slaves_off(&self.faults, index));
+    fn tell_of_faults(&mut self) {
+        for medium in &mut self.media {
+            medium.faults_changed(self.now, &self.faults);
         }
     }
 
     /// What faults can concern.
     fn sites(&self) -> Sites {
-        let nodes = 0..self.devices.len();
-        Sites {
-            slaves: self.media().iter().map(|medium| medium.participants()).collect(),
-            nodes: nodes.map(|device| [1, 2].map(|port| self.is_plugged(device, port))).collect(),
-        }
+        let media = self.media().iter().map(|medium| MediumSite {
+            faults: devices::faults_of_medium(medium.family()),
+            participants: medium.participants(),
+        });
+        let devices = self.devices.iter().zip(self.ports.of_devices()).map(|(device, ports)| {
+            let plugged = ports.iter().filter(|port| port.medium < self.named_media);
+            DeviceSite {
+                layout: device.layout(),
+                faults: devices::faults_of_device(device.layout()),
+                plugged: plugged.map(|port| (port.number, port.medium as u16)).collect(),
+            }
+        });
+        Sites { media: media.collect(), devices: devices.collect() }
     }
 
-    /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
-    pub(super) fn strike_controllers(&mut self) {
-        let Plant { now, devices, media, ports, faults, journal, .. } = self;
+    /// Faults that hit by themselves, whatever goes on.
+    pub(super) fn strike(&mut self) {
+        let Plant { now, devices, media, faults, journal, .. } = self;
         let now = *now;
-        faults.strike(now, journal, |effect, _| {
-            let hits = match *effect {
-                Effect::Node { plc, node, what: NodeEffect::BusOff } => {
-                    let port = ports.find(plc.into(), node)?;
-                    media[port.medium].go_bus_off(port.place, now)
-                }
-                Effect::Node { plc, what: NodeEffect::Trip(number), .. } => {
-                    devices.get_mut(usize::from(plc))?.trip(now, number)
-                }
-                Effect::Slave { bus, slave, what: SlaveEffect::Trip(number) } => {
-                    media.get_mut(usize::from(bus))?.trip(now, slave, number)
-                }
-                _ => return None,
-            };
-            hits.then_some(Hit::Plain)
+        faults.strike_all(now, journal, |owner, target, effect| match owner {
+            Owner::Medium(index) => media.get_mut(usize::from(index))?.strike(now, target, effect),
+            Owner::Device(index) => devices.get_mut(usize::from(index))?.strike(now, target, effect),
         });
     }
-}
-
-/// Slaves of a bus that are off, bit n for slave n.
-fn slaves_off(faults: &Faults, index: usize) -> u32 {
-    faults.acting().fold(0, |off, effect| match *effect {
-        Effect::Slave { bus, slave, what: SlaveEffect::Off } if usize::from(bus) == index => {
-            off | 1u32.checked_shl(slave.into()).unwrap_or(0)
-        }
-        _ => off,
-    })
 }

@@ -245,7 +245,7 @@ impl Plant {
         self.look_at_requests();
         self.forces.apply(&self.devices);
         if !self.faults.is_empty() {
-            self.strike_controllers();
+            self.strike();
         }
         for index in 0..self.devices.len() {
             let device = &mut self.devices[index];

@@ -8,7 +8,7 @@ use crate::journal::Origin;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Port {
     /// Its number in the device's layout.
-    number: u8,
+    pub(super) number: u8,
     /// Index of its medium.
     pub(super) medium: usize,
     /// Its place there.
@@ -154,10 +154,5 @@ impl Plant {
             })?;
         }
         None
-    }
-
-    /// Whether a medium is plugged in at port `port` of device `device`.
-    pub(super) fn is_plugged(&self, device: usize, port: u8) -> bool {
-        self.ports.find(device, port).is_some_and(|port| port.medium < self.named_media)
     }
 }

@@ -97,8 +97,9 @@ impl Execution {
             Op::Forces => Reply::Forces(host.plant().forces().to_vec()),
             Op::FaultAdd { fault } => {
                 let id = host.plant_mut().add_fault(fault).map_err(|refusal| {
-                    let text = FaultError::refused(fault.kind(), refusal, &host.plant().names());
-                    Refused::fault(refusal, text)
+                    let names = host.plant().names();
+                    let text = FaultError::refused(fault.kind(), refusal.clone(), &names);
+                    Refused::fault(&refusal, text)
                 })?;
                 Reply::FaultAdded { id }
             }

@@ -84,7 +84,7 @@ impl Refused {
     }
 
     /// A fault, refused with this text.
-    pub(super) fn fault(refusal: fault::Refusal, text: impl fmt::Display) -> Self {
+    pub(super) fn fault(refusal: &fault::Refusal, text: impl fmt::Display) -> Self {
         let code = match refusal {
             fault::Refusal::TooMany => Code::TOO_MANY_FAULTS,
             fault::Refusal::UnknownFault { .. } => Code::UNKNOWN_FAULT,
@@ -96,6 +96,6 @@ impl Refused {
 
 impl From<fault::Refusal> for Refused {
     fn from(refusal: fault::Refusal) -> Self {
-        Self::fault(refusal, refusal)
+        Self::fault(&refusal, &refusal)
     }
 }

@@ -3,6 +3,7 @@
 
 use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
 use commram::devices::omega_drive_line_2::registers::*;
+use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
 use commram::memory::Width;
 use proptest::prelude::*;
@@ -102,7 +103,7 @@ fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
         Act::Serve => serve(rig),
         Act::Fault(index) => {
             let spec: FaultSpec = toml::from_str(FAULTS[index]).unwrap();
-            let fault = spec.resolve(&rig.plant.names()).unwrap();
+            let fault = spec.resolve(fault_kinds(), &rig.plant.names()).unwrap();
             let _ = rig.plant.add_fault(fault);
         }
         Act::Pass(us) => {

@@ -134,7 +134,7 @@ fn generic_modules_name_no_device() {
     };
     let devices: BTreeSet<_> = folders.map(first_word).collect();
     assert!(devices.contains("omega"), "{devices:?}");
-    for module in ["can", "check", "runtime"] {
+    for module in ["can", "check", "fault", "runtime"] {
         let mut files = Vec::new();
         sources(&src.join(module), &mut files);
         assert!(!files.is_empty(), "{module}");

@@ -1,180 +1,138 @@
-//! Faults on the wire: in the fields of an operation, and with their state in a list.
+//! Faults on the wire: in an operation, and with their state in a list.
 
-use super::{Op, WireOp, kind};
-use crate::fault::{
-    Effect, Fault, FaultStatus, FrameEffect, FrameSlot, Frames, Kind, Limit, NodeEffect, OffsetAt,
-    SlaveEffect, SyncEffect,
-};
-use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+use super::{WireOp, kind, own};
+use crate::devices;
+use crate::fault::{Draft, Fault, FaultStatus, Limit, MAX_FIELDS, Target};
+use serde::{Deserialize, Serialize};
+use zerocopy::{FromBytes, IntoBytes};
 
-/// Kinds of limits.
-mod limit {
-    pub(crate) const UNTIL_CLEARED: u8 = 0;
-    pub(crate) const COUNT: u8 = 1;
-    pub(crate) const DURATION: u8 = 2;
-}
-
-/// What a kind of fault has besides its place.
-#[derive(Default)]
-struct Details {
-    /// 0: none; else one more than the index in [`FrameSlot::ALL`].
-    slot: u8,
-    id: u16,
-    mask: u16,
-    /// A time, a number, or one more than an offset.
-    value: u32,
-}
-
-fn slot_code(slot: Option<FrameSlot>) -> u8 {
-    slot.map_or(0, |slot| slot as u8 + 1)
-}
-
-fn slot_from_code(code: u8) -> Option<FrameSlot> {
-    FrameSlot::ALL.get(usize::from(code).checked_sub(1)?).copied()
-}
-
-impl Details {
-    fn of(effect: &Effect) -> Self {
-        let value = |value| Details { value, ..Details::default() };
-        match *effect {
-            Effect::Frame { frames: Frames { id, mask, slot }, what, .. } => {
-                let value = match what {
-                    FrameEffect::Lose => 0,
-                    FrameEffect::Delay(us) | FrameEffect::Duplicate(us) => us,
-                };
-                Details { slot: slot_code(slot), id, mask, value }
-            }
-            Effect::Sync { what: SyncEffect::Jitter(us), .. } => value(us),
-            Effect::Slave { what: SlaveEffect::Late(us), .. }
-            | Effect::Node { what: NodeEffect::Slow(us), .. } => value(us),
-            Effect::Slave { what: SlaveEffect::Error(number) | SlaveEffect::Trip(number), .. }
-            | Effect::Node { what: NodeEffect::Trip(number), .. } => value(number.into()),
-            Effect::Slave { what: SlaveEffect::WrongOffset { at, offset }, .. } => {
-                let slot = match at {
-                    OffsetAt::Job => FrameSlot::Cc,
-                    OffsetAt::Answer => FrameSlot::Rc,
-                };
-                Details {
-                    slot: slot_code(Some(slot)),
-                    ..value(offset.map_or(0, |offset| u32::from(offset) + 1))
-                }
-            }
-            Effect::Sync { what: SyncEffect::Lose, .. }
-            | Effect::Slave { what: SlaveEffect::Off | SlaveEffect::Busy, .. }
-            | Effect::Node { what: NodeEffect::BusOff | NodeEffect::Overrun | NodeEffect::Silent, .. } => {
-                Details::default()
-            }
-        }
-    }
-
-    fn effect(&self, kind: Kind, index: u16, number: u8) -> Option<Effect> {
-        let &Details { slot, id, mask, value } = self;
-        let frame = |what| Effect::Frame {
-            bus: index,
-            frames: Frames { id, mask, slot: slot_from_code(slot) },
-            what,
-        };
-        let sync = |what| Effect::Sync { bus: index, what };
-        let slave = |what| Effect::Slave { bus: index, slave: number, what };
-        let node = |what| Effect::Node { plc: index, node: number, what };
-        Some(match kind {
-            Kind::LoseFrame => frame(FrameEffect::Lose),
-            Kind::DelayFrame => frame(FrameEffect::Delay(value)),
-            Kind::DuplicateFrame => frame(FrameEffect::Duplicate(value)),
-            Kind::LoseSync => sync(SyncEffect::Lose),
-            Kind::JitterSync => sync(SyncEffect::Jitter(value)),
-            Kind::SlaveOff => slave(SlaveEffect::Off),
-            Kind::SlaveLate => slave(SlaveEffect::Late(value)),
-            Kind::SlaveBusy => slave(SlaveEffect::Busy),
-            Kind::SlaveError => slave(SlaveEffect::Error(u16::try_from(value).ok()?)),
-            Kind::WrongOffset => {
-                let at = match slot_from_code(slot)? {
-                    FrameSlot::Cc => OffsetAt::Job,
-                    _ => OffsetAt::Answer,
-                };
-                let offset = value.checked_sub(1).map(u16::try_from).transpose().ok()?;
-                slave(SlaveEffect::WrongOffset { at, offset })
-            }
-            Kind::BusOff => node(NodeEffect::BusOff),
-            Kind::Overrun => node(NodeEffect::Overrun),
-            Kind::DriveFault => slave(SlaveEffect::Trip(u16::try_from(value).ok()?)),
-            Kind::BapsDriveFault => node(NodeEffect::Trip(u16::try_from(value).ok()?)),
-            Kind::BapsSilent => node(NodeEffect::Silent),
-            Kind::BapsSlow => node(NodeEffect::Slow(value)),
-        })
-    }
-}
-
-/// The operation that adds `fault`.
-pub(super) fn encode(fault: &Fault) -> WireOp {
-    let details = Details::of(&fault.effect);
-    let (index, number) = fault.target().numbers();
-    let (limit, amount) = match fault.limit {
-        Limit::UntilCleared => (limit::UNTIL_CLEARED, 0),
-        Limit::Count(count) => (limit::COUNT, count),
-        Limit::Duration(us) => (limit::DURATION, us),
-    };
-    WireOp {
-        kind: kind::FAULT_ADD,
-        plc: index,
-        width: u16::from_le_bytes([fault.kind() as u8, details.slot]),
-        node: u16::from_le_bytes([number, limit]),
-        offset: u32::from(details.mask) << 16 | u32::from(details.id),
-        value: details.value,
-        second: amount,
-        reserved: 0,
-        time_us: fault.at_us,
-    }
-}
-
-/// The way back. What is in fields that the kind does not use is not looked at here.
-pub(super) fn decode(wire: &WireOp) -> Option<Fault> {
-    let [kind, slot] = wire.width.to_le_bytes();
-    let [number, limit] = wire.node.to_le_bytes();
-    let details =
-        Details { slot, id: wire.offset as u16, mask: (wire.offset >> 16) as u16, value: wire.value };
-    Some(Fault {
-        effect: details.effect(Kind::from_code(kind)?, wire.plc, number)?,
-        at_us: wire.time_us,
-        limit: match limit {
-            limit::UNTIL_CLEARED => Limit::UntilCleared,
-            limit::COUNT => Limit::Count(wire.second),
-            limit::DURATION => Limit::Duration(wire.second),
-            _ => return None,
-        },
-    })
-}
-
-/// A fault of a list: 40 bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout)]
-#[repr(C)]
+/// A fault. Its longest form has as many bytes as an operation has behind its kind: kinds of faults see to that.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct WireFault {
-    /// The operation that adds it.
-    fault: WireOp,
-    id: u16,
-    /// 1 if it has begun, else 0.
-    acting: u16,
-    hits: u32,
+    kind: u8,
+    index: u16,
+    number: u8,
+    /// Which values are given, bit n for value n.
+    given: u8,
+    /// The values; 0 where none is given.
+    values: [u32; MAX_FIELDS],
+    at_us: u64,
+    limit: Limit,
 }
 
-const _: () = assert!(size_of::<WireFault>() == 40);
-
-impl From<&FaultStatus> for WireFault {
-    fn from(status: &FaultStatus) -> Self {
-        let FaultStatus { id, fault, acting, hits } = *status;
-        WireFault { fault: encode(&fault), id, acting: acting.into(), hits }
+impl From<&Fault> for WireFault {
+    fn from(fault: &Fault) -> Self {
+        let (index, number) = fault.target().numbers();
+        let values = fault.values();
+        let given = (0..).zip(values).filter(|(_, value)| value.is_some());
+        WireFault {
+            kind: fault.kind().number(),
+            index,
+            number,
+            given: given.fold(0, |given, (bit, _)| given | 1 << bit),
+            values: values.map(Option::unwrap_or_default),
+            at_us: fault.at_us(),
+            limit: fault.limit(),
+        }
     }
 }
 
 impl WireFault {
+    /// The way back; `None` for what is no fault that any kind allows.
+    fn fault(&self) -> Option<Fault> {
+        let kind = devices::fault_kinds().iter().find(|kind| kind.number() == self.kind)?;
+        let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));
+        for (bit, (value, sent)) in draft.values.iter_mut().zip(self.values).enumerate() {
+            *value = (self.given >> bit & 1 != 0).then_some(sent.into());
+        }
+        draft.at_us = self.at_us;
+        match self.limit {
+            Limit::UntilCleared => {}
+            Limit::Count(hits) => draft.count = Some(hits.into()),
+            Limit::Duration(us) => draft.duration_us = Some(us.into()),
+        }
+        draft.check().ok().filter(|fault| WireFault::from(fault) == *self)
+    }
+}
+
+/// The operation that adds `fault`: its kind, and behind it the fault.
+pub(super) fn encode(fault: &Fault) -> WireOp {
+    let mut op = WireOp { kind: kind::FAULT_ADD, ..WireOp::default() };
+    let bytes = own::encode(&WireFault::from(fault));
+    if let Some(room) = op.as_mut_bytes().get_mut(size_of::<u16>()..).and_then(|it| it.get_mut(..bytes.len())) {
+        room.copy_from_slice(&bytes);
+    }
+    op
+}
+
+/// The way back. The caller looks whether anything stands behind the fault.
+///
+/// # Errors
+/// The number that is no kind of fault, or the kind that allows no such fault.
+pub(super) fn decode(wire: &WireOp) -> Result<Fault, u8> {
+    let bytes = wire.as_bytes().get(size_of::<u16>()..).unwrap_or_default();
+    let number = u8::read_from_prefix(bytes).map_or(0, |(number, _)| number);
+    own::decode_first::<WireFault>(bytes).and_then(|fault| fault.fault()).ok_or(number)
+}
+
+/// A fault of a list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct WireStatus {
+    fault: WireFault,
+    id: u16,
+    acting: bool,
+    hits: u32,
+}
+
+impl From<&FaultStatus> for WireStatus {
+    fn from(status: &FaultStatus) -> Self {
+        let FaultStatus { id, fault, acting, hits } = *status;
+        WireStatus { fault: WireFault::from(&fault), id, acting, hits }
+    }
+}
+
+impl WireStatus {
     /// The way back; `None` for what no server of this version can have sent.
     pub(crate) fn status(&self) -> Option<FaultStatus> {
-        let acting = match self.acting {
-            0 => false,
-            1 => true,
-            _ => return None,
-        };
-        let Ok(Op::FaultAdd { fault }) = Op::try_from(self.fault) else { return None };
-        Some(FaultStatus { id: self.id, fault, acting, hits: self.hits })
+        let WireStatus { fault, id, acting, hits } = *self;
+        Some(FaultStatus { id, fault: fault.fault()?, acting, hits })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fault::MAX_AT_US;
+
+    /// The longest fault of every kind fits into an operation: at the end of every range, with every value.
+    #[test]
+    fn the_longest_fault_of_every_kind_comes_back_from_an_operation() {
+        for kind in devices::fault_kinds() {
+            let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), u16::MAX, 31));
+            for (value, field) in draft.values.iter_mut().zip(kind.fields()) {
+                *value = Some(field.range().1);
+            }
+            draft.at_us = MAX_AT_US;
+            draft.duration_us = Some(crate::fault::MAX_DURATION_US.into());
+            let fault = draft.check().unwrap();
+            assert_eq!(decode(&encode(&fault)), Ok(fault));
+        }
+    }
+
+    /// Whatever a single byte of it says: another fault, or none.
+    #[test]
+    fn hostile_bytes_are_refused_with_the_kind() {
+        let kind = devices::fault_kinds()[0];
+        let fault = Draft::new(kind, Target::Medium(0)).check().unwrap();
+        let op = encode(&fault);
+        for (at, byte) in (2..32).flat_map(|at| (0..=u8::MAX).map(move |byte| (at, byte))) {
+            let mut wire = op;
+            wire.as_mut_bytes()[at] = byte;
+            match decode(&wire) {
+                Ok(other) => assert_eq!(WireFault::from(&other), own::decode_first(&wire.as_bytes()[2..]).unwrap()),
+                Err(number) => assert_eq!(number, wire.as_bytes()[2]),
+            }
+        }
+        assert_eq!(decode(&WireOp { kind: kind::FAULT_ADD, plc: 99, ..WireOp::default() }), Err(99));
     }
 }

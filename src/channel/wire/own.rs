@@ -10,6 +10,11 @@ pub(super) fn encode<T: Serialize>(what: &T) -> Vec<u8> {
     postcard::to_allocvec(what).unwrap_or_default()
 }
 
+/// The way back of what stands first; `None` for bytes that are not those of a `T`.
+pub(super) fn decode_first<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
+    postcard::take_from_bytes(bytes).ok().map(|(what, _)| what)
+}
+
 /// The way back; `None` for bytes that are not those of one `T`.
 pub(super) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
     let (what, rest) = postcard::take_from_bytes(bytes).ok()?;

@@ -1,6 +1,6 @@
 //! Replies on the wire: blocks made of them, and the checked way back.
 
-use super::fault::WireFault;
+use super::fault::WireStatus;
 use super::findings::WireEntry;
 use super::journal::WireRecord;
 use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, own, reply_kind};
@@ -62,8 +62,8 @@ impl ReplyBuffer {
             Reply::Forces(forced) => self.append(only(reply_kind::FORCES), &forces::encode(forced)),
             Reply::FaultAdded { id } => self.append((reply_kind::FAULT_ADDED, 0, u64::from(*id)), &[]),
             Reply::Faults(faults) => {
-                let faults: Vec<_> = faults.iter().map(WireFault::from).collect();
-                self.append(only(reply_kind::FAULTS), faults.as_bytes())
+                let faults: Vec<_> = faults.iter().map(WireStatus::from).collect();
+                self.append(only(reply_kind::FAULTS), &own::encode(&faults))
             }
             Reply::FaultsCleared { count } => {
                 self.append((reply_kind::FAULTS_CLEARED, 0, u64::from(*count)), &[])
@@ -178,8 +178,7 @@ fn journal_records(data: &[u8]) -> Option<Vec<Record>> {
 }
 
 fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {
-    let chunks = data.chunks(size_of::<WireFault>());
-    chunks.map(|bytes| WireFault::read_from_bytes(bytes).ok()?.status()).collect()
+    own::decode::<Vec<WireStatus>>(data)?.iter().map(WireStatus::status).collect()
 }
 
 fn entries(data: &[u8]) -> Option<Vec<Entry>> {

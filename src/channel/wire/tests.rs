@@ -1,8 +1,7 @@
 use super::*;
 use crate::devices;
 use crate::fault::{
-    Effect, Fault, FaultStatus, FrameEffect, FrameSlot, Frames, Limit, NodeEffect, OffsetAt, SlaveEffect,
-    SyncEffect,
+    Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
 use crate::journal::Names;
 use crate::plant::Forced;
@@ -77,45 +76,23 @@ fn forced() -> impl Strategy<Value = Forced> {
     })
 }
 
-/// Any fault, whether its numbers are in range or not.
+/// Any fault that its kind allows.
 fn fault() -> impl Strategy<Value = Fault> {
-    let slot = || proptest::option::of(proptest::sample::select(&FrameSlot::ALL[..]));
-    let frame = prop_oneof![
-        Just(FrameEffect::Lose),
-        any::<u32>().prop_map(FrameEffect::Delay),
-        any::<u32>().prop_map(FrameEffect::Duplicate),
-    ];
-    let sync = prop_oneof![Just(SyncEffect::Lose), any::<u32>().prop_map(SyncEffect::Jitter)];
-    let at = prop_oneof![Just(OffsetAt::Job), Just(OffsetAt::Answer)];
-    let slave = prop_oneof![
-        Just(SlaveEffect::Off),
-        any::<u32>().prop_map(SlaveEffect::Late),
-        Just(SlaveEffect::Busy),
-        any::<u16>().prop_map(SlaveEffect::Error),
-        any::<u16>().prop_map(SlaveEffect::Trip),
-        (at, any::<Option<u16>>()).prop_map(|(at, offset)| SlaveEffect::WrongOffset { at, offset }),
-    ];
-    let node = prop_oneof![
-        Just(NodeEffect::BusOff),
-        Just(NodeEffect::Overrun),
-        any::<u16>().prop_map(NodeEffect::Trip),
-        Just(NodeEffect::Silent),
-        any::<u32>().prop_map(NodeEffect::Slow)
-    ];
-    let effect = prop_oneof![
-        (any::<(u16, u16, u16)>(), slot(), frame).prop_map(|((bus, id, mask), slot, what)| {
-            Effect::Frame { bus, frames: Frames { id, mask, slot }, what }
-        }),
-        (any::<u16>(), sync).prop_map(|(bus, what)| Effect::Sync { bus, what }),
-        (any::<(u16, u8)>(), slave).prop_map(|((bus, slave), what)| Effect::Slave { bus, slave, what }),
-        (any::<(u16, u8)>(), node).prop_map(|((plc, node), what)| Effect::Node { plc, node, what }),
-    ];
-    let limit = prop_oneof![
-        Just(Limit::UntilCleared),
-        any::<u32>().prop_map(Limit::Count),
-        any::<u32>().prop_map(Limit::Duration),
-    ];
-    (effect, any::<u64>(), limit).prop_map(|(effect, at_us, limit)| Fault { effect, at_us, limit })
+    let kind = proptest::sample::select(devices::fault_kinds());
+    let end = (any::<bool>(), 1..=MAX_DURATION_US);
+    (kind, any::<[(bool, u64); MAX_FIELDS]>(), any::<u16>(), 0..=MAX_PARTICIPANT, 0..=MAX_AT_US, end).prop_filter_map(
+        "values that agree",
+        |(kind, values, index, number, at_us, (by_hits, end))| {
+            let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), index, number));
+            for (value, (field, (is_given, any))) in draft.values.iter_mut().zip(kind.fields().iter().zip(values)) {
+                let (least, most) = field.range();
+                *value = is_given.then(|| least + any % (most - least + 1));
+            }
+            draft.at_us = at_us;
+            *(if by_hits { &mut draft.count } else { &mut draft.duration_us }) = Some(end.into());
+            draft.check().ok()
+        },
+    )
 }
 
 fn faults() -> impl Strategy<Value = Vec<FaultStatus>> {

@@ -1,6 +1,6 @@
 //! A CAN bus as the plant file describes it.
 
-use super::CanBus;
+use super::{CanBus, FAMILY};
 use crate::can::BitRate;
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Medium, MediumConfig};
@@ -54,6 +54,10 @@ fn rate(kbit_s: f64) -> Option<BitRate> {
 impl MediumConfig for CanBusConfig {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn family(&self) -> &'static str {
+        FAMILY
     }
 
     fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {

@@ -1,6 +1,6 @@
 //! A device with one port, which is at a CAN bus, and registers: the least that a device of one's own can be.
 
-use super::{CanPort, CanSocket};
+use super::{CanPort, CanSocket, FAMILY};
 use crate::devices::{BuildError, Device, DeviceConfig, Plain, Plug, PortConfig};
 use crate::journal::Origin;
 use crate::layout;
@@ -51,7 +51,7 @@ struct Config<D> {
 
 impl<D: CanDevice> Config<D> {
     fn port() -> Option<&'static Port> {
-        D::LAYOUT.ports.iter().find(|port| port.medium == "can")
+        D::LAYOUT.ports.iter().find(|port| port.medium == FAMILY)
     }
 }
 

@@ -4,12 +4,14 @@
 //! microseconds. What ends within a microsecond is seen at its end. A frame that begins within one begins when the wire was
 //! free, and only those take part in its arbitration that were there by then.
 
+use super::FAMILY;
 use super::config::CanBusConfig;
 use super::port::{CanPort, CanSocket, Controller};
 use super::records::{Lost, Transmitted};
 use crate::can::{self, Event, Frame, Participants};
 use crate::check::OwnedWatch;
 use crate::devices::{BuildError, Context, Medium, SyncSignal, World};
+use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
 
@@ -170,6 +172,10 @@ impl Medium for CanBus {
         &self.name
     }
 
+    fn family(&self) -> &'static str {
+        FAMILY
+    }
+
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
         let socket = socket.downcast::<CanSocket>().map_err(|_| BuildError::OtherFamily)?;
         let CanSocket { origin, segment, layout, port } = *socket;
@@ -231,6 +237,15 @@ impl Medium for CanBus {
 
     fn next_time(&self) -> u64 {
         self.next
+    }
+
+    /// The bus itself has no faults; those of its ports are their devices'.
+    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+        let Target::Port { device: plc, port: node } = target else { return None };
+        let end = self.ends.iter_mut().find(|end| end.origin == Origin { plc, node })?;
+        let hit = end.port.strike(now, effect);
+        self.plan(now);
+        hit
     }
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {

@@ -16,3 +16,6 @@ pub use config::CanBusConfig;
 pub use device::{CanDevice, read};
 pub use medium::CanBus;
 pub use port::{CanPort, CanSocket, Controller, QueueFull};
+
+/// What media of this kind are called.
+pub(crate) const FAMILY: &str = "can";

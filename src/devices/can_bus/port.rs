@@ -2,6 +2,7 @@
 
 use crate::can::{Filter, Frame};
 use crate::devices::Context;
+use crate::fault::{Effect, Hit};
 use crate::journal::Origin;
 use crate::layout::Device;
 use crate::memory::Segment;
@@ -43,6 +44,12 @@ pub trait CanPort: Send {
     /// Handles what is due at `ctx.now`.
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
         let _ = (ctx, controller);
+    }
+
+    /// A fault of the device acts on the port, at its begin or in a processor cycle: does it hit?
+    fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
+        let _ = (now, effect);
+        None
     }
 }
 

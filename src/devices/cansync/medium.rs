@@ -27,13 +27,16 @@ use crate::devices::cansync::bus::{Channel, Frame, FrameLength};
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
 use crate::devices::{Context, SyncSignal, World};
-use crate::fault::Faults;
+use crate::fault::{Faults, Owner};
 use crate::journal::{Journal, Origin};
 use agenda::{Agenda, Slot};
 use disturbance::Disturbance;
 use end::{End, Place};
 use own_clock::OwnClock;
 use slots::{OnWire, PLACES};
+
+/// What media of this kind are called.
+pub(crate) const FAMILY: &str = "cansync";
 
 /// Who is connected under a slave number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,6 +148,11 @@ impl SimBus {
             disturbance: Disturbance::default(),
             own_clock: OwnClock::default(),
         }
+    }
+
+    /// Whose faults act here.
+    fn owner(&self) -> Owner {
+        Owner::Medium(self.index)
     }
 
     fn connect(&mut self, number: u8, station: Station) {

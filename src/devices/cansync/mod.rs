@@ -7,6 +7,8 @@ pub mod bus;
 #[cfg(feature = "emulator")]
 pub mod drive;
 #[cfg(feature = "emulator")]
+pub mod faults;
+#[cfg(feature = "emulator")]
 pub mod firmware;
 #[cfg(feature = "emulator")]
 pub mod medium;

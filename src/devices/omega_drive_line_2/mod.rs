@@ -12,6 +12,8 @@ mod config;
 #[cfg(feature = "emulator")]
 pub mod ethernet;
 #[cfg(feature = "emulator")]
+pub mod faults;
+#[cfg(feature = "emulator")]
 mod plc;
 #[cfg(feature = "emulator")]
 pub mod records;

@@ -2,11 +2,12 @@
 //! CANsync nodes run where their buses are.
 
 use super::config::PlcConfig;
+use super::faults::{Effect, pace};
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::cansync::firmware::Seat;
 use crate::devices::cansync::medium::{Socket, SocketRole};
-use crate::devices::omega_drive_line_2::baps::{Baps, Pace};
+use crate::devices::omega_drive_line_2::baps::Baps;
 use crate::devices::omega_drive_line_2::board::{Board, level};
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::records::{BAPS_NODE, BoardEvent, OnBoard};
@@ -14,8 +15,8 @@ use crate::devices::omega_drive_line_2::registers::{
     BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG, NODE1, NODE2,
 };
 use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
-use crate::fault::{Effect, Faults, Hit, NodeEffect};
-use crate::journal::{Journal, Origin};
+use crate::fault::{self, Hit, Target};
+use crate::journal::Origin;
 use crate::layout;
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, View, Width};
@@ -243,8 +244,13 @@ impl Device for Plc {
         }
     }
 
-    fn trip(&mut self, now: u64, fault: u16) -> bool {
-        self.board.has_supply() && self.baps.trip(now, fault)
+    fn strike(&mut self, now: u64, _: Target, effect: &fault::Effect) -> Option<Hit> {
+        match *effect.get()? {
+            Effect::Trip(fault) => {
+                (self.board.has_supply() && self.baps.trip(now, fault)).then_some(Hit::Plain)
+            }
+            Effect::Silent | Effect::Slow(_) => None,
+        }
     }
 
     fn event_level(&self, event: usize) -> Option<u8> {
@@ -303,30 +309,4 @@ impl Device for Plc {
     fn show_time(&self, now: u64) {
         self.header.virtual_time_us.store(now);
     }
-}
-
-/// How the drive takes what it has to do at its BAPS; a silent one does not get to be slow.
-#[inline]
-fn pace(faults: &mut Faults, now: u64, plc: u16, has_waited: bool, journal: &mut Journal) -> Pace {
-    if faults.is_empty() {
-        return Pace::AtOnce;
-    }
-    let of = |effect: &Effect| match *effect {
-        Effect::Node { plc: of, what, .. } if of == plc => Some(what),
-        _ => None,
-    };
-    let is_silent = faults.acting().any(|effect| of(effect) == Some(NodeEffect::Silent));
-    let mut pace = Pace::AtOnce;
-    faults.strike(now, journal, |effect, _| {
-        match of(effect)? {
-            NodeEffect::Silent => pace = Pace::Never,
-            NodeEffect::Slow(us) if !is_silent && !has_waited => {
-                let longest = if let Pace::Late(other) = pace { us.max(other) } else { us };
-                pace = Pace::Late(longest);
-            }
-            _ => return None,
-        }
-        Some(Hit::Plain)
-    });
-    pace
 }

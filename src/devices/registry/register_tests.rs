@@ -46,14 +46,20 @@ fn device(
     rules: Vec<&'static Rule>,
 ) -> &'static Registered {
     let layout = Box::leak(Box::new(Layout { name, layout_hash, ..Layout::UNKNOWN }));
-    Box::leak(Box::new(Registered {
+    Box::leak(Box::new(Registered { records: records.leak(), rules: rules.leak(), ..plain(layout) }))
+}
+
+/// A device that registers nothing.
+fn plain(layout: &'static Layout) -> Registered {
+    Registered {
         layout,
         #[cfg(feature = "plc")]
         blocks: &[],
         read: None,
-        records: records.leak(),
-        rules: rules.leak(),
-    }))
+        records: &[],
+        rules: &[],
+        faults: &[],
+    }
 }
 
 fn taken(
@@ -112,6 +118,28 @@ fn numbers_and_names_of_records_of_commram_are_taken() {
     assert_eq!(registry.register(number), taken("it", "the number of record", 2, "cansync"));
     let name = device("it", 1, vec![NameOfFrames::KIND], vec![]);
     assert_eq!(registry.register(name), taken("it", "the name of record", "frame", "cansync"));
+}
+
+static OWN_FAULT: fault::Kind =
+    fault::Kind::new(250, "own_fault", fault::Place::Device, "It stops", |_| fault::Effect::new(()));
+static NUMBER_OF_BUS_OFF: fault::Kind =
+    fault::Kind::new(11, "other_fault", fault::Place::Device, "It stops", |_| fault::Effect::new(()));
+static NAME_OF_BUS_OFF: fault::Kind =
+    fault::Kind::new(251, "bus_off", fault::Place::Device, "It stops", |_| fault::Effect::new(()));
+
+#[test]
+fn faults_belong_to_one_family() {
+    let registry = Registry::new();
+    let with = |name, hash, faults: &'static [&'static fault::Kind]| {
+        let Registered { layout, .. } = device(name, hash, vec![], vec![]);
+        &*Box::leak(Box::new(Registered { faults, ..plain(layout) }))
+    };
+    assert_eq!(registry.register(with("it", 1, &[&OWN_FAULT])), Ok(()));
+    assert_eq!(registry.register(with("other", 2, &[&OWN_FAULT])), Ok(()), "a family shares its faults");
+    let number = registry.register(with("third", 3, &[&NUMBER_OF_BUS_OFF]));
+    assert_eq!(number, taken("third", "the number of fault", 11, "cansync"));
+    let name = registry.register(with("third", 3, &[&NAME_OF_BUS_OFF]));
+    assert_eq!(name, taken("third", "the name of fault", "bus_off", "cansync"));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 use super::*;
+use crate::devices;
 use crate::devices::omega_drive_line_2::registers::DEVICE;
-use crate::fault::{Effect, Fault, FaultStatus, Limit, SlaveEffect};
+use crate::fault::{Fault, FaultSpec, FaultStatus};
 use crate::layout::Place;
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
@@ -68,11 +69,16 @@ fn poke_step_and_peek_in_one_request() {
     assert_eq!(host.request(&ops), expected);
 }
 
+fn slave_busy(host: &TestHost, slave: u8) -> Fault {
+    let (kinds, fields) = (devices::fault_kinds(), [format!("slave={slave}"), "count=2".to_owned()]);
+    let spec = FaultSpec::from_words(kinds, "slave_busy", &fields).unwrap();
+    spec.resolve(kinds, &host.plant.names()).unwrap()
+}
+
 #[test]
 fn faults_are_added_listed_and_cleared_by_number() {
     let mut host = TestHost::new(true);
-    let effect = Effect::Slave { bus: 0, slave: 1, what: SlaveEffect::Busy };
-    let fault = Fault { effect, at_us: 0, limit: Limit::Count(2) };
+    let fault = slave_busy(&host, 1);
     let add = Op::FaultAdd { fault };
     let clear = |id| Op::FaultClear { id: NonZeroU16::new(id) };
     let status = |id| FaultStatus { id, fault, acting: true, hits: 0 };
@@ -93,9 +99,9 @@ fn faults_are_added_listed_and_cleared_by_number() {
 
 #[test]
 fn a_fault_that_cannot_be_names_what_it_concerns() {
-    let effect = Effect::Slave { bus: 0, slave: 7, what: SlaveEffect::Busy };
-    let fault = Fault { effect, at_us: 0, limit: Limit::UntilCleared };
-    let (code, text) = TestHost::new(true).refusal(Op::FaultAdd { fault });
+    let mut host = TestHost::new(true);
+    let fault = slave_busy(&host, 7);
+    let (code, text) = host.refusal(Op::FaultAdd { fault });
     let expected = "slave_busy: bus \"drives\" has no slave 7; its slaves are: 1";
     assert_eq!((code, text.as_str()), (Code::FAULT, expected));
 }

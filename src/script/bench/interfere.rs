@@ -3,6 +3,7 @@
 use super::Bench;
 use super::ask::Spot;
 use super::register::Register;
+use crate::devices;
 use crate::fault::{FaultSpec, Refusal};
 use crate::plant::Forced;
 use crate::request::{Code, Op, Refused};
@@ -43,8 +44,9 @@ impl Bench {
     pub fn fault(&mut self, words: &str) -> Result<u16, ScenarioError> {
         let mut words = words.split_whitespace();
         let kind = words.next().unwrap_or_default();
-        let spec = FaultSpec::from_words(kind, &words.collect::<Vec<_>>())?;
-        let fault = spec.resolve(&self.names)?;
+        let kinds = devices::fault_kinds();
+        let spec = FaultSpec::from_words(kinds, kind, &words.collect::<Vec<_>>())?;
+        let fault = spec.resolve(kinds, &self.names)?;
         Ok(self.ask(Op::FaultAdd { fault })?.fault_added()?)
     }
 

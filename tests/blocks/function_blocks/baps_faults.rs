@@ -3,14 +3,15 @@
 use super::baps::{SAME_CYCLE, SPEED, SPEED_ACTUAL, Stage, exchange, init};
 use crate::rig::Memory;
 use commram::devices::omega_drive_line_2::blocks::*;
+use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
 use std::time::Duration;
 
 impl Stage {
     /// Adds a fault at once; its number.
     fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
-        let spec = FaultSpec::from_words(kind, fields).unwrap();
-        let fault = spec.resolve(&self.plant.names()).unwrap();
+        let spec = FaultSpec::from_words(fault_kinds(), kind, fields).unwrap();
+        let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();
         self.plant.add_fault(fault).unwrap()
     }
 }

@@ -5,6 +5,7 @@ use super::bench::Bench;
 use super::process_data::mapped;
 use crate::rig::Memory;
 use commram::devices::omega_drive_line_2::blocks::*;
+use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
 use proptest::prelude::*;
 use std::time::Duration;
@@ -169,7 +170,7 @@ proptest! {
             programs.bench.rig.step(us);
             let spec: FaultSpec = toml::from_str(FAULTS[fault]).unwrap();
             let plant = &mut programs.bench.rig.plant;
-            let fault = spec.resolve(&plant.names()).unwrap();
+            let fault = spec.resolve(fault_kinds(), &plant.names()).unwrap();
             plant.add_fault(fault).unwrap();
         }
         programs.bench.rig.plant.clear_faults();

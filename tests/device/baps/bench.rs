@@ -2,11 +2,11 @@
 
 use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
 use commram::devices::cansync::drive::BuiltInDrive;
-use commram::devices::omega_drive_line_2::records::BAPS_NODE;
 use commram::devices::omega_drive_line_2::registers::{
     BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2,
 };
-use commram::fault::{Effect, Fault, FaultSpec, Limit, NodeEffect};
+use commram::devices::fault_kinds;
+use commram::fault::FaultSpec;
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
 use commram::memory::{Header, Image, View};
 use commram::plant::{Plant, PlantConfig, Plc};
@@ -113,15 +113,13 @@ impl Bench {
 
     /// Brings a fault upon the drive.
     pub(crate) fn trip(&mut self, number: u16) {
-        let effect = Effect::Node { plc: 0, node: BAPS_NODE, what: NodeEffect::Trip(number) };
-        let fault = Fault { effect, at_us: 0, limit: Limit::Count(1) };
-        self.plant.add_fault(fault).unwrap();
+        self.fault("baps_drive_fault", &[&format!("error={number}")]);
     }
 
     /// Adds a fault at once; its number.
     pub(crate) fn fault(&mut self, kind: &str, fields: &[&str]) -> u16 {
-        let spec = FaultSpec::from_words(kind, fields).unwrap();
-        let fault = spec.resolve(&self.plant.names()).unwrap();
+        let spec = FaultSpec::from_words(fault_kinds(), kind, fields).unwrap();
+        let fault = spec.resolve(fault_kinds(), &self.plant.names()).unwrap();
         self.plant.add_fault(fault).unwrap()
     }
 

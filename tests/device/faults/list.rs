@@ -2,11 +2,13 @@
 
 use super::*;
 use crate::rig::{BOTH, Memory};
-use commram::fault::{Effect, Limit, MAX_AT_US, MAX_FAULTS, NodeEffect, Refusal, SlaveEffect, SyncEffect};
+use commram::fault::{Draft, Kind, MAX_AT_US, MAX_FAULTS, Refusal, Target};
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
 
-const LOSE: Effect = Effect::Sync { bus: 0, what: SyncEffect::Lose };
+fn kind(name: &str) -> &'static Kind {
+    fault_kinds().iter().find(|kind| kind.name() == name).unwrap()
+}
 
 #[test]
 fn a_fault_waits_for_its_time_and_ends_after_its_duration() {
@@ -44,28 +46,29 @@ fn numbers_count_up_and_cleared_ones_are_gone() {
 #[test]
 fn what_the_plant_does_not_have_is_refused() {
     let mut rig = running(Memory::Heap);
-    let slave = |bus, slave| Effect::Slave { bus, slave, what: SlaveEffect::Busy };
-    let node = |plc, node| Effect::Node { plc, node, what: NodeEffect::BusOff };
+    let lose = Draft::new(kind("lose_sync"), Target::Medium(0));
+    let slave = |medium, number| Draft::new(kind("slave_busy"), Target::Participant { medium, number });
+    let node = |device, port| Draft::new(kind("bus_off"), Target::Port { device, port });
     let cases = [
-        (LOSE, 0, Limit::Count(0), "count is 0; it must be 1 to 4294967295"),
-        (LOSE, 0, Limit::Duration(0), "duration_us is 0; it must be 1 to 3600000000"),
-        (LOSE, MAX_AT_US + 1, Limit::UntilCleared, "at_us is 31536000000001; it must be 0 to 31536000000000"),
-        (slave(0, 7), 0, Limit::UntilCleared, "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
-        (slave(0, 200), 0, Limit::UntilCleared, "bus 0 has no slave 200"),
-        (slave(1, 0), 0, Limit::UntilCleared, "bus 1 does not exist; there are 1"),
-        (node(0, 1), 0, Limit::UntilCleared, "node1 of PLC 0 is not on a bus"),
-        (node(0, 3), 0, Limit::UntilCleared, "node3 of PLC 0 is not on a bus"),
-        (node(2, 1), 0, Limit::UntilCleared, "PLC 2 does not exist; there are 2"),
+        (Draft { count: Some(0), ..lose }, "count is 0; it must be 1 to 4294967295"),
+        (Draft { duration_us: Some(0), ..lose }, "duration_us is 0; it must be 1 to 3600000000"),
+        (Draft { at_us: MAX_AT_US + 1, ..lose }, "at_us is 31536000000001; it must be 0 to 31536000000000"),
+        (slave(0, 7), "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
+        (slave(0, 200), "slave is 200; it must be 0 to 31"),
+        (slave(1, 0), "bus 1 does not exist; there are 1"),
+        (node(0, 1), "node1 of PLC 0 is not on a bus; those that are: node2"),
+        (node(0, 3), "PLC 0 has no port 3; its ports are: node1, node2"),
+        (node(2, 1), "PLC 2 does not exist; there are 2"),
     ];
-    for (effect, at_us, limit, expected) in cases {
-        let refusal = rig.plant.add_fault(Fault { effect, at_us, limit }).unwrap_err().to_string();
+    for (draft, expected) in cases {
+        let refusal = draft.check().and_then(|fault| rig.plant.add_fault(fault)).unwrap_err().to_string();
         assert!(refusal.starts_with(expected), "{refusal}\n{expected}");
     }
     assert!(news(&rig).is_empty(), "a refused fault leaves no trace");
     for _ in 0..MAX_FAULTS {
         add(&mut rig, "kind = 'lose_sync'\nat_us = 1000000000");
     }
-    let one_more = Fault { effect: LOSE, at_us: 0, limit: Limit::UntilCleared };
+    let one_more = lose.check().unwrap();
     assert_eq!(rig.plant.add_fault(one_more), Err(Refusal::TooMany));
 }
 

@@ -11,6 +11,7 @@ mod sync;
 
 use crate::rig::{Memory, RATES, Rig};
 use commram::devices::cansync::records::SyncEdge;
+use commram::devices::fault_kinds;
 use commram::fault::{Fault, FaultSpec};
 use commram::fault::{FaultNews, Hit, News};
 use commram::journal::{Handshake, Register};
@@ -25,7 +26,7 @@ const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us
 /// Reads a fault as the plant file has it.
 fn fault(rig: &Rig, text: &str) -> Fault {
     let spec: FaultSpec = toml::from_str(text).unwrap();
-    spec.resolve(&rig.plant.names()).unwrap()
+    spec.resolve(fault_kinds(), &rig.plant.names()).unwrap()
 }
 
 /// Adds a fault; returns its number.

@@ -1,6 +1,6 @@
 //! A bus as the plant file describes it.
 
-use super::SimBus;
+use super::{FAMILY, SimBus};
 use crate::devices::cansync::bus::FrameLength;
 use crate::devices::cansync::drive::DriveConfig;
 use crate::devices::settings::{range, time, time_or_none};
@@ -62,6 +62,10 @@ impl MediumConfig for BusConfig {
             return Err(SettingError { what: "kbit_s", name, value, right: "1000, 500, 250 or 125" });
         }
         self.drives.iter().try_for_each(check_drive)
+    }
+
+    fn family(&self) -> &'static str {
+        FAMILY
     }
 
     fn participants(&self) -> Vec<(&str, u8)> {

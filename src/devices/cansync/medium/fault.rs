@@ -4,14 +4,15 @@
 use super::agenda::Slot;
 use super::disturbance::Stray;
 use super::end::Place;
-use super::{Run, SimBus, Station};
+use super::{Run, Station};
 use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
 use crate::devices::cansync::bus::codec::{
     ParameterJob, ParameterResult, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, is_up_download,
 };
 use crate::devices::cansync::bus::wire::Airtime;
 use crate::devices::cansync::bus::{Frame, FrameKind};
-use crate::fault::{Effect, FrameEffect, Hit, NodeEffect, OffsetAt, SlaveEffect, SyncEffect};
+use crate::devices::cansync::faults::{Effect, FrameEffect, OffsetAt};
+use crate::fault::{Hit, Target};
 use crate::journal::Origin;
 
 impl Run<'_> {
@@ -26,17 +27,16 @@ impl Run<'_> {
     ) -> Option<u64> {
         let [delivery, occupation] = [airtime.delivery_us, airtime.occupation_us].map(u64::from);
         let (mut lost, mut delay, mut copies) = (false, 0, Vec::new());
-        let index = self.bus.index;
-        self.faults.strike(self.now, self.journal, |effect, _| {
-            match *effect {
+        self.faults.strike(self.now, self.bus.owner(), self.journal, |target, effect, _| {
+            match (*effect, target) {
                 _ if lost => return None,
-                Effect::Frame { bus, frames, what } if bus == index && frames.include(frame) => match what {
+                (Effect::Frame(frames, what), _) if frames.include(frame) => match what {
                     FrameEffect::Lose => lost = true,
                     FrameEffect::Delay(us) => delay += u64::from(us),
                     FrameEffect::Duplicate(us) => copies.push(u64::from(us)),
                 },
-                Effect::Slave { bus, slave, what: SlaveEffect::Late(us) }
-                    if bus == index && frame.kind() == Some(FrameKind::Response(slave)) =>
+                (Effect::SlaveLate(us), Target::Participant { number, .. })
+                    if frame.kind() == Some(FrameKind::Response(number)) =>
                 {
                     delay += u64::from(us);
                 }
@@ -123,27 +123,23 @@ impl Run<'_> {
     /// Nodes of this bus that lose `frame` to an overrun.
     fn overruns(&mut self, frame: &Frame) -> Vec<Place> {
         let mut deaf = Vec::new();
-        let SimBus { stations, places, masters, slaves, .. } = &mut *self.bus;
+        let bus = &mut *self.bus;
         let sender = match frame.kind() {
             Some(FrameKind::ActualValue(_, number) | FrameKind::Response(number)) => {
-                stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody)
+                bus.stations.get(usize::from(number)).copied().unwrap_or(Station::Nobody)
             }
             _ => Station::Nobody,
         };
         let from_master = !matches!(frame.kind(), Some(FrameKind::ActualValue(..) | FrameKind::Response(_)));
-        self.faults.strike(self.now, self.journal, |effect, _| {
-            let Effect::Node { plc, node, what: NodeEffect::Overrun } = *effect else { return None };
-            let origin = Origin { plc, node };
-            let (place, lost) = places.iter().find_map(|place| match *place {
-                Place::Slave(index) if slaves[index].origin == origin => {
-                    let hears = sender != Station::Node(index);
-                    Some((*place, hears && slaves[index].firmware.overrun()))
+        self.faults.strike(self.now, bus.owner(), self.journal, |target, effect, _| {
+            let (Target::Port { device, port }, Effect::Overrun) = (target, effect) else { return None };
+            let place = bus.place_of(Origin { plc: device, node: port })?;
+            let lost = match place {
+                Place::Slave(index) => {
+                    sender != Station::Node(index) && bus.slaves[index].firmware.overrun()
                 }
-                Place::Master(index) if masters[index].origin == origin => {
-                    Some((*place, !from_master && masters[index].firmware.overrun()))
-                }
-                _ => None,
-            })?;
+                Place::Master(index) => !from_master && bus.masters[index].firmware.overrun(),
+            };
             lost.then(|| {
                 deaf.push(place);
                 Hit::Frame(frame.id().into())
@@ -155,9 +151,9 @@ impl Run<'_> {
     /// Whether the SYNC edge that is due now is lost on the line.
     #[cold]
     pub(super) fn edge_is_lost(&mut self) -> bool {
-        let (mut lost, index) = (false, self.bus.index);
-        self.faults.strike(self.now, self.journal, |effect, _| match *effect {
-            Effect::Sync { bus, what: SyncEffect::Lose } if bus == index && !lost => {
+        let mut lost = false;
+        self.faults.strike(self.now, self.bus.owner(), self.journal, |_, effect, _| match effect {
+            Effect::LoseSync if !lost => {
                 lost = true;
                 Some(Hit::Plain)
             }
@@ -170,10 +166,10 @@ impl Run<'_> {
     /// with late (decision D-125).
     #[cold]
     pub(super) fn move_next_edge(&mut self) {
-        let (mut shift, index) = (0, self.bus.index);
+        let mut shift = 0;
         let most = i64::from(self.timing.b_TIME_PATTERN) * 1000 / 4;
-        self.faults.strike(self.now, self.journal, |effect, hits| match *effect {
-            Effect::Sync { bus, what: SyncEffect::Jitter(us) } if bus == index => {
+        self.faults.strike(self.now, self.bus.owner(), self.journal, |_, effect, hits| match *effect {
+            Effect::JitterSync(us) => {
                 let us = i64::from(us).min(most);
                 let own = if hits.is_multiple_of(2) { us } else { -us };
                 shift = (shift + own).clamp(-most, most);
@@ -216,10 +212,10 @@ impl Run<'_> {
     }
 
     fn wrong_offset(&mut self, number: u8, wanted: OffsetAt, right: u16, id: u16) -> Option<u16> {
-        let (mut wrong, index) = (None, self.bus.index);
-        self.faults.strike(self.now, self.journal, |effect, _| match *effect {
-            Effect::Slave { bus, slave, what: SlaveEffect::WrongOffset { at, offset } }
-                if (bus, slave, at) == (index, number, wanted) && wrong.is_none() =>
+        let mut wrong = None;
+        self.faults.strike(self.now, self.bus.owner(), self.journal, |target, effect, _| match *effect {
+            Effect::WrongOffset { at, offset }
+                if is_slave(target, number) && at == wanted && wrong.is_none() =>
             {
                 wrong = Some(offset.unwrap_or((right + BLOCK as u16) & MAX_OFFSET));
                 Some(Hit::Frame(id.into()))
@@ -233,24 +229,26 @@ impl Run<'_> {
     #[cold]
     pub(super) fn answer_in_place(&mut self, number: u8, frame: &Frame) -> bool {
         self.bus.disturbance.job = Some(*frame);
-        let (mut answer, index) = (None, self.bus.index);
-        self.faults.strike(self.now, self.journal, |effect, _| match *effect {
-            Effect::Slave { bus, slave, what } if (bus, slave) == (index, number) && answer.is_none() => {
-                answer = match what {
-                    SlaveEffect::Busy => busy_or_error(frame, number, None),
-                    SlaveEffect::Error(error) => busy_or_error(frame, number, Some(error)),
-                    SlaveEffect::Off
-                    | SlaveEffect::Late(_)
-                    | SlaveEffect::WrongOffset { .. }
-                    | SlaveEffect::Trip(_) => None,
-                };
-                answer.map(|answer| Hit::Frame(answer.id().into()))
+        let mut answer = None;
+        self.faults.strike(self.now, self.bus.owner(), self.journal, |target, effect, _| {
+            if answer.is_some() || !is_slave(target, number) {
+                return None;
             }
-            _ => None,
+            answer = match *effect {
+                Effect::SlaveBusy => busy_or_error(frame, number, None),
+                Effect::SlaveError(error) => busy_or_error(frame, number, Some(error)),
+                _ => None,
+            };
+            answer.map(|answer| Hit::Frame(answer.id().into()))
         });
         self.bus.disturbance.answer = answer;
         answer.is_some()
     }
+}
+
+/// Whether a fault acts on slave `number`.
+fn is_slave(target: Target, number: u8) -> bool {
+    matches!(target, Target::Participant { number: slave, .. } if slave == number)
 }
 
 /// The answer BUSY, or an error number, to a job; `None` if it is no job that could be answered.

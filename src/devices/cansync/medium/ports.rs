@@ -2,13 +2,15 @@
 
 use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
-use super::{Sender, SimBus, Station};
+use super::{FAMILY, Sender, SimBus, Station};
+use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::{Change, Slave};
 use crate::devices::cansync::records::BaudRateMismatch;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::rules;
 use crate::devices::{BuildError, Context, Medium, SyncSignal, World};
-use crate::journal::Journal;
+use crate::fault::{self, Faults, Hit, Target};
+use crate::journal::{Journal, Origin};
 use crate::layout::Live;
 use core::any::Any;
 use core::mem::offset_of;
@@ -16,6 +18,10 @@ use core::mem::offset_of;
 impl Medium for SimBus {
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn family(&self) -> &'static str {
+        FAMILY
     }
 
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
@@ -166,30 +172,55 @@ impl Medium for SimBus {
         present.fold(0, |mask, (number, _)| mask | 1 << number)
     }
 
-    fn set_off(&mut self, now: u64, off: u32) {
+    fn faults_changed(&mut self, now: u64, faults: &Faults) {
+        let off = faults.acting(self.owner()).fold(0, |off, (target, effect)| match (target, effect) {
+            (Target::Participant { number, .. }, Effect::SlaveOff) => {
+                off | 1u32.checked_shl(number.into()).unwrap_or(0)
+            }
+            _ => off,
+        });
         self.switch_off(now, off);
     }
 
-    fn trip(&mut self, now: u64, number: u8, fault: u16) -> bool {
-        self.trip_drive(now, number, fault)
+    /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
+    fn strike(&mut self, now: u64, target: Target, effect: &fault::Effect) -> Option<Hit> {
+        let hits = match (target, *effect.get()?) {
+            (Target::Port { device, port }, Effect::BusOff) => {
+                self.go_bus_off(Origin { plc: device, node: port }, now)
+            }
+            (Target::Participant { number, .. }, Effect::Trip(fault)) => self.trip_drive(now, number, fault),
+            _ => false,
+        };
+        hits.then_some(Hit::Plain)
+    }
+}
+
+impl SimBus {
+    /// The port of a node.
+    pub(super) fn place_of(&self, origin: Origin) -> Option<Place> {
+        let is_there = |place: &Place| match *place {
+            Place::Master(index) => self.masters[index].origin == origin,
+            Place::Slave(index) => self.slaves[index].origin == origin,
+        };
+        self.places.iter().copied().find(is_there)
     }
 
-    fn go_bus_off(&mut self, place: usize, now: u64) -> bool {
-        let (goes, sender) = match self.places[place] {
-            Place::Master(index) => (self.masters[index].firmware.go_bus_off(), Sender::Master),
-            Place::Slave(index) => {
+    /// The controller of a node goes BUS-off; tells whether it was working.
+    fn go_bus_off(&mut self, origin: Origin, now: u64) -> bool {
+        let (goes, sender) = match self.place_of(origin) {
+            Some(Place::Master(index)) => (self.masters[index].firmware.go_bus_off(), Sender::Master),
+            Some(Place::Slave(index)) => {
                 let slave = &mut self.slaves[index].firmware;
                 (slave.go_bus_off(), Sender::Slave(slave.number()))
             }
+            None => return false,
         };
         if goes {
             self.destroy_frames_of(now, sender);
         }
         goes
     }
-}
 
-impl SimBus {
     /// Slave node `index` has another slave number; `false` if another station has it, and then the node is not
     /// connected.
     fn renumber(&mut self, index: usize, number: u8) -> bool {

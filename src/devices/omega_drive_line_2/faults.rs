@@ -1,0 +1,97 @@
+//! Kinds of faults of the drive behind the BAPS.
+
+use super::baps::Pace;
+use crate::fault::{self, Fault, Faults, Field, Form, Hit, Kind, Owner, Place};
+use crate::journal::Journal;
+
+/// Longest time by which a drive is late at the BAPS, in emulated microseconds: longer than the function blocks wait.
+pub const MAX_SLOWNESS_US: u32 = 60_000_000;
+
+/// What is wrong with the drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Effect {
+    /// It has this fault, 1 to 65535.
+    Trip(u16),
+    /// It leaves out what it has to do at the BAPS.
+    Silent,
+    /// It does that so many microseconds late, 1 to [`MAX_SLOWNESS_US`].
+    Slow(u32),
+}
+
+static DRIVE_FAULT: Kind = Kind::new(
+    14,
+    "baps_drive_fault",
+    Place::Device,
+    "The drive behind the BAPS brakes and waits for a fault reset",
+    |fault: &Fault| fault::Effect::new(Effect::Trip(fault.value("error").unwrap_or(0) as u16)),
+)
+.with(
+    const {
+        &[Field::new(
+            "error",
+            Form::Hex { least: 1, most: 0xFFFF, digits: 4 },
+            "Fault number, which parameter 308 shows",
+        )
+        .required("give the fault number, 1 to 16#FFFF")]
+    },
+)
+.once()
+.shown("error=17");
+
+static SILENT: Kind =
+    Kind::new(15, "baps_silent", Place::Device, "The drive answers nothing at the BAPS", |_| {
+        fault::Effect::new(Effect::Silent)
+    })
+    .shown("duration=4s");
+
+static SLOW: Kind = Kind::new(
+    16,
+    "baps_slow",
+    Place::Device,
+    "The drive answers late at the BAPS",
+    |fault: &Fault| fault::Effect::new(Effect::Slow(fault.value("delay_us").unwrap_or(0))),
+)
+.with(
+    const {
+        &[Field::new(
+            "delay_us",
+            Form::Time { least: 1, most: MAX_SLOWNESS_US as u64 },
+            "Later than the drive would do it",
+        )
+        .or("us")
+        .required("give it in microseconds")]
+    },
+)
+.shown("delay=3.5s count=1");
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
+
+/// How the drive takes what it has to do at its BAPS; a silent one does not get to be slow.
+#[inline]
+pub(super) fn pace(
+    faults: &mut Faults,
+    now: u64,
+    plc: u16,
+    has_waited: bool,
+    journal: &mut Journal,
+) -> Pace {
+    if faults.is_empty() {
+        return Pace::AtOnce;
+    }
+    let owner = Owner::Device(plc);
+    let is_silent = faults.acting(owner).any(|(_, effect)| matches!(effect, Effect::Silent));
+    let mut pace = Pace::AtOnce;
+    faults.strike(now, owner, journal, |_, effect: &Effect, _| {
+        match *effect {
+            Effect::Silent => pace = Pace::Never,
+            Effect::Slow(us) if !is_silent && !has_waited => {
+                let longest = if let Pace::Late(other) = pace { us.max(other) } else { us };
+                pace = Pace::Late(longest);
+            }
+            Effect::Slow(_) | Effect::Trip(_) => return None,
+        }
+        Some(Hit::Plain)
+    });
+    pace
+}

@@ -1,0 +1,201 @@
+//! Fields that describe a fault: what each of them holds, told once for whoever reads, checks, prints or documents it.
+
+use super::Refusal;
+use core::fmt;
+use core::hash::{Hash, Hasher};
+
+/// A field. Fields are equal if their names are.
+#[derive(Clone, Copy)]
+pub struct Field {
+    name: &'static str,
+    other_name: Option<&'static str>,
+    about: &'static str,
+    form: Form,
+    need: Need,
+}
+
+/// What a field holds.
+#[derive(Clone, Copy, Debug)]
+pub enum Form {
+    /// Name of a bus or PLC.
+    Name,
+    /// Name or number of a PLC's port.
+    Port,
+    /// One of these words, of which the fault holds the position.
+    Word(&'static [&'static str]),
+    /// A decimal number.
+    Number {
+        /// The smallest.
+        least: u64,
+        /// The largest.
+        most: u64,
+    },
+    /// A number that is written hexadecimal.
+    Hex {
+        /// The smallest.
+        least: u64,
+        /// The largest.
+        most: u64,
+        /// How many digits are written at least.
+        digits: usize,
+    },
+    /// A time in emulated microseconds.
+    Time {
+        /// The shortest.
+        least: u64,
+        /// The longest.
+        most: u64,
+    },
+}
+
+/// Whether a field may be left out.
+#[derive(Clone, Copy, Debug)]
+enum Need {
+    Optional,
+    /// Left out it has this value.
+    Default(u32),
+    /// It must be given; what would be right.
+    Required(&'static str),
+}
+
+impl Field {
+    /// A field of this form, which may be left out.
+    #[must_use]
+    pub const fn new(name: &'static str, form: Form, about: &'static str) -> Self {
+        Field { name, other_name: None, about, form, need: Need::Optional }
+    }
+
+    /// The same with another name that is understood too.
+    #[must_use]
+    pub const fn or(self, other_name: &'static str) -> Self {
+        Field { other_name: Some(other_name), ..self }
+    }
+
+    /// The same, not to be left out; `right` says what to give.
+    #[must_use]
+    pub const fn required(self, right: &'static str) -> Self {
+        Field { need: Need::Required(right), ..self }
+    }
+
+    /// The same; left out it has this value.
+    #[must_use]
+    pub const fn default(self, value: u32) -> Self {
+        Field { need: Need::Default(value), ..self }
+    }
+
+    /// Its name in plant files.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Another name that is understood wherever [`Field::name`] is.
+    #[must_use]
+    pub const fn other_name(&self) -> Option<&'static str> {
+        self.other_name
+    }
+
+    /// What it is.
+    #[must_use]
+    pub const fn about(&self) -> &'static str {
+        self.about
+    }
+
+    /// What it holds.
+    #[must_use]
+    pub const fn form(&self) -> Form {
+        self.form
+    }
+
+    /// What would be right if it is left out and must not be.
+    pub(super) const fn missing(&self) -> Option<&'static str> {
+        match self.need {
+            Need::Required(right) => Some(right),
+            Need::Optional | Need::Default(_) => None,
+        }
+    }
+
+    /// Its value if it is left out.
+    pub(super) const fn default_value(&self) -> Option<u32> {
+        match self.need {
+            Need::Default(value) => Some(value),
+            Need::Optional | Need::Required(_) => None,
+        }
+    }
+
+    /// Smallest and largest value.
+    #[must_use]
+    pub const fn range(&self) -> (u64, u64) {
+        match self.form {
+            Form::Number { least, most } | Form::Hex { least, most, .. } | Form::Time { least, most } => {
+                (least, most)
+            }
+            Form::Word(words) => (0, words.len() as u64 - 1),
+            Form::Name | Form::Port => (0, 0),
+        }
+    }
+
+    /// Checks a value: the one place that does so, however it has come.
+    ///
+    /// # Errors
+    /// [`Refusal::Range`].
+    pub(super) fn check(&'static self, value: u64) -> Result<u64, Refusal> {
+        let (least, most) = self.range();
+        if (least..=most).contains(&value) {
+            Ok(value)
+        } else {
+            Err(Refusal::Range { field: self, value, least, most })
+        }
+    }
+
+    /// What it may hold, for people.
+    #[must_use]
+    pub fn range_text(&self) -> String {
+        let (least, most) = self.range();
+        match self.form {
+            Form::Name => "name".to_owned(),
+            Form::Port => "name or number of a port".to_owned(),
+            Form::Word(words) => words.join(", "),
+            _ => format!("{} to {}", self.show(least), self.show(most)),
+        }
+    }
+
+    /// A value in the base in which it is written.
+    pub(super) fn show(&self, value: u64) -> String {
+        match self.form {
+            Form::Hex { .. } => format!("16#{value:03X}"),
+            _ => value.to_string(),
+        }
+    }
+
+    /// Whether this is its name, or the other one.
+    pub(super) fn is_called(&self, name: &str) -> bool {
+        self.name == name || self.other_name == Some(name)
+    }
+}
+
+impl PartialEq for Field {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Field {}
+
+impl Hash for Field {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.name.hash(state);
+    }
+}
+
+impl fmt::Debug for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl fmt::Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}

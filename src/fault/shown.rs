@@ -1,0 +1,64 @@
+//! A fault as it is listed: in the words in which it could be given.
+
+use super::spec::port_given;
+use super::{Fault, FaultSpec, Field, Form, Given, Kind, Limit, Target};
+use crate::journal::Names;
+use core::fmt::Write as _;
+
+impl Fault {
+    /// `lose_frame bus=drives slot=WRC1 id=16#101 count=3`
+    #[must_use]
+    pub fn text(&self, names: &Names) -> String {
+        let mut text = self.kind().name().to_owned();
+        for (field, given) in self.given(names) {
+            // Into a text, writing cannot fail.
+            let _ = match (given, field.form()) {
+                (Given::Text(word), _) => write!(text, " {field}={word}"),
+                (Given::Number(value), Form::Hex { digits, .. }) => {
+                    write!(text, " {field}=16#{value:0digits$X}")
+                }
+                (Given::Number(value), _) => write!(text, " {field}={value}"),
+            };
+        }
+        text
+    }
+
+    /// Its fields; those that mean what they mean left out are left out.
+    fn given(&self, names: &Names) -> Vec<(&'static Field, Given)> {
+        let bus = |index| Given::Text(names.bus(index).into_owned());
+        let plc = |index| Given::Text(names.plc(index).into_owned());
+        let number = |number: u8| Given::Number(number.into());
+        let place = match self.target() {
+            Target::Medium(index) => vec![bus(index)],
+            Target::Participant { medium, number: slave } => vec![bus(medium), number(slave)],
+            Target::Port { device, port } => {
+                let known = names.device(device).port_numbered(port);
+                vec![plc(device), known.map_or_else(|| number(port), port_given)]
+            }
+            Target::Device(index) => vec![plc(index)],
+        };
+        let own = self.kind().fields().iter().zip(self.values()).filter_map(|(field, value)| {
+            let value = value.filter(|value| field.default_value() != Some(*value))?;
+            Some((field, match field.form() {
+                Form::Word(words) => Given::Text((*words.get(value as usize)?).to_owned()),
+                _ => Given::Number(value.into()),
+            }))
+        });
+        let [at_us, count, duration_us] = Kind::COMMON;
+        let begin = (self.at_us() > 0).then(|| (at_us, Given::Number(self.at_us())));
+        let end = match self.limit() {
+            Limit::UntilCleared => None,
+            Limit::Count(hits) => Some((count, Given::Number(hits.into()))),
+            Limit::Duration(us) => Some((duration_us, Given::Number(us.into()))),
+        };
+        self.kind().place().fields().iter().copied().zip(place).chain(own).chain(begin).chain(end).collect()
+    }
+}
+
+impl FaultSpec {
+    /// The description of a fault.
+    pub fn of(fault: &Fault, names: &Names) -> Self {
+        let fields = fault.given(names).into_iter().map(|(field, given)| (field.name().to_owned(), given));
+        FaultSpec { kind: fault.kind().name().to_owned(), fields: fields.collect() }
+    }
+}
