@@ -63,10 +63,10 @@ Fields of all kinds:
 Examples, one of each kind:"
         .to_owned();
     for kind in devices::fault_kinds() {
-        let command = format!("commram fault add {} {}", kind.name(), kind.example());
+        let (about, name, example) = (kind.about(), kind.name(), kind.example());
         let once = if kind.happens_once() { ", once" } else { "" };
         // Into a text, writing cannot fail.
-        let _ = write!(text, "\n  {command:<63} # {}{once}", kind.about());
+        let _ = write!(text, "\n  # {about}{once}\n  commram fault add {name} {example}");
     }
     text
 }

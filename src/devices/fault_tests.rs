@@ -125,7 +125,10 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
         ("kind = 'lose_sync'", "lose_sync: bus is missing; give one of: drives, upper"),
         ("kind = 'lose_sync'\nbus = 'x'", "lose_sync: bus \"x\" does not exist; buses are: drives, upper"),
         ("kind = 'bus_off'\nnode = 1", "bus_off: plc is missing; give one of: line, saw, maxx"),
-        ("kind = 'bus_off'\nplc = 'x'\nnode = 1", "bus_off: PLC \"x\" does not exist; PLCs are: line, saw, maxx"),
+        (
+            "kind = 'bus_off'\nplc = 'x'\nnode = 1",
+            "bus_off: PLC \"x\" does not exist; PLCs are: line, saw, maxx",
+        ),
         ("kind = 'bus_off'\nplc = 'saw'", "bus_off: node is missing; give 1 (slave) or 2 (master)"),
         ("kind = 'bus_off'\nplc = 'saw'\nnode = 3", "bus_off: node is 3; it must be 1 to 2"),
         (
@@ -245,7 +248,10 @@ fn every_range_ends_where_its_kind_says() {
         };
         for value in [least, most] {
             let result = check(value);
-            assert!(matches!(result, Ok(_) | Err(Refusal::Disagree(_))), "{kind:?} {field} {value}: {result:?}");
+            assert!(
+                matches!(result, Ok(_) | Err(Refusal::Disagree(_))),
+                "{kind:?} {field} {value}: {result:?}"
+            );
         }
         for value in [least.checked_sub(1), Some(most + 1), Some(u64::MAX)].into_iter().flatten() {
             assert_eq!(check(value), Err(Refusal::Range { field, value, least, most }), "{kind:?}");
@@ -278,7 +284,8 @@ fn the_documentation_lists_exactly_these_kinds_and_fields() {
     let rows: Vec<_> = page.lines().filter(|line| line.starts_with("| `")).collect();
     let expected: Vec<_> = fault_kinds().iter().flat_map(|kind| rows_of(kind)).collect();
     let (_, table) = page.split_once("## All kinds").unwrap();
-    let table: Vec<_> = table.lines().filter(|line| line.starts_with("| `") || line.starts_with("| |")).collect();
+    let table: Vec<_> =
+        table.lines().filter(|line| line.starts_with("| `") || line.starts_with("| |")).collect();
     assert_eq!(table, expected, "{rows:?}");
 }
 

@@ -188,7 +188,8 @@ fn claims_of(
 /// What is the same for every device, and what belongs to media.
 fn generic_claims() -> Vec<Claim> {
     #[cfg(feature = "emulator")]
-    let claims = catalogue::generic().flat_map(|it| claims_of(it.owner, it.records, it.rules, it.faults)).collect();
+    let claims =
+        catalogue::generic().flat_map(|it| claims_of(it.owner, it.records, it.rules, it.faults)).collect();
     #[cfg(not(feature = "emulator"))]
     let claims = Vec::new();
     claims

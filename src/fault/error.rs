@@ -255,8 +255,7 @@ pub enum FaultError {
 impl FaultError {
     /// The refusal of a fault, with the names of what it concerns.
     pub fn refused(kind: &'static Kind, refusal: Refusal, names: &Names) -> Self {
-        let (bus_name, plc_name) =
-            (|bus| names.bus(bus).into_owned(), |plc| names.plc(plc).into_owned());
+        let (bus_name, plc_name) = (|bus| names.bus(bus).into_owned(), |plc| names.plc(plc).into_owned());
         match refusal {
             Refusal::NoSlave { bus, slave, present } => {
                 FaultError::NoSlave { kind, bus: bus_name(bus), slave, present }

@@ -39,10 +39,13 @@ impl Fault {
         };
         let own = self.kind().fields().iter().zip(self.values()).filter_map(|(field, value)| {
             let value = value.filter(|value| field.default_value() != Some(*value))?;
-            Some((field, match field.form() {
-                Form::Word(words) => Given::Text((*words.get(value as usize)?).to_owned()),
-                _ => Given::Number(value.into()),
-            }))
+            Some((
+                field,
+                match field.form() {
+                    Form::Word(words) => Given::Text((*words.get(value as usize)?).to_owned()),
+                    _ => Given::Number(value.into()),
+                },
+            ))
         });
         let [at_us, count, duration_us] = Kind::COMMON;
         let begin = (self.at_us() > 0).then(|| (at_us, Given::Number(self.at_us())));

@@ -26,7 +26,8 @@ static HISS: Kind = Kind::new(201, "hiss", Place::Medium, "It hisses", |fault| {
     _ => Ok(()),
 });
 static HUM: Kind = Kind::new(202, "hum", Place::Participant, "It hums", |_| Effect::new(Noise::Hum)).once();
-static FOG: Kind = Kind::new(203, "fog", Place::Device, "It sees nothing", |_| Effect::new(())).without_hits();
+static FOG: Kind =
+    Kind::new(203, "fog", Place::Device, "It sees nothing", |_| Effect::new(())).without_hits();
 static LEAK: Kind = Kind::new(204, "leak", Place::Port, "It leaks", |_| Effect::new(()));
 static OF_MEDIUM: &[&Kind] = &[&HISS, &HUM, &LEAK];
 static OF_DEVICE: &[&Kind] = &[&FOG];
@@ -61,10 +62,7 @@ fn left_out_values_are_those_of_the_description() {
 fn what_a_kind_does_not_allow_is_refused_wherever_it_comes_from() {
     let draft = Draft::new(&HISS, Target::Medium(0));
     let (volume, at_us) = (&HISS.fields()[0], Kind::COMMON[0]);
-    assert_eq!(
-        draft.check(),
-        Err(Refusal::Missing { field: volume, right: "give 1 to 9".to_owned() })
-    );
+    assert_eq!(draft.check(), Err(Refusal::Missing { field: volume, right: "give 1 to 9".to_owned() }));
     let draft = Draft { values: [Some(3), None, None, None], ..draft };
     assert!(draft.check().is_ok());
     let too_late = Refusal::Range { field: at_us, value: MAX_AT_US + 1, least: 0, most: MAX_AT_US };

@@ -46,9 +46,7 @@ impl FaultSpec {
                     Given::Number(time::parse(given).map_err(|error| wrong(error.to_string()))?)
                 }
                 // Times in microseconds may be longer than register values.
-                Form::Time { .. } => {
-                    Given::Number(given.parse().or_else(|_| number(given)).map_err(wrong)?)
-                }
+                Form::Time { .. } => Given::Number(given.parse().or_else(|_| number(given)).map_err(wrong)?),
                 Form::Number { .. } | Form::Hex { .. } => Given::Number(number(given).map_err(wrong)?),
             };
             spec.fields.push((field.name().to_owned(), given));
@@ -146,7 +144,10 @@ mod tests {
         let without =
             parsed("x", &["at_us=2000000", "delay_us=500", "amplitude_us=40", "duration_us=60000000"]);
         assert_eq!(with.unwrap(), without.unwrap());
-        assert_eq!(parsed("x", &["at_us=31536000000000"]).unwrap().fields[0].1, Given::Number(31_536_000_000_000));
+        assert_eq!(
+            parsed("x", &["at_us=31536000000000"]).unwrap().fields[0].1,
+            Given::Number(31_536_000_000_000)
+        );
     }
 
     #[test]

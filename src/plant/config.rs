@@ -154,8 +154,10 @@ pub enum PlantError {
     #[error(transparent)]
     Build(#[from] BuildError),
     /// A fault is refused.
-    #[error("[[fault]] {number}: {source}")]
+    #[error("{at}[[fault]] {number}: {source}")]
     Fault {
+        /// File and line with a colon behind them, if it comes from a file.
+        at: String,
         /// Position in the file, from 1.
         number: usize,
         /// Why.
@@ -185,8 +187,15 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
     pub fn parse(file: &str, text: &str) -> Result<Self, PlantError> {
-        let config = file::read(file, text)?;
-        config.check()?;
+        let (config, lines) = file::read(file, text)?;
+        let of_fault = |error| match error {
+            PlantError::Fault { number, source, .. } => {
+                let line = lines.get(number - 1).copied().unwrap_or(1);
+                PlantError::Fault { at: format!("{file}: line {line}: "), number, source }
+            }
+            other => other,
+        };
+        config.check().map_err(of_fault)?;
         Ok(config)
     }
 
@@ -232,14 +241,18 @@ impl PlantConfig {
         let numbered = self.faults.iter().enumerate();
         let faults: Vec<Fault> = numbered
             .map(|(index, spec)| {
-                resolve(spec).map_err(|source| PlantError::Fault { number: index + 1, source })
+                resolve(spec).map_err(|source| PlantError::Fault {
+                    at: String::new(),
+                    number: index + 1,
+                    source,
+                })
             })
             .collect::<Result<_, _>>()?;
         match faults.get(MAX_FAULTS) {
             None => Ok(faults),
             Some(fault) => {
                 let source = FaultError::Refused { kind: fault.kind(), refusal: Refusal::TooMany };
-                Err(PlantError::Fault { number: MAX_FAULTS + 1, source })
+                Err(PlantError::Fault { at: String::new(), number: MAX_FAULTS + 1, source })
             }
         }
     }

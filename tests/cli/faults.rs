@@ -184,3 +184,39 @@ fn faults_of_the_plant_file_are_there_from_the_start() {
     let expected = "[[fault]] 1: slave_off: bus \"b\" has no slave 4; its slaves are: 3";
     assert!(outcome.fails(2).contains(expected), "{}", outcome.err);
 }
+
+#[test]
+fn faults_of_another_device_are_refused_with_what_it_has() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("plant.toml");
+    let plant = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n\
+                 [[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'b'\n[[bus]]\nname = 'b'\n";
+    std::fs::write(&path, plant).unwrap();
+    let emulator = Emulator::start(&[path.to_str().unwrap(), "--clock", "stepped"]);
+    for (args, expected) in [
+        (&["baps_silent"][..], "baps_silent: PLC \"maxx\" cannot have it; its faults are: none"),
+        (&["bus_off", "node=slotH"], "slotH of PLC \"maxx\" is not on a bus; those that are: slotG"),
+        (&["bus_off", "node=node1"], "its ports are: slotG, slotH, slotJ, slotK, slotL, slotM"),
+        (&["overrun"], "node is missing; give slotG, slotH, slotJ, slotK, slotL or slotM"),
+    ] {
+        let outcome = emulator.run("fault", &[&["add"], args].concat());
+        let message = outcome.fails(2);
+        assert!(message.contains(expected), "{message}\n{expected}");
+    }
+    assert_eq!(add(&emulator, &["bus_off", "plc=maxx", "node=slotG", "at=1s"]), "1");
+    assert!(list(&emulator).ends_with("bus_off plc=maxx node=slotG at_us=1000000 count=1\n"));
+
+    std::fs::write(&path, format!("{plant}[[fault]]\nkind = 'baps_silent'\n")).unwrap();
+    let outcome = crate::common::run(&["run", path.to_str().unwrap()]);
+    let expected = "plant.toml: line 10: [[fault]] 1: baps_silent: PLC \"maxx\" cannot have it";
+    assert!(outcome.fails(2).contains(expected), "{}", outcome.err);
+}
+
+#[test]
+fn help_tells_of_every_kind() {
+    let help = crate::common::run(&["fault", "add", "--help"]);
+    for kind in commram::devices::fault_kinds() {
+        let command = format!("\n  commram fault add {} {}", kind.name(), kind.example());
+        assert!(help.ok().contains(&command), "{command}\n{}", help.out);
+    }
+}

@@ -2,8 +2,8 @@
 //! same writes give the same journal, and PLCs that start over find everything in working order.
 
 use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
-use commram::devices::omega_drive_line_2::registers::*;
 use commram::devices::fault_kinds;
+use commram::devices::omega_drive_line_2::registers::*;
 use commram::fault::FaultSpec;
 use commram::memory::Width;
 use proptest::prelude::*;

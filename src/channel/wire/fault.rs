@@ -59,7 +59,8 @@ impl WireFault {
 pub(super) fn encode(fault: &Fault) -> WireOp {
     let mut op = WireOp { kind: kind::FAULT_ADD, ..WireOp::default() };
     let bytes = own::encode(&WireFault::from(fault));
-    if let Some(room) = op.as_mut_bytes().get_mut(size_of::<u16>()..).and_then(|it| it.get_mut(..bytes.len())) {
+    if let Some(room) = op.as_mut_bytes().get_mut(size_of::<u16>()..).and_then(|it| it.get_mut(..bytes.len()))
+    {
         room.copy_from_slice(&bytes);
     }
     op
@@ -129,7 +130,9 @@ mod tests {
             let mut wire = op;
             wire.as_mut_bytes()[at] = byte;
             match decode(&wire) {
-                Ok(other) => assert_eq!(WireFault::from(&other), own::decode_first(&wire.as_bytes()[2..]).unwrap()),
+                Ok(other) => {
+                    assert_eq!(WireFault::from(&other), own::decode_first(&wire.as_bytes()[2..]).unwrap())
+                }
                 Err(number) => assert_eq!(number, wire.as_bytes()[2]),
             }
         }

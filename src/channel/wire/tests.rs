@@ -80,19 +80,19 @@ fn forced() -> impl Strategy<Value = Forced> {
 fn fault() -> impl Strategy<Value = Fault> {
     let kind = proptest::sample::select(devices::fault_kinds());
     let end = (any::<bool>(), 1..=MAX_DURATION_US);
-    (kind, any::<[(bool, u64); MAX_FIELDS]>(), any::<u16>(), 0..=MAX_PARTICIPANT, 0..=MAX_AT_US, end).prop_filter_map(
-        "values that agree",
-        |(kind, values, index, number, at_us, (by_hits, end))| {
+    (kind, any::<[(bool, u64); MAX_FIELDS]>(), any::<u16>(), 0..=MAX_PARTICIPANT, 0..=MAX_AT_US, end)
+        .prop_filter_map("values that agree", |(kind, values, index, number, at_us, (by_hits, end))| {
             let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), index, number));
-            for (value, (field, (is_given, any))) in draft.values.iter_mut().zip(kind.fields().iter().zip(values)) {
+            for (value, (field, (is_given, any))) in
+                draft.values.iter_mut().zip(kind.fields().iter().zip(values))
+            {
                 let (least, most) = field.range();
                 *value = is_given.then(|| least + any % (most - least + 1));
             }
             draft.at_us = at_us;
             *(if by_hits { &mut draft.count } else { &mut draft.duration_us }) = Some(end.into());
             draft.check().ok()
-        },
-    )
+        })
 }
 
 fn faults() -> impl Strategy<Value = Vec<FaultStatus>> {

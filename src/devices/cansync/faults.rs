@@ -144,31 +144,37 @@ fn number(fault: &Fault) -> u16 {
     fault.value("error").unwrap_or(0) as u16
 }
 
-static LOSE_FRAME: Kind =
-    Kind::new(1, "lose_frame", Place::Medium, "Nobody receives a frame; its sender does not notice", |fault| {
-        fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Lose))
+static LOSE_FRAME: Kind = Kind::new(
+    1,
+    "lose_frame",
+    Place::Medium,
+    "Nobody receives a frame; its sender does not notice",
+    |fault| fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Lose)),
+)
+.with(const { &[SLOT, ID, MASK] })
+.agreeing(agree)
+.shown("slot=WRC1 count=3");
+
+static DELAY_FRAME: Kind =
+    Kind::new(2, "delay_frame", Place::Medium, "A frame comes later than its slot", |fault| {
+        fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Delay(us(fault))))
     })
-    .with(const { &[SLOT, ID, MASK] })
+    .with(const { &[SLOT, ID, MASK, delay(1, "After its slot").required(IN_US)] })
     .agreeing(agree)
-    .shown("slot=WRC1 count=3");
+    .shown("slot=RC delay=500us count=1");
 
-static DELAY_FRAME: Kind = Kind::new(2, "delay_frame", Place::Medium, "A frame comes later than its slot", |fault| {
-    fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Delay(us(fault))))
+static DUPLICATE_FRAME: Kind =
+    Kind::new(3, "duplicate_frame", Place::Medium, "A frame comes once more", |fault| {
+        fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Duplicate(us(fault))))
+    })
+    .with(const { &[SLOT, ID, MASK, delay(0, "After the end of the first one; 0 if left out").default(0)] })
+    .agreeing(agree)
+    .shown("slot=CC delay=50us");
+
+static LOSE_SYNC: Kind = Kind::new(4, "lose_sync", Place::Medium, "The slaves miss SYNC edges", |_| {
+    fault::Effect::new(Effect::LoseSync)
 })
-.with(const { &[SLOT, ID, MASK, delay(1, "After its slot").required(IN_US)] })
-.agreeing(agree)
-.shown("slot=RC delay=500us count=1");
-
-static DUPLICATE_FRAME: Kind = Kind::new(3, "duplicate_frame", Place::Medium, "A frame comes once more", |fault| {
-    fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Duplicate(us(fault))))
-})
-.with(const { &[SLOT, ID, MASK, delay(0, "After the end of the first one; 0 if left out").default(0)] })
-.agreeing(agree)
-.shown("slot=CC delay=50us");
-
-static LOSE_SYNC: Kind =
-    Kind::new(4, "lose_sync", Place::Medium, "The slaves miss SYNC edges", |_| fault::Effect::new(Effect::LoseSync))
-        .shown("bus=drives count=2");
+.shown("bus=drives count=2");
 
 static JITTER_SYNC: Kind =
     Kind::new(5, "jitter_sync", Place::Medium, "SYNC edges come late and early in turn", |fault| {
@@ -209,11 +215,7 @@ static SLAVE_ERROR: Kind =
     Kind::new(9, "slave_error", Place::Participant, "A slave refuses jobs with an error number", |fault| {
         fault::Effect::new(Effect::SlaveError(number(fault)))
     })
-    .with(
-        const {
-            &[error(0, "Error number").required("give the error number, for example 16#FFFB")]
-        },
-    )
+    .with(const { &[error(0, "Error number").required("give the error number, for example 16#FFFB")] })
     .shown("slave=1 error=16#FFFB count=1");
 
 static WRONG_OFFSET: Kind = Kind::new(
@@ -230,7 +232,11 @@ static WRONG_OFFSET: Kind = Kind::new(
 .with(
     const {
         &[
-            Field::new("slot", Form::Word(&["CC", "RC"]), "In the job (CC) or in the answer (RC, if left out)"),
+            Field::new(
+                "slot",
+                Form::Word(&["CC", "RC"]),
+                "In the job (CC) or in the answer (RC, if left out)",
+            ),
             Field::new(
                 "offset",
                 Form::Number { least: 0, most: MAX_OFFSET as u64 },
@@ -247,11 +253,12 @@ static BUS_OFF: Kind = Kind::new(11, "bus_off", Place::Port, "A CAN controller s
 .once()
 .shown("plc=line node=2");
 
-static OVERRUN: Kind = Kind::new(12, "overrun", Place::Port, "A CAN controller loses frames that it receives", |_| {
-    fault::Effect::new(Effect::Overrun)
-})
-.once()
-.shown("node=2 count=2");
+static OVERRUN: Kind =
+    Kind::new(12, "overrun", Place::Port, "A CAN controller loses frames that it receives", |_| {
+        fault::Effect::new(Effect::Overrun)
+    })
+    .once()
+    .shown("node=2 count=2");
 
 static DRIVE_FAULT: Kind =
     Kind::new(13, "drive_fault", Place::Participant, "A drive brakes and waits for a fault reset", |fault| {

@@ -44,38 +44,29 @@ static SILENT: Kind =
     })
     .shown("duration=4s");
 
-static SLOW: Kind = Kind::new(
-    16,
-    "baps_slow",
-    Place::Device,
-    "The drive answers late at the BAPS",
-    |fault: &Fault| fault::Effect::new(Effect::Slow(fault.value("delay_us").unwrap_or(0))),
-)
-.with(
-    const {
-        &[Field::new(
-            "delay_us",
-            Form::Time { least: 1, most: MAX_SLOWNESS_US as u64 },
-            "Later than the drive would do it",
-        )
-        .or("us")
-        .required("give it in microseconds")]
-    },
-)
-.shown("delay=3.5s count=1");
+static SLOW: Kind =
+    Kind::new(16, "baps_slow", Place::Device, "The drive answers late at the BAPS", |fault: &Fault| {
+        fault::Effect::new(Effect::Slow(fault.value("delay_us").unwrap_or(0)))
+    })
+    .with(
+        const {
+            &[Field::new(
+                "delay_us",
+                Form::Time { least: 1, most: MAX_SLOWNESS_US as u64 },
+                "Later than the drive would do it",
+            )
+            .or("us")
+            .required("give it in microseconds")]
+        },
+    )
+    .shown("delay=3.5s count=1");
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[&DRIVE_FAULT, &SILENT, &SLOW];
 
 /// How the drive takes what it has to do at its BAPS; a silent one does not get to be slow.
 #[inline]
-pub(super) fn pace(
-    faults: &mut Faults,
-    now: u64,
-    plc: u16,
-    has_waited: bool,
-    journal: &mut Journal,
-) -> Pace {
+pub(super) fn pace(faults: &mut Faults, now: u64, plc: u16, has_waited: bool, journal: &mut Journal) -> Pace {
     if faults.is_empty() {
         return Pace::AtOnce;
     }

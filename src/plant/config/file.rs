@@ -22,7 +22,7 @@ struct Rest {
     #[serde(default, rename = "bus")]
     _bus: Option<IgnoredAny>,
     #[serde(default)]
-    fault: Vec<FaultSpec>,
+    fault: Vec<Spanned<FaultSpec>>,
 }
 
 fn default_cycle() -> u32 {
@@ -35,8 +35,8 @@ struct Source<'a> {
     text: &'a str,
 }
 
-/// Reads a plant file.
-pub(super) fn read(file: &str, text: &str) -> Result<PlantConfig, PlantError> {
+/// Reads a plant file. Returns the lines of its faults, too: what is wrong with them only the whole plant can tell.
+pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
     let mut table = DeTable::parse(text).map_err(|error| source.syntax(error))?;
     let plcs = source.sections(table.get_mut(), "plc")?;
@@ -61,7 +61,9 @@ pub(super) fn read(file: &str, text: &str) -> Result<PlantConfig, PlantError> {
         media.push(source.read(section, read)?);
     }
     let Rest { processor_cycle_us, fault: faults, .. } = rest;
-    Ok(PlantConfig { processor_cycle_us, devices, media, faults })
+    let lines = faults.iter().map(|fault| source.line_of(fault.span().start)).collect();
+    let faults = faults.into_iter().map(Spanned::into_inner).collect();
+    Ok((PlantConfig { processor_cycle_us, devices, media, faults }, lines))
 }
 
 impl Source<'_> {

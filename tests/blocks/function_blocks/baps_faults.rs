@@ -2,8 +2,8 @@
 
 use super::baps::{SAME_CYCLE, SPEED, SPEED_ACTUAL, Stage, exchange, init};
 use crate::rig::Memory;
-use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::fault_kinds;
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::fault::FaultSpec;
 use std::time::Duration;
 

@@ -4,8 +4,8 @@
 use super::bench::Bench;
 use super::process_data::mapped;
 use crate::rig::Memory;
-use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::fault_kinds;
+use commram::devices::omega_drive_line_2::blocks::*;
 use commram::fault::FaultSpec;
 use proptest::prelude::*;
 use std::time::Duration;

@@ -85,7 +85,9 @@ fn traffic(rig: &mut Rig, interval: u64) {
 
 #[test]
 fn every_kind_comes_through_every_door_and_ends_by_count_and_by_time() {
-    assert!(KINDS.iter().map(|(kind, ..)| Some(*kind)).eq(fault_kinds().iter().map(|kind| Some(kind.name()))));
+    assert!(
+        KINDS.iter().map(|(kind, ..)| Some(*kind)).eq(fault_kinds().iter().map(|kind| Some(kind.name())))
+    );
     for (kind, fields, hits) in KINDS {
         let by_count = hits.map(|hits| (format!("count={hits}"), Some(hits)));
         for (end, hits) in by_count.into_iter().chain([(format!("duration_us={DURATION_US}"), None)]) {

@@ -102,7 +102,11 @@ fn mistakes_in_the_plant_file_are_named() {
         let text = format!("{plant}[[fault]]\nkind = 'lose_sync'\n[[fault]]\n{fault}\n");
         let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}\n{expected}");
+        assert!(message.starts_with("test.toml: "), "{message}");
     }
+    let text = format!("{plant}\n[[fault]]\nkind = 'slave_busy'\nslave = 4\n");
+    let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
+    assert!(message.starts_with("test.toml: line 10: [[fault]] 1: slave_busy: "), "{message}");
 }
 
 /// Several faults of every kind; the same on both memories, however time is cut into steps.

@@ -7,6 +7,7 @@ mod frames;
 mod list;
 mod recovery;
 mod slaves;
+mod slots;
 mod sync;
 
 use crate::rig::{Memory, RATES, Rig};

@@ -135,9 +135,7 @@ impl Run<'_> {
             let (Target::Port { device, port }, Effect::Overrun) = (target, effect) else { return None };
             let place = bus.place_of(Origin { plc: device, node: port })?;
             let lost = match place {
-                Place::Slave(index) => {
-                    sender != Station::Node(index) && bus.slaves[index].firmware.overrun()
-                }
+                Place::Slave(index) => sender != Station::Node(index) && bus.slaves[index].firmware.overrun(),
                 Place::Master(index) => !from_master && bus.masters[index].firmware.overrun(),
             };
             lost.then(|| {

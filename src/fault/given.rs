@@ -1,0 +1,117 @@
+//! A fault as people write it: with names, in the fields of a plant file.
+
+use core::fmt;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// A `[[fault]]` of a plant file, and the arguments of `commram fault add`: its kind, and its fields under the names that
+/// they were given. `docs/faults.md` describes the fields of each kind.
+#[derive(Clone, Debug, Default)]
+pub struct FaultSpec {
+    /// Name of the kind.
+    pub kind: String,
+    /// Names of fields and what they hold.
+    pub fields: Vec<(String, Given)>,
+}
+
+/// What a field holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Given {
+    /// A number.
+    Number(u64),
+    /// A text.
+    Text(String),
+}
+
+/// Equal descriptions have the same fields, in whatever order.
+impl PartialEq for FaultSpec {
+    fn eq(&self, other: &Self) -> bool {
+        self.kind == other.kind
+            && self.fields.len() == other.fields.len()
+            && self.fields.iter().all(|field| other.fields.contains(field))
+    }
+}
+
+impl Eq for FaultSpec {}
+
+impl fmt::Display for Given {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Given::Number(number) => write!(f, "{number}"),
+            Given::Text(text) => write!(f, "\"{text}\""),
+        }
+    }
+}
+
+impl Serialize for FaultSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(1 + self.fields.len()))?;
+        map.serialize_entry("kind", &self.kind)?;
+        for (name, given) in &self.fields {
+            match given {
+                Given::Number(number) => map.serialize_entry(name, number)?,
+                Given::Text(text) => map.serialize_entry(name, text)?,
+            }
+        }
+        map.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for FaultSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Fields;
+
+        impl<'de> Visitor<'de> for Fields {
+            type Value = FaultSpec;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a fault: its kind and its fields")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<FaultSpec, A::Error> {
+                let (mut kind, mut fields) = (None, Vec::new());
+                while let Some(name) = map.next_key::<String>()? {
+                    if name == "kind" {
+                        kind = Some(map.next_value()?);
+                    } else {
+                        fields.push((name, map.next_value()?));
+                    }
+                }
+                let kind = kind.ok_or_else(|| A::Error::missing_field("kind"))?;
+                Ok(FaultSpec { kind, fields })
+            }
+        }
+
+        deserializer.deserialize_map(Fields)
+    }
+}
+
+impl<'de> Deserialize<'de> for Given {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Value;
+
+        impl Visitor<'_> for Value {
+            type Value = Given;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a text, or a whole number that is not negative")
+            }
+
+            fn visit_u64<E: Error>(self, number: u64) -> Result<Given, E> {
+                Ok(Given::Number(number))
+            }
+
+            fn visit_i64<E: Error>(self, number: i64) -> Result<Given, E> {
+                let unsigned = u64::try_from(number).map(Given::Number);
+                unsigned.map_err(|_| E::invalid_value(serde::de::Unexpected::Signed(number), &self))
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Given, E> {
+                Ok(Given::Text(text.to_owned()))
+            }
+        }
+
+        deserializer.deserialize_any(Value)
+    }
+}
