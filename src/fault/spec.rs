@@ -192,9 +192,9 @@ pub(super) fn port_given(port: &Port) -> Given {
     }
 }
 
-/// Whether the names of all ports are numbers.
+/// Whether there are ports whose names are all numbers.
 fn are_numbered(device: &Device) -> bool {
-    device.ports.iter().all(|port| matches!(port_given(port), Given::Number(_)))
+    !device.ports.is_empty() && device.ports.iter().all(|port| matches!(port_given(port), Given::Number(_)))
 }
 
 /// The ports to choose from: `1 (slave) or 2 (master)`.
