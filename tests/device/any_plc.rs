@@ -1,7 +1,7 @@
 //! PLCs that write anything anywhere, at any time, while anything goes wrong on the bus: nothing panics or hangs, the
 //! same writes give the same journal, and PLCs that start over find everything in working order.
 
-use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
+use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig, write_init_data};
 use commram::devices::fault_kinds;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::fault::FaultSpec;
@@ -91,7 +91,7 @@ fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
     let init = |rig: &Rig, slave| if slave { rig.slave_init.clone() } else { rig.master_init.clone() };
     match *act {
         Act::Command { slave, value } => init(rig, slave).w_CPU_CONTROL.store(value),
-        Act::InitData { slave } => write_init_data(&init(rig, slave), RATES[0], u8::from(slave)),
+        Act::InitData { slave } => write_init_data(&init(rig, slave), OMEGA_RATES[0], u8::from(slave)),
         Act::Byte { slave, offset, value } => {
             let (plc, base) = if slave { (1, NODE1) } else { (0, NODE2) };
             let segment = rig.plant.devices()[plc].segment();
@@ -177,7 +177,7 @@ fn start_over(rig: &mut Rig) {
 }
 
 fn run(memory: Memory, acts: &[Act], active: bool, slice_us: u64) -> u64 {
-    let mut rig = Rig::of(memory, RATES[0], DRIVES);
+    let mut rig = Rig::of(memory, OMEGA_RATES[0], DRIVES);
     rig.tolerate_errors(&commram::devices::catalogue().rules);
     if active {
         rig.activate();

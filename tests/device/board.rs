@@ -1,6 +1,6 @@
 //! Boards in a plant: events from the SYNC signal, reset and power of one PLC while the others go on.
 
-use crate::rig::{BOTH, Memory, RATES, Rig};
+use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig};
 use commram::devices::cansync::records::SyncEdge;
 use commram::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use commram::devices::omega_drive_line_2::registers::*;
@@ -44,7 +44,7 @@ fn edges(rig: &Rig) -> Vec<u64> {
 fn every_sync_edge_is_one_event_however_the_time_passes() {
     for memory in BOTH {
         for step in [1, 37, 1000, 2000, 123_457] {
-            let mut rig = Rig::new(memory, RATES[0]);
+            let mut rig = Rig::new(memory, OMEGA_RATES[0]);
             rig.set_up();
             set_event(&mut rig.plant, A, SYNC, 0);
             set_event(&mut rig.plant, B, SYNC, 0);
@@ -64,7 +64,7 @@ fn every_sync_edge_is_one_event_however_the_time_passes() {
 
 #[test]
 fn a_watched_event_stops_the_time_at_each_edge() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.set_up();
     set_event(&mut rig.plant, B, SYNC, 0);
     rig.plant.watch(B, 1 << SYNC);
@@ -84,7 +84,7 @@ fn a_watched_event_stops_the_time_at_each_edge() {
 #[test]
 fn a_watched_run_is_the_same_run() {
     let run = |watch: u16| {
-        let mut rig = Rig::new(Memory::Heap, RATES[0]);
+        let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
         rig.activate();
         set_event(&mut rig.plant, A, SYNC, 0);
         set_event(&mut rig.plant, A, 0, 7);
@@ -111,7 +111,7 @@ fn a_forwarded_edge_is_one_event() {
     for (node, mode) in &nodes {
         for command in [0x0001, 0x0002] {
             if command == 2 {
-                crate::rig::write_init_data(node, RATES[0], *mode);
+                crate::rig::write_init_data(node, OMEGA_RATES[0], *mode);
             }
             node.w_CPU_CONTROL.store(command);
             plant.advance_to(plant.now() + 500);
@@ -136,7 +136,7 @@ fn a_forwarded_edge_is_one_event() {
 
 #[test]
 fn the_trigger_controller_follows_the_sync_signal() {
-    let mut rig = Rig::new(Memory::Heap, RATES[1]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[1]);
     rig.set_up();
     let header = rig.plant.devices()[A].segment().header().unwrap();
     header.opt_init.triggers.iter().zip([3, 0, 1]).for_each(|(cell, mode)| cell.store(mode));
@@ -153,7 +153,7 @@ fn the_trigger_controller_follows_the_sync_signal() {
 #[test]
 fn a_reset_slave_leaves_the_bus_to_the_others() {
     for how in [[Power::HoldReset, Power::ReleaseReset], [Power::Off, Power::On]] {
-        let mut rig = Rig::new(Memory::Heap, RATES[0]);
+        let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
         rig.activate();
         set_event(&mut rig.plant, A, SYNC, 0);
         set_event(&mut rig.plant, B, SYNC, 0);
@@ -177,7 +177,7 @@ fn a_reset_slave_leaves_the_bus_to_the_others() {
 
 #[test]
 fn a_reset_master_stops_its_bus() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.activate();
     rig.plant.set_power(A, Power::HoldReset);
     assert_eq!(rig.plant.next_sync(A, 2), None);
@@ -194,7 +194,7 @@ fn a_reset_master_stops_its_bus() {
 
 #[test]
 fn dip_switches_count_after_the_reset() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(2);
     rig.step(10_000);
     assert_eq!((rig.plant.devices()[B].as_a::<Plc>().unwrap().dip(), rig.slave.w_OMEGA_NR.load()), (0, 0));
@@ -210,7 +210,7 @@ fn dip_switches_count_after_the_reset() {
 
 #[test]
 fn a_number_that_is_taken_leaves_the_node_alone() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], "[[bus.drive]]\nname = 'd'\nslave_number = 2\n");
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], "[[bus.drive]]\nname = 'd'\nslave_number = 2\n");
     rig.plant.devices()[B].segment().header().unwrap().board.dip.store(2);
     rig.plant.set_power(B, Power::Off);
     rig.plant.set_power(B, Power::On);
@@ -229,7 +229,7 @@ fn a_number_that_is_taken_leaves_the_node_alone() {
 /// A client turns the switch in the header page; the firmware sees it at its next look.
 #[test]
 fn the_switch_in_the_header_page_works_without_a_ring() {
-    let mut rig = Rig::new(Memory::Mapped, RATES[0]);
+    let mut rig = Rig::new(Memory::Mapped, OMEGA_RATES[0]);
     rig.activate();
     let header = rig.plant.devices()[A].segment().header().unwrap();
     header.board.switch.store(2);

@@ -1,6 +1,6 @@
 //! Process data between a master, a slave node and drives: who hears what, when, and who does not.
 
-use crate::rig::{BOTH, Memory, RATES, Rig};
+use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES, RATES, Rig};
 use commram::devices::cansync;
 use commram::devices::cansync::bus::wire;
 use commram::devices::cansync::records::{BaudRateMismatch, Left, Missed, SyncEdge};
@@ -44,7 +44,8 @@ fn a_reference_value_comes_back_as_actual_value_two_intervals_later() {
 
 #[test]
 fn frames_start_in_their_slots_and_last_as_long_as_their_bits() {
-    let slots = [(500, 730, 1060), (250, 1430, 2100), (125, 3020, 4310)];
+    let of_kind = [(500, 730, 1060), (250, 1430, 2100), (125, 3020, 4310)];
+    let slots = of_kind.into_iter().chain([(1000, 350, 520)]).chain(of_kind);
     for (rate, (kbit_s, wrc1, rdc1)) in RATES.into_iter().zip(slots) {
         assert_eq!(rate.kbit_s, kbit_s);
         let mut rig = with_drives(Memory::Heap, rate);
@@ -64,122 +65,138 @@ fn frames_start_in_their_slots_and_last_as_long_as_their_bits() {
 /// Manual 5.00005.03a p. 182-187: a slave reads the frames of the others, never its own.
 #[test]
 fn a_slave_node_overhears_other_slaves_but_not_itself() {
-    for memory in BOTH {
-        let mut rig = with_drives(memory, RATES[0]);
-        for slave in [0, 1] {
-            rig.slave.a_CFG_RDC_WORD[slave].b_CFG_RDC1_WORD0.store(0x05);
-        }
-        rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
-        rig.master.a_WR_VALUE[0].store(0x0000_7788);
-        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(1);
-        for _ in 0..3 {
-            rig.send_wrc1();
-        }
-        assert_eq!(rig.slave.a_RD_BMARRAY[1][1].load(), 0x7788);
-        assert_eq!(rig.slave.a_STATREG_RDC[1].b_STATREG_RDC1.load(), 0x02);
-        assert_eq!(rig.slave.b_STATREG_RDC1.load(), 1);
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut rig = with_drives(memory, rate);
+            for slave in [0, 1] {
+                rig.slave.a_CFG_RDC_WORD[slave].b_CFG_RDC1_WORD0.store(0x05);
+            }
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+            rig.master.a_WR_VALUE[0].store(0x0000_7788);
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(1);
+            for _ in 0..3 {
+                rig.send_wrc1();
+            }
+            assert_eq!(rig.slave.a_RD_BMARRAY[1][1].load(), 0x7788);
+            assert_eq!(rig.slave.a_STATREG_RDC[1].b_STATREG_RDC1.load(), 0x02);
+            assert_eq!(rig.slave.b_STATREG_RDC1.load(), 1);
 
-        rig.slave.b_STATREG_RDC1.store(0xFF);
-        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
-        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
-        rig.send_wrc1();
-        assert_eq!(rig.master.b_STATREG_RDC1.load(), 0, "the master has it");
-        assert_eq!(rig.slave.b_STATREG_RDC1.load(), 0xFF, "the sender has not");
+            rig.slave.b_STATREG_RDC1.store(0xFF);
+            rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
+            rig.send_wrc1();
+            assert_eq!(rig.master.b_STATREG_RDC1.load(), 0, "the master has it");
+            assert_eq!(rig.slave.b_STATREG_RDC1.load(), 0xFF, "the sender has not");
+        }
     }
 }
 
 /// Manual 5.00005.03a p. 182: sent only if released in time and asked for.
 #[test]
 fn an_own_actual_value_needs_release_and_request() {
-    let mut rig = with_drives(Memory::Heap, RATES[0]);
-    rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
-    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(1);
-    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
-    rig.send_wrc1();
-    assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x04, "acknowledged when built, asked for or not");
-    assert_eq!(rig.last_frame(0x300..=0x300), None, "not asked for");
+    for rate in FASTEST {
+        let mut rig = with_drives(Memory::Heap, rate);
+        rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(1);
+        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+        rig.send_wrc1();
+        assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x04, "acknowledged when built, asked for or not");
+        assert_eq!(rig.last_frame(0x300..=0x300), None, "not asked for");
 
-    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
-    rig.send_wrc1();
-    assert_eq!(rig.last_frame(0x300..=0x300), None, "not released");
-    let missed =
-        rig.records().any(|r| r.event.get().is_some_and(|it: Missed| it.what == Left::ActualValue(1)));
-    assert!(missed);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0);
+        rig.send_wrc1();
+        assert_eq!(rig.last_frame(0x300..=0x300), None, "not released");
+        let missed =
+            rig.records().any(|r| r.event.get().is_some_and(|it: Missed| it.what == Left::ActualValue(1)));
+        assert!(missed);
 
-    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
-    rig.send_wrc1();
-    assert!(rig.last_frame(0x300..=0x300).is_some());
+        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+        rig.send_wrc1();
+        assert!(rig.last_frame(0x300..=0x300).is_some());
+    }
 }
 
 /// The slave's second frame may be released until WRC1 is processed (p. 182; D-26).
 #[test]
 fn the_second_actual_value_frame_has_a_later_deadline() {
-    for (release_at, sent) in [(600, true), (799, true), (1000, false)] {
-        let mut rig = with_drives(Memory::Heap, RATES[0]);
-        rig.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
-        rig.master.b_CTRLREG_RD_ORDER_RDC2.store(0);
-        rig.master.b_CTRLREG_WRC1.store(0x05);
-        rig.master.b_CTRLREG_WRC2.store(0x05);
-        rig.step(release_at);
-        rig.slave.b_CTRLREG_RD_RDC2.store(0x05);
-        rig.run_to_sync();
-        assert_eq!(rig.last_frame(0x380..=0x380).is_some(), sent, "released {release_at} us after SYNC");
+    for rate in FASTEST {
+        let deadline = rate.timing.deadline_RDC2;
+        let [first, earliest, latest] =
+            [deadline.earliest - 200, deadline.earliest, deadline.latest].map(u64::from);
+        for (release_at, sent) in [(first, true), (earliest - 1, true), (latest, false)] {
+            let mut rig = with_drives(Memory::Heap, rate);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+            rig.master.b_CTRLREG_RD_ORDER_RDC2.store(0);
+            rig.master.b_CTRLREG_WRC1.store(0x05);
+            rig.master.b_CTRLREG_WRC2.store(0x05);
+            rig.step(release_at);
+            rig.slave.b_CTRLREG_RD_RDC2.store(0x05);
+            rig.run_to_sync();
+            assert_eq!(rig.last_frame(0x380..=0x380).is_some(), sent, "released {release_at} us after SYNC");
+        }
     }
 }
 
 /// D-25: a number that no slave has asks nobody, whatever its lower bits are; the reference values go out all the same.
 #[test]
 fn a_number_that_no_slave_has_asks_nobody() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
-    rig.expect_errors(&[&cansync::rules::SLAVE_NUMBER]);
-    rig.activate();
-    rig.run_to_sync(); // "SYNC mode: on" has gone out
-    for number in [0x20, 0x21, 0x7F, 0x81, 0x82, 0x9F, 0xA1, 0xFF] {
-        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(number);
-        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
-        let before = rig.frames().len();
-        rig.send_wrc1();
-        let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
-        assert_eq!(ids, [0x17F], "16#{number:02X}");
+    for rate in FASTEST {
+        let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
+        rig.expect_errors(&[&cansync::rules::SLAVE_NUMBER]);
+        rig.activate();
+        rig.run_to_sync(); // "SYNC mode: on" has gone out
+        for number in [0x20, 0x21, 0x7F, 0x81, 0x82, 0x9F, 0xA1, 0xFF] {
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(number);
+            rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+            let before = rig.frames().len();
+            rig.send_wrc1();
+            let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
+            assert_eq!(ids, [0x17F], "16#{number:02X}");
+        }
     }
 }
 
 /// D-25: `b_MAX_SL_NR` above 31 counts as 31.
 #[test]
 fn automatic_requests_end_at_slave_31() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
-    rig.expect_errors(&[&cansync::rules::SLAVE_NUMBER]);
-    rig.activate();
-    rig.master.b_MAX_SL_NR.store(200);
-    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
-    rig.run_to_sync();
-    for _ in 0..70 {
-        rig.send_wrc1();
+    for rate in FASTEST {
+        let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
+        rig.expect_errors(&[&cansync::rules::SLAVE_NUMBER]);
+        rig.activate();
+        rig.master.b_MAX_SL_NR.store(200);
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
+        rig.run_to_sync();
+        for _ in 0..70 {
+            rig.send_wrc1();
+        }
+        let frames = rig.frames();
+        let asked: Vec<u16> =
+            frames.iter().map(|(_, frame)| frame.id()).filter(|id| id & 0x780 == 0x100).collect();
+        let first = asked[0];
+        let expected: Vec<u16> = (0..70).map(|n| 0x100 + (first - 0x100 + n) % 32).collect();
+        assert_eq!(asked, expected);
     }
-    let frames = rig.frames();
-    let asked: Vec<u16> =
-        frames.iter().map(|(_, frame)| frame.id()).filter(|id| id & 0x780 == 0x100).collect();
-    let first = asked[0];
-    let expected: Vec<u16> = (0..70).map(|n| 0x100 + (first - 0x100 + n) % 32).collect();
-    assert_eq!(asked, expected);
 }
 
 /// A node or a drive at another baud rate than the bus hears nothing and disturbs nobody.
 #[test]
 fn another_baud_rate_is_deaf() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
-    rig.expect_errors(&[&cansync::rules::BUS_BAUD_RATE]);
-    rig.rate = RATES[1];
-    rig.initialize_master();
-    rig.rate = RATES[0];
-    rig.initialize_slave();
-    rig.master.w_CPU_CONTROL.store(0x0020);
-    rig.step(500);
-    rig.slave.w_CPU_CONTROL.store(0x0020);
-    rig.step(100_000);
-    assert_eq!(rig.master.a_STAT_SL[0].load(), 0, "the slave node is set to 500 kbit/s, the bus to 250");
-    assert_eq!(rig.master.a_STAT_SL[1].load(), 0, "so are the drives");
-    assert!(rig.records().any(|r| r.event.is::<BaudRateMismatch>()));
+    for rate in FASTEST {
+        let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
+        rig.expect_errors(&[&cansync::rules::BUS_BAUD_RATE]);
+        let lower = rate.kind.rates.iter().position(|timing| *timing == *rate.timing).unwrap() + 1;
+        rig.rate = *RATES.iter().find(|it| *it.timing == rate.kind.rates[lower]).unwrap();
+        rig.initialize_master();
+        rig.rate = rate;
+        rig.initialize_slave();
+        rig.master.w_CPU_CONTROL.store(0x0020);
+        rig.step(500);
+        rig.slave.w_CPU_CONTROL.store(0x0020);
+        rig.step(100_000);
+        assert_eq!(rig.master.a_STAT_SL[0].load(), 0, "the bus is slower than the slave node");
+        assert_eq!(rig.master.a_STAT_SL[1].load(), 0, "so are the drives");
+        assert!(rig.records().any(|r| r.event.is::<BaudRateMismatch>()));
+    }
 }
 
 /// D-12: the lower bus gets its edges at the same microsecond as the upper one.
@@ -203,7 +220,7 @@ fn a_cluster_forwards_the_sync_signal() {
     for (regs, mode) in &nodes {
         regs.w_CPU_CONTROL.store(0x0001);
         plant.advance_to(plant.now() + 500);
-        crate::rig::write_init_data(regs, RATES[0], *mode);
+        crate::rig::write_init_data(regs, OMEGA_RATES[0], *mode);
         regs.w_CPU_CONTROL.store(0x0002);
         plant.advance_to(plant.now() + 500);
         regs.w_CPU_CONTROL.store(0x0020);

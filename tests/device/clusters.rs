@@ -1,7 +1,7 @@
 //! Clusters: PLCs that are slaves on one bus and masters of another, with one SYNC signal for all (D-12).
 
 use crate::rig::cluster::{Cluster, INTERVAL_US};
-use crate::rig::{RATES, Rate, write_init_data};
+use crate::rig::{OMEGA_RATES, Rate, write_init_data};
 use commram::devices::cansync;
 use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
@@ -119,7 +119,9 @@ fn a_cluster_of_unlike_rates_says_so() {
             rate.kbit_s
         )
     };
-    for (upper, lower) in [(RATES[0], RATES[1]), (RATES[1], RATES[0]), (RATES[0], RATES[2])] {
+    for (upper, lower) in
+        [(OMEGA_RATES[0], OMEGA_RATES[1]), (OMEGA_RATES[1], OMEGA_RATES[0]), (OMEGA_RATES[0], OMEGA_RATES[2])]
+    {
         let config = PlantConfig::parse("cluster", &text(lower)).unwrap();
         let mut plant =
             Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();

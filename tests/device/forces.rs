@@ -1,6 +1,6 @@
 //! Forced registers: against the firmware, against the PLC, until they are let go (D-105).
 
-use crate::rig::{BOTH, Memory, RATES, Rig};
+use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig};
 use commram::devices::omega_drive_line_2::registers::NODE2;
 use commram::journal::{Force, State, Unforce};
 use commram::memory::Width;
@@ -18,7 +18,7 @@ fn word(offset: u32, value: u32) -> Forced {
 #[test]
 fn the_firmware_cannot_change_it() {
     for memory in BOTH {
-        let mut rig = Rig::new(memory, RATES[0]);
+        let mut rig = Rig::new(memory, OMEGA_RATES[0]);
         rig.plant.force(word(W_OPTION_STATUS, 0x1234)).unwrap();
         assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x1234, "at once");
         rig.master.w_CPU_CONTROL.store(0x0001);
@@ -31,7 +31,7 @@ fn the_firmware_cannot_change_it() {
 
 #[test]
 fn the_firmware_sees_no_other_value() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.activate();
     let released = Forced { plc: 0, offset: B_CTRLREG_WRC1, width: Width::Byte, value: 0x05 };
     rig.plant.force(released).unwrap();
@@ -46,7 +46,7 @@ fn the_firmware_sees_no_other_value() {
 
 #[test]
 fn it_goes_when_it_is_let_go() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.plant.force(word(W_CPU_CONTROL, 0x0001)).unwrap();
     rig.master.w_CPU_CONTROL.store(0x0000);
     rig.step(1_000);
@@ -64,7 +64,7 @@ fn it_goes_when_it_is_let_go() {
 
 #[test]
 fn what_cannot_be_forced_is_said() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     let mut message = |forced| rig.plant.force(forced).unwrap_err().to_string();
     let byte = Forced { width: Width::Byte, ..word(W_OPTION_STATUS + 1, 0) };
     assert_eq!(message(byte), "%MB3.200003: only a whole register can be forced, here %MW3.200002");
@@ -79,7 +79,7 @@ fn what_cannot_be_forced_is_said() {
 
 #[test]
 fn there_is_an_end_to_them() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     // Plain RAM behind the registers of node 2.
     let place = |number: u32| word(NODE2 as u32 + 20_000 + 2 * number, number);
     for number in 0..256 {

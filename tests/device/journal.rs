@@ -1,6 +1,6 @@
 //! What the journal tells of the handshakes of both nodes: every request, every answer, results, latencies.
 
-use crate::rig::{Memory, RATES, Rig};
+use crate::rig::{Memory, OMEGA_RATES, Rig};
 use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::registers::{DEVICE, NODE2};
 use commram::journal::{Handshake, Record, Register, State};
@@ -8,7 +8,7 @@ use commram::layout::{Address, Live};
 
 /// Both nodes active, slave 0's turn in every interval, block 1 of the slave enabled.
 fn connected() -> Rig {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     // The control register decides; the journal is tested without the status register.
     rig.tolerate_errors(&[&cansync::rules::ORDER]);
     rig.activate();
@@ -190,7 +190,7 @@ fn process_data_tell_their_handshakes_and_nothing_else() {
 
 #[test]
 fn the_status_register_is_told_but_for_bus_traffic() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.expect_errors(&[&cansync::rules::INIT_BAUD_RATE]);
     rig.activate();
     (0..50).for_each(|_| rig.run_to_sync());
@@ -213,7 +213,7 @@ fn the_status_register_is_told_but_for_bus_traffic() {
 
 #[test]
 fn states_know_how_long_their_command_waited() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.step(200);
     write(&mut rig, 0, |rig| rig.master_init.w_CPU_CONTROL.store(0x0001));
     rig.step(2_000);

@@ -1,8 +1,8 @@
 //! A slave node under any traffic and any application: it never panics, what it says keeps to the
 //! grammar, and a PLC that starts over finds a working node.
 
-use crate::rig::Memory;
 use crate::rig::bench::{Bench, NUMBER};
+use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::bus::codec::{Access, Decoded, ParameterJob, ParameterResult, decode};
 use commram::devices::cansync::bus::{Frame, FrameKind};
 use proptest::prelude::*;
@@ -81,8 +81,11 @@ fn take(bench: &mut Bench, step: Step) {
 
 proptest! {
     #[test]
-    fn nothing_brings_it_down(steps in proptest::collection::vec(step(), 1..60)) {
-        let mut bench = Bench::active(Memory::Heap);
+    fn nothing_brings_it_down(
+        rate in proptest::sample::select(&FASTEST[..]),
+        steps in proptest::collection::vec(step(), 1..60),
+    ) {
+        let mut bench = Bench::active(Memory::Heap, rate);
         for step in steps {
             take(&mut bench, step);
         }

@@ -1,7 +1,7 @@
 //! A slave node's jobs and actual values over the simulated bus, with the master's firmware at the other
 //! end: what both PLCs see, and what is left of it when the SYNC signal fails.
 
-use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
+use crate::rig::{BOTH, FASTEST, Memory, RATES, Rate, Rig};
 use commram::devices::cansync::records::Missed;
 use commram::journal::Event;
 
@@ -129,117 +129,128 @@ fn a_block_travels_down_and_up() {
 /// P. 168 (bit 7 of the master), 192 (change bit of the slave); D-45, D-70.
 #[test]
 fn a_cancelled_block_shows_at_the_slave() {
-    let mut rig = connected(Memory::Heap, RATES[0]);
-    rig.master.d_BASE_ADR_UPDOWNBLK1.store(0x1000);
-    rig.master.w_LENGTH_UPDOWNBLK1.store(300);
-    enter_block(&rig, 0x15);
-    run_until(&mut rig, 50, |rig| rig.slave.w_COUNTER_UPDOWNBLK1.load() == 60);
-    enter_block(&rig, 0x80);
-    run_until(&mut rig, 3, |rig| rig.slave.b_STEUREG_UPDOWNBLK1.load() == 0x1A);
-    assert_eq!(rig.master.b_STEUREG_UPDOWNBLK1.load(), 0x00);
-    rig.slave.b_STATREG_UPDOWNBLK1.store(0x9A);
-    rig.slave.b_STEUREG_UPDOWNBLK1.store(0x9A);
-    rig.step(500);
-    assert_eq!(rig.slave.b_STEUREG_UPDOWNBLK1.load(), 0x00);
+    for rate in FASTEST {
+        let mut rig = connected(Memory::Heap, rate);
+        rig.master.d_BASE_ADR_UPDOWNBLK1.store(0x1000);
+        rig.master.w_LENGTH_UPDOWNBLK1.store(300);
+        enter_block(&rig, 0x15);
+        run_until(&mut rig, 50, |rig| rig.slave.w_COUNTER_UPDOWNBLK1.load() == 60);
+        enter_block(&rig, 0x80);
+        run_until(&mut rig, 3, |rig| rig.slave.b_STEUREG_UPDOWNBLK1.load() == 0x1A);
+        assert_eq!(rig.master.b_STEUREG_UPDOWNBLK1.load(), 0x00);
+        rig.slave.b_STATREG_UPDOWNBLK1.store(0x9A);
+        rig.slave.b_STEUREG_UPDOWNBLK1.store(0x9A);
+        rig.step(500);
+        assert_eq!(rig.slave.b_STEUREG_UPDOWNBLK1.load(), 0x00);
+    }
 }
 
 /// D-63: the master gets an end, not silence, when the slave's PLC leaves active operation.
 #[test]
 fn a_slave_that_leaves_active_operation_refuses_the_jobs() {
-    let mut rig = connected(Memory::Heap, RATES[0]);
-    rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
-    enter_parameter(&rig, 0x03);
-    run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
-    rig.slave.w_CPU_CONTROL.store(0x0020);
-    run_until(&mut rig, 5, |rig| master_par(rig) == 0x22);
-    assert_eq!(slave_par(&rig), 0x00);
-    assert_eq!(rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), 0xFFFA);
+    for rate in FASTEST {
+        let mut rig = connected(Memory::Heap, rate);
+        rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
+        enter_parameter(&rig, 0x03);
+        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
+        rig.slave.w_CPU_CONTROL.store(0x0020);
+        run_until(&mut rig, 5, |rig| master_par(rig) == 0x22);
+        assert_eq!(slave_par(&rig), 0x00);
+        assert_eq!(rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), 0xFFFA);
+    }
 }
 
 /// P. 134-135; D-64: no SYNC, no interval. What the slave's PLC has entered waits.
 #[test]
 fn without_sync_nothing_is_due_and_nothing_is_lost() {
-    for memory in BOTH {
-        let mut rig = connected(memory, RATES[0]);
-        rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
-        rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
-        enter_parameter(&rig, 0x03);
-        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut rig = connected(memory, rate);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x01);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
+            enter_parameter(&rig, 0x03);
+            run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
 
-        rig.master.w_CPU_CONTROL.store(0x0000);
-        rig.step(500);
-        assert_eq!(rig.plant.next_sync(0, 2), None);
-        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
-        write_slave_par(&rig, 0x42);
-        let frames = rig.frames().len();
-        rig.step(50_000);
-        assert_eq!(rig.frames().len(), frames, "silence");
-        assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x05, "no deadline");
-        assert_eq!((rig.slave.w_OPTION_STATUS.load(), slave_par(&rig)), (0x0020, 0x42));
+            rig.master.w_CPU_CONTROL.store(0x0000);
+            rig.step(500);
+            assert_eq!(rig.next_sync(), None);
+            rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+            write_slave_par(&rig, 0x42);
+            let frames = rig.frames().len();
+            rig.step(50_000);
+            assert_eq!(rig.frames().len(), frames, "silence");
+            assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x05, "no deadline");
+            assert_eq!((rig.slave.w_OPTION_STATUS.load(), slave_par(&rig)), (0x0020, 0x42));
 
-        rig.initialize_master();
-        rig.master.w_CPU_CONTROL.store(0x0020);
-        rig.step(500);
-        rig.run_to_sync();
-        assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x04, "intervals again");
-        run_until(&mut rig, 20, |rig| rig.master.a_STAT_SL[0].load() == 0x03);
-        assert_eq!(
-            (slave_par(&rig), rig.slave.w_PAR_NR.load()),
-            (0x42, 300),
-            "the master's polling is no change"
-        );
+            rig.initialize_master();
+            rig.master.w_CPU_CONTROL.store(0x0020);
+            rig.step(500);
+            rig.run_to_sync();
+            assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), 0x04, "intervals again");
+            run_until(&mut rig, 40, |rig| rig.master.a_STAT_SL[0].load() == 0x03);
+            assert_eq!(
+                (slave_par(&rig), rig.slave.w_PAR_NR.load()),
+                (0x42, 300),
+                "the master's polling is no change"
+            );
+        }
     }
 }
 
 /// The usual order (p. 132): the slaves first, into active operation too, then the master. D-06, p. 133, 176.
 #[test]
 fn a_slave_that_is_active_before_its_master_sets_up_is_synchronized() {
-    for memory in BOTH {
-        let mut rig = Rig::new(memory, RATES[0]);
-        rig.initialize_slave();
-        for (command, status) in [(0x0020, 0x0013), (0x0040, 0x0020)] {
-            rig.slave.w_CPU_CONTROL.store(command);
-            rig.step(500);
-            assert_eq!(rig.slave.w_OPTION_STATUS.load(), status);
-        }
-        rig.initialize_master();
-        rig.master.w_CPU_CONTROL.store(0x0020);
-        rig.step(15_000);
-        assert_eq!(rig.master.a_STAT_SL[0].load(), 0x01, "it responds, and has not locked yet");
-        rig.step(25_000);
-        assert_eq!(rig.master.a_STAT_SL[0].load(), 0x03);
-        assert_eq!(slave_par(&rig), 0x00, "the application sees nothing of it");
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut rig = Rig::new(memory, rate);
+            rig.initialize_slave();
+            for (command, status) in [(0x0020, 0x0013), (0x0040, 0x0020)] {
+                rig.slave.w_CPU_CONTROL.store(command);
+                rig.step(500);
+                assert_eq!(rig.slave.w_OPTION_STATUS.load(), status);
+            }
+            rig.initialize_master();
+            rig.master.w_CPU_CONTROL.store(0x0020);
+            rig.step(15_000);
+            assert_eq!(rig.master.a_STAT_SL[0].load(), 0x01, "it responds, and has not locked yet");
+            rig.step(25_000);
+            assert_eq!(rig.master.a_STAT_SL[0].load(), 0x03);
+            assert_eq!(slave_par(&rig), 0x00, "the application sees nothing of it");
 
-        rig.master.w_CPU_CONTROL.store(0x0040);
-        rig.step(500);
-        rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
-        enter_parameter(&rig, 0x03);
-        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
-        assert_eq!(rig.slave.w_PAR_NR.load(), 300, "the first real job is no change of another one");
+            rig.master.w_CPU_CONTROL.store(0x0040);
+            rig.step(500);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(300);
+            enter_parameter(&rig, 0x03);
+            run_until(&mut rig, 5, |rig| slave_par(rig) == 0x43);
+            assert_eq!(rig.slave.w_PAR_NR.load(), 300, "the first real job is no change of another one");
+        }
     }
 }
 
 /// D-06: also a job of the master's application, while another one is the slave's.
 #[test]
 fn the_status_word_of_an_active_slave_never_reaches_its_application() {
-    let mut rig = connected(Memory::Heap, RATES[0]);
-    rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(121);
-    enter_parameter(&rig, 0x03);
-    run_until(&mut rig, 5, |rig| master_par(rig) == 0x02);
-    assert_eq!((rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), slave_par(&rig)), (0x0000, 0x00));
-    rig.step(30_000);
-    enter_parameter(&rig, 0x03);
-    run_until(&mut rig, 5, |rig| master_par(rig) == 0x02);
-    assert_eq!((rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), slave_par(&rig)), (0x8000, 0x00));
-    enter_parameter(&rig, 0x05);
-    run_until(&mut rig, 5, |rig| slave_par(rig) == 0x45);
-    assert_eq!(rig.slave.w_PAR_NR.load(), 121, "writing it is the application's");
+    for rate in FASTEST {
+        let mut rig = connected(Memory::Heap, rate);
+        rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(121);
+        enter_parameter(&rig, 0x03);
+        run_until(&mut rig, 5, |rig| master_par(rig) == 0x02);
+        assert_eq!((rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), slave_par(&rig)), (0x0000, 0x00));
+        rig.step(30_000);
+        enter_parameter(&rig, 0x03);
+        run_until(&mut rig, 5, |rig| master_par(rig) == 0x02);
+        assert_eq!((rig.master.a_DATA_PARAMETER[0].d_PAR_VALUE.load(), slave_par(&rig)), (0x8000, 0x00));
+        enter_parameter(&rig, 0x05);
+        run_until(&mut rig, 5, |rig| slave_par(rig) == 0x45);
+        assert_eq!(rig.slave.w_PAR_NR.load(), 121, "writing it is the application's");
+    }
 }
 
 /// P. 181-182 with the deadlines of D-09; built and acknowledged whether or not it is asked for.
 #[test]
 fn own_actual_values_are_taken_at_their_deadline() {
-    for (rate, deadline) in RATES.into_iter().zip([490, 1190, 2780]) {
+    for rate in RATES {
+        let deadline = u64::from(rate.timing.deadline_RDC1.earliest);
         for (release_at, in_time) in [(0, true), (deadline - 1, true), (deadline, false)] {
             for asked in [0, 1] {
                 let mut rig = connected(Memory::Heap, rate);
@@ -251,7 +262,9 @@ fn own_actual_values_are_taken_at_their_deadline() {
                 rig.run_to_sync();
                 assert_eq!(rig.slave.b_CTRLREG_RD_RDC1.load(), if in_time { 0x04 } else { 0x05 });
                 assert_eq!(rig.last_frame(0x300..=0x37F).is_some(), in_time && asked == 0);
-                let missed = |event: &Event| event.get().is_some_and(|it: Missed| it.origin.node == 1);
+                let missed = |event: &Event| {
+                    event.get().is_some_and(|it: Missed| it.origin.node == rate.kind.slave.port)
+                };
                 let missed = rig.records().any(|record| missed(&record.event));
                 assert_eq!(missed, !in_time && asked == 0, "only a frame that was asked for is missed");
             }

@@ -1,11 +1,9 @@
 //! Frames in their slots: how long they are, when their receivers have them, and who waits for whom (D-10, D-23,
 //! D-280).
 
-use crate::rig::{Memory, RATES, Rate, Rig};
+use crate::rig::{FASTEST, Memory, RATES, Rate, Rig};
 use commram::can::wire;
-use commram::devices::cansync::BaudRate;
 use commram::devices::cansync::bus::{Frame, FrameKind};
-use commram::devices::omega_drive_line_2::registers::BAUD_RATES;
 use proptest::prelude::*;
 
 /// Behind `[[bus]]`: two drives with the standard mapping.
@@ -15,10 +13,6 @@ const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us
 const ALL_WORDS: [u8; 4] = [0x01, 0x03, 0x05, 0x07];
 /// Behind the length 1000, a stuff bit after each four bits.
 const STUFFED: u32 = 0x3C3C_3C3C;
-
-fn timing(rate: Rate) -> &'static BaudRate {
-    BAUD_RATES.iter().find(|timing| timing.kbit_per_s == rate.kbit_s).unwrap()
-}
 
 /// Both nodes active, at a SYNC edge; `bus` is text behind `[[bus]]`.
 fn running(rate: Rate, bus: &str) -> Rig {
@@ -76,46 +70,59 @@ fn of_kind(frames: &[(u64, Frame)], wanted: impl Fn(FrameKind) -> bool) -> (u64,
 /// 5.00005.03a p. 125: reference and actual value frames have eight bytes, whatever of them is in use.
 #[test]
 fn process_data_frames_have_eight_bytes() {
-    for (config, used) in [([0; 4], 0), ([0x01, 0, 0, 0], 2), ([0, 0, 0x05, 0], 6), (ALL_WORDS, 8)] {
-        for (bus, length) in [("", 8), ("frame_length = 'fixed'\n", 8), ("frame_length = 'variable'\n", used)]
-        {
-            let mut rig = running(RATES[0], &format!("{bus}{DRIVES}"));
-            fill(&mut rig, config, [0x1122_3344; 2], [0x5566_7788; 2]);
-            let frames = full_interval(&mut rig, [0, 0]);
-            let lengths: Vec<_> = frames.iter().map(|(_, frame)| (frame.id(), frame.data().len())).collect();
-            let expected = [(0x100, length), (0x300, length), (0x180, length), (0x380, length), (0x010, 8)];
-            assert_eq!(lengths, expected, "{config:02X?} {bus}");
-            let (_, wrc1) = frames[0];
-            assert!(wrc1.data().iter().skip(used).all(|byte| *byte == 0), "words not in use are 0: {wrc1:?}");
+    for rate in FASTEST {
+        for (config, used) in [([0; 4], 0), ([0x01, 0, 0, 0], 2), ([0, 0, 0x05, 0], 6), (ALL_WORDS, 8)] {
+            for (bus, length) in
+                [("", 8), ("frame_length = 'fixed'\n", 8), ("frame_length = 'variable'\n", used)]
+            {
+                let mut rig = running(rate, &format!("{bus}{DRIVES}"));
+                fill(&mut rig, config, [0x1122_3344; 2], [0x5566_7788; 2]);
+                let frames = full_interval(&mut rig, [0, 0]);
+                let lengths: Vec<_> =
+                    frames.iter().map(|(_, frame)| (frame.id(), frame.data().len())).collect();
+                let expected =
+                    [(0x100, length), (0x300, length), (0x180, length), (0x380, length), (0x010, 8)];
+                assert_eq!(lengths, expected, "{config:02X?} {bus}");
+                let (_, wrc1) = frames[0];
+                assert!(
+                    wrc1.data().iter().skip(used).all(|byte| *byte == 0),
+                    "words not in use are 0: {wrc1:?}"
+                );
+            }
         }
     }
 }
 
 #[test]
 fn the_frames_of_drives_have_eight_bytes_too() {
-    for (bus, length) in [("", 8), ("frame_length = 'variable'\n", 4)] {
-        // Actual value 1 is a doubleword in word 0 of frame 1.
-        let card = "zk_16 = 0x12D\nzk_20 = 0x41\n";
-        let drive = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n[bus.drive.zk]\n";
-        let mut rig = running(RATES[0], &format!("{bus}{drive}{card}"));
-        let frames = full_interval(&mut rig, [1, 1]);
-        let (_, rdc1) = of_kind(&frames, |kind| matches!(kind, FrameKind::ActualValue(..)));
-        assert_eq!(rdc1.data().len(), length, "{rdc1:?}");
+    for rate in FASTEST {
+        for (bus, length) in [("", 8), ("frame_length = 'variable'\n", 4)] {
+            // Actual value 1 is a doubleword in word 0 of frame 1.
+            let card = "zk_16 = 0x12D\nzk_20 = 0x41\n";
+            let drive =
+                "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n[bus.drive.zk]\n";
+            let mut rig = running(rate, &format!("{bus}{drive}{card}"));
+            let frames = full_interval(&mut rig, [1, 1]);
+            let (_, rdc1) = of_kind(&frames, |kind| matches!(kind, FrameKind::ActualValue(..)));
+            assert_eq!(rdc1.data().len(), length, "{rdc1:?}");
+        }
     }
 }
 
 /// Jobs and answers are as long as they need to be (p. 136): a read job has four bytes, the answer with a word six.
 #[test]
 fn jobs_and_answers_keep_their_own_length() {
-    let mut rig = running(RATES[0], DRIVES);
-    rig.master.b_SL_NR_PARAMETER.store(1);
-    rig.master.a_DATA_PARAMETER[1].w_PAR_NR.store(121);
-    rig.master.a_CTRLREG_PAR_CMD_SL[1].b_STATREG_PAR_CMD.store(0x03);
-    rig.master.a_CTRLREG_PAR_CMD_SL[1].b_STEUREG_PAR_CMD.store(0x03);
-    rig.run_to_sync();
-    rig.run_to_sync();
-    let length = |id| rig.last_frame(id..=id).unwrap().data().len();
-    assert_eq!((length(0x501), length(0x581)), (4, 6));
+    for rate in FASTEST {
+        let mut rig = running(rate, DRIVES);
+        rig.master.b_SL_NR_PARAMETER.store(1);
+        rig.master.a_DATA_PARAMETER[1].w_PAR_NR.store(121);
+        rig.master.a_CTRLREG_PAR_CMD_SL[1].b_STATREG_PAR_CMD.store(0x03);
+        rig.master.a_CTRLREG_PAR_CMD_SL[1].b_STEUREG_PAR_CMD.store(0x03);
+        rig.run_to_sync();
+        rig.run_to_sync();
+        let length = |id| rig.last_frame(id..=id).unwrap().data().len();
+        assert_eq!((length(0x501), length(0x581)), (4, 6));
+    }
 }
 
 /// Receivers have a frame at the end of its end-of-frame field, not at that of the intermission.
@@ -124,7 +131,7 @@ fn a_frame_is_there_before_the_intermission() {
     for rate in RATES {
         let mut rig = running(rate, DRIVES);
         fill(&mut rig, ALL_WORDS, [0x1234_5678; 2], [0x9ABC_DEF0; 2]);
-        let (edge, timing) = (rig.plant.now(), timing(rate));
+        let (edge, timing) = (rig.plant.now(), rate.timing);
         let frames = full_interval(&mut rig, [0, 0]);
         let begins = [timing.t_WRC1, timing.t_RDC1, timing.t_WRC2, timing.t_RDC2, timing.t_CC];
         assert_eq!(frames.len(), begins.len());
@@ -178,7 +185,7 @@ proptest! {
             fill(&mut rig, ALL_WORDS, [a, b], [c, d]);
             full_interval(&mut rig, [one, two]);
         }
-        let timing = timing(rate);
+        let timing = rate.timing;
         let mut free = 0;
         for (end, frame) in rig.frames().into_iter().filter(|(end, _)| *end > first) {
             let begin = end - us(wire::bits_to_end_of_frame(&frame.into()));

@@ -1,10 +1,10 @@
 //! `w_CPU_CONTROL` and `w_OPTION_STATUS` of both nodes (manual 5.00005.03a p. 147-150, 173-175; D-05).
 
-use crate::rig::{BOTH, Memory, RATES, Rig, write_init_data};
+use crate::rig::{BOTH, FASTEST, Memory, Rig, write_init_data};
 use commram::devices::cansync;
 use commram::devices::cansync::firmware::InitFault;
 use commram::devices::cansync::records::{Command, CommandIgnored, InitRefused};
-use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
+use commram::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use commram::memory::{View, Width};
 use commram::plant::Forced;
 
@@ -35,7 +35,7 @@ fn bring_to(rig: &mut Rig, role: Role, state: usize) -> View<CANsync_INIT_BMSTRU
     for (number, command) in [0x0000, 0x0001, 0x0002, 0x0020, 0x0040].into_iter().enumerate().take(state + 1)
     {
         if command == 0x0002 {
-            write_init_data(&regs, RATES[0], u8::from(role == Role::Slave));
+            write_init_data(&regs, rig.rate, u8::from(role == Role::Slave));
         }
         regs.w_CPU_CONTROL.store(command);
         rig.step(500);
@@ -60,30 +60,34 @@ fn next(state: usize, command: u16) -> Option<usize> {
 
 #[test]
 fn every_command_in_every_state() {
-    let commands = [0x0000, 0x0001, 0x0002, 0x0012, 0x0013, 0x0020, 0x0040, 0x0060, 0x0003, 0x1234, 0xFF00];
-    for memory in BOTH {
-        for role in [Role::Master, Role::Slave] {
-            for state in 0..5 {
-                for command in commands {
-                    let mut rig = Rig::new(memory, RATES[0]);
-                    let regs = bring_to(&mut rig, role, state);
-                    if state == 1 {
-                        write_init_data(&regs, RATES[0], u8::from(role == Role::Slave));
+    for rate in FASTEST {
+        let commands =
+            [0x0000, 0x0001, 0x0002, 0x0012, 0x0013, 0x0020, 0x0040, 0x0060, 0x0003, 0x1234, 0xFF00];
+        for memory in BOTH {
+            for role in [Role::Master, Role::Slave] {
+                for state in 0..5 {
+                    for command in commands {
+                        let mut rig = Rig::new(memory, rate);
+                        let regs = bring_to(&mut rig, role, state);
+                        if state == 1 {
+                            write_init_data(&regs, rate, u8::from(role == Role::Slave));
+                        }
+                        // A command that already stands in the register is no new one.
+                        let again = regs.w_CPU_CONTROL.load() == command;
+                        let is_refused = !again
+                            && next(state, command).is_none()
+                            && !(state == 4 && command & 0x0040 != 0);
+                        rig.expect_errors(&vec![&cansync::rules::COMMAND; is_refused.into()]);
+                        regs.w_CPU_CONTROL.store(command);
+                        rig.step(500);
+                        let expected = if again { state } else { next(state, command).unwrap_or(state) };
+                        assert_eq!(
+                            regs.w_OPTION_STATUS.load(),
+                            status(role)[expected],
+                            "{role:?}, state {state}, 16#{command:04X}"
+                        );
+                        assert_eq!(regs.w_CPU_CONTROL.load(), command, "only bit 7 is ever cleared");
                     }
-                    // A command that already stands in the register is no new one.
-                    let again = regs.w_CPU_CONTROL.load() == command;
-                    let is_refused =
-                        !again && next(state, command).is_none() && !(state == 4 && command & 0x0040 != 0);
-                    rig.expect_errors(&vec![&cansync::rules::COMMAND; is_refused.into()]);
-                    regs.w_CPU_CONTROL.store(command);
-                    rig.step(500);
-                    let expected = if again { state } else { next(state, command).unwrap_or(state) };
-                    assert_eq!(
-                        regs.w_OPTION_STATUS.load(),
-                        status(role)[expected],
-                        "{role:?}, state {state}, 16#{command:04X}"
-                    );
-                    assert_eq!(regs.w_CPU_CONTROL.load(), command, "only bit 7 is ever cleared");
                 }
             }
         }
@@ -92,45 +96,51 @@ fn every_command_in_every_state() {
 
 #[test]
 fn an_ignored_command_is_noted_once() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    rig.expect_errors(&[&cansync::rules::COMMAND]);
-    let regs = bring_to(&mut rig, Role::Master, 0);
-    for (value, why) in [(0x0040, Command::NotNow), (0x0012, Command::Unknown), (0x0007, Command::Unknown)] {
-        regs.w_CPU_CONTROL.store(value);
-        rig.step(5000);
-        let noted: Vec<_> = rig
-            .records()
-            .filter_map(|record| record.event.get())
-            .filter_map(|it: CommandIgnored| (it.value == value).then_some(it.why))
-            .collect();
-        assert_eq!(noted, [why], "16#{value:04X}");
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.expect_errors(&[&cansync::rules::COMMAND]);
+        let regs = bring_to(&mut rig, Role::Master, 0);
+        for (value, why) in
+            [(0x0040, Command::NotNow), (0x0012, Command::Unknown), (0x0007, Command::Unknown)]
+        {
+            regs.w_CPU_CONTROL.store(value);
+            rig.step(5000);
+            let noted: Vec<_> = rig
+                .records()
+                .filter_map(|record| record.event.get())
+                .filter_map(|it: CommandIgnored| (it.value == value).then_some(it.why))
+                .collect();
+            assert_eq!(noted, [why], "16#{value:04X}");
+        }
     }
 }
 
 /// Manual p. 150: bit 7 is set and the firmware clears it; D-29: the other bits are a command like any other.
 #[test]
 fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
-    for role in [Role::Master, Role::Slave] {
-        for state in 0..5 {
-            for command in [0x0001, 0x0002, 0x0020, 0x0040, 0x0060, 0x1234] {
-                let mut rig = Rig::new(Memory::Heap, RATES[0]);
-                let regs = bring_to(&mut rig, role, state);
-                if state == 1 {
-                    write_init_data(&regs, RATES[0], u8::from(role == Role::Slave));
+    for rate in FASTEST {
+        for role in [Role::Master, Role::Slave] {
+            for state in 0..5 {
+                for command in [0x0001, 0x0002, 0x0020, 0x0040, 0x0060, 0x1234] {
+                    let mut rig = Rig::new(Memory::Heap, rate);
+                    let regs = bring_to(&mut rig, role, state);
+                    if state == 1 {
+                        write_init_data(&regs, rate, u8::from(role == Role::Slave));
+                    }
+                    let stands = regs.w_CPU_CONTROL.load() == command;
+                    let rests = stands || state == 4 && command & 0x0040 != 0;
+                    let is_refused = !rests && next(state, command).is_none();
+                    rig.expect_errors(&vec![&cansync::rules::COMMAND; is_refused.into()]);
+                    regs.w_CPU_CONTROL.store(0x0080 | command);
+                    rig.step(2000);
+                    assert_eq!(regs.w_CPU_CONTROL.load(), command, "bit 7 is cleared, the others stay");
+                    let expected = if stands { state } else { next(state, command).unwrap_or(state) };
+                    assert_eq!(
+                        regs.w_OPTION_STATUS.load(),
+                        status(role)[expected],
+                        "{role:?}, state {state}, 16#0080 with 16#{command:04X}"
+                    );
                 }
-                let stands = regs.w_CPU_CONTROL.load() == command;
-                let rests = stands || state == 4 && command & 0x0040 != 0;
-                let is_refused = !rests && next(state, command).is_none();
-                rig.expect_errors(&vec![&cansync::rules::COMMAND; is_refused.into()]);
-                regs.w_CPU_CONTROL.store(0x0080 | command);
-                rig.step(2000);
-                assert_eq!(regs.w_CPU_CONTROL.load(), command, "bit 7 is cleared, the others stay");
-                let expected = if stands { state } else { next(state, command).unwrap_or(state) };
-                assert_eq!(
-                    regs.w_OPTION_STATUS.load(),
-                    status(role)[expected],
-                    "{role:?}, state {state}, 16#0080 with 16#{command:04X}"
-                );
             }
         }
     }
@@ -138,212 +148,242 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
 
 #[test]
 fn what_is_written_too_early_is_found_with_bit_7_too() {
-    for command in [0x0002, 0x0082] {
-        let mut rig = Rig::new(Memory::Heap, RATES[0]);
-        rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
-        let regs = bring_to(&mut rig, Role::Master, 1);
-        write_init_data(&regs, RATES[0], 0x00);
-        rig.master.a_RD_BMARRAY[31][7].store(1);
-        regs.w_CPU_CONTROL.store(command);
-        rig.step(500);
-        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003);
-        assert_eq!(
-            rig.plant
-                .journal()
-                .findings()
-                .iter()
-                .filter(|it| it.last.rule == &cansync::rules::BEFORE_INIT)
-                .count(),
-            1
-        );
+    for rate in FASTEST {
+        for command in [0x0002, 0x0082] {
+            let mut rig = Rig::new(Memory::Heap, rate);
+            rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
+            let regs = bring_to(&mut rig, Role::Master, 1);
+            write_init_data(&regs, rate, 0x00);
+            rig.master.a_RD_BMARRAY[31][7].store(1);
+            regs.w_CPU_CONTROL.store(command);
+            rig.step(500);
+            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003);
+            assert_eq!(
+                rig.plant
+                    .journal()
+                    .findings()
+                    .iter()
+                    .filter(|it| it.last.rule == &cansync::rules::BEFORE_INIT)
+                    .count(),
+                1
+            );
+        }
     }
 }
 
 /// Somebody writes `w_CPU_CONTROL` by its name, as the channel does.
 fn write_by_name(rig: &mut Rig, role: Role, value: u16) {
     regs(rig, role).w_CPU_CONTROL.store(value);
-    let (plc, node) = if role == Role::Master { (0, NODE2) } else { (1, NODE1) };
-    rig.plant.note_channel_write(plc, node as u32, 2, value.into());
+    let at = if role == Role::Master { rig.master_at } else { rig.slave_at };
+    rig.plant.note_channel_write(at.plc, at.base as u32, 2, value.into());
 }
 
 /// D-29: what the firmware's clearing leaves is no command, however often somebody rings.
 #[test]
 fn bit_7_alone_restarts_nothing_until_a_0_is_written() {
-    for role in [Role::Master, Role::Slave] {
-        for state in 0..5 {
-            let begin = || {
-                let mut rig = Rig::new(Memory::Heap, RATES[0]);
-                let regs = bring_to(&mut rig, role, state);
-                regs.w_CPU_CONTROL.store(0x0080);
-                for _ in 0..1000 {
-                    rig.plant.processor_cycle();
-                }
-                rig.step(2000);
-                assert_eq!(regs.w_CPU_CONTROL.load(), 0);
-                assert_eq!(regs.w_OPTION_STATUS.load(), status(role)[state], "{role:?}, state {state}");
-                (rig, regs)
-            };
-            let (mut rig, regs) = begin();
-            write_by_name(&mut rig, role, 0x0000);
-            rig.step(500);
-            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001, "{role:?}, state {state}: written by name");
+    for rate in FASTEST {
+        for role in [Role::Master, Role::Slave] {
+            for state in 0..5 {
+                let begin = || {
+                    let mut rig = Rig::new(Memory::Heap, rate);
+                    let regs = bring_to(&mut rig, role, state);
+                    regs.w_CPU_CONTROL.store(0x0080);
+                    for _ in 0..1000 {
+                        rig.plant.processor_cycle();
+                    }
+                    rig.step(2000);
+                    assert_eq!(regs.w_CPU_CONTROL.load(), 0);
+                    assert_eq!(regs.w_OPTION_STATUS.load(), status(role)[state], "{role:?}, state {state}");
+                    (rig, regs)
+                };
+                let (mut rig, regs) = begin();
+                write_by_name(&mut rig, role, 0x0000);
+                rig.step(500);
+                assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001, "{role:?}, state {state}: written by name");
 
-            let (mut rig, regs) = begin();
-            rig.tolerate_errors(&[&cansync::rules::COMMAND]);
-            regs.w_CPU_CONTROL.store(0x0012);
-            rig.step(500);
-            regs.w_CPU_CONTROL.store(0x0000);
-            rig.step(500);
-            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001, "{role:?}, state {state}: a change in the RAM");
+                let (mut rig, regs) = begin();
+                rig.tolerate_errors(&[&cansync::rules::COMMAND]);
+                regs.w_CPU_CONTROL.store(0x0012);
+                rig.step(500);
+                regs.w_CPU_CONTROL.store(0x0000);
+                rig.step(500);
+                assert_eq!(
+                    regs.w_OPTION_STATUS.load(),
+                    0x0001,
+                    "{role:?}, state {state}: a change in the RAM"
+                );
+            }
         }
     }
 }
 
 #[test]
 fn a_restart_written_before_bit_7_does_not_act_after_it() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    let regs = bring_to(&mut rig, Role::Master, 4);
-    write_by_name(&mut rig, Role::Master, 0x0000);
-    regs.w_CPU_CONTROL.store(0x0080);
-    rig.step(2000);
-    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0080);
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        let regs = bring_to(&mut rig, Role::Master, 4);
+        write_by_name(&mut rig, Role::Master, 0x0000);
+        regs.w_CPU_CONTROL.store(0x0080);
+        rig.step(2000);
+        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0080);
+    }
 }
 
 /// D-29: a restart that is written over what bit 7 has left cannot be seen in the RAM, and that is said.
 #[test]
 fn what_bit_7_leaves_is_noted() {
-    for (state, noted) in [(0, 0), (1, 1), (4, 1)] {
-        let mut rig = Rig::new(Memory::Heap, RATES[0]);
-        let regs = bring_to(&mut rig, Role::Master, state);
-        regs.w_CPU_CONTROL.store(0x0080);
+    for rate in FASTEST {
+        for (state, noted) in [(0, 0), (1, 1), (4, 1)] {
+            let mut rig = Rig::new(Memory::Heap, rate);
+            let regs = bring_to(&mut rig, Role::Master, state);
+            regs.w_CPU_CONTROL.store(0x0080);
+            rig.step(5000);
+            let records = rig.records().filter(|record| {
+                let why = Command::LeftBehind;
+                record.event.get().is_some_and(|it: CommandIgnored| it.value == 0 && it.why == why)
+            });
+            assert_eq!(records.count(), noted, "journal, state {state}");
+            let entries = rig.plant.journal().findings().iter();
+            let found = entries
+                .filter(|entry| entry.last.rule == &cansync::rules::LEFT_BEHIND)
+                .map(|entry| entry.last.offset);
+            assert_eq!(
+                found.collect::<Vec<_>>(),
+                vec![rig.master_at.base as u32; noted],
+                "checker, state {state}"
+            );
+        }
+        // With the bits of the present state nothing is in doubt.
+        let mut rig = Rig::new(Memory::Heap, rate);
+        bring_to(&mut rig, Role::Master, 4).w_CPU_CONTROL.store(0x00C0);
         rig.step(5000);
-        let records = rig.records().filter(|record| {
-            let why = Command::LeftBehind;
-            record.event.get().is_some_and(|it: CommandIgnored| it.value == 0 && it.why == why)
-        });
-        assert_eq!(records.count(), noted, "journal, state {state}");
-        let entries = rig.plant.journal().findings().iter();
-        let found = entries
-            .filter(|entry| entry.last.rule == &cansync::rules::LEFT_BEHIND)
-            .map(|entry| entry.last.offset);
-        assert_eq!(found.collect::<Vec<_>>(), vec![NODE2 as u32; noted], "checker, state {state}");
+        assert_eq!(
+            rig.plant
+                .journal()
+                .findings()
+                .iter()
+                .filter(|it| it.last.rule == &cansync::rules::LEFT_BEHIND)
+                .count(),
+            0
+        );
     }
-    // With the bits of the present state nothing is in doubt.
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    bring_to(&mut rig, Role::Master, 4).w_CPU_CONTROL.store(0x00C0);
-    rig.step(5000);
-    assert_eq!(
-        rig.plant
-            .journal()
-            .findings()
-            .iter()
-            .filter(|it| it.last.rule == &cansync::rules::LEFT_BEHIND)
-            .count(),
-        0
-    );
 }
 
 /// D-29: forcing names the register.
 #[test]
 fn a_forced_0_restarts_after_bit_7() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    let regs = bring_to(&mut rig, Role::Master, 4);
-    regs.w_CPU_CONTROL.store(0x0080);
-    rig.step(500);
-    rig.plant.force(Forced { plc: 0, offset: NODE2 as u32, width: Width::Word, value: 0 }).unwrap();
-    rig.step(500);
-    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        let regs = bring_to(&mut rig, Role::Master, 4);
+        regs.w_CPU_CONTROL.store(0x0080);
+        rig.step(500);
+        rig.plant
+            .force(Forced { plc: 0, offset: rig.master_at.base as u32, width: Width::Word, value: 0 })
+            .unwrap();
+        rig.step(500);
+        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);
+    }
 }
 
 #[test]
 fn after_a_controller_reset_commands_are_taken_again() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    let regs = bring_to(&mut rig, Role::Master, 4);
-    regs.w_CPU_CONTROL.store(0x0080);
-    rig.step(500);
-    regs.w_CPU_CONTROL.store(0x0020);
-    rig.step(500);
-    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0043);
-    regs.w_CPU_CONTROL.store(0x0080);
-    rig.step(500);
-    regs.w_CPU_CONTROL.store(0x0040);
-    rig.step(500);
-    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0080);
-    regs.w_CPU_CONTROL.store(0x0000);
-    rig.step(500);
-    assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        let regs = bring_to(&mut rig, Role::Master, 4);
+        regs.w_CPU_CONTROL.store(0x0080);
+        rig.step(500);
+        regs.w_CPU_CONTROL.store(0x0020);
+        rig.step(500);
+        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0043);
+        regs.w_CPU_CONTROL.store(0x0080);
+        rig.step(500);
+        regs.w_CPU_CONTROL.store(0x0040);
+        rig.step(500);
+        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0080);
+        regs.w_CPU_CONTROL.store(0x0000);
+        rig.step(500);
+        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0001);
+    }
 }
 
 #[test]
 fn bad_initialization_data_are_refused_until_they_are_right() {
-    for memory in BOTH {
-        let mut rig = Rig::new(memory, RATES[0]);
-        rig.expect_errors(&[&cansync::rules::INIT_INTERVAL]);
-        let regs = bring_to(&mut rig, Role::Master, 1);
-        write_init_data(&regs, RATES[0], 0x00);
-        regs.b_TIME_PATTERN.store(4);
-        regs.w_CPU_CONTROL.store(0x0002);
-        rig.step(5000);
-        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0002);
-        assert_eq!(regs.w_CANsync_STATUS.load() & 0x0040, 0x0040, "bit 6: error present");
-        let refused = rig
-            .records()
-            .filter(|r| r.event.get().is_some_and(|it: InitRefused| it.fault == InitFault::TimePattern))
-            .count();
-        assert_eq!(refused, 1, "noted once");
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut rig = Rig::new(memory, rate);
+            rig.expect_errors(&[&cansync::rules::INIT_INTERVAL]);
+            let regs = bring_to(&mut rig, Role::Master, 1);
+            write_init_data(&regs, rate, 0x00);
+            regs.b_TIME_PATTERN.store(16);
+            regs.w_CPU_CONTROL.store(0x0002);
+            rig.step(5000);
+            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0002);
+            assert_eq!(regs.w_CANsync_STATUS.load() & 0x0040, 0x0040, "bit 6: error present");
+            let refused = rig
+                .records()
+                .filter(|r| r.event.get().is_some_and(|it: InitRefused| it.fault == InitFault::TimePattern))
+                .count();
+            assert_eq!(refused, 1, "noted once");
 
-        regs.b_TIME_PATTERN.store(2);
-        rig.step(500);
-        assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003, "the order still stands in the register");
-        assert_eq!(regs.w_CANsync_STATUS.load() & 0x0040, 0);
+            regs.b_TIME_PATTERN.store(rig.rate.timing.b_TIME_PATTERN);
+            rig.step(500);
+            assert_eq!(regs.w_OPTION_STATUS.load(), 0x0003, "the order still stands in the register");
+            assert_eq!(regs.w_CANsync_STATUS.load() & 0x0040, 0);
+        }
     }
 }
 
 /// D-03: the INIT structure overlays the cyclic one, which starts empty; general registers stay.
 #[test]
 fn taking_over_init_data_clears_the_cyclic_area() {
-    for memory in BOTH {
-        let mut rig = Rig::new(memory, RATES[0]);
-        rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
-        rig.master.a_RD_BMARRAY[31][7].store(0xDEAD_BEEF);
-        rig.master.a_STAT_SL[5].store(3);
-        bring_to(&mut rig, Role::Master, 2);
-        assert_eq!(rig.master.a_RD_BMARRAY[31][7].load(), 0);
-        assert_eq!(rig.master.a_STAT_SL[5].load(), 0);
-        assert_eq!(rig.master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.load(), 0, "where a_SL_TYP[0] stood");
-        assert_eq!(rig.master.w_OMEGA_NR.load(), 9, "the DIP number stays");
-        assert_eq!(rig.slave.w_OMEGA_NR.load(), 0, "the other PLC has its own");
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut rig = Rig::new(memory, rate);
+            rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
+            rig.master.a_RD_BMARRAY[31][7].store(0xDEAD_BEEF);
+            rig.master.a_STAT_SL[5].store(3);
+            bring_to(&mut rig, Role::Master, 2);
+            assert_eq!(rig.master.a_RD_BMARRAY[31][7].load(), 0);
+            assert_eq!(rig.master.a_STAT_SL[5].load(), 0);
+            assert_eq!(rig.master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.load(), 0, "where a_SL_TYP[0] stood");
+            assert_eq!(rig.master.w_OMEGA_NR.load(), rig.rate.kind.master_number, "the number stays");
+            assert_eq!(rig.slave.w_OMEGA_NR.load(), 0, "the other PLC has its own");
+        }
     }
 }
 
 #[test]
 fn restart_stops_sync_and_frames() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    let regs = bring_to(&mut rig, Role::Master, 4);
-    rig.step(10_000);
-    assert!(rig.plant.next_sync(0, 2).is_some());
-    regs.w_CPU_CONTROL.store(0x0000);
-    rig.step(500);
-    assert_eq!(rig.plant.next_sync(0, 2), None);
-    let written = rig.plant.journal().written();
-    rig.step(100_000);
-    assert_eq!(rig.plant.journal().written(), written, "a silent bus");
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        let regs = bring_to(&mut rig, Role::Master, 4);
+        rig.step(10_000);
+        assert!(rig.next_sync().is_some());
+        regs.w_CPU_CONTROL.store(0x0000);
+        rig.step(500);
+        assert_eq!(rig.next_sync(), None);
+        let written = rig.plant.journal().written();
+        rig.step(100_000);
+        assert_eq!(rig.plant.journal().written(), written, "a silent bus");
+    }
 }
 
 /// `w_CANsync_STATUS` is refreshed in every processor cycle (p. 148): idle, sending, receiving.
 #[test]
 fn the_can_status_shows_what_the_controller_does() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
-    rig.activate();
-    assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x0020, "\"SYNC mode: on\" is still on the wire");
-    rig.run_to_sync();
-    assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x000C, "send buffer free, last job done");
-    // WRC1 is on the wire from 730 us after SYNC on.
-    rig.configure_wrc1([0x01, 0x03, 0x05, 0x07]);
-    rig.run_to_sync();
-    rig.master.b_CTRLREG_WRC1.store(0x05);
-    rig.step(740);
-    rig.plant.processor_cycle();
-    assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x0020, "sending");
-    assert_eq!(rig.slave.w_CANsync_STATUS.load(), 0x001C, "receiving");
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.activate();
+        assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x0020, "\"SYNC mode: on\" is still on the wire");
+        rig.run_to_sync();
+        assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x000C, "send buffer free, last job done");
+        // WRC1 is on the wire from then on.
+        rig.configure_wrc1([0x01, 0x03, 0x05, 0x07]);
+        rig.run_to_sync();
+        rig.master.b_CTRLREG_WRC1.store(0x05);
+        rig.step(u64::from(rig.rate.timing.t_WRC1) + 10);
+        rig.plant.processor_cycle();
+        assert_eq!(rig.master.w_CANsync_STATUS.load(), 0x0020, "sending");
+        assert_eq!(rig.slave.w_CANsync_STATUS.load(), 0x001C, "receiving");
+    }
 }

@@ -1,13 +1,13 @@
-//! A slave node on its own: the test is bus and master, frame by frame, at 500 kbit/s.
+//! A slave node on its own: the test is bus and master, frame by frame.
 
-use super::{Memory, RATES, segment, write_init_data};
+use super::{Memory, Rate, segment, write_init_data};
 use commram::devices::Context;
 use commram::devices::cansync::bus::codec::{
     ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse,
 };
 use commram::devices::cansync::bus::{Frame, SyncLock};
 use commram::devices::cansync::firmware::{Seat, Slave};
-use commram::devices::omega_drive_line_2::registers::*;
+use commram::devices::cansync::registers::{CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
 
@@ -15,11 +15,11 @@ use commram::memory::{Image, View};
 pub(crate) const NUMBER: u8 = 5;
 /// Time the node needs to lock.
 pub(crate) const LOCK_US: u64 = 20_000;
-const INTERVAL_US: u64 = 2000;
 const CYCLE_US: u64 = 500;
 
 pub(crate) struct Bench {
     pub slave: Slave,
+    rate: Rate,
     pub regs: View<CANsync_SL_CTRL_BMSTRUCT>,
     init: View<CANsync_INIT_BMSTRUCT>,
     journal: Journal,
@@ -29,19 +29,21 @@ pub(crate) struct Bench {
 
 impl Bench {
     /// A node in set-up mode with the first SYNC edge behind it.
-    pub(crate) fn in_set_up(memory: Memory) -> Bench {
+    pub(crate) fn in_set_up(memory: Memory, rate: Rate) -> Bench {
+        let (kind, base) = (rate.kind, rate.kind.slave.base);
         let mut images = Vec::new();
-        let segment = segment(memory, "b", &DEVICE, &mut images).unwrap();
+        let segment = segment(memory, "b", kind.layout, &mut images).unwrap();
         let mut slave = Slave::new(
             &segment,
-            Seat { base: NODE1, place: 0, rates: &BAUD_RATES },
+            Seat { base, place: usize::from(kind.slave.port) - 1, rates: kind.rates },
             NUMBER,
             SyncLock::new(LOCK_US, None),
         )
         .unwrap();
         slave.power_on();
-        let (regs, init) = (segment.view(NODE1).unwrap(), segment.view(NODE1).unwrap());
-        let mut bench = Bench { slave, regs, init, journal: Journal::default(), now: 0, _images: images };
+        let (regs, init) = (segment.view(base).unwrap(), segment.view(base).unwrap());
+        let mut bench =
+            Bench { slave, rate, regs, init, journal: Journal::default(), now: 0, _images: images };
         bench.set_up([0xFF, 0xFF]);
         bench
     }
@@ -50,7 +52,7 @@ impl Bench {
     fn set_up(&mut self, [code, mask]: [u8; 2]) {
         self.command(0x0000);
         self.command(0x0001);
-        write_init_data(&self.init, RATES[0], 0x01);
+        write_init_data(&self.init, self.rate, 0x01);
         self.init.b_AC.store(code);
         self.init.b_AM.store(mask);
         self.command(0x0002);
@@ -72,8 +74,8 @@ impl Bench {
     }
 
     /// A node in active operation with a SYNC edge behind it, its PLC ready for jobs in block 1.
-    pub(crate) fn active(memory: Memory) -> Bench {
-        let mut bench = Self::in_set_up(memory);
+    pub(crate) fn active(memory: Memory, rate: Rate) -> Bench {
+        let mut bench = Self::in_set_up(memory, rate);
         bench.enable();
         bench.regs.b_EN_UPDOWNBLK1.store(1);
         bench
@@ -95,13 +97,16 @@ impl Bench {
 
     /// An interval goes by; ends just after the next SYNC edge.
     pub(crate) fn edge(&mut self) {
-        self.pass(INTERVAL_US);
-        self.slave.sync_edge(self.now, INTERVAL_US as u32);
+        let interval_us = self.rate.interval_us;
+        self.pass(interval_us);
+        self.slave.sync_edge(self.now, interval_us as u32);
     }
 
     pub(crate) fn with<R>(&mut self, f: impl FnOnce(&mut Slave, &mut Context) -> R) -> R {
-        let origin = Origin { plc: 0, node: 1 };
-        f(&mut self.slave, &mut Context { now: self.now, journal: &mut self.journal, origin, base: NODE1 })
+        let at = self.rate.kind.slave;
+        let origin = Origin { plc: 0, node: at.port };
+        let Bench { now, journal, .. } = self;
+        f(&mut self.slave, &mut Context { now: *now, journal, origin, base: at.base })
     }
 
     /// A job frame comes in, and the interval ends.

@@ -1,16 +1,22 @@
-//! A plant under test: PLC `a` is master of a bus with PLC `b` as slave 0 and, if wanted, drives 1 to 3.
+//! A plant under test: PLC `a` is master of a bus with PLC `b`, a device of the same kind, as slave 0 and, if wanted,
+//! drives 1 to 3.
 
 #![allow(dead_code, reason = "each test binary uses its own part of the rig")]
 
 pub(crate) mod bench;
 pub(crate) mod cluster;
+mod kinds;
 
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::records::Transmitted;
-use commram::devices::omega_drive_line_2::registers::*;
+use commram::devices::cansync::registers::{
+    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
+};
 use commram::journal::{Record, Rule, Severity};
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
+use kinds::At;
+pub(crate) use kinds::{FASTEST, Kind, OMEGA_RATES, RATES, Rate};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Where the RAM of the plant lies.
@@ -25,27 +31,15 @@ pub(crate) enum Memory {
 /// Both kinds of memory; a test over this list runs the same on each.
 pub(crate) const BOTH: [Memory; 2] = [Memory::Heap, Memory::Mapped];
 
-/// A baud rate as the PLC sets it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Rate {
-    pub kbit_s: u16,
-    pub bt_0: u8,
-    pub interval_us: u64,
-}
-
-pub(crate) const RATES: [Rate; 3] = [
-    Rate { kbit_s: 500, bt_0: 0x00, interval_us: 2000 },
-    Rate { kbit_s: 250, bt_0: 0x01, interval_us: 4000 },
-    Rate { kbit_s: 125, bt_0: 0x03, interval_us: 8000 },
-];
-
 pub(crate) struct Rig {
     pub plant: Plant,
     pub rate: Rate,
-    /// Node 2 of PLC `a`.
+    /// Where the master of PLC `a` is.
+    pub master_at: At,
+    /// Where the slave of PLC `b` is.
+    pub slave_at: At,
     pub master: View<CANsync_MA_CTRL_BMSTRUCT>,
     pub master_init: View<CANsync_INIT_BMSTRUCT>,
-    /// Node 1 of PLC `b`.
     pub slave: View<CANsync_SL_CTRL_BMSTRUCT>,
     pub slave_init: View<CANsync_INIT_BMSTRUCT>,
     /// Errors that the access checker is to find in this test; any other one, or a missing one, fails it.
@@ -59,6 +53,7 @@ pub(crate) struct Rig {
 impl Drop for Rig {
     fn drop(&mut self) {
         if std::thread::panicking() {
+            eprintln!("this was {:?}", self.rate);
             return;
         }
         let findings = self.plant.journal().findings();
@@ -68,16 +63,16 @@ impl Drop for Rig {
         let names = self.plant.names();
         let name = |entry: &commram::journal::Entry| entry.last.name(names.device(entry.last.plc));
         let all: String =
-            findings.iter().map(|entry| format!("{:?} {}\n", name(entry), describe(entry))).collect();
-        assert!(!wrong, "expected {:?}, found\n{all}", self.expected);
+            findings.iter().map(|entry| format!("{:?} {}\n", name(entry), self.describe(entry))).collect();
+        assert!(!wrong, "{:?}: expected {:?}, found\n{all}", self.rate, self.expected);
     }
 }
 
-fn describe(entry: &commram::journal::Entry) -> String {
-    format!("{} {} x {}", entry.last.rule, entry.last.value_text(&DEVICE), entry.count)
-}
-
 impl Rig {
+    fn describe(&self, entry: &commram::journal::Entry) -> String {
+        format!("{} {} x {}", entry.last.rule, entry.last.value_text(self.rate.kind.layout), entry.count)
+    }
+
     /// Names errors that the access checker may find, because the test is about something else.
     pub(crate) fn tolerate_errors(&mut self, rules: &[&'static Rule]) {
         self.tolerated = rules.to_vec();
@@ -96,22 +91,20 @@ impl Rig {
 
     /// `drives` is TOML text put behind the bus.
     pub(crate) fn of(memory: Memory, rate: Rate, drives: &str) -> Rig {
-        let text = format!(
-            "[[plc]]\nname = 'a'\ndip = 9\nnode2 = 'line'\n\
-             [[plc]]\nname = 'b'\ndip = 0\nnode1 = 'line'\nlock_time_us = 20000\n\
-             [[bus]]\nname = 'line'\nkbit_s = {}\n{drives}",
-            rate.kbit_s
-        );
+        let text = rate.kind.plant(rate.kbit_s, drives);
         let config = PlantConfig::parse("rig", &text).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
-        let view = |plc: usize| plant.devices()[plc].segment().clone();
+        let segment = |at: At| plant.devices()[at.plc].segment().clone();
+        let Kind { master, slave, .. } = *rate.kind;
         Rig {
             rate,
-            master: view(0).view(NODE2).unwrap(),
-            master_init: view(0).view(NODE2).unwrap(),
-            slave: view(1).view(NODE1).unwrap(),
-            slave_init: view(1).view(NODE1).unwrap(),
+            master_at: master,
+            slave_at: slave,
+            master: segment(master).view(master.base).unwrap(),
+            master_init: segment(master).view(master.base).unwrap(),
+            slave: segment(slave).view(slave.base).unwrap(),
+            slave_init: segment(slave).view(slave.base).unwrap(),
             plant,
             expected: Vec::new(),
             tolerated: Vec::new(),
@@ -126,8 +119,13 @@ impl Rig {
 
     /// Runs to the next SYNC edge of the bus and handles it.
     pub(crate) fn run_to_sync(&mut self) {
-        let edge = self.plant.next_sync(0, 2).expect("the bus has a SYNC signal");
+        let edge = self.next_sync().expect("the bus has a SYNC signal");
         self.plant.advance_to(edge);
+    }
+
+    /// When the master's next SYNC edge is due.
+    pub(crate) fn next_sync(&self) -> Option<u64> {
+        self.plant.next_sync(self.master_at.plc, self.master_at.port)
     }
 
     /// Brings the master from restart to "waiting for start"; slaves 0 to 3 are expected.
@@ -213,8 +211,8 @@ pub(crate) fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8
     init.b_MA_SL_MODE.store(mode);
     init.b_AC.store(0xFF);
     init.b_AM.store(0xFF);
-    init.b_BT_0.store(rate.bt_0);
-    init.b_BT_1.store(0x1C);
+    init.b_BT_0.store(rate.timing.b_BT_0);
+    init.b_BT_1.store(rate.timing.b_BT_1);
     init.b_OUTPUT_CONTROL.store(0xFA);
     init.b_CLOCK_DIVIDER.store(0x07);
     init.b_TIME_PATTERN.store((rate.interval_us / 1000) as u8);

@@ -1,6 +1,6 @@
 //! A rig whose PLCs are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
 
-use crate::rig::{Memory, RATES, Rig};
+use crate::rig::{Memory, OMEGA_RATES, Rig};
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::memory::{Segment, View};
@@ -23,7 +23,7 @@ pub(crate) struct Bench {
 impl Bench {
     /// After power-on.
     pub(crate) fn new(memory: Memory) -> Bench {
-        let rig = Rig::of(memory, RATES[0], DRIVE);
+        let rig = Rig::of(memory, OMEGA_RATES[0], DRIVE);
         let [a, b] = [0, 1].map(|plc| Ram::of(rig.plant.devices()[plc].segment()).unwrap());
         Bench {
             ma: a.at(NODE2).unwrap(),

@@ -1,7 +1,7 @@
 //! Communication monitoring of the drive behind the BAPS (5.01010.01 p. 22; D-293 to D-295).
 
 use super::bench::*;
-use crate::rig::{Memory, RATES};
+use crate::rig::{Memory, OMEGA_RATES};
 use commram::devices::cansync::drive::State;
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, DEVICE, NODE2};
 use commram::plant::Power;
@@ -71,7 +71,7 @@ fn the_drive_notices_that_its_trigger_signal_is_gone() {
              [[bus]]\nname = 'bus'"
         ),
     );
-    bench.start_sync(RATES[0]);
+    bench.start_sync(OMEGA_RATES[0]);
     bench.opt_init(1, 0);
     bench.step(30_000);
     assert!(bench.drive().is_synchronized());

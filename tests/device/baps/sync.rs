@@ -1,7 +1,7 @@
 //! Synchronization to SYNC of the network: example C of the manual (5.00005.03a p. 67-70).
 
 use super::bench::*;
-use crate::rig::{Memory, RATES, Rate};
+use crate::rig::{Memory, OMEGA_RATES, Rate};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
 use commram::plant::Power;
 
@@ -33,7 +33,7 @@ fn status(bench: &Bench) -> (u16, u16) {
 
 #[test]
 fn the_status_bits_come_after_the_lock_time() {
-    for rate in RATES {
+    for rate in OMEGA_RATES {
         let slot = rate.interval_us as u32;
         let mut bench = with_sync(rate, "");
         if slot != 2000 {
@@ -63,17 +63,17 @@ fn board_timer_a_as_trigger_signal() {
 
 #[test]
 fn without_opt_init_there_is_no_trigger_signal() {
-    let mut bench = with_sync(RATES[0], "");
+    let mut bench = with_sync(OMEGA_RATES[0], "");
     bench.plant.set_power(0, Power::Off);
     bench.plant.set_power(0, Power::On);
-    bench.start_sync(RATES[0]);
+    bench.start_sync(OMEGA_RATES[0]);
     bench.step(50_000);
     assert_eq!(status(&bench), (0, 0));
 }
 
 #[test]
 fn another_sync_slot_is_not_synchronous() {
-    let mut bench = with_sync(RATES[0], "");
+    let mut bench = with_sync(OMEGA_RATES[0], "");
     bench.step(20_000);
     assert_eq!(status(&bench), (1, 1));
     assert_eq!(bench.write_word(167, 1000), 0);
@@ -83,7 +83,7 @@ fn another_sync_slot_is_not_synchronous() {
 
 #[test]
 fn the_end_of_the_signal_ends_the_lock() {
-    let mut bench = with_sync(RATES[0], "");
+    let mut bench = with_sync(OMEGA_RATES[0], "");
     bench.step(20_000);
     assert_eq!(status(&bench), (1, 1));
     let node = bench.plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
@@ -108,7 +108,7 @@ fn answered_after(bench: &mut Bench) -> u64 {
 fn the_offset_says_when_reference_values_are_taken_over() {
     for (offset, expected) in [(0, 2000), (300, 300), (1250, 1250), (1990, 1990)] {
         for configured_first in [false, true] {
-            let mut bench = with_sync(RATES[0], "");
+            let mut bench = with_sync(OMEGA_RATES[0], "");
             if configured_first {
                 bench.configure(0x0044, &[ADDITIONAL], &[]);
             }

@@ -1,6 +1,6 @@
 //! For each rule something that breaks it, and next to it something much alike that is right.
 
-use crate::rig::{Memory, RATES, Rate, Rig, write_init_data};
+use crate::rig::{Memory, OMEGA_RATES, Rate, Rig, write_init_data};
 use commram::check::rules;
 use commram::devices::cansync;
 use commram::devices::omega_drive_line_2 as omega;
@@ -26,7 +26,7 @@ fn set_up_with_drive(rig: &mut Rig, expected: &[&'static Rule], parameter: u16, 
         "[[bus.drive]]\nname = 'd'\nslave_number = 1\n\
          parameters = [{{ number = {parameter}, format = 'word', initial = {value} }}]\n"
     );
-    *rig = Rig::of(Memory::Heap, RATES[0], &drive);
+    *rig = Rig::of(Memory::Heap, OMEGA_RATES[0], &drive);
     rig.expect_errors(expected);
     rig.set_up();
     rig.step(60_000);
@@ -215,8 +215,8 @@ pub(crate) const CASES: &[Case] = &[
         rule: &cansync::rules::CLUSTER_BAUD_RATE,
         register: "node2.b_BT_0",
         value: 0x01,
-        wrong: |rig| cluster(rig, RATES[1]),
-        right: |rig| cluster(rig, RATES[0]),
+        wrong: |rig| cluster(rig, OMEGA_RATES[1]),
+        right: |rig| cluster(rig, OMEGA_RATES[0]),
     },
     Case {
         rule: &cansync::rules::SLAVE_NUMBER,
@@ -577,9 +577,9 @@ fn take_over_init_data(rig: &mut Rig, change: fn(&CANsync_INIT_BMSTRUCT)) {
 
 /// Starts master and slave at these rates.
 fn start_both(rig: &mut Rig, [master, slave]: [usize; 2]) {
-    rig.rate = RATES[master];
+    rig.rate = OMEGA_RATES[master];
     rig.initialize_master();
-    rig.rate = RATES[slave];
+    rig.rate = OMEGA_RATES[slave];
     rig.initialize_slave();
     rig.master.w_CPU_CONTROL.store(0x0020);
     rig.step(500);

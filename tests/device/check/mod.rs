@@ -3,7 +3,7 @@
 mod cases;
 mod cases_baps;
 
-use crate::rig::{BOTH, Memory, RATES, Rig};
+use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig};
 use cases::Case;
 use commram::check::rules;
 use commram::devices::cansync;
@@ -32,7 +32,7 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
     for memory in BOTH {
         for case in cases() {
             let rule = case.rule;
-            let mut rig = Rig::new(memory, RATES[0]);
+            let mut rig = Rig::new(memory, OMEGA_RATES[0]);
             rig.expect_errors(&[rule]);
             (case.wrong)(&mut rig);
             rig.step(500);
@@ -43,7 +43,7 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
             assert_eq!(entry.last.value, case.value, "{rule}");
             assert_eq!(entry.count, 1, "{rule} is reported once");
 
-            let mut rig = Rig::new(memory, RATES[0]);
+            let mut rig = Rig::new(memory, OMEGA_RATES[0]);
             (case.right)(&mut rig);
             rig.step(500);
             assert_eq!(names(&findings(&rig)), [], "the right way beside {rule}, {memory:?}");
@@ -64,7 +64,7 @@ fn every_rule_has_a_case() {
 
 #[test]
 fn how_late_it_was_is_told() {
-    for (rate, deadline) in [(RATES[0], 490), (RATES[2], 2780)] {
+    for (rate, deadline) in [(OMEGA_RATES[0], 490), (OMEGA_RATES[2], 2780)] {
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.expect_errors(&[&cansync::rules::LATE_REFERENCE]);
         for late in [12, 37, 5] {
@@ -85,7 +85,7 @@ fn how_late_it_was_is_told() {
 /// D-142: who releases one interval ahead, or now and then, is not late.
 #[test]
 fn working_ahead_and_pausing_are_not_late() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.activate();
     for _ in 0..5 {
         rig.step(1000);
@@ -107,7 +107,7 @@ fn working_ahead_and_pausing_are_not_late() {
 #[test]
 fn the_time_is_that_of_the_write() {
     for slice in [1, 77, 5000] {
-        let mut rig = Rig::new(Memory::Mapped, RATES[0]);
+        let mut rig = Rig::new(Memory::Mapped, OMEGA_RATES[0]);
         rig.expect_errors(&[&rules::OWNER]);
         rig.activate();
         rig.step(333);
@@ -127,7 +127,7 @@ fn the_time_is_that_of_the_write() {
 /// The same value again is no change of the RAM; through the channel it is a write all the same.
 #[test]
 fn through_the_channel_every_write_is_seen() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.expect_errors(&[&rules::OWNER]);
     rig.activate();
     for _ in 0..3 {
@@ -153,7 +153,7 @@ fn through_the_channel_every_write_is_seen() {
 
 #[test]
 fn findings_can_be_forgotten() {
-    let mut rig = Rig::new(Memory::Heap, RATES[0]);
+    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.expect_errors(&[&rules::OWNER]);
     for value in [5, 6] {
         rig.plant.clear_findings();
@@ -168,7 +168,7 @@ fn findings_can_be_forgotten() {
 #[test]
 fn findings_belong_to_the_run() {
     let run = |memory, value| {
-        let mut rig = Rig::new(memory, RATES[0]);
+        let mut rig = Rig::new(memory, OMEGA_RATES[0]);
         rig.expect_errors(&[&rules::OWNER]);
         rig.activate();
         rig.master.w_OMEGA_NR.store(value);

@@ -45,7 +45,7 @@ fn a_master_in_bus_off_sends_nothing_until_it_is_reset() {
 #[test]
 fn a_slave_in_bus_off_is_not_there_until_it_is_reset() {
     for memory in BOTH {
-        let mut rig = Rig::of(memory, RATES[0], DRIVES);
+        let mut rig = Rig::of(memory, OMEGA_RATES[0], DRIVES);
         rig.set_up();
         rig.step(60_000);
         add(&mut rig, "kind = 'bus_off'\nplc = 'b'\nnode = 1");
@@ -110,7 +110,7 @@ fn a_frame_under_way_is_lost() {
 /// A node that is not on the bus yet cannot go BUS-off; the fault waits for it.
 #[test]
 fn bus_off_waits_for_a_working_controller() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], DRIVES);
     let id = add(&mut rig, "kind = 'bus_off'\nplc = 'a'\nnode = 2");
     rig.step(5_000);
     assert_eq!(rig.plant.faults().map(|f| (f.id, f.acting, f.hits)).collect::<Vec<_>>(), [(id, true, 0)]);
@@ -168,7 +168,7 @@ fn an_overrun_of_a_slave_concerns_it_alone() {
 #[test]
 fn all_bits_of_the_status_register_can_be_seen_on_both_nodes() {
     for memory in BOTH {
-        let mut rig = Rig::of(memory, RATES[0], DRIVES);
+        let mut rig = Rig::of(memory, OMEGA_RATES[0], DRIVES);
         let mut seen = [0u16; 2];
         let look = |rig: &mut Rig, seen: &mut [u16; 2], steps: usize| {
             for _ in 0..steps {

@@ -49,7 +49,7 @@ fn spellings(kind: &str, fields: &[&str], end: &str) -> (FaultSpec, String) {
 /// Runs the fault while there is traffic of every kind, well beyond its end.
 fn run(spec: &FaultSpec, text: &str, door: Door) -> Rig {
     let in_file = if door == Door::PlantFile { text } else { "" };
-    let mut rig = Rig::of(Memory::Heap, RATES[0], &format!("{DRIVES}{in_file}"));
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], &format!("{DRIVES}{in_file}"));
     if door == Door::Running {
         let fault = spec.resolve(fault_kinds(), &rig.plant.names()).unwrap();
         rig.plant.add_fault(fault).unwrap();

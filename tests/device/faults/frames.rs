@@ -102,7 +102,7 @@ fn a_lost_job_or_answer_is_repeated() {
 
 #[test]
 fn a_slave_whose_status_answer_is_lost_does_not_respond() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], DRIVES);
     rig.set_up();
     rig.step(40_000);
     assert_eq!(rig.master.a_STAT_SL[DRIVE].load(), 0x03);

@@ -99,7 +99,7 @@ fn an_answer_does_not_survive_the_power_of_its_slave() {
 
 /// Deadline of reference value frame 1 at 500 kbit/s, in us after SYNC.
 fn deadline() -> u64 {
-    let rate = BAUD_RATES.iter().find(|rate| rate.kbit_per_s == RATES[0].kbit_s).unwrap();
+    let rate = BAUD_RATES.iter().find(|rate| rate.kbit_per_s == OMEGA_RATES[0].kbit_s).unwrap();
     rate.deadline_WRC.earliest.into()
 }
 

@@ -35,7 +35,7 @@ fn a_drive_without_power_is_silent_and_comes_back_as_new() {
 
 #[test]
 fn an_unplugged_node_keeps_its_state_and_locks_anew() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], DRIVES);
     rig.set_up();
     rig.step(60_000);
     assert_eq!(rig.master.a_STAT_SL[0].load(), 0x03);
@@ -52,7 +52,7 @@ fn an_unplugged_node_keeps_its_state_and_locks_anew() {
 
 #[test]
 fn two_faults_that_switch_one_slave_off_must_both_end() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], DRIVES);
     rig.set_up();
     let first = add(&mut rig, "kind = 'slave_off'\nslave = 2");
     let second = add(&mut rig, "kind = 'slave_off'\nslave = 2");
@@ -79,7 +79,7 @@ fn an_answer_within_the_time_limit_counts_and_one_behind_it_does_not() {
 
 #[test]
 fn a_late_slave_does_not_respond_in_set_up_mode() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], DRIVES);
     rig.set_up();
     rig.step(60_000);
     let id = add(&mut rig, "kind = 'slave_late'\nslave = 0\ndelay_us = 700");

@@ -89,7 +89,7 @@ fn the_time_without_sync_can_be_set() {
     let drive =
         |n, key| format!("[[bus.drive]]\nname = 'd{n}'\nslave_number = {n}\nlock_time_us = 30000\n{key}\n");
     let drives = drive(1, "sync_loss_us = 9000") + &drive(2, "sync_loss_us = 1");
-    let mut rig = Rig::of(Memory::Heap, RATES[0], &drives);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], &drives);
     start(&mut rig);
     add(&mut rig, "kind = 'lose_sync'");
     let locked =
@@ -124,7 +124,7 @@ fn drives_whose_master_is_restarted_lose_their_lock_in_time() {
 
 #[test]
 fn set_up_mode_shows_the_lost_lock() {
-    let mut rig = Rig::of(Memory::Heap, RATES[0], DRIVES);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], DRIVES);
     rig.set_up();
     rig.step(60_000);
     assert_eq!([0, 1].map(|n| rig.master.a_STAT_SL[n].load()), [0x03, 0x03]);
@@ -197,7 +197,7 @@ fn edges_return_to_their_regular_times() {
 #[test]
 fn a_drive_without_sync_reacts_as_it_is_set() {
     let monitoring = "[bus.drive.monitoring.sync]\ntime_us = 100000\nreaction = 'quick_stop'\n";
-    let mut rig = Rig::of(Memory::Heap, RATES[0], &format!("{DRIVES}{monitoring}"));
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[0], &format!("{DRIVES}{monitoring}"));
     start(&mut rig);
     rig.master.a_WR_VALUE[0].store(1000);
     rig.send_wrc1();
@@ -220,7 +220,7 @@ fn a_drive_without_sync_reacts_as_it_is_set() {
 #[test]
 fn a_sync_slot_of_another_rate_is_found_and_hinders_locking() {
     let drive = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n";
-    let mut rig = Rig::of(Memory::Heap, RATES[1], drive);
+    let mut rig = Rig::of(Memory::Heap, OMEGA_RATES[1], drive);
     rig.expect_errors(&[&cansync::rules::DRIVE_SYNC_SLOT]);
     rig.activate();
     rig.step(60_000);

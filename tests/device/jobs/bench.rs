@@ -1,14 +1,12 @@
 //! The master's firmware alone on its registers, with the test as the bus: what goes out is returned, what
 //! comes back is made by hand.
 
-use crate::rig::{Memory, RATES, segment, write_init_data};
+use crate::rig::{Memory, Rate, segment, write_init_data};
 use commram::devices::Context;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
 use commram::devices::cansync::firmware::{Change, Master, NodeState, Seat};
-use commram::devices::omega_drive_line_2::registers::{
-    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2,
-};
+use commram::devices::cansync::registers::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT};
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
 
@@ -17,25 +15,24 @@ pub(crate) struct Bench {
     pub regs: View<CANsync_MA_CTRL_BMSTRUCT>,
     init: View<CANsync_INIT_BMSTRUCT>,
     master: Master,
+    rate: Rate,
     journal: Journal,
     now: u64,
     _images: Vec<Image>,
 }
 
 impl Bench {
-    pub(crate) fn new(memory: Memory) -> Self {
+    pub(crate) fn new(memory: Memory, rate: Rate) -> Self {
+        let (kind, base) = (rate.kind, rate.kind.master.base);
         let mut images = Vec::new();
-        let segment = segment(memory, "a", &DEVICE, &mut images).unwrap();
+        let segment = segment(memory, "a", kind.layout, &mut images).unwrap();
         let mut bench = Bench {
-            regs: segment.view(NODE2).unwrap(),
-            init: segment.view(NODE2).unwrap(),
+            rate,
+            regs: segment.view(base).unwrap(),
+            init: segment.view(base).unwrap(),
             master: Master::new(
                 &segment,
-                Seat {
-                    base: NODE2,
-                    place: 1,
-                    rates: &commram::devices::omega_drive_line_2::registers::BAUD_RATES,
-                },
+                Seat { base, place: usize::from(kind.master.port) - 1, rates: kind.rates },
             )
             .unwrap(),
             journal: Journal::default(),
@@ -49,8 +46,10 @@ impl Bench {
     }
 
     fn with<R>(&mut self, f: impl FnOnce(&mut Master, &mut Context) -> R) -> R {
-        let origin = Origin { plc: 0, node: 2 };
-        f(&mut self.master, &mut Context { now: self.now, journal: &mut self.journal, origin, base: NODE2 })
+        let at = self.rate.kind.master;
+        let origin = Origin { plc: 0, node: at.port };
+        let Bench { now, journal, .. } = self;
+        f(&mut self.master, &mut Context { now: *now, journal, origin, base: at.base })
     }
 
     /// Writes a command to `w_CPU_CONTROL` and lets the firmware see it.
@@ -64,7 +63,7 @@ impl Bench {
     pub(crate) fn initialize(&mut self) {
         self.command_node(0x0000);
         self.command_node(0x0001);
-        write_init_data(&self.init, RATES[0], 0x00);
+        write_init_data(&self.init, self.rate, 0x00);
         self.init.a_SL_TYP.iter().for_each(|cell| cell.store(0));
         self.command_node(0x0002);
         self.command_node(0x0020);
@@ -80,7 +79,7 @@ impl Bench {
 
     /// An interval up to its command slot: the frame that goes out.
     pub(crate) fn interval(&mut self) -> Option<Frame> {
-        self.now += 2000;
+        self.now += self.rate.interval_us;
         self.master.sync_edge();
         self.with(|master, ctx| master.command(ctx))
     }

@@ -2,7 +2,7 @@
 //! lost, none is sent or finished twice, counters keep their bounds.
 
 use super::bench::Bench;
-use crate::rig::BOTH;
+use crate::rig::{BOTH, FASTEST};
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{
     ActionCommand, Direction, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep,
@@ -344,12 +344,13 @@ fn action(frame: Frame) -> ActionCommand {
 proptest! {
     #[test]
     fn every_job_is_served_once_and_in_its_turn(
+        rate in prop::sample::select(&FASTEST[..]),
         polled in [polled(), polled(), polled()],
         max in 0..SLAVES,
         steps in prop::collection::vec((act(), reply()), 1..150),
     ) {
         for memory in BOTH {
-            let mut bench = Bench::new(memory);
+            let mut bench = Bench::new(memory, rate);
             let mut model = Model::default();
             model.configure(&bench, polled, max);
             for (act, reply) in &steps {

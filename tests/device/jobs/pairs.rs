@@ -3,7 +3,7 @@
 //! answered (5.00005.03a p. 165).
 
 use super::bench::Bench;
-use crate::rig::BOTH;
+use crate::rig::{BOTH, FASTEST};
 use commram::devices::cansync::bus::codec::{
     Access, ParameterJob, ParameterResult, UpDownJob, UpDownResult, UpDownStep,
 };
@@ -64,35 +64,37 @@ fn right(state: State, control: u8) -> (Option<u8>, Option<u8>) {
 
 #[test]
 fn all_pairs_of_bytes_in_every_state_of_a_parameter_job() {
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        let registers = bench.regs.project(|regs| &regs.a_CTRLREG_PAR_CMD_SL[0]);
-        let pair = || (registers.b_STEUREG_PAR_CMD.load(), registers.b_STATREG_PAR_CMD.load());
-        for state in STATES {
-            for control in 0..=u8::MAX {
-                let (at_once, later) = right(state, control);
-                for status in 0..=u8::MAX {
-                    let expect = |found, right: Option<u8>, when| {
-                        let right = right.map_or((control, status), |byte| (byte, byte));
-                        assert_eq!(found, right, "{when}: {control:02X} {status:02X} in state {state:?}");
-                    };
-                    bring_to(&mut bench, state);
-                    bench.put(0, control, status);
-                    bench.answer(0, &job(), ParameterResult::Word(7));
-                    expect(pair(), at_once, "after the answer that was due");
-                    if let Some((slave, job)) = bench
-                        .interval()
-                        .map(|frame| (frame.id() & 0x7F, ParameterJob::decode(frame.payload()).unwrap()))
-                    {
-                        assert_eq!(slave, 0);
-                        let result = match job.access() {
-                            Access::Read => ParameterResult::Word(8),
-                            _ => ParameterResult::Done,
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            let registers = bench.regs.project(|regs| &regs.a_CTRLREG_PAR_CMD_SL[0]);
+            let pair = || (registers.b_STEUREG_PAR_CMD.load(), registers.b_STATREG_PAR_CMD.load());
+            for state in STATES {
+                for control in 0..=u8::MAX {
+                    let (at_once, later) = right(state, control);
+                    for status in 0..=u8::MAX {
+                        let expect = |found, right: Option<u8>, when| {
+                            let right = right.map_or((control, status), |byte| (byte, byte));
+                            assert_eq!(found, right, "{when}: {control:02X} {status:02X} in state {state:?}");
                         };
-                        bench.answer(0, &job, result);
+                        bring_to(&mut bench, state);
+                        bench.put(0, control, status);
+                        bench.answer(0, &job(), ParameterResult::Word(7));
+                        expect(pair(), at_once, "after the answer that was due");
+                        if let Some((slave, job)) = bench
+                            .interval()
+                            .map(|frame| (frame.id() & 0x7F, ParameterJob::decode(frame.payload()).unwrap()))
+                        {
+                            assert_eq!(slave, 0);
+                            let result = match job.access() {
+                                Access::Read => ParameterResult::Word(8),
+                                _ => ParameterResult::Done,
+                            };
+                            bench.answer(0, &job, result);
+                        }
+                        expect(pair(), later.or(at_once), "an interval later");
+                        assert_eq!(bench.interval(), None, "nothing goes on");
                     }
-                    expect(pair(), later.or(at_once), "an interval later");
-                    assert_eq!(bench.interval(), None, "nothing goes on");
                 }
             }
         }
@@ -103,38 +105,40 @@ fn all_pairs_of_bytes_in_every_state_of_a_parameter_job() {
 /// quiet. The status byte has no say.
 #[test]
 fn all_control_bytes_in_every_phase_of_a_download() {
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        let answer = |bench: &mut Bench, job: &UpDownJob| match job.step() {
-            UpDownStep::Upload { .. } => bench.answer_block(0, job, UpDownResult::Data([9; 6])),
-            _ => bench.answer_block(0, job, UpDownResult::Done),
-        };
-        for frames in 0..4 {
-            for control in 0..=u8::MAX {
-                for status in [0x00, 0x15, 0x9F, 0xFF] {
-                    bench.enter_block(0x15, 0, 0x1000, 14);
-                    for _ in 0..frames {
-                        let (_, job) = bench.updown_job().unwrap();
-                        answer(&mut bench, &job);
-                    }
-                    bench.regs.b_STATREG_UPDOWNBLK1.store(status);
-                    bench.regs.b_STEUREG_UPDOWNBLK1.store(control);
-                    let mut sent = Vec::new();
-                    while let Some((_, job)) = bench.updown_job() {
-                        sent.push(job);
-                        answer(&mut bench, &job);
-                        assert!(sent.len() <= 4, "{control:02X} in phase {frames} goes on for ever");
-                    }
-                    let what = format!("16#{control:02X} in phase {frames}");
-                    let end = bench.regs.b_STEUREG_UPDOWNBLK1.load();
-                    if control & 0x80 != 0 {
-                        assert_eq!((&sent[..], bench.block()), (&[UpDownJob::cancel()][..], 0), "{what}");
-                    } else if control & 0x01 != 0 {
-                        assert!(!sent.is_empty(), "{what}");
-                        assert_eq!(bench.block(), control & 0x10 | 0x0C, "{what}");
-                        assert_eq!((bench.counter(), bench.error()), (14, 0), "{what}");
-                    } else {
-                        assert_eq!((sent.len(), end), (0, control), "{what}");
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            let answer = |bench: &mut Bench, job: &UpDownJob| match job.step() {
+                UpDownStep::Upload { .. } => bench.answer_block(0, job, UpDownResult::Data([9; 6])),
+                _ => bench.answer_block(0, job, UpDownResult::Done),
+            };
+            for frames in 0..4 {
+                for control in 0..=u8::MAX {
+                    for status in [0x00, 0x15, 0x9F, 0xFF] {
+                        bench.enter_block(0x15, 0, 0x1000, 14);
+                        for _ in 0..frames {
+                            let (_, job) = bench.updown_job().unwrap();
+                            answer(&mut bench, &job);
+                        }
+                        bench.regs.b_STATREG_UPDOWNBLK1.store(status);
+                        bench.regs.b_STEUREG_UPDOWNBLK1.store(control);
+                        let mut sent = Vec::new();
+                        while let Some((_, job)) = bench.updown_job() {
+                            sent.push(job);
+                            answer(&mut bench, &job);
+                            assert!(sent.len() <= 4, "{control:02X} in phase {frames} goes on for ever");
+                        }
+                        let what = format!("16#{control:02X} in phase {frames}");
+                        let end = bench.regs.b_STEUREG_UPDOWNBLK1.load();
+                        if control & 0x80 != 0 {
+                            assert_eq!((&sent[..], bench.block()), (&[UpDownJob::cancel()][..], 0), "{what}");
+                        } else if control & 0x01 != 0 {
+                            assert!(!sent.is_empty(), "{what}");
+                            assert_eq!(bench.block(), control & 0x10 | 0x0C, "{what}");
+                            assert_eq!((bench.counter(), bench.error()), (14, 0), "{what}");
+                        } else {
+                            assert_eq!((sent.len(), end), (0, control), "{what}");
+                        }
                     }
                 }
             }

@@ -1,7 +1,7 @@
 //! Parameter jobs of the master's PLC (5.00005.03a p. 164-166).
 
 use super::bench::Bench;
-use crate::rig::{BOTH, Memory, RATES, Rate, Rig};
+use crate::rig::{BOTH, FASTEST, Memory, RATES, Rate, Rig};
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{Access, ParameterJob, ParameterResult};
 use commram::devices::cansync::registers::values::par_error;
@@ -71,29 +71,36 @@ const KINDS: [Kind; 6] = [
 /// T12 to T14 and T28 for every slave: each step of both registers, with and without BUSY.
 #[test]
 fn every_kind_of_job_runs_through_its_bit_sequence_for_every_slave() {
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        for slave in 0..32u8 {
-            bench.regs.b_SL_NR_PARAMETER.store(slave);
-            let n = usize::from(slave);
-            for kind in &KINDS {
-                for busy in [0, 1, 3] {
-                    bench.enter_parameter(n, kind.entered, 300, 0x1122_3344);
-                    for round in 0..=busy {
-                        let frame = bench.interval().expect(kind.id);
-                        assert_eq!((frame.id(), frame.data()), (0x500 + u16::from(slave), kind.frame));
-                        let shown = kind.entered | 0x08 | if round > 0 { 0x40 } else { 0 };
-                        assert_eq!(bench.parameter(n), shown, "{} sent", kind.id);
-                        let job = ParameterJob::decode(frame.payload()).unwrap();
-                        if round < busy {
-                            bench.answer(slave, &job, ParameterResult::Busy);
-                            assert_eq!(bench.parameter(n), kind.entered | 0x48, "{} busy", kind.id);
-                        } else {
-                            bench.answer(slave, &job, kind.answer);
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            for slave in 0..32u8 {
+                bench.regs.b_SL_NR_PARAMETER.store(slave);
+                let n = usize::from(slave);
+                for kind in &KINDS {
+                    for busy in [0, 1, 3] {
+                        bench.enter_parameter(n, kind.entered, 300, 0x1122_3344);
+                        for round in 0..=busy {
+                            let frame = bench.interval().expect(kind.id);
+                            assert_eq!((frame.id(), frame.data()), (0x500 + u16::from(slave), kind.frame));
+                            let shown = kind.entered | 0x08 | if round > 0 { 0x40 } else { 0 };
+                            assert_eq!(bench.parameter(n), shown, "{} sent", kind.id);
+                            let job = ParameterJob::decode(frame.payload()).unwrap();
+                            if round < busy {
+                                bench.answer(slave, &job, ParameterResult::Busy);
+                                assert_eq!(bench.parameter(n), kind.entered | 0x48, "{} busy", kind.id);
+                            } else {
+                                bench.answer(slave, &job, kind.answer);
+                            }
                         }
+                        assert_eq!(
+                            (bench.parameter(n), bench.value(n)),
+                            (kind.end, kind.value),
+                            "{}",
+                            kind.id
+                        );
+                        assert_eq!(bench.interval(), None, "a finished job is not repeated");
                     }
-                    assert_eq!((bench.parameter(n), bench.value(n)), (kind.end, kind.value), "{}", kind.id);
-                    assert_eq!(bench.interval(), None, "a finished job is not repeated");
                 }
             }
         }
@@ -103,193 +110,205 @@ fn every_kind_of_job_runs_through_its_bit_sequence_for_every_slave() {
 /// T31 with all error numbers of p. 165-166 and one of an application. Bits 0, 3 and 6 are clear, bit 5 set.
 #[test]
 fn every_error_number_ends_the_job_and_is_in_the_value() {
-    let numbers = [
-        par_error::GENERAL,
-        par_error::BELOW_MINIMUM,
-        par_error::ABOVE_MAXIMUM,
-        par_error::NOT_CHANGEABLE,
-        par_error::NOT_PRESENT,
-        par_error::NOT_AVAILABLE_NOW,
-        par_error::DATA_FORMAT,
-        0x4711,
-    ];
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        for (entered, end) in [(0x05, 0x24), (0x15, 0x34), (0x03, 0x22), (0x13, 0x32)] {
-            for number in numbers {
-                for busy in [false, true] {
-                    bench.enter_parameter(0, entered, 300, 0xFFFF_FFFF);
-                    let (slave, mut job) = bench.parameter_job().unwrap();
-                    if busy {
-                        bench.answer(slave, &job, ParameterResult::Busy);
-                        job = bench.parameter_job().unwrap().1;
+    for rate in FASTEST {
+        let numbers = [
+            par_error::GENERAL,
+            par_error::BELOW_MINIMUM,
+            par_error::ABOVE_MAXIMUM,
+            par_error::NOT_CHANGEABLE,
+            par_error::NOT_PRESENT,
+            par_error::NOT_AVAILABLE_NOW,
+            par_error::DATA_FORMAT,
+            0x4711,
+        ];
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            for (entered, end) in [(0x05, 0x24), (0x15, 0x34), (0x03, 0x22), (0x13, 0x32)] {
+                for number in numbers {
+                    for busy in [false, true] {
+                        bench.enter_parameter(0, entered, 300, 0xFFFF_FFFF);
+                        let (slave, mut job) = bench.parameter_job().unwrap();
+                        if busy {
+                            bench.answer(slave, &job, ParameterResult::Busy);
+                            job = bench.parameter_job().unwrap().1;
+                        }
+                        bench.answer(slave, &job, ParameterResult::Error(number));
+                        assert_eq!((bench.parameter(0), bench.value(0)), (end, u32::from(number)));
                     }
-                    bench.answer(slave, &job, ParameterResult::Error(number));
-                    assert_eq!((bench.parameter(0), bench.value(0)), (end, u32::from(number)));
                 }
             }
+            // The error bit of the last job does not spoil the next one.
+            bench.enter_parameter(0, 0x25, 300, 7);
+            let (slave, job) = bench.parameter_job().unwrap();
+            assert_eq!(bench.parameter(0), 0x0D);
+            bench.answer(slave, &job, ParameterResult::Done);
+            assert_eq!(bench.parameter(0), 0x04);
         }
-        // The error bit of the last job does not spoil the next one.
-        bench.enter_parameter(0, 0x25, 300, 7);
-        let (slave, job) = bench.parameter_job().unwrap();
-        assert_eq!(bench.parameter(0), 0x0D);
-        bench.answer(slave, &job, ParameterResult::Done);
-        assert_eq!(bench.parameter(0), 0x04);
     }
 }
 
 /// D-41: what no frame can express is refused without one.
 #[test]
 fn jobs_that_cannot_be_sent_are_refused_without_a_frame() {
-    let mut bench = Bench::new(BOTH[0]);
-    for (entered, number, end, error) in [
-        (0x01, 300, 0x20, par_error::GENERAL),
-        (0x07, 300, 0x26, par_error::GENERAL),
-        (0x17, 300, 0x36, par_error::GENERAL),
-        (0x05, 4096, 0x24, par_error::NOT_PRESENT),
-        (0x03, 0xFFFF, 0x22, par_error::NOT_PRESENT),
-    ] {
-        bench.enter_parameter(0, entered, number, 1);
-        assert_eq!(bench.interval(), None);
-        assert_eq!((bench.parameter(0), bench.value(0)), (end, u32::from(error)));
+    for rate in FASTEST {
+        let mut bench = Bench::new(BOTH[0], rate);
+        for (entered, number, end, error) in [
+            (0x01, 300, 0x20, par_error::GENERAL),
+            (0x07, 300, 0x26, par_error::GENERAL),
+            (0x17, 300, 0x36, par_error::GENERAL),
+            (0x05, 4096, 0x24, par_error::NOT_PRESENT),
+            (0x03, 0xFFFF, 0x22, par_error::NOT_PRESENT),
+        ] {
+            bench.enter_parameter(0, entered, number, 1);
+            assert_eq!(bench.interval(), None);
+            assert_eq!((bench.parameter(0), bench.value(0)), (end, u32::from(error)));
+        }
+        bench.enter_parameter(0, 0x03, 4095, 1);
+        assert_eq!(bench.parameter_job().unwrap().1.number(), 4095);
     }
-    bench.enter_parameter(0, 0x03, 4095, 1);
-    assert_eq!(bench.parameter_job().unwrap().1.number(), 4095);
 }
 
 /// D-11: nothing but the PLC ends a job that nobody answers.
 #[test]
 fn an_unanswered_job_is_repeated_on_each_turn_of_its_slave_until_the_plc_withdraws_it() {
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        bench.regs.b_SL_NR_PARAMETER.store(0x80);
-        bench.regs.b_MAX_SL_NR.store(3);
-        bench.enter_parameter(2, 0x03, 300, 0);
-        for interval in 0..20 {
-            let sent = bench.interval();
-            assert_eq!(sent.map(|frame| frame.id()), (interval % 4 == 2).then_some(0x502));
-            if sent.is_some() {
-                bench.no_answer();
-                assert_eq!(bench.parameter(2), 0x0B);
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            bench.regs.b_SL_NR_PARAMETER.store(0x80);
+            bench.regs.b_MAX_SL_NR.store(3);
+            bench.enter_parameter(2, 0x03, 300, 0);
+            for interval in 0..20 {
+                let sent = bench.interval();
+                assert_eq!(sent.map(|frame| frame.id()), (interval % 4 == 2).then_some(0x502));
+                if sent.is_some() {
+                    bench.no_answer();
+                    assert_eq!(bench.parameter(2), 0x0B);
+                }
             }
+            bench.put(2, 0, 0);
+            assert!((0..8).all(|_| bench.interval().is_none()));
+            assert_eq!(bench.parameter(2), 0);
         }
-        bench.put(2, 0, 0);
-        assert!((0..8).all(|_| bench.interval().is_none()));
-        assert_eq!(bench.parameter(2), 0);
     }
 }
 
 /// An answer counts only for the job that the registers still hold.
 #[test]
 fn an_answer_to_a_job_that_was_changed_or_withdrawn_is_ignored() {
-    let old = ParameterResult::Word(0xAAAA);
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        // Withdrawn.
-        bench.enter_parameter(0, 0x03, 300, 1);
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.put(0, 0, 0);
-        bench.answer(0, &job, old);
-        assert_eq!((bench.parameter(0), bench.value(0)), (0, 1));
-        // Another number, entered by the rule; then the same job once more.
-        for number in [301, 301] {
+    for rate in FASTEST {
+        let old = ParameterResult::Word(0xAAAA);
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            // Withdrawn.
             bench.enter_parameter(0, 0x03, 300, 1);
             let (_, job) = bench.parameter_job().unwrap();
-            bench.enter_parameter(0, 0x03, number, 2);
+            bench.put(0, 0, 0);
             bench.answer(0, &job, old);
-            assert_eq!((bench.parameter(0), bench.value(0)), (0x03, 2));
+            assert_eq!((bench.parameter(0), bench.value(0)), (0, 1));
+            // Another number, entered by the rule; then the same job once more.
+            for number in [301, 301] {
+                bench.enter_parameter(0, 0x03, 300, 1);
+                let (_, job) = bench.parameter_job().unwrap();
+                bench.enter_parameter(0, 0x03, number, 2);
+                bench.answer(0, &job, old);
+                assert_eq!((bench.parameter(0), bench.value(0)), (0x03, 2));
+                let (_, job) = bench.parameter_job().unwrap();
+                assert_eq!(job.number(), number);
+                bench.answer(0, &job, ParameterResult::Word(3));
+                assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 3));
+            }
+            // The same job entered again is a new one: it is sent, and only then answered.
+            bench.enter_parameter(0, 0x03, 300, 1);
             let (_, job) = bench.parameter_job().unwrap();
-            assert_eq!(job.number(), number);
-            bench.answer(0, &job, ParameterResult::Word(3));
-            assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 3));
+            bench.put(0, 0x03, 0x03);
+            bench.answer(0, &job, old);
+            assert_eq!(bench.parameter(0), 0x03);
+            // A value changed without the registers: the answer to the old value does not end the job.
+            bench.enter_parameter(0, 0x05, 300, 1);
+            let (_, job) = bench.parameter_job().unwrap();
+            bench.regs.a_DATA_PARAMETER[0].d_PAR_VALUE.store(2);
+            bench.answer(0, &job, ParameterResult::Done);
+            assert_eq!(bench.parameter(0), 0x0D);
+            assert_eq!(bench.parameter_job().unwrap().1.access(), Access::WriteWord(2));
+            // A read job that becomes a write job.
+            bench.enter_parameter(0, 0x03, 300, 1);
+            let (_, job) = bench.parameter_job().unwrap();
+            bench.put(0, 0x0D, 0x0D);
+            bench.answer(0, &job, old);
+            assert_eq!((bench.parameter(0), bench.value(0)), (0x0D, 1));
         }
-        // The same job entered again is a new one: it is sent, and only then answered.
-        bench.enter_parameter(0, 0x03, 300, 1);
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.put(0, 0x03, 0x03);
-        bench.answer(0, &job, old);
-        assert_eq!(bench.parameter(0), 0x03);
-        // A value changed without the registers: the answer to the old value does not end the job.
-        bench.enter_parameter(0, 0x05, 300, 1);
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.regs.a_DATA_PARAMETER[0].d_PAR_VALUE.store(2);
-        bench.answer(0, &job, ParameterResult::Done);
-        assert_eq!(bench.parameter(0), 0x0D);
-        assert_eq!(bench.parameter_job().unwrap().1.access(), Access::WriteWord(2));
-        // A read job that becomes a write job.
-        bench.enter_parameter(0, 0x03, 300, 1);
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.put(0, 0x0D, 0x0D);
-        bench.answer(0, &job, old);
-        assert_eq!((bench.parameter(0), bench.value(0)), (0x0D, 1));
     }
 }
 
 #[test]
 fn answers_that_do_not_fit_are_as_good_as_none() {
-    let read = ParameterJob::new(300, Access::Read).unwrap();
-    let other = ParameterJob::new(301, Access::Read).unwrap();
-    let unfit: Vec<Frame> = vec![
-        other.answer(ParameterResult::Word(1)).frame(0),
-        other.answer(ParameterResult::Error(0xFFFB)).frame(0),
-        other.answer(ParameterResult::Busy).frame(0),
-        read.answer(ParameterResult::Done).frame(0),
-        read.with_sub_slave(1).answer(ParameterResult::Word(1)).frame(0),
-        // Of another slave.
-        read.answer(ParameterResult::Word(1)).frame(1),
-        // An answer to an up-/download, and no grammar at all.
-        Frame::new(0x580, &[0x80, 0]).unwrap(),
-        Frame::new(0x580, &[]).unwrap(),
-        Frame::new(0x580, &[0x01]).unwrap(),
-        Frame::new(0x580, &[0x01, 0x2C, 0]).unwrap(),
-    ];
-    let mut bench = Bench::new(BOTH[0]);
-    for frame in unfit {
+    for rate in FASTEST {
+        let read = ParameterJob::new(300, Access::Read).unwrap();
+        let other = ParameterJob::new(301, Access::Read).unwrap();
+        let unfit: Vec<Frame> = vec![
+            other.answer(ParameterResult::Word(1)).frame(0),
+            other.answer(ParameterResult::Error(0xFFFB)).frame(0),
+            other.answer(ParameterResult::Busy).frame(0),
+            read.answer(ParameterResult::Done).frame(0),
+            read.with_sub_slave(1).answer(ParameterResult::Word(1)).frame(0),
+            // Of another slave.
+            read.answer(ParameterResult::Word(1)).frame(1),
+            // An answer to an up-/download, and no grammar at all.
+            Frame::new(0x580, &[0x80, 0]).unwrap(),
+            Frame::new(0x580, &[]).unwrap(),
+            Frame::new(0x580, &[0x01]).unwrap(),
+            Frame::new(0x580, &[0x01, 0x2C, 0]).unwrap(),
+        ];
+        let mut bench = Bench::new(BOTH[0], rate);
+        for frame in unfit {
+            bench.enter_parameter(0, 0x03, 300, 9);
+            assert_eq!(bench.parameter_job(), Some((0, read)));
+            bench.respond(frame);
+            assert_eq!((bench.parameter(0), bench.value(0)), (0x0B, 9), "{frame:?}");
+            assert_eq!(bench.parameter_job(), Some((0, read)), "repeated after {frame:?}");
+            bench.answer(0, &read, ParameterResult::Word(4));
+            assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
+        }
+        // Too late: another interval has begun.
         bench.enter_parameter(0, 0x03, 300, 9);
         assert_eq!(bench.parameter_job(), Some((0, read)));
-        bench.respond(frame);
-        assert_eq!((bench.parameter(0), bench.value(0)), (0x0B, 9), "{frame:?}");
-        assert_eq!(bench.parameter_job(), Some((0, read)), "repeated after {frame:?}");
+        bench.regs.b_SL_NR_PARAMETER.store(1);
+        assert_eq!(bench.interval(), None);
+        bench.answer(0, &read, ParameterResult::Word(1));
+        assert_eq!((bench.parameter(0), bench.value(0)), (0x0B, 9));
+        bench.regs.b_SL_NR_PARAMETER.store(0);
+        assert_eq!(bench.parameter_job(), Some((0, read)));
         bench.answer(0, &read, ParameterResult::Word(4));
+        // Nobody was asked.
+        bench.answer(0, &read, ParameterResult::Word(1));
         assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
     }
-    // Too late: another interval has begun.
-    bench.enter_parameter(0, 0x03, 300, 9);
-    assert_eq!(bench.parameter_job(), Some((0, read)));
-    bench.regs.b_SL_NR_PARAMETER.store(1);
-    assert_eq!(bench.interval(), None);
-    bench.answer(0, &read, ParameterResult::Word(1));
-    assert_eq!((bench.parameter(0), bench.value(0)), (0x0B, 9));
-    bench.regs.b_SL_NR_PARAMETER.store(0);
-    assert_eq!(bench.parameter_job(), Some((0, read)));
-    bench.answer(0, &read, ParameterResult::Word(4));
-    // Nobody was asked.
-    bench.answer(0, &read, ParameterResult::Word(1));
-    assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 4));
 }
 
 #[test]
 fn two_jobs_for_different_slaves_run_side_by_side() {
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        bench.regs.b_SL_NR_PARAMETER.store(0x80);
-        bench.regs.b_MAX_SL_NR.store(1);
-        bench.enter_parameter(0, 0x03, 300, 0);
-        bench.enter_parameter(1, 0x15, 301, 77);
-        for _ in 0..3 {
-            for slave in 0..2 {
-                let (asked, job) = bench.parameter_job().unwrap();
-                assert_eq!(asked, slave);
-                bench.answer(slave, &job, ParameterResult::Busy);
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            bench.regs.b_SL_NR_PARAMETER.store(0x80);
+            bench.regs.b_MAX_SL_NR.store(1);
+            bench.enter_parameter(0, 0x03, 300, 0);
+            bench.enter_parameter(1, 0x15, 301, 77);
+            for _ in 0..3 {
+                for slave in 0..2 {
+                    let (asked, job) = bench.parameter_job().unwrap();
+                    assert_eq!(asked, slave);
+                    bench.answer(slave, &job, ParameterResult::Busy);
+                }
             }
+            assert_eq!((bench.parameter(0), bench.parameter(1)), (0x4B, 0x5D));
+            let (_, job) = bench.parameter_job().unwrap();
+            bench.answer(0, &job, ParameterResult::Word(5));
+            let (_, job) = bench.parameter_job().unwrap();
+            bench.answer(1, &job, ParameterResult::Done);
+            assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 5));
+            assert_eq!((bench.parameter(1), bench.value(1)), (0x14, 77));
         }
-        assert_eq!((bench.parameter(0), bench.parameter(1)), (0x4B, 0x5D));
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.answer(0, &job, ParameterResult::Word(5));
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.answer(1, &job, ParameterResult::Done);
-        assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 5));
-        assert_eq!((bench.parameter(1), bench.value(1)), (0x14, 77));
     }
 }
 
@@ -297,28 +316,30 @@ fn two_jobs_for_different_slaves_run_side_by_side() {
 /// sent afresh in the next active operation (D-46). After a restart nothing is left of it.
 #[test]
 fn leaving_active_operation_ends_what_is_under_way() {
-    for memory in BOTH {
-        let mut bench = Bench::new(memory);
-        bench.enter_parameter(0, 0x03, 300, 1);
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.command_node(0x0020);
-        bench.answer(0, &job, ParameterResult::Word(9));
-        assert_eq!((bench.parameter(0), bench.value(0)), (0x0B, 1));
-        for _ in 0..4 {
-            assert_ne!(bench.interval().map(|frame| frame.id()), Some(0x500));
-        }
-        bench.activate();
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.answer(0, &job, ParameterResult::Word(9));
-        assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 9));
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut bench = Bench::new(memory, rate);
+            bench.enter_parameter(0, 0x03, 300, 1);
+            let (_, job) = bench.parameter_job().unwrap();
+            bench.command_node(0x0020);
+            bench.answer(0, &job, ParameterResult::Word(9));
+            assert_eq!((bench.parameter(0), bench.value(0)), (0x0B, 1));
+            for _ in 0..4 {
+                assert_ne!(bench.interval().map(|frame| frame.id()), Some(0x500));
+            }
+            bench.activate();
+            let (_, job) = bench.parameter_job().unwrap();
+            bench.answer(0, &job, ParameterResult::Word(9));
+            assert_eq!((bench.parameter(0), bench.value(0)), (0x02, 9));
 
-        bench.enter_parameter(0, 0x03, 300, 1);
-        let (_, job) = bench.parameter_job().unwrap();
-        bench.initialize();
-        bench.activate();
-        bench.answer(0, &job, ParameterResult::Word(9));
-        assert_eq!((bench.parameter(0), bench.value(0)), (0, 0));
-        assert_eq!(bench.interval(), None);
+            bench.enter_parameter(0, 0x03, 300, 1);
+            let (_, job) = bench.parameter_job().unwrap();
+            bench.initialize();
+            bench.activate();
+            bench.answer(0, &job, ParameterResult::Word(9));
+            assert_eq!((bench.parameter(0), bench.value(0)), (0, 0));
+            assert_eq!(bench.interval(), None);
+        }
     }
 }
 

@@ -1,9 +1,9 @@
 //! The frames of a master, and the two register areas of a slave that take them.
 
-use crate::rig::Memory;
 use crate::rig::bench::Bench;
+use crate::rig::{Memory, Rate};
 use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult, UpDownStep};
-use commram::devices::omega_drive_line_2::registers::CANsync_SL_CTRL_BMSTRUCT;
+use commram::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use commram::memory::{Cell8, Cell16, Cell32};
 
 pub(crate) const BASE: u32 = 0x0001_0000;
@@ -76,8 +76,8 @@ pub(crate) const SINGLE: Area = Area {
 pub(crate) const AREAS: [Area; 2] = [BLOCK_1, SINGLE];
 
 impl Area {
-    pub(crate) fn bench(&self, memory: Memory) -> Bench {
-        let bench = Bench::active(memory);
+    pub(crate) fn bench(&self, memory: Memory, rate: Rate) -> Bench {
+        let bench = Bench::active(memory, rate);
         bench.regs.b_EN_UPDOWNBLK1.store(self.enable);
         bench
     }
@@ -105,8 +105,8 @@ impl Area {
     }
 
     /// A transfer that the application has allowed and whose init frame is answered.
-    pub(crate) fn started(&self, direction: Direction, length: u16) -> Bench {
-        let mut bench = self.bench(Memory::Heap);
+    pub(crate) fn started(&self, rate: Rate, direction: Direction, length: u16) -> Bench {
+        let mut bench = self.bench(Memory::Heap, rate);
         let init = init(direction, length);
         assert_eq!(bench.updown(&init).result(), UpDownResult::Busy);
         self.acknowledge(&bench);
