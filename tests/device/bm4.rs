@@ -1,5 +1,7 @@
 //! The b maXX PLC: its modules on buses, at its own rates.
 
+mod vectors;
+
 use commram::devices::bm4_o_can_06::blocks::{CANsync_INIT, INTR_SET, Ram};
 use commram::devices::bm4_o_can_06::registers::*;
 use commram::devices::bm4_o_can_06::{Led, Leds};

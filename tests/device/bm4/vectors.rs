@@ -1,0 +1,279 @@
+//! Worked examples of manual 5.02066.01a at 1 Mbit/s, this device's own rate, that only its function blocks and front show.
+//! Those of registers and frames run on it as on the other device: `vectors`, `slave_jobs` and `jobs` beside this module.
+//! docs/bm4.md lists them all.
+
+#![allow(non_snake_case, reason = "the manual's names, letter for letter")]
+
+use crate::rig::{Memory, RATES, Rate, Rig};
+use commram::devices::bm4_o_can_06::blocks::*;
+use commram::devices::bm4_o_can_06::registers::*;
+use commram::devices::cansync::bus::Frame;
+use commram::memory::Segment;
+use std::time::Duration;
+
+struct Vector {
+    id: &'static str,
+    source: &'static str,
+    check: fn(),
+}
+
+const VECTORS: &[Vector] = &[
+    Vector {
+        id: "T5b, T7, T8",
+        source: "p. 20, 152-153: mapping of the master's frames",
+        check: t5_t7_and_t8,
+    },
+    Vector { id: "T6b", source: "p. 21: mapping of a slave's frames", check: t6 },
+    Vector { id: "T10", source: "p. 65: control word (bytes inferred)", check: t10 },
+    Vector { id: "T11, T29", source: "p. 64-65, 101-103: broadcast to all slaves", check: t11_and_t29 },
+    Vector { id: "T20, T21", source: "p. 126-127: baud rates", check: t20_and_t21 },
+    Vector { id: "T22", source: "p. 190-192: monitoring time of an up-/download", check: t22 },
+    Vector { id: "T23", source: "p. 192: length 0", check: t23 },
+    Vector { id: "T24", source: "p. 189-190: 2048 values (blocks inferred)", check: t24 },
+    Vector { id: "T26", source: "p. 27: DIP switches 8 to 4", check: t26 },
+    Vector { id: "T28", source: "p. 36-38: read job (identifiers inferred)", check: t28 },
+    Vector { id: "T36", source: "p. 62-64: order of jobs", check: t36 },
+    Vector { id: "T37", source: "p. 172: no actual value frame", check: t37 },
+];
+
+#[test]
+fn every_vector_of_blocks_and_front_holds() {
+    for Vector { id, source, check } in VECTORS {
+        println!("{id} ({source})");
+        check();
+    }
+}
+
+/// This device at 1 Mbit/s.
+fn rate() -> Rate {
+    *RATES.iter().find(|rate| rate.kbit_s == 1000).expect("the b maXX PLC has it")
+}
+
+/// Slave 0 is another PLC; a drive has number 5.
+fn active() -> Rig {
+    let drive = "[[bus.drive]]\nname = 'd'\nslave_number = 5\nlock_time_us = 20000\n";
+    let mut rig = Rig::of(Memory::Heap, rate(), drive);
+    rig.activate();
+    rig.run_to_sync();
+    rig
+}
+
+fn ram(rig: &Rig) -> Ram {
+    Ram::of(rig.plant.devices()[rig.master_at.plc].segment()).unwrap()
+}
+
+fn master(rig: &Rig) -> Base<CANsync_PLC_MA_BMSTRUCT> {
+    ram(rig).at(rig.master_at.base).unwrap()
+}
+
+/// The frames of the command channel in so many intervals, the last of which ends in the interval after them.
+fn commands(rig: &mut Rig, intervals: usize) -> Vec<Frame> {
+    let before = rig.frames().len();
+    (0..=intervals).for_each(|_| rig.run_to_sync());
+    let new = rig.frames().split_off(before).into_iter().map(|(_, frame)| frame);
+    new.filter(|frame| frame.id() == 0x010 || frame.id() & 0x780 == 0x500).collect()
+}
+
+fn t5_t7_and_t8() {
+    let high = [false, true, false, false];
+    for (a_WRC1, bytes) in
+        [([0, 0, 2, 3], [0x01, 0x03, 0x09, 0x0D]), ([1, 1, 0, 2], [0x05, 0x07, 0x01, 0x09])]
+    {
+        let rig = active();
+        CANsync_PD_CFG_MA { a_WRC1, a_HL_WRC1: high, a_WRC2: [4, -1, 6, 7], ..Default::default() }
+            .call(&master(&rig));
+        let cfg = &rig.master._CFG_WRC_WORD;
+        let one =
+            [&cfg.b_CFG_WRC1_WORD0, &cfg.b_CFG_WRC1_WORD1, &cfg.b_CFG_WRC1_WORD2, &cfg.b_CFG_WRC1_WORD3];
+        let two =
+            [&cfg.b_CFG_WRC2_WORD0, &cfg.b_CFG_WRC2_WORD1, &cfg.b_CFG_WRC2_WORD2, &cfg.b_CFG_WRC2_WORD3];
+        assert_eq!(one.map(|cell| cell.load()), bytes);
+        assert_eq!(two.map(|cell| cell.load()), [0x11, 0x00, 0x19, 0x1D], "-1: word 1 is not in use");
+    }
+}
+
+fn t6() {
+    let rig = active();
+    CANsync_PD_CFG_READ_MA {
+        si_SL_NR: 5,
+        a_RDC1: [0, 0, 2, 2],
+        a_HL_RDC1: [false, true, false, true],
+        a_RDC2: [-1; 4],
+        ..Default::default()
+    }
+    .call(&master(&rig));
+    let cfg = &rig.master.a_CFG_RDC_WORD[5];
+    let bytes = [&cfg.b_CFG_RDC1_WORD0, &cfg.b_CFG_RDC1_WORD1, &cfg.b_CFG_RDC1_WORD2, &cfg.b_CFG_RDC1_WORD3];
+    assert_eq!(bytes.map(|cell| cell.load()), [0x01, 0x03, 0x09, 0x0B]);
+}
+
+fn t10() {
+    let mut rig = active();
+    rig.master.b_SL_NR_CONTROLWORD.store(3);
+    rig.master.a_CONTROLWORD_SL[3].store(0xABCD);
+    rig.master.a_STEUREG_CONTROLWORD[3].store(0x05);
+    let sent = commands(&mut rig, 1);
+    assert_eq!(sent, [Frame::new(0x010, &[0x08, 0, 0, 0, 0x01, 0, 0xCD, 0xAB]).unwrap()]);
+    assert_eq!(rig.master.a_STEUREG_CONTROLWORD[3].load(), 0x04);
+}
+
+fn t11_and_t29() {
+    let mut rig = active();
+    let mut block = CANsync_BC_MA0 {
+        us_BC_CMD_NR: 0x80,
+        si_BC_BYTE: 0x11,
+        i_BC_WORD: 0x2233,
+        d_SL_MASK: u32::MAX,
+        x_EN: true,
+        ..Default::default()
+    };
+    block.call(&master(&rig));
+    assert_eq!(rig.master.b_CTRL_REG_BC0.load(), 0x05);
+    let sent = commands(&mut rig, 1);
+    assert_eq!(sent, [Frame::new(0x010, &[0xFF, 0xFF, 0xFF, 0xFF, 0x80, 0x11, 0x33, 0x22]).unwrap()]);
+    assert_eq!(rig.master.b_CTRL_REG_BC0.load(), 0x04);
+    block.x_EN = false;
+    block.call(&master(&rig));
+    assert!(block.x_OK);
+    assert_eq!((rig.slave.b_STATREG_AKT_CMD.load(), rig.slave.b_AKT_CMD.load()), (0x02, 0x80));
+}
+
+/// The block alone, so that it is its own writes that are looked at.
+fn t20_and_t21() {
+    for (us_BAUDRATE, us_SYNC_INTERVAL, timing, w_ERR) in
+        [(6, 1, [0x40, 0x34], 0), (5, 2, [0x41, 0x34], 0), (4, 4, [0x43, 0x34], 0), (3, 8, [0x47, 0x34], 0)]
+            .into_iter()
+            .chain([(7, 8, [0x47, 0x34], 1 << 1), (2, 8, [0x47, 0x34], 1 << 1)])
+    {
+        let ram = Ram::of(&Segment::of(&DEVICE)).unwrap();
+        let base = ram.at::<CANsync_PLC_INIT_BMSTRUCT>(SLOTG).unwrap();
+        let mut block = CANsync_INIT { us_BAUDRATE, us_SYNC_INTERVAL, ..Default::default() };
+        for status in [0x0001, 0x0002] {
+            base.w_OPTION_STATUS.store(status);
+            block.call(&base);
+        }
+        assert_eq!([base.b_BT_0.load(), base.b_BT_1.load()], timing, "us_BAUDRATE {us_BAUDRATE}");
+        assert_eq!(base.b_TIME_PATTERN.load(), us_SYNC_INTERVAL);
+        base.w_OPTION_STATUS.store(0x0003);
+        block.call(&base);
+        assert_eq!((block.w_ERR, block.x_OK), (w_ERR, w_ERR == 0), "us_BAUDRATE {us_BAUDRATE}");
+    }
+}
+
+/// A block that works on a rig, called once in each interval until it is no longer busy; the time that this takes in us.
+fn finish(rig: &mut Rig, block: &mut CANsync_UPDOWNLOAD_MA, mut between: impl FnMut(&Rig)) -> u64 {
+    let (base, start) = (master(rig), rig.plant.now());
+    let (down, mut up) = ([0; UPDOWN_VALUES], [0; UPDOWN_VALUES]);
+    loop {
+        block.call(&base, &down, &mut up);
+        if !block.x_BUSY {
+            return rig.plant.now() - start;
+        }
+        between(rig);
+        rig.run_to_sync();
+    }
+}
+
+fn t22() {
+    let mut rig = active();
+    rig.master.b_SL_NR_UPDOWN.store(2);
+    let mut block = CANsync_UPDOWNLOAD_MA {
+        si_SL_NR: 2,
+        u_LENGTH: 10,
+        us_MAX_NR_OF_COMM: 3,
+        t_TIME: Duration::from_secs(2),
+        x_EN: true,
+        ..Default::default()
+    };
+    let us = finish(&mut rig, &mut block, |_| ());
+    assert_eq!((block.x_ERR, block.b_ERR), (true, 1 << 2));
+    // Each try ends in the first cycle after its time.
+    assert!((6_000_000..6_010_000).contains(&us), "{us} us");
+}
+
+fn t23() {
+    let mut rig = active();
+    let mut block = CANsync_UPDOWNLOAD_MA { u_LENGTH: 0, x_EN: true, ..Default::default() };
+    finish(&mut rig, &mut block, |_| ());
+    assert_eq!((block.x_ERR, block.b_ERR), (true, 1 << 1));
+}
+
+fn t24() {
+    let mut rig = active();
+    rig.slave.b_EN_UPDOWNBLK1.store(1);
+    rig.master.b_SL_NR_UPDOWN.store(0);
+    let mut block =
+        CANsync_UPDOWNLOAD_MA { u_LENGTH: 2048, x_UPDOWN: true, x_EN: true, ..Default::default() };
+    let mut lengths = Vec::new();
+    finish(&mut rig, &mut block, |rig| {
+        // The application of slave 0 allows and takes whatever comes.
+        let control = rig.slave.b_STEUREG_UPDOWNBLK1.load();
+        if control == 0x55 {
+            lengths.push(rig.slave.w_LENGTH_UPDOWNBLK1.load());
+        }
+        if control & 0x01 != 0 {
+            rig.slave.b_STATREG_UPDOWNBLK1.store(control & !0x01);
+            rig.slave.b_STEUREG_UPDOWNBLK1.store(control & !0x01);
+        }
+    });
+    assert_eq!((block.x_OK, block.b_ERR), (true, 0));
+    let blocks = [vec![4 * 75; 27], vec![4 * 23]].concat();
+    assert_eq!(lengths, blocks);
+}
+
+fn t26() {
+    for (switches, number) in [(0b00110, 6), (0b00100, 4)] {
+        let mut rig = Rig::new(Memory::Heap, rate());
+        let header = rig.plant.devices()[rig.slave_at.plc].segment().header().unwrap();
+        header.ports[usize::from(rig.slave_at.port) - 1].dip.store(switches);
+        rig.plant.set_power(rig.slave_at.plc, commram::plant::Power::Off);
+        rig.plant.set_power(rig.slave_at.plc, commram::plant::Power::On);
+        assert_eq!(rig.slave.w_OMEGA_NR.load(), number, "w_SLAVE_NUMBER");
+    }
+}
+
+fn t28() {
+    let mut rig = active();
+    rig.step(60_000);
+    rig.run_to_sync();
+    rig.master.b_SL_NR_PARAMETER.store(5);
+    rig.master.a_DATA_PARAMETER[5].w_PAR_NR.store(300);
+    rig.master.a_CTRLREG_PAR_CMD_SL[5].b_STATREG_PAR_CMD.store(0x03);
+    rig.master.a_CTRLREG_PAR_CMD_SL[5].b_STEUREG_PAR_CMD.store(0x03);
+    rig.run_to_sync();
+    rig.run_to_sync();
+    let job = rig.last_frame(0x505..=0x505).expect("the job");
+    assert_eq!((job.data().len(), job.data()[0] & 0x0F, job.data()[1]), (4, 0x01, 0x2C));
+    let response = rig.last_frame(0x585..=0x585).expect("the drive's response");
+    // It is a doubleword.
+    assert_eq!((response.data().len(), &response.data()[..2]), (8, &[0x01, 0x2C][..]));
+}
+
+fn t36() {
+    let mut rig = active();
+    rig.master.b_SL_NR_PARAMETER.store(5);
+    rig.master.a_DATA_PARAMETER[5].w_PAR_NR.store(300);
+    rig.master.a_CTRLREG_PAR_CMD_SL[5].b_STATREG_PAR_CMD.store(0x03);
+    rig.master.a_CTRLREG_PAR_CMD_SL[5].b_STEUREG_PAR_CMD.store(0x03);
+    rig.master.b_SL_NR_CONTROLWORD.store(5);
+    rig.master.a_STEUREG_CONTROLWORD[5].store(0x05);
+    rig.master.d_SL_MASK_BC1.store(u32::MAX);
+    rig.master.b_CMD_BC1.store(0x90);
+    rig.master.b_CTRL_REG_BC1.store(0x05);
+    let sent: Vec<_> =
+        commands(&mut rig, 3).iter().map(|frame| (frame.id(), frame.data().get(4).copied())).collect();
+    assert_eq!(sent, [(0x010, Some(0x90)), (0x010, Some(0x01)), (0x505, None)]);
+}
+
+/// The text, not the table, which says -1.
+fn t37() {
+    let mut rig = active();
+    let mut block = CANsync_PD_COMM_MA { si_WRC1_SEND: 5, si_RD_SL_NR1_RECEIVE: 9, ..Default::default() };
+    // The first call re-arms the registers, in which 0 stands since the start: the number of slave 0.
+    block.call(&master(&rig), &mut [[0; 16]; 32]);
+    for _ in 0..3 {
+        rig.run_to_sync();
+        block.call(&master(&rig), &mut [[0; 16]; 32]);
+        assert_eq!((block.si_RD_SL_NR1_RECEIVED, block.si_RD_SL_NR2_RECEIVED), (-128, -128));
+    }
+}
