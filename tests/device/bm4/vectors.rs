@@ -8,6 +8,8 @@ use crate::rig::{Memory, RATES, Rate, Rig};
 use commram::devices::bm4_o_can_06::blocks::*;
 use commram::devices::bm4_o_can_06::registers::*;
 use commram::devices::cansync::bus::Frame;
+use commram::devices::fault_kinds;
+use commram::fault::FaultSpec;
 use commram::memory::Segment;
 use std::time::Duration;
 
@@ -32,6 +34,7 @@ const VECTORS: &[Vector] = &[
     Vector { id: "T24", source: "p. 189-190: 2048 values (blocks inferred)", check: t24 },
     Vector { id: "T26", source: "p. 27: DIP switches 8 to 4", check: t26 },
     Vector { id: "T28", source: "p. 36-38: read job (identifiers inferred)", check: t28 },
+    Vector { id: "T30", source: "p. 50: bit 7 ends BUS-off", check: t30 },
     Vector { id: "T36", source: "p. 62-64: order of jobs", check: t36 },
     Vector { id: "T37", source: "p. 172: no actual value frame", check: t37 },
 ];
@@ -247,6 +250,26 @@ fn t28() {
     let response = rig.last_frame(0x585..=0x585).expect("the drive's response");
     // It is a doubleword.
     assert_eq!((response.data().len(), &response.data()[..2]), (8, &[0x01, 0x2C][..]));
+}
+
+fn t30() {
+    let mut rig = active();
+    let fault = "kind = 'bus_off'\nplc = 'a'\nnode = 'slotJ'";
+    let spec: FaultSpec = toml::from_str(fault).unwrap();
+    let fault = spec.resolve(fault_kinds(), &rig.plant.names()).unwrap();
+    rig.plant.add_fault(fault).unwrap();
+    rig.step(5_000);
+    assert_eq!(rig.master.w_CANsync_STATUS.load() & 0x0080, 0x0080, "BUS-off");
+    assert_eq!(commands(&mut rig, 5), []);
+    CANsync_MODE_MA { x_RESET_CANsync_CONTROLLER: true, ..Default::default() }.call(&master(&rig));
+    assert_eq!(rig.master.w_CPU_CONTROL.load() & 0x0080, 0x0080);
+    // 128 x 11 bits must pass before a controller takes part again (D-121).
+    rig.step(5_000);
+    assert_eq!(rig.master.w_CPU_CONTROL.load() & 0x0080, 0, "the firmware has cleared the bit");
+    assert_eq!(rig.master.w_CANsync_STATUS.load() & 0x0080, 0);
+    rig.run_to_sync();
+    rig.send_wrc1();
+    assert!(rig.last_frame(0x100..=0x17F).is_some(), "it sends again");
 }
 
 fn t36() {
