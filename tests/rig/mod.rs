@@ -16,6 +16,7 @@ use commram::journal::{Record, Rule, Severity};
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 use kinds::At;
+#[allow(unused_imports, reason = "each test binary uses its own part of the rig")]
 pub(crate) use kinds::{FASTEST, Kind, OMEGA_RATES, RATES, Rate};
 use std::sync::atomic::{AtomicU32, Ordering};
 
