@@ -35,6 +35,27 @@ pub struct Registered {
     pub faults: &'static [&'static fault::Kind],
 }
 
+impl Registered {
+    /// A device of which only the registers are known. What it has beyond them stands in front:
+    /// `Registered { rules: ALL, ..Registered::new(&DEVICE) }`.
+    #[must_use]
+    pub const fn new(layout: &'static Layout) -> Self {
+        Registered {
+            layout,
+            #[cfg(feature = "plc")]
+            blocks: &[],
+            #[cfg(feature = "emulator")]
+            read: None,
+            #[cfg(feature = "emulator")]
+            records: &[],
+            #[cfg(feature = "emulator")]
+            rules: &[],
+            #[cfg(feature = "emulator")]
+            faults: &[],
+        }
+    }
+}
+
 /// The devices of commram itself, the default one first.
 static BUILT_IN: [Registered; 2] = [
     Registered {
@@ -51,17 +72,11 @@ static BUILT_IN: [Registered; 2] = [
         faults: omega_drive_line_2::faults::KINDS,
     },
     Registered {
-        layout: &bm4_o_can_06::registers::DEVICE,
         #[cfg(feature = "plc")]
         blocks: bm4_o_can_06::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
         read: Some(bm4_o_can_06::Bm4Config::read),
-        #[cfg(feature = "emulator")]
-        records: &[],
-        #[cfg(feature = "emulator")]
-        rules: &[],
-        #[cfg(feature = "emulator")]
-        faults: &[],
+        ..Registered::new(&bm4_o_can_06::registers::DEVICE)
     },
 ];
 
@@ -135,17 +150,23 @@ struct Claim {
     owner: &'static str,
     what: &'static str,
     value: String,
-    /// What has it: devices may share it, as those of a family do.
-    thing: *const (),
+    /// What has it, if devices may share it, as those of a family do.
+    shared: Option<*const ()>,
 }
 
 impl Claim {
-    fn new<T>(owner: &'static str, what: &'static str, value: impl ToString, thing: &'static T) -> Self {
-        Claim { owner, what, value: value.to_string(), thing: core::ptr::from_ref(thing).cast() }
+    fn new(owner: &'static str, what: &'static str, value: impl ToString) -> Self {
+        Claim { owner, what, value: value.to_string(), shared: None }
+    }
+
+    #[cfg(feature = "emulator")]
+    fn of<T>(self, thing: &'static T) -> Self {
+        Claim { shared: Some(core::ptr::from_ref(thing).cast()), ..self }
     }
 
     fn collides(&self, other: &Claim) -> bool {
-        self.what == other.what && self.value == other.value && self.thing != other.thing
+        let is_shared = self.shared.is_some() && self.shared == other.shared;
+        self.what == other.what && self.value == other.value && !is_shared
     }
 }
 
@@ -153,10 +174,8 @@ impl Claim {
 fn claims(device: &'static Registered) -> Vec<Claim> {
     let layout = device.layout;
     let hash = format!("16#{:016X}", layout.layout_hash);
-    let own = [
-        Claim::new(layout.name, "the name", layout.name, device),
-        Claim::new(layout.name, "the layout hash", hash, device),
-    ];
+    let own =
+        [Claim::new(layout.name, "the name", layout.name), Claim::new(layout.name, "the layout hash", hash)];
     let own = own.into_iter();
     #[cfg(feature = "emulator")]
     let own = own.chain(claims_of(layout.name, device.records, device.rules, device.faults));
@@ -171,16 +190,16 @@ fn claims_of(
     faults: &'static [&'static fault::Kind],
 ) -> impl Iterator<Item = Claim> {
     let of_records = records.iter().flat_map(move |&kind| {
-        let number = Claim::new(owner, "the number of record", kind.number(), kind);
-        [number, Claim::new(owner, "the name of record", kind.name(), kind)]
+        let number = Claim::new(owner, "the number of record", kind.number()).of(kind);
+        [number, Claim::new(owner, "the name of record", kind.name()).of(kind)]
     });
     let of_rules = rules.iter().flat_map(move |&rule| {
-        let number = Claim::new(owner, "the number of rule", rule.number(), rule);
-        [number, Claim::new(owner, "the name of rule", rule.id(), rule)]
+        let number = Claim::new(owner, "the number of rule", rule.number()).of(rule);
+        [number, Claim::new(owner, "the name of rule", rule.id()).of(rule)]
     });
     let of_faults = faults.iter().flat_map(move |&kind| {
-        let number = Claim::new(owner, "the number of fault", kind.number(), kind);
-        [number, Claim::new(owner, "the name of fault", kind.name(), kind)]
+        let number = Claim::new(owner, "the number of fault", kind.number()).of(kind);
+        [number, Claim::new(owner, "the name of fault", kind.name()).of(kind)]
     });
     of_records.chain(of_rules).chain(of_faults)
 }

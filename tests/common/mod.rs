@@ -14,6 +14,13 @@ const WATCHDOG: Duration = Duration::from_secs(60);
 /// With a clock that runs by itself it is the machine's business whether a process is in time.
 const TOO_LATE: [&str; 2] = ["late-reference", "late-actual"];
 
+/// The program; in the tests of a crate that has a device of its own, that crate's.
+const PROGRAM: &str =
+    match (option_env!("CARGO_BIN_EXE_commram"), option_env!("CARGO_BIN_EXE_commram-invented")) {
+        (Some(program), _) | (None, Some(program)) => program,
+        (None, None) => panic!("these tests drive a program"),
+    };
+
 /// A name that no other test and no other test run uses.
 pub(crate) fn unique_name() -> String {
     static COUNTER: AtomicU32 = AtomicU32::new(0);
@@ -22,7 +29,7 @@ pub(crate) fn unique_name() -> String {
 
 /// The program, without the settings of whoever runs the tests.
 pub(crate) fn commram() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_commram"));
+    let mut command = Command::new(PROGRAM);
     command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
     command
 }
@@ -42,7 +49,7 @@ pub(crate) fn example(name: &str) -> PathBuf {
         }
         assert!(cargo.status().unwrap().success());
     });
-    let programs = PathBuf::from(env!("CARGO_BIN_EXE_commram"));
+    let programs = PathBuf::from(PROGRAM);
     programs.with_file_name("examples").join(name)
 }
 

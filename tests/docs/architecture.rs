@@ -46,7 +46,7 @@ fn sources(directory: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The modules that a source names behind `crate::`, or in the program behind `commram::`, its comments left out.
+/// The modules that a source names behind `crate::`, or `commram::`, which is the same; its comments left out.
 fn used(source: &str) -> BTreeSet<String> {
     let code: String =
         source.lines().flat_map(|line| [line.split("//").next().unwrap_or(""), "\n"]).collect();

@@ -48,7 +48,7 @@ impl End {
 /// The ports as participants of a frame.
 struct Ends<'a> {
     ends: &'a mut [End],
-    /// The beginning of the frame: who came later has missed it.
+    /// The beginning of the frame: who came later has missed it (decision D-356).
     begin_ns: u64,
     /// Whose frame was cut off.
     cut_off: Option<usize>,

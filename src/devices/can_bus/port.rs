@@ -70,7 +70,7 @@ pub struct CanSocket {
 #[error("the controller has {} frames to send already", Controller::ROOM)]
 pub struct QueueFull;
 
-/// A CAN controller: frames to send, in their order, and which ones it hands to the firmware.
+/// A CAN controller: frames to send, in their order (decision D-355), and which ones it hands to the firmware.
 #[derive(Debug, Default)]
 pub struct Controller {
     /// With the time from which on each is there, in ns.

@@ -46,20 +46,11 @@ fn device(
     rules: Vec<&'static Rule>,
 ) -> &'static Registered {
     let layout = Box::leak(Box::new(Layout { name, layout_hash, ..Layout::UNKNOWN }));
-    Box::leak(Box::new(Registered { records: records.leak(), rules: rules.leak(), ..plain(layout) }))
-}
-
-/// A device that registers nothing.
-fn plain(layout: &'static Layout) -> Registered {
-    Registered {
-        layout,
-        #[cfg(feature = "plc")]
-        blocks: &[],
-        read: None,
-        records: &[],
-        rules: &[],
-        faults: &[],
-    }
+    Box::leak(Box::new(Registered {
+        records: records.leak(),
+        rules: rules.leak(),
+        ..Registered::new(layout)
+    }))
 }
 
 fn taken(
@@ -107,6 +98,10 @@ fn what_somebody_has_nobody_else_can_have() {
     }
     assert_eq!(registry.register(device("it", 1, vec![], vec![&OWN])), Ok(()));
     assert_eq!(registry.register(device("it", 2, vec![], vec![])), taken("it", "the name", "it", "it"));
+    assert_eq!(
+        registry.register(default()),
+        taken(default().layout.name, "the name", default().layout.name, default().layout.name)
+    );
     let other = device("other", 2, vec![], vec![&SAME_NUMBER]);
     assert_eq!(registry.register(other), taken("other", "the number of rule", 250, "it"));
 }
@@ -132,7 +127,7 @@ fn faults_belong_to_one_family() {
     let registry = Registry::new();
     let with = |name, hash, kind: &'static fault::Kind| {
         let Registered { layout, .. } = device(name, hash, vec![], vec![]);
-        &*Box::leak(Box::new(Registered { faults: vec![kind].leak(), ..plain(layout) }))
+        &*Box::leak(Box::new(Registered { faults: vec![kind].leak(), ..Registered::new(layout) }))
     };
     assert_eq!(registry.register(with("it", 1, &OWN_FAULT)), Ok(()));
     assert_eq!(registry.register(with("other", 2, &OWN_FAULT)), Ok(()), "a family shares its faults");

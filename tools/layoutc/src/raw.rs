@@ -26,6 +26,8 @@ pub(crate) struct Device {
     pub manual: String,
     /// Directory beside the device's, if it shares structures with others.
     pub family: Option<Spanned<String>>,
+    /// Left out it has no switches.
+    #[serde(default)]
     pub dip: Range,
     pub reserved: Reserved,
     /// Where the names of areas are from, and of variables that are made of these.
@@ -49,7 +51,7 @@ pub(crate) struct Reserved {
     pub source: Provenance,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Range {
     pub first: u8,

@@ -1,0 +1,79 @@
+//! A device that commram does not know: what its program writes goes out on a CAN bus, what comes in it finds in registers.
+
+use commram::can::{Filter, Frame, Payload, StandardId};
+use commram::devices::can_bus::{self, CanDevice, CanPort, Controller};
+use commram::devices::{Context, Registered};
+use commram::journal::{Coded, Fields, Reader, Told};
+use commram::layout::{Device, Live};
+use commram::memory::{MemoryError, Segment, View};
+use std::mem::offset_of;
+
+#[allow(non_snake_case, non_camel_case_types)]
+pub mod registers {
+    include!(concat!(env!("OUT_DIR"), "/gate.rs"));
+}
+use registers::{GATE_IN, GATE_OUT, IN, OUT};
+
+commram::coded! {
+    /// A value has come in.
+    Passed = 200, "passed", Rare, at origin { value: u16, }
+}
+
+impl Told for Passed {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("{} has passed the gate", self.value)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("value", self.value)
+    }
+}
+
+commram::rules! {
+    NOTHING: 200, "gate-nothing", Warning, "p. 4", "The value to be sent is 0. Store a value before 16#05.";
+}
+
+/// The line in the registry.
+pub static GATE: Registered = Registered {
+    read: Some(can_bus::read::<Gate>),
+    records: &[Passed::KIND],
+    rules: ALL,
+    ..Registered::new(&registers::DEVICE)
+};
+
+/// The firmware.
+pub struct Gate(View<GATE_IN>, View<GATE_OUT>);
+
+impl CanDevice for Gate {
+    const LAYOUT: &'static Device = &registers::DEVICE;
+
+    fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Gate(segment.view(IN)?, segment.view(OUT)?))
+    }
+}
+
+impl CanPort for Gate {
+    fn power_on(&mut self, _: &mut Context, controller: &mut Controller, _: u8) {
+        controller.set_filters(StandardId::new(0x123).map(Filter::exactly));
+    }
+
+    fn look(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        if self.1.w_SEND.load() != 0x05 {
+            return;
+        }
+        let value = self.1.w_VALUE.load();
+        if value == 0 {
+            ctx.find(&NOTHING, Live::Always, offset_of!(GATE_OUT, w_VALUE), 0);
+        }
+        let frame = Frame::standard(0x123, Payload::from_words([value, 0, 0, 0], 1));
+        if controller.send(frame).is_ok() && self.1.w_SEND.compare_exchange(0x05, 0x04).is_ok() {
+            ctx.answered(offset_of!(GATE_OUT, w_SEND), 0x05, 0x04);
+        }
+    }
+
+    fn received(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
+        let Some(value) = frame.payload().word(0) else { return };
+        self.0.w_VALUE.store(value);
+        ctx.report(Passed { origin: ctx.origin, value });
+    }
+}

@@ -1,0 +1,6 @@
+//! commram, with one device more.
+
+fn main() -> Result<std::process::ExitCode, Box<dyn std::error::Error>> {
+    commram::devices::register(&commram_invented::GATE)?;
+    Ok(commram::cli::main())
+}

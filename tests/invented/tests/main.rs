@@ -1,0 +1,175 @@
+//! commram with a device that it does not know: everything that a user has, from the map to a scenario, through the
+//! program that the device's own crate makes.
+
+#![allow(unexpected_cfgs, reason = "what is shared with commram's own tests asks for its features")]
+
+#[path = "../../common/mod.rs"]
+mod common;
+
+use common::{Emulator, Follower, run};
+use commram::devices::{self, RegisterError};
+use commram_invented::GATE;
+use std::fs;
+use std::path::Path;
+
+/// Two gates at one bus.
+const PLANT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/two-gates.toml");
+
+fn start() -> Emulator {
+    Emulator::start(&[PLANT, "--clock", "stepped"])
+}
+
+/// That is what the whole is about.
+#[test]
+fn a_device_takes_at_most_150_lines() {
+    fn lines(directory: &Path) -> usize {
+        let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
+        let count = |path: std::path::PathBuf| match path.is_dir() {
+            true => lines(&path),
+            false => fs::read_to_string(path).unwrap().lines().count(),
+        };
+        entries.filter(|path| !path.ends_with("tests")).map(count).sum()
+    }
+    let lines = lines(Path::new(env!("CARGO_MANIFEST_DIR")));
+    assert!((100..=150).contains(&lines), "{lines} lines");
+}
+
+#[test]
+fn it_is_registered_once_and_before_anything_else() {
+    devices::register(&GATE).unwrap();
+    let again = devices::register(&GATE);
+    assert!(matches!(again, Err(RegisterError::Taken { name: "gate", other: "gate", .. })), "{again:?}");
+    assert!(devices::find("gate").is_some_and(|found| std::ptr::eq(found, &GATE)));
+    assert_eq!(devices::register(&GATE), Err(RegisterError::TooLate { name: "gate" }));
+    let catalogue = devices::catalogue();
+    assert!(catalogue.kind("passed").is_some() && catalogue.rule_called("gate-nothing").is_some());
+}
+
+#[test]
+fn its_map_has_names_addresses_and_pages() {
+    let map = run(&["map", "--device", "gate", "--format", "csv"]);
+    for (name, address) in [("in.w_VALUE", "%IW0"), ("out.w_VALUE", "%QW0"), ("out.w_SEND", "%QW1")] {
+        let line = map.ok().lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("{}", map.out));
+        assert!(line.contains(address), "{line}");
+    }
+    let unknown = run(&["map", "--device", "gat"]);
+    assert!(unknown.fails(2).contains("gate"), "{}", unknown.err);
+}
+
+#[test]
+fn a_value_passes_from_gate_to_gate() {
+    let emulator = start();
+    emulator.poke(&["left:%QW0=16#1234", "left:out.w_SEND=16#05"]);
+    emulator.step(&["500us"]);
+    assert_eq!(emulator.peek(&["left:out.w_SEND", "right:in.w_VALUE"]), "16#0004 16#0000");
+    emulator.step(&["5ms"]);
+    assert_eq!(emulator.peek(&["right:%IW0", "right:%IX0.09", "left:in.w_VALUE"]), "16#1234 1 16#0000");
+    let dump = emulator.run("dump", &["right:in"]);
+    for word in ["w_VALUE", "%IW0", "16#1234"] {
+        assert!(dump.ok().contains(word), "{}", dump.out);
+    }
+
+    let trace = emulator.run("trace", &["--format", "jsonl"]);
+    let told: Vec<serde_json::Value> =
+        trace.ok().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found: Vec<_> = told.iter().filter_map(|record| record["kind"].as_str()).collect();
+    let kinds = ["channel_write", "channel_write", "handshake", "can_frame", "passed"];
+    assert_eq!(found, kinds, "{}", trace.out);
+    let (handshake, frame, passed) = (&told[2], &told[3], &told[4]);
+    assert_eq!(
+        (&handshake["plc"], &handshake["request"], &handshake["answer"]),
+        (&"left".into(), &5.into(), &4.into())
+    );
+    assert_eq!(
+        (&frame["bus"], &frame["id"], &frame["data"]),
+        (&"open".into(), &0x123.into(), &"3412".into())
+    );
+    assert_eq!(frame["from"], "left:can1");
+    assert_eq!((&passed["plc"], &passed["value"]), (&"right".into(), &0x1234.into()));
+    // At 33.3 kbit/s no bit lasts whole microseconds; nothing is rounded but the end.
+    let (begin, end) = (handshake["time_us"].as_u64().unwrap(), frame["time_us"].as_u64().unwrap());
+    assert_eq!((end - begin, &passed["time_us"]), (airtime_us(), &frame["time_us"]));
+}
+
+/// From the start bit to the end of the frame, rounded up.
+fn airtime_us() -> u64 {
+    use commram::can::{BitRate, Frame, Payload, wire};
+    let frame = Frame::standard(0x123, Payload::new(&[0x34, 0x12]).unwrap());
+    wire::airtime(&frame, BitRate::new(33_300).unwrap()).delivery_ns.div_ceil(1000)
+}
+
+#[test]
+fn a_program_that_reads_candump_reads_its_frames() {
+    let emulator = start();
+    let mut follower = Follower::start(&emulator, "trace", &["--format", "candump", "--follow"]);
+    emulator.poke(&["right:out.w_VALUE=1", "right:out.w_SEND=16#05"]);
+    emulator.step(&["10ms"]);
+    let line = follower.line();
+    assert!(line.ends_with(" open 123#0100"), "{line}");
+    drop(emulator);
+    follower.end();
+}
+
+#[test]
+fn its_rules_and_those_of_every_device_are_looked_after() {
+    let emulator = start();
+    emulator.poke(&["left:out.w_SEND=16#05", "left:in.w_VALUE=7"]);
+    emulator.step(&["10ms"]);
+    let check = emulator.run("check", &["--format", "csv"]);
+    assert_eq!(check.code, Some(1), "{}", check.err);
+    let row = |rule: &str| check.out.lines().find(|line| line.contains(rule)).map(str::to_owned);
+    let nothing = row("gate-nothing").expect("its own rule");
+    assert!(nothing.contains("out.w_VALUE") && nothing.contains("warning"), "{nothing}");
+    let owner = row("owner").expect("a rule of every device");
+    assert!(owner.contains("in.w_VALUE") && owner.contains("error"), "{owner}");
+    assert!(run(&["check", "--rules"]).ok().contains("gate-nothing"));
+}
+
+#[test]
+fn its_supply_can_be_switched_off() {
+    let emulator = start();
+    emulator.run("board", &["set", "right:power=off"]).ok();
+    emulator.poke(&["left:out.w_VALUE=5", "left:out.w_SEND=16#05"]);
+    emulator.step(&["100ms"]);
+    assert_eq!(emulator.peek(&["left:out.w_SEND", "right:in.w_VALUE"]), "16#0004 16#0000");
+    emulator.run("board", &["set", "right:power=on"]).ok();
+    emulator.step(&["100ms"]);
+    assert_eq!(
+        emulator.peek(&["right:in.w_VALUE"]),
+        "16#0005",
+        "the frame has waited for somebody who hears it"
+    );
+}
+
+#[test]
+fn a_scenario_speaks_of_it_as_of_any_other() {
+    let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/gates.rhai");
+    let outcome = run(&["test", scenario]);
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+}
+
+#[test]
+fn it_is_exported() {
+    let header = run(&["export", "c", "--device", "gate"]);
+    for name in ["GATE_OUT", "w_SEND", "16#05 asks for a frame"] {
+        assert!(header.ok().contains(name), "{}", header.out);
+    }
+    for format in ["python", "csv", "json", "md", "st", "svd", "systemrdl"] {
+        let export = run(&["export", format, "--device", "gate"]);
+        assert!(export.ok().contains("w_SEND"), "{format}: {}", export.out);
+    }
+}
+
+#[test]
+fn a_wrong_plant_is_refused_with_its_line() {
+    let refused = |plant: &str| {
+        run(&["run", &format!("{}/tests/{plant}", env!("CARGO_MANIFEST_DIR"))]).fails(2).to_owned()
+    };
+    let rate = refused("wrong-rate.toml");
+    assert!(
+        rate.contains("line 8") && rate.contains("kbit_s of 'open' is 5; it must be 10 to 1000"),
+        "{rate}"
+    );
+    let medium = refused("wrong-medium.toml");
+    assert!(medium.contains("the port does not fit the medium"), "{medium}");
+}
