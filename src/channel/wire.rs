@@ -45,7 +45,7 @@ pub struct WireOp {
     pub plc: u16,
     /// Access width in bytes: 1, 2 or 4.
     pub width: u16,
-    /// CANsync node.
+    /// Number of the port.
     pub node: u16,
     /// Byte offset in segment 3, or which setting of a board.
     pub offset: u32,

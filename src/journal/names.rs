@@ -31,10 +31,11 @@ impl Names {
         self.devices.get(usize::from(plc)).copied().unwrap_or(&Device::UNKNOWN)
     }
 
-    /// Name of a port; `port3` if it has none.
+    /// Name of a port; `port3` if it has none. Number 0, the device itself, goes by the name of its own interface.
     pub(crate) fn port(&self, origin: Origin) -> Cow<'static, str> {
-        match (origin.node, self.device(origin.plc).port_numbered(origin.node)) {
-            (0, _) => Cow::Borrowed("baps"),
+        let device = self.device(origin.plc);
+        match (origin.node, device.port_numbered(origin.node)) {
+            (0, _) => Cow::Borrowed(device.own.map_or("device", |area| area.name)),
             (_, Some(port)) => Cow::Borrowed(port.name),
             (number, None) => Cow::Owned(format!("port{number}")),
         }

@@ -23,6 +23,8 @@ pub struct Device {
     pub retain: Option<&'static Retain>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
+    /// The area of its own interface, by whose name the device itself goes where ports go by theirs.
+    pub own: Option<&'static Area>,
 }
 
 /// The same registers at the same places.
@@ -45,6 +47,7 @@ impl Device {
         areas: &[],
         retain: None,
         ports: &[],
+        own: None,
     };
 
     /// The port called `name`.

@@ -71,6 +71,7 @@ pub(crate) const fn test_device() -> Device {
         areas: &[RAM],
         retain: Some(&RETAIN),
         ports: &[Port { name: "end", number: 1, medium: "wire", roles: &[Role::Peer], area: &RAM }],
+        own: None,
     }
 }
 const CHILD: &str = "COMMRAM_TEST_EMULATOR";

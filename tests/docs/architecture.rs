@@ -136,7 +136,7 @@ fn generic_modules_name_no_device() {
     let devices = folders.map(first_word).filter(|word| !src.join(word).exists());
     let devices: BTreeSet<_> = devices.collect();
     assert!(devices.contains("omega"), "{devices:?}");
-    for module in ["can", "check", "fault", "runtime"] {
+    for module in ["can", "channel", "check", "fault", "journal", "runtime"] {
         let mut files = Vec::new();
         sources(&src.join(module), &mut files);
         assert!(!files.is_empty(), "{module}");

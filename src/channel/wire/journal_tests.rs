@@ -1,8 +1,7 @@
 use super::*;
 use crate::channel::wire::{Block, ReplyBuffer, decode, own};
-use crate::devices::cansync::records::SyncEdge;
 use crate::devices::samples::event;
-use crate::journal::Journal;
+use crate::journal::{Journal, Unforce};
 use crate::request::Reply;
 use proptest::prelude::*;
 
@@ -56,7 +55,7 @@ proptest! {
 #[test]
 fn a_record_cut_short_is_refused() {
     let mut journal = Journal::default();
-    journal.push(1, SyncEdge { bus: 0 });
+    journal.push(1, Unforce { plc: 0, offset: 4 });
     let mut buffer = ReplyBuffer::default();
     let records = journal.read(0).copied().collect();
     buffer.push(&Reply::Journal { records, end: 0 }).unwrap();

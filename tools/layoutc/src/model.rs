@@ -22,6 +22,8 @@ pub(crate) struct Device {
     pub retain: Option<(Area, u32)>,
     /// In the order of their numbers.
     pub ports: Vec<Port>,
+    /// The area of the device's own interface, index into [`Device::areas`].
+    pub own: Option<usize>,
     pub baud_rates: Vec<BaudRate>,
 }
 

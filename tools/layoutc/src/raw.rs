@@ -26,6 +26,8 @@ pub(crate) struct Device {
     pub manual: String,
     /// Directory beside the device's, if it shares structures with others.
     pub family: Option<Spanned<String>>,
+    /// Area of the device's own interface.
+    pub own: Option<Spanned<String>>,
     /// Left out it has no switches.
     #[serde(default)]
     pub dip: Range,

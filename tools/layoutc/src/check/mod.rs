@@ -58,6 +58,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     let retain = area::retain(sources, file, &raw.area, &mut areas)?;
     areas.sort_by_key(|area| area.first);
     let ports = port::check(sources, file, &raw.port, &areas)?;
+    let own = raw.own.as_ref().map(|own| port::area(sources, file, own, &areas)).transpose()?;
     let baud_rates = raw.baud_rate.iter().map(|rate| rate::check(sources, file, rate));
     let baud_rates = baud_rates.collect::<Result<_, Error>>()?;
     identifier(sources, at(file, raw.name.span()), &raw.name.get_ref().replace('-', "_"))?;
@@ -75,6 +76,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         areas,
         retain,
         ports,
+        own,
         baud_rates,
     })
 }
@@ -100,6 +102,7 @@ pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
         areas: Vec::new(),
         retain: None,
         ports: Vec::new(),
+        own: None,
         baud_rates: Vec::new(),
     })
 }

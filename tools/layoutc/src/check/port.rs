@@ -5,6 +5,7 @@ use crate::error::{Error, Reason};
 use crate::model::{Area, Port};
 use crate::raw;
 use crate::source::{Sources, at};
+use toml::Spanned;
 
 /// Checks all ports of the device and brings them into the order of their numbers.
 pub(crate) fn check(
@@ -29,13 +30,22 @@ pub(crate) fn check(
         if roles.is_empty() || (1..roles.len()).any(|n| roles[..n].contains(&roles[n])) {
             return Err(sources.error(at(file, raw.roles.span()), Reason::PortRoles));
         }
-        let wanted = raw.area.get_ref();
-        let Some(area) = areas.iter().position(|area| area.name == *wanted) else {
-            return Err(sources.error(at(file, raw.area.span()), Reason::UnknownArea(wanted.clone())));
-        };
+        let area = area(sources, file, &raw.area, areas)?;
         let (name, medium) = (raw.name.get_ref().clone(), raw.medium.clone());
         ports.push(Port { name, number, medium, roles: roles.clone(), area });
     }
     ports.sort_by_key(|port| port.number);
     Ok(ports)
+}
+
+/// Index of the area that is named.
+pub(super) fn area(
+    sources: &Sources,
+    file: usize,
+    name: &Spanned<String>,
+    areas: &[Area],
+) -> Result<usize, Error> {
+    let wanted = name.get_ref();
+    let found = areas.iter().position(|area| area.name == *wanted);
+    found.ok_or_else(|| sources.error(at(file, name.span()), Reason::UnknownArea(wanted.clone())))
 }

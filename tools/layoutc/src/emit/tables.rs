@@ -11,11 +11,12 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         out,
         "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
          name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
-         areas: &descriptor::AREAS, retain: {}, ports: &descriptor::PORTS,\n}};\n",
+         areas: &descriptor::AREAS, retain: {}, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
         device.name,
         device.title,
         device.manual,
         if device.retain.is_some() { "Some(&descriptor::RETAIN)" } else { "None" },
+        device.own.map_or_else(|| "None".to_owned(), |area| format!("Some(&descriptor::AREAS[{area}])")),
     );
     out.push_str(
         "/// What the layout files say about areas, structures and registers.\n\

@@ -39,6 +39,12 @@ fn names_roles_and_areas_of_ports() {
         "area = \"nodes\"",
         "device.toml:36:8: unknown area `nodes`; areas stand under [[area]] of device.toml",
     );
+    check(
+        "device.toml",
+        "parts = [",
+        "own = \"nodes\"\nparts = [",
+        "device.toml:6:7: unknown area `nodes`; areas stand under [[area]] of device.toml",
+    );
 }
 
 #[test]
