@@ -32,3 +32,7 @@ bench:
 # Instructions of an interval with 3 and with 32 drives, counted by valgrind's callgrind.
 instructions:
     tools/benches/instructions
+
+# What takes too long for every change: oldest compiler and dependencies, licences, release builds. Steps can be named.
+nightly *STEPS:
+    tools/nightly {{STEPS}}

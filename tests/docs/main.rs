@@ -7,4 +7,5 @@ mod architecture;
 mod features;
 mod pages;
 mod programs;
+mod promises;
 mod public_api;

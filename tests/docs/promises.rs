@@ -1,0 +1,58 @@
+//! Every promise of `docs/promises.md` names the tests that hold it, and these exist.
+
+use std::path::Path;
+
+/// The promises with their tests: numbered items, tests in backticks as `path::name`.
+fn promises(page: &str) -> Vec<(String, Vec<(String, String)>)> {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let mut promises: Vec<(String, Vec<_>)> = Vec::new();
+    for line in page.lines() {
+        if let Some((number, _)) = line.split_once(". ").filter(|(number, _)| is_number(number)) {
+            promises.push((number.to_owned(), Vec::new()));
+        }
+        for code in line.split('`').skip(1).step_by(2) {
+            if let Some((path, name)) = code.split_once(".rs::") {
+                let (_, tests) = promises.last_mut().expect("a test belongs to a promise");
+                tests.push((format!("{path}.rs"), name.to_owned()));
+            }
+        }
+    }
+    promises
+}
+
+/// Whether the file has a test of this name, also one of `proptest!`.
+fn has_test(source: &str, name: &str) -> bool {
+    let lines: Vec<_> = source.lines().map(str::trim).collect();
+    let head = format!("fn {name}(");
+    let is_test = |at: usize| {
+        // Attributes and comments may stand in between.
+        let mut above =
+            lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("//"));
+        above.any(|line| *line == "#[test]")
+    };
+    lines.iter().enumerate().any(|(at, line)| line.starts_with(&head) && is_test(at))
+}
+
+#[test]
+fn every_promise_names_tests_that_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/promises.md")).unwrap();
+    let promises = promises(&page);
+    assert!(promises.len() > 10, "{promises:?}");
+    for (at, (number, tests)) in promises.iter().enumerate() {
+        assert_eq!(*number, (at + 1).to_string(), "promises are numbered one after the other");
+        assert!(!tests.is_empty(), "promise {number} names no test");
+        for (path, name) in tests {
+            let source = std::fs::read_to_string(root.join(path));
+            let source = source.unwrap_or_else(|error| panic!("promise {number}: {path}: {error}"));
+            assert!(has_test(&source, name), "promise {number}: {path} has no test {name}");
+        }
+    }
+}
+
+#[test]
+fn what_is_no_test_is_not_taken_for_one() {
+    let source = "#[test]\n#[ignore]\nfn a() {\n}\nfn helper() {}\n    /// Why.\n    #[test]\n    // So.\n    fn b(x in 0..1) {";
+    assert!(has_test(source, "a") && has_test(source, "b"));
+    assert!(!has_test(source, "helper") && !has_test(source, "c"));
+}
