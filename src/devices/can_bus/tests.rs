@@ -4,7 +4,7 @@ use super::records::{Lost, Transmitted};
 use super::{CanBus, CanBusConfig, CanPort, CanSocket, Controller, QueueFull};
 use crate::can::{BitRate, Filter, Frame, Payload, wire};
 use crate::devices::{Context, Medium, World};
-use crate::fault::Faults;
+use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::layout::{Area, Device, Port, Provenance, Role, Space, Unit};
 use crate::memory::{HEADER_SIZE, Segment};
@@ -80,6 +80,12 @@ impl CanPort for Scripted {
 
     fn due(&mut self, _: &mut Context, controller: &mut Controller) {
         controller.send(self.script.remove(0).1).unwrap();
+    }
+
+    fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
+        let mark = *effect.get::<u8>()?;
+        self.log.lock().unwrap().push((self.who, now, "struck", mark));
+        Some(Hit::Plain)
     }
 }
 
@@ -273,4 +279,16 @@ fn nothing_goes_out_where_no_bus_is_plugged_in() {
     assert!(!bench.bus.processor_cycle(0, 10, &mut bench.journal));
     bench.run(1000);
     assert_eq!((bench.bus.next_time(), bench.frames()), (u64::MAX, vec![]));
+}
+
+#[test]
+fn a_fault_of_a_port_strikes_its_own_firmware() {
+    let mut bench = Bench::new(500_000, vec![(vec![], vec![]), (vec![], vec![])]);
+    let port = |device, port| Target::Port { device, port };
+    assert_eq!(bench.bus.strike(7, port(1, 1), &Effect::new(9_u8)), Some(Hit::Plain));
+    for target in [port(2, 1), port(1, 2), Target::Medium(0), Target::Device(1)] {
+        assert_eq!(bench.bus.strike(7, target, &Effect::new(9_u8)), None, "{target:?}");
+    }
+    assert_eq!(bench.bus.strike(7, port(1, 1), &Effect::new("another's")), None);
+    assert_eq!(bench.log(), [(1, 7, "struck", 9)]);
 }
