@@ -1,6 +1,6 @@
 //! What there can be in a journal, whatever the devices of a plant: the sum of what everybody has registered.
 
-use super::{MEDIA, all, of_hash};
+use super::{MEDIA, all, of_hash, records};
 use crate::check;
 use crate::fault;
 use crate::journal;
@@ -22,6 +22,7 @@ pub(super) fn generic() -> impl Iterator<Item = Generic> {
         Generic { owner: "journal", records: journal::KINDS, rules: &[], faults: &[] },
         Generic { owner: "fault", records: fault::KINDS, rules: &[], faults: &[] },
         Generic { owner: "check", records: &[], rules: check::rules::ALL, faults: &[] },
+        Generic { owner: "devices", records: records::KINDS, rules: &[], faults: &[] },
     ];
     let of_media = MEDIA.iter().map(|kind| Generic {
         owner: kind.name,

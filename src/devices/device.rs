@@ -1,10 +1,10 @@
 //! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
 
-use super::{Context, World};
+use super::{Context, Events, World};
 use crate::fault::{Effect, Hit, Target};
 use crate::layout::{self, Fitted};
 use crate::memory::header::{BoardSetting, BoardState};
-use crate::memory::{Segment, Width};
+use crate::memory::{Header, Segment, Width};
 use core::any::Any;
 
 /// What takes a device down or brings it up.
@@ -53,8 +53,13 @@ pub trait Device: Any + Send {
         Fitted::unknown(self.layout())
     }
 
+    /// The header page of its image.
+    fn header(&self) -> &Header;
+
     /// Its front as it stands.
-    fn board(&self) -> BoardState;
+    fn board(&self) -> BoardState {
+        BoardState::of(self.header())
+    }
 
     /// Turns a switch in the header page or puts in a request, as a client does. The next look sees it.
     fn turn(&self, setting: BoardSetting);
@@ -140,24 +145,9 @@ pub trait Device: Any + Send {
         None
     }
 
-    /// Which events stop the plant's clock, bit n for event n.
-    fn watch(&mut self, events: u16) {
-        let _ = events;
-    }
-
-    /// Whether there are any.
-    fn is_watched(&self) -> bool {
-        false
-    }
-
-    /// Whether one has occurred since the last call.
-    fn take_stop(&mut self) -> bool {
-        false
-    }
-
-    /// Events since the last call, bit n for event n.
-    fn take_fired(&mut self) -> u16 {
-        0
+    /// Its interrupt events, if it has any.
+    fn events(&mut self) -> Option<&mut Events> {
+        None
     }
 
     /// Whether an access in the right area meets something that this device has: it may have fewer retain flags than fit.
@@ -165,7 +155,7 @@ pub trait Device: Any + Send {
         let Some(retain) = self.layout().retain.filter(|retain| retain.area.contains(offset)) else {
             return true;
         };
-        let bytes = self.segment().header().map_or(0, |header| header.retain_size.load());
+        let bytes = self.header().retain_size.load();
         u64::from(offset) + u64::from(width.bytes()) <= u64::from(retain.area.first) + u64::from(bytes)
     }
 
@@ -195,5 +185,7 @@ pub trait Device: Any + Send {
     fn keep_novram(&mut self) {}
 
     /// The emulated time, for the header page.
-    fn show_time(&self, now: u64);
+    fn show_time(&self, now: u64) {
+        self.header().virtual_time_us.store(now);
+    }
 }

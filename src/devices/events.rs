@@ -2,13 +2,14 @@
 //! every device: function block `INTR_SET`; which there are is not.
 
 use super::Context;
-use super::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use super::records::{BoardEvent, OnBoard};
 use crate::memory::Header;
 use crate::memory::header::InterruptResult;
 
 /// Enabled events and what has become of them. Bit n stands for event n.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Events {
+pub struct Events {
+    /// Which are enabled.
     pub enabled: u16,
     /// No event occurs: switch or program stand at STOP (decision D-300).
     pub held: bool,
@@ -23,7 +24,7 @@ pub(super) struct Events {
 impl Events {
     /// One occurrence of an event, if it is enabled and the program may run.
     #[inline]
-    pub(crate) fn fire(&mut self, header: &Header, event: usize, now: u64) {
+    pub fn fire(&mut self, header: &Header, event: usize, now: u64) {
         let bit = 1u16 << event;
         if self.enabled & bit == 0 || self.held {
             return;
@@ -36,13 +37,25 @@ impl Events {
     }
 
     /// As after power-on. Who watches and what has occurred stays.
-    pub(crate) fn disable_all(&mut self) {
+    pub fn disable_all(&mut self) {
         self.enabled = 0;
+    }
+
+    /// Whether a watched one has occurred since the last call.
+    #[inline]
+    pub fn take_stop(&mut self) -> bool {
+        core::mem::take(&mut self.stop)
+    }
+
+    /// Those that have occurred since the last call.
+    #[inline]
+    pub fn take_fired(&mut self) -> u16 {
+        core::mem::take(&mut self.fired)
     }
 
     /// Answers the requests that have come in, by ascending event number: `set` is told event number, `i_PAR1` and
     /// `x_EN`.
-    pub(crate) fn answer(
+    pub fn answer(
         &mut self,
         ctx: &mut Context,
         header: &Header,

@@ -25,6 +25,8 @@ pub mod omega_drive_line_2;
 mod plain;
 #[cfg(test)]
 mod provenance_tests;
+#[cfg(feature = "emulator")]
+pub mod records;
 mod registry;
 #[cfg(test)]
 pub(crate) mod samples;
@@ -41,6 +43,8 @@ pub use config::{DeviceConfig, MediumConfig, MediumKind, PortConfig, Read};
 pub use context::Context;
 #[cfg(feature = "emulator")]
 pub use device::{Device, Look, Power};
+#[cfg(feature = "emulator")]
+pub use events::Events;
 #[cfg(feature = "emulator")]
 pub use medium::{Medium, Plug, SyncSignal, World};
 #[cfg(feature = "emulator")]

@@ -1,11 +1,11 @@
 //! A device with nothing in front but its supply: what an ordinary device needs around its firmware.
 
-use super::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use super::records::{BoardEvent, OnBoard};
 use super::{Context, Device, Look, Power, World};
 use crate::fault::{Effect, Hit, Target};
 use crate::layout;
 use crate::layout::Fitted;
-use crate::memory::header::{self, BoardSetting, BoardState};
+use crate::memory::header::{self, BoardSetting};
 use crate::memory::{Header, MemoryError, Segment, View};
 
 /// The firmware of a [`Plain`] device, as far as it does not run at its ports. Whoever has none takes `()`.
@@ -116,8 +116,8 @@ impl<F: Firmware> Device for Plain<F> {
         self.layout
     }
 
-    fn board(&self) -> BoardState {
-        BoardState::of(&self.header)
+    fn header(&self) -> &Header {
+        &self.header
     }
 
     fn turn(&self, setting: BoardSetting) {
@@ -184,9 +184,5 @@ impl<F: Firmware> Device for Plain<F> {
     fn due(&mut self, world: &mut World) {
         let origin = crate::journal::Origin { plc: self.index, node: 0 };
         self.firmware.due(&mut world.context(origin, 0));
-    }
-
-    fn show_time(&self, now: u64) {
-        self.header.virtual_time_us.store(now);
     }
 }

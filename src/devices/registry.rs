@@ -65,7 +65,7 @@ static BUILT_IN: [Registered; 2] = [
         #[cfg(feature = "emulator")]
         read: Some(omega_drive_line_2::PlcConfig::read),
         #[cfg(feature = "emulator")]
-        records: omega_drive_line_2::records::KINDS,
+        records: &[],
         #[cfg(feature = "emulator")]
         rules: omega_drive_line_2::rules::ALL,
         #[cfg(feature = "emulator")]

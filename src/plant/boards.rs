@@ -1,8 +1,8 @@
 //! The boards of the PLCs as the plant's callers see them: switches, supply, events, NOVRAM.
 
 use super::Plant;
-use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
-use crate::devices::{Context, Look, Power};
+use crate::devices::records::{BoardEvent, OnBoard};
+use crate::devices::{Context, Events, Look, Power};
 use crate::journal::Origin;
 use crate::memory::header::{BoardSetting, SeatState};
 
@@ -87,6 +87,7 @@ impl Plant {
 
     /// Events of PLC `plc` since the last call, bit n for event n.
     pub fn take_fired(&mut self, plc: usize) -> u16 {
-        self.devices.get_mut(plc).map_or(0, |device| device.take_fired())
+        let events = self.devices.get_mut(plc).and_then(|device| device.events());
+        events.map_or(0, Events::take_fired)
     }
 }

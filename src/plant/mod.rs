@@ -20,7 +20,7 @@ pub use force::{ForceError, Forced};
 use crate::check::DeviceWatch;
 use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::medium::SimBus;
-use crate::devices::{BuildError, Context, Device, MEDIA, Medium, World};
+use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Names, Origin};
 use crate::layout::Device as Layout;
@@ -207,15 +207,15 @@ impl Plant {
 
     /// Which events of device `device` stop [`Plant::advance_until`], bit n for event n.
     pub fn watch(&mut self, device: usize, events: u16) {
-        if let Some(device) = self.devices.get_mut(device) {
-            device.watch(events);
+        if let Some(its) = self.devices.get_mut(device).and_then(|device| device.events()) {
+            its.watched = events;
         }
-        self.watching = self.devices.iter().any(|device| device.is_watched());
+        self.watching = events_of(&mut self.devices).any(|its| its.watched != 0);
     }
 
     /// Whether a watched event has occurred; all devices are asked, so that none is left to stop the next call.
     fn take_stop(&mut self) -> bool {
-        self.devices.iter_mut().fold(false, |stop, device| stop | device.take_stop())
+        events_of(&mut self.devices).fold(false, |stop, its| stop | its.take_stop())
     }
 
     /// Whatever of the devices' own is due now.
@@ -331,6 +331,11 @@ impl Plant {
     pub fn clear_findings(&mut self) {
         self.journal.clear_findings();
     }
+}
+
+/// The events of all devices that have any.
+fn events_of(devices: &mut [Box<dyn Device>]) -> impl Iterator<Item = &mut Events> {
+    devices.iter_mut().filter_map(|device| device.events())
 }
 
 fn refused<E: From<MemoryError> + From<PlantError>>(error: BuildError) -> E {

@@ -1,8 +1,8 @@
 //! What of the b maXX PLC stands around its modules: supply, start of the program, events. The manual of the modules
 //! tells nothing of it but event 11 (p. 25); the rest is as far as a program needs it (decision D-366).
 
-use crate::devices::events::Events;
-use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use crate::devices::Events;
+use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Look, Power};
 use crate::memory::header::{self, InterruptResult, ProgramState, Start};
 use crate::memory::{Header, View};

@@ -4,19 +4,16 @@
 use super::config::{Bm4Config, ModuleConfig, ModuleKind};
 use super::front::{self, Front};
 use super::leds::{Leds, Seen};
-use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE};
+use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE, DIP_LAST};
 use crate::devices::cansync::bus::SyncLock;
-use crate::devices::cansync::firmware::Seat;
+use crate::devices::cansync::firmware::{Seat, note_restarts};
 use crate::devices::cansync::medium::{Socket, SocketRole};
-use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
-use crate::devices::{BuildError, Context, Device, Look, Plug, Power};
+use crate::devices::records::{BoardEvent, OnBoard};
+use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power};
 use crate::journal::Origin;
-use crate::layout::{self, Fit, Fitted, Role};
-use crate::memory::header::{BoardSetting, BoardState};
-use crate::memory::{Header, MemoryError, Segment, View, Width};
-
-/// Highest number that DIP switches 4 to 8 can be set to.
-const DIP_MASK: u32 = 0x1F;
+use crate::layout::{self, Fit, Fitted, Port, Role};
+use crate::memory::header::BoardSetting;
+use crate::memory::{Header, MemoryError, Segment, View};
 
 /// A module, seen from the PLC.
 struct Module {
@@ -102,8 +99,6 @@ impl Bm4Plc {
                 }
             };
             let number = module.port.number;
-            let base = module.port.area.first as usize;
-            let seat = Seat { base, place: usize::from(number) - 1, rates: &BAUD_RATES };
             let origin = Origin { plc: index, node: number };
             Plug {
                 number,
@@ -112,7 +107,7 @@ impl Bm4Plc {
                 socket: Box::new(Socket {
                     origin,
                     segment: segment.clone(),
-                    seat,
+                    seat: seat(module.port),
                     area: module.port.area,
                     role,
                 }),
@@ -157,8 +152,8 @@ impl Device for Bm4Plc {
         &DEVICE
     }
 
-    fn board(&self) -> BoardState {
-        BoardState::of(&self.header)
+    fn header(&self) -> &Header {
+        &self.header
     }
 
     fn fitted(&self) -> Fitted {
@@ -203,7 +198,7 @@ impl Device for Bm4Plc {
         self.front.start(ctx);
         for module in &mut self.modules {
             let dip = self.header.ports[module.place()].dip.load();
-            module.dip = (dip & DIP_MASK) as u8;
+            module.dip = (dip & u32::from(DIP_LAST)) as u8;
             module.edge = None;
         }
         self.show_leds(ctx.now);
@@ -266,35 +261,16 @@ impl Device for Bm4Plc {
         front::level(event)
     }
 
-    fn watch(&mut self, events: u16) {
-        self.front.events.watched = events;
+    fn events(&mut self) -> Option<&mut Events> {
+        Some(&mut self.front.events)
     }
 
-    fn is_watched(&self) -> bool {
-        self.front.events.watched != 0
-    }
-
-    #[inline]
-    fn take_stop(&mut self) -> bool {
-        core::mem::take(&mut self.front.events.stop)
-    }
-
-    fn take_fired(&mut self) -> u16 {
-        core::mem::take(&mut self.front.events.fired)
-    }
-
-    /// If that is a `w_CPU_CONTROL`, 16#0000 in it is a restart, even if it stood there before (decision D-29).
     fn named(&self, offset: u32, bytes: u32) {
-        for port in DEVICE.ports {
-            let register = port.area.first;
-            let is_hit = offset < register + 2 && register < offset + bytes;
-            if is_hit && self.segment.load(register, Width::Word).is_ok_and(|value| value == 0) {
-                self.header.ports[usize::from(port.number) - 1].restarts_written.increment();
-            }
-        }
+        note_restarts(&self.segment, &self.header, DEVICE.ports.iter().map(seat), offset, bytes);
     }
+}
 
-    fn show_time(&self, now: u64) {
-        self.header.virtual_time_us.store(now);
-    }
+/// Where the registers of the module at `port` lie.
+fn seat(port: &Port) -> Seat {
+    Seat { base: port.area.first as usize, place: usize::from(port.number) - 1, rates: &BAUD_RATES }
 }

@@ -5,12 +5,12 @@
 //! D-191). `ETHERNET_DIAGNOSE_BMSTRUCT` shows what came out of it.
 
 use crate::devices::Context;
-use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
 use crate::devices::omega_drive_line_2::registers::values::{ethernet_status, ip_config, router};
 use crate::devices::omega_drive_line_2::registers::{
     ETHERNET, ETHERNET_CONFIG, ETHERNET_CONFIG_BMSTRUCT, ETHERNET_CONFIG_BYTES, ETHERNET_DIAGNOSE_BMSTRUCT,
 };
 use crate::devices::omega_drive_line_2::rules;
+use crate::devices::records::{BoardEvent, OnBoard};
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;

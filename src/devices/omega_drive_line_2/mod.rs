@@ -16,8 +16,6 @@ pub mod faults;
 #[cfg(feature = "emulator")]
 mod plc;
 #[cfg(feature = "emulator")]
-pub mod records;
-#[cfg(feature = "emulator")]
 pub mod rules;
 
 #[cfg(feature = "emulator")]

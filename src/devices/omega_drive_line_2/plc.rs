@@ -5,25 +5,27 @@ use super::config::PlcConfig;
 use super::faults::{Effect, pace};
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::BuiltInDrive;
-use crate::devices::cansync::firmware::Seat;
+use crate::devices::cansync::firmware::{Seat, note_restarts};
 use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::baps::Baps;
 use crate::devices::omega_drive_line_2::board::{Board, level};
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
-use crate::devices::omega_drive_line_2::records::{BAPS_NODE, BoardEvent, OnBoard};
 use crate::devices::omega_drive_line_2::registers::{
     BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG, NODE1, NODE2,
 };
-use crate::devices::{BuildError, Context, Device, Look, Plug, Power, World};
+use crate::devices::records::{BoardEvent, OnBoard};
+use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power, World};
 use crate::fault::{self, Hit, Target};
 use crate::journal::Origin;
 use crate::layout;
-use crate::memory::header::{BoardSetting, BoardState};
-use crate::memory::{Header, Segment, View, Width};
+use crate::memory::header::BoardSetting;
+use crate::memory::{Header, Segment, View};
 
 /// Numbers of the two ports.
 pub(super) const SLAVE: u8 = 1;
 pub(super) const MASTER: u8 = 2;
+/// Number of the BAPS among the ports in records; it is none.
+const BAPS_NODE: u8 = 0;
 
 /// Where their registers lie.
 const SEATS: [Seat; 2] =
@@ -38,7 +40,6 @@ pub struct Plc {
     baps: Baps,
     board: Board,
     ethernet: Ethernet,
-    watched: bool,
     /// Node 1 is in set-up mode or active operation.
     slave_is_on_bus: bool,
 }
@@ -81,7 +82,6 @@ impl Plc {
             baps: Baps::new(&segment, drive, &config.drive)?,
             board: Board::new(&segment, config.option_sync_us, config.project.into())?,
             ethernet: Ethernet::new(&segment, config.ethernet_mbit)?,
-            watched: false,
             slave_is_on_bus: false,
             segment,
         };
@@ -132,8 +132,8 @@ impl Device for Plc {
         &DEVICE
     }
 
-    fn board(&self) -> BoardState {
-        BoardState::of(&self.header)
+    fn header(&self) -> &Header {
+        &self.header
     }
 
     fn turn(&self, setting: BoardSetting) {
@@ -257,33 +257,12 @@ impl Device for Plc {
         level(event)
     }
 
-    fn watch(&mut self, events: u16) {
-        self.watched = events != 0;
-        self.board.watch(events);
+    fn events(&mut self) -> Option<&mut Events> {
+        Some(self.board.events())
     }
 
-    fn is_watched(&self) -> bool {
-        self.watched
-    }
-
-    #[inline]
-    fn take_stop(&mut self) -> bool {
-        self.board.take_stop()
-    }
-
-    fn take_fired(&mut self) -> u16 {
-        self.board.take_fired()
-    }
-
-    /// If that is a `w_CPU_CONTROL`, 16#0000 in it is a restart, even if it stood there before (decision D-29).
     fn named(&self, offset: u32, bytes: u32) {
-        for seat in SEATS {
-            let register = seat.base as u32;
-            let is_hit = offset < register + 2 && register < offset + bytes;
-            if is_hit && self.segment.load(register, Width::Word).is_ok_and(|value| value == 0) {
-                self.header.ports[seat.place].restarts_written.increment();
-            }
-        }
+        note_restarts(&self.segment, &self.header, SEATS, offset, bytes);
     }
 
     /// `d_IP_CONFIG` is the one.
@@ -304,9 +283,5 @@ impl Device for Plc {
 
     fn keep_novram(&mut self) {
         self.ethernet.keep();
-    }
-
-    fn show_time(&self, now: u64) {
-        self.header.virtual_time_us.store(now);
     }
 }

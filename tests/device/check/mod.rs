@@ -1,19 +1,14 @@
 //! The access checker: for each rule something that breaks it, and next to it something much alike that is right.
 
 mod cases;
-mod cases_baps;
 
 use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig};
-use cases::Case;
+use cases::cases;
 use commram::check::rules;
 use commram::devices::cansync;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::journal::{Entry, Rule};
 use commram::memory::Width;
-
-fn cases() -> impl Iterator<Item = &'static Case> {
-    cases::CASES.iter().chain(cases_baps::CASES)
-}
 
 fn findings(rig: &Rig) -> Vec<Entry> {
     rig.plant.journal().findings().iter().copied().collect()

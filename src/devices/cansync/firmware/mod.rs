@@ -28,4 +28,5 @@ mod word_config;
 pub use init::{InitData, InitFault};
 pub use master::{Built, Master};
 pub use node::{Change, NodeState, Seat};
+pub(crate) use orders::note_restarts;
 pub use slave::Slave;

@@ -1,7 +1,8 @@
 //! `w_CPU_CONTROL` as the firmware reads it: a level, from which bit 7 is cleared (manual 5.00005.03a p. 149-150, 174).
 
+use super::Seat;
 use crate::devices::cansync::registers::values::cpu_control;
-use crate::memory::{Cell16, Header, MemoryError, Segment, View};
+use crate::memory::{Cell16, Header, MemoryError, Segment, View, Width};
 
 /// What the PLC has ordered, as far as the register tells.
 pub(super) struct Orders {
@@ -78,6 +79,27 @@ impl Orders {
 
     fn restarts_written(&self) -> u32 {
         self.header.ports[self.node].restarts_written.load()
+    }
+}
+
+/// `bytes` bytes at `offset` were written by somebody who named the place. If that is the `w_CPU_CONTROL` of one of the
+/// nodes at `seats`, 16#0000 in it is a restart, even if it stood there before (decision D-29).
+pub(crate) fn note_restarts(
+    segment: &Segment,
+    header: &Header,
+    seats: impl IntoIterator<Item = Seat>,
+    offset: u32,
+    bytes: u32,
+) {
+    for seat in seats {
+        let register = seat.base as u32;
+        let is_hit = offset < register + 2 && register < offset + bytes;
+        let holds_restart = || {
+            segment.load(register, Width::Word).is_ok_and(|value| value == u32::from(cpu_control::RESTART))
+        };
+        if is_hit && holds_restart() {
+            header.ports[seat.place].restarts_written.increment();
+        }
     }
 }
 

@@ -3,13 +3,12 @@
 use super::flags::Flags;
 use super::project::Projects;
 use super::report;
-use crate::devices::omega_drive_line_2::records::BoardEvent;
+use crate::devices::omega_drive_line_2::registers::DIP_LAST;
+use crate::devices::records::BoardEvent;
 use crate::devices::{Context, Look, Power};
 use crate::memory::Header;
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
 
-/// Highest number that the DIP switches can be set to.
-const DIP_MASK: u32 = 0x1F;
 /// Half the time in which the display blinks while a boot project is copied.
 const BLINK_US: u64 = 500_000;
 /// The decimal point of the display.
@@ -98,7 +97,7 @@ impl Front {
     /// Power-on or end of reset: reads the DIP switches and returns their number.
     pub(crate) fn start(&mut self, ctx: &mut Context, header: &Header) -> u8 {
         self.up = true;
-        self.dip = (header.board.dip.load() & DIP_MASK) as u8;
+        self.dip = (header.board.dip.load() & u32::from(DIP_LAST)) as u8;
         header.program.dip_latched.store(self.dip.into());
         // Everybody knows that there was a first time.
         if header.program.restarts.increment() > 1 {

@@ -2,7 +2,7 @@
 
 use super::timers::{CPU_STEP, Timer, Timers};
 use crate::devices::Context;
-use crate::devices::events::Events;
+use crate::devices::Events;
 use crate::memory::Header;
 use crate::memory::header::InterruptResult;
 

@@ -15,8 +15,8 @@ mod triggers;
 
 pub use interrupts::level;
 
-use crate::devices::events::Events;
-use crate::devices::omega_drive_line_2::records::{BoardEvent, OnBoard};
+use crate::devices::Events;
+use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Look, Power};
 use crate::memory::header;
 use crate::memory::{Header, MemoryError, Segment, View};
@@ -200,21 +200,10 @@ impl Board {
         core::mem::take(&mut self.triggers.controller_pulsed)
     }
 
-    /// Events that have occurred since the last call, bit n for event n.
+    /// The interrupt events.
     #[inline]
-    pub fn take_fired(&mut self) -> u16 {
-        core::mem::take(&mut self.events.fired)
-    }
-
-    /// Which events stop [`Plant::advance_until`](crate::plant::Plant::advance_until), bit n for event n.
-    pub fn watch(&mut self, events: u16) {
-        self.events.watched = events;
-    }
-
-    /// Whether a watched event has occurred since the last call.
-    #[inline]
-    pub fn take_stop(&mut self) -> bool {
-        core::mem::take(&mut self.events.stop)
+    pub fn events(&mut self) -> &mut Events {
+        &mut self.events
     }
 }
 

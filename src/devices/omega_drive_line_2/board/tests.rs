@@ -297,13 +297,13 @@ fn events_that_are_not_enabled_leave_no_trace() {
     rig.board.sync_net(0);
     rig.board.baps(0);
     rig.run_to(5_000);
-    assert_eq!((rig.counts(), rig.board.take_fired()), (vec![], 0));
+    assert_eq!((rig.counts(), rig.board.events().take_fired()), (vec![], 0));
     rig.set_event(12, 0, true);
     rig.set_event(8, 0, true);
     rig.board.sync_net(6_000);
     rig.board.baps(6_500);
     assert_eq!(rig.counts(), [(8, 1), (12, 1)]);
-    assert_eq!((rig.board.take_fired(), rig.board.take_fired()), (1 << 8 | 1 << 12, 0));
+    assert_eq!((rig.board.events().take_fired(), rig.board.events().take_fired()), (1 << 8 | 1 << 12, 0));
 }
 
 #[test]
@@ -334,13 +334,13 @@ fn a_restart_disables_everything() {
 #[test]
 fn watched_events_ask_to_stop() {
     let mut rig = Rig::new();
-    rig.board.watch(1 << 12);
+    rig.board.events().watched = 1 << 12;
     rig.set_event(8, 0, true);
     rig.board.baps(1);
     rig.board.sync_net(2);
-    assert!(!rig.board.take_stop(), "12 is watched but not enabled");
+    assert!(!rig.board.events().take_stop(), "12 is watched but not enabled");
     rig.set_event(12, 0, true);
     rig.board.sync_net(3);
-    assert!(rig.board.take_stop());
-    assert!(!rig.board.take_stop());
+    assert!(rig.board.events().take_stop());
+    assert!(!rig.board.events().take_stop());
 }

@@ -1,4 +1,4 @@
-//! What the journal tells about the board of an Omega Drive-Line II.
+//! What the journal tells about the board of a device: its front, its supply, its program and its events.
 
 use crate::coded;
 use crate::journal::{Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
@@ -8,9 +8,6 @@ use std::net::Ipv4Addr;
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[OnBoard::KIND];
-
-/// Number of the BAPS among the ports of a PLC; it is none.
-pub const BAPS_NODE: u8 = 0;
 
 coded! {
     /// Something happened on the board of a PLC.

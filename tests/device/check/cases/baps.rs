@@ -1,6 +1,6 @@
-//! The cases of the BAPS, as [`cases`](super::cases).
+//! Cases of the BAPS.
 
-use super::cases::{Case, baps};
+use super::{Case, baps};
 use crate::rig::Rig;
 use commram::check::rules;
 use commram::devices::omega_drive_line_2 as omega;

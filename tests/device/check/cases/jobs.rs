@@ -1,0 +1,165 @@
+//! Cases of jobs: parameters, control words and blocks.
+
+use super::Case;
+use crate::rig::Rig;
+use commram::devices::cansync;
+use commram::devices::omega_drive_line_2::registers::*;
+
+pub(crate) const CASES: &[Case] = &[
+    Case {
+        rule: &cansync::rules::NEVER_POLLED,
+        register: "node2.a_CTRLREG_PAR_CMD_SL[3].b_STEUREG_PAR_CMD",
+        value: 0x03,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(2);
+            rig.master.b_SL_NR_PARAMETER.store(0x80);
+            enter_parameter(rig, 3, 0x03);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(3);
+            rig.master.b_SL_NR_PARAMETER.store(0x80);
+            enter_parameter(rig, 3, 0x03);
+        },
+    },
+    Case {
+        rule: &cansync::rules::NEVER_POLLED,
+        register: "node2.a_STEUREG_CONTROLWORD[1]",
+        value: 0x05,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_SL_NR_CONTROLWORD.store(0x80);
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_SL_NR_CONTROLWORD.store(1);
+            rig.master.a_STEUREG_CONTROLWORD[1].store(0x05);
+        },
+    },
+    Case {
+        rule: &cansync::rules::NEVER_POLLED,
+        register: "node2.b_STEUREG_UPDOWNBLK1",
+        value: 0x15,
+        wrong: |rig| enter_download(rig, 2, 1),
+        right: |rig| enter_download(rig, 2, 2),
+    },
+    Case {
+        rule: &cansync::rules::ORDER,
+        register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: 0x05,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x05);
+            rig.step(100);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STATREG_PAR_CMD.store(0x05);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STATREG_PAR_CMD.store(0x05);
+            rig.step(100);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x05);
+        },
+    },
+    Case {
+        rule: &cansync::rules::ORDER,
+        register: "node1.b_STEUREG_PAR_CMD",
+        value: 0x42,
+        wrong: |rig| answer_parameter(rig, |slave| slave.b_STEUREG_PAR_CMD.store(0x42)),
+        right: |rig| {
+            answer_parameter(rig, |slave| {
+                slave.b_STATREG_PAR_CMD.store(0x42);
+                slave.b_STEUREG_PAR_CMD.store(0x42);
+            });
+        },
+    },
+    Case {
+        rule: &cansync::rules::JOB_CHANGED,
+        register: "node2.a_DATA_PARAMETER[0].w_PAR_NR",
+        value: 9,
+        wrong: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(9);
+        },
+        // Given up as D-11 says; then the data are free.
+        right: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(9);
+            rig.step(100);
+            rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(10);
+        },
+    },
+    Case {
+        rule: &cansync::rules::JOB_CHANGED,
+        register: "node2.a_DATA_UPDOWNBLK1[74]",
+        value: 1,
+        wrong: |rig| {
+            enter_download(rig, 0, 0);
+            rig.run_to_sync();
+            rig.master.a_DATA_UPDOWNBLK1[74].store(1);
+        },
+        right: |rig| {
+            enter_download(rig, 0, 0);
+            rig.run_to_sync();
+            rig.master.b_STATREG_UPDOWNBLK1.update(|value| value | 0x80);
+            rig.master.b_STEUREG_UPDOWNBLK1.update(|value| value | 0x80);
+            rig.run_to_sync();
+            rig.master.a_DATA_UPDOWNBLK1[74].store(1);
+        },
+    },
+    Case {
+        rule: &cansync::rules::JOB_REPLACED,
+        register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: 0x05,
+        wrong: |rig| {
+            parameter_under_way(rig);
+            enter_parameter(rig, 0, 0x05);
+        },
+        right: |rig| {
+            parameter_under_way(rig);
+            rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0);
+            rig.step(100);
+            enter_parameter(rig, 0, 0x05);
+        },
+    },
+];
+
+fn enter_parameter(rig: &mut Rig, slave: usize, command: u8) {
+    let job = &rig.master.a_CTRLREG_PAR_CMD_SL[slave];
+    job.b_STATREG_PAR_CMD.store(command);
+    job.b_STEUREG_PAR_CMD.store(command);
+}
+
+/// A write job for slave 0 that its application has not answered yet.
+fn parameter_under_way(rig: &mut Rig) {
+    rig.activate();
+    rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(8);
+    enter_parameter(rig, 0, 0x05);
+    rig.run_to_sync();
+    rig.step(100);
+    assert_eq!(rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.load(), 0x0D);
+}
+
+/// The slave's application meets a read job and clears bit 0 by `answer`.
+fn answer_parameter(rig: &mut Rig, answer: fn(&CANsync_SL_CTRL_BMSTRUCT)) {
+    rig.activate();
+    enter_parameter(rig, 0, 0x03);
+    rig.run_to_sync();
+    rig.step(500);
+    assert_eq!(rig.slave.b_STEUREG_PAR_CMD.load(), 0x43);
+    answer(&rig.slave);
+}
+
+/// A download of 300 bytes to `slave`, while slaves 0 to `max` are polled.
+fn enter_download(rig: &mut Rig, slave: u8, max: u8) {
+    rig.activate();
+    rig.master.b_MAX_SL_NR.store(max);
+    rig.master.b_SL_NR_UPDOWN.store(0x80);
+    rig.master.b_SL_NR_UPDOWNBLK1.store(slave);
+    rig.master.d_BASE_ADR_UPDOWNBLK1.store(0x100);
+    rig.master.w_LENGTH_UPDOWNBLK1.store(300);
+    rig.master.b_STATREG_UPDOWNBLK1.store(0x15);
+    rig.master.b_STEUREG_UPDOWNBLK1.store(0x15);
+}

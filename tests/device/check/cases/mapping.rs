@@ -1,0 +1,161 @@
+//! Cases of process data: what the frames carry, who is asked, and when they are released.
+
+use super::Case;
+use crate::rig::Rig;
+use commram::devices::cansync;
+
+pub(crate) const CASES: &[Case] = &[
+    Case {
+        rule: &cansync::rules::VALUE_NUMBER,
+        register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD2",
+        value: 0x21,
+        wrong: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0, 0, 0x21, 0]); // value 8
+        },
+        right: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0, 0, 0x1D, 0]); // value 7
+        },
+    },
+    Case {
+        rule: &cansync::rules::VALUE_NUMBER,
+        register: "node1.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3",
+        value: 0x3F,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3.store(0x3F);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3.store(0x1F);
+        },
+    },
+    Case {
+        rule: &cansync::rules::WORD_UNASSIGNED,
+        register: "node1._CFG_WRC_WORD.b_CFG_WRC1_WORD1",
+        value: 0x0C,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave._CFG_WRC_WORD.b_CFG_WRC1_WORD1.store(0x0C);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave._CFG_WRC_WORD.b_CFG_WRC1_WORD1.store(0x0D);
+        },
+    },
+    Case {
+        rule: &cansync::rules::SPLIT_DOUBLEWORD,
+        register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD3",
+        value: 0x09,
+        wrong: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0x01, 0x03, 0x05, 0x09]);
+            rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x0B);
+            rig.run_to_sync();
+        },
+        // Moved from frame to frame within one interval; values 0 and 1 are words of their own.
+        right: |rig| {
+            rig.activate();
+            rig.configure_wrc1([0x01, 0x03, 0x05, 0x09]);
+            rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD0.store(0x0B);
+            rig.step(100);
+            rig.configure_wrc1([0x01, 0x03, 0x05, 0x00]);
+            rig.master._CFG_WRC_WORD.b_CFG_WRC2_WORD1.store(0x09);
+            rig.run_to_sync();
+        },
+    },
+    Case {
+        rule: &cansync::rules::SPLIT_DOUBLEWORD,
+        register: "node1._CFG_RDC_WORD.b_CFG_RDC2_WORD0",
+        value: 0x01,
+        wrong: |rig| {
+            rig.activate();
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x03);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+            rig.run_to_sync();
+        },
+        right: |rig| {
+            rig.activate();
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x03);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD3.store(0x01);
+            rig.slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
+            rig.run_to_sync();
+        },
+    },
+    Case {
+        rule: &cansync::rules::SLAVE_NUMBER,
+        register: "node2.b_CTRLREG_RD_ORDER_RDC2",
+        value: 0x81,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_RD_ORDER_RDC2.store(0x81);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_RD_ORDER_RDC2.store(31);
+        },
+    },
+    Case {
+        rule: &cansync::rules::SLAVE_NUMBER,
+        register: "node2.b_MAX_SL_NR",
+        value: 0x80,
+        wrong: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(0x80);
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_MAX_SL_NR.store(31);
+            rig.master.b_SL_NR_PARAMETER.store(0x80);
+        },
+    },
+    Case {
+        rule: &cansync::rules::NOT_REQUESTED,
+        register: "node2.b_MAX_SL_NR",
+        value: 2,
+        wrong: |rig| {
+            rig.activate(); // slaves 0 to 3 are expected
+            rig.master.b_MAX_SL_NR.store(2);
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
+            rig.run_to_sync();
+        },
+        right: |rig| {
+            rig.activate();
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
+            rig.step(100);
+            rig.master.b_MAX_SL_NR.store(3);
+            rig.run_to_sync();
+        },
+    },
+    Case {
+        rule: &cansync::rules::LATE_REFERENCE,
+        register: "node2.b_CTRLREG_WRC1",
+        value: 0x05,
+        wrong: |rig| release_reference(rig, 490 + 37),
+        right: |rig| release_reference(rig, 489),
+    },
+    Case {
+        rule: &cansync::rules::LATE_ACTUAL,
+        register: "node1.b_CTRLREG_RD_RDC1",
+        value: 0x05,
+        wrong: |rig| release_actual(rig, 500),
+        right: |rig| release_actual(rig, 400),
+    },
+];
+
+/// One interval in time, then one in which WRC1 is released at this time.
+fn release_reference(rig: &mut Rig, at: u64) {
+    rig.activate();
+    rig.send_wrc1();
+    rig.step(at);
+    rig.master.b_CTRLREG_WRC1.store(0x05);
+}
+
+fn release_actual(rig: &mut Rig, at: u64) {
+    rig.activate();
+    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+    rig.run_to_sync();
+    rig.step(at);
+    rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+}
