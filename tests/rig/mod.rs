@@ -15,9 +15,8 @@ use commram::devices::cansync::registers::{
 use commram::journal::{Record, Rule, Severity};
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
-use kinds::At;
 #[allow(unused_imports, reason = "each test binary uses its own part of the rig")]
-pub(crate) use kinds::{FASTEST, Kind, OMEGA_RATES, RATES, Rate};
+pub(crate) use kinds::{At, FASTEST, Kind, OMEGA_RATES, RATES, Rate};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Where the RAM of the plant lies.

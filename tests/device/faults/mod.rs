@@ -10,7 +10,7 @@ mod slaves;
 mod slots;
 mod sync;
 
-use crate::rig::{Memory, OMEGA_RATES, Rig};
+use crate::rig::{Memory, OMEGA_RATES, Rate, Rig};
 use commram::devices::cansync::records::SyncEdge;
 use commram::devices::fault_kinds;
 use commram::fault::{Fault, FaultSpec};
@@ -65,7 +65,12 @@ fn hits(rig: &Rig) -> Vec<i32> {
 
 /// Both nodes active and the drives locked; ends at a SYNC edge.
 fn running(memory: Memory) -> Rig {
-    let mut rig = Rig::of(memory, OMEGA_RATES[0], DRIVES);
+    running_at(memory, OMEGA_RATES[0])
+}
+
+/// See [`running`]; of any device.
+fn running_at(memory: Memory, rate: Rate) -> Rig {
+    let mut rig = Rig::of(memory, rate, DRIVES);
     start(&mut rig);
     rig
 }
