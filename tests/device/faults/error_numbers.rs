@@ -1,7 +1,7 @@
 //! Every error number of both lists, provoked once and seen by the master's PLC.
 
 use super::*;
-use crate::rig::Memory;
+use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::registers::values::{par_error, updown_error};
 
 /// How a number comes about.
@@ -50,81 +50,89 @@ const UPDOWN: [(u16, By); 11] = [
 
 #[test]
 fn every_error_number_of_a_parameter_job() {
-    for (number, by) in PARAMETER {
-        let mut rig = running(Memory::Heap);
-        let slave = match by {
-            By::Job(control, parameter, value) => {
-                enter_parameter(&rig, DRIVE, control, parameter, value);
-                DRIVE
-            }
-            By::Application => {
-                enter_parameter(&rig, 0, 0x03, 300, 0);
-                intervals(&mut rig, 3);
-                rig.slave.w_ERR_NR_PAR_CMD.store(number);
-                rig.slave.b_STATREG_PAR_CMD.store(0x62);
-                rig.slave.b_STEUREG_PAR_CMD.store(0x62);
-                0
-            }
-            By::Block(..) | By::Fault(_) | By::Slave => unreachable!(),
-        };
-        intervals(&mut rig, 3);
-        let (control, value) = parameter(&rig, slave);
-        assert_eq!((control & 0x61, value), (0x20, number.into()), "16#{number:04X}");
+    for rate in FASTEST {
+        for (number, by) in PARAMETER {
+            let mut rig = running_at(Memory::Heap, rate);
+            let slave = match by {
+                By::Job(control, parameter, value) => {
+                    enter_parameter(&rig, DRIVE, control, parameter, value);
+                    DRIVE
+                }
+                By::Application => {
+                    enter_parameter(&rig, 0, 0x03, 300, 0);
+                    intervals(&mut rig, 3);
+                    rig.slave.w_ERR_NR_PAR_CMD.store(number);
+                    rig.slave.b_STATREG_PAR_CMD.store(0x62);
+                    rig.slave.b_STEUREG_PAR_CMD.store(0x62);
+                    0
+                }
+                By::Block(..) | By::Fault(_) | By::Slave => unreachable!(),
+            };
+            intervals(&mut rig, 3);
+            let (control, value) = parameter(&rig, slave);
+            assert_eq!((control & 0x61, value), (0x20, number.into()), "16#{number:04X}");
+        }
     }
 }
 
 #[test]
 fn every_error_number_of_an_up_or_download() {
-    for (number, by) in UPDOWN {
-        let mut rig = running(Memory::Heap);
-        match by {
-            By::Block(control, address, length) => enter_block(&rig, control, address, length),
-            By::Fault(fault) => {
-                add(&mut rig, fault);
-                enter_block(&rig, 0x15, 0x1000, 24);
+    for rate in FASTEST {
+        for (number, by) in UPDOWN {
+            let mut rig = running_at(Memory::Heap, rate);
+            match by {
+                By::Block(control, address, length) => enter_block(&rig, control, address, length),
+                By::Fault(fault) => {
+                    add(&mut rig, fault);
+                    enter_block(&rig, 0x15, 0x1000, 24);
+                }
+                By::Slave => {
+                    let at = rig.plant.now() + 10_000;
+                    add(
+                        &mut rig,
+                        &format!(
+                            "kind = 'slave_error'\nslave = 0\nerror = {number}\nat_us = {at}\ncount = 1"
+                        ),
+                    );
+                    enter_block(&rig, 0x15, 0x1000, 60);
+                }
+                By::Application => {
+                    enter_block(&rig, 0x15, 0x1000, 24);
+                    intervals(&mut rig, 3);
+                    rig.slave.w_ERR_NR_UPDOWNBLK1.store(number);
+                    rig.slave.b_STATREG_UPDOWNBLK1.store(0x74);
+                    rig.slave.b_STEUREG_UPDOWNBLK1.store(0x74);
+                }
+                By::Job(..) => unreachable!(),
             }
-            By::Slave => {
-                let at = rig.plant.now() + 10_000;
-                add(
-                    &mut rig,
-                    &format!("kind = 'slave_error'\nslave = 0\nerror = {number}\nat_us = {at}\ncount = 1"),
-                );
-                enter_block(&rig, 0x15, 0x1000, 60);
-            }
-            By::Application => {
-                enter_block(&rig, 0x15, 0x1000, 24);
-                intervals(&mut rig, 3);
-                rig.slave.w_ERR_NR_UPDOWNBLK1.store(number);
-                rig.slave.b_STATREG_UPDOWNBLK1.store(0x74);
-                rig.slave.b_STEUREG_UPDOWNBLK1.store(0x74);
-            }
-            By::Job(..) => unreachable!(),
+            serve_block(&mut rig, 20);
+            let (control, error, _) = block(&rig);
+            assert_eq!((control & 0x61, error), (0x20, number), "16#{number:04X}");
         }
-        serve_block(&mut rig, 20);
-        let (control, error, _) = block(&rig);
-        assert_eq!((control & 0x61, error), (0x20, number), "16#{number:04X}");
     }
 }
 
 /// The fault can bring up any number of either list, of a drive and of a node.
 #[test]
 fn a_slave_can_be_made_to_answer_any_error_number() {
-    for (number, _) in PARAMETER {
-        for slave in [0, DRIVE] {
-            let mut rig = running(Memory::Heap);
-            add(&mut rig, &format!("kind = 'slave_error'\nslave = {slave}\nerror = {number}\ncount = 1"));
-            enter_parameter(&rig, slave, 0x15, 300, 1);
-            intervals(&mut rig, 2);
-            assert_eq!(parameter(&rig, slave), (0x34, number.into()));
-            assert_eq!(rig.slave.b_STEUREG_PAR_CMD.load(), 0, "no application has seen the job");
+    for rate in FASTEST {
+        for (number, _) in PARAMETER {
+            for slave in [0, DRIVE] {
+                let mut rig = running_at(Memory::Heap, rate);
+                add(&mut rig, &format!("kind = 'slave_error'\nslave = {slave}\nerror = {number}\ncount = 1"));
+                enter_parameter(&rig, slave, 0x15, 300, 1);
+                intervals(&mut rig, 2);
+                assert_eq!(parameter(&rig, slave), (0x34, number.into()));
+                assert_eq!(rig.slave.b_STEUREG_PAR_CMD.load(), 0, "no application has seen the job");
+            }
         }
-    }
-    for (number, _) in UPDOWN {
-        let mut rig = running(Memory::Heap);
-        add(&mut rig, &format!("kind = 'slave_error'\nslave = 0\nerror = {number}\ncount = 1"));
-        enter_block(&rig, 0x05, 0x1000, 12);
-        intervals(&mut rig, 2);
-        let (control, error, _) = block(&rig);
-        assert_eq!((control, error), (0x24, number));
+        for (number, _) in UPDOWN {
+            let mut rig = running_at(Memory::Heap, rate);
+            add(&mut rig, &format!("kind = 'slave_error'\nslave = 0\nerror = {number}\ncount = 1"));
+            enter_block(&rig, 0x05, 0x1000, 12);
+            intervals(&mut rig, 2);
+            let (control, error, _) = block(&rig);
+            assert_eq!((control, error), (0x24, number));
+        }
     }
 }
