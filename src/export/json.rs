@@ -4,14 +4,14 @@
 use super::rows;
 use super::scope::Scope;
 use super::text;
-use crate::layout::{Area, BitField, Dim, Register, Structure, ValueMeaning};
+use crate::layout::{Area, BitField, Dim, Register, Space, Structure, ValueMeaning};
 use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, HeaderStruct, Kind};
 use crate::memory::header::ABI_VERSION;
 use serde_json::{Map, Value, json};
 
 /// Version of the document's shape. New keys do not change it.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 pub(crate) fn generate(scope: &Scope) -> String {
     let device = scope.device;
@@ -23,14 +23,27 @@ pub(crate) fn generate(scope: &Scope) -> String {
         "title": device.title,
         "manual": device.manual,
         "layout_hash": format!("{:016X}", device.layout_hash),
-        "segment": 3,
         "segment_size": device.segment_size(),
+        "spaces": device.spaces.iter().map(space).collect::<Vec<_>>(),
         "header": header(),
         "areas": scope.areas.iter().map(|area| self::area(area)).collect::<Vec<_>>(),
         "structures": scope.structures().into_iter().map(structure).collect::<Vec<_>>(),
         "meanings": meanings(scope),
     });
     format!("{document:#}\n")
+}
+
+fn space(of: &Space) -> Value {
+    json!({
+        "letter": of.letter.to_string(),
+        "segment": of.segment,
+        "unit": of.unit.width().bytes(),
+        "first": of.first,
+        "offset": of.offset,
+        "bytes": of.bytes,
+        "doc": of.doc,
+        "page": of.page,
+    })
 }
 
 fn header() -> Value {

@@ -4,7 +4,7 @@ use super::constants;
 use super::rows;
 use super::scope::Scope;
 use super::text;
-use crate::layout::{BitField, Meaning, Provenance, RegType, Register, ValueMeaning};
+use crate::layout::{BitField, Meaning, Provenance, RegType, Register, Space, Unit, ValueMeaning};
 use crate::memory::HEADER_SIZE;
 use crate::memory::contract::{self, Codes, Field, HeaderStruct, Kind};
 use crate::memory::header::{ABI_VERSION, MAGIC};
@@ -98,7 +98,15 @@ fn enumeration(out: &mut String, meaning: &Meaning) {
 
 fn areas(out: &mut String, scope: &Scope) {
     out.push_str(
-        "\n\n# First byte in an image, size in bytes, purpose; structures: type, when it is valid, variable.\n\
+        "\n\n# Addresses: letter, segment, whether words are counted, first number, byte of the image, size in bytes.\n_SPACES = [\n",
+    );
+    for Space { letter, segment, unit, first, offset, bytes, .. } in scope.device.spaces {
+        let words = if *unit == Unit::Word { "True" } else { "False" };
+        let _ = writeln!(out, "    (\"{letter}\", {segment:?}, {words}, {first}, {offset}, {bytes}),");
+    }
+    out.push_str("]\n");
+    out.push_str(
+        "\n# First byte in an image, size in bytes, purpose; structures: type, when it is valid, variable.\n\
          AREAS = {\n",
     );
     for area in &scope.areas {

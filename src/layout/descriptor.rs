@@ -1,6 +1,15 @@
 //! Descriptors: what the layout files say about areas, structures and registers, as static data.
 
+mod meaning;
+mod provenance;
+mod register;
+
+pub use meaning::{BitField, Meaning, ValueMeaning};
+pub use provenance::Provenance;
+pub use register::{Dim, Owner, RegType, Register};
+
 use super::error::LayoutError;
+use super::front::FrontWord;
 use super::space::{Retain, Space};
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -21,6 +30,8 @@ pub struct Device {
     pub areas: &'static [Area],
     /// The area whose size each plant sets, if there is one.
     pub retain: Option<&'static Retain>,
+    /// What it has at its front, in the header page.
+    pub front: &'static [FrontWord],
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
     /// The area of its own interface, by whose name the device itself goes where ports go by theirs.
@@ -46,6 +57,7 @@ impl Device {
         spaces: &[],
         areas: &[],
         retain: None,
+        front: &[],
         ports: &[],
         own: None,
     };
@@ -256,292 +268,4 @@ pub struct Structure {
     pub name_from: Provenance,
     /// The registers in ascending order of their first elements; those of one sub-structure in a row.
     pub registers: &'static [Register],
-}
-
-/// A register, or an array of registers.
-#[derive(Debug)]
-pub struct Register {
-    /// Sub-structure the register belongs to, for example `a_DATA_PARAMETER`, else empty.
-    pub group: &'static str,
-    /// Type name of the sub-structure, else empty.
-    pub group_type: &'static str,
-    /// Source of that type name.
-    pub group_type_from: Provenance,
-    /// Size of one sub-structure in bytes, else 0.
-    pub group_bytes: u32,
-    /// The vendor's name, for example `w_CPU_CONTROL`.
-    pub name: &'static str,
-    /// Data type.
-    pub ty: RegType,
-    /// Offset of the (first) register in the structure, in bytes.
-    pub offset: u32,
-    /// Array bounds of the sub-structure, then those of the register itself; two at most.
-    pub dims: &'static [Dim],
-    /// How many of `dims` are those of the sub-structure.
-    pub group_dims: usize,
-    /// Who writes the register.
-    pub owner: Owner,
-    /// Value after power-on, in two's complement of the register's width.
-    pub reset: u32,
-    /// Whether the manual reserves the register.
-    pub reserved: bool,
-    /// What the register is for.
-    pub doc: &'static str,
-    /// Pages of the manual; in a sub-structure those where this structure uses it.
-    pub page: &'static str,
-    /// What its values mean; `None` for plain numbers.
-    pub meaning: Option<&'static Meaning>,
-    /// Source of the name.
-    pub name_from: Provenance,
-    /// Source of the offset.
-    pub offset_from: Provenance,
-    /// Source of the data type.
-    pub type_from: Provenance,
-    /// Source of the owner.
-    pub owner_from: Provenance,
-    /// Source of the reset value.
-    pub reset_from: Provenance,
-}
-
-impl Register {
-    /// Every fact about the register itself with its source; those of its meaning have their own.
-    #[must_use]
-    pub const fn facts(&self) -> [(&'static str, Provenance); 5] {
-        [
-            ("name", self.name_from),
-            ("offset", self.offset_from),
-            ("type", self.type_from),
-            ("owner", self.owner_from),
-            ("reset", self.reset_from),
-        ]
-    }
-
-    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
-    #[must_use]
-    pub fn provenance(&self) -> String {
-        Provenance::summary(&self.facts())
-    }
-}
-
-/// One dimension of an array.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Dim {
-    /// Number of elements; indices run from 0.
-    pub count: u16,
-    /// Elements from this index on are reserved.
-    pub used: u16,
-    /// Bytes from element to element.
-    pub stride: u32,
-}
-
-/// Who writes a register. Reading is open to all.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Owner {
-    /// The application.
-    Plc,
-    /// The firmware.
-    Firmware,
-    /// Both, in a handshake.
-    Both,
-}
-
-impl fmt::Display for Owner {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Owner::Plc => "PLC",
-            Owner::Firmware => "firmware",
-            Owner::Both => "both",
-        })
-    }
-}
-
-/// Where a fact of the layout comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Provenance {
-    /// The manual states it, on the page that stands beside it.
-    Manual,
-    /// Another document states it: a manual with its page, or the vendor's type library.
-    Documented(&'static str),
-    /// The manual is silent; the named decision of the project says how it was chosen.
-    Inferred(&'static str),
-}
-
-impl Provenance {
-    /// The decision that the fact follows from; `None` if it is documented.
-    #[must_use]
-    pub const fn decision(self) -> Option<&'static str> {
-        match self {
-            Provenance::Manual | Provenance::Documented(_) => None,
-            Provenance::Inferred(decision) => Some(decision),
-        }
-    }
-
-    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
-    #[must_use]
-    pub fn summary(facts: &[(&str, Self)]) -> String {
-        let inferred: Vec<_> =
-            facts.iter().filter_map(|(fact, from)| Some(format!("{fact} {}", from.decision()?))).collect();
-        if inferred.is_empty() { Self::Manual.to_string() } else { inferred.join(", ") }
-    }
-}
-
-impl fmt::Display for Provenance {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Provenance::Manual => f.pad("manual"),
-            Provenance::Documented(document) => f.pad(&format!("manual: {document}")),
-            Provenance::Inferred(decision) => f.pad(&format!("inferred {decision}")),
-        }
-    }
-}
-
-/// The elementary data types (manual 5.00005.03a p. 144).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum RegType {
-    /// 8 bits.
-    Byte,
-    /// 16 bits.
-    Word,
-    /// 32 bits.
-    Dword,
-    /// 8 bits, signed.
-    Sint,
-    /// 16 bits, signed.
-    Int,
-    /// 32 bits, signed.
-    Dint,
-    /// 8 bits, unsigned.
-    Usint,
-    /// 16 bits, unsigned.
-    Uint,
-    /// 32 bits, unsigned.
-    Udint,
-}
-
-impl RegType {
-    /// Width in bytes: 1, 2 or 4. Also the alignment.
-    #[must_use]
-    pub const fn width(self) -> u32 {
-        match self {
-            RegType::Byte | RegType::Sint | RegType::Usint => 1,
-            RegType::Word | RegType::Int | RegType::Uint => 2,
-            RegType::Dword | RegType::Dint | RegType::Udint => 4,
-        }
-    }
-
-    /// Name in IEC 61131-3.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            RegType::Byte => "BYTE",
-            RegType::Word => "WORD",
-            RegType::Dword => "DWORD",
-            RegType::Sint => "SINT",
-            RegType::Int => "INT",
-            RegType::Dint => "DINT",
-            RegType::Usint => "USINT",
-            RegType::Uint => "UINT",
-            RegType::Udint => "UDINT",
-        }
-    }
-
-    /// Largest value as a bit pattern.
-    #[must_use]
-    pub const fn mask(self) -> u32 {
-        u32::MAX >> (32 - 8 * self.width())
-    }
-
-    /// `value`, a bit pattern of this type, as the number it stands for.
-    #[must_use]
-    pub const fn number(self, value: u32) -> i64 {
-        match self {
-            RegType::Sint => value as i8 as i64,
-            RegType::Int => value as i16 as i64,
-            RegType::Dint => value as i32 as i64,
-            _ => (value & self.mask()) as i64,
-        }
-    }
-}
-
-impl fmt::Display for RegType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-/// What the values and bits of a register mean.
-#[derive(Debug)]
-pub struct Meaning {
-    /// Name in the layout files.
-    pub name: &'static str,
-    /// Pages of the manual; empty if it states none of it.
-    pub page: &'static str,
-    /// Values with a meaning as a whole; they go before the bits.
-    pub values: &'static [ValueMeaning],
-    /// Fields of bits, described in ascending order.
-    pub bits: &'static [BitField],
-}
-
-/// A value, or a range of values, with its meaning.
-#[derive(Debug)]
-pub struct ValueMeaning {
-    /// First value.
-    pub first: u32,
-    /// Last value; equal to `first` for a single one.
-    pub last: u32,
-    /// The meaning; `{}` stands for the value.
-    pub text: &'static str,
-    /// Source of the meaning.
-    pub source: Provenance,
-}
-
-impl ValueMeaning {
-    /// The meaning with `{}` replaced by `value` and the decision that it follows from behind it.
-    #[must_use]
-    pub fn told(&self, value: impl fmt::Display) -> String {
-        let text = self.text.replace("{}", &value.to_string());
-        match self.source.decision() {
-            Some(decision) => format!("{text} ({decision})"),
-            None => text,
-        }
-    }
-}
-
-/// A bit, or a field of bits.
-#[derive(Debug)]
-pub struct BitField {
-    /// Lowest bit.
-    pub first: u8,
-    /// Highest bit; equal to `first` for a single one.
-    pub last: u8,
-    /// Short name.
-    pub name: &'static str,
-    /// Meaning of a single bit that is 0; empty: not worth mentioning.
-    pub zero: &'static str,
-    /// Meaning of a single bit that is 1.
-    pub one: &'static str,
-    /// Meaning of a field; `{}` stands for its value.
-    pub text: &'static str,
-    /// Meanings of single values of a field.
-    pub values: &'static [ValueMeaning],
-    /// Whether the meaning continues the one before, without a comma.
-    pub joined: bool,
-    /// Whether the manual reserves the bits.
-    pub reserved: bool,
-    /// Source of the meaning.
-    pub source: Provenance,
-}
-
-impl BitField {
-    /// The field's bits in place.
-    #[must_use]
-    pub const fn mask(&self) -> u32 {
-        (u32::MAX >> (31 - (self.last - self.first))) << self.first
-    }
-
-    /// The field's part of a register value.
-    #[must_use]
-    pub const fn of(&self, value: u32) -> u32 {
-        (value & self.mask()) >> self.first
-    }
 }

@@ -20,6 +20,7 @@ mod decode;
 mod descriptor;
 mod error;
 mod fitted;
+mod front;
 mod iter;
 mod lookup;
 mod name;
@@ -38,6 +39,7 @@ pub use descriptor::{
 };
 pub use error::LayoutError;
 pub use fitted::{Fit, Fitted, MOST_PORTS};
+pub use front::FrontWord;
 pub use iter::Registers;
 pub use lookup::Target;
 pub use name::{plc_prefix, split_plc};

@@ -21,7 +21,7 @@ pub use table::{AREAS, AreaEntry, PORTS, PortEntry, TABLE_NAME_LENGTH};
 
 use super::published::publish;
 use super::{Bell, Cell8, Cell32, Cell64, SharedRegs};
-use crate::layout::{Device, Fitted};
+use crate::layout::{Device, Fitted, FrontWord};
 use zerocopy::{FromBytes, IntoBytes, KnownLayout};
 
 /// Length of the header page in bytes.
@@ -243,6 +243,12 @@ impl Header {
         let pulses = self.events.iter().chain(&self.triggers).chain(&self.timers);
         pulses.for_each(|slot| slot.time_us.store(0));
         self.real_epoch_ns.store(0);
+    }
+
+    /// What stands in a word of the device's front.
+    #[must_use]
+    pub fn front_value(&self, word: &FrontWord) -> u32 {
+        self.front.get(word.index()).map_or(0, Cell32::load)
     }
 
     /// Tells the emulator that a request was stored.

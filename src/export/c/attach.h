@@ -17,7 +17,7 @@ typedef enum commram_result {
 
 /* An attached image. */
 typedef struct commram {
-    unsigned char *base;    /* byte n is %MB3.n */
+    unsigned char *base;    /* first byte of the image */
     commram_header *header; /* the first page */
     int file;               /* its descriptor */
     int writable;
@@ -220,7 +220,7 @@ typedef struct commram_awaited {
     uint32_t address, width, mask, value;
 } commram_awaited;
 
-/* The unsigned value of the register at %MB3.`address`, 1, 2 or 4 bytes wide. */
+/* The unsigned value of the register at byte `address` of the image, 1, 2 or 4 bytes wide. */
 static inline uint32_t commram_value(const commram *ram, uint32_t address, uint32_t width)
 {
     unsigned char *at = ram->base + address;

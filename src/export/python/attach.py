@@ -20,7 +20,7 @@ class Register(NamedTuple):
     """One register; of an array one element."""
 
     name: str
-    address: int  # n of %MB3.n
+    address: int  # byte of the image
     code: str  # as in the modules struct and array
     owner: str  # "PLC", "firmware" or "both"
     reset: int
@@ -38,7 +38,11 @@ class Register(NamedTuple):
     @property
     def iec_address(self) -> str:
         """The address as the PLC programmer writes it, for example %MW3.200000."""
-        return f"%M{' BW D'[self.width]}3.{self.address}"
+        for letter, segment, words, first, offset, size in _SPACES:
+            if offset <= self.address < offset + size:
+                number = (2 if words else 1) * first + self.address - offset
+                return f"%{letter}{' BW D'[self.width]}{segment}{number // self.width if words else number}"
+        return f"byte {self.address} of the image"
 
     def decode(self, value: int) -> str:
         """What a value means."""
@@ -50,7 +54,7 @@ class Register(NamedTuple):
 _WIDTHS = {"b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "Q": 8}
 _UNSIGNED = {1: "B", 2: "H", 4: "I", 8: "Q"}
 _INDEX = re.compile(r"\[(\d+)\]")
-_ADDRESS = re.compile(r"%M([BWD])3\.(\d+)", re.IGNORECASE)
+_ADDRESS = re.compile(r"%([IQM])([BWD])((?:\d+\.)?)(\d+)", re.IGNORECASE)
 
 
 def _mask(width: int) -> int:
@@ -122,12 +126,23 @@ def _table():
 _TABLE = _table()
 
 
+def _offset(space: str, within: str, number: int, width: int) -> Optional[int]:
+    """The byte of the image that an address names; None if the device has no such place."""
+    for letter, segment, words, first, begin, size in _SPACES:
+        offset = begin + number * (width if words else 1) - first * (2 if words else 1)
+        fits = begin <= offset <= begin + size - width and offset % width == 0
+        if (letter, segment) == (space, within) and fits:
+            return offset
+    return None
+
+
 def register(name: str) -> Register:
     """The register called `name`, for example "node2.a_RD_BMARRAY[1][0]" or "%MW3.200002"."""
     address = _ADDRESS.fullmatch(name)
     if address:
-        width, offset = {"B": 1, "W": 2, "D": 4}[address[1].upper()], int(address[2])
-        if offset % width or not HEADER_SIZE <= offset <= SEGMENT_SIZE - width:
+        width = {"B": 1, "W": 2, "D": 4}[address[2].upper()]
+        offset = _offset(address[1].upper(), address[3], int(address[4]), width)
+        if offset is None:
             raise KeyError(f"{name}: not an address of a register {width} bytes wide")
         return Register(name, offset, _UNSIGNED[width], "both", 0, False, None, "", "", "")
     known = _TABLE.get(_INDEX.sub("", name))

@@ -129,6 +129,12 @@ pub enum Reason {
     MeaningWithoutPagesOf { meaning: String, manual: String },
     #[error("`cpu_first` and `cpu_last` are given together or not at all")]
     HalfCpu,
+    #[error("`{name}` is {ty}; the front has words of 32 bits: DWORD, DINT, UDINT")]
+    FrontType { name: String, ty: String },
+    #[error("`{name}` at offset {offset}: offsets in the front are 0 to 252, divisible by 4")]
+    FrontOffset { name: String, offset: u32 },
+    #[error("`{name}` at offset {offset} lies over `{other}`")]
+    FrontTwice { name: String, offset: u32, other: String },
     #[error("port number 0 is the device itself; ports are 1 to 255")]
     PortZero,
     #[error("port number {0} is already in use")]

@@ -20,6 +20,9 @@ fn canonical(device: &Device) -> String {
     if let Some((area, _)) = &device.retain {
         let _ = writeln!(text, "retain {} {} {}", area.name, area.first, area.bytes);
     }
+    for word in &device.front {
+        let _ = writeln!(text, "front {} {} {}", word.offset, word.name, word.scalar.name());
+    }
     for area in &device.areas {
         let _ = write!(text, "area {} {} {}", area.name, area.first, area.bytes);
         for placed in &area.structures {

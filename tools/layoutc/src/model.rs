@@ -20,11 +20,27 @@ pub(crate) struct Device {
     pub areas: Vec<Area>,
     /// The area whose size each plant sets, and what it is in a plant that does not.
     pub retain: Option<(Area, u32)>,
+    /// Words of the front in the header page, in ascending order.
+    pub front: Vec<Front>,
     /// In the order of their numbers.
     pub ports: Vec<Port>,
     /// The area of the device's own interface, index into [`Device::areas`].
     pub own: Option<usize>,
     pub baud_rates: Vec<BaudRate>,
+}
+
+/// A word of the front in the header page.
+pub(crate) struct Front {
+    pub name: String,
+    pub scalar: Scalar,
+    /// First byte in the front.
+    pub offset: u32,
+    pub owner: Owner,
+    /// Index into [`Device::meanings`].
+    pub meaning: Option<usize>,
+    pub source: Provenance,
+    pub page: String,
+    pub doc: String,
 }
 
 pub(crate) struct Port {

@@ -40,6 +40,8 @@ pub(crate) struct Device {
     pub space: Vec<Space>,
     pub area: Vec<Area>,
     #[serde(default)]
+    pub front: Vec<Front>,
+    #[serde(default)]
     pub port: Vec<Port>,
     #[serde(default)]
     pub baud_rate: Vec<BaudRate>,
@@ -126,6 +128,23 @@ pub(crate) struct Placed {
     pub variable: Option<Spanned<String>>,
     #[serde(default)]
     pub unused: Vec<Spanned<String>>,
+}
+
+/// A word of the device's front in the header page.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Front {
+    pub name: Spanned<String>,
+    #[serde(rename = "type")]
+    pub ty: Spanned<String>,
+    /// First byte in the front.
+    pub offset: Spanned<u32>,
+    pub owner: Owner,
+    pub meaning: Option<Spanned<String>>,
+    /// Where it is from that the device has this at its front; its place in the header page is commram's own.
+    pub source: Provenance,
+    pub page: String,
+    pub doc: String,
 }
 
 /// The device's end of a medium.

@@ -3,6 +3,7 @@
 mod area;
 mod field;
 pub(crate) mod files;
+mod front;
 mod id;
 mod meaning;
 mod port;
@@ -57,6 +58,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     space::close(sources, file, &raw.space, &mut spaces, &areas)?;
     let retain = area::retain(sources, file, &raw.area, &mut areas)?;
     areas.sort_by_key(|area| area.first);
+    let front = front::check(sources, file, &raw.front, &all)?;
     let ports = port::check(sources, file, &raw.port, &areas)?;
     let own = raw.own.as_ref().map(|own| port::area(sources, file, own, &areas)).transpose()?;
     let baud_rates = raw.baud_rate.iter().map(|rate| rate::check(sources, file, rate));
@@ -75,6 +77,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         spaces,
         areas,
         retain,
+        front,
         ports,
         own,
         baud_rates,
@@ -101,6 +104,7 @@ pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
         spaces: Vec::new(),
         areas: Vec::new(),
         retain: None,
+        front: Vec::new(),
         ports: Vec::new(),
         own: None,
         baud_rates: Vec::new(),

@@ -38,6 +38,15 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
             area.name
         );
     }
+    for word in &device.front {
+        out.push_str(&doc("", &format!("{} (manual {manual} p. {}).", word.doc, word.page)));
+        let _ = writeln!(
+            out,
+            "///\n/// The value is the number of the word in the header page's front.\npub const FRONT_{}: usize = {};\n",
+            word.name.to_uppercase(),
+            word.offset / 4
+        );
+    }
     let _ = writeln!(out, "/// One past the last byte of the last area.");
     let areas = device.areas.iter().chain(device.retain.iter().map(|(area, _)| area));
     let end = areas.map(|area| u64::from(area.first) + u64::from(area.bytes)).max().unwrap_or(0);

@@ -1,7 +1,7 @@
 //! Descriptor tables for tools: static data of the types in `commram::layout`.
 
 use crate::model::{
-    Area, Bit, Device, Field, Kind, Meaning, Owner, Placed, Port, Provenance, Space, Structure, Value,
+    Area, Bit, Device, Field, Front, Kind, Meaning, Owner, Placed, Port, Provenance, Space, Structure, Value,
 };
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -11,7 +11,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         out,
         "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
          name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
-         areas: &descriptor::AREAS, retain: {}, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
+         areas: &descriptor::AREAS, retain: {}, front: &descriptor::FRONT, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
         device.name,
         device.title,
         device.manual,
@@ -24,6 +24,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     );
     spaces(out, device);
     areas(out, device);
+    front(out, device);
     ports(out, device);
     described(out, device, &used_meanings(device));
 }
@@ -55,7 +56,8 @@ fn used_meanings(device: &Device) -> BTreeSet<usize> {
         Kind::Sub(index) => device.substructures[index].fields.as_slice(),
         _ => std::slice::from_ref(field),
     });
-    fields.filter_map(|field| field.meaning).collect()
+    let front = device.front.iter().filter_map(|word| word.meaning);
+    fields.filter_map(|field| field.meaning).chain(front).collect()
 }
 
 /// The path of a static, from the module of descriptors.
@@ -115,6 +117,27 @@ fn area(device: &Device, area: &Area) -> String {
     }
     out.push_str("] }");
     out
+}
+
+fn front(out: &mut String, device: &Device) {
+    let count = device.front.len();
+    let _ = writeln!(
+        out,
+        "    /// What the device has at its front, in ascending order.\n    pub static FRONT: [FrontWord; {count}] = ["
+    );
+    for Front { name, scalar, offset, owner, meaning, source, page, doc } in &device.front {
+        let meaning = meaning.and_then(|index| device.meanings.get(index));
+        let meaning =
+            meaning.map_or("None".to_owned(), |meaning| format!("Some(&{})", meaning_name(meaning)));
+        let _ = writeln!(
+            out,
+            "        FrontWord {{ name: {name:?}, ty: RegType::{}, offset: {offset}, owner: Owner::{owner:?}, meaning: {meaning}, \
+             source: {}, page: {page:?}, doc: {doc:?} }},",
+            scalar.variant(),
+            provenance(source)
+        );
+    }
+    out.push_str("    ];\n\n");
 }
 
 fn ports(out: &mut String, device: &Device) {

@@ -4,6 +4,7 @@ mod meanings;
 mod ports;
 mod provenance;
 mod registers;
+mod spaces;
 mod values;
 
 use std::fs;

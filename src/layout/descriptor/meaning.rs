@@ -1,0 +1,81 @@
+//! What values and bits of a register mean.
+
+use super::Provenance;
+use core::fmt;
+
+/// What the values and bits of a register mean.
+#[derive(Debug)]
+pub struct Meaning {
+    /// Name in the layout files.
+    pub name: &'static str,
+    /// Pages of the manual; empty if it states none of it.
+    pub page: &'static str,
+    /// Values with a meaning as a whole; they go before the bits.
+    pub values: &'static [ValueMeaning],
+    /// Fields of bits, described in ascending order.
+    pub bits: &'static [BitField],
+}
+
+/// A value, or a range of values, with its meaning.
+#[derive(Debug)]
+pub struct ValueMeaning {
+    /// First value.
+    pub first: u32,
+    /// Last value; equal to `first` for a single one.
+    pub last: u32,
+    /// The meaning; `{}` stands for the value.
+    pub text: &'static str,
+    /// Source of the meaning.
+    pub source: Provenance,
+}
+
+impl ValueMeaning {
+    /// The meaning with `{}` replaced by `value` and the decision that it follows from behind it.
+    #[must_use]
+    pub fn told(&self, value: impl fmt::Display) -> String {
+        let text = self.text.replace("{}", &value.to_string());
+        match self.source.decision() {
+            Some(decision) => format!("{text} ({decision})"),
+            None => text,
+        }
+    }
+}
+
+/// A bit, or a field of bits.
+#[derive(Debug)]
+pub struct BitField {
+    /// Lowest bit.
+    pub first: u8,
+    /// Highest bit; equal to `first` for a single one.
+    pub last: u8,
+    /// Short name.
+    pub name: &'static str,
+    /// Meaning of a single bit that is 0; empty: not worth mentioning.
+    pub zero: &'static str,
+    /// Meaning of a single bit that is 1.
+    pub one: &'static str,
+    /// Meaning of a field; `{}` stands for its value.
+    pub text: &'static str,
+    /// Meanings of single values of a field.
+    pub values: &'static [ValueMeaning],
+    /// Whether the meaning continues the one before, without a comma.
+    pub joined: bool,
+    /// Whether the manual reserves the bits.
+    pub reserved: bool,
+    /// Source of the meaning.
+    pub source: Provenance,
+}
+
+impl BitField {
+    /// The field's bits in place.
+    #[must_use]
+    pub const fn mask(&self) -> u32 {
+        (u32::MAX >> (31 - (self.last - self.first))) << self.first
+    }
+
+    /// The field's part of a register value.
+    #[must_use]
+    pub const fn of(&self, value: u32) -> u32 {
+        (value & self.mask()) >> self.first
+    }
+}

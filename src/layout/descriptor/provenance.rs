@@ -1,0 +1,43 @@
+//! Where facts are from.
+
+use core::fmt;
+
+/// Where a fact of the layout comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Provenance {
+    /// The manual states it, on the page that stands beside it.
+    Manual,
+    /// Another document states it: a manual with its page, or the vendor's type library.
+    Documented(&'static str),
+    /// The manual is silent; the named decision of the project says how it was chosen.
+    Inferred(&'static str),
+}
+
+impl Provenance {
+    /// The decision that the fact follows from; `None` if it is documented.
+    #[must_use]
+    pub const fn decision(self) -> Option<&'static str> {
+        match self {
+            Provenance::Manual | Provenance::Documented(_) => None,
+            Provenance::Inferred(decision) => Some(decision),
+        }
+    }
+
+    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
+    #[must_use]
+    pub fn summary(facts: &[(&str, Self)]) -> String {
+        let inferred: Vec<_> =
+            facts.iter().filter_map(|(fact, from)| Some(format!("{fact} {}", from.decision()?))).collect();
+        if inferred.is_empty() { Self::Manual.to_string() } else { inferred.join(", ") }
+    }
+}
+
+impl fmt::Display for Provenance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Provenance::Manual => f.pad("manual"),
+            Provenance::Documented(document) => f.pad(&format!("manual: {document}")),
+            Provenance::Inferred(decision) => f.pad(&format!("inferred {decision}")),
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Registers of a structure and their data types.
+
+use super::{Meaning, Provenance};
+use core::fmt;
+
+/// A register, or an array of registers.
+#[derive(Debug)]
+pub struct Register {
+    /// Sub-structure the register belongs to, for example `a_DATA_PARAMETER`, else empty.
+    pub group: &'static str,
+    /// Type name of the sub-structure, else empty.
+    pub group_type: &'static str,
+    /// Source of that type name.
+    pub group_type_from: Provenance,
+    /// Size of one sub-structure in bytes, else 0.
+    pub group_bytes: u32,
+    /// The vendor's name, for example `w_CPU_CONTROL`.
+    pub name: &'static str,
+    /// Data type.
+    pub ty: RegType,
+    /// Offset of the (first) register in the structure, in bytes.
+    pub offset: u32,
+    /// Array bounds of the sub-structure, then those of the register itself; two at most.
+    pub dims: &'static [Dim],
+    /// How many of `dims` are those of the sub-structure.
+    pub group_dims: usize,
+    /// Who writes the register.
+    pub owner: Owner,
+    /// Value after power-on, in two's complement of the register's width.
+    pub reset: u32,
+    /// Whether the manual reserves the register.
+    pub reserved: bool,
+    /// What the register is for.
+    pub doc: &'static str,
+    /// Pages of the manual; in a sub-structure those where this structure uses it.
+    pub page: &'static str,
+    /// What its values mean; `None` for plain numbers.
+    pub meaning: Option<&'static Meaning>,
+    /// Source of the name.
+    pub name_from: Provenance,
+    /// Source of the offset.
+    pub offset_from: Provenance,
+    /// Source of the data type.
+    pub type_from: Provenance,
+    /// Source of the owner.
+    pub owner_from: Provenance,
+    /// Source of the reset value.
+    pub reset_from: Provenance,
+}
+
+impl Register {
+    /// Every fact about the register itself with its source; those of its meaning have their own.
+    #[must_use]
+    pub const fn facts(&self) -> [(&'static str, Provenance); 5] {
+        [
+            ("name", self.name_from),
+            ("offset", self.offset_from),
+            ("type", self.type_from),
+            ("owner", self.owner_from),
+            ("reset", self.reset_from),
+        ]
+    }
+
+    /// `manual`, or which facts follow from which decision: `offset D-02, reset D-320`.
+    #[must_use]
+    pub fn provenance(&self) -> String {
+        Provenance::summary(&self.facts())
+    }
+}
+
+/// One dimension of an array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Dim {
+    /// Number of elements; indices run from 0.
+    pub count: u16,
+    /// Elements from this index on are reserved.
+    pub used: u16,
+    /// Bytes from element to element.
+    pub stride: u32,
+}
+
+/// Who writes a register. Reading is open to all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Owner {
+    /// The application.
+    Plc,
+    /// The firmware.
+    Firmware,
+    /// Both, in a handshake.
+    Both,
+}
+
+impl fmt::Display for Owner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Owner::Plc => "PLC",
+            Owner::Firmware => "firmware",
+            Owner::Both => "both",
+        })
+    }
+}
+
+/// The elementary data types.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RegType {
+    /// 8 bits.
+    Byte,
+    /// 16 bits.
+    Word,
+    /// 32 bits.
+    Dword,
+    /// 8 bits, signed.
+    Sint,
+    /// 16 bits, signed.
+    Int,
+    /// 32 bits, signed.
+    Dint,
+    /// 8 bits, unsigned.
+    Usint,
+    /// 16 bits, unsigned.
+    Uint,
+    /// 32 bits, unsigned.
+    Udint,
+}
+
+impl RegType {
+    /// Width in bytes: 1, 2 or 4. Also the alignment.
+    #[must_use]
+    pub const fn width(self) -> u32 {
+        match self {
+            RegType::Byte | RegType::Sint | RegType::Usint => 1,
+            RegType::Word | RegType::Int | RegType::Uint => 2,
+            RegType::Dword | RegType::Dint | RegType::Udint => 4,
+        }
+    }
+
+    /// Name in IEC 61131-3.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            RegType::Byte => "BYTE",
+            RegType::Word => "WORD",
+            RegType::Dword => "DWORD",
+            RegType::Sint => "SINT",
+            RegType::Int => "INT",
+            RegType::Dint => "DINT",
+            RegType::Usint => "USINT",
+            RegType::Uint => "UINT",
+            RegType::Udint => "UDINT",
+        }
+    }
+
+    /// Largest value as a bit pattern.
+    #[must_use]
+    pub const fn mask(self) -> u32 {
+        u32::MAX >> (32 - 8 * self.width())
+    }
+
+    /// `value`, a bit pattern of this type, as the number it stands for.
+    #[must_use]
+    pub const fn number(self, value: u32) -> i64 {
+        match self {
+            RegType::Sint => value as i8 as i64,
+            RegType::Int => value as i16 as i64,
+            RegType::Dint => value as i32 as i64,
+            _ => (value & self.mask()) as i64,
+        }
+    }
+}
+
+impl fmt::Display for RegType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}

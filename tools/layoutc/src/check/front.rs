@@ -1,0 +1,48 @@
+//! The front of the device: words in the header page that no other device needs to have.
+
+use super::{Names, Parts, meaning};
+use crate::error::{Error, Reason};
+use crate::model::{Front, Scalar};
+use crate::raw;
+use crate::source::{Sources, at};
+
+/// Bytes of the front in the header page.
+const BYTES: u32 = 256;
+
+/// Checks all words of the front and brings them into ascending order.
+pub(super) fn check(
+    sources: &Sources,
+    file: usize,
+    raw: &[raw::Front],
+    parts: &Parts,
+) -> Result<Vec<Front>, Error> {
+    let mut names = Names::default();
+    let mut front: Vec<Front> = Vec::new();
+    for raw in raw {
+        names.add(sources, file, &raw.name)?;
+        let name = raw.name.get_ref().clone();
+        let ty = raw.ty.get_ref();
+        let Some(scalar) = Scalar::named(ty).filter(|scalar| scalar.width() == 4) else {
+            return Err(sources.error(at(file, raw.ty.span()), Reason::FrontType { name, ty: ty.clone() }));
+        };
+        let offset = *raw.offset.get_ref();
+        let misplaced = |reason| sources.error(at(file, raw.offset.span()), reason);
+        if offset > BYTES - 4 || !offset.is_multiple_of(4) {
+            return Err(misplaced(Reason::FrontOffset { name, offset }));
+        }
+        if let Some(other) = front.iter().find(|other| other.offset == offset) {
+            return Err(misplaced(Reason::FrontTwice { name, offset, other: other.name.clone() }));
+        }
+        let meaning = match &raw.meaning {
+            None => None,
+            Some(wanted) => {
+                let wanted = (wanted.get_ref().as_str(), at(file, wanted.span()));
+                Some(meaning::find(sources, parts, wanted, &name, scalar)?)
+            }
+        };
+        let (page, doc, source) = (raw.page.clone(), raw.doc.clone(), raw.source.clone());
+        front.push(Front { name, scalar, offset, owner: raw.owner, meaning, source, page, doc });
+    }
+    front.sort_by_key(|word| word.offset);
+    Ok(front)
+}
