@@ -5,14 +5,13 @@ use commram::devices::can_bus::{self, CanDevice, CanPort, Controller};
 use commram::devices::{Context, Registered};
 use commram::journal::{Coded, Fields, Reader, Told};
 use commram::layout::{Device, Live};
-use commram::memory::{MemoryError, Segment, View};
-use std::mem::offset_of;
+use commram::memory::{Header, MemoryError, Segment, View};
 
 #[allow(non_snake_case, non_camel_case_types)]
 pub mod registers {
     include!(concat!(env!("OUT_DIR"), "/gate.rs"));
 }
-use registers::{GATE_IN, GATE_OUT, IN, OUT};
+use registers::{FRONT_PASSED, GATE_IN, GATE_OUT, IN, OUT};
 
 commram::coded! {
     /// A value has come in.
@@ -42,13 +41,13 @@ pub static GATE: Registered = Registered {
 };
 
 /// The firmware.
-pub struct Gate(View<GATE_IN>, View<GATE_OUT>);
+pub struct Gate(View<GATE_IN>, View<GATE_OUT>, View<Header>);
 
 impl CanDevice for Gate {
     const LAYOUT: &'static Device = &registers::DEVICE;
 
     fn new(segment: &Segment) -> Result<Self, MemoryError> {
-        Ok(Gate(segment.view(IN)?, segment.view(OUT)?))
+        Ok(Gate(segment.view(IN)?, segment.view(OUT)?, segment.header()?))
     }
 }
 
@@ -63,17 +62,18 @@ impl CanPort for Gate {
         }
         let value = self.1.w_VALUE.load();
         if value == 0 {
-            ctx.find(&NOTHING, Live::Always, offset_of!(GATE_OUT, w_VALUE), 0);
+            ctx.find(&NOTHING, Live::Always, std::mem::offset_of!(GATE_OUT, w_VALUE), 0);
         }
         let frame = Frame::standard(0x123, Payload::from_words([value, 0, 0, 0], 1));
         if controller.send(frame).is_ok() && self.1.w_SEND.compare_exchange(0x05, 0x04).is_ok() {
-            ctx.answered(offset_of!(GATE_OUT, w_SEND), 0x05, 0x04);
+            ctx.answered(std::mem::offset_of!(GATE_OUT, w_SEND), 0x05, 0x04);
         }
     }
 
     fn received(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
         let Some(value) = frame.payload().word(0) else { return };
         self.0.w_VALUE.store(value);
+        self.2.front[FRONT_PASSED].increment();
         ctx.report(Passed { origin: ctx.origin, value });
     }
 }

@@ -8,6 +8,7 @@ mod common;
 
 use common::{Emulator, Follower, run};
 use commram::devices::{self, RegisterError};
+use commram::memory::AttachMode;
 use commram_invented::GATE;
 use std::fs;
 use std::path::Path;
@@ -43,6 +44,17 @@ fn it_is_registered_once_and_before_anything_else() {
     assert_eq!(devices::register(&GATE), Err(RegisterError::TooLate { name: "gate" }));
     let catalogue = devices::catalogue();
     assert!(catalogue.kind("passed").is_some() && catalogue.rule_called("gate-nothing").is_some());
+
+    // Whoever has registered it attaches to it as to any other, and finds what it has at its front.
+    let emulator = start();
+    emulator.poke(&["left:out.w_VALUE=1", "left:out.w_SEND=16#05"]);
+    emulator.step(&["10ms"]);
+    let (image, layout) = devices::attach(&emulator.name, "right", AttachMode::ReadOnly).unwrap();
+    let [passed] = layout.front else { panic!("{:?}", layout.front) };
+    assert_eq!(
+        (layout.name, passed.name, image.header_snapshot().front_value(passed)),
+        ("gate", "passed", 1)
+    );
 }
 
 #[test]
