@@ -3,9 +3,11 @@
 use super::Instance;
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
-use crate::memory::header::{BoardSetting, BoardState, BoardWords};
+use crate::devices::{Led, ModuleFront, Switch};
+use crate::memory::header::{BoardSetting, BoardState, BoardWord, BoardWords};
 use clap::Subcommand;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use serde_json::{Map, Value};
 
 /// Look at the board of a PLC, turn its switches, reset it, switch it off and on.
 ///
@@ -18,6 +20,7 @@ Examples:
   commram board get line2 --format json
   commram board set dip=5 switch=stop
   commram board set line2:power=off
+  commram board set maxx:slotH.dip=7
   commram board set start=cold
   commram board set project=sent
   commram board reset
@@ -39,7 +42,7 @@ enum Command {
         instance: Instance,
     },
     /// Turn switches: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off), start (cold, warm,
-    /// hot, stop), project (none, boot, sent)
+    /// hot, stop), project (none, boot, sent); of a module: slotH.dip
     Set {
         /// What to set, with the PLC in front if there are several
         #[arg(value_name = "NAME=VALUE", required = true)]
@@ -77,6 +80,75 @@ struct Entry {
     start: String,
     restarts: u32,
     project: String,
+    #[serde(flatten)]
+    modules: Modules,
+}
+
+/// The modules of a PLC by slot; nothing if it is not modular.
+struct Modules(Option<Vec<(&'static str, ModuleFront)>>);
+
+impl Serialize for Modules {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let modules = self.0.iter().map(|modules| {
+            let module = |(port, front): &(&str, ModuleFront)| ((*port).to_owned(), module_json(front));
+            ("modules", modules.iter().map(module).collect::<Map<_, _>>())
+        });
+        serializer.collect_map(modules)
+    }
+}
+
+fn module_json(front: &ModuleFront) -> Value {
+    let led = |(name, led): &(&str, Led)| {
+        let shown = match led {
+            Led::Off => "off".into(),
+            Led::On => "on".into(),
+            Led::Flashes(count) => Value::from(*count),
+        };
+        ((*name).to_owned(), shown)
+    };
+    let switch = |(name, switch): &(&str, Switch)| {
+        let stands = match switch {
+            Switch::Number(number) => Value::from(*number),
+            Switch::Is(on) => Value::from(*on),
+        };
+        ((*name).to_owned(), stands)
+    };
+    let mut module = Map::from_iter([("kind".to_owned(), front.kind.into())]);
+    module.extend(front.switches.iter().map(switch));
+    module.insert("leds".to_owned(), front.leds.iter().map(led).collect::<Map<_, _>>().into());
+    module.into()
+}
+
+/// The modules in lines, for people.
+fn module_lines(entries: &[Entry]) -> String {
+    let mut lines = Vec::new();
+    for Entry { plc, modules: Modules(modules), .. } in entries {
+        for (port, front) in modules.iter().flatten() {
+            let switches = front.switches.iter().map(|(name, switch)| match switch {
+                Switch::Number(number) => format!("{name} {number}"),
+                Switch::Is(true) => format!("{name} on"),
+                Switch::Is(false) => format!("{name} off"),
+            });
+            let leds = front.leds.iter().map(|(name, led)| match led {
+                Led::Off => format!("{name} off"),
+                Led::On => format!("{name} on"),
+                Led::Flashes(1) => format!("{name} flashes once"),
+                Led::Flashes(count) => format!("{name} flashes {count} times"),
+            });
+            let join = |texts: Vec<String>| texts.join(", ");
+            lines.push(vec![
+                format!("{plc}:{port}"),
+                front.kind.to_owned(),
+                join(switches.collect()),
+                join(leds.collect()),
+            ]);
+        }
+    }
+    if lines.is_empty() {
+        return String::new();
+    }
+    lines.insert(0, ["MODULE", "KIND", "DIP SWITCHES", "LEDS"].map(str::to_owned).to_vec());
+    format!("\n{}", table::columns(&lines))
 }
 
 impl Row for Entry {
@@ -112,11 +184,24 @@ impl Row for Entry {
 }
 
 impl Entry {
-    fn new(plc: &str, state: &BoardState) -> Self {
+    fn new(plc: &str, state: &BoardState, modules: Modules) -> Self {
         let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =
             state.words();
         let plc = plc.to_owned();
-        Entry { plc, display, leds, switch, power, dip, dip_latched, program, start, restarts, project }
+        Entry {
+            plc,
+            display,
+            leds,
+            switch,
+            power,
+            dip,
+            dip_latched,
+            program,
+            start,
+            restarts,
+            project,
+            modules,
+        }
     }
 }
 
@@ -125,9 +210,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Get { plc, format, instance } => get(plc.as_deref(), format, instance),
         Command::Set { settings, instance } => {
-            let settings = settings.iter().map(|text| Ok((text.as_str(), BoardSetting::parse(text)?)));
-            let settings = settings.collect::<Result<Vec<_>, CliError>>()?;
-            set(instance, &settings)
+            let words = settings.iter().map(|text| BoardWord::parse(text));
+            set(instance, &words.collect::<Result<Vec<_>, _>>()?)
         }
         Command::Reset { plc, instance } => one(plc.as_deref(), BoardSetting::Reset, instance),
         Command::PowerCycle { plc, instance } => one(plc.as_deref(), BoardSetting::PowerCycle, instance),
@@ -135,7 +219,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 fn one(plc: Option<&str>, setting: BoardSetting, instance: &Instance) -> Result<(), CliError> {
-    set(instance, &[("the board", (plc, setting))])
+    set(instance, &[BoardWord::of("the board", plc, setting)])
 }
 
 fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(), CliError> {
@@ -143,30 +227,31 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
     let session = Session::open_for_reading(&instance.name)?;
     let only = plc.map(|plc| session.plc(Some(plc), plc)).transpose()?;
     let boards = session.boards()?;
-    let rows: Vec<_> = boards
-        .iter()
-        .enumerate()
-        .filter(|(number, _)| only.is_none_or(|only| usize::from(only) == *number))
-        .map(|(_, (plc, state))| Entry::new(plc, state))
-        .collect();
-    table::print(format.format, &rows, table::aligned)
+    let mut rows = Vec::with_capacity(boards.len());
+    for (number, (plc, state)) in (0..).zip(&boards) {
+        if only.is_none_or(|only| only == number) {
+            rows.push(Entry::new(plc, state, Modules(session.modules(number)?)));
+        }
+    }
+    table::print(format.format, &rows, |rows| table::aligned(rows) + &module_lines(rows))
 }
 
 /// Does all of it in one message.
 #[cfg(feature = "channel")]
-fn set(instance: &Instance, settings: &[(&str, (Option<&str>, BoardSetting))]) -> Result<(), CliError> {
+fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;
     let session = Session::open(&instance.name, 0)?;
-    let op = |(text, (plc, setting)): &(&str, (Option<&str>, BoardSetting))| {
-        Ok(Op::SetBoard { plc: session.plc(*plc, text)?, setting: *setting })
+    let op = |word: &BoardWord<'_>| {
+        let plc = session.plc(word.plc, word.text)?;
+        Ok(Op::SetBoard { plc, setting: word.at(session.device(plc))? })
     };
-    let ops = settings.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    let ops = words.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
     session.request(&ops).map(drop)
 }
 
 /// Says that there is no channel.
 #[cfg(not(feature = "channel"))]
-fn set(_: &Instance, _: &[(&str, (Option<&str>, BoardSetting))]) -> Result<(), CliError> {
+fn set(_: &Instance, _: &[BoardWord<'_>]) -> Result<(), CliError> {
     Err(CliError::NoChannel { command: "board" })
 }

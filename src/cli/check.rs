@@ -103,17 +103,17 @@ struct FindingRow {
 impl FindingRow {
     fn new(entry: &Entry, checked: &Checked) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
-        let (plcs, device) = (&checked.names.plcs, checked.names.device(last.plc));
+        let (plcs, fitted) = (&checked.names.plcs, &checked.names.fitted(last.plc));
         let plc = plcs.get(usize::from(last.plc)).cloned().unwrap_or_default();
         let prefix = plc_prefix(plcs, last.plc);
         FindingRow {
             severity: last.rule.severity().name(),
             rule: last.rule.id(),
-            register: last.name(device).filter(|_| is_single).map(|name| prefix + &name),
+            register: last.name(fitted).filter(|_| is_single).map(|name| prefix + &name),
             plc,
-            address: is_single.then(|| last.address(device).to_string()),
+            address: is_single.then(|| last.address(fitted).to_string()),
             value: last.value,
-            value_text: last.value_text(device),
+            value_text: last.value_text(fitted),
             count,
             first_us,
             last_us,

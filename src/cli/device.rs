@@ -3,7 +3,7 @@
 use super::error::CliError;
 use super::place::Place;
 use crate::devices;
-use crate::layout::{Device, LayoutError};
+use crate::layout::{Device, Fit, Fitted, LayoutError, Role};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 /// The device whose registers are meant.
@@ -22,29 +22,45 @@ fn known() -> impl TypedValueParser<Value = &'static Device> {
         .try_map(|name| devices::find(&name).map(|known| known.layout).ok_or("no device of this name"))
 }
 
-/// Looks a name up without knowing the device: what this refuses, no instance has.
+/// Looks a name up without knowing the device, nor how it is fitted: what this refuses, no instance has.
 ///
 /// # Errors
 /// What the device says that has at least such an area, else the default one.
-pub(crate) fn on_any_device<T>(
-    look_up: impl Fn(&'static Device) -> Result<T, LayoutError>,
-) -> Result<T, CliError> {
-    let mut refusal = match look_up(devices::default().layout) {
-        Ok(found) => return Ok(found),
-        Err(refusal) => refusal,
-    };
-    for known in &devices::all()[1..] {
-        match look_up(known.layout) {
+pub(crate) fn on_any_device<T>(look_up: impl Fn(&Fitted) -> Result<T, LayoutError>) -> Result<T, CliError> {
+    let mut refusal = None;
+    for known in devices::all() {
+        match on_any_fit(known.layout, &look_up) {
             Ok(found) => return Ok(found),
             Err(other) => {
                 let has_area = |refusal: &LayoutError| !matches!(refusal, LayoutError::UnknownArea { .. });
-                if has_area(&other) && !has_area(&refusal) {
-                    refusal = other;
+                if refusal.as_ref().is_none_or(|refusal| has_area(&other) && !has_area(refusal)) {
+                    refusal = Some(other);
                 }
             }
         }
     }
-    Err(refusal.into())
+    match refusal {
+        Some(refusal) => Err(refusal.into()),
+        None => Ok(look_up(&Fitted::unknown(&Device::UNKNOWN))?),
+    }
+}
+
+/// The same on one device. Where it depends on what a port is, any of it will do.
+fn on_any_fit<T>(
+    device: &'static Device,
+    look_up: impl Fn(&Fitted) -> Result<T, LayoutError>,
+) -> Result<T, LayoutError> {
+    let unknown = Fitted::unknown(device);
+    let refusal = match look_up(&unknown) {
+        Err(refusal @ LayoutError::Ambiguous { .. }) => refusal,
+        other => return other,
+    };
+    let roles = [Role::Master, Role::Slave, Role::Peer];
+    let fits = roles.into_iter().map(|role| {
+        let ports = device.ports.iter().filter(|port| port.roles.contains(&role));
+        ports.fold(unknown, |fitted, port| fitted.with(port.number, Fit::As(role)))
+    });
+    fits.into_iter().find_map(|fitted| look_up(&fitted).ok()).ok_or(refusal)
 }
 
 /// The register or address, of whatever device has it; what it is at an instance, [`Session::place`] tells.
@@ -54,5 +70,5 @@ pub(crate) fn on_any_device<T>(
 ///
 /// [`Session::place`]: super::session::Session::place
 pub(crate) fn of_any_device(text: &str) -> Result<Place, CliError> {
-    on_any_device(|device| Place::parse(device, text))
+    on_any_device(|fitted| Place::parse(fitted, text))
 }

@@ -79,7 +79,7 @@ fn read(path: &Path) -> Result<Vec<Held>, CliError> {
 
 /// The registers of the blocks in `before`: those that are there, and those that differ from their reset value.
 fn now(instance: &str, before: &[Held], known: &Known) -> Result<Vec<Held>, CliError> {
-    before.iter().try_for_each(|held| on_any_device(|device| area(device, held).map(drop)))?;
+    before.iter().try_for_each(|held| on_any_device(|fitted| area(fitted.device(), held).map(drop)))?;
     let session = Session::open_for_reading(instance)?;
     let first = |held: &Held| {
         let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();

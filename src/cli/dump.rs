@@ -9,7 +9,7 @@ use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
 use crate::layout::{
-    Address, Area, Device, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value, split_plc,
+    Address, Area, Fit, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value, split_plc,
 };
 use core::ops::Range;
 
@@ -111,7 +111,7 @@ pub(crate) fn check(names: &[String]) -> Result<(), CliError> {
     names
         .iter()
         .map(|name| split_plc(name).1)
-        .try_for_each(|name| on_any_device(|device| select(device, name).map(drop)))
+        .try_for_each(|name| on_any_device(|fitted| select(fitted, name).map(drop)))
 }
 
 impl Blocks {
@@ -122,7 +122,12 @@ impl Blocks {
     pub(crate) fn find(session: &Session, names: &[String]) -> Result<Self, CliError> {
         let mut parts = Vec::new();
         let mut add = |plc: u16, name: &str| {
-            for selection in select(session.device(plc), name)? {
+            let fitted = session.fitted(plc);
+            for selection in select(&fitted, name)? {
+                let area = selection.area;
+                if selection.registers.is_none() && fitted.area(area) == Fit::Empty {
+                    fitted.registers_at(fitted.device().at(Width::Byte, area.first), None)?;
+                }
                 parts.push(Part { plc, bytes: selection.bytes(session, plc)?, selection });
             }
             Ok::<_, CliError>(())
@@ -157,9 +162,10 @@ impl Blocks {
 }
 
 /// The area and registers of a device that the user names; without a name all areas with registers.
-fn select(device: &'static Device, name: &str) -> Result<Vec<Selection>, LayoutError> {
+fn select(fitted: &Fitted, name: &str) -> Result<Vec<Selection>, LayoutError> {
+    let device = fitted.device();
     if name.is_empty() {
-        let described = device.areas.iter().filter(|area| !area.structures.is_empty());
+        let described = device.areas.iter().filter(|area| fitted.placed(area).next().is_some());
         return Ok(described.map(Selection::whole).collect());
     }
     let selection = if name.starts_with('%') {
@@ -168,13 +174,13 @@ fn select(device: &'static Device, name: &str) -> Result<Vec<Selection>, LayoutE
         if area.structures.is_empty() {
             Selection { area, registers: None, place: Some(address) }
         } else {
-            let registers = Some(without_twins(device.registers_at(address, None)?));
+            let registers = Some(without_twins(fitted.registers_at(address, None)?));
             Selection { area, registers, place: None }
         }
     } else if let Some(retain) = device.retain.filter(|retain| retain.area.name == name) {
         Selection::whole(&retain.area)
     } else if name.contains('.') {
-        let registers = device.registers(name)?;
+        let registers = fitted.registers(name)?;
         let area = registers.first().map(|register| register.area);
         let area = area.map_or_else(|| device.area(name), Ok)?;
         Selection { area, registers: Some(registers), place: None }
@@ -226,7 +232,7 @@ fn views<'a>(session: &Session, parts: &'a [Part], snapshot: &'a Snapshot) -> Ve
         prefix: session.prefix(part.plc),
         plc: session.plcs().get(usize::from(part.plc)).cloned().unwrap_or_default(),
         number: part.plc,
-        device: session.device(part.plc),
+        fitted: session.fitted(part.plc),
         snapshot,
     };
     parts.iter().map(view).collect()
@@ -241,7 +247,7 @@ struct View<'a> {
     plc: String,
     prefix: String,
     number: u16,
-    device: &'static Device,
+    fitted: Fitted,
     snapshot: &'a Snapshot,
 }
 
@@ -270,7 +276,7 @@ impl View<'_> {
         let live = self.live();
         match &self.selection.registers {
             Some(registers) => registers.iter().filter(|register| is_live(register, live)).copied().collect(),
-            None => Fitted::unknown(self.device).registers_in(self.area(), live).collect(),
+            None => self.fitted.registers_in(self.area(), live).collect(),
         }
     }
 
@@ -314,7 +320,7 @@ impl View<'_> {
         let offsets = (self.first..).step_by(width.bytes() as usize);
         let row = |offset| {
             let value = self.value(offset, width.bytes());
-            let address = self.device.at(width, offset).to_string();
+            let address = self.fitted.device().at(width, offset).to_string();
             let holding = Holding {
                 time_us: self.snapshot.time_us,
                 plc: self.plc.clone(),

@@ -78,10 +78,9 @@ fn list(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance.name, 0)?;
     let snapshot = session.read(&[])?;
     let row = |forced: &crate::plant::Forced| {
-        let place = {
-            let device = session.device(forced.plc);
-            Place::parse(device, &device.at(forced.width, forced.offset).to_string())?
-        };
+        let fitted = session.fitted(forced.plc);
+        let address = fitted.device().at(forced.width, forced.offset);
+        let place = Place::parse(&fitted, &address.to_string())?;
         let row = holding(&session, &place, forced.plc, Live::Cyclic, forced.value, snapshot.time_us);
         Ok(Holding { forced: true, ..row })
     };

@@ -5,10 +5,12 @@ mod entry;
 
 use super::device::DeviceArg;
 use super::error::CliError;
+use super::instance_name;
 use super::output;
 use super::place::without_twins;
+use super::session::Session;
 use super::table::{self, Format, FormatArg};
-use crate::layout::{Address, Area, Device, split_plc};
+use crate::layout::{Address, Area, Fit, Fitted, Placed, Role, Width, split_plc};
 use entry::Entry;
 
 /// Show the register map: types, owners, meanings, and where each fact comes from.
@@ -20,6 +22,7 @@ Examples:
   commram map node2.w_OPTION_STATUS
   commram map %MB3.200012
   commram map --all --format csv > map.csv
+  commram map maxx:slotG -i press-1
 
 Provenance: facts marked `manual` are stated in the manual, or with a name behind it in the vendor's
 library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from.
@@ -33,26 +36,42 @@ pub(crate) struct Args {
     all: bool,
     #[command(flatten)]
     device: DeviceArg,
+    /// The PLC of this instance, as it is fitted: what lies in a slot depends on the module there
+    #[arg(short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
+    instance: Option<String>,
     #[command(flatten)]
     format: FormatArg,
 }
 
 /// Prints the map.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    // The map is the same for all PLCs.
-    let what = args.what.as_deref().map(|text| split_plc(text).1);
-    let device = args.device.device;
-    let areas = || device.areas.iter();
+    let (plc, what) = split_plc(args.what.as_deref().unwrap_or_default());
+    let fitted = match &args.instance {
+        Some(instance) => {
+            let session = Session::open_for_reading(instance)?;
+            session.fitted(session.plc(plc, if what.is_empty() { "the map" } else { what })?)
+        }
+        // Nothing but the device is known of a PLC.
+        None => Fitted::unknown(args.device.device),
+    };
+    let device = fitted.device();
+    let of_area = |area| entry::of_area(&fitted, area);
     let (entries, single) = match what {
-        None => (areas().flat_map(entry::of_area).collect::<Vec<_>>(), false),
-        Some(address) if address.starts_with('%') => (at_address(device, device.address(address)?)?, true),
-        Some(name) if name.contains('.') => {
-            let entries = entry::of_registers(&device.registers(name)?);
+        "" => (device.areas.iter().flat_map(of_area).collect::<Vec<_>>(), false),
+        address if address.starts_with('%') => (at_address(&fitted, device.address(address)?)?, true),
+        name if name.contains('.') => {
+            let entries = entry::of_registers(&fitted.registers(name)?);
             // Who asks for a reserved register gets it.
             let single = entries.len() == 1;
             (entries, single)
         }
-        Some(name) => (entry::of_area(device.area(name)?), false),
+        name => {
+            let area = device.area(name)?;
+            if fitted.area(area) == Fit::Empty {
+                fitted.registers_at(fitted.device().at(Width::Byte, area.first), None)?;
+            }
+            (of_area(area), false)
+        }
     };
     let entries: Vec<_> = entries.into_iter().filter(|entry| args.all || single || !entry.reserved).collect();
     if single && args.format.format == Format::Text {
@@ -64,8 +83,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 /// The registers at an address; structures that overlay each other share some of them.
-fn at_address(device: &'static Device, address: Address) -> Result<Vec<Entry>, CliError> {
-    let registers = without_twins(device.registers_at(address, None)?);
+fn at_address(fitted: &Fitted, address: Address) -> Result<Vec<Entry>, CliError> {
+    let registers = without_twins(fitted.registers_at(address, None)?);
     Ok(registers.iter().map(entry::of_register).collect())
 }
 
@@ -97,8 +116,18 @@ fn head(area: &Area, structure: &str) -> String {
     let Area { name, doc, page, .. } = area;
     let placed = area.structures.iter().find(|placed| placed.structure.name == structure);
     let (content, page) = match placed {
-        Some(placed) => (format!("{structure}: {}", placed.structure.doc), placed.structure.page),
+        Some(placed) => {
+            let role = role(area, placed).map(|role| format!("As {role}: ")).unwrap_or_default();
+            (format!("{role}{structure}: {}", placed.structure.doc), placed.structure.page)
+        }
         None => ("plain RAM".to_owned(), *page),
     };
     format!("{name}  {}-{}  {doc}. {content} (p. {page})\n", area.begin(), area.numbers().end())
+}
+
+/// The role that a structure is for, if for others another one lies there.
+fn role(area: &Area, placed: &Placed) -> Option<Role> {
+    let has =
+        |role| area.structures.iter().any(|it| it.structure.name == placed.structure.name && it.role == role);
+    placed.role.filter(|_| area.structures.iter().any(|other| !has(other.role)))
 }

@@ -1,12 +1,16 @@
 //! The way to an instance: through the channel while its emulator lives, else to what it left.
 
+#[cfg(feature = "channel")]
+mod by_channel;
+
 use super::error::CliError;
 use super::output;
 use super::place::Place;
 use crate::devices;
-use crate::layout::{Device, RegisterRef, plc_prefix, split_plc};
+use crate::devices::ModuleFront;
+use crate::layout::{Device, Fitted, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
-use crate::memory::{AttachMode, Attached, Condition, ImageInfo, ImageSummary, InstanceLock, Width};
+use crate::memory::{AttachMode, Attached, Condition, Header, ImageInfo, ImageSummary, InstanceLock, Width};
 use crate::plant::Forced;
 
 /// Registers to be read.
@@ -68,8 +72,8 @@ impl Snapshot {
 pub(crate) struct Session {
     instance: String,
     plcs: Vec<String>,
-    /// What each of them is.
-    devices: Vec<&'static Device>,
+    /// What each of them is, and how it is fitted.
+    fitted: Vec<Fitted>,
     door: Door,
 }
 
@@ -149,7 +153,13 @@ impl Session {
 
     /// What PLC `plc` is.
     pub(crate) fn device(&self, plc: u16) -> &'static Device {
-        self.devices.get(usize::from(plc)).copied().unwrap_or(&Device::UNKNOWN)
+        self.fitted(plc).device()
+    }
+
+    /// What PLC `plc` is, and how it is fitted.
+    pub(crate) fn fitted(&self, plc: u16) -> Fitted {
+        let known = self.fitted.get(usize::from(plc)).copied();
+        known.unwrap_or_else(|| Fitted::unknown(&Device::UNKNOWN))
     }
 
     /// The register or address that the user means.
@@ -158,17 +168,17 @@ impl Session {
     /// As [`Session::plc`], or its device has no such register or address.
     pub(crate) fn place(&self, text: &str) -> Result<Place, CliError> {
         let (plc, name) = split_plc(text);
-        Ok(Place::parse(self.device(self.plc(plc, name)?), text)?)
+        Ok(Place::parse(&self.fitted(self.plc(plc, name)?), text)?)
     }
 
-    /// Number of the PLC and of the port that the user means; without a name the first one that can be a master.
+    /// Number of the PLC and of the port that the user means; without a name the first master.
     ///
     /// # Errors
     /// As [`Session::plc`], or its device has no such port.
     #[cfg(feature = "channel")]
     pub(crate) fn port(&self, text: &str) -> Result<(u16, u8), CliError> {
         let (plc, name) = split_plc(text);
-        let first = || self.device(0).first_master().map_or("", |port| port.name);
+        let first = || self.fitted(0).first_master().map_or("", |port| port.name);
         let name = if name.is_empty() { first() } else { name };
         let plc = self.plc(plc, name)?;
         Ok((plc, self.device(plc).port_named(name)?.number))
@@ -192,9 +202,28 @@ impl Session {
     /// # Errors
     /// The emulator has gone.
     pub(crate) fn retain_bytes(&self, plc: u16) -> Result<u32, CliError> {
-        let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
-        let (image, _) = devices::attach(&self.instance, name, AttachMode::ReadOnly)?;
-        Ok(image.header_snapshot().retain_size.load())
+        Ok(self.header(plc)?.retain_size.load())
+    }
+
+    /// The modules of PLC `plc` by the names of their ports; `None` if it is not modular.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub(crate) fn modules(&self, plc: u16) -> Result<Option<Vec<(&'static str, ModuleFront)>>, CliError> {
+        Ok(devices::modules(&*self.header(plc)?, self.device(plc)))
+    }
+
+    /// The header page of PLC `plc` as it stands.
+    fn header(&self, plc: u16) -> Result<Box<Header>, CliError> {
+        match &self.door {
+            Door::Images(images) if let Some(image) = images.get(usize::from(plc)) => {
+                Ok(image.header_snapshot())
+            }
+            _ => {
+                let name = self.plcs.get(usize::from(plc)).map_or("", String::as_str);
+                Ok(devices::attach(&self.instance, name, AttachMode::ReadOnly)?.0.header_snapshot())
+            }
+        }
     }
 
     /// Reads everything at once.
@@ -229,139 +258,10 @@ impl Session {
         let images: Vec<_> = images.iter().filter(|image| !any_alive || is_alive(image)).collect();
         let attach = |image: &ImageInfo| devices::attach(instance, &image.plc, AttachMode::ReadOnly);
         let attached = images.iter().copied().map(attach).collect::<Result<Vec<_>, _>>()?;
-        let (attached, devices) = attached.into_iter().unzip();
+        let fitted = attached.iter().map(|(image, device)| image.header_snapshot().fitted(device)).collect();
+        let attached = attached.into_iter().map(|(image, _)| image).collect();
         let plcs = images.iter().map(|image| image.plc.clone()).collect();
-        Ok(Self { instance: instance.to_owned(), plcs, devices, door: Door::Images(attached) })
-    }
-}
-
-#[cfg(feature = "channel")]
-mod by_channel {
-    use super::*;
-    use crate::channel::client::Patience;
-    use crate::channel::{Client, ClientError, HeaderBells};
-    use crate::journal::Names;
-    use crate::memory::names::channel_root;
-    use crate::memory::{MemoryError, State};
-    use crate::request::{Op, Reply, WrongReply};
-    use std::time::{Duration, Instant};
-
-    /// How long a command waits for an emulator that is just starting.
-    const STARTING: Duration = Duration::from_secs(2);
-
-    impl Session {
-        /// Opens a living instance. `waits_us` is how much emulated time the request to come may wait.
-        ///
-        /// # Errors
-        /// Nothing of that name lives, or the channel cannot be had.
-        pub(crate) fn open(instance: &str, waits_us: u64) -> Result<Self, CliError> {
-            let images = images_of(instance)?;
-            match dead(&images) {
-                Some(pid) => Err(CliError::Dead { instance: instance.to_owned(), pid }),
-                None => Self::connect(instance, &images, waits_us),
-            }
-        }
-
-        pub(super) fn connect(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
-            let attached = attach_live(instance, images)?;
-            let slowed = slowdown(&attached);
-            let reply =
-                Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed));
-            let patience = Patience { reply, ..Patience::default() };
-            let bells = Box::new(HeaderBells::of_client(attached)?);
-            let client = Client::connect(instance, &channel_root(instance)?, bells, patience)?;
-            let Names { plcs, devices, .. } = client.info()?.names;
-            Ok(Self { instance: instance.to_owned(), plcs, devices, door: Door::Channel(client) })
-        }
-
-        /// The bare connection.
-        ///
-        /// # Errors
-        /// There is none.
-        pub(crate) fn into_client(self) -> Result<Client, CliError> {
-            match self.door {
-                Door::Channel(client) => Ok(client),
-                Door::Images(_) => Err(no_channel(&self.instance)),
-            }
-        }
-
-        /// Sends the operations as one request. All of them were done if there is no error.
-        ///
-        /// # Errors
-        /// The first operation that was refused, or no reply.
-        pub(crate) fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
-            let Door::Channel(client) = &self.door else {
-                return Err(no_channel(&self.instance));
-            };
-            let replies = client.request(ops)?;
-            match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
-                Some(Reply::Error(refused)) => Err(ClientError::Refused(refused.clone()).into()),
-                _ => Ok(replies),
-            }
-        }
-
-        /// Sends an operation as a request of its own.
-        ///
-        /// # Errors
-        /// It was refused, or no reply.
-        pub(crate) fn ask(&self, op: Op) -> Result<Reply, CliError> {
-            Ok(self.request(&[op])?.pop().ok_or(WrongReply)?)
-        }
-
-        pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {
-            let ops: Vec<_> = (0..self.plcs.len()).map(|plc| Op::Board { plc: plc as u16 }).collect();
-            self.request(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
-        }
-
-        pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
-            let op = |read: &Read| match *read {
-                Read::Register { plc, offset, width } => Op::Peek { plc, offset, width },
-                Read::Block { plc, offset, len } => Op::ReadRange { plc, offset, len },
-            };
-            let ops: Vec<_> = [Op::Info, Op::Forces].into_iter().chain(reads.iter().map(op)).collect();
-            let (mut time_us, mut forces) = (0, Vec::new());
-            let mut data = Vec::with_capacity(reads.len());
-            for reply in self.request(&ops)? {
-                match reply {
-                    Reply::Info(info) => time_us = info.time_us,
-                    Reply::Forces(forced) => forces = forced,
-                    Reply::Value(value) => data.push(value.to_le_bytes().to_vec()),
-                    Reply::Bytes(bytes) => data.push(bytes),
-                    _ => return Err(WrongReply.into()),
-                }
-            }
-            Ok(Snapshot { time_us, data, forces })
-        }
-    }
-
-    /// Attaches to the first image, waiting for an emulator that is just starting.
-    fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliError> {
-        let Some(image) = images.iter().find(|image| is_alive(image)) else {
-            return Err(no_channel(instance));
-        };
-        let start = Instant::now();
-        loop {
-            match devices::attach(instance, &image.plc, AttachMode::ReadWrite) {
-                Err(MemoryError::NotReady { state: Some(State::Starting), .. })
-                    if start.elapsed() < STARTING =>
-                {
-                    std::thread::sleep(Duration::from_millis(1));
-                }
-                other => return Ok(other?.0),
-            }
-        }
-    }
-
-    fn no_channel(instance: &str) -> CliError {
-        CliError::NotRunning { instance: instance.to_owned(), running: String::new() }
-    }
-
-    /// Real time per emulated time.
-    fn slowdown(attached: &Attached) -> f64 {
-        match attached.header_snapshot().speed.load() {
-            0 => 1.0,
-            permille => 1_000.0 / f64::from(permille),
-        }
+        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Door::Images(attached) })
     }
 }
 

@@ -19,7 +19,7 @@ pub(crate) struct Args {
     /// How long (us, ms, s, min, h)
     #[arg(value_name = "TIME", value_parser = time::parse, required_unless_present = "to_sync")]
     time: Option<u64>,
-    /// Up to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the device's first port that can be a master]
+    /// Up to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the device's first master]
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "time")]
     to_sync: Option<String>,
     #[command(flatten)]
@@ -29,7 +29,7 @@ pub(crate) struct Args {
 /// Whether any device has such a port.
 fn check(text: &str) -> Result<(), CliError> {
     let (_, name) = split_plc(text);
-    if name.is_empty() { Ok(()) } else { on_any_device(|device| device.port_named(name).map(drop)) }
+    if name.is_empty() { Ok(()) } else { on_any_device(|fitted| fitted.device().port_named(name).map(drop)) }
 }
 
 /// Lets the time pass.

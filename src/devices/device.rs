@@ -61,8 +61,9 @@ pub trait Device: Any + Send {
         BoardState::of(self.header())
     }
 
-    /// Turns a switch in the header page or puts in a request, as a client does. The next look sees it.
-    fn turn(&self, setting: BoardSetting);
+    /// Turns a switch in the header page or puts in a request, as a client does; the next look sees it. `false`: there is
+    /// no such switch.
+    fn turn(&self, setting: BoardSetting) -> bool;
 
     /// Switches supply or RESET, as if somebody had turned the switch.
     fn set_power(&mut self, power: Power) -> Look;

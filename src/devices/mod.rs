@@ -20,6 +20,8 @@ mod fault_tests;
 mod intr_set;
 #[cfg(feature = "emulator")]
 mod medium;
+#[cfg(feature = "emulator")]
+mod module;
 pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 mod plain;
@@ -47,6 +49,8 @@ pub use device::{Device, Look, Power};
 pub use events::Events;
 #[cfg(feature = "emulator")]
 pub use medium::{Medium, Plug, SyncSignal, World};
+#[cfg(feature = "emulator")]
+pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
 pub use plain::{Firmware, Plain};
 pub use registry::{RegisterError, Registered, all, attach, default, find, of_hash, register};

@@ -1,7 +1,7 @@
 //! Which devices there are: those of commram itself, and those that a program adds before it uses any.
 
 #[cfg(feature = "emulator")]
-use super::{DeviceConfig, Read, catalogue};
+use super::{DeviceConfig, Read, ReadModule, catalogue};
 use super::{bm4_o_can_06, omega_drive_line_2};
 #[cfg(feature = "emulator")]
 use crate::fault;
@@ -33,6 +33,9 @@ pub struct Registered {
     /// What can go wrong with the device itself, or with its ports whatever they are at.
     #[cfg(feature = "emulator")]
     pub faults: &'static [&'static fault::Kind],
+    /// Tells what its modules show; none if it has no modules.
+    #[cfg(feature = "emulator")]
+    pub module: Option<ReadModule>,
 }
 
 impl Registered {
@@ -52,6 +55,8 @@ impl Registered {
             rules: &[],
             #[cfg(feature = "emulator")]
             faults: &[],
+            #[cfg(feature = "emulator")]
+            module: None,
         }
     }
 }
@@ -70,12 +75,16 @@ static BUILT_IN: [Registered; 2] = [
         rules: omega_drive_line_2::rules::ALL,
         #[cfg(feature = "emulator")]
         faults: omega_drive_line_2::faults::KINDS,
+        #[cfg(feature = "emulator")]
+        module: None,
     },
     Registered {
         #[cfg(feature = "plc")]
         blocks: bm4_o_can_06::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
         read: Some(bm4_o_can_06::Bm4Config::read),
+        #[cfg(feature = "emulator")]
+        module: Some(bm4_o_can_06::read_module),
         ..Registered::new(&bm4_o_can_06::registers::DEVICE)
     },
 ];

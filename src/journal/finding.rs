@@ -6,7 +6,7 @@ use super::kind::Told;
 use super::reader::Reader;
 use super::rule::Rule;
 use crate::coded;
-use crate::layout::{Address, Device, Live, RegType, RegisterRef, Width, format_value};
+use crate::layout::{Address, Fitted, Live, RegType, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
 /// A rule was broken at a register.
@@ -65,22 +65,22 @@ impl Told for Found {
 
     fn text(&self, reader: &mut Reader) -> String {
         let Some(finding) = self.finding(reader.catalogue) else { return String::new() };
-        let (device, rule) = (reader.names.device(self.plc), finding.rule);
-        let name = finding.name(device).unwrap_or_default();
+        let (fitted, rule) = (&reader.names.fitted(self.plc), finding.rule);
+        let name = finding.name(fitted).unwrap_or_default();
         let late = if self.late_us > 0 { format!(", {} us late", self.late_us) } else { String::new() };
         let (severity, address, value) =
-            (rule.severity(), finding.address(device), finding.value_text(device));
+            (rule.severity(), finding.address(fitted), finding.value_text(fitted));
         format!("{severity} {rule}: {name} ({address}) {value}{late}")
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
         let Some(finding) = self.finding(reader.catalogue) else { return Fields::new() };
-        let (device, rule) = (reader.names.device(self.plc), finding.rule);
+        let (fitted, rule) = (&reader.names.fitted(self.plc), finding.rule);
         Fields::new()
             .with("rule", rule.id())
             .with("severity", rule.severity().name())
-            .with("register", finding.name(device))
-            .with("address", finding.address(device).to_string())
+            .with("register", finding.name(fitted))
+            .with("address", finding.address(fitted).to_string())
             .with("value", self.value)
             .with_any("late_us", Some(self.late_us).filter(|late| *late > 0))
             .with("text", rule.text())
@@ -90,15 +90,16 @@ impl Told for Found {
 impl Finding {
     /// The register; `None` in the header page and where there is none.
     #[must_use]
-    pub fn register(&self, device: &'static Device) -> Option<RegisterRef> {
-        let found = device.registers_at(Address::byte(self.offset), Some(self.live)).ok()?;
+    pub fn register(&self, fitted: &Fitted) -> Option<RegisterRef> {
+        let found =
+            fitted.registers_at(fitted.device().at(Width::Byte, self.offset), Some(self.live)).ok()?;
         found.into_iter().find(|register| register.offset() == self.offset)
     }
 
     /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`.
     #[must_use]
-    pub fn name(&self, device: &'static Device) -> Option<String> {
-        match self.register(device) {
+    pub fn name(&self, fitted: &Fitted) -> Option<String> {
+        match self.register(fitted) {
             Some(register) => Some(register.name()),
             None if self.is_in_header() => {
                 Some(format!("header.{}", header::field_at(self.offset as usize)?))
@@ -109,15 +110,16 @@ impl Finding {
 
     /// Address at the register's own width: `%MW3.200002`.
     #[must_use]
-    pub fn address(&self, device: &'static Device) -> Address {
-        self.register(device).map_or(device.at(Width::Byte, self.offset), |register| register.address())
+    pub fn address(&self, fitted: &Fitted) -> Address {
+        let byte = || fitted.device().at(Width::Byte, self.offset);
+        self.register(fitted).map_or_else(byte, |register| register.address())
     }
 
     /// The value as the register writes it: `16#0043`.
     #[must_use]
-    pub fn value_text(&self, device: &'static Device) -> String {
+    pub fn value_text(&self, fitted: &Fitted) -> String {
         let plain = if self.is_in_header() { RegType::Dword } else { RegType::Byte };
-        format_value(self.register(device).map_or(plain, |register| register.ty()), self.value)
+        format_value(self.register(fitted).map_or(plain, |register| register.ty()), self.value)
     }
 
     fn is_in_header(&self) -> bool {

@@ -1,7 +1,7 @@
 //! Names of the things that records refer to by their index.
 
 use super::event::{Origin, Source};
-use crate::layout::Device;
+use crate::layout::{Device, Fitted};
 use std::borrow::Cow;
 
 /// Names of the things that records refer to by their index.
@@ -11,8 +11,8 @@ pub struct Names {
     pub plcs: Vec<String>,
     /// The buses, in the order of the plant.
     pub buses: Vec<String>,
-    /// What each PLC is, in the order of the plant.
-    pub devices: Vec<&'static Device>,
+    /// What each PLC is and how it is fitted, in the order of the plant.
+    pub devices: Vec<Fitted>,
 }
 
 impl Names {
@@ -28,7 +28,13 @@ impl Names {
 
     /// What the PLC's RAM holds: nothing, if that is not known.
     pub fn device(&self, plc: u16) -> &'static Device {
-        self.devices.get(usize::from(plc)).copied().unwrap_or(&Device::UNKNOWN)
+        self.fitted(plc).device()
+    }
+
+    /// The same, and how the PLC is fitted.
+    pub fn fitted(&self, plc: u16) -> Fitted {
+        let known = self.devices.get(usize::from(plc)).copied();
+        known.unwrap_or_else(|| Fitted::unknown(&Device::UNKNOWN))
     }
 
     /// Name of a port; `port3` if it has none. Number 0, the device itself, goes by the name of its own interface.

@@ -56,10 +56,11 @@ impl Reader {
 
     /// The register that begins at `offset` of the device's RAM.
     fn register(&mut self, plc: u16, offset: u32) -> Option<RegisterRef> {
-        let (device, address) = (self.names.device(plc), Address::byte(offset));
-        let live = self.live(plc, device.area_at(address).ok()?);
+        let fitted = self.names.fitted(plc);
+        let address = fitted.device().at(Width::Byte, offset);
+        let live = self.live(plc, fitted.device().area_at(address).ok()?);
         *self.registers.entry((plc, offset, live)).or_insert_with(|| {
-            let found = device.registers_at(address, Some(live)).ok()?;
+            let found = fitted.registers_at(address, Some(live)).ok()?;
             found.into_iter().find(|register| register.offset() == offset)
         })
     }
@@ -95,8 +96,8 @@ impl Reader {
 
     /// The register `name` of a port.
     pub(crate) fn of_port(&self, origin: Origin, name: &str) -> Named {
-        let device = self.names.device(origin.plc);
-        Named(device.register(&format!("{}.{name}", self.names.port(origin))).ok())
+        let fitted = self.names.fitted(origin.plc);
+        Named(fitted.register(&format!("{}.{name}", self.names.port(origin))).ok())
     }
 }
 

@@ -79,12 +79,6 @@ impl Device {
         })
     }
 
-    /// The first port that can be the master of its medium: the one meant where none is named.
-    #[must_use]
-    pub fn first_master(&self) -> Option<&'static Port> {
-        self.ports.iter().find(|port| port.roles.contains(&Role::Master))
-    }
-
     /// The port with this number, from 1.
     #[must_use]
     pub fn port_numbered(&self, number: u8) -> Option<&'static Port> {

@@ -1,6 +1,6 @@
 //! A device as it is fitted: which of the structures that its areas can have lie there.
 
-use super::descriptor::{Area, Device, Dim, Live, Placed, Register, Role};
+use super::descriptor::{Area, Device, Dim, Live, Placed, Port, Register, Role};
 use super::register::RegisterRef;
 
 /// Most ports that a device can have.
@@ -41,7 +41,7 @@ impl Fit {
 
 /// A device, and what is known of its ports. Names and widths follow from both: what lies in the slots of a
 /// modular PLC depends on the modules there.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fitted {
     device: &'static Device,
     /// In the order of the device's ports.
@@ -78,6 +78,15 @@ impl Fitted {
     pub fn port(&self, number: u8) -> Fit {
         let mut ports = self.device.ports.iter().zip(self.ports);
         ports.find(|(port, _)| port.number == number).map_or(Fit::Unknown, |(_, fit)| fit)
+    }
+
+    /// The first port that is a master, or can be one as far as is known: the one meant where none is named.
+    #[must_use]
+    pub fn first_master(&self) -> Option<&'static Port> {
+        self.device.ports.iter().zip(self.ports).find_map(|(port, fit)| match fit {
+            Fit::Unknown => port.roles.contains(&Role::Master).then_some(port),
+            _ => (fit.role() == Some(Role::Master)).then_some(port),
+        })
     }
 
     /// What is known of the port whose registers lie in `area`.

@@ -174,7 +174,7 @@ impl Fitted {
         let hint = match (before, behind) {
             (Some(a), Some(b)) => format!("padding between `{}` and `{}`", a.path(), b.path()),
             (Some(a), None) => format!("the last register is `{}` at {}", a.path(), a.address()),
-            _ if self.area(area) == Fit::Empty => "nothing is there".to_owned(),
+            _ if self.area(area) == Fit::Empty => "nothing is plugged in".to_owned(),
             _ => "plain RAM".to_owned(),
         };
         LayoutError::NoRegister { address: self.device().told(address).to_string(), area: area.name, hint }

@@ -1,7 +1,7 @@
 //! Registers and addresses as people name them.
 
 use super::value::{self, ValueError};
-use super::{Address, Area, Device, LayoutError, Live, RegType, RegisterRef, Width, format_value};
+use super::{Address, Area, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value};
 use thiserror::Error;
 
 /// A value that the register cannot hold.
@@ -32,8 +32,8 @@ impl Place {
     ///
     /// # Errors
     /// There is no such register or address.
-    pub fn parse(device: &'static Device, text: &str) -> Result<Self, LayoutError> {
-        let target = device.target(text)?;
+    pub fn parse(fitted: &Fitted, text: &str) -> Result<Self, LayoutError> {
+        let target = fitted.target(text)?;
         Ok(Self {
             text: target.plc.map_or(text, |plc| &text[plc.len() + 1..]).to_owned(),
             plc: target.plc.map(str::to_owned),
@@ -198,7 +198,7 @@ mod tests {
     use crate::devices::omega_drive_line_2::registers::DEVICE;
 
     fn place(text: &str) -> Place {
-        Place::parse(&DEVICE, text).unwrap()
+        Place::parse(&Fitted::unknown(&DEVICE), text).unwrap()
     }
 
     #[test]

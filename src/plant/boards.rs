@@ -53,20 +53,19 @@ impl Plant {
         self.leave();
     }
 
-    /// Does something to the board of a PLC at the present time.
-    pub fn set_board(&mut self, plc: usize, setting: BoardSetting) {
+    /// Does something to the board of a PLC at the present time. `false`: it has no such switch.
+    pub fn set_board(&mut self, plc: usize, setting: BoardSetting) -> bool {
         let steps = match setting {
             BoardSetting::Reset => [Power::HoldReset, Power::ReleaseReset],
             BoardSetting::PowerCycle => [Power::Off, Power::On],
             _ => {
-                if let Some(device) = self.devices.get(plc) {
-                    device.turn(setting);
-                }
+                let has_it = self.devices.get(plc).is_some_and(|device| device.turn(setting));
                 self.look_at_boards();
-                return;
+                return has_it;
             }
         };
         steps.into_iter().for_each(|step| self.set_power(plc, step));
+        true
     }
 
     /// Notes what became of a task in lockstep.

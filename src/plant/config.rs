@@ -11,6 +11,7 @@ use crate::devices::settings::range;
 use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig, SettingError};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, MediumSite, Refusal, Sites};
 use crate::journal::Names;
+use crate::layout::Fitted;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -261,7 +262,7 @@ impl PlantConfig {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.media.iter().map(|medium| medium.name().to_owned()).collect(),
-            devices: self.devices.iter().map(|device| device.layout()).collect(),
+            devices: self.devices.iter().map(|device| Fitted::unknown(device.layout())).collect(),
         }
     }
 

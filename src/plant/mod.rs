@@ -313,7 +313,7 @@ impl Plant {
         Names {
             plcs: self.devices.iter().map(|device| device.name().to_owned()).collect(),
             buses: self.bus_names().map(str::to_owned).collect(),
-            devices: self.devices.iter().map(|device| device.layout()).collect(),
+            devices: self.devices.iter().map(|device| device.fitted()).collect(),
         }
     }
 

@@ -228,7 +228,9 @@ fn journal(host: &dyn Host, from: u64, max: usize) -> Reply {
 
 fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(), Refused> {
     let number = known_plc(host, plc)?;
-    host.plant_mut().set_board(number, setting);
+    if !host.plant_mut().set_board(number, setting) {
+        return Err(Refused::new(Code::NO_SUCH_SWITCH, no_such_switch(host, plc, setting)));
+    }
     let takes_starts =
         || host.plant().devices().get(number).is_some_and(|device| device.board().takes_starts());
     if !matches!(setting, BoardSetting::Start(_)) || takes_starts() {
@@ -239,6 +241,17 @@ fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(),
         plc_name(host, plc)
     );
     Err(Refused::new(Code::START_REFUSED, text))
+}
+
+fn no_such_switch(host: &dyn Host, plc: u16, setting: BoardSetting) -> String {
+    let name = plc_name(host, plc);
+    let layout = host.plant().devices().get(usize::from(plc)).map(|device| device.layout());
+    let BoardSetting::ModuleDip { port, .. } = setting else {
+        let title = layout.map_or("", |layout| layout.title);
+        return format!("PLC '{name}' has no '{}' to be set, it is a {title}", setting.name());
+    };
+    let port = layout.and_then(|layout| layout.port_numbered(port)).map_or("that port", |port| port.name);
+    format!("PLC '{name}': there is no module with DIP switches in {port}")
 }
 
 /// Goes to the next event, at the latest to time `latest`, which is not past.

@@ -1,7 +1,9 @@
-//! [`Names`] on their way between processes: of a device goes the hash of its layout, which the registry finds again.
+//! [`Names`] on their way between processes: of a device goes the hash of its layout, which the registry finds again, and
+//! what its ports are.
 
 use crate::devices;
 use crate::journal::Names;
+use crate::layout::{Fit, Fitted, Role};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -9,20 +11,64 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 struct Sent {
     plcs: Vec<String>,
     buses: Vec<String>,
-    layouts: Vec<u64>,
+    devices: Vec<SentDevice>,
+}
+
+/// Hash of its layout, and its ports in their order.
+#[derive(Serialize, Deserialize)]
+struct SentDevice(u64, Vec<SentFit>);
+
+#[derive(Serialize, Deserialize)]
+enum SentFit {
+    Unknown,
+    Empty,
+    Master,
+    Slave,
+    Peer,
+}
+
+impl From<Fit> for SentFit {
+    fn from(fit: Fit) -> Self {
+        match fit {
+            Fit::Unknown => SentFit::Unknown,
+            Fit::Empty => SentFit::Empty,
+            Fit::As(Role::Master) => SentFit::Master,
+            Fit::As(Role::Slave) => SentFit::Slave,
+            Fit::As(Role::Peer) => SentFit::Peer,
+        }
+    }
+}
+
+impl From<SentFit> for Fit {
+    fn from(sent: SentFit) -> Self {
+        match sent {
+            SentFit::Unknown => Fit::Unknown,
+            SentFit::Empty => Fit::Empty,
+            SentFit::Master => Fit::As(Role::Master),
+            SentFit::Slave => Fit::As(Role::Slave),
+            SentFit::Peer => Fit::As(Role::Peer),
+        }
+    }
 }
 
 pub(super) fn serialize<S: Serializer>(names: &Names, serializer: S) -> Result<S::Ok, S::Error> {
     let Names { plcs, buses, devices } = names.clone();
-    Sent { plcs, buses, layouts: devices.iter().map(|device| device.layout_hash).collect() }
-        .serialize(serializer)
+    let device = |fitted: &Fitted| {
+        let layout = fitted.device();
+        let ports = layout.ports.iter().map(|port| fitted.port(port.number).into());
+        SentDevice(layout.layout_hash, ports.collect())
+    };
+    Sent { plcs, buses, devices: devices.iter().map(device).collect() }.serialize(serializer)
 }
 
 pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Names, D::Error> {
-    let Sent { plcs, buses, layouts } = Sent::deserialize(deserializer)?;
-    let device = |hash: u64| {
+    let Sent { plcs, buses, devices } = Sent::deserialize(deserializer)?;
+    let device = |SentDevice(hash, fits): SentDevice| {
         let known = devices::of_hash(hash).map(|known| known.layout);
-        known.ok_or_else(|| D::Error::custom(format_args!("no device has layout 16#{hash:016X}")))
+        let layout =
+            known.ok_or_else(|| D::Error::custom(format_args!("no device has layout 16#{hash:016X}")))?;
+        let ports = layout.ports.iter().zip(fits);
+        Ok(ports.fold(Fitted::unknown(layout), |known, (port, fit)| known.with(port.number, fit.into())))
     };
-    Ok(Names { plcs, buses, devices: layouts.into_iter().map(device).collect::<Result<_, _>>()? })
+    Ok(Names { plcs, buses, devices: devices.into_iter().map(device).collect::<Result<_, _>>()? })
 }

@@ -53,6 +53,8 @@ impl Code {
     pub const NOT_FORCED: Self = Self(32);
     /// No program can be started or stopped on that PLC now.
     pub const START_REFUSED: Self = Self(33);
+    /// The PLC or its module has no such switch.
+    pub const NO_SUCH_SWITCH: Self = Self(34);
 
     /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
     pub fn is_wrong_use(self) -> bool {

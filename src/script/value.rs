@@ -97,9 +97,13 @@ impl From<Duration> for Span {
 mod tests {
     use super::*;
     use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::layout::Fitted;
 
     fn bits(register: &str, value: impl Into<Value>) -> Result<u32, String> {
-        value.into().bits(&Place::parse(&DEVICE, register).unwrap()).map_err(|error| error.to_string())
+        value
+            .into()
+            .bits(&Place::parse(&Fitted::unknown(&DEVICE), register).unwrap())
+            .map_err(|error| error.to_string())
     }
 
     #[test]

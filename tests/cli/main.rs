@@ -4,6 +4,7 @@
 mod common;
 
 mod baps;
+mod bm4;
 mod board;
 mod changes;
 mod check;

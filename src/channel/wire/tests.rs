@@ -4,6 +4,7 @@ use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
 use crate::journal::Names;
+use crate::layout::{Fit, Fitted, Role};
 use crate::plant::Forced;
 use crate::request::{Code, InstanceInfo, Refused, Reply, Waited};
 use proptest::prelude::*;
@@ -107,7 +108,10 @@ fn faults() -> impl Strategy<Value = Vec<FaultStatus>> {
 
 fn information() -> impl Strategy<Value = InstanceInfo> {
     let names = || proptest::collection::vec(".*", 0..4);
-    let device = proptest::sample::select(devices::all()).prop_map(|known| known.layout);
+    let fit =
+        proptest::sample::select(vec![Fit::Unknown, Fit::Empty, Fit::As(Role::Master), Fit::As(Role::Slave)]);
+    let device = (proptest::sample::select(devices::all()), fit)
+        .prop_map(|(known, fit)| Fitted::unknown(known.layout).with(1, fit));
     let devices = proptest::collection::vec(device, 0..4);
     let names = (names(), names(), devices).prop_map(|(plcs, buses, devices)| Names { plcs, buses, devices });
     let numbers = any::<(u32, u64, u32, u32, u32)>();

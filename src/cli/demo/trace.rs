@@ -5,7 +5,7 @@ use crate::cli::output;
 use crate::cli::place::{Place, live_by};
 use crate::cli::time;
 use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2};
-use crate::layout::{Address, Live, Width};
+use crate::layout::{Address, Fitted, Live, Width};
 use crate::memory::{Attached, Header, MemoryError, SharedRegs, View};
 use std::cell::RefCell;
 use std::time::Duration;
@@ -112,7 +112,7 @@ impl Trace {
             Err(MemoryError::RegisterTimeout { last, .. }) => {
                 self.print()?;
                 let live = live_by(self.node.w_OPTION_STATUS.load().into());
-                let place = Place::parse(&DEVICE, &address.to_string())?;
+                let place = Place::parse(&Fitted::unknown(&DEVICE), &address.to_string())?;
                 Err(CliError::Stuck {
                     what: what.to_owned(),
                     place: place.label(live),
@@ -171,7 +171,7 @@ fn line(note: &Note) -> Result<String, CliError> {
                 Who::Plc => "PLC",
                 Who::Firmware => "firmware",
             };
-            let place = Place::parse(&DEVICE, &address.to_string())?;
+            let place = Place::parse(&Fitted::unknown(&DEVICE), &address.to_string())?;
             let name = place.name(live);
             let (value, meaning) = (place.format(live, value), place.meaning(live, value));
             format!("{time:>11}  {who:8}  {name:40}  {address:11}  {value:11}  {meaning}")

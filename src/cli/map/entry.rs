@@ -1,7 +1,7 @@
 //! Entries of the register map.
 
 use crate::cli::table::Row;
-use crate::layout::{Area, Meaning, Provenance, Register, RegisterRef, format_value};
+use crate::layout::{Area, Fitted, Meaning, Provenance, Register, RegisterRef, format_value};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -148,18 +148,19 @@ impl Sources {
 }
 
 /// All entries of an area; a register that several of its structures share is given once.
-pub(crate) fn of_area(area: &'static Area) -> Vec<Entry> {
+pub(crate) fn of_area(fitted: &Fitted, area: &'static Area) -> Vec<Entry> {
     if area.structures.is_empty() {
         return vec![plain(area)];
     }
     let mut entries: Vec<Entry> = Vec::new();
     let mut seen: Vec<(&str, u32)> = Vec::new();
-    for placed in area.structures {
+    let role = fitted.area(area).role();
+    for placed in fitted.placed(area) {
         for register in placed.structure.registers {
             let key = (register.name, register.offset);
             if !seen.contains(&key) {
                 seen.push(key);
-                entries.push(of_array(&RegisterRef { area, placed, register, index: [0; 2], role: None }));
+                entries.push(of_array(&RegisterRef { area, placed, register, index: [0; 2], role }));
             }
         }
     }

@@ -82,7 +82,7 @@ impl Bm4Config {
         let mut sync_in = Vec::new();
         for section in module {
             let slot = section.slot.span();
-            let (module, from) = section.read()?;
+            let (module, from) = section.read(&name)?;
             if modules.iter().any(|other| other.port.number == module.port.number) {
                 let text = format!("there are two modules in slot '{}'", letter(module.port));
                 return Err(refused_at(slot, text));
@@ -109,7 +109,7 @@ impl Bm4Config {
 
 impl ModuleSection {
     /// The module, and the slot that it can have its SYNC signal from.
-    fn read(self) -> Result<(ModuleConfig, Option<Spanned<String>>), Error> {
+    fn read(self, plc: &str) -> Result<(ModuleConfig, Option<Spanned<String>>), Error> {
         let Some(port) = port_of(self.slot.get_ref()) else {
             let text = format!("there is no slot '{}'; slots are: {}", self.slot.get_ref(), slots());
             return Err(refused_at(self.slot.span(), text));
@@ -127,6 +127,11 @@ impl ModuleSection {
         } else {
             let no_sync_in = "only a BM4-O-CAN-06 passes a SYNC signal on";
             refuse(self.sync_in_from.as_ref().map(Spanned::span), no_sync_in)?;
+        }
+        if let Some(dip) = &self.dip {
+            let name = format!("{plc}:{}", port.name);
+            let checked = range("dip", &name, (*dip.get_ref()).into(), 0..=31, "0 to 31");
+            checked.map_err(|error| refused_at(dip.span(), error.to_string()))?;
         }
         let for_controller = self.dip9.filter(|dip9| !*dip9.get_ref());
         refuse(
@@ -184,7 +189,6 @@ impl DeviceConfig for Bm4Config {
     fn check(&self) -> Result<(), SettingError> {
         for module in &self.modules {
             let name = format!("{}:{}", self.name, module.port.name);
-            range("dip", &name, module.dip.into(), 0..=31, "0 to 31")?;
             time("lock_time_us", &name, module.lock_time_us)?;
         }
         Ok(())
@@ -249,6 +253,7 @@ mod tests {
                 "slave for the controller, which is not emulated",
             ),
             ("{ slot = 'G', kind = 'can-05', sync_in_from = 'G' }", "only a BM4-O-CAN-06 passes"),
+            ("{ slot = 'G', kind = 'can-05', dip = 32 }", "dip of 'maxx:slotG' is 32; it must be 0 to 31"),
             ("{ slot = 'G', kind = 'can-06', sync_in_from = 'H' }", "slot 'H', in which there is no module"),
             ("{ slot = 'G', kind = 'can-06', sync_in_from = 'G' }", "the module's own slot"),
         ];
@@ -262,8 +267,5 @@ mod tests {
         let text = "{ name = 'maxx', sync_source = 'K', module = [{ slot = 'G', kind = 'can-06' }] }";
         let message = read(text).unwrap_err().to_string();
         assert!(message.contains("sync_source names slot 'K'"), "{message}");
-        let text = "{ name = 'maxx', module = [{ slot = 'G', kind = 'can-05', dip = 32 }] }";
-        let message = read(text).unwrap().check().unwrap_err().to_string();
-        assert!(message.contains("dip of 'maxx:slotG' is 32; it must be 0 to 31"), "{message}");
     }
 }

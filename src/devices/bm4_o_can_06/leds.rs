@@ -1,19 +1,8 @@
 //! LEDs H1 to H4 of the modules (manual 5.02066.01a section 3.1.4, p. 28-30).
 
+use crate::devices::Led;
 use crate::devices::cansync::registers::values::{cansync_status, option_status};
 use crate::memory::Cell16;
-
-/// What a LED shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Led {
-    /// Dark.
-    #[default]
-    Off,
-    /// Lit.
-    On,
-    /// Flashes: so many times, then a pause.
-    Flashes(u8),
-}
 
 /// The LEDs of a module; a BM4-O-CAN-06 has H1 and H2 only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -10,6 +10,8 @@ mod front;
 #[cfg(feature = "emulator")]
 mod leds;
 #[cfg(feature = "emulator")]
+mod module;
+#[cfg(feature = "emulator")]
 mod plc;
 #[cfg(test)]
 mod registers_tests;
@@ -17,7 +19,9 @@ mod registers_tests;
 #[cfg(feature = "emulator")]
 pub use config::{Bm4Config, ModuleConfig, ModuleKind};
 #[cfg(feature = "emulator")]
-pub use leds::{Led, Leds};
+pub use leds::Leds;
+#[cfg(feature = "emulator")]
+pub(super) use module::read as read_module;
 #[cfg(feature = "emulator")]
 pub use plc::Bm4Plc;
 

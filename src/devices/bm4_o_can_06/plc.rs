@@ -4,7 +4,8 @@
 use super::config::{Bm4Config, ModuleConfig, ModuleKind};
 use super::front::{self, Front};
 use super::leds::{Leds, Seen};
-use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE, DIP_LAST};
+use super::module::DIP_MASK;
+use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE};
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::firmware::{Seat, note_restarts};
 use crate::devices::cansync::medium::{Socket, SocketRole};
@@ -170,15 +171,22 @@ impl Device for Bm4Plc {
     }
 
     /// DIP switches and LEDs are the modules'; a program and a switch for it are not described (decision D-366).
-    fn turn(&self, setting: BoardSetting) {
+    fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
             BoardSetting::Power(power) => self.header.program.power.store(power.code()),
             BoardSetting::Start(start) => {
                 self.header.program.start_request.store(start.code());
                 self.header.board_requests.increment();
             }
-            _ => {}
+            BoardSetting::ModuleDip { port, dip } => {
+                let slave = |module: &&Module| module.number == port && module.kind == ModuleKind::Can05;
+                let Some(module) = self.modules.iter().find(slave) else { return false };
+                self.header.ports[module.place()].dip.store(dip.into());
+            }
+            BoardSetting::Reset | BoardSetting::PowerCycle => {}
+            _ => return false,
         }
+        true
     }
 
     fn set_power(&mut self, power: Power) -> Look {

@@ -136,7 +136,7 @@ impl Device for Plc {
         &self.header
     }
 
-    fn turn(&self, setting: BoardSetting) {
+    fn turn(&self, setting: BoardSetting) -> bool {
         match setting {
             BoardSetting::Dip(number) => self.header.board.dip.store(number.into()),
             BoardSetting::Leds(leds) => self.header.board.leds.store(leds.into()),
@@ -150,8 +150,10 @@ impl Device for Plc {
                 self.header.project_request.store(project.code() + 1);
                 self.header.board_requests.increment();
             }
+            BoardSetting::ModuleDip { .. } => return false,
             BoardSetting::Reset | BoardSetting::PowerCycle => {}
         }
+        true
     }
 
     fn set_power(&mut self, power: Power) -> Look {

@@ -223,6 +223,13 @@ pub enum BoardSetting {
     Reset,
     /// Switches the supply off and on.
     PowerCycle,
+    /// Sets the DIP switches of a module.
+    ModuleDip {
+        /// Number of its port.
+        port: u8,
+        /// 0 to 31.
+        dip: u8,
+    },
 }
 
 impl BoardSetting {
@@ -237,21 +244,25 @@ impl BoardSetting {
             BoardSetting::Reset => (6, 0),
             BoardSetting::PowerCycle => (7, 0),
             BoardSetting::Project(project) => (8, project.code()),
+            BoardSetting::ModuleDip { port, dip } => (9, u32::from(port) << 8 | u32::from(dip)),
         }
     }
 
     /// The way back; `None` for numbers that mean nothing.
     pub fn from_numbers(which: u32, value: u32) -> Option<Self> {
-        let byte = |limit: u8| u8::try_from(value).ok().filter(|value| *value <= limit);
+        let up_to = |value: u32, limit: u8| u8::try_from(value).ok().filter(|value| *value <= limit);
         Some(match (which, value) {
-            (1, _) => BoardSetting::Dip(byte(31)?),
-            (2, _) => BoardSetting::Leds(byte(15)?),
+            (1, _) => BoardSetting::Dip(up_to(value, 31)?),
+            (2, _) => BoardSetting::Leds(up_to(value, 15)?),
             (3, _) => BoardSetting::Switch(RunSwitch::from_code(value)?),
             (4, _) => BoardSetting::Power(Power::from_code(value)?),
             (5, _) => BoardSetting::Start(Start::from_code(value).filter(|start| *start != Start::None)?),
             (6, 0) => BoardSetting::Reset,
             (7, 0) => BoardSetting::PowerCycle,
             (8, _) => BoardSetting::Project(Project::from_code(value)?),
+            (9, _) => {
+                BoardSetting::ModuleDip { port: up_to(value >> 8, u8::MAX)?, dip: up_to(value & 0xFF, 31)? }
+            }
             _ => return None,
         })
     }

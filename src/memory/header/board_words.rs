@@ -1,7 +1,7 @@
 //! Boards in words, as command line and scenarios have them.
 
 use super::{BoardSetting, BoardState, Power, ProgramState, Project, RunSwitch, Start};
-use crate::layout::{RegType, split_plc, value};
+use crate::layout::{Device, LayoutError, RegType, split_plc, value};
 
 /// Why a text is no [`BoardSetting`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -13,13 +13,33 @@ pub struct BoardWordError {
     pub right: String,
 }
 
-impl BoardSetting {
+/// A [`BoardSetting`] in words, of a PLC that is still to be found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardWord<'a> {
+    /// As given.
+    pub text: &'a str,
+    /// The PLC, if one is named.
+    pub plc: Option<&'a str>,
+    what: What<'a>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum What<'a> {
+    Setting(BoardSetting),
+    /// DIP switches of the module in a port.
+    ModuleDip {
+        port: &'a str,
+        dip: u8,
+    },
+}
+
+impl<'a> BoardWord<'a> {
     /// PLC and setting of `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off),
-    /// start (cold, warm, hot, stop), project (none, boot, sent).
+    /// start (cold, warm, hot, stop), project (none, boot, sent); `maxx:slotH.dip=7` for the DIP switches of a module.
     ///
     /// # Errors
     /// There is no such setting, or it cannot be that.
-    pub fn parse(text: &str) -> Result<(Option<&str>, Self), BoardWordError> {
+    pub fn parse(text: &'a str) -> Result<Self, BoardWordError> {
         let wrong = |right: &str| BoardWordError { text: text.to_owned(), right: right.to_owned() };
         let (place, value) =
             text.split_once('=').ok_or_else(|| wrong("write NAME=VALUE, for example dip=5"))?;
@@ -29,6 +49,12 @@ impl BoardSetting {
             let right = format!("{name} is a number from 0 to {limit}");
             number.filter(|number| *number <= limit).ok_or_else(|| wrong(&right))
         };
+        if let Some((port, name)) = name.split_once('.') {
+            return match name {
+                "dip" => Ok(Self { text, plc, what: What::ModuleDip { port, dip: number(31)? } }),
+                _ => Err(wrong("of a module there is dip, its DIP switches")),
+            };
+        }
         let setting = match (name, value) {
             ("dip", _) => BoardSetting::Dip(number(31)?),
             ("leds", _) => BoardSetting::Leds(number(15)?),
@@ -52,7 +78,44 @@ impl BoardSetting {
             }
             _ => return Err(wrong("there are dip, leds, switch, power, start and project")),
         };
-        Ok((plc, setting))
+        Ok(Self { text, plc, what: What::Setting(setting) })
+    }
+
+    /// This setting of a PLC; `text` is what it stands for in messages.
+    pub fn of(text: &'a str, plc: Option<&'a str>, setting: BoardSetting) -> Self {
+        Self { text, plc, what: What::Setting(setting) }
+    }
+
+    /// The setting, at a PLC that is such a device.
+    ///
+    /// # Errors
+    /// The device has no such port.
+    pub fn at(&self, device: &'static Device) -> Result<BoardSetting, BoardWordError> {
+        let wrong =
+            |error: LayoutError| BoardWordError { text: self.text.to_owned(), right: error.to_string() };
+        match self.what {
+            What::Setting(setting) => Ok(setting),
+            What::ModuleDip { port, dip } => {
+                let port = device.port_named(port).map_err(wrong)?.number;
+                Ok(BoardSetting::ModuleDip { port, dip })
+            }
+        }
+    }
+}
+
+impl BoardSetting {
+    /// The word for it in [`BoardWord::parse`].
+    pub fn name(self) -> &'static str {
+        match self {
+            BoardSetting::Dip(_) | BoardSetting::ModuleDip { .. } => "dip",
+            BoardSetting::Leds(_) => "leds",
+            BoardSetting::Switch(_) => "switch",
+            BoardSetting::Power(_) => "power",
+            BoardSetting::Start(_) => "start",
+            BoardSetting::Project(_) => "project",
+            BoardSetting::Reset => "reset",
+            BoardSetting::PowerCycle => "power-cycle",
+        }
     }
 }
 
@@ -115,19 +178,30 @@ fn named(name: Option<impl core::fmt::Debug>, code: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
 
     #[test]
     fn settings_are_named() {
-        let parse = BoardSetting::parse;
-        assert_eq!(parse("dip=31").unwrap(), (None, BoardSetting::Dip(31)));
-        assert_eq!(parse("line2:leds=2#1010").unwrap(), (Some("line2"), BoardSetting::Leds(10)));
-        assert_eq!(parse("switch=reset").unwrap().1, BoardSetting::Switch(RunSwitch::Reset));
-        assert_eq!(parse("start=hot").unwrap().1, BoardSetting::Start(Start::Hot));
-        assert_eq!(parse("project=sent").unwrap().1, BoardSetting::Project(Project::Sent));
-        let message = |text| parse(text).err().unwrap().to_string();
+        let parse = |text| BoardWord::parse(text).unwrap();
+        let setting = |text| parse(text).at(&SLOTS).unwrap();
+        assert_eq!((parse("dip=31").plc, setting("dip=31")), (None, BoardSetting::Dip(31)));
+        assert_eq!(parse("line2:leds=2#1010").plc, Some("line2"));
+        assert_eq!(setting("line2:leds=2#1010"), BoardSetting::Leds(10));
+        assert_eq!(setting("switch=reset"), BoardSetting::Switch(RunSwitch::Reset));
+        assert_eq!(setting("start=hot"), BoardSetting::Start(Start::Hot));
+        assert_eq!(setting("project=sent"), BoardSetting::Project(Project::Sent));
+        assert_eq!(parse("maxx:slotH.dip=7").plc, Some("maxx"));
+        assert_eq!(setting("maxx:slotH.dip=7"), BoardSetting::ModuleDip { port: 2, dip: 7 });
+        let message = |text| {
+            let setting = BoardWord::parse(text).and_then(|word| word.at(&SLOTS));
+            setting.err().unwrap().to_string()
+        };
         assert_eq!(message("dip=32"), "`dip=32`: dip is a number from 0 to 31");
         assert_eq!(message("dip"), "`dip`: write NAME=VALUE, for example dip=5");
         assert!(message("switch=off").contains("run, stop, reset"));
+        assert_eq!(message("slotH.dip=32"), "`slotH.dip=32`: dip is a number from 0 to 31");
+        assert!(message("slotH.leds=1").contains("of a module there is dip"));
+        assert!(message("slotI.dip=1").contains("unknown port `slotI`; the ports are slotG, slotH"));
         assert!(message("display=8").contains("there are dip, leds"));
     }
 

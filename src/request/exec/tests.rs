@@ -2,7 +2,7 @@ use super::*;
 use crate::devices;
 use crate::devices::omega_drive_line_2::registers::DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
-use crate::layout::Place;
+use crate::layout::{Fitted, Place};
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use core::num::NonZeroU16;
@@ -23,7 +23,7 @@ fn wait(mask: u32, value: u32, within_us: u64) -> Op {
 
 /// Writes a register of PLC 0 by its name.
 fn set(name: &str, value: u32) -> Op {
-    let place = Place::parse(&DEVICE, name).unwrap();
+    let place = Place::parse(&Fitted::unknown(&DEVICE), name).unwrap();
     poke(place.offset(), place.width(), value)
 }
 
@@ -31,7 +31,7 @@ fn set(name: &str, value: u32) -> Op {
 fn with_sync() -> TestHost {
     let mut host = TestHost::new(true);
     let status = |value| {
-        let place = Place::parse(&DEVICE, "node2.w_OPTION_STATUS").unwrap();
+        let place = Place::parse(&Fitted::unknown(&DEVICE), "node2.w_OPTION_STATUS").unwrap();
         let (offset, width) = (place.offset(), place.width());
         Op::Wait { plc: 0, offset, width, mask: 0xFFFF, value, within_us: 10_000 }
     };
@@ -342,10 +342,20 @@ fn findings_are_told_and_cleared() {
 
 #[test]
 fn a_start_without_a_program_is_refused_by_name() {
-    use crate::memory::header::BoardSetting;
-    let (_, setting) = BoardSetting::parse("start=cold").unwrap();
+    use crate::memory::header::{BoardSetting, Start};
+    let setting = BoardSetting::Start(Start::Cold);
     let mut host = TestHost::new(true);
     let (code, text) = host.refusal(Op::SetBoard { plc: 1, setting });
     assert_eq!(code, Code::START_REFUSED);
     assert!(text.starts_with("PLC 'saw': a start or stop needs a loaded program"), "{text}");
+}
+
+#[test]
+fn a_switch_that_is_not_there_is_refused_by_name() {
+    use crate::memory::header::BoardSetting;
+    let mut host = TestHost::new(true);
+    let setting = BoardSetting::ModuleDip { port: 2, dip: 7 };
+    let (code, text) = host.refusal(Op::SetBoard { plc: 1, setting });
+    assert_eq!(code, Code::NO_SUCH_SWITCH);
+    assert_eq!(text, "PLC 'saw': there is no module with DIP switches in node2");
 }

@@ -1,7 +1,9 @@
 //! The boards of the PLCs: switches, supply, what they show, their events.
 
 use super::Bench;
-use crate::memory::header::{BoardSetting, BoardState, InitialFlagResult};
+use crate::devices;
+use crate::devices::ModuleFront;
+use crate::memory::header::{BoardSetting, BoardState, BoardWord, InitialFlagResult};
 use crate::script::{ScenarioError, Value};
 
 /// How long a board may take to answer a request, in microseconds of emulated time.
@@ -17,15 +19,27 @@ impl Bench {
         self.board_of(plc)
     }
 
-    /// Turns switches, in the words of `commram board set`: `dip=5 switch=stop`, `line2:power=off`, `start=cold`. All
-    /// at the present emulated time, one after the other.
+    /// What the modules of a modular PLC show and how their switches stand, by the names of their ports; `None`
+    /// if it is not modular. `""` is the only PLC.
+    ///
+    /// # Errors
+    /// There is no such PLC.
+    pub fn modules(&mut self, plc: &str) -> Result<Option<Vec<(&'static str, ModuleFront)>>, ScenarioError> {
+        let plc = self.only_plc(plc)?;
+        let ram = self.ram_of(plc)?;
+        Ok(devices::modules(ram.header(), self.names.device(plc)))
+    }
+
+    /// Turns switches, in the words of `commram board set`: `dip=5 switch=stop`, `line2:power=off`, `start=cold`,
+    /// `maxx:slotH.dip=7`. All at the present emulated time, one after the other.
     ///
     /// # Errors
     /// There is no such PLC or setting, or it cannot be that; then none is made.
     pub fn set_board(&mut self, words: &str) -> Result<(), ScenarioError> {
         let setting = |word| {
-            let (plc, setting) = BoardSetting::parse(word)?;
-            Ok((self.plc(plc, word)?, setting))
+            let word = BoardWord::parse(word)?;
+            let plc = self.plc(word.plc, word.text)?;
+            Ok((plc, word.at(self.names.device(plc))?))
         };
         let settings = words.split_whitespace().map(setting).collect::<Result<Vec<_>, ScenarioError>>()?;
         if settings.is_empty() {

@@ -1,7 +1,7 @@
 //! Copies of register areas, and what has changed since.
 
 use super::Bench;
-use crate::layout::place::{is_live, live_by, status_of, without_twins};
+use crate::layout::place::{live_by, status_of, without_twins};
 use crate::layout::{Area, Device, Live, RegisterRef, split_plc};
 use crate::request::Op;
 use crate::script::ScenarioError;
@@ -75,9 +75,8 @@ impl Bench {
     pub fn changes(&mut self, since: &MemoryCopy) -> Result<Vec<Change>, ScenarioError> {
         let now = self.copy(since.plc, since.area)?;
         let (live, prefix) = (now.live(), self.prefix(since.plc));
-        let registers = since.area.structures.iter().flat_map(|placed| since.area.registers_of(placed));
-        let changed = registers.filter(|register| since.value(register) != now.value(register));
-        let live_ones = changed.filter(|register| is_live(register, live)).collect();
+        let live_ones = self.names.fitted(since.plc).registers_in(since.area, live);
+        let changed = live_ones.filter(|register| since.value(register) != now.value(register)).collect();
         let change = |register: RegisterRef| {
             let [before, after] = [since, &now].map(|copy| copy.value(&register));
             let [was, is] = [before, after]
@@ -91,7 +90,7 @@ impl Bench {
             }
         };
         let mut changes: Vec<_> =
-            without_twins(live_ones).into_iter().map(|r| (r.offset(), change(r))).collect();
+            without_twins(changed).into_iter().map(|r| (r.offset(), change(r))).collect();
         changes.sort_by_key(|(offset, _)| *offset);
         Ok(changes.into_iter().map(|(_, change)| change).collect())
     }

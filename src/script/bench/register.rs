@@ -71,7 +71,7 @@ impl Bench {
     pub(super) fn register(&self, text: &str) -> Result<Register, ScenarioError> {
         let (plc, name) = split_plc(text);
         let plc = self.plc(plc, name)?;
-        let place = Place::parse(self.names.device(plc), text)?;
+        let place = Place::parse(&self.names.fitted(plc), text)?;
         let spot = Spot::new(plc, place.address());
         Ok(Register { place, spot, prefix: self.prefix(plc) })
     }

@@ -16,13 +16,13 @@ impl Bench {
     }
 
     /// Lets the time pass up to the next SYNC on the bus of a port, for example `node2`, with the PLC in front where
-    /// there are several; without a name of the device's first port that can be a master.
+    /// there are several; without a name of the device's first master.
     ///
     /// # Errors
     /// There is no such port, or nobody sends SYNC.
     pub fn step_to_sync(&mut self, port: &str) -> Result<(), ScenarioError> {
         let (plc, name) = split_plc(port);
-        let first = || self.names.device(0).first_master().map_or("", |port| port.name);
+        let first = || self.names.fitted(0).first_master().map_or("", |port| port.name);
         let name = if name.is_empty() { first() } else { name };
         let plc = self.plc(plc, name)?;
         let node = self.names.device(plc).port_named(name)?.number;

@@ -2,15 +2,15 @@
 
 use super::arguments::{number, value};
 use super::{Verbs, int};
-use crate::memory::header::{BoardState, BoardWords};
+use crate::devices::{Led, ModuleFront, Switch};
+use crate::memory::header::BoardWords;
+use crate::script::{Bench, ScenarioError};
 use rhai::{Dynamic, INT, Map};
 
 impl Verbs {
     pub(super) fn board(&mut self) {
-        self.on("board", |stage| move || stage.act(|bench| bench.board("").map(|board| board_map(&board))));
-        self.on("board", |stage| {
-            move |plc: &str| stage.act(|bench| bench.board(plc).map(|board| board_map(&board)))
-        });
+        self.on("board", |stage| move || stage.act(|bench| board_map(bench, "")));
+        self.on("board", |stage| move |plc: &str| stage.act(|bench| board_map(bench, plc)));
         self.on("set_board", |stage| move |words: &str| stage.act(|bench| bench.set_board(words)));
         self.on("reset", |stage| move || stage.act(|bench| bench.reset("")));
         self.on("reset", |stage| move |plc: &str| stage.act(|bench| bench.reset(plc)));
@@ -40,8 +40,10 @@ impl Verbs {
     }
 }
 
-/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}`
-fn board_map(state: &BoardState) -> Map {
+/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}`, and `modules` if the PLC
+/// is modular.
+fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
+    let state = bench.board(plc)?;
     let words = state.words();
     let BoardWords { display, switch, power, program, start, project, .. } = words;
     let numbers = [
@@ -61,5 +63,31 @@ fn board_map(state: &BoardState) -> Map {
     ];
     let numbers = numbers.map(|(name, number)| (name.into(), int(number.into()).into()));
     let texts = texts.map(|(name, text)| (name.into(), text.into()));
-    Map::from_iter(numbers.into_iter().chain(texts))
+    let mut map = Map::from_iter(numbers.into_iter().chain(texts));
+    if let Some(modules) = bench.modules(plc)? {
+        let modules = modules.into_iter().map(|(port, front)| (port.into(), module_map(front).into()));
+        map.insert("modules".into(), Map::from_iter(modules).into());
+    }
+    Ok(map)
+}
+
+/// `#{kind, leds: #{H1: "on", H2: 1 ...}}`, and its switches.
+fn module_map(front: ModuleFront) -> Map {
+    let leds = front.leds.into_iter().map(|(name, led)| {
+        let shown = match led {
+            Led::Off => "off".into(),
+            Led::On => "on".into(),
+            Led::Flashes(count) => int(count.into()).into(),
+        };
+        (name.into(), shown)
+    });
+    let switches = front.switches.into_iter().map(|(name, switch)| {
+        let stands = match switch {
+            Switch::Number(number) => int(number.into()).into(),
+            Switch::Is(on) => on.into(),
+        };
+        (name.into(), stands)
+    });
+    let kind = [("kind".into(), front.kind.into()), ("leds".into(), Map::from_iter(leds).into())];
+    Map::from_iter(kind.into_iter().chain(switches))
 }

@@ -1,0 +1,125 @@
+//! The way to a living instance.
+
+use super::*;
+use crate::channel::client::Patience;
+use crate::channel::{Client, ClientError, HeaderBells};
+use crate::journal::Names;
+use crate::memory::names::channel_root;
+use crate::memory::{MemoryError, State};
+use crate::request::{Op, Reply, WrongReply};
+use std::time::{Duration, Instant};
+
+/// How long a command waits for an emulator that is just starting.
+const STARTING: Duration = Duration::from_secs(2);
+
+impl Session {
+    /// Opens a living instance. `waits_us` is how much emulated time the request to come may wait.
+    ///
+    /// # Errors
+    /// Nothing of that name lives, or the channel cannot be had.
+    pub(crate) fn open(instance: &str, waits_us: u64) -> Result<Self, CliError> {
+        let images = images_of(instance)?;
+        match dead(&images) {
+            Some(pid) => Err(CliError::Dead { instance: instance.to_owned(), pid }),
+            None => Self::connect(instance, &images, waits_us),
+        }
+    }
+
+    pub(super) fn connect(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
+        let attached = attach_live(instance, images)?;
+        let slowed = slowdown(&attached);
+        let reply = Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed));
+        let patience = Patience { reply, ..Patience::default() };
+        let bells = Box::new(HeaderBells::of_client(attached)?);
+        let client = Client::connect(instance, &channel_root(instance)?, bells, patience)?;
+        let Names { plcs, devices: fitted, .. } = client.info()?.names;
+        Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Door::Channel(client) })
+    }
+
+    /// The bare connection.
+    ///
+    /// # Errors
+    /// There is none.
+    pub(crate) fn into_client(self) -> Result<Client, CliError> {
+        match self.door {
+            Door::Channel(client) => Ok(client),
+            Door::Images(_) => Err(no_channel(&self.instance)),
+        }
+    }
+
+    /// Sends the operations as one request. All of them were done if there is no error.
+    ///
+    /// # Errors
+    /// The first operation that was refused, or no reply.
+    pub(crate) fn request(&self, ops: &[Op]) -> Result<Vec<Reply>, CliError> {
+        let Door::Channel(client) = &self.door else {
+            return Err(no_channel(&self.instance));
+        };
+        let replies = client.request(ops)?;
+        match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
+            Some(Reply::Error(refused)) => Err(ClientError::Refused(refused.clone()).into()),
+            _ => Ok(replies),
+        }
+    }
+
+    /// Sends an operation as a request of its own.
+    ///
+    /// # Errors
+    /// It was refused, or no reply.
+    pub(crate) fn ask(&self, op: Op) -> Result<Reply, CliError> {
+        Ok(self.request(&[op])?.pop().ok_or(WrongReply)?)
+    }
+
+    pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {
+        let ops: Vec<_> = (0..self.plcs.len()).map(|plc| Op::Board { plc: plc as u16 }).collect();
+        self.request(&ops)?.into_iter().map(|reply| Ok(reply.board()?)).collect()
+    }
+
+    pub(super) fn read_by_channel(&self, reads: &[Read]) -> Result<Snapshot, CliError> {
+        let op = |read: &Read| match *read {
+            Read::Register { plc, offset, width } => Op::Peek { plc, offset, width },
+            Read::Block { plc, offset, len } => Op::ReadRange { plc, offset, len },
+        };
+        let ops: Vec<_> = [Op::Info, Op::Forces].into_iter().chain(reads.iter().map(op)).collect();
+        let (mut time_us, mut forces) = (0, Vec::new());
+        let mut data = Vec::with_capacity(reads.len());
+        for reply in self.request(&ops)? {
+            match reply {
+                Reply::Info(info) => time_us = info.time_us,
+                Reply::Forces(forced) => forces = forced,
+                Reply::Value(value) => data.push(value.to_le_bytes().to_vec()),
+                Reply::Bytes(bytes) => data.push(bytes),
+                _ => return Err(WrongReply.into()),
+            }
+        }
+        Ok(Snapshot { time_us, data, forces })
+    }
+}
+
+/// Attaches to the first image, waiting for an emulator that is just starting.
+fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliError> {
+    let Some(image) = images.iter().find(|image| is_alive(image)) else {
+        return Err(no_channel(instance));
+    };
+    let start = Instant::now();
+    loop {
+        match devices::attach(instance, &image.plc, AttachMode::ReadWrite) {
+            Err(MemoryError::NotReady { state: Some(State::Starting), .. }) if start.elapsed() < STARTING => {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            other => return Ok(other?.0),
+        }
+    }
+}
+
+fn no_channel(instance: &str) -> CliError {
+    CliError::NotRunning { instance: instance.to_owned(), running: String::new() }
+}
+
+/// Real time per emulated time.
+fn slowdown(attached: &Attached) -> f64 {
+    match attached.header_snapshot().speed.load() {
+        0 => 1.0,
+        permille => 1_000.0 / f64::from(permille),
+    }
+}

@@ -1,0 +1,53 @@
+//! The modules of a modular device, as one sees them at their fronts.
+
+use super::of_hash;
+use crate::layout::{Device as Layout, Fit, Role};
+use crate::memory::Header;
+
+/// What a LED shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Led {
+    /// Dark.
+    #[default]
+    Off,
+    /// Lit.
+    On,
+    /// Flashes: so many times, then a pause.
+    Flashes(u8),
+}
+
+/// How a switch of a module stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Switch {
+    /// Several switches that make a number.
+    Number(u8),
+    /// One that is ON (`true`) or OFF.
+    Is(bool),
+}
+
+/// The front of a module.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ModuleFront {
+    /// What it is, as plant files call it.
+    pub kind: &'static str,
+    /// Its switches, by the names that they have in plant files.
+    pub switches: Vec<(&'static str, Switch)>,
+    /// Its LEDs, by the names that the manual gives them.
+    pub leds: Vec<(&'static str, Led)>,
+}
+
+/// Tells what the module of a port is and shows: from its role, its DIP switches and its LEDs as they stand in the header
+/// page ([`PortEntry`](crate::memory::header::PortEntry)).
+pub type ReadModule = fn(Role, u32, u32) -> ModuleFront;
+
+/// The modules of a device by the names of their ports, in the order of these; `None` if it is not modular.
+pub fn modules(header: &Header, device: &'static Layout) -> Option<Vec<(&'static str, ModuleFront)>> {
+    let read = of_hash(device.layout_hash)?.module?;
+    let fitted = header.fitted(device);
+    let ports = device.ports.iter().zip(&header.ports);
+    let modules = ports.filter_map(|(port, entry)| match fitted.port(port.number) {
+        Fit::As(role) => Some((port.name, read(role, entry.dip.load(), entry.leds.load()))),
+        Fit::Empty | Fit::Unknown => None,
+    });
+    Some(modules.collect())
+}
