@@ -1,4 +1,5 @@
-//! commram: the communication RAM of Baumüller's Omega Drive-Line II, emulated register by register.
+//! commram: the communication RAM of drive and fieldbus controllers, emulated register by register: Baumüller's Omega
+//! Drive-Line II and b maXX PLC with CANsync modules.
 //!
 //! The RAM is PLC segment 3: byte n is `%MB3.n`. It lies on the heap or in an image file in shared memory,
 //! and firmware, bus and drives run behind it, driven by one deterministic function,

@@ -39,7 +39,7 @@ use clap::{Args, ColorChoice, Parser, Subcommand};
 use error::CliError;
 use std::process::ExitCode;
 
-/// Emulates the communication RAM of Baumüller's Omega Drive-Line II, register by register.
+/// Emulates the communication RAM of drive and fieldbus controllers, register by register.
 ///
 /// An emulator is an instance with a name. `commram run` starts one; the other commands talk to it. The RAM
 /// of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC, in which byte n is %MB3.n.
@@ -56,6 +56,7 @@ Registers:
   'node2.a_RD_BMARRAY[3][0]'   an element of an array; the quotes are for the shell
   %MW3.200000                  by address: %MB3, %MW3, %MD3, %MX3 (one bit)
   line2:node2.w_CPU_CONTROL    with the PLC, where the instance has several
+  maxx:slotG.w_CPU_CONTROL     of a module in a slot of a modular PLC
 
 Exit codes:
   0  done

@@ -120,10 +120,10 @@ impl<F: Firmware> Device for Plain<F> {
         &self.header
     }
 
-    fn turn(&self, setting: BoardSetting) {
-        if let BoardSetting::Power(power) = setting {
-            self.header.program.power.store(power.code());
-        }
+    fn turn(&self, setting: BoardSetting) -> bool {
+        let BoardSetting::Power(power) = setting else { return false };
+        self.header.program.power.store(power.code());
+        true
     }
 
     fn set_power(&mut self, power: Power) -> Look {

@@ -84,12 +84,12 @@ pub enum Op {
         /// How long, in microseconds, at most [`MAX_ADVANCE_US`].
         us: u64,
     },
-    /// Lets the time pass up to the next SYNC of a CANsync node's bus; stepped mode only. Answered by
+    /// Lets the time pass up to the next SYNC of the medium at a port; stepped mode only. Answered by
     /// [`Reply::Time`](super::Reply::Time).
     AdvanceToSync {
         /// Number of the PLC.
         plc: u16,
-        /// CANsync node (interface) of that PLC.
+        /// Number of the port of that PLC.
         node: u8,
     },
     /// Lets the time pass up to the next moment at which the emulator has something to do; stepped mode only. What is
