@@ -3,6 +3,7 @@
 use super::{bm4_o_can_06, fault_kinds, omega_drive_line_2};
 use crate::fault::{Draft, Fault, FaultError, FaultSpec, Given, Kind, Place, Refusal, Target};
 use crate::journal::Names;
+use crate::layout::Fitted;
 
 fn names() -> Names {
     let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
@@ -10,7 +11,7 @@ fn names() -> Names {
     Names {
         plcs: list(&["line", "saw", "maxx"]),
         buses: list(&["drives", "upper"]),
-        devices: vec![omega, omega, &bm4_o_can_06::registers::DEVICE],
+        devices: [omega, omega, &bm4_o_can_06::registers::DEVICE].map(Fitted::unknown).to_vec(),
     }
 }
 
