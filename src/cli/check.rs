@@ -103,7 +103,7 @@ struct FindingRow {
 impl FindingRow {
     fn new(entry: &Entry, checked: &Checked) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
-        let (plcs, fitted) = (&checked.names.plcs, &checked.names.fitted(last.plc));
+        let (plcs, fitted) = (&checked.names.plcs, checked.names.fitted(last.plc));
         let plc = plcs.get(usize::from(last.plc)).cloned().unwrap_or_default();
         let prefix = plc_prefix(plcs, last.plc);
         FindingRow {

@@ -65,7 +65,7 @@ impl Told for Found {
 
     fn text(&self, reader: &mut Reader) -> String {
         let Some(finding) = self.finding(reader.catalogue) else { return String::new() };
-        let (fitted, rule) = (&reader.names.fitted(self.plc), finding.rule);
+        let (fitted, rule) = (reader.names.fitted(self.plc), finding.rule);
         let name = finding.name(fitted).unwrap_or_default();
         let late = if self.late_us > 0 { format!(", {} us late", self.late_us) } else { String::new() };
         let (severity, address, value) =
@@ -75,7 +75,7 @@ impl Told for Found {
 
     fn fields(&self, reader: &mut Reader) -> Fields {
         let Some(finding) = self.finding(reader.catalogue) else { return Fields::new() };
-        let (fitted, rule) = (&reader.names.fitted(self.plc), finding.rule);
+        let (fitted, rule) = (reader.names.fitted(self.plc), finding.rule);
         Fields::new()
             .with("rule", rule.id())
             .with("severity", rule.severity().name())
@@ -90,7 +90,8 @@ impl Told for Found {
 impl Finding {
     /// The register; `None` in the header page and where there is none.
     #[must_use]
-    pub fn register(&self, fitted: &Fitted) -> Option<RegisterRef> {
+    pub fn register(&self, fitted: impl Into<Fitted>) -> Option<RegisterRef> {
+        let fitted = fitted.into();
         let found =
             fitted.registers_at(fitted.device().at(Width::Byte, self.offset), Some(self.live)).ok()?;
         found.into_iter().find(|register| register.offset() == self.offset)
@@ -98,7 +99,7 @@ impl Finding {
 
     /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`.
     #[must_use]
-    pub fn name(&self, fitted: &Fitted) -> Option<String> {
+    pub fn name(&self, fitted: impl Into<Fitted>) -> Option<String> {
         match self.register(fitted) {
             Some(register) => Some(register.name()),
             None if self.is_in_header() => {
@@ -110,14 +111,15 @@ impl Finding {
 
     /// Address at the register's own width: `%MW3.200002`.
     #[must_use]
-    pub fn address(&self, fitted: &Fitted) -> Address {
+    pub fn address(&self, fitted: impl Into<Fitted>) -> Address {
+        let fitted = fitted.into();
         let byte = || fitted.device().at(Width::Byte, self.offset);
         self.register(fitted).map_or_else(byte, |register| register.address())
     }
 
     /// The value as the register writes it: `16#0043`.
     #[must_use]
-    pub fn value_text(&self, fitted: &Fitted) -> String {
+    pub fn value_text(&self, fitted: impl Into<Fitted>) -> String {
         let plain = if self.is_in_header() { RegType::Dword } else { RegType::Byte };
         format_value(self.register(fitted).map_or(plain, |register| register.ty()), self.value)
     }

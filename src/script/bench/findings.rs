@@ -52,7 +52,7 @@ impl Bench {
 
     /// The register of a finding, with the PLC in front if there are several; its address if it has no name.
     pub(in crate::script) fn finding_place(&self, entry: &Entry) -> String {
-        let fitted = &self.names.fitted(entry.last.plc);
+        let fitted = self.names.fitted(entry.last.plc);
         let name = entry.last.name(fitted).unwrap_or_else(|| entry.last.address(fitted).to_string());
         format!("{}{name}", self.prefix(entry.last.plc))
     }
@@ -60,7 +60,7 @@ impl Bench {
     /// `error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 2 times since 0.001000 s: ...`
     fn finding_text(&self, entry: &Entry) -> String {
         let Entry { last, count, first_us, .. } = entry;
-        let fitted = &self.names.fitted(last.plc);
+        let fitted = self.names.fitted(last.plc);
         format!(
             "{}: {}: {} ({}) := {}, {count} times since {}: {}",
             last.rule.severity(),
