@@ -48,13 +48,6 @@ pub struct Fitted {
     ports: [Fit; MOST_PORTS],
 }
 
-/// With nothing known but what its layout leaves no choice in.
-impl From<&'static Device> for Fitted {
-    fn from(device: &'static Device) -> Self {
-        Self::unknown(device)
-    }
-}
-
 impl Fitted {
     /// The device with nothing known but what its layout leaves no choice in.
     #[must_use]
