@@ -4,8 +4,7 @@
 use super::config::{Bm4Config, ModuleConfig, ModuleKind};
 use super::front::{self, Front};
 use super::leds::{Leds, Seen};
-use super::module::DIP_MASK;
-use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE};
+use super::registers::{BAUD_RATES, CANsync_PLC_INIT_BMSTRUCT, DEVICE, DIP_LAST};
 use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::firmware::{Seat, note_restarts};
 use crate::devices::cansync::medium::{Socket, SocketRole};
