@@ -199,7 +199,7 @@ mod tests {
         assert_eq!(message("dip=32"), "`dip=32`: dip is a number from 0 to 31");
         assert_eq!(message("dip"), "`dip`: write NAME=VALUE, for example dip=5");
         assert!(message("switch=off").contains("run, stop, reset"));
-        assert_eq!(message("slotH.dip=32"), "`slotH.dip=32`: dip is a number from 0 to 31");
+        assert_eq!(message("slotH.dip=32"), "`slotH.dip=32`: slotH.dip is a number from 0 to 31");
         assert!(message("slotH.leds=1").contains("of a module there is dip"));
         assert!(message("slotI.dip=1").contains("unknown port `slotI`; the ports are slotG, slotH"));
         assert!(message("display=8").contains("there are dip, leds"));
