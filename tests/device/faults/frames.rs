@@ -128,15 +128,20 @@ fn a_slave_whose_status_answer_is_lost_does_not_respond() {
 
 #[test]
 fn a_delayed_reference_frame_and_its_answer_come_late() {
-    let mut rig = running(Memory::Heap);
-    let edge = rig.plant.now();
-    add(&mut rig, "kind = 'delay_frame'\nslot = 'WRC1'\ndelay_us = 600\ncount = 1");
-    rig.send_wrc1();
-    let ends: Vec<u64> =
-        rig.frames().iter().filter(|(time, _)| *time > edge).map(|(time, _)| time - edge).collect();
-    let [wrc1, rdc1] = ends[..] else { panic!("{ends:?}") };
-    assert!((1330 + 100..1330 + 260).contains(&wrc1), "{wrc1}");
-    assert!(rdc1 > wrc1 && rdc1 < wrc1 + 260, "answered at once, its slot is over: {rdc1}");
+    for rate in FASTEST {
+        let mut rig = running_at(Memory::Heap, rate);
+        // Behind the slot of the answer; a frame has 50 to 130 bits.
+        let (slot, delay) = (u64::from(rate.timing.t_WRC1), rate.interval_us * 3 / 10);
+        let bits = |bits: u64| bits * 1000 / u64::from(rate.kbit_s);
+        let edge = rig.plant.now();
+        add(&mut rig, &format!("kind = 'delay_frame'\nslot = 'WRC1'\ndelay_us = {delay}\ncount = 1"));
+        rig.send_wrc1();
+        let ends: Vec<u64> =
+            rig.frames().iter().filter(|(time, _)| *time > edge).map(|(time, _)| time - edge).collect();
+        let [wrc1, rdc1] = ends[..] else { panic!("{ends:?}") };
+        assert!((slot + delay + bits(50)..slot + delay + bits(130)).contains(&wrc1), "{wrc1}");
+        assert!(rdc1 > wrc1 && rdc1 < wrc1 + bits(130), "answered at once, its slot is over: {rdc1}");
+    }
 }
 
 /// A delay over the SYNC edge: the frame belongs to the next interval.

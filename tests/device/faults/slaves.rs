@@ -5,31 +5,34 @@ use crate::rig::{BOTH, FASTEST, Memory};
 
 #[test]
 fn a_drive_without_power_is_silent_and_comes_back_as_new() {
-    for memory in BOTH {
-        let mut rig = running(memory);
-        enter_parameter(&rig, DRIVE, 0x05, 1000, 321);
-        intervals(&mut rig, 2);
-        assert_eq!(parameter(&rig, DRIVE).0, 0x04);
-        let off = add(&mut rig, &format!("kind = 'slave_off'\nslave = {DRIVE}\nduration_us = 10000"));
-        rig.master.a_STATREG_RDC[DRIVE].b_STATREG_RDC1.store(0xFF);
-        rig.send_wrc1();
-        assert_eq!(rig.master.a_STATREG_RDC[DRIVE].b_STATREG_RDC1.load(), 0xFF, "no actual values");
-        enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
-        intervals(&mut rig, 3);
-        assert_eq!(parameter(&rig, DRIVE), (0x0B, 0), "no answer");
-        rig.step(6_000);
-        assert_eq!(parameter(&rig, DRIVE), (0x02, 100), "the value of power-on");
-        assert!(
-            !rig.plant.drives().next().unwrap().is_synchronized(),
-            "SYNC mode: on is sent in set-up mode only"
-        );
-        assert_eq!(
-            news(&rig).iter().map(|n| (n.1, n.2)).collect::<Vec<_>>(),
-            [(off, News::Added), (off, News::Over)]
-        );
-        rig.master.w_CPU_CONTROL.store(0x0020);
-        rig.step(60_000);
-        assert_eq!(rig.master.a_STAT_SL[DRIVE].load(), 0x03);
+    for rate in FASTEST {
+        for memory in BOTH {
+            let mut rig = running_at(memory, rate);
+            enter_parameter(&rig, DRIVE, 0x05, 1000, 321);
+            intervals(&mut rig, 2);
+            assert_eq!(parameter(&rig, DRIVE).0, 0x04);
+            let us = 5 * rate.interval_us;
+            let off = add(&mut rig, &format!("kind = 'slave_off'\nslave = {DRIVE}\nduration_us = {us}"));
+            rig.master.a_STATREG_RDC[DRIVE].b_STATREG_RDC1.store(0xFF);
+            rig.send_wrc1();
+            assert_eq!(rig.master.a_STATREG_RDC[DRIVE].b_STATREG_RDC1.load(), 0xFF, "no actual values");
+            enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
+            intervals(&mut rig, 3);
+            assert_eq!(parameter(&rig, DRIVE), (0x0B, 0), "no answer");
+            intervals(&mut rig, 3);
+            assert_eq!(parameter(&rig, DRIVE), (0x02, 100), "the value of power-on");
+            assert!(
+                !rig.plant.drives().next().unwrap().is_synchronized(),
+                "SYNC mode: on is sent in set-up mode only"
+            );
+            assert_eq!(
+                news(&rig).iter().map(|n| (n.1, n.2)).collect::<Vec<_>>(),
+                [(off, News::Added), (off, News::Over)]
+            );
+            rig.master.w_CPU_CONTROL.store(0x0020);
+            rig.step(60_000);
+            assert_eq!(rig.master.a_STAT_SL[DRIVE].load(), 0x03);
+        }
     }
 }
 
