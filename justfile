@@ -24,6 +24,7 @@ scenarios:
 # What a user can read of the register map, made anew.
 registers:
     cargo run --quiet -- export md --output docs/registers.md
+    cargo run --quiet -- export md --device bm4-plc --output docs/registers-bm4-plc.md
 
 # All benchmarks; docs/performance.md tells what they measure.
 bench:

@@ -5,7 +5,7 @@ use super::members::{self, Group, Member};
 use super::rows;
 use super::scope::Scope;
 use super::text;
-use crate::layout::{Area, BitField, Meaning, Owner, Placed, Register, ValueMeaning};
+use crate::layout::{Area, BitField, Meaning, Owner, Placed, Register, Role, ValueMeaning};
 use std::fmt::Write;
 
 pub(crate) fn generate(scope: &Scope) -> String {
@@ -35,27 +35,48 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out
 }
 
-/// Structures that overlay each other stand in maps of their own: one for each phase.
+/// Structures that overlay each other stand in maps of their own: one for each phase, and for each role that ports can
+/// have where the role decides what lies there.
 fn maps(out: &mut String, scope: &Scope) {
-    let name = scope.device.name.replace('-', "_");
-    for phase in ["init", "cyclic"] {
-        let _ = writeln!(
-            out,
-            "\naddrmap {name}_{phase} {{\n    desc = \"Image of the {}, {phase} structures\";\n    \
-             littleendian;\n    addressing = compact;",
-            scope.device.title
-        );
-        for (area, placed) in scope.placed() {
-            let Placed { structure, variable, live, .. } = placed;
-            if [phase, "always"].contains(&rows::live(*live)) {
-                let _ = writeln!(out, "    {} {variable} @ {};", structure.name, area.first);
-            }
+    let mut roles = Vec::new();
+    for role in scope.placed().filter_map(|(_, placed)| placed.role) {
+        if !roles.contains(&Some(role)) {
+            roles.push(Some(role));
         }
-        for area in scope.areas.iter().filter(|area| area.structures.is_empty()) {
-            plain(out, area);
-        }
-        out.push_str("};\n");
     }
+    if roles.is_empty() {
+        roles.push(None);
+    }
+    for phase in ["init", "cyclic"] {
+        for role in &roles {
+            map(out, scope, phase, *role);
+        }
+    }
+}
+
+fn map(out: &mut String, scope: &Scope, phase: &str, role: Option<Role>) {
+    let (mut name, mut of) = (format!("{}_{phase}", scope.device.name.replace('-', "_")), String::new());
+    if let Some(role) = role {
+        let _ = write!(name, "_{role}");
+        let _ = write!(of, " of every {role}");
+    }
+    let _ = writeln!(
+        out,
+        "\naddrmap {name} {{\n    desc = \"Image of the {}, {phase} structures{of}\";\n    \
+         littleendian;\n    addressing = compact;",
+        scope.device.title
+    );
+    for (area, placed) in scope.placed() {
+        let Placed { structure, variable, live, .. } = placed;
+        let is_fitted = placed.role.is_none() || placed.role == role;
+        if is_fitted && [phase, "always"].contains(&rows::live(*live)) {
+            let _ = writeln!(out, "    {} {variable} @ {};", structure.name, area.first);
+        }
+    }
+    for area in scope.areas.iter().filter(|area| area.structures.is_empty()) {
+        plain(out, area);
+    }
+    out.push_str("};\n");
 }
 
 /// An area without registers.

@@ -2,24 +2,48 @@
 
 use super::scope::Scope;
 use crate::layout::{Device, Dim, Placed, Provenance, Register, Space, Structure};
+use std::collections::BTreeSet;
 
 /// What the comment at the head of every exported file says.
-pub(crate) fn banner(scope: &Scope, format: &str) -> [String; 8] {
+pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     let device = scope.device;
+    let mut banner = vec![
+        format!("Registers of the {} (manual {}).", device.title, device.manual),
+        format!("Made by commram {} with `{}`; do not edit.", version(), command(scope, format)),
+        format!("Layout hash 16#{:016X}.", device.layout_hash),
+    ];
+    if !device.undocumented.is_empty() {
+        banner.push("What the manual documents and what not: it does not state".to_owned());
+        banner.push(format!("{}.", device.undocumented));
+    }
+    if let Some(decisions) = names_from(device) {
+        banner
+            .push(format!("Names of areas, and of variables for which it has none, are ours ({decisions})."));
+    }
+    banner.push(
+        "Each fact that it does not state names the decision (D-nn) it follows from; docs/decisions.md"
+            .to_owned(),
+    );
+    banner.push(
+        "gives the reasons. Do not take those facts, above all offsets, for the device's without a check."
+            .to_owned(),
+    );
+    banner
+}
+
+/// The command that makes the export.
+pub(crate) fn command(scope: &Scope, format: &str) -> String {
     let block = match scope.areas.as_slice() {
-        [area] => format!(" --block {}", area.name),
+        [area] if scope.device.areas.len() > 1 => format!(" --block {}", area.name),
         _ => String::new(),
     };
-    [
-        format!("Registers of the {} (manual {}).", device.title, device.manual),
-        format!("Made by commram {} with `commram export {format}{block}`; do not edit.", version()),
-        format!("Layout hash 16#{:016X}.", device.layout_hash),
-        "What the manual documents and what not: it states where the areas begin and what the registers are".to_owned(),
-        "called, but no offsets inside the CANsync structures and nothing of how BAPS and Ethernet diagnosis are".to_owned(),
-        "laid out. Each fact that it does not state names the decision (D-nn) it follows from; docs/decisions.md".to_owned(),
-        "gives the reasons. Do not take those facts, above all offsets, for the device's without a check.".to_owned(),
-        "Names of areas, and of variables for which the manual has none, are ours too (D-220).".to_owned(),
-    ]
+    format!("commram export {format} --device {}{block}", scope.device.name)
+}
+
+/// The decisions that names of areas follow from; `None` if all are the manual's.
+pub(crate) fn names_from(device: &Device) -> Option<String> {
+    let decisions: BTreeSet<_> = device.areas.iter().filter_map(|area| area.name_from.decision()).collect();
+    (!decisions.is_empty()).then(|| decisions.into_iter().collect::<Vec<_>>().join(", "))
 }
 
 /// The addresses of the device and where in the image they lie.

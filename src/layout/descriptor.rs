@@ -22,6 +22,9 @@ pub struct Device {
     pub title: &'static str,
     /// Number of the manual that the pages refer to.
     pub manual: &'static str,
+    /// What the manual does not state, as the end of "it does not state ..."; empty if there is nothing to be said of it
+    /// as a whole.
+    pub undocumented: &'static str,
     /// Hash over everything that affects addresses or widths.
     pub layout_hash: u64,
     /// The spaces of addresses.
@@ -53,6 +56,7 @@ impl Device {
         name: "unknown",
         title: "unknown device",
         manual: "",
+        undocumented: "",
         layout_hash: 0,
         spaces: &[],
         areas: &[],

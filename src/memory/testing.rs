@@ -65,6 +65,7 @@ pub(crate) const fn test_device() -> Device {
     Device {
         name: "test-device",
         title: "Test Device",
+        undocumented: "",
         manual: "none",
         layout_hash: HASH,
         spaces: &[RAM_SPACE, FLAGS],

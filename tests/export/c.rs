@@ -59,6 +59,23 @@ fn a_cpp_program_does_the_same() {
     assert!(start(&program, &image(&emulator)).ok().ends_with("a_RD_BMARRAY[1][0] = 4711\n"));
 }
 
+#[test]
+fn the_header_of_another_device_compiles_and_asserts_where_registers_lie() {
+    let directory = tempfile::tempdir().unwrap();
+    let header = directory.path().join("commram.h");
+    run(&["export", "c", "--device", "bm4-plc", "--output", header.to_str().unwrap()]).ok();
+    let source = directory.path().join("empty.c");
+    fs::write(&source, "#include \"commram.h\"\n_Static_assert(COMMRAM_SLOTM == 7001792u, \"slot M\");\n")
+        .unwrap();
+    finish(
+        Command::new("cc")
+            .args(STRICT)
+            .args(["-std=c11", "-Wno-unused-function", "-fsyntax-only"])
+            .arg(&source),
+    )
+    .ok();
+}
+
 /// Attaching to images that are not what they should be.
 #[test]
 fn what_is_wrong_with_an_image_is_told() {

@@ -9,8 +9,8 @@ fn peripheral<'a>(device: &'a Device, name: &str) -> &'a Peripheral {
     device.peripherals.iter().find(|known| known.name == name).unwrap()
 }
 
-fn expanded() -> Device {
-    let export = run(&["export", "svd"]);
+fn expanded(device: &str) -> Device {
+    let export = run(&["export", "svd", "--device", device]);
     let config = svd_parser::Config::default().validate_level(svd_parser::ValidateLevel::Strict);
     let device = svd_parser::parse_with_config(export.ok(), &config).unwrap();
     svd_parser::expand(&device).unwrap()
@@ -18,7 +18,7 @@ fn expanded() -> Device {
 
 #[test]
 fn svd_is_valid_and_says_where_the_cpu_finds_a_register() {
-    let device = expanded();
+    let device = expanded("omega-drive-line-2");
     let node = peripheral(&device, "CANsync_CTRL_MA");
     assert_eq!(node.base_address, 0xB414_A000);
     let find = |name: &str| -> &RegisterInfo {
@@ -31,6 +31,9 @@ fn svd_is_valid_and_says_where_the_cpu_finds_a_register() {
     assert_eq!(find("a_RD_BMARRAY_1_0").address_offset, 832 + 64);
     assert_eq!(find("a_CONTROLWORD_SL3").address_offset, 2948 + 6);
     assert_eq!(peripheral(&device, "CANsync_INIT_MA").registers().count(), 15 + 31);
+    // Of the other device no CPU address is known: it stands where the image has it.
+    let device = expanded("bm4-plc");
+    assert_eq!(peripheral(&device, "CANsyncSlave_Ctrl_Slot_M").base_address, 7_001_792);
 }
 
 /// Python with the packages, or why there is none.
@@ -47,14 +50,15 @@ fn python(packages: &[&str]) -> Result<Command, String> {
 }
 
 /// Exports `format` to a file, then runs a script of `tests/python` with the file's path.
-fn check(format: &[&str], file: &str, script: &str, packages: &[&str]) -> Option<Outcome> {
+fn check(format: &[&str], file: &str, script: &[&str], packages: &[&str]) -> Option<Outcome> {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join(file);
     run(&[&["export"], format, &["--output", path.to_str().unwrap()]].concat()).ok();
     match python(packages) {
         Ok(mut command) => {
+            let (script, arguments) = script.split_first().unwrap();
             let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script);
-            Some(finish(command.arg(script).arg(path)))
+            Some(finish(command.arg(script).arg(path).args(arguments)))
         }
         Err(reason) => {
             eprintln!("skipped: {reason}");
@@ -65,16 +69,35 @@ fn check(format: &[&str], file: &str, script: &str, packages: &[&str]) -> Option
 
 #[test]
 fn systemrdl_compiles_and_elaborates() {
-    if let Some(outcome) = check(&["systemrdl"], "registers.rdl", "check_rdl.py", &["systemrdl"]) {
-        assert!(outcome.ok().ends_with("CTRL_MA.a_RD_BMARRAY[1][0] 200896\n"), "{}", outcome.out);
+    let (omega, bm4) = ("omega-drive-line-2", "bm4-plc");
+    for (device, maps, register, address) in [
+        (omega, &["init", "cyclic"][..], "_CANsync_CTRL_MA.a_RD_BMARRAY[1][0]", 200_896),
+        // Where modules are fitted, each role has maps of its own: instances must not lie over each other.
+        (
+            bm4,
+            &["init_master", "init_slave", "cyclic_slave", "cyclic_master"],
+            "_CANsyncMaster_Ctrl_Slot_G.a_RD_BMARRAY[1][0]",
+            2_002_688,
+        ),
+    ] {
+        let maps: Vec<_> = maps.iter().map(|map| format!("{}_{map}", device.replace('-', "_"))).collect();
+        let mut script = vec!["check_rdl.py"];
+        script.extend(maps.iter().map(String::as_str));
+        script.push(register);
+        let export = ["systemrdl", "--device", device];
+        if let Some(outcome) = check(&export, "registers.rdl", &script, &["systemrdl"]) {
+            assert!(outcome.ok().ends_with(&format!("{register} {address}\n")), "{}", outcome.out);
+        }
     }
 }
 
 #[test]
 fn declarations_are_structured_text() {
     // The parser takes a minute for the elementary variables of all areas.
-    for format in [&["st"][..], &["st", "--elementary", "--block", "ethernet_config"]] {
-        if let Some(outcome) = check(format, "registers.st", "check_st.py", &["blark"]) {
+    for format in
+        [&["st"][..], &["st", "--elementary", "--block", "ethernet_config"], &["st", "--device", "bm4-plc"]]
+    {
+        if let Some(outcome) = check(format, "registers.st", &["check_st.py"], &["blark"]) {
             assert!(outcome.ok().starts_with("parsed "), "{}", outcome.out);
         }
     }

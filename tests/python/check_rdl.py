@@ -1,4 +1,4 @@
-"""Compiles an exported SystemRDL file and prints one register that every map has."""
+"""Compiles an exported SystemRDL file, elaborates the maps given, and prints where the last one has a register: MAP... REGISTER."""
 
 import sys
 
@@ -7,9 +7,9 @@ from systemrdl.node import RegNode
 
 compiler = RDLCompiler()
 compiler.compile_file(sys.argv[1])
-for phase in ("init", "cyclic"):
-    root = compiler.elaborate(top_def_name=f"omega_drive_line_2_{phase}")
+*maps, register = sys.argv[2:]
+for name in maps:
+    root = compiler.elaborate(top_def_name=name)
     registers = [node for node in root.top.descendants(unroll=True) if isinstance(node, RegNode)]
-    print(phase, len(registers))
-found = root.top.find_by_path("_CANsync_CTRL_MA.a_RD_BMARRAY[1][0]")
-print("CTRL_MA.a_RD_BMARRAY[1][0]", found.absolute_address)
+    print(name, len(registers))
+print(register, root.top.find_by_path(register).absolute_address)

@@ -7,6 +7,8 @@ pub(crate) struct Device {
     pub name: String,
     pub title: String,
     pub manual: String,
+    /// What the manual does not state; empty if there is nothing to be said of it as a whole.
+    pub undocumented: String,
     /// Name of the family that the `shared` structures and meanings are of.
     pub family: Option<String>,
     pub dip_first: u8,

@@ -24,6 +24,9 @@ pub(crate) struct Device {
     pub name: Spanned<String>,
     pub title: String,
     pub manual: String,
+    /// What the manual does not state, for the heads of exported files: the end of "it does not state ...".
+    #[serde(default)]
+    pub undocumented: String,
     /// Directory beside the device's, if it shares structures with others.
     pub family: Option<Spanned<String>>,
     /// Area of the device's own interface.

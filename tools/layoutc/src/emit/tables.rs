@@ -10,11 +10,12 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     let _ = writeln!(
         out,
         "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
-         name: {:?}, title: {:?}, manual: {:?}, layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
+         name: {:?}, title: {:?}, manual: {:?}, undocumented: {:?},\n    layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
          areas: &descriptor::AREAS, retain: {}, front: &descriptor::FRONT, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
         device.name,
         device.title,
         device.manual,
+        device.undocumented,
         if device.retain.is_some() { "Some(&descriptor::RETAIN)" } else { "None" },
         device.own.map_or_else(|| "None".to_owned(), |area| format!("Some(&descriptor::AREAS[{area}])")),
     );

@@ -23,7 +23,10 @@ fn comments_stay_with_their_lines_and_keys_below_each_other() {
         &[
             ("name = \"CTRL\"", "# What comes first.\nname = \"CTRL\" # its name"),
             ("  { offset = 8,", "  # The value\n  # that counts\n  { offset = 8,"),
-            ("doc = \"Flags\" },", "doc = \"Flags\", name_from = \"manual\" }, # three of them"),
+            (
+                "doc = \"Flags\", meaning = \"kind\" },",
+                "doc = \"Flags\", meaning = \"kind\", name_from = \"manual\" }, # three of them",
+            ),
             ("names = \"manual\"", "names = \"inferred D-07\""),
             (
                 "doc = \"Control\" }",
