@@ -3,16 +3,17 @@
 //! Three processes: the emulator (`commram run`), a soft-PLC ([`plc`]) that knows nothing but the image file,
 //! and this one, which starts, watches and ends them.
 
-mod exchange;
 pub(crate) mod plc;
 mod processes;
-mod trace;
 
+use super::device::DeviceArg;
 use super::error::CliError;
 use super::{dump, output};
+use crate::devices;
 use crate::plant::PlantConfig;
 use processes::{Emulator, POLL, SoftPlc};
 pub(crate) use processes::{Interrupts, command, end_with};
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 /// Everything together takes a few seconds; something hangs if it takes this long.
@@ -22,31 +23,46 @@ const GRACE: Duration = Duration::from_secs(2);
 
 /// Watch a soft-PLC initialize three drives and exchange process data with them.
 ///
-/// Starts an emulator with the built-in plant and, as a process of its own, a soft-PLC that attaches to the
-/// shared memory. The soft-PLC brings CANsync node 2 from restart to active operation, exchanges reference and
-/// actual values for a second, and prints each handshake as it reads it back from the RAM: emulated time, who
-/// wrote, register, address, value, meaning. At the end comes a dump. Takes about three seconds and leaves
+/// Starts an emulator with a plant of the device and, as a process of its own, a soft-PLC that attaches to the
+/// shared memory. The soft-PLC brings the master of a bus from restart to active operation, exchanges reference
+/// and actual values for a second, and prints each handshake as it reads it back from the RAM: emulated time,
+/// who wrote, register, address, value, meaning. At the end comes a dump. Takes about three seconds and leaves
 /// nothing behind.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram demo
   commram demo | less")]
-pub(crate) struct Args {}
+pub(crate) struct Args {
+    #[command(flatten)]
+    device: DeviceArg,
+}
 
 /// Runs the demonstration.
-pub(crate) fn run(_args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
     let instance = format!("demo-{}", std::process::id());
-    let devices = PlantConfig::built_in()?.devices;
+    let device = args.device.device;
+    let known = devices::of_hash(device.layout_hash);
+    let demo = known.and_then(|known| known.demo).ok_or(CliError::NoDemo { device: device.name })?;
+    let devices = match demo.plant {
+        Some(plant) => PlantConfig::parse("the demonstration's plant", plant)?.devices,
+        None => PlantConfig::built_in()?.devices,
+    };
     let plc = devices.first().map_or("", |device| device.name());
-    let mut emulator = Emulator::start(&instance, &interrupts)?;
+    let mut emulator = Emulator::start(&instance, demo.plant, &interrupts)?;
     output::print(&format!("emulator: process {}, instance '{instance}'\n", emulator.pid()))?;
     let mut soft_plc = SoftPlc::start(&instance, plc)?;
     watch(&mut emulator, &mut soft_plc, &interrupts)?;
-    output::print("\nNode 2 now, as `commram dump node2` shows it:\n")?;
-    dump::show(&instance, &["node2".to_owned()])?;
+    output::print(&format!("\n{} now, as `commram dump {}` shows it:\n", demo.title, demo.area))?;
+    dump::show(&instance, &[demo.area.to_owned()])?;
     emulator.stop()
+}
+
+/// Shows what a soft-PLC tells.
+fn show(text: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush())
 }
 
 /// Waits until the soft-PLC is done.

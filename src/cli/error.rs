@@ -1,6 +1,7 @@
 //! What a command can end with instead of success.
 
 use super::time;
+use crate::devices::demo::DemoError;
 use crate::fault::FaultError;
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
@@ -161,19 +162,11 @@ pub(crate) enum CliError {
     /// The emulator.
     #[error(transparent)]
     Runtime(#[from] RuntimeError),
-    /// The soft-PLC of the demonstration waits in vain.
-    #[error("{what}: {place} did not become {wanted} within {seconds} s, it holds {found}")]
-    Stuck {
-        /// What the wait was for.
-        what: String,
-        /// Name and address of the register.
-        place: String,
-        /// What was awaited.
-        wanted: String,
-        /// What it holds, with the meaning.
-        found: String,
-        /// How long, in real time.
-        seconds: u64,
+    /// There is nothing to demonstrate.
+    #[error("there is no demonstration of {device}; `commram demo` shows one of another device")]
+    NoDemo {
+        /// The device.
+        device: &'static str,
     },
     /// The demonstration fails.
     #[error("{0}")]
@@ -278,6 +271,7 @@ impl CliError {
             | Self::ReportedWrongUse
             | Self::FaultWord(_)
             | Self::NoDump { .. }
+            | Self::NoDemo { .. }
             | Self::LayoutFiles(_)
             | Self::OtherLayout { .. }
             | Self::Import(
@@ -297,6 +291,18 @@ impl CliError {
             _ => false,
         };
         if wrong_use { Self::WRONG_USE } else { Self::FAILED }
+    }
+}
+
+impl From<DemoError> for CliError {
+    fn from(error: DemoError) -> Self {
+        match error {
+            DemoError::Memory(error) => error.into(),
+            DemoError::Layout(error) => error.into(),
+            DemoError::Output(reason) if reason.kind() == io::ErrorKind::BrokenPipe => Self::BrokenPipe,
+            DemoError::Output(reason) => Self::Output { reason },
+            other => Self::Demo(other.to_string()),
+        }
     }
 }
 

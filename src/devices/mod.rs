@@ -11,6 +11,8 @@ mod config;
 #[cfg(feature = "emulator")]
 mod context;
 #[cfg(feature = "emulator")]
+pub mod demo;
+#[cfg(feature = "emulator")]
 mod device;
 #[cfg(feature = "emulator")]
 mod events;

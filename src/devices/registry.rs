@@ -1,6 +1,8 @@
 //! Which devices there are: those of commram itself, and those that a program adds before it uses any.
 
 #[cfg(feature = "emulator")]
+use super::demo::Demo;
+#[cfg(feature = "emulator")]
 use super::{DeviceConfig, Read, ReadModule, catalogue};
 use super::{bm4_o_can_06, omega_drive_line_2};
 #[cfg(feature = "emulator")]
@@ -36,6 +38,9 @@ pub struct Registered {
     /// Tells what its modules show; none if it has no modules.
     #[cfg(feature = "emulator")]
     pub module: Option<ReadModule>,
+    /// What `commram demo` shows of it; none if nobody has written a demonstration.
+    #[cfg(feature = "emulator")]
+    pub demo: Option<&'static Demo>,
 }
 
 impl Registered {
@@ -57,6 +62,8 @@ impl Registered {
             faults: &[],
             #[cfg(feature = "emulator")]
             module: None,
+            #[cfg(feature = "emulator")]
+            demo: None,
         }
     }
 }
@@ -77,6 +84,8 @@ static BUILT_IN: [Registered; 2] = [
         faults: omega_drive_line_2::faults::KINDS,
         #[cfg(feature = "emulator")]
         module: None,
+        #[cfg(feature = "emulator")]
+        demo: Some(&omega_drive_line_2::demo::DEMO),
     },
     Registered {
         #[cfg(feature = "plc")]
@@ -85,6 +94,8 @@ static BUILT_IN: [Registered; 2] = [
         read: Some(bm4_o_can_06::Bm4Config::read),
         #[cfg(feature = "emulator")]
         module: Some(bm4_o_can_06::read_module),
+        #[cfg(feature = "emulator")]
+        demo: Some(&bm4_o_can_06::demo::DEMO),
         ..Registered::new(&bm4_o_can_06::registers::DEVICE)
     },
 ];

@@ -84,44 +84,79 @@ fn signal(pid: u32, signal: &str) {
     assert!(Command::new("kill").args([signal, &pid.to_string()]).status().unwrap().success());
 }
 
-#[test]
-fn it_shows_every_handshake_and_ends_with_a_dump() {
+/// What a demonstration shows of the registers in `area`, from the first command to the dump.
+#[track_caller]
+fn shows_every_handshake(arguments: &[&str], area: &str) -> String {
     let mut demo = commram();
-    let outcome = finish(demo.arg("demo"));
+    let outcome = finish(demo.arg("demo").args(arguments));
     let out = outcome.ok();
     // In this order: command and answer of each step, then process data, then the dump.
     let mut rest = out;
     for (who, register, value) in [
-        ("PLC", "node2.w_CPU_CONTROL ", "16#0000"),
-        ("firmware", "node2.w_OPTION_STATUS ", "16#0001"),
-        ("PLC", "node2.w_CPU_CONTROL ", "16#0001"),
-        ("firmware", "node2.w_OPTION_STATUS ", "16#0002"),
-        ("PLC", "node2.a_SL_TYP[3] ", "16#01"),
-        ("PLC", "node2.w_CPU_CONTROL ", "16#0002"),
-        ("firmware", "node2.w_OPTION_STATUS ", "16#0003"),
-        ("PLC", "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD1 ", "16#03"),
-        ("PLC", "node2.w_CPU_CONTROL ", "16#0020"),
-        ("firmware", "node2.w_OPTION_STATUS ", "16#0043"),
-        ("firmware", "node2.a_STAT_SL[1] ", "16#03"),
-        ("PLC", "node2.w_CPU_CONTROL ", "16#0040"),
-        ("firmware", "node2.w_OPTION_STATUS ", "16#0080"),
-        ("PLC", "node2.b_CTRLREG_WRC1 ", "16#05"),
-        ("firmware", "node2.b_CTRLREG_WRC1 ", "16#04"),
-        ("PLC", "node2.a_WR_VALUE[0] ", "16#11223344"),
-        ("firmware", "node2.a_RD_BMARRAY[1][0] ", "16#11223344"),
-        ("firmware", "node2.a_RD_BMARRAY[2][0] ", "16#11223344"),
-        ("firmware", "node2.a_RD_BMARRAY[3][0] ", "16#11223344"),
-        ("", "node2.w_OPTION_STATUS ", "16#0080"),
-        ("", "node2.a_STAT_SL[3] ", "16#03"),
+        ("PLC", "w_CPU_CONTROL ", "16#0000"),
+        ("firmware", "w_OPTION_STATUS ", "16#0001"),
+        ("PLC", "w_CPU_CONTROL ", "16#0001"),
+        ("firmware", "w_OPTION_STATUS ", "16#0002"),
+        ("PLC", "a_SL_TYP[3] ", "16#01"),
+        ("PLC", "w_CPU_CONTROL ", "16#0002"),
+        ("firmware", "w_OPTION_STATUS ", "16#0003"),
+        ("PLC", "_CFG_WRC_WORD.b_CFG_WRC1_WORD1 ", "16#03"),
+        ("PLC", "w_CPU_CONTROL ", "16#0020"),
+        ("firmware", "w_OPTION_STATUS ", "16#0043"),
+        ("firmware", "a_STAT_SL[1] ", "16#03"),
+        ("PLC", "w_CPU_CONTROL ", "16#0040"),
+        ("firmware", "w_OPTION_STATUS ", "16#0080"),
+        ("PLC", "b_CTRLREG_WRC1 ", "16#05"),
+        ("firmware", "b_CTRLREG_WRC1 ", "16#04"),
+        ("PLC", "a_WR_VALUE[0] ", "16#11223344"),
+        ("firmware", "a_RD_BMARRAY[1][0] ", "16#11223344"),
+        ("firmware", "a_RD_BMARRAY[2][0] ", "16#11223344"),
+        ("firmware", "a_RD_BMARRAY[3][0] ", "16#11223344"),
+        ("", "w_OPTION_STATUS ", "16#0080"),
+        ("", "a_STAT_SL[3] ", "16#03"),
     ] {
+        let register = format!("{area}.{register}");
         let found = rest.lines().find(|line| {
-            line.contains(who) && line.contains(register) && line.contains(value) && line.contains("%M")
+            line.contains(who) && line.contains(&register) && line.contains(value) && line.contains("%M")
         });
         let line = found.unwrap_or_else(|| panic!("no `{who} {register} {value}` in\n{rest}\nof\n{out}"));
         let at = line.as_ptr().addr() - rest.as_ptr().addr();
         rest = &rest[at + line.len()..];
     }
     assert!(files_of(&format!("demo-{}", number(out))).is_empty());
+    out.to_owned()
+}
+
+#[test]
+fn it_shows_every_handshake_and_ends_with_a_dump() {
+    let out = shows_every_handshake(&[], "node2");
+    for text in [
+        "\nStart (manual 5.00005.03a p. 149-150)\n",
+        "\nInitialization data: master at 500 kbit/s, slaves 1, 2 and 3 expected\n",
+        "\nProcess data: the first 6 of 500 intervals\n",
+        "\nNode 2 now, as `commram dump node2` shows it:\n",
+    ] {
+        assert!(out.contains(text), "no `{text}` in\n{out}");
+    }
+}
+
+/// At 1 Mbit/s an interval is a millisecond long.
+#[test]
+fn it_shows_another_device_at_its_own_rate() {
+    let out = shows_every_handshake(&["--device", "bm4-plc"], "slotG");
+    for text in [
+        "\nStart (manual 5.02066.01a p. 49-50)\n",
+        "\nInitialization data: master at 1 Mbit/s, slaves 1, 2 and 3 expected (p. 49-51, 126-127)\n",
+        "\nProcess data: the first 6 of 1000 intervals\n",
+        "\nThe module in slot G now, as `commram dump slotG` shows it:\n",
+    ] {
+        assert!(out.contains(text), "no `{text}` in\n{out}");
+    }
+    for (register, value) in [("b_BT_0 ", "16#40"), ("b_BT_1 ", "16#34"), ("b_TIME_PATTERN ", "16#01")] {
+        let register = format!("slotG.{register}");
+        let is_shown = out.lines().any(|line| line.contains(&register) && line.contains(value));
+        assert!(is_shown, "no `{register} {value}` in\n{out}");
+    }
 }
 
 #[test]
@@ -188,16 +223,23 @@ fn a_reader_that_has_enough_is_no_error() {
 /// Its soft-PLC is the first program that newcomers see: nothing against the manual, not even a warning. How soon it gets
 /// the processor is not its business.
 #[cfg(feature = "channel")]
-#[test]
-fn the_access_checker_finds_nothing() {
-    let emulator = Emulator::start(&[]);
-    finish(commram().args(["demo-plc", &emulator.name, "line"])).ok();
+#[track_caller]
+fn checker_finds_nothing(emulator: &Emulator, plc: &str) {
+    finish(commram().args(["demo-plc", &emulator.name, plc])).ok();
     let findings = emulator.run("check", &["--format", "json"]).out;
     let findings: Vec<serde_json::Value> = serde_json::from_str(&findings).unwrap();
     let others: Vec<_> = findings.iter().filter(|finding| finding["rule"] != "late-reference").collect();
     assert_eq!(others, Vec::<&serde_json::Value>::new());
     let journal = emulator.run("trace", &["--kind", "state", "--format", "jsonl"]).out;
     assert!(journal.contains("128"), "it was in active operation: {journal}");
+}
+
+#[cfg(feature = "channel")]
+#[test]
+fn the_access_checker_finds_nothing() {
+    checker_finds_nothing(&Emulator::start(&[]), "line");
+    let plant = concat!(env!("CARGO_MANIFEST_DIR"), "/src/devices/bm4_o_can_06/demo.toml");
+    checker_finds_nothing(&Emulator::start(&[plant]), "maxx");
 }
 
 /// In stepped mode nobody lets the time pass, so the firmware does not answer.

@@ -4,7 +4,7 @@ use crate::cli::error::CliError;
 use crate::cli::stop;
 use rustix::process::{Pid, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -77,16 +77,27 @@ pub(crate) struct Emulator {
 }
 
 impl Emulator {
-    /// Starts it and waits until it is ready.
+    /// Starts it with this plant file, or the built-in plant, and waits until it is ready.
     ///
     /// # Errors
     /// It does not get ready, or the user has had enough.
-    pub(crate) fn start(instance: &str, interrupts: &Interrupts) -> Result<Self, CliError> {
+    pub(crate) fn start(
+        instance: &str,
+        plant: Option<&'static str>,
+        interrupts: &Interrupts,
+    ) -> Result<Self, CliError> {
         let mut command = command("run")?;
         command.args(["-i", instance]).stdout(Stdio::piped());
+        if plant.is_some() {
+            command.arg("/dev/stdin").stdin(Stdio::piped());
+        }
         let mut child = command.spawn().map_err(process_error)?;
-        let out = child.stdout.take();
+        let (input, out) = (child.stdin.take(), child.stdout.take());
         let mut this = Self { child, instance: instance.to_owned() };
+        if let (Some(plant), Some(mut input)) = (plant, input) {
+            // A pipe holds more than such a text.
+            input.write_all(plant.as_bytes()).map_err(process_error)?;
+        }
         let (send, ready) = mpsc::channel();
         std::thread::spawn(move || {
             let mut line = String::new();

@@ -6,6 +6,8 @@ pub mod blocks;
 #[cfg(feature = "emulator")]
 mod config;
 #[cfg(feature = "emulator")]
+pub(super) mod demo;
+#[cfg(feature = "emulator")]
 mod front;
 #[cfg(feature = "emulator")]
 mod leds;

@@ -5,6 +5,8 @@ pub mod blocks;
 #[cfg(feature = "emulator")]
 pub mod bus;
 #[cfg(feature = "emulator")]
+pub(crate) mod demo;
+#[cfg(feature = "emulator")]
 pub mod drive;
 #[cfg(feature = "emulator")]
 pub mod faults;

@@ -10,6 +10,8 @@ pub mod board;
 #[cfg(feature = "emulator")]
 mod config;
 #[cfg(feature = "emulator")]
+pub(super) mod demo;
+#[cfg(feature = "emulator")]
 pub mod ethernet;
 #[cfg(feature = "emulator")]
 pub mod faults;

@@ -1,12 +1,11 @@
 //! What the soft-PLC prints: registers as the RAM holds them.
 
-use crate::cli::error::CliError;
-use crate::cli::output;
-use crate::cli::place::{Place, live_by};
-use crate::cli::time;
-use crate::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2};
-use crate::layout::{Address, Fitted, Live, Width};
+use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use crate::devices::demo::{DemoError, Show};
+use crate::layout::place::live_by;
+use crate::layout::{Address, Device, Fitted, Live, Place, Port, Width};
 use crate::memory::{Attached, Header, MemoryError, SharedRegs, View};
+use crate::time;
 use std::cell::RefCell;
 use std::time::Duration;
 
@@ -21,10 +20,14 @@ pub(crate) enum Who {
 
 /// An attached image, seen as that of a master. Registers are noted at once and printed later, because printing
 /// takes longer than the firmware needs for its answer.
-pub(crate) struct Trace {
+pub(crate) struct Trace<'a> {
+    show: Show<'a>,
+    device: &'static Device,
+    fitted: Fitted,
+    port: &'static Port,
     attached: Attached,
     header: View<Header>,
-    /// Node 2 in cyclic operation.
+    /// The master in cyclic operation.
     pub node: View<CANsync_MA_CTRL_BMSTRUCT>,
     notes: RefCell<Vec<Note>>,
 }
@@ -36,49 +39,63 @@ enum Note {
     Sync { time_us: u64, count: u32 },
 }
 
-impl Trace {
-    /// Looks at node 2 of an attached image.
+impl<'a> Trace<'a> {
+    /// Looks at the master in `port` of an attached image.
     ///
     /// # Errors
     /// It is attached read-only.
-    pub(crate) fn new(attached: Attached) -> Result<Self, CliError> {
-        let node = attached.segment().view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?;
+    pub(crate) fn new(
+        attached: Attached,
+        device: &'static Device,
+        port: &'static Port,
+        show: Show<'a>,
+    ) -> Result<Self, DemoError> {
+        let node = attached.segment().view::<CANsync_MA_CTRL_BMSTRUCT>(port.area.first as usize)?;
         let header = attached.header()?.clone();
-        Ok(Self { attached, header, node, notes: RefCell::default() })
+        let fitted = header.fitted(device);
+        Ok(Self { show, device, fitted, port, attached, header, node, notes: RefCell::default() })
+    }
+
+    /// Shows a text as it is.
+    ///
+    /// # Errors
+    /// Nobody reads it.
+    pub(crate) fn say(&self, text: &str) -> Result<(), DemoError> {
+        Ok((self.show)(text)?)
     }
 
     /// Makes the firmware look at the registers at once.
     ///
     /// # Errors
     /// The image is attached read-only.
-    pub(crate) fn ring(&self) -> Result<(), CliError> {
+    pub(crate) fn ring(&self) -> Result<(), DemoError> {
         Ok(self.attached.ring()?)
     }
 
     /// Prints what was noted.
     ///
     /// # Errors
-    /// As [`output::print`].
-    pub(crate) fn print(&self) -> Result<(), CliError> {
+    /// As [`Trace::say`].
+    pub(crate) fn print(&self) -> Result<(), DemoError> {
         let notes = self.notes.take();
-        output::print(&notes.iter().map(line).collect::<Result<String, _>>()?)
+        self.say(&notes.iter().map(|note| self.line(note)).collect::<Result<String, _>>()?)
     }
 
     /// Prints what was noted, and a headline for what comes.
     ///
     /// # Errors
-    /// As [`output::print`].
-    pub(crate) fn headline(&self, text: &str) -> Result<(), CliError> {
+    /// As [`Trace::say`].
+    pub(crate) fn headline(&self, text: &str) -> Result<(), DemoError> {
         self.print()?;
-        output::print(&format!("\n{text}\n"))
+        self.say(&format!("\n{text}\n"))
     }
 
-    /// Notes what a register of node 2 holds. The register is found by its place in the structure, so that the
+    /// Notes what a register of the master holds. The register is found by its place in the structure, so that the
     /// text cannot name another one than was accessed.
     ///
     /// # Errors
-    /// The register is none of node 2.
-    pub(crate) fn note<T: SharedRegs>(&self, who: Who, cell: &T) -> Result<(), CliError> {
+    /// The register is none of the master's.
+    pub(crate) fn note<T: SharedRegs>(&self, who: Who, cell: &T) -> Result<(), DemoError> {
         let address = self.address(cell)?;
         let value = self.attached.segment().load(address.offset(), address.width())?;
         self.note_value(who, address, value);
@@ -91,17 +108,17 @@ impl Trace {
         self.notes.borrow_mut().push(Note::Register { time_us, who, address, live, value });
     }
 
-    /// Waits until a register of node 2 holds `wanted`, and notes it. `what` names what the wait is for.
+    /// Waits until a register of the master holds `wanted`, and notes it. `what` names what the wait is for.
     ///
     /// # Errors
-    /// The emulator has gone, or [`CliError::Stuck`] after `patience` of real time.
+    /// The emulator has gone, or [`DemoError::Stuck`] after `patience` of real time.
     pub(crate) fn await_value<T: SharedRegs>(
         &self,
         cell: &T,
         wanted: u32,
         what: &str,
         patience: Duration,
-    ) -> Result<(), CliError> {
+    ) -> Result<(), DemoError> {
         let address = self.address(cell)?;
         let (offset, width) = (address.offset(), address.width());
         match self.attached.wait_register(offset, width, patience, |value| value == wanted) {
@@ -112,8 +129,8 @@ impl Trace {
             Err(MemoryError::RegisterTimeout { last, .. }) => {
                 self.print()?;
                 let live = live_by(self.node.w_OPTION_STATUS.load().into());
-                let place = Place::parse(&Fitted::unknown(&DEVICE), &address.to_string())?;
-                Err(CliError::Stuck {
+                let place = Place::parse(&self.fitted, &address.to_string())?;
+                Err(DemoError::Stuck {
                     what: what.to_owned(),
                     place: place.label(live),
                     wanted: place.format(live, wanted),
@@ -134,14 +151,19 @@ impl Trace {
         what: &str,
         patience: Duration,
         changed: impl Fn() -> bool,
-    ) -> Result<(), CliError> {
+    ) -> Result<(), DemoError> {
         Ok(self.attached.wait_until(what, patience, |_| changed().then_some(()))?)
     }
 
-    /// SYNC pulses of node 2 so far.
+    /// SYNC pulses of the master so far.
     pub(crate) fn syncs(&self) -> u32 {
-        let [_, node2, ..] = &self.header.sync_counter;
-        node2.load()
+        let counter = self.header.sync_counter.get(usize::from(self.port.number) - 1);
+        counter.map_or(0, |counter| counter.load())
+    }
+
+    /// Name of the port.
+    pub(crate) fn port(&self) -> &'static str {
+        self.port.name
     }
 
     /// Notes a SYNC pulse.
@@ -150,32 +172,32 @@ impl Trace {
         self.notes.borrow_mut().push(Note::Sync { time_us, count });
     }
 
-    fn address<T: SharedRegs>(&self, cell: &T) -> Result<Address, CliError> {
+    fn address<T: SharedRegs>(&self, cell: &T) -> Result<Address, DemoError> {
         let inside = core::ptr::from_ref(cell).addr().wrapping_sub(core::ptr::from_ref(&*self.node).addr());
-        let offset = u32::try_from(NODE2.wrapping_add(inside)).unwrap_or(u32::MAX);
+        let offset = u32::try_from((self.port.area.first as usize).wrapping_add(inside)).unwrap_or(u32::MAX);
         let width = match size_of::<T>() {
             1 => Width::Byte,
             2 => Width::Word,
             _ => Width::Dword,
         };
-        Ok(DEVICE.aligned(width, offset)?)
+        Ok(self.device.aligned(width, offset)?)
     }
-}
 
-fn line(note: &Note) -> Result<String, CliError> {
-    let line = match *note {
-        Note::Sync { time_us, count } => format!("{:>11}  SYNC {count}", time::seconds(time_us)),
-        Note::Register { time_us, who, address, live, value } => {
-            let time = time::seconds(time_us);
-            let who = match who {
-                Who::Plc => "PLC",
-                Who::Firmware => "firmware",
-            };
-            let place = Place::parse(&Fitted::unknown(&DEVICE), &address.to_string())?;
-            let name = place.name(live);
-            let (value, meaning) = (place.format(live, value), place.meaning(live, value));
-            format!("{time:>11}  {who:8}  {name:40}  {address:11}  {value:11}  {meaning}")
-        }
-    };
-    Ok(format!("{}\n", line.trim_end()))
+    fn line(&self, note: &Note) -> Result<String, DemoError> {
+        let line = match *note {
+            Note::Sync { time_us, count } => format!("{:>11}  SYNC {count}", time::seconds(time_us)),
+            Note::Register { time_us, who, address, live, value } => {
+                let time = time::seconds(time_us);
+                let who = match who {
+                    Who::Plc => "PLC",
+                    Who::Firmware => "firmware",
+                };
+                let place = Place::parse(&self.fitted, &address.to_string())?;
+                let name = place.name(live);
+                let (value, meaning) = (place.format(live, value), place.meaning(live, value));
+                format!("{time:>11}  {who:8}  {name:40}  {address:11}  {value:11}  {meaning}")
+            }
+        };
+        Ok(format!("{}\n", line.trim_end()))
+    }
 }

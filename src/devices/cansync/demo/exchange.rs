@@ -1,8 +1,7 @@
 //! The cyclic part of the soft-PLC: what a PLC does in its SYNC event task.
 
 use super::trace::{Trace, Who};
-use crate::cli::error::CliError;
-use crate::cli::output;
+use crate::devices::demo::DemoError;
 use std::time::Duration;
 
 /// Slave numbers of the drives.
@@ -10,20 +9,18 @@ pub(crate) const DRIVES: [u8; 3] = [1, 2, 3];
 /// Intervals that are traced, enough for each drive to answer once: the question goes to slave 0 first, and
 /// answers are seen one interval later.
 const TRACED: u32 = 6;
-/// Length of the exchange: a second at 500 kbit/s.
-const INTERVALS: u32 = 500;
 /// How much the reference value grows in each interval.
 const SLOPE: u32 = 100;
 /// The reference value at the end, easy to recognize.
 const LAST: u32 = 0x1122_3344;
-/// In how many intervals it must have come back as actual value of all drives.
-const SETTLE: u32 = 250;
 /// How long to wait for a SYNC pulse, in real time.
 const SYNC: Duration = Duration::from_secs(5);
 
 /// Process data, with a count of what happened.
 pub(crate) struct Exchange<'a> {
-    trace: &'a Trace,
+    trace: &'a Trace<'a>,
+    /// Length of the exchange, a second of emulated time.
+    intervals: u32,
     /// SYNC pulses seen so far.
     syncs: u32,
     /// Intervals in which the PLC came in time.
@@ -37,23 +34,34 @@ pub(crate) struct Exchange<'a> {
 }
 
 impl<'a> Exchange<'a> {
-    /// Begins with the next SYNC pulse.
-    pub(crate) fn new(trace: &'a Trace) -> Self {
-        Self { trace, syncs: trace.syncs(), seen: 0, unseen: 0, sent: 0, received: [0; DRIVES.len()] }
+    /// Begins with the next SYNC pulse; `intervals` make a second.
+    pub(crate) fn new(trace: &'a Trace<'a>, intervals: u32) -> Self {
+        Self {
+            trace,
+            intervals,
+            syncs: trace.syncs(),
+            seen: 0,
+            unseen: 0,
+            sent: 0,
+            received: [0; DRIVES.len()],
+        }
     }
 
     /// Exchanges process data for a second, then checks that a value comes back.
     ///
     /// # Errors
     /// The emulator has gone, or a drive does not follow.
-    pub(crate) fn run(mut self) -> Result<(), CliError> {
-        self.trace.headline(&format!("Process data: the first {TRACED} of {INTERVALS} intervals"))?;
-        for interval in 0..INTERVALS {
+    pub(crate) fn run(mut self) -> Result<(), DemoError> {
+        let intervals = self.intervals;
+        self.trace.headline(&format!("Process data: the first {TRACED} of {intervals} intervals"))?;
+        for interval in 0..intervals {
             self.interval(interval * SLOPE, interval < TRACED)?;
         }
         self.report()?;
         self.trace.headline("One more reference value, until all drives have it")?;
-        for _ in 0..SETTLE {
+        // It must have come back as actual value of all drives in half a second.
+        let settle = intervals / 2;
+        for _ in 0..settle {
             self.interval(LAST, false)?;
             if self.actual_values().all(|value| value == LAST) {
                 return self.show_settled();
@@ -61,7 +69,7 @@ impl<'a> Exchange<'a> {
         }
         let values: Vec<_> = self.actual_values().map(|value| format!("16#{value:08X}")).collect();
         let text = format!("reference value 16#{LAST:08X}, but actual values {}", values.join(", "));
-        Err(CliError::Demo(format!("the drives have not followed within {SETTLE} intervals: {text}")))
+        Err(DemoError::NotFollowed(format!("the drives have not followed within {settle} intervals: {text}")))
     }
 
     fn actual_values(&self) -> impl Iterator<Item = u32> {
@@ -69,8 +77,9 @@ impl<'a> Exchange<'a> {
     }
 
     /// One interval: wait for SYNC, read what the one before has brought, give the next reference value.
-    fn interval(&mut self, reference: u32, traced: bool) -> Result<(), CliError> {
-        self.trace.await_change("a SYNC pulse on node 2", SYNC, || self.trace.syncs() != self.syncs)?;
+    fn interval(&mut self, reference: u32, traced: bool) -> Result<(), DemoError> {
+        let what = format!("a SYNC pulse at {}", self.trace.port());
+        self.trace.await_change(&what, SYNC, || self.trace.syncs() != self.syncs)?;
         let now = self.trace.syncs();
         self.unseen += now.wrapping_sub(self.syncs) - 1;
         self.syncs = now;
@@ -88,7 +97,7 @@ impl<'a> Exchange<'a> {
         self.write_reference_value(reference, traced)
     }
 
-    fn read_actual_value(&mut self, traced: bool) -> Result<(), CliError> {
+    fn read_actual_value(&mut self, traced: bool) -> Result<(), DemoError> {
         let node = &self.trace.node;
         let slave = node.b_STATREG_RDC1.load();
         let Some(index) = DRIVES.iter().position(|drive| *drive == slave) else { return Ok(()) };
@@ -102,7 +111,7 @@ impl<'a> Exchange<'a> {
         Ok(())
     }
 
-    fn write_reference_value(&self, reference: u32, traced: bool) -> Result<(), CliError> {
+    fn write_reference_value(&self, reference: u32, traced: bool) -> Result<(), DemoError> {
         let node = &self.trace.node;
         node.a_WR_VALUE[0].store(reference);
         node.b_CTRLREG_WRC1.store(0x05);
@@ -113,7 +122,7 @@ impl<'a> Exchange<'a> {
         self.trace.ring()
     }
 
-    fn report(&self) -> Result<(), CliError> {
+    fn report(&self) -> Result<(), DemoError> {
         self.trace.print()?;
         let received = DRIVES.iter().zip(self.received);
         let received: Vec<_> = received.map(|(drive, count)| format!("drive {drive} {count}")).collect();
@@ -129,10 +138,10 @@ impl<'a> Exchange<'a> {
             let unseen = self.unseen;
             text.push_str(&format!("{unseen} more went by while the soft-PLC did not get the processor\n"));
         }
-        output::print(&text)
+        self.trace.say(&text)
     }
 
-    fn show_settled(&self) -> Result<(), CliError> {
+    fn show_settled(&self) -> Result<(), DemoError> {
         let node = &self.trace.node;
         self.trace.note(Who::Plc, &node.a_WR_VALUE[0])?;
         for drive in DRIVES {

@@ -1,0 +1,133 @@
+//! The soft-PLC of a demonstration: a CANsync master brings up three drives and moves them. It knows the image file and the
+//! register map, nothing else.
+
+mod exchange;
+mod trace;
+
+use super::BaudRate;
+use super::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::demo::{DemoError, Show};
+use crate::layout::{Device, Port};
+use crate::memory::{Attached, View};
+use exchange::{DRIVES, Exchange};
+use std::time::Duration;
+use trace::{Trace, Who};
+
+/// How long a state change may take, in real time. It takes milliseconds.
+const STATE: Duration = Duration::from_secs(5);
+/// How long the drives may take to lock. They take about a second of emulated time.
+const LOCK: Duration = Duration::from_secs(20);
+
+/// What differs between devices.
+pub(crate) struct Master {
+    /// The device.
+    pub device: &'static Device,
+    /// The port of the master.
+    pub port: &'static Port,
+    /// Its baud rate.
+    pub rate: &'static BaudRate,
+    /// Headlines of start, initialization data, mapping and set-up mode, with the manual's pages.
+    pub headlines: [&'static str; 4],
+}
+
+impl Master {
+    /// Initializes the master and exchanges process data.
+    ///
+    /// # Errors
+    /// The emulator has gone, or does not answer as it should.
+    pub(crate) fn run(&self, attached: Attached, show: Show<'_>) -> Result<(), DemoError> {
+        let [start, data, words, set_up] = self.headlines;
+        let init = attached.segment().view::<CANsync_INIT_BMSTRUCT>(self.port.area.first as usize)?;
+        let trace = &Trace::new(attached, self.device, self.port, show)?;
+        trace.headline(start)?;
+        command(trace, 0x0000, 0x0001)?;
+        command(trace, 0x0001, 0x0002)?;
+        trace.headline(data)?;
+        initialization_data(trace, &init, self.rate)?;
+        command(trace, 0x0002, 0x0003)?;
+        trace.headline(words)?;
+        mapping(trace)?;
+        trace.headline(set_up)?;
+        command(trace, 0x0020, 0x0043)?;
+        lock(trace)?;
+        trace.headline("Active operation")?;
+        command(trace, 0x0040, 0x0080)?;
+        Exchange::new(trace, 1_000 / u32::from(self.rate.b_TIME_PATTERN)).run()
+    }
+}
+
+/// Gives a command and waits for the state that follows.
+fn command(trace: &Trace<'_>, command: u16, state: u16) -> Result<(), DemoError> {
+    trace.node.w_CPU_CONTROL.store(command);
+    trace.note(Who::Plc, &trace.node.w_CPU_CONTROL)?;
+    trace.ring()?;
+    let what = format!("the state after command 16#{command:04X}");
+    trace.await_value(&trace.node.w_OPTION_STATUS, state.into(), &what, STATE)?;
+    trace.print()
+}
+
+/// Waits until all drives respond and are synchronized.
+fn lock(trace: &Trace<'_>) -> Result<(), DemoError> {
+    let cells = DRIVES.map(|drive| &trace.node.a_STAT_SL[usize::from(drive)]);
+    let mut states = [0; DRIVES.len()];
+    while states != [0x03; DRIVES.len()] {
+        let now = || cells.map(|cell| cell.load());
+        trace.await_change("a drive to respond or to lock", LOCK, || now() != states)?;
+        let before = std::mem::replace(&mut states, now());
+        for ((cell, before), now) in cells.into_iter().zip(before).zip(states) {
+            if now != before {
+                trace.note(Who::Firmware, cell)?;
+            }
+        }
+        trace.print()?;
+    }
+    Ok(())
+}
+
+fn initialization_data(
+    trace: &Trace<'_>,
+    init: &View<CANsync_INIT_BMSTRUCT>,
+    rate: &BaudRate,
+) -> Result<(), DemoError> {
+    for (cell, value) in [
+        (&init.b_MA_SL_MODE, 0x00),
+        (&init.b_AC, 0xFF),
+        (&init.b_AM, 0xFF),
+        (&init.b_BT_0, rate.b_BT_0),
+        (&init.b_BT_1, rate.b_BT_1),
+        (&init.b_OUTPUT_CONTROL, 0xFA),
+        (&init.b_CLOCK_DIVIDER, 0x07),
+        (&init.b_TIME_PATTERN, rate.b_TIME_PATTERN),
+    ] {
+        cell.store(value);
+        trace.note(Who::Plc, cell)?;
+    }
+    for drive in DRIVES {
+        let cell = &init.a_SL_TYP[usize::from(drive)];
+        cell.store(0x01);
+        trace.note(Who::Plc, cell)?;
+    }
+    Ok(())
+}
+
+/// Reference value 0 into words 0 and 1 of frame 1, which all drives read; words 0 and 1 of each drive's frame 1
+/// into its actual value 0. Every interval another slave is asked for its frame. It comes after the
+/// initialization data, because taking them over clears the cyclic registers.
+fn mapping(trace: &Trace<'_>) -> Result<(), DemoError> {
+    let node = &trace.node;
+    let reference = &node._CFG_WRC_WORD;
+    let mut bytes = vec![(&reference.b_CFG_WRC1_WORD0, 0x01), (&reference.b_CFG_WRC1_WORD1, 0x03)];
+    for drive in DRIVES {
+        let actual = &node.a_CFG_RDC_WORD[usize::from(drive)];
+        bytes.extend([(&actual.b_CFG_RDC1_WORD0, 0x01), (&actual.b_CFG_RDC1_WORD1, 0x03)]);
+    }
+    let [.., last] = DRIVES;
+    bytes.extend([(&node.b_MAX_SL_NR, last), (&node.b_CTRLREG_RD_ORDER_RDC1, 0x80)]);
+    // No slave has answered yet.
+    bytes.push((&node.b_STATREG_RDC1, 0xFF));
+    for (cell, value) in bytes {
+        cell.store(value);
+        trace.note(Who::Plc, cell)?;
+    }
+    Ok(())
+}
