@@ -1,6 +1,7 @@
 //! The plant file: which PLCs, buses and drives there are.
 
 mod file;
+mod places;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -52,6 +53,16 @@ pub enum PlantError {
         file: String,
         /// Where and what.
         source: Box<toml::de::Error>,
+    },
+    /// Something is wrong that stands in a plant file.
+    #[error("{file}: line {line}: {source}")]
+    At {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: usize,
+        /// What.
+        source: Box<PlantError>,
     },
     /// No PLC in the plant.
     #[error("the plant has no PLC; add a [[plc]] section with a name")]
@@ -112,9 +123,7 @@ pub enum PlantError {
         known: String,
     },
     /// Two ports of a device on one bus.
-    #[error(
-        "{first} and {second} of PLC '{plc}' are both on bus '{bus}'; a PLC cannot be slave and master of one bus"
-    )]
+    #[error("{first} and {second} of PLC '{plc}' are both on bus '{bus}'; a PLC takes part in a bus once")]
     BothNodes {
         /// The device.
         plc: String,
@@ -127,7 +136,7 @@ pub enum PlantError {
     },
     /// Two masters on one bus.
     #[error(
-        "bus '{bus}' has two masters, {first_port} of '{first}' and of '{second}'; a CANsync bus has one"
+        "bus '{bus}' has two masters, {first_port} of '{first}' and {second_port} of '{second}'; a CANsync bus has one"
     )]
     TwoMasters {
         /// The bus.
@@ -136,8 +145,10 @@ pub enum PlantError {
         first: String,
         /// Its port.
         first_port: String,
-        /// Another device.
+        /// Another device, or the same.
         second: String,
+        /// Its port.
+        second_port: String,
     },
     /// Two slaves with one number.
     #[error("slave number {number} is used twice on bus '{bus}', by '{first}' and '{second}'")]
@@ -155,10 +166,8 @@ pub enum PlantError {
     #[error(transparent)]
     Build(#[from] BuildError),
     /// A fault is refused.
-    #[error("{at}[[fault]] {number}: {source}")]
+    #[error("[[fault]] {number}: {source}")]
     Fault {
-        /// File and line with a colon behind them, if it comes from a file.
-        at: String,
         /// Position in the file, from 1.
         number: usize,
         /// Why.
@@ -189,14 +198,16 @@ impl PlantConfig {
     /// [`PlantError`], naming the thing and what would be right.
     pub fn parse(file: &str, text: &str) -> Result<Self, PlantError> {
         let (config, lines) = file::read(file, text)?;
-        let of_fault = |error| match error {
-            PlantError::Fault { number, source, .. } => {
-                let line = lines.get(number - 1).copied().unwrap_or(1);
-                PlantError::Fault { at: format!("{file}: line {line}: "), number, source }
+        config.check().map_err(|error| {
+            let line = match &error {
+                PlantError::Fault { number, .. } => lines.get(number - 1).copied(),
+                other => places::offset_of(other, text).map(|offset| file::line_of(text, offset)),
+            };
+            match line {
+                Some(line) => PlantError::At { file: file.to_owned(), line, source: Box::new(error) },
+                None => error,
             }
-            other => other,
-        };
-        config.check().map_err(of_fault)?;
+        })?;
         Ok(config)
     }
 
@@ -242,18 +253,14 @@ impl PlantConfig {
         let numbered = self.faults.iter().enumerate();
         let faults: Vec<Fault> = numbered
             .map(|(index, spec)| {
-                resolve(spec).map_err(|source| PlantError::Fault {
-                    at: String::new(),
-                    number: index + 1,
-                    source,
-                })
+                resolve(spec).map_err(|source| PlantError::Fault { number: index + 1, source })
             })
             .collect::<Result<_, _>>()?;
         match faults.get(MAX_FAULTS) {
             None => Ok(faults),
             Some(fault) => {
                 let source = FaultError::Refused { kind: fault.kind(), refusal: Refusal::TooMany };
-                Err(PlantError::Fault { at: String::new(), number: MAX_FAULTS + 1, source })
+                Err(PlantError::Fault { number: MAX_FAULTS + 1, source })
             }
         }
     }
@@ -311,13 +318,19 @@ impl PlantConfig {
         for (index, port) in ports.iter().enumerate() {
             let Some(bus) = port.medium else { continue };
             let plc = device.name().to_owned();
-            if !self.media.iter().any(|medium| medium.name() == bus) {
+            let Some(medium) = self.media.iter().find(|medium| medium.name() == bus) else {
                 let known: Vec<&str> = self.media.iter().map(|medium| medium.name()).collect();
                 let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
                 let (port, bus) = (port.name.to_owned(), bus.to_owned());
                 return Err(PlantError::UnknownBus { plc, port, bus, known });
-            }
+            };
             if let Some(other) = ports[..index].iter().find(|other| other.medium == port.medium) {
+                if medium.has_one_master() && other.address.is_none() && port.address.is_none() {
+                    let (first, second) = (plc.clone(), plc);
+                    let (first_port, second_port) = (other.name.to_owned(), port.name.to_owned());
+                    let bus = bus.to_owned();
+                    return Err(PlantError::TwoMasters { bus, first, first_port, second, second_port });
+                }
                 let (first, second) = (other.name.to_owned(), port.name.to_owned());
                 return Err(PlantError::BothNodes { plc, first, second, bus: bus.to_owned() });
             }
@@ -330,11 +343,11 @@ impl PlantConfig {
         let ports = self.ports_at(medium);
         let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
         if medium.has_one_master()
-            && let (Some((first, port)), Some((second, _))) = (masters.next(), masters.next())
+            && let (Some((first, first_port)), Some((second, second_port))) = (masters.next(), masters.next())
         {
             let (first, second) = ((*first).to_owned(), (*second).to_owned());
-            let first_port = port.name.to_owned();
-            return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second });
+            let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
+            return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
         }
         let mut taken: [Option<&str>; 256] = [None; 256];
         for (name, number) in self.numbers_on(medium) {

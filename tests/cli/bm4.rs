@@ -264,13 +264,42 @@ fn plant_files_are_refused_where_they_are_wrong() {
         assert!(told.contains(expected) && told.contains(&format!("line {line}")), "{modules}: {told}");
         assert!(told.contains("plant.toml"), "{told}");
     }
-    // What only the whole plant can tell names who is at fault.
-    let master = module("G", master);
-    let two = device("maxx", &master) + &device("top", &master) + bus;
-    assert!(refused(&two).contains("bus 'b' has two masters, slotG of 'maxx' and of 'top'"));
+    // What only the whole plant can tell names who is at fault, and the line of the later one.
     let drive = "[[bus.drive]]\nname = 'winder'\nslave_number = 6\n";
-    let taken = device("maxx", &module("G", &slave(6))) + bus + drive;
-    assert!(refused(&taken).contains("slave number 6 is used twice on bus 'b', by 'maxx' and 'winder'"));
-    let rate = device("maxx", &master) + bus + "kbit_s = 800\n";
-    assert!(refused(&rate).contains("kbit_s of 'b' is 800; it must be 1000, 500, 250 or 125"));
+    let (g, m) = (module("G", master), module("M", master));
+    for (text, line, expected) in [
+        (
+            device("maxx", &g) + &device("top", &m) + bus,
+            14,
+            "bus 'b' has two masters, slotG of 'maxx' and slotM of 'top'; a CANsync bus has one",
+        ),
+        (
+            device("maxx", &(g.clone() + &m)) + bus,
+            11,
+            "bus 'b' has two masters, slotG of 'maxx' and slotM of 'maxx'; a CANsync bus has one",
+        ),
+        (
+            device("maxx", &(g.clone() + &module("H", &slave(1)))) + bus,
+            11,
+            "slotG and slotH of PLC 'maxx' are both on bus 'b'; a PLC takes part in a bus once",
+        ),
+        (
+            device("maxx", &module("G", &slave(6))) + bus + drive,
+            13,
+            "slave number 6 is used twice on bus 'b', by 'maxx' and 'winder'",
+        ),
+        (
+            device("maxx", &module("G", &slave(6))) + &device("top", &module("H", &slave(6))) + bus,
+            16,
+            "slave number 6 is used twice on bus 'b', by 'maxx' and 'top'",
+        ),
+        (
+            device("maxx", &g) + bus + "kbit_s = 800\n",
+            10,
+            "kbit_s of 'b' is 800; it must be 1000, 500, 250 or 125",
+        ),
+    ] {
+        let told = refused(&text);
+        assert!(told.contains(&format!("plant.toml: line {line}: {expected}")), "{text}\n{told}");
+    }
 }

@@ -66,6 +66,11 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
     Ok((PlantConfig { processor_cycle_us, devices, media, faults }, lines))
 }
 
+/// The line, from 1, in which an offset lies.
+pub(super) fn line_of(text: &str, offset: usize) -> usize {
+    1 + text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
+}
+
 impl Source<'_> {
     fn syntax(&self, mut error: Error) -> PlantError {
         error.set_input(Some(self.text));
@@ -73,7 +78,7 @@ impl Source<'_> {
     }
 
     fn line_of(&self, offset: usize) -> usize {
-        1 + self.text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
+        line_of(self.text, offset)
     }
 
     /// Takes all sections `[[name]]` out of the file.

@@ -42,7 +42,7 @@ fn each_mistake_is_named() {
         (format!("{plc}node1 = 'b'\nnode2 = 'b'\n{bus}"), "node1 and node2 of PLC 'p' are both on bus 'b'"),
         (
             format!("{plc}node2 = 'b'\n[[plc]]\nname = 'q'\nnode2 = 'b'\n{bus}"),
-            "bus 'b' has two masters, node2 of 'p' and of 'q'",
+            "bus 'b' has two masters, node2 of 'p' and node2 of 'q'",
         ),
         (
             format!("{plc}{bus}{}{}", drive("d", 4), drive("e", 4)),
@@ -84,5 +84,40 @@ fn each_mistake_is_named() {
     for (text, expected) in cases {
         let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
         assert!(message.contains(expected), "{text}\n{message}\nlacks: {expected}");
+    }
+}
+
+/// What only the whole plant can tell is told with the line of the later one.
+#[test]
+fn each_mistake_is_told_with_its_line() {
+    let plc = "[[plc]]\nname = 'p'\n";
+    let bus = "[[bus]]\nname = 'b'\n";
+    let drives = "[[bus.drive]]\nslave_number = 4\nname = 'd'\n[[bus.drive]]\nname = 'e'\n";
+    for (text, line) in [
+        (format!("{plc}[[plc]]\nname = 'a b'\n"), 3),
+        (format!("{plc}{plc}"), 3),
+        (format!("{plc}{bus}{bus}"), 5),
+        (
+            format!(
+                "{plc}{bus}[[bus.drive]]\nname = 'd'\nslave_number = 1\n[[bus.drive]]\nname = 'd'\nslave_number = 2\n"
+            ),
+            8,
+        ),
+        (format!("{bus}{plc}dip = 32\n"), 5),
+        (format!("{plc}[plc.drive]\nsync_loss_us = 0\n"), 4),
+        (format!("{plc}{bus}{drives}slave_number = 32\n"), 10),
+        (format!("{plc}{bus}{drives}slave_number = 4\n"), 10),
+        // A drive of a PLC's name is not taken for the PLC.
+        (format!("{plc}{bus}[[bus.drive]]\nname = 'p'\nslave_number = 1\nlock_time_us = 3_600_000_001\n"), 8),
+        (format!("{plc}node2 = 'x'\n{bus}"), 3),
+        (format!("{plc}node2 = 'b'\nnode1 = 'b'\n{bus}"), 4),
+        (format!("{bus}{plc}node2 = 'b'\n[[plc]]\nname = 'q'\nnode2 = 'b'\n"), 8),
+        (format!("{plc}node1 = 'b'\n[[plc]]\nname = 'q'\nnode1 = 'b'\ndip = 0\n{bus}"), 7),
+        (format!("{plc}node1 = 'b'\n[[plc]]\nname = 'q'\nnode1 = 'b'\n{bus}"), 6),
+        (format!("{plc}{bus}kbit_s = 800\n"), 5),
+        (format!("\nprocessor_cycle_us = 5\n{plc}"), 2),
+    ] {
+        let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("test.toml: line {line}: ")), "{text}\n{message}");
     }
 }

@@ -272,8 +272,9 @@ fn a_sync_slot_of_another_rate_is_found_and_hinders_locking() {
             (findings[0].0.rule, findings[0].0.value, findings[0].1),
             (&cansync::rules::DRIVE_SYNC_SLOT, other, 1)
         );
-        let name = findings[0].0.name(rig.plant.names().device(0));
-        assert!(name.is_some_and(|name| name.ends_with(".a_DATA_PARAMETER[1].d_PAR_VALUE")));
+        let port = rate.kind.layout.ports.iter().find(|port| port.number == rig.master_at.port).unwrap().name;
+        let name = format!("{port}.a_DATA_PARAMETER[1].d_PAR_VALUE");
+        assert_eq!(findings[0].0.name(rig.plant.names().device(0)), Some(name));
         enter_parameter(&rig, DRIVE, 0x05, 167, rate.interval_us as u32);
         rig.step(80_000);
         assert!(is_locked(&rig));

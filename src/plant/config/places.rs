@@ -1,0 +1,122 @@
+//! Where in a plant file stands what only the whole plant can tell to be wrong.
+//!
+//! Looked for after the refusal, so that settings need not carry their places about.
+
+use super::PlantError;
+use crate::devices::SettingError;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Keys by which a device is plugged in at a bus.
+const BUS_KEYS: [&str; 3] = ["node1", "node2", "bus"];
+
+type Value<'t> = Spanned<DeValue<'t>>;
+
+/// Offset in the text of what `error` is about; `None` if it is about nothing that stands there.
+pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
+    let table = DeTable::parse(text).ok()?;
+    let root = table.get_ref();
+    let found = match error {
+        PlantError::Setting(error) => setting(root, error),
+        PlantError::Name { name, .. } => named(root, name).last(),
+        PlantError::Duplicate { what, name } => {
+            sections_of(root, what).filter(|it| is_named(it, name)).last()
+        }
+        PlantError::UnknownBus { plc, bus, .. } | PlantError::BothNodes { plc, bus, .. } => {
+            plugged_at(root, plc, bus).last().map(|(_, key)| key)
+        }
+        PlantError::TwoMasters { bus, second, .. } => {
+            plugged_at(root, second, bus).last().map(|(_, key)| key)
+        }
+        PlantError::SlaveNumber { bus, number, second, .. } => slave_number(root, bus, *number, second),
+        _ => None,
+    };
+    found.map(|value| value.span().start)
+}
+
+/// The value that is out of its range.
+fn setting<'a, 't>(root: &'a DeTable<'t>, error: &SettingError) -> Option<&'a Value<'t>> {
+    let SettingError { what, name, value, .. } = error;
+    let at = |section: &'a Value<'t>| {
+        let found = what.split('.').try_fold(section, |section, key| section.get_ref().get(key));
+        found.filter(|found| integer(found) == Some(*value))
+    };
+    let (device, port) = name.split_once(':').unwrap_or((name, ""));
+    let modules = named(root, device).flat_map(|section| below(section.get_ref(), "module"));
+    let module =
+        modules.filter(|module| text_at(module, "slot").is_some_and(|slot| port == format!("slot{slot}")));
+    let own = root.get(*what).filter(|found| integer(found) == Some(*value));
+    own.or_else(|| named(root, name).chain(module).find_map(at))
+}
+
+/// The number that the later one of two gives itself on a bus; where it leaves it at the default, its bus.
+fn slave_number<'a, 't>(root: &'a DeTable<'t>, bus: &str, number: u8, second: &str) -> Option<&'a Value<'t>> {
+    let buses = sections_of(root, "bus").filter(|section| is_named(section, bus));
+    let drives = buses.flat_map(|section| below(section.get_ref(), "drive"));
+    let drive =
+        drives.filter(|drive| is_named(drive, second)).find_map(|drive| drive.get_ref().get("slave_number"));
+    let drive = drive.filter(|found| integer(found) == Some(number.into()));
+    drive.or_else(|| {
+        let (section, key) = plugged_at(root, second, bus).last()?;
+        Some(section.get("dip").unwrap_or(key))
+    })
+}
+
+/// Where a device is plugged in at a bus, in the order of the file: the section, and the bus's name in it.
+fn plugged_at<'a, 't>(
+    root: &'a DeTable<'t>,
+    device: &str,
+    bus: &str,
+) -> impl Iterator<Item = (&'a DeValue<'t>, &'a Value<'t>)> {
+    let devices = sections_of(root, "PLC").filter(move |section| is_named(section, device));
+    let sections =
+        devices.flat_map(|section| [section].into_iter().chain(below(section.get_ref(), "module")));
+    let keys = sections
+        .flat_map(|section| BUS_KEYS.map(|key| Some((section.get_ref(), section.get_ref().get(key)?))));
+    let mut found: Vec<_> =
+        keys.flatten().filter(|(_, value)| value.get_ref().as_str() == Some(bus)).collect();
+    found.sort_by_key(|(_, value)| value.span().start);
+    found.into_iter()
+}
+
+/// All sections of what [`PlantError`] calls "PLC", "bus" or "drive".
+fn sections_of<'a, 't>(root: &'a DeTable<'t>, what: &str) -> impl Iterator<Item = &'a Value<'t>> {
+    let arrays: &[&str] = match what {
+        "PLC" => &["plc", "device"],
+        _ => &["bus"],
+    };
+    let sections =
+        arrays.iter().filter_map(|name| root.get(*name)).flat_map(|value| elements(value.get_ref()));
+    let sections: Vec<_> = match what {
+        "drive" => sections.flat_map(|bus| below(bus.get_ref(), "drive")).collect(),
+        _ => sections.collect(),
+    };
+    sections.into_iter()
+}
+
+/// All sections with this name.
+fn named<'a, 't>(root: &'a DeTable<'t>, name: &str) -> impl Iterator<Item = &'a Value<'t>> {
+    let sections = ["PLC", "bus", "drive"].into_iter().flat_map(|what| sections_of(root, what));
+    sections.filter(move |section| is_named(section, name))
+}
+
+fn below<'a, 't>(section: &'a DeValue<'t>, key: &str) -> impl Iterator<Item = &'a Value<'t>> + use<'a, 't> {
+    section.get(key).into_iter().flat_map(|value| elements(value.get_ref()))
+}
+
+fn elements<'a, 't>(value: &'a DeValue<'t>) -> impl Iterator<Item = &'a Value<'t>> + use<'a, 't> {
+    value.as_array().into_iter().flat_map(|sections| sections.iter())
+}
+
+fn text_at<'a>(section: &'a Value<'_>, key: &str) -> Option<&'a str> {
+    section.get_ref().get(key)?.get_ref().as_str()
+}
+
+fn is_named(section: &Value<'_>, name: &str) -> bool {
+    text_at(section, "name") == Some(name)
+}
+
+fn integer(value: &Value<'_>) -> Option<u64> {
+    let integer = value.get_ref().as_integer()?;
+    u64::from_str_radix(integer.as_str(), integer.radix()).ok()
+}
