@@ -35,7 +35,7 @@ enum Command {
 
 /// Add a fault and print its number.
 ///
-/// A fault is its kind and its fields, the same as in a [[fault]] of the plant file. Times can also be given
+/// A fault is its kind and its fields, the same as in a `[[fault]]` of the plant file. Times can also be given
 /// with a unit: duration=5ms for duration_us=5000. Without `at` the fault begins at once; without `count` and
 /// `duration` it lasts until it is cleared, if it does not happen once. The bus or PLC need not be named if there is
 /// only one.

@@ -2,7 +2,7 @@
 //!
 //! First word: bits 0-7 number of the [`Kind`], 8-15 number of the port, 16-31 index of the device or bus. The
 //! remaining five halves of 32 bits belong to the kind, which puts its [`Part`]s there one after the other.
-//! [`coded!`] writes both ways, there and back again, from one list of fields.
+//! [`coded!`](crate::coded!) writes both ways, there and back again, from one list of fields.
 
 use super::event::{Origin, Source};
 use super::kind::Kind;
