@@ -97,14 +97,14 @@ fn list(args: &Args) -> Result<(), CliError> {
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     args.writes.iter().try_for_each(|text| super::poke::parse(text, of_any_device).map(drop))?;
     Err(CliError::NoChannel { command: "force" })
 }
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
-pub fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
+pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
     Err(CliError::NoChannel { command: "unforce" })
 }

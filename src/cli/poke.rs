@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     args.writes.iter().try_for_each(|text| parse(text, of_any_device).map(drop))?;
     Err(CliError::NoChannel { command: "poke" })
 }

@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     args.to_sync.as_deref().map_or(Ok(()), check)?;
     Err(CliError::NoChannel { command: "step" })
 }

@@ -122,7 +122,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     kinds(args)?;
     Err(CliError::NoChannel { command: "trace" })
 }

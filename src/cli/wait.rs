@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
-pub fn run(args: &Args) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     parse(&args.condition, of_any_device)?;
     Err(CliError::NoChannel { command: "wait" })
 }

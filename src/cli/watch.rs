@@ -131,7 +131,7 @@ pub(crate) use by_channel::run;
 
 /// Says that there is no channel.
 #[cfg(not(feature = "channel"))]
-pub fn run(args: &Args) -> Result<(), super::error::CliError> {
+pub(crate) fn run(args: &Args) -> Result<(), super::error::CliError> {
     super::dump::check(&args.blocks)?;
     Err(super::error::CliError::NoChannel { command: "watch" })
 }
