@@ -166,7 +166,7 @@ mod machine {
     }
 
     #[inline(always)]
-    pub unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
+    pub(crate) unsafe fn load_four(at: *const [u64; 4]) -> [u64; 4] {
         // SAFETY: the caller vouches for the pointer.
         core::array::from_fn(|n| unsafe { u64::load(at.cast::<u64>().add(n)) })
     }
