@@ -38,6 +38,8 @@ pub(crate) mod samples;
 pub mod settings;
 #[cfg(feature = "emulator")]
 mod shown;
+#[cfg(feature = "emulator")]
+mod supply;
 
 #[cfg(feature = "emulator")]
 pub use catalogue::{catalogue, fault_kinds, faults_of_device, faults_of_medium};

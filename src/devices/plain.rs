@@ -1,11 +1,11 @@
 //! A device with nothing in front but its supply: what an ordinary device needs around its firmware.
 
-use super::records::{BoardEvent, OnBoard};
+use super::supply::Supply;
 use super::{Context, Device, Look, Power, World};
 use crate::fault::{Effect, Hit, Target};
 use crate::layout;
 use crate::layout::Fitted;
-use crate::memory::header::{self, BoardSetting};
+use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
 
 /// The firmware of a [`Plain`] device, as far as it does not run at its ports. Whoever has none takes `()`.
@@ -52,12 +52,7 @@ pub struct Plain<F> {
     header: View<Header>,
     /// The firmware.
     pub firmware: F,
-    is_powered: bool,
-    is_up: bool,
-    /// Whether it has been up before: the first power-on is no event.
-    is_used: bool,
-    /// The switch, as last seen.
-    seen: u32,
+    supply: Supply,
 }
 
 impl<F: Firmware> Plain<F> {
@@ -74,19 +69,11 @@ impl<F: Firmware> Plain<F> {
     ) -> Result<Self, MemoryError> {
         let header = segment.header()?;
         header.retain_size.store(0);
-        let seen = header.program.power.load();
+        let supply = Supply::new(&header);
         let (index, name) = (index as u16, name.to_owned());
-        let (is_powered, is_up, is_used) = (true, false, false);
-        let it = Plain { index, name, layout, segment, header, firmware, is_powered, is_up, is_used, seen };
+        let it = Plain { index, name, layout, segment, header, firmware, supply };
         it.reset_registers()?;
         Ok(it)
-    }
-
-    fn switch(&mut self, on: bool) -> Look {
-        if core::mem::replace(&mut self.is_powered, on) == on {
-            return Look::Nothing;
-        }
-        if on { Look::Up } else { Look::Off }
     }
 
     /// Every register as it is after power-on.
@@ -96,10 +83,6 @@ impl<F: Firmware> Plain<F> {
         registers.try_for_each(|register| {
             self.segment.store(register.offset(), register.address().width(), register.reset())
         })
-    }
-
-    fn tell(&self, ctx: &mut Context, what: BoardEvent) {
-        ctx.report(OnBoard { plc: self.index, what });
     }
 }
 
@@ -127,46 +110,37 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn set_power(&mut self, power: Power) -> Look {
-        let on = matches!(power, Power::On | Power::ReleaseReset);
-        self.seen = if on { header::Power::On } else { header::Power::Off }.code();
-        self.header.program.power.store(self.seen);
-        self.switch(on)
+        self.supply.set(&self.header, power)
     }
 
     fn look(&mut self, _: &mut Context) -> Look {
         if !self.front_has_changed() {
             return Look::Nothing;
         }
-        self.seen = self.header.program.power.load();
-        match self.switch(self.seen != header::Power::Off.code()) {
+        match self.supply.look(&self.header) {
             Look::Nothing => Look::Answered,
             look => look,
         }
     }
 
     fn is_up(&self) -> bool {
-        self.is_up
+        self.supply.is_up()
     }
 
     fn start(&mut self, ctx: &mut Context) {
-        self.is_up = true;
-        self.header.program.restarts.increment();
+        self.supply.start(ctx, &self.header);
         // They were there when it was built.
         let _ = self.reset_registers();
-        if core::mem::replace(&mut self.is_used, true) {
-            self.tell(ctx, BoardEvent::Up { dip: 0 });
-        }
         self.firmware.start(ctx);
     }
 
     fn stop(&mut self, ctx: &mut Context) {
-        self.is_up = false;
         self.firmware.stop();
-        self.tell(ctx, BoardEvent::Down);
+        self.supply.stop(ctx);
     }
 
     fn front_has_changed(&self) -> bool {
-        self.header.program.power.load() != self.seen
+        self.supply.has_changed(&self.header)
     }
 
     fn processor_cycle(&mut self, ctx: &mut Context) {
@@ -178,7 +152,7 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn next_time(&self) -> u64 {
-        if self.is_up { self.firmware.next_time() } else { u64::MAX }
+        if self.supply.is_up() { self.firmware.next_time() } else { u64::MAX }
     }
 
     fn due(&mut self, world: &mut World) {

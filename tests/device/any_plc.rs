@@ -96,7 +96,7 @@ fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
     let init = |rig: &Rig, slave| if slave { rig.slave_init.clone() } else { rig.master_init.clone() };
     match *act {
         Act::Command { slave, value } => init(rig, slave).w_CPU_CONTROL.store(value),
-        Act::InitData { slave } => write_init_data(&init(rig, slave), rig.rate, u8::from(slave)),
+        Act::InitData { slave } => write_init_data(&init(rig, slave), rig.rate.timing, u8::from(slave)),
         Act::Byte { slave, offset, value } => {
             let at = if slave { rig.slave_at } else { rig.master_at };
             let segment = rig.plant.devices()[at.plc].segment();

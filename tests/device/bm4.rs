@@ -2,6 +2,7 @@
 
 mod vectors;
 
+use crate::rig::write_init_data;
 use commram::devices::Led;
 use commram::devices::bm4_o_can_06::Leds;
 use commram::devices::bm4_o_can_06::blocks::{CANsync_INIT, INTR_SET, Ram};
@@ -53,17 +54,7 @@ impl Bm4 {
             self.step(500);
             assert_eq!(init.w_OPTION_STATUS.load(), status);
         }
-        init.b_MA_SL_MODE.store(mode);
-        init.b_AC.store(0xFF);
-        init.b_AM.store(0xFF);
-        init.b_BT_0.store(rate.b_BT_0);
-        init.b_BT_1.store(rate.b_BT_1);
-        init.b_OUTPUT_CONTROL.store(0xFA);
-        init.b_CLOCK_DIVIDER.store(0x07);
-        init.b_TIME_PATTERN.store(rate.b_TIME_PATTERN);
-        if mode != 1 {
-            (0..4).for_each(|slave| init.a_SL_TYP[slave].store(1));
-        }
+        write_init_data(init, rate, mode);
         self.command(init, 0x0002, 0x0003);
     }
 

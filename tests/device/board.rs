@@ -111,7 +111,7 @@ fn a_forwarded_edge_is_one_event() {
     for (node, mode) in &nodes {
         for command in [0x0001, 0x0002] {
             if command == 2 {
-                crate::rig::write_init_data(node, OMEGA_RATES[0], *mode);
+                crate::rig::write_init_data(node, OMEGA_RATES[0].timing, *mode);
             }
             node.w_CPU_CONTROL.store(command);
             plant.advance_to(plant.now() + 500);

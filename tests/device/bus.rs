@@ -220,7 +220,7 @@ fn a_cluster_forwards_the_sync_signal() {
     for (regs, mode) in &nodes {
         regs.w_CPU_CONTROL.store(0x0001);
         plant.advance_to(plant.now() + 500);
-        crate::rig::write_init_data(regs, OMEGA_RATES[0], *mode);
+        crate::rig::write_init_data(regs, OMEGA_RATES[0].timing, *mode);
         regs.w_CPU_CONTROL.store(0x0002);
         plant.advance_to(plant.now() + 500);
         regs.w_CPU_CONTROL.store(0x0020);

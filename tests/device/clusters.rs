@@ -98,7 +98,7 @@ fn set_up(plant: &mut Plant, nodes: &[(usize, usize, u8, Rate)]) {
             init.w_CPU_CONTROL.store(command);
             plant.advance_to(plant.now() + 500);
         }
-        write_init_data(&init, rate, mode);
+        write_init_data(&init, rate.timing, mode);
         for command in [0x0002, 0x0020] {
             init.w_CPU_CONTROL.store(command);
             plant.advance_to(plant.now() + 500);

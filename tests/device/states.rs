@@ -35,7 +35,7 @@ fn bring_to(rig: &mut Rig, role: Role, state: usize) -> View<CANsync_INIT_BMSTRU
     for (number, command) in [0x0000, 0x0001, 0x0002, 0x0020, 0x0040].into_iter().enumerate().take(state + 1)
     {
         if command == 0x0002 {
-            write_init_data(&regs, rig.rate, u8::from(role == Role::Slave));
+            write_init_data(&regs, rig.rate.timing, u8::from(role == Role::Slave));
         }
         regs.w_CPU_CONTROL.store(command);
         rig.step(500);
@@ -70,7 +70,7 @@ fn every_command_in_every_state() {
                         let mut rig = Rig::new(memory, rate);
                         let regs = bring_to(&mut rig, role, state);
                         if state == 1 {
-                            write_init_data(&regs, rate, u8::from(role == Role::Slave));
+                            write_init_data(&regs, rate.timing, u8::from(role == Role::Slave));
                         }
                         // A command that already stands in the register is no new one.
                         let again = regs.w_CPU_CONTROL.load() == command;
@@ -125,7 +125,7 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
                     let mut rig = Rig::new(Memory::Heap, rate);
                     let regs = bring_to(&mut rig, role, state);
                     if state == 1 {
-                        write_init_data(&regs, rate, u8::from(role == Role::Slave));
+                        write_init_data(&regs, rate.timing, u8::from(role == Role::Slave));
                     }
                     let stands = regs.w_CPU_CONTROL.load() == command;
                     let rests = stands || state == 4 && command & 0x0040 != 0;
@@ -153,7 +153,7 @@ fn what_is_written_too_early_is_found_with_bit_7_too() {
             let mut rig = Rig::new(Memory::Heap, rate);
             rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
             let regs = bring_to(&mut rig, Role::Master, 1);
-            write_init_data(&regs, rate, 0x00);
+            write_init_data(&regs, rate.timing, 0x00);
             rig.master.a_RD_BMARRAY[31][7].store(1);
             regs.w_CPU_CONTROL.store(command);
             rig.step(500);
@@ -313,7 +313,7 @@ fn bad_initialization_data_are_refused_until_they_are_right() {
             let mut rig = Rig::new(memory, rate);
             rig.expect_errors(&[&cansync::rules::INIT_INTERVAL]);
             let regs = bring_to(&mut rig, Role::Master, 1);
-            write_init_data(&regs, rate, 0x00);
+            write_init_data(&regs, rate.timing, 0x00);
             regs.b_TIME_PATTERN.store(16);
             regs.w_CPU_CONTROL.store(0x0002);
             rig.step(5000);

@@ -52,7 +52,7 @@ impl Bench {
     fn set_up(&mut self, [code, mask]: [u8; 2]) {
         self.command(0x0000);
         self.command(0x0001);
-        write_init_data(&self.init, self.rate, 0x01);
+        write_init_data(&self.init, self.rate.timing, 0x01);
         self.init.b_AC.store(code);
         self.init.b_AM.store(mask);
         self.command(0x0002);

@@ -7,6 +7,7 @@ pub(crate) mod bench;
 pub(crate) mod cluster;
 mod kinds;
 
+use commram::devices::cansync::BaudRate;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::registers::{
@@ -146,7 +147,7 @@ impl Rig {
             self.step(500);
             assert_eq!(init.w_OPTION_STATUS.load(), status);
         }
-        write_init_data(init, self.rate, mode);
+        write_init_data(init, self.rate.timing, mode);
         init.w_CPU_CONTROL.store(0x0002);
         self.step(500);
         assert_eq!(init.w_OPTION_STATUS.load(), 0x0003);
@@ -207,15 +208,15 @@ impl Rig {
 }
 
 /// Fills the initialization data; slaves 0 to 3 are expected by a master.
-pub(crate) fn write_init_data(init: &CANsync_INIT_BMSTRUCT, rate: Rate, mode: u8) {
+pub(crate) fn write_init_data(init: &CANsync_INIT_BMSTRUCT, timing: &BaudRate, mode: u8) {
     init.b_MA_SL_MODE.store(mode);
     init.b_AC.store(0xFF);
     init.b_AM.store(0xFF);
-    init.b_BT_0.store(rate.timing.b_BT_0);
-    init.b_BT_1.store(rate.timing.b_BT_1);
+    init.b_BT_0.store(timing.b_BT_0);
+    init.b_BT_1.store(timing.b_BT_1);
     init.b_OUTPUT_CONTROL.store(0xFA);
     init.b_CLOCK_DIVIDER.store(0x07);
-    init.b_TIME_PATTERN.store((rate.interval_us / 1000) as u8);
+    init.b_TIME_PATTERN.store(timing.b_TIME_PATTERN);
     for slave in 0..4 {
         init.a_SL_TYP[slave].store(u8::from(mode != 1));
     }

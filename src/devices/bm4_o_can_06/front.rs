@@ -3,8 +3,9 @@
 
 use crate::devices::Events;
 use crate::devices::records::{BoardEvent, OnBoard};
+use crate::devices::supply::Supply;
 use crate::devices::{Context, Look, Power};
-use crate::memory::header::{self, InterruptResult, ProgramState, Start};
+use crate::memory::header::{InterruptResult, ProgramState, Start};
 use crate::memory::{Header, View};
 
 /// The one event there is: SYNC signal 1 of an option module.
@@ -14,9 +15,7 @@ const SYNC_EVENT: usize = 11;
 pub(super) struct Front {
     header: View<Header>,
     pub events: Events,
-    powered: bool,
-    up: bool,
-    is_used: bool,
+    supply: Supply,
     /// Cells that clients write, as last seen.
     seen: Seen,
 }
@@ -24,80 +23,57 @@ pub(super) struct Front {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Seen {
     requests: u32,
-    power: u32,
     program: u32,
 }
 
 impl Seen {
     #[inline]
     fn now(header: &Header) -> Self {
-        Seen {
-            requests: header.board_requests.load(),
-            power: header.program.power.load(),
-            program: header.program.state.load(),
-        }
+        Seen { requests: header.board_requests.load(), program: header.program.state.load() }
     }
 }
 
 impl Front {
     pub(crate) fn new(header: View<Header>) -> Self {
-        let seen = Seen::now(&header);
-        Front { header, events: Events::default(), powered: true, up: false, is_used: false, seen }
+        let (supply, seen) = (Supply::new(&header), Seen::now(&header));
+        Front { header, events: Events::default(), supply, seen }
     }
 
     pub(crate) fn is_up(&self) -> bool {
-        self.up
+        self.supply.is_up()
     }
 
     #[inline]
     pub(crate) fn has_changed(&self) -> bool {
-        Seen::now(&self.header) != self.seen
+        self.supply.has_changed(&self.header) || Seen::now(&self.header) != self.seen
     }
 
     /// Power-on.
     pub(crate) fn start(&mut self, ctx: &mut Context) {
-        self.up = true;
         self.events.disable_all();
         self.header.interrupts.iter().for_each(|interrupt| interrupt.clear());
-        self.header.program.restarts.increment();
-        if core::mem::replace(&mut self.is_used, true) {
-            let plc = ctx.origin.plc;
-            ctx.report(OnBoard { plc, what: BoardEvent::Up { dip: 0 } });
-        }
+        self.supply.start(ctx, &self.header);
     }
 
     /// Power-off.
     pub(crate) fn stop(&mut self, ctx: &mut Context) {
-        self.up = false;
         self.events.disable_all();
-        ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Down });
+        self.supply.stop(ctx);
     }
 
-    /// Switches the supply, as if a client had turned the switch. A reset does the same to the modules.
     pub(crate) fn set_power(&mut self, power: Power) -> Look {
-        let on = matches!(power, Power::On | Power::ReleaseReset);
-        let code = if on { header::Power::On } else { header::Power::Off }.code();
-        self.header.program.power.store(code);
-        self.seen.power = code;
-        self.switch(on)
-    }
-
-    fn switch(&mut self, on: bool) -> Look {
-        if core::mem::replace(&mut self.powered, on) == on {
-            return Look::Nothing;
-        }
-        if on { Look::Up } else { Look::Off }
+        self.supply.set(&self.header, power)
     }
 
     /// One look at switches and requests.
     pub(crate) fn look(&mut self, ctx: &mut Context) -> Look {
-        let seen = Seen::now(&self.header);
-        let before = core::mem::replace(&mut self.seen, seen);
-        if seen == before {
+        if !self.has_changed() {
             return Look::Nothing;
         }
-        let look = self.switch(seen.power != header::Power::Off.code());
-        if look != Look::Nothing || !self.up {
+        let seen = Seen::now(&self.header);
+        let before = core::mem::replace(&mut self.seen, seen);
+        let look = self.supply.look(&self.header);
+        if look != Look::Nothing || !self.is_up() {
             return look;
         }
         let stopped = ProgramState::Stopped.code();

@@ -129,7 +129,7 @@ fn mode_gives_each_command_and_shows_each_state() {
     bench.ma.w_CPU_CONTROL.store(0x0001);
     bench.rig.step(1000);
     assert_eq!(shown(&mut bench), Some(1));
-    crate::rig::write_init_data(&bench.ma_init, bench.rig.rate, 0x00);
+    crate::rig::write_init_data(&bench.ma_init, bench.rig.rate.timing, 0x00);
     assert_eq!(give(&mut bench, |mode| mode.x_SET_INIT_DATA = true), Some(2));
     assert_eq!(give(&mut bench, |mode| mode.x_SYNC_MODE = true), Some(3));
     assert_eq!(give(&mut bench, |mode| mode.x_CANsync_RUN = true), Some(4));

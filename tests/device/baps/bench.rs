@@ -74,7 +74,7 @@ impl Bench {
         let node = self.plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
         node.w_CPU_CONTROL.store(0x0001);
         self.step(500);
-        write_init_data(&node, rate, 0x00);
+        write_init_data(&node, rate.timing, 0x00);
         for command in [0x0002, 0x0020] {
             node.w_CPU_CONTROL.store(command);
             self.step(500);

@@ -1,5 +1,6 @@
 //! Faults at the modules of a modular PLC: its ports are called by their names.
 
+use crate::rig::write_init_data;
 use commram::devices::bm4_o_can_06::registers::{BAUD_RATES, SLOTG};
 use commram::devices::cansync::registers::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT};
 use commram::devices::fault_kinds;
@@ -39,14 +40,7 @@ impl Maxx {
         for command in [0x0000, 0x0001] {
             maxx.command(command);
         }
-        init.b_AC.store(0xFF);
-        init.b_AM.store(0xFF);
-        init.b_BT_0.store(rate.b_BT_0);
-        init.b_BT_1.store(rate.b_BT_1);
-        init.b_OUTPUT_CONTROL.store(0xFA);
-        init.b_CLOCK_DIVIDER.store(0x07);
-        init.b_TIME_PATTERN.store(rate.b_TIME_PATTERN);
-        (0..4).for_each(|slave| init.a_SL_TYP[slave].store(1));
+        write_init_data(&init, rate, 0x00);
         maxx.command(0x0002);
         maxx.command(0x0020);
         maxx.step(100_000);

@@ -63,7 +63,7 @@ impl Bench {
     pub(crate) fn initialize(&mut self) {
         self.command_node(0x0000);
         self.command_node(0x0001);
-        write_init_data(&self.init, self.rate, 0x00);
+        write_init_data(&self.init, self.rate.timing, 0x00);
         self.init.a_SL_TYP.iter().for_each(|cell| cell.store(0));
         self.command_node(0x0002);
         self.command_node(0x0020);

@@ -107,7 +107,7 @@ fn take_over_init_data(rig: &mut Rig, change: fn(&CANsync_INIT_BMSTRUCT)) {
     let init = rig.master_init.clone();
     init.w_CPU_CONTROL.store(0x0001);
     rig.step(500);
-    write_init_data(&init, rig.rate, 0);
+    write_init_data(&init, rig.rate.timing, 0);
     change(&init);
     init.w_CPU_CONTROL.store(0x0002);
     rig.step(500);
@@ -131,7 +131,7 @@ fn cluster(rig: &mut Rig, rate: Rate) {
     let init = rig.plant.devices()[1].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
     init.w_CPU_CONTROL.store(0x0001);
     rig.step(500);
-    write_init_data(&init, rate, 0x02);
+    write_init_data(&init, rate.timing, 0x02);
     init.w_CPU_CONTROL.store(0x0002);
     rig.step(500);
     init.w_CPU_CONTROL.store(0x0020);

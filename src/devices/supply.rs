@@ -1,0 +1,70 @@
+//! The supply of a device, with what its switch in the header page asks for. A reset does the same as the supply off and
+//! on.
+
+use super::records::{BoardEvent, OnBoard};
+use super::{Context, Look, Power};
+use crate::memory::Header;
+use crate::memory::header;
+
+/// Supply and whether the device is up.
+pub(super) struct Supply {
+    is_powered: bool,
+    is_up: bool,
+    /// Whether it has been up before: the first power-on is no event.
+    is_used: bool,
+    /// The switch, as last seen.
+    seen: u32,
+}
+
+impl Supply {
+    /// On, and the device not started yet.
+    pub(super) fn new(header: &Header) -> Self {
+        Supply { is_powered: true, is_up: false, is_used: false, seen: header.program.power.load() }
+    }
+
+    pub(super) fn is_up(&self) -> bool {
+        self.is_up
+    }
+
+    /// Whether a client has turned the switch since the last look.
+    #[inline]
+    pub(super) fn has_changed(&self, header: &Header) -> bool {
+        header.program.power.load() != self.seen
+    }
+
+    /// Switches it, as if a client had turned the switch.
+    pub(super) fn set(&mut self, header: &Header, power: Power) -> Look {
+        let on = matches!(power, Power::On | Power::ReleaseReset);
+        self.seen = if on { header::Power::On } else { header::Power::Off }.code();
+        header.program.power.store(self.seen);
+        self.switch(on)
+    }
+
+    /// One look at the switch.
+    pub(super) fn look(&mut self, header: &Header) -> Look {
+        self.seen = header.program.power.load();
+        self.switch(self.seen != header::Power::Off.code())
+    }
+
+    fn switch(&mut self, on: bool) -> Look {
+        if core::mem::replace(&mut self.is_powered, on) == on {
+            return Look::Nothing;
+        }
+        if on { Look::Up } else { Look::Off }
+    }
+
+    /// The device starts; from the second time on that is an event.
+    pub(super) fn start(&mut self, ctx: &mut Context, header: &Header) {
+        self.is_up = true;
+        header.program.restarts.increment();
+        if core::mem::replace(&mut self.is_used, true) {
+            ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Up { dip: 0 } });
+        }
+    }
+
+    /// The device stops.
+    pub(super) fn stop(&mut self, ctx: &mut Context) {
+        self.is_up = false;
+        ctx.report(OnBoard { plc: ctx.origin.plc, what: BoardEvent::Down });
+    }
+}
