@@ -8,7 +8,8 @@ mod error;
 
 pub use error::ClientError;
 
-use super::domain::{Domain, Guest, Ipc, Service};
+use super::domain::{Domain, Service, Threads};
+use super::guest::{self, Guest};
 use super::wire::{self, Block, WireOp};
 use super::{Bells, shm};
 use crate::memory::Width;
@@ -20,8 +21,8 @@ use iceoryx2::service::port_factory::client::ClientCreateError;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-type Port = iceoryx2::port::client::Client<Ipc, [WireOp], (), [Block], ()>;
-type Pending = PendingResponse<Ipc, [WireOp], (), [Block], ()>;
+type Port = iceoryx2::port::client::Client<Threads, [WireOp], (), [Block], ()>;
+type Pending = PendingResponse<Threads, [WireOp], (), [Block], ()>;
 
 /// How long to sleep before asking whether the emulator still lives.
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
@@ -36,6 +37,8 @@ const RETRY: Duration = Duration::from_millis(2);
 pub struct Patience {
     /// How long [`Client::connect`] waits for an instance that is not running yet. Zero by default.
     pub connect: Duration,
+    /// How long entering the channel may take, of which a part may be damaged. 5 s by default.
+    pub enter: Duration,
     /// How long a reply may take, in wall time; the time that waits in the request may take is added, as
     /// if the clock ran in real time. 5 s by default.
     pub reply: Duration,
@@ -46,16 +49,17 @@ pub struct Patience {
 
 impl Default for Patience {
     fn default() -> Self {
-        Self { connect: Duration::ZERO, reply: Duration::from_secs(5), spin: Duration::ZERO }
+        let long = Duration::from_secs(5);
+        Self { connect: Duration::ZERO, enter: long, reply: long, spin: Duration::ZERO }
     }
 }
 
 /// A connection to an emulator. Not `Send`: make it on the thread that uses it.
 pub struct Client {
     port: Port,
-    service: Service,
+    service: Service<Threads>,
     // After the ports, which belong to its node.
-    _guest: Guest,
+    guest: Guest,
     bells: Box<dyn Bells>,
     patience: Patience,
     instance: String,
@@ -65,7 +69,7 @@ impl Client {
     /// Connects to `instance`, whose channel lies in the directory `root`.
     ///
     /// # Errors
-    /// The instance is not running, is of another version, or has too many clients.
+    /// The instance is not running, is of another version, or has too many clients; or its channel is damaged.
     pub fn connect(
         instance: &str,
         root: &Path,
@@ -74,10 +78,10 @@ impl Client {
     ) -> Result<Self, ClientError> {
         let start = Instant::now();
         loop {
-            let failure = match ports(instance, root, &*bells) {
+            let failure = match ports(instance, root, &*bells, patience.enter) {
                 Ok((port, service, guest)) => {
                     let instance = instance.to_owned();
-                    return Ok(Self { port, service, _guest: guest, bells, patience, instance });
+                    return Ok(Self { port, service, guest, bells, patience, instance });
                 }
                 Err(failure) => failure,
             };
@@ -144,7 +148,7 @@ impl Client {
         replies: &mut Vec<Reply>,
     ) -> Result<(), ClientError> {
         // The clock is read only if the reply is not there at once.
-        let mut start = None;
+        let (mut start, mut withdrawn) = (None, false);
         loop {
             let seen = self.bells.reply_count();
             // Asked before looking for the reply: the emulator closes a request after having answered it.
@@ -164,8 +168,17 @@ impl Client {
                 return Err(self.late(limit));
             };
             self.bells.wait_reply(seen, rest.min(ALIVE_CHECK));
-            if self.bells.reply_count() == seen && !self.bells.emulator_alive() {
+            if self.bells.reply_count() != seen {
+                continue;
+            }
+            if !self.bells.emulator_alive() {
                 return if self.take_reply(pending, replies)? { Ok(()) } else { Err(self.gone()) };
+            }
+            // One that ends takes its announcement back and then answers; one that has given the channel up does not.
+            if !self.guest.domain().is_announced(self.bells.emulator_pid())
+                && core::mem::replace(&mut withdrawn, true)
+            {
+                return Err(ClientError::Broken { instance: self.instance.clone() });
             }
         }
     }
@@ -282,8 +295,7 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
     let domain = Domain::find(instance, root)?;
     let is_ready = |domain: &Domain| domain.is_announced(bells.emulator_pid()) && bells.emulator_alive();
     let Some(domain) = domain.filter(is_ready) else {
-        let root = root.display().to_string();
-        return Err(ClientError::NotRunning { instance: instance.to_owned(), root });
+        return Err(not_running(instance, root));
     };
     // iceoryx2 would wait on such an object for ever.
     if let Some(path) = domain.half_made().pop() {
@@ -297,32 +309,52 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
     }
 }
 
-fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Service, Guest), ClientError> {
-    let name = || instance.to_owned();
-    let not_running = || ClientError::NotRunning { instance: name(), root: root.display().to_string() };
-    let connect = |reason: String| ClientError::Connect { instance: name(), reason };
+/// What a client has in the domain. The guest goes last.
+type Ends = (Port, Service<Threads>, Guest);
+
+fn ports(instance: &str, root: &Path, bells: &dyn Bells, limit: Duration) -> Result<Ends, ClientError> {
+    let not_running = || not_running(instance, root);
     let domain = domain_of(instance, root, bells)?;
-    let guest = Guest::enter(&domain).map_err(|e| connect(e.to_string()))?;
-    let node = &guest.node;
+    let (name, place) = (instance.to_owned(), root.to_owned());
+    let ends = guest::within(limit, instance, move || enter(&name, &place, domain))?;
+    // If the emulator was replaced meanwhile, this may be a connection to what the new one swept away.
+    if !ends.2.domain().is_announced(bells.emulator_pid()) {
+        return Err(not_running());
+    }
+    Ok(ends)
+}
+
+fn not_running(instance: &str, root: &Path) -> ClientError {
+    ClientError::NotRunning { instance: instance.to_owned(), root: root.display().to_string() }
+}
+
+fn enter(instance: &str, root: &Path, domain: Domain) -> Result<Ends, ClientError> {
+    let name = || instance.to_owned();
+    let connect = |reason: String| ClientError::Connect { instance: name(), reason };
+    let guest = Guest::enter(domain).map_err(|e| connect(e.to_string()))?;
+    let node = guest.node().ok_or_else(|| connect("no node".into()))?;
     let service = match open(node).ok_or_else(|| connect("no service".into()))? {
         // Others that were killed may hold the places.
         Err(OpenError::ExceedsMaxNumberOfNodes) => {
-            domain.clean_up_after_the_dead(node);
+            guest.domain().clean_up_after_the_dead(node);
             open(node).ok_or_else(|| connect("no service".into()))?
         }
         other => other,
     };
     let service = service.map_err(|reason| match reason {
-        OpenError::DoesNotExist | OpenError::IsMarkedForDestruction => not_running(),
+        OpenError::DoesNotExist | OpenError::IsMarkedForDestruction => not_running(instance, root),
         OpenError::ExceedsMaxNumberOfNodes => ClientError::TooManyClients { instance: name() },
         OpenError::IncompatibleRequestOrResponseType | OpenError::VersionMismatch => {
             ClientError::Incompatible { instance: name(), reason }
+        }
+        OpenError::HangsInCreation | OpenError::ServiceInCorruptedState => {
+            ClientError::Broken { instance: name() }
         }
         other => connect(other.to_string()),
     })?;
     let port = match create(&service) {
         Err(ClientCreateError::ExceedsMaxSupportedClients) => {
-            domain.clean_up_after_the_dead(node);
+            guest.domain().clean_up_after_the_dead(node);
             create(&service)
         }
         other => other,
@@ -331,18 +363,14 @@ fn ports(instance: &str, root: &Path, bells: &dyn Bells) -> Result<(Port, Servic
         ClientCreateError::ExceedsMaxSupportedClients => ClientError::TooManyClients { instance: name() },
         other => connect(format!("{other:?}")),
     })?;
-    // If the emulator was replaced meanwhile, this may be a connection to what the new one swept away.
-    if !domain.is_announced(bells.emulator_pid()) {
-        return Err(not_running());
-    }
     Ok((port, service, guest))
 }
 
-fn open(node: &Node<Ipc>) -> Option<Result<Service, OpenError>> {
+fn open(node: &Node<Threads>) -> Option<Result<Service<Threads>, OpenError>> {
     Some(Domain::service(node)?.open())
 }
 
-fn create(service: &Service) -> Result<Port, ClientCreateError> {
+fn create(service: &Service<Threads>) -> Result<Port, ClientCreateError> {
     service
         .client_builder()
         .initial_max_slice_len(MAX_OPS)

@@ -6,11 +6,13 @@
 //! an object before us. iceoryx2 removes most of what a killed process leaves, but not all: a run killed while it
 //! creates the service can block it for good, and a 16-byte counter per prefix always stays. So whoever owns the
 //! instance sweeps the domain before the start and after the end, if nobody alive uses it; and a client that
-//! outlives the emulator does so when it leaves ([`Guest`]).
+//! outlives the emulator does so when it leaves ([`Guest`](super::guest::Guest)).
 
+use super::limit;
 use super::shm::{self, settles};
 use super::wire::{Block, WireOp};
 use crate::memory::MemoryError;
+use crate::memory::names::CHANNEL_PREFIX;
 use crate::memory::private::{Held, PrivateDir};
 use crate::memory::process::ProcessId;
 use iceoryx2::node::NodeCreationFailure;
@@ -21,10 +23,13 @@ use std::path::{Path as FsPath, PathBuf};
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
+/// The server's end.
 pub(super) type Ipc = ipc::Service;
-pub(super) type ServiceBuilder = Builder<[WireOp], (), [Block], (), Ipc>;
-pub(super) type Service =
-    iceoryx2::service::port_factory::request_response::PortFactory<Ipc, [WireOp], (), [Block], ()>;
+/// A client's end, which may go from the thread that has entered the domain to the one that uses it.
+pub(super) type Threads = ipc_threadsafe::Service;
+pub(super) type ServiceBuilder<S> = Builder<[WireOp], (), [Block], (), S>;
+pub(super) type Service<S> =
+    iceoryx2::service::port_factory::request_response::PortFactory<S, [WireOp], (), [Block], ()>;
 
 /// Clients that can be connected at the same time.
 pub const MAX_CLIENTS: usize = 32;
@@ -91,7 +96,11 @@ impl Domain {
                     let tag = tag(instance, &canonical(root)?);
                     let prefix = match prefix(&directory, &tag) {
                         Some(prefix) => prefix,
-                        None => new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?,
+                        None => {
+                            // Of a run that was killed and whose directory somebody has removed then.
+                            shm::remove(&tag);
+                            new_prefix(&directory, &tag).map_err(|source| io_error(root, source))?
+                        }
                     };
                     return Ok((Self::new(directory, tag, prefix)?, held));
                 }
@@ -136,16 +145,16 @@ impl Domain {
     }
 
     /// A node of its own for one end of the channel.
-    pub(crate) fn node(&self) -> Result<Node<Ipc>, NodeCreationFailure> {
+    pub(crate) fn node<S: iceoryx2::service::Service>(&self) -> Result<Node<S>, NodeCreationFailure> {
         NodeBuilder::new()
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Ipc>()
+            .create::<S>()
     }
 
     /// The service of the domain. One request per client may be under way, and a client that has given
     /// up does not block the next: its request is overwritten or skipped.
-    pub(crate) fn service(node: &Node<Ipc>) -> Option<ServiceBuilder> {
+    pub(crate) fn service<S: iceoryx2::service::Service>(node: &Node<S>) -> Option<ServiceBuilder<S>> {
         let name = ServiceName::new("commram.channel").ok()?;
         let builder = node
             .service_builder(&name)
@@ -179,8 +188,8 @@ impl Domain {
         self.node()
     }
 
-    /// A client leaves. If the server has gone before, nobody else would remove what stays.
-    fn leave(&self) {
+    /// A client has left. If the server has gone before, nobody else would remove what stays.
+    pub(super) fn leave(&self) {
         if self.is_served() {
             return;
         }
@@ -228,7 +237,7 @@ impl Domain {
     }
 
     /// Removes what dead processes left, while others may use the domain.
-    pub(crate) fn clean_up_after_the_dead(&self, node: &Node<Ipc>) {
+    pub(crate) fn clean_up_after_the_dead<S: iceoryx2::service::Service>(&self, node: &Node<S>) {
         self.remove_half_made();
         node.try_cleanup_dead_nodes();
     }
@@ -240,24 +249,23 @@ impl Domain {
         }
     }
 
+    /// Its shared memory objects with their lengths in bytes.
+    pub(crate) fn lengths(&self) -> Vec<(PathBuf, u64)> {
+        shm::lengths(&self.prefix)
+    }
+
     /// Shared memory objects that stay without content, so that nobody can enter the domain.
     pub(crate) fn half_made(&self) -> Vec<PathBuf> {
         shm::half_made(&self.prefix)
     }
 
+    /// Whether anybody who lives is in it. If iceoryx2 cannot tell because somebody has damaged it, nobody is.
     pub(crate) fn in_use(&self) -> bool {
         if !self.root.path().join(DIRECTORIES[0]).exists() {
             return false;
         }
-        let mut used = false;
-        let listed = Node::<Ipc>::list(&self.config, |node| match node {
-            NodeState::Alive(_) | NodeState::Inaccessible(_) => {
-                used = true;
-                CallbackProgression::Stop
-            }
-            NodeState::Dead(_) | NodeState::Undefined(_) => CallbackProgression::Continue,
-        });
-        used || listed.is_err()
+        let config = self.config.clone();
+        limit::on_a_thread(limit::SHORT, move || has_living_node(&config)).unwrap_or(false)
     }
 
     /// Removes everything of the domain. Only for the owner of the instance: whoever is still connected is
@@ -277,28 +285,16 @@ impl Domain {
     }
 }
 
-/// A client in a domain. Dropping it leaves.
-pub(super) struct Guest {
-    pub node: Node<Ipc>,
-    // Behind the node, which must be gone by then.
-    _leave: Leave,
-}
-
-impl Guest {
-    /// Enters a domain.
-    pub(crate) fn enter(domain: &Domain) -> Result<Self, NodeCreationFailure> {
-        // Ahead of the node: an attempt that fails leaves things behind as well.
-        let leave = Leave(Box::new(domain.clone()));
-        Ok(Guest { node: domain.node()?, _leave: leave })
-    }
-}
-
-struct Leave(Box<Domain>);
-
-impl Drop for Leave {
-    fn drop(&mut self) {
-        self.0.leave();
-    }
+fn has_living_node(config: &Config) -> bool {
+    let mut used = false;
+    let listed = Node::<Ipc>::list(config, |node| match node {
+        NodeState::Alive(_) | NodeState::Inaccessible(_) => {
+            used = true;
+            CallbackProgression::Stop
+        }
+        NodeState::Dead(_) | NodeState::Undefined(_) => CallbackProgression::Continue,
+    });
+    used || listed.is_err()
 }
 
 fn io_error(path: &FsPath, source: io::Error) -> RootError {
@@ -316,7 +312,7 @@ fn canonical(root: &FsPath) -> Result<PathBuf, RootError> {
 /// links.
 pub(super) fn tag(instance: &str, root: &FsPath) -> String {
     let hash = fnv1a(&[&root.to_string_lossy(), instance]);
-    format!("commram_{:08x}", hash >> 32 ^ hash & 0xFFFF_FFFF)
+    format!("{CHANNEL_PREFIX}{:08x}", hash >> 32 ^ hash & 0xFFFF_FFFF)
 }
 
 /// The prefix that stands in the directory.
@@ -365,6 +361,22 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_of_a_run_without_a_directory_is_removed() {
+        let root = TempDir::new().unwrap();
+        let path = root.path().join("iox.d");
+        let (domain, held) = Domain::own("a", &path).unwrap();
+        let object = FsPath::new(shm::SHM).join(format!("{}x.data", domain.prefix));
+        std::fs::write(&object, "x").unwrap();
+        drop(held);
+        std::fs::remove_dir_all(&path).unwrap();
+        let (again, _held) = Domain::own("a", &path).unwrap();
+        let left = object.exists();
+        let _ = std::fs::remove_file(&object);
+        assert!(!left);
+        assert_ne!(again.prefix, domain.prefix);
+    }
+
+    #[test]
     fn each_instance_and_each_root_has_a_tag_of_its_own() {
         let roots = [(); 2].map(|()| TempDir::new().unwrap());
         let tag = |instance: &str, root: usize| tag(instance, roots[root].path());
@@ -387,11 +399,12 @@ mod tests {
 
     #[test]
     fn nothing_of_the_domain_is_open_to_others() {
+        use crate::channel::guest::Guest;
         use std::os::unix::fs::MetadataExt;
         let root = TempDir::new().unwrap();
         let (domain, _held) = Domain::own("a", root.path()).unwrap();
         let node = domain.owners_node().unwrap();
-        let client = Guest::enter(&domain).unwrap();
+        let client = Guest::enter(domain.clone()).unwrap();
         let objects: Vec<_> = shm::objects(&domain.prefix).collect();
         assert!(!objects.is_empty());
         for path in objects.iter().map(PathBuf::as_path).chain([root.path()]) {

@@ -4,8 +4,9 @@
 //! Notifications wake; they do not count: several events of one number become one notification. How many there were
 //! say the counters in the header page, which are ahead of the notification.
 
-use super::client::{ClientError, domain_of};
-use super::domain::{Domain, Guest, Ipc, MAX_CLIENTS, MAX_NODES};
+use super::client::{ClientError, Patience, domain_of};
+use super::domain::{Domain, Ipc, MAX_CLIENTS, MAX_NODES, Threads};
+use super::guest::{self, Guest};
 use super::{Bells, ServerError};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -20,7 +21,7 @@ const LAST_EVENT: usize = crate::memory::header::EVENT_SLOTS - 1;
 /// How often a listener looks whether the emulator lives.
 const ALIVE_CHECK: Duration = Duration::from_millis(100);
 
-fn builder(node: &Node<Ipc>, plc: &str) -> Option<Builder<Ipc>> {
+fn builder<S: iceoryx2::service::Service>(node: &Node<S>, plc: &str) -> Option<Builder<S>> {
     let name = ServiceName::new(&format!("commram.events.{plc}")).ok()?;
     let builder = node.service_builder(&name).event();
     let builder = builder.max_notifiers(1).max_listeners(MAX_CLIENTS).max_nodes(MAX_NODES);
@@ -63,9 +64,9 @@ impl EventNotifier {
 
 /// A client's end: waits for events of one PLC.
 pub struct EventListener {
-    listener: Listener<Ipc>,
+    listener: Listener<Threads>,
     // After the port, which belongs to them.
-    service: Service<Ipc>,
+    service: Service<Threads>,
     _guest: Guest,
     bells: Box<dyn Bells>,
     instance: String,
@@ -82,13 +83,10 @@ impl EventListener {
         plc: &str,
         bells: Box<dyn Bells>,
     ) -> Result<Self, ClientError> {
-        let connect = |reason: String| ClientError::Connect { instance: instance.to_owned(), reason };
-        let domain: Domain = domain_of(instance, root, &*bells)?;
-        let guest = Guest::enter(&domain).map_err(|error| connect(error.to_string()))?;
-        let builder =
-            builder(&guest.node, plc).ok_or_else(|| connect(format!("{plc} is no name of a PLC")))?;
-        let service = builder.open().map_err(|error| connect(format!("events of PLC {plc}: {error}")))?;
-        let listener = service.listener_builder().create().map_err(|error| connect(format!("{error:?}")))?;
+        let domain = domain_of(instance, root, &*bells)?;
+        let (name, of) = (instance.to_owned(), plc.to_owned());
+        let limit = Patience::default().enter;
+        let (listener, service, guest) = guest::within(limit, instance, move || enter(&name, &of, domain))?;
         Ok(EventListener { listener, service, _guest: guest, bells, instance: instance.to_owned() })
     }
 
@@ -119,4 +117,18 @@ impl EventListener {
             }
         }
     }
+}
+
+fn enter(
+    instance: &str,
+    plc: &str,
+    domain: Domain,
+) -> Result<(Listener<Threads>, Service<Threads>, Guest), ClientError> {
+    let connect = |reason: String| ClientError::Connect { instance: instance.to_owned(), reason };
+    let guest = Guest::enter(domain).map_err(|error| connect(error.to_string()))?;
+    let builder = guest.node().and_then(|node| builder(node, plc));
+    let builder = builder.ok_or_else(|| connect(format!("{plc} is no name of a PLC")))?;
+    let service = builder.open().map_err(|error| connect(format!("events of PLC {plc}: {error}")))?;
+    let listener = service.listener_builder().create().map_err(|error| connect(format!("{error:?}")))?;
+    Ok((listener, service, guest))
 }

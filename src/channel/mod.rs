@@ -18,7 +18,9 @@ pub mod bells;
 pub mod client;
 mod domain;
 pub mod events;
+mod guest;
 mod header_bells;
+mod limit;
 mod run;
 pub mod server;
 mod shm;
@@ -28,7 +30,7 @@ pub use bells::Bells;
 pub use client::{Client, ClientError};
 pub use events::{EventListener, EventNotifier};
 pub use header_bells::HeaderBells;
-pub use server::{Server, ServerError, remove_remains};
+pub use server::{ChannelWatch, Server, ServerError, remove_remains};
 
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ pub use super::domain::{MAX_CLIENTS, RootError};
 use super::domain::{Domain, Ipc, Service};
 use super::run::{Progress, Run};
 use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
-use super::{Bells, EventNotifier, shm};
+use super::{Bells, EventNotifier, limit, shm};
 use crate::request::Host;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::NodeCreationFailure;
@@ -19,7 +19,9 @@ use iceoryx2::service::builder::request_response::{
     RequestResponseOpenOrCreateError as OpenOrCreateError,
 };
 use iceoryx2::service::port_factory::server::ServerCreateError;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 type Port = iceoryx2::port::server::Server<Ipc, [WireOp], (), [Block], ()>;
@@ -102,7 +104,7 @@ pub struct Server {
     waiting: Vec<(Request, Run)>,
     /// `None` only while it is being dropped.
     port: Option<Port>,
-    service: Option<Service>,
+    service: Option<Service<Ipc>>,
     node: Option<Node<Ipc>>,
     /// Runs to use again.
     spare: Vec<Run>,
@@ -167,6 +169,11 @@ impl Server {
         let gone =
             || ServerError::Service { instance: instance.to_owned(), reason: "the server ends".into() };
         EventNotifier::open(instance, self.node.as_ref().ok_or_else(gone)?, plcs)
+    }
+
+    /// To look from another thread whether a program shortens what is there by now.
+    pub fn watch(&self) -> ChannelWatch {
+        ChannelWatch { objects: self.domain.lengths().into(), damaged: Arc::default() }
     }
 
     /// Number of requests that wait in real time. While it is not zero, poll after every firmware step.
@@ -251,6 +258,42 @@ impl Server {
     }
 }
 
+impl Server {
+    /// Ends a channel that somebody has damaged. None of its memory is touched, which may not be there any more, so
+    /// nobody is answered; its files are removed.
+    pub fn abandon(mut self) {
+        self.domain.withdraw();
+        core::mem::forget(core::mem::take(&mut self.waiting));
+        core::mem::forget((self.port.take(), self.service.take(), self.node.take()));
+        self.domain.sweep();
+    }
+}
+
+/// Looks whether a program shortens a part of the channel: whoever touches what is missing is killed (SIGBUS).
+#[derive(Clone, Debug)]
+pub struct ChannelWatch {
+    /// The server's shared memory objects and their lengths in bytes.
+    objects: Arc<[(PathBuf, u64)]>,
+    damaged: Arc<AtomicBool>,
+}
+
+impl ChannelWatch {
+    /// Looks at them all.
+    pub fn look(&self) -> bool {
+        let is_short = |(path, length): &(PathBuf, u64)| shm::length(path).is_some_and(|now| now < *length);
+        if self.objects.iter().any(is_short) {
+            self.damaged.store(true, Ordering::Release);
+        }
+        self.is_damaged()
+    }
+
+    /// Whether anybody has found one shorter than it was.
+    #[inline]
+    pub fn is_damaged(&self) -> bool {
+        self.damaged.load(Ordering::Acquire)
+    }
+}
+
 impl Drop for Server {
     fn drop(&mut self) {
         self.domain.withdraw();
@@ -260,7 +303,12 @@ impl Drop for Server {
         // Clients that are still there find their connection closed.
         self.bells.announce_reply();
         if let Some(node) = self.node.take() {
-            self.domain.clean_up_after_the_dead(&node);
+            let domain = self.domain.clone();
+            let cleaned = limit::on_a_thread(limit::SHORT, move || domain.clean_up_after_the_dead(&node));
+            if cleaned.is_err() {
+                tracing::warn!("somebody has damaged the channel; what is left of it is removed by force");
+                self.domain.sweep();
+            }
         }
         self.domain.sweep_if_unused(LEAVE);
         self.domain.remove_root();
@@ -342,7 +390,7 @@ impl From<OpenOrCreateError> for OpenFailure {
     }
 }
 
-fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service, Port), OpenFailure> {
+fn ports(instance: &str, domain: &Domain) -> Result<(Node<Ipc>, Service<Ipc>, Port), OpenFailure> {
     domain.remove_half_made();
     let node = domain.owners_node().map_err(OpenFailure::Node)?;
     domain.clean_up_after_the_dead(&node);

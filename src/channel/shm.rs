@@ -27,6 +27,16 @@ pub(super) fn objects(prefix: &str) -> impl Iterator<Item = PathBuf> {
         .map(|entry| entry.path())
 }
 
+/// They with their lengths in bytes.
+pub(super) fn lengths(prefix: &str) -> Vec<(PathBuf, u64)> {
+    objects(prefix).filter_map(|path| length(&path).map(|length| (path, length))).collect()
+}
+
+/// Length of an object in bytes; `None` if there is none.
+pub(super) fn length(path: &Path) -> Option<u64> {
+    Some(path.symlink_metadata().ok()?.len())
+}
+
 /// Removes them all.
 pub(super) fn remove(prefix: &str) {
     for path in objects(prefix) {

@@ -141,6 +141,9 @@ pub fn main() -> ExitCode {
 
 impl Command {
     fn run(self) -> Result<(), CliError> {
+        // Exit code 1 of `check` means findings.
+        let damaged = if matches!(self, Command::Check(_)) { CliError::WRONG_USE } else { 1 };
+        crate::memory::end_on_shortened_files(damaged).map_err(|reason| CliError::Signals { reason })?;
         match self {
             Command::Run(args) => run::run(&args),
             Command::List(args) => list::run(&args),

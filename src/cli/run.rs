@@ -88,7 +88,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let (started, starting) = mpsc::channel();
     std::thread::spawn(move || stop_on_signal(signals, &starting));
-    crate::memory::survive_shortened_images().map_err(|reason| CliError::Signals { reason })?;
+    crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
     let mut emulator = Emulator::start(&config, options)?;
     report_takeover(&emulator);
     // A reader that has gone away is no reason to end.

@@ -1,9 +1,7 @@
 //! `commram stop`: end an emulator.
 
 use super::error::CliError;
-#[cfg(feature = "channel")]
-use super::session::is_alive;
-use super::session::{alive, dead, images_of};
+use super::session::{alive, dead, images_of, is_alive};
 use super::{Instance, output};
 use crate::memory::names::channel_root;
 use crate::memory::{EmulatorProcess, InstanceLock};
@@ -26,14 +24,19 @@ pub(crate) struct Args {
 
 /// How long an emulator may take to clean up.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long it may take to answer through the channel before it gets a signal.
+/// How long the way into the channel, and then the answer, may take before it gets a signal.
 #[cfg(feature = "channel")]
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// Ends the emulator.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let name = &args.instance.name;
-    let Some(process) = InstanceLock::holder(name)? else {
+    let process = match InstanceLock::holder(name)? {
+        // Somebody has removed the directory or the lock in it: the images tell who it is.
+        None => serving(name).map(Some),
+        holder => holder,
+    };
+    let Some(process) = process else {
         if args.clean && remove_remains(name)? {
             return output::print(&format!("instance '{name}' was dead, what it left is removed\n"));
         }
@@ -41,6 +44,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     };
     stop(name, process)?;
     output::print(&format!("instance '{name}' has stopped\n"))
+}
+
+/// The process that serves the images of an instance.
+fn serving(name: &str) -> Option<EmulatorProcess> {
+    let images = images_of(name).ok()?;
+    let alive = images.iter().filter(|image| is_alive(image));
+    alive.filter_map(|image| EmulatorProcess::serving(name, &image.plc).ok()?).next()
 }
 
 /// Why there is nothing to end.
@@ -83,7 +93,7 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
         process.ok_or(error)?.terminate()?;
     }
     let start = Instant::now();
-    while InstanceLock::holder(name)?.is_some() {
+    while InstanceLock::holder(name)?.is_some() || process.is_some_and(|process| process.is_running()) {
         if start.elapsed() > PATIENCE {
             let pid = process.map(|process| process.pid());
             return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });
@@ -112,7 +122,7 @@ fn ask(name: &str) -> Result<(), CliError> {
         other => other?,
     };
     let bells = Box::new(HeaderBells::of_client(attached)?);
-    let patience = Patience { reply: ANSWER, ..Patience::default() };
+    let patience = Patience { enter: ANSWER, reply: ANSWER, ..Patience::default() };
     // The client is gone at the end of this, so that the emulator can sweep its channel.
     match Client::connect(name, &channel_root(name)?, bells, patience)?.stop() {
         Err(ClientError::EmulatorGone { .. }) => Ok(()),

@@ -116,7 +116,7 @@ impl ImageFile {
     }
 
     /// Holds a shared lock for a moment, which a starting emulator has the patience to sit out.
-    fn is_locked(&self) -> bool {
+    pub(crate) fn is_locked(&self) -> bool {
         match self.file.try_lock_shared() {
             // An unlock that fails leaves it to the closing of the file.
             Ok(()) => self.file.unlock().is_err(),

@@ -1,8 +1,14 @@
-//! Survives that an image is shortened while it is mapped.
+//! Survives that an image, or a part of the channel, is shortened while it is mapped.
 //!
 //! Whoever touches a page of a map that lies behind the end of its file gets SIGBUS, which ends the process without a
 //! word. The handler here gives the file its length back, in zeros, and remembers it: the emulator goes on far enough to
-//! end in good order and to say what has happened. What the registers held is lost.
+//! end in good order and to say what has happened. What the registers held is lost. A part of the channel gets zeros of
+//! its own in the place of what is missing ([`gap`]).
+
+mod gap;
+
+#[cfg(feature = "channel")]
+pub(crate) use gap::channel_has_gaps;
 
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
 use rustix::fs::FallocateFlags;
@@ -16,6 +22,10 @@ const MAX_TRIES: usize = 16;
 /// Said when the process cannot go on.
 const LAST_WORDS: &[u8] =
     b"commram: error: SIGBUS: /dev/shm is full, or somebody has shortened a file there that is in use\n";
+/// Said by a client.
+const CLIENTS_WORDS: &[u8] =
+    b"commram: somebody has shortened an image or a part of the channel while it was in use, or /dev/shm is full; \
+    `commram stop` ends the emulator, and `commram stop --clean` removes what one has left\n";
 
 /// A map that the handler knows. Only atomics: it may interrupt anybody.
 struct Slot {
@@ -114,10 +124,29 @@ impl Drop for Guard {
 ///
 /// # Errors
 /// The system refuses.
-pub fn survive_shortened_images() -> io::Result<()> {
+pub fn survive_shortened_files() -> io::Result<()> {
+    gap::prepare();
+    handle(emulator_lives_on)
+}
+
+/// Lets SIGBUS end this process with a message and this exit code from now on. For programs that are clients; a library
+/// leaves signals alone.
+///
+/// # Errors
+/// The system refuses.
+pub fn end_on_shortened_files(exit_code: u8) -> io::Result<()> {
+    EXIT_CODE.store(exit_code.into(), Ordering::Relaxed);
+    handle(client_ends)
+}
+
+static EXIT_CODE: AtomicI32 = AtomicI32::new(1);
+
+type Handler = extern "C" fn(libc::c_int, *mut libc::siginfo_t, *mut libc::c_void);
+
+fn handle(handler: Handler) -> io::Result<()> {
     // SAFETY: all zeros is a valid sigaction: no flags, nothing blocked.
     let mut action: libc::sigaction = unsafe { core::mem::zeroed() };
-    action.sa_sigaction = on_bus_error as *const () as usize;
+    action.sa_sigaction = handler as *const () as usize;
     action.sa_flags = libc::SA_SIGINFO | libc::SA_ONSTACK;
     // SAFETY: the handler has the signature that SA_SIGINFO asks for and does only what a handler may: atomics and
     // plain system calls.
@@ -127,14 +156,29 @@ pub fn survive_shortened_images() -> io::Result<()> {
     }
 }
 
-extern "C" fn on_bus_error(_signal: libc::c_int, info: *mut libc::siginfo_t, _context: *mut libc::c_void) {
+extern "C" fn emulator_lives_on(
+    _signal: libc::c_int,
+    info: *mut libc::siginfo_t,
+    _context: *mut libc::c_void,
+) {
     // SAFETY: the kernel passes the description of a SIGBUS, which has an address.
     let address = unsafe { (*info).si_addr() }.addr();
-    if SLOTS.iter().find(|slot| slot.covers(address)).is_some_and(Slot::mend) {
+    let image = SLOTS.iter().find(|slot| slot.covers(address));
+    if image.map_or_else(|| gap::close(address), Slot::mend) {
         return;
     }
-    // SAFETY: descriptor 2 is not closed by anybody here; if it is, the write fails.
-    let _ = rustix::io::write(unsafe { BorrowedFd::borrow_raw(2) }, LAST_WORDS);
+    say(LAST_WORDS);
     // SAFETY: a plain system call; the access is repeated then and ends the process.
     unsafe { libc::signal(libc::SIGBUS, libc::SIG_DFL) };
+}
+
+extern "C" fn client_ends(_signal: libc::c_int, _info: *mut libc::siginfo_t, _context: *mut libc::c_void) {
+    say(CLIENTS_WORDS);
+    // SAFETY: a plain system call, without what runs at the end of a process otherwise.
+    unsafe { libc::_exit(EXIT_CODE.load(Ordering::Relaxed)) };
+}
+
+fn say(words: &[u8]) {
+    // SAFETY: descriptor 2 is not closed by anybody here; if it is, the write fails.
+    let _ = rustix::io::write(unsafe { BorrowedFd::borrow_raw(2) }, words);
 }

@@ -215,7 +215,7 @@ impl Image {
     }
 
     /// Whether somebody has shortened the file while it was mapped. What the registers held is lost then. Known at once
-    /// if anybody in this process has touched them since ([`super::survive_shortened_images`]), else after
+    /// if anybody in this process has touched them since ([`super::survive_shortened_files`]), else after
     /// [`ImageFileWatch::look`].
     #[inline]
     pub fn was_shortened(&self) -> bool {

@@ -3,6 +3,7 @@
 //! It is a file in the instance's directory, which belongs to one user alone. The images have locks of their own,
 //! by which clients tell whether their emulator lives; they cannot keep emulators with other PLCs apart.
 
+use super::file::{self, ImageFile};
 use super::private::PrivateDir;
 use super::process::ProcessId;
 use super::{Image, MemoryError, list, names};
@@ -123,9 +124,27 @@ impl EmulatorProcess {
         process.is_running().then_some(Self(process))
     }
 
+    /// The process that serves the image of a PLC, as its header page tells: when the instance's directory has been
+    /// removed, nothing else does. `None` if it does not hold the image's lock, is not of this user, has not the
+    /// start time that stands there, or cannot be seen from here.
+    ///
+    /// # Errors
+    /// Bad names, or the image is not one of ours.
+    pub fn serving(instance: &str, plc: &str) -> Result<Option<Self>, MemoryError> {
+        let Some(image) = ImageFile::open(instance, plc, false)? else { return Ok(None) };
+        let process = file::emulator(&*image.own_header()?);
+        let is_it = image.is_locked() && process.is_own() && process.is_running();
+        Ok(is_it.then_some(Self(process)))
+    }
+
     /// Its process id.
     pub fn pid(&self) -> u32 {
         self.0.pid
+    }
+
+    /// Whether it has not ended yet.
+    pub fn is_running(&self) -> bool {
+        self.0.is_running()
     }
 
     /// Lets it go on, if it was stopped (SIGSTOP, or Ctrl-Z in its terminal). Returns whether it was.

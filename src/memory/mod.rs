@@ -30,7 +30,9 @@ pub use attach::{AttachMode, Attached, LockstepTask};
 pub use bell::Bell;
 pub use cell::{Cell8, Cell16, Cell32, Cell64, SharedRegs};
 pub use error::MemoryError;
-pub use guard::survive_shortened_images;
+#[cfg(feature = "channel")]
+pub(crate) use guard::channel_has_gaps;
+pub use guard::{end_on_shortened_files, survive_shortened_files};
 pub use header::{Board, ClockMode, EventSlot, HEADER_SIZE, Header, RunSwitch, State};
 pub use image::{FileState, Image, ImageFileWatch, ImageSpec};
 pub use instance::{EmulatorProcess, InstanceLock};

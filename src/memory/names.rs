@@ -11,6 +11,8 @@ pub const IMAGE_DIRECTORY: &str = "/dev/shm";
 /// Longest instance or PLC name in bytes.
 pub const MAX_NAME: usize = 31;
 const PREFIX: &str = "commram.";
+/// What the names of all channels' shared memory objects begin with.
+pub(crate) const CHANNEL_PREFIX: &str = "commram_";
 
 /// Checks the name of an instance.
 ///

@@ -1,6 +1,7 @@
 //! Which process an image belongs to, and whether it still lives.
 
 use std::fs;
+use std::os::unix::fs::MetadataExt;
 
 /// A process that cannot be mistaken for a later one with the same number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +29,12 @@ impl ProcessId {
     /// Whether the process exists, in this pid namespace, and has not ended (a zombie has).
     pub(crate) fn is_running(self) -> bool {
         running_since(self.pid) == Some(self.start)
+    }
+
+    /// Whether the process belongs to the user of this one.
+    pub(crate) fn is_own(self) -> bool {
+        let user = rustix::process::geteuid().as_raw();
+        fs::metadata(format!("/proc/{}", self.pid)).is_ok_and(|process| process.uid() == user)
     }
 
     /// Whether the process was stopped and waits to be told to go on.
@@ -83,7 +90,7 @@ mod tests {
     fn this_process_runs_and_an_older_one_of_its_number_does_not() {
         let own = ProcessId::own();
         assert!(own.start > 0);
-        assert!(own.is_running());
+        assert!(own.is_running() && own.is_own());
         assert!(!ProcessId { start: own.start - 1, ..own }.is_running());
         assert!(!ProcessId { pid: u32::MAX, start: 0 }.is_running());
     }

@@ -4,6 +4,9 @@
 //! sleeps on the doorbells until the next event is due. The order "note the rings, look at everything,
 //! sleep unless it rang since" makes sure that nothing is slept through.
 
+#[cfg(feature = "channel")]
+mod channel;
+
 use super::clock::{Clock, WallClock};
 use super::lockstep::Lockstep;
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
@@ -108,6 +111,8 @@ pub struct Emulator {
     #[cfg(feature = "channel")]
     /// In a box, because it is taken out in every round.
     server: Option<Box<crate::channel::Server>>,
+    #[cfg(feature = "channel")]
+    channel_watch: Option<crate::channel::ChannelWatch>,
 }
 
 impl Emulator {
@@ -164,8 +169,16 @@ impl Emulator {
         images.iter().for_each(Image::set_ready);
         // `Plant::new` refuses a plant without a PLC.
         let stop = StopHandle { stop: Arc::default(), header: images[0].header().clone() };
-        let watch = Watch::start(images.iter().map(Image::watch).collect(), stop.clone())
-            .map_err(|reason| RuntimeError::Thread { reason })?;
+        // Behind the event services, whose memory is to be watched as well.
+        #[cfg(feature = "channel")]
+        let channel_watch = server.as_ref().map(|server| server.watch());
+        let watch = Watch::start(
+            images.iter().map(Image::watch).collect(),
+            #[cfg(feature = "channel")]
+            channel_watch.clone(),
+            stop.clone(),
+        )
+        .map_err(|reason| RuntimeError::Thread { reason })?;
         Ok(Emulator {
             rings,
             lockstep,
@@ -180,6 +193,8 @@ impl Emulator {
             events,
             #[cfg(feature = "channel")]
             server,
+            #[cfg(feature = "channel")]
+            channel_watch,
         })
     }
 
@@ -351,60 +366,17 @@ impl Emulator {
     pub(super) fn announce(&self) {
         self.images.iter().for_each(|image| image.header().answer.ring());
     }
+}
 
-    #[cfg(feature = "channel")]
-    fn open_channel(instance: &str, images: &[Image]) -> Option<Box<crate::channel::Server>> {
-        let headers = images.iter().map(|image| image.header().clone()).collect();
-        let opened = crate::memory::names::channel_root(instance)
-            .map_err(|error| error.to_string())
-            .and_then(|root| {
-                let bells = Box::new(crate::channel::HeaderBells::of_emulator(headers));
-                let server = crate::channel::Server::open(instance, &root, bells);
-                server.map(Box::new).map_err(|error| error.to_string())
-            });
-        opened.inspect_err(|error| tracing::error!("no channel, mapped clients only: {error}")).ok()
-    }
-
-    /// Handles what came through the channel; tells whether there was anything.
-    #[cfg(feature = "channel")]
-    fn serve_channel(&mut self) -> bool {
-        // Taken out for the call, because the channel needs the rest of the emulator.
-        let Some(mut server) = self.server.take() else { return false };
-        let served = server.poll(self);
-        self.server = Some(server);
-        served > 0
-    }
-
-    #[cfg(not(feature = "channel"))]
+/// Without the channel there is nobody to serve.
+#[cfg(not(feature = "channel"))]
+impl Emulator {
     fn serve_channel(&mut self) -> bool {
         false
     }
 
-    /// Tells listeners of the event services what has occurred.
-    #[cfg(feature = "channel")]
-    pub(super) fn tell_events(&mut self) {
-        for plc in 0..self.images.len() {
-            let fired = self.plant.take_fired(plc);
-            if fired != 0
-                && let Some(events) = &self.events
-            {
-                events.notify(plc, fired);
-            }
-        }
-    }
-
-    #[cfg(not(feature = "channel"))]
     pub(super) fn tell_events(&mut self) {}
 
-    #[cfg(feature = "channel")]
-    fn close_channel(&mut self) {
-        self.events = None;
-        if let Some(server) = self.server.take() {
-            server.close();
-        }
-    }
-
-    #[cfg(not(feature = "channel"))]
     fn close_channel(&mut self) {}
 }
 

@@ -1,6 +1,8 @@
 //! Looks whether somebody changes the image files under the emulator's hands, and says so.
 
 use super::emulator::StopHandle;
+#[cfg(feature = "channel")]
+use crate::channel::ChannelWatch;
 use crate::memory::{FileState, ImageFileWatch};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
@@ -14,14 +16,24 @@ const EVERY: Duration = Duration::from_millis(200);
 pub(super) struct Watch(Option<(Sender<()>, JoinHandle<()>)>);
 
 impl Watch {
-    /// Watches these files; a shortened one ends the emulator, see [`super::RuntimeError::Shortened`].
+    /// Watches these files, and the channel, whose emulator asks what was found; a shortened image ends the emulator, see [`super::RuntimeError::Shortened`].
     ///
     /// # Errors
     /// No thread can be started.
-    pub(crate) fn start(files: Vec<ImageFileWatch>, stop: StopHandle) -> std::io::Result<Self> {
+    pub(crate) fn start(
+        files: Vec<ImageFileWatch>,
+        #[cfg(feature = "channel")] channel: Option<ChannelWatch>,
+        stop: StopHandle,
+    ) -> std::io::Result<Self> {
         let (end, ended) = mpsc::channel();
         let thread = std::thread::Builder::new().name("images".to_owned());
-        Ok(Self(Some((end, thread.spawn(move || watch(&files, &stop, &ended))?))))
+        let look = move || {
+            #[cfg(feature = "channel")]
+            if let Some(channel) = &channel {
+                channel.look();
+            }
+        };
+        Ok(Self(Some((end, thread.spawn(move || watch(&files, look, &stop, &ended))?))))
     }
 }
 
@@ -35,7 +47,7 @@ impl Drop for Watch {
     }
 }
 
-fn watch(files: &[ImageFileWatch], stop: &StopHandle, ended: &Receiver<()>) {
+fn watch(files: &[ImageFileWatch], look: impl Fn(), stop: &StopHandle, ended: &Receiver<()>) {
     let mut known = vec![FileState::Intact; files.len()];
     loop {
         let end = ended.recv_timeout(EVERY) != Err(RecvTimeoutError::Timeout);
@@ -48,6 +60,7 @@ fn watch(files: &[ImageFileWatch], stop: &StopHandle, ended: &Receiver<()>) {
                 stop.stop();
             }
         }
+        look();
         if end {
             return;
         }

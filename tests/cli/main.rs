@@ -8,6 +8,7 @@ mod bm4;
 mod board;
 mod changes;
 mod check;
+mod damaged;
 mod demo;
 mod faults;
 mod force;

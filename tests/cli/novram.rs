@@ -55,6 +55,31 @@ fn retain_flags_survive_if_they_have_a_directory() {
     assert_eq!(loaded(&image), Start::Warm);
 }
 
+/// Whoever can exchange the files there can give the PLC any flags, or have them read what a link points to.
+#[test]
+fn a_novram_directory_that_others_can_write_to_is_refused() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    let parent = tempfile::tempdir().unwrap();
+    let (name, path) = (unique_name(), parent.path().join("novram"));
+    std::fs::create_dir(&path).unwrap();
+    for mode in [0o1777, 0o777, 0o702, 0o775] {
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
+        let outcome = run(&["run", "-i", &name, "--novram", path.to_str().unwrap()]);
+        let expected = format!("others can write to this directory (mode {mode:o})");
+        let message = outcome.fails(1);
+        assert!(message.contains(&expected) && message.contains("chmod go-w"), "{message}");
+        assert_eq!(
+            std::fs::metadata(&path).unwrap().mode() & 0o7777,
+            mode,
+            "the user's own is left as it is"
+        );
+    }
+    assert_eq!(std::fs::read_dir(&path).unwrap().count(), 0);
+    assert!(files_of(&name).is_empty());
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    Emulator::start(&["--clock", "stepped", "--novram", path.to_str().unwrap()]).run("stop", &[]).ok();
+}
+
 #[test]
 fn a_novram_directory_that_cannot_be_used_is_an_error() {
     let file = tempfile::NamedTempFile::new().unwrap();

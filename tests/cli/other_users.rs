@@ -74,6 +74,22 @@ fn a_link_in_the_directorys_place_is_refused() {
     assert!(outcome.fails(1).contains("is a symbolic link"), "{}", outcome.err);
 }
 
+#[test]
+fn a_novram_directory_of_somebody_else_is_refused() {
+    if !can_be_another_user() {
+        return;
+    }
+    let (name, parent) = (unique_name(), tempfile::tempdir().unwrap());
+    let path = parent.path().join("novram");
+    std::fs::create_dir(&path).unwrap();
+    std::os::unix::fs::chown(&path, Some(NOBODY), Some(NOBODY)).unwrap();
+    let outcome = run(&["run", "-i", &name, "--novram", path.to_str().unwrap()]);
+    let expected = format!("this directory belongs to user {NOBODY}, not to user 0");
+    assert!(outcome.fails(1).contains(&expected), "{}", outcome.err);
+    assert_eq!(std::fs::read_dir(&path).unwrap().count(), 0);
+    assert!(files_of(&name).is_empty());
+}
+
 /// With a client connected and another that listens to events, so that all kinds of objects are there.
 #[test]
 fn nothing_of_a_running_instance_can_be_read_written_or_removed_by_others() {

@@ -31,6 +31,26 @@ pub enum ClientError {
         /// The part.
         path: PathBuf,
     },
+    /// Entering takes too long: iceoryx2 waits on a part that somebody has damaged.
+    #[error(
+        "instance {instance}: the channel cannot be entered within {after:?}, a part of it may be damaged; end the \
+         emulator with `commram stop -i {instance}`, and what then is left with `commram stop --clean -i {instance}`"
+    )]
+    Stuck {
+        /// Name of the instance.
+        instance: String,
+        /// How long it was tried.
+        after: Duration,
+    },
+    /// A part of the channel makes no sense any more.
+    #[error(
+        "instance {instance}: the channel is damaged; end the emulator with `commram stop -i {instance}`, and what \
+         then is left with `commram stop --clean -i {instance}`"
+    )]
+    Broken {
+        /// Name of the instance.
+        instance: String,
+    },
     /// The memory file system is nearly full.
     #[error("instance {instance}: /dev/shm has only {free_kib} KiB left, a client needs {} KiB", ROOM / 1024)]
     NoRoom {
@@ -117,6 +137,6 @@ pub enum ClientError {
 impl ClientError {
     /// Whether the failure to connect may be gone in a moment, while the emulator starts.
     pub(super) fn may_pass(&self) -> bool {
-        matches!(self, Self::NotRunning { .. } | Self::Connect { .. })
+        matches!(self, Self::NotRunning { .. } | Self::Connect { .. } | Self::Broken { .. })
     }
 }

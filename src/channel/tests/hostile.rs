@@ -1,7 +1,7 @@
 //! Peers that speak iceoryx2 but not our language.
 
 use super::rig::{Emulator, Place};
-use crate::channel::domain::Domain;
+use crate::channel::domain::{Domain, Ipc};
 use crate::channel::wire::{self, Block, DecodeError, WireOp};
 use crate::channel::{Bells, ClientError};
 use crate::memory::Width;
@@ -15,7 +15,7 @@ const REG: u32 = RAM.start;
 
 /// Sends raw operations; `None` if the reply is not waited for.
 fn send_raw(place: &Place, requests: &[Vec<WireOp>], wait: bool) -> Vec<Vec<Reply>> {
-    let node = place.domain().node().unwrap();
+    let node = place.domain().node::<Ipc>().unwrap();
     let service = Domain::service(&node).unwrap().open().unwrap();
     let port = service.client_builder().initial_max_slice_len(4 * MAX_OPS).create().unwrap();
     let bells = place.bells();

@@ -2,7 +2,7 @@
 
 use super::NovramError;
 use crate::memory::directory;
-use rustix::fs::FileType;
+use rustix::fs::{FileType, Stat};
 use rustix::io::Errno;
 use std::fs::DirBuilder;
 use std::io::{self, Read};
@@ -12,6 +12,9 @@ use std::time::{Duration, Instant};
 
 /// How long a starting emulator waits for the lock: its holder may have been killed a moment ago and not be gone yet.
 const PATIENCE: Duration = Duration::from_millis(500);
+
+/// The right of others to write, in a mode.
+const OTHERS_WRITE: u32 = 0o022;
 
 /// A directory that is locked for as long as this value lives.
 #[derive(Debug)]
@@ -24,12 +27,15 @@ impl Directory {
     /// Opens and locks a directory, which is made if missing, for this user alone.
     ///
     /// # Errors
-    /// [`NovramError::InUse`] if another emulator has it, [`NovramError::Io`] if it cannot be made or used.
+    /// [`NovramError::InUse`] if another emulator has it, [`NovramError::Foreign`] and [`NovramError::Writable`] if
+    /// others could put their files there, [`NovramError::Io`] if it cannot be made or used.
     pub fn open(path: &Path) -> Result<Self, NovramError> {
         let failed = |doing| move |source| NovramError::Io { path: path.to_owned(), doing, source };
         DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(failed("make this directory"))?;
         let open =
             directory::Directory::open(path).map_err(|errno| failed("open this directory")(errno.into()))?;
+        let stat = open.stat().map_err(|errno| failed("look at this directory")(errno.into()))?;
+        judge(path, &stat, rustix::process::geteuid().as_raw())?;
         let since = Instant::now();
         loop {
             match open.try_lock() {
@@ -134,4 +140,16 @@ impl Directory {
         };
         NovramError::NotAFile { path: self.path_of(name), found }
     }
+}
+
+/// Refuses a directory in which others than `user` could exchange files.
+fn judge(path: &Path, stat: &Stat, user: u32) -> Result<(), NovramError> {
+    let path = || path.to_owned();
+    if stat.st_uid != user {
+        return Err(NovramError::Foreign { path: path(), owner: stat.st_uid, user });
+    }
+    if stat.st_mode & OTHERS_WRITE != 0 {
+        return Err(NovramError::Writable { path: path(), mode: stat.st_mode & 0o7777 });
+    }
+    Ok(())
 }

@@ -27,6 +27,31 @@ pub enum NovramError {
         /// The directory.
         path: PathBuf,
     },
+    /// The directory belongs to another user, who could exchange the files.
+    #[error(
+        "NOVRAM {}: this directory belongs to user {owner}, not to user {user}; use one of your own, mode 0700",
+        path.display()
+    )]
+    Foreign {
+        /// The directory.
+        path: PathBuf,
+        /// User id of its owner.
+        owner: u32,
+        /// User id of this process.
+        user: u32,
+    },
+    /// Others may put files into the directory.
+    #[error(
+        "NOVRAM {}: others can write to this directory (mode {mode:o}) and exchange its files; make a directory of \
+         its own for them, or take their right away with `chmod go-w`",
+        path.display()
+    )]
+    Writable {
+        /// The directory.
+        path: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
     /// The file is not a regular one.
     #[error(
         "NOVRAM {}: this is {found}; it must be a regular file, or missing for the delivery state",

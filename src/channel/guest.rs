@@ -1,0 +1,69 @@
+//! A client in a domain: how it gets in and out without waiting for ever.
+//!
+//! Both ways are gone on a thread of their own ([`limit`]). What has come in then goes over to the caller, which is why
+//! clients use the variant of iceoryx2 that may.
+
+use super::client::ClientError;
+use super::domain::{Domain, Threads};
+use super::limit::{self, Lost};
+use iceoryx2::node::NodeCreationFailure;
+use iceoryx2::prelude::Node;
+use std::time::Duration;
+
+/// A client in a domain. Dropping it leaves.
+pub(super) struct Guest {
+    /// `None` only while it leaves.
+    node: Option<Node<Threads>>,
+    domain: Domain,
+}
+
+impl Guest {
+    /// Enters a domain. It may take for ever: see [`within`].
+    pub(crate) fn enter(domain: Domain) -> Result<Self, NodeCreationFailure> {
+        // Ahead of the node: an attempt that fails leaves things behind as well.
+        let mut guest = Guest { node: None, domain };
+        guest.node = Some(guest.domain.node()?);
+        Ok(guest)
+    }
+
+    /// Its node; `None` while it leaves.
+    pub(crate) fn node(&self) -> Option<&Node<Threads>> {
+        self.node.as_ref()
+    }
+
+    /// Its domain.
+    pub(crate) fn domain(&self) -> &Domain {
+        &self.domain
+    }
+}
+
+impl Drop for Guest {
+    fn drop(&mut self) {
+        let (node, domain) = (self.node.take(), self.domain.clone());
+        let left = limit::on_a_thread(limit::SHORT, move || {
+            drop(node);
+            domain.leave();
+        });
+        if left.is_err() {
+            tracing::debug!("a client that leaves a damaged channel is left behind");
+        }
+    }
+}
+
+/// Enters the channel of `instance` on a thread of its own, for at most `limit`.
+///
+/// # Errors
+/// As `enter`, or [`ClientError::Stuck`].
+pub(super) fn within<R: Send + 'static>(
+    limit: Duration,
+    instance: &str,
+    enter: impl FnOnce() -> Result<R, ClientError> + Send + 'static,
+) -> Result<R, ClientError> {
+    limit::on_a_thread(limit, enter).unwrap_or_else(|why| {
+        let instance = instance.to_owned();
+        Err(match why {
+            Lost::Late => ClientError::Stuck { instance, after: limit },
+            Lost::Ended => ClientError::Broken { instance },
+        })
+    })
+}

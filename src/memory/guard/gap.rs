@@ -1,0 +1,123 @@
+//! Zeros in the place of a page of the channel that is not there any more.
+//!
+//! Where iceoryx2 maps its memory nobody is told, so the handler looks it up in the list of the process's maps. What
+//! iceoryx2 makes of the zeros does not matter much: the emulator gives the channel up as soon as it comes back from
+//! there ([`channel_has_gaps`]).
+
+use crate::memory::names::{CHANNEL_PREFIX, IMAGE_DIRECTORY};
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use rustix::fs::{Mode, OFlags};
+use rustix::mm::{MapFlags, ProtFlags};
+
+/// Bytes of a line that are looked at: range, rights, offset, device, inode, and the beginning of the path.
+const LINE: usize = 160;
+
+static PAGE: AtomicUsize = AtomicUsize::new(0);
+static GAPS: AtomicBool = AtomicBool::new(false);
+
+/// Learns what a handler cannot ask for.
+pub(super) fn prepare() {
+    // SAFETY: a question without side effects.
+    let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
+    PAGE.store(usize::try_from(page).unwrap_or(0), Ordering::Relaxed);
+}
+
+/// Whether a part of the channel was missing when this process touched it.
+#[cfg(feature = "channel")]
+#[inline]
+pub(crate) fn channel_has_gaps() -> bool {
+    GAPS.load(Ordering::Acquire)
+}
+
+/// Puts zeros where `address` is, if that is in a map of the channel; tells whether the access can be repeated. May be
+/// called by a signal handler.
+pub(super) fn close(address: usize) -> bool {
+    let page = PAGE.load(Ordering::Relaxed);
+    if page == 0 || !is_of_the_channel(address) {
+        return false;
+    }
+    GAPS.store(true, Ordering::Release);
+    let start = core::ptr::without_provenance_mut(address - address % page);
+    let rights = ProtFlags::READ | ProtFlags::WRITE;
+    // SAFETY: the page is one of a map of shared memory of which nobody holds a reference: others write there too. It
+    // cannot be read now, and zeros are a content that others could have written.
+    unsafe { rustix::mm::mmap_anonymous(start, page, rights, MapFlags::PRIVATE | MapFlags::FIXED) }.is_ok()
+}
+
+/// Reads the list of maps without memory of its own, as a handler must.
+fn is_of_the_channel(address: usize) -> bool {
+    let Ok(maps) = rustix::fs::open(c"/proc/self/maps", OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty())
+    else {
+        return false;
+    };
+    let (mut line, mut length) = ([0; LINE], 0);
+    // Signal stacks are small.
+    let mut chunk = [0; 256];
+    while let Ok(count @ 1..) = rustix::io::read(&maps, &mut chunk) {
+        for &byte in chunk.get(..count).unwrap_or_default() {
+            if byte != b'\n' {
+                if let Some(place) = line.get_mut(length) {
+                    *place = byte;
+                    length += 1;
+                }
+            } else if covers(line.get(..length).unwrap_or_default(), address) {
+                return names_the_channel(line.get(..length).unwrap_or_default());
+            } else {
+                length = 0;
+            }
+        }
+    }
+    false
+}
+
+/// Whether a line begins with a range that `address` is in.
+fn covers(line: &[u8], address: usize) -> bool {
+    let mut numbers = line.split(|byte| matches!(byte, b'-' | b' '));
+    let mut number = || {
+        numbers.next()?.iter().try_fold(0usize, |number, digit| {
+            let digit = char::from(*digit).to_digit(16)?;
+            number.checked_mul(16)?.checked_add(digit as usize)
+        })
+    };
+    number().zip(number()).is_some_and(|(first, end)| (first..end).contains(&address))
+}
+
+/// Whether a line ends with the path of a part of a channel.
+fn names_the_channel(line: &[u8]) -> bool {
+    let path = line.iter().position(|&byte| byte == b'/').and_then(|at| line.get(at..));
+    let rest = path.and_then(|path| path.strip_prefix(IMAGE_DIRECTORY.as_bytes()));
+    rest.and_then(|rest| rest.strip_prefix(b"/"))
+        .is_some_and(|name| name.starts_with(CHANNEL_PREFIX.as_bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_read_as_the_kernel_writes_them() {
+        let line = b"7f0a4000-7f0a6000 rw-s 00001000 00:1a 4711                  /dev/shm/commram_12ab_3.data (deleted)";
+        for (address, is_in) in
+            [(0x7f0a_3fff, false), (0x7f0a_4000, true), (0x7f0a_5fff, true), (0x7f0a_6000, false)]
+        {
+            assert_eq!(covers(line, address), is_in, "{address:x}");
+        }
+        assert!(names_the_channel(line));
+        for other in [
+            &b"7f0a4000-7f0a6000 rw-s 00001000 00:1a 4711                  /dev/shm/commram.default.line"[..],
+            b"7f0a4000-7f0a6000 rw-p 00000000 00:00 0",
+            b"7f0a4000-7f0a6000 r-xp 00000000 08:01 12   /usr/bin/commram_x",
+            b"",
+        ] {
+            assert!(!names_the_channel(other));
+        }
+        assert!(!covers(b"", 0) && !covers(b"zz-7f rw", 1));
+    }
+
+    #[test]
+    fn this_process_has_maps_and_none_of_a_channel() {
+        let local = 0;
+        assert!(!is_of_the_channel((&raw const local).addr()));
+        assert!(!is_of_the_channel(0));
+    }
+}

@@ -1,0 +1,81 @@
+//! The emulator's end of the channel, and what becomes of it when another program shortens a part of it.
+
+use super::Emulator;
+use crate::channel::{ChannelWatch, HeaderBells, Server};
+use crate::memory::{Image, channel_has_gaps, names};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
+impl Emulator {
+    pub(super) fn open_channel(instance: &str, images: &[Image]) -> Option<Box<Server>> {
+        let headers = images.iter().map(|image| image.header().clone()).collect();
+        let opened = names::channel_root(instance).map_err(|error| error.to_string()).and_then(|root| {
+            let bells = Box::new(HeaderBells::of_emulator(headers));
+            let server = Server::open(instance, &root, bells);
+            server.map(Box::new).map_err(|error| error.to_string())
+        });
+        opened.inspect_err(|error| tracing::error!("no channel, mapped clients only: {error}")).ok()
+    }
+
+    /// Handles what came through the channel; tells whether there was anything.
+    pub(super) fn serve_channel(&mut self) -> bool {
+        if self.channel_is_damaged() {
+            self.give_channel_up();
+        }
+        // Taken out for the call, because the channel needs the rest of the emulator.
+        let Some(mut server) = self.server.take() else { return false };
+        let served = catch_unwind(AssertUnwindSafe(|| server.poll(self)));
+        self.server = Some(server);
+        served.map_or_else(|panic| self.judge(panic), |served| served > 0)
+    }
+
+    /// Tells listeners of the event services what has occurred.
+    pub(in crate::runtime) fn tell_events(&mut self) {
+        for plc in 0..self.images.len() {
+            let fired = self.plant.take_fired(plc);
+            if fired != 0
+                && let Some(events) = &self.events
+                && let Err(panic) = catch_unwind(AssertUnwindSafe(|| events.notify(plc, fired)))
+            {
+                self.judge(panic);
+            }
+        }
+    }
+
+    pub(super) fn close_channel(&mut self) {
+        let is_short = self.channel_watch.as_ref().is_some_and(ChannelWatch::look);
+        if is_short || self.channel_is_damaged() {
+            self.give_channel_up();
+        }
+        self.events = None;
+        if let Some(server) = self.server.take() {
+            server.close();
+        }
+    }
+
+    /// What iceoryx2 makes of memory that is not there any more may be a panic; whose it is, the damage tells.
+    fn judge(&mut self, panic: Box<dyn core::any::Any + Send>) -> bool {
+        if !self.channel_is_damaged() {
+            resume_unwind(panic);
+        }
+        self.give_channel_up();
+        true
+    }
+
+    /// Whether somebody has shortened a part of the channel.
+    fn channel_is_damaged(&self) -> bool {
+        self.channel_watch.as_ref().is_some_and(|watch| watch.is_damaged() || channel_has_gaps())
+    }
+
+    /// Goes on without the channel, whose memory is not to be touched any more.
+    fn give_channel_up(&mut self) {
+        core::mem::forget(self.events.take());
+        self.channel_watch = None;
+        if let Some(server) = self.server.take() {
+            server.abandon();
+            tracing::error!(
+                "the channel is lost: another program has shortened a part of it, or /dev/shm is full; mapped clients \
+                 only, until the next start"
+            );
+        }
+    }
+}
