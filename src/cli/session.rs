@@ -79,7 +79,7 @@ pub(crate) struct Session {
 
 enum Door {
     #[cfg(feature = "channel")]
-    Channel(crate::channel::Client),
+    Channel(Box<crate::channel::Client>),
     /// In the order of `plcs`.
     Images(Vec<Attached>),
 }

@@ -129,7 +129,7 @@ fn with_answer(blocks: &[Block], ops: &[Op]) -> Result<Vec<Reply>, ClientError> 
     let place = Place::new();
     let domain = place.domain();
     let bells = place.bells();
-    let node = domain.node().unwrap();
+    let node = domain.node::<Ipc>().unwrap();
     let service = Domain::service(&node).unwrap().open_or_create().unwrap();
     let port = service.server_builder().initial_max_slice_len(64).create().unwrap();
     bells.set_pid(std::process::id());

@@ -31,7 +31,7 @@ impl Session {
         let reply = Duration::from_secs(10).saturating_add(Duration::from_micros(waits_us).mul_f64(slowed));
         let patience = Patience { reply, ..Patience::default() };
         let bells = Box::new(HeaderBells::of_client(attached)?);
-        let client = Client::connect(instance, &channel_root(instance)?, bells, patience)?;
+        let client = Box::new(Client::connect(instance, &channel_root(instance)?, bells, patience)?);
         let Names { plcs, devices: fitted, .. } = client.info()?.names;
         Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Door::Channel(client) })
     }
@@ -42,7 +42,7 @@ impl Session {
     /// There is none.
     pub(crate) fn into_client(self) -> Result<Client, CliError> {
         match self.door {
-            Door::Channel(client) => Ok(client),
+            Door::Channel(client) => Ok(*client),
             Door::Images(_) => Err(no_channel(&self.instance)),
         }
     }
