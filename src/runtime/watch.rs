@@ -16,7 +16,8 @@ const EVERY: Duration = Duration::from_millis(200);
 pub(super) struct Watch(Option<(Sender<()>, JoinHandle<()>)>);
 
 impl Watch {
-    /// Watches these files, and the channel, whose emulator asks what was found; a shortened image ends the emulator, see [`super::RuntimeError::Shortened`].
+    /// Watches these files, and the channel, whose emulator asks what was found; a shortened image ends the emulator, see
+    /// [`super::RuntimeError::Shortened`].
     ///
     /// # Errors
     /// No thread can be started.
