@@ -88,7 +88,7 @@ fn an_emulator_goes_on_without_a_channel_that_was_shortened() {
         let mut emulator = Emulator::start(&[]);
         let parts = objects(&emulator, ending);
         let attached = Image::attach(&emulator.name, "line", AttachMode::ReadWrite, None).unwrap();
-        shorten(&parts, |length| if part == 0 { 0 } else { length / part });
+        shorten(&parts, |length| length.checked_div(part).unwrap_or(0));
         // It removes them when it gives the channel up.
         assert!(eventually(|| parts.iter().all(|part| !part.exists())), "{ending} {part}");
         let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
