@@ -40,6 +40,15 @@ impl Arbitration {
         }
     }
 
+    /// The identifier as a number of 11 or 29 bits.
+    #[inline]
+    pub fn number(self) -> u32 {
+        match self.id() {
+            Id::Standard(id) => id.as_raw().into(),
+            Id::Extended(id) => id.as_raw(),
+        }
+    }
+
     /// Whether the identifier has 29 bits instead of 11.
     #[inline]
     pub const fn is_extended(self) -> bool {

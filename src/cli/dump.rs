@@ -19,7 +19,7 @@ const MAX_BLOCK: u32 = 65_536;
 /// Show registers and what they mean: those that differ from their reset value.
 ///
 /// A dump is a snapshot: all registers at one moment of emulated time. Reading changes nothing. Of structures
-/// that overlay each other (INIT and cyclic ones of the CANsync nodes) it shows the one that is live, which
+/// that overlay each other (INIT and cyclic ones of a node) it shows the one that is live, which
 /// follows from w_OPTION_STATUS.
 #[derive(clap::Args)]
 #[command(after_help = "\

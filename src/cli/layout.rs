@@ -40,7 +40,7 @@ enum Command {
 Examples:
   commram layout import BM_TYPES.st --check
   commram layout import BM_TYPES.st --align 2 --format json
-  commram layout import BM_TYPES.st --called CANsync_MA_CTRL_BMSTRUCT.a_RD_BMARRAY=a_RD_VALUE
+  commram layout import BM_TYPES.st --called STRUCTURE.a_RD_BMARRAY=a_RD_VALUE
 
 Verdicts:
   moved       at another offset; a structure: of another size

@@ -26,7 +26,7 @@ Examples:
 
 Provenance: facts marked `manual` are stated in the manual, or with a name behind it in the vendor's
 library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from.
-Names of blocks (baps, node1, ...) are ours (D-220).")]
+Names of blocks (node1, node2, ...) are ours (D-220).")]
 pub(crate) struct Args {
     /// A register, an array, an address or a block [default: everything]
     #[arg(value_name = "NAME|ADDRESS|BLOCK")]

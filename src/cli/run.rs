@@ -29,7 +29,7 @@ Examples:
   commram run --clock stepped -i test-1
   commram run plant.toml --speed 10
   commram run --novram ~/.local/state/commram
-  commram run --layout layouts/omega-drive-line-2")]
+  commram run --layout layouts/DEVICE")]
 pub(crate) struct Args {
     /// The plant: PLCs, buses, drives
     #[arg(value_name = "PLANT.toml")]

@@ -14,7 +14,7 @@ Examples:
   commram watch
   commram watch node2.w_CPU_CONTROL node2.w_OPTION_STATUS
   commram watch 'node2.a_RD_BMARRAY[1]' --format jsonl
-  commram watch baps --count 1        # until something changes")]
+  commram watch node2 --count 1       # until something changes")]
 pub(crate) struct Args {
     /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]
     #[arg(value_name = "BLOCK")]

@@ -1,8 +1,9 @@
 //! What the plant file says about devices and media, as far as the plant must understand it: everything else is their own.
 
 use super::{BuildError, Device, Medium, Plug, SettingError};
+use crate::can;
 use crate::fault;
-use crate::journal::{Kind, Rule};
+use crate::journal::{Event, Kind, Rule};
 use crate::layout;
 use crate::memory::Segment;
 use core::fmt;
@@ -108,6 +109,10 @@ pub struct MediumKind {
     pub faults: &'static [&'static fault::Kind],
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn MediumConfig>,
+    /// The frame that an event of this kind of media tells of, and the index of its medium; none of another event.
+    pub frame: fn(&Event) -> Option<(u16, can::Frame)>,
+    /// What a frame says there, for people; nothing if that is its users' affair.
+    pub says: fn(&can::Frame) -> String,
     /// Where ports of this family are that no medium is plugged in at.
     pub unplugged: fn() -> Box<dyn Medium>,
 }

@@ -24,6 +24,8 @@ mod intr_set;
 mod medium;
 #[cfg(feature = "emulator")]
 mod module;
+#[cfg(test)]
+mod names_tests;
 pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 mod plain;
@@ -70,6 +72,8 @@ pub static MEDIA: &[MediumKind] = &[
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
+        frame: cansync::records::frame_of,
+        says: cansync::records::says,
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
     },
     MediumKind {
@@ -78,6 +82,8 @@ pub static MEDIA: &[MediumKind] = &[
         records: can_bus::records::KINDS,
         rules: &[],
         faults: &[],
+        frame: can_bus::records::frame_of,
+        says: |_| String::new(),
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
     },
 ];

@@ -202,7 +202,7 @@ fn field_name(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     fn header() -> String {
         generate(&Scope::new(&DEVICE, None).unwrap())

@@ -70,7 +70,7 @@ fn cell(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     #[test]
     fn cells_are_quoted_where_they_need_it() {

@@ -51,7 +51,7 @@ fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     #[test]
     fn widths_are_those_of_the_registers() {

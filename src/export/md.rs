@@ -142,7 +142,7 @@ pub(crate) fn line<S: AsRef<str>>(cells: &[S]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     #[test]
     fn bars_are_escaped() {
@@ -152,10 +152,11 @@ mod tests {
     #[test]
     fn a_register_stands_with_address_owner_and_meaning() {
         let text = generate(&Scope::new(&DEVICE, Some("node2")).unwrap());
-        assert!(text.contains(
-            "| `w_OPTION_STATUS` | `%MW3.200002` | WORD | firmware | 16#0001 | State of the CANsync node \
+        let doc = DEVICE.register("node2.w_OPTION_STATUS").unwrap().register.doc;
+        assert!(text.contains(&format!(
+            "| `w_OPTION_STATUS` | `%MW3.200002` | WORD | firmware | 16#0001 | {doc} \
              ([option_status](#option_status)) |"
-        ));
+        )));
         assert!(text.contains("\n### option_status\n"));
         assert!(!text.contains("ETHERNET"));
     }

@@ -144,12 +144,7 @@ fn size(member: &Member) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
-
-    fn structure(area: &str, name: &str) -> &'static Structure {
-        let placed = DEVICE.area(area).unwrap().structures.iter();
-        placed.map(|placed| placed.structure).find(|structure| structure.name == name).unwrap()
-    }
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     fn end_of(members: &[Member], start: u32) -> u32 {
         members.iter().fold(0, |end, member| {
@@ -178,7 +173,7 @@ mod tests {
 
     #[test]
     fn sub_structures_have_their_types() {
-        let master = structure("node2", "CANsync_MA_CTRL_BMSTRUCT");
+        let master = DEVICE.register("node2.a_WR_VALUE[0]").unwrap().structure();
         let names: Vec<_> =
             groups(&[master]).iter().map(|group| (group.member_name(), group.type_name())).collect();
         assert_eq!(

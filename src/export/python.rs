@@ -208,7 +208,7 @@ const fn code(ty: RegType) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     #[test]
     fn every_register_stands_in_the_tables() {

@@ -98,7 +98,7 @@ fn look_up(values: &[ValueMeaning], value: u32) -> Option<&ValueMeaning> {
 
 #[cfg(test)]
 mod tests {
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     fn decode(name: &str, value: u32) -> String {
         DEVICE.register(name).unwrap().decode(value)
@@ -190,13 +190,6 @@ mod tests {
         assert_eq!(decode("node1.b_SYNC_MODUS", 1), "on (D-06)");
         assert_eq!(decode("node2.b_CMD_BC0", 1), "control word");
         assert_eq!(decode("node2.b_CMD_BC0", 2), "SYNC mode (D-06)");
-        assert_eq!(decode("baps.us_PAR_ELEMENT", 7), "value");
-        assert_eq!(decode("baps.us_PAR_ELEMENT", 5), "minimum (D-160)");
-        // Of bits in a row that follow from one decision the last one names it.
-        assert_eq!(
-            decode("baps.w_STATUSWORD", 0x8001),
-            "ready to switch on, quick stop (D-87), synchronized"
-        );
         assert_eq!(decode("node1.b_STEUREG_PAR_CMD", 0x43), "active, read, word, answer not yet sent");
     }
 

@@ -16,7 +16,7 @@ use core::ops::RangeInclusive;
 
 /// A device: its areas and what lies in them.
 pub struct Device {
-    /// Name of the layout, `omega-drive-line-2`.
+    /// Name of the layout, as `--device` and plant files take it.
     pub name: &'static str,
     /// The vendor's name of the device.
     pub title: &'static str,
@@ -96,7 +96,7 @@ pub struct Port {
     pub name: &'static str,
     /// Its number in journals and on the channel, from 1; 0 stands for the device itself.
     pub number: u8,
-    /// Kind of medium, for example `cansync`.
+    /// Kind of medium, as `kind` of `[[bus]]` names it.
     pub medium: &'static str,
     /// What the port can be there.
     pub roles: &'static [Role],
@@ -226,7 +226,7 @@ pub struct Placed {
     pub unused: &'static [&'static str],
 }
 
-/// When a structure is valid: INIT and cyclic structure of a CANsync node overlay the same RAM.
+/// When a structure is valid: what initializes a node may overlay what it works with afterwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Live {
     /// Always.
@@ -238,7 +238,7 @@ pub enum Live {
 }
 
 impl Live {
-    /// Which structure of a CANsync node is valid while its `w_OPTION_STATUS` is `status`: INIT before
+    /// Which structure of a node is valid while its `w_OPTION_STATUS` is `status`: INIT before
     /// 16#0003, the cyclic one from then on (decision D-03).
     #[must_use]
     pub const fn of_option_status(status: u16) -> Self {
@@ -254,7 +254,7 @@ impl Live {
 
 /// A structure of registers. Bytes between registers are padding.
 pub struct Structure {
-    /// The vendor's type name, for example `CANsync_INIT_BMSTRUCT`.
+    /// The vendor's type name.
     pub name: &'static str,
     /// Size in bytes.
     pub bytes: u32,

@@ -162,29 +162,30 @@ impl From<&'static Device> for Fitted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::bm4_o_can_06::registers::DEVICE;
-    use crate::devices::omega_drive_line_2::registers::DEVICE as OMEGA;
+    use crate::devices::samples::tables::NODES;
+    use crate::devices::samples::tables::SLOTS as DEVICE;
     use std::collections::BTreeMap;
 
     fn fitted(fit: Fit) -> Fitted {
         Fitted::unknown(&DEVICE).with(1, fit)
     }
 
-    fn names(fit: Fit, live: Live) -> Vec<&'static str> {
+    /// What the structures are for that lie in the first slot.
+    fn roles(fit: Fit, live: Live) -> Vec<Option<Role>> {
         let registers = fitted(fit).registers_in(DEVICE.areas.first().unwrap(), live);
-        let mut names: Vec<_> = registers.map(|found| found.structure().name).collect();
-        names.dedup();
-        names
+        let mut roles: Vec<_> = registers.map(|found| found.placed.role).collect();
+        roles.dedup();
+        roles
     }
 
     #[test]
     fn the_role_selects_the_structures() {
-        let [master, slave] = ["CANsync_PLC_MA_BMSTRUCT", "CANsync_PLC_SL_BMSTRUCT"];
-        assert_eq!(names(Fit::As(Role::Master), Live::Cyclic), [master]);
-        assert_eq!(names(Fit::As(Role::Slave), Live::Cyclic), [slave]);
-        assert_eq!(names(Fit::Unknown, Live::Cyclic), [master, slave]);
-        assert_eq!(names(Fit::As(Role::Slave), Live::Init), ["CANsync_PLC_INIT_BMSTRUCT"]);
-        assert_eq!(names(Fit::Empty, Live::Cyclic), [""; 0]);
+        let [master, slave] = [Role::Master, Role::Slave];
+        assert_eq!(roles(Fit::As(master), Live::Cyclic), [Some(master)]);
+        assert_eq!(roles(Fit::As(slave), Live::Cyclic), [Some(slave)]);
+        assert_eq!(roles(Fit::Unknown, Live::Cyclic), [Some(master), Some(slave)]);
+        assert_eq!(roles(Fit::As(slave), Live::Init), [Some(slave)]);
+        assert_eq!(roles(Fit::Empty, Live::Cyclic), []);
     }
 
     #[test]
@@ -197,7 +198,7 @@ mod tests {
 
     #[test]
     fn where_a_layout_leaves_no_choice_the_role_is_known() {
-        let fitted = Fitted::unknown(&OMEGA);
+        let fitted = Fitted::unknown(&NODES);
         assert_eq!((fitted.port(1), fitted.port(2)), (Fit::As(Role::Slave), Fit::As(Role::Master)));
     }
 
@@ -205,7 +206,7 @@ mod tests {
     fn used_registers_of_a_role_agree_on_the_width_of_every_byte() {
         let of_role =
             |role| (1..=6).fold(Fitted::unknown(&DEVICE), |fitted, port| fitted.with(port, Fit::As(role)));
-        let fitted = [Fitted::unknown(&OMEGA), of_role(Role::Master), of_role(Role::Slave)];
+        let fitted = [Fitted::unknown(&NODES), of_role(Role::Master), of_role(Role::Slave)];
         for (fitted, area) in
             fitted.iter().flat_map(|it| it.device().areas.iter().map(move |area| (it, area)))
         {
@@ -226,8 +227,8 @@ mod tests {
             let registers = fitted.used_registers(fitted.device().area(area).unwrap());
             registers.filter(|found| found.register.name == "a_SL_TYP").count()
         };
-        let omega = Fitted::unknown(&OMEGA);
-        assert_eq!((used(omega, "node1"), used(omega, "node2")), (0, 32));
+        let nodes = Fitted::unknown(&NODES);
+        assert_eq!((used(nodes, "node1"), used(nodes, "node2")), (0, 32));
         let [slave, master] = [Role::Slave, Role::Master].map(|role| fitted(Fit::As(role)));
         assert_eq!((used(slave, "slotG"), used(master, "slotG")), (0, 32));
     }

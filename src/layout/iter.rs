@@ -94,7 +94,7 @@ impl Area {
 
 #[cfg(test)]
 mod tests {
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
     use crate::layout::{Area, Fitted, Live, RegisterRef};
 
     fn registers(area: &'static Area, live: Live) -> impl Iterator<Item = RegisterRef> {
@@ -141,7 +141,7 @@ mod tests {
     fn the_phase_selects_the_structure() {
         let node1 = DEVICE.area("node1").unwrap();
         assert_eq!(registers(node1, Live::Init).count(), 6 + 8 + 32);
-        assert!(registers(node1, Live::Cyclic).all(|r| r.structure().name == "CANsync_SL_CTRL_BMSTRUCT"));
+        assert!(registers(node1, Live::Cyclic).all(|r| r.placed.live == Live::Cyclic));
         assert_eq!(registers(DEVICE.area("option1").unwrap(), Live::Cyclic).count(), 0);
     }
 }

@@ -1,14 +1,12 @@
 //! Register maps: generated structs and descriptors, names and addresses of registers.
 //!
 //! The layout files in `layouts/` are the only source of names, offsets, types, owners, reset values and
-//! meanings. The build compiles them into a module of each device, such as
-//! [`registers`](crate::devices::omega_drive_line_2::registers) of the Omega Drive-Line II: typed views for the firmware, and
+//! meanings. The build compiles them into a module `registers` of each device: typed views for the firmware, and
 //! descriptors for everything that speaks with people:
 //!
 //! ```
-//! use commram::devices::omega_drive_line_2::registers::DEVICE;
-//!
-//! let status = DEVICE.register("node2.w_OPTION_STATUS")?;
+//! let device = commram::devices::default().layout;
+//! let status = device.register("node2.w_OPTION_STATUS")?;
 //! assert_eq!(status.address().to_string(), "%MW3.200002");
 //! assert_eq!(status.format_value(0x43), "16#0043");
 //! assert_eq!(status.decode(0x43), "synchronous operation of the master is being set up");

@@ -1,5 +1,5 @@
 //! Register names: `[plc:]area.register[i][j]` and `[plc:]area.group[i].register`; in front may also stand the variable that
-//! the manual declares there, as in `_CANsync_CTRL_MA.w_CPU_CONTROL`.
+//! the manual declares there, as in `_CTRL_MA.w_CPU_CONTROL`.
 
 use super::descriptor::{Area, Device, Placed, Register};
 use super::error::LayoutError;

@@ -195,7 +195,7 @@ fn live_name(register: &RegisterRef, live: Live) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     fn place(text: &str) -> Place {
         Place::parse(&Fitted::unknown(&DEVICE), text).unwrap()
@@ -218,7 +218,8 @@ mod tests {
         assert_eq!(overlaid.name(Live::Cyclic), "node2.b_CTRLREG_WRC1");
         let init = place("node2.b_BT_0");
         assert!(!init.meaning(Live::Init, 0).contains("not live"));
-        assert!(init.meaning(Live::Cyclic, 0).ends_with("(CANsync_INIT_BMSTRUCT, not live)"));
+        let structure = DEVICE.register("node2.b_BT_0").unwrap().structure().name;
+        assert!(init.meaning(Live::Cyclic, 0).ends_with(&format!("({structure}, not live)")));
         assert!(!place("node2.w_OPTION_STATUS").meaning(Live::Init, 1).contains("not live"));
     }
 

@@ -44,7 +44,7 @@ impl RegisterRef {
     }
 
     /// Full name, for example `node2.a_RD_BMARRAY[3][0]`; of a register whose place depends on what the port is, which
-    /// is not known, `_CANsyncMaster_Ctrl_Slot_G.b_STATREG_RDC1`.
+    /// is not known, the variable's in front: `_Master_Slot_G.b_STATREG_RDC1`.
     #[must_use]
     pub fn name(&self) -> String {
         self.to_string()

@@ -41,9 +41,8 @@ impl<T: SharedRegs> View<T> {
     /// A view of a part of this one: a field or an array element.
     ///
     /// ```
-    /// # use commram::devices::omega_drive_line_2::registers::DEVICE;
     /// # use commram::memory::{Cell16, Segment};
-    /// let pair = Segment::of(&DEVICE).view::<[Cell16; 2]>(200_000)?;
+    /// let pair = Segment::of(commram::devices::default().layout).view::<[Cell16; 2]>(200_000)?;
     /// let second = pair.project(|pair| &pair[1]);
     /// second.store(0x0043);
     /// assert_eq!(pair[1].load(), 0x0043);

@@ -229,11 +229,11 @@ fn mask(bytes: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::{DEVICE, SEGMENT_END};
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     fn parts(offset: u32, width: Width) -> Vec<Part> {
         RegisterWidths::of(&Fitted::unknown(&DEVICE))
-            .parts(&Segment::heap(SEGMENT_END), offset, width)
+            .parts(&Segment::of(&DEVICE), offset, width)
             .unwrap()
             .collect()
     }
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     fn holes_are_named() {
-        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::heap(SEGMENT_END));
+        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
         assert_eq!(map.area(&segment, 8191, 1).err(), Some(Unmapped { offset: 8191 }));
         assert_eq!(map.area(&segment, 88_190, 4).err(), Some(Unmapped { offset: 88_192 }));
         assert!(map.area(&segment, 88_190, 2).is_ok());
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn a_plc_has_as_many_retain_flags_as_its_header_page_says() {
-        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::heap(SEGMENT_END));
+        let (map, segment) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
         for (bytes, end) in [(0, 8192), (20_000, 28_192), (71_808, 80_000), (u32::MAX, 80_000)] {
             segment.header().unwrap().retain_size.store(bytes);
             assert_eq!(map.store(&segment, 8192, Width::Dword, 7).is_ok(), bytes != 0);

@@ -136,7 +136,7 @@ pub enum PlantError {
     },
     /// Two masters on one bus.
     #[error(
-        "bus '{bus}' has two masters, {first_port} of '{first}' and {second_port} of '{second}'; a CANsync bus has one"
+        "bus '{bus}' has two masters, {first_port} of '{first}' and {second_port} of '{second}'; a bus of its kind has one"
     )]
     TwoMasters {
         /// The bus.

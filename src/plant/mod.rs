@@ -12,14 +12,10 @@ mod ports;
 mod writes;
 
 pub use crate::devices::Power;
-pub use crate::devices::cansync::medium::BusConfig;
-pub use crate::devices::omega_drive_line_2::{Plc, PlcConfig, ProjectConfig};
 pub use config::{PlantConfig, PlantError};
 pub use force::{ForceError, Forced};
 
 use crate::check::DeviceWatch;
-use crate::devices::cansync::drive::Drive;
-use crate::devices::cansync::medium::SimBus;
 use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Names, Origin};
@@ -315,11 +311,6 @@ impl Plant {
             buses: self.bus_names().map(str::to_owned).collect(),
             devices: self.devices.iter().map(|device| device.fitted()).collect(),
         }
-    }
-
-    /// The drives of all CANsync buses.
-    pub fn drives(&self) -> impl Iterator<Item = &Drive> {
-        self.media.iter().filter_map(|medium| medium.as_a::<SimBus>()).flat_map(SimBus::drives)
     }
 
     /// The journal.

@@ -21,15 +21,17 @@ impl Ram {
         Ok(Ram { segment: segment.clone(), header: segment.header()? })
     }
 
-    /// A structure at `%MB3.offset`: what `_NAME AT %MB3.offset : T` declares in an IEC program.
+    /// A structure at byte `offset` of the image: what `_NAME AT %MB3.offset : T` declares in an IEC program. The structures
+    /// are those of the module `registers` of the device, or cells.
     ///
     /// ```
-    /// use commram::devices::omega_drive_line_2::registers::{CANsync_MA_CTRL_BMSTRUCT, DEVICE, NODE2};
-    /// use commram::memory::Segment;
+    /// use commram::memory::{Cell16, Segment};
     /// use commram::plc::Ram;
     ///
-    /// let ram = Ram::of(&Segment::of(&DEVICE))?;
-    /// let _CANsync_CTRL_MA = ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2)?;
+    /// let ram = Ram::of(&Segment::of(commram::devices::default().layout))?;
+    /// let words = ram.at::<[Cell16; 2]>(200_000)?;
+    /// words[0].store(0x0001);
+    /// assert_eq!(words[1].load(), 0);
     /// # Ok::<(), commram::memory::MemoryError>(())
     /// ```
     ///
@@ -119,7 +121,7 @@ impl<V> Viewed<'_, V> {
         self.ram
     }
 
-    /// A restart (16#0000) was written to `w_CPU_CONTROL` of the CANsync node there. The firmware is told, because in the
+    /// A restart (16#0000) was written to `w_CPU_CONTROL` of the node there. The firmware is told, because in the
     /// RAM it cannot see it where 16#0000 stood before (decision D-29).
     pub(crate) fn tell_restart(&self) {
         let is_here = |port: &&PortEntry| port.file_offset.load() as usize == self.offset;

@@ -330,10 +330,10 @@ impl Verbs {
 
 /// `#{time, id, data}`
 fn seen_map(seen: &SeenFrame) -> Map {
-    let data: Array = seen.frame.data().iter().map(|byte| INT::from(*byte).into()).collect();
+    let data: Array = seen.frame.payload().data().iter().map(|byte| INT::from(*byte).into()).collect();
     Map::from([
         ("time".into(), int(seen.time_us).into()),
-        ("id".into(), INT::from(seen.frame.id()).into()),
+        ("id".into(), INT::from(seen.frame.arbitration().number()).into()),
         ("data".into(), data.into()),
     ])
 }

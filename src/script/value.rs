@@ -96,7 +96,7 @@ impl From<Duration> for Span {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::omega_drive_line_2::registers::DEVICE;
+    use crate::devices::samples::tables::NODES as DEVICE;
     use crate::layout::Fitted;
 
     fn bits(register: &str, value: impl Into<Value>) -> Result<u32, String> {

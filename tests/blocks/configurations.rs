@@ -14,10 +14,11 @@ mod d;
 
 use crate::rig::{BOTH, Memory, segment};
 use commram::devices::cansync::records::{Left, Missed};
+use commram::devices::omega_drive_line_2::Plc;
 use commram::journal::{Event, Rule};
 use commram::memory::Image;
 use commram::memory::header::Start;
-use commram::plant::{Plant, PlantConfig, Plc, Power};
+use commram::plant::{Plant, PlantConfig, Power};
 use commram::plc::{Program, Progress, Ram, Tasks};
 use std::time::Duration;
 

@@ -3,6 +3,7 @@
 #[path = "../rig/mod.rs"]
 mod rig;
 
+mod bench;
 mod configurations;
 mod function_blocks;
 mod played;

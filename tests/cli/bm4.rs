@@ -271,12 +271,12 @@ fn plant_files_are_refused_where_they_are_wrong() {
         (
             device("maxx", &g) + &device("top", &m) + bus,
             14,
-            "bus 'b' has two masters, slotG of 'maxx' and slotM of 'top'; a CANsync bus has one",
+            "bus 'b' has two masters, slotG of 'maxx' and slotM of 'top'; a bus of its kind has one",
         ),
         (
             device("maxx", &(g.clone() + &m)) + bus,
             11,
-            "bus 'b' has two masters, slotG of 'maxx' and slotM of 'maxx'; a CANsync bus has one",
+            "bus 'b' has two masters, slotG of 'maxx' and slotM of 'maxx'; a bus of its kind has one",
         ),
         (
             device("maxx", &(g.clone() + &module("H", &slave(1)))) + bus,

@@ -2,11 +2,12 @@
 
 use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig};
 use commram::devices::cansync::records::SyncEdge;
+use commram::devices::omega_drive_line_2::Plc;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::devices::records::{BoardEvent, OnBoard};
 use commram::memory::Segment;
 use commram::memory::header::{InterruptResult, OptInitResult};
-use commram::plant::{Plant, PlantConfig, Plc, Power};
+use commram::plant::{Plant, PlantConfig, Power};
 
 const A: usize = 0;
 const B: usize = 1;

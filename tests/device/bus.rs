@@ -3,6 +3,7 @@
 use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES, RATES, Rig};
 use commram::devices::cansync;
 use commram::devices::cansync::bus::wire;
+use commram::devices::cansync::medium::drives;
 use commram::devices::cansync::records::{BaudRateMismatch, Left, Missed, SyncEdge};
 
 const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
@@ -236,5 +237,5 @@ fn a_cluster_forwards_the_sync_signal() {
     let (upper, lower) = (edges(0), edges(1));
     assert!(lower.len() > 20 && upper.ends_with(&lower), "{upper:?} {lower:?}");
     assert_eq!(plant.next_sync(1, 2), plant.next_sync(0, 2), "asked at either master");
-    assert!(plant.drives().all(|drive| drive.is_synchronized()));
+    assert!(drives(plant.media()).all(|drive| drive.is_synchronized()));
 }

@@ -3,6 +3,7 @@
 use crate::rig::cluster::{Cluster, INTERVAL_US};
 use crate::rig::{OMEGA_RATES, Rate, write_init_data};
 use commram::devices::cansync;
+use commram::devices::cansync::medium::drives;
 use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
 use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::journal::Record;
@@ -81,7 +82,7 @@ fn a_cluster_stands_still_while_its_top_restarts() {
 #[test]
 fn the_largest_two_level_cluster_runs() {
     let mut cluster = Cluster::new(&[32, 32]);
-    assert_eq!(cluster.plcs.len() + cluster.plant.drives().count(), 1 + 32 + 32 * 32);
+    assert_eq!(cluster.plcs.len() + drives(cluster.plant.media()).count(), 1 + 32 + 32 * 32);
     cluster.activate();
     cluster.plcs[0].master.a_WR_VALUE[0].store(7);
     // Two rounds of asking 32 slaves on each level, and the way down and up.
@@ -134,7 +135,7 @@ fn a_cluster_of_unlike_rates_says_so() {
             init.w_CANsync_STATUS.load() & 0x0040
         };
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0x40, 0x40]);
-        assert!(plant.drives().all(|drive| !drive.is_synchronized()));
+        assert!(drives(plant.media()).all(|drive| !drive.is_synchronized()));
         let told: Vec<_> = plant
             .journal()
             .records()
@@ -149,6 +150,6 @@ fn a_cluster_of_unlike_rates_says_so() {
         set_up(&mut plant, &[(0, NODE2, 0x00, lower), (1, NODE1, 0x01, lower)]);
         plant.advance_to(plant.now() + 100_000);
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0, 0], "one rate everywhere");
-        assert!(plant.drives().all(commram::devices::cansync::drive::Drive::is_synchronized));
+        assert!(drives(plant.media()).all(commram::devices::cansync::drive::Drive::is_synchronized));
     }
 }

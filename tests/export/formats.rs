@@ -49,6 +49,29 @@ fn the_head_of_an_export_speaks_of_its_own_device() {
     }
 }
 
+/// 5.00005.03a p. 77, 213, 249.
+#[test]
+fn iec_declarations_are_those_of_the_manual() {
+    let export = run(&["export", "st"]);
+    let text = export.ok();
+    for line in [
+        "    _CANsync_CTRL_MA AT %MB3.200000 : CANsync_MA_CTRL_BMSTRUCT;",
+        "    _Ethernet_config AT %MB3.180016 : ETHERNET_CONFIG_BMSTRUCT;",
+        "    USINT_4_BMARRAY : ARRAY[0..3] OF USINT;",
+        "    BYTE_32_BMARRAY : ARRAY[0..31] OF BYTE;",
+        "    DINT_16_BMARRAY : ARRAY[0..15] OF DINT;",
+        "    CANsync_RD_BMARRAY : ARRAY[0..31] OF DINT_16_BMARRAY;",
+        "    DATA_PARAMETER_32_BMARRAY : ARRAY[0..31] OF DATA_PARAMETER;",
+        "        padding_829 : BYTE_3_BMARRAY;",
+    ] {
+        assert!(text.contains(&format!("{line}\n")), "{line}");
+    }
+    let place = |name: &str| text.find(&format!("    {name} :")).unwrap();
+    assert!(place("DINT_16_BMARRAY") < place("CANsync_RD_BMARRAY"));
+    assert!(place("DATA_PARAMETER") < place("DATA_PARAMETER_32_BMARRAY"));
+    assert!(place("DATA_PARAMETER_32_BMARRAY") < place("CANsync_MA_CTRL_BMSTRUCT"));
+}
+
 #[test]
 fn the_csv_has_every_register_that_the_map_knows() {
     let export = run(&["export", "csv"]);

@@ -2,7 +2,7 @@
 
 use crate::can::{Frame, Payload};
 use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
+use crate::journal::{Coded, Event, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
 use embedded_can::{ExtendedId, Id, StandardId};
 
 /// All kinds.
@@ -30,21 +30,13 @@ coded! {
 const EXTENDED: u32 = 1 << 31;
 const REMOTE: u32 = 1 << 30;
 
-/// The identifier as a number.
-fn raw(frame: &Frame) -> u32 {
-    match frame.arbitration().id() {
-        Id::Standard(id) => id.as_raw().into(),
-        Id::Extended(id) => id.as_raw(),
-    }
-}
-
 impl Part for Frame {
     #[inline]
     fn put(self, packer: &mut Packer) {
         let field = self.arbitration();
         let extended = if field.is_extended() { EXTENDED } else { 0 };
         let remote = if field.is_remote() { REMOTE } else { 0 };
-        packer.put(raw(&self) | extended | remote);
+        packer.put(field.number() | extended | remote);
         packer.put(self.length() as u32);
         u64::from_le_bytes(self.payload().padded()).put(packer);
     }
@@ -76,7 +68,7 @@ fn text(frame: &Frame) -> String {
     } else {
         bytes(frame, " ")
     };
-    let id = raw(frame);
+    let id = frame.arbitration().number();
     if frame.arbitration().is_extended() {
         format!("16#{id:08X}{rest}")
     } else {
@@ -88,12 +80,17 @@ fn text(frame: &Frame) -> String {
 fn fields(frame: &Frame, sender: Origin, reader: &Reader) -> Fields {
     let field = frame.arbitration();
     Fields::new()
-        .with("id", raw(frame))
+        .with("id", field.number())
         .with("extended", field.is_extended())
         .with("remote", field.is_remote())
         .with("length", frame.length())
         .with("data", bytes(frame, ""))
         .with("from", reader.port(sender))
+}
+
+/// The frame that an event tells of, and the index of its bus.
+pub(crate) fn frame_of(event: &Event) -> Option<(u16, Frame)> {
+    event.get().map(|Transmitted { bus, frame, .. }| (bus, frame))
 }
 
 impl Told for Transmitted {
@@ -106,8 +103,9 @@ impl Told for Transmitted {
     }
 
     fn candump(&self) -> Option<String> {
-        let (frame, id) = (&self.frame, raw(&self.frame));
+        let frame = &self.frame;
         let field = frame.arbitration();
+        let id = field.number();
         let id = if field.is_extended() { format!("{id:08X}") } else { format!("{id:03X}") };
         Some(match (field.is_remote(), frame.length()) {
             (false, _) => format!("{id}#{}", bytes(frame, "")),

@@ -26,7 +26,7 @@ use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::bus::{Channel, Frame, FrameLength};
 use crate::devices::cansync::drive::{Drive, DriveError};
 use crate::devices::cansync::firmware::{Built, Master, Slave};
-use crate::devices::{Context, SyncSignal, World};
+use crate::devices::{Context, Medium, SyncSignal, World};
 use crate::fault::{Faults, Owner};
 use crate::journal::{Journal, Origin};
 use agenda::{Agenda, Slot};
@@ -287,6 +287,11 @@ impl Run<'_> {
         let disturbance = &self.bus.disturbance;
         drives.iter_mut().filter(|drive| !disturbance.is_off(drive.slave_number()))
     }
+}
+
+/// The drives at all CANsync buses among these media, as [`Plant::media`](crate::plant::Plant::media) has them.
+pub fn drives(media: &[Box<dyn Medium>]) -> impl Iterator<Item = &Drive> {
+    media.iter().filter_map(|medium| medium.as_a::<SimBus>()).flat_map(SimBus::drives)
 }
 
 /// The SYNC signal of a master at this rate.

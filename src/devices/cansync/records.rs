@@ -3,8 +3,10 @@
 use super::bus::Frame;
 use super::bus::codec;
 use super::firmware::InitFault;
+use crate::can;
+use crate::can::Id;
 use crate::coded;
-use crate::journal::{Coded, Fields, Keeping, Kind, Packer, Part, Reader, Told, Unpacker};
+use crate::journal::{Coded, Event, Fields, Keeping, Kind, Packer, Part, Reader, Told, Unpacker};
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[
@@ -179,7 +181,7 @@ impl Told for SyncEdge {
 }
 
 /// The frame taken apart, or its bytes and why that cannot be done.
-pub(crate) fn frame_text(frame: &Frame) -> String {
+fn frame_text(frame: &Frame) -> String {
     match codec::decode(frame) {
         Ok(decoded) => format!("16#{:03X} {decoded}", frame.id()),
         Err(error) => {
@@ -187,6 +189,17 @@ pub(crate) fn frame_text(frame: &Frame) -> String {
             format!("16#{:03X}{bytes}: {error}", frame.id())
         }
     }
+}
+
+/// The frame that an event tells of, and the index of its bus.
+pub(crate) fn frame_of(event: &Event) -> Option<(u16, can::Frame)> {
+    event.get().map(|Transmitted { bus, frame }| (bus, frame.into()))
+}
+
+/// What a frame says: nothing if it cannot be one of a CANsync bus.
+pub(crate) fn says(frame: &can::Frame) -> String {
+    let Id::Standard(id) = frame.arbitration().id() else { return String::new() };
+    Frame::new(id.as_raw(), frame.payload().data()).map_or_else(String::new, |frame| frame_text(&frame))
 }
 
 fn hex(frame: &Frame) -> String {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::devices::samples::tables::NODES as DEVICE;
 use crate::layout::space::samples::WORDS;
 
 fn parse(text: &str) -> Result<Address, LayoutError> {
@@ -77,7 +77,10 @@ fn other_spaces_are_refused_and_the_devices_own_are_named() {
     }
     assert_eq!(
         parse("%MB3.0").unwrap_err().to_string(),
-        "%MB3.0 lies in no area; the first one, `baps`, starts at %MB3.80000"
+        format!(
+            "%MB3.0 lies in no area; the first one, `{}`, starts at %MB3.80000",
+            DEVICE.areas.first().unwrap().name
+        )
     );
     let beyond = parse("%MB3.4294967295").unwrap_err().to_string();
     assert!(beyond.ends_with("the last one, `option3`, ends at %MB3.3262143"), "{beyond}");

@@ -24,6 +24,8 @@ pub struct Register {
     pub dims: &'static [Dim],
     /// How many of `dims` are those of the sub-structure.
     pub group_dims: usize,
+    /// The vendor's name of the whole array's type, where it does not follow the pattern of the others; else empty.
+    pub array_type: &'static str,
     /// Who writes the register.
     pub owner: Owner,
     /// Value after power-on, in two's complement of the register's width.

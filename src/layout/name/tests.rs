@@ -1,7 +1,7 @@
-//! Names of registers, right and wrong ones, on both devices.
+//! Names of registers, right and wrong ones, with nodes and with slots.
 
-use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::devices::samples::tables::NODES as DEVICE;
+use crate::devices::samples::tables::SLOTS;
 use crate::layout::{Fit, Fitted, LayoutError, Role, split_plc};
 
 fn error(name: &str) -> String {
@@ -37,16 +37,16 @@ fn a_dot_between_the_brackets_is_taken_as_in_the_watch_window() {
 
 #[test]
 fn the_plc_is_split_off() {
-    assert_eq!(split_plc("line2:node2.w_OMEGA_NR"), (Some("line2"), "node2.w_OMEGA_NR"));
-    assert_eq!(split_plc("node2.w_OMEGA_NR"), (None, "node2.w_OMEGA_NR"));
+    assert_eq!(split_plc("line2:node2.w_CPU_CONTROL"), (Some("line2"), "node2.w_CPU_CONTROL"));
+    assert_eq!(split_plc("node2.w_CPU_CONTROL"), (None, "node2.w_CPU_CONTROL"));
 }
 
 #[test]
 fn wrong_names_are_answered_with_the_right_ones() {
+    let areas: Vec<_> = DEVICE.areas.iter().map(|area| area.name).collect();
     assert_eq!(
         error("node3.w_CPU_CONTROL"),
-        "unknown area `node3`; the areas are baps, node1, ethernet_config, node2, ethernet, option1, \
-         option2, option3"
+        format!("unknown area `node3`; the areas are {}", areas.join(", "))
     );
     assert_eq!(error("Node2.w_CPU_CONTROL"), "`Node2` is spelled `node2`");
     assert_eq!(error("node2.w_cpu_control"), "`w_cpu_control` is spelled `w_CPU_CONTROL`");
@@ -141,26 +141,6 @@ fn slot_g(fit: Fit) -> Fitted {
 }
 
 #[test]
-fn a_variable_of_the_manual_stands_for_its_structure() {
-    for (name, address) in [
-        ("_CANsync_CTRL_MA.w_CPU_CONTROL", "%MW3.200000"),
-        ("_CANsync_CTRL_SL.w_OMEGA_NR", "%MW3.100006"),
-        ("_CANsync_INIT_MA.b_BT_0", "%MB3.200015"),
-    ] {
-        assert_eq!(DEVICE.register(name).unwrap().address().to_string(), address, "{name}");
-    }
-    assert_eq!(DEVICE.register("_CANsync_CTRL_MA.w_CPU_CONTROL").unwrap().name(), "node2.w_CPU_CONTROL");
-    assert!(error("_CANsync_CTRL_MA.b_BT_0").starts_with("area `node2` has no register `b_BT_0`"));
-    assert_eq!(error("_cansync_ctrl_ma.x"), "`_cansync_ctrl_ma` is spelled `_CANsync_CTRL_MA`");
-    let unknown = error("_CANsync.w_CPU_CONTROL");
-    assert!(unknown.starts_with("unknown variable `_CANsync`; the variables are "), "{unknown}");
-    assert!(unknown.contains("_CANsync_INIT_MA, _CANsync_CTRL_MA"), "{unknown}");
-    let all = DEVICE.registers("_CANsync_INIT_SL").unwrap();
-    assert!(all.iter().all(|found| found.structure().name == "CANsync_INIT_BMSTRUCT"));
-    assert_eq!(all.len(), 6 + 8 + 32);
-}
-
-#[test]
 fn variables_and_areas_of_a_device_have_different_names() {
     for device in [&DEVICE, &SLOTS] {
         let placed = device.areas.iter().flat_map(|area| area.structures);
@@ -180,36 +160,6 @@ fn where_master_and_slave_agree_no_role_is_needed() {
         assert_eq!(register.name(), name);
     }
     assert_eq!(SLOTS.register("slotM.w_CPU_CONTROL").unwrap().address().to_string(), "%MW3.7001792");
-}
-
-#[test]
-fn where_they_differ_the_role_decides() {
-    let [master, slave] = ["_CANsyncMaster_Ctrl_Slot_G", "_CANsyncSlave_Ctrl_Slot_G"];
-    let offset = |fit, name: &str| slot_g(fit).register(name).unwrap().offset() - 2_001_792;
-    assert_eq!(offset(Fit::As(Role::Master), "slotG.b_STATREG_RDC1"), 185);
-    assert_eq!(offset(Fit::As(Role::Slave), "slotG.b_STATREG_RDC1"), 180);
-    for fit in [Fit::Unknown, Fit::Empty] {
-        assert_eq!(
-            slot_g(fit).register("slotG.b_STATREG_RDC1").unwrap_err().to_string(),
-            format!("`slotG.b_STATREG_RDC1` is ambiguous: {master}.b_STATREG_RDC1 or {slave}.b_STATREG_RDC1")
-        );
-        for (variable, place) in [(master, 185), (slave, 180)] {
-            let name = format!("{variable}.b_STATREG_RDC1");
-            assert_eq!(offset(fit, &name), place);
-            assert_eq!(slot_g(fit).register(&name).unwrap().name(), name);
-        }
-    }
-    let known = slot_g(Fit::As(Role::Master));
-    let register = known.register(&format!("{master}.b_STATREG_RDC1")).unwrap();
-    assert_eq!(register.name(), "slotG.b_STATREG_RDC1");
-    assert_eq!(
-        known.register(&format!("{slave}.b_STATREG_RDC1")).unwrap_err().to_string(),
-        format!("`{slave}` is a slave's, but `slotG` is a master")
-    );
-    assert!(known.register("slotG.a_WR_VALUE_RECEIVE[0]").is_err());
-    let both = SLOTS.registers("slotG.b_STATREG_RDC1").unwrap();
-    let both: Vec<_> = both.iter().map(|found| found.name()).collect();
-    assert_eq!(both, [format!("{slave}.b_STATREG_RDC1"), format!("{master}.b_STATREG_RDC1")]);
 }
 
 #[test]

@@ -178,7 +178,7 @@ fn named(name: Option<impl core::fmt::Debug>, code: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
+    use crate::devices::samples::tables::SLOTS;
 
     #[test]
     fn settings_are_named() {

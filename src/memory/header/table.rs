@@ -39,7 +39,7 @@ pub struct AreaEntry {
 pub struct PortEntry {
     /// Its name, for example `node2`; UTF-8, zero-padded. All zeros: no port.
     pub name: [Cell8; TABLE_NAME_LENGTH],
-    /// Kind of its medium, for example `cansync`; likewise.
+    /// Kind of its medium, as `kind` of `[[bus]]` names it; likewise.
     pub medium: [Cell8; TABLE_NAME_LENGTH],
     /// Its number in journals and on the channel, from 1.
     pub number: Cell32,

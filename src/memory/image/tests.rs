@@ -1,7 +1,7 @@
 //! Creating, taking over, refusing, removing.
 
 use super::*;
-use crate::devices::bm4_o_can_06::registers::DEVICE as SLOTS;
+use crate::devices::samples::tables::SLOTS;
 use crate::layout::{Device, Fit, Fitted, Role};
 use crate::memory::{
     AttachMode, Width,

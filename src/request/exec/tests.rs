@@ -1,6 +1,6 @@
 use super::*;
 use crate::devices;
-use crate::devices::omega_drive_line_2::registers::DEVICE;
+use crate::devices::samples::tables::NODES as DEVICE;
 use crate::fault::{Fault, FaultSpec, FaultStatus};
 use crate::layout::{Fitted, Place};
 use crate::memory::Width;

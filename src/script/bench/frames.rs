@@ -1,8 +1,8 @@
 //! Frames on a bus.
 
 use super::Bench;
-use crate::devices::cansync::bus::Frame;
-use crate::devices::cansync::records::{Transmitted, frame_text};
+use crate::can::Frame;
+use crate::devices::{MEDIA, MediumKind};
 use crate::journal::Record;
 use crate::script::{ScenarioError, Span};
 use crate::time::{seconds, short};
@@ -12,12 +12,14 @@ use core::panic::Location;
 const LAST_FRAMES: usize = 6;
 
 /// A frame that was on a bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SeenFrame {
     /// Emulated time of its end, in microseconds.
     pub time_us: u64,
     /// The frame.
     pub frame: Frame,
+    /// What it says on a bus of this kind; empty if nothing is known of it.
+    pub text: String,
 }
 
 /// Identifier and data of the frames that are looked for.
@@ -39,11 +41,16 @@ impl Pattern {
     }
 
     fn matches(&self, frame: &Frame) -> bool {
+        let (field, payload) = (frame.arbitration(), frame.payload());
         let same = |data: &Vec<Option<u8>>| {
-            data.len() == frame.data().len()
-                && data.iter().zip(frame.data()).all(|(wanted, byte)| wanted.is_none_or(|w| w == *byte))
+            let bytes = payload.data();
+            data.len() == bytes.len()
+                && data.iter().zip(bytes).all(|(wanted, byte)| wanted.is_none_or(|w| w == *byte))
         };
-        frame.id() & self.mask == self.id && self.data.as_ref().is_none_or(same)
+        !field.is_extended()
+            && !field.is_remote()
+            && field.number() & u32::from(self.mask) == u32::from(self.id)
+            && self.data.as_ref().is_none_or(same)
     }
 
     /// `16#101 44 33 ..`
@@ -186,8 +193,10 @@ impl Bench {
         loop {
             let (records, end) = self.records(next)?;
             next = end;
-            let mut frames = records.iter().filter_map(|record| frame_of(record, bus));
-            if let Some(found) = frames.find(|seen| pattern.matches(&seen.frame)) {
+            let mut found = records
+                .iter()
+                .filter(|record| transmitted(record, bus).is_some_and(|(frame, _)| pattern.matches(&frame)));
+            if let Some(found) = found.find_map(|record| frame_of(record, bus)) {
                 return Ok(Some(found));
             }
             if !self.pass(deadline)? {
@@ -197,28 +206,31 @@ impl Bench {
     }
 }
 
-/// The frame of a record, if it was on this bus.
+/// The frame that a record tells of, if it was on this bus, and who can say what it means.
+fn transmitted(record: &Record, on: u16) -> Option<(Frame, &'static MediumKind)> {
+    let frames = MEDIA.iter().filter_map(|kind| Some(((kind.frame)(&record.event)?, kind)));
+    frames.filter(|((bus, _), _)| *bus == on).map(|((_, frame), kind)| (frame, kind)).next()
+}
+
 fn frame_of(record: &Record, on: u16) -> Option<SeenFrame> {
-    let Transmitted { bus, frame } = record.event.get()?;
-    (bus == on).then_some(SeenFrame { time_us: record.time_us, frame })
+    let (frame, kind) = transmitted(record, on)?;
+    Some(SeenFrame { time_us: record.time_us, frame, text: (kind.says)(&frame) })
 }
 
 impl core::fmt::Display for SeenFrame {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let bytes: String = self.frame.data().iter().map(|byte| format!(" {byte:02X}")).collect();
-        write!(
-            f,
-            "{}  16#{:03X}{bytes}  ({})",
-            seconds(self.time_us),
-            self.frame.id(),
-            frame_text(&self.frame)
-        )
+        let payload = self.frame.payload();
+        let bytes: String = payload.data().iter().map(|byte| format!(" {byte:02X}")).collect();
+        let field = self.frame.arbitration();
+        write!(f, "{}  {field:?}{bytes}", seconds(self.time_us))?;
+        if self.text.is_empty() { Ok(()) } else { write!(f, "  ({})", self.text) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::can::Payload;
 
     #[test]
     fn data_have_two_digits_per_byte() {
@@ -232,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_pattern_matches_identifier_length_and_bytes() {
-        let frame = Frame::new(0x303, &[1, 2]).unwrap();
+        let frame = Frame::standard(0x303, Payload::new(&[1, 2]).unwrap());
         let matches = |id, mask, data| Pattern::new(id, mask, data).unwrap().matches(&frame);
         assert!(
             matches(0x303, 0x7FF, "01 02") && matches(0x300, 0x780, "*") && matches(0x303, 0x7FF, ".. 02")

@@ -1,4 +1,6 @@
 use super::*;
+use crate::devices::samples::tables::NODES;
+use crate::memory::Cell16;
 use crate::script::ScenarioError;
 
 fn message<T>(outcome: Result<T, ScenarioError>) -> String {
@@ -72,7 +74,7 @@ fn frames_are_found_once_and_in_their_order() -> Result<(), ScenarioError> {
     let mut bench = set_up()?;
     let sync_mode = bench.expect_frame("drives", 0x010, "FF FF FF FF ..  .. .. ..", "4ms")?;
     let job = bench.expect_masked_frame("drives", 0x500, 0x780, "*", "4ms")?;
-    assert_eq!(job.frame.id(), 0x501);
+    assert_eq!(job.frame.arbitration().number(), 0x501);
     assert!(job.time_us > sync_mode.time_us);
     assert_eq!(bench.now()?, job.time_us, "the wait ends with the frame");
     bench.expect_no_frame("drives", 0x100, 0x780, "10ms")?;
@@ -122,21 +124,17 @@ fn a_forced_register_keeps_its_value_until_it_is_unforced() -> Result<(), Scenar
 }
 
 #[test]
-fn function_blocks_work_on_the_ram_of_a_bench() -> Result<(), ScenarioError> {
-    use crate::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE2};
-
+fn programs_work_on_the_ram_of_a_bench() -> Result<(), ScenarioError> {
     let mut bench = Bench::built_in()?;
-    let base = bench.ram("line")?.at::<CANsync_INIT_BMSTRUCT>(NODE2)?;
-    let mut init = crate::devices::omega_drive_line_2::blocks::CANsync_INIT {
-        us_BAUDRATE: 5,
-        us_SYNC_INTERVAL: 2,
-        ..Default::default()
-    };
+    let [control, status] = ["node2.w_CPU_CONTROL", "node2.w_OPTION_STATUS"]
+        .map(|name| NODES.register(name).unwrap().offset() as usize);
+    let ram = bench.ram("line")?;
+    let (control, status) = (ram.at::<Cell16>(control)?, ram.at::<Cell16>(status)?);
     bench.wait_until("1s", |_| {
-        init.call(&base);
-        Ok(init.x_OK)
+        control.store(1);
+        Ok(status.load() == 2)
     })?;
-    bench.expect("node2.w_OPTION_STATUS", "16#0003")?;
+    bench.expect("node2.w_OPTION_STATUS", 2)?;
     assert!(message(bench.ram("other")).contains("there is no PLC 'other'"));
     Ok(())
 }

@@ -181,9 +181,13 @@ fn how_slow_a_job_may_be_is_a_matter_of_the_monitoring_time() {
             control.call(&stage.base, &mut data);
             write.x_OK || write.x_ERR
         });
-        let written =
-            stage.plant.devices()[0].as_a::<commram::plant::Plc>().unwrap().baps().drive().parameter(168)
-                == Some(250);
+        let written = stage.plant.devices()[0]
+            .as_a::<commram::devices::omega_drive_line_2::Plc>()
+            .unwrap()
+            .baps()
+            .drive()
+            .parameter(168)
+            == Some(250);
         assert_eq!((write.x_OK, written), (is_in_time, is_in_time), "{t_TIME:?}");
     }
 }

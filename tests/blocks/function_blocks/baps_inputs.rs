@@ -19,7 +19,11 @@ fn the_command_register_of_an_exchange_counts() {
             }
             comm.call(&stage.base);
             assert_eq!((comm.b_SL_QUIT, comm.b_ERR, comm.x_ERR), (0x80, 1, true), stringify!($block));
-            let drive = stage.plant.devices()[0].as_a::<commram::plant::Plc>().unwrap().baps().drive();
+            let drive = stage.plant.devices()[0]
+                .as_a::<commram::devices::omega_drive_line_2::Plc>()
+                .unwrap()
+                .baps()
+                .drive();
             assert_eq!(
                 (drive.parameter(SPEED), drive.parameter(120)),
                 (Some(0), Some(0x000F)),
@@ -37,11 +41,18 @@ fn the_command_register_of_an_exchange_counts() {
             comm.w_COMMAND_REG = 0x0044;
             comm.call(&stage.base);
             stage.step(500);
-            let events =
-                stage.plant.devices()[0].as_a::<commram::plant::Plc>().unwrap().baps().process_data_events();
+            let events = stage.plant.devices()[0]
+                .as_a::<commram::devices::omega_drive_line_2::Plc>()
+                .unwrap()
+                .baps()
+                .process_data_events();
             stage.step(20_000);
             assert_eq!(
-                stage.plant.devices()[0].as_a::<commram::plant::Plc>().unwrap().baps().process_data_events()
+                stage.plant.devices()[0]
+                    .as_a::<commram::devices::omega_drive_line_2::Plc>()
+                    .unwrap()
+                    .baps()
+                    .process_data_events()
                     - events,
                 10
             );

@@ -3,13 +3,14 @@
 use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
 use commram::devices::cansync::drive::BuiltInDrive;
 use commram::devices::fault_kinds;
+use commram::devices::omega_drive_line_2::Plc;
 use commram::devices::omega_drive_line_2::registers::{
     BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2,
 };
 use commram::fault::FaultSpec;
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
 use commram::memory::{Header, Image, View};
-use commram::plant::{Plant, PlantConfig, Plc};
+use commram::plant::{Plant, PlantConfig};
 
 /// Commands in `b_COMMAND`.
 pub(crate) const EXCHANGE: u8 = 0x01;

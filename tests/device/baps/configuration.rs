@@ -17,7 +17,11 @@ fn nothing_is_done_before_the_configuration() {
         assert_eq!(bench.command(RE_INITIALIZE, 500), 0x81);
         assert_eq!(bench.events(), 0);
         assert_eq!(
-            bench.plant.devices()[0].as_a::<commram::plant::Plc>().unwrap().baps().next_time(),
+            bench.plant.devices()[0]
+                .as_a::<commram::devices::omega_drive_line_2::Plc>()
+                .unwrap()
+                .baps()
+                .next_time(),
             u64::MAX,
             "no time slices without need"
         );

@@ -2,7 +2,8 @@
 
 use super::bench::*;
 use crate::rig::Memory;
-use commram::plant::{Plc, Power};
+use commram::devices::omega_drive_line_2::Plc;
+use commram::plant::Power;
 
 #[test]
 fn read_and_write() {

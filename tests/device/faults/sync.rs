@@ -4,6 +4,7 @@ use super::*;
 use crate::rig::{At, BOTH, FASTEST, Memory, RATES};
 use commram::devices::cansync;
 use commram::devices::cansync::drive::State;
+use commram::devices::cansync::medium::drives;
 
 fn edges(rig: &Rig) -> Vec<u64> {
     let (noted, pending) = (rig.records(), rig.plant.journal().pending());
@@ -14,7 +15,7 @@ fn edges(rig: &Rig) -> Vec<u64> {
 }
 
 fn is_locked(rig: &Rig) -> bool {
-    rig.plant.drives().next().unwrap().is_synchronized()
+    drives(rig.plant.media()).next().unwrap().is_synchronized()
 }
 
 /// Manual 5.00005.03a p. 135: the next interval is run through, at most its actual value frame is missing.
@@ -29,7 +30,7 @@ fn one_lost_edge_ends_no_lock() {
         };
         let (master_at, slave_at) = (rig.master_at, rig.slave_at);
         let (master, slave) = (counter(&rig, master_at), counter(&rig, slave_at));
-        let position = |rig: &Rig| rig.plant.drives().next().unwrap().parameter(303);
+        let position = |rig: &Rig| drives(rig.plant.media()).next().unwrap().parameter(303);
         rig.master.a_WR_VALUE[0].store(1000);
         rig.send_wrc1();
         rig.send_wrc1();
@@ -93,12 +94,13 @@ fn the_time_without_sync_can_be_set() {
         let drive = |n, key: &str| {
             format!("[[bus.drive]]\nname = 'd{n}'\nslave_number = {n}\nlock_time_us = 30000\n{key}\n")
         };
-        let drives = drive(1, &format!("sync_loss_us = {}", 2 * least)) + &drive(2, "sync_loss_us = 1");
-        let mut rig = Rig::of(Memory::Heap, rate, &drives);
+        let described = drive(1, &format!("sync_loss_us = {}", 2 * least)) + &drive(2, "sync_loss_us = 1");
+        let mut rig = Rig::of(Memory::Heap, rate, &described);
         start(&mut rig);
         add(&mut rig, "kind = 'lose_sync'");
-        let locked =
-            |rig: &Rig| -> Vec<bool> { rig.plant.drives().map(|drive| drive.is_synchronized()).collect() };
+        let locked = |rig: &Rig| -> Vec<bool> {
+            drives(rig.plant.media()).map(|drive| drive.is_synchronized()).collect()
+        };
         for (us, expected) in
             [(least - 1, [true, true]), (1, [true, false]), (least - 1, [true, false]), (1, [false, false])]
         {
@@ -116,7 +118,7 @@ fn drives_whose_master_is_restarted_lose_their_lock_in_time() {
         rig.master.a_WR_VALUE[0].store(1000);
         rig.send_wrc1();
         rig.run_to_sync();
-        let position = |rig: &Rig| rig.plant.drives().next().unwrap().parameter(303).unwrap();
+        let position = |rig: &Rig| drives(rig.plant.media()).next().unwrap().parameter(303).unwrap();
         rig.master.w_CPU_CONTROL.store(0x0000);
         rig.step(500);
         assert_eq!(rig.next_sync(), None);
@@ -236,18 +238,17 @@ fn a_drive_without_sync_reacts_as_it_is_set() {
         rig.send_wrc1();
         rig.run_to_sync();
         rig.master.w_CPU_CONTROL.store(0x0000);
-        let drives = |rig: &Rig| -> Vec<_> {
-            rig.plant
-                .drives()
+        let told = |rig: &Rig| -> Vec<_> {
+            drives(rig.plant.media())
                 .map(|drive| (drive.state(), drive.status_word(), drive.parameter(308).unwrap()))
                 .collect()
         };
         // The lock is lost two and a half intervals after the last edge.
         rig.step(100_000 + 2 * rate.interval_us);
         let moving = (State::OperationEnabled, 0x00B7, 501);
-        assert_eq!(drives(&rig), [moving, (State::OperationEnabled, 0x0037, 0)], "the first has no reaction");
+        assert_eq!(told(&rig), [moving, (State::OperationEnabled, 0x0037, 0)], "the first has no reaction");
         rig.step(3_000);
-        assert_eq!(drives(&rig), [moving, (State::Fault, 0x0018, 501)]);
+        assert_eq!(told(&rig), [moving, (State::Fault, 0x0018, 501)]);
     }
 }
 

@@ -147,6 +147,8 @@ pub enum Reason {
     BadArray(Vec<u32>),
     #[error("`{0}`: arrays of sub-structures have one dimension, and so have arrays inside of them")]
     NestedArray(String),
+    #[error("`{0}` has an `array_type` but is no array")]
+    ArrayTypeWithoutArray(String),
     #[error("`used` is {used:?} but `array` is {array:?}: as many numbers, none of them greater")]
     BadUsed { used: Vec<u32>, array: Vec<u32> },
     #[error("an array needs a name that starts with `a_`, and `a_` needs `array`; this is `{0}`")]

@@ -155,6 +155,8 @@ pub(crate) struct Field {
     pub dims: Vec<u32>,
     /// Elements below these indices are used, the others are reserved; as long as `dims`.
     pub used: Vec<u32>,
+    /// The manual's name of the whole array's type; empty if it follows the pattern.
+    pub array_type: String,
     pub reserved: bool,
     pub owner: Owner,
     pub reset: u32,

@@ -259,6 +259,8 @@ pub(crate) struct Entry {
     pub ty: Option<Spanned<String>>,
     pub array: Option<Spanned<Vec<u32>>>,
     pub used: Option<Spanned<Vec<u32>>>,
+    /// The manual's name of the whole array's type, where it is not made of the element's and the number of elements.
+    pub array_type: Option<Spanned<String>>,
     #[serde(default)]
     pub reserved: bool,
     pub owner: Option<Owner>,

@@ -39,6 +39,18 @@ pub(crate) fn check(
     if dims.is_empty() {
         prefix(sources, at(file, name_at.span()), name, kind)?;
     }
+    let array_type = match &entry.array_type {
+        Some(array_type) if dims.is_empty() => {
+            return Err(
+                sources.error(at(file, array_type.span()), Reason::ArrayTypeWithoutArray(name.clone()))
+            );
+        }
+        Some(array_type) => {
+            identifier(sources, at(file, array_type.span()), array_type.get_ref())?;
+            array_type.get_ref().clone()
+        }
+        None => String::new(),
+    };
     let doc = entry.doc.clone().ok_or_else(|| missing("doc"))?;
     let (owner, owner_from) = match (entry.reserved, entry.owner) {
         (true, Some(_)) => return Err(sources.error(place, Reason::ReservedWithOwner(name.clone()))),
@@ -75,6 +87,7 @@ pub(crate) fn check(
         kind,
         dims,
         used,
+        array_type,
         reserved: entry.reserved,
         owner,
         reset,
@@ -108,6 +121,7 @@ pub(crate) fn gap(offset: u32, bytes: u32, home: &raw::Structure) -> Field {
         kind: Kind::Padding(bytes),
         dims: Vec::new(),
         used: Vec::new(),
+        array_type: String::new(),
         reserved: true,
         owner: Owner::Firmware,
         reset: 0,

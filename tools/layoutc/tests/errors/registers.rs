@@ -57,6 +57,16 @@ fn padding_with_a_name() {
 }
 
 #[test]
+fn type_of_an_array_without_one() {
+    check(
+        "CTRL.toml",
+        "name = \"d_VALUE\", ",
+        "name = \"d_VALUE\", array_type = \"VALUES\", ",
+        "CTRL.toml:15:56: `d_VALUE` has an `array_type` but is no array",
+    );
+}
+
+#[test]
 fn unknown_type() {
     check(
         "CTRL.toml",
