@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The devices: directories below `layouts/`. Each becomes a file of its name, `-` replaced by `_`.
-const DEVICES: [&str; 2] = ["omega-drive-line-2", "bm4-plc"];
+const DEVICES: [&str; 3] = ["omega-drive-line-2", "bm4-plc", "cs0015"];
 
 /// What devices share: directories below `layouts/`, each a file of its name, too.
 const FAMILIES: [&str; 1] = ["cansync"];

@@ -10,6 +10,7 @@ mod catalogue;
 mod config;
 #[cfg(feature = "emulator")]
 mod context;
+pub mod cs0015;
 #[cfg(feature = "emulator")]
 pub mod demo;
 #[cfg(feature = "emulator")]

@@ -50,6 +50,13 @@ fn every_fact_has_a_page_or_a_decision() {
 }
 
 fn every_fact_of(device: &'static Device) {
+    for word in device.front {
+        check(word.name, word.source, word.page);
+    }
+    for object in device.objects {
+        check(&object.to_string(), object.row_from, object.page);
+        check(&object.to_string(), object.default_from, object.page);
+    }
     for area in device.areas {
         check(area.name, area.name_from, area.page);
         for placed in area.structures {

@@ -4,7 +4,7 @@
 use super::demo::Demo;
 #[cfg(feature = "emulator")]
 use super::{DeviceConfig, Read, ReadModule, catalogue};
-use super::{bm4_o_can_06, omega_drive_line_2};
+use super::{bm4_o_can_06, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
 use crate::fault;
 #[cfg(feature = "emulator")]
@@ -69,7 +69,7 @@ impl Registered {
 }
 
 /// The devices of commram itself, the default one first.
-static BUILT_IN: [Registered; 2] = [
+static BUILT_IN: [Registered; 3] = [
     Registered {
         layout: &omega_drive_line_2::registers::DEVICE,
         #[cfg(feature = "plc")]
@@ -98,6 +98,7 @@ static BUILT_IN: [Registered; 2] = [
         demo: Some(&bm4_o_can_06::demo::DEMO),
         ..Registered::new(&bm4_o_can_06::registers::DEVICE)
     },
+    Registered::new(&cs0015::registers::DEVICE),
 ];
 
 /// Why a device cannot be added.

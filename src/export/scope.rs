@@ -24,6 +24,11 @@ impl Scope {
         Ok(Self { device, areas })
     }
 
+    /// Whether that is the whole device.
+    pub fn is_whole(&self) -> bool {
+        self.areas.len() == self.device.areas.len()
+    }
+
     /// All structures with their places, in ascending order.
     pub fn placed(&self) -> impl Iterator<Item = (&'static Area, &'static Placed)> {
         self.areas.iter().flat_map(|area| area.structures.iter().map(move |placed| (*area, placed)))

@@ -10,6 +10,7 @@ pub use register::{Dim, Owner, RegType, Register};
 
 use super::error::LayoutError;
 use super::front::FrontWord;
+use super::object::Object;
 use super::space::{Retain, Space};
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -33,6 +34,8 @@ pub struct Device {
     pub areas: &'static [Area],
     /// The area whose size each plant sets, if there is one.
     pub retain: Option<&'static Retain>,
+    /// Its object dictionary, in the order of index and sub-index; empty if it is no CANopen device.
+    pub objects: &'static [Object],
     /// What it has at its front, in the header page.
     pub front: &'static [FrontWord],
     /// The ports in the order of their numbers.
@@ -61,6 +64,7 @@ impl Device {
         spaces: &[],
         areas: &[],
         retain: None,
+        objects: &[],
         front: &[],
         ports: &[],
         own: None,

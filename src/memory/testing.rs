@@ -71,6 +71,7 @@ pub(crate) const fn test_device() -> Device {
         spaces: &[RAM_SPACE, FLAGS],
         areas: &[RAM],
         retain: Some(&RETAIN),
+        objects: &[],
         front: &[],
         ports: &[Port { name: "end", number: 1, medium: "wire", roles: &[Role::Peer], area: &RAM }],
         own: None,

@@ -4,12 +4,16 @@ use crate::common::run;
 use serde_json::Value;
 
 /// The devices that commram has.
-const DEVICES: [&str; 2] = ["omega-drive-line-2", "bm4-plc"];
+const DEVICES: [&str; 3] = ["omega-drive-line-2", "bm4-plc", "cs0015"];
 const FORMATS: [&str; 9] = ["c", "matiec", "st", "python", "svd", "systemrdl", "json", "csv", "md"];
 
 #[test]
 fn the_register_references_are_up_to_date() {
-    let pages = [include_str!("../../docs/registers.md"), include_str!("../../docs/registers-bm4-plc.md")];
+    let pages = [
+        include_str!("../../docs/registers.md"),
+        include_str!("../../docs/registers-bm4-plc.md"),
+        include_str!("../../docs/registers-cs0015.md"),
+    ];
     for (device, page) in DEVICES.into_iter().zip(pages) {
         let export = run(&["export", "md", "--device", device]);
         assert!(export.ok() == page, "the page of {device} is old; renew it: just registers");
@@ -22,10 +26,10 @@ fn every_device_is_exported_in_every_format() {
     for device in DEVICES {
         for format in FORMATS {
             let export = run(&["export", format, "--device", device]);
-            // What one of them has and the other has not.
+            // What one of them has and the others have not.
             let names = match format {
-                "svd" => ["CANsync_INIT_MA", "CANsyncMaster_Init_Slot_G"],
-                _ => ["CANsync_INIT_BMSTRUCT", "CANsync_PLC_INIT_BMSTRUCT"],
+                "svd" => ["CANsync_INIT_MA", "CANsyncMaster_Init_Slot_G", "COP_GUARDFAIL_NODEID"],
+                _ => ["CANsync_INIT_BMSTRUCT", "CANsync_PLC_INIT_BMSTRUCT", "COP_GUARDFAIL_NODEID"],
             };
             let told = names.map(|name| export.ok().contains(name));
             assert_eq!(told, DEVICES.map(|it| it == device), "{device} as {format}");

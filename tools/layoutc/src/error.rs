@@ -179,6 +179,15 @@ pub enum Reason {
          a byte of the RAM must always be accessed at one width; name the one that nobody uses there in `unused`"
     )]
     MixedWidth { structure: String, other: String, area: String, offset: u32, width: u32, other_width: u32 },
+    #[error("object {0}: objects stand in the order of index and sub-index, each once")]
+    ObjectOrder(String),
+    #[error("object {0} has a `type` unless its `access` is \"none\"")]
+    ObjectType(String),
+    #[error(
+        "`default` of object {0} is a number that fits its type, \"node\" or \"0x... + node\"; a string's is a text, a \
+         domain has none"
+    )]
+    ObjectDefault(String),
     #[error("parameter number {0}: numbers are 1 to 4095")]
     ParameterNumber(u16),
     #[error("parameter {number} after {last}: parameters stand in the order of their numbers, each once")]

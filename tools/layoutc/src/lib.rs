@@ -12,6 +12,7 @@ mod hash;
 #[cfg(feature = "import")]
 pub mod import;
 mod model;
+mod objects;
 pub mod parameters;
 mod raw;
 mod source;

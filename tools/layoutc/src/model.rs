@@ -1,5 +1,6 @@
 //! The checked layout: every offset, width and reference in here has passed [`crate::check`].
 
+pub(crate) use crate::objects::Object;
 pub(crate) use crate::raw::{Letter, Live, Owner, Provenance, Role, Unit};
 
 /// A whole device, or a family: structures without areas.
@@ -22,6 +23,8 @@ pub(crate) struct Device {
     pub areas: Vec<Area>,
     /// The area whose size each plant sets, and what it is in a plant that does not.
     pub retain: Option<(Area, u32)>,
+    /// The object dictionary, in ascending order.
+    pub objects: Vec<Object>,
     /// Words of the front in the header page, in ascending order.
     pub front: Vec<Front>,
     /// In the order of their numbers.

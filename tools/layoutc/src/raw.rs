@@ -42,6 +42,8 @@ pub(crate) struct Device {
     pub structures: Vec<Spanned<String>>,
     pub space: Vec<Space>,
     pub area: Vec<Area>,
+    /// File with the object dictionary of a CANopen device.
+    pub objects: Option<Spanned<String>>,
     #[serde(default)]
     pub front: Vec<Front>,
     #[serde(default)]

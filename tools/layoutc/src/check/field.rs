@@ -178,7 +178,9 @@ fn dims(
 
 /// The short name of the data type in front of every register name must agree with the type.
 fn prefix(sources: &Sources, place: At, name: &str, kind: Kind) -> Result<(), Error> {
-    let Some((prefix, _)) = name.split_once('_') else {
+    // Short names are in small letters: CAN_OPEN has none.
+    let short = name.split_once('_').map(|(prefix, _)| prefix);
+    let Some(prefix) = short.filter(|prefix| !prefix.contains(|c: char| c.is_ascii_uppercase())) else {
         return Ok(());
     };
     if prefix == "a" {

@@ -14,6 +14,7 @@ mod view;
 
 use crate::error::{Error, Reason};
 use crate::model::{Device, Structure};
+use crate::objects;
 use crate::raw;
 use crate::source::{At, Sources, at};
 use files::{Named, Top};
@@ -58,6 +59,10 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
     space::close(sources, file, &raw.space, &mut spaces, &areas)?;
     let retain = area::retain(sources, file, &raw.area, &mut areas)?;
     areas.sort_by_key(|area| area.first);
+    let objects = match &raw.objects {
+        Some(path) => objects::read(sources, path.get_ref(), at(file, path.span()))?,
+        None => Vec::new(),
+    };
     let front = front::check(sources, file, &raw.front, &all)?;
     let ports = port::check(sources, file, &raw.port, &areas)?;
     let own = raw.own.as_ref().map(|own| port::area(sources, file, own, &areas)).transpose()?;
@@ -78,6 +83,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         spaces,
         areas,
         retain,
+        objects,
         front,
         ports,
         own,
@@ -106,6 +112,7 @@ pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
         spaces: Vec::new(),
         areas: Vec::new(),
         retain: None,
+        objects: Vec::new(),
         front: Vec::new(),
         ports: Vec::new(),
         own: None,

@@ -1,8 +1,10 @@
 //! Descriptor tables for tools: static data of the types in `commram::layout`.
 
+use crate::model;
 use crate::model::{
-    Area, Bit, Device, Field, Front, Kind, Meaning, Owner, Placed, Port, Provenance, Space, Structure, Value,
+    Area, Bit, Device, Field, Front, Kind, Meaning, Object, Owner, Placed, Port, Provenance, Space, Structure,
 };
+use crate::objects::Value;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -11,7 +13,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         out,
         "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
          name: {:?}, title: {:?}, manual: {:?}, undocumented: {:?},\n    layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
-         areas: &descriptor::AREAS, retain: {}, front: &descriptor::FRONT, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
+         areas: &descriptor::AREAS, retain: {}, objects: &descriptor::OBJECTS, front: &descriptor::FRONT, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
         device.name,
         device.title,
         device.manual,
@@ -25,6 +27,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     );
     spaces(out, device);
     areas(out, device);
+    objects(out, device);
     front(out, device);
     ports(out, device);
     described(out, device, &used_meanings(device));
@@ -76,6 +79,32 @@ fn spaces(out: &mut String, device: &Device) {
             out,
             "        Space {{ name: {name:?}, letter: '{letter:?}', segment: {segment:?}, unit: Unit::{unit:?}, first: {first}, \
              offset: {offset}, bytes: {bytes}, page: {page:?}, doc: {doc:?} }},"
+        );
+    }
+    out.push_str("    ];\n\n");
+}
+
+fn objects(out: &mut String, device: &Device) {
+    let count = device.objects.len();
+    let _ = writeln!(
+        out,
+        "    /// The object dictionary, in the order of index and sub-index.\n    pub static OBJECTS: [Object; {count}] = ["
+    );
+    for object in &device.objects {
+        let Object { index, sub, name, ty, access, default, saved, page, doc, .. } = object;
+        let default = match default {
+            Value::Nothing => "Default::Nothing".to_owned(),
+            Value::Number(number) => format!("Default::Number({number})"),
+            Value::PlusNode(number) => format!("Default::PlusNode({number})"),
+            Value::Text(text) => format!("Default::Text({text:?})"),
+        };
+        let ty = ty.map_or_else(|| "None".to_owned(), |ty| format!("Some(object::Type::{ty:?})"));
+        let (row_from, default_from) = (provenance(&object.row_from), provenance(&object.default_from));
+        let _ = writeln!(
+            out,
+            "        Object {{ index: 0x{index:04X}, sub: {sub}, name: {name:?}, ty: {ty}, access: object::Access::{access:?}, \
+             default: object::{default}, saved: {saved}, page: {page:?}, doc: {doc:?}, row_from: {row_from}, \
+             default_from: {default_from} }},"
         );
     }
     out.push_str("    ];\n\n");
@@ -288,10 +317,10 @@ fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
     out.push_str("    ] };\n\n");
 }
 
-fn values(values: &[Value]) -> String {
+fn values(values: &[model::Value]) -> String {
     let items: Vec<String> = values
         .iter()
-        .map(|Value { first, last, text, source, .. }| {
+        .map(|model::Value { first, last, text, source, .. }| {
             let source = provenance(source);
             format!("ValueMeaning {{ first: {first}, last: {last}, text: {text:?}, source: {source} }}")
         })

@@ -1,0 +1,156 @@
+//! Object dictionaries of CANopen devices: what an SDO reaches.
+
+use super::descriptor::{Device, Provenance};
+use core::fmt;
+
+/// An entry of the object dictionary.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Object {
+    /// Index.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+    /// The manual's name.
+    pub name: &'static str,
+    /// Data type; none if it is not implemented.
+    pub ty: Option<Type>,
+    /// What an SDO can do with it.
+    pub access: Access,
+    /// The value that it begins with.
+    pub default: Default,
+    /// Whether a value is kept without supply.
+    pub saved: bool,
+    /// Page of the manual.
+    pub page: &'static str,
+    /// What it is.
+    pub doc: &'static str,
+    /// Where it is from that there is such an entry, and of this type.
+    pub row_from: Provenance,
+    /// Where its default is from.
+    pub default_from: Provenance,
+}
+
+/// A data type of the object dictionary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Type {
+    /// Unsigned, 1 byte.
+    U8,
+    /// Unsigned, 2 bytes.
+    U16,
+    /// Unsigned, 4 bytes.
+    U32,
+    /// Text.
+    String,
+    /// Bytes of any number.
+    Domain,
+}
+
+impl Type {
+    /// As the manual abbreviates it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Type::U8 => "u8",
+            Type::U16 => "u16",
+            Type::U32 => "u32",
+            Type::String => "str",
+            Type::Domain => "dom",
+        }
+    }
+
+    /// Length in bytes; `None` if it is not fixed.
+    #[must_use]
+    pub const fn bytes(self) -> Option<usize> {
+        match self {
+            Type::U8 => Some(1),
+            Type::U16 => Some(2),
+            Type::U32 => Some(4),
+            Type::String | Type::Domain => None,
+        }
+    }
+}
+
+/// What an SDO can do with an entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Access {
+    /// Read it.
+    ReadOnly,
+    /// Read and write it.
+    ReadWrite,
+    /// Nothing: the manual names it as not implemented.
+    NotImplemented,
+}
+
+impl Access {
+    /// As the manual abbreviates it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Access::ReadOnly => "ro",
+            Access::ReadWrite => "rw",
+            Access::NotImplemented => "not implemented",
+        }
+    }
+}
+
+/// The value that an entry begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Default {
+    /// None of its own.
+    Nothing,
+    /// This one.
+    Number(u32),
+    /// This one plus the Node-ID.
+    PlusNode(u32),
+    /// This text.
+    Text(&'static str),
+}
+
+impl Default {
+    /// The number at the device with Node-ID `node`; 0 if it is none.
+    #[must_use]
+    pub const fn at_node(self, node: u8) -> u32 {
+        match self {
+            Default::Nothing | Default::Text(_) => 0,
+            Default::Number(number) => number,
+            Default::PlusNode(number) => number.wrapping_add(node as u32),
+        }
+    }
+}
+
+/// `16#20002`, `16#180 + Node-ID`, `ecomat 100`
+impl fmt::Display for Default {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Default::Nothing => Ok(()),
+            Default::Number(number) => write!(f, "16#{number:X}"),
+            Default::PlusNode(0) => f.write_str("Node-ID"),
+            Default::PlusNode(number) => write!(f, "16#{number:X} + Node-ID"),
+            Default::Text(text) => f.write_str(text),
+        }
+    }
+}
+
+/// `1400h sub 1 COB ID`
+impl fmt::Display for Object {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04X}h sub {} {}", self.index, self.sub, self.name)
+    }
+}
+
+impl Device {
+    /// The entry of the object dictionary, if there is one.
+    #[must_use]
+    pub fn object(&self, index: u16, sub: u8) -> Option<&'static Object> {
+        let at =
+            self.objects.binary_search_by_key(&(index, sub), |object| (object.index, object.sub)).ok()?;
+        self.objects.get(at)
+    }
+
+    /// Whether the object dictionary has entries of this index.
+    #[must_use]
+    pub fn has_index(&self, index: u16) -> bool {
+        let at = self.objects.partition_point(|object| object.index < index);
+        self.objects.get(at).is_some_and(|object| object.index == index)
+    }
+}
