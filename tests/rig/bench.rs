@@ -1,27 +1,28 @@
 //! A slave node on its own: the test is bus and master, frame by frame.
 
-use super::{Memory, Rate, segment, write_init_data};
+use super::bring_up::{CYCLE_US, Mode, Node, Stage, bring_up};
+use super::{Memory, Rate, segment};
 use commram::devices::Context;
 use commram::devices::cansync::bus::codec::{
     ActionCommand, ParameterJob, ParameterResponse, UpDownJob, UpDownResponse,
 };
 use commram::devices::cansync::bus::{Frame, SyncLock};
 use commram::devices::cansync::firmware::{Seat, Slave};
-use commram::devices::cansync::registers::{CANsync_INIT_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT};
+use commram::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
+use std::ops::RangeBounds;
 
 /// The node's slave number.
 pub(crate) const NUMBER: u8 = 5;
 /// Time the node needs to lock.
 pub(crate) const LOCK_US: u64 = 20_000;
-const CYCLE_US: u64 = 500;
 
 pub(crate) struct Bench {
     pub slave: Slave,
     rate: Rate,
     pub regs: View<CANsync_SL_CTRL_BMSTRUCT>,
-    init: View<CANsync_INIT_BMSTRUCT>,
+    node: Node,
     journal: Journal,
     now: u64,
     _images: Vec<Image>,
@@ -35,30 +36,33 @@ impl Bench {
         let segment = segment(memory, "b", kind.layout, &mut images).unwrap();
         let mut slave = Slave::new(
             &segment,
-            Seat { base, place: usize::from(kind.slave.port) - 1, rates: kind.rates },
+            Seat::of(kind.layout.port_numbered(kind.slave.port).unwrap(), kind.rates),
             NUMBER,
             SyncLock::new(LOCK_US, None),
         )
         .unwrap();
         slave.power_on();
-        let (regs, init) = (segment.view(base).unwrap(), segment.view(base).unwrap());
+        let node = Node::at(&segment, base, rate.timing, Mode::Slave);
+        let regs = segment.view(base).unwrap();
         let mut bench =
-            Bench { slave, rate, regs, init, journal: Journal::default(), now: 0, _images: images };
+            Bench { slave, rate, regs, node, journal: Journal::default(), now: 0, _images: images };
         bench.set_up([0xFF, 0xFF]);
         bench
     }
 
     /// From restart to set-up mode and over a SYNC edge, with these `b_AC` and `b_AM`.
     fn set_up(&mut self, [code, mask]: [u8; 2]) {
-        self.command(0x0000);
-        self.command(0x0001);
-        write_init_data(&self.init, self.rate.timing, 0x01);
-        self.init.b_AC.store(code);
-        self.init.b_AM.store(mask);
-        self.command(0x0002);
-        self.command(0x0020);
-        assert_eq!(self.regs.w_OPTION_STATUS.load(), 0x0013);
+        self.bring_up(..=Stage::WaitingForInit);
+        self.node.write_init_data();
+        self.node.init.b_AC.store(code);
+        self.node.init.b_AM.store(mask);
+        self.command(Stage::WaitingForStart.command());
+        self.bring_up(Stage::SetUp..=Stage::SetUp);
         self.edge();
+    }
+
+    fn bring_up(&mut self, stages: impl RangeBounds<Stage>) {
+        bring_up(&[&self.node.clone()], stages, |us| self.pass(us));
     }
 
     /// The PLC restarts the node and brings it back into active operation.
@@ -68,8 +72,7 @@ impl Bench {
     }
 
     fn enable(&mut self) {
-        self.command(0x0040);
-        assert_eq!(self.regs.w_OPTION_STATUS.load(), 0x0020);
+        self.bring_up(Stage::Active..);
         self.edge();
     }
 

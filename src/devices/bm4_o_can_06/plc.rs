@@ -279,5 +279,5 @@ impl Device for Bm4Plc {
 
 /// Where the registers of the module at `port` lie.
 fn seat(port: &Port) -> Seat {
-    Seat { base: port.area.first as usize, place: usize::from(port.number) - 1, rates: &BAUD_RATES }
+    Seat::of(port, &BAUD_RATES)
 }

@@ -10,9 +10,7 @@ use crate::devices::cansync::medium::{Socket, SocketRole};
 use crate::devices::omega_drive_line_2::baps::Baps;
 use crate::devices::omega_drive_line_2::board::{Board, level};
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
-use crate::devices::omega_drive_line_2::registers::{
-    BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG, NODE1, NODE2,
-};
+use crate::devices::omega_drive_line_2::registers::{BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG};
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power, World};
 use crate::fault::{self, Hit, Target};
@@ -27,9 +25,10 @@ pub(super) const MASTER: u8 = 2;
 /// Number of the BAPS among the ports in records; it is none.
 const BAPS_NODE: u8 = 0;
 
-/// Where their registers lie.
-const SEATS: [Seat; 2] =
-    [Seat { base: NODE1, place: 0, rates: &BAUD_RATES }, Seat { base: NODE2, place: 1, rates: &BAUD_RATES }];
+/// Where the registers of the node at `port` lie.
+fn seat(port: &layout::Port) -> Seat {
+    Seat::of(port, &BAUD_RATES)
+}
 
 /// An Omega Drive-Line II of the plant.
 pub struct Plc {
@@ -57,23 +56,22 @@ impl Plc {
         header.board.dip.store(u32::from(config.dip));
         header.retain_size.store(config.retain_bytes);
         let lock = SyncLock::new(config.lock_time_us, config.sync_loss_us);
-        let plug =
-            |port: &'static layout::Port, seat: Seat, medium: &Option<String>, role: SocketRole| Plug {
-                number: port.number,
-                family: "cansync",
-                medium: medium.clone(),
-                socket: Box::new(Socket {
-                    origin: Origin { plc: index, node: port.number },
-                    segment: segment.clone(),
-                    seat,
-                    area: port.area,
-                    role,
-                }),
-            };
+        let plug = |port: &'static layout::Port, medium: &Option<String>, role: SocketRole| Plug {
+            number: port.number,
+            family: "cansync",
+            medium: medium.clone(),
+            socket: Box::new(Socket {
+                origin: Origin { plc: index, node: port.number },
+                segment: segment.clone(),
+                seat: seat(port),
+                area: port.area,
+                role,
+            }),
+        };
         let slave = SocketRole::Slave { number: config.dip, lock };
         let ports = vec![
-            plug(&DEVICE.ports[0], SEATS[0], &config.node1, slave),
-            plug(&DEVICE.ports[1], SEATS[1], &config.node2, SocketRole::Master),
+            plug(&DEVICE.ports[0], &config.node1, slave),
+            plug(&DEVICE.ports[1], &config.node2, SocketRole::Master),
         ];
         let device = Plc {
             index,
@@ -264,7 +262,7 @@ impl Device for Plc {
     }
 
     fn named(&self, offset: u32, bytes: u32) {
-        note_restarts(&self.segment, &self.header, SEATS, offset, bytes);
+        note_restarts(&self.segment, &self.header, DEVICE.ports.iter().map(seat), offset, bytes);
     }
 
     /// `d_IP_CONFIG` is the one.

@@ -1,19 +1,21 @@
 //! The master's firmware alone on its registers, with the test as the bus: what goes out is returned, what
 //! comes back is made by hand.
 
-use crate::rig::{Memory, Rate, segment, write_init_data};
+use crate::rig::bring_up::{CYCLE_US, Mode, Node, Stage, bring_up};
+use crate::rig::{Memory, Rate, segment};
 use commram::devices::Context;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::bus::codec::{ParameterJob, ParameterResult, UpDownJob, UpDownResult};
 use commram::devices::cansync::firmware::{Change, Master, NodeState, Seat};
-use commram::devices::cansync::registers::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT};
+use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::journal::{Journal, Origin};
 use commram::memory::{Image, View};
+use std::ops::RangeBounds;
 
 /// A master in active operation, at the start of an interval.
 pub(crate) struct Bench {
     pub regs: View<CANsync_MA_CTRL_BMSTRUCT>,
-    init: View<CANsync_INIT_BMSTRUCT>,
+    node: Node,
     master: Master,
     rate: Rate,
     journal: Journal,
@@ -29,10 +31,10 @@ impl Bench {
         let mut bench = Bench {
             rate,
             regs: segment.view(base).unwrap(),
-            init: segment.view(base).unwrap(),
+            node: Node::at(&segment, base, rate.timing, Mode::Master).expecting(0..0),
             master: Master::new(
                 &segment,
-                Seat { base, place: usize::from(kind.master.port) - 1, rates: kind.rates },
+                Seat::of(kind.layout.port_numbered(kind.master.port).unwrap(), kind.rates),
             )
             .unwrap(),
             journal: Journal::default(),
@@ -54,26 +56,31 @@ impl Bench {
 
     /// Writes a command to `w_CPU_CONTROL` and lets the firmware see it.
     pub(crate) fn command_node(&mut self, command: u16) -> Change {
-        self.init.w_CPU_CONTROL.store(command);
-        self.now += 500;
+        self.node.init.w_CPU_CONTROL.store(command);
+        self.cycle()
+    }
+
+    fn cycle(&mut self) -> Change {
+        self.now += CYCLE_US;
         self.with(|master, ctx| master.processor_cycle(ctx, None))
+    }
+
+    fn bring_up(&mut self, stages: impl RangeBounds<Stage>) {
+        bring_up(&[&self.node.clone()], stages, |_| {
+            self.cycle();
+        });
     }
 
     /// From restart to set-up mode; no slave is expected.
     pub(crate) fn initialize(&mut self) {
-        self.command_node(0x0000);
-        self.command_node(0x0001);
-        write_init_data(&self.init, self.rate.timing, 0x00);
-        self.init.a_SL_TYP.iter().for_each(|cell| cell.store(0));
-        self.command_node(0x0002);
-        self.command_node(0x0020);
+        self.bring_up(..=Stage::SetUp);
         assert_eq!(self.master.state(), NodeState::SetUp);
         assert_eq!(self.interval().map(|frame| frame.id()), Some(0x010), "SYNC mode: on");
     }
 
     /// From set-up mode to active operation.
     pub(crate) fn activate(&mut self) {
-        self.command_node(0x0040);
+        self.bring_up(Stage::Active..);
         assert_eq!(self.master.state(), NodeState::Active);
     }
 

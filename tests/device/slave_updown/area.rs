@@ -73,7 +73,10 @@ pub(crate) const SINGLE: Area = Area {
     enable: 0,
 };
 
-pub(crate) const AREAS: [Area; 2] = [BLOCK_1, SINGLE];
+/// Those that the device has (D-296).
+pub(crate) fn areas(rate: Rate) -> &'static [Area] {
+    if rate.kind.is_omega() { &[BLOCK_1, SINGLE] } else { &[BLOCK_1] }
+}
 
 impl Area {
     pub(crate) fn bench(&self, memory: Memory, rate: Rate) -> Bench {

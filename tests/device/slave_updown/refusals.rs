@@ -1,6 +1,6 @@
 //! What application and firmware refuse, with the error numbers of p. 192.
 
-use super::area::{AREAS, BASE, BLOCK_1, SINGLE, block, data, down, init, init_at, up};
+use super::area::{BASE, BLOCK_1, SINGLE, areas, block, data, down, init, init_at, up};
 use crate::rig::bench::{Bench, NUMBER};
 use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult};
@@ -9,7 +9,7 @@ use commram::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResult};
 #[test]
 fn the_application_refuses_at_each_acknowledgement() {
     for rate in FASTEST {
-        for area in AREAS {
+        for area in areas(rate) {
             for (written, sent) in [(0x0104, 0x0104), (0xFFFF, 0xFFFF), (0x00FF, 0x0103), (0, 0x0103)] {
                 let mut bench = area.bench(Memory::Heap, rate);
                 let init = init(Direction::Download, 6);
@@ -44,7 +44,7 @@ fn the_application_refuses_at_each_acknowledgement() {
 #[test]
 fn the_application_gives_up_between_two_blocks() {
     for rate in FASTEST {
-        for area in AREAS {
+        for area in areas(rate) {
             let mut bench = area.started(rate, Direction::Upload, 100);
             (area.error)(&bench.regs).store(0x0104);
             area.write(&bench, 0x24);
@@ -64,7 +64,7 @@ fn the_application_gives_up_between_two_blocks() {
 fn frames_out_of_place_are_refused_and_change_nothing() {
     for rate in FASTEST {
         use Direction::{Download, Upload};
-        for area in AREAS {
+        for area in areas(rate) {
             for direction in [Upload, Download] {
                 let other = if direction == Upload { Download } else { Upload };
                 let mut bench = area.started(rate, direction, 20);
@@ -104,7 +104,7 @@ fn frames_out_of_place_are_refused_and_change_nothing() {
 #[test]
 fn block_frames_without_an_allowed_transfer_are_in_the_wrong_mode() {
     for rate in FASTEST {
-        for area in AREAS {
+        for area in areas(rate) {
             let mut bench = area.bench(Memory::Heap, rate);
             assert_eq!(bench.updown(&up(0, false)).result(), UpDownResult::Error(0x0108));
             assert_eq!(bench.updown(&down(6, true)).result(), UpDownResult::Error(0x0108));
@@ -163,4 +163,45 @@ fn set_up_mode_takes_no_transfer() {
         bench.command(0x0040);
         assert_eq!(bench.updown(&down(0, false)).result(), UpDownResult::Error(0x0108));
     }
+}
+
+/// D-307: where no single-frame area takes it, the application could not answer.
+#[test]
+fn what_block_1_does_not_take_is_refused_without_a_single_frame_area() {
+    for rate in FASTEST.into_iter().filter(|rate| !rate.kind.is_omega()) {
+        for direction in [Direction::Upload, Direction::Download] {
+            for (length, enable, error) in [(300, 0, 0x0104), (301, 1, 0x0107), (4095, 0, 0x0107)] {
+                let mut bench = Bench::active(Memory::Heap, rate);
+                bench.regs.b_EN_UPDOWNBLK1.store(enable);
+                let before = ram(&bench);
+                let answer = bench.updown(&init(direction, length));
+                assert_eq!(answer.result(), UpDownResult::Error(error), "{length} bytes, enable {enable}");
+                assert_eq!(bench.updown(&block(direction, 0, false)).result(), UpDownResult::Error(0x0108));
+                assert_eq!(ram(&bench), before, "nothing is shown, least of all where no register is");
+            }
+            // What is under way stays, and is gone when the application has confirmed its end.
+            let mut bench = BLOCK_1.bench(Memory::Heap, rate);
+            bench.updown(&init(direction, 20));
+            let shown = BLOCK_1.job(&bench);
+            bench.regs.b_EN_UPDOWNBLK1.store(0);
+            assert_eq!(bench.updown(&init(direction, 20)).result(), UpDownResult::Busy, "a repetition");
+            assert_eq!(bench.updown(&init(direction, 30)).result(), UpDownResult::Error(0x0104));
+            assert_eq!(BLOCK_1.job(&bench), shown);
+            BLOCK_1.acknowledge(&bench);
+            assert_eq!(bench.updown(&init(direction, 20)).result(), UpDownResult::Done);
+        }
+    }
+}
+
+/// The slave's jobs, and what lies behind its last register.
+fn ram(bench: &Bench) -> [u32; 6] {
+    let regs = &bench.regs;
+    [
+        regs.b_STEUREG_UPDOWNBLK1.load().into(),
+        regs.w_LENGTH_UPDOWNBLK1.load().into(),
+        regs.b_STEUREG_UPDOWN_SINGLE.load().into(),
+        regs.b_STATREG_UPDOWN_SINGLE.load().into(),
+        regs.d_BASE_ADR_UPDOWN_SINGLE.load(),
+        regs.w_LENGTH_UPDOWN_SINGLE.load().into(),
+    ]
 }

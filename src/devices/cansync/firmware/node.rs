@@ -15,7 +15,7 @@ use crate::devices::cansync::watch::Facts;
 use crate::devices::cansync::{BaudRate, rules};
 use crate::devices::{Context, SyncSignal};
 use crate::journal::{Handshake, Register, State};
-use crate::layout::Live;
+use crate::layout::{Live, Port};
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
 
@@ -41,6 +41,22 @@ pub struct Seat {
     pub place: usize,
     /// The baud rates of its device.
     pub rates: &'static [BaudRate],
+    /// Whether a slave there has the single-frame area.
+    pub has_single_frame_area: bool,
+}
+
+impl Seat {
+    /// The seat of the node at `port` of a device with these baud rates.
+    #[must_use]
+    pub fn of(port: &Port, rates: &'static [BaudRate]) -> Self {
+        let mut registers = port.area.structures.iter().flat_map(|placed| placed.structure.registers);
+        Seat {
+            base: port.area.first as usize,
+            place: usize::from(port.number) - 1,
+            rates,
+            has_single_frame_area: registers.any(|register| register.name == "b_STEUREG_UPDOWN_SINGLE"),
+        }
+    }
 }
 
 /// The state a node shows in `w_OPTION_STATUS`.

@@ -64,7 +64,7 @@ impl Slave {
             regs: segment.view::<CANsync_SL_CTRL_BMSTRUCT>(seat.base)?,
             number,
             lock,
-            jobs: Jobs::new(number),
+            jobs: Jobs::new(number, seat.has_single_frame_area),
             config: [FrameConfig::new([0; 4]); 2],
             ready: [None; 2],
             interval_is_active: false,

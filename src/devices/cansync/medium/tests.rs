@@ -46,9 +46,9 @@ impl Bench {
         let lock = SyncLock::new(0, None);
         let roles = [SocketRole::Master, SocketRole::Slave { number: NODE, lock }];
         for (place, (role, rates)) in roles.into_iter().zip([master, slave]).enumerate() {
-            let area = DEVICE.ports[place].area;
-            let origin = Origin { plc: 0, node: DEVICE.ports[place].number };
-            let seat = Seat { base: area.first as usize, place, rates };
+            let port = &DEVICE.ports[place];
+            let (area, origin) = (port.area, Origin { plc: 0, node: port.number });
+            let seat = Seat::of(port, rates);
             let socket = Socket { origin, segment: segment.clone(), seat, area, role };
             assert_eq!(bus.attach(Box::new(socket)).unwrap(), place);
             assert!(bus.power_on(place, NODE, 0, &mut Journal::default()));

@@ -63,8 +63,7 @@ mod tests {
                 0 => SocketRole::Master,
                 _ => SocketRole::Slave { number, lock: SyncLock::new(0, None) },
             };
-            let place = usize::from(number) - 1;
-            let seat = Seat { base: port.area.first as usize, place, rates: &BAUD_RATES };
+            let seat = Seat::of(port, &BAUD_RATES);
             let origin = Origin { plc: 3, node: number };
             let socket = Socket { origin, segment: segment.clone(), seat, area: port.area, role };
             let place = bus.attach(Box::new(socket)).unwrap();

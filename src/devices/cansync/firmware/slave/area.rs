@@ -1,10 +1,11 @@
 //! The two register areas in which up-/downloads are shown to a slave's application: block 1 with 300
-//! bytes of data and the single-frame area with six (manual 5.00005.03a p. 190-193).
+//! bytes of data and the single-frame area with six (manual 5.00005.03a p. 190-193), which not every device has.
 
 use crate::devices::cansync::bus::codec::updown::BLOCK;
 use crate::devices::cansync::firmware::block;
 use crate::devices::cansync::firmware::job_registers::JobRegisters;
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
+use crate::devices::cansync::registers::values::updown_error;
 use crate::memory::{Cell16, Cell32};
 use core::mem::offset_of;
 
@@ -16,12 +17,22 @@ pub(super) enum Place {
 }
 
 impl Place {
-    /// More than 300 bytes never fit block 1; less go there if the application has enabled it (p. 191).
-    pub(super) fn of(regs: &CANsync_SL_CTRL_BMSTRUCT, length: u16) -> Self {
-        if length <= block::MAX_LENGTH && regs.b_EN_UPDOWNBLK1.load() != 0 {
-            Place::Block1
+    /// More than 300 bytes never fit block 1; less go there if the application has enabled it (p. 191). What block 1 does
+    /// not take goes to the single-frame area; where there is none, it is an error number for the master (decision D-307).
+    pub(super) fn of(
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        length: u16,
+        has_single_frame_area: bool,
+    ) -> Result<Self, u16> {
+        let fits = length <= block::MAX_LENGTH;
+        if fits && regs.b_EN_UPDOWNBLK1.load() != 0 {
+            Ok(Place::Block1)
+        } else if has_single_frame_area {
+            Ok(Place::Single)
+        } else if fits {
+            Err(updown_error::NOT_POSSIBLE)
         } else {
-            Place::Single
+            Err(updown_error::TOO_LONG)
         }
     }
 

@@ -35,11 +35,11 @@ pub(super) struct Jobs {
 }
 
 impl Jobs {
-    pub(super) fn new(number: u8) -> Self {
+    pub(super) fn new(number: u8, has_single_frame_area: bool) -> Self {
         Jobs {
             number,
             parameter: ParameterServer::default(),
-            updown: UpDownServer::default(),
+            updown: UpDownServer::new(has_single_frame_area),
             due: None,
             sending: None,
         }

@@ -25,7 +25,7 @@ impl Bench {
         regs.w_ERR_NR_PAR_CMD.store(0xFFFE);
         regs.w_ERR_NR_UPDOWNBLK1.store(0x0123);
         regs.w_ERR_NR_UPDOWN_SINGLE.store(0x0123);
-        Bench { jobs: Jobs::new(NUMBER), regs, journal: Journal::new(1) }
+        Bench { jobs: Jobs::new(NUMBER, true), regs, journal: Journal::new(1) }
     }
 
     /// A job arrives and its answer goes out.

@@ -40,9 +40,13 @@ pub(super) struct Transfer {
 
 impl Transfer {
     /// Enters a transfer in its area: 16#55 for a download, 16#45 for an upload (decision D-14).
-    pub(super) fn begin(ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, init: UpDownJob) -> Self {
+    pub(super) fn begin(
+        ctx: &mut Context,
+        regs: &CANsync_SL_CTRL_BMSTRUCT,
+        place: Place,
+        init: UpDownJob,
+    ) -> Self {
         let length = init.offset();
-        let place = Place::of(regs, length);
         let transfer = Transfer { place, init, length, next: 0, shown: Some(init), changed: None };
         let area = transfer.area(regs);
         if let UpDownStep::Init { address, .. } = init.step() {

@@ -1,6 +1,7 @@
 //! The slave's end of up-/downloads: which frames go to the application and which the firmware answers
 //! by itself (manual 5.00005.03a p. 141-143, 190-193).
 
+use super::area::Place;
 use super::transfer::{Successor, Transfer};
 use crate::devices::Context;
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
@@ -26,8 +27,9 @@ enum Due {
 }
 
 /// A slave node's side of up-/downloads; there is one at a time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct UpDownServer {
+    has_single_frame_area: bool,
     transfer: Option<Transfer>,
     due: Option<(UpDownJob, Due)>,
     /// What the answer on the wire does when it is through.
@@ -37,6 +39,10 @@ pub(super) struct UpDownServer {
 }
 
 impl UpDownServer {
+    pub(super) fn new(has_single_frame_area: bool) -> Self {
+        UpDownServer { has_single_frame_area, transfer: None, due: None, sending: None, accepted: None }
+    }
+
     /// A job of the master.
     pub(super) fn job(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) {
         let due = match (self.accepted, job.step()) {
@@ -67,20 +73,25 @@ impl UpDownServer {
         if let Some(number) = Self::init_refusal(job) {
             return Due::Answer(job.answer(UpDownResult::Error(number)), Effect::None);
         }
-        match &mut self.transfer {
-            Some(transfer) if !transfer.is_given_up(regs) => {
-                if !transfer.repeats_init(job) {
-                    transfer.change(ctx, regs, Successor::Init(*job));
-                }
+        let place = self.place(regs, job);
+        match (&mut self.transfer, place) {
+            (Some(transfer), _) if !transfer.is_given_up(regs) && transfer.repeats_init(job) => {}
+            (_, Err(number)) => return Due::Answer(job.answer(UpDownResult::Error(number)), Effect::None),
+            (Some(transfer), Ok(_)) if !transfer.is_given_up(regs) => {
+                transfer.change(ctx, regs, Successor::Init(*job));
             }
-            _ => self.enter(ctx, regs, job),
+            (_, Ok(place)) => self.enter(ctx, regs, place, job),
         }
         Due::Application
     }
 
-    fn enter(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) {
+    fn place(&self, regs: &CANsync_SL_CTRL_BMSTRUCT, job: &UpDownJob) -> Result<Place, u16> {
+        Place::of(regs, job.offset(), self.has_single_frame_area)
+    }
+
+    fn enter(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT, place: Place, job: &UpDownJob) {
         self.accepted = None;
-        self.transfer = Some(Transfer::begin(ctx, regs, *job));
+        self.transfer = Some(Transfer::begin(ctx, regs, place, *job));
     }
 
     /// The firmware drops the transfer at once; the application sees it as a change (decision D-70).
@@ -117,8 +128,11 @@ impl UpDownServer {
     pub(super) fn look(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
         let Some(transfer) = self.transfer.take_if(|transfer| transfer.is_reset(regs)) else { return };
         transfer.clear(ctx, regs);
-        if let Some(Successor::Init(job)) = transfer.changed {
-            self.enter(ctx, regs, &job);
+        // Where block 1 has been disabled meanwhile, the master's repetition is refused.
+        if let Some(Successor::Init(job)) = transfer.changed
+            && let Ok(place) = self.place(regs, &job)
+        {
+            self.enter(ctx, regs, place, &job);
         }
     }
 
@@ -165,7 +179,8 @@ impl UpDownServer {
 
     /// Drops the transfer under way; the registers show none (decision D-63).
     pub(super) fn drop_transfer(&mut self, ctx: &mut Context, regs: &CANsync_SL_CTRL_BMSTRUCT) {
-        if let Some(transfer) = core::mem::take(self).transfer {
+        let dropped = core::mem::replace(self, UpDownServer::new(self.has_single_frame_area));
+        if let Some(transfer) = dropped.transfer {
             transfer.clear(ctx, regs);
         }
     }
