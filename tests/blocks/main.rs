@@ -1,9 +1,13 @@
 //! The vendor's function blocks, alone and as the manual's configuration examples.
 
+#![allow(clippy::duplicate_mod, reason = "`cansync` is there for each device")]
+#![allow(non_snake_case, reason = "the manuals' names, letter for letter")]
+
 #[path = "../rig/mod.rs"]
 mod rig;
 
 mod bench;
+mod bm4;
 mod configurations;
 mod function_blocks;
-mod played;
+mod omega;

@@ -1,7 +1,7 @@
 //! PLCs that write anything anywhere, at any time, while anything goes wrong on the bus: nothing panics or hangs, the
 //! same writes give the same journal, and PLCs that start over find everything in working order.
 
-use crate::rig::{BOTH, FASTEST, Memory, Rate, Rig, write_init_data};
+use crate::rig::{BOTH, FASTEST, Memory, Rate, Rig};
 use commram::devices::fault_kinds;
 use commram::fault::FaultSpec;
 use commram::memory::Width;
@@ -86,17 +86,11 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
-/// A fault with the names that its device's ports have.
-fn fault(rig: &Rig, text: &str) -> String {
-    let name = |port| rig.rate.kind.layout.port_numbered(port).unwrap().name;
-    text.replace("MASTER", name(rig.master_at.port)).replace("SLAVE", name(rig.slave_at.port))
-}
-
 fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
-    let init = |rig: &Rig, slave| if slave { rig.slave_init.clone() } else { rig.master_init.clone() };
+    let node = |rig: &Rig, slave| if slave { rig.slave_node() } else { rig.master_node() };
     match *act {
-        Act::Command { slave, value } => init(rig, slave).w_CPU_CONTROL.store(value),
-        Act::InitData { slave } => write_init_data(&init(rig, slave), rig.rate.timing, u8::from(slave)),
+        Act::Command { slave, value } => node(rig, slave).init.w_CPU_CONTROL.store(value),
+        Act::InitData { slave } => node(rig, slave).write_init_data(),
         Act::Byte { slave, offset, value } => {
             let at = if slave { rig.slave_at } else { rig.master_at };
             let segment = rig.plant.devices()[at.plc].segment();
@@ -107,7 +101,7 @@ fn take(rig: &mut Rig, act: &Act, slice_us: u64) {
         Act::Block { control, length } => enter_block(rig, control, length),
         Act::Serve => serve(rig),
         Act::Fault(index) => {
-            let spec: FaultSpec = toml::from_str(&fault(rig, FAULTS[index])).unwrap();
+            let spec: FaultSpec = toml::from_str(&rig.rate.kind.named(FAULTS[index])).unwrap();
             let fault = spec.resolve(fault_kinds(), &rig.plant.names()).unwrap();
             let _ = rig.plant.add_fault(fault);
         }

@@ -2,7 +2,8 @@
 
 mod vectors;
 
-use crate::rig::write_init_data;
+use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
+use crate::rig::plant_of;
 use commram::devices::Led;
 use commram::devices::bm4_o_can_06::Leds;
 use commram::devices::bm4_o_can_06::blocks::{CANsync_INIT, INTR_SET, Ram};
@@ -14,19 +15,12 @@ use commram::devices::omega_drive_line_2::registers as omega;
 use commram::devices::records::{BoardEvent, OnBoard};
 use commram::journal::Format;
 use commram::journal::text::Text;
-use commram::memory::{MemoryError, Segment, View};
-use commram::plant::{Plant, PlantConfig, PlantError, Power};
+use commram::memory::{Segment, View};
+use commram::plant::{Plant, Power};
+use std::ops::RangeBounds;
 
 type Master = View<family::CANsync_MA_CTRL_BMSTRUCT>;
 type Slave = View<family::CANsync_SL_CTRL_BMSTRUCT>;
-type Init = View<family::CANsync_INIT_BMSTRUCT>;
-
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-enum Failed {
-    Memory(#[from] MemoryError),
-    Plant(#[from] PlantError),
-}
 
 pub(crate) struct Bm4 {
     pub plant: Plant,
@@ -34,9 +28,7 @@ pub(crate) struct Bm4 {
 
 impl Bm4 {
     fn new(text: &str) -> Self {
-        let config = PlantConfig::parse("bm4", text).unwrap();
-        let build = |_: &str, device| Ok::<_, Failed>(Segment::of(device));
-        Bm4 { plant: Plant::new(&config, build).unwrap() }
+        Bm4 { plant: plant_of(text) }
     }
 
     fn segment(&self, device: usize) -> Segment {
@@ -47,21 +39,16 @@ impl Bm4 {
         self.plant.advance_to(self.plant.now() + us);
     }
 
-    /// From restart to `waiting for start`.
-    fn initialize(&mut self, init: &Init, rate: &BaudRate, mode: u8) {
-        for (command, status) in [(0x0000, 0x0001), (0x0001, 0x0002)] {
-            init.w_CPU_CONTROL.store(command);
-            self.step(500);
-            assert_eq!(init.w_OPTION_STATUS.load(), status);
-        }
-        write_init_data(init, rate, mode);
-        self.command(init, 0x0002, 0x0003);
+    fn node(&self, device: usize, base: usize, timing: &'static BaudRate, mode: Mode) -> Node {
+        Node::at(&self.segment(device), base, timing, mode).expecting(match mode {
+            Mode::Slave => 0..0,
+            _ => 0..8,
+        })
     }
 
-    fn command(&mut self, init: &Init, value: u16, expected: u16) {
-        init.w_CPU_CONTROL.store(value);
-        self.step(500);
-        assert_eq!(init.w_OPTION_STATUS.load(), expected);
+    #[track_caller]
+    fn bring_up(&mut self, nodes: &[&Node], stages: impl RangeBounds<Stage>) {
+        bring_up_in(&mut self.plant, nodes, stages);
     }
 
     fn run_to_sync(&mut self, device: usize, port: u8) {
@@ -104,12 +91,11 @@ fn a_master_reaches_active_operation_and_exchanges_values_with_a_drive() {
     for rate in &BAUD_RATES {
         let mut bm4 = Bm4::new(&plant_text(rate.kbit_per_s));
         let master: Master = bm4.segment(0).view(SLOTG).unwrap();
-        let init: Init = bm4.segment(0).view(SLOTG).unwrap();
-        bm4.initialize(&init, rate, 0x00);
-        bm4.command(&init, 0x0020, 0x0043);
+        let node = bm4.node(0, SLOTG, rate, Mode::Master);
+        bm4.bring_up(&[&node], ..=Stage::SetUp);
         bm4.step(200_000);
         assert_eq!(master.a_STAT_SL[3].load(), 0x03, "{} kbit/s", rate.kbit_per_s);
-        bm4.command(&init, 0x0040, 0x0080);
+        bm4.bring_up(&[&node], Stage::Active..);
         master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x0D);
         master.a_WR_VALUE[3].store(0x1234_5678);
         master.b_CTRLREG_RD_ORDER_RDC1.store(3);
@@ -132,18 +118,13 @@ fn a_master_reaches_active_operation_and_exchanges_values_with_a_drive() {
 fn a_slave_module_is_slave_of_another_plc() {
     for rate in &BAUD_RATES {
         let mut bm4 = Bm4::new(&plant_text(rate.kbit_per_s));
-        let (slave, slave_init): (Slave, Init) =
-            (bm4.segment(0).view(SLOTH).unwrap(), bm4.segment(0).view(SLOTH).unwrap());
-        let (master, master_init): (Master, Init) =
-            (bm4.segment(1).view(SLOTM).unwrap(), bm4.segment(1).view(SLOTM).unwrap());
+        let slave: Slave = bm4.segment(0).view(SLOTH).unwrap();
+        let master: Master = bm4.segment(1).view(SLOTM).unwrap();
         assert_eq!(slave.w_OMEGA_NR.load(), 6, "w_SLAVE_NUMBER");
-        bm4.initialize(&slave_init, rate, 0x01);
-        bm4.initialize(&master_init, rate, 0x00);
-        bm4.command(&slave_init, 0x0020, 0x0013);
-        bm4.command(&master_init, 0x0020, 0x0043);
+        let nodes = [bm4.node(0, SLOTH, rate, Mode::Slave), bm4.node(1, SLOTM, rate, Mode::Master)];
+        bm4.bring_up(&nodes.each_ref(), ..=Stage::SetUp);
         bm4.step(60_000);
-        bm4.command(&slave_init, 0x0040, 0x0020);
-        bm4.command(&master_init, 0x0040, 0x0080);
+        bm4.bring_up(&nodes.each_ref(), Stage::Active..);
         master._CFG_WRC_WORD.b_CFG_WRC2_WORD1.store(0x03);
         slave._CFG_WRC_WORD.b_CFG_WRC2_WORD1.store(0x03);
         slave._CFG_RDC_WORD.b_CFG_RDC2_WORD0.store(0x01);
@@ -168,11 +149,8 @@ fn values_must_be_released_by_the_deadlines_of_this_device() {
     let rate = rate(1000);
     for (at, in_time) in [(199, true), (200, false)] {
         let mut bm4 = Bm4::new(&plant_text(rate.kbit_per_s));
-        let (master, init): (Master, Init) =
-            (bm4.segment(0).view(SLOTG).unwrap(), bm4.segment(0).view(SLOTG).unwrap());
-        bm4.initialize(&init, rate, 0x00);
-        bm4.command(&init, 0x0020, 0x0043);
-        bm4.command(&init, 0x0040, 0x0080);
+        let master: Master = bm4.segment(0).view(SLOTG).unwrap();
+        bm4.bring_up(&[&bm4.node(0, SLOTG, rate, Mode::Master)], ..);
         bm4.run_to_sync(0, 1);
         bm4.step(at);
         master.b_CTRLREG_WRC1.store(0x05);
@@ -198,16 +176,14 @@ fn the_chosen_module_raises_event_11_and_each_has_its_leds() {
     bm4.step(500);
     assert_eq!(header.interrupts[11].outcome(request), Some(0));
     assert_eq!(header.interrupts[12].outcome(refused), Some(1), "there is one event only");
-    let init: Init = bm4.segment(0).view(SLOTG).unwrap();
-    let slave: Init = bm4.segment(0).view(SLOTH).unwrap();
-    bm4.initialize(&slave, rate, 0x01);
-    bm4.command(&slave, 0x0020, 0x0013);
-    bm4.initialize(&init, rate, 0x00);
+    let master = bm4.node(0, SLOTG, rate, Mode::Master);
+    bm4.bring_up(&[&bm4.node(0, SLOTH, rate, Mode::Slave)], ..=Stage::SetUp);
+    bm4.bring_up(&[&master], ..=Stage::WaitingForStart);
     bm4.step(500);
     assert_eq!(leds(0)[0], Led::Off, "configured, no frames yet");
     assert_eq!(leds(1)[1], Led::On, "no SYNC signal on the upper bus");
     assert_eq!(header.events[11].bell.rings(), 0);
-    bm4.command(&init, 0x0020, 0x0043);
+    bm4.bring_up(&[&master], Stage::SetUp..=Stage::SetUp);
     bm4.run_to_sync(0, 1);
     let rings = header.events[11].bell.rings();
     bm4.step(10_000);
@@ -215,9 +191,7 @@ fn the_chosen_module_raises_event_11_and_each_has_its_leds() {
     assert_eq!(header.events[11].time_us.load(), bm4.plant.now());
     assert_eq!(header.sync_counter[0].load(), header.events[11].bell.rings());
     assert_eq!(leds(0), [Led::Flashes(1), Led::Off, Led::Off, Led::Off]);
-    let upper: Init = bm4.segment(1).view(SLOTM).unwrap();
-    bm4.initialize(&upper, rate, 0x00);
-    bm4.command(&upper, 0x0020, 0x0043);
+    bm4.bring_up(&[&bm4.node(1, SLOTM, rate, Mode::Master)], ..=Stage::SetUp);
     bm4.step(5_000);
     assert_eq!(leds(1), [Led::Flashes(1), Led::Off, Led::Flashes(1), Led::Off], "an interval of 1 ms");
 }
@@ -241,21 +215,14 @@ fn both_devices_meet_on_one_bus() {
         let omegas = omega::BAUD_RATES.iter().find(|rate| rate.kbit_per_s == kbit_s).unwrap();
         let theirs = (0, base, omegas);
         let (master_at, slave_at) = if bmaxx_is_master { (ours, theirs) } else { (theirs, ours) };
-        let (master, master_init): (Master, Init) = (
-            bm4.segment(master_at.0).view(master_at.1).unwrap(),
-            bm4.segment(master_at.0).view(master_at.1).unwrap(),
-        );
-        let (slave, slave_init): (Slave, Init) = (
-            bm4.segment(slave_at.0).view(slave_at.1).unwrap(),
-            bm4.segment(slave_at.0).view(slave_at.1).unwrap(),
-        );
-        bm4.initialize(&slave_init, slave_at.2, 0x01);
-        bm4.initialize(&master_init, master_at.2, 0x00);
-        bm4.command(&slave_init, 0x0020, 0x0013);
-        bm4.command(&master_init, 0x0020, 0x0043);
+        let master: Master = bm4.segment(master_at.0).view(master_at.1).unwrap();
+        let slave: Slave = bm4.segment(slave_at.0).view(slave_at.1).unwrap();
+        let nodes = [(slave_at, Mode::Slave), (master_at, Mode::Master)]
+            .map(|((device, base, rate), mode)| bm4.node(device, base, rate, mode));
+        bm4.bring_up(&nodes.each_ref(), ..=Stage::SetUp);
         bm4.step(400_000);
-        bm4.command(&slave_init, 0x0040, 0x0020);
-        bm4.command(&master_init, 0x0040, 0x0080);
+        assert_eq!(master.a_STAT_SL[5].load(), 0x03, "{kbit_s} kbit/s, {bmaxx_is_master}");
+        bm4.bring_up(&nodes.each_ref(), Stage::Active..);
         master._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
         slave._CFG_WRC_WORD.b_CFG_WRC1_WORD0.store(0x01);
         master.a_WR_VALUE[0].store(0x4321);
@@ -275,14 +242,10 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
     let mut bm4 = Bm4::new(&text);
     let rate = rate(500);
     let header = bm4.segment(0).header().unwrap();
-    let init: Init = bm4.segment(0).view(SLOTG).unwrap();
-    let upper: Init = bm4.segment(1).view(SLOTM).unwrap();
-    bm4.initialize(&init, rate, 0x02);
-    bm4.command(&init, 0x0020, 0x0043);
+    bm4.bring_up(&[&bm4.node(0, SLOTG, rate, Mode::SyncIn)], ..=Stage::SetUp);
     bm4.step(10_000);
     assert_eq!(header.sync_counter[0].load(), 0, "nobody makes a SYNC signal");
-    bm4.initialize(&upper, rate, 0x00);
-    bm4.command(&upper, 0x0020, 0x0043);
+    bm4.bring_up(&[&bm4.node(1, SLOTM, rate, Mode::Master)], ..=Stage::SetUp);
     bm4.run_to_sync(1, 6);
     let before = header.sync_counter[0].load();
     bm4.step(10_000);
@@ -293,9 +256,9 @@ fn a_master_passes_the_sync_signal_of_another_slot_on() {
 #[test]
 fn the_blocks_restart_the_module_of_their_slot_after_a_controller_reset() {
     let mut bm4 = Bm4::new(&plant_text(1000));
-    let init: Init = bm4.segment(1).view(SLOTM).unwrap();
-    bm4.initialize(&init, rate(1000), 0x00);
-    bm4.command(&init, 0x0020, 0x0043);
+    let node = bm4.node(1, SLOTM, rate(1000), Mode::Master);
+    bm4.bring_up(&[&node], ..=Stage::SetUp);
+    let init = node.init;
     init.w_CPU_CONTROL.store(0x0080);
     bm4.step(500);
     assert_eq!((init.w_CPU_CONTROL.load(), init.w_OPTION_STATUS.load()), (0x0000, 0x0043));
@@ -348,12 +311,8 @@ fn an_omega_hears_nothing_on_a_bus_of_1_mbit() {
          [[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'b'\n\
          [[bus]]\nname = 'b'\nkbit_s = 1000\n",
     );
-    let master: Init = bm4.segment(1).view(SLOTG).unwrap();
-    let slave: Init = bm4.segment(0).view(omega::NODE1).unwrap();
-    bm4.initialize(&master, rate(1000), 0x00);
-    bm4.command(&master, 0x0020, 0x0043);
-    bm4.initialize(&slave, &omega::BAUD_RATES[0], 0x01);
-    bm4.command(&slave, 0x0020, 0x0013);
+    bm4.bring_up(&[&bm4.node(1, SLOTG, rate(1000), Mode::Master)], ..=Stage::SetUp);
+    bm4.bring_up(&[&bm4.node(0, omega::NODE1, &omega::BAUD_RATES[0], Mode::Slave)], ..=Stage::SetUp);
     bm4.step(100_000);
     let polled: Master = bm4.segment(1).view(SLOTG).unwrap();
     assert_eq!(polled.a_STAT_SL[5].load(), 0, "it does not answer");

@@ -1,13 +1,13 @@
 //! Boards in a plant: events from the SYNC signal, reset and power of one PLC while the others go on.
 
-use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig};
+use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
+use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig, plant_of};
 use commram::devices::cansync::records::SyncEdge;
 use commram::devices::omega_drive_line_2::Plc;
 use commram::devices::omega_drive_line_2::registers::*;
 use commram::devices::records::{BoardEvent, OnBoard};
-use commram::memory::Segment;
 use commram::memory::header::{InterruptResult, OptInitResult};
-use commram::plant::{Plant, PlantConfig, Power};
+use commram::plant::{Plant, Power};
 
 const A: usize = 0;
 const B: usize = 1;
@@ -102,27 +102,12 @@ fn a_watched_run_is_the_same_run() {
 fn a_forwarded_edge_is_one_event() {
     let text = "[[plc]]\nname='a'\nnode2='upper'\n[[plc]]\nname='b'\ndip=3\nnode1='upper'\nnode2='lower'\n\
                 [[bus]]\nname='upper'\n[[bus]]\nname='lower'\n";
-    let config = PlantConfig::parse("cluster", text).unwrap();
-    let mut plant =
-        Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();
-    let init = |plc: usize, node| {
-        plant.devices()[plc].segment().clone().view::<CANsync_INIT_BMSTRUCT>(node).unwrap()
-    };
-    let nodes = [(init(A, NODE2), 0), (init(B, NODE1), 1), (init(B, NODE2), 2)];
-    for (node, mode) in &nodes {
-        for command in [0x0001, 0x0002] {
-            if command == 2 {
-                crate::rig::write_init_data(node, OMEGA_RATES[0].timing, *mode);
-            }
-            node.w_CPU_CONTROL.store(command);
-            plant.advance_to(plant.now() + 500);
-        }
-    }
+    let mut plant = plant_of(text);
+    let nodes = [(A, NODE2, Mode::Master), (B, NODE1, Mode::Slave), (B, NODE2, Mode::SyncIn)]
+        .map(|(plc, base, mode)| Node::at(plant.devices()[plc].segment(), base, OMEGA_RATES[0].timing, mode));
+    bring_up_in(&mut plant, &nodes.each_ref(), ..=Stage::WaitingForStart);
     set_event(&mut plant, B, SYNC, 0);
-    for (node, _) in nodes.iter().rev() {
-        node.w_CPU_CONTROL.store(0x0020);
-    }
-    plant.advance_to(plant.now() + 500);
+    bring_up_in(&mut plant, &nodes.each_ref(), Stage::SetUp..=Stage::SetUp);
     let edges = |plant: &Plant| {
         let header = plant.devices()[B].segment().header().unwrap();
         [0, 1].map(|port: usize| header.sync_counter[port].load())

@@ -1,6 +1,7 @@
 //! Process data between a master, a slave node and drives: who hears what, when, and who does not.
 
-use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES, RATES, Rig};
+use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
+use crate::rig::{BOTH, FASTEST, Memory, RATES, Rig, plant_of};
 use commram::devices::cansync;
 use commram::devices::cansync::bus::wire;
 use commram::devices::cansync::medium::drives;
@@ -185,8 +186,7 @@ fn another_baud_rate_is_deaf() {
     for rate in FASTEST {
         let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
         rig.expect_errors(&[&cansync::rules::BUS_BAUD_RATE]);
-        let lower = rate.kind.rates.iter().position(|timing| *timing == *rate.timing).unwrap() + 1;
-        rig.rate = *RATES.iter().find(|it| *it.timing == rate.kind.rates[lower]).unwrap();
+        rig.rate = rate.slower();
         rig.initialize_master();
         rig.rate = rate;
         rig.initialize_slave();
@@ -203,39 +203,37 @@ fn another_baud_rate_is_deaf() {
 /// D-12: the lower bus gets its edges at the same microsecond as the upper one.
 #[test]
 fn a_cluster_forwards_the_sync_signal() {
-    use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
-    use commram::memory::Segment;
-    use commram::plant::{Plant, PlantConfig};
-
-    let text = "[[plc]]\nname = 'top'\nnode2 = 'upper'\n\
-                [[plc]]\nname = 'middle'\ndip = 3\nnode1 = 'upper'\nnode2 = 'lower'\n\
-                [[bus]]\nname = 'upper'\n[[bus]]\nname = 'lower'\n\
-                [[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n";
-    let config = PlantConfig::parse("cluster", text).unwrap();
-    let mut plant =
-        Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();
-    let init = |plc: usize, node: usize| -> commram::memory::View<CANsync_INIT_BMSTRUCT> {
-        plant.devices()[plc].segment().view(node).unwrap()
-    };
-    let nodes = [(init(0, NODE2), 0x00), (init(1, NODE1), 0x01), (init(1, NODE2), 0x02)];
-    for (regs, mode) in &nodes {
-        regs.w_CPU_CONTROL.store(0x0001);
-        plant.advance_to(plant.now() + 500);
-        crate::rig::write_init_data(regs, OMEGA_RATES[0].timing, *mode);
-        regs.w_CPU_CONTROL.store(0x0002);
-        plant.advance_to(plant.now() + 500);
-        regs.w_CPU_CONTROL.store(0x0020);
-        plant.advance_to(plant.now() + 500);
+    for rate in FASTEST {
+        let (kind, drive) =
+            (rate.kind, "[[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n");
+        let mut plant = plant_of(
+            &[
+                kind.plc("top", 0, None, Some("upper")),
+                kind.plc("middle", 3, Some("upper"), Some("lower")),
+                rate.bus("upper", ""),
+                rate.bus("lower", drive),
+            ]
+            .concat(),
+        );
+        let (master, slave) = (kind.master, kind.slave);
+        for (plc, at, mode) in [(0, master, Mode::Master), (1, slave, Mode::Slave), (1, master, Mode::SyncIn)]
+        {
+            let node = Node::at(plant.devices()[plc].segment(), at.base, rate.timing, mode);
+            bring_up_in(&mut plant, &[&node], ..=Stage::SetUp);
+        }
+        plant.advance_to(plant.now() + 50_000);
+        let edges = |bus| -> Vec<u64> {
+            let edge = |r: &&commram::journal::Record| r.event == SyncEdge { bus }.into();
+            let (noted, pending) = (plant.journal().records(), plant.journal().pending());
+            noted.chain(&pending).filter(edge).flat_map(|r| r.times()).collect()
+        };
+        let (upper, lower) = (edges(0), edges(1));
+        assert!(lower.len() > 20 && upper.ends_with(&lower), "{upper:?} {lower:?}");
+        assert_eq!(
+            plant.next_sync(1, master.port),
+            plant.next_sync(0, master.port),
+            "asked at either master"
+        );
+        assert!(drives(plant.media()).all(|drive| drive.is_synchronized()));
     }
-    assert_eq!(nodes[2].0.w_OPTION_STATUS.load(), 0x0043);
-    plant.advance_to(plant.now() + 50_000);
-    let edges = |bus| -> Vec<u64> {
-        let edge = |r: &&commram::journal::Record| r.event == SyncEdge { bus }.into();
-        let (noted, pending) = (plant.journal().records(), plant.journal().pending());
-        noted.chain(&pending).filter(edge).flat_map(|r| r.times()).collect()
-    };
-    let (upper, lower) = (edges(0), edges(1));
-    assert!(lower.len() > 20 && upper.ends_with(&lower), "{upper:?} {lower:?}");
-    assert_eq!(plant.next_sync(1, 2), plant.next_sync(0, 2), "asked at either master");
-    assert!(drives(plant.media()).all(|drive| drive.is_synchronized()));
 }

@@ -1,14 +1,13 @@
 //! Clusters: PLCs that are slaves on one bus and masters of another, with one SYNC signal for all (D-12).
 
-use crate::rig::cluster::{Cluster, INTERVAL_US};
-use crate::rig::{OMEGA_RATES, Rate, write_init_data};
+use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
+use crate::rig::cluster::Cluster;
+use crate::rig::{FASTEST, RATES, Rate, plant_of};
 use commram::devices::cansync;
 use commram::devices::cansync::medium::drives;
 use commram::devices::cansync::records::{BaudRateMismatch, SyncEdge, Transmitted};
-use commram::devices::omega_drive_line_2::registers::{CANsync_INIT_BMSTRUCT, NODE1, NODE2};
 use commram::journal::Record;
-use commram::memory::Segment;
-use commram::plant::{Plant, PlantConfig};
+use commram::plant::Plant;
 
 /// Times of the SYNC edges of a bus.
 fn edges(cluster: &Cluster, bus: u16) -> Vec<u64> {
@@ -27,114 +26,115 @@ fn frames(cluster: &Cluster, bus: u16) -> usize {
 /// the drive (D-34) and comes up again one level in each.
 #[test]
 fn a_value_goes_through_three_levels_and_back() {
-    let mut cluster = Cluster::new(&[1, 1, 1]);
-    cluster.activate();
-    cluster.plcs[0].master.a_WR_VALUE[0].store(0x1122_3344);
-    let mut seen = [None; 3];
-    for interval in 0..10 {
-        cluster.interval();
-        for (level, plc) in cluster.plcs.iter().enumerate() {
-            if plc.sum() == 0x1122_3344 {
-                seen[level].get_or_insert(interval);
+    for rate in RATES {
+        let mut cluster = Cluster::new(rate, &[1, 1, 1]);
+        cluster.activate();
+        cluster.plcs[0].master.a_WR_VALUE[0].store(0x1122_3344);
+        let mut seen = [None; 3];
+        for interval in 0..10 {
+            cluster.interval();
+            for (level, plc) in cluster.plcs.iter().enumerate() {
+                if plc.sum() == 0x1122_3344 {
+                    seen[level].get_or_insert(interval);
+                }
             }
         }
+        assert_eq!(seen, [Some(6), Some(5), Some(4)], "{rate:?}");
     }
-    assert_eq!(seen, [Some(6), Some(5), Some(4)]);
 }
 
 #[test]
 fn all_levels_have_their_edges_at_the_same_microsecond() {
-    let mut cluster = Cluster::new(&[2, 1, 1]);
-    cluster.activate();
-    (0..10).for_each(|_| cluster.interval());
-    let buses: Vec<_> = (0..cluster.plcs.len() as u16).map(|bus| edges(&cluster, bus)).collect();
-    assert_eq!(buses.len(), 5, "one bus at the top, two below it, two below those");
-    assert!(buses[0].len() > 100 && buses[0].windows(2).all(|pair| pair[1] - pair[0] == INTERVAL_US));
-    assert!(buses.iter().all(|bus| bus.len() > 100 && buses[0].ends_with(bus)));
+    for rate in FASTEST {
+        let mut cluster = Cluster::new(rate, &[2, 1, 1]);
+        cluster.activate();
+        (0..10).for_each(|_| cluster.interval());
+        let buses: Vec<_> = (0..cluster.plcs.len() as u16).map(|bus| edges(&cluster, bus)).collect();
+        assert_eq!(buses.len(), 5, "one bus at the top, two below it, two below those");
+        let evenly = |pair: &[u64]| pair[1] - pair[0] == rate.interval_us;
+        assert!(buses[0].len() > 100 && buses[0].windows(2).all(evenly));
+        assert!(buses.iter().all(|bus| bus.len() > 100 && buses[0].ends_with(bus)));
+    }
 }
 
 /// The top restarts: no edges anywhere below, so no frames and no answers; with the signal comes all else.
 #[test]
 fn a_cluster_stands_still_while_its_top_restarts() {
-    let mut cluster = Cluster::new(&[1, 1, 2]);
-    cluster.activate();
-    cluster.interval();
-    let top = cluster.plcs[0].master.clone();
-    top.w_CPU_CONTROL.store(0x0000);
-    cluster.plant.advance_to(cluster.plant.now() + INTERVAL_US);
-    let before = [0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus)));
-    assert_eq!(cluster.plant.next_sync(2, 2), None);
-    cluster.plant.advance_to(cluster.plant.now() + 20 * INTERVAL_US);
-    assert_eq!([0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus))), before);
-    assert_eq!(cluster.plcs[2].master.w_OPTION_STATUS.load(), 0x0080, "nobody told it to leave");
+    for rate in FASTEST {
+        let mut cluster = Cluster::new(rate, &[1, 1, 2]);
+        cluster.activate();
+        cluster.interval();
+        let top = cluster.plcs[0].master.clone();
+        top.w_CPU_CONTROL.store(0x0000);
+        cluster.plant.advance_to(cluster.plant.now() + rate.interval_us);
+        let before = [0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus)));
+        assert_eq!(cluster.next_sync(2), None);
+        cluster.plant.advance_to(cluster.plant.now() + 20 * rate.interval_us);
+        assert_eq!([0, 1, 2].map(|bus| (edges(&cluster, bus).len(), frames(&cluster, bus))), before);
+        assert_eq!(cluster.plcs[2].master.w_OPTION_STATUS.load(), 0x0080, "nobody told it to leave");
 
-    let mut again = Cluster::new(&[1, 1, 2]);
-    again.activate();
-    cluster.activate();
-    for cluster in [&mut cluster, &mut again] {
-        cluster.plcs[0].master.a_WR_VALUE[0].store(500);
-        (0..20).for_each(|_| cluster.interval());
-        assert_eq!(cluster.plcs[0].sum(), 1000);
+        let mut again = Cluster::new(rate, &[1, 1, 2]);
+        again.activate();
+        cluster.activate();
+        for cluster in [&mut cluster, &mut again] {
+            cluster.plcs[0].master.a_WR_VALUE[0].store(500);
+            (0..20).for_each(|_| cluster.interval());
+            assert_eq!(cluster.plcs[0].sum(), 1000);
+        }
     }
 }
 
 /// 1 + 32 + 32 x 32 participants: nobody is left out, no value is lost or invented.
 #[test]
 fn the_largest_two_level_cluster_runs() {
-    let mut cluster = Cluster::new(&[32, 32]);
-    assert_eq!(cluster.plcs.len() + drives(cluster.plant.media()).count(), 1 + 32 + 32 * 32);
-    cluster.activate();
-    cluster.plcs[0].master.a_WR_VALUE[0].store(7);
-    // Two rounds of asking 32 slaves on each level, and the way down and up.
-    (0..2 * 64 + 8).for_each(|_| cluster.interval());
-    assert!(cluster.plcs[1..].iter().all(|plc| plc.sum() == 7 * 32));
-    assert_eq!(cluster.plcs[0].sum(), 7 * 1024);
+    for rate in FASTEST {
+        let mut cluster = Cluster::new(rate, &[32, 32]);
+        assert_eq!(cluster.plcs.len() + drives(cluster.plant.media()).count(), 1 + 32 + 32 * 32);
+        cluster.activate();
+        cluster.plcs[0].master.a_WR_VALUE[0].store(7);
+        // Two rounds of asking 32 slaves on each level, and the way down and up.
+        (0..2 * 64 + 8).for_each(|_| cluster.interval());
+        assert!(cluster.plcs[1..].iter().all(|plc| plc.sum() == 7 * 32));
+        assert_eq!(cluster.plcs[0].sum(), 7 * 1024);
+    }
 }
 
-/// The initialization structures of `nodes`, brought to set-up mode one after the other.
-fn set_up(plant: &mut Plant, nodes: &[(usize, usize, u8, Rate)]) {
-    for &(plc, node, mode, rate) in nodes {
-        let init = plant.devices()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(node).unwrap();
-        for command in [0x0000, 0x0001] {
-            init.w_CPU_CONTROL.store(command);
-            plant.advance_to(plant.now() + 500);
-        }
-        write_init_data(&init, rate.timing, mode);
-        for command in [0x0002, 0x0020] {
-            init.w_CPU_CONTROL.store(command);
-            plant.advance_to(plant.now() + 500);
-        }
+/// Brings nodes to set-up mode one after the other.
+fn set_up(plant: &mut Plant, nodes: &[(usize, Mode, Rate)]) {
+    for &(plc, mode, rate) in nodes {
+        let at = if mode == Mode::Slave { rate.kind.slave } else { rate.kind.master };
+        let node = Node::at(plant.devices()[plc].segment(), at.base, rate.timing, mode);
+        bring_up_in(plant, &[&node], ..=Stage::SetUp);
     }
 }
 
 /// D-282: edges in the wrong interval synchronize nobody, at whatever level the rate changes, and that is told.
 #[test]
 fn a_cluster_of_unlike_rates_says_so() {
-    let text = |rate: Rate| {
-        format!(
-            "[[plc]]\nname = 'top'\nnode2 = 'upper'\n\
-             [[plc]]\nname = 'middle'\ndip = 3\nnode1 = 'upper'\nnode2 = 'lower'\nlock_time_us = 10000\n\
-             [[plc]]\nname = 'below'\ndip = 0\nnode1 = 'lower'\nnode2 = 'lowest'\nlock_time_us = 10000\n\
-             [[bus]]\nname = 'upper'\n[[bus]]\nname = 'lower'\n[[bus]]\nname = 'lowest'\nkbit_s = {}\n\
-             [[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n",
-            rate.kbit_s
-        )
-    };
-    for (upper, lower) in
-        [(OMEGA_RATES[0], OMEGA_RATES[1]), (OMEGA_RATES[1], OMEGA_RATES[0]), (OMEGA_RATES[0], OMEGA_RATES[2])]
-    {
-        let config = PlantConfig::parse("cluster", &text(lower)).unwrap();
-        let mut plant =
-            Plant::new(&config, |_plc, device| Ok::<_, crate::rig::RigError>(Segment::of(device))).unwrap();
-        let nodes = |rate: Rate| [(1, NODE2, 0x02, rate), (2, NODE1, 0x01, rate), (2, NODE2, 0x02, rate)];
-        set_up(&mut plant, &[(0, NODE2, 0x00, upper), (1, NODE1, 0x01, upper)]);
-        set_up(&mut plant, &nodes(lower));
+    let pairs = RATES.iter().flat_map(|upper| RATES.map(|lower| (*upper, lower)));
+    let unlike =
+        |(upper, lower): &(Rate, Rate)| core::ptr::eq(upper.kind, lower.kind) && upper.kbit_s != lower.kbit_s;
+    for (upper, lower) in pairs.filter(unlike) {
+        let kind = upper.kind;
+        let mut plant = plant_of(
+            &[
+                kind.plc("top", 0, None, Some("upper")),
+                kind.plc("middle", 3, Some("upper"), Some("lower")),
+                kind.plc("below", 0, Some("lower"), Some("lowest")),
+                upper.bus("upper", ""),
+                lower.bus("lower", ""),
+                lower.bus("lowest", "[[bus.drive]]\nname = 'd'\nslave_number = 0\nlock_time_us = 10000\n"),
+            ]
+            .concat(),
+        );
+        set_up(&mut plant, &[(0, Mode::Master, upper), (1, Mode::Slave, upper)]);
+        set_up(&mut plant, &[(1, Mode::SyncIn, lower), (2, Mode::Slave, lower), (2, Mode::SyncIn, lower)]);
         plant.advance_to(plant.now() + 100_000);
         let status = |plant: &Plant, plc: usize| {
-            let init = plant.devices()[plc].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
-            init.w_CANsync_STATUS.load() & 0x0040
+            let node = Node::at(plant.devices()[plc].segment(), kind.master.base, lower.timing, Mode::SyncIn);
+            node.init.w_CANsync_STATUS.load() & 0x0040
         };
-        assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0x40, 0x40]);
+        assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0x40, 0x40], "{upper:?}, {lower:?}");
         assert!(drives(plant.media()).all(|drive| !drive.is_synchronized()));
         let told: Vec<_> = plant
             .journal()
@@ -144,10 +144,11 @@ fn a_cluster_of_unlike_rates_says_so() {
                 Some((origin.plc, origin.node, node_kbit_s, bus_kbit_s))
             })
             .collect();
-        assert_eq!(told, [1, 2].map(|plc| (plc, 2, lower.kbit_s, upper.kbit_s)), "once each");
+        let once = [1, 2].map(|plc| (plc, kind.master.port, lower.kbit_s, upper.kbit_s));
+        assert_eq!(told, once, "once each");
         assert_eq!(plant.journal().findings().errors(), [&cansync::rules::CLUSTER_BAUD_RATE]);
 
-        set_up(&mut plant, &[(0, NODE2, 0x00, lower), (1, NODE1, 0x01, lower)]);
+        set_up(&mut plant, &[(0, Mode::Master, lower), (1, Mode::Slave, lower)]);
         plant.advance_to(plant.now() + 100_000);
         assert_eq!([0, 1, 2].map(|plc| status(&plant, plc)), [0, 0, 0], "one rate everywhere");
         assert!(drives(plant.media()).all(commram::devices::cansync::drive::Drive::is_synchronized));

@@ -1,6 +1,7 @@
 //! `w_CPU_CONTROL` and `w_OPTION_STATUS` of both nodes (manual 5.00005.03a p. 147-150, 173-175; D-05).
 
-use crate::rig::{BOTH, FASTEST, Memory, Rig, write_init_data};
+use crate::rig::bring_up::{Mode, Node, Stage};
+use crate::rig::{BOTH, FASTEST, Memory, Rig};
 use commram::devices::cansync;
 use commram::devices::cansync::firmware::InitFault;
 use commram::devices::cansync::records::{Command, CommandIgnored, InitRefused};
@@ -14,34 +15,28 @@ enum Role {
     Slave,
 }
 
-/// Status values: start-up, waiting for init data, waiting for start, set-up mode, active operation.
+/// What `w_OPTION_STATUS` shows in each state.
 fn status(role: Role) -> [u16; 5] {
+    let mode = if role == Role::Master { Mode::Master } else { Mode::Slave };
+    Stage::ALL.map(|stage| stage.status(mode))
+}
+
+fn node(rig: &Rig, role: Role) -> Node {
     match role {
-        Role::Master => [0x0001, 0x0002, 0x0003, 0x0043, 0x0080],
-        Role::Slave => [0x0001, 0x0002, 0x0003, 0x0013, 0x0020],
+        Role::Master => rig.master_node(),
+        Role::Slave => rig.slave_node(),
     }
 }
 
 fn regs(rig: &Rig, role: Role) -> View<CANsync_INIT_BMSTRUCT> {
-    match role {
-        Role::Master => rig.master_init.clone(),
-        Role::Slave => rig.slave_init.clone(),
-    }
+    node(rig, role).init
 }
 
 /// Brings the node into state number `state` by the documented way.
 fn bring_to(rig: &mut Rig, role: Role, state: usize) -> View<CANsync_INIT_BMSTRUCT> {
-    let regs = regs(rig, role);
-    for (number, command) in [0x0000, 0x0001, 0x0002, 0x0020, 0x0040].into_iter().enumerate().take(state + 1)
-    {
-        if command == 0x0002 {
-            write_init_data(&regs, rig.rate.timing, u8::from(role == Role::Slave));
-        }
-        regs.w_CPU_CONTROL.store(command);
-        rig.step(500);
-        assert_eq!(regs.w_OPTION_STATUS.load(), status(role)[number], "{role:?} after 16#{command:04X}");
-    }
-    regs
+    let node = node(rig, role);
+    rig.bring_up(&[&node], ..=Stage::ALL[state]);
+    node.init
 }
 
 /// Next state for each command in each state; `None`: nothing changes.
@@ -70,7 +65,7 @@ fn every_command_in_every_state() {
                         let mut rig = Rig::new(memory, rate);
                         let regs = bring_to(&mut rig, role, state);
                         if state == 1 {
-                            write_init_data(&regs, rate.timing, u8::from(role == Role::Slave));
+                            node(&rig, role).write_init_data();
                         }
                         // A command that already stands in the register is no new one.
                         let again = regs.w_CPU_CONTROL.load() == command;
@@ -125,7 +120,7 @@ fn the_other_bits_written_with_bit_7_act_as_they_do_alone() {
                     let mut rig = Rig::new(Memory::Heap, rate);
                     let regs = bring_to(&mut rig, role, state);
                     if state == 1 {
-                        write_init_data(&regs, rate.timing, u8::from(role == Role::Slave));
+                        node(&rig, role).write_init_data();
                     }
                     let stands = regs.w_CPU_CONTROL.load() == command;
                     let rests = stands || state == 4 && command & 0x0040 != 0;
@@ -153,7 +148,7 @@ fn what_is_written_too_early_is_found_with_bit_7_too() {
             let mut rig = Rig::new(Memory::Heap, rate);
             rig.expect_errors(&[&cansync::rules::BEFORE_INIT]);
             let regs = bring_to(&mut rig, Role::Master, 1);
-            write_init_data(&regs, rate.timing, 0x00);
+            rig.master_node().write_init_data();
             rig.master.a_RD_BMARRAY[31][7].store(1);
             regs.w_CPU_CONTROL.store(command);
             rig.step(500);
@@ -313,7 +308,7 @@ fn bad_initialization_data_are_refused_until_they_are_right() {
             let mut rig = Rig::new(memory, rate);
             rig.expect_errors(&[&cansync::rules::INIT_INTERVAL]);
             let regs = bring_to(&mut rig, Role::Master, 1);
-            write_init_data(&regs, rate.timing, 0x00);
+            rig.master_node().write_init_data();
             regs.b_TIME_PATTERN.store(16);
             regs.w_CPU_CONTROL.store(0x0002);
             rig.step(5000);

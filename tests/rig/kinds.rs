@@ -12,8 +12,8 @@ pub(crate) struct Kind {
     pub rates: &'static [BaudRate],
     pub master: At,
     pub slave: At,
-    /// PLCs `a` and `b` of a plant file, at bus `line`.
-    plcs: &'static str,
+    /// See [`Kind::plc`].
+    plc: fn(&str, u8, [Option<&str>; 2]) -> String,
     /// What `w_OMEGA_NR` of the master holds, or what it calls the register: a number that is not that of its slave.
     pub master_number: u16,
 }
@@ -32,8 +32,11 @@ static OMEGA: Kind = Kind {
     rates: &omega::BAUD_RATES,
     master: At { plc: 0, port: 2, base: omega::NODE2 },
     slave: At { plc: 1, port: 1, base: omega::NODE1 },
-    plcs: "[[plc]]\nname = 'a'\ndip = 9\nnode2 = 'line'\n\
-           [[plc]]\nname = 'b'\ndip = 0\nnode1 = 'line'\nlock_time_us = 20000\n",
+    plc: |name, dip, [above, below]| {
+        let above = above.map(|bus| format!("node1 = '{bus}'\nlock_time_us = 20000\n"));
+        let below = below.map(|bus| format!("node2 = '{bus}'\n"));
+        format!("[[plc]]\nname = '{name}'\ndip = {dip}\n{}{}", text(above), text(below))
+    },
     master_number: 9,
 };
 
@@ -44,22 +47,55 @@ static BM4: Kind = Kind {
     rates: &bm4::BAUD_RATES,
     master: At { plc: 0, port: 3, base: bm4::SLOTJ },
     slave: At { plc: 1, port: 5, base: bm4::SLOTL },
-    plcs: "[[device]]\nkind = 'bm4-plc'\nname = 'a'\n\
-           [[device.module]]\nslot = 'J'\nkind = 'can-06'\nbus = 'line'\n\
-           [[device]]\nkind = 'bm4-plc'\nname = 'b'\n\
-           [[device.module]]\nslot = 'L'\nkind = 'can-05'\nbus = 'line'\ndip = 0\nlock_time_us = 20000\n",
+    plc: |name, dip, [above, below]| {
+        let sync_in = above.and(below).map(|_| "sync_in_from = 'L'\n".to_owned());
+        let above = above.map(|bus| {
+            format!(
+                "[[device.module]]\nslot = 'L'\nkind = 'can-05'\nbus = '{bus}'\ndip = {dip}\nlock_time_us = 20000\n"
+            )
+        });
+        let below =
+            below.map(|bus| format!("[[device.module]]\nslot = 'J'\nkind = 'can-06'\nbus = '{bus}'\n"));
+        let [above, below, sync_in] = [above, below, sync_in].map(text);
+        format!("[[device]]\nkind = 'bm4-plc'\nname = '{name}'\n{above}{below}{sync_in}")
+    },
     master_number: 0,
 };
 
+/// Nothing where there is nothing.
+fn text(text: Option<String>) -> String {
+    text.unwrap_or_default()
+}
+
 impl Kind {
-    /// The plant file; `drives` is put behind the bus.
-    pub(crate) fn plant(&self, kbit_s: u16, drives: &str) -> String {
-        // The one card function that knows 1 Mbit/s (5.01010.01 p. 10).
-        let drives = match kbit_s {
-            1000 => drives.replace("[[bus.drive]]\n", "[[bus.drive]]\ncard_function = 0\n"),
-            _ => drives.to_owned(),
+    /// Whether what only this device has is there.
+    pub(crate) fn is_omega(&self) -> bool {
+        core::ptr::eq(self, &OMEGA)
+    }
+
+    /// A text in which `MASTER` and `SLAVE` stand for the names of their ports.
+    pub(crate) fn named(&self, text: &str) -> String {
+        text.replace("MASTER", self.port(self.master)).replace("SLAVE", self.port(self.slave))
+    }
+
+    /// The other way round, for the name of a register.
+    pub(crate) fn unnamed(&self, register: &str) -> String {
+        let (area, rest) = register.split_once('.').expect("area and register");
+        let area = match area {
+            area if area == self.port(self.master) => "MASTER",
+            area if area == self.port(self.slave) => "SLAVE",
+            area => area,
         };
-        format!("{}[[bus]]\nname = 'line'\nkbit_s = {kbit_s}\n{drives}", self.plcs)
+        format!("{area}.{rest}")
+    }
+
+    fn port(&self, at: At) -> &'static str {
+        self.layout.port_numbered(at.port).expect("a port of the device").name
+    }
+
+    /// A PLC of a plant file that is slave number `dip` on the bus above it and master of the one below it.
+    pub(crate) fn plc(&self, name: &str, dip: u8, above: Option<&str>, below: Option<&str>) -> String {
+        (self.plc)(name, dip, [above, below])
     }
 }
 
@@ -75,6 +111,40 @@ pub(crate) struct Rate {
 impl fmt::Debug for Rate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} at {} kbit/s", self.kind.name, self.kbit_s)
+    }
+}
+
+impl Rate {
+    /// The next lower one of the same device.
+    pub(crate) fn slower(self) -> Rate {
+        let lower = |it: &&Rate| core::ptr::eq(it.kind, self.kind) && it.kbit_s < self.kbit_s;
+        *RATES.iter().filter(lower).max_by_key(|it| it.kbit_s).expect("the device has a lower one")
+    }
+
+    /// What is `us` microseconds at 500 kbit/s, in proportion to this rate's interval.
+    pub(crate) fn scaled(self, us: u64) -> u64 {
+        us * self.interval_us / 2_000
+    }
+
+    /// A plant file with PLC `a` as master of PLC `b`; `drives` is put behind the bus.
+    pub(crate) fn plant(&self, drives: &str) -> String {
+        let Rate { kind, .. } = self;
+        let (a, b) = (
+            kind.plc("a", kind.master_number as u8, None, Some("line")),
+            kind.plc("b", 0, Some("line"), None),
+        );
+        format!("{a}{b}{}", self.bus("line", drives))
+    }
+
+    /// A bus of a plant file, with drives that know this rate.
+    pub(crate) fn bus(&self, name: &str, drives: &str) -> String {
+        let kbit_s = self.kbit_s;
+        // The one card function that knows 1 Mbit/s (5.01010.01 p. 10).
+        let drives = match kbit_s {
+            1000 => drives.replace("[[bus.drive]]\n", "[[bus.drive]]\ncard_function = 0\n"),
+            _ => drives.to_owned(),
+        };
+        format!("[[bus]]\nname = '{name}'\nkbit_s = {kbit_s}\n{drives}")
     }
 }
 

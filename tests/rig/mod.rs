@@ -4,20 +4,23 @@
 #![allow(dead_code, reason = "each test binary uses its own part of the rig")]
 
 pub(crate) mod bench;
+pub(crate) mod bring_up;
 pub(crate) mod cluster;
 mod kinds;
 
-use commram::devices::cansync::BaudRate;
+use bring_up::{Mode, Node, Stage, bring_up_in};
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, CANsync_SL_CTRL_BMSTRUCT,
 };
 use commram::journal::{Record, Rule, Severity};
+use commram::layout::Fitted;
 use commram::memory::{ClockMode, Image, ImageSpec, Segment, View};
 use commram::plant::{Plant, PlantConfig, PlantError};
 #[allow(unused_imports, reason = "each test binary uses its own part of the rig")]
 pub(crate) use kinds::{At, FASTEST, Kind, OMEGA_RATES, RATES, Rate};
+use std::ops::RangeBounds;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Where the RAM of the plant lies.
@@ -61,8 +64,7 @@ impl Drop for Rig {
         let mut errors = findings.errors();
         errors.retain(|rule| !self.tolerated.contains(rule));
         let wrong = errors != self.expected;
-        let names = self.plant.names();
-        let name = |entry: &commram::journal::Entry| entry.last.name(names.device(entry.last.plc));
+        let name = |entry: &commram::journal::Entry| entry.last.name(self.fitted(entry.last.plc));
         let all: String =
             findings.iter().map(|entry| format!("{:?} {}\n", name(entry), self.describe(entry))).collect();
         assert!(!wrong, "{:?}: expected {:?}, found\n{all}", self.rate, self.expected);
@@ -71,7 +73,13 @@ impl Drop for Rig {
 
 impl Rig {
     fn describe(&self, entry: &commram::journal::Entry) -> String {
-        format!("{} {} x {}", entry.last.rule, entry.last.value_text(self.rate.kind.layout), entry.count)
+        let value = entry.last.value_text(self.fitted(entry.last.plc));
+        format!("{} {value} x {}", entry.last.rule, entry.count)
+    }
+
+    /// The device of a PLC, as it is fitted.
+    pub(crate) fn fitted(&self, plc: u16) -> Fitted {
+        self.plant.names().fitted(plc)
     }
 
     /// Names errors that the access checker may find, because the test is about something else.
@@ -92,8 +100,12 @@ impl Rig {
 
     /// `drives` is TOML text put behind the bus.
     pub(crate) fn of(memory: Memory, rate: Rate, drives: &str) -> Rig {
-        let text = rate.kind.plant(rate.kbit_s, drives);
-        let config = PlantConfig::parse("rig", &text).unwrap();
+        Self::of_plant(memory, rate, &rate.plant(drives))
+    }
+
+    /// `text` is a plant file that has PLCs `a` and `b` as [`Rate::plant`] has them.
+    pub(crate) fn of_plant(memory: Memory, rate: Rate, text: &str) -> Rig {
+        let config = PlantConfig::parse("rig", text).unwrap();
         let mut images = Vec::new();
         let plant = Plant::new(&config, |plc, device| segment(memory, plc, device, &mut images)).unwrap();
         let segment = |at: At| plant.devices()[at.plc].segment().clone();
@@ -129,49 +141,45 @@ impl Rig {
         self.plant.next_sync(self.master_at.plc, self.master_at.port)
     }
 
-    /// Brings the master from restart to "waiting for start"; slaves 0 to 3 are expected.
+    /// The master; slaves 0 to 3 are expected.
+    pub(crate) fn master_node(&self) -> Node {
+        self.node(self.master_at, Mode::Master)
+    }
+
+    pub(crate) fn slave_node(&self) -> Node {
+        self.node(self.slave_at, Mode::Slave)
+    }
+
+    fn node(&self, at: At, mode: Mode) -> Node {
+        Node::at(self.plant.devices()[at.plc].segment(), at.base, self.rate.timing, mode)
+    }
+
+    #[track_caller]
+    pub(crate) fn bring_up(&mut self, nodes: &[&Node], stages: impl RangeBounds<Stage>) {
+        bring_up_in(&mut self.plant, nodes, stages);
+    }
+
+    /// Brings the master from restart to "waiting for start".
     pub(crate) fn initialize_master(&mut self) {
-        let init = self.master_init.clone();
-        self.initialize(&init, 0x00);
+        self.bring_up(&[&self.master_node()], ..=Stage::WaitingForStart);
     }
 
     /// Brings the slave node from restart to "waiting for start".
     pub(crate) fn initialize_slave(&mut self) {
-        let init = self.slave_init.clone();
-        self.initialize(&init, 0x01);
-    }
-
-    fn initialize(&mut self, init: &CANsync_INIT_BMSTRUCT, mode: u8) {
-        for (command, status) in [(0x0000, 0x0001), (0x0001, 0x0002)] {
-            init.w_CPU_CONTROL.store(command);
-            self.step(500);
-            assert_eq!(init.w_OPTION_STATUS.load(), status);
-        }
-        write_init_data(init, self.rate.timing, mode);
-        init.w_CPU_CONTROL.store(0x0002);
-        self.step(500);
-        assert_eq!(init.w_OPTION_STATUS.load(), 0x0003);
+        self.bring_up(&[&self.slave_node()], ..=Stage::WaitingForStart);
     }
 
     /// Both nodes in set-up mode.
     pub(crate) fn set_up(&mut self) {
         self.initialize_slave();
         self.initialize_master();
-        self.slave.w_CPU_CONTROL.store(0x0020);
-        self.master.w_CPU_CONTROL.store(0x0020);
-        self.step(500);
-        assert_eq!(self.slave.w_OPTION_STATUS.load(), 0x0013);
-        assert_eq!(self.master.w_OPTION_STATUS.load(), 0x0043);
+        self.bring_up(&[&self.slave_node(), &self.master_node()], Stage::SetUp..=Stage::SetUp);
     }
 
     /// Both nodes in active operation; ends at the first SYNC edge of it.
     pub(crate) fn activate(&mut self) {
         self.set_up();
-        self.slave.w_CPU_CONTROL.store(0x0040);
-        self.master.w_CPU_CONTROL.store(0x0040);
-        self.step(500);
-        assert_eq!(self.slave.w_OPTION_STATUS.load(), 0x0020);
-        assert_eq!(self.master.w_OPTION_STATUS.load(), 0x0080);
+        self.bring_up(&[&self.slave_node(), &self.master_node()], Stage::Active..);
         self.run_to_sync();
     }
 
@@ -207,19 +215,10 @@ impl Rig {
     }
 }
 
-/// Fills the initialization data; slaves 0 to 3 are expected by a master.
-pub(crate) fn write_init_data(init: &CANsync_INIT_BMSTRUCT, timing: &BaudRate, mode: u8) {
-    init.b_MA_SL_MODE.store(mode);
-    init.b_AC.store(0xFF);
-    init.b_AM.store(0xFF);
-    init.b_BT_0.store(timing.b_BT_0);
-    init.b_BT_1.store(timing.b_BT_1);
-    init.b_OUTPUT_CONTROL.store(0xFA);
-    init.b_CLOCK_DIVIDER.store(0x07);
-    init.b_TIME_PATTERN.store(timing.b_TIME_PATTERN);
-    for slave in 0..4 {
-        init.a_SL_TYP[slave].store(u8::from(mode != 1));
-    }
+/// A plant on heap memory.
+pub(crate) fn plant_of(text: &str) -> Plant {
+    let config = PlantConfig::parse("rig", text).unwrap();
+    Plant::new(&config, |_plc, device| Ok::<_, RigError>(Segment::of(device))).unwrap()
 }
 
 /// RAM for a PLC; an image is kept alive in `images` and removes its file when that is dropped.

@@ -1,14 +1,15 @@
 //! Emulated intervals per second of a cluster in stepped mode: a PLC, 32 PLCs below it, 32 drives below each
 //! of them; WRC1 and RDC1 busy on all 33 buses in every interval, the tasks of all PLCs included.
 
-#[path = "../../tests/rig/cluster.rs"]
-mod cluster;
+#[path = "../../tests/rig/mod.rs"]
+mod rig;
 
-use cluster::Cluster;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use rig::OMEGA_RATES;
+use rig::cluster::Cluster;
 
 fn clusters(criterion: &mut Criterion) {
-    let mut cluster = Cluster::new(&[32, 32]);
+    let mut cluster = Cluster::new(OMEGA_RATES[0], &[32, 32]);
     cluster.activate();
     let mut group = criterion.benchmark_group("clusters");
     group.throughput(Throughput::Elements(1));

@@ -1,8 +1,7 @@
 //! A rig whose PLCs are driven by function blocks alone: PLC `a` is master, PLC `b` slave 0, a drive slave 1.
 
-use crate::rig::{Memory, OMEGA_RATES, Rig};
-use commram::devices::omega_drive_line_2::blocks::*;
-use commram::devices::omega_drive_line_2::registers::*;
+use super::device::*;
+use crate::rig::{At, Memory, Rig};
 use commram::memory::{Segment, View};
 
 const DRIVE: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us = 30000\n\
@@ -14,22 +13,24 @@ const PATIENCE_US: u64 = 60_000_000;
 
 pub(crate) struct Bench {
     pub rig: Rig,
-    pub ma: Base<CANsync_MA_CTRL_BMSTRUCT>,
-    pub sl: Base<CANsync_SL_CTRL_BMSTRUCT>,
-    pub ma_init: Base<CANsync_INIT_BMSTRUCT>,
-    pub sl_init: Base<CANsync_INIT_BMSTRUCT>,
+    pub ma: Base<Master>,
+    pub sl: Base<Slave>,
+    pub ma_init: Base<Init>,
+    pub sl_init: Base<Init>,
 }
 
 impl Bench {
     /// After power-on.
     pub(crate) fn new(memory: Memory) -> Bench {
-        let rig = Rig::of(memory, OMEGA_RATES[0], DRIVE);
-        let [a, b] = [0, 1].map(|plc| Ram::of(rig.plant.devices()[plc].segment()).unwrap());
+        let rig = Rig::of(memory, rate(), DRIVE);
+        let ram = |at: At| Ram::of(rig.plant.devices()[at.plc].segment()).unwrap();
+        let (master, slave) = (rig.master_at, rig.slave_at);
+        let (a, b) = (ram(master), ram(slave));
         Bench {
-            ma: a.at(NODE2).unwrap(),
-            ma_init: a.at(NODE2).unwrap(),
-            sl: b.at(NODE1).unwrap(),
-            sl_init: b.at(NODE1).unwrap(),
+            ma: a.at(master.base).unwrap(),
+            ma_init: a.at(master.base).unwrap(),
+            sl: b.at(slave.base).unwrap(),
+            sl_init: b.at(slave.base).unwrap(),
             rig,
         }
     }
@@ -92,9 +93,11 @@ impl Bench {
     }
 }
 
-/// `CANsync_INIT` at 500 kbit/s.
+/// `CANsync_INIT` at the device's highest rate.
 pub(crate) fn init() -> CANsync_INIT {
-    CANsync_INIT { us_BAUDRATE: 5, us_SYNC_INTERVAL: 2, ..Default::default() }
+    let timing = rate().timing;
+    let (us_BAUDRATE, us_SYNC_INTERVAL) = (timing.us_BAUDRATE, timing.b_TIME_PATTERN);
+    CANsync_INIT { us_BAUDRATE, us_SYNC_INTERVAL, ..Default::default() }
 }
 
 /// RAM behind which no firmware runs, with a clock that the test sets.
@@ -105,8 +108,20 @@ pub(crate) struct Dead {
 
 impl Dead {
     pub(crate) fn new() -> Dead {
-        let segment = Segment::of(&DEVICE);
+        let segment = Segment::of(rate().kind.layout);
         Dead { ram: Ram::of(&segment).unwrap(), header: segment.header().unwrap() }
+    }
+
+    pub(crate) fn init(&self) -> Base<Init> {
+        self.ram.at(rate().kind.master.base).unwrap()
+    }
+
+    pub(crate) fn master(&self) -> Base<Master> {
+        self.ram.at(rate().kind.master.base).unwrap()
+    }
+
+    pub(crate) fn slave(&self) -> Base<Slave> {
+        self.ram.at(rate().kind.slave.base).unwrap()
     }
 
     pub(crate) fn pass(&self, us: u64) {

@@ -1,15 +1,14 @@
 //! `CANsync_COMM_CONTROL_MA`, `CANsync_BC_...`, `CANsync_CONTROLWORD_...`.
 
 use super::bench::{Bench, Dead};
+use super::device::*;
 use crate::rig::{BOTH, Memory};
-use commram::devices::omega_drive_line_2::blocks::*;
-use commram::devices::omega_drive_line_2::registers::*;
 
 /// Manual p. 204-206: only enabled inputs are taken over, and only legal ones.
 #[test]
 fn comm_control_takes_over_what_is_enabled() {
     let dead = Dead::new();
-    let base = dead.ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).unwrap();
+    let base = dead.master();
     let registers = || {
         [&base.b_SL_NR_CONTROLWORD, &base.b_SL_NR_PARAMETER, &base.b_SL_NR_UPDOWN, &base.b_MAX_SL_NR]
             .map(|cell| cell.load())
@@ -125,6 +124,7 @@ fn a_control_word_is_repeated_while_enabled() {
         receive.call(&b.sl);
         count += receive.si_RECEIVED / 2;
     });
-    // Slaves 0 and 1 have their turn in every other interval of 2 ms each.
-    assert!((8..=10).contains(&count), "{count}");
+    // Slaves 0 and 1 have their turn in every other interval each.
+    let turns = (40_000 / (2 * rate().interval_us)) as i8;
+    assert!((turns - 2..=turns).contains(&count), "{count}");
 }

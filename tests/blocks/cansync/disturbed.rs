@@ -2,10 +2,10 @@
 //! access checker has nothing to say about it, and when the faults are over every job comes to its end.
 
 use super::bench::Bench;
+use super::device::*;
 use super::process_data::mapped;
-use crate::rig::Memory;
+use crate::rig::{At, Memory};
 use commram::devices::fault_kinds;
-use commram::devices::omega_drive_line_2::blocks::*;
 use commram::fault::FaultSpec;
 use proptest::prelude::*;
 use std::time::Duration;
@@ -16,16 +16,21 @@ const FAULTS: [&str; 14] = [
     "kind = 'delay_frame'\ndelay_us = 1500\ncount = 2",
     "kind = 'duplicate_frame'\ndelay_us = 900\nduration_us = 5000",
     "kind = 'lose_sync'\ncount = 2",
-    "kind = 'jitter_sync'\namplitude_us = 400\nduration_us = 9000",
+    "kind = 'jitter_sync'\namplitude_us = AMPLITUDE\nduration_us = 9000",
     "kind = 'slave_off'\nslave = 0\nduration_us = 7000",
     "kind = 'slave_late'\nslave = 0\ndelay_us = 2500\ncount = 3",
     "kind = 'slave_busy'\nslave = 1\ncount = 9",
     "kind = 'slave_error'\nslave = 0\nerror = 0x0103\ncount = 1",
     "kind = 'wrong_offset'\nslave = 0\ncount = 1",
-    "kind = 'bus_off'\nplc = 'a'\nnode = 2",
-    "kind = 'bus_off'\nplc = 'b'\nnode = 1",
-    "kind = 'overrun'\nplc = 'a'\nnode = 2\ncount = 3",
+    "kind = 'bus_off'\nplc = 'a'\nnode = 'MASTER'",
+    "kind = 'bus_off'\nplc = 'b'\nnode = 'SLAVE'",
+    "kind = 'overrun'\nplc = 'a'\nnode = 'MASTER'\ncount = 3",
 ];
+
+/// A fault with this device's names and a jitter that suits its interval.
+fn fault_text(fault: &str) -> String {
+    rate().kind.named(fault).replace("AMPLITUDE", &rate().scaled(400).to_string())
+}
 
 /// Both PLCs' programs.
 struct Programs {
@@ -43,7 +48,7 @@ struct Programs {
     transfers: CANsync_UPDOWNLOAD_SL,
     at_master: Box<[CANsync_RD_BMARRAY; 2]>,
     blocks: Box<[CANsync_UPDOWN_BMARRAY; 2]>,
-    /// SYNC edges that node 2 of `a` and node 1 of `b` have seen.
+    /// SYNC edges that master and slave have seen.
     edges: [u32; 2],
     /// Jobs that have ended well: parameters read, written, blocks.
     done: [u32; 3],
@@ -92,11 +97,11 @@ impl Programs {
     fn interval(&mut self, number: u32) {
         self.bench.rig.run_to_sync();
         self.bench.rig.step(80);
-        let counter = |plc: usize, node: usize| {
-            let header = self.bench.rig.plant.devices()[plc].segment().header().unwrap();
-            header.sync_counter[node].load()
+        let counter = |at: At| {
+            let header = self.bench.rig.plant.devices()[at.plc].segment().header().unwrap();
+            header.sync_counter[usize::from(at.port) - 1].load()
         };
-        let edges = [counter(0, 1), counter(1, 0)];
+        let edges = [self.bench.rig.master_at, self.bench.rig.slave_at].map(counter);
         let [master_runs, slave_runs] = [0, 1].map(|node| edges[node] != self.edges[node]);
         self.edges = edges;
         if slave_runs {
@@ -167,8 +172,8 @@ proptest! {
                 programs.interval(number);
                 number += 1;
             }
-            programs.bench.rig.step(us);
-            let spec: FaultSpec = toml::from_str(FAULTS[fault]).unwrap();
+            programs.bench.rig.step(rate().scaled(us));
+            let spec: FaultSpec = toml::from_str(&fault_text(FAULTS[fault])).unwrap();
             let plant = &mut programs.bench.rig.plant;
             let fault = spec.resolve(fault_kinds(), &plant.names()).unwrap();
             plant.add_fault(fault).unwrap();

@@ -1,10 +1,9 @@
 //! `CANsync_PAR_READ_MA`, `CANsync_PAR_WRITE_MA` against a drive and against `CANsync_PAR_SL`.
 
 use super::bench::{Bench, Dead};
+use super::device::*;
 use crate::rig::{BOTH, Memory};
 use commram::devices::cansync;
-use commram::devices::omega_drive_line_2::blocks::*;
-use commram::devices::omega_drive_line_2::registers::*;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -138,7 +137,7 @@ fn two_blocks_for_one_slave_take_turns() {
 #[test]
 fn waiting_for_another_job_ends_with_a_timeout_too() {
     let dead = Dead::new();
-    let base = dead.ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).unwrap();
+    let base = dead.master();
     base.a_CTRLREG_PAR_CMD_SL[3].b_STEUREG_PAR_CMD.store(0x05);
     let mut block = read(3, 1);
     block.call(&base);
@@ -210,7 +209,7 @@ fn jobs_to_a_slaves_application() {
             });
             assert!(set.x_OK, "{set:?}");
             assert!(busy > 12);
-            let mut get = read(0, number);
+            let mut get = CANsync_PAR_READ_MA { x_PAR_FORMAT, ..read(0, number) };
             bench.until(|b| {
                 application.cycle(b);
                 get.call(&b.ma);

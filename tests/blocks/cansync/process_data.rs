@@ -1,9 +1,8 @@
 //! Mapping and exchange of process data: `CANsync_PD_CFG_...`, `CANsync_PD_COMM_...`.
 
 use super::bench::{Bench, Dead};
+use super::device::*;
 use crate::rig::{BOTH, Memory};
-use commram::devices::omega_drive_line_2::blocks::*;
-use commram::devices::omega_drive_line_2::registers::*;
 
 const NEW: CANsync_RD_BMARRAY = [[0; 16]; 32];
 
@@ -11,7 +10,7 @@ const NEW: CANsync_RD_BMARRAY = [[0; 16]; 32];
 #[test]
 fn mapping_of_reference_values_as_in_the_manual() {
     let dead = Dead::new();
-    let ma = dead.ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).unwrap();
+    let ma = dead.master();
     CANsync_PD_CFG_MA {
         a_WRC1: [1, 1, 0, 2],
         a_HL_WRC1: [false, true, false, false],
@@ -30,8 +29,8 @@ fn mapping_of_reference_values_as_in_the_manual() {
 #[test]
 fn mapping_of_actual_values_as_in_the_manual() {
     let dead = Dead::new();
-    let ma = dead.ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).unwrap();
-    let sl = dead.ram.at::<CANsync_SL_CTRL_BMSTRUCT>(NODE1).unwrap();
+    let ma = dead.master();
+    let sl = dead.slave();
     let (a_RDC1, a_HL_RDC1) = ([1, 1, 0, 2], [false, true, false, false]);
     let (a_RDC2, a_HL_RDC2) = ([4, -1, 5, 5], [false, true, true, false]);
     let (si_SL_NR, wrong) = (3, 32);
@@ -115,7 +114,7 @@ fn master_slave_and_drive_exchange_process_data() {
             heard2.push(ma.si_RD_SL_NR2_RECEIVED);
             overheard.push(sl.si_RD_SL_NR1_RECEIVED);
         }
-        assert_eq!((sl.si_WRC1_RECEIVED, sl.si_WRC2_RECEIVED), (2, 2), "{memory:?}");
+        assert_eq!([sl.si_WRC1_RECEIVED, sl.si_WRC2_RECEIVED], RECEIVED, "{memory:?}");
         assert_eq!(sl.a_WR_VALUES_RECEIVED, [5000, -2, 0, 0, 0x1234_5678, 0, 0, 0]);
         assert_eq!(at_master[0][..8], [-77, 0, 0, 0, 0, 99_999, 0, 0]);
         assert_eq!(at_master[1][0], 5000, "the drive follows its reference value");
@@ -141,7 +140,7 @@ fn values_that_are_not_valid_stay_at_home() {
         sl.call(&bench.sl, &mut at_slave);
         ma.call(&bench.ma, &mut at_master);
     }
-    assert_eq!((sl.si_WRC1_RECEIVED, sl.si_WRC2_RECEIVED), (2, 0));
+    assert_eq!((sl.si_WRC1_RECEIVED, sl.si_WRC2_RECEIVED), (RECEIVED[0], 0));
     assert_eq!(sl.a_WR_VALUES_RECEIVED[4], 0);
     assert_eq!(bench.ma.a_WR_VALUE[4].load(), 0);
     assert_eq!(bench.sl.a_RD_VALUE_SEND[4].load(), 0);
@@ -171,8 +170,8 @@ fn values_of_one_slave_are_read_once() {
     read_ma.call(&bench.ma);
     read_sl.call(&bench.sl);
     assert_eq!([read_ma.a_RD_VALUES[0], read_sl.a_RD_VALUES[0]], [42, 42]);
-    assert_eq!((read_ma.si_RD_SL_NR1_RECEIVED, read_ma.si_RD_SL_NR2_RECEIVED), (2, 0));
-    assert_eq!((read_sl.si_RD_SL_NR1_RECEIVED, read_sl.si_RD_SL_NR2_RECEIVED), (2, 0));
+    assert_eq!((read_ma.si_RD_SL_NR1_RECEIVED, read_ma.si_RD_SL_NR2_RECEIVED), (RECEIVED[0], 0));
+    assert_eq!((read_sl.si_RD_SL_NR1_RECEIVED, read_sl.si_RD_SL_NR2_RECEIVED), (RECEIVED[0], 0));
     read_ma.call(&bench.ma);
     read_sl.call(&bench.sl);
     assert_eq!((read_ma.si_RD_SL_NR1_RECEIVED, read_sl.si_RD_SL_NR1_RECEIVED), (0, 0));
@@ -186,7 +185,7 @@ fn values_of_one_slave_are_read_once() {
 #[test]
 fn requests_follow_the_inputs() {
     let dead = Dead::new();
-    let base = dead.ram.at::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).unwrap();
+    let base = dead.master();
     for (input, register) in [(-128, 0x80), (0, 0), (31, 31), (-1, 0xFF), (32, 0xFF), (-2, 0xFF), (5, 5)] {
         let mut block = CANsync_PD_COMM_MA { si_RD_SL_NR1_RECEIVE: input, ..Default::default() };
         block.si_MAX_SL_NR = input;

@@ -1,10 +1,9 @@
 //! `CANsync_INIT`, `CANsync_SL_TYP_INIT`, `CANsync_MODE_MA`, `CANsync_MODE_SL`.
 
 use super::bench::{Bench, Dead, init};
+use super::device::*;
 use crate::rig::{BOTH, Memory};
-use commram::devices::cansync;
-use commram::devices::omega_drive_line_2::blocks::*;
-use commram::devices::omega_drive_line_2::registers::*;
+use commram::devices::cansync::{self, BaudRate};
 
 /// Manual p. 134, 212, 216-217: what a start looks like, in both memories.
 #[test]
@@ -41,30 +40,37 @@ fn init_sets_up_the_mode_if_asked_and_can_run_again() {
 #[test]
 fn init_data_follow_the_inputs() {
     let role = |x_SL, x_SYNC_IN| CANsync_INIT { x_SL, x_SYNC_IN, ..init() };
+    let [fastest, next, .., slowest] = &BAUD_RATES;
     let own_timing = |b_BIT_TIMING0| CANsync_INIT {
         b_BIT_TIMING0,
-        b_BIT_TIMING1: 0x1C,
+        b_BIT_TIMING1: next.b_BT_1,
         us_BAUDRATE: 0,
-        us_SYNC_INTERVAL: 4,
+        us_SYNC_INTERVAL: next.b_TIME_PATTERN,
         ..init()
     };
+    let at = |rate: &BaudRate| CANsync_INIT {
+        us_BAUDRATE: rate.us_BAUDRATE,
+        us_SYNC_INTERVAL: rate.b_TIME_PATTERN,
+        ..own_timing(9)
+    };
     for (mut block, mode, timing) in [
-        (role(false, false), 0x00, [0x00, 0x1C, 2]),
-        (role(false, true), 0x02, [0x00, 0x1C, 2]),
-        (role(true, false), 0x01, [0x00, 0x1C, 2]),
-        (role(true, true), 0x01, [0x00, 0x1C, 2]),
-        (own_timing(0x01), 0x00, [0x01, 0x1C, 4]),
-        (CANsync_INIT { us_BAUDRATE: 4, us_SYNC_INTERVAL: 4, ..own_timing(9) }, 0x00, [0x01, 0x1C, 4]),
-        (CANsync_INIT { us_BAUDRATE: 3, us_SYNC_INTERVAL: 8, ..init() }, 0x00, [0x03, 0x1C, 8]),
+        (role(false, false), 0x00, fastest),
+        (role(false, true), 0x02, fastest),
+        (role(true, false), 0x01, fastest),
+        (role(true, true), 0x01, fastest),
+        (own_timing(next.b_BT_0), 0x00, next),
+        (at(next), 0x00, next),
+        (at(slowest), 0x00, slowest),
     ] {
         let dead = Dead::new();
-        let base = dead.ram.at::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+        let base = dead.init();
         block.a_SL_TYP[31] = 1;
         for state in [1, 2] {
             base.w_OPTION_STATUS.store(state);
             block.call(&base);
         }
         let found = [&base.b_BT_0, &base.b_BT_1, &base.b_TIME_PATTERN].map(|cell| cell.load());
+        let timing = [timing.b_BT_0, timing.b_BT_1, timing.b_TIME_PATTERN];
         assert_eq!((base.b_MA_SL_MODE.load(), found), (mode, timing), "{block:?}");
         let found = [&base.b_AC, &base.b_AM, &base.b_OUTPUT_CONTROL, &base.b_CLOCK_DIVIDER];
         assert_eq!(found.map(|cell| cell.load()), [0xFF, 0xFF, 0xFA, 0x07]);
@@ -95,7 +101,7 @@ fn init_reports_every_error() {
     }
 
     let dead = Dead::new();
-    let base = dead.ram.at::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
+    let base = dead.init();
     let mut block = init();
     for us in [0, 999_999] {
         dead.pass(us);
@@ -129,7 +135,7 @@ fn mode_gives_each_command_and_shows_each_state() {
     bench.ma.w_CPU_CONTROL.store(0x0001);
     bench.rig.step(1000);
     assert_eq!(shown(&mut bench), Some(1));
-    crate::rig::write_init_data(&bench.ma_init, bench.rig.rate.timing, 0x00);
+    bench.rig.master_node().write_init_data();
     assert_eq!(give(&mut bench, |mode| mode.x_SET_INIT_DATA = true), Some(2));
     assert_eq!(give(&mut bench, |mode| mode.x_SYNC_MODE = true), Some(3));
     assert_eq!(give(&mut bench, |mode| mode.x_CANsync_RUN = true), Some(4));

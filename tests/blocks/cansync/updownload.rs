@@ -1,10 +1,9 @@
 //! `CANsync_UPDOWNLOAD_MA` and `CANsync_UPDOWNLOAD_SL`.
 
 use super::bench::{Bench, Dead};
+use super::device::*;
 use crate::rig::{BOTH, Memory};
 use commram::devices::cansync;
-use commram::devices::omega_drive_line_2::blocks::*;
-use commram::devices::omega_drive_line_2::registers::*;
 use std::time::Duration;
 
 struct Both {
@@ -137,13 +136,14 @@ fn every_error_of_the_masters_block() {
     both.until(|both| !both.ma.x_BUSY);
     let took = both.bench.rig.plant.now() - start;
     assert!((300_000..306_000).contains(&took), "{took}");
-    assert_eq!((both.ma.b_ERR, both.ma.x_ERR, both.ma.x_ERR_SL, both.ma.x_OK), (1 << 0, true, false, false));
+    let [of_slave, of_length, timeout] = TRANSFER_ERRORS;
+    assert_eq!((both.ma.b_ERR, both.ma.x_ERR, both.ma.x_ERR_SL, both.ma.x_OK), (timeout, true, false, false));
 
     for length in [0, 2049, u16::MAX] {
         let mut both = Both::new(Memory::Heap);
         both.ma.u_LENGTH = length;
         both.call();
-        assert_eq!((both.ma.b_ERR, both.ma.x_ERR, both.ma.x_BUSY), (1 << 1, true, false));
+        assert_eq!((both.ma.b_ERR, both.ma.x_ERR, both.ma.x_BUSY), (of_length, true, false));
         both.ma.u_LENGTH = 1;
         both.call();
         assert!(!both.ma.x_BUSY, "needs a reset");
@@ -157,7 +157,7 @@ fn every_error_of_the_masters_block() {
     let mut both = Both::new(Memory::Heap);
     (both.ma.si_SL_NR, both.ma.u_LENGTH) = (1, 1);
     both.until(|both| !both.ma.x_BUSY);
-    assert_eq!((both.ma.w_ERR_SL, both.ma.x_ERR_SL, both.ma.b_ERR), (0x0104, true, 0));
+    assert_eq!((both.ma.w_ERR_SL, both.ma.x_ERR_SL, both.ma.b_ERR), (0x0104, true, of_slave));
 }
 
 /// Manual p. 270-271: the slave's own monitoring time.
@@ -249,7 +249,7 @@ fn areas_that_the_slave_does_not_have_are_refused() {
 #[test]
 fn the_slaves_preset_time_is_30_seconds() {
     let dead = Dead::new();
-    let base = dead.ram.at::<CANsync_SL_CTRL_BMSTRUCT>(NODE1).unwrap();
+    let base = dead.slave();
     let mut block = CANsync_UPDOWNLOAD_SL { x_EN: true, ..Default::default() };
     let mut values = [0; UPDOWN_VALUES];
     base.b_STEUREG_UPDOWNBLK1.store(0x55);

@@ -1,7 +1,7 @@
 //! The BAPS blocks: `BAPS_INIT`, `BAPS_PD_COMM2`, `_COMM8`, `_COMM24`, `BAPS_PD_CONTROL`; service data are in
 //! `service_data`.
 
-use super::bench::Dead;
+use crate::omega::cansync::bench::Dead;
 use crate::rig::{BOTH, Memory, segment};
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::*;

@@ -1,6 +1,6 @@
 //! `LED`, `INTR_SET`, `OPT_INIT`, `TIME_MEASURE_START`, `TIME_MEASURE_END`.
 
-use super::bench::{Bench, Dead};
+use crate::omega::cansync::bench::{Bench, Dead};
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::NODE2;

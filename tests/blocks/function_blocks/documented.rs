@@ -117,14 +117,14 @@ fn every_input_and_output_is_documented_with_its_type_and_preset() {
 fn every_block_is_tested() {
     let tests = [
         include_str!("baps.rs"),
-        include_str!("bench.rs"),
+        include_str!("../cansync/bench.rs"),
         include_str!("board.rs"),
-        include_str!("command_channel.rs"),
-        include_str!("parameter.rs"),
-        include_str!("process_data.rs"),
+        include_str!("../cansync/command_channel.rs"),
+        include_str!("../cansync/parameter.rs"),
+        include_str!("../cansync/process_data.rs"),
         include_str!("service_data.rs"),
-        include_str!("start.rs"),
-        include_str!("updownload.rs"),
+        include_str!("../cansync/start.rs"),
+        include_str!("../cansync/updownload.rs"),
     ];
     let titles = DOCS.lines().filter_map(|line| line.strip_prefix("### "));
     let blocks: Vec<_> = titles.flat_map(|title| title.split(", ")).collect();

@@ -1,18 +1,9 @@
-//! The vendor's function blocks against the live firmware, in the roles the manual gives them.
-
-#![allow(non_snake_case, reason = "the manual's names, letter for letter")]
+//! The function blocks that only the Omega Drive-Line II has, against the live firmware, and what is documented of all.
 
 mod baps;
 mod baps_faults;
 mod baps_inputs;
-mod bench;
 mod board;
-mod command_channel;
-mod disturbed;
 mod documented;
-mod parameter;
-mod process_data;
 mod service_data;
-mod start;
 mod tasks;
-mod updownload;

@@ -1,7 +1,7 @@
 //! `BAPS_PAR_READ`, `BAPS_PAR_WRITE`, `BAPS_SD_CONTROL`.
 
 use super::baps::Stage;
-use super::bench::Dead;
+use crate::omega::cansync::bench::Dead;
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::omega_drive_line_2::registers::*;
@@ -200,7 +200,7 @@ fn a_dropped_job_needs_a_reset_of_both_blocks() {
 /// Manual p. 225-229, figure 7-6: a CANsync master reads a parameter of the drive behind a slave.
 #[test]
 fn the_pins_of_par_sl_fit_those_of_the_baps_blocks() {
-    let mut bench = super::bench::Bench::active(Memory::Heap);
+    let mut bench = crate::omega::cansync::bench::Bench::active(Memory::Heap);
     let ram = Ram::of(bench.rig.plant.devices()[1].segment()).unwrap();
     let baps = ram.at::<BAPS_CTRL_BMSTRUCT>(BAPS).unwrap();
     let mut jobs = CANsync_PAR_SL { x_EN: true, ..Default::default() };

@@ -1,6 +1,6 @@
 //! The runner of tasks, in step with a plant in this process.
 
-use super::bench::Bench;
+use crate::omega::cansync::bench::Bench;
 use crate::rig::{BOTH, Memory};
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::memory::header::{ProgramState, Start};

@@ -1,12 +1,11 @@
 //! A plant of one PLC, nothing but its BAPS in use.
 
-use crate::rig::{BOTH, Memory, Rate, segment, write_init_data};
+use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
+use crate::rig::{BOTH, Memory, Rate, segment};
 use commram::devices::cansync::drive::BuiltInDrive;
 use commram::devices::fault_kinds;
 use commram::devices::omega_drive_line_2::Plc;
-use commram::devices::omega_drive_line_2::registers::{
-    BAPS, BAPS_CTRL_BMSTRUCT, CANsync_INIT_BMSTRUCT, NODE2,
-};
+use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
 use commram::fault::FaultSpec;
 use commram::memory::header::{InterruptResult, OptInitResult, Trigger};
 use commram::memory::{Header, Image, View};
@@ -72,14 +71,9 @@ impl Bench {
 
     /// Node 2 starts SYNC.
     pub(crate) fn start_sync(&mut self, rate: Rate) {
-        let node = self.plant.devices()[0].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
-        node.w_CPU_CONTROL.store(0x0001);
-        self.step(500);
-        write_init_data(&node, rate.timing, 0x00);
-        for command in [0x0002, 0x0020] {
-            node.w_CPU_CONTROL.store(command);
-            self.step(500);
-        }
+        let at = rate.kind.master;
+        let node = Node::at(self.plant.devices()[at.plc].segment(), at.base, rate.timing, Mode::Master);
+        bring_up_in(&mut self.plant, &[&node], ..=Stage::SetUp);
     }
 
     fn header(&self) -> View<Header> {

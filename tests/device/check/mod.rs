@@ -2,46 +2,47 @@
 
 mod cases;
 
-use crate::rig::{BOTH, Memory, OMEGA_RATES, Rig};
+use crate::rig::{BOTH, FASTEST, Memory, OMEGA_RATES, RATES, Rig};
 use cases::cases;
 use commram::check::rules;
 use commram::devices::cansync;
-use commram::devices::omega_drive_line_2::registers::*;
+use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use commram::devices::omega_drive_line_2::registers::BAPS;
 use commram::journal::{Entry, Rule};
 use commram::memory::Width;
+use core::mem::offset_of;
 
 fn findings(rig: &Rig) -> Vec<Entry> {
     rig.plant.journal().findings().iter().copied().collect()
 }
 
-fn device() -> &'static commram::layout::Device {
-    &DEVICE
-}
-
-fn names(entries: &[Entry]) -> Vec<(&'static str, Option<String>)> {
-    entries.iter().map(|entry| (entry.last.rule.id(), entry.last.name(device()))).collect()
+/// Rule and register of each finding.
+fn names(rig: &Rig) -> Vec<(&'static str, Option<String>)> {
+    let of = |entry: &Entry| (entry.last.rule.id(), entry.last.name(rig.fitted(entry.last.plc)));
+    findings(rig).iter().map(of).collect()
 }
 
 #[test]
 fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
-    for memory in BOTH {
-        for case in cases() {
+    for (rate, memory) in FASTEST.into_iter().flat_map(|rate| BOTH.map(|memory| (rate, memory))) {
+        for case in cases(rate.kind) {
             let rule = case.rule;
-            let mut rig = Rig::new(memory, OMEGA_RATES[0]);
+            let mut rig = Rig::new(memory, rate);
             rig.expect_errors(&[rule]);
             (case.wrong)(&mut rig);
             rig.step(500);
             let found = findings(&rig);
-            let [entry] = found[..] else { panic!("{rule}, {memory:?}: {:?}", names(&found)) };
-            assert_eq!(entry.last.rule, rule);
-            assert_eq!(entry.last.name(device()).as_deref(), Some(case.register), "{rule}");
-            assert_eq!(entry.last.value, case.value, "{rule}");
+            let [entry] = found[..] else { panic!("{rule}, {memory:?}, {rate:?}: {:?}", names(&rig)) };
+            assert_eq!(entry.last.rule, rule, "{rate:?}");
+            let register = rate.kind.named(case.register);
+            assert_eq!(entry.last.name(rig.fitted(entry.last.plc)), Some(register), "{rule}, {rate:?}");
+            assert_eq!(entry.last.value, (case.value)(rate), "{rule}, {rate:?}");
             assert_eq!(entry.count, 1, "{rule} is reported once");
 
-            let mut rig = Rig::new(memory, OMEGA_RATES[0]);
+            let mut rig = Rig::new(memory, rate);
             (case.right)(&mut rig);
             rig.step(500);
-            assert_eq!(names(&findings(&rig)), [], "the right way beside {rule}, {memory:?}");
+            assert_eq!(names(&rig), [], "the right way beside {rule}, {memory:?}");
         }
     }
 }
@@ -52,14 +53,15 @@ fn every_rule_has_a_case() {
         .rules
         .iter()
         .copied()
-        .filter(|rule| cases().all(|case| case.rule != *rule))
+        .filter(|rule| cases(OMEGA_RATES[0].kind).all(|case| case.rule != *rule))
         .collect();
     assert_eq!(without, Vec::<&Rule>::new());
 }
 
 #[test]
 fn how_late_it_was_is_told() {
-    for (rate, deadline) in [(OMEGA_RATES[0], 490), (OMEGA_RATES[2], 2780)] {
+    for rate in RATES {
+        let deadline = u64::from(rate.timing.deadline_WRC.latest);
         let mut rig = Rig::new(Memory::Heap, rate);
         rig.expect_errors(&[&cansync::rules::LATE_REFERENCE]);
         for late in [12, 37, 5] {
@@ -80,96 +82,114 @@ fn how_late_it_was_is_told() {
 /// D-142: who releases one interval ahead, or now and then, is not late.
 #[test]
 fn working_ahead_and_pausing_are_not_late() {
-    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
-    rig.activate();
-    for _ in 0..5 {
-        rig.step(1000);
-        rig.master.b_CTRLREG_WRC1.store(0x05);
-        rig.run_to_sync();
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.activate();
+        for _ in 0..5 {
+            rig.step(rate.interval_us / 2);
+            rig.master.b_CTRLREG_WRC1.store(0x05);
+            rig.run_to_sync();
+        }
+        for _ in 0..3 {
+            rig.run_to_sync();
+            rig.run_to_sync();
+            rig.step(u64::from(rate.timing.deadline_WRC.latest) + 210);
+            rig.master.b_CTRLREG_WRC1.store(0x05);
+            rig.run_to_sync();
+            rig.run_to_sync();
+        }
+        assert_eq!(names(&rig), []);
     }
-    for _ in 0..3 {
-        rig.run_to_sync();
-        rig.run_to_sync();
-        rig.step(700);
-        rig.master.b_CTRLREG_WRC1.store(0x05);
-        rig.run_to_sync();
-        rig.run_to_sync();
-    }
-    assert_eq!(names(&findings(&rig)), []);
 }
 
 /// A finding bears the emulated time of the write, however the time passes afterwards.
 #[test]
 fn the_time_is_that_of_the_write() {
-    for slice in [1, 77, 5000] {
-        let mut rig = Rig::new(Memory::Mapped, OMEGA_RATES[0]);
-        rig.expect_errors(&[&rules::OWNER]);
-        rig.activate();
-        rig.step(333);
-        let at = rig.plant.now();
-        rig.master.w_OMEGA_NR.store(1);
-        for _ in 0..5000 / slice {
-            rig.step(slice);
+    for rate in FASTEST {
+        for slice in [1, 77, 5000] {
+            let mut rig = Rig::new(Memory::Mapped, rate);
+            rig.expect_errors(&[&rules::OWNER]);
+            rig.activate();
+            rig.step(333);
+            let at = rig.plant.now();
+            rig.slave.w_OMEGA_NR.store(1);
+            for _ in 0..5000 / slice {
+                rig.step(slice);
+            }
+            rig.slave.w_OMEGA_NR.store(2);
+            let again = rig.plant.now();
+            rig.plant.processor_cycle();
+            let found = findings(&rig);
+            assert_eq!((found[0].first_us, found[0].last_us, found[0].count), (at, again, 2));
         }
-        rig.master.w_OMEGA_NR.store(2);
-        let again = rig.plant.now();
-        rig.plant.processor_cycle();
-        let found = findings(&rig);
-        assert_eq!((found[0].first_us, found[0].last_us, found[0].count), (at, again, 2));
     }
 }
 
 /// The same value again is no change of the RAM; through the channel it is a write all the same.
 #[test]
 fn through_the_channel_every_write_is_seen() {
-    let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
-    rig.expect_errors(&[&rules::OWNER]);
-    rig.activate();
-    for _ in 0..3 {
-        rig.plant.note_channel_write(0, NODE2 as u32 + 2, 2, 0x0080);
-    }
-    let status = NODE2 as u32 + 2;
-    rig.plant.devices()[0].segment().store(status, Width::Word, 0x0043).unwrap();
-    rig.plant.note_channel_write(0, status, 2, 0x0043);
-    rig.step(100);
-    let found = findings(&rig);
-    assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 4, 0x0043), "not found a second time");
-    let baps_status = BAPS as u32 + 2;
-    for times in [1, 2] {
-        rig.plant.devices()[0].segment().store(baps_status, Width::Word, 0x0008).unwrap();
-        rig.plant.note_channel_write(0, baps_status, 2, 0x0008);
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.expect_errors(&[&rules::OWNER]);
+        rig.activate();
+        let status = (rate.kind.master.base + offset_of!(CANsync_MA_CTRL_BMSTRUCT, w_OPTION_STATUS)) as u32;
+        for _ in 0..3 {
+            rig.plant.note_channel_write(0, status, 2, 0x0080);
+        }
+        rig.plant.devices()[0].segment().store(status, Width::Word, 0x0043).unwrap();
+        rig.plant.note_channel_write(0, status, 2, 0x0043);
+        rig.step(100);
         let found = findings(&rig);
         assert_eq!(
-            (found[1].last.name(device()).as_deref(), found[1].count),
-            (Some("baps.w_STATUS_REG"), times)
+            (found.len(), found[0].count, found[0].last.value),
+            (1, 4, 0x0043),
+            "not found a second time"
         );
     }
 }
 
 #[test]
-fn findings_can_be_forgotten() {
+fn through_the_channel_every_write_to_the_baps_is_seen() {
     let mut rig = Rig::new(Memory::Heap, OMEGA_RATES[0]);
     rig.expect_errors(&[&rules::OWNER]);
-    for value in [5, 6] {
-        rig.plant.clear_findings();
-        rig.master.w_OMEGA_NR.store(value);
-        rig.step(100);
-        let found = findings(&rig);
-        assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 1, u32::from(value)));
+    rig.activate();
+    let status = BAPS as u32 + 2;
+    for times in [1, 2] {
+        rig.plant.devices()[0].segment().store(status, Width::Word, 0x0008).unwrap();
+        rig.plant.note_channel_write(0, status, 2, 0x0008);
+        assert_eq!(names(&rig), [(rules::OWNER.id(), Some("baps.w_STATUS_REG".to_owned()))]);
+        assert_eq!(findings(&rig)[0].count, times);
+    }
+}
+
+#[test]
+fn findings_can_be_forgotten() {
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.expect_errors(&[&rules::OWNER]);
+        for value in [5, 6] {
+            rig.plant.clear_findings();
+            rig.slave.w_OMEGA_NR.store(value);
+            rig.step(100);
+            let found = findings(&rig);
+            assert_eq!((found.len(), found[0].count, found[0].last.value), (1, 1, u32::from(value)));
+        }
     }
 }
 
 /// Findings are events like all others: the same run has the same ones, and other ones make another run.
 #[test]
 fn findings_belong_to_the_run() {
-    let run = |memory, value| {
-        let mut rig = Rig::new(memory, OMEGA_RATES[0]);
-        rig.expect_errors(&[&rules::OWNER]);
-        rig.activate();
-        rig.master.w_OMEGA_NR.store(value);
-        rig.step(3000);
-        rig.plant.journal().hash()
-    };
-    assert_eq!(run(Memory::Heap, 5), run(Memory::Mapped, 5));
-    assert_ne!(run(Memory::Heap, 5), run(Memory::Heap, 6));
+    for rate in FASTEST {
+        let run = |memory, value| {
+            let mut rig = Rig::new(memory, rate);
+            rig.expect_errors(&[&rules::OWNER]);
+            rig.activate();
+            rig.slave.w_OMEGA_NR.store(value);
+            rig.step(3000);
+            rig.plant.journal().hash()
+        };
+        assert_eq!(run(Memory::Heap, 5), run(Memory::Mapped, 5));
+        assert_ne!(run(Memory::Heap, 5), run(Memory::Heap, 6));
+    }
 }

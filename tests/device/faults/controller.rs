@@ -10,8 +10,7 @@ const IDLE: u16 = 0x000C;
 
 /// A fault at a node, which is called by its name.
 fn add_at(rig: &mut Rig, at: At, text: &str) -> u16 {
-    let plc = ["a", "b"][at.plc];
-    let port = rig.rate.kind.layout.port_numbered(at.port).unwrap().name;
+    let (plc, port) = [("a", "MASTER"), ("b", "SLAVE")][at.plc];
     add(rig, &format!("{text}\nplc = '{plc}'\nnode = '{port}'"))
 }
 
@@ -20,7 +19,7 @@ fn add_at(rig: &mut Rig, at: At, text: &str) -> u16 {
 fn a_master_in_bus_off_sends_nothing_until_it_is_reset() {
     for rate in FASTEST {
         for memory in BOTH {
-            let mut rig = running_at(memory, rate);
+            let mut rig = running(memory, rate);
             add_at(&mut rig, rate.kind.master, "kind = 'bus_off'");
             let frames = rig.frames().len();
             enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
@@ -78,7 +77,7 @@ fn a_slave_in_bus_off_is_not_there_until_it_is_reset() {
 #[test]
 fn the_reset_command_alone_does_not_restart_the_node() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add_at(&mut rig, rate.kind.slave, "kind = 'bus_off'");
         rig.slave.w_CPU_CONTROL.store(0x0080);
         rig.step(5_000);
@@ -90,7 +89,7 @@ fn the_reset_command_alone_does_not_restart_the_node() {
 #[test]
 fn a_restart_ends_bus_off_too() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add_at(&mut rig, rate.kind.master, "kind = 'bus_off'");
         rig.step(500);
         assert_eq!(rig.master.w_CANsync_STATUS.load(), BUS_OFF);
@@ -102,7 +101,7 @@ fn a_restart_ends_bus_off_too() {
 #[test]
 fn a_cause_that_stays_switches_the_controller_off_again() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         let id = add_at(&mut rig, rate.kind.master, "kind = 'bus_off'\nduration_us = 10000");
         rig.master.w_CPU_CONTROL.store(0x00C0);
         rig.step(5_000);
@@ -119,7 +118,7 @@ fn a_cause_that_stays_switches_the_controller_off_again() {
 #[test]
 fn a_frame_under_way_is_lost() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         let at = rig.plant.now() + u64::from(rate.timing.t_WRC1) + 70;
         add_at(&mut rig, rate.kind.master, &format!("kind = 'bus_off'\nat_us = {at}"));
         rig.slave.b_CTRLREG_WRC1.store(0);
@@ -149,7 +148,7 @@ fn bus_off_waits_for_a_working_controller() {
 fn an_overrun_of_the_master_loses_the_answer_and_stays_shown() {
     for rate in FASTEST {
         for memory in BOTH {
-            let mut rig = running_at(memory, rate);
+            let mut rig = running(memory, rate);
             add_at(&mut rig, rate.kind.master, "kind = 'overrun'");
             rig.master.a_STATREG_RDC[DRIVE].b_STATREG_RDC1.store(0xFF);
             rig.send_wrc1();
@@ -170,7 +169,7 @@ fn an_overrun_of_the_master_loses_the_answer_and_stays_shown() {
 #[test]
 fn an_overrun_of_a_slave_concerns_it_alone() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add_at(&mut rig, rate.kind.slave, "kind = 'overrun'\ncount = 2");
         rig.slave.b_CTRLREG_WRC1.store(0);
         rig.master.a_STATREG_RDC[DRIVE].b_STATREG_RDC1.store(0xFF);

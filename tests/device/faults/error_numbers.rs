@@ -52,7 +52,7 @@ const UPDOWN: [(u16, By); 11] = [
 fn every_error_number_of_a_parameter_job() {
     for rate in FASTEST {
         for (number, by) in PARAMETER {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             let slave = match by {
                 By::Job(control, parameter, value) => {
                     enter_parameter(&rig, DRIVE, control, parameter, value);
@@ -79,7 +79,7 @@ fn every_error_number_of_a_parameter_job() {
 fn every_error_number_of_an_up_or_download() {
     for rate in FASTEST {
         for (number, by) in UPDOWN {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             match by {
                 By::Block(control, address, length) => enter_block(&rig, control, address, length),
                 By::Fault(fault) => {
@@ -118,7 +118,7 @@ fn a_slave_can_be_made_to_answer_any_error_number() {
     for rate in FASTEST {
         for (number, _) in PARAMETER {
             for slave in [0, DRIVE] {
-                let mut rig = running_at(Memory::Heap, rate);
+                let mut rig = running(Memory::Heap, rate);
                 add(&mut rig, &format!("kind = 'slave_error'\nslave = {slave}\nerror = {number}\ncount = 1"));
                 enter_parameter(&rig, slave, 0x15, 300, 1);
                 intervals(&mut rig, 2);
@@ -127,7 +127,7 @@ fn a_slave_can_be_made_to_answer_any_error_number() {
             }
         }
         for (number, _) in UPDOWN {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             add(&mut rig, &format!("kind = 'slave_error'\nslave = 0\nerror = {number}\ncount = 1"));
             enter_block(&rig, 0x05, 0x1000, 12);
             intervals(&mut rig, 2);

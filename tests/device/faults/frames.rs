@@ -15,7 +15,7 @@ fn exchanged(rig: &mut Rig) -> bool {
 fn a_lost_reference_frame_is_acknowledged_but_nobody_has_it() {
     for rate in FASTEST {
         for memory in BOTH {
-            let mut rig = running_at(memory, rate);
+            let mut rig = running(memory, rate);
             let id = add(&mut rig, "kind = 'lose_frame'\nslot = 'WRC1'\ncount = 2");
             let frames = rig.frames().len();
             for _ in 0..2 {
@@ -39,7 +39,7 @@ fn a_lost_reference_frame_is_acknowledged_but_nobody_has_it() {
 #[test]
 fn a_drive_counts_the_reference_frames_it_misses() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         exchanged(&mut rig);
         exchanged(&mut rig);
         let losses = |rig: &Rig| drives(rig.plant.media()).next().unwrap().reference_losses();
@@ -63,7 +63,7 @@ fn identifier_mask_and_slot_choose_the_frames() {
             ("id = 0x301\nslot = 'RDC2'", true, true),
             ("", false, false),
         ] {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             add(&mut rig, &format!("kind = 'lose_frame'\n{choice}"));
             let mut got = |slave: usize| {
                 rig.master.b_CTRLREG_RD_ORDER_RDC1.store(slave as u8);
@@ -83,7 +83,7 @@ fn every_slot_can_be_hit() {
         for (slot, id) in
             [("WRC1", 0x101), ("RDC1", 0x301), ("WRC2", 0x181), ("RDC2", 0x381), ("CC", 0x501), ("RC", 0x581)]
         {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             rig.master.b_CTRLREG_RD_ORDER_RDC2.store(DRIVE as u8);
             enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
             add(&mut rig, &format!("kind = 'lose_frame'\nslot = '{slot}'\ncount = 1"));
@@ -100,7 +100,7 @@ fn every_slot_can_be_hit() {
 fn a_lost_job_or_answer_is_repeated() {
     for rate in FASTEST {
         for slot in ["CC", "RC"] {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             add(&mut rig, &format!("kind = 'lose_frame'\nslot = '{slot}'\ncount = 3"));
             enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
             intervals(&mut rig, 4);
@@ -130,7 +130,7 @@ fn a_slave_whose_status_answer_is_lost_does_not_respond() {
 #[test]
 fn a_delayed_reference_frame_and_its_answer_come_late() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         // Behind the slot of the answer; a frame has 50 to 130 bits.
         let (slot, delay) = (u64::from(rate.timing.t_WRC1), rate.interval_us * 3 / 10);
         let bits = |bits: u64| bits * 1000 / u64::from(rate.kbit_s);
@@ -150,7 +150,7 @@ fn a_delayed_reference_frame_and_its_answer_come_late() {
 fn a_frame_can_be_delayed_into_the_next_interval() {
     for rate in FASTEST {
         for memory in BOTH {
-            let mut rig = running_at(memory, rate);
+            let mut rig = running(memory, rate);
             add(&mut rig, "kind = 'delay_frame'\nslot = 'WRC1'\ndelay_us = 2500\ncount = 1");
             rig.slave.b_CTRLREG_WRC1.store(0);
             rig.send_wrc1();
@@ -170,7 +170,7 @@ fn a_frame_can_be_delayed_into_the_next_interval() {
 #[test]
 fn an_answer_delayed_beyond_the_time_limit_counts_as_none() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, "kind = 'delay_frame'\nslot = 'RC'\ndelay_us = 500\ncount = 2");
         enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
         intervals(&mut rig, 3);
@@ -184,7 +184,7 @@ fn an_answer_delayed_beyond_the_time_limit_counts_as_none() {
 #[test]
 fn a_duplicated_frame_arrives_twice() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, "kind = 'duplicate_frame'\nslot = 'WRC1'\ncount = 1");
         let before = rig.frames().len();
         assert!(exchanged(&mut rig));
@@ -199,7 +199,7 @@ fn a_duplicated_frame_arrives_twice() {
 #[test]
 fn a_duplicated_job_is_a_repetition() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, "kind = 'duplicate_frame'\nslot = 'CC'\nid = 0x500\ndelay_us = 10");
         enter_parameter(&rig, 0, 0x05, 300, 7);
         intervals(&mut rig, 2);

@@ -1,7 +1,7 @@
 //! The list of faults: when they begin and end, what is refused, and that runs with faults are repeatable.
 
 use super::*;
-use crate::rig::{BOTH, Memory};
+use crate::rig::{BOTH, FASTEST, Memory};
 use commram::fault::{Draft, Kind, MAX_AT_US, MAX_FAULTS, Refusal, Target};
 use commram::memory::Segment;
 use commram::plant::{Plant, PlantConfig};
@@ -12,64 +12,76 @@ fn kind(name: &str) -> &'static Kind {
 
 #[test]
 fn a_fault_waits_for_its_time_and_ends_after_its_duration() {
-    let mut rig = running(Memory::Heap);
-    let now = rig.plant.now();
-    let at = now + 3_333;
-    let id = add(&mut rig, &format!("kind = 'slave_off'\nslave = 2\nat_us = {at}\nduration_us = 444"));
-    let acting = |rig: &Rig| rig.plant.faults().map(|fault| fault.acting).collect::<Vec<_>>();
-    assert_eq!(acting(&rig), [false]);
-    rig.plant.advance_to(at - 1);
-    assert_eq!(acting(&rig), [false]);
-    assert_eq!(rig.plant.next_event(), at);
-    rig.plant.advance_to(at);
-    assert_eq!(acting(&rig), [true]);
-    rig.plant.advance_to(at + 444);
-    assert!(acting(&rig).is_empty());
-    assert_eq!(news(&rig), [(now, id, News::Added), (at + 444, id, News::Over)]);
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        let now = rig.plant.now();
+        let at = now + 3_333;
+        let id = add(&mut rig, &format!("kind = 'slave_off'\nslave = 2\nat_us = {at}\nduration_us = 444"));
+        let acting = |rig: &Rig| rig.plant.faults().map(|fault| fault.acting).collect::<Vec<_>>();
+        assert_eq!(acting(&rig), [false]);
+        rig.plant.advance_to(at - 1);
+        assert_eq!(acting(&rig), [false]);
+        assert_eq!(rig.plant.next_event(), at);
+        rig.plant.advance_to(at);
+        assert_eq!(acting(&rig), [true]);
+        rig.plant.advance_to(at + 444);
+        assert!(acting(&rig).is_empty());
+        assert_eq!(news(&rig), [(now, id, News::Added), (at + 444, id, News::Over)]);
+    }
 }
 
 #[test]
 fn numbers_count_up_and_cleared_ones_are_gone() {
-    let mut rig = running(Memory::Heap);
-    let ids = [0; 3].map(|_| add(&mut rig, "kind = 'lose_sync'\nat_us = 1000000000"));
-    assert_eq!(ids, [1, 2, 3]);
-    rig.plant.clear_fault(2).unwrap();
-    assert_eq!(rig.plant.clear_fault(2), Err(Refusal::UnknownFault { id: 2 }));
-    assert_eq!(rig.plant.faults().map(|fault| fault.id).collect::<Vec<_>>(), [1, 3]);
-    assert_eq!(add(&mut rig, "kind = 'lose_sync'"), 4, "a number is not given away again at once");
-    assert_eq!(rig.plant.clear_faults(), 3);
-    assert_eq!(rig.plant.faults().count(), 0);
-    let cleared = news(&rig).iter().filter(|(_, _, news)| *news == News::Cleared).count();
-    assert_eq!(cleared, 4);
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        let ids = [0; 3].map(|_| add(&mut rig, "kind = 'lose_sync'\nat_us = 1000000000"));
+        assert_eq!(ids, [1, 2, 3]);
+        rig.plant.clear_fault(2).unwrap();
+        assert_eq!(rig.plant.clear_fault(2), Err(Refusal::UnknownFault { id: 2 }));
+        assert_eq!(rig.plant.faults().map(|fault| fault.id).collect::<Vec<_>>(), [1, 3]);
+        assert_eq!(add(&mut rig, "kind = 'lose_sync'"), 4, "a number is not given away again at once");
+        assert_eq!(rig.plant.clear_faults(), 3);
+        assert_eq!(rig.plant.faults().count(), 0);
+        let cleared = news(&rig).iter().filter(|(_, _, news)| *news == News::Cleared).count();
+        assert_eq!(cleared, 4);
+    }
 }
 
 #[test]
 fn what_the_plant_does_not_have_is_refused() {
-    let mut rig = running(Memory::Heap);
-    let lose = Draft::new(kind("lose_sync"), Target::Medium(0));
-    let slave = |medium, number| Draft::new(kind("slave_busy"), Target::Participant { medium, number });
-    let node = |device, port| Draft::new(kind("bus_off"), Target::Port { device, port });
-    let cases = [
-        (Draft { count: Some(0), ..lose }, "count is 0; it must be 1 to 4294967295"),
-        (Draft { duration_us: Some(0), ..lose }, "duration_us is 0; it must be 1 to 3600000000"),
-        (Draft { at_us: MAX_AT_US + 1, ..lose }, "at_us is 31536000000001; it must be 0 to 31536000000000"),
-        (slave(0, 7), "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
-        (slave(0, 200), "slave is 200; it must be 0 to 31"),
-        (slave(1, 0), "bus 1 does not exist; there are 1"),
-        (node(0, 1), "node1 of PLC 0 is not on a bus; those that are: node2"),
-        (node(0, 3), "PLC 0 has no port 3; its ports are: node1, node2"),
-        (node(2, 1), "PLC 2 does not exist; there are 2"),
-    ];
-    for (draft, expected) in cases {
-        let refusal = draft.check().and_then(|fault| rig.plant.add_fault(fault)).unwrap_err().to_string();
-        assert!(refusal.starts_with(expected), "{refusal}\n{expected}");
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        let lose = Draft::new(kind("lose_sync"), Target::Medium(0));
+        let slave = |medium, number| Draft::new(kind("slave_busy"), Target::Participant { medium, number });
+        let node = |device, port| Draft::new(kind("bus_off"), Target::Port { device, port });
+        let cases = [
+            (Draft { count: Some(0), ..lose }, "count is 0; it must be 1 to 4294967295"),
+            (Draft { duration_us: Some(0), ..lose }, "duration_us is 0; it must be 1 to 3600000000"),
+            (
+                Draft { at_us: MAX_AT_US + 1, ..lose },
+                "at_us is 31536000000001; it must be 0 to 31536000000000",
+            ),
+            (slave(0, 7), "bus 0 has no slave 7; its slaves are: 0, 1, 2"),
+            (slave(0, 200), "slave is 200; it must be 0 to 31"),
+            (slave(1, 0), "bus 1 does not exist; there are 1"),
+            (
+                node(0, rate.kind.slave.port),
+                &rate.kind.named("SLAVE of PLC 0 is not on a bus; those that are: MASTER"),
+            ),
+            (node(0, 9), "PLC 0 has no port 9; its ports are: "),
+            (node(2, 1), "PLC 2 does not exist; there are 2"),
+        ];
+        for (draft, expected) in cases {
+            let refusal = draft.check().and_then(|fault| rig.plant.add_fault(fault)).unwrap_err().to_string();
+            assert!(refusal.starts_with(expected), "{refusal}\n{expected}");
+        }
+        assert!(news(&rig).is_empty(), "a refused fault leaves no trace");
+        for _ in 0..MAX_FAULTS {
+            add(&mut rig, "kind = 'lose_sync'\nat_us = 1000000000");
+        }
+        let one_more = lose.check().unwrap();
+        assert_eq!(rig.plant.add_fault(one_more), Err(Refusal::TooMany));
     }
-    assert!(news(&rig).is_empty(), "a refused fault leaves no trace");
-    for _ in 0..MAX_FAULTS {
-        add(&mut rig, "kind = 'lose_sync'\nat_us = 1000000000");
-    }
-    let one_more = lose.check().unwrap();
-    assert_eq!(rig.plant.add_fault(one_more), Err(Refusal::TooMany));
 }
 
 #[test]
@@ -110,8 +122,8 @@ fn mistakes_in_the_plant_file_are_named() {
 }
 
 /// Several faults of every kind; the same on both memories, however time is cut into steps.
-fn run(memory: Memory, slice_us: u64, count: u32) -> (u64, u64) {
-    let mut rig = running(memory);
+fn run(memory: Memory, rate: Rate, slice_us: u64, count: u32) -> (u64, u64) {
+    let mut rig = running(memory, rate);
     let now = rig.plant.now();
     for text in [
         "kind = 'lose_frame'\nslot = 'RDC1'\ncount = 2".to_owned(),
@@ -127,8 +139,8 @@ fn run(memory: Memory, slice_us: u64, count: u32) -> (u64, u64) {
         "kind = 'slave_busy'\nslave = 0\ncount = 3".to_owned(),
         format!("kind = 'slave_error'\nslave = 1\nerror = 0xFFFA\nat_us = {}\ncount = 1", now + 15_000),
         "kind = 'wrong_offset'\nslave = 0\ncount = 1".to_owned(),
-        format!("kind = 'overrun'\nplc = 'a'\nnode = 2\nat_us = {}", now + 12_345),
-        format!("kind = 'bus_off'\nplc = 'b'\nnode = 1\nat_us = {}", now + 30_000),
+        format!("kind = 'overrun'\nplc = 'a'\nnode = 'MASTER'\nat_us = {}", now + 12_345),
+        format!("kind = 'bus_off'\nplc = 'b'\nnode = 'SLAVE'\nat_us = {}", now + 30_000),
     ] {
         add(&mut rig, &text);
     }
@@ -138,7 +150,7 @@ fn run(memory: Memory, slice_us: u64, count: u32) -> (u64, u64) {
         if round == 20 {
             rig.slave.w_CPU_CONTROL.store(0x00C0);
         }
-        let end = rig.plant.now() + 1_937;
+        let end = rig.plant.now() + rate.scaled(1_937);
         while rig.plant.now() < end {
             rig.step(slice_us.min(end - rig.plant.now()));
         }
@@ -148,11 +160,13 @@ fn run(memory: Memory, slice_us: u64, count: u32) -> (u64, u64) {
 
 #[test]
 fn runs_with_faults_are_repeatable() {
-    let first = run(Memory::Heap, u64::MAX, 3);
-    for memory in BOTH {
-        for slice_us in [u64::MAX, 1000, 333] {
-            assert_eq!(run(memory, slice_us, 3), first, "{memory:?}, slices of {slice_us} us");
+    for rate in FASTEST {
+        let first = run(Memory::Heap, rate, u64::MAX, 3);
+        for memory in BOTH {
+            for slice_us in [u64::MAX, 1000, 333] {
+                assert_eq!(run(memory, rate, slice_us, 3), first, "{memory:?}, slices of {slice_us} us");
+            }
         }
+        assert_ne!(run(Memory::Heap, rate, u64::MAX, 4).0, first.0, "another fault, another journal");
     }
-    assert_ne!(run(Memory::Heap, u64::MAX, 4).0, first.0, "another fault, another journal");
 }

@@ -10,7 +10,7 @@ mod slaves;
 mod slots;
 mod sync;
 
-use crate::rig::{Memory, OMEGA_RATES, Rate, Rig};
+use crate::rig::{Memory, Rate, Rig};
 use commram::devices::cansync::records::SyncEdge;
 use commram::devices::fault_kinds;
 use commram::fault::{Fault, FaultSpec};
@@ -24,9 +24,9 @@ const DRIVES: &str = "[[bus.drive]]\nname = 'd1'\nslave_number = 1\nlock_time_us
                       [[bus.drive.parameters]]\nnumber = 1000\nformat = 'word'\ninitial = 100\nmin = 10\nmax = 500\n\
                       [[bus.drive]]\nname = 'd2'\nslave_number = 2\nlock_time_us = 30000\n";
 
-/// Reads a fault as the plant file has it.
+/// Reads a fault as the plant file has it, with `MASTER` and `SLAVE` for the names of the nodes' ports.
 fn fault(rig: &Rig, text: &str) -> Fault {
-    let spec: FaultSpec = toml::from_str(text).unwrap();
+    let spec: FaultSpec = toml::from_str(&rig.rate.kind.named(text)).unwrap();
     spec.resolve(fault_kinds(), &rig.plant.names()).unwrap()
 }
 
@@ -64,12 +64,7 @@ fn hits(rig: &Rig) -> Vec<i32> {
 }
 
 /// Both nodes active and the drives locked; ends at a SYNC edge.
-fn running(memory: Memory) -> Rig {
-    running_at(memory, OMEGA_RATES[0])
-}
-
-/// See [`running`]; of any device.
-fn running_at(memory: Memory, rate: Rate) -> Rig {
+fn running(memory: Memory, rate: Rate) -> Rig {
     let mut rig = Rig::of(memory, rate, DRIVES);
     start(&mut rig);
     rig

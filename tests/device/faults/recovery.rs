@@ -1,9 +1,9 @@
 //! What is left of a fault when it is over: nothing. And nobody but the faulty station ever loses a frame by it.
 
 use super::*;
-use crate::rig::Memory;
+use crate::rig::{FASTEST, Memory};
 use commram::devices::cansync::bus::{Frame, FrameKind};
-use commram::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_MA_CTRL_BMSTRUCT, NODE2};
+use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use core::mem::offset_of;
 use proptest::prelude::*;
 
@@ -13,94 +13,99 @@ const BUS_OFF: u16 = 0x00C0;
 /// other ones.
 #[test]
 fn the_first_command_after_bus_off_is_on_the_bus() {
-    let mut rig = running(Memory::Heap);
-    rig.master.b_SL_NR_CONTROLWORD.store(DRIVE as u8);
-    rig.master.a_STEUREG_CONTROLWORD[DRIVE].store(0x05);
-    rig.send_wrc1();
-    rig.step(500);
-    add(&mut rig, "kind = 'bus_off'\nplc = 'a'\nnode = 2");
-    rig.master.w_CPU_CONTROL.store(0x00C0);
-    rig.step(6_000);
-    assert_eq!(rig.master.w_CANsync_STATUS.load() & BUS_OFF, 0);
-    rig.run_to_sync();
-    let before = rig.frames().len();
-    rig.master.a_CONTROLWORD_SL[DRIVE].store(0x000F);
-    rig.master.a_STEUREG_CONTROLWORD[DRIVE].store(0x05);
-    rig.send_wrc1();
-    assert_eq!(rig.master.a_STEUREG_CONTROLWORD[DRIVE].load(), 0x04);
-    rig.run_to_sync();
-    let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
-    assert_eq!(ids, [0x101, 0x301, 0x010]);
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        rig.master.b_SL_NR_CONTROLWORD.store(DRIVE as u8);
+        rig.master.a_STEUREG_CONTROLWORD[DRIVE].store(0x05);
+        rig.send_wrc1();
+        rig.step(rate.scaled(500));
+        add(&mut rig, "kind = 'bus_off'\nplc = 'a'\nnode = 'MASTER'");
+        rig.master.w_CPU_CONTROL.store(0x00C0);
+        rig.step(rate.scaled(6_000));
+        assert_eq!(rig.master.w_CANsync_STATUS.load() & BUS_OFF, 0);
+        rig.run_to_sync();
+        let before = rig.frames().len();
+        rig.master.a_CONTROLWORD_SL[DRIVE].store(0x000F);
+        rig.master.a_STEUREG_CONTROLWORD[DRIVE].store(0x05);
+        rig.send_wrc1();
+        assert_eq!(rig.master.a_STEUREG_CONTROLWORD[DRIVE].load(), 0x04);
+        rig.run_to_sync();
+        let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
+        assert_eq!(ids, [0x101, 0x301, 0x010]);
+    }
 }
 
 #[test]
 fn a_slave_that_goes_off_takes_no_frame_of_another_one_with_it() {
-    for fault in ["kind = 'slave_off'\nslave = 1", "kind = 'bus_off'\nplc = 'b'\nnode = 1"] {
-        let mut rig = running(Memory::Heap);
-        // The last answers are those of the slaves that go off.
-        let last = if fault.contains("slave_off") { 1 } else { 0 };
-        rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
-        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(last);
-        enter_parameter(&rig, usize::from(last), 0x03, 1000, 0);
-        rig.send_wrc1();
-        rig.master.a_CTRLREG_PAR_CMD_SL[usize::from(last)].b_STEUREG_PAR_CMD.store(0);
-        rig.run_to_sync();
-        rig.run_to_sync();
-        add(&mut rig, fault);
-        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(2);
-        enter_parameter(&rig, 2, 0x03, 121, 0);
-        let before = rig.frames().len();
-        rig.send_wrc1();
-        rig.run_to_sync();
-        let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
-        assert_eq!(ids, [0x102, 0x302, 0x502, 0x582], "{fault}");
+    for rate in FASTEST {
+        for fault in ["kind = 'slave_off'\nslave = 1", "kind = 'bus_off'\nplc = 'b'\nnode = 'SLAVE'"] {
+            let mut rig = running(Memory::Heap, rate);
+            // The last answers are those of the slaves that go off.
+            let last = if fault.contains("slave_off") { 1 } else { 0 };
+            rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(last);
+            enter_parameter(&rig, usize::from(last), 0x03, 1000, 0);
+            rig.send_wrc1();
+            rig.master.a_CTRLREG_PAR_CMD_SL[usize::from(last)].b_STEUREG_PAR_CMD.store(0);
+            rig.run_to_sync();
+            rig.run_to_sync();
+            add(&mut rig, fault);
+            rig.master.b_CTRLREG_RD_ORDER_RDC1.store(2);
+            enter_parameter(&rig, 2, 0x03, 121, 0);
+            let before = rig.frames().len();
+            rig.send_wrc1();
+            rig.run_to_sync();
+            let ids: Vec<u16> = rig.frames()[before..].iter().map(|(_, frame)| frame.id()).collect();
+            assert_eq!(ids, [0x102, 0x302, 0x502, 0x582], "{fault}");
+        }
     }
 }
 
 /// A frame that a fault delays beyond its slot does not end in it any more.
 #[test]
 fn a_delayed_frame_that_is_destroyed_takes_no_other_one_with_it() {
-    let mut rig = running(Memory::Heap);
-    add(&mut rig, "kind = 'delay_frame'\nslot = 'RDC1'\ndelay_us = 400\ncount = 1");
-    let at = rig.plant.now() + 1_500;
-    add(&mut rig, &format!("kind = 'slave_off'\nslave = 1\nat_us = {at}"));
-    rig.send_wrc1();
-    assert!(rig.last_frame(0x301..=0x301).is_none(), "it was on the wire as its sender went off");
-    rig.master.b_CTRLREG_RD_ORDER_RDC1.store(2);
-    rig.send_wrc1();
-    assert!(rig.last_frame(0x302..=0x302).is_some());
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        let delay_us = rate.scaled(400);
+        add(&mut rig, &format!("kind = 'delay_frame'\nslot = 'RDC1'\ndelay_us = {delay_us}\ncount = 1"));
+        let at = rig.plant.now() + rate.scaled(1_500);
+        add(&mut rig, &format!("kind = 'slave_off'\nslave = 1\nat_us = {at}"));
+        rig.send_wrc1();
+        assert!(rig.last_frame(0x301..=0x301).is_none(), "it was on the wire as its sender went off");
+        rig.master.b_CTRLREG_RD_ORDER_RDC1.store(2);
+        rig.send_wrc1();
+        assert!(rig.last_frame(0x302..=0x302).is_some());
+    }
 }
 
 /// A frame that is being built, which takes 15 us for each word.
 #[test]
 fn a_controller_that_is_off_gets_no_frame_any_more() {
-    let mut rig = running(Memory::Heap);
-    let at = rig.plant.now() + deadline() + 5;
-    add(&mut rig, &format!("kind = 'bus_off'\nplc = 'a'\nnode = 2\nat_us = {at}"));
-    let before = rig.frames().len();
-    rig.send_wrc1();
-    assert_eq!(rig.frames().len(), before);
-    assert_eq!(rig.master.b_CTRLREG_WRC1.load(), 0x05, "not acknowledged");
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        let at = rig.plant.now() + u64::from(rate.timing.deadline_WRC.earliest) + 5;
+        add(&mut rig, &format!("kind = 'bus_off'\nplc = 'a'\nnode = 'MASTER'\nat_us = {at}"));
+        let before = rig.frames().len();
+        rig.send_wrc1();
+        assert_eq!(rig.frames().len(), before);
+        assert_eq!(rig.master.b_CTRLREG_WRC1.load(), 0x05, "not acknowledged");
+    }
 }
 
 /// An answer that a drive has ready is gone with its power, even if the power is back before it is due.
 #[test]
 fn an_answer_does_not_survive_the_power_of_its_slave() {
-    let mut rig = running(Memory::Heap);
-    enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
-    let at = rig.plant.now() + 2_200;
-    add(&mut rig, &format!("kind = 'slave_off'\nslave = 1\nat_us = {at}\nduration_us = 100"));
-    rig.run_to_sync();
-    rig.run_to_sync();
-    assert!(rig.last_frame(0x581..=0x581).is_none());
-    intervals(&mut rig, 1);
-    assert_eq!(parameter(&rig, DRIVE), (0x02, 100), "the repetition is answered");
-}
-
-/// Deadline of reference value frame 1 at 500 kbit/s, in us after SYNC.
-fn deadline() -> u64 {
-    let rate = BAUD_RATES.iter().find(|rate| rate.kbit_per_s == OMEGA_RATES[0].kbit_s).unwrap();
-    rate.deadline_WRC.earliest.into()
+    for rate in FASTEST {
+        let mut rig = running(Memory::Heap, rate);
+        enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
+        let (at, duration_us) = (rig.plant.now() + rate.scaled(2_200), rate.scaled(100));
+        add(&mut rig, &format!("kind = 'slave_off'\nslave = 1\nat_us = {at}\nduration_us = {duration_us}"));
+        rig.run_to_sync();
+        rig.run_to_sync();
+        assert!(rig.last_frame(0x581..=0x581).is_none());
+        intervals(&mut rig, 1);
+        assert_eq!(parameter(&rig, DRIVE), (0x02, 100), "the repetition is answered");
+    }
 }
 
 /// What the PLC asks for in one interval.
@@ -121,8 +126,8 @@ fn wishes() -> impl Strategy<Value = Wishes> {
 /// Who is faulty: `None` is the master, otherwise the slave with this number.
 fn any_fault() -> impl Strategy<Value = (Option<u8>, &'static str)> {
     prop_oneof![
-        Just((None, "kind = 'bus_off'\nplc = 'a'\nnode = 2")),
-        Just((Some(0), "kind = 'bus_off'\nplc = 'b'\nnode = 1")),
+        Just((None, "kind = 'bus_off'\nplc = 'a'\nnode = 'MASTER'")),
+        Just((Some(0), "kind = 'bus_off'\nplc = 'b'\nnode = 'SLAVE'")),
         Just((Some(0), "kind = 'slave_off'\nslave = 0\nduration_us = 3000")),
         Just((Some(1), "kind = 'slave_off'\nslave = 1\nduration_us = 3000")),
         Just((Some(2), "kind = 'slave_off'\nslave = 2\nduration_us = 70")),
@@ -164,10 +169,10 @@ type IsFrame = fn(&Frame) -> bool;
 
 /// What the master has acknowledged, with the kind of frame that must follow.
 fn acknowledged(rig: &Rig) -> Vec<(u64, IsFrame)> {
-    const PARAMETER: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL);
-    const CONTROL_WORD: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_STEUREG_CONTROLWORD);
-    const WRC1: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
-    const WRC2: usize = NODE2 + offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC2);
+    const PARAMETER: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_CTRLREG_PAR_CMD_SL);
+    const CONTROL_WORD: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, a_STEUREG_CONTROLWORD);
+    const WRC1: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
+    const WRC2: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC2);
     fn reference(channel: u8, frame: &Frame) -> bool {
         matches!(frame.kind(), Some(FrameKind::ReferenceValue(of, _)) if of.number() == channel)
     }
@@ -188,8 +193,8 @@ fn acknowledged(rig: &Rig) -> Vec<(u64, IsFrame)> {
     rig.records()
         .filter_map(|record| {
             let Handshake { origin, offset, request, answer, .. } = record.event.get()?;
-            let frame = frame_for(offset as usize, request, answer)?;
-            (origin.plc == 0).then_some((record.time_us, frame))
+            let offset = (origin.plc == 0).then_some(offset as usize)?.checked_sub(rig.master_at.base)?;
+            Some((record.time_us, frame_for(offset, request, answer)?))
         })
         .collect()
 }
@@ -199,22 +204,23 @@ proptest! {
 
     #[test]
     fn what_is_acknowledged_is_on_the_bus_and_only_the_faulty_station_loses_frames(
+        rate in prop::sample::select(&FASTEST[..]),
         (faulty, text) in any_fault(),
         at in 0u64..8_000,
         before in prop::collection::vec(wishes(), 4),
         after in prop::collection::vec(wishes(), 8),
     ) {
-        let mut rig = running(Memory::Heap);
+        let mut rig = running(Memory::Heap, rate);
         // Wishes come in faster than slaves answer, and nobody looks at the results.
         rig.tolerate_errors(&commram::devices::catalogue().rules);
         let begin = rig.plant.now();
-        add(&mut rig, &format!("{text}\nat_us = {}", begin + at));
+        add(&mut rig, &format!("{text}\nat_us = {}", begin + rate.scaled(at)));
         for wishes in before {
             interval(&mut rig, wishes);
         }
         rig.master.w_CPU_CONTROL.store(0x00C0);
         rig.slave.w_CPU_CONTROL.store(0x00C0);
-        rig.step(8_000);
+        rig.step(rate.scaled(8_000));
         prop_assert_eq!(rig.plant.faults().count(), 0);
         prop_assert_eq!((rig.master.w_CANsync_STATUS.load() | rig.slave.w_CANsync_STATUS.load()) & BUS_OFF, 0);
         rig.run_to_sync();
@@ -232,18 +238,18 @@ proptest! {
         };
         for (time, is) in acknowledged(&rig) {
             let loses = faulty.is_none() && time < well;
-            prop_assert!(time < begin || time >= end || loses || follows(time, 1_900, &is), "acknowledged at {}", time);
+            prop_assert!(time < begin || time >= end || loses || follows(time, rate.scaled(1_900), &is), "acknowledged at {}", time);
         }
         for &(time, frame) in frames.iter().filter(|(time, _)| (begin..end).contains(time)) {
             let healthy = |slave: u8| slave != 0 && Some(slave) != faulty;
             match frame.kind() {
                 Some(FrameKind::ReferenceValue(channel, slave)) if healthy(slave) => {
                     let answer = Some(FrameKind::ActualValue(channel, slave));
-                    prop_assert!(follows(time, 900, &|frame| frame.kind() == answer), "{:?} at {}", answer, time);
+                    prop_assert!(follows(time, rate.scaled(900), &|frame| frame.kind() == answer), "{:?} at {}", answer, time);
                 }
                 Some(FrameKind::Job(slave)) if healthy(slave) || slave != 0 && time >= well => {
                     let answer = Some(FrameKind::Response(slave));
-                    prop_assert!(follows(time, 1_500, &|frame| frame.kind() == answer), "{:?} at {}", answer, time);
+                    prop_assert!(follows(time, rate.scaled(1_500), &|frame| frame.kind() == answer), "{:?} at {}", answer, time);
                 }
                 _ => {}
             }

@@ -8,7 +8,7 @@ use commram::devices::cansync::medium::drives;
 fn a_drive_without_power_is_silent_and_comes_back_as_new() {
     for rate in FASTEST {
         for memory in BOTH {
-            let mut rig = running_at(memory, rate);
+            let mut rig = running(memory, rate);
             enter_parameter(&rig, DRIVE, 0x05, 1000, 321);
             intervals(&mut rig, 2);
             assert_eq!(parameter(&rig, DRIVE).0, 0x04);
@@ -77,7 +77,7 @@ fn two_faults_that_switch_one_slave_off_must_both_end() {
 fn an_answer_within_the_time_limit_counts_and_one_behind_it_does_not() {
     for rate in FASTEST {
         for (delay_us, answered) in [(100, true), (400, false), (5_000, false)] {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             add(&mut rig, &format!("kind = 'slave_late'\nslave = {DRIVE}\ndelay_us = {delay_us}"));
             enter_parameter(&rig, DRIVE, 0x03, 1000, 0);
             intervals(&mut rig, 2);
@@ -107,7 +107,7 @@ fn a_late_slave_does_not_respond_in_set_up_mode() {
 fn busy_answers_are_repeated_as_often_as_asked() {
     for rate in FASTEST {
         for memory in BOTH {
-            let mut rig = running_at(memory, rate);
+            let mut rig = running(memory, rate);
             add(&mut rig, &format!("kind = 'slave_busy'\nslave = {DRIVE}\ncount = 3"));
             enter_parameter(&rig, DRIVE, 0x13, 1000, 0);
             intervals(&mut rig, 1);
@@ -126,7 +126,7 @@ fn busy_answers_are_repeated_as_often_as_asked() {
 #[test]
 fn a_busy_slave_node_does_not_see_the_job() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, "kind = 'slave_busy'\nslave = 0\ncount = 2");
         enter_parameter(&rig, 0, 0x05, 300, 7);
         intervals(&mut rig, 3);
@@ -140,7 +140,7 @@ fn a_busy_slave_node_does_not_see_the_job() {
 #[test]
 fn a_busy_slave_holds_up_a_download() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, "kind = 'slave_busy'\nslave = 0\ncount = 2");
         enter_block(&rig, 0x15, 0x1000, 12);
         intervals(&mut rig, 2);
@@ -155,7 +155,7 @@ fn a_busy_slave_holds_up_a_download() {
 fn a_wrong_offset_in_an_answer_ends_the_transfer() {
     for rate in FASTEST {
         for (control, ended) in [(0x15, 0x38), (0x05, 0x28)] {
-            let mut rig = running_at(Memory::Heap, rate);
+            let mut rig = running(Memory::Heap, rate);
             add(&mut rig, "kind = 'wrong_offset'\nslave = 0\ncount = 1");
             enter_block(&rig, control, 0x1000, 24);
             serve_block(&mut rig, 20);
@@ -169,7 +169,7 @@ fn a_wrong_offset_in_an_answer_ends_the_transfer() {
 #[test]
 fn a_wrong_offset_in_a_job_is_refused_by_the_slave() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, "kind = 'wrong_offset'\nslave = 0\nslot = 'CC'\noffset = 4095\ncount = 1");
         enter_block(&rig, 0x15, 0x1000, 24);
         serve_block(&mut rig, 20);
@@ -183,7 +183,7 @@ fn a_wrong_offset_in_a_job_is_refused_by_the_slave() {
 fn a_drive_with_a_fault_brakes_until_it_is_reset() {
     for rate in FASTEST {
         for memory in BOTH {
-            let mut rig = running_at(memory, rate);
+            let mut rig = running(memory, rate);
             let state = |rig: &Rig| drives(rig.plant.media()).next().unwrap().status_word() & 0x006F;
             assert_eq!(state(&rig), 0x0027);
             let fault = add(&mut rig, &format!("kind = 'drive_fault'\nslave = {DRIVE}\nerror = 17"));
@@ -218,7 +218,7 @@ fn a_drive_with_a_fault_brakes_until_it_is_reset() {
 #[test]
 fn a_node_of_a_plc_is_no_drive() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, "kind = 'drive_fault'\nslave = 0\nerror = 1");
         intervals(&mut rig, 3);
         assert!(hits(&rig).is_empty());

@@ -1,12 +1,13 @@
 //! Faults at the modules of a modular PLC: its ports are called by their names.
 
-use crate::rig::write_init_data;
+use crate::rig::bring_up::{Mode, Node, Stage, bring_up_in};
+use crate::rig::plant_of;
 use commram::devices::bm4_o_can_06::registers::{BAUD_RATES, SLOTG};
-use commram::devices::cansync::registers::{CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT};
+use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::devices::fault_kinds;
 use commram::fault::{FaultError, FaultSpec};
-use commram::memory::{MemoryError, Segment, View};
-use commram::plant::{Plant, PlantConfig, PlantError};
+use commram::memory::View;
+use commram::plant::Plant;
 
 const PLANT: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n\
                      [[device.module]]\nslot = 'G'\nkind = 'can-06'\nbus = 'fast'\n\
@@ -16,13 +17,6 @@ const PLANT: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n\
 const OVERRUN: u16 = 1 << 1;
 const BUS_OFF: u16 = 0x00C0;
 
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-enum Failed {
-    Memory(#[from] MemoryError),
-    Plant(#[from] PlantError),
-}
-
 struct Maxx {
     plant: Plant,
     master: View<CANsync_MA_CTRL_BMSTRUCT>,
@@ -31,20 +25,13 @@ struct Maxx {
 impl Maxx {
     /// The master in slot G is in set-up mode at 1 Mbit/s.
     fn set_up() -> Self {
-        let config = PlantConfig::parse("maxx", PLANT).unwrap();
-        let plant = Plant::new(&config, |_, device| Ok::<_, Failed>(Segment::of(device))).unwrap();
+        let plant = plant_of(PLANT);
         let segment = plant.devices()[0].segment().clone();
-        let init: View<CANsync_INIT_BMSTRUCT> = segment.view(SLOTG).unwrap();
-        let mut maxx = Maxx { plant, master: segment.view(SLOTG).unwrap() };
         let rate = BAUD_RATES.iter().find(|rate| rate.kbit_per_s == 1000).unwrap();
-        for command in [0x0000, 0x0001] {
-            maxx.command(command);
-        }
-        write_init_data(&init, rate, 0x00);
-        maxx.command(0x0002);
-        maxx.command(0x0020);
+        let node = Node::at(&segment, SLOTG, rate, Mode::Master);
+        let mut maxx = Maxx { plant, master: segment.view(SLOTG).unwrap() };
+        bring_up_in(&mut maxx.plant, &[&node], ..=Stage::SetUp);
         maxx.step(100_000);
-        assert_eq!(maxx.master.w_OPTION_STATUS.load(), 0x0043);
         maxx
     }
 

@@ -22,7 +22,7 @@ fn is_locked(rig: &Rig) -> bool {
 #[test]
 fn one_lost_edge_ends_no_lock() {
     for (rate, memory) in FASTEST.into_iter().flat_map(|rate| BOTH.map(|memory| (rate, memory))) {
-        let mut rig = running_at(memory, rate);
+        let mut rig = running(memory, rate);
         assert!(is_locked(&rig));
         let counter = |rig: &Rig, at: At| {
             let segment = rig.plant.devices()[at.plc].segment();
@@ -66,7 +66,7 @@ fn one_lost_edge_ends_no_lock() {
 #[test]
 fn edges_lost_in_succession_end_the_lock() {
     for (rate, memory) in FASTEST.into_iter().flat_map(|rate| BOTH.map(|memory| (rate, memory))) {
-        let mut rig = running_at(memory, rate);
+        let mut rig = running(memory, rate);
         add(&mut rig, "kind = 'lose_sync'\ncount = 2");
         rig.run_to_sync();
         rig.run_to_sync();
@@ -114,7 +114,7 @@ fn the_time_without_sync_can_be_set() {
 #[test]
 fn drives_whose_master_is_restarted_lose_their_lock_in_time() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         rig.master.a_WR_VALUE[0].store(1000);
         rig.send_wrc1();
         rig.run_to_sync();
@@ -153,7 +153,7 @@ fn set_up_mode_shows_the_lost_lock() {
 #[test]
 fn jitter_moves_edges_about_their_regular_times() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         let start = rig.plant.now();
         add(&mut rig, "kind = 'jitter_sync'\namplitude_us = 20\ncount = 4");
         intervals(&mut rig, 7);
@@ -175,7 +175,7 @@ fn much_jitter_hinders_locking_but_does_not_end_a_lock() {
     for rate in FASTEST {
         // Late and early in turn, edges come more than a quarter of an interval off the regular distance.
         let much = format!("kind = 'jitter_sync'\namplitude_us = {}", rate.interval_us * 13 / 100);
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(&mut rig, &format!("{much}\nduration_us = 20000"));
         rig.step(20_000);
         assert!(is_locked(&rig), "every second edge is in time");
@@ -195,7 +195,7 @@ fn much_jitter_hinders_locking_but_does_not_end_a_lock() {
 fn the_largest_jitter_is_a_quarter_of_the_interval() {
     for rate in FASTEST {
         let interval = rate.interval_us;
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         add(
             &mut rig,
             &format!("kind = 'jitter_sync'\namplitude_us = {interval}\nduration_us = {}", 100 * interval),
@@ -217,7 +217,7 @@ fn the_largest_jitter_is_a_quarter_of_the_interval() {
 #[test]
 fn edges_return_to_their_regular_times() {
     for rate in FASTEST {
-        let mut rig = running_at(Memory::Heap, rate);
+        let mut rig = running(Memory::Heap, rate);
         let start = rig.plant.now();
         let id = add(&mut rig, "kind = 'jitter_sync'\namplitude_us = 33");
         intervals(&mut rig, 5);

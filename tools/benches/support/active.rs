@@ -1,8 +1,11 @@
 //! A plant with everything switched on: the bus in active operation, all channels configured.
 
-use commram::devices::omega_drive_line_2::registers::{
-    CANsync_INIT_BMSTRUCT, CANsync_MA_CTRL_BMSTRUCT, NODE2,
-};
+#[path = "../../../tests/rig/bring_up.rs"]
+#[allow(dead_code, reason = "tests use more of it")]
+mod bring_up;
+
+use bring_up::{Mode, Node, Stage, bring_up};
+use commram::devices::omega_drive_line_2::registers::{BAUD_RATES, CANsync_MA_CTRL_BMSTRUCT, NODE2};
 use commram::memory::{Segment, View};
 use std::ops::RangeInclusive;
 
@@ -14,22 +17,13 @@ pub(crate) fn activate(
     slaves: RangeInclusive<u8>,
     mut advance: impl FnMut(u64),
 ) -> View<CANsync_MA_CTRL_BMSTRUCT> {
-    let init = segment.view::<CANsync_INIT_BMSTRUCT>(NODE2).expect("node 2 is there");
+    let last = *slaves.end();
+    let expected = usize::from(*slaves.start())..usize::from(last) + 1;
+    let node = Node::at(segment, NODE2, &BAUD_RATES[0], Mode::Master).expecting(expected);
     let master = segment.view::<CANsync_MA_CTRL_BMSTRUCT>(NODE2).expect("node 2 is there");
-
-    init.w_CPU_CONTROL.store(0x0001);
-    advance(1000);
-    init.b_BT_1.store(0x1C);
-    init.b_TIME_PATTERN.store(2);
-    init.b_AC.store(0xFF);
-    init.b_AM.store(0xFF);
-    for number in slaves.clone() {
-        init.a_SL_TYP[usize::from(number)].store(1);
-    }
-    for command in [0x0002, 0x0020] {
-        init.w_CPU_CONTROL.store(command);
-        advance(1000);
-    }
+    // In real time the firmware may be looking at the very moment of a write: it has seen it a cycle later.
+    let mut pass = |us| advance(2 * us);
+    bring_up(&[&node], ..=Stage::SetUp, &mut pass);
     let cfg = &master._CFG_WRC_WORD;
     for (cell, byte) in [
         (&cfg.b_CFG_WRC1_WORD0, 0x01),
@@ -49,14 +43,12 @@ pub(crate) fn activate(
         slave.b_CFG_RDC2_WORD0.store(0x11);
         slave.b_CFG_RDC2_WORD1.store(0x13);
     }
-    master.b_MAX_SL_NR.store(*slaves.end());
+    master.b_MAX_SL_NR.store(last);
     // Ask the slaves in turn.
     master.b_CTRLREG_RD_ORDER_RDC1.store(0x80);
     master.b_CTRLREG_RD_ORDER_RDC2.store(0x80);
     // Let all drives lock, then enable.
-    advance(2_000_000);
-    init.w_CPU_CONTROL.store(0x0040);
-    advance(1000);
-    assert_eq!(init.w_OPTION_STATUS.load(), 0x0080, "the master is active");
+    pass(1_000_000);
+    bring_up(&[&node], Stage::Active.., &mut pass);
     master
 }

@@ -8,8 +8,8 @@ use commram::devices::omega_drive_line_2::registers::*;
 pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &cansync::rules::NEVER_POLLED,
-        register: "node2.a_CTRLREG_PAR_CMD_SL[3].b_STEUREG_PAR_CMD",
-        value: 0x03,
+        register: "MASTER.a_CTRLREG_PAR_CMD_SL[3].b_STEUREG_PAR_CMD",
+        value: |_| 0x03,
         wrong: |rig| {
             rig.activate();
             rig.master.b_MAX_SL_NR.store(2);
@@ -25,8 +25,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::NEVER_POLLED,
-        register: "node2.a_STEUREG_CONTROLWORD[1]",
-        value: 0x05,
+        register: "MASTER.a_STEUREG_CONTROLWORD[1]",
+        value: |_| 0x05,
         wrong: |rig| {
             rig.activate();
             rig.master.b_SL_NR_CONTROLWORD.store(0x80);
@@ -40,15 +40,15 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::NEVER_POLLED,
-        register: "node2.b_STEUREG_UPDOWNBLK1",
-        value: 0x15,
+        register: "MASTER.b_STEUREG_UPDOWNBLK1",
+        value: |_| 0x15,
         wrong: |rig| enter_download(rig, 2, 1),
         right: |rig| enter_download(rig, 2, 2),
     },
     Case {
         rule: &cansync::rules::ORDER,
-        register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
-        value: 0x05,
+        register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: |_| 0x05,
         wrong: |rig| {
             rig.activate();
             rig.master.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD.store(0x05);
@@ -64,8 +64,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::ORDER,
-        register: "node1.b_STEUREG_PAR_CMD",
-        value: 0x42,
+        register: "SLAVE.b_STEUREG_PAR_CMD",
+        value: |_| 0x42,
         wrong: |rig| answer_parameter(rig, |slave| slave.b_STEUREG_PAR_CMD.store(0x42)),
         right: |rig| {
             answer_parameter(rig, |slave| {
@@ -76,8 +76,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::JOB_CHANGED,
-        register: "node2.a_DATA_PARAMETER[0].w_PAR_NR",
-        value: 9,
+        register: "MASTER.a_DATA_PARAMETER[0].w_PAR_NR",
+        value: |_| 9,
         wrong: |rig| {
             parameter_under_way(rig);
             rig.master.a_DATA_PARAMETER[0].w_PAR_NR.store(9);
@@ -93,8 +93,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::JOB_CHANGED,
-        register: "node2.a_DATA_UPDOWNBLK1[74]",
-        value: 1,
+        register: "MASTER.a_DATA_UPDOWNBLK1[74]",
+        value: |_| 1,
         wrong: |rig| {
             enter_download(rig, 0, 0);
             rig.run_to_sync();
@@ -111,8 +111,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::JOB_REPLACED,
-        register: "node2.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
-        value: 0x05,
+        register: "MASTER.a_CTRLREG_PAR_CMD_SL[0].b_STEUREG_PAR_CMD",
+        value: |_| 0x05,
         wrong: |rig| {
             parameter_under_way(rig);
             enter_parameter(rig, 0, 0x05);

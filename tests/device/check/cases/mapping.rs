@@ -7,8 +7,8 @@ use commram::devices::cansync;
 pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &cansync::rules::VALUE_NUMBER,
-        register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD2",
-        value: 0x21,
+        register: "MASTER._CFG_WRC_WORD.b_CFG_WRC1_WORD2",
+        value: |_| 0x21,
         wrong: |rig| {
             rig.activate();
             rig.configure_wrc1([0, 0, 0x21, 0]); // value 8
@@ -20,8 +20,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::VALUE_NUMBER,
-        register: "node1.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3",
-        value: 0x3F,
+        register: "SLAVE.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3",
+        value: |_| 0x3F,
         wrong: |rig| {
             rig.activate();
             rig.slave.a_CFG_RDC_WORD[9].b_CFG_RDC2_WORD3.store(0x3F);
@@ -33,8 +33,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::WORD_UNASSIGNED,
-        register: "node1._CFG_WRC_WORD.b_CFG_WRC1_WORD1",
-        value: 0x0C,
+        register: "SLAVE._CFG_WRC_WORD.b_CFG_WRC1_WORD1",
+        value: |_| 0x0C,
         wrong: |rig| {
             rig.activate();
             rig.slave._CFG_WRC_WORD.b_CFG_WRC1_WORD1.store(0x0C);
@@ -46,8 +46,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::SPLIT_DOUBLEWORD,
-        register: "node2._CFG_WRC_WORD.b_CFG_WRC1_WORD3",
-        value: 0x09,
+        register: "MASTER._CFG_WRC_WORD.b_CFG_WRC1_WORD3",
+        value: |_| 0x09,
         wrong: |rig| {
             rig.activate();
             rig.configure_wrc1([0x01, 0x03, 0x05, 0x09]);
@@ -67,8 +67,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::SPLIT_DOUBLEWORD,
-        register: "node1._CFG_RDC_WORD.b_CFG_RDC2_WORD0",
-        value: 0x01,
+        register: "SLAVE._CFG_RDC_WORD.b_CFG_RDC2_WORD0",
+        value: |_| 0x01,
         wrong: |rig| {
             rig.activate();
             rig.slave._CFG_RDC_WORD.b_CFG_RDC1_WORD0.store(0x03);
@@ -85,8 +85,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::SLAVE_NUMBER,
-        register: "node2.b_CTRLREG_RD_ORDER_RDC2",
-        value: 0x81,
+        register: "MASTER.b_CTRLREG_RD_ORDER_RDC2",
+        value: |_| 0x81,
         wrong: |rig| {
             rig.activate();
             rig.master.b_CTRLREG_RD_ORDER_RDC2.store(0x81);
@@ -98,8 +98,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::SLAVE_NUMBER,
-        register: "node2.b_MAX_SL_NR",
-        value: 0x80,
+        register: "MASTER.b_MAX_SL_NR",
+        value: |_| 0x80,
         wrong: |rig| {
             rig.activate();
             rig.master.b_MAX_SL_NR.store(0x80);
@@ -112,8 +112,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::NOT_REQUESTED,
-        register: "node2.b_MAX_SL_NR",
-        value: 2,
+        register: "MASTER.b_MAX_SL_NR",
+        value: |_| 2,
         wrong: |rig| {
             rig.activate(); // slaves 0 to 3 are expected
             rig.master.b_MAX_SL_NR.store(2);
@@ -130,32 +130,32 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::LATE_REFERENCE,
-        register: "node2.b_CTRLREG_WRC1",
-        value: 0x05,
-        wrong: |rig| release_reference(rig, 490 + 37),
-        right: |rig| release_reference(rig, 489),
+        register: "MASTER.b_CTRLREG_WRC1",
+        value: |_| 0x05,
+        wrong: |rig| release_reference(rig, rig.rate.timing.deadline_WRC.latest + 37),
+        right: |rig| release_reference(rig, rig.rate.timing.deadline_WRC.earliest - 1),
     },
     Case {
         rule: &cansync::rules::LATE_ACTUAL,
-        register: "node1.b_CTRLREG_RD_RDC1",
-        value: 0x05,
-        wrong: |rig| release_actual(rig, 500),
-        right: |rig| release_actual(rig, 400),
+        register: "SLAVE.b_CTRLREG_RD_RDC1",
+        value: |_| 0x05,
+        wrong: |rig| release_actual(rig, rig.rate.timing.deadline_RDC1.latest + 10),
+        right: |rig| release_actual(rig, rig.rate.timing.deadline_RDC1.earliest - 90),
     },
 ];
 
 /// One interval in time, then one in which WRC1 is released at this time.
-fn release_reference(rig: &mut Rig, at: u64) {
+fn release_reference(rig: &mut Rig, at: u32) {
     rig.activate();
     rig.send_wrc1();
-    rig.step(at);
+    rig.step(at.into());
     rig.master.b_CTRLREG_WRC1.store(0x05);
 }
 
-fn release_actual(rig: &mut Rig, at: u64) {
+fn release_actual(rig: &mut Rig, at: u32) {
     rig.activate();
     rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
     rig.run_to_sync();
-    rig.step(at);
+    rig.step(at.into());
     rig.slave.b_CTRLREG_RD_RDC1.store(0x05);
 }

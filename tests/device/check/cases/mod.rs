@@ -1,34 +1,27 @@
 //! For each rule something that breaks it, and next to it something much alike that is right.
 
-mod baps;
 mod jobs;
 mod mapping;
+mod omega;
 mod registers;
 mod start;
 
-use crate::rig::Rig;
-use commram::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
+use crate::rig::{Kind, Rate, Rig};
 use commram::journal::Rule;
-use commram::memory::View;
 
 /// How a rule is broken, and how its correct neighbour goes. Both start from a fresh plant.
 pub(crate) struct Case {
     pub rule: &'static Rule,
-    /// Name of the register that the finding is about.
+    /// Name of the register that the finding is about, with `MASTER` or `SLAVE` for the area of a node.
     pub register: &'static str,
     /// Value in the finding.
-    pub value: u32,
+    pub value: fn(Rate) -> u32,
     pub wrong: fn(&mut Rig),
     pub right: fn(&mut Rig),
 }
 
-/// All of them.
-pub(crate) fn cases() -> impl Iterator<Item = &'static Case> {
-    [registers::CASES, mapping::CASES, jobs::CASES, start::CASES, baps::CASES].into_iter().flatten()
-}
-
-/// BAPS registers of PLC `a`, at whose drive the clock has been running.
-fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
-    rig.step(5000);
-    rig.plant.devices()[0].segment().view(BAPS).unwrap()
+/// All of them that a device has.
+pub(crate) fn cases(kind: &Kind) -> impl Iterator<Item = &'static Case> {
+    let own = if kind.is_omega() { omega::CASES } else { &[] };
+    [registers::CASES, mapping::CASES, jobs::CASES, start::CASES, own].into_iter().flatten()
 }

@@ -1,44 +1,47 @@
 //! Cases of starting up: commands, initialization data, rates and what the drives must be set to.
 
 use super::Case;
-use crate::rig::{Memory, OMEGA_RATES, Rate, Rig, write_init_data};
+use crate::rig::bring_up::{Mode, Node, Stage};
+use crate::rig::{Memory, Rate, Rig};
 use commram::devices::cansync;
-use commram::devices::omega_drive_line_2::registers::*;
+use commram::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use commram::journal::Rule;
 
 pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &cansync::rules::DRIVE_SYNC_SLOT,
-        register: "node2.a_DATA_PARAMETER[1].d_PAR_VALUE",
-        value: 1000,
-        wrong: |rig| set_up_with_drive(rig, &[&cansync::rules::DRIVE_SYNC_SLOT], 167, 1000),
-        right: |rig| set_up_with_drive(rig, &[], 167, 2000),
+        register: "MASTER.a_DATA_PARAMETER[1].d_PAR_VALUE",
+        value: |rate| other_slot(rate).into(),
+        wrong: |rig| {
+            set_up_with_drive(rig, &[&cansync::rules::DRIVE_SYNC_SLOT], 167, other_slot(rig.rate));
+        },
+        right: |rig| set_up_with_drive(rig, &[], 167, rig.rate.interval_us as u16),
     },
     Case {
         rule: &cansync::rules::DRIVE_PWM,
-        register: "node2.a_DATA_PARAMETER[1].d_PAR_VALUE",
-        value: 5,
+        register: "MASTER.a_DATA_PARAMETER[1].d_PAR_VALUE",
+        value: |_| 5,
         wrong: |rig| set_up_with_drive(rig, &[], 103, 5),
         right: |rig| set_up_with_drive(rig, &[], 103, 8),
     },
     Case {
         rule: &cansync::rules::CLUSTER_BAUD_RATE,
-        register: "node2.b_BT_0",
-        value: 0x01,
-        wrong: |rig| cluster(rig, OMEGA_RATES[1]),
-        right: |rig| cluster(rig, OMEGA_RATES[0]),
+        register: "MASTER.b_BT_0",
+        value: |rate| rate.slower().timing.b_BT_0.into(),
+        wrong: |rig| cluster(rig, rig.rate.slower()),
+        right: |rig| cluster(rig, rig.rate),
     },
     Case {
         rule: &cansync::rules::COMMAND,
-        register: "node2.w_CPU_CONTROL",
-        value: 0x0020,
+        register: "MASTER.w_CPU_CONTROL",
+        value: |_| 0x0020,
         wrong: |rig| rig.master.w_CPU_CONTROL.store(0x0020),
         right: |rig| rig.set_up(),
     },
     Case {
         rule: &cansync::rules::COMMAND,
-        register: "node1.w_CPU_CONTROL",
-        value: 0x0013,
+        register: "SLAVE.w_CPU_CONTROL",
+        value: |_| 0x0013,
         wrong: |rig| {
             rig.activate();
             rig.slave.w_CPU_CONTROL.store(0x0013);
@@ -50,8 +53,8 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::LEFT_BEHIND,
-        register: "node1.w_CPU_CONTROL",
-        value: 0x0080,
+        register: "SLAVE.w_CPU_CONTROL",
+        value: |_| 0x0080,
         wrong: |rig| {
             rig.activate();
             rig.slave.w_CPU_CONTROL.store(0x0080);
@@ -63,61 +66,62 @@ pub(crate) const CASES: &[Case] = &[
     },
     Case {
         rule: &cansync::rules::INIT_MODE,
-        register: "node2.b_MA_SL_MODE",
-        value: 1,
-        wrong: |rig| take_over_init_data(rig, |init| init.b_MA_SL_MODE.store(1)),
-        right: |rig| take_over_init_data(rig, |init| init.b_MA_SL_MODE.store(2)),
+        register: "MASTER.b_MA_SL_MODE",
+        value: |_| 1,
+        wrong: |rig| take_over_init_data(rig, |init, _| init.b_MA_SL_MODE.store(1)),
+        right: |rig| take_over_init_data(rig, |init, _| init.b_MA_SL_MODE.store(2)),
     },
     Case {
         rule: &cansync::rules::INIT_BAUD_RATE,
-        register: "node2.b_BT_0",
-        value: 2,
-        wrong: |rig| take_over_init_data(rig, |init| init.b_BT_0.store(2)),
-        right: |rig| take_over_init_data(rig, |_| ()),
+        register: "MASTER.b_BT_0",
+        value: |_| 2,
+        wrong: |rig| take_over_init_data(rig, |init, _| init.b_BT_0.store(2)),
+        right: |rig| take_over_init_data(rig, |_, _| ()),
     },
     Case {
         rule: &cansync::rules::INIT_INTERVAL,
-        register: "node2.b_TIME_PATTERN",
-        value: 2,
-        wrong: |rig| take_over_init_data(rig, |init| init.b_BT_0.store(1)),
+        register: "MASTER.b_TIME_PATTERN",
+        value: |rate| rate.timing.b_TIME_PATTERN.into(),
+        wrong: |rig| {
+            take_over_init_data(rig, |init, rate| init.b_BT_0.store(rate.slower().timing.b_BT_0));
+        },
         right: |rig| {
-            take_over_init_data(rig, |init| {
-                init.b_BT_0.store(1);
-                init.b_TIME_PATTERN.store(4);
+            take_over_init_data(rig, |init, rate| {
+                init.b_BT_0.store(rate.slower().timing.b_BT_0);
+                init.b_TIME_PATTERN.store(rate.slower().timing.b_TIME_PATTERN);
             });
         },
     },
     Case {
         rule: &cansync::rules::INIT_CONTROLLER,
-        register: "node2.b_CLOCK_DIVIDER",
-        value: 0,
-        wrong: |rig| take_over_init_data(rig, |init| init.b_CLOCK_DIVIDER.store(0)),
-        right: |rig| take_over_init_data(rig, |init| init.b_AM.store(0)),
+        register: "MASTER.b_CLOCK_DIVIDER",
+        value: |_| 0,
+        wrong: |rig| take_over_init_data(rig, |init, _| init.b_CLOCK_DIVIDER.store(0)),
+        right: |rig| take_over_init_data(rig, |init, _| init.b_AM.store(0)),
     },
     Case {
         rule: &cansync::rules::BUS_BAUD_RATE,
-        register: "node1.b_BT_0",
-        value: 0,
-        wrong: |rig| start_both(rig, [1, 0]),
-        right: |rig| start_both(rig, [0, 0]),
+        register: "SLAVE.b_BT_0",
+        value: |rate| rate.timing.b_BT_0.into(),
+        wrong: |rig| start_both(rig, [rig.rate.slower(), rig.rate]),
+        right: |rig| start_both(rig, [rig.rate; 2]),
     },
 ];
 
-fn take_over_init_data(rig: &mut Rig, change: fn(&CANsync_INIT_BMSTRUCT)) {
-    let init = rig.master_init.clone();
-    init.w_CPU_CONTROL.store(0x0001);
-    rig.step(500);
-    write_init_data(&init, rig.rate.timing, 0);
-    change(&init);
-    init.w_CPU_CONTROL.store(0x0002);
+fn take_over_init_data(rig: &mut Rig, change: fn(&CANsync_INIT_BMSTRUCT, Rate)) {
+    let node = rig.master_node();
+    rig.bring_up(&[&node], ..=Stage::WaitingForInit);
+    node.write_init_data();
+    change(&node.init, rig.rate);
+    node.init.w_CPU_CONTROL.store(Stage::WaitingForStart.command());
     rig.step(500);
 }
 
 /// Starts master and slave at these rates.
-fn start_both(rig: &mut Rig, [master, slave]: [usize; 2]) {
-    rig.rate = OMEGA_RATES[master];
+fn start_both(rig: &mut Rig, [master, slave]: [Rate; 2]) {
+    rig.rate = master;
     rig.initialize_master();
-    rig.rate = OMEGA_RATES[slave];
+    rig.rate = slave;
     rig.initialize_slave();
     rig.master.w_CPU_CONTROL.store(0x0020);
     rig.step(500);
@@ -125,28 +129,38 @@ fn start_both(rig: &mut Rig, [master, slave]: [usize; 2]) {
     rig.step(500);
 }
 
-/// Node 2 of the PLC that is a slave at 500 kbit/s takes its SYNC signal over, at `rate`.
+/// A master beside the slave takes its SYNC signal over, at `rate`.
 fn cluster(rig: &mut Rig, rate: Rate) {
+    let kind = rig.rate.kind;
+    let above = kind.plc("a", 0, None, Some("line"));
+    let between = kind.plc("b", 0, Some("line"), Some("below"));
+    let text = format!("{above}{between}{}{}", rig.rate.bus("line", ""), rate.bus("below", ""));
+    replace(rig, &[&cansync::rules::CLUSTER_BAUD_RATE][..usize::from(rate.kbit_s != rig.rate.kbit_s)], &text);
     rig.set_up();
-    let init = rig.plant.devices()[1].segment().view::<CANsync_INIT_BMSTRUCT>(NODE2).unwrap();
-    init.w_CPU_CONTROL.store(0x0001);
-    rig.step(500);
-    write_init_data(&init, rate.timing, 0x02);
-    init.w_CPU_CONTROL.store(0x0002);
-    rig.step(500);
-    init.w_CPU_CONTROL.store(0x0020);
+    let node = Node::at(rig.plant.devices()[1].segment(), kind.master.base, rate.timing, Mode::SyncIn);
+    rig.bring_up(&[&node], ..=Stage::SetUp);
     rig.step(10_000);
 }
 
 /// The same plant with a drive that has this value in a parameter, its master in set-up mode.
 fn set_up_with_drive(rig: &mut Rig, expected: &[&'static Rule], parameter: u16, value: u16) {
-    rig.expect_errors(&[]);
     let drive = format!(
         "[[bus.drive]]\nname = 'd'\nslave_number = 1\n\
          parameters = [{{ number = {parameter}, format = 'word', initial = {value} }}]\n"
     );
-    *rig = Rig::of(Memory::Heap, OMEGA_RATES[0], &drive);
-    rig.expect_errors(expected);
+    replace(rig, expected, &rig.rate.plant(&drive));
     rig.set_up();
     rig.step(60_000);
+}
+
+/// Another plant at the same rate.
+fn replace(rig: &mut Rig, expected: &[&'static Rule], plant: &str) {
+    rig.expect_errors(&[]);
+    *rig = Rig::of_plant(Memory::Heap, rig.rate, plant);
+    rig.expect_errors(expected);
+}
+
+/// A SYNC slot, in us, that is not this rate's.
+fn other_slot(rate: Rate) -> u16 {
+    rate.slower().interval_us as u16
 }

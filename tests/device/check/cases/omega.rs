@@ -1,6 +1,6 @@
-//! Cases of the BAPS.
+//! Cases that only the Omega Drive-Line II has: its BAPS and its Ethernet interface.
 
-use super::{Case, baps};
+use super::Case;
 use crate::rig::Rig;
 use commram::check::rules;
 use commram::devices::omega_drive_line_2 as omega;
@@ -10,30 +10,44 @@ use commram::memory::header::ProgramState;
 
 pub(crate) const CASES: &[Case] = &[
     Case {
+        rule: &omega::rules::IP_ADDRESS,
+        register: "ethernet_config.a_IP_ADDRESS[3]",
+        value: |_| 255,
+        wrong: |rig| store_ip_config(rig, 255),
+        right: |rig| store_ip_config(rig, 7),
+    },
+    Case {
+        rule: &rules::OWNER,
+        register: "baps.w_STATUSWORD",
+        value: |_| 0x1234,
+        wrong: |rig| baps(rig).w_STATUSWORD.store(0x1234),
+        right: |rig| baps(rig).w_CONTROLWORD.store(0x1234),
+    },
+    Case {
         rule: &rules::RESERVED_BIT,
         register: "baps.w_COMMAND_REG",
-        value: 0x0114,
+        value: |_| 0x0114,
         wrong: |rig| configure(&baps(rig), rig, 0x0114),
         right: |rig| configure(&baps(rig), rig, 0x0014),
     },
     Case {
         rule: &rules::RESERVED_VALUE,
         register: "baps.w_COMMAND_REG",
-        value: 0x0012,
+        value: |_| 0x0012,
         wrong: |rig| configure(&baps(rig), rig, 0x0012),
         right: |rig| configure(&baps(rig), rig, 0x0010),
     },
     Case {
         rule: &omega::rules::BAPS_EARLY,
         register: "baps.b_COMMAND",
-        value: 2,
+        value: |_| 2,
         wrong: |rig| configure_in_program(rig, ProgramState::Cyclic, 5),
         right: |rig| configure_in_program(rig, ProgramState::Cyclic, 6),
     },
     Case {
         rule: &omega::rules::BAPS_EARLY,
         register: "baps.b_COMMAND",
-        value: 2,
+        value: |_| 2,
         wrong: |rig| configure_in_program(rig, ProgramState::Initializing, 0),
         // Whoever does not count cycles is believed.
         right: |rig| configure_in_program(rig, ProgramState::Cyclic, 0),
@@ -41,7 +55,7 @@ pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &omega::rules::BAPS_RUNNING,
         register: "baps.b_COMMAND",
-        value: 2,
+        value: |_| 2,
         wrong: |rig| {
             let regs = baps(rig);
             configure(&regs, rig, 0x0014);
@@ -59,7 +73,7 @@ pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &omega::rules::BAPS_CYCLE,
         register: "baps.w_COMMAND_REG",
-        value: 0x0024,
+        value: |_| 0x0024,
         wrong: |rig| {
             let regs = baps(rig);
             configure(&regs, rig, 0x0014);
@@ -75,11 +89,17 @@ pub(crate) const CASES: &[Case] = &[
     Case {
         rule: &omega::rules::BAPS_SYNC_SLOT,
         register: "baps.w_COMMAND_REG",
-        value: 0x0014,
+        value: |_| 0x0014,
         wrong: |rig| follow_positions(rig, 0x0014),
         right: |rig| follow_positions(rig, 0x0044),
     },
 ];
+
+/// BAPS registers of PLC `a`, at whose drive the clock has been running.
+pub(crate) fn baps(rig: &mut Rig) -> View<BAPS_CTRL_BMSTRUCT> {
+    rig.step(5000);
+    rig.plant.devices()[0].segment().view(BAPS).unwrap()
+}
 
 /// What `BAPS_INIT` does.
 fn configure(regs: &View<BAPS_CTRL_BMSTRUCT>, rig: &mut Rig, command_reg: u16) {
@@ -119,4 +139,13 @@ fn follow_positions(rig: &mut Rig, command_reg: u16) {
         exchange(&regs, rig, command_reg);
         rig.step(2000);
     }
+}
+
+/// Stores a fixed IP address of PLC `a` that ends in `last` (manual p. 79).
+fn store_ip_config(rig: &mut Rig, last: u8) {
+    let segment = rig.plant.devices()[0].segment();
+    let config = segment.view::<ETHERNET_CONFIG_BMSTRUCT>(ETHERNET_CONFIG).unwrap();
+    config.a_IP_ADDRESS.iter().zip([192, 168, 75, last]).for_each(|(cell, byte)| cell.store(byte));
+    config.a_IP_MASK.iter().zip([255, 255, 255, 0]).for_each(|(cell, byte)| cell.store(byte));
+    config.d_IP_CONFIG.store(0x1234_5678);
 }

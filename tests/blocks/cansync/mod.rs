@@ -1,0 +1,13 @@
+//! The function blocks for CANsync against the live firmware, in the roles the manuals give them: on each device, whose
+//! `device` beside this module tells what is its own. Pages are those of manual 5.00005.03a.
+
+pub(crate) mod bench;
+mod command_channel;
+mod disturbed;
+mod parameter;
+mod played;
+mod process_data;
+mod start;
+mod updownload;
+
+use super::device;
