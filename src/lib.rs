@@ -10,6 +10,7 @@
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
 //! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
 //! | [`can`] | CAN frames, their time on the wire, a CAN medium |
+//! | [`door`] | how foreign programs take part in buses |
 //! | [`devices`] | the devices: what each does with its registers, its buses and function blocks |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
 //! | [`plc`] | the PLC side: the RAM as a program sees it, tasks |
@@ -59,6 +60,8 @@ pub mod check;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod devices;
+#[cfg(feature = "emulator")]
+pub mod door;
 #[cfg(feature = "export")]
 pub mod export;
 #[cfg(feature = "emulator")]

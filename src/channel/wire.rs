@@ -9,6 +9,7 @@
 //! `docs/channel.md` describes the format for other languages. The type names carry its version: iceoryx2 refuses
 //! a client whose type names or sizes differ.
 
+mod door;
 mod fault;
 mod findings;
 mod forces;
@@ -32,7 +33,7 @@ pub const MAX_REPLY_BYTES: usize = 4 * MAX_RANGE as usize + 64 * MAX_OPS;
 /// Longest reply in blocks.
 pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 
-/// One operation of a request. A fault is laid out by `fault.rs`.
+/// One operation of a request. A fault is laid out by `fault.rs`, a door by `door.rs`.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
@@ -41,7 +42,7 @@ pub const MAX_REPLY_BLOCKS: usize = MAX_REPLY_BYTES / size_of::<Block>();
 pub struct WireOp {
     /// Which operation: one of [`kind`].
     pub kind: u16,
-    /// Number of the PLC.
+    /// Number of the PLC or bus.
     pub plc: u16,
     /// Access width in bytes: 1, 2 or 4.
     pub width: u16,
@@ -103,6 +104,9 @@ pub mod kind {
     pub const SET_BOARD: u16 = 41;
     pub const FINDINGS: u16 = 50;
     pub const CLEAR_FINDINGS: u16 = 51;
+    pub const BUSES: u16 = 60;
+    pub const DOOR_OPEN: u16 = 61;
+    pub const DOOR_CLOSE: u16 = 62;
 }
 
 /// Values of [`Block::kind`].
@@ -125,6 +129,9 @@ pub mod reply_kind {
     pub const BOARD: u16 = 40;
     pub const FINDINGS: u16 = 50;
     pub const CLEARED: u16 = 51;
+    pub const BUSES: u16 = 60;
+    pub const DOOR_OPENED: u16 = 61;
+    pub const DOORS_CLOSED: u16 = 62;
 }
 
 /// A field of an operation without meaning, and its content.
@@ -195,6 +202,11 @@ impl From<&Op> for WireOp {
             }
             Op::Findings => WireOp { kind: kind::FINDINGS, ..WireOp::default() },
             Op::ClearFindings => WireOp { kind: kind::CLEAR_FINDINGS, ..WireOp::default() },
+            Op::Buses => WireOp { kind: kind::BUSES, ..WireOp::default() },
+            Op::DoorOpen { bus, door } => {
+                WireOp { kind: kind::DOOR_OPEN, plc: bus, ..door::encode(Some(door)) }
+            }
+            Op::DoorClose { bus, door } => WireOp { kind: kind::DOOR_CLOSE, plc: bus, ..door::encode(door) },
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -243,6 +255,12 @@ impl TryFrom<WireOp> for Op {
             },
             kind::FINDINGS => Op::Findings,
             kind::CLEAR_FINDINGS => Op::ClearFindings,
+            kind::BUSES => Op::Buses,
+            kind::DOOR_OPEN => {
+                let door = door::decode(&wire)?.ok_or(BadField::new("the door", wire.width))?;
+                Op::DoorOpen { bus: plc, door }
+            }
+            kind::DOOR_CLOSE => Op::DoorClose { bus: plc, door: door::decode(&wire)? },
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField::new("the kind", kind)),

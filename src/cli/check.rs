@@ -4,7 +4,7 @@ use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use super::{Instance, time};
 use crate::devices;
-use crate::journal::{Entry, Names, Rule, Severity};
+use crate::journal::{Entry, Names, Rule, Severity, Source};
 use crate::layout::plc_prefix;
 use serde::Serialize;
 
@@ -104,14 +104,19 @@ impl FindingRow {
     fn new(entry: &Entry, checked: &Checked) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
         let (plcs, fitted) = (&checked.names.plcs, checked.names.fitted(last.plc));
-        let plc = plcs.get(usize::from(last.plc)).cloned().unwrap_or_default();
-        let prefix = plc_prefix(plcs, last.plc);
+        let (plc, prefix) = match last.source() {
+            Source::Bus(bus) => {
+                let bus = checked.names.buses.get(usize::from(bus)).cloned().unwrap_or_default();
+                (String::new(), format!("{bus}:"))
+            }
+            _ => (plcs.get(usize::from(last.plc)).cloned().unwrap_or_default(), plc_prefix(plcs, last.plc)),
+        };
         FindingRow {
             severity: last.rule.severity().name(),
             rule: last.rule.id(),
             register: last.name(fitted).filter(|_| is_single).map(|name| prefix + &name),
             plc,
-            address: is_single.then(|| last.address(fitted).to_string()),
+            address: last.address(fitted).filter(|_| is_single).map(|address| address.to_string()),
             value: last.value,
             value_text: last.value_text(fitted),
             count,

@@ -1,6 +1,7 @@
 //! The `commram` command line: one file per subcommand, each nothing but presentation.
 
 mod board;
+mod bus;
 mod change;
 mod check;
 mod completions;
@@ -98,6 +99,7 @@ enum Command {
     #[command(hide = true)]
     DemoPlc(demo::plc::Args),
     Board(board::Args),
+    Bus(bus::Args),
     Completions(completions::Args),
 }
 
@@ -168,6 +170,7 @@ impl Command {
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),
             Command::Board(args) => board::run(&args),
+            Command::Bus(args) => bus::run(&args),
             Command::Completions(args) => completions::run(&args),
         }
     }

@@ -156,7 +156,9 @@ fn ready_line(instance: &str, emulator: &Emulator, clock: Clock) -> String {
         Clock::Stepped => "stepped".to_owned(),
         Clock::RealTime { speed } => real_time_name(speed),
     };
-    format!("commram: instance '{instance}' ready: {}, clock {clock}\n", plcs.join(", "))
+    let doors: String =
+        emulator.doors().iter().map(|(bus, door)| format!(", door {door} to bus {bus}")).collect();
+    format!("commram: instance '{instance}' ready: {}, clock {clock}{doors}\n", plcs.join(", "))
 }
 
 /// `real time`, or `real time x 2.5`.

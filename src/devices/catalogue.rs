@@ -1,6 +1,6 @@
 //! What there can be in a journal, whatever the devices of a plant: the sum of what everybody has registered.
 
-use super::{MEDIA, all, of_hash, records};
+use super::{MEDIA, all, guest, of_hash, records};
 use crate::check;
 use crate::fault;
 use crate::journal;
@@ -23,6 +23,7 @@ pub(super) fn generic() -> impl Iterator<Item = Generic> {
         Generic { owner: "fault", records: fault::KINDS, rules: &[], faults: &[] },
         Generic { owner: "check", records: &[], rules: check::rules::ALL, faults: &[] },
         Generic { owner: "devices", records: records::KINDS, rules: &[], faults: &[] },
+        Generic { owner: "guests", records: guest::KINDS, rules: &[], faults: &[] },
     ];
     let of_media = MEDIA.iter().map(|kind| Generic {
         owner: kind.name,

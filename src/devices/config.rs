@@ -2,8 +2,9 @@
 
 use super::{BuildError, Device, Medium, Plug, SettingError};
 use crate::can;
+use crate::door::DoorSpec;
 use crate::fault;
-use crate::journal::{Event, Kind, Rule};
+use crate::journal::{Kind, Rule};
 use crate::layout;
 use crate::memory::Segment;
 use core::fmt;
@@ -82,6 +83,11 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
+    /// The doors to it that are open from the start.
+    fn doors(&self) -> &[DoorSpec] {
+        &[]
+    }
+
     /// Whether there can be only one port without number, the master.
     fn has_one_master(&self) -> bool {
         false
@@ -109,8 +115,6 @@ pub struct MediumKind {
     pub faults: &'static [&'static fault::Kind],
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn MediumConfig>,
-    /// The frame that an event of this kind of media tells of, and the index of its medium; none of another event.
-    pub frame: fn(&Event) -> Option<(u16, can::Frame)>,
     /// What a frame says there, for people; nothing if that is its users' affair.
     pub says: fn(&can::Frame) -> String,
     /// Where ports of this family are that no medium is plugged in at.

@@ -1,6 +1,7 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
-use super::{BuildError, Context, Device};
+use super::{BuildError, Context, Device, GuestRefusal};
+use crate::can::Frame;
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
@@ -90,6 +91,31 @@ pub trait Medium: Any + Send {
     fn judge_edge(&mut self, now: u64, journal: &mut Journal) {
         let _ = (now, journal);
     }
+
+    /// The rate that it runs at now, in bit/s.
+    fn bit_s(&self) -> u32;
+
+    /// A guest takes part from now on. Guests have numbers from 1, one each.
+    fn guest_joins(&mut self, guest: u8, now: u64) {
+        let _ = (guest, now);
+    }
+
+    /// It does so no longer. What it has given to its controller is still sent.
+    fn guest_leaves(&mut self, guest: u8, now: u64) {
+        let _ = (guest, now);
+    }
+
+    /// A guest that takes part sends a frame.
+    ///
+    /// # Errors
+    /// [`GuestRefusal`].
+    fn guest_sends(
+        &mut self,
+        guest: u8,
+        frame: &Frame,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), GuestRefusal>;
 
     /// When the next event is due; `u64::MAX` if none is.
     fn next_time(&self) -> u64;

@@ -19,6 +19,8 @@ mod device;
 mod events;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
+#[cfg(feature = "emulator")]
+mod guest;
 #[cfg(feature = "plc")]
 mod intr_set;
 #[cfg(feature = "emulator")]
@@ -55,6 +57,8 @@ pub use device::{Device, Look, Power};
 #[cfg(feature = "emulator")]
 pub use events::Events;
 #[cfg(feature = "emulator")]
+pub use guest::{Attendance, GuestNews, GuestRefusal};
+#[cfg(feature = "emulator")]
 pub use medium::{Medium, Plug, SyncSignal, World};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
@@ -73,7 +77,6 @@ pub static MEDIA: &[MediumKind] = &[
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
-        frame: cansync::records::frame_of,
         says: cansync::records::says,
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
     },
@@ -83,7 +86,6 @@ pub static MEDIA: &[MediumKind] = &[
         records: can_bus::records::KINDS,
         rules: &[],
         faults: &[],
-        frame: can_bus::records::frame_of,
         says: |_| String::new(),
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
     },

@@ -2,6 +2,8 @@
 //! `(0000000002.001234) drives 583#7900210000000000`. Only frames; times are emulated time since power-on.
 
 use super::{Format, Names, Record, Source};
+use crate::can::{Frame, Id};
+use core::fmt;
 use std::fmt::Write;
 
 /// Longest name of a network interface under Linux; readers need not take longer ones.
@@ -33,13 +35,31 @@ fn number(index: usize, others: &[String]) -> String {
     name
 }
 
+/// A frame as the format has it: `583#7900210000000000`, `00000123#R4`.
+struct Shown<'a>(&'a Frame);
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let field = self.0.arbitration();
+        match field.id() {
+            Id::Standard(id) => write!(f, "{:03X}#", id.as_raw())?,
+            Id::Extended(id) => write!(f, "{:08X}#", id.as_raw())?,
+        }
+        match (field.is_remote(), self.0.length()) {
+            (true, 0) => f.write_str("R"),
+            (true, length) => write!(f, "R{length}"),
+            (false, _) => self.0.payload().data().iter().try_for_each(|byte| write!(f, "{byte:02X}")),
+        }
+    }
+}
+
 impl Format for Candump {
     fn record(&mut self, record: &Record, out: &mut String) {
-        let (Some(frame), Source::Bus(bus)) = (record.event.candump(), record.event.source()) else { return };
+        let (Some(frame), Source::Bus(bus)) = (record.event.frame(), record.event.source()) else { return };
         let (seconds, us) = (record.time_us / 1_000_000, record.time_us % 1_000_000);
         let bus = self.buses.get(usize::from(bus)).map_or("can", String::as_str);
         // Writing to a String cannot fail.
-        let _ = write!(out, "({seconds:010}.{us:06}) {bus} {frame}");
+        let _ = write!(out, "({seconds:010}.{us:06}) {bus} {}", Shown(&frame.frame));
         out.push('\n');
     }
 
@@ -48,5 +68,22 @@ impl Format for Candump {
     /// The format has no place for it.
     fn gap(&mut self, _: u64, _: &mut String) -> bool {
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{ExtendedId, Payload, StandardId};
+
+    #[test]
+    fn frames_as_candump_writes_them() {
+        let id = ExtendedId::new(0x123).unwrap();
+        let shown = |frame: Frame| Shown(&frame).to_string();
+        assert_eq!(shown(Frame::standard(0x23, Payload::EMPTY)), "023#");
+        assert_eq!(shown(Frame::standard(0x7FF, Payload::new(&[1, 0xAB]).unwrap())), "7FF#01AB");
+        assert_eq!(shown(Frame::new(id, Payload::new(&[5]).unwrap())), "00000123#05");
+        assert_eq!(shown(Frame::remote(id, 0).unwrap()), "00000123#R");
+        assert_eq!(shown(Frame::remote(StandardId::MAX, 8).unwrap()), "7FF#R8");
     }
 }

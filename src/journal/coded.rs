@@ -254,7 +254,7 @@ macro_rules! coded {
     (@type plc) => { u16 };
     (@type origin) => { $crate::journal::Origin };
     (@source bus, $place:expr) => { $crate::journal::Source::Bus($place) };
-    (@source plc, $place:expr) => { $crate::journal::Source::Plc($place) };
+    (@source plc, $place:expr) => { $crate::journal::Source::of_index($place) };
     (@source origin, $place:expr) => { $crate::journal::Source::Node($place) };
     ($(
         $(#[$doc:meta])*

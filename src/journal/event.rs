@@ -2,7 +2,7 @@
 
 use super::coded::{Coded, Words};
 use super::fields::Fields;
-use super::kind::{Kind, Told};
+use super::kind::{Carried, Kind, Told};
 use super::reader::Reader;
 use core::fmt;
 
@@ -15,6 +15,23 @@ pub struct Origin {
     pub node: u8,
 }
 
+impl Origin {
+    /// In place of a device's index: a guest, a foreign program that takes part in a bus. The port is its number there.
+    const GUEST: u16 = u16::MAX;
+
+    /// Guest number `guest` of the bus that is spoken of.
+    #[must_use]
+    pub const fn of_guest(guest: u8) -> Self {
+        Origin { plc: Self::GUEST, node: guest }
+    }
+
+    /// The guest's number, if it is one.
+    #[must_use]
+    pub const fn guest(self) -> Option<u8> {
+        if self.plc == Self::GUEST { Some(self.node) } else { None }
+    }
+}
+
 /// What an event happened to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
@@ -24,6 +41,18 @@ pub enum Source {
     Plc(u16),
     /// A port of a device.
     Node(Origin),
+}
+
+impl Source {
+    /// From here on, indices of devices are those of buses: a finding may be one at a bus.
+    pub(super) const BUSES: u16 = 1 << 15;
+
+    /// The device with this index, or the bus.
+    #[inline]
+    #[must_use]
+    pub const fn of_index(index: u16) -> Self {
+        if index >= Self::BUSES { Source::Bus(index - Self::BUSES) } else { Source::Plc(index) }
+    }
 }
 
 /// How the journal keeps an event.
@@ -114,9 +143,10 @@ impl Event {
         self.kind.fields(self.words, reader)
     }
 
-    /// A frame in the log format of `candump`.
-    pub(super) fn candump(&self) -> Option<String> {
-        self.kind.candump(self.words)
+    /// The frame, if one has arrived.
+    #[must_use]
+    pub fn frame(&self) -> Option<Carried> {
+        self.kind.frame(self.words)
     }
 }
 
@@ -135,6 +165,9 @@ impl fmt::Debug for Event {
 
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "PLC {} node{}", self.plc, self.node)
+        match self.guest() {
+            Some(guest) => write!(f, "guest{guest}"),
+            None => write!(f, "PLC {} node{}", self.plc, self.node),
+        }
     }
 }

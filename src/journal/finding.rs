@@ -1,6 +1,7 @@
 //! One finding: which rule, where, with which value.
 
 use super::catalogue::Catalogue;
+use super::event::Source;
 use super::fields::Fields;
 use super::kind::Told;
 use super::reader::Reader;
@@ -14,9 +15,9 @@ use crate::memory::{HEADER_SIZE, header};
 pub struct Finding {
     /// The rule.
     pub rule: &'static Rule,
-    /// Index of the device in the plant.
+    /// Index of the device in the plant; or of a bus, see [`Finding::at_bus`].
     pub plc: u16,
-    /// Offset of the register in the device's RAM.
+    /// Offset of the register in the device's RAM; at a bus the number of the guest.
     pub offset: u32,
     /// Which of the structures that overlay each other the register belongs to.
     pub live: Live,
@@ -68,9 +69,9 @@ impl Told for Found {
         let (fitted, rule) = (reader.names.fitted(self.plc), finding.rule);
         let name = finding.name(fitted).unwrap_or_default();
         let late = if self.late_us > 0 { format!(", {} us late", self.late_us) } else { String::new() };
-        let (severity, address, value) =
-            (rule.severity(), finding.address(fitted), finding.value_text(fitted));
-        format!("{severity} {rule}: {name} ({address}) {value}{late}")
+        let (severity, value) = (rule.severity(), finding.value_text(fitted));
+        let address = finding.address(fitted).map_or_else(String::new, |address| format!(" ({address})"));
+        format!("{severity} {rule}: {name}{address} {value}{late}")
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -80,7 +81,7 @@ impl Told for Found {
             .with("rule", rule.id())
             .with("severity", rule.severity().name())
             .with("register", finding.name(fitted))
-            .with("address", finding.address(fitted).to_string())
+            .with_any("address", finding.address(fitted).map(|address| address.to_string()))
             .with("value", self.value)
             .with_any("late_us", Some(self.late_us).filter(|late| *late > 0))
             .with("text", rule.text())
@@ -88,19 +89,36 @@ impl Told for Found {
 }
 
 impl Finding {
+    /// That guest number `guest` of bus number `bus` broke a rule; such a finding has no register.
+    #[must_use]
+    pub const fn at_bus(rule: &'static Rule, bus: u16, guest: u8, value: u32) -> Self {
+        let (plc, offset) = (Source::BUSES | bus, guest as u32);
+        Finding { rule, plc, offset, live: Live::Always, value, late_us: 0 }
+    }
+
+    /// What it was found at: a device or a bus.
+    #[must_use]
+    pub const fn source(&self) -> Source {
+        Source::of_index(self.plc)
+    }
+
     /// The register; `None` in the header page and where there is none.
     #[must_use]
     pub fn register(&self, fitted: impl Into<Fitted>) -> Option<RegisterRef> {
+        if self.is_at_bus() {
+            return None;
+        }
         let fitted = fitted.into();
         let found =
             fitted.registers_at(fitted.device().at(Width::Byte, self.offset), Some(self.live)).ok()?;
         found.into_iter().find(|register| register.offset() == self.offset)
     }
 
-    /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`.
+    /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`; of the guest: `guest1`.
     #[must_use]
     pub fn name(&self, fitted: impl Into<Fitted>) -> Option<String> {
         match self.register(fitted) {
+            _ if self.is_at_bus() => Some(format!("guest{}", self.offset)),
             Some(register) => Some(register.name()),
             None if self.is_in_header() => {
                 Some(format!("header.{}", header::field_at(self.offset as usize)?))
@@ -109,22 +127,29 @@ impl Finding {
         }
     }
 
-    /// Address at the register's own width: `%MW3.200002`.
+    /// Address at the register's own width: `%MW3.200002`; at a bus there is none.
     #[must_use]
-    pub fn address(&self, fitted: impl Into<Fitted>) -> Address {
+    pub fn address(&self, fitted: impl Into<Fitted>) -> Option<Address> {
+        if self.is_at_bus() {
+            return None;
+        }
         let fitted = fitted.into();
         let byte = || fitted.device().at(Width::Byte, self.offset);
-        self.register(fitted).map_or_else(byte, |register| register.address())
+        Some(self.register(fitted).map_or_else(byte, |register| register.address()))
     }
 
     /// The value as the register writes it: `16#0043`.
     #[must_use]
     pub fn value_text(&self, fitted: impl Into<Fitted>) -> String {
-        let plain = if self.is_in_header() { RegType::Dword } else { RegType::Byte };
+        let plain = if self.is_in_header() || self.is_at_bus() { RegType::Dword } else { RegType::Byte };
         format_value(self.register(fitted).map_or(plain, |register| register.ty()), self.value)
     }
 
+    const fn is_at_bus(&self) -> bool {
+        matches!(self.source(), Source::Bus(_))
+    }
+
     fn is_in_header(&self) -> bool {
-        (self.offset as usize) < HEADER_SIZE
+        !self.is_at_bus() && (self.offset as usize) < HEADER_SIZE
     }
 }

@@ -6,6 +6,7 @@ use super::coded::{Coded, Words};
 use super::event::{Keeping, Source};
 use super::fields::Fields;
 use super::reader::Reader;
+use crate::can::Frame;
 use core::fmt;
 
 /// Number of rings.
@@ -44,10 +45,19 @@ pub trait Told: Coded {
     /// What happened, for programs: the fields that belong to this kind.
     fn fields(&self, reader: &mut Reader) -> Fields;
 
-    /// A frame as the log format of `candump` has it: `583#7900210000000000`.
-    fn candump(&self) -> Option<String> {
+    /// The frame, if one has arrived.
+    fn frame(&self) -> Option<Carried> {
         None
     }
+}
+
+/// A frame that has arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Carried {
+    /// The frame.
+    pub frame: Frame,
+    /// The guest whose it is, if it is one's.
+    pub guest: Option<u8>,
 }
 
 /// What kind of event it is. Kinds are equal if their numbers are.
@@ -64,7 +74,7 @@ struct Reads {
     source: fn(Words) -> Option<Source>,
     text: fn(Words, &mut Reader) -> Option<String>,
     fields: fn(Words, &mut Reader) -> Option<Fields>,
-    candump: fn(Words) -> Option<String>,
+    frame: fn(Words) -> Option<Carried>,
     #[cfg(test)]
     push: fn(Words, &mut super::Journal, u64),
 }
@@ -80,7 +90,7 @@ impl Kind {
             source: |words| T::read(words).map(|told| told.source()),
             text: |words, reader| T::read(words).map(|told| told.text(reader)),
             fields: |words, reader| T::read(words).map(|told| told.fields(reader)),
-            candump: |words| T::read(words).and_then(|told| told.candump()),
+            frame: |words| T::read(words).and_then(|told| told.frame()),
             #[cfg(test)]
             push: |words, journal, time_us| journal.push(time_us, T::read(words).unwrap()),
         };
@@ -121,8 +131,8 @@ impl Kind {
         (self.reads.fields)(words, reader).unwrap_or_default()
     }
 
-    pub(super) fn candump(&self, words: Words) -> Option<String> {
-        (self.reads.candump)(words)
+    pub(super) fn frame(&self, words: Words) -> Option<Carried> {
+        (self.reads.frame)(words)
     }
 
     #[cfg(test)]

@@ -49,7 +49,7 @@ pub use event::{Event, Keeping, Origin, Source};
 pub use fields::Fields;
 pub use finding::{Finding, Found};
 pub use findings::{Entry, Findings, MAX_ENTRIES};
-pub use kind::{Kind, Ring, Told};
+pub use kind::{Carried, Kind, Ring, Told};
 pub use names::Names;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;

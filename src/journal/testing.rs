@@ -1,6 +1,7 @@
 //! Kinds of events to test the journal with, as families of devices have them.
 
-use super::{Catalogue, Coded, Fields, Keeping, Reader, Told};
+use super::{Carried, Catalogue, Coded, Fields, Keeping, Reader, Told};
+use crate::can::{Frame, Payload};
 use crate::coded;
 use std::sync::LazyLock;
 
@@ -41,8 +42,8 @@ impl Told for Packet {
         Fields::new().with("data", self.data)
     }
 
-    fn candump(&self) -> Option<String> {
-        Some(format!("100#{:02X}", self.data))
+    fn frame(&self) -> Option<Carried> {
+        Some(Carried { frame: Frame::standard(0x100, Payload::new(&[self.data])?), guest: None })
     }
 }
 

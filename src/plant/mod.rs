@@ -7,6 +7,7 @@ mod access;
 mod boards;
 mod config;
 mod force;
+mod guests;
 mod injection;
 mod ports;
 mod writes;

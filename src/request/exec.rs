@@ -1,5 +1,6 @@
 //! Executes operations: the one place that tells what each of them does.
 
+use super::doors;
 use super::register::{Register, device_of, known_plc};
 use super::{Code, Host, MAX_ADVANCE_US, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
@@ -122,6 +123,9 @@ impl Execution {
                 host.plant_mut().clear_findings();
                 Reply::Cleared
             }
+            Op::Buses => doors::buses(host),
+            Op::DoorOpen { bus, door } => doors::open(host, bus, door)?,
+            Op::DoorClose { bus, door } => doors::close(host, bus, door)?,
             Op::Info => Reply::Info(Box::new(host.info())),
             Op::Stop => {
                 host.request_stop();

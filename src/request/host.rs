@@ -1,6 +1,7 @@
 //! Who runs a plant.
 
 use super::InstanceInfo;
+use crate::door::Doors;
 use crate::plant::Plant;
 
 /// A plant with its clock, as operations need it. Times are emulated time in microseconds.
@@ -26,6 +27,11 @@ pub trait Host {
     /// Stepped mode: runs everything up to and including time `t`. Going there in several calls has the
     /// same outcome as going there in one.
     fn advance_to(&mut self, t: u64);
+
+    /// The doors to its buses; `None` if there cannot be any.
+    fn doors(&mut self) -> Option<&mut Doors> {
+        None
+    }
 
     /// What the instance says about itself.
     fn info(&self) -> InstanceInfo;

@@ -7,6 +7,7 @@
 //! Rules: operations of one request run in order and stop at the first that is refused; with a stepped clock, what the
 //! boards were asked for before the request is answered first ([`Host::begin_request`]).
 
+mod doors;
 mod exec;
 mod host;
 mod naming;
@@ -21,4 +22,4 @@ pub use exec::Execution;
 pub use host::Host;
 pub use op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
 pub use refused::{Code, Refused};
-pub use reply::{InstanceInfo, Reply, Waited, WrongReply};
+pub use reply::{BusState, InstanceInfo, Reply, Waited, WrongReply};

@@ -1,5 +1,6 @@
 //! The operations.
 
+use crate::door::DoorSpec;
 use crate::fault::Fault;
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
@@ -156,6 +157,22 @@ pub enum Op {
     Findings,
     /// Forgets what the access checker has found. Answered by [`Reply::Cleared`](super::Reply::Cleared).
     ClearFindings,
+    /// Asks for the buses, their doors and the guests there. Answered by [`Reply::Buses`](super::Reply::Buses).
+    Buses,
+    /// Opens a door to a bus. Answered by [`Reply::DoorOpened`](super::Reply::DoorOpened).
+    DoorOpen {
+        /// Number of the bus.
+        bus: u16,
+        /// The door.
+        door: DoorSpec,
+    },
+    /// Closes doors to a bus; their guests leave. Answered by [`Reply::DoorsClosed`](super::Reply::DoorsClosed).
+    DoorClose {
+        /// Number of the bus.
+        bus: u16,
+        /// The door, with its real port or number; `None`: all.
+        door: Option<DoorSpec>,
+    },
     /// Asks for the emulated time. Answered by [`Reply::Time`](super::Reply::Time).
     Time,
     /// Asks who answers. Answered by [`Reply::Info`](super::Reply::Info).

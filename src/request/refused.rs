@@ -56,6 +56,13 @@ impl Code {
     /// The PLC or its module has no such switch.
     pub const NO_SUCH_SWITCH: Self = Self(34);
 
+    /// There are no doors here.
+    pub const NO_DOORS: Self = Self(35);
+    /// The instance has no bus of that number.
+    pub const UNKNOWN_BUS: Self = Self(36);
+    /// The door does not open, or there is none to be closed.
+    pub const DOOR: Self = Self(37);
+
     /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
     pub fn is_wrong_use(self) -> bool {
         ![Self::NOT_IN_TIME, Self::NO_SYNC, Self::START_REFUSED, Self::SHUTTING_DOWN].contains(&self)

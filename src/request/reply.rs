@@ -1,6 +1,7 @@
 //! The replies.
 
 use super::Refused;
+use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
 use crate::journal::{Entry, Names, Record};
 use crate::memory::header::BoardState;
@@ -55,6 +56,15 @@ pub enum Reply {
     Findings(Vec<Entry>),
     /// It is forgotten.
     Cleared,
+    /// The buses, in the order of their numbers.
+    Buses(Vec<BusState>),
+    /// A door is open.
+    DoorOpened(DoorSpec),
+    /// Doors were closed.
+    DoorsClosed {
+        /// How many.
+        count: u16,
+    },
     /// Who answers.
     Info(Box<InstanceInfo>),
     /// The emulator is going to end.
@@ -63,6 +73,19 @@ pub enum Reply {
     Error(Refused),
     /// An earlier operation of the request was refused.
     NotExecuted,
+}
+
+/// What there is to know of a bus.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BusState {
+    /// Its name.
+    pub name: String,
+    /// Its kind, as in the plant file.
+    pub kind: String,
+    /// The rate that it runs at now, in bit/s.
+    pub bit_s: u32,
+    /// The doors to it, in the order in which they were opened.
+    pub doors: Vec<DoorState>,
 }
 
 /// What an emulator says about itself.
@@ -152,6 +175,12 @@ contents! {
     findings: Reply::Findings(entries) => entries, Vec<Entry>;
     /// That the findings are forgotten.
     cleared: Reply::Cleared => (), ();
+    /// The buses.
+    buses: Reply::Buses(buses) => buses, Vec<BusState>;
+    /// A door that was opened, with its real port or number.
+    door_opened: Reply::DoorOpened(door) => door, DoorSpec;
+    /// How many doors were closed.
+    doors_closed: Reply::DoorsClosed { count } => count, u16;
     /// Who answers.
     info: Reply::Info(info) => *info, InstanceInfo;
     /// That the emulator is going to end.

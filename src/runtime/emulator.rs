@@ -8,10 +8,12 @@
 mod channel;
 
 use super::clock::{Clock, WallClock};
+use super::guests::Guests;
 use super::lockstep::Lockstep;
 use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 
 use super::watch::Watch;
+use crate::door::{DoorError, DoorSpec};
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use std::path::PathBuf;
@@ -54,6 +56,9 @@ pub enum RuntimeError {
     /// A NOVRAM file cannot be used.
     #[error(transparent)]
     Novram(#[from] NovramError),
+    /// A door does not open.
+    #[error(transparent)]
+    Door(#[from] DoorError),
     /// Somebody has shortened an image while it was in use.
     #[error("{}: another program has shortened it while it was in use, so the registers are lost; nothing of them was \
              written to NOVRAM, start again", .path.display())]
@@ -96,6 +101,7 @@ pub struct Emulator {
     pub(super) options: Options,
     pub(super) stop: Arc<AtomicBool>,
     pub(super) lockstep: Lockstep,
+    pub(super) guests: Guests,
     /// Before the images: it must have written everything before another emulator can have them.
     novram: Keeper,
     /// Before the images: it looks at their files.
@@ -168,6 +174,8 @@ impl Emulator {
         let rings = vec![0; images.len()];
         images.iter().for_each(Image::set_ready);
         // `Plant::new` refuses a plant without a PLC.
+        let bell = images[0].header().clone();
+        let guests = Guests::new(config, move || bell.doorbell.ring())?;
         let stop = StopHandle { stop: Arc::default(), header: images[0].header().clone() };
         // Behind the event services, whose memory is to be watched as well.
         #[cfg(feature = "channel")]
@@ -182,6 +190,7 @@ impl Emulator {
         Ok(Emulator {
             rings,
             lockstep,
+            guests,
             novram,
             plant,
             options,
@@ -201,6 +210,13 @@ impl Emulator {
     /// The images, one for each PLC.
     pub fn images(&self) -> &[Image] {
         &self.images
+    }
+
+    /// The doors that are open, each with the name of its bus.
+    pub fn doors(&self) -> Vec<(&str, DoorSpec)> {
+        let media = self.plant.media().iter().enumerate();
+        let of_bus = |bus: usize| self.guests.open_doors(bus as u16).into_iter();
+        media.flat_map(|(bus, medium)| of_bus(bus).map(|door| (medium.name(), door.door))).collect()
     }
 
     /// The plant.
@@ -298,6 +314,8 @@ impl Emulator {
                 self.plant.processor_cycle();
                 self.lockstep.look(&mut self.plant);
             }
+            self.guests.tell(&self.plant);
+            self.guests.enter(&mut self.plant, false);
             if look || due {
                 self.announce();
                 self.tell_events();
@@ -322,6 +340,7 @@ impl Emulator {
     /// With a stepped clock: what the boards are asked for needs no time to pass; everything else is seen when it does.
     pub(super) fn look_at_rings(&mut self) {
         if self.note_rings() {
+            self.guests.look(&mut self.plant);
             let (boards, tasks) = (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant));
             if boards || tasks {
                 self.announce();

@@ -1,6 +1,7 @@
 //! The emulator as operations see it.
 
 use super::emulator::Emulator;
+use crate::door::Doors;
 use crate::plant::Plant;
 use crate::request::{Host, InstanceInfo};
 use std::sync::atomic::Ordering;
@@ -29,9 +30,16 @@ impl Host for Emulator {
     }
 
     fn advance_to(&mut self, t: u64) {
+        self.guests.enter(&mut self.plant, true);
         let stop = &self.stop;
         self.lockstep.advance(&mut self.plant, t, || stop.load(Ordering::Acquire));
+        self.guests.tell(&self.plant);
         self.tell_events();
+    }
+
+    fn doors(&mut self) -> Option<&mut Doors> {
+        self.guests.look(&mut self.plant);
+        Some(self.guests.doors())
     }
 
     fn info(&self) -> InstanceInfo {

@@ -2,6 +2,7 @@
 
 mod clock;
 mod emulator;
+mod guests;
 mod host;
 mod lockstep;
 mod novram;

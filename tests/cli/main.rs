@@ -10,6 +10,7 @@ mod changes;
 mod check;
 mod damaged;
 mod demo;
+mod doors;
 mod faults;
 mod force;
 mod hostile_scenarios;

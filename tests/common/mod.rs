@@ -61,6 +61,19 @@ pub(crate) struct Outcome {
     pub err: String,
 }
 
+/// Python with the packages, or why there is none.
+pub(crate) fn python(packages: &[&str]) -> Result<Command, String> {
+    let imports = packages.iter().map(|package| format!("import {package}\n")).collect::<String>();
+    let program = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    match Command::new(&program).args(["-c", &imports]).output() {
+        Ok(output) if output.status.success() => Ok(Command::new(program)),
+        Ok(output) => {
+            Err(String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_owned())
+        }
+        Err(error) => Err(format!("{program}: {error}")),
+    }
+}
+
 /// Runs the program with these arguments to its end.
 pub(crate) fn run(args: &[&str]) -> Outcome {
     finish(commram().args(args))

@@ -1,8 +1,7 @@
 //! Exports checked with the tools of their worlds.
 
-use crate::common::{Outcome, finish, run};
+use crate::common::{Outcome, finish, python, run};
 use std::path::Path;
-use std::process::Command;
 use svd_parser::svd::{Device, Peripheral, RegisterInfo};
 
 fn peripheral<'a>(device: &'a Device, name: &str) -> &'a Peripheral {
@@ -34,19 +33,6 @@ fn svd_is_valid_and_says_where_the_cpu_finds_a_register() {
     // Of the other device no CPU address is known: it stands where the image has it.
     let device = expanded("bm4-plc");
     assert_eq!(peripheral(&device, "CANsyncSlave_Ctrl_Slot_M").base_address, 7_001_792);
-}
-
-/// Python with the packages, or why there is none.
-fn python(packages: &[&str]) -> Result<Command, String> {
-    let imports = packages.iter().map(|package| format!("import {package}\n")).collect::<String>();
-    let program = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    match Command::new(&program).args(["-c", &imports]).output() {
-        Ok(output) if output.status.success() => Ok(Command::new(program)),
-        Ok(output) => {
-            Err(String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_owned())
-        }
-        Err(error) => Err(format!("{program}: {error}")),
-    }
 }
 
 /// Exports `format` to a file, then runs a script of `tests/python` with the file's path.

@@ -74,6 +74,11 @@ impl ReplyBuffer {
                 self.append(only(reply_kind::FINDINGS), &own::encode(&entries))
             }
             Reply::Cleared => self.append(only(reply_kind::CLEARED), &[]),
+            Reply::Buses(buses) => self.append(only(reply_kind::BUSES), &own::encode(buses)),
+            Reply::DoorOpened(door) => self.append(only(reply_kind::DOOR_OPENED), &own::encode(door)),
+            Reply::DoorsClosed { count } => {
+                self.append((reply_kind::DOORS_CLOSED, 0, u64::from(*count)), &[])
+            }
             Reply::Info(info) => self.append(only(reply_kind::INFO), &own::encode(&**info)),
             Reply::Stopping => self.append(only(reply_kind::STOPPING), &[]),
             Reply::Error(refused) => {
@@ -160,6 +165,9 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::BOARD => Reply::Board(BoardState::read_from_bytes(data).ok()?),
         reply_kind::FINDINGS => Reply::Findings(entries(data)?),
         reply_kind::CLEARED => Reply::Cleared,
+        reply_kind::BUSES => Reply::Buses(own::decode(data)?),
+        reply_kind::DOOR_OPENED => Reply::DoorOpened(own::decode(data)?),
+        reply_kind::DOORS_CLOSED => Reply::DoorsClosed { count: value.try_into().ok()? },
         reply_kind::INFO => Reply::Info(Box::new(own::decode(data)?)),
         reply_kind::STOPPING => Reply::Stopping,
         reply_kind::ERROR => Reply::Error(error(Code(head.code), value, data)?),

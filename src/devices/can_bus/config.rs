@@ -4,6 +4,7 @@ use super::{CanBus, FAMILY};
 use crate::can::BitRate;
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Medium, MediumConfig};
+use crate::door::DoorSpec;
 use serde::Deserialize;
 use std::sync::Arc;
 use toml::Spanned;
@@ -16,6 +17,8 @@ pub struct CanBusConfig {
     pub name: String,
     /// Its bit rate, 10 to 1000 kbit/s.
     pub rate: BitRate,
+    /// The doors to it that are open from the start.
+    pub doors: Vec<DoorSpec>,
 }
 
 /// The section as it is written.
@@ -24,12 +27,14 @@ pub struct CanBusConfig {
 struct Section {
     name: String,
     kbit_s: Spanned<f64>,
+    #[serde(default)]
+    doors: Vec<DoorSpec>,
 }
 
 impl CanBusConfig {
     /// Reads a `[[bus]]` section of kind `can`.
     pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn MediumConfig>, Error> {
-        let Section { name, kbit_s } = Section::deserialize(value)?;
+        let Section { name, kbit_s, doors } = Section::deserialize(value)?;
         let rate = rate(*kbit_s.get_ref()).ok_or_else(|| {
             let text = format!(
                 "kbit_s of '{name}' is {}; it must be 10 to 1000, with three decimals at most",
@@ -37,7 +42,7 @@ impl CanBusConfig {
             );
             refused_at(kbit_s.span(), text)
         })?;
-        Ok(Arc::new(CanBusConfig { name, rate }))
+        Ok(Arc::new(CanBusConfig { name, rate, doors }))
     }
 }
 
@@ -58,6 +63,10 @@ impl MediumConfig for CanBusConfig {
 
     fn family(&self) -> &'static str {
         FAMILY
+    }
+
+    fn doors(&self) -> &[DoorSpec] {
+        &self.doors
     }
 
     fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {

@@ -6,11 +6,12 @@
 
 use super::FAMILY;
 use super::config::CanBusConfig;
+use super::guest::Silent;
 use super::port::{CanPort, CanSocket, Controller};
 use super::records::{Lost, Transmitted};
 use crate::can::{self, Event, Frame, Participants};
 use crate::check::OwnedWatch;
-use crate::devices::{BuildError, Context, Medium, SyncSignal, World};
+use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
@@ -18,20 +19,37 @@ use core::any::Any;
 /// Nothing is due.
 const NEVER: u64 = u64::MAX;
 
-/// A port at the bus.
-struct End {
-    origin: Origin,
+/// A port at the bus, or a guest.
+pub(super) struct End {
+    pub(super) origin: Origin,
     base: usize,
     port: Box<dyn CanPort>,
-    controller: Controller,
-    watch: OwnedWatch,
+    pub(super) controller: Controller,
+    /// None over a guest, which has no registers.
+    watch: Option<OwnedWatch>,
     /// Since when it takes part, in ns.
-    on_since_ns: Option<u64>,
+    pub(super) on_since_ns: Option<u64>,
+    /// It leaves as soon as its controller has nothing to send.
+    pub(super) is_leaving: bool,
     /// The frame that has just arrived and passed its filters, until the firmware is called.
     arrived: Option<Frame>,
 }
 
 impl End {
+    /// A guest that does not take part yet.
+    pub(super) fn guest(number: u8) -> Self {
+        End {
+            origin: Origin::of_guest(number),
+            base: 0,
+            port: Box::new(Silent),
+            controller: Controller::default(),
+            watch: None,
+            on_since_ns: None,
+            is_leaving: false,
+            arrived: None,
+        }
+    }
+
     /// Runs its firmware.
     fn run(
         &mut self,
@@ -74,7 +92,8 @@ impl Participants for Ends<'_> {
 
     fn received(&mut self, who: usize, _: u64, frame: &Frame) {
         let end = &mut self.ends[who];
-        end.arrived = end.controller.accepts(frame).then_some(*frame);
+        // Who brings the guest in tells it everything.
+        end.arrived = (end.origin.guest().is_none() && end.controller.accepts(frame)).then_some(*frame);
     }
 }
 
@@ -83,8 +102,11 @@ pub struct CanBus {
     index: u16,
     name: String,
     /// None where ports are that no bus is plugged in at.
-    wire: Option<can::Medium>,
-    ends: Vec<End>,
+    pub(super) wire: Option<can::Medium>,
+    /// The ports, then the guests. A guest that has left keeps its place for the next one of its number.
+    pub(super) ends: Vec<End>,
+    /// How many of them are to leave.
+    pub(super) leaving: usize,
     /// The sender of the frame on the wire, if it has gone off meanwhile.
     cut_off: Option<usize>,
     next: u64,
@@ -98,6 +120,7 @@ impl CanBus {
             name: String::new(),
             wire: None,
             ends: Vec::new(),
+            leaving: 0,
             cut_off: None,
             next: NEVER,
         }
@@ -110,7 +133,10 @@ impl CanBus {
     }
 
     /// Finds when there is something to do, after whatever has happened at `now`.
-    fn plan(&mut self, now: u64) {
+    pub(super) fn plan(&mut self, now: u64) {
+        if self.leaving > 0 {
+            self.let_guests_leave();
+        }
         let of_ports = self.ends.iter().filter(|end| end.on_since_ns.is_some());
         let of_ports = of_ports.map(|end| end.port.next_time()).fold(NEVER, u64::min);
         let of_wire = match self.wire.as_ref().map(can::Medium::next_ns) {
@@ -185,8 +211,9 @@ impl Medium for CanBus {
             base: area.first as usize,
             port,
             controller: Controller::default(),
-            watch: OwnedWatch::of_area(origin.plc, &segment, layout, area)?,
+            watch: Some(OwnedWatch::of_area(origin.plc, &segment, layout, area)?),
             on_since_ns: None,
+            is_leaving: false,
             arrived: None,
         });
         Ok(self.ends.len() - 1)
@@ -224,15 +251,43 @@ impl Medium for CanBus {
     }
 
     fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
-        self.ends[place].watch.look(now, journal);
+        if let Some(watch) = &mut self.ends[place].watch {
+            watch.look(now, journal);
+        }
     }
 
     fn leave(&mut self, place: usize) {
-        self.ends[place].watch.leave();
+        if let Some(watch) = &mut self.ends[place].watch {
+            watch.leave();
+        }
     }
 
     fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
-        self.ends[place].watch.written(offset, bytes, now, journal);
+        if let Some(watch) = &mut self.ends[place].watch {
+            watch.written(offset, bytes, now, journal);
+        }
+    }
+
+    fn bit_s(&self) -> u32 {
+        self.wire.as_ref().map_or(0, |wire| wire.rate().bit_s())
+    }
+
+    fn guest_joins(&mut self, guest: u8, now: u64) {
+        self.let_in(guest, now);
+    }
+
+    fn guest_leaves(&mut self, guest: u8, now: u64) {
+        self.see_off(guest, now);
+    }
+
+    fn guest_sends(
+        &mut self,
+        guest: u8,
+        frame: &Frame,
+        now: u64,
+        _: &mut Journal,
+    ) -> Result<(), GuestRefusal> {
+        self.take_guests_frame(guest, frame, now)
     }
 
     fn next_time(&self) -> u64 {

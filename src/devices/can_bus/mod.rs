@@ -6,6 +6,7 @@
 
 mod config;
 mod device;
+mod guest;
 mod medium;
 mod port;
 pub mod records;

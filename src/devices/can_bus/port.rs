@@ -121,6 +121,15 @@ impl Controller {
         self.queue.pop_front().map(|(_, frame)| frame)
     }
 
+    /// Puts a frame into the queue at `now`, when no firmware runs.
+    ///
+    /// # Errors
+    /// [`QueueFull`].
+    pub(super) fn send_at(&mut self, now: u64, frame: Frame) -> Result<(), QueueFull> {
+        self.now = now;
+        self.send(frame)
+    }
+
     pub(super) fn clear(&mut self) {
         self.queue.clear();
         self.filters.clear();

@@ -2,7 +2,7 @@
 
 use crate::can::{Frame, Payload};
 use crate::coded;
-use crate::journal::{Coded, Event, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
+use crate::journal::{Carried, Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
 use embedded_can::{ExtendedId, Id, StandardId};
 
 /// All kinds.
@@ -88,11 +88,6 @@ fn fields(frame: &Frame, sender: Origin, reader: &Reader) -> Fields {
         .with("from", reader.port(sender))
 }
 
-/// The frame that an event tells of, and the index of its bus.
-pub(crate) fn frame_of(event: &Event) -> Option<(u16, Frame)> {
-    event.get().map(|Transmitted { bus, frame, .. }| (bus, frame))
-}
-
 impl Told for Transmitted {
     fn text(&self, reader: &mut Reader) -> String {
         format!("{} from {}", text(&self.frame), reader.port(self.sender))
@@ -102,16 +97,8 @@ impl Told for Transmitted {
         fields(&self.frame, self.sender, reader)
     }
 
-    fn candump(&self) -> Option<String> {
-        let frame = &self.frame;
-        let field = frame.arbitration();
-        let id = field.number();
-        let id = if field.is_extended() { format!("{id:08X}") } else { format!("{id:03X}") };
-        Some(match (field.is_remote(), frame.length()) {
-            (false, _) => format!("{id}#{}", bytes(frame, "")),
-            (true, 0) => format!("{id}#R"),
-            (true, length) => format!("{id}#R{length}"),
-        })
+    fn frame(&self) -> Option<Carried> {
+        Some(Carried { frame: self.frame, guest: self.sender.guest() })
     }
 }
 
@@ -128,20 +115,6 @@ impl Told for Lost {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn candump(frame: Frame) -> Option<String> {
-        Transmitted { bus: 0, frame, sender: Origin { plc: 0, node: 1 } }.candump()
-    }
-
-    #[test]
-    fn frames_as_candump_writes_them() {
-        let id = ExtendedId::new(0x123).unwrap();
-        assert_eq!(candump(Frame::standard(0x23, Payload::EMPTY)).unwrap(), "023#");
-        assert_eq!(candump(Frame::standard(0x7FF, Payload::new(&[1, 0xAB]).unwrap())).unwrap(), "7FF#01AB");
-        assert_eq!(candump(Frame::new(id, Payload::new(&[5]).unwrap())).unwrap(), "00000123#05");
-        assert_eq!(candump(Frame::remote(id, 0).unwrap()).unwrap(), "00000123#R");
-        assert_eq!(candump(Frame::remote(StandardId::MAX, 8).unwrap()).unwrap(), "7FF#R8");
-    }
 
     #[test]
     fn frames_for_people() {

@@ -103,7 +103,7 @@ impl Bench {
     /// A bus at so many bit/s with ports that run these scripts, all on.
     fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
         let rate = BitRate::new(bit_s).unwrap();
-        let bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate });
+        let bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
         Self::of(bus, scripts)
     }
 

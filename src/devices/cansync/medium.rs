@@ -11,6 +11,7 @@ mod config;
 mod disturbance;
 mod end;
 mod fault;
+mod guests;
 mod own_clock;
 mod ports;
 mod process;

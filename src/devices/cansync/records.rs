@@ -6,7 +6,7 @@ use super::firmware::InitFault;
 use crate::can;
 use crate::can::Id;
 use crate::coded;
-use crate::journal::{Coded, Event, Fields, Keeping, Kind, Packer, Part, Reader, Told, Unpacker};
+use crate::journal::{Carried, Coded, Fields, Keeping, Kind, Packer, Part, Reader, Told, Unpacker};
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[
@@ -17,6 +17,7 @@ pub static KINDS: &[&Kind] = &[
     InitRefused::KIND,
     SlaveStatus::KIND,
     BaudRateMismatch::KIND,
+    ForeignFrame::KIND,
 ];
 
 coded! {
@@ -65,6 +66,14 @@ coded! {
         bus_kbit_s: u16,
         /// It passes on the SYNC signal of that bus, and no slave of its own synchronizes; else it hears nothing.
         passes_on: bool,
+    }
+
+    /// A frame of a guest, which is outside of all slots; the time is its end (decision D-315).
+    ForeignFrame = 12, "foreign_frame", Traffic, at bus {
+        /// The guest's number on the bus.
+        guest: u8,
+        /// The frame itself.
+        frame: Frame,
     }
 }
 
@@ -191,11 +200,6 @@ fn frame_text(frame: &Frame) -> String {
     }
 }
 
-/// The frame that an event tells of, and the index of its bus.
-pub(crate) fn frame_of(event: &Event) -> Option<(u16, can::Frame)> {
-    event.get().map(|Transmitted { bus, frame }| (bus, frame.into()))
-}
-
 /// What a frame says: nothing if it cannot be one of a CANsync bus.
 pub(crate) fn says(frame: &can::Frame) -> String {
     let Id::Standard(id) = frame.arbitration().id() else { return String::new() };
@@ -216,8 +220,22 @@ impl Told for Transmitted {
         Fields::new().with("id", self.frame.id()).with("data", hex(&self.frame)).with("text", text)
     }
 
-    fn candump(&self) -> Option<String> {
-        Some(format!("{:03X}#{}", self.frame.id(), hex(&self.frame)))
+    fn frame(&self) -> Option<Carried> {
+        Some(Carried { frame: self.frame.into(), guest: None })
+    }
+}
+
+impl Told for ForeignFrame {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("{} from guest{}, outside of the slots", frame_text(&self.frame), self.guest)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("id", self.frame.id()).with("data", hex(&self.frame)).with("guest", self.guest)
+    }
+
+    fn frame(&self) -> Option<Carried> {
+        Some(Carried { frame: self.frame.into(), guest: Some(self.guest) })
     }
 }
 

@@ -70,4 +70,7 @@ rules! {
     DRIVE_PWM: 32, "drive-pwm", Warning, "p. 74 (inferred), D-292",
         "The PWM frequency (P103) of a drive is none of the two that the table of the masks over P258 knows. Set it to 4 or \
          8 kHz.";
+    FOREIGN_FRAME: 61, "foreign-frame", Warning, "D-315",
+        "A program at a door has sent a frame into a CANsync bus, where only master and slaves send, each in its slot. Only \
+         listen there.";
 }

@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::devices;
-use crate::journal::Entry;
+use crate::journal::{Entry, Source};
 use crate::request::Op;
 use crate::script::ScenarioError;
 use crate::time::seconds;
@@ -53,20 +53,27 @@ impl Bench {
     /// The register of a finding, with the PLC in front if there are several; its address if it has no name.
     pub(in crate::script) fn finding_place(&self, entry: &Entry) -> String {
         let fitted = self.names.fitted(entry.last.plc);
-        let name = entry.last.name(fitted).unwrap_or_else(|| entry.last.address(fitted).to_string());
-        format!("{}{name}", self.prefix(entry.last.plc))
+        let address = || entry.last.address(fitted).map(|address| address.to_string());
+        let name = entry.last.name(fitted).or_else(address).unwrap_or_default();
+        match entry.last.source() {
+            Source::Bus(bus) => {
+                let bus = self.names.buses.get(usize::from(bus)).map_or("", String::as_str);
+                format!("{bus}:{name}")
+            }
+            _ => format!("{}{name}", self.prefix(entry.last.plc)),
+        }
     }
 
     /// `error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 2 times since 0.001000 s: ...`
     fn finding_text(&self, entry: &Entry) -> String {
         let Entry { last, count, first_us, .. } = entry;
         let fitted = self.names.fitted(last.plc);
+        let address = last.address(fitted).map_or_else(String::new, |address| format!(" ({address})"));
         format!(
-            "{}: {}: {} ({}) := {}, {count} times since {}: {}",
+            "{}: {}: {}{address} := {}, {count} times since {}: {}",
             last.rule.severity(),
             last.rule.id(),
             self.finding_place(entry),
-            last.address(fitted),
             last.value_text(fitted),
             seconds(*first_us),
             last.rule.text()

@@ -2,8 +2,8 @@
 
 use super::Bench;
 use crate::can::Frame;
-use crate::devices::{MEDIA, MediumKind};
-use crate::journal::Record;
+use crate::devices::MEDIA;
+use crate::journal::{Record, Source};
 use crate::script::{ScenarioError, Span};
 use crate::time::{seconds, short};
 use core::panic::Location;
@@ -195,7 +195,7 @@ impl Bench {
             next = end;
             let mut found = records
                 .iter()
-                .filter(|record| transmitted(record, bus).is_some_and(|(frame, _)| pattern.matches(&frame)));
+                .filter(|record| transmitted(record, bus).is_some_and(|frame| pattern.matches(&frame)));
             if let Some(found) = found.find_map(|record| frame_of(record, bus)) {
                 return Ok(Some(found));
             }
@@ -206,15 +206,17 @@ impl Bench {
     }
 }
 
-/// The frame that a record tells of, if it was on this bus, and who can say what it means.
-fn transmitted(record: &Record, on: u16) -> Option<(Frame, &'static MediumKind)> {
-    let frames = MEDIA.iter().filter_map(|kind| Some(((kind.frame)(&record.event)?, kind)));
-    frames.filter(|((bus, _), _)| *bus == on).map(|((_, frame), kind)| (frame, kind)).next()
+/// The frame that a record tells of, if it was on this bus.
+fn transmitted(record: &Record, on: u16) -> Option<Frame> {
+    let carried = record.event.frame()?;
+    (record.event.source() == Source::Bus(on)).then_some(carried.frame)
 }
 
 fn frame_of(record: &Record, on: u16) -> Option<SeenFrame> {
-    let (frame, kind) = transmitted(record, on)?;
-    Some(SeenFrame { time_us: record.time_us, frame, text: (kind.says)(&frame) })
+    let frame = transmitted(record, on)?;
+    let kind = MEDIA.iter().find(|kind| kind.records.contains(&record.event.kind()));
+    let text = kind.map_or_else(String::new, |kind| (kind.says)(&frame));
+    Some(SeenFrame { time_us: record.time_us, frame, text })
 }
 
 impl core::fmt::Display for SeenFrame {

@@ -5,6 +5,7 @@ use crate::devices::cansync::bus::FrameLength;
 use crate::devices::cansync::drive::DriveConfig;
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, Medium, MediumConfig, SettingError};
+use crate::door::DoorSpec;
 use serde::Deserialize;
 use std::sync::Arc;
 use toml::de::{Error, ValueDeserializer};
@@ -22,6 +23,9 @@ pub struct BusConfig {
     /// Length of its process data frames: `"fixed"` (default) or `"variable"` (decision D-10).
     #[serde(default)]
     pub frame_length: FrameLength,
+    /// The doors to it that are open from the start.
+    #[serde(default)]
+    pub doors: Vec<DoorSpec>,
     /// The drives on it.
     #[serde(rename = "drive", default)]
     pub drives: Vec<DriveConfig>,
@@ -38,6 +42,7 @@ impl Default for BusConfig {
             name: String::new(),
             kbit_s: default_kbit_s(),
             frame_length: FrameLength::default(),
+            doors: Vec::new(),
             drives: Vec::new(),
         }
     }
@@ -70,6 +75,10 @@ impl MediumConfig for BusConfig {
 
     fn participants(&self) -> Vec<(&str, u8)> {
         self.drives.iter().map(|drive| (drive.name.as_str(), drive.slave_number)).collect()
+    }
+
+    fn doors(&self) -> &[DoorSpec] {
+        &self.doors
     }
 
     fn has_one_master(&self) -> bool {

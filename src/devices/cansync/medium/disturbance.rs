@@ -41,6 +41,8 @@ pub(super) struct Stray {
     pub(super) frame: Frame,
     /// Whether it comes a second time.
     pub(super) copy: bool,
+    /// The guest whose it is, if it is one's.
+    pub(super) guest: Option<u8>,
 }
 
 impl Disturbance {
@@ -150,6 +152,9 @@ impl SimBus {
 
 impl Stray {
     fn is_of(&self, sender: Sender) -> bool {
+        if self.guest.is_some() {
+            return false;
+        }
         match (self.frame.kind(), sender) {
             (Some(FrameKind::ActualValue(_, number) | FrameKind::Response(number)), Sender::Slave(slave)) => {
                 number == slave

@@ -1,7 +1,6 @@
 //! What injected faults do to the traffic of a bus. Nothing of this runs while there is no fault, but for a look
 //! at the marks in `Disturbance`.
 
-use super::agenda::Slot;
 use super::disturbance::Stray;
 use super::end::Place;
 use super::{Run, Station};
@@ -12,6 +11,7 @@ use crate::devices::cansync::bus::codec::{
 use crate::devices::cansync::bus::wire::Airtime;
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::faults::{Effect, FrameEffect, OffsetAt};
+use crate::devices::cansync::records::ForeignFrame;
 use crate::fault::{Hit, Target};
 use crate::journal::Origin;
 
@@ -51,40 +51,39 @@ impl Run<'_> {
         let begin = from + delay;
         if delay > 0 {
             self.bus.disturbance.late |= 1 << place;
-            self.add_stray(Stray { end: begin + delivery, frame: *frame, copy: false });
+            self.add_stray(Stray { end: begin + delivery, frame: *frame, copy: false, guest: None });
         }
         for gap in copies {
             let end = begin + occupation + gap + delivery;
-            self.add_stray(Stray { end, frame: *frame, copy: true });
+            self.add_stray(Stray { end, frame: *frame, copy: true, guest: None });
         }
         Some(begin)
     }
 
     fn add_stray(&mut self, stray: Stray) {
         self.bus.disturbance.strays.push(stray);
-        self.schedule_strays();
-    }
-
-    fn schedule_strays(&mut self) {
-        match self.bus.disturbance.strays.iter().map(|stray| stray.end).min() {
-            Some(end) => self.bus.agenda.set(Slot::Stray, end),
-            None => self.bus.agenda.cancel(Slot::Stray),
-        }
+        self.bus.schedule_strays();
     }
 
     /// Frames outside of their slots arrive, in the order in which they were sent.
     pub(super) fn stray_frames(&mut self) {
         let now = self.now;
-        for Stray { frame, copy, .. } in
+        for Stray { frame, copy, guest, .. } in
             self.bus.disturbance.strays.extract_if(.., |s| s.end <= now).collect::<Vec<_>>()
         {
-            self.note_frame(frame);
+            match guest {
+                None => self.note_frame(frame),
+                Some(guest) => {
+                    let bus = self.bus.index;
+                    self.journal.push(now, ForeignFrame { bus, guest, frame });
+                }
+            }
             if let (Some(FrameKind::Response(number)), false) = (frame.kind(), copy) {
                 self.answer_has_left(number);
             }
             self.deliver(&frame, copy);
         }
-        self.schedule_strays();
+        self.bus.schedule_strays();
     }
 
     /// Hands a frame over to everybody who receives it. Nodes with an overrun do not; the sender is not asked.

@@ -3,12 +3,13 @@
 use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
 use super::{FAMILY, Sender, SimBus, Station};
+use crate::can;
 use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::{Change, Slave};
 use crate::devices::cansync::records::BaudRateMismatch;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::rules;
-use crate::devices::{BuildError, Context, Medium, SyncSignal, World};
+use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
 use crate::fault::{self, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::layout::Live;
@@ -140,6 +141,21 @@ impl Medium for SimBus {
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         if self.slot_due(world) { self.running.as_ref().map(|running| running.signal) } else { None }
+    }
+
+    fn bit_s(&self) -> u32 {
+        let kbit_s = self.running.as_ref().map_or(self.drives_kbit_s, |running| running.timing.kbit_per_s);
+        u32::from(kbit_s) * 1000
+    }
+
+    fn guest_sends(
+        &mut self,
+        guest: u8,
+        frame: &can::Frame,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), GuestRefusal> {
+        self.take_guests_frame(guest, frame, now, journal)
     }
 
     fn takes_sync(&self, place: usize) -> bool {

@@ -1,0 +1,38 @@
+//! A door in an operation: its kind in the place of the width, then its numbers.
+
+use super::{BadField, WireOp};
+use crate::door::DoorSpec;
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+const NONE: u16 = 0;
+const SLCAN_TCP: u16 = 1;
+const SLCAN_PTY: u16 = 2;
+
+/// The fields that say which door.
+pub(super) fn encode(door: Option<DoorSpec>) -> WireOp {
+    let rest = WireOp::default();
+    match door {
+        None => WireOp { width: NONE, ..rest },
+        Some(DoorSpec::SlcanTcp { at }) => {
+            WireOp { width: SLCAN_TCP, node: at.port(), value: at.ip().to_bits(), ..rest }
+        }
+        Some(DoorSpec::SlcanPty { number }) => {
+            let (node, value) = (u16::from(number.is_some()), number.unwrap_or(0));
+            WireOp { width: SLCAN_PTY, node, value, ..rest }
+        }
+    }
+}
+
+/// The way back.
+///
+/// # Errors
+/// There is no such kind of door.
+pub(super) fn decode(wire: &WireOp) -> Result<Option<DoorSpec>, BadField> {
+    let WireOp { width, node, value, .. } = *wire;
+    Ok(match width {
+        NONE => None,
+        SLCAN_TCP => Some(DoorSpec::SlcanTcp { at: SocketAddrV4::new(Ipv4Addr::from_bits(value), node) }),
+        SLCAN_PTY => Some(DoorSpec::SlcanPty { number: (node != 0).then_some(value) }),
+        _ => return Err(BadField::new("the door", width)),
+    })
+}

@@ -1,0 +1,246 @@
+//! `commram bus`: the buses of an instance, and doors to them for foreign programs.
+
+use super::Instance;
+use super::error::CliError;
+use super::table::FormatArg;
+use crate::door::DoorSpec;
+use clap::{Args as ClapArgs, Subcommand};
+
+/// Show the buses and open doors to them, by which foreign programs take part.
+///
+/// Whoever comes in by a door is a station on the bus: it hears all frames and sends its own. docs/can.md tells what each kind
+/// of door is, and how python-can comes in.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram bus list
+  commram bus open open slcan-tcp:127.0.0.1:0
+  commram bus close open")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    List(List),
+    Open(Open),
+    Close(Close),
+}
+
+/// List the buses, the doors to them and the guests there.
+///
+/// `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram bus list
+  commram bus list --format json")]
+struct List {
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Open a door to a bus, and print what it is called.
+///
+/// Doors are `slcan-tcp:127.0.0.1:0` (SLCAN over TCP; port 0 asks for any) and `slcan-pty` (SLCAN over a pseudo-terminal). Any
+/// user of this machine can connect to a TCP port; other machines only if the door is called
+/// `slcan-tcp-anybody:ADDRESS:PORT`.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram bus open open slcan-tcp:127.0.0.1:0
+  commram bus open open slcan-pty")]
+struct Open {
+    /// Name of the bus
+    bus: String,
+    /// The door
+    door: DoorSpec,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Close doors to a bus; whoever is there has to leave.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram bus close open slcan-tcp:127.0.0.1:40001
+  commram bus close open                              all of them")]
+struct Close {
+    /// Name of the bus
+    bus: String,
+    /// The door, as `list` prints it; without it all doors of the bus
+    door: Option<DoorSpec>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Lists buses, opens or closes doors.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    match &args.command {
+        Command::List(args) => by_channel::list(args.format.format, &args.instance.name),
+        Command::Open(args) => by_channel::open(&args.bus, args.door, &args.instance.name),
+        Command::Close(args) => by_channel::close(&args.bus, args.door, &args.instance.name),
+    }
+}
+
+#[cfg(feature = "channel")]
+mod by_channel {
+    use super::super::session::Session;
+    use super::super::table::{self, Format, Row};
+    use super::super::{error::CliError, output};
+    use crate::door::{DoorSpec, GuestState};
+    use crate::request::{BusState, Op};
+    use serde::Serialize;
+
+    /// A bus of the list.
+    #[derive(Serialize)]
+    struct Entry {
+        bus: String,
+        kind: String,
+        kbit_s: Rate,
+        doors: Vec<String>,
+        guests: Vec<Guest>,
+    }
+
+    /// In kbit/s; a whole number where it is one.
+    #[derive(Clone, Copy, Serialize)]
+    #[serde(untagged)]
+    enum Rate {
+        Whole(u32),
+        Broken(f64),
+    }
+
+    impl Rate {
+        fn of(bit_s: u32) -> Self {
+            if bit_s.is_multiple_of(1000) {
+                Rate::Whole(bit_s / 1000)
+            } else {
+                Rate::Broken(f64::from(bit_s) / 1000.0)
+            }
+        }
+
+        fn text(self) -> String {
+            match self {
+                Rate::Whole(kbit_s) => kbit_s.to_string(),
+                Rate::Broken(kbit_s) => kbit_s.to_string(),
+            }
+        }
+    }
+
+    /// Somebody at a door.
+    #[derive(Serialize)]
+    struct Guest {
+        guest: u8,
+        door: String,
+        open: bool,
+        kbit_s: Option<Rate>,
+        dropped: u64,
+        refused: u64,
+    }
+
+    impl Guest {
+        fn of(state: &GuestState) -> Self {
+            Guest {
+                guest: state.guest,
+                door: state.door.to_string(),
+                open: state.open,
+                kbit_s: state.bit_s.map(Rate::of),
+                dropped: state.dropped,
+                refused: state.refused,
+            }
+        }
+
+        fn text(&self) -> String {
+            let mut text = format!("guest{}", self.guest);
+            for (count, what) in [(self.dropped, "dropped"), (self.refused, "refused")] {
+                if count > 0 {
+                    text += &format!(" ({count} {what})");
+                }
+            }
+            text
+        }
+    }
+
+    impl Entry {
+        fn of(state: &BusState) -> Self {
+            Entry {
+                bus: state.name.clone(),
+                kind: state.kind.clone(),
+                kbit_s: Rate::of(state.bit_s),
+                doors: state.doors.iter().map(|door| door.door.to_string()).collect(),
+                guests: state.doors.iter().flat_map(|door| &door.guests).map(Guest::of).collect(),
+            }
+        }
+    }
+
+    impl Row for Entry {
+        const COLUMNS: &'static [&'static str] = &["bus", "kind", "kbit/s", "doors", "guests"];
+
+        fn cells(&self) -> Vec<String> {
+            let listed = |texts: Vec<String>| if texts.is_empty() { "-".to_owned() } else { texts.join(" ") };
+            vec![
+                self.bus.clone(),
+                self.kind.clone(),
+                self.kbit_s.text(),
+                listed(self.doors.clone()),
+                listed(self.guests.iter().map(Guest::text).collect()),
+            ]
+        }
+    }
+
+    pub(super) fn list(format: Format, instance: &str) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let entries: Vec<_> = session.ask(Op::Buses)?.buses()?.iter().map(Entry::of).collect();
+        table::print(format, &entries, |entries| match entries {
+            [] => "the plant has no bus\n".to_owned(),
+            entries => table::aligned(entries),
+        })
+    }
+
+    /// The number of the bus that the user means.
+    fn number(session: &Session, bus: &str, instance: &str) -> Result<u16, CliError> {
+        let buses = session.ask(Op::Info)?.info()?.names.buses;
+        let found = buses.iter().position(|name| name == bus).and_then(|index| u16::try_from(index).ok());
+        found.ok_or_else(|| CliError::UnknownBus {
+            bus: bus.to_owned(),
+            instance: instance.to_owned(),
+            buses: buses.join(", "),
+        })
+    }
+
+    pub(super) fn open(bus: &str, door: DoorSpec, instance: &str) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let bus = number(&session, bus, instance)?;
+        let door = session.ask(Op::DoorOpen { bus, door })?.door_opened()?;
+        output::print(&format!("{door}\n"))
+    }
+
+    pub(super) fn close(bus: &str, door: Option<DoorSpec>, instance: &str) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let bus = number(&session, bus, instance)?;
+        session.ask(Op::DoorClose { bus, door })?.doors_closed().map(drop).map_err(CliError::from)
+    }
+}
+
+#[cfg(not(feature = "channel"))]
+mod by_channel {
+    use super::super::{error::CliError, table::Format};
+    use crate::door::DoorSpec;
+
+    const NO_CHANNEL: CliError = CliError::NoChannel { command: "bus" };
+
+    pub(super) fn list(_: Format, _: &str) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+
+    pub(super) fn open(_: &str, _: DoorSpec, _: &str) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+
+    pub(super) fn close(_: &str, _: Option<DoorSpec>, _: &str) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+}

@@ -1,0 +1,81 @@
+//! Guests: foreign programs that take part in a medium as stations of their own.
+
+use crate::coded;
+use crate::journal::{Coded, Fields, Kind, Packer, Part, Reader, Told, Unpacker};
+
+/// All kinds.
+pub(super) static KINDS: &[&Kind] = &[GuestNews::KIND];
+
+/// Why a medium does not take a guest's frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GuestRefusal {
+    /// It has many to send already; later there will be room.
+    #[error("the guest has as many frames to send as its controller holds")]
+    Full,
+    /// It does not take part, nobody runs the medium, or there are no frames of that kind here.
+    #[error("the guest cannot send this frame here")]
+    NotHere,
+}
+
+coded! {
+    /// A guest takes part in a bus from now on, or does so no longer.
+    GuestNews = 52, "guest", Rare, at bus {
+        /// Its number on the bus.
+        guest: u8,
+        /// What happened.
+        news: Attendance,
+    }
+}
+
+/// Whether a guest takes part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attendance {
+    /// From now on.
+    TakesPart,
+    /// From now on; the clock is stepped, so its frames enter at the next step.
+    TakesPartStepped,
+    /// No longer.
+    Left,
+}
+
+impl Attendance {
+    fn name(self) -> &'static str {
+        match self {
+            Attendance::TakesPart => "takes_part",
+            Attendance::TakesPartStepped => "takes_part_stepped",
+            Attendance::Left => "left",
+        }
+    }
+}
+
+impl Part for Attendance {
+    fn put(self, packer: &mut Packer) {
+        packer.put(self as u32);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        match unpacker.take() {
+            0 => Some(Attendance::TakesPart),
+            1 => Some(Attendance::TakesPartStepped),
+            2 => Some(Attendance::Left),
+            _ => None,
+        }
+    }
+}
+
+impl Told for GuestNews {
+    fn text(&self, _: &mut Reader) -> String {
+        let guest = self.guest;
+        match self.news {
+            Attendance::TakesPart => format!("guest{guest} takes part"),
+            Attendance::TakesPartStepped => format!(
+                "guest{guest} takes part; the clock is stepped, what it sends enters at the beginning of the next step"
+            ),
+            Attendance::Left => format!("guest{guest} has left"),
+        }
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("guest", self.guest).with("news", self.news.name())
+    }
+}

@@ -1,0 +1,180 @@
+//! The doors of an instance, from the side of whoever runs its plant.
+
+use super::guest::{Guest, GuestState};
+use super::io::{Command, Entrance, Io, Shared};
+use super::pty::Pty;
+use super::spec::DoorSpec;
+use mio::net::TcpListener;
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::net::{SocketAddr, SocketAddrV4};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Sender};
+use std::thread::JoinHandle;
+
+/// Why a door does not open.
+#[derive(Debug, thiserror::Error)]
+#[error("{door}: {reason}")]
+pub struct DoorError {
+    /// The door.
+    pub door: DoorSpec,
+    /// Why.
+    pub reason: io::Error,
+}
+
+/// A door that is open.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DoorState {
+    /// The door, with its real port or number.
+    pub door: DoorSpec,
+    /// Who is there.
+    pub guests: Vec<GuestState>,
+}
+
+struct Door {
+    bus: u16,
+    spec: DoorSpec,
+    key: usize,
+}
+
+/// All doors. Nothing here blocks.
+pub struct Doors {
+    doors: Vec<Door>,
+    guests: Vec<Arc<Guest>>,
+    next_key: usize,
+    ring: Arc<dyn Fn() + Send + Sync>,
+    io: Option<Running>,
+}
+
+/// The thread that does what could block.
+struct Running {
+    commands: Sender<Command>,
+    shared: Arc<Shared>,
+    waker: mio::Waker,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Running {
+    fn tell(&self, command: Command) {
+        // If the thread is gone, so is what it had.
+        let _ = self.commands.send(command);
+        let _ = self.waker.wake();
+    }
+}
+
+impl Doors {
+    /// None yet. `ring` is called, on a thread of the doors, when a guest wants something.
+    pub fn new(ring: impl Fn() + Send + Sync + 'static) -> Self {
+        Doors { doors: Vec::new(), guests: Vec::new(), next_key: 0, ring: Arc::new(ring), io: None }
+    }
+
+    /// Whether there is neither a door nor a guest.
+    #[inline]
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.doors.is_empty() && self.guests.is_empty()
+    }
+
+    /// Opens a door to a bus; returns what it is called, with its real port or number.
+    ///
+    /// # Errors
+    /// [`DoorError`]: the address is taken or not this machine's, there is no pseudo-terminal.
+    pub fn open(&mut self, bus: u16, door: DoorSpec) -> Result<DoorSpec, DoorError> {
+        self.try_open(bus, door).map_err(|reason| DoorError { door, reason })
+    }
+
+    fn try_open(&mut self, bus: u16, door: DoorSpec) -> io::Result<DoorSpec> {
+        let (entrance, spec) = match door {
+            DoorSpec::SlcanTcp { at } => {
+                let listener = TcpListener::bind(SocketAddr::V4(at))?;
+                let port = listener.local_addr()?.port();
+                let at = SocketAddrV4::new(*at.ip(), port);
+                (Entrance::Tcp(listener), DoorSpec::SlcanTcp { at })
+            }
+            DoorSpec::SlcanPty { number: None } => {
+                let pty = Pty::open()?;
+                let number = Some(pty.number);
+                (Entrance::Pty(pty), DoorSpec::SlcanPty { number })
+            }
+            DoorSpec::SlcanPty { number: Some(_) } => {
+                let text = "the number of a pseudo-terminal is the system's to give; ask for slcan-pty";
+                return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
+            }
+        };
+        let key = self.next_key;
+        self.io()?.tell(Command::Open { key, bus, spec, entrance });
+        self.next_key += 1;
+        self.doors.push(Door { bus, spec, key });
+        Ok(spec)
+    }
+
+    /// The thread, started when it is first needed.
+    fn io(&mut self) -> io::Result<&Running> {
+        if self.io.is_none() {
+            let (commands, heard) = mpsc::channel();
+            let shared = Arc::new(Shared::default());
+            let (io, waker) = Io::new(heard, Arc::clone(&shared), Arc::clone(&self.ring))?;
+            let thread = std::thread::Builder::new().name("doors".to_owned()).spawn(move || io.run())?;
+            self.io = Some(Running { commands, shared, waker, thread: Some(thread) });
+        }
+        self.io.as_ref().ok_or_else(|| io::ErrorKind::NotConnected.into())
+    }
+
+    /// Closes this door of a bus, or all of them; its guests leave. Returns how many it closed.
+    pub fn close(&mut self, bus: u16, door: Option<DoorSpec>) -> usize {
+        let before = self.doors.len();
+        let is_meant = |it: &mut Door| it.bus == bus && door.is_none_or(|door| door == it.spec);
+        let closed: Vec<Door> = self.doors.extract_if(.., is_meant).collect();
+        if let Some(io) = &self.io {
+            closed.iter().for_each(|door| io.tell(Command::Close { key: door.key }));
+        }
+        before - self.doors.len()
+    }
+
+    /// The doors of a bus, in the order in which they were opened.
+    #[must_use]
+    pub fn of_bus(&self, bus: u16) -> Vec<DoorState> {
+        let is_its = |guest: &Guest, spec| guest.bus == bus && guest.door == spec && !guest.wish().has_gone;
+        let guests = |spec| self.guests.iter().filter(move |guest| is_its(guest, spec));
+        let of_bus = self.doors.iter().filter(|door| door.bus == bus);
+        let state = |door: &Door| DoorState {
+            door: door.spec,
+            guests: guests(door.spec).map(|guest| guest.state()).collect(),
+        };
+        of_bus.map(state).collect()
+    }
+
+    /// The guests, those included that have come since the last call.
+    pub fn guests(&mut self) -> &[Arc<Guest>] {
+        if let Some(io) = &self.io {
+            io.shared.take_new(&mut self.guests);
+        }
+        &self.guests
+    }
+
+    /// Forgets a guest that has left.
+    pub fn forget(&mut self, guest: &Arc<Guest>) {
+        self.guests.retain(|it| !Arc::ptr_eq(it, guest));
+        if let Some(io) = &self.io {
+            io.shared.forget(guest);
+        }
+    }
+
+    /// There is something new for guests to hear.
+    pub fn announce(&self) {
+        if let Some(io) = &self.io {
+            let _ = io.waker.wake();
+        }
+    }
+}
+
+impl Drop for Doors {
+    fn drop(&mut self) {
+        let Some(mut io) = self.io.take() else { return };
+        io.tell(Command::End);
+        if let Some(thread) = io.thread.take() {
+            // It does not panic; if it did, nothing would depend on it.
+            let _ = thread.join();
+        }
+    }
+}

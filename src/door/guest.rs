@@ -1,0 +1,173 @@
+//! A guest: what it wants of the plant and what it is to hear, between the two threads that deal with it.
+
+use super::slcan::{Adapter, Rate};
+use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
+use crate::can::Frame;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A foreign program at a door. The lock is held for moments only, and never while anything waits.
+#[derive(Debug)]
+pub struct Guest {
+    /// Index of its bus in the plant.
+    pub bus: u16,
+    /// Its number there, from 1.
+    pub number: u8,
+    /// Its door.
+    pub door: DoorSpec,
+    inner: Mutex<Inner>,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    /// Whether it takes part, and then whether it only listens.
+    open: Option<bool>,
+    rate: Option<Rate>,
+    has_gone: bool,
+    to_plant: VecDeque<Frame>,
+    to_guest: VecDeque<(u64, Frame)>,
+    dropped: u64,
+    refused: u64,
+    overrun: bool,
+}
+
+/// What a guest wants at the moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wish {
+    /// To hear what is on the bus.
+    pub hears: bool,
+    /// To take part: to be heard and to acknowledge.
+    pub takes_part: bool,
+    /// The rate it has named.
+    pub rate: Option<Rate>,
+    /// It has left for ever.
+    pub has_gone: bool,
+    /// Whether frames of it wait to be sent.
+    pub sends: bool,
+}
+
+/// What there is to know of a guest.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GuestState {
+    /// Its number on the bus.
+    pub guest: u8,
+    /// Its door.
+    pub door: DoorSpec,
+    /// Whether it hears what is on the bus, or would if it had named the right rate.
+    pub open: bool,
+    /// The rate it has named, in bit/s.
+    pub bit_s: Option<u32>,
+    /// Frames that it was to hear and for which there was no room.
+    pub dropped: u64,
+    /// Frames that it wanted to send and that were not taken.
+    pub refused: u64,
+}
+
+impl Guest {
+    pub(super) fn new(bus: u16, number: u8, door: DoorSpec) -> Self {
+        Guest { bus, number, door, inner: Mutex::default() }
+    }
+
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        // Nothing in there can be half done.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What it wants at the moment.
+    #[must_use]
+    pub fn wish(&self) -> Wish {
+        let inner = self.inner();
+        Wish {
+            hears: inner.open.is_some() && !inner.has_gone,
+            takes_part: inner.open == Some(false) && !inner.has_gone,
+            rate: inner.rate,
+            has_gone: inner.has_gone,
+            sends: !inner.to_plant.is_empty(),
+        }
+    }
+
+    /// The frame that it sends next, which stays there until [`Guest::sent`].
+    #[must_use]
+    pub fn next_to_send(&self) -> Option<Frame> {
+        self.inner().to_plant.front().copied()
+    }
+
+    /// That frame was taken; `false`: refused for good.
+    pub fn sent(&self, was_taken: bool) {
+        let mut inner = self.inner();
+        inner.to_plant.pop_front();
+        inner.refused += u64::from(!was_taken);
+    }
+
+    /// Lets it hear a frame that has arrived at this emulated time, if there is room.
+    pub fn hear(&self, time_us: u64, frame: &Frame) {
+        let mut inner = self.inner();
+        if inner.to_guest.len() < ROOM_TO_GUEST {
+            inner.to_guest.push_back((time_us, *frame));
+        } else {
+            inner.dropped += 1;
+            inner.overrun = true;
+        }
+    }
+
+    /// What there is to know of it.
+    #[must_use]
+    pub fn state(&self) -> GuestState {
+        let inner = self.inner();
+        GuestState {
+            guest: self.number,
+            door: self.door,
+            open: inner.open.is_some(),
+            bit_s: inner.rate.map(Rate::bit_s),
+            dropped: inner.dropped,
+            refused: inner.refused,
+        }
+    }
+
+    /// It has left.
+    pub(super) fn leave(&self) {
+        self.inner().has_gone = true;
+    }
+
+    /// What it is to hear next; `None` if nothing waits.
+    pub(super) fn take_heard(&self) -> Option<(u64, Frame)> {
+        self.inner().to_guest.pop_front()
+    }
+}
+
+impl Adapter for &Guest {
+    fn set_rate(&mut self, rate: Option<Rate>) -> bool {
+        let mut inner = self.inner();
+        let may = inner.open.is_none();
+        if may {
+            inner.rate = rate;
+        }
+        may
+    }
+
+    fn open(&mut self, listens: bool) {
+        self.inner().open = Some(listens);
+    }
+
+    fn close(&mut self) {
+        let mut inner = self.inner();
+        inner.open = None;
+        inner.to_guest.clear();
+    }
+
+    fn send(&mut self, frame: Frame) -> bool {
+        let mut inner = self.inner();
+        let may = inner.open == Some(false) && inner.to_plant.len() < ROOM_TO_PLANT;
+        if may {
+            inner.to_plant.push_back(frame);
+        } else {
+            inner.refused += 1;
+        }
+        may
+    }
+
+    fn take_overrun(&mut self) -> bool {
+        core::mem::take(&mut self.inner().overrun)
+    }
+}

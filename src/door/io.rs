@@ -1,0 +1,364 @@
+//! The thread that deals with sockets and terminals: none of its descriptors ever makes it wait.
+
+use super::guest::Guest;
+use super::pty::Pty;
+use super::slcan::Session;
+use super::spec::DoorSpec;
+use super::{MAX_GUESTS, ROOM_TO_GUEST};
+use mio::net::{TcpListener, TcpStream};
+use mio::unix::SourceFd;
+use mio::{Events, Interest, Poll, Token, Waker};
+use std::collections::BTreeMap;
+use std::io::{self, ErrorKind, Read, Write};
+use std::os::fd::AsRawFd;
+use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// What the plant's side wants.
+pub(super) enum Command {
+    /// Let guests in here.
+    Open {
+        /// The door's number.
+        key: usize,
+        /// Index of its bus.
+        bus: u16,
+        /// What it is called.
+        spec: DoorSpec,
+        /// Where they come in.
+        entrance: Entrance,
+    },
+    /// No longer.
+    Close {
+        /// The door's number.
+        key: usize,
+    },
+    /// End.
+    End,
+}
+
+/// Where guests come in.
+pub(super) enum Entrance {
+    Tcp(TcpListener),
+    /// Here is always one.
+    Pty(Pty),
+}
+
+/// What both sides know.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    all: Mutex<Present>,
+}
+
+#[derive(Debug, Default)]
+struct Present {
+    /// All that the plant's side has not forgotten.
+    guests: Vec<Arc<Guest>>,
+    /// How many of them it has not been told of.
+    new: usize,
+}
+
+impl Shared {
+    fn present(&self) -> std::sync::MutexGuard<'_, Present> {
+        self.all.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Appends those who have come since the last call.
+    pub(super) fn take_new(&self, to: &mut Vec<Arc<Guest>>) {
+        let mut present = self.present();
+        let known = present.guests.len() - present.new;
+        to.extend_from_slice(&present.guests[known..]);
+        present.new = 0;
+    }
+
+    pub(super) fn forget(&self, guest: &Arc<Guest>) {
+        // One that was taken is not new.
+        self.present().guests.retain(|it| !Arc::ptr_eq(it, guest));
+    }
+
+    /// Lets somebody in, under the first number that is free on its bus; `None` if there are too many.
+    fn admit(&self, bus: u16, door: DoorSpec) -> Option<Arc<Guest>> {
+        let mut present = self.present();
+        if present.guests.len() >= MAX_GUESTS {
+            return None;
+        }
+        let is_taken = |number: &u8| present.guests.iter().any(|it| it.bus == bus && it.number == *number);
+        let number = (1..=u8::MAX).find(|number| !is_taken(number))?;
+        let guest = Arc::new(Guest::new(bus, number, door));
+        present.guests.push(Arc::clone(&guest));
+        present.new += 1;
+        Some(guest)
+    }
+}
+
+/// Bytes read at once.
+const CHUNK: usize = 4096;
+/// Bytes that may wait to be written: who does not read is not listened to.
+const MOST_UNWRITTEN: usize = 16 * CHUNK;
+
+const WAKER: Token = Token(0);
+
+/// What stands behind a descriptor.
+enum Station {
+    Listener { listener: TcpListener, door: usize, bus: u16, spec: DoorSpec },
+    Guest(Box<Visit>),
+}
+
+/// A guest that is there.
+struct Visit {
+    line: Line,
+    door: usize,
+    guest: Arc<Guest>,
+    session: Session,
+    /// Whether there may be something to be read.
+    has_more: bool,
+    unwritten: Vec<u8>,
+}
+
+enum Line {
+    Tcp(TcpStream),
+    Pty(Pty),
+}
+
+impl Line {
+    fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Line::Tcp(stream) => stream.read(room),
+            Line::Pty(pty) => pty.master.read(room),
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Line::Tcp(stream) => stream.write(bytes),
+            Line::Pty(pty) => pty.master.write(bytes),
+        }
+    }
+}
+
+/// Whether a guest is still there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Presence {
+    Stays,
+    Leaves,
+}
+
+impl Visit {
+    fn may_read(&self) -> bool {
+        self.has_more && self.unwritten.len() < MOST_UNWRITTEN
+    }
+
+    /// Reads once. Tells whether the plant may have something to do, and whether the guest is still there.
+    fn read(&mut self) -> (bool, Presence) {
+        let mut room = [0; CHUNK];
+        match self.line.read(&mut room) {
+            Ok(0) => (true, Presence::Leaves),
+            Ok(count) => {
+                self.session.hear(&room[..count], &mut &*self.guest, &mut self.unwritten);
+                (true, Presence::Stays)
+            }
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                self.has_more = false;
+                (false, Presence::Stays)
+            }
+            Err(error) if error.kind() == ErrorKind::Interrupted => (false, Presence::Stays),
+            Err(_) => (true, Presence::Leaves),
+        }
+    }
+
+    /// Writes what there is as far as the guest takes it.
+    fn write(&mut self) -> Presence {
+        loop {
+            while self.unwritten.len() < CHUNK
+                && let Some((time_us, frame)) = self.guest.take_heard()
+            {
+                self.session.tell(time_us, &frame, &mut self.unwritten);
+            }
+            if self.unwritten.is_empty() {
+                return Presence::Stays;
+            }
+            match self.line.write(&self.unwritten) {
+                Ok(0) => return Presence::Leaves,
+                Ok(count) => drop(self.unwritten.drain(..count)),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Presence::Stays,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return Presence::Leaves,
+            }
+        }
+    }
+}
+
+/// The thread.
+pub(super) struct Io {
+    poll: Poll,
+    commands: Receiver<Command>,
+    shared: Arc<Shared>,
+    ring: Arc<dyn Fn() + Send + Sync>,
+    stations: BTreeMap<usize, Station>,
+    next_token: usize,
+}
+
+impl Io {
+    /// The thread's part, and what wakes it up.
+    ///
+    /// # Errors
+    /// The system has no room for another descriptor.
+    pub(super) fn new(
+        commands: Receiver<Command>,
+        shared: Arc<Shared>,
+        ring: Arc<dyn Fn() + Send + Sync>,
+    ) -> io::Result<(Self, Waker)> {
+        let poll = Poll::new()?;
+        let waker = Waker::new(poll.registry(), WAKER)?;
+        Ok((Io { poll, commands, shared, ring, stations: BTreeMap::new(), next_token: 1 }, waker))
+    }
+
+    pub(super) fn run(mut self) {
+        let mut events = Events::with_capacity(2 * MAX_GUESTS);
+        loop {
+            let waits = !self.stations.values().any(|it| matches!(it, Station::Guest(it) if it.may_read()));
+            let timeout = if waits { None } else { Some(Duration::ZERO) };
+            if let Err(error) = self.poll.poll(&mut events, timeout)
+                && error.kind() != ErrorKind::Interrupted
+            {
+                tracing::error!("the doors are shut: {error}");
+                return;
+            }
+            for event in &events {
+                if let Some(Station::Guest(visit)) = self.stations.get_mut(&event.token().0) {
+                    visit.has_more |= event.is_readable() || event.is_read_closed() || event.is_error();
+                }
+            }
+            if !self.obey() {
+                return;
+            }
+            self.accept();
+            self.attend();
+        }
+    }
+
+    /// Does what the plant's side wants; `false` if that is to end.
+    fn obey(&mut self) -> bool {
+        while let Ok(command) = self.commands.try_recv() {
+            match command {
+                Command::Open { key, bus, spec, entrance } => {
+                    if let Err(error) = self.open(key, bus, spec, entrance) {
+                        tracing::error!("{spec}: {error}");
+                    }
+                }
+                Command::Close { key } => {
+                    let is_its = |station: &Station| match station {
+                        Station::Listener { door, .. } => *door == key,
+                        Station::Guest(visit) => visit.door == key,
+                    };
+                    let its: Vec<_> =
+                        self.stations.iter().filter(|(_, it)| is_its(it)).map(|(token, _)| *token).collect();
+                    its.into_iter().for_each(|token| self.remove(token));
+                    (self.ring)();
+                }
+                Command::End => return false,
+            }
+        }
+        true
+    }
+
+    fn token(&mut self) -> usize {
+        self.next_token += 1;
+        self.next_token
+    }
+
+    fn open(&mut self, door: usize, bus: u16, spec: DoorSpec, entrance: Entrance) -> io::Result<()> {
+        match entrance {
+            Entrance::Tcp(mut listener) => {
+                let token = self.token();
+                self.poll.registry().register(&mut listener, Token(token), Interest::READABLE)?;
+                self.stations.insert(token, Station::Listener { listener, door, bus, spec });
+            }
+            Entrance::Pty(pty) => self.let_in(door, bus, spec, Line::Pty(pty))?,
+        }
+        Ok(())
+    }
+
+    /// Lets everybody in who stands at a door.
+    fn accept(&mut self) {
+        let mut come = Vec::new();
+        for station in self.stations.values() {
+            let Station::Listener { listener, door, bus, spec } = station else { continue };
+            // Whoever comes too fast has to wait until others were attended to.
+            for _ in 0..MAX_GUESTS {
+                match listener.accept() {
+                    Ok((stream, _)) => come.push((*door, *bus, *spec, stream)),
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                    // It has gone again, or there are no descriptors left.
+                    Err(error) => {
+                        tracing::warn!("{spec}: {error}");
+                        break;
+                    }
+                }
+            }
+        }
+        for (door, bus, spec, stream) in come {
+            // Frames are small and cannot wait for others; nor shall the system keep many for somebody who does not read.
+            let _ = stream.set_nodelay(true);
+            let _ = rustix::net::sockopt::set_socket_send_buffer_size(&stream, MOST_UNWRITTEN);
+            if let Err(error) = self.let_in(door, bus, spec, Line::Tcp(stream)) {
+                tracing::warn!("{spec}: a guest was sent away: {error}");
+            }
+        }
+    }
+
+    fn let_in(&mut self, door: usize, bus: u16, spec: DoorSpec, mut line: Line) -> io::Result<()> {
+        let token = self.token();
+        let interest = Interest::READABLE | Interest::WRITABLE;
+        let registry = self.poll.registry();
+        match &mut line {
+            Line::Tcp(stream) => registry.register(stream, Token(token), interest)?,
+            Line::Pty(pty) => {
+                registry.register(&mut SourceFd(&pty.master.as_raw_fd()), Token(token), interest)?;
+            }
+        }
+        let full = || io::Error::other(format!("there are {MAX_GUESTS} already"));
+        let guest = self.shared.admit(bus, spec).ok_or_else(full)?;
+        let visit =
+            Visit { line, door, guest, session: Session::default(), has_more: true, unwritten: Vec::new() };
+        self.stations.insert(token, Station::Guest(Box::new(visit)));
+        (self.ring)();
+        Ok(())
+    }
+
+    fn remove(&mut self, token: usize) {
+        if let Some(Station::Guest(mut visit)) = self.stations.remove(&token) {
+            // What it said before it left counts.
+            for _ in 0..ROOM_TO_GUEST {
+                if !visit.may_read() || visit.read().1 == Presence::Leaves {
+                    break;
+                }
+            }
+            visit.guest.leave();
+        }
+    }
+
+    /// Reads and writes, once for each guest.
+    fn attend(&mut self) {
+        let (mut gone, mut is_news) = (Vec::new(), false);
+        for (token, station) in &mut self.stations {
+            let Station::Guest(visit) = station else { continue };
+            let mut presence = Presence::Stays;
+            if visit.may_read() {
+                let (news, now) = visit.read();
+                is_news |= news;
+                presence = now;
+            }
+            if presence == Presence::Leaves || visit.write() == Presence::Leaves {
+                gone.push(*token);
+            }
+        }
+        for token in gone {
+            self.remove(token);
+            is_news = true;
+        }
+        if is_news {
+            (self.ring)();
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! SLCAN, the ASCII protocol of serial CAN adapters, in the dialect that python-can speaks. Nothing but text here: bytes of a
+//! guest go in, what they mean comes out.
+//!
+//! Lines end in CR. `tIIILDD..` and `TIIIIIIIILDD..` send data frames of the standard and the extended format, `rIIIL` and
+//! `RIIIIIIIIL` remote ones; the answer is `z` or `Z`. `Sn` names a rate, `O` takes part, `L` only listens, `C` ends both.
+//! Empty lines are passed over. What is understood is answered by CR, everything else by BEL.
+
+use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
+use core::fmt::Write;
+
+/// What stands for yes, and ends lines.
+const OK: u8 = b'\r';
+/// What stands for no.
+const BELL: u8 = 7;
+/// The longest line that means anything: an extended frame with eight bytes and a time.
+const LONGEST: usize = 32;
+
+/// A rate as `S` names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Rate(u8);
+
+/// The rates that have a code, each with its bit/s. Adapters mean 800 kbit/s by `S7`, python-can means 750; `S9` is
+/// python-can's own.
+const RATES: [(u8, u32); 11] = [
+    (0, 10_000),
+    (1, 20_000),
+    (2, 50_000),
+    (3, 100_000),
+    (4, 125_000),
+    (5, 250_000),
+    (6, 500_000),
+    (7, 800_000),
+    (7, 750_000),
+    (8, 1_000_000),
+    (9, 83_300),
+];
+
+impl Rate {
+    fn of_code(code: u8) -> Option<Self> {
+        RATES.iter().any(|(known, _)| *known == code).then_some(Rate(code))
+    }
+
+    /// Whether who has named it means a bus of so many bit/s. Of a rate without a code nobody can name, any will do.
+    #[must_use]
+    pub fn fits(self, bit_s: u32) -> bool {
+        let mut codes = RATES.iter().filter(|(_, known)| *known == bit_s).map(|(code, _)| *code).peekable();
+        codes.peek().is_none() || codes.any(|code| code == self.0)
+    }
+
+    /// The number behind `S`.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self.0
+    }
+
+    /// In bit/s; the first of those that it may mean.
+    #[must_use]
+    pub fn bit_s(self) -> u32 {
+        RATES.iter().find(|(code, _)| *code == self.0).map_or(0, |(_, bit_s)| *bit_s)
+    }
+}
+
+/// What a guest wants of whoever runs the session.
+pub(super) trait Adapter {
+    /// To name a rate, or to take back that it has named one; `false` while it takes part.
+    fn set_rate(&mut self, rate: Option<Rate>) -> bool;
+
+    /// To take part, or only to listen.
+    fn open(&mut self, listens: bool);
+
+    /// To do so no longer.
+    fn close(&mut self);
+
+    /// To send a frame; `false` if it does not take part or there is no room.
+    fn send(&mut self, frame: Frame) -> bool;
+
+    /// To know whether it has missed frames since it last asked.
+    fn take_overrun(&mut self) -> bool;
+}
+
+/// A guest's end of the protocol.
+#[derive(Debug, Default)]
+pub(super) struct Session {
+    line: Vec<u8>,
+    /// Whether frames come with the time.
+    times: bool,
+}
+
+impl Session {
+    /// Takes bytes of the guest and appends the answers to `answer`.
+    pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut impl Adapter, answer: &mut Vec<u8>) {
+        for &byte in bytes {
+            match byte {
+                b'\r' | b'\n' if self.line.is_empty() => {}
+                b'\r' | b'\n' => {
+                    let line = core::mem::take(&mut self.line);
+                    self.obey(&line, adapter, answer);
+                    self.line = line;
+                    self.line.clear();
+                }
+                // One byte more than fits tells that the line is too long.
+                _ if self.line.len() <= LONGEST => self.line.push(byte),
+                _ => {}
+            }
+        }
+    }
+
+    fn obey(&mut self, line: &[u8], adapter: &mut impl Adapter, answer: &mut Vec<u8>) {
+        let Some((command, rest)) = line.split_first().filter(|_| line.len() <= LONGEST) else {
+            answer.push(BELL);
+            return;
+        };
+        let done = match (command, rest) {
+            (b't' | b'T' | b'r' | b'R', _) => {
+                let sent = frame(*command, rest).is_some_and(|frame| adapter.send(frame));
+                if sent {
+                    answer.push(if command.is_ascii_lowercase() { b'z' } else { b'Z' });
+                }
+                sent
+            }
+            (b'S', [code]) => {
+                let rate = code.checked_sub(b'0').and_then(Rate::of_code);
+                rate.is_some() && adapter.set_rate(rate)
+            }
+            // Bit timing registers of one controller or another: who sets them knows what it does.
+            (b's', [_, ..]) if rest.iter().all(u8::is_ascii_hexdigit) => adapter.set_rate(None),
+            (b'O', []) => {
+                adapter.open(false);
+                true
+            }
+            (b'L', []) => {
+                adapter.open(true);
+                true
+            }
+            (b'C', []) => {
+                adapter.close();
+                true
+            }
+            (b'Z', [b'0' | b'1']) => {
+                self.times = rest == b"1";
+                true
+            }
+            (b'V', []) => {
+                answer.extend_from_slice(b"V0101");
+                true
+            }
+            (b'N', []) => {
+                answer.extend_from_slice(b"NCRAM");
+                true
+            }
+            (b'F', []) => {
+                answer.extend_from_slice(if adapter.take_overrun() { b"F08" } else { b"F00" });
+                true
+            }
+            // Frames come as they arrive in any case, and all of them.
+            (b'X', [b'0' | b'1']) => true,
+            (b'M', b"00000000") | (b'm', b"FFFFFFFF" | b"ffffffff") => true,
+            _ => false,
+        };
+        answer.push(if done { OK } else { BELL });
+    }
+
+    /// Appends the line that tells of a frame, which has arrived at this emulated time.
+    pub(super) fn tell(&self, time_us: u64, frame: &Frame, line: &mut Vec<u8>) {
+        let mut text = String::with_capacity(LONGEST);
+        let field = frame.arbitration();
+        // Into a text, writing cannot fail.
+        let _ = match (field.id(), field.is_remote()) {
+            (Id::Standard(id), false) => write!(text, "t{:03X}", id.as_raw()),
+            (Id::Standard(id), true) => write!(text, "r{:03X}", id.as_raw()),
+            (Id::Extended(id), false) => write!(text, "T{:08X}", id.as_raw()),
+            (Id::Extended(id), true) => write!(text, "R{:08X}", id.as_raw()),
+        };
+        let _ = write!(text, "{:X}", frame.length());
+        for byte in frame.payload().data() {
+            let _ = write!(text, "{byte:02X}");
+        }
+        if self.times {
+            // Milliseconds that begin again after a minute.
+            let _ = write!(text, "{:04X}", time_us / 1000 % 60_000);
+        }
+        line.extend_from_slice(text.as_bytes());
+        line.push(OK);
+    }
+}
+
+/// The frame that a line means: what follows the letter. A time behind it is passed over.
+fn frame(command: u8, rest: &[u8]) -> Option<Frame> {
+    let text = core::str::from_utf8(rest).ok().filter(|text| text.bytes().all(|c| c.is_ascii_hexdigit()))?;
+    let (id, rest) = text.split_at_checked(if command.is_ascii_lowercase() { 3 } else { 8 })?;
+    let raw = u32::from_str_radix(id, 16).ok()?;
+    let id = if command.is_ascii_lowercase() {
+        Id::Standard(StandardId::new(u16::try_from(raw).ok()?)?)
+    } else {
+        Id::Extended(ExtendedId::new(raw)?)
+    };
+    let (length, data) = rest.split_at_checked(1)?;
+    let length = usize::from_str_radix(length, 16).ok().filter(|length| *length <= 8)?;
+    if command.eq_ignore_ascii_case(&b'r') {
+        return Frame::remote(id, length).filter(|_| matches!(data.len(), 0 | 4));
+    }
+    let (data, time) = data.split_at_checked(2 * length)?;
+    if !matches!(time.len(), 0 | 4) {
+        return None;
+    }
+    let mut bytes = [0; 8];
+    for (byte, at) in bytes.iter_mut().zip(0..length) {
+        *byte = u8::from_str_radix(data.get(2 * at..2 * at + 2)?, 16).ok()?;
+    }
+    Some(Frame::new(id, Payload::from_padded(bytes, length)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[derive(Default)]
+    struct Noted {
+        rate: Option<Rate>,
+        open: Option<bool>,
+        sent: Vec<Frame>,
+        overrun: bool,
+    }
+
+    impl Adapter for Noted {
+        fn set_rate(&mut self, rate: Option<Rate>) -> bool {
+            let may = self.open.is_none();
+            if may {
+                self.rate = rate;
+            }
+            may
+        }
+
+        fn open(&mut self, listens: bool) {
+            self.open = Some(listens);
+        }
+
+        fn close(&mut self) {
+            self.open = None;
+        }
+
+        fn send(&mut self, frame: Frame) -> bool {
+            let may = self.open == Some(false);
+            if may {
+                self.sent.push(frame);
+            }
+            may
+        }
+
+        fn take_overrun(&mut self) -> bool {
+            core::mem::take(&mut self.overrun)
+        }
+    }
+
+    fn hear(session: &mut Session, noted: &mut Noted, text: &str) -> String {
+        let mut answer = Vec::new();
+        session.hear(text.as_bytes(), noted, &mut answer);
+        String::from_utf8(answer).unwrap()
+    }
+
+    fn standard(id: u16, data: &[u8]) -> Frame {
+        Frame::standard(id, Payload::new(data).unwrap())
+    }
+
+    #[test]
+    fn frames_of_all_four_kinds_go_both_ways() {
+        let extended = ExtendedId::new(0x18FF_1234).unwrap();
+        let frames = [
+            ("t1232AABB\r", standard(0x123, &[0xAA, 0xBB])),
+            ("t0000\r", standard(0, &[])),
+            ("r7208\r", Frame::remote(StandardId::new(0x720).unwrap(), 8).unwrap()),
+            ("T18FF12343010203\r", Frame::new(extended, Payload::new(&[1, 2, 3]).unwrap())),
+            ("R18FF12340\r", Frame::remote(extended, 0).unwrap()),
+        ];
+        let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
+        for (line, frame) in frames {
+            let yes = if line.starts_with(|c: char| c.is_lowercase()) { "z\r" } else { "Z\r" };
+            assert_eq!(hear(&mut session, &mut noted, line), yes, "{line}");
+            assert_eq!(noted.sent.pop(), Some(frame), "{line}");
+            let mut told = Vec::new();
+            session.tell(0, &frame, &mut told);
+            assert_eq!(String::from_utf8(told).unwrap(), line);
+        }
+    }
+
+    #[test]
+    fn bad_lines_are_answered_by_the_bell() {
+        let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
+        for line in [
+            "x",
+            "t",
+            "t12",
+            "t1239",
+            "t12310",
+            "t1231001",
+            "t8000",
+            "t12g0",
+            "T200000000",
+            "t123100000",
+            "r12310",
+            "SA",
+            "S",
+            "S10",
+            "O1",
+            "M12345678",
+            "t+120",
+            "Z2",
+            "s",
+            "sXY",
+        ] {
+            assert_eq!(hear(&mut session, &mut noted, &format!("{line}\r")), "\x07", "{line}");
+        }
+        let long = format!("t1231{}\r", "0".repeat(1000));
+        assert_eq!(hear(&mut session, &mut noted, &long), "\x07");
+        assert_eq!(hear(&mut session, &mut noted, "t12310A\r"), "z\r", "the next line counts again");
+        assert_eq!(noted.sent.len(), 1);
+    }
+
+    #[test]
+    fn empty_lines_are_passed_over_and_lines_come_in_pieces() {
+        let (mut session, mut noted) = (Session::default(), Noted::default());
+        assert_eq!(hear(&mut session, &mut noted, "\r\r\n\rC"), "");
+        assert_eq!(hear(&mut session, &mut noted, "\r\nS4\r\nO\r"), "\r\r\r");
+        assert_eq!((noted.rate.map(Rate::bit_s), noted.open), (Some(125_000), Some(false)));
+    }
+
+    #[test]
+    fn what_python_can_asks() {
+        let (mut session, mut noted) = (Session::default(), Noted { overrun: true, ..Noted::default() });
+        assert_eq!(hear(&mut session, &mut noted, "V\rN\r"), "V0101\rNCRAM\r");
+        assert_eq!(hear(&mut session, &mut noted, "F\rF\r"), "F08\rF00\r");
+        assert_eq!(hear(&mut session, &mut noted, "t1230\r"), "\x07", "it does not take part");
+        assert_eq!(hear(&mut session, &mut noted, "L\rt1230\rS5\rC\rs031C\r"), "\r\x07\x07\r\r");
+        assert_eq!((noted.rate, noted.open), (None, None));
+    }
+
+    #[test]
+    fn with_times_a_frame_tells_its_millisecond() {
+        let (mut session, mut noted) = (Session::default(), Noted::default());
+        assert_eq!(hear(&mut session, &mut noted, "Z1\r"), "\r");
+        let mut told = Vec::new();
+        session.tell(60_123_999, &standard(0x10, &[5]), &mut told);
+        assert_eq!(told, b"t010105007B\r");
+    }
+
+    #[test]
+    fn a_rate_without_a_code_takes_any() {
+        let rate = |code| Rate::of_code(code).unwrap();
+        assert!(rate(4).fits(125_000) && !rate(4).fits(500_000) && !rate(5).fits(125_000));
+        assert!(rate(7).fits(800_000) && rate(7).fits(750_000) && rate(9).fits(83_300));
+        assert!((0..10).all(|code| rate(code).fits(33_300)));
+        assert_eq!(Rate::of_code(10), None);
+    }
+
+    proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        /// Whatever comes in: no panic, and one answer for each line that is not empty.
+        #[test]
+        fn each_line_has_one_answer(bytes in prop::collection::vec(prop_oneof![any::<u8>(), Just(b'\r'), 48u8..58, Just(b't')], 0..200)) {
+            let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
+            let mut answer = Vec::new();
+            session.hear(&bytes, &mut noted, &mut answer);
+            let lines = bytes.split(|byte| matches!(byte, b'\r' | b'\n')).rev().skip(1);
+            let wanted = lines.filter(|line| !line.is_empty()).count();
+            let answers = answer.iter().filter(|byte| matches!(**byte, OK | BELL)).count();
+            prop_assert_eq!(answers, wanted);
+        }
+    }
+}

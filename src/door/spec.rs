@@ -1,0 +1,156 @@
+//! What doors are called: `slcan-tcp:127.0.0.1:0`, `slcan-pty`.
+
+use core::fmt;
+use core::str::FromStr;
+use serde::{Deserialize, Serialize};
+use std::net::SocketAddrV4;
+
+/// A door, as it is asked for or as it is open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum DoorSpec {
+    /// SLCAN over TCP.
+    SlcanTcp {
+        /// Where it listens. Port 0 asks for any.
+        at: SocketAddrV4,
+    },
+    /// SLCAN over a pseudo-terminal.
+    SlcanPty {
+        /// Of an open one: its number below `/dev/pts`.
+        number: Option<u32>,
+    },
+}
+
+/// What a door over TCP is called that only programs on this machine can reach.
+const TCP: &str = "slcan-tcp";
+/// The same for anybody in the network.
+const TCP_ANYBODY: &str = "slcan-tcp-anybody";
+/// What a pseudo-terminal is called.
+const PTY: &str = "slcan-pty";
+/// Where pseudo-terminals are.
+const PTS: &str = "/dev/pts/";
+
+/// A text that names no door.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BadDoor {
+    /// There is no such kind.
+    #[error("there is no door `{text}`; doors are slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty")]
+    Unknown {
+        /// The text.
+        text: String,
+    },
+    /// No address.
+    #[error("`{text}` names no IPv4 address with a port; write for example {kind}:127.0.0.1:0 (0: any port)")]
+    NoAddress {
+        /// The text.
+        text: String,
+        /// The kind of door.
+        kind: &'static str,
+    },
+    /// An address that other machines can reach.
+    #[error(
+        "`{text}` would let anybody in the network take part; use an address of 127.0.0.0/8, or write slcan-tcp-anybody \
+         if that is wanted"
+    )]
+    NotLoopback {
+        /// The text.
+        text: String,
+    },
+}
+
+impl FromStr for DoorSpec {
+    type Err = BadDoor;
+
+    fn from_str(text: &str) -> Result<Self, BadDoor> {
+        let (kind, rest) = match text.split_once(':') {
+            Some((kind, rest)) => (kind, Some(rest)),
+            None => (text, None),
+        };
+        let unknown = || BadDoor::Unknown { text: text.to_owned() };
+        match (kind, rest) {
+            (TCP | TCP_ANYBODY, at) => {
+                let kind = if kind == TCP { TCP } else { TCP_ANYBODY };
+                let at = at.and_then(|at| at.parse().ok());
+                let at: SocketAddrV4 =
+                    at.ok_or_else(|| BadDoor::NoAddress { text: text.to_owned(), kind })?;
+                if kind == TCP && !at.ip().is_loopback() {
+                    return Err(BadDoor::NotLoopback { text: text.to_owned() });
+                }
+                Ok(DoorSpec::SlcanTcp { at })
+            }
+            (PTY, None) => Ok(DoorSpec::SlcanPty { number: None }),
+            (PTY, Some(path)) => {
+                let number = path.strip_prefix(PTS).and_then(|number| number.parse().ok());
+                Ok(DoorSpec::SlcanPty { number: Some(number.ok_or_else(unknown)?) })
+            }
+            _ => Err(unknown()),
+        }
+    }
+}
+
+impl TryFrom<String> for DoorSpec {
+    type Error = BadDoor;
+
+    fn try_from(text: String) -> Result<Self, BadDoor> {
+        text.parse()
+    }
+}
+
+impl From<DoorSpec> for String {
+    fn from(door: DoorSpec) -> String {
+        door.to_string()
+    }
+}
+
+impl fmt::Display for DoorSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DoorSpec::SlcanTcp { at } if at.ip().is_loopback() => write!(f, "{TCP}:{at}"),
+            DoorSpec::SlcanTcp { at } => write!(f, "{TCP_ANYBODY}:{at}"),
+            DoorSpec::SlcanPty { number: None } => f.write_str(PTY),
+            DoorSpec::SlcanPty { number: Some(number) } => write!(f, "{PTY}:{PTS}{number}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn doors_read_as_they_are_written() {
+        for text in
+            ["slcan-tcp:127.0.0.1:0", "slcan-tcp-anybody:0.0.0.0:4000", "slcan-pty", "slcan-pty:/dev/pts/7"]
+        {
+            let door: DoorSpec = text.parse().unwrap();
+            assert_eq!(door.to_string(), text);
+        }
+        // Whoever may let everybody in may also let few in.
+        let few: DoorSpec = "slcan-tcp-anybody:127.0.0.1:5".parse().unwrap();
+        assert_eq!(few.to_string(), "slcan-tcp:127.0.0.1:5");
+    }
+
+    #[test]
+    fn nobody_else_gets_in_unless_that_is_said() {
+        for at in ["0.0.0.0:0", "192.168.0.7:4000", "8.8.8.8:1"] {
+            let refusal = format!("slcan-tcp:{at}").parse::<DoorSpec>().unwrap_err();
+            assert!(matches!(refusal, BadDoor::NotLoopback { .. }), "{refusal}");
+            assert!(refusal.to_string().contains("slcan-tcp-anybody"), "{refusal}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_door_is_refused() {
+        for text in ["", "slcan", "slcan-udp:1.2.3.4:5", "slcan-pty:7", "slcan-pty:/dev/pts/x"] {
+            let refusal = text.parse::<DoorSpec>().unwrap_err();
+            assert!(matches!(refusal, BadDoor::Unknown { .. }), "{text}: {refusal}");
+        }
+        for text in
+            ["slcan-tcp", "slcan-tcp:", "slcan-tcp:localhost:5", "slcan-tcp:127.0.0.1", "slcan-tcp:[::1]:5"]
+        {
+            let refusal = text.parse::<DoorSpec>().unwrap_err();
+            assert!(matches!(refusal, BadDoor::NoAddress { .. }), "{text}: {refusal}");
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! Buses and the doors to them.
+
+use super::{BusState, Code, Host, Refused, Reply};
+use crate::devices::Medium;
+use crate::door::{DoorSpec, Doors};
+
+/// The buses, with the doors there are.
+pub(super) fn buses(host: &mut dyn Host) -> Reply {
+    let doors: Vec<_> = {
+        let count = host.plant().media().len();
+        let doors = host.doors();
+        (0..count).map(|bus| doors.as_ref().map_or_else(Vec::new, |doors| doors.of_bus(bus as u16))).collect()
+    };
+    let state = |medium: &dyn Medium, doors| BusState {
+        name: medium.name().to_owned(),
+        kind: medium.family().to_owned(),
+        bit_s: medium.bit_s(),
+        doors,
+    };
+    let media = host.plant().media().iter().zip(doors);
+    Reply::Buses(media.map(|(medium, doors)| state(&**medium, doors)).collect())
+}
+
+/// Opens a door.
+pub(super) fn open(host: &mut dyn Host, bus: u16, door: DoorSpec) -> Result<Reply, Refused> {
+    let opened = doors_of(host, bus)?.open(bus, door);
+    opened.map(Reply::DoorOpened).map_err(|error| Refused::new(Code::DOOR, error))
+}
+
+/// Closes a door, or all of a bus.
+pub(super) fn close(host: &mut dyn Host, bus: u16, door: Option<DoorSpec>) -> Result<Reply, Refused> {
+    let count = doors_of(host, bus)?.close(bus, door);
+    match door {
+        Some(door) if count == 0 => {
+            let name = host.plant().media().get(usize::from(bus)).map_or("", |medium| medium.name());
+            let text = format_args!("bus '{name}' has no door {door}");
+            Err(Refused::new(Code::DOOR, text))
+        }
+        _ => Ok(Reply::DoorsClosed { count: count as u16 }),
+    }
+}
+
+fn doors_of(host: &mut dyn Host, bus: u16) -> Result<&mut Doors, Refused> {
+    let known = host.plant().media().len();
+    if usize::from(bus) >= known {
+        let text = format_args!("there is no bus number {bus}; the instance has {known}, counted from 0");
+        return Err(Refused::new(Code::UNKNOWN_BUS, text));
+    }
+    let text = "a plant in a scenario's own process has no doors; run it by `commram run`";
+    host.doors().ok_or_else(|| Refused::new(Code::NO_DOORS, text))
+}

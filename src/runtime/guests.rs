@@ -1,0 +1,161 @@
+//! Brings guests into the plant: what they send enters it, and what the journal tells of frames they hear.
+//!
+//! In real time that happens after every firmware step. With a stepped clock frames enter at the beginning of a step, and
+//! what guests hear is told at its end.
+
+use crate::devices::GuestRefusal;
+use crate::door::{DoorError, DoorState, Doors, Guest, Rate, Wish};
+use crate::journal::Source;
+use crate::plant::{Plant, PlantConfig};
+use std::sync::Arc;
+
+/// The doors of an instance, and who has come in.
+pub(super) struct Guests {
+    doors: Doors,
+    present: Vec<Present>,
+    /// The first record of the journal that guests have not been told of.
+    next: u64,
+}
+
+/// A guest that the plant may know.
+struct Present {
+    guest: Arc<Guest>,
+    wish: Wish,
+    /// Whether the rate it has named is that of the bus.
+    fits: bool,
+    /// It takes part.
+    is_in: bool,
+    /// The rates of guest and bus, in bit/s, about which there is a finding.
+    deaf: Option<(Rate, u32)>,
+}
+
+impl Guests {
+    /// Opens the doors of the plant. `ring` wakes the emulator up, from another thread.
+    ///
+    /// # Errors
+    /// One does not open.
+    pub(super) fn new(
+        config: &PlantConfig,
+        ring: impl Fn() + Send + Sync + 'static,
+    ) -> Result<Self, DoorError> {
+        let mut doors = Doors::new(ring);
+        for (bus, medium) in config.media.iter().enumerate() {
+            for door in medium.doors() {
+                doors.open(bus as u16, *door)?;
+            }
+        }
+        Ok(Guests { doors, present: Vec::new(), next: 0 })
+    }
+
+    /// The doors.
+    pub(super) fn doors(&mut self) -> &mut Doors {
+        &mut self.doors
+    }
+
+    /// The doors of a bus.
+    pub(super) fn open_doors(&self, bus: u16) -> Vec<DoorState> {
+        self.doors.of_bus(bus)
+    }
+
+    #[inline]
+    fn is_empty(&self) -> bool {
+        self.doors.is_empty() && self.present.is_empty()
+    }
+
+    /// Learns what guests want. Who has named another rate than its bus has is deaf, which is a finding.
+    pub(super) fn look(&mut self, plant: &mut Plant) {
+        if self.is_empty() {
+            return;
+        }
+        for guest in self.doors.guests() {
+            if !self.present.iter().any(|it| Arc::ptr_eq(&it.guest, guest)) {
+                let (guest, wish) = (Arc::clone(guest), guest.wish());
+                self.present.push(Present { guest, wish, fits: true, is_in: false, deaf: None });
+            }
+        }
+        let was_heard = self.present.iter().any(Present::hears);
+        for it in &mut self.present {
+            it.wish = it.guest.wish();
+            let bit_s = plant.media().get(usize::from(it.guest.bus)).map_or(0, |medium| medium.bit_s());
+            it.fits = it.wish.rate.is_none_or(|rate| rate.fits(bit_s));
+            let deaf = it.wish.rate.filter(|_| it.wish.hears && !it.fits).map(|rate| (rate, bit_s));
+            if let Some((rate, _)) = deaf.filter(|_| it.deaf != deaf) {
+                plant.guest_is_deaf(it.guest.bus, it.guest.number, rate.code());
+            }
+            it.deaf = deaf;
+        }
+        if !was_heard {
+            self.next = plant.journal().end();
+        }
+    }
+
+    /// Lets guests in and out and what they send into the plant.
+    pub(super) fn enter(&mut self, plant: &mut Plant, is_stepped: bool) {
+        if self.is_empty() {
+            return;
+        }
+        self.look(plant);
+        for it in &mut self.present {
+            // What somebody said before it left counts.
+            if it.fits && (it.wish.takes_part || it.wish.sends) && !it.is_in {
+                plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
+                it.is_in = true;
+            }
+        }
+        for it in &mut self.present {
+            let is_through = it.send(plant);
+            if it.is_in && is_through && (!it.wish.takes_part || !it.fits) {
+                plant.guest_leaves(it.guest.bus, it.guest.number);
+                it.is_in = false;
+            }
+        }
+        for gone in self.present.extract_if(.., |it| it.wish.has_gone && !it.is_in) {
+            self.doors.forget(&gone.guest);
+        }
+    }
+
+    /// Tells guests of the frames that have arrived since the last call, but for their own.
+    pub(super) fn tell(&mut self, plant: &Plant) {
+        if !self.present.iter().any(Present::hears) {
+            return;
+        }
+        let journal = plant.journal();
+        let mut is_news = false;
+        for record in journal.read(self.next) {
+            let (Some(carried), Source::Bus(bus)) = (record.event.frame(), record.event.source()) else {
+                continue;
+            };
+            let others = |it: &&Present| it.guest.bus == bus && carried.guest != Some(it.guest.number);
+            for it in self.present.iter().filter(|it| it.hears()).filter(others) {
+                it.guest.hear(record.time_us, &carried.frame);
+                is_news = true;
+            }
+        }
+        self.next = journal.end();
+        if is_news {
+            self.doors.announce();
+        }
+    }
+}
+
+impl Present {
+    fn hears(&self) -> bool {
+        self.wish.hears && self.fits
+    }
+
+    /// Sends what it has to send; `false`: there is more than its controller takes at once.
+    fn send(&self, plant: &mut Plant) -> bool {
+        while let Some(frame) = self.guest.next_to_send() {
+            let refusal = if self.is_in {
+                plant.guest_sends(self.guest.bus, self.guest.number, &frame)
+            } else {
+                Err(GuestRefusal::NotHere)
+            };
+            if refusal == Err(GuestRefusal::Full) {
+                return false;
+            }
+            self.guest.sent(refusal.is_ok());
+        }
+        true
+    }
+}

@@ -1,0 +1,330 @@
+//! Doors of a running emulator: foreign programs at its buses, over sockets and terminals.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, eventually, finish, python};
+use serde_json::Value;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::time::Duration;
+
+/// No answer takes longer than this, however slow the machine.
+const WATCHDOG: Duration = Duration::from_secs(60);
+
+/// A PLC that has no part in it, and a CAN bus.
+const OPEN: &str = r#"
+[[plc]]
+name = "line"
+[[bus]]
+name = "open"
+kind = "can"
+kbit_s = 125
+doors = ["slcan-tcp:127.0.0.1:0"]
+"#;
+
+/// A master of three drives, and a door to their bus.
+const DRIVES: &str = r#"
+[[plc]]
+name = "line"
+node2 = "drives"
+[[bus]]
+name = "drives"
+doors = ["slcan-tcp:127.0.0.1:0"]
+[[bus.drive]]
+name = "one"
+slave_number = 1
+[[bus.drive]]
+name = "two"
+slave_number = 2
+[[bus.drive]]
+name = "three"
+slave_number = 3
+"#;
+
+fn start(plant: &str, args: &[&str]) -> Emulator {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), plant).unwrap();
+    Emulator::start(&[&[file.path().to_str().unwrap()], args].concat())
+}
+
+fn buses(emulator: &Emulator) -> Value {
+    serde_json::from_str(emulator.run("bus", &["list", "--format", "json"]).ok()).unwrap()
+}
+
+/// The port of the first door.
+fn port(emulator: &Emulator) -> u16 {
+    let buses = buses(emulator);
+    let door = buses[0]["doors"][0].as_str().unwrap();
+    door.strip_prefix("slcan-tcp:127.0.0.1:").unwrap().parse().unwrap()
+}
+
+/// A program that speaks SLCAN.
+struct Guest<S>(S);
+
+impl Guest<TcpStream> {
+    fn come(port: u16) -> Self {
+        let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        stream.set_read_timeout(Some(WATCHDOG)).unwrap();
+        Guest(stream)
+    }
+
+    /// One that takes part.
+    fn open(port: u16) -> Self {
+        let mut guest = Self::come(port);
+        assert_eq!(guest.ask("O"), "\r");
+        guest
+    }
+}
+
+impl<S: Read + Write> Guest<S> {
+    fn say(&mut self, text: &str) {
+        self.0.write_all(text.as_bytes()).unwrap();
+    }
+
+    /// What it hears next: a line with its CR, or a BEL.
+    fn hear(&mut self) -> String {
+        let mut line = String::new();
+        loop {
+            let mut byte = [0];
+            self.0.read_exact(&mut byte).unwrap();
+            line.push(char::from(byte[0]));
+            if matches!(byte[0], b'\r' | 7) {
+                return line;
+            }
+        }
+    }
+
+    fn ask(&mut self, line: &str) -> String {
+        self.say(&format!("{line}\r"));
+        self.hear()
+    }
+}
+
+#[test]
+fn guests_hear_each_other_but_not_themselves() {
+    let emulator = start(OPEN, &[]);
+    assert!(emulator.ready.contains(", door slcan-tcp:127.0.0.1:"), "{}", emulator.ready);
+    let port = port(&emulator);
+    let (mut one, mut other) = (Guest::open(port), Guest::open(port));
+    for line in ["t1232AABB", "r7201", "T1FFF00010", "R000000018", "t00080102030405060708"] {
+        let yes = if line.starts_with(|c: char| c.is_lowercase()) { "z\r" } else { "Z\r" };
+        assert_eq!(one.ask(line), yes);
+        assert_eq!(other.hear(), format!("{line}\r"));
+    }
+    // Had it heard itself, that would come first.
+    assert_eq!(other.ask("t5551FF"), "z\r");
+    assert_eq!(one.hear(), "t5551FF\r");
+    let log = emulator.run("trace", &["--format", "candump"]);
+    let frames: Vec<_> = log.ok().lines().map(|line| line.rsplit(' ').next().unwrap()).collect();
+    assert_eq!(frames, ["123#AABB", "720#R1", "1FFF0001#", "00000001#R8", "000#0102030405060708", "555#FF"]);
+    let text = emulator.run("trace", &["--bus", "open"]).out;
+    assert!(text.contains("guest1 takes part\n") && text.contains("16#123 AA BB from guest1"), "{text}");
+    let buses = buses(&emulator);
+    assert_eq!((buses[0]["bus"].as_str(), buses[0]["kind"].as_str()), (Some("open"), Some("can")));
+    assert_eq!((&buses[0]["kbit_s"], buses[0]["guests"].as_array().unwrap().len()), (&Value::from(125), 2));
+}
+
+#[test]
+fn who_leaves_at_once_has_still_sent() {
+    let emulator = start(OPEN, &[]);
+    let port = port(&emulator);
+    let mut listener = Guest::open(port);
+    {
+        let mut hasty = Guest::come(port);
+        hasty.say("S4\rO\rt1230\rt1240\rt1250\rC\r");
+    }
+    assert_eq!([listener.hear(), listener.hear(), listener.hear()], ["t1230\r", "t1240\r", "t1250\r"]);
+    assert!(eventually(|| buses(&emulator)[0]["guests"].as_array().unwrap().len() == 1));
+}
+
+#[test]
+fn bad_lines_are_answered_by_the_bell_and_the_next_one_counts() {
+    let emulator = start(OPEN, &[]);
+    let mut guest = Guest::come(port(&emulator));
+    assert_eq!(guest.ask("t1230"), "\x07", "it does not take part");
+    for line in ["bad", "t12", "t1239", "T123", "t8000", &"t".repeat(5000)] {
+        assert_eq!(guest.ask(line), "\x07", "{line}");
+    }
+    guest.say("\r\r\r");
+    assert_eq!(
+        (guest.ask("V"), guest.ask("L"), guest.ask("t1230")),
+        ("V0101\r".into(), "\r".into(), "\x07".into())
+    );
+}
+
+#[test]
+fn who_names_another_rate_is_deaf_and_that_is_found() {
+    let emulator = start(OPEN, &[]);
+    emulator.breaks(&["guest-bit-rate"]);
+    let port = port(&emulator);
+    let mut deaf = Guest::come(port);
+    assert_eq!((deaf.ask("S6"), deaf.ask("O")), ("\r".into(), "\r".into()));
+    assert!(eventually(|| emulator.run("check", &[]).out.contains("guest-bit-rate  open:guest1")));
+    let mut right = Guest::come(port);
+    assert_eq!((right.ask("S4"), right.ask("O")), ("\r".into(), "\r".into()));
+    let mut other = Guest::open(port);
+    assert_eq!(deaf.ask("t1110"), "z\r");
+    assert!(eventually(|| buses(&emulator)[0]["guests"][0]["refused"] == 1));
+    assert_eq!(right.ask("t1230"), "z\r");
+    assert_eq!(other.hear(), "t1230\r", "and nothing before it");
+    // It hears as soon as it names the right one, and has missed what was before.
+    assert_eq!((deaf.ask("C"), deaf.ask("S4"), deaf.ask("O")), ("\r".into(), "\r".into(), "\r".into()));
+    assert_eq!(right.ask("t1240"), "z\r");
+    assert_eq!(deaf.hear(), "t1240\r");
+}
+
+#[test]
+fn a_rate_that_no_code_names_takes_any() {
+    let emulator = start(&OPEN.replace("125", "33.3"), &[]);
+    let port = port(&emulator);
+    let (mut one, mut other) = (Guest::come(port), Guest::open(port));
+    assert_eq!((one.ask("S8"), one.ask("O"), one.ask("t1230")), ("\r".into(), "\r".into(), "z\r".into()));
+    assert_eq!(other.hear(), "t1230\r");
+    assert_eq!(buses(&emulator)[0]["kbit_s"], 33.3);
+}
+
+#[test]
+fn with_the_stepped_clock_frames_enter_at_the_next_step() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let port = port(&emulator);
+    let (mut one, mut other) = (Guest::open(port), Guest::open(port));
+    emulator.step(&["1ms"]);
+    assert_eq!(one.ask("t1230"), "z\r");
+    let log = emulator.run("trace", &["--format", "jsonl", "--bus", "open"]);
+    assert!(!log.ok().contains("can_frame") && log.out.contains("takes_part_stepped"), "{}", log.out);
+    emulator.step(&["10ms"]);
+    assert_eq!(other.hear(), "t1230\r");
+    let log = emulator.run("trace", &["--format", "candump"]);
+    // 44 bits and a stuff bit at 125 kbit/s from the beginning of the step on.
+    assert_eq!(log.ok(), "(0000000000.001360) open 123#\n");
+}
+
+#[test]
+fn guests_see_the_frames_of_a_cansync_bus_and_are_noted_when_they_send() {
+    let emulator = start(DRIVES, &["--clock", "stepped"]);
+    let port = port(&emulator);
+    let (mut one, mut other) = (Guest::open(port), Guest::open(port));
+    emulator.set_up(&[]);
+    emulator.run("wait", &["node2.a_STAT_SL[1]==1", "--within", "100ms"]).ok();
+    let first = other.hear();
+    assert!(first.starts_with('t'), "{first}");
+    let log = emulator.run("trace", &["--format", "candump"]).out;
+    let frame = log.lines().next().unwrap().rsplit(' ').next().unwrap().replace('#', "");
+    assert_eq!(format!("{}{}", &first[1..4], &first[5..first.len() - 1]), frame);
+    one.say("t7FF2BEEF\rT000000010\r");
+    while one.hear() != "Z\r" {}
+    emulator.step(&["4ms"]);
+    while other.hear() != "t7FF2BEEF\r" {}
+    let log = emulator.run("trace", &["--format", "jsonl", "--kind", "foreign_frame"]);
+    let record: Value = serde_json::from_str(log.ok().lines().next().unwrap()).unwrap();
+    assert_eq!((&record["id"], &record["data"], &record["guest"]), (&2047.into(), &"BEEF".into(), &1.into()));
+    let findings = emulator.run("check", &["--format", "json"]);
+    assert!(
+        findings.ok().contains("foreign-frame") && findings.out.contains("drives:guest1"),
+        "{}",
+        findings.out
+    );
+    assert_eq!(buses(&emulator)[0]["guests"][0]["refused"], 1, "there are no 29 bits in CANsync");
+}
+
+#[test]
+fn a_guest_that_does_not_read_delays_nobody_and_its_losses_are_counted() {
+    let emulator = start(DRIVES, &["--clock", "stepped"]);
+    let mut slow = Guest::open(port(&emulator));
+    emulator.set_up(&[]);
+    emulator.run("wait", &["node2.a_STAT_SL[3]==1", "--within", "100ms"]).ok();
+    let dropped = || buses(&emulator)[0]["guests"][0]["dropped"].as_u64().unwrap();
+    assert_eq!(dropped(), 0);
+    let frames = || emulator.run("trace", &["--format", "candump"]).out.lines().count();
+    assert!(frames() > 0);
+    assert!(
+        eventually(|| {
+            emulator.step(&["2s"]);
+            dropped() > 0
+        }),
+        "nothing was dropped"
+    );
+    assert!(emulator.run("bus", &["list"]).ok().contains(" dropped)"));
+    // It can still be heard, and is told.
+    slow.say("F\r");
+    assert!(eventually(|| slow.hear() == "F08\r"));
+}
+
+#[test]
+fn doors_open_and_close_while_the_plant_runs() {
+    let emulator = start(&OPEN.replace("doors", "# doors"), &[]);
+    assert_eq!(
+        emulator.run("bus", &["list"]).ok(),
+        "BUS   KIND  KBIT/S  DOORS  GUESTS\nopen  can   125     -      -\n"
+    );
+    let door = emulator.run("bus", &["open", "open", "slcan-tcp:127.0.0.1:0"]).ok().trim_end().to_owned();
+    let port = port(&emulator);
+    assert_eq!(door, format!("slcan-tcp:127.0.0.1:{port}"));
+    let mut guest = Guest::open(port);
+    let taken = emulator.run("bus", &["open", "open", &door]);
+    assert!(taken.fails(2).contains(&door), "{}", taken.err);
+    let unknown = emulator.run("bus", &["close", "open", "slcan-pty:/dev/pts/4000000"]);
+    assert!(
+        unknown.fails(2).contains("bus 'open' has no door slcan-pty:/dev/pts/4000000"),
+        "{}",
+        unknown.err
+    );
+    assert!(
+        emulator
+            .run("bus", &["open", "shut", "slcan-pty"])
+            .fails(2)
+            .contains("no bus 'shut'; its buses are: open")
+    );
+    let public = emulator.run("bus", &["open", "open", "slcan-tcp:0.0.0.0:0"]);
+    assert!(public.fails(2).contains("slcan-tcp-anybody"), "{}", public.err);
+    assert_eq!(emulator.run("bus", &["close", "open", &door]).ok(), "");
+    assert_eq!(guest.0.read(&mut [0]).unwrap(), 0, "it had to leave");
+    assert!(TcpStream::connect(("127.0.0.1", port)).is_err());
+    assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn a_plant_file_that_lets_everybody_in_is_refused_unless_it_says_so() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), OPEN.replace("127.0.0.1", "0.0.0.0")).unwrap();
+    let refused = crate::common::run(&["run", file.path().to_str().unwrap()]);
+    let text = refused.fails(2);
+    assert!(text.contains("line 8") && text.contains("slcan-tcp-anybody"), "{text}");
+}
+
+#[test]
+fn a_terminal_is_a_door_too() {
+    let emulator = start(&OPEN.replace("slcan-tcp:127.0.0.1:0", "slcan-tcp:127.0.0.1:0\", \"slcan-pty"), &[]);
+    let buses = buses(&emulator);
+    let path = buses[0]["doors"][1].as_str().unwrap().strip_prefix("slcan-pty:").unwrap().to_owned();
+    let terminal = File::options().read(true).write(true).open(&path).unwrap();
+    let (mut one, mut other) = (Guest(terminal), Guest::open(port(&emulator)));
+    assert_eq!(
+        (one.ask("V"), one.ask("O"), one.ask("t1231AB")),
+        ("V0101\r".into(), "\r".into(), "z\r".into())
+    );
+    assert_eq!(other.hear(), "t1231AB\r");
+    assert_eq!(other.ask("t3210"), "z\r");
+    assert_eq!(one.hear(), "t3210\r");
+}
+
+#[test]
+fn python_can_and_canopen_come_in() {
+    let mut command = match python(&["can", "canopen", "serial"]) {
+        Ok(command) => command,
+        Err(reason) => {
+            eprintln!("skipped: {reason}");
+            return;
+        }
+    };
+    let emulator = start(OPEN, &[]);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_can.py");
+    let outcome = finish(command.arg(script).args([&port(&emulator).to_string(), "125000"]));
+    assert_eq!(
+        (outcome.code, outcome.out.as_str()),
+        (Some(0), "python-can and canopen agree\n"),
+        "{}",
+        outcome.err
+    );
+}
