@@ -92,3 +92,21 @@ impl DoubleEndedIterator for Records<'_> {
 }
 
 impl ExactSizeIterator for Records<'_> {}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::Packet;
+    use super::*;
+
+    /// With the 12 MB that an emulator takes otherwise, its binary included, it stays below 32 MB.
+    #[test]
+    fn full_rings_take_less_than_20_mb() {
+        let mut rings = Rings::new(super::super::Journal::DEFAULT_CAPACITY);
+        for time_us in 0..200_000 {
+            rings.note(Record::single(time_us, Packet { bus: 0, data: 1 }.into()));
+        }
+        let [traffic, ..] = &rings.lanes;
+        assert_eq!(traffic.len(), super::super::Journal::DEFAULT_CAPACITY);
+        assert!(traffic.capacity() * size_of::<Record>() * RINGS < 20_000_000, "{}", traffic.capacity());
+    }
+}

@@ -12,6 +12,7 @@ mod damaged;
 mod demo;
 mod doors;
 mod faults;
+mod footprint;
 mod force;
 mod hostile_scenarios;
 mod instances;

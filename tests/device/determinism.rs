@@ -53,3 +53,19 @@ fn equal_runs_have_equal_journals_on_both_memories_in_any_slices() {
         assert_ne!(run(Memory::Heap, rate, u64::MAX, 4).0, hash, "other values, other journal");
     }
 }
+
+/// Journals as they were when this list was made: debug and release build, this machine and any other have the same ones.
+/// Who changes what the firmware does, or what the journal tells, renews them.
+const KEPT: &str = include_str!("journals.txt");
+
+#[test]
+fn journals_are_those_that_are_kept() {
+    let found: Vec<_> = RATES
+        .iter()
+        .map(|rate| {
+            let (hash, written) = run(Memory::Heap, *rate, u64::MAX, 3);
+            format!("{rate:?}: {written} records, 16#{hash:016X}\n")
+        })
+        .collect();
+    assert_eq!(found.concat(), KEPT, "the left ones belong into tests/device/journals.txt, if the change is meant");
+}

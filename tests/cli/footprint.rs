@@ -1,0 +1,49 @@
+//! How much memory an emulator needs, and that it does not grow.
+
+use crate::common::{Emulator, run};
+
+/// A start of the master with drives and mapped process data.
+const START: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/03-process-data-of-a-drive.rhai");
+
+/// Memory of a process in KB: its own, and all that it has mapped and touched.
+struct Resident {
+    own: u64,
+    all: u64,
+}
+
+impl Resident {
+    fn of(emulator: &Emulator) -> Self {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", emulator.pid())).unwrap();
+        let kilobytes = |name: &str| -> u64 {
+            let line = status.lines().find_map(|line| line.strip_prefix(name)).unwrap();
+            line.trim_end_matches("kB").trim().parse().unwrap()
+        };
+        Resident { own: kilobytes("RssAnon:") + kilobytes("RssShmem:"), all: kilobytes("VmRSS:") }
+    }
+}
+
+/// `COMMRAM_FOOTPRINT_S` are the seconds of emulated time in which it must not grow.
+#[test]
+fn an_emulator_stays_small_and_does_not_grow() {
+    let emulator = Emulator::stepped();
+    run(&["test", START, "--attach", &emulator.name]).ok();
+    // Two frames in every interval from now on: the reference values of a master whose program never forgets them, and
+    // the answer of a drive.
+    emulator.run("force", &["node2.b_CTRLREG_WRC1=16#05"]).ok();
+    emulator.step(&["70s"]);
+    let kept = emulator.run("trace", &["--kind", "frame", "--format", "jsonl"]);
+    assert!(kept.ok().lines().count() >= 65_536, "the ring is not full");
+    // Whoever asks for so much is served from memory that is not given back to the system at once.
+    let before = Resident::of(&emulator);
+    assert!(before.own < 32_000, "{} KB", before.own);
+    if !cfg!(debug_assertions) {
+        assert!(before.all < 32_000, "{} KB", before.all);
+    }
+    let more = std::env::var("COMMRAM_FOOTPRINT_S").unwrap_or_else(|_| "120".to_owned());
+    emulator.step(&[&format!("{more}s")]);
+    let after = Resident::of(&emulator);
+    // The other rings fill: a record of them in a second.
+    let records = more.parse::<u64>().unwrap().min(65_536) * 4 * 64 / 1000;
+    assert!(after.own <= before.own + records + 256, "{} KB, then {} KB", before.own, after.own);
+}
