@@ -11,8 +11,8 @@ pub use error::ClientError;
 use super::domain::{Domain, Service, Threads};
 use super::guest::{self, Guest};
 use super::wire::{self, Block, WireOp};
-use super::{Bells, shm};
-use crate::memory::Width;
+use super::Bells;
+use crate::memory::{Width, room};
 use crate::request::{InstanceInfo, MAX_OPS, Op, Reply, WrongReply};
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::prelude::{BackpressureStrategy, Node, PortFactory};
@@ -301,7 +301,7 @@ pub(super) fn domain_of(instance: &str, root: &Path, bells: &dyn Bells) -> Resul
     if let Some(path) = domain.half_made().pop() {
         return Err(ClientError::Damaged { instance: instance.to_owned(), path });
     }
-    match shm::room() {
+    match room::free() {
         Some(free) if free < ROOM => {
             Err(ClientError::NoRoom { instance: instance.to_owned(), free_kib: free / 1024 })
         }

@@ -10,6 +10,7 @@ use super::domain::{Domain, Ipc, Service};
 use super::run::{Progress, Run};
 use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
 use super::{Bells, EventNotifier, limit, shm};
+use crate::memory::room;
 use crate::request::Host;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::node::NodeCreationFailure;
@@ -339,7 +340,7 @@ fn answer(request: Request, run: &Run, bells: &dyn Bells) {
 /// Refuses a memory file system that is nearly full: iceoryx2 takes room without asking for it, and whoever then
 /// touches what there is none for is killed (SIGBUS).
 fn need_room(instance: &str) -> Result<(), ServerError> {
-    match shm::room() {
+    match room::free() {
         Some(free) if free < ROOM => {
             Err(ServerError::NoRoom { instance: instance.to_owned(), free_kib: free / 1024 })
         }

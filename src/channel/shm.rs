@@ -94,12 +94,6 @@ pub(super) fn random() -> io::Result<String> {
     Ok(format!("{:08x}", u32::from_ne_bytes(random)))
 }
 
-/// Bytes of the memory file system that nobody uses yet; `None` if that cannot be told.
-pub(super) fn room() -> Option<u64> {
-    let stat = rustix::fs::statvfs(SHM).ok()?;
-    Some(stat.f_bavail.saturating_mul(stat.f_frsize))
-}
-
 /// Whether it is so now or within `patience`.
 pub(super) fn settles(patience: Duration, mut is_so: impl FnMut() -> bool) -> bool {
     let start = Instant::now();

@@ -100,6 +100,22 @@ pub enum MemoryError {
         /// Free memory there, in KiB.
         free_kib: u64,
     },
+    /// There is no memory for all images of a plant.
+    #[error(
+        "instance {instance}: no room for {count} images of {needed_kib} KiB together, {free_kib} KiB of memory are left in {}; \
+             make the plant smaller, enlarge it (`mount -o remount,size=...`, in Docker `--shm-size`) or end another instance",
+        IMAGE_DIRECTORY
+    )]
+    NoRoomForAll {
+        /// Name of the instance.
+        instance: String,
+        /// How many images the plant has.
+        count: usize,
+        /// What they still need, in KiB.
+        needed_kib: u64,
+        /// What they can have, in KiB.
+        free_kib: u64,
+    },
     /// Another emulator has the instance, or somebody removes what one has left.
     #[error("instance {instance} is already running{}; stop it first or choose another instance name", process(*.pid))]
     InstanceTaken {

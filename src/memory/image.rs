@@ -6,6 +6,7 @@ use super::{
     guard::Guard,
     header, names,
     process::ProcessId,
+    room,
 };
 use crate::layout::Device;
 use memmap2::MmapRaw;
@@ -312,8 +313,7 @@ fn allocate(file: &ImageFile, needed: usize) -> Result<(), MemoryError> {
     match rustix::fs::fallocate(&file.file, FallocateFlags::empty(), 0, needed as u64) {
         Ok(()) => Ok(()),
         Err(Errno::NOSPC) => {
-            let stat = rustix::fs::fstatvfs(&file.file);
-            let free_kib = stat.map_or(0, |stat| stat.f_bavail.saturating_mul(stat.f_frsize) / 1024);
+            let free_kib = room::free().unwrap_or(0) / 1024;
             Err(MemoryError::NoRoom { path: file.path.clone(), needed, free_kib })
         }
         // Not every file system can.

@@ -21,6 +21,7 @@ pub mod names;
 pub(crate) mod private;
 pub(crate) mod process;
 mod published;
+pub(crate) mod room;
 mod segment;
 mod view;
 mod widths;

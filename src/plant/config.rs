@@ -18,6 +18,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 
+/// PLCs, and buses: the journal's records have 16 bits for them.
+const MOST: usize = u16::MAX as usize;
+
 /// The plant that runs when no file is given.
 const BUILT_IN: &str = include_str!("built_in.toml");
 
@@ -67,6 +70,14 @@ pub enum PlantError {
     /// No PLC in the plant.
     #[error("the plant has no PLC; add a [[plc]] section with a name")]
     NoPlc,
+    /// More than journal and channel have numbers for.
+    #[error("the plant has {count} {what}s; there can be at most {MOST}")]
+    TooMany {
+        /// "PLC" or "bus".
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+    },
     /// A name that cannot be used.
     #[error("{what} name '{name}': use 1 to 31 characters of A-Z, a-z, 0-9, '_' and '-'")]
     Name {
@@ -220,6 +231,11 @@ impl PlantConfig {
             return Err(PlantError::NoPlc);
         }
         range("processor_cycle_us", "plant", self.processor_cycle_us.into(), 10..=10_000, "10 to 10000")?;
+        for (what, count) in [("PLC", self.devices.len()), ("bus", self.media.len())] {
+            if count > MOST {
+                return Err(PlantError::TooMany { what, count });
+            }
+        }
         check_names("PLC", self.devices.iter().map(|device| device.name()))?;
         check_names("bus", self.media.iter().map(|medium| medium.name()))?;
         let participants = self.media.iter().flat_map(|medium| medium.participants());

@@ -14,7 +14,7 @@ use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 
 use super::watch::Watch;
 use crate::door::{DoorError, DoorSpec};
-use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell};
+use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell, room};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -134,6 +134,8 @@ impl Emulator {
             return Err(RuntimeError::Speed { speed });
         }
         let lock = take_instance(config, &options.instance)?;
+        let sizes = config.devices.iter().map(|device| (device.name(), device.layout().segment_size()));
+        room::check(&options.instance, sizes)?;
         let mut images = Vec::with_capacity(config.devices.len());
         let mut directory = None;
         let mut novram = Vec::new();

@@ -3,8 +3,7 @@
 use crate::common::{Emulator, run};
 
 /// A start of the master with drives and mapped process data.
-const START: &str =
-    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/03-process-data-of-a-drive.rhai");
+const START: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/03-process-data-of-a-drive.rhai");
 
 /// Memory of a process in KB: its own, and all that it has mapped and touched.
 struct Resident {

@@ -134,6 +134,18 @@ fn an_image_that_does_not_fit_is_refused_with_what_is_missing() {
     );
 }
 
+/// Nothing is taken for the first of them, since it would be in vain and others want it as well.
+#[test]
+fn images_that_do_not_fit_together_are_refused_before_the_first_is_made() {
+    let plant = "for plc in a b c d; do printf '[[plc]]\\nname = \"%s\"\\ndip = 0\\n' $plc; done >/tmp/$COMMRAM_INSTANCE";
+    let script = format!(
+        "{plant}; $COMMRAM run /tmp/$COMMRAM_INSTANCE; code=$?; rm /tmp/$COMMRAM_INSTANCE; exit $code"
+    );
+    let Some(outcome) = with_small_shm("8m", &script) else { return };
+    let message = outcome.fails(1);
+    assert!(message.contains("no room for 4 images of 12743 KiB together"), "{message}");
+}
+
 #[test]
 fn without_room_for_the_channel_the_emulator_does_without() {
     let script = while_running("$COMMRAM peek --raw node2.w_OPTION_STATUS");

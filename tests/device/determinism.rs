@@ -67,5 +67,9 @@ fn journals_are_those_that_are_kept() {
             format!("{rate:?}: {written} records, 16#{hash:016X}\n")
         })
         .collect();
-    assert_eq!(found.concat(), KEPT, "the left ones belong into tests/device/journals.txt, if the change is meant");
+    assert_eq!(
+        found.concat(),
+        KEPT,
+        "the left ones belong into tests/device/journals.txt, if the change is meant"
+    );
 }

@@ -21,6 +21,13 @@ fn the_documented_plant_file_is_a_good_one() {
 }
 
 #[test]
+fn more_devices_than_there_are_numbers_for_are_refused() {
+    let text: String = (0..65_536).map(|n| format!("[[plc]]\nname = 'p{n}'\n")).collect();
+    let error = PlantConfig::parse("big.toml", &text).unwrap_err().to_string();
+    assert!(error.contains("the plant has 65536 PLCs; there can be at most 65535"), "{error}");
+}
+
+#[test]
 fn each_mistake_is_named() {
     let drive = |name: &str, number: u8| format!("[[bus.drive]]\nname = '{name}'\nslave_number = {number}\n");
     let bus = "[[bus]]\nname = 'b'\n";

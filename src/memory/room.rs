@@ -1,0 +1,76 @@
+//! Whether images have room, before the first of them takes any.
+//!
+//! They lie in memory: a plant that does not fit would first take it all from every program of the machine, and be refused
+//! then.
+
+use super::MemoryError;
+use super::names::{self, IMAGE_DIRECTORY};
+
+/// Bytes that are left in the memory file system; `None` if it does not tell.
+pub(crate) fn free() -> Option<u64> {
+    let stat = rustix::fs::statvfs(IMAGE_DIRECTORY).ok()?;
+    Some(stat.f_bavail.saturating_mul(stat.f_frsize))
+}
+
+/// Refuses images of `instance` that do not fit together into what is left: PLC and length in bytes. What a killed
+/// emulator has left of them is there already. One alone is told by its creation.
+///
+/// # Errors
+/// Bad names, or [`MemoryError::NoRoomForAll`].
+pub(crate) fn check<'a>(
+    instance: &str,
+    images: impl ExactSizeIterator<Item = (&'a str, usize)>,
+) -> Result<(), MemoryError> {
+    let count = images.len();
+    let mut needed = 0u64;
+    for (plc, length) in images {
+        let there = names::image_path(instance, plc)?.symlink_metadata().map_or(0, |file| file.len());
+        needed = needed.saturating_add((length as u64).saturating_sub(there));
+    }
+    let memory = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
+    match [free(), memory].into_iter().flatten().min() {
+        Some(free) if count > 1 && free < needed => Err(MemoryError::NoRoomForAll {
+            instance: instance.to_owned(),
+            count,
+            needed_kib: needed.div_ceil(1024),
+            free_kib: free / 1024,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Bytes that programs can still have, of a text as `/proc/meminfo`; a tenth is left to the others.
+fn available(meminfo: &str) -> Option<u64> {
+    let kibibytes = |name: &str| -> Option<u64> {
+        let line = meminfo.lines().find_map(|line| line.strip_prefix(name))?;
+        line.trim().strip_suffix("kB")?.trim().parse().ok()
+    };
+    let free = kibibytes("MemAvailable:")?.saturating_add(kibibytes("SwapFree:").unwrap_or(0));
+    Some((free - free / 10).saturating_mul(1024))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_programs_can_have_is_read() {
+        let text = "MemTotal:  9000 kB\nMemFree:  10 kB\nMemAvailable:   1000 kB\nSwapTotal: 7 kB\nSwapFree:  500 kB\n";
+        assert_eq!(available(text), Some(1350 * 1024));
+        assert_eq!(available("MemAvailable: 1000 kB"), Some(900 * 1024));
+        assert_eq!(available("MemAvailable: many"), None);
+        assert_eq!(available(""), None);
+        assert!(available(&std::fs::read_to_string("/proc/meminfo").unwrap()).is_some());
+    }
+
+    #[test]
+    fn more_than_there_is_is_refused_with_the_numbers() {
+        let plcs = ["a", "b", "c"];
+        let lengths = |length: usize| plcs.iter().map(move |plc| (*plc, length));
+        assert!(check("room", lengths(1)).is_ok());
+        let error = check("room", lengths(usize::MAX / 4)).unwrap_err();
+        assert!(matches!(error, MemoryError::NoRoomForAll { count: 3, .. }), "{error}");
+        // One alone is told by the system.
+        assert!(check("room", [("a", usize::MAX)].into_iter()).is_ok());
+    }
+}
