@@ -8,10 +8,10 @@ mod error;
 
 pub use error::ClientError;
 
+use super::Bells;
 use super::domain::{Domain, Service, Threads};
 use super::guest::{self, Guest};
 use super::wire::{self, Block, WireOp};
-use super::Bells;
 use crate::memory::{Width, room};
 use crate::request::{InstanceInfo, MAX_OPS, Op, Reply, WrongReply};
 use iceoryx2::pending_response::PendingResponse;
