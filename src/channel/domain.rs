@@ -254,9 +254,16 @@ impl Domain {
         shm::lengths(&self.prefix)
     }
 
-    /// Shared memory objects that stay without content, so that nobody can enter the domain.
+    /// Shared memory objects that stay without content, so that nobody can enter the domain. Those that nobody uses, which a
+    /// process left that was killed while it made them, are removed; for those that are returned somebody takes long, or
+    /// they have been damaged.
     pub(crate) fn half_made(&self) -> Vec<PathBuf> {
-        shm::half_made(&self.prefix)
+        let (used, left): (Vec<_>, Vec<_>) =
+            shm::half_made(&self.prefix).into_iter().partition(|path| shm::is_in_use(path));
+        for path in left {
+            let _ = std::fs::remove_file(path);
+        }
+        used
     }
 
     /// Whether anybody who lives is in it. If iceoryx2 cannot tell because somebody has damaged it, nobody is.

@@ -63,6 +63,20 @@ pub(super) fn half_made(prefix: &str) -> Vec<PathBuf> {
     stale
 }
 
+/// Whether a process that we can look at has the file open or mapped. Where nothing can be told of processes, one has.
+pub(super) fn is_in_use(path: &Path) -> bool {
+    let Ok(processes) = std::fs::read_dir("/proc") else { return true };
+    let is_process = |name: &std::ffi::OsStr| name.as_encoded_bytes().iter().all(u8::is_ascii_digit);
+    processes.flatten().filter(|entry| is_process(&entry.file_name())).any(|entry| {
+        let opened = std::fs::read_dir(entry.path().join("fd")).into_iter().flatten().flatten();
+        let mut opened = opened.filter_map(|file| std::fs::read_link(file.path()).ok());
+        let mapped = || std::fs::read_to_string(entry.path().join("maps")).unwrap_or_default();
+        let is_mapped =
+            |line: &str| line.split_once('/').is_some_and(|(_, rest)| path == Path::new("/").join(rest));
+        opened.any(|file| file == path) || mapped().lines().any(is_mapped)
+    })
+}
+
 /// Puts private copies in the place of objects that others can open; tells whether there were any. Nobody of
 /// ours may use them yet. Whoever has opened one meanwhile is left with the file that nobody uses any more.
 pub(super) fn make_private(prefix: &str) -> io::Result<bool> {
@@ -143,6 +157,21 @@ mod tests {
         remove(&prefix.0);
         assert_eq!(objects(&prefix.0).count(), 0);
         assert!(half_made(&prefix.0).is_empty());
+    }
+
+    #[test]
+    fn who_has_an_object_open_or_mapped_uses_it() {
+        let prefix = Prefix::new("used");
+        let path = prefix.object("one", "x");
+        assert!(!is_in_use(&path));
+        let file = File::open(&path).unwrap();
+        assert!(is_in_use(&path));
+        // SAFETY: nobody else knows the file, and it is only looked at whether it is mapped.
+        let map = unsafe { memmap2::Mmap::map(&file) }.unwrap();
+        drop(file);
+        assert!(is_in_use(&path));
+        drop(map);
+        assert!(!is_in_use(&path));
     }
 
     /// Only root can make objects of somebody else; others have nothing to test here.

@@ -8,9 +8,10 @@ use crate::request::testing::{RAM, TestHost};
 use crate::request::{MAX_ADVANCE_US, Op};
 use rustix::process::Pid;
 use std::os::unix::process::ExitStatusExt;
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 const REG: u32 = RAM.start;
 const ROLE: &str = "COMMRAM_TEST_ROLE";
@@ -126,6 +127,26 @@ fn killed_clients_do_not_use_up_the_places() {
     }
     place.client().poke(0, REG, Width::Dword, 1).unwrap();
     drop(client);
+    emulator.end();
+    assert!(place.remains().is_empty(), "{:?}", place.remains());
+}
+
+/// Between making a part of the channel and giving it its size it may be killed.
+#[test]
+fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
+    let place = Arc::new(Place::new());
+    let emulator = Emulator::start(&place, true);
+    let (part, _) = place.domain().lengths().swap_remove(0);
+    let half_made = PathBuf::from(format!("{}-half", part.display()));
+    let maker = std::fs::File::create(&half_made).unwrap();
+    let impatient = Patience { connect: Duration::ZERO, ..quick() };
+    let refused = place.connect(impatient).unwrap_err();
+    assert!(matches!(&refused, ClientError::Damaged { path, .. } if *path == half_made), "{refused}");
+    drop(maker);
+    // Another test's child may have inherited it for the moment until it runs its own program.
+    until("nobody has it open", || place.connect(impatient).is_ok());
+    assert!(!half_made.exists());
+    place.client().poke(0, REG, Width::Dword, 1).unwrap();
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
 }
