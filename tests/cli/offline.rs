@@ -130,6 +130,43 @@ fn completions_for_all_shells() {
     assert!(run(&["completions", "tcsh"]).fails(2).contains("possible values: bash"));
 }
 
+/// What bash offers for the last of these words, in this order.
+fn offered(words: &[&str]) -> Vec<String> {
+    let [.., previous, current] = words else { panic!("a command and a word") };
+    let script = format!(
+        "source <({} completions bash)\nCOMP_WORDS=({})\nCOMP_CWORD={}\n_commram commram '{current}' '{previous}'\n\
+         printf '%s\\n' \"${{COMPREPLY[@]}}\"",
+        env!("CARGO_BIN_EXE_commram"),
+        words.iter().map(|word| format!("'{word}' ")).collect::<String>(),
+        words.len() - 1,
+    );
+    let mut bash = std::process::Command::new("bash");
+    let outcome = finish(bash.args(["--norc", "-c", &script]));
+    assert_eq!((outcome.code, outcome.err.as_str()), (Some(0), ""), "{words:?}");
+    outcome.out.lines().filter(|line| !line.is_empty()).map(str::to_owned).collect()
+}
+
+#[test]
+fn bash_completes_commands_of_commands_and_the_values_that_there_are() {
+    for (words, expected) in [
+        (&["commram", "tr"][..], &["trace"][..]),
+        (&["commram", "demo-"], &[]),
+        (&["commram", "fault", "c"], &["clear"]),
+        (&["commram", "fault", "add", "lose"], &["lose_frame", "lose_sync"]),
+        (&["commram", "board", "s"], &["set"]),
+        (&["commram", "layout", "im"], &["import"]),
+        (&["commram", "layout", "import", "--align", "na"], &["natural"]),
+        (&["commram", "map", "--dev"], &["--device"]),
+        (&["commram", "map", "--device", "bm"], &["bm4-plc"]),
+        (&["commram", "export", "sys"], &["systemrdl"]),
+        (&["commram", "trace", "--kind", "hand"], &["handshake"]),
+        (&["commram", "run", "--clock", ""], &["realtime", "stepped"]),
+        (&["commram", "completions", "f"], &["fish"]),
+    ] {
+        assert_eq!(offered(words), expected, "{words:?}");
+    }
+}
+
 #[test]
 fn help_has_examples_and_no_colours() {
     for command in [
