@@ -20,10 +20,11 @@ use std::time::Duration;
 const LONG: Duration = Duration::from_secs(60);
 /// "SYNC signal 1 option module" (p. 25).
 const SYNC: usize = 11;
-/// `<PLC>:<instance>:<us>:<us>`: after so many microseconds of run time the first frames are released, then the second.
+/// `<PLC>:<instance>:<us>:<us>`: after so many microseconds of run time the first frames are released, then the second;
+/// with 0 and 0 in real time, at once.
 const ROLE: &str = "COMMRAM_TEST_BM4";
-/// What the rest of a program calls itself when its task takes part.
-const READY: &str = "in lockstep";
+/// What a program says when its task takes part.
+const READY: &str = "ready";
 
 /// `maxx` is slave 6 of `top` in slot H and master of a drive in slot G, with the SYNC signal of slot H.
 const PLANT: &str = "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\nsync_source = 'H'\n\
@@ -133,18 +134,9 @@ impl<'a> Modules<'a> {
         });
     }
 
-    /// The event task, until the emulator ends.
+    /// The event task in lockstep, until the emulator ends.
     fn run(&self, task: &mut LockstepTask, [first, second]: [u32; 2]) -> Result<(), MemoryError> {
-        let mut a_RD_ARRAY = [[0; 16]; 32];
-        let below = self.below as i8;
-        let mut master = CANsync_PD_COMM_MA {
-            si_WRC1_SEND: 5,
-            si_WRC2_SEND: 5,
-            si_RD_SL_NR1_RECEIVE: below,
-            si_RD_SL_NR2_RECEIVE: below,
-            ..Default::default()
-        };
-        let mut slave = CANsync_PD_COMM_SL::default();
+        let mut exchange = Exchange::of(self);
         let us = |us: u32| NonZeroU32::new(us).unwrap();
         loop {
             task.next_event(LONG)?;
@@ -155,23 +147,68 @@ impl<'a> Modules<'a> {
                 regs.b_CTRLREG_RD_RDC2.store(0);
             }
             task.run_for(us(first), LONG)?;
-            match &self.slave {
-                // A number that counts goes down ...
-                None => master.a_WR_VALUES_SEND[0] += 1,
-                // ... through the other PLC and up again.
-                Some((regs, _)) => {
-                    (slave.si_RDC1_SEND, slave.si_RDC2_SEND) = (5, 0);
-                    slave.call(regs, &mut a_RD_ARRAY);
-                    slave.a_RD_VALUES_SEND[0] = slave.a_WR_VALUES_RECEIVED[0];
-                    master.a_WR_VALUES_SEND[0] = slave.a_WR_VALUES_RECEIVED[0];
-                }
-            }
-            master.call(&self.master, &mut a_RD_ARRAY);
-            if let Some((regs, _)) = &self.slave {
+            exchange.first();
+            if self.slave.is_some() {
                 task.run_for(us(second - first), LONG)?;
-                (slave.si_RDC1_SEND, slave.si_RDC2_SEND) = (0, 5);
-                slave.call(regs, &mut a_RD_ARRAY);
+                exchange.second();
             }
+        }
+    }
+
+    /// The event task in real time: whenever it learns of an event, until the emulator ends.
+    fn follow(&self) -> Result<(), MemoryError> {
+        let mut exchange = Exchange::of(self);
+        let mut seen = self.ram.header().events[SYNC].bell.rings();
+        loop {
+            seen = self.image.wait_event(SYNC, seen, LONG)?;
+            exchange.first();
+            exchange.second();
+        }
+    }
+}
+
+/// What the program does in an interval: a number that counts goes down from `top`, through `maxx` and up again.
+struct Exchange<'a> {
+    modules: &'a Modules<'a>,
+    master: CANsync_PD_COMM_MA,
+    slave: CANsync_PD_COMM_SL,
+    a_RD_ARRAY: [[i32; 16]; 32],
+}
+
+impl<'a> Exchange<'a> {
+    fn of(modules: &'a Modules<'a>) -> Self {
+        let below = modules.below as i8;
+        let master = CANsync_PD_COMM_MA {
+            si_WRC1_SEND: 5,
+            si_WRC2_SEND: 5,
+            si_RD_SL_NR1_RECEIVE: below,
+            si_RD_SL_NR2_RECEIVE: below,
+            ..Default::default()
+        };
+        Exchange { modules, master, slave: CANsync_PD_COMM_SL::default(), a_RD_ARRAY: [[0; 16]; 32] }
+    }
+
+    /// The master's frames, and the slave's first one.
+    fn first(&mut self) {
+        let Exchange { modules, master, slave, a_RD_ARRAY } = self;
+        match &modules.slave {
+            None => master.a_WR_VALUES_SEND[0] += 1,
+            Some((regs, _)) => {
+                (slave.si_RDC1_SEND, slave.si_RDC2_SEND) = (5, 0);
+                slave.call(regs, a_RD_ARRAY);
+                slave.a_RD_VALUES_SEND[0] = slave.a_WR_VALUES_RECEIVED[0];
+                master.a_WR_VALUES_SEND[0] = slave.a_WR_VALUES_RECEIVED[0];
+            }
+        }
+        master.call(&modules.master, a_RD_ARRAY);
+    }
+
+    /// The slave's second one.
+    fn second(&mut self) {
+        let Exchange { modules, slave, a_RD_ARRAY, .. } = self;
+        if let Some((regs, _)) = &modules.slave {
+            (slave.si_RDC1_SEND, slave.si_RDC2_SEND) = (0, 5);
+            slave.call(regs, a_RD_ARRAY);
         }
     }
 }
@@ -184,9 +221,15 @@ fn child() {
     let image = Image::attach(instance, plc, AttachMode::ReadWrite, Some(LAYOUT_HASH)).unwrap();
     let modules = Modules::of(plc, &image);
     modules.bring_up();
+    let us = [first, second].map(|us| us.parse().unwrap());
+    if us == [0, 0] {
+        println!("\n{READY}");
+        println!("\n{}", modules.follow().unwrap_err());
+        return;
+    }
     let mut task = image.join_lockstep(SYNC, Duration::ZERO, LONG).unwrap();
     println!("\n{READY}");
-    let end = modules.run(&mut task, [first, second].map(|us| us.parse().unwrap()));
+    let end = modules.run(&mut task, us);
     println!("\n{}", end.unwrap_err());
 }
 
@@ -273,11 +316,11 @@ fn edges(emulator: &Emulator) -> [u32; 2] {
     [0, 1].map(|slot| header.sync_counter[slot].load())
 }
 
-fn start() -> (Emulator, tempfile::TempDir) {
+fn start(args: &[&str]) -> (Emulator, tempfile::TempDir) {
     let directory = tempfile::tempdir().unwrap();
     let plant = directory.path().join("plant.toml");
     std::fs::write(&plant, PLANT).unwrap();
-    (Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]), directory)
+    (Emulator::start(&[&[plant.to_str().unwrap()], args].concat()), directory)
 }
 
 /// P. 54, 86-87: 200 us after the start of the event task for reference values and a slave's first actual values, 450 us
@@ -287,7 +330,7 @@ fn programs_in_lockstep_keep_the_deadlines_of_this_device_or_not() {
     // Port 1 is slot G, port 2 slot H. Who never was in time is no finding.
     let late = [("maxx:1", "WRC1", 10), ("maxx:2", "RDC1", 10), ("maxx:2", "RDC2", 10)];
     for (us, is_late) in [([199, 449], false), ([200, 450], true)] {
-        let (emulator, _plant) = start();
+        let (emulator, _plant) = start(&["--clock", "stepped"]);
         let plcs = [Plc::start(&emulator, "top", [199, 449]), Plc::start(&emulator, "maxx", us)];
         bring_up(&emulator, plcs.iter().collect());
         let before = returned(&emulator);
@@ -303,7 +346,7 @@ fn programs_in_lockstep_keep_the_deadlines_of_this_device_or_not() {
 
 #[test]
 fn a_program_that_was_killed_comes_back_with_both_its_modules() {
-    let (emulator, _plant) = start();
+    let (emulator, _plant) = start(&["--clock", "stepped"]);
     let top = Plc::start(&emulator, "top", [100, 100]);
     let maxx = Plc::start(&emulator, "maxx", [100, 400]);
     bring_up(&emulator, vec![&top, &maxx]);
@@ -323,4 +366,27 @@ fn a_program_that_was_killed_comes_back_with_both_its_modules() {
     let before = edges(&emulator);
     emulator.step(&["10ms"]);
     assert_eq!(edges(&emulator), before.map(|edges| edges + 10), "from slot H on to slot G");
+}
+
+/// In real time nothing waits for a program: what is released too late for an interval goes out in the next one. The numbers
+/// go down and up all the same, in order, and the programs learn of the end.
+#[test]
+fn programs_in_real_time_exchange_values_through_both_modules() {
+    let (mut emulator, _plant) = start(&[]);
+    let plcs = ["top", "maxx"].map(|plc| Plc::start(&emulator, plc, [0, 0]));
+    let mut last = 0;
+    assert!(crate::common::eventually(|| {
+        let now = returned(&emulator);
+        assert!(now >= last, "{now} after {last}");
+        last = now;
+        now >= 50
+    }));
+    let [slot_g, slot_h] = edges(&emulator);
+    assert!(slot_h >= 50 && slot_g > 0, "{slot_g} {slot_h}");
+    emulator.run("stop", &[]).ok();
+    emulator.wait();
+    for plc in plcs {
+        let last = plc.lines.iter().filter(|line| !line.is_empty()).find(|line| line.contains("emulator"));
+        assert!(last.is_some(), "the program learns of the end");
+    }
 }
