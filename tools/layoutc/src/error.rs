@@ -117,8 +117,8 @@ pub enum Reason {
     AreaReversed { name: String, first: u32, last: u32 },
     #[error("area `{name}` ({first} to {last}) overlaps area `{other}`, which ends at {other_last}")]
     AreaOverlap { name: String, first: u32, last: u32, other: String, other_last: u32 },
-    #[error("unknown structure `{0}`; a view is one of the structures of the family")]
-    UnknownView(String),
+    #[error("unknown structure `{name}`; a view is one of the structures of the family: {known}")]
+    UnknownView { name: String, known: String },
     #[error("a structure with `view` takes offsets, paddings and size from the family's; leave them out")]
     OwnPlace,
     #[error("`{view}` has no register `{name}`; say with `view_name` what it is called there")]

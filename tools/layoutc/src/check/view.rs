@@ -17,8 +17,12 @@ pub(crate) fn find(
     wanted: &Spanned<String>,
 ) -> Result<usize, Error> {
     let is_it = |known: &Structure| known.shared && known.name == *wanted.get_ref();
-    let unknown = || sources.error(at(file, wanted.span()), Reason::UnknownView(wanted.get_ref().clone()));
-    parts.structures.iter().position(is_it).ok_or_else(unknown)
+    parts.structures.iter().position(is_it).ok_or_else(|| {
+        let shared = parts.structures.iter().filter(|known| known.shared);
+        let known = shared.map(|known| known.name.as_str()).collect::<Vec<_>>().join(", ");
+        let name = wanted.get_ref().clone();
+        sources.error(at(file, wanted.span()), Reason::UnknownView { name, known })
+    })
 }
 
 /// Puts a register where `view` has it; type and bounds must be the same.

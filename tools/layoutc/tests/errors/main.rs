@@ -1,5 +1,6 @@
 //! Every kind of layout error: one edit of a correct layout, the expected place and text.
 
+mod families;
 mod meanings;
 mod objects;
 mod ports;

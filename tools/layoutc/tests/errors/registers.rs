@@ -62,7 +62,7 @@ fn type_of_an_array_without_one() {
         "CTRL.toml",
         "name = \"d_VALUE\", ",
         "name = \"d_VALUE\", array_type = \"VALUES\", ",
-        "CTRL.toml:15:56: `d_VALUE` has an `array_type` but is no array",
+        "CTRL.toml:15:48: `d_VALUE` has an `array_type` but is no array",
     );
 }
 

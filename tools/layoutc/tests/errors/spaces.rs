@@ -123,6 +123,24 @@ fn retain_areas_that_cannot_be() {
         "retain = 4\nfirst = 1000",
         &format!("device.toml:11:10: retain area `node` {most} 64 bytes, divisible by 4"),
     );
+    let other =
+        "[[area]]\nname = \"more\"\nfirst = 3000\nlast = 3003\nretain = 4\npage = \"1\"\ndoc = \"More\"";
+    check(
+        "device.toml",
+        "doc = \"Plain RAM\"",
+        &format!("doc = \"Plain RAM\"\nretain = 4\n\n{other}"),
+        "device.toml:36:10: `ram` is the retain area already; a device has one",
+    );
+}
+
+#[test]
+fn cpu_addresses_have_two_ends() {
+    check(
+        "device.toml",
+        "cpu_last = 0x103F\n",
+        "",
+        "device.toml:10:8: `cpu_first` and `cpu_last` are given together or not at all",
+    );
 }
 
 #[test]
