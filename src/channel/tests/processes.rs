@@ -136,6 +136,8 @@ fn killed_clients_do_not_use_up_the_places() {
 fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
     let place = Arc::new(Place::new());
     let emulator = Emulator::start(&place, true);
+    // From then on the channel is there.
+    let client = place.client();
     let (part, _) = place.domain().lengths().swap_remove(0);
     let half_made = PathBuf::from(format!("{}-half", part.display()));
     let maker = std::fs::File::create(&half_made).unwrap();
@@ -146,7 +148,8 @@ fn what_a_client_left_that_was_killed_while_it_entered_keeps_nobody_away() {
     // Another test's child may have inherited it for the moment until it runs its own program.
     until("nobody has it open", || place.connect(impatient).is_ok());
     assert!(!half_made.exists());
-    place.client().poke(0, REG, Width::Dword, 1).unwrap();
+    client.poke(0, REG, Width::Dword, 1).unwrap();
+    drop(client);
     emulator.end();
     assert!(place.remains().is_empty(), "{:?}", place.remains());
 }
