@@ -1,7 +1,11 @@
 //! A frame: data, or a request for data.
 
 use super::{Arbitration, Payload};
-use embedded_can::{Id, StandardId};
+use embedded_can::{ExtendedId, Id, StandardId};
+
+/// Marks beside an identifier, as SocketCAN has them: 29 bits, and a remote frame.
+const EXTENDED: u32 = 1 << 31;
+const REMOTE: u32 = 1 << 30;
 
 /// A frame of the standard (11 bits of identifier) or the extended format (29 bits), with up to eight data bytes or, as a
 /// remote frame, with the number of those it asks for.
@@ -44,6 +48,33 @@ impl Frame {
         self.payload.len()
     }
 
+    /// It as numbers: the identifier with SocketCAN's marks of 29 bits (bit 31) and of a remote frame (bit 30), the length, the
+    /// data, first byte lowest.
+    #[must_use]
+    pub fn numbers(&self) -> (u32, u8, u64) {
+        let field = self.arbitration;
+        let extended = if field.is_extended() { EXTENDED } else { 0 };
+        let remote = if field.is_remote() { REMOTE } else { 0 };
+        let data = u64::from_le_bytes(self.payload().padded());
+        (field.number() | extended | remote, self.payload.len() as u8, data)
+    }
+
+    /// The way back; `None` for a length above 8. Bits above those of the identifier and bytes behind the length count for
+    /// nothing.
+    #[must_use]
+    pub fn of_numbers(id: u32, length: u8, data: u64) -> Option<Self> {
+        let is_remote = id & REMOTE != 0;
+        let id = if id & EXTENDED != 0 {
+            Id::Extended(ExtendedId::new(id & ExtendedId::MAX.as_raw())?)
+        } else {
+            Id::Standard(StandardId::new(id as u16 & StandardId::MAX.as_raw())?)
+        };
+        if is_remote {
+            return Frame::remote(id, length.into());
+        }
+        Some(Frame::new(id, Payload::new(data.to_le_bytes().get(..length.into())?)?))
+    }
+
     /// What it carries: nothing if it is a remote frame.
     #[inline]
     pub const fn payload(&self) -> Payload {
@@ -84,7 +115,18 @@ impl embedded_can::Frame for Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use embedded_can::ExtendedId;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        #[test]
+        fn numbers_lead_back(frame in crate::can::reference::frame()) {
+            let (id, length, data) = frame.numbers();
+            prop_assert_eq!(Frame::of_numbers(id, length, data), Some(frame));
+            prop_assert_eq!(Frame::of_numbers(id, 9, data), None);
+        }
+    }
 
     #[test]
     fn no_more_than_eight_bytes() {

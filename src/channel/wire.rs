@@ -21,6 +21,7 @@ mod tests;
 
 pub use reply::{DecodeError, ReplyBuffer, decode};
 
+use crate::can::Frame;
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
 use crate::request::{MAX_OPS, MAX_RANGE, Op};
@@ -107,6 +108,7 @@ pub mod kind {
     pub const BUSES: u16 = 60;
     pub const DOOR_OPEN: u16 = 61;
     pub const DOOR_CLOSE: u16 = 62;
+    pub const BUS_SEND: u16 = 63;
 }
 
 /// Values of [`Block::kind`].
@@ -207,6 +209,11 @@ impl From<&Op> for WireOp {
                 WireOp { kind: kind::DOOR_OPEN, plc: bus, ..door::encode(Some(door)) }
             }
             Op::DoorClose { bus, door } => WireOp { kind: kind::DOOR_CLOSE, plc: bus, ..door::encode(door) },
+            Op::BusSend { bus, frame } => {
+                let (offset, length, time_us) = frame.map_or((0, 0, 0), |frame| frame.numbers());
+                let (width, node) = (u16::from(frame.is_some()), length.into());
+                WireOp { kind: kind::BUS_SEND, plc: bus, width, node, offset, time_us, ..WireOp::default() }
+            }
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -261,6 +268,12 @@ impl TryFrom<WireOp> for Op {
                 Op::DoorOpen { bus: plc, door }
             }
             kind::DOOR_CLOSE => Op::DoorClose { bus: plc, door: door::decode(&wire)? },
+            kind::BUS_SEND => {
+                let length = u8::try_from(wire.node).ok();
+                let frame = length.and_then(|length| Frame::of_numbers(offset, length, time_us));
+                let frame = frame.ok_or(BadField::new("the length", wire.node))?;
+                Op::BusSend { bus: plc, frame: (wire.width != 0).then_some(frame) }
+            }
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField::new("the kind", kind)),

@@ -1,4 +1,6 @@
-//! `commram bus`: the buses of an instance, and doors to them for foreign programs.
+//! `commram bus`: the buses of an instance, doors to them for foreign programs, logs of their frames.
+
+mod log;
 
 use super::Instance;
 use super::error::CliError;
@@ -6,7 +8,7 @@ use super::table::FormatArg;
 use crate::door::DoorSpec;
 use clap::{Args as ClapArgs, Subcommand};
 
-/// Show the buses and open doors to them, by which foreign programs take part.
+/// Show the buses, open doors to them for foreign programs, play and compare logs.
 ///
 /// Whoever comes in by a door is a station on the bus: it hears all frames and sends its own. docs/can.md tells what each kind
 /// of door is, and how python-can comes in.
@@ -15,7 +17,9 @@ use clap::{Args as ClapArgs, Subcommand};
 Examples:
   commram bus list
   commram bus open open slcan-tcp:127.0.0.1:0
-  commram bus close open")]
+  commram bus close open
+  commram bus play open.log
+  commram bus compare open.log")]
 pub(crate) struct Args {
     #[command(subcommand)]
     command: Command,
@@ -26,6 +30,8 @@ enum Command {
     List(List),
     Open(Open),
     Close(Close),
+    Play(log::Play),
+    Compare(log::Compare),
 }
 
 /// List the buses, the doors to them and the guests there.
@@ -77,12 +83,14 @@ struct Close {
     instance: Instance,
 }
 
-/// Lists buses, opens or closes doors.
+/// Lists buses, opens or closes doors, plays or compares logs.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::List(args) => by_channel::list(args.format.format, &args.instance.name),
         Command::Open(args) => by_channel::open(&args.bus, args.door, &args.instance.name),
         Command::Close(args) => by_channel::close(&args.bus, args.door, &args.instance.name),
+        Command::Play(args) => log::play(args),
+        Command::Compare(args) => log::compare(args),
     }
 }
 

@@ -95,9 +95,11 @@ pub trait Medium: Any + Send {
     /// The rate that it runs at now, in bit/s.
     fn bit_s(&self) -> u32;
 
-    /// A guest takes part from now on. Guests have numbers from 1, one each.
-    fn guest_joins(&mut self, guest: u8, now: u64) {
+    /// A guest takes part from now on. Guests have numbers, one each; number 0 is whoever asks by requests. Tells whether that
+    /// makes a difference here.
+    fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
         let _ = (guest, now);
+        false
     }
 
     /// It does so no longer. What it has given to its controller is still sent.

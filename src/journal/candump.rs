@@ -2,7 +2,7 @@
 //! `(0000000002.001234) drives 583#7900210000000000`. Only frames; times are emulated time since power-on.
 
 use super::{Format, Names, Record, Source};
-use crate::can::{Frame, Id};
+use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt;
 use std::fmt::Write;
 
@@ -36,7 +36,7 @@ fn number(index: usize, others: &[String]) -> String {
 }
 
 /// A frame as the format has it: `583#7900210000000000`, `00000123#R4`.
-struct Shown<'a>(&'a Frame);
+pub struct Shown<'a>(pub &'a Frame);
 
 impl fmt::Display for Shown<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -71,10 +71,98 @@ impl Format for Candump {
     }
 }
 
+/// A frame of a log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Logged {
+    /// Its time, in microseconds.
+    pub time_us: u64,
+    /// The interface: the bus, in a log of this program.
+    pub interface: String,
+    /// The frame.
+    pub frame: Frame,
+}
+
+/// A line of a log that is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {right}")]
+pub struct BadLine {
+    /// Its number, from 1.
+    pub line: usize,
+    /// What would be right.
+    pub right: &'static str,
+}
+
+/// Reads a log as `candump -L` writes it. Empty lines are passed over.
+///
+/// # Errors
+/// [`BadLine`]: no such line, or a frame that Classical CAN does not have.
+pub fn read(log: &str) -> Result<Vec<Logged>, BadLine> {
+    let lines = log.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    lines.map(|(index, line)| logged(line).map_err(|right| BadLine { line: index + 1, right })).collect()
+}
+
+const NO_LINE: &str = "a line of a candump log is for example (0000000002.001234) can0 583#7900210000000000";
+
+fn logged(line: &str) -> Result<Logged, &'static str> {
+    let mut words = line.split_whitespace();
+    let (Some(time), Some(interface), Some(frame)) = (words.next(), words.next(), words.next()) else {
+        return Err(NO_LINE);
+    };
+    // Behind it candump may say whether the frame was received or transmitted.
+    if !matches!(words.next(), None | Some("R" | "T")) || words.next().is_some() {
+        return Err(NO_LINE);
+    }
+    let time = time.strip_prefix('(').and_then(|time| time.strip_suffix(')')).ok_or(NO_LINE)?;
+    let time_us = time_of(time).ok_or(NO_LINE)?;
+    Ok(Logged { time_us, interface: interface.to_owned(), frame: frame_of(frame)? })
+}
+
+/// `0000000002.001234`
+fn time_of(text: &str) -> Option<u64> {
+    let (seconds, us) = text.split_once('.')?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
+    if !is_number(seconds) || !is_number(us) || us.len() != 6 {
+        return None;
+    }
+    seconds.parse::<u64>().ok()?.checked_mul(1_000_000)?.checked_add(us.parse().ok()?)
+}
+
+/// `583#7900210000000000`, `00000123#R4`
+fn frame_of(text: &str) -> Result<Frame, &'static str> {
+    let (id, data) = text.split_once('#').ok_or(NO_LINE)?;
+    if data.starts_with('#') {
+        return Err("a frame of CAN FD; there are none on these buses");
+    }
+    let is_hex = |text: &str| text.bytes().all(|digit| digit.is_ascii_hexdigit());
+    if !is_hex(id) {
+        return Err(NO_LINE);
+    }
+    let raw = u32::from_str_radix(id, 16).map_err(|_| NO_LINE)?;
+    let id = match id.len() {
+        3 => u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard),
+        8 => ExtendedId::new(raw).map(Id::Extended),
+        _ => None,
+    };
+    let id = id.ok_or("an identifier has three digits up to 7FF, or eight up to 1FFFFFFF")?;
+    if let Some(length) = data.strip_prefix('R') {
+        let length = if length.is_empty() { Some(0) } else { length.parse().ok() };
+        return length
+            .and_then(|length| Frame::remote(id, length))
+            .ok_or("a remote frame asks for 0 to 8 bytes");
+    }
+    let wrong = "data are up to eight bytes of two hexadecimal digits";
+    if !is_hex(data) || !data.len().is_multiple_of(2) {
+        return Err(wrong);
+    }
+    let byte = |at| data.get(at..at + 2).and_then(|digits| u8::from_str_radix(digits, 16).ok());
+    let bytes: Option<Vec<u8>> = (0..data.len()).step_by(2).map(byte).collect();
+    let payload = bytes.and_then(|bytes| Payload::new(&bytes)).ok_or(wrong)?;
+    Ok(Frame::new(id, payload))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::can::{ExtendedId, Payload, StandardId};
 
     #[test]
     fn frames_as_candump_writes_them() {
@@ -85,5 +173,39 @@ mod tests {
         assert_eq!(shown(Frame::new(id, Payload::new(&[5]).unwrap())), "00000123#05");
         assert_eq!(shown(Frame::remote(id, 0).unwrap()), "00000123#R");
         assert_eq!(shown(Frame::remote(StandardId::MAX, 8).unwrap()), "7FF#R8");
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let log = "(0000000002.001234) drives 583#7900210000000000\n\n(1436509052.249713) can0 00000123#R4 T\n\
+                   (0000000003.000000) a 7FF#\n";
+        let frames = read(log).unwrap();
+        let shown = |it: &Logged| format!("{} {} {}", it.time_us, it.interface, Shown(&it.frame));
+        let shown: Vec<_> = frames.iter().map(shown).collect();
+        let wanted =
+            ["2001234 drives 583#7900210000000000", "1436509052249713 can0 00000123#R4", "3000000 a 7FF#"];
+        assert_eq!(shown, wanted);
+    }
+
+    #[test]
+    fn what_is_no_log_is_refused_with_its_line() {
+        for (line, text) in [
+            ("hello", "candump log"),
+            ("(1.0) can0 123#", "candump log"),
+            ("(1.000000) can0 123", "candump log"),
+            ("(1.000000) can0 123# X", "candump log"),
+            ("(99999999999999999999.000000) can0 123#", "candump log"),
+            ("(1.000000) can0 123##0AA", "CAN FD"),
+            ("(1.000000) can0 12#", "three digits"),
+            ("(1.000000) can0 800#", "three digits"),
+            ("(1.000000) can0 20000000#", "three digits"),
+            ("(1.000000) can0 123#1", "two hexadecimal digits"),
+            ("(1.000000) can0 123#+1", "two hexadecimal digits"),
+            ("(1.000000) can0 123#000000000000000000", "up to eight"),
+            ("(1.000000) can0 123#R9", "0 to 8"),
+        ] {
+            let error = read(&format!("(0000000000.000000) a 000#\n{line}")).unwrap_err();
+            assert!(error.line == 2 && error.to_string().contains(text), "{line}: {error}");
+        }
     }
 }

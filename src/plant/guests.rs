@@ -41,6 +41,20 @@ impl Plant {
         medium.guest_sends(guest, frame, now, &mut self.journal)
     }
 
+    /// Whoever asks by requests, which is guest 0, takes part in bus number `bus` from now on, and sends a frame if there is
+    /// one.
+    ///
+    /// # Errors
+    /// [`GuestRefusal`].
+    pub fn take_part(&mut self, bus: u16, frame: Option<&Frame>) -> Result<(), GuestRefusal> {
+        let now = self.now;
+        let medium = self.medium_of(bus).ok_or(GuestRefusal::NotHere)?;
+        if medium.guest_joins(0, now) {
+            self.journal.push(now, GuestNews { bus, guest: 0, news: Attendance::TakesPart });
+        }
+        frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, frame))
+    }
+
     /// A guest would take part, but has named another rate than the bus has: the one with this `S` code (decision D-316).
     pub fn guest_is_deaf(&mut self, bus: u16, guest: u8, code: u8) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));

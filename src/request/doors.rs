@@ -1,7 +1,8 @@
 //! Buses and the doors to them.
 
 use super::{BusState, Code, Host, Refused, Reply};
-use crate::devices::Medium;
+use crate::can::Frame;
+use crate::devices::{GuestRefusal, Medium};
 use crate::door::{DoorSpec, Doors};
 
 /// The buses, with the doors there are.
@@ -40,12 +41,34 @@ pub(super) fn close(host: &mut dyn Host, bus: u16, door: Option<DoorSpec>) -> Re
     }
 }
 
-fn doors_of(host: &mut dyn Host, bus: u16) -> Result<&mut Doors, Refused> {
+/// Takes part in a bus and sends a frame.
+pub(super) fn send(host: &mut dyn Host, bus: u16, frame: Option<Frame>) -> Result<Reply, Refused> {
+    known(host, bus)?;
+    let taken = host.plant_mut().take_part(bus, frame.as_ref());
+    taken.map(|()| Reply::Written).map_err(|refusal| {
+        let medium = host.plant().media().get(usize::from(bus));
+        let (name, family) = medium.map_or(("", ""), |medium| (medium.name(), medium.family()));
+        let text = match refusal {
+            GuestRefusal::Full => format!("bus '{name}': as many frames as a controller holds wait to be sent already"),
+            GuestRefusal::NotHere => format!(
+                "bus '{name}' does not take this frame: it is a {family} bus, which may know no such frames, or nobody runs it"
+            ),
+        };
+        Refused::new(Code::FRAME, text)
+    })
+}
+
+fn known(host: &dyn Host, bus: u16) -> Result<(), Refused> {
     let known = host.plant().media().len();
-    if usize::from(bus) >= known {
-        let text = format_args!("there is no bus number {bus}; the instance has {known}, counted from 0");
-        return Err(Refused::new(Code::UNKNOWN_BUS, text));
+    if usize::from(bus) < known {
+        return Ok(());
     }
+    let text = format_args!("there is no bus number {bus}; the instance has {known}, counted from 0");
+    Err(Refused::new(Code::UNKNOWN_BUS, text))
+}
+
+fn doors_of(host: &mut dyn Host, bus: u16) -> Result<&mut Doors, Refused> {
+    known(host, bus)?;
     let text = "a plant in a scenario's own process has no doors; run it by `commram run`";
     host.doors().ok_or_else(|| Refused::new(Code::NO_DOORS, text))
 }

@@ -126,6 +126,7 @@ impl Execution {
             Op::Buses => doors::buses(host),
             Op::DoorOpen { bus, door } => doors::open(host, bus, door)?,
             Op::DoorClose { bus, door } => doors::close(host, bus, door)?,
+            Op::BusSend { bus, frame } => doors::send(host, bus, frame)?,
             Op::Info => Reply::Info(Box::new(host.info())),
             Op::Stop => {
                 host.request_stop();

@@ -1,5 +1,6 @@
 //! The operations.
 
+use crate::can::Frame;
 use crate::door::DoorSpec;
 use crate::fault::Fault;
 use crate::memory::Width;
@@ -172,6 +173,14 @@ pub enum Op {
         bus: u16,
         /// The door, with its real port or number; `None`: all.
         door: Option<DoorSpec>,
+    },
+    /// Takes part in a bus from now on, and sends a frame if there is one. Answered by
+    /// [`Reply::Written`](super::Reply::Written).
+    BusSend {
+        /// Number of the bus.
+        bus: u16,
+        /// The frame.
+        frame: Option<Frame>,
     },
     /// Asks for the emulated time. Answered by [`Reply::Time`](super::Reply::Time).
     Time,

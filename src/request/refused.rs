@@ -62,6 +62,8 @@ impl Code {
     pub const UNKNOWN_BUS: Self = Self(36);
     /// The door does not open, or there is none to be closed.
     pub const DOOR: Self = Self(37);
+    /// The bus does not take the frame.
+    pub const FRAME: Self = Self(38);
 
     /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
     pub fn is_wrong_use(self) -> bool {

@@ -3,14 +3,14 @@
 mod arguments;
 mod block;
 mod board;
+mod traffic;
 
-use super::{Bench, Failure, MemoryCopy, ScenarioError, SeenFrame};
-use crate::devices;
+use super::{Bench, Failure, MemoryCopy, ScenarioError};
 use crate::journal::Entry;
 use crate::journal::text::Text;
 use crate::journal::{Format, Record};
 use crate::plant::PlantConfig;
-use arguments::{data_bytes, identifier, names, number, span, value};
+use arguments::{names, number, span, value};
 use core::cell::RefCell;
 use core::panic::Location;
 use rhai::{Array, Dynamic, Engine, EvalAltResult, FnPtr, INT, Map, NativeCallContext, RhaiNativeFunc};
@@ -281,61 +281,6 @@ impl Verbs {
         });
         self.on("clear_findings", |stage| move || stage.act(Bench::clear_findings));
     }
-
-    fn traffic(&mut self) {
-        self.on("expect_frame", |stage| {
-            move |bus: &str, id: INT, data: Dynamic, within: Dynamic| {
-                stage.act(|bench| {
-                    let (id, data) = (identifier(id)?, data_bytes(&data)?);
-                    bench.expect_frame(bus, id, &data, span(&within)?).map(|seen| seen_map(&seen))
-                })
-            }
-        });
-        self.on("expect_frame", |stage| {
-            move |bus: &str, id: INT, mask: INT, data: Dynamic, within: Dynamic| {
-                stage.act(|bench| {
-                    let (id, mask, data) = (identifier(id)?, identifier(mask)?, data_bytes(&data)?);
-                    bench
-                        .expect_masked_frame(bus, id, mask, &data, span(&within)?)
-                        .map(|seen| seen_map(&seen))
-                })
-            }
-        });
-        self.on("expect_no_frame", |stage| {
-            move |bus: &str, id: INT, mask: INT, within: Dynamic| {
-                stage.act(|bench| {
-                    bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?)
-                })
-            }
-        });
-        self.on("frames", |stage| {
-            move |bus: &str, since: INT| {
-                stage.act(|bench| {
-                    let seen = bench.frames(bus, number(since, "time")?)?;
-                    Ok(seen.iter().map(|seen| seen_map(seen).into()).collect::<Array>())
-                })
-            }
-        });
-        self.on("journal", |stage| {
-            move |since: INT| {
-                stage.act(|bench| {
-                    let records = bench.journal(number(since, "time")?)?;
-                    let mut text = Text::new(bench.names().clone(), devices::catalogue());
-                    Ok(records.iter().map(|record| record_map(record, &mut text).into()).collect::<Array>())
-                })
-            }
-        });
-    }
-}
-
-/// `#{time, id, data}`
-fn seen_map(seen: &SeenFrame) -> Map {
-    let data: Array = seen.frame.payload().data().iter().map(|byte| INT::from(*byte).into()).collect();
-    Map::from([
-        ("time".into(), int(seen.time_us).into()),
-        ("id".into(), INT::from(seen.frame.arbitration().number()).into()),
-        ("data".into(), data.into()),
-    ])
 }
 
 /// `#{severity, rule, register, value, count, time, text}`

@@ -6,7 +6,7 @@ use super::printed::Printed;
 use super::{Bench, Failure, ScenarioError};
 use crate::time::short;
 use core::cell::RefCell;
-use rhai::{Dynamic, Engine, EvalAltResult, ParseError};
+use rhai::{Dynamic, Engine, EvalAltResult, ParseError, Scope};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -123,7 +123,10 @@ fn run_text(
             return broken(&reason, &place);
         }
     };
-    match engine.run_ast(&ast) {
+    let mut scope = Scope::new();
+    // The last argument of the verbs about frames, by its name.
+    scope.push_constant("extended", true);
+    match engine.run_ast_with_scope(&mut scope, &ast) {
         Ok(()) => Outcome::Passed,
         Err(error) => ended(&error, file, directory, stage, limits),
     }

@@ -328,3 +328,75 @@ fn python_can_and_canopen_come_in() {
         outcome.err
     );
 }
+
+#[test]
+fn a_scenario_on_the_instance_sends_frames_and_hears_guests() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let mut guest = Guest::open(port(&emulator));
+    assert_eq!(guest.ask("t1A02BEEF"), "z\r");
+    let scripts = tempfile::tempdir().unwrap();
+    let run = |script: &str| {
+        let path = scripts.path().join("one.rhai");
+        std::fs::write(&path, script).unwrap();
+        crate::common::run(&["test", path.to_str().unwrap(), "--attach", &emulator.name])
+    };
+    let outcome = run("expect_frame(\"open\", 0x1A0, \"BE ??\", \"10ms\");\n\
+        send_frame(\"open\", 0x220, \"34 12 78 56\");\n\
+        rtr(\"open\", 0x720);\n\
+        send_frame(\"open\", 0x18FF1234, \"01\", extended);\n\
+        step(\"10ms\");");
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+    assert_eq!([guest.hear(), guest.hear(), guest.hear()], ["t220434127856\r", "r7200\r", "T18FF1234101\r"]);
+    for (script, complaint) in [
+        ("send_frame(\"open\", 0x800, \"\");", "11 bits"),
+        ("send_frame(\"open\", 0x20000000, \"\", extended);", "29 bits"),
+        ("send_frame(\"open\", 1, \"??\");", "data to be sent"),
+        ("send_frame(\"shut\", 1, \"\");", "shut"),
+    ] {
+        let outcome = run(script);
+        assert!(outcome.code == Some(2) && outcome.out.contains(complaint), "{}{}", outcome.out, outcome.err);
+    }
+}
+
+#[test]
+fn a_log_is_played_and_compared() {
+    let log = "(1436509052.000000) can0 123#AA\n(1436509052.002000) can0 1FFF0001#R8\n(1436509052.010000) can0 124#\n";
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("can0.log");
+    let path = path.to_str().unwrap();
+    let write = |text: &str| std::fs::write(path, text).unwrap();
+    write(log);
+    for clock in [&["--clock", "stepped"][..], &[]] {
+        let emulator = start(OPEN, clock);
+        let mut guest = Guest::open(port(&emulator));
+        assert_eq!(emulator.run("bus", &["play", path]).ok(), "3 frames in 10 ms\n");
+        if !clock.is_empty() {
+            emulator.step(&["5ms"]);
+        }
+        assert_eq!([guest.hear(), guest.hear(), guest.hear()], ["t1231AA\r", "R1FFF00018\r", "t1240\r"]);
+        // In real time it is the machine's business when a frame is sent.
+        let tolerance = if clock.is_empty() { "1h" } else { "1ms" };
+        let compare =
+            |tolerance| emulator.run("bus", &["compare", path, "--tolerance", tolerance, "--bus", "open"]);
+        assert_eq!(compare(tolerance).ok(), "3 frames, no difference\n");
+        if !clock.is_empty() {
+            // The second frame has 30 more bits, with stuff bits, than the first one.
+            let exact = compare("0s");
+            assert_eq!((exact.code, exact.out.lines().count()), (Some(1), 2), "{}", exact.out);
+            assert!(
+                exact.out.starts_with("moved    ") && exact.out.contains("open 1FFF0001#R8"),
+                "{}",
+                exact.out
+            );
+        }
+        write(&log.replace("123#AA", "123#AB"));
+        let other = compare(tolerance);
+        let kinds: Vec<_> = other.out.lines().map(|line| line.split(' ').next().unwrap()).collect();
+        assert_eq!((other.code, kinds), (Some(1), vec!["missing", "extra"]), "{}", other.out);
+        write(log);
+    }
+    write("(1436509052.000000) can0 123##0AA\n");
+    let emulator = start(OPEN, &[]);
+    let refused = emulator.run("bus", &["play", path]);
+    assert!(refused.fails(2).contains("line 1") && refused.err.contains("CAN FD"), "{}", refused.err);
+}

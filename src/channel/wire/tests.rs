@@ -1,13 +1,15 @@
 use super::*;
 use crate::devices;
+use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
 use crate::journal::Names;
 use crate::layout::{Fit, Fitted, Role};
 use crate::plant::Forced;
-use crate::request::{Code, InstanceInfo, Refused, Reply, Waited};
+use crate::request::{BusState, Code, InstanceInfo, Refused, Reply, Waited};
 use proptest::prelude::*;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 fn width() -> impl Strategy<Value = Width> {
     prop_oneof![Just(Width::Byte), Just(Width::Word), Just(Width::Dword)]
@@ -52,11 +54,44 @@ fn op() -> impl Strategy<Value = Op> {
         (any::<u16>(), 1..=7u32, 0..40u32).prop_filter_map("a setting", |(plc, which, value)| {
             Some(Op::SetBoard { plc, setting: BoardSetting::from_numbers(which, value)? })
         }),
+        Just(Op::Buses),
+        (any::<u16>(), door()).prop_map(|(bus, door)| Op::DoorOpen { bus, door }),
+        (any::<u16>(), proptest::option::of(door())).prop_map(|(bus, door)| Op::DoorClose { bus, door }),
+        (any::<u16>(), proptest::option::of(frame())).prop_map(|(bus, frame)| Op::BusSend { bus, frame }),
         Just(Op::Findings),
         Just(Op::ClearFindings),
         Just(Op::Info),
         Just(Op::Stop),
     ]
+}
+
+fn door() -> impl Strategy<Value = DoorSpec> {
+    let tcp = any::<(u32, u16)>()
+        .prop_map(|(ip, port)| DoorSpec::SlcanTcp { at: SocketAddrV4::new(Ipv4Addr::from_bits(ip), port) });
+    prop_oneof![tcp, any::<Option<u32>>().prop_map(|number| DoorSpec::SlcanPty { number })]
+}
+
+fn frame() -> impl Strategy<Value = Frame> {
+    (any::<u32>(), 0..=8_u8, any::<u64>())
+        .prop_filter_map("a frame", |(id, length, data)| Frame::of_numbers(id, length, data))
+}
+
+fn buses() -> impl Strategy<Value = Vec<BusState>> {
+    let guest = (any::<(u8, bool, Option<u32>, u64, u64)>(), door()).prop_map(
+        |((guest, open, bit_s, dropped, refused), door)| GuestState {
+            guest,
+            door,
+            open,
+            bit_s,
+            dropped,
+            refused,
+        },
+    );
+    let door = (door(), proptest::collection::vec(guest, 0..3))
+        .prop_map(|(door, guests)| DoorState { door, guests });
+    let bus = (".*", ".*", any::<u32>(), proptest::collection::vec(door, 0..3))
+        .prop_map(|(name, kind, bit_s, doors)| BusState { name, kind, bit_s, doors });
+    proptest::collection::vec(bus, 0..3)
 }
 
 fn error() -> impl Strategy<Value = Refused> {
@@ -134,6 +169,9 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<u16>().prop_map(|count| Reply::FaultsCleared { count }),
         any::<[u32; 10]>().prop_map(|numbers| Reply::Board(zerocopy::transmute!(numbers))),
         Just(Reply::Cleared),
+        buses().prop_map(Reply::Buses),
+        door().prop_map(Reply::DoorOpened),
+        any::<u16>().prop_map(|count| Reply::DoorsClosed { count }),
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
         Just(Reply::Stopping),

@@ -19,16 +19,17 @@ impl CanBus {
         self.ends.iter_mut().find(|end| end.origin.guest() == Some(guest))
     }
 
-    /// Guest number `guest` takes part.
-    pub(super) fn let_in(&mut self, guest: u8, now: u64) {
+    /// Guest number `guest` takes part; `false` if it does so already.
+    pub(super) fn let_in(&mut self, guest: u8, now: u64) -> bool {
         if self.guest(guest).is_none() {
             self.ends.push(End::guest(guest));
         }
-        let Some(end) = self.guest(guest) else { return };
+        let Some(end) = self.guest(guest) else { return false };
         let was_leaving = core::mem::take(&mut end.is_leaving);
-        end.on_since_ns.get_or_insert(now * 1000);
+        let was_in = end.on_since_ns.replace(end.on_since_ns.unwrap_or(now * 1000)).is_some();
         self.leaving -= usize::from(was_leaving);
         self.plan(now);
+        !was_in || was_leaving
     }
 
     /// Guest number `guest` leaves, as soon as what it has given to its controller is sent.

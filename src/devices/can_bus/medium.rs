@@ -272,8 +272,8 @@ impl Medium for CanBus {
         self.wire.as_ref().map_or(0, |wire| wire.rate().bit_s())
     }
 
-    fn guest_joins(&mut self, guest: u8, now: u64) {
-        self.let_in(guest, now);
+    fn guest_joins(&mut self, guest: u8, now: u64) -> bool {
+        self.let_in(guest, now)
     }
 
     fn guest_leaves(&mut self, guest: u8, now: u64) {

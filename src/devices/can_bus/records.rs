@@ -1,9 +1,8 @@
 //! What the journal tells about CAN buses: their frames.
 
-use crate::can::{Frame, Payload};
+use crate::can::Frame;
 use crate::coded;
 use crate::journal::{Carried, Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
-use embedded_can::{ExtendedId, Id, StandardId};
 
 /// All kinds.
 pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND];
@@ -26,33 +25,18 @@ coded! {
     }
 }
 
-/// Marks of an identifier, as SocketCAN has them: 29 bits, and a remote frame.
-const EXTENDED: u32 = 1 << 31;
-const REMOTE: u32 = 1 << 30;
-
 impl Part for Frame {
     #[inline]
     fn put(self, packer: &mut Packer) {
-        let field = self.arbitration();
-        let extended = if field.is_extended() { EXTENDED } else { 0 };
-        let remote = if field.is_remote() { REMOTE } else { 0 };
-        packer.put(field.number() | extended | remote);
-        packer.put(self.length() as u32);
-        u64::from_le_bytes(self.payload().padded()).put(packer);
+        let (id, length, data) = self.numbers();
+        packer.put(id);
+        packer.put(length.into());
+        data.put(packer);
     }
 
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
-        let (id, length, data) = (unpacker.take(), unpacker.take() as usize, u64::take(unpacker)?);
-        let is_remote = id & REMOTE != 0;
-        let id = if id & EXTENDED != 0 {
-            Id::Extended(ExtendedId::new(id & ExtendedId::MAX.as_raw())?)
-        } else {
-            Id::Standard(StandardId::new(id as u16 & StandardId::MAX.as_raw())?)
-        };
-        if is_remote {
-            return Frame::remote(id, length);
-        }
-        Some(Frame::new(id, Payload::new(data.to_le_bytes().get(..length)?)?))
+        let (id, length, data) = (unpacker.take(), unpacker.take(), u64::take(unpacker)?);
+        Frame::of_numbers(id, u8::try_from(length).ok()?, data)
     }
 }
 
@@ -115,6 +99,7 @@ impl Told for Lost {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::can::{ExtendedId, Payload};
 
     #[test]
     fn frames_for_people() {

@@ -1,9 +1,10 @@
 //! Frames on a bus.
 
 use super::Bench;
-use crate::can::Frame;
+use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use crate::devices::MEDIA;
 use crate::journal::{Record, Source};
+use crate::request::Op;
 use crate::script::{ScenarioError, Span};
 use crate::time::{seconds, short};
 use core::panic::Location;
@@ -24,20 +25,29 @@ pub struct SeenFrame {
 
 /// Identifier and data of the frames that are looked for.
 struct Pattern {
-    id: u16,
-    mask: u16,
+    id: u32,
+    mask: u32,
+    /// Whether the identifier has 29 bits.
+    extended: bool,
     /// The data bytes, `None` for any; nothing at all for any data of any length.
     data: Option<Vec<Option<u8>>>,
 }
 
 impl Pattern {
+    /// One with 11 bits.
     fn new(id: u16, mask: u16, data: &str) -> Result<Self, ScenarioError> {
-        if id > 0x7FF || mask > 0x7FF || id & !mask != 0 {
+        if id > STANDARD || mask > STANDARD || id & !mask != 0 {
             let text = format!("16#{id:X} under mask 16#{mask:X}");
             let right = "identifiers have 11 bits, 0 to 16#7FF, and none outside the mask".to_owned();
             return Err(ScenarioError::Argument { text, right });
         }
-        Ok(Self { id, mask, data: parse_data(data)? })
+        Ok(Self { id: id.into(), mask: mask.into(), extended: false, data: parse_data(data)? })
+    }
+
+    /// One with 29 bits.
+    fn extended(id: u32, data: &str) -> Result<Self, ScenarioError> {
+        extended_id(id)?;
+        Ok(Self { id, mask: EXTENDED, extended: true, data: parse_data(data)? })
     }
 
     fn matches(&self, frame: &Frame) -> bool {
@@ -47,16 +57,19 @@ impl Pattern {
             data.len() == bytes.len()
                 && data.iter().zip(bytes).all(|(wanted, byte)| wanted.is_none_or(|w| w == *byte))
         };
-        !field.is_extended()
+        field.is_extended() == self.extended
             && !field.is_remote()
-            && field.number() & u32::from(self.mask) == u32::from(self.id)
+            && field.number() & self.mask == self.id
             && self.data.as_ref().is_none_or(same)
     }
 
     /// `16#101 44 33 ..`
     fn describe(&self, bus: &str) -> String {
-        let mut text = format!("frame 16#{:03X}", self.id);
-        if self.mask != 0x7FF {
+        let mut text = match self.extended {
+            true => format!("frame 16#{:08X}", self.id),
+            false => format!("frame 16#{:03X}", self.id),
+        };
+        if !self.extended && self.mask != u32::from(STANDARD) {
             text += &format!(" under mask 16#{:03X}", self.mask);
         }
         let byte = |byte: &Option<u8>| byte.map_or_else(|| "..".to_owned(), |byte| format!("{byte:02X}"));
@@ -69,13 +82,33 @@ impl Pattern {
     }
 }
 
+/// All bits of an identifier, and so the highest one.
+const STANDARD: u16 = 0x7FF;
+const EXTENDED: u32 = 0x1FFF_FFFF;
+
+fn standard_id(id: u32) -> Result<Id, ScenarioError> {
+    let known = u16::try_from(id).ok().and_then(StandardId::new);
+    let right = "identifiers have 11 bits, 0 to 16#7FF; those with more are `extended`";
+    known.map(Id::Standard).ok_or_else(|| ScenarioError::argument(&format!("16#{id:X}"), right))
+}
+
+fn extended_id(id: u32) -> Result<Id, ScenarioError> {
+    let right = "extended identifiers have 29 bits, 0 to 16#1FFFFFFF";
+    let known = ExtendedId::new(id).map(Id::Extended);
+    known.ok_or_else(|| ScenarioError::argument(&format!("16#{id:X}"), right))
+}
+
+fn identifier(id: u32, extended: bool) -> Result<Id, ScenarioError> {
+    if extended { extended_id(id) } else { standard_id(id) }
+}
+
 /// Parses `44 33 .. 11`, or `*` for any data.
 fn parse_data(text: &str) -> Result<Option<Vec<Option<u8>>>, ScenarioError> {
     if text.trim() == "*" {
         return Ok(None);
     }
     let byte = |word: &str| match word {
-        ".." => Some(None),
+        ".." | "??" => Some(None),
         _ if word.len() == 2 && !word.starts_with('+') => u8::from_str_radix(word, 16).ok().map(Some),
         _ => None,
     };
@@ -117,10 +150,33 @@ impl Bench {
         data: &str,
         within: impl Into<Span>,
     ) -> Result<SeenFrame, ScenarioError> {
-        let at = Location::caller();
-        let (start, pattern) = (self.now()?, Pattern::new(id, mask, data)?);
-        let within = within.into();
-        if let Some(found) = self.look_for(bus, &pattern, within.clone())? {
+        self.expect_match(bus, &Pattern::new(id, mask, data)?, within.into(), Location::caller())
+    }
+
+    /// As [`Bench::expect_frame`] for an identifier of 29 bits.
+    ///
+    /// # Errors
+    /// As [`Bench::expect_frame`].
+    #[track_caller]
+    pub fn expect_extended_frame(
+        &mut self,
+        bus: &str,
+        id: u32,
+        data: &str,
+        within: impl Into<Span>,
+    ) -> Result<SeenFrame, ScenarioError> {
+        self.expect_match(bus, &Pattern::extended(id, data)?, within.into(), Location::caller())
+    }
+
+    fn expect_match(
+        &mut self,
+        bus: &str,
+        pattern: &Pattern,
+        within: Span,
+        at: &Location<'_>,
+    ) -> Result<SeenFrame, ScenarioError> {
+        let start = self.now()?;
+        if let Some(found) = self.look_for(bus, pattern, within.clone())? {
             return Ok(found);
         }
         let expected = pattern.describe(bus);
@@ -149,9 +205,63 @@ impl Bench {
         mask: u16,
         within: impl Into<Span>,
     ) -> Result<(), ScenarioError> {
-        let at = Location::caller();
-        let pattern = Pattern::new(id, mask, "*")?;
-        let Some(found) = self.look_for(bus, &pattern, within.into())? else { return Ok(()) };
+        self.expect_no_match(bus, &Pattern::new(id, mask, "*")?, within.into(), Location::caller())
+    }
+
+    /// As [`Bench::expect_no_frame`] for an identifier of 29 bits.
+    ///
+    /// # Errors
+    /// As [`Bench::expect_no_frame`].
+    #[track_caller]
+    pub fn expect_no_extended_frame(
+        &mut self,
+        bus: &str,
+        id: u32,
+        within: impl Into<Span>,
+    ) -> Result<(), ScenarioError> {
+        self.expect_no_match(bus, &Pattern::extended(id, "*")?, within.into(), Location::caller())
+    }
+
+    /// Sends a data frame, as a station of the bus of its own, guest 0. `data` is `44 33 11`. Time does not pass: what else
+    /// is on its way to the bus takes part in the arbitration.
+    ///
+    /// # Errors
+    /// There is no such bus or identifier, the data are none, or the bus does not take the frame: 64 wait already, or it
+    /// knows no such frames or is run by nobody.
+    pub fn send_frame(
+        &mut self,
+        bus: &str,
+        id: u32,
+        extended: bool,
+        data: &str,
+    ) -> Result<(), ScenarioError> {
+        let bytes = parse_data(data)?.and_then(|data| data.into_iter().collect::<Option<Vec<u8>>>());
+        let payload = bytes.and_then(|bytes| Payload::new(&bytes)).ok_or_else(|| {
+            ScenarioError::argument(data, "data to be sent are up to eight bytes of two hexadecimal digits")
+        })?;
+        let frame = Frame::new(identifier(id, extended)?, payload);
+        let bus = self.bus(bus)?;
+        Ok(self.ask(Op::BusSend { bus, frame: Some(frame) })?.written()?)
+    }
+
+    /// Sends a remote frame that asks for the data of an identifier, with a length of 0.
+    ///
+    /// # Errors
+    /// As [`Bench::send_frame`].
+    pub fn rtr(&mut self, bus: &str, id: u32, extended: bool) -> Result<(), ScenarioError> {
+        let frame = Frame::remote(identifier(id, extended)?, 0);
+        let bus = self.bus(bus)?;
+        Ok(self.ask(Op::BusSend { bus, frame })?.written()?)
+    }
+
+    fn expect_no_match(
+        &mut self,
+        bus: &str,
+        pattern: &Pattern,
+        within: Span,
+        at: &Location<'_>,
+    ) -> Result<(), ScenarioError> {
+        let Some(found) = self.look_for(bus, pattern, within)? else { return Ok(()) };
         let wanted = pattern.describe(bus);
         let mut failure = self.failure(format!("there is a {wanted}"), at)?;
         failure.expected = Some(format!("no {wanted}"));
@@ -189,6 +299,8 @@ impl Bench {
     ) -> Result<Option<SeenFrame>, ScenarioError> {
         let (bus, us) = (self.bus(bus)?, self.span(within)?);
         let deadline = self.now()? + us;
+        // Whoever waits for frames is there to acknowledge them.
+        self.ask(Op::BusSend { bus, frame: None })?.written()?;
         let mut next = self.journal_end()?;
         loop {
             let (records, end) = self.records(next)?;
@@ -239,6 +351,7 @@ mod tests {
         assert_eq!(parse_data("*").unwrap(), None);
         assert_eq!(parse_data("").unwrap(), Some(vec![]));
         assert_eq!(parse_data("0a .. FF").unwrap(), Some(vec![Some(10), None, Some(255)]));
+        assert_eq!(parse_data("?? 7F").unwrap(), Some(vec![None, Some(127)]));
         for wrong in ["1", "123", "GG", "0x1", "+1", "00 00 00 00 00 00 00 00 00"] {
             assert!(parse_data(wrong).is_err(), "{wrong}");
         }

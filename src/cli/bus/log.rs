@@ -1,0 +1,310 @@
+//! `commram bus play` and `commram bus compare`: logs of frames.
+
+use super::super::error::CliError;
+use super::super::{Instance, time};
+use crate::journal::candump::{self, Logged};
+use std::path::{Path, PathBuf};
+
+/// Send the frames of a log into buses, with the distances in time that they have there.
+///
+/// LOG is what `candump -L` and `commram trace --format candump` write. The first frame is sent at once. With the stepped clock
+/// the command lets the time pass from one frame to the next, with the real-time clock it waits for it. What is on a bus
+/// besides takes part in the arbitration. An interface of the log is the bus of its name, or the only bus there is.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram bus play open.log
+  commram bus play can0.log --bus open")]
+pub(super) struct Play {
+    /// The log
+    log: PathBuf,
+    /// The bus for all of its frames
+    #[arg(long, value_name = "NAME")]
+    bus: Option<String>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Compare the frames of the journal with those of a log.
+///
+/// For each bus the frames must be the same in the same order, and their times since the first one of the bus the same but
+/// for the tolerance. Every difference is a line: `missing` is only in the log, `extra` only in the journal, `moved` comes at
+/// another time. Exit code 1: there are differences.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram bus compare open.log
+  commram bus compare can0.log --bus open --tolerance 100us --since 2s")]
+pub(super) struct Compare {
+    /// The log
+    log: PathBuf,
+    /// The bus for all of its frames
+    #[arg(long, value_name = "NAME")]
+    bus: Option<String>,
+    /// How far the times may differ
+    #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "1ms")]
+    tolerance: u64,
+    /// Only what was on the buses from this emulated time on
+    #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
+    since: u64,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// The frames of a log.
+fn read(path: &Path) -> Result<Vec<Logged>, CliError> {
+    let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
+    let text = crate::handed_in::read(path).map_err(|reason| wrong(reason.to_string()))?;
+    candump::read(&text).map_err(|error| wrong(error.to_string()))
+}
+
+/// A frame at its time.
+#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then nothing can be compared"))]
+type Timed = (u64, crate::can::Frame);
+
+/// Frames that may be missing or more than they should be before what follows counts as another one.
+#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then nothing can be compared"))]
+const WINDOW: usize = 64;
+
+/// The differences between what a log has and what was there, one a line.
+#[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then nothing can be compared"))]
+fn differences(bus: &str, wanted: &[Timed], found: &[Timed], tolerance_us: u64) -> Vec<String> {
+    let (first_wanted, first_found) = match (wanted.first(), found.first()) {
+        (Some(wanted), Some(found)) => (wanted.0, found.0),
+        _ => (0, 0),
+    };
+    let show = |what: &str, &(time_us, ref frame): &Timed| {
+        format!("{what:7}  {}  {bus} {}", time::seconds(time_us), candump::Shown(frame))
+    };
+    let ahead = |frame: &Timed, list: &[Timed]| list.iter().take(WINDOW).position(|other| other.1 == frame.1);
+    let mut lines = Vec::new();
+    let (mut wanted, mut found) = (wanted, found);
+    loop {
+        match (wanted, found) {
+            ([], []) => return lines,
+            ([first, rest @ ..], []) => {
+                lines.push(show("missing", first));
+                wanted = rest;
+            }
+            ([], [first, rest @ ..]) => {
+                lines.push(show("extra", first));
+                found = rest;
+            }
+            ([first, rest @ ..], [other, others @ ..]) if first.1 == other.1 => {
+                let (due, came) = (first.0.saturating_sub(first_wanted), other.0.saturating_sub(first_found));
+                if due.abs_diff(came) > tolerance_us {
+                    let side = if came > due { "later" } else { "earlier" };
+                    let line = show("moved", other);
+                    lines.push(format!("{line}  {} {side}", time::short(due.abs_diff(came))));
+                }
+                (wanted, found) = (rest, others);
+            }
+            ([first, rest @ ..], [other, others @ ..]) => {
+                // Whichever is seen again sooner has only been kept waiting.
+                let (again, before) = (ahead(first, others), ahead(other, rest));
+                if before.is_some_and(|before| again.is_none_or(|again| before < again)) || again.is_none() {
+                    lines.push(show("missing", first));
+                    wanted = rest;
+                } else {
+                    lines.push(show("extra", other));
+                    found = others;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(feature = "channel")]
+pub(super) use by_channel::{compare, play};
+
+#[cfg(feature = "channel")]
+mod by_channel {
+    use super::super::super::session::Session;
+    use super::super::super::{error::CliError, output, time};
+    use super::{Compare, Play, Timed, differences, read};
+    use crate::can::Frame;
+    use crate::journal::Source;
+    use crate::journal::candump::Logged;
+    use crate::request::{InstanceInfo, MAX_OPS, MAX_RECORDS, Op};
+    use std::time::Duration;
+
+    /// A frame of the log, with the number of its bus.
+    struct Aimed {
+        time_us: u64,
+        bus: u16,
+        frame: Frame,
+    }
+
+    /// Finds the bus of each frame.
+    fn aim(log: Vec<Logged>, only: Option<&str>, info: &InstanceInfo) -> Result<Vec<Aimed>, CliError> {
+        let buses = &info.names.buses;
+        let number = |name: &str| buses.iter().position(|bus| bus == name);
+        let unknown = |bus: &str| CliError::UnknownBus {
+            bus: bus.to_owned(),
+            instance: info.name.clone(),
+            buses: buses.join(", "),
+        };
+        let for_all = only.map(|name| number(name).ok_or_else(|| unknown(name))).transpose()?;
+        let aim = |it: Logged| {
+            let only_one = (buses.len() == 1).then_some(0);
+            let bus = for_all.or_else(|| number(&it.interface)).or(only_one);
+            let bus = bus.ok_or_else(|| unknown(&it.interface))? as u16;
+            Ok(Aimed { time_us: it.time_us, bus, frame: it.frame })
+        };
+        log.into_iter().map(aim).collect()
+    }
+
+    pub(crate) fn play(args: &Play) -> Result<(), CliError> {
+        let log = read(&args.log)?;
+        let info = Session::open(&args.instance.name, 0)?.ask(Op::Info)?.info()?;
+        let log = aim(log, args.bus.as_deref(), &info)?;
+        let (Some(first), Some(last)) = (log.first(), log.last()) else {
+            return output::print("0 frames\n");
+        };
+        let (start_us, length_us) = (first.time_us, last.time_us.saturating_sub(first.time_us));
+        let session = Session::open(&args.instance.name, length_us)?;
+        if info.is_stepped {
+            stepped(&session, &log, start_us)?
+        } else {
+            in_real_time(&session, &log, start_us)?
+        }
+        let frames = if log.len() == 1 { "frame" } else { "frames" };
+        output::print(&format!("{} {frames} in {}\n", log.len(), time::short(length_us)))
+    }
+
+    fn stepped(session: &Session, log: &[Aimed], start_us: u64) -> Result<(), CliError> {
+        let mut now_us = start_us;
+        for part in log.chunks(MAX_OPS / 2) {
+            let mut ops = Vec::with_capacity(2 * part.len());
+            for it in part {
+                let us = it.time_us.saturating_sub(now_us);
+                ops.extend((us > 0).then_some(Op::Advance { us }));
+                now_us += us;
+                ops.push(Op::BusSend { bus: it.bus, frame: Some(it.frame) });
+            }
+            session.request(&ops)?;
+        }
+        Ok(())
+    }
+
+    fn in_real_time(session: &Session, log: &[Aimed], start_us: u64) -> Result<(), CliError> {
+        let begin_us = session.ask(Op::Time)?.time()?;
+        for it in log {
+            let due_us = begin_us + it.time_us.saturating_sub(start_us);
+            loop {
+                let left_us = due_us.saturating_sub(session.ask(Op::Time)?.time()?);
+                if left_us == 0 {
+                    break;
+                }
+                // Emulated time may pass faster or slower than this: short enough to be asked again.
+                std::thread::sleep(Duration::from_micros(left_us.min(10_000)));
+            }
+            session.ask(Op::BusSend { bus: it.bus, frame: Some(it.frame) })?.written()?;
+        }
+        Ok(())
+    }
+
+    pub(crate) fn compare(args: &Compare) -> Result<(), CliError> {
+        let log = read(&args.log)?;
+        let session = Session::open(&args.instance.name, 0)?;
+        let info = session.ask(Op::Info)?.info()?;
+        let log = aim(log, args.bus.as_deref(), &info)?;
+        let journal = frames(&session, args.since)?;
+        let mut buses: Vec<u16> = log.iter().map(|it| it.bus).collect();
+        buses.sort_unstable();
+        buses.dedup();
+        let mut lines = Vec::new();
+        for bus in buses {
+            let wanted: Vec<Timed> =
+                log.iter().filter(|it| it.bus == bus).map(|it| (it.time_us, it.frame)).collect();
+            let found: Vec<Timed> = journal.iter().filter(|it| it.0 == bus).map(|it| it.1).collect();
+            let name = info.names.buses.get(usize::from(bus)).map_or("", String::as_str);
+            lines.extend(differences(name, &wanted, &found, args.tolerance));
+        }
+        if lines.is_empty() {
+            let frames = if log.len() == 1 { "frame" } else { "frames" };
+            return output::print(&format!("{} {frames}, no difference\n", log.len()));
+        }
+        output::print(&(lines.join("\n") + "\n"))?;
+        Err(CliError::Reported)
+    }
+
+    /// The frames of the journal with their buses.
+    fn frames(session: &Session, since_us: u64) -> Result<Vec<(u16, Timed)>, CliError> {
+        let (mut frames, mut next) = (Vec::new(), 0);
+        loop {
+            let (records, end) = session.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
+            for record in &records {
+                if let (Some(carried), Source::Bus(bus)) = (record.event.frame(), record.event.source())
+                    && record.time_us >= since_us
+                {
+                    frames.push((bus, (record.time_us, carried.frame)));
+                }
+            }
+            match records.iter().rfind(|record| !record.is_pending()) {
+                Some(last) if last.seq + 1 < end => next = last.seq + 1,
+                _ => return Ok(frames),
+            }
+        }
+    }
+}
+
+#[cfg(not(feature = "channel"))]
+pub(super) fn play(args: &Play) -> Result<(), CliError> {
+    let (_, _) = (read(&args.log)?, (&args.bus, &args.instance.name));
+    Err(CliError::NoChannel { command: "bus" })
+}
+
+#[cfg(not(feature = "channel"))]
+pub(super) fn compare(args: &Compare) -> Result<(), CliError> {
+    let (_, _) = (read(&args.log)?, (&args.bus, args.tolerance, args.since, &args.instance.name));
+    Err(CliError::NoChannel { command: "bus" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{Frame, Payload};
+
+    fn at(time_us: u64, mark: u8) -> Timed {
+        (time_us, Frame::standard(0x100, Payload::from_padded([mark; 8], 1)))
+    }
+
+    fn kinds(wanted: &[Timed], found: &[Timed], tolerance_us: u64) -> Vec<String> {
+        differences("open", wanted, found, tolerance_us)
+    }
+
+    #[test]
+    fn only_distances_count() {
+        let wanted = [at(5_000_000, 1), at(5_001_000, 2), at(5_002_000, 3)];
+        let found = [at(10, 1), at(1_010, 2), at(2_020, 3)];
+        assert!(kinds(&wanted, &found, 10).is_empty());
+        assert_eq!(kinds(&wanted, &found, 9), ["moved    0.002020 s  open 100#03  10 us later"]);
+    }
+
+    #[test]
+    fn what_is_missing_or_more_does_not_move_the_rest() {
+        let wanted = [at(0, 1), at(1000, 2), at(2000, 3), at(3000, 4)];
+        let found = [at(0, 1), at(2000, 3), at(2500, 9), at(3000, 4), at(4000, 5)];
+        assert_eq!(
+            kinds(&wanted, &found, 0),
+            [
+                "missing  0.001000 s  open 100#02",
+                "extra    0.002500 s  open 100#09",
+                "extra    0.004000 s  open 100#05"
+            ]
+        );
+        assert_eq!(kinds(&[], &found, 0).len(), 5);
+        assert_eq!(kinds(&wanted, &[], 0).len(), 4);
+    }
+
+    #[test]
+    fn another_frame_is_missing_and_extra() {
+        let (wanted, found) = ([at(0, 1), at(1000, 2)], [at(0, 1), at(1000, 7)]);
+        let lines = kinds(&wanted, &found, 0);
+        assert!(
+            lines.len() == 2 && lines[0].starts_with("missing") && lines[1].starts_with("extra"),
+            "{lines:?}"
+        );
+    }
+}

@@ -1,0 +1,121 @@
+//! The verbs of buses and of the journal.
+
+use super::arguments::{data_bytes, identifier, number, span};
+use super::{Verbs, int, record_map};
+use crate::devices;
+use crate::journal::text::Text;
+use crate::script::SeenFrame;
+use rhai::{Array, Dynamic, INT, Map};
+
+/// All bits of an identifier.
+const ALL_BITS: u16 = 0x7FF;
+
+impl Verbs {
+    pub(super) fn traffic(&mut self) {
+        self.on("expect_frame", |stage| {
+            move |bus: &str, id: INT, data: Dynamic, within: Dynamic| {
+                stage.act(|bench| {
+                    let (id, data) = (identifier(id)?, data_bytes(&data)?);
+                    bench.expect_frame(bus, id, &data, span(&within)?).map(|seen| seen_map(&seen))
+                })
+            }
+        });
+        self.on("expect_frame", |stage| {
+            move |bus: &str, id: INT, mask: INT, data: Dynamic, within: Dynamic| {
+                stage.act(|bench| {
+                    let (id, mask, data) = (identifier(id)?, identifier(mask)?, data_bytes(&data)?);
+                    bench
+                        .expect_masked_frame(bus, id, mask, &data, span(&within)?)
+                        .map(|seen| seen_map(&seen))
+                })
+            }
+        });
+        self.on("expect_frame", |stage| {
+            move |bus: &str, id: INT, data: Dynamic, within: Dynamic, extended: bool| {
+                stage.act(|bench| {
+                    let data = data_bytes(&data)?;
+                    let seen = if extended {
+                        bench.expect_extended_frame(bus, number(id, "identifier")?, &data, span(&within)?)
+                    } else {
+                        bench.expect_frame(bus, identifier(id)?, &data, span(&within)?)
+                    };
+                    seen.map(|seen| seen_map(&seen))
+                })
+            }
+        });
+        self.on("expect_no_frame", |stage| {
+            move |bus: &str, id: INT, within: Dynamic| {
+                stage.act(|bench| bench.expect_no_frame(bus, identifier(id)?, ALL_BITS, span(&within)?))
+            }
+        });
+        self.on("expect_no_frame", |stage| {
+            move |bus: &str, id: INT, within: Dynamic, extended: bool| {
+                stage.act(|bench| {
+                    if extended {
+                        bench.expect_no_extended_frame(bus, number(id, "identifier")?, span(&within)?)
+                    } else {
+                        bench.expect_no_frame(bus, identifier(id)?, ALL_BITS, span(&within)?)
+                    }
+                })
+            }
+        });
+        self.on("send_frame", |stage| {
+            move |bus: &str, id: INT, data: Dynamic| {
+                stage
+                    .act(|bench| bench.send_frame(bus, number(id, "identifier")?, false, &data_bytes(&data)?))
+            }
+        });
+        self.on("send_frame", |stage| {
+            move |bus: &str, id: INT, data: Dynamic, extended: bool| {
+                stage.act(|bench| {
+                    bench.send_frame(bus, number(id, "identifier")?, extended, &data_bytes(&data)?)
+                })
+            }
+        });
+        self.on("rtr", |stage| {
+            move |bus: &str, id: INT| stage.act(|bench| bench.rtr(bus, number(id, "identifier")?, false))
+        });
+        self.on("rtr", |stage| {
+            move |bus: &str, id: INT, extended: bool| {
+                stage.act(|bench| bench.rtr(bus, number(id, "identifier")?, extended))
+            }
+        });
+        self.on("expect_no_frame", |stage| {
+            move |bus: &str, id: INT, mask: INT, within: Dynamic| {
+                stage.act(|bench| {
+                    bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?)
+                })
+            }
+        });
+        self.on("frames", |stage| {
+            move |bus: &str, since: INT| {
+                stage.act(|bench| {
+                    let seen = bench.frames(bus, number(since, "time")?)?;
+                    Ok(seen.iter().map(|seen| seen_map(seen).into()).collect::<Array>())
+                })
+            }
+        });
+        self.on("journal", |stage| {
+            move |since: INT| {
+                stage.act(|bench| {
+                    let records = bench.journal(number(since, "time")?)?;
+                    let mut text = Text::new(bench.names().clone(), devices::catalogue());
+                    Ok(records.iter().map(|record| record_map(record, &mut text).into()).collect::<Array>())
+                })
+            }
+        });
+    }
+}
+
+/// `#{time, id, extended, data}`
+fn seen_map(seen: &SeenFrame) -> Map {
+    let payload = seen.frame.payload();
+    let data: Array = payload.data().iter().map(|byte| INT::from(*byte).into()).collect();
+    let field = seen.frame.arbitration();
+    Map::from([
+        ("time".into(), int(seen.time_us).into()),
+        ("id".into(), INT::from(field.number()).into()),
+        ("extended".into(), field.is_extended().into()),
+        ("data".into(), data.into()),
+    ])
+}
