@@ -133,6 +133,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
         Command::Add(args) => {
             let spec = crate::fault::FaultSpec::from_words(devices::fault_kinds(), &args.kind, &args.fields)?;
+            if spec.required {
+                let right =
+                    "only a scenario can require that a fault strikes: fault(\"... required\")".to_owned();
+                return Err(CliError::Argument { text: "required".to_owned(), right });
+            }
             by_channel::add(&spec, &args.instance.name)
         }
         Command::List(args) => by_channel::list(args.format.format, &args.instance.name),

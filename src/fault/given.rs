@@ -5,6 +5,9 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+/// The word for a fault that must strike.
+pub(super) const REQUIRED: &str = "required";
+
 /// A `[[fault]]` of a plant file, and the arguments of `commram fault add`: its kind, and its fields under the names that
 /// they were given. `docs/faults.md` describes the fields of each kind.
 #[derive(Clone, Debug, Default)]
@@ -13,6 +16,8 @@ pub struct FaultSpec {
     pub kind: String,
     /// Names of fields and what they hold.
     pub fields: Vec<(String, Given)>,
+    /// Whether a scenario has failed in which it never struck. Counts in scenarios only.
+    pub required: bool,
 }
 
 /// What a field holds.
@@ -28,6 +33,7 @@ pub enum Given {
 impl PartialEq for FaultSpec {
     fn eq(&self, other: &Self) -> bool {
         self.kind == other.kind
+            && self.required == other.required
             && self.fields.len() == other.fields.len()
             && self.fields.iter().all(|field| other.fields.contains(field))
     }
@@ -46,13 +52,16 @@ impl fmt::Display for Given {
 
 impl Serialize for FaultSpec {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(1 + self.fields.len()))?;
+        let mut map = serializer.serialize_map(Some(1 + self.fields.len() + usize::from(self.required)))?;
         map.serialize_entry("kind", &self.kind)?;
         for (name, given) in &self.fields {
             match given {
                 Given::Number(number) => map.serialize_entry(name, number)?,
                 Given::Text(text) => map.serialize_entry(name, text)?,
             }
+        }
+        if self.required {
+            map.serialize_entry(REQUIRED, &true)?;
         }
         map.end()
     }
@@ -70,16 +79,18 @@ impl<'de> Deserialize<'de> for FaultSpec {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<FaultSpec, A::Error> {
-                let (mut kind, mut fields) = (None, Vec::new());
+                let (mut kind, mut fields, mut required) = (None, Vec::new(), false);
                 while let Some(name) = map.next_key::<String>()? {
                     if name == "kind" {
                         kind = Some(map.next_value()?);
+                    } else if name == REQUIRED {
+                        required = map.next_value()?;
                     } else {
                         fields.push((name, map.next_value()?));
                     }
                 }
                 let kind = kind.ok_or_else(|| A::Error::missing_field("kind"))?;
-                Ok(FaultSpec { kind, fields })
+                Ok(FaultSpec { kind, fields, required })
             }
         }
 

@@ -62,6 +62,6 @@ impl FaultSpec {
     /// The description of a fault.
     pub fn of(fault: &Fault, names: &Names) -> Self {
         let fields = fault.given(names).into_iter().map(|(field, given)| (field.name().to_owned(), given));
-        FaultSpec { kind: fault.kind().name().to_owned(), fields: fields.collect() }
+        FaultSpec { kind: fault.kind().name().to_owned(), fields: fields.collect(), required: false }
     }
 }

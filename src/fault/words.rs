@@ -1,5 +1,6 @@
 //! A fault in words, as on the command line: `kind field=value ...`.
 
+use super::given::REQUIRED;
 use super::{FaultSpec, Field, Form, Given, Kind};
 use crate::layout::{RegType, value};
 use crate::time;
@@ -31,6 +32,10 @@ impl FaultSpec {
         let mut spec = FaultSpec { kind: kind.to_owned(), ..FaultSpec::default() };
         for text in fields {
             let text = text.as_ref();
+            if text == REQUIRED {
+                spec.required = true;
+                continue;
+            }
             let wrong = |right: String| WordError { text: text.to_owned(), right };
             let (name, given) = text
                 .split_once('=')

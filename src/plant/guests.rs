@@ -60,3 +60,121 @@ impl Plant {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{Payload, StandardId};
+    use crate::devices;
+    use crate::journal::text::Text;
+    use crate::journal::{Event, Format, Source};
+    use crate::memory::Segment;
+    use crate::plant::PlantConfig;
+
+    type BuildFailure = Box<dyn std::error::Error>;
+
+    const OPEN: &str = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
+
+    fn plant(toml: &str) -> Plant {
+        let config = PlantConfig::parse("plant", toml).unwrap();
+        Plant::new(&config, |_, device| Ok::<_, BuildFailure>(Segment::of(device))).unwrap()
+    }
+
+    fn frame(id: u16, data: &[u8]) -> Frame {
+        Frame::standard(id, Payload::new(data).unwrap())
+    }
+
+    /// When which frame of whom has arrived.
+    fn arrived(plant: &Plant) -> Vec<(u64, u32, Option<u8>)> {
+        let carried = plant.journal().records().filter(|it| it.event.source() == Source::Bus(0));
+        let told = carried.filter_map(|it| Some((it.time_us, Event::frame(&it.event)?)));
+        told.map(|(at, it)| (at, it.frame.arbitration().number(), it.guest)).collect()
+    }
+
+    fn lines(plant: &Plant) -> String {
+        let mut text = Text::new(plant.names(), devices::catalogue());
+        let mut lines = String::new();
+        plant.journal().records().for_each(|record| text.record(record, &mut lines));
+        lines
+    }
+
+    #[test]
+    fn guests_are_stations_and_the_dominant_identifier_goes_first() {
+        let mut plant = plant(OPEN);
+        plant.guest_joins(0, 1, false);
+        assert_eq!(plant.guest_sends(0, 1, &frame(0x200, &[])), Ok(()));
+        plant.advance_to(10_000);
+        assert!(arrived(&plant).is_empty(), "nobody acknowledges");
+        plant.guest_joins(0, 2, true);
+        assert_eq!(plant.guest_sends(0, 2, &frame(0x123, &[])), Ok(()));
+        plant.advance_to(20_000);
+        // 45 bits, an intermission of 3, 48 bits.
+        assert_eq!(arrived(&plant), [(10_360, 0x123, Some(2)), (10_768, 0x200, Some(1))]);
+        let lines = lines(&plant);
+        assert!(
+            lines.contains("guest1 takes part\n") && lines.contains("guest2 takes part; the clock"),
+            "{lines}"
+        );
+        assert!(lines.contains("16#123 from guest2"), "{lines}");
+    }
+
+    #[test]
+    fn who_leaves_has_sent_what_it_gave_if_somebody_is_there() {
+        let mut plant = plant(OPEN);
+        plant.guest_joins(0, 1, false);
+        plant.guest_joins(0, 2, false);
+        (0..3).for_each(|id| assert_eq!(plant.guest_sends(0, 1, &frame(id, &[])), Ok(())));
+        plant.guest_leaves(0, 1);
+        plant.advance_to(10_000);
+        assert_eq!(arrived(&plant).len(), 3);
+        assert_eq!(plant.guest_sends(0, 1, &frame(5, &[])), Err(GuestRefusal::NotHere));
+        // Alone, the other one keeps nothing for those who come later.
+        assert_eq!(plant.guest_sends(0, 2, &frame(6, &[])), Ok(()));
+        plant.guest_leaves(0, 2);
+        plant.guest_joins(0, 1, false);
+        plant.advance_to(20_000);
+        assert_eq!(arrived(&plant).len(), 3);
+    }
+
+    #[test]
+    fn a_controller_has_room_for_so_many_frames() {
+        let mut plant = plant(OPEN);
+        plant.guest_joins(0, 1, false);
+        let taken = (0..1000).take_while(|_| plant.guest_sends(0, 1, &frame(1, &[])).is_ok()).count();
+        assert_eq!(taken, 64);
+        assert_eq!(plant.guest_sends(0, 1, &frame(1, &[])), Err(GuestRefusal::Full));
+        plant.guest_joins(0, 2, false);
+        plant.advance_to(100_000);
+        assert_eq!(arrived(&plant).len(), 64);
+    }
+
+    #[test]
+    fn whoever_asks_by_requests_is_a_station_too() {
+        let mut plant = plant(OPEN);
+        plant.guest_joins(0, 7, false);
+        assert_eq!(plant.guest_sends(0, 7, &frame(0x300, &[])), Ok(()));
+        assert_eq!(plant.take_part(0, None), Ok(()));
+        assert_eq!(plant.take_part(0, Some(&Frame::remote(StandardId::MAX, 0).unwrap())), Ok(()));
+        plant.advance_to(10_000);
+        let who: Vec<_> = arrived(&plant).into_iter().map(|(_, id, guest)| (id, guest)).collect();
+        assert_eq!(who, [(0x300, Some(7)), (0x7FF, Some(0))]);
+        assert_eq!(lines(&plant).matches("guest0 takes part").count(), 1);
+        assert_eq!(plant.take_part(1, None), Err(GuestRefusal::NotHere), "there is no such bus");
+    }
+
+    #[test]
+    fn the_deaf_and_the_foreign_are_found() {
+        let mut plant = plant(&OPEN.replace("kind = 'can'\n", ""));
+        plant.guest_is_deaf(0, 3, 6);
+        plant.guest_joins(0, 1, false);
+        // Nobody runs it.
+        assert_eq!(plant.guest_sends(0, 1, &frame(1, &[])), Err(GuestRefusal::NotHere));
+        let found: Vec<_> = plant.journal().findings().iter().map(|entry| entry.last).collect();
+        assert_eq!(found, [Finding::at_bus(&rules::GUEST_BIT_RATE, 0, 3, 6)]);
+        assert_eq!(
+            (found[0].name(plant.names().fitted(0)), found[0].address(plant.names().fitted(0))),
+            (Some("guest3".into()), None)
+        );
+        assert!(lines(&plant).contains("error guest-bit-rate: guest3 16#00000006"), "{}", lines(&plant));
+    }
+}

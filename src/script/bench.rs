@@ -60,6 +60,8 @@ pub struct Bench {
     started_us: u64,
     /// Longest time from there.
     limit_us: u64,
+    /// Faults that must strike: their numbers, and what they are.
+    required: Vec<(u16, String)>,
 }
 
 impl Bench {
@@ -95,7 +97,11 @@ impl Bench {
     /// # Errors
     /// The plant is refused.
     pub fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
-        Self::on(Box::new(Local::new(config)?))
+        let mut bench = Self::on(Box::new(Local::new(config)?))?;
+        // The plant numbers its faults in the order of the file.
+        let required = (1..).zip(&config.faults).filter(|(_, spec)| spec.required);
+        bench.required = required.map(|(number, spec)| (number, spec.kind.clone())).collect();
+        Ok(bench)
     }
 
     /// A running instance, through its channel. Its clock should be a stepped one.
@@ -109,7 +115,15 @@ impl Bench {
 
     fn on(mut carrier: Box<dyn Carrier>) -> Result<Self, ScenarioError> {
         let InstanceInfo { is_stepped, names, time_us: started_us, .. } = carrier.ask(Op::Info)?.info()?;
-        Ok(Self { carrier, is_stepped, names, section: None, started_us, limit_us: Self::LIMIT_US })
+        Ok(Self {
+            carrier,
+            is_stepped,
+            names,
+            section: None,
+            started_us,
+            limit_us: Self::LIMIT_US,
+            required: Vec::new(),
+        })
     }
 
     /// Sets the longest emulated time from the beginning, in microseconds.

@@ -44,6 +44,11 @@ impl Stage {
         self.bench.as_mut().and_then(|bench| bench.elapsed().ok()).unwrap_or(0)
     }
 
+    /// What there is to be expected at the end of a scenario.
+    pub(crate) fn end(&mut self) -> Result<(), ScenarioError> {
+        self.bench.as_mut().map_or(Ok(()), Bench::expect_required_faults)
+    }
+
     /// A failure at the present moment, unless the plant has gone.
     pub(crate) fn failure(&mut self, what: &str) -> Option<Failure> {
         self.bench().ok()?.failure(what.to_owned(), Location::caller()).ok()

@@ -127,7 +127,11 @@ fn run_text(
     // The last argument of the verbs about frames, by its name.
     scope.push_constant("extended", true);
     match engine.run_ast_with_scope(&mut scope, &ast) {
-        Ok(()) => Outcome::Passed,
+        Ok(()) => {
+            let end = stage.borrow_mut().end();
+            let place = Place { file: file.to_owned(), line: None };
+            end.map_or_else(|error| judge(&error, &place, stage), |()| Outcome::Passed)
+        }
         Err(error) => ended(&error, file, directory, stage, limits),
     }
 }

@@ -359,3 +359,11 @@ fn the_junit_report_is_xml_that_parsers_read() {
     assert!(content.contains("expected  16#0002") && content.contains("b.rhai:1: expect("), "{content}");
     assert!(names.iter().any(|name| name.starts_with("error message=c.rhai:1: ")), "{names:?}");
 }
+
+#[test]
+fn a_scenario_in_which_a_required_fault_never_struck_has_failed() {
+    let report = run_one("fault(\"lose_frame slot=WRC1 required\");\nstep(\"10ms\");\n", 1);
+    assert!(report.contains("fault 1 has never struck: lose_frame slot=WRC1 required"), "{report}");
+    let refused = run(&["fault", "add", "lose_frame", "required"]);
+    assert!(refused.fails(2).contains("only a scenario"), "{}", refused.err);
+}

@@ -4,11 +4,12 @@ use super::Bench;
 use super::ask::Spot;
 use super::register::Register;
 use crate::devices;
-use crate::fault::{FaultSpec, Refusal};
+use crate::fault::{FaultNews, FaultSpec, FaultStatus, News, Refusal};
 use crate::plant::Forced;
 use crate::request::{Code, Op, Refused};
 use crate::script::{ScenarioError, Value};
 use core::num::NonZeroU16;
+use core::panic::Location;
 
 impl Bench {
     /// Makes a register keep the value against firmware and PLC, until [`Bench::unforce`].
@@ -37,17 +38,54 @@ impl Bench {
         }
     }
 
-    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number.
+    /// Adds a fault, in the words of `commram fault add`: `lose_frame slot=WRC1 count=3`. Returns its number. One that is also
+    /// `required` must strike: [`Bench::expect_required_faults`].
     ///
     /// # Errors
     /// The fault does not exist, has a wrong field, or concerns something that the plant does not have.
     pub fn fault(&mut self, words: &str) -> Result<u16, ScenarioError> {
+        let text = words;
         let mut words = words.split_whitespace();
         let kind = words.next().unwrap_or_default();
         let kinds = devices::fault_kinds();
         let spec = FaultSpec::from_words(kinds, kind, &words.collect::<Vec<_>>())?;
         let fault = spec.resolve(kinds, &self.names)?;
-        Ok(self.ask(Op::FaultAdd { fault })?.fault_added()?)
+        let number = self.ask(Op::FaultAdd { fault })?.fault_added()?;
+        if spec.required {
+            self.required.push((number, text.to_owned()));
+        }
+        Ok(number)
+    }
+
+    /// Expects that each fault that is `required` has struck: those of this bench, and those of the plant file it was made
+    /// from. Scenario scripts end with it.
+    ///
+    /// # Errors
+    /// One has not.
+    #[track_caller]
+    pub fn expect_required_faults(&mut self) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        if self.required.is_empty() {
+            return Ok(());
+        }
+        let there = self.ask(Op::FaultList)?.faults()?;
+        let (records, _) = self.records(0)?;
+        let over: Vec<FaultNews> = records.iter().filter_map(|record| record.event.get()).collect();
+        // One that does not come in hits has struck once it has acted.
+        let has_acted = |it: &FaultStatus| it.hits > 0 || it.acting && !it.fault.kind().has_hits();
+        let has_hits = |kind| devices::fault_kinds().iter().any(|it| it.number() == kind && it.has_hits());
+        let tells =
+            |it: &FaultNews| matches!(it.news, News::Hit(_)) || it.news == News::Over && !has_hits(it.kind);
+        let struck = |id| {
+            there.iter().any(|it| it.id == id && has_acted(it))
+                || over.iter().any(|it| it.id == id && tells(it))
+        };
+        let Some((number, text)) = self.required.iter().find(|(id, _)| !struck(*id)) else { return Ok(()) };
+        let what = format!("fault {number} has never struck: {text}");
+        let mut failure = self.failure(what, at)?;
+        failure.expected = Some("a hit, as the fault is required".to_owned());
+        failure.actual = Some("none".to_owned());
+        Err(failure.into())
     }
 
     /// Clears the fault of this number. What it has done stays done.

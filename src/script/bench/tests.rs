@@ -138,3 +138,33 @@ fn programs_work_on_the_ram_of_a_bench() -> Result<(), ScenarioError> {
     assert!(message(bench.ram("other")).contains("there is no PLC 'other'"));
     Ok(())
 }
+
+#[test]
+fn a_required_fault_must_strike() -> Result<(), ScenarioError> {
+    let mut bench = set_up()?;
+    bench.fault("lose_sync count=1 required")?;
+    let missed = failure(bench.expect_required_faults());
+    assert_eq!(missed.what, "fault 1 has never struck: lose_sync count=1 required");
+    bench.step("4ms")?;
+    bench.expect_required_faults()?;
+    // One that does not come in hits has struck when it has begun, also when it is over.
+    bench.fault("slave_off slave=1 at=1s duration=1ms required")?;
+    assert!(failure(bench.expect_required_faults()).what.starts_with("fault 2 has never struck"));
+    bench.step("2s")?;
+    bench.expect_required_faults()?;
+    // Nobody asks for the others.
+    bench.fault("lose_frame id=16#7FF")?;
+    bench.expect_required_faults()
+}
+
+#[test]
+fn a_fault_of_the_plant_file_can_be_required() -> Result<(), ScenarioError> {
+    let plant = |required| {
+        let fault = "[[fault]]\nkind = 'lose_sync'\n";
+        Bench::plant(&format!(
+            "[[plc]]\nname = 'p'\n[[bus]]\nname = 'b'\n{fault}{fault}required = {required}\n"
+        ))
+    };
+    assert_eq!(failure(plant(true)?.expect_required_faults()).what, "fault 2 has never struck: lose_sync");
+    plant(false)?.expect_required_faults()
+}
