@@ -125,12 +125,14 @@ impl<'a> Modules<'a> {
             event.call(&self.ram);
             assert!(!event.x_ERR);
             if let Some((regs, _)) = &self.slave {
-                mode_sl.x_CANsync_RUN = mode_sl.x_PREPARE_ACTIV;
+                // Kept: without it the slave would leave active operation again.
+                mode_sl.x_CANsync_RUN |= mode_sl.x_PREPARE_ACTIV;
                 mode_sl.call(regs);
             }
             mode_ma.call(&self.master);
             mode_ma.x_CANsync_RUN = self.master.a_STAT_SL[usize::from(self.below)].load() == 0x03;
-            event.is_answered() && mode_ma.x_CANsync_ACTIV
+            let slave_takes_part = self.slave.is_none() || mode_sl.x_CANsync_ACTIV;
+            event.is_answered() && mode_ma.x_CANsync_ACTIV && slave_takes_part
         });
     }
 
