@@ -1,7 +1,7 @@
 //! commram: the communication RAM of drive and fieldbus controllers, emulated register by register: Baumüller's Omega
-//! Drive-Line II and b maXX PLC with CANsync modules.
+//! Drive-Line II and b maXX PLC with CANsync modules, ifm's CANopen controller CS0015.
 //!
-//! The RAM of a device lies on the heap or in an image file in shared memory, of these two with `%MB3.n` at byte n,
+//! The RAM of a device lies on the heap or in an image file in shared memory, of the first two with `%MB3.n` at byte n,
 //! and firmware, bus and drives run behind it, driven by one deterministic function,
 //! [`Plant::advance_to`](plant::Plant::advance_to).
 //!

@@ -4,6 +4,7 @@ use super::Instance;
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use crate::devices::{Led, ModuleFront, Switch};
+use crate::layout::FrontWord;
 use crate::memory::header::{BoardSetting, BoardState, BoardWord, BoardWords};
 use clap::Subcommand;
 use serde::{Serialize, Serializer};
@@ -21,6 +22,7 @@ Examples:
   commram board set dip=5 switch=stop
   commram board set line2:power=off
   commram board set maxx:slotH.dip=7
+  commram board set panel:s1=unlock panel:program=stop
   commram board set start=cold
   commram board set project=sent
   commram board reset
@@ -42,7 +44,7 @@ enum Command {
         instance: Instance,
     },
     /// Turn switches: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off), start (cold, warm,
-    /// hot, stop), project (none, boot, sent); of a module: slotH.dip
+    /// hot, stop), project (none, boot, sent); of a module: slotH.dip; whatever else a device has at its front
     Set {
         /// What to set, with the PLC in front if there are several
         #[arg(value_name = "NAME=VALUE", required = true)]
@@ -81,7 +83,38 @@ struct Entry {
     restarts: u32,
     project: String,
     #[serde(flatten)]
+    front: Front,
+    #[serde(flatten)]
     modules: Modules,
+}
+
+/// What only this device has at its front.
+struct Front(Vec<(&'static FrontWord, u32)>);
+
+impl Serialize for Front {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(word, value)| {
+            // A number stays one.
+            let called = word.called(*value);
+            let value = if called == value.to_string() { Value::from(*value) } else { called.into() };
+            (word.name, value)
+        }))
+    }
+}
+
+/// The fronts in lines, for people.
+fn front_lines(entries: &[Entry]) -> String {
+    let line = |entry: &Entry| {
+        let words =
+            entry.front.0.iter().map(|(word, value)| format!("{} {}", word.name, word.called(*value)));
+        vec![entry.plc.clone(), words.collect::<Vec<_>>().join(", ")]
+    };
+    let mut lines: Vec<_> = entries.iter().filter(|entry| !entry.front.0.is_empty()).map(line).collect();
+    if lines.is_empty() {
+        return String::new();
+    }
+    lines.insert(0, ["FRONT", "SHOWS"].map(str::to_owned).to_vec());
+    format!("\n{}", table::columns(&lines))
 }
 
 /// The modules of a PLC by slot; nothing if it is not modular.
@@ -184,7 +217,7 @@ impl Row for Entry {
 }
 
 impl Entry {
-    fn new(plc: &str, state: &BoardState, modules: Modules) -> Self {
+    fn new(plc: &str, state: &BoardState, front: Front, modules: Modules) -> Self {
         let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =
             state.words();
         let plc = plc.to_owned();
@@ -200,6 +233,7 @@ impl Entry {
             start,
             restarts,
             project,
+            front,
             modules,
         }
     }
@@ -230,10 +264,11 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
     let mut rows = Vec::with_capacity(boards.len());
     for (number, (plc, state)) in (0..).zip(&boards) {
         if only.is_none_or(|only| only == number) {
-            rows.push(Entry::new(plc, state, Modules(session.modules(number)?)));
+            let front = Front(session.front(number)?);
+            rows.push(Entry::new(plc, state, front, Modules(session.modules(number)?)));
         }
     }
-    table::print(format.format, &rows, |rows| table::aligned(rows) + &module_lines(rows))
+    table::print(format.format, &rows, |rows| table::aligned(rows) + &front_lines(rows) + &module_lines(rows))
 }
 
 /// Does all of it in one message.

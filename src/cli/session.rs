@@ -8,7 +8,7 @@ use super::output;
 use super::place::Place;
 use crate::devices;
 use crate::devices::ModuleFront;
-use crate::layout::{Device, Fitted, RegisterRef, plc_prefix, split_plc};
+use crate::layout::{Device, Fitted, FrontWord, RegisterRef, plc_prefix, split_plc};
 use crate::memory::header::BoardState;
 use crate::memory::{AttachMode, Attached, Condition, Header, ImageInfo, ImageSummary, InstanceLock, Width};
 use crate::plant::Forced;
@@ -211,6 +211,14 @@ impl Session {
     /// The emulator has gone.
     pub(crate) fn modules(&self, plc: u16) -> Result<Option<Vec<(&'static str, ModuleFront)>>, CliError> {
         Ok(devices::modules(&*self.header(plc)?, self.device(plc)))
+    }
+
+    /// What stands at the front of PLC `plc`, if it has one of its own.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub(crate) fn front(&self, plc: u16) -> Result<Vec<(&'static FrontWord, u32)>, CliError> {
+        Ok(self.header(plc)?.front_words(self.device(plc)).collect())
     }
 
     /// The header page of PLC `plc` as it stands.

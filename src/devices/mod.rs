@@ -3,6 +3,8 @@
 pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]
 pub mod can_bus;
+#[cfg(feature = "emulator")]
+pub mod canopen;
 pub mod cansync;
 #[cfg(feature = "emulator")]
 mod catalogue;

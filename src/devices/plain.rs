@@ -4,7 +4,7 @@ use super::supply::Supply;
 use super::{Context, Device, Look, Power, World};
 use crate::fault::{Effect, Hit, Target};
 use crate::layout;
-use crate::layout::Fitted;
+use crate::layout::{Area, Fitted};
 use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
 
@@ -33,6 +33,19 @@ pub trait Firmware: Send + 'static {
         let _ = ctx;
     }
 
+    /// The area whose registers are left as they are at power-on and reset; its first structure is what NOVRAM holds.
+    fn kept(&self) -> Option<&'static Area> {
+        None
+    }
+
+    /// What NOVRAM holds, and a number that changes with it; empty if there is none.
+    fn novram(&self) -> (&[u8], u32) {
+        (&[], 0)
+    }
+
+    /// What stands in the NOVRAM registers counts as stored.
+    fn keep(&mut self) {}
+
     /// A fault of the device itself acts, at its begin or in a processor cycle: does it hit?
     fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
@@ -43,7 +56,7 @@ pub trait Firmware: Send + 'static {
 impl Firmware for () {}
 
 /// A device with registers, ports and a supply that can be switched off and on. At power-on its registers get their reset
-/// values. A reset does the same; a program, events and switches it does not have.
+/// values, and retain flags, of which it has as many as its layout says, are left as they are. A reset does the same; a program, events and switches it does not have.
 pub struct Plain<F> {
     index: u16,
     name: String,
@@ -68,7 +81,7 @@ impl<F: Firmware> Plain<F> {
         firmware: F,
     ) -> Result<Self, MemoryError> {
         let header = segment.header()?;
-        header.retain_size.store(0);
+        header.retain_size.store(layout.retain.map_or(0, |retain| retain.default_bytes));
         let supply = Supply::new(&header);
         let (index, name) = (index as u16, name.to_owned());
         let it = Plain { index, name, layout, segment, header, firmware, supply };
@@ -79,7 +92,9 @@ impl<F: Firmware> Plain<F> {
     /// Every register as it is after power-on.
     fn reset_registers(&self) -> Result<(), MemoryError> {
         let fitted = Fitted::unknown(self.layout);
-        let mut registers = self.layout.areas.iter().flat_map(|area| fitted.used_registers(area));
+        let kept = self.firmware.kept().map(|area| area.name);
+        let areas = self.layout.areas.iter().filter(|area| kept != Some(area.name));
+        let mut registers = areas.flat_map(|area| fitted.used_registers(area));
         registers.try_for_each(|register| {
             self.segment.store(register.offset(), register.address().width(), register.reset())
         })
@@ -145,6 +160,14 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn processor_cycle(&mut self, ctx: &mut Context) {
         self.firmware.look(ctx);
+    }
+
+    fn novram(&self) -> (&[u8], u32) {
+        self.firmware.novram()
+    }
+
+    fn keep_novram(&mut self) {
+        self.firmware.keep();
     }
 
     fn strike(&mut self, now: u64, _: Target, effect: &Effect) -> Option<Hit> {

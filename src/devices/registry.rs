@@ -98,7 +98,15 @@ static BUILT_IN: [Registered; 3] = [
         demo: Some(&bm4_o_can_06::demo::DEMO),
         ..Registered::new(&bm4_o_can_06::registers::DEVICE)
     },
-    Registered::new(&cs0015::registers::DEVICE),
+    Registered {
+        #[cfg(feature = "emulator")]
+        read: Some(cs0015::Cs0015Config::read),
+        #[cfg(feature = "emulator")]
+        records: cs0015::records::KINDS,
+        #[cfg(feature = "emulator")]
+        demo: Some(&cs0015::demo::DEMO),
+        ..Registered::new(&cs0015::registers::DEVICE)
+    },
 ];
 
 /// Why a device cannot be added.

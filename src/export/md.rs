@@ -53,7 +53,7 @@ fn areas(scope: &Scope) -> String {
     format!("## Areas\n\n{}\n", table(&["Area", "Addresses", "CPU address", "Page", "What"], rows))
 }
 
-/// The object dictionary; nothing if it is no CANopen device.
+/// The object dictionary; nothing if it has none.
 fn objects(device: &Device) -> String {
     if device.objects.is_empty() {
         return String::new();

@@ -6,6 +6,7 @@
 mod c;
 mod constants;
 mod csv;
+mod eds;
 mod json;
 mod matiec;
 mod md;
@@ -47,13 +48,15 @@ pub enum Format {
     Json,
     /// Comma-separated values, one line per register.
     Csv,
+    /// An electronic data sheet of the object dictionary.
+    Eds,
     /// The register reference in Markdown.
     Md,
 }
 
 impl Format {
     /// One of each name.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::C,
         Self::Matiec,
         Self::St,
@@ -62,6 +65,7 @@ impl Format {
         Self::SystemRdl,
         Self::Json,
         Self::Csv,
+        Self::Eds,
         Self::Md,
     ];
 
@@ -77,6 +81,7 @@ impl Format {
             Self::SystemRdl => "systemrdl",
             Self::Json => "json",
             Self::Csv => "csv",
+            Self::Eds => "eds",
             Self::Md => "md",
         }
     }
@@ -94,6 +99,9 @@ impl Format {
             Self::SystemRdl => "SystemRDL 2.0 for PeakRDL and hardware tools",
             Self::Json => "everything known about the registers, for programs",
             Self::Csv => "one line per register, for spreadsheets",
+            Self::Eds => {
+                "electronic data sheet of the object dictionary, for masters and configuration tools"
+            }
             Self::Md => "register reference for people",
         }
     }
@@ -108,9 +116,12 @@ impl fmt::Display for Format {
 /// The register map of `device` in `format`; with `block` only that area.
 ///
 /// # Errors
-/// [`LayoutError`] if there is no area of that name.
+/// [`LayoutError`] if there is no area of that name, or no object dictionary where one is wanted.
 pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, LayoutError> {
     let scope = Scope::new(device, block)?;
+    if format == Format::Eds && device.objects.is_empty() {
+        return Err(LayoutError::NoObjects { title: device.title });
+    }
     Ok(match format {
         Format::C => c::generate(&scope),
         Format::Matiec => matiec::generate(&scope),
@@ -121,6 +132,7 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
         Format::SystemRdl => systemrdl::generate(&scope),
         Format::Json => json::generate(&scope),
         Format::Csv => csv::generate(&scope),
+        Format::Eds => eds::generate(&scope),
         Format::Md => md::generate(&scope),
     })
 }

@@ -34,7 +34,7 @@ pub struct Device {
     pub areas: &'static [Area],
     /// The area whose size each plant sets, if there is one.
     pub retain: Option<&'static Retain>,
-    /// Its object dictionary, in the order of index and sub-index; empty if it is no CANopen device.
+    /// Its object dictionary, in the order of index and sub-index; empty if it has none.
     pub objects: &'static [Object],
     /// What it has at its front, in the header page.
     pub front: &'static [FrontWord],

@@ -69,6 +69,12 @@ pub enum LayoutError {
         /// What is wrong.
         reason: &'static str,
     },
+    /// The device has no object dictionary.
+    #[error("{title} has no object dictionary")]
+    NoObjects {
+        /// The device.
+        title: &'static str,
+    },
     /// An area that the device does not have.
     #[error("unknown area `{area}`; the areas are {known}")]
     UnknownArea {

@@ -1,7 +1,8 @@
 //! What a device has at its front, such as switches and displays: words in the header page, one device's not another's.
 
 use super::decode;
-use super::descriptor::{Meaning, Owner, Provenance, RegType};
+use super::descriptor::{Meaning, Owner, Provenance, RegType, ValueMeaning};
+use super::value;
 use core::fmt;
 
 /// A word of the front in the header page.
@@ -29,6 +30,54 @@ impl FrontWord {
     #[must_use]
     pub const fn index(&self) -> usize {
         self.offset as usize / 4
+    }
+
+    /// What `value` is called, as [`FrontWord::parse`] takes it: its name, or a number in decimal.
+    #[must_use]
+    pub fn called(&self, value: u32) -> String {
+        self.named()
+            .find(|(known, _)| *known == value)
+            .map_or_else(|| value.to_string(), |(_, name)| name.to_owned())
+    }
+
+    /// Values that have names.
+    fn named(&self) -> impl Iterator<Item = (u32, &'static str)> {
+        let values = self.meaning.map_or(&[][..], |meaning| meaning.values);
+        values.iter().filter(|value| value.first == value.last).map(|value| (value.first, value.text))
+    }
+
+    /// The value that `text` names, or the number that it is, if the word can have it.
+    #[must_use]
+    pub fn parse(&self, text: &str) -> Option<u32> {
+        if let Some((value, _)) = self.named().find(|(_, name)| *name == text) {
+            return Some(value);
+        }
+        let number = value::parse(text, self.ty).ok()?;
+        self.takes(number).then_some(number)
+    }
+
+    /// Whether the word can have this value: any, if nothing is said of its values.
+    #[must_use]
+    pub fn takes(&self, value: u32) -> bool {
+        let known = |meaning: &Meaning| {
+            meaning.values.iter().any(|known| (known.first..=known.last).contains(&value))
+        };
+        self.meaning.is_none_or(|meaning| meaning.values.is_empty() || known(meaning))
+    }
+
+    /// The values that it can have, for messages: `lock, unlock`, `0 to 15`.
+    #[must_use]
+    pub fn choices(&self) -> String {
+        let values = self.meaning.map_or(&[][..], |meaning| meaning.values);
+        let choice = |value: &ValueMeaning| match value.first == value.last {
+            true => value.text.to_owned(),
+            false => format!("{} to {}", value.first, value.last),
+        };
+        if values.is_empty() {
+            "a number".to_owned()
+        } else {
+            values.iter().map(choice).collect::<Vec<_>>().join(", ")
+        }
     }
 
     /// What `value` means; a plain number in decimal.

@@ -1,4 +1,4 @@
-//! Object dictionaries of CANopen devices: what an SDO reaches.
+//! Object dictionaries: what a service data object (SDO) reaches.
 
 use super::descriptor::{Device, Provenance};
 use core::fmt;

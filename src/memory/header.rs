@@ -251,6 +251,13 @@ impl Header {
         self.front.get(word.index()).map_or(0, Cell32::load)
     }
 
+    /// What stands at the front of `device`, the one of this image, but for words that [`Board`] or [`Program`] tell by that
+    /// name.
+    pub fn front_words(&self, device: &'static Device) -> impl Iterator<Item = (&'static FrontWord, u32)> {
+        let own = device.front.iter().filter(|word| !BoardWords::NAMES.contains(&word.name));
+        own.map(|word| (word, self.front_value(word)))
+    }
+
     /// Tells the emulator that a request was stored.
     pub fn submit_request(&self) {
         self.board_requests.increment();

@@ -4,6 +4,7 @@ use super::Plant;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::devices::{Context, Events, Look, Power};
 use crate::journal::Origin;
+use crate::layout::{FrontWord, Owner};
 use crate::memory::header::{BoardSetting, SeatState};
 
 impl Plant {
@@ -56,6 +57,11 @@ impl Plant {
     /// Does something to the board of a PLC at the present time. `false`: it has no such switch.
     pub fn set_board(&mut self, plc: usize, setting: BoardSetting) -> bool {
         let steps = match setting {
+            BoardSetting::Front { word, value } => {
+                let has_it = self.set_front(plc, word.into(), value);
+                self.look_at_boards();
+                return has_it;
+            }
             BoardSetting::Reset => [Power::HoldReset, Power::ReleaseReset],
             BoardSetting::PowerCycle => [Power::Off, Power::On],
             _ => {
@@ -66,6 +72,16 @@ impl Plant {
         };
         steps.into_iter().for_each(|step| self.set_power(plc, step));
         true
+    }
+
+    /// Writes a word of a front as a client does; `false`: it is none that clients write, or cannot be that.
+    fn set_front(&self, plc: usize, index: usize, value: u32) -> bool {
+        let Some(device) = self.devices.get(plc) else { return false };
+        let is_it =
+            |word: &&FrontWord| word.index() == index && word.owner == Owner::Plc && word.takes(value);
+        let word = device.layout().front.iter().find(is_it);
+        let cell = word.and_then(|word| device.header().front.get(word.index()));
+        cell.map(|cell| cell.store(value)).is_some()
     }
 
     /// Notes what became of a task in lockstep.

@@ -8,6 +8,7 @@ mod bm4;
 mod board;
 mod changes;
 mod check;
+mod cs0015;
 mod damaged;
 mod demo;
 mod doors;

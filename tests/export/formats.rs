@@ -207,3 +207,25 @@ fn wrong_use_is_explained() {
     assert!(run(&["export", "cobol"]).fails(2).contains("possible values: c, "));
     assert!(run(&["export"]).fails(2).contains("<FORMAT>"));
 }
+
+/// Who reads it is tried in `tests/cli/cs0015.rs`.
+#[test]
+fn a_data_sheet_has_the_object_dictionary_of_a_device_that_has_one() {
+    let export = run(&["export", "eds", "--device", "cs0015"]);
+    for section in [
+        "[1800sub1]\n; CAN identifier of transmit PDO 1; bit 31 = 0: valid (p. 160)\nParameterName=COB ID\nObjectType=0x7\n\
+         DataType=0x0007\nAccessType=rw\nDefaultValue=$NODEID+0x180\nPDOMapping=0\n",
+        "NrOfRXPDO=8\nNrOfTXPDO=8\n",
+        "[MandatoryObjects]\nSupportedObjects=2\n1=0x1000\n2=0x1001\n",
+        "(p. 156, inferred: default D-406)",
+    ] {
+        assert!(export.ok().contains(section), "{section}");
+    }
+    assert!(!export.out.contains("[1007]"), "it is not implemented");
+    let none = run(&["export", "eds", "--device", "bm4-plc"]);
+    assert!(
+        none.fails(2).contains("b maXX PLC with BM4-O-CAN-06/05 has no object dictionary"),
+        "{}",
+        none.err
+    );
+}

@@ -1,8 +1,41 @@
 //! ifm ecomat 100 "Platinensteuerung" CS0015: a board controller with a CAN interface, CANopen slave (Systemhandbuch
 //! Platinensteuerung CS0015, October 1999).
 
+#[cfg(feature = "emulator")]
+mod communication;
+#[cfg(feature = "emulator")]
+mod config;
+#[cfg(feature = "emulator")]
+pub(super) mod demo;
+#[cfg(feature = "emulator")]
+mod dictionary;
+#[cfg(feature = "emulator")]
+mod master;
+#[cfg(feature = "emulator")]
+mod node;
+#[cfg(feature = "emulator")]
+mod port;
+#[cfg(feature = "emulator")]
+mod ram;
+#[cfg(feature = "emulator")]
+pub mod records;
 #[cfg(test)]
 mod registers_tests;
+#[cfg(feature = "emulator")]
+mod retained;
+#[cfg(all(test, feature = "emulator"))]
+mod tests;
+
+#[cfg(feature = "emulator")]
+pub use communication::{PdoConfig, Way};
+#[cfg(feature = "emulator")]
+pub use config::Cs0015Config;
+#[cfg(feature = "emulator")]
+pub use master::MasterConfig;
+#[cfg(feature = "emulator")]
+pub use node::BootUp;
+#[cfg(feature = "emulator")]
+pub use port::Program;
 
 /// Areas, structures, front and object dictionary, generated from `layouts/cs0015`.
 #[allow(non_snake_case, non_camel_case_types)]

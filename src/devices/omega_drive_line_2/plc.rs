@@ -148,7 +148,7 @@ impl Device for Plc {
                 self.header.project_request.store(project.code() + 1);
                 self.header.board_requests.increment();
             }
-            BoardSetting::ModuleDip { .. } => return false,
+            BoardSetting::ModuleDip { .. } | BoardSetting::Front { .. } => return false,
             BoardSetting::Reset | BoardSetting::PowerCycle => {}
         }
         true

@@ -1,6 +1,6 @@
 //! The board's front, its power, and the start of the PLC program (manual 5.00005.03a p. 22, 38-40, 51).
 
-use super::Header;
+use super::{FRONT, Header};
 use crate::memory::published::publish;
 use crate::memory::{Bell, Cell32, SharedRegs};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -230,7 +230,17 @@ pub enum BoardSetting {
         /// 0 to 31.
         dip: u8,
     },
+    /// Sets a word of the front that clients write.
+    Front {
+        /// Its number, as in [`Header::front`].
+        word: u8,
+        /// Its value.
+        value: u32,
+    },
 }
+
+/// Settings from this number on are words of the front.
+const FRONT_SETTINGS: u32 = 0x100;
 
 impl BoardSetting {
     /// As two numbers: which setting, and its value.
@@ -245,6 +255,7 @@ impl BoardSetting {
             BoardSetting::PowerCycle => (7, 0),
             BoardSetting::Project(project) => (8, project.code()),
             BoardSetting::ModuleDip { port, dip } => (9, u32::from(port) << 8 | u32::from(dip)),
+            BoardSetting::Front { word, value } => (FRONT_SETTINGS + u32::from(word), value),
         }
     }
 
@@ -262,6 +273,10 @@ impl BoardSetting {
             (8, _) => BoardSetting::Project(Project::from_code(value)?),
             (9, _) => {
                 BoardSetting::ModuleDip { port: up_to(value >> 8, u8::MAX)?, dip: up_to(value & 0xFF, 31)? }
+            }
+            (FRONT_SETTINGS.., _) => {
+                let word = up_to(which - FRONT_SETTINGS, (FRONT - 1) as u8)?;
+                BoardSetting::Front { word, value }
             }
             _ => return None,
         })

@@ -1,7 +1,7 @@
 //! Boards in words, as command line and scenarios have them.
 
 use super::{BoardSetting, BoardState, Power, ProgramState, Project, RunSwitch, Start};
-use crate::layout::{Device, LayoutError, RegType, split_plc, value};
+use crate::layout::{Device, LayoutError, Owner, RegType, split_plc, value};
 
 /// Why a text is no [`BoardSetting`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -31,11 +31,17 @@ enum What<'a> {
         port: &'a str,
         dip: u8,
     },
+    /// A word of the front that only some devices have.
+    Front {
+        name: &'a str,
+        value: &'a str,
+    },
 }
 
 impl<'a> BoardWord<'a> {
     /// PLC and setting of `line2:dip=5`: dip (0 to 31), leds (0 to 15), switch (run, stop, reset), power (on, off),
-    /// start (cold, warm, hot, stop), project (none, boot, sent); `maxx:slotH.dip=7` for the DIP switches of a module.
+    /// start (cold, warm, hot, stop), project (none, boot, sent); `maxx:slotH.dip=7` for the DIP switches of a module; what else clients write at a
+    /// device's front goes by its name there, `panel:s1=unlock`.
     ///
     /// # Errors
     /// There is no such setting, or it cannot be that.
@@ -76,7 +82,7 @@ impl<'a> BoardWord<'a> {
             ("project", _) => {
                 return Err(wrong("projects are boot and sent; none deletes the one that is loaded"));
             }
-            _ => return Err(wrong("there are dip, leds, switch, power, start and project")),
+            _ => return Ok(Self { text, plc, what: What::Front { name, value } }),
         };
         Ok(Self { text, plc, what: What::Setting(setting) })
     }
@@ -89,7 +95,7 @@ impl<'a> BoardWord<'a> {
     /// The setting, at a PLC that is such a device.
     ///
     /// # Errors
-    /// The device has no such port.
+    /// The device has no such port, or no such switch at its front, or that cannot be so.
     pub fn at(&self, device: &'static Device) -> Result<BoardSetting, BoardWordError> {
         let wrong =
             |error: LayoutError| BoardWordError { text: self.text.to_owned(), right: error.to_string() };
@@ -98,6 +104,17 @@ impl<'a> BoardWord<'a> {
             What::ModuleDip { port, dip } => {
                 let port = device.port_named(port).map_err(wrong)?.number;
                 Ok(BoardSetting::ModuleDip { port, dip })
+            }
+            What::Front { name, value } => {
+                let wrong = |right| BoardWordError { text: self.text.to_owned(), right };
+                let switches = || device.front.iter().filter(|word| word.owner == Owner::Plc);
+                let Some(word) = switches().find(|word| word.name == name) else {
+                    let own: String = switches().map(|word| format!(", {}", word.name)).collect();
+                    return Err(wrong(format!("there are dip, leds, switch, power, start, project{own}")));
+                };
+                let value = word.parse(value);
+                let value = value.ok_or_else(|| wrong(format!("{name} can be {}", word.choices())))?;
+                Ok(BoardSetting::Front { word: word.index() as u8, value })
             }
         }
     }
@@ -115,6 +132,7 @@ impl BoardSetting {
             BoardSetting::Project(_) => "project",
             BoardSetting::Reset => "reset",
             BoardSetting::PowerCycle => "power-cycle",
+            BoardSetting::Front { .. } => "front",
         }
     }
 }
@@ -142,6 +160,22 @@ pub struct BoardWords {
     pub restarts: u32,
     /// `none`, `boot`, `sent`.
     pub project: String,
+}
+
+impl BoardWords {
+    /// What its fields are called where a board is told by name.
+    pub const NAMES: [&'static str; 10] = [
+        "display",
+        "leds",
+        "switch",
+        "power",
+        "dip",
+        "dip_latched",
+        "program",
+        "start",
+        "restarts",
+        "project",
+    ];
 }
 
 impl BoardState {
@@ -178,7 +212,7 @@ fn named(name: Option<impl core::fmt::Debug>, code: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::samples::tables::SLOTS;
+    use crate::devices::samples::tables::{PANEL, SLOTS};
 
     #[test]
     fn settings_are_named() {
@@ -202,7 +236,27 @@ mod tests {
         assert_eq!(message("slotH.dip=32"), "`slotH.dip=32`: slotH.dip is a number from 0 to 31");
         assert!(message("slotH.leds=1").contains("of a module there is dip"));
         assert!(message("slotI.dip=1").contains("unknown port `slotI`; the ports are slotG, slotH"));
-        assert!(message("display=8").contains("there are dip, leds"));
+        assert!(message("display=8").contains("there are dip, leds, switch, power, start, project"));
+    }
+
+    #[test]
+    fn a_device_can_have_switches_of_its_own() {
+        let setting = |text| BoardWord::parse(text).and_then(|word| word.at(&PANEL));
+        let front = |word, value| Ok(BoardSetting::Front { word, value });
+        assert_eq!(setting("panel:s1=unlock"), front(5, 1));
+        assert_eq!(setting("s2=15"), front(6, 15));
+        assert_eq!(setting("inputs=16#8001"), front(4, 0x8001));
+        assert_eq!(setting("program=stop"), front(3, 2));
+        let message = |text| setting(text).unwrap_err().to_string();
+        assert_eq!(message("s2=16"), "`s2=16`: s2 can be 0 to 15");
+        assert_eq!(message("s1=open"), "`s1=open`: s1 can be lock, unlock");
+        // What the firmware tells nobody sets.
+        assert!(message("stat=green").ends_with("project, program, inputs, s1, s2, s3, s4, s5"));
+        for setting in [BoardSetting::Front { word: 63, value: u32::MAX }, BoardSetting::Dip(3)] {
+            let (which, value) = setting.numbers();
+            assert_eq!(BoardSetting::from_numbers(which, value), Some(setting));
+        }
+        assert_eq!(BoardSetting::from_numbers(0x140, 0), None);
     }
 
     #[test]

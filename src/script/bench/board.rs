@@ -3,6 +3,7 @@
 use super::Bench;
 use crate::devices;
 use crate::devices::ModuleFront;
+use crate::layout::FrontWord;
 use crate::memory::header::{BoardSetting, BoardState, BoardWord, InitialFlagResult};
 use crate::script::{ScenarioError, Value};
 
@@ -28,6 +29,16 @@ impl Bench {
         let plc = self.only_plc(plc)?;
         let ram = self.ram_of(plc)?;
         Ok(devices::modules(ram.header(), self.names.device(plc)))
+    }
+
+    /// What stands at the front of a PLC, if it has one of its own; `""` is the only PLC.
+    ///
+    /// # Errors
+    /// There is no such PLC.
+    pub fn front(&mut self, plc: &str) -> Result<Vec<(&'static FrontWord, u32)>, ScenarioError> {
+        let plc = self.only_plc(plc)?;
+        let ram = self.ram_of(plc)?;
+        Ok(ram.header().front_words(self.names.device(plc)).collect())
     }
 
     /// Turns switches, in the words of `commram board set`: `dip=5 switch=stop`, `line2:power=off`, `start=cold`,

@@ -40,8 +40,8 @@ impl Verbs {
     }
 }
 
-/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}`, and `modules` if the PLC
-/// is modular.
+/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}`, what only this device has at
+/// its front, and `modules` if the PLC is modular.
 fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     let state = bench.board(plc)?;
     let words = state.words();
@@ -64,6 +64,11 @@ fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
     let numbers = numbers.map(|(name, number)| (name.into(), int(number.into()).into()));
     let texts = texts.map(|(name, text)| (name.into(), text.into()));
     let mut map = Map::from_iter(numbers.into_iter().chain(texts));
+    for (word, value) in bench.front(plc)? {
+        let called = word.called(value);
+        let told = if called == value.to_string() { int(value.into()).into() } else { called.into() };
+        map.insert(word.name.into(), told);
+    }
     if let Some(modules) = bench.modules(plc)? {
         let modules = modules.into_iter().map(|(port, front)| (port.into(), module_map(front).into()));
         map.insert("modules".into(), Map::from_iter(modules).into());

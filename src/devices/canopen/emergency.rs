@@ -1,0 +1,96 @@
+//! Emergencies: each error is told once when it appears and once when it has gone.
+
+/// An error that a device can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cause {
+    /// Emergency error code.
+    pub code: u16,
+    /// Bits of the error register (1001h) while it is there.
+    pub register: u8,
+}
+
+/// An error that is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Present {
+    cause: Cause,
+    data: [u8; 5],
+}
+
+/// What a device has to tell of its errors.
+#[derive(Clone, Debug, Default)]
+pub struct Errors {
+    present: Vec<Present>,
+    /// Those that have been told, in the order in which they were.
+    told: Vec<Present>,
+}
+
+impl Errors {
+    /// The error is there, with five bytes that say more about it, or is not.
+    pub fn set(&mut self, cause: Cause, data: Option<[u8; 5]>) {
+        let known = self.present.iter_mut().find(|known| known.cause == cause);
+        match (known, data) {
+            (Some(known), Some(data)) => known.data = data,
+            (None, Some(data)) => self.present.push(Present { cause, data }),
+            (Some(_), None) => self.present.retain(|known| known.cause != cause),
+            (None, None) => {}
+        }
+    }
+
+    /// The error register (1001h).
+    #[must_use]
+    pub fn register(&self) -> u8 {
+        self.present.iter().fold(0, |bits, known| bits | known.cause.register)
+    }
+
+    /// The next message to be sent, if there is one: code, error register, five bytes. The code of an error that has gone is
+    /// 0, and the register tells what is left.
+    pub fn message(&mut self) -> Option<[u8; 8]> {
+        let is = |list: &[Present], cause| list.iter().any(|known| known.cause == cause);
+        if let Some(gone) = self.told.iter().position(|told| !is(&self.present, told.cause)) {
+            self.told.remove(gone);
+            return Some([0, 0, self.register(), 0, 0, 0, 0, 0]);
+        }
+        let new = *self.present.iter().find(|known| !is(&self.told, known.cause))?;
+        self.told.push(new);
+        let [low, high] = new.cause.code.to_le_bytes();
+        let [a, b, c, d, e] = new.data;
+        Some([low, high, self.register(), a, b, c, d, e])
+    }
+
+    /// Nothing is wrong, and nothing is left to be told.
+    pub fn clear(&mut self) {
+        self.present.clear();
+        self.told.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONE: Cause = Cause { code: 0x8100, register: 0x10 };
+    const OTHER: Cause = Cause { code: 0x1000, register: 0x01 };
+
+    #[test]
+    fn an_error_is_told_when_it_appears_and_when_it_has_gone() {
+        let mut errors = Errors::default();
+        errors.set(ONE, Some([1, 2, 3, 4, 5]));
+        errors.set(ONE, Some([1, 2, 3, 4, 5]));
+        assert_eq!(errors.message(), Some([0x00, 0x81, 0x10, 1, 2, 3, 4, 5]));
+        assert_eq!(errors.message(), None);
+        errors.set(OTHER, Some([0; 5]));
+        assert_eq!((errors.register(), errors.message()), (0x11, Some([0x00, 0x10, 0x11, 0, 0, 0, 0, 0])));
+        errors.set(ONE, None);
+        assert_eq!((errors.message(), errors.message()), (Some([0, 0, 0x01, 0, 0, 0, 0, 0]), None));
+        errors.set(OTHER, None);
+        assert_eq!((errors.message(), errors.register()), (Some([0; 8]), 0));
+    }
+
+    #[test]
+    fn what_was_never_told_does_not_go() {
+        let mut errors = Errors::default();
+        errors.set(ONE, Some([0; 5]));
+        errors.set(ONE, None);
+        assert_eq!(errors.message(), None);
+    }
+}

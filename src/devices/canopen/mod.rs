@@ -1,0 +1,10 @@
+//! CANopen as a device speaks it (CiA 301), without input or output: bytes and times go in, bytes come out. What has an object
+//! dictionary, registers and a controller puts the parts together.
+
+pub mod emergency;
+pub mod guard;
+pub mod network;
+pub mod nmt;
+pub mod pdo;
+pub mod sdo;
+pub mod supervision;

@@ -1,0 +1,122 @@
+//! Network management: the states of a node, and the commands that change them.
+
+/// State of a node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum State {
+    /// It is no CANopen node yet, or starts anew.
+    #[default]
+    Initialising,
+    /// It is reached by SDO.
+    PreOperational,
+    /// It exchanges PDOs, too.
+    Operational,
+    /// It answers network management and guarding only.
+    Stopped,
+}
+
+impl State {
+    /// The number in guarding telegrams.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            State::Initialising => 0,
+            State::Stopped => 4,
+            State::Operational => 5,
+            State::PreOperational => 127,
+        }
+    }
+
+    /// The way back.
+    #[must_use]
+    pub const fn from_code(code: u8) -> Option<Self> {
+        Some(match code {
+            0 => State::Initialising,
+            4 => State::Stopped,
+            5 => State::Operational,
+            127 => State::PreOperational,
+            _ => return None,
+        })
+    }
+
+    /// Whether SDOs are served and emergencies sent.
+    #[must_use]
+    pub const fn has_sdo(self) -> bool {
+        matches!(self, State::PreOperational | State::Operational)
+    }
+
+    /// Whether PDOs are exchanged.
+    #[must_use]
+    pub const fn has_pdo(self) -> bool {
+        matches!(self, State::Operational)
+    }
+}
+
+/// What a master can tell a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Command {
+    /// Start Remote Node.
+    Start,
+    /// Stop Remote Node.
+    Stop,
+    /// Enter Pre-Operational.
+    EnterPreOperational,
+    /// Reset Node.
+    ResetNode,
+    /// Reset Communication.
+    ResetCommunication,
+}
+
+impl Command {
+    /// Its number on the wire.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Command::Start => 1,
+            Command::Stop => 2,
+            Command::EnterPreOperational => 128,
+            Command::ResetNode => 129,
+            Command::ResetCommunication => 130,
+        }
+    }
+
+    /// The command for `node` in the data of a frame with identifier 0, if that is one: the command, and the node, 0 for all.
+    #[must_use]
+    pub fn parse(data: &[u8], node: u8) -> Option<Self> {
+        let &[command, to] = data else { return None };
+        if to != 0 && to != node {
+            return None;
+        }
+        Some(match command {
+            1 => Command::Start,
+            2 => Command::Stop,
+            128 => Command::EnterPreOperational,
+            129 => Command::ResetNode,
+            130 => Command::ResetCommunication,
+            _ => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_have_a_way_back() {
+        let states =
+            [State::Initialising, State::PreOperational, State::Operational, State::Stopped].map(State::code);
+        assert_eq!(states, [0, 127, 5, 4]);
+        assert!((0..=u8::MAX).all(|code| State::from_code(code).is_none_or(|state| state.code() == code)));
+    }
+
+    #[test]
+    fn commands_are_two_bytes_for_one_node_or_all() {
+        assert_eq!(Command::parse(&[1, 0], 32), Some(Command::Start));
+        assert_eq!(Command::parse(&[130, 32], 32), Some(Command::ResetCommunication));
+        let known = (0..=u8::MAX).filter_map(|code| Some((code, Command::parse(&[code, 0], 32)?)));
+        assert!(known.clone().count() == 5 && known.clone().all(|(code, command)| command.code() == code));
+        for other in [&[1, 33][..], &[1], &[1, 32, 0], &[3, 32], &[]] {
+            assert_eq!(Command::parse(other, 32), None, "{other:?}");
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Process data objects: when they are sent and taken over.
+
+/// When a PDO is sent or taken over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Transmission {
+    /// At a SYNC object, if there is something new.
+    SynchronousAcyclic,
+    /// At every so many SYNC objects, 1 to 240.
+    Synchronous(u8),
+    /// When there is something new; 254 or 255.
+    Asynchronous(u8),
+}
+
+impl Transmission {
+    /// The type of this number; `None` for those that are reserved, and for 252 and 253, which are for remote frames only.
+    #[must_use]
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Transmission::SynchronousAcyclic),
+            1..=240 => Some(Transmission::Synchronous(code)),
+            241..=253 => None,
+            254..=255 => Some(Transmission::Asynchronous(code)),
+        }
+    }
+
+    /// Its number.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            Transmission::SynchronousAcyclic => 0,
+            Transmission::Synchronous(code) | Transmission::Asynchronous(code) => code,
+        }
+    }
+
+    /// Whether it waits for SYNC objects.
+    #[must_use]
+    pub const fn is_synchronous(self) -> bool {
+        !matches!(self, Transmission::Asynchronous(_))
+    }
+}
+
+/// Counts SYNC objects for a PDO.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Count(u8);
+
+impl Count {
+    /// A SYNC object has come: is it the PDO's turn?
+    fn is_turn(&mut self, kind: Transmission) -> bool {
+        match kind {
+            Transmission::SynchronousAcyclic => true,
+            Transmission::Asynchronous(_) => false,
+            Transmission::Synchronous(every) => {
+                self.0 = self.0.saturating_add(1);
+                let is_turn = self.0 >= every;
+                if is_turn {
+                    self.0 = 0;
+                }
+                is_turn
+            }
+        }
+    }
+}
+
+/// A PDO that is sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Transmit {
+    /// What counts as known to the others.
+    known: [u8; 8],
+    count: Count,
+    /// When the next asynchronous one may be sent, in us.
+    free_at: u64,
+    /// Whether something new waits for that.
+    is_waiting: bool,
+}
+
+impl Transmit {
+    /// PDOs are exchanged from now on: `value` is not new, counting begins.
+    pub fn start(&mut self, value: [u8; 8]) {
+        *self = Transmit { known: value, ..Transmit::default() };
+    }
+
+    /// The device looks at the value at `now`: whether to send it. After an asynchronous one the next has to wait for
+    /// `inhibit_us`.
+    pub fn look(&mut self, kind: Transmission, value: [u8; 8], inhibit_us: u64, now: u64) -> bool {
+        if kind.is_synchronous() {
+            return false;
+        }
+        let is_new = value != self.known;
+        self.is_waiting = is_new && now < self.free_at;
+        let is_sent = is_new && !self.is_waiting;
+        if is_sent {
+            self.known = value;
+            self.free_at = now.saturating_add(inhibit_us);
+        }
+        is_sent
+    }
+
+    /// A SYNC object has come: whether to send the value.
+    pub fn sync(&mut self, kind: Transmission, value: [u8; 8]) -> bool {
+        let is_new = value != self.known;
+        let is_sent = self.count.is_turn(kind) && (is_new || kind != Transmission::SynchronousAcyclic);
+        if is_sent {
+            self.known = value;
+        }
+        is_sent
+    }
+
+    /// When to look again, whatever else happens; `u64::MAX` if that is not needed.
+    #[must_use]
+    pub fn next_time(&self) -> u64 {
+        if self.is_waiting { self.free_at } else { u64::MAX }
+    }
+}
+
+/// A PDO that is received.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Receive {
+    waiting: Option<[u8; 8]>,
+    count: Count,
+}
+
+impl Receive {
+    /// PDOs are exchanged from now on.
+    pub fn start(&mut self) {
+        *self = Receive::default();
+    }
+
+    /// One has come: the value, if it is to be taken over at once.
+    pub fn received(&mut self, kind: Transmission, value: [u8; 8]) -> Option<[u8; 8]> {
+        if kind.is_synchronous() {
+            self.waiting = Some(value);
+            return None;
+        }
+        Some(value)
+    }
+
+    /// A SYNC object has come: the value that is to be taken over.
+    pub fn sync(&mut self, kind: Transmission) -> Option<[u8; 8]> {
+        if self.count.is_turn(kind) { self.waiting.take() } else { None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EVENT: Transmission = Transmission::Asynchronous(255);
+
+    fn value(number: u8) -> [u8; 8] {
+        [number; 8]
+    }
+
+    #[test]
+    fn types_have_numbers() {
+        for code in 0..=u8::MAX {
+            let kind = Transmission::from_code(code);
+            assert_eq!(kind.is_none(), (241..=253).contains(&code), "{code}");
+            assert!(kind.is_none_or(|kind| kind.code() == code && kind.is_synchronous() == (code <= 240)));
+        }
+    }
+
+    /// Vectors T27 and T28.
+    #[test]
+    fn an_event_is_a_change_and_waits_for_the_inhibit_time() {
+        let mut pdo = Transmit::default();
+        pdo.start(value(0));
+        assert!(!pdo.look(EVENT, value(0), 100, 0));
+        assert!(pdo.look(EVENT, value(1), 100, 10));
+        assert!(!pdo.look(EVENT, value(2), 100, 20));
+        assert_eq!(pdo.next_time(), 110);
+        assert!(!pdo.look(EVENT, value(1), 100, 30), "it is as the others know it");
+        assert_eq!(pdo.next_time(), u64::MAX);
+        assert!(!pdo.look(EVENT, value(3), 100, 109) && pdo.look(EVENT, value(3), 100, 110));
+        assert!(!pdo.sync(EVENT, value(4)));
+    }
+
+    /// Vector T26.
+    #[test]
+    fn synchronous_ones_go_at_their_turn() {
+        let turns = |kind| {
+            let mut pdo = Transmit::default();
+            pdo.start(value(0));
+            (1..=10_u8).filter(|turn| pdo.sync(kind, value(u8::from(*turn > 3)))).collect::<Vec<_>>()
+        };
+        assert_eq!(turns(Transmission::Synchronous(1)), (1..=10).collect::<Vec<_>>());
+        assert_eq!(turns(Transmission::Synchronous(5)), [5, 10]);
+        assert_eq!(turns(Transmission::SynchronousAcyclic), [4]);
+    }
+
+    #[test]
+    fn what_comes_is_taken_over_at_once_or_with_a_sync() {
+        let mut pdo = Receive::default();
+        assert_eq!(pdo.received(EVENT, value(1)), Some(value(1)));
+        let second = Transmission::Synchronous(2);
+        assert_eq!(pdo.received(second, value(2)), None);
+        assert_eq!((pdo.sync(second), pdo.received(second, value(3))), (None, None));
+        assert_eq!((pdo.sync(second), pdo.sync(second)), (Some(value(3)), None));
+    }
+}

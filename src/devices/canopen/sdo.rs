@@ -1,0 +1,214 @@
+//! Service data objects: the server, which a master reads and writes the object dictionary by, expedited or in segments.
+
+mod abort;
+#[cfg(test)]
+mod tests;
+
+pub use abort::Abort;
+
+/// Data of an SDO frame.
+pub type Data = [u8; 8];
+
+/// How long the value of an entry is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// So many bytes.
+    Exactly(usize),
+    /// At most so many.
+    UpTo(usize),
+}
+
+/// Place of an entry: index and sub-index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct At {
+    /// Index.
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+}
+
+/// What a server serves.
+pub trait Dictionary {
+    /// How long the value of an entry is, if it can be written.
+    ///
+    /// # Errors
+    /// There is no such entry, or it cannot be written.
+    fn writable(&self, at: At) -> Result<Length, Abort>;
+
+    /// The value of an entry.
+    ///
+    /// # Errors
+    /// There is no such entry, or it cannot be read.
+    fn read(&self, at: At) -> Result<Vec<u8>, Abort>;
+
+    /// Writes an entry, all of it; the length fits it.
+    ///
+    /// # Errors
+    /// The value is refused.
+    fn write(&mut self, at: At, value: &[u8]) -> Result<(), Abort>;
+}
+
+/// A transfer under way.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+enum Transfer {
+    #[default]
+    None,
+    /// What is still to be sent.
+    Upload { at: At, rest: Vec<u8>, toggle: bool },
+    /// What has come so far.
+    Download { at: At, length: Length, announced: Option<usize>, data: Vec<u8>, toggle: bool },
+}
+
+/// A server: one transfer at a time.
+#[derive(Clone, Debug, Default)]
+pub struct Server {
+    transfer: Transfer,
+}
+
+const TOGGLE: u8 = 1 << 4;
+/// Of the first byte of a first frame: the data are in it; their number, or the length, is told.
+const EXPEDITED: u8 = 1 << 1;
+const SIZED: u8 = 1;
+
+impl Server {
+    /// Forgets the transfer.
+    pub fn reset(&mut self) {
+        self.transfer = Transfer::None;
+    }
+
+    /// A request has come: the answer, one to each. Only an abort of the client has none.
+    pub fn request(&mut self, request: Data, dictionary: &mut impl Dictionary) -> Option<Data> {
+        let [command, low, high, sub, rest @ ..] = request;
+        let at = At { index: u16::from_le_bytes([low, high]), sub };
+        let answer = match command >> 5 {
+            0 => self.download_segment(request, dictionary),
+            1 => self.download(command, at, rest, dictionary),
+            2 => self.upload(at, dictionary),
+            3 => self.upload_segment(command),
+            4 => {
+                self.reset();
+                return None;
+            }
+            _ => Err((at, Abort::Command)),
+        };
+        Some(answer.unwrap_or_else(|(at, abort)| {
+            self.reset();
+            first(0x80, at, abort.code().to_le_bytes())
+        }))
+    }
+
+    fn download(
+        &mut self,
+        command: u8,
+        at: At,
+        data: [u8; 4],
+        dictionary: &mut impl Dictionary,
+    ) -> Result<Data, (At, Abort)> {
+        // A new transfer ends the one before.
+        self.reset();
+        let fail = |abort| (at, abort);
+        let length = dictionary.writable(at).map_err(fail)?;
+        let is_sized = command & SIZED != 0;
+        if command & EXPEDITED != 0 {
+            let unused = if is_sized { usize::from(command >> 2 & 3) } else { 0 };
+            let bytes = match (is_sized, length) {
+                // Whoever does not say how many bytes count means as many as there are.
+                (false, Length::Exactly(bytes)) => bytes.min(data.len()),
+                _ => data.len() - unused,
+            };
+            fits(length, bytes).map_err(fail)?;
+            dictionary.write(at, &data[..bytes]).map_err(fail)?;
+        } else {
+            let announced = is_sized.then(|| u32::from_le_bytes(data) as usize);
+            if let Some(bytes) = announced {
+                fits(length, bytes).map_err(fail)?;
+            }
+            self.transfer = Transfer::Download { at, length, announced, data: Vec::new(), toggle: false };
+        }
+        Ok(first(0x60, at, [0; 4]))
+    }
+
+    fn download_segment(
+        &mut self,
+        request: Data,
+        dictionary: &mut impl Dictionary,
+    ) -> Result<Data, (At, Abort)> {
+        let [command, segment @ ..] = request;
+        let Transfer::Download { at, length, announced, data, toggle } = &mut self.transfer else {
+            return Err((At { index: 0, sub: 0 }, Abort::Command));
+        };
+        let at = *at;
+        let fail = |abort| (at, abort);
+        if (command & TOGGLE != 0) != *toggle {
+            return Err((at, Abort::Toggle));
+        }
+        let used = segment.len() - usize::from(command >> 1 & 7);
+        data.extend_from_slice(&segment[..used]);
+        let most = match *length {
+            Length::Exactly(most) | Length::UpTo(most) => announced.unwrap_or(most),
+        };
+        if data.len() > most {
+            return Err((at, Abort::TooLong));
+        }
+        *toggle = !*toggle;
+        if command & 1 != 0 {
+            if announced.is_some_and(|announced| announced != data.len()) {
+                return Err((at, Abort::TooShort));
+            }
+            fits(*length, data.len()).map_err(fail)?;
+            let data = core::mem::take(data);
+            self.reset();
+            dictionary.write(at, &data).map_err(fail)?;
+        }
+        Ok([0x20 | command & TOGGLE, 0, 0, 0, 0, 0, 0, 0])
+    }
+
+    fn upload(&mut self, at: At, dictionary: &impl Dictionary) -> Result<Data, (At, Abort)> {
+        self.reset();
+        let value = dictionary.read(at).map_err(|abort| (at, abort))?;
+        let mut data = [0; 4];
+        if let (1..=4, Some(place)) = (value.len(), data.get_mut(..value.len())) {
+            place.copy_from_slice(&value);
+            let unused = (4 - value.len()) as u8;
+            return Ok(first(0x40 | unused << 2 | EXPEDITED | SIZED, at, data));
+        }
+        let length = u32::try_from(value.len()).map_err(|_| (at, Abort::Memory))?;
+        self.transfer = Transfer::Upload { at, rest: value, toggle: false };
+        Ok(first(0x40 | SIZED, at, length.to_le_bytes()))
+    }
+
+    fn upload_segment(&mut self, command: u8) -> Result<Data, (At, Abort)> {
+        let Transfer::Upload { at, rest, toggle } = &mut self.transfer else {
+            return Err((At { index: 0, sub: 0 }, Abort::Command));
+        };
+        if (command & TOGGLE != 0) != *toggle {
+            return Err((*at, Abort::Toggle));
+        }
+        *toggle = !*toggle;
+        let count = rest.len().min(7);
+        let is_last = count == rest.len();
+        let mut answer = [0; 8];
+        answer[0] = command & TOGGLE | ((7 - count) as u8) << 1 | u8::from(is_last);
+        answer[1..=count].copy_from_slice(&rest[..count]);
+        rest.drain(..count);
+        if is_last {
+            self.reset();
+        }
+        Ok(answer)
+    }
+}
+
+/// A frame that names an entry.
+fn first(command: u8, at: At, data: [u8; 4]) -> Data {
+    let [low, high] = at.index.to_le_bytes();
+    let [a, b, c, d] = data;
+    [command, low, high, at.sub, a, b, c, d]
+}
+
+fn fits(length: Length, bytes: usize) -> Result<(), Abort> {
+    match length {
+        Length::Exactly(right) | Length::UpTo(right) if bytes > right => Err(Abort::TooLong),
+        Length::Exactly(right) if bytes < right => Err(Abort::TooShort),
+        _ => Ok(()),
+    }
+}

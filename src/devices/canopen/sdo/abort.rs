@@ -1,0 +1,53 @@
+//! Why a transfer is aborted.
+
+use core::fmt;
+
+/// Why a transfer is aborted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Abort {
+    /// The toggle bit has not changed.
+    Toggle,
+    /// The command is unknown, or nothing is under way that it could belong to.
+    Command,
+    /// Out of memory.
+    Memory,
+    /// An attempt to write what can only be read.
+    ReadOnly,
+    /// There is no such object.
+    NoObject,
+    /// There is no such sub-index.
+    NoSub,
+    /// The value is longer than the entry.
+    TooLong,
+    /// The value is shorter than the entry.
+    TooShort,
+    /// The value is none that the entry can have.
+    Value,
+    /// The state of the device does not allow it.
+    State,
+}
+
+impl Abort {
+    /// Its code on the wire.
+    #[must_use]
+    pub const fn code(self) -> u32 {
+        match self {
+            Abort::Toggle => 0x0503_0000,
+            Abort::Command => 0x0504_0001,
+            Abort::Memory => 0x0504_0005,
+            Abort::ReadOnly => 0x0601_0002,
+            Abort::NoObject => 0x0602_0000,
+            Abort::TooLong => 0x0607_0012,
+            Abort::TooShort => 0x0607_0013,
+            Abort::NoSub => 0x0609_0011,
+            Abort::Value => 0x0609_0030,
+            Abort::State => 0x0800_0022,
+        }
+    }
+}
+
+impl fmt::Display for Abort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "abort 16#{:08X}", self.code())
+    }
+}

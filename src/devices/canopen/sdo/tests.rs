@@ -1,0 +1,200 @@
+//! A server between a client of the test and a dictionary of two entries.
+
+use super::*;
+use proptest::prelude::*;
+
+const BYTE: At = At { index: 0x2000, sub: 1 };
+const BLOCK: At = At { index: 0x2001, sub: 0 };
+const FIXED: At = At { index: 0x2002, sub: 0 };
+
+/// A byte, a block of at most 20 bytes, and something that cannot be written.
+#[derive(Clone, Default)]
+struct Entries {
+    byte: u8,
+    block: Vec<u8>,
+}
+
+impl Dictionary for Entries {
+    fn writable(&self, at: At) -> Result<Length, Abort> {
+        match at {
+            BYTE => Ok(Length::Exactly(1)),
+            BLOCK => Ok(Length::UpTo(20)),
+            FIXED => Err(Abort::ReadOnly),
+            _ => Err(Abort::NoObject),
+        }
+    }
+
+    fn read(&self, at: At) -> Result<Vec<u8>, Abort> {
+        match at {
+            BYTE => Ok(vec![self.byte]),
+            BLOCK => Ok(self.block.clone()),
+            FIXED => Ok(vec![1, 2, 3, 4]),
+            _ => Err(Abort::NoObject),
+        }
+    }
+
+    fn write(&mut self, at: At, value: &[u8]) -> Result<(), Abort> {
+        match (at, value) {
+            (BYTE, [0xFF]) => return Err(Abort::Value),
+            (BYTE, [byte]) => self.byte = *byte,
+            _ => self.block = value.to_vec(),
+        }
+        Ok(())
+    }
+}
+
+fn frame(command: u8, at: At, data: [u8; 4]) -> Data {
+    first(command, at, data)
+}
+
+fn aborted(at: At, abort: Abort) -> Option<Data> {
+    Some(first(0x80, at, abort.code().to_le_bytes()))
+}
+
+/// Reads an entry as a client does.
+fn read(server: &mut Server, entries: &mut Entries, at: At) -> Vec<u8> {
+    let answer = server.request(frame(0x40, at, [0; 4]), entries).unwrap();
+    if answer[0] & 2 != 0 {
+        return answer[4..8 - usize::from(answer[0] >> 2 & 3)].to_vec();
+    }
+    let mut value = Vec::new();
+    for toggle in [0, 0x10].into_iter().cycle() {
+        let answer = server.request([0x60 | toggle, 0, 0, 0, 0, 0, 0, 0], entries).unwrap();
+        assert_eq!(answer[0] & 0xF0, toggle);
+        value.extend_from_slice(&answer[1..8 - usize::from(answer[0] >> 1 & 7)]);
+        if answer[0] & 1 != 0 {
+            break;
+        }
+    }
+    value
+}
+
+/// Writes an entry in segments as a client does, all answers but the last being right.
+fn write(server: &mut Server, entries: &mut Entries, at: At, value: &[u8], is_sized: bool) -> Option<Data> {
+    let length = if is_sized { (value.len() as u32).to_le_bytes() } else { [0; 4] };
+    let mut answer = server.request(frame(0x20 | u8::from(is_sized), at, length), entries);
+    if answer != Some(frame(0x60, at, [0; 4])) {
+        return answer;
+    }
+    let segments = value.chunks(7).count();
+    for (number, chunk) in value.chunks(7).enumerate() {
+        let toggle = (number % 2) as u8 * TOGGLE;
+        let mut request = [0; 8];
+        request[0] = toggle | ((7 - chunk.len()) as u8) << 1 | u8::from(number + 1 == segments);
+        request[1..=chunk.len()].copy_from_slice(chunk);
+        answer = server.request(request, entries);
+        if answer != Some([0x20 | toggle, 0, 0, 0, 0, 0, 0, 0]) {
+            break;
+        }
+    }
+    answer
+}
+
+#[test]
+fn short_values_go_in_one_frame() {
+    let (server, entries) = (&mut Server::default(), &mut Entries::default());
+    assert_eq!(server.request(frame(0x2F, BYTE, [7, 0, 0, 0]), entries), Some(frame(0x60, BYTE, [0; 4])));
+    assert_eq!(server.request(frame(0x40, BYTE, [0; 4]), entries), Some(frame(0x4F, BYTE, [7, 0, 0, 0])));
+    // Without a number of bytes.
+    assert_eq!(server.request(frame(0x22, BYTE, [9, 8, 7, 6]), entries), Some(frame(0x60, BYTE, [0; 4])));
+    assert_eq!((entries.byte, read(server, entries, FIXED)), (9, vec![1, 2, 3, 4]));
+}
+
+#[test]
+fn long_values_go_in_segments() {
+    let (server, entries) = (&mut Server::default(), &mut Entries::default());
+    for (length, is_sized) in [(20, true), (20, false), (14, true), (1, false)] {
+        let value: Vec<u8> = (1..=length).collect();
+        let answer = write(server, entries, BLOCK, &value, is_sized).unwrap();
+        assert_eq!(answer[0] & 0xEF, 0x20, "{length}");
+        assert_eq!(read(server, entries, BLOCK), value);
+    }
+}
+
+#[test]
+fn what_is_wrong_is_aborted_and_changes_nothing() {
+    let mut server = Server::default();
+    let mut entries = Entries { byte: 5, block: vec![1; 9] };
+    let other = At { index: 0x1002, sub: 0 };
+    let cases = [
+        (frame(0x2B, BYTE, [1, 2, 0, 0]), BYTE, Abort::TooLong),
+        (frame(0x2F, BYTE, [0xFF, 0, 0, 0]), BYTE, Abort::Value),
+        (frame(0x2F, FIXED, [0; 4]), FIXED, Abort::ReadOnly),
+        (frame(0x2F, other, [0; 4]), other, Abort::NoObject),
+        (frame(0x40, other, [0; 4]), other, Abort::NoObject),
+        (frame(0x21, BLOCK, [21, 0, 0, 0]), BLOCK, Abort::TooLong),
+        // Block transfers.
+        (frame(0xA0, BLOCK, [0; 4]), BLOCK, Abort::Command),
+        (frame(0xC0, BLOCK, [0; 4]), BLOCK, Abort::Command),
+        // Segments without a beginning.
+        ([0x60; 8], At { index: 0, sub: 0 }, Abort::Command),
+        ([0; 8], At { index: 0, sub: 0 }, Abort::Command),
+    ];
+    for (request, at, abort) in cases {
+        assert_eq!(server.request(request, &mut entries), aborted(at, abort), "{request:X?}");
+    }
+    let long: Vec<u8> = (0..21).collect();
+    assert_eq!(write(&mut server, &mut entries, BLOCK, &long, false), aborted(BLOCK, Abort::TooLong));
+    assert_eq!((entries.byte, entries.block), (5, vec![1; 9]));
+}
+
+#[test]
+fn segments_must_toggle_and_keep_their_word() {
+    let (server, entries) = (&mut Server::default(), &mut Entries { byte: 0, block: vec![3; 10] });
+    server.request(frame(0x40, BLOCK, [0; 4]), entries);
+    assert_eq!(server.request([0x70, 0, 0, 0, 0, 0, 0, 0], entries), aborted(BLOCK, Abort::Toggle));
+    server.request(frame(0x21, BLOCK, [8, 0, 0, 0]), entries);
+    assert_eq!(server.request([0x10; 8], entries), aborted(BLOCK, Abort::Toggle));
+    server.request(frame(0x21, BLOCK, [8, 0, 0, 0]), entries);
+    assert_eq!(
+        server.request([1; 8], entries),
+        aborted(BLOCK, Abort::TooShort),
+        "seven of eight bytes, and no more"
+    );
+    server.request(frame(0x21, BLOCK, [8, 0, 0, 0]), entries);
+    server.request([0; 8], entries);
+    assert_eq!(server.request([0x11; 8], entries), aborted(BLOCK, Abort::TooLong));
+    // The client gives up.
+    server.request(frame(0x40, BLOCK, [0; 4]), entries);
+    assert_eq!(server.request(frame(0x80, BLOCK, [0; 4]), entries), None);
+    assert_eq!(server.request([0x60; 8], entries), aborted(At { index: 0, sub: 0 }, Abort::Command));
+    assert_eq!(entries.block, [3; 10]);
+}
+
+fn request() -> impl Strategy<Value = Data> {
+    let at = prop_oneof![Just(BYTE), Just(BLOCK), Just(FIXED), Just(At { index: 0x2003, sub: 9 })];
+    let named = (any::<u8>(), at, any::<[u8; 4]>()).prop_map(|(command, at, data)| frame(command, at, data));
+    prop_oneof![
+        named,
+        any::<Data>(),
+        (0..0x20_u8, any::<[u8; 7]>()).prop_map(|(command, rest)| {
+            let mut data = [command; 8];
+            data[1..].copy_from_slice(&rest);
+            data
+        })
+    ]
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    /// Whatever a client sends: each request but its abort has one answer, and an entry stays what it can be.
+    #[test]
+    fn each_request_has_one_answer(requests in proptest::collection::vec(request(), 0..60)) {
+        let (mut server, mut entries) = (Server::default(), Entries::default());
+        for request in requests {
+            let answer = server.request(request, &mut entries);
+            prop_assert_eq!(answer.is_none(), request[0] >> 5 == 4);
+            prop_assert!(entries.block.len() <= 20 && entries.byte != 0xFF);
+        }
+        // And it still serves.
+        prop_assert_eq!(read(&mut server, &mut entries, FIXED), vec![1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn what_is_written_is_read(value in proptest::collection::vec(any::<u8>(), 1..=20), is_sized: bool) {
+        let (mut server, mut entries) = (Server::default(), Entries::default());
+        write(&mut server, &mut entries, BLOCK, &value, is_sized);
+        prop_assert_eq!(read(&mut server, &mut entries, BLOCK), value);
+    }
+}

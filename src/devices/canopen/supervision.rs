@@ -1,0 +1,89 @@
+//! What must come again and again within a time: guarding, SYNC.
+
+/// Supervision of something that must come within a time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Supervision {
+    /// In us; 0 is off.
+    period_us: u64,
+    /// Until when it must have come; none if it is not awaited, or missing.
+    deadline: Option<u64>,
+    is_missing: bool,
+}
+
+impl Supervision {
+    /// From `now` on it must come every `period_us` microseconds, if it is awaited; 0 switches it off.
+    pub fn set_period(&mut self, period_us: u64, now: u64) {
+        self.period_us = period_us;
+        if period_us == 0 {
+            self.stop();
+        } else if self.deadline.is_some() {
+            self.deadline = now.checked_add(period_us);
+        }
+    }
+
+    /// It has come, or is awaited from `now` on.
+    pub fn start(&mut self, now: u64) {
+        self.is_missing = false;
+        self.deadline = if self.period_us == 0 { None } else { now.checked_add(self.period_us) };
+    }
+
+    /// It is not awaited any more, and so not missing.
+    pub fn stop(&mut self) {
+        self.deadline = None;
+        self.is_missing = false;
+    }
+
+    /// Whether it is awaited, or missing.
+    #[must_use]
+    pub fn is_active(&self) -> bool {
+        self.deadline.is_some() || self.is_missing
+    }
+
+    /// Whether it has not come in time.
+    #[must_use]
+    pub fn is_missing(&self) -> bool {
+        self.is_missing
+    }
+
+    /// Looks at the time; tells whether it has just turned out to be missing.
+    pub fn look(&mut self, now: u64) -> bool {
+        let is_over = self.deadline.is_some_and(|deadline| deadline <= now);
+        if is_over {
+            self.deadline = None;
+            self.is_missing = true;
+        }
+        is_over
+    }
+
+    /// When to look next; `u64::MAX` if never.
+    #[must_use]
+    pub fn next_time(&self) -> u64 {
+        self.deadline.unwrap_or(u64::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_come_is_missing_once_until_it_comes() {
+        let mut it = Supervision::default();
+        it.start(5);
+        assert_eq!(it.next_time(), u64::MAX, "off");
+        it.set_period(100, 10);
+        assert_eq!(it.next_time(), u64::MAX, "nobody awaits it");
+        it.start(20);
+        assert_eq!((it.look(119), it.next_time()), (false, 120));
+        it.start(100);
+        assert!(!it.look(199) && it.look(200) && !it.look(201));
+        assert!(it.is_missing() && it.is_active());
+        assert_eq!(it.next_time(), u64::MAX);
+        it.start(300);
+        assert!(!it.is_missing());
+        it.set_period(50, 310);
+        assert_eq!(it.next_time(), 360);
+        it.set_period(0, 320);
+        assert!(!it.is_active());
+    }
+}

@@ -1,0 +1,262 @@
+//! CANopen parameters: identifiers, transmission types, Node-ID and bit rate; what is in force, what is stored, what a reset puts
+//! back (p. 155).
+
+use super::ram::Registers;
+use super::registers::DEVICE;
+use crate::devices::canopen::pdo::Transmission;
+use embedded_can::StandardId;
+
+/// PDOs of each direction.
+pub(super) const PDOS: usize = 8;
+/// Codes of 20F2h and 20F3h are places here, in kbit/s (p. 41).
+const RATES: [u16; 8] = [1000, 500, 250, 125, 100, 50, 20, 10];
+
+/// Bits of a COB-ID.
+const INVALID: u32 = 1 << 31;
+const BIT_30: u32 = 1 << 30;
+const ID: u32 = 0x7FF;
+
+/// Which way a PDO goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// The device receives it.
+    Receive,
+    /// The device sends it.
+    Transmit,
+}
+
+/// What a program has asked for with `PDO_RX_CONFIG` or `PDO_TX_CONFIG` (p. 47-50).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PdoConfig {
+    /// Its identifier, from 380h on; none keeps the one that it has.
+    pub id: Option<u16>,
+    /// When it is exchanged.
+    pub kind: Transmission,
+    /// Time after an asynchronous one until the next may be sent, in us.
+    pub inhibit_us: u64,
+}
+
+/// What holds of a PDO.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pdo {
+    /// None follows from the Node-ID, or is the factory's.
+    cob_id: Option<u32>,
+    pub kind: Transmission,
+    pub inhibit_us: u64,
+}
+
+impl Pdo {
+    fn new(config: Option<PdoConfig>) -> Self {
+        let config =
+            config.unwrap_or(PdoConfig { id: None, kind: Transmission::Asynchronous(255), inhibit_us: 0 });
+        Pdo { cob_id: config.id.map(u32::from), kind: config.kind, inhibit_us: config.inhibit_us }
+    }
+}
+
+/// What a device is delivered with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Factory {
+    pub node: u8,
+    pub kbit_s: u16,
+}
+
+/// The identifiers in force; none where the COB-ID says that there is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Identifiers {
+    pub sync: Option<StandardId>,
+    pub guarding: Option<StandardId>,
+    pub emergency: Option<StandardId>,
+    pub sdo_request: Option<StandardId>,
+    pub sdo_answer: Option<StandardId>,
+    pub receive: [Option<StandardId>; PDOS],
+    pub transmit: [Option<StandardId>; PDOS],
+    /// Transmit PDOs that are sent on request.
+    pub on_request: [bool; PDOS],
+}
+
+/// The parameters.
+pub(super) struct Communication {
+    factory: Factory,
+    node: u8,
+    sdo: [Option<u32>; 2],
+    receive: [Pdo; PDOS],
+    transmit: [Pdo; PDOS],
+    /// What the program has asked for.
+    asked: [[Option<PdoConfig>; PDOS]; 2],
+    /// 20F0h to 20F3h as last written.
+    entered: [u8; 4],
+}
+
+impl Communication {
+    pub(super) fn new(factory: Factory) -> Self {
+        Communication {
+            factory,
+            node: factory.node,
+            sdo: [None; 2],
+            receive: [Pdo::new(None); PDOS],
+            transmit: [Pdo::new(None); PDOS],
+            asked: [[None; PDOS]; 2],
+            entered: [0; 4],
+        }
+    }
+
+    /// Power-on: what is stored counts, and nothing else is left.
+    pub(super) fn power_on(&mut self, registers: &Registers) {
+        let stored = &registers.parameters;
+        *self = Communication::new(self.factory);
+        self.node = Some(stored.b_NODE_ID.load()).filter(|node| *node != 0).unwrap_or(self.factory.node);
+        let kbit_s = self.stored_kbit_s(registers);
+        registers.flags.CANBAUDRATE.store(kbit_s);
+        registers.flags.NODEID.store(self.node);
+        self.entered = [self.node, self.node, code(kbit_s), code(kbit_s)];
+    }
+
+    /// A reset of the communication: what is not stored is as at power-on, but for what the program has asked for.
+    pub(super) fn reset(&mut self) {
+        self.sdo = [None; 2];
+        let [receive, transmit] = self.asked;
+        self.receive = receive.map(Pdo::new);
+        self.transmit = transmit.map(Pdo::new);
+    }
+
+    /// The program asks for PDO number `pdo`, from 0, to be so; it is from the next reset of the communication on.
+    pub(super) fn ask(&mut self, way: Way, pdo: usize, config: PdoConfig) {
+        let [receive, transmit] = &mut self.asked;
+        let asked = match way {
+            Way::Receive => receive,
+            Way::Transmit => transmit,
+        };
+        if let Some(asked) = asked.get_mut(pdo) {
+            *asked = Some(config);
+        }
+    }
+
+    fn stored_kbit_s(&self, registers: &Registers) -> u16 {
+        let stored = registers.parameters.w_KBIT_S.load();
+        if stored == 0 { self.factory.kbit_s } else { stored }
+    }
+
+    /// The Node-ID in force.
+    pub(super) fn node(&self) -> u8 {
+        self.node
+    }
+
+    pub(super) fn pdo(&self, way: Way, pdo: usize) -> &Pdo {
+        match way {
+            Way::Receive => &self.receive[pdo],
+            Way::Transmit => &self.transmit[pdo],
+        }
+    }
+
+    pub(super) fn pdo_mut(&mut self, way: Way, pdo: usize) -> &mut Pdo {
+        match way {
+            Way::Receive => &mut self.receive[pdo],
+            Way::Transmit => &mut self.transmit[pdo],
+        }
+    }
+
+    /// What the object dictionary has as default, at this Node-ID.
+    fn default(&self, index: u16, sub: u8) -> u32 {
+        DEVICE.object(index, sub).map_or(0, |object| object.default.at_node(self.node))
+    }
+
+    /// The COB-ID of SYNC (1005h), guarding (100Eh) or emergencies (1014h), which are stored.
+    pub(super) fn stored_cob_id(&self, registers: &Registers, index: u16) -> u32 {
+        let stored = match index {
+            0x1005 => registers.parameters.d_COB_ID_SYNC.load(),
+            0x100E => registers.parameters.d_COB_ID_GUARDING.load(),
+            _ => registers.parameters.d_COB_ID_EMCY.load(),
+        };
+        if stored == 0 { self.default(index, 0) } else { stored }
+    }
+
+    /// The COB-ID of requests (sub 1) or answers (sub 2) of the SDO.
+    pub(super) fn sdo_cob_id(&self, sub: u8) -> u32 {
+        let own = self.sdo.get(usize::from(sub).wrapping_sub(1)).copied().flatten();
+        own.unwrap_or_else(|| self.default(0x1200, sub))
+    }
+
+    pub(super) fn set_sdo_cob_id(&mut self, sub: u8, cob_id: u32) {
+        if let Some(own) = self.sdo.get_mut(usize::from(sub).wrapping_sub(1)) {
+            *own = Some(cob_id);
+        }
+    }
+
+    /// The COB-ID of a PDO, from 0.
+    pub(super) fn pdo_cob_id(&self, way: Way, pdo: usize) -> u32 {
+        let first = match way {
+            Way::Receive => 0x1400,
+            Way::Transmit => 0x1800,
+        };
+        self.pdo(way, pdo).cob_id.unwrap_or_else(|| self.default(first + pdo as u16, 1))
+    }
+
+    pub(super) fn set_pdo_cob_id(&mut self, way: Way, pdo: usize, cob_id: u32) {
+        self.pdo_mut(way, pdo).cob_id = Some(cob_id);
+    }
+
+    /// 20F0h to 20F3h: `entry` 0 to 3.
+    pub(super) fn entered(&self, entry: usize) -> u8 {
+        self.entered[entry]
+    }
+
+    /// Writes 20F0h to 20F3h; `false`: it cannot be that. When both of a pair hold the same changed value it is stored, a
+    /// Node-ID is in force at once, a bit rate after the next power-on (p. 41, 163).
+    pub(super) fn enter(&mut self, registers: &Registers, entry: usize, value: u8) -> bool {
+        let is_node = entry < 2;
+        let is_right = if is_node { (1..=127).contains(&value) } else { usize::from(value) < RATES.len() };
+        if !is_right {
+            return false;
+        }
+        self.entered[entry] = value;
+        if is_node && self.entered[..2] == [value; 2] && value != self.node {
+            self.node = value;
+            registers.parameters.b_NODE_ID.store(value);
+            registers.flags.NODEID.store(value);
+        }
+        if !is_node && self.entered[2..] == [value; 2] {
+            registers.parameters.w_KBIT_S.store(RATES[usize::from(value)]);
+        }
+        true
+    }
+
+    /// The identifiers in force.
+    pub(super) fn identifiers(&self, registers: &Registers) -> Identifiers {
+        let stored = |index| self.stored_cob_id(registers, index);
+        let pdos = |way| core::array::from_fn(|pdo| valid(self.pdo_cob_id(way, pdo)));
+        Identifiers {
+            sync: identifier(stored(0x1005)),
+            guarding: identifier(stored(0x100E)),
+            // P. 157: bit 30 says that there are any.
+            emergency: Some(stored(0x1014)).filter(|cob_id| cob_id & BIT_30 != 0).and_then(identifier),
+            sdo_request: valid(self.sdo_cob_id(1)),
+            sdo_answer: valid(self.sdo_cob_id(2)),
+            receive: pdos(Way::Receive),
+            transmit: pdos(Way::Transmit),
+            on_request: core::array::from_fn(|pdo| self.pdo_cob_id(Way::Transmit, pdo) & BIT_30 == 0),
+        }
+    }
+}
+
+/// Whether something can be a COB-ID here: 11 bits that are not 0, no frames of 29 bits (D-419).
+pub(super) fn is_cob_id(value: u32) -> bool {
+    value & ID != 0 && value & !(INVALID | BIT_30 | ID) == 0
+}
+
+fn identifier(cob_id: u32) -> Option<StandardId> {
+    StandardId::new((cob_id & ID) as u16)
+}
+
+fn valid(cob_id: u32) -> Option<StandardId> {
+    Some(cob_id).filter(|cob_id| cob_id & INVALID == 0).and_then(identifier)
+}
+
+/// The code of a bit rate.
+fn code(kbit_s: u16) -> u8 {
+    RATES.iter().position(|rate| *rate == kbit_s).unwrap_or(3) as u8
+}
+
+/// Whether the device can be set to so many kbit/s.
+pub(super) fn is_rate(kbit_s: u16) -> bool {
+    RATES.contains(&kbit_s)
+}

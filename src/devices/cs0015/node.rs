@@ -1,0 +1,343 @@
+//! The CANopen slave: frames and times go in, frames come out (p. 38-44).
+
+use super::communication::{Communication, Factory, Identifiers, PDOS, Pdo, PdoConfig, Way};
+use super::dictionary::Entries;
+use super::ram::Registers;
+use super::registers::values::bool;
+use crate::can::{Filter, Frame, Payload};
+use crate::devices::canopen::emergency::{Cause, Errors};
+use crate::devices::canopen::guard::Guarded;
+use crate::devices::canopen::nmt::{Command, State};
+use crate::devices::canopen::pdo::{Receive, Transmit};
+use crate::devices::canopen::sdo::Server;
+use crate::devices::canopen::supervision::Supervision;
+use embedded_can::{Frame as _, Id, StandardId};
+
+/// Errors that it tells of, and their bits of the error register (p. 44).
+const GENERAL: Cause = Cause { code: 0x1000, register: 1 << 0 };
+const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
+const NO_SYNC: Cause = Cause { code: 0x8200, register: 1 << 4 };
+/// Byte 3 of a SYNC error, bit 1: it is SYNC that is missing (p. 44).
+const SYNC_BYTES: [u8; 5] = [1 << 1, 0, 0, 0, 0];
+
+/// What the node sends when it has started (D-418).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BootUp {
+    /// Nothing.
+    #[default]
+    None,
+    /// An emergency object without data.
+    EmptyEmergency,
+    /// One byte 0 with identifier 700h + Node-ID.
+    Guarding,
+}
+
+/// A CANopen slave.
+pub(super) struct Node {
+    pub registers: Registers,
+    communication: Communication,
+    boot_up: BootUp,
+    identifiers: Identifiers,
+    state: State,
+    guarded: Guarded,
+    sync: Supervision,
+    server: Server,
+    errors: Errors,
+    receive: [Receive; PDOS],
+    transmit: [Transmit; PDOS],
+    /// A SYNC object has come since the last cycle of the program.
+    pub has_sync: bool,
+    /// Whether others' frames are to be filtered anew.
+    has_moved: bool,
+    /// It hears everybody.
+    is_open: bool,
+    /// Frames to be sent.
+    out: Vec<Frame>,
+}
+
+impl Node {
+    pub(super) fn new(registers: Registers, factory: Factory, boot_up: BootUp) -> Self {
+        Node {
+            registers,
+            communication: Communication::new(factory),
+            boot_up,
+            identifiers: Identifiers::default(),
+            state: State::Initialising,
+            guarded: Guarded::default(),
+            sync: Supervision::default(),
+            server: Server::default(),
+            errors: Errors::default(),
+            receive: Default::default(),
+            transmit: Default::default(),
+            has_sync: false,
+            has_moved: false,
+            is_open: false,
+            out: Vec::new(),
+        }
+    }
+
+    /// Power-on: no CANopen node yet.
+    pub(super) fn power_on(&mut self) {
+        self.communication.power_on(&self.registers);
+        self.state = State::Initialising;
+        self.errors.clear();
+        self.has_sync = false;
+        self.out.clear();
+    }
+
+    pub(super) fn state(&self) -> State {
+        self.state
+    }
+
+    /// The Node-ID in force.
+    pub(super) fn number(&self) -> u8 {
+        self.communication.node()
+    }
+
+    /// The program asks for a PDO, from 0, to be so; a [`Node::restart`] follows.
+    pub(super) fn ask_pdo(&mut self, way: Way, pdo: usize, config: PdoConfig) {
+        self.communication.ask(way, pdo, config);
+    }
+
+    /// Starts, or starts anew: what is not stored is as it was, nobody has asked for its state, and it is in this one then.
+    pub(super) fn restart(&mut self, state: State, now: u64) {
+        self.state = State::Initialising;
+        self.communication.reset();
+        self.server.reset();
+        self.guarded.reset();
+        self.sync.stop();
+        self.errors.set(NO_GUARDING, None);
+        self.errors.set(NO_SYNC, None);
+        self.refresh(now);
+        let boot_up = match self.boot_up {
+            BootUp::None => None,
+            BootUp::EmptyEmergency => self.identifiers.emergency.map(|id| (id, &[][..])),
+            BootUp::Guarding => self.identifiers.guarding.map(|id| (id, &[0][..])),
+        };
+        if let Some((id, data)) = boot_up {
+            self.send(id, data);
+        }
+        self.set_state(state, now);
+    }
+
+    /// The master, or the controller, wants another state.
+    pub(super) fn set_state(&mut self, state: State, now: u64) {
+        let before = core::mem::replace(&mut self.state, state);
+        if state.has_pdo() && !before.has_pdo() {
+            self.receive.iter_mut().for_each(Receive::start);
+            for (pdo, transmit) in self.transmit.iter_mut().enumerate() {
+                transmit.start(self.registers.transmit(pdo));
+            }
+            self.sync.start(now);
+        }
+        if !state.has_pdo() && before.has_pdo() {
+            self.sync.stop();
+            self.errors.set(NO_SYNC, None);
+        }
+        self.tell();
+    }
+
+    /// What an SDO may have changed.
+    fn refresh(&mut self, now: u64) {
+        let identifiers = self.communication.identifiers(&self.registers);
+        if self.identifiers != identifiers {
+            self.identifiers = identifiers;
+            self.has_moved = true;
+        }
+        let parameters = &self.registers.parameters;
+        let guard_us = u64::from(parameters.w_GUARD_TIME.load()) * 1000;
+        let life_us = guard_us * u64::from(parameters.b_LIFE_TIME_FACTOR.load());
+        self.guarded.life.set_period(life_us, now);
+        // The useful resolution is 1 ms (p. 156).
+        let cycle_us = u64::from(parameters.d_COMMUNICATION_CYCLE.load()).next_multiple_of(1000);
+        self.sync.set_period(cycle_us, now);
+        self.errors.set(NO_GUARDING, self.guarded.life.is_missing().then_some([0; 5]));
+        self.errors.set(NO_SYNC, self.sync.is_missing().then_some(SYNC_BYTES));
+    }
+
+    /// A frame has come that is no network management.
+    pub(super) fn received(&mut self, now: u64, frame: &Frame) {
+        let Id::Standard(id) = frame.id() else { return };
+        if self.state == State::Initialising {
+            return;
+        }
+        let is = |own: Option<StandardId>| own == Some(id);
+        if frame.is_remote_frame() {
+            self.asked(now, id);
+        } else if is(self.identifiers.sync) {
+            self.sync_has_come(now);
+        } else if is(self.identifiers.sdo_request) && self.state.has_sdo() {
+            self.sdo(now, frame.data());
+        } else if self.state.has_pdo()
+            && let Some(pdo) = self.identifiers.receive.iter().position(|own| is(*own))
+        {
+            let mut value = self.registers.received(pdo);
+            value.iter_mut().zip(frame.data()).for_each(|(to, from)| *to = *from);
+            let kind = self.communication.pdo(Way::Receive, pdo).kind;
+            if let Some(value) = self.receive[pdo].received(kind, value) {
+                self.registers.receive(pdo, value);
+            }
+        }
+        self.tell();
+    }
+
+    /// Somebody asks for data: the master for the state, or anybody for a PDO.
+    fn asked(&mut self, now: u64, id: StandardId) {
+        if self.identifiers.guarding == Some(id) {
+            let answer = self.guarded.asked(self.state, now);
+            self.errors.set(NO_GUARDING, None);
+            self.send(id, &[answer]);
+        }
+        let of = |own: &Option<StandardId>| *own == Some(id);
+        if self.state.has_pdo()
+            && let Some(pdo) = self.identifiers.transmit.iter().position(of)
+            && self.identifiers.on_request[pdo]
+        {
+            self.send(id, &self.registers.transmit(pdo));
+        }
+    }
+
+    fn sync_has_come(&mut self, now: u64) {
+        self.has_sync = true;
+        if !self.state.has_pdo() {
+            return;
+        }
+        self.sync.start(now);
+        self.errors.set(NO_SYNC, None);
+        for pdo in 0..PDOS {
+            let kind = self.communication.pdo(Way::Receive, pdo).kind;
+            if let Some(value) = self.receive[pdo].sync(kind) {
+                self.registers.receive(pdo, value);
+            }
+            let (kind, value) =
+                (self.communication.pdo(Way::Transmit, pdo).kind, self.registers.transmit(pdo));
+            if self.transmit[pdo].sync(kind, value) {
+                self.send_pdo(pdo, value);
+            }
+        }
+    }
+
+    fn sdo(&mut self, now: u64, data: &[u8]) {
+        // Frames of another length are no SDOs.
+        let Ok(request) = data.try_into() else { return };
+        let answer_id = self.identifiers.sdo_answer;
+        let entries = &mut Entries {
+            error_register: self.errors.register(),
+            communication: &mut self.communication,
+            registers: &self.registers,
+        };
+        let answer = self.server.request(request, entries);
+        // Whoever changes the Node-ID waits for the answer where it has asked (D-417).
+        if let (Some(answer), Some(id)) = (answer, answer_id) {
+            self.send(id, &answer);
+        }
+        self.refresh(now);
+    }
+
+    /// The end of a cycle of the program: looks at the data that it wants to send.
+    pub(super) fn cycle(&mut self, now: u64) {
+        if !self.state.has_pdo() {
+            return;
+        }
+        for pdo in 0..PDOS {
+            let value = self.registers.transmit(pdo);
+            let &Pdo { kind, inhibit_us, .. } = self.communication.pdo(Way::Transmit, pdo);
+            if self.transmit[pdo].look(kind, value, inhibit_us, now) {
+                self.send_pdo(pdo, value);
+            }
+        }
+    }
+
+    /// Whether the program says that there is an error.
+    pub(super) fn set_general_error(&mut self, is_there: bool) {
+        self.errors.set(GENERAL, is_there.then_some([0; 5]));
+        self.tell();
+    }
+
+    /// When it has something to do by itself; `u64::MAX` if never.
+    pub(super) fn next_time(&self) -> u64 {
+        let of_pdos = self.transmit.iter().map(Transmit::next_time).fold(u64::MAX, u64::min);
+        let of_pdos = if self.state.has_pdo() { of_pdos } else { u64::MAX };
+        of_pdos.min(self.guarded.life.next_time()).min(self.sync.next_time())
+    }
+
+    /// Does what is due.
+    pub(super) fn due(&mut self, now: u64) {
+        if self.guarded.life.look(now) {
+            self.registers.flags.COP_GUARDFAIL_ERROR.store(bool::TRUE);
+            self.errors.set(NO_GUARDING, Some([0; 5]));
+        }
+        if self.sync.look(now) {
+            self.registers.flags.COP_SYNCFAIL_ERROR.store(bool::TRUE);
+            self.errors.set(NO_SYNC, Some(SYNC_BYTES));
+        }
+        if self.state.has_pdo() && self.transmit.iter().any(|pdo| pdo.next_time() <= now) {
+            self.cycle(now);
+        }
+        self.tell();
+    }
+
+    /// Sends what there is to be told of errors, if it can.
+    fn tell(&mut self) {
+        while self.state.has_sdo()
+            && let Some(message) = self.errors.message()
+        {
+            if let Some(id) = self.identifiers.emergency {
+                self.send(id, &message);
+            }
+        }
+    }
+
+    fn send_pdo(&mut self, pdo: usize, value: [u8; 8]) {
+        if let Some(id) = self.identifiers.transmit[pdo] {
+            self.send(id, &value);
+        }
+    }
+
+    fn send(&mut self, id: StandardId, data: &[u8]) {
+        self.out.extend(Payload::new(data).map(|payload| Frame::new(id, payload)));
+    }
+
+    /// Asks for data by a remote frame.
+    pub(super) fn ask(&mut self, id: u16) {
+        self.out.extend(StandardId::new(id).and_then(|id| Frame::remote(id, 1)));
+    }
+
+    /// Network management for `node`, 0 for all.
+    pub(super) fn send_command(&mut self, command: Command, node: u8) {
+        self.send(StandardId::ZERO, &[command.code(), node]);
+    }
+
+    /// Sends a SYNC object, which is one for itself, too.
+    pub(super) fn send_sync(&mut self, now: u64) {
+        if let Some(id) = self.identifiers.sync {
+            self.send(id, &[]);
+            self.sync_has_come(now);
+        }
+    }
+
+    /// From now on it hears everybody, as a master has to, or those that concern it.
+    pub(super) fn set_open(&mut self, is_open: bool) {
+        self.is_open = is_open;
+        self.has_moved = true;
+    }
+
+    /// The frames that are to be sent, which it then forgets.
+    pub(super) fn take_frames(&mut self) -> Vec<Frame> {
+        core::mem::take(&mut self.out)
+    }
+
+    /// The frames that it wants to hear, if they are others than before.
+    pub(super) fn take_filters(&mut self) -> Option<Vec<Filter>> {
+        if !core::mem::take(&mut self.has_moved) {
+            return None;
+        }
+        if self.is_open {
+            return Some(Vec::new());
+        }
+        let Identifiers { sync, guarding, sdo_request, receive, transmit, .. } = self.identifiers;
+        let own = [Some(StandardId::ZERO), sync, guarding, sdo_request];
+        let own = own.into_iter().chain(receive).chain(transmit).flatten();
+        Some(own.map(Filter::exactly).collect())
+    }
+}

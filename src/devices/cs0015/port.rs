@@ -1,0 +1,320 @@
+//! The controller behind the CAN interface: its operating states, its program, LED STAT and terminals (p. 13-19).
+
+use super::communication::{PdoConfig, Way};
+use super::master::{Master, MasterConfig};
+use super::node::Node;
+use super::records::{CommandRefused, ControllerState, NodeState};
+use super::registers::values::{bool, key, program, s1, stat, state};
+use super::registers::{
+    FRONT_INPUTS, FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT,
+    FRONT_STATE,
+};
+use crate::can::Frame;
+use crate::devices::Context;
+use crate::devices::can_bus::{CanPort, Controller};
+use crate::devices::canopen::nmt::{Command, State};
+use crate::memory::header::ProgramState;
+use embedded_can::{Frame as _, Id, StandardId};
+
+/// How long the checks of the reset take, in us (D-429).
+const RESET_US: u64 = 200_000;
+
+/// Who the program is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// There is none.
+    None,
+    /// A built-in one that switches CANopen on.
+    BuiltIn {
+        /// What it asks for in its second cycle, once: which way, PDO from 0, how.
+        pdos: Vec<(Way, usize, PdoConfig)>,
+        /// Its cycle in us.
+        cycle_us: u64,
+        /// What it is told as master; none is a slave.
+        master: Option<MasterConfig>,
+    },
+}
+
+/// The firmware of a CS0015.
+pub(super) struct Firmware {
+    node: Node,
+    program: Program,
+    /// `state` of the front.
+    state: u32,
+    /// What the journal last told of the node.
+    told: State,
+    /// The programming system has stopped the program.
+    is_stopped: bool,
+    /// When the reset, or the present cycle of the program, ends; none if nothing runs.
+    end_at: Option<u64>,
+    /// What makes it the master of the network.
+    master: Option<Master>,
+    /// Cycles since power-on, up to three.
+    cycles: u8,
+    /// The outputs as the last cycle left them.
+    outputs: u16,
+}
+
+impl Firmware {
+    pub(super) fn new(node: Node, program: Program) -> Self {
+        Firmware {
+            node,
+            program,
+            state: state::OFF,
+            told: State::Initialising,
+            is_stopped: false,
+            end_at: None,
+            master: None,
+            cycles: 0,
+            outputs: 0,
+        }
+    }
+
+    fn cycle_us(&self) -> Option<u64> {
+        match self.program {
+            Program::None => None,
+            Program::BuiltIn { cycle_us, .. } => Some(cycle_us),
+        }
+    }
+
+    /// The controller goes into another state: the program runs in Run only.
+    fn enter(&mut self, ctx: &mut Context, to: u32) {
+        if core::mem::replace(&mut self.state, to) == to {
+            return;
+        }
+        let cycle_us = self.cycle_us().filter(|_| to == state::RUN);
+        self.end_at = cycle_us.map(|cycle_us| ctx.now + cycle_us);
+        ctx.report(ControllerState { plc: ctx.origin.plc, to: to as u8 });
+    }
+
+    /// Run and Stop follow the state of the node (p. 13-14, D-428).
+    fn follow_node(&mut self, ctx: &mut Context) {
+        let to = if self.node.state() == State::Stopped { state::STOP } else { state::RUN };
+        self.enter(ctx, to);
+    }
+
+    /// Network management.
+    fn command(&mut self, ctx: &mut Context, command: Command) {
+        if self.node.state() == State::Initialising {
+            return;
+        }
+        let flags = &self.node.registers.flags;
+        match command {
+            Command::Stop => self.node.set_state(State::Stopped, ctx.now),
+            // P. 28: a controller that the programming system has stopped does not start.
+            Command::Start | Command::EnterPreOperational if self.is_stopped => return,
+            Command::Start => self.node.set_state(State::Operational, ctx.now),
+            Command::EnterPreOperational => self.node.set_state(State::PreOperational, ctx.now),
+            Command::ResetNode | Command::ResetCommunication => {
+                let flag = match command {
+                    Command::ResetNode => &flags.COP_EVENT_RESETNODE,
+                    _ => &flags.COP_EVENT_RESETCOM,
+                };
+                flag.store(bool::TRUE);
+                let state = if self.is_stopped { State::Stopped } else { State::PreOperational };
+                self.node.restart(state, ctx.now);
+            }
+        }
+        self.follow_node(ctx);
+    }
+
+    /// A command of the programming system, for which S1 has to stand at UNLOCK (p. 13, 17).
+    fn look_at_command(&mut self, ctx: &mut Context) {
+        let registers = &self.node.registers;
+        let request = registers.front(FRONT_PROGRAM);
+        let command = request.load();
+        if command == program::NOTHING || request.compare_exchange(command, program::NOTHING).is_err() {
+            return;
+        }
+        let is_locked = registers.front(FRONT_S1).load() != s1::UNLOCK;
+        if is_locked || self.program == Program::None {
+            ctx.report(CommandRefused { plc: ctx.origin.plc, command: command as u8, is_locked });
+            return;
+        }
+        let is_node = self.node.state() != State::Initialising;
+        match (command, self.state) {
+            (program::STOP, state::RUN | state::STOP) => {
+                self.is_stopped = true;
+                if is_node {
+                    self.node.set_state(State::Stopped, ctx.now);
+                }
+                self.enter(ctx, state::STOP);
+            }
+            (program::RUN, state::STOP) => {
+                self.is_stopped = false;
+                if is_node {
+                    self.node.set_state(State::PreOperational, ctx.now);
+                }
+                self.enter(ctx, state::RUN);
+            }
+            _ => {}
+        }
+    }
+
+    /// The begin of a cycle: the program is given inputs and flags.
+    fn read_inputs(&mut self) {
+        let registers = &self.node.registers;
+        let front = |word| registers.front(word).load();
+        registers.inputs.I0.store(front(FRONT_INPUTS) as u16);
+        registers.inputs.S2.store((front(FRONT_S2) & 0xF) as u8);
+        let keys = [
+            (&registers.inputs.S3, FRONT_S3),
+            (&registers.inputs.S4, FRONT_S4),
+            (&registers.inputs.S5, FRONT_S5),
+        ];
+        keys.into_iter().for_each(|(register, word)| register.store(u8::from(front(word) == key::PRESSED)));
+        let has_sync = core::mem::take(&mut self.node.has_sync);
+        registers.flags.COP_SYNC.store(if has_sync { bool::TRUE } else { bool::FALSE });
+    }
+
+    /// A cycle of the program ends: what it wants is done, and the next one begins.
+    fn end_cycle(&mut self, ctx: &mut Context) {
+        let Program::BuiltIn { pdos, master, .. } = &self.program else { return };
+        match self.cycles {
+            0 => self.node.registers.flags.CAN_OPEN.store(bool::TRUE),
+            // Each would reset the communication; what the last one leaves is what counts (p. 155).
+            1 if !pdos.is_empty() => {
+                pdos.iter().for_each(|(way, pdo, config)| self.node.ask_pdo(*way, *pdo, *config));
+                self.node.restart(State::PreOperational, ctx.now);
+            }
+            // The second stage: what made it a master would have been lost (p. 48).
+            2 => {
+                self.master = master.as_ref().map(|config| Master::new(config, ctx.now));
+                self.node.set_open(self.master.is_some());
+            }
+            _ => {}
+        }
+        self.cycles = self.cycles.saturating_add(1).min(3);
+        let is_can_open = self.node.registers.flags.CAN_OPEN.load() != bool::FALSE;
+        if is_can_open && self.node.state() == State::Initialising {
+            self.node.restart(State::PreOperational, ctx.now);
+        }
+        if let Some(master) = &mut self.master {
+            master.start(&mut self.node, ctx.now);
+        }
+        self.outputs = self.node.registers.outputs.Q0.load();
+        self.node.cycle(ctx.now);
+        self.read_inputs();
+        self.end_at = self.cycle_us().map(|cycle_us| ctx.now + cycle_us);
+    }
+
+    fn stat(&self, has_error: bool) -> u32 {
+        let is_slow = self.node.state() == State::PreOperational;
+        match (self.state, has_error, is_slow) {
+            (state::OFF, ..) => stat::DARK,
+            (state::RESET, ..) => stat::GREEN_AND_RED,
+            (state::STOP, ..) => stat::GREEN,
+            (state::RUN, false, true) => stat::GREEN_0_5_HZ,
+            (state::RUN, false, false) => stat::GREEN_2_HZ,
+            (state::RUN, true, true) => stat::RED_0_5_HZ,
+            (state::RUN, true, false) => stat::RED_2_HZ,
+            _ => stat::RED,
+        }
+    }
+
+    /// After whatever has happened: flags, front, journal and frames.
+    fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        let has_error = self.node.registers.flags.ERROR.load() != bool::FALSE;
+        if self.node.state() != State::Initialising {
+            self.node.set_general_error(has_error);
+        }
+        let (state, node) = (self.node.state(), self.node.number());
+        if core::mem::replace(&mut self.told, state) != state {
+            ctx.report(NodeState { plc: ctx.origin.plc, to: state.code(), node });
+        }
+        let registers = &self.node.registers;
+        let is = |so: bool| if so { bool::TRUE } else { bool::FALSE };
+        registers.flags.COP_PREOPERATIONAL.store(is(state == State::PreOperational));
+        registers.flags.UNLOCK.store(is(registers.front(FRONT_S1).load() == s1::UNLOCK));
+        let is_driven = self.state == state::RUN && !has_error;
+        registers.front(FRONT_OUTPUTS).store(if is_driven { self.outputs.into() } else { 0 });
+        registers.front(FRONT_STATE).store(self.state);
+        registers.tell_program(match (&self.program, self.state) {
+            (Program::None, _) => ProgramState::None,
+            (_, state::RUN) => ProgramState::Cyclic,
+            _ => ProgramState::Stopped,
+        });
+        registers.front(FRONT_STAT).store(self.stat(has_error));
+        if let Some(filters) = self.node.take_filters() {
+            controller.set_filters(filters);
+        }
+        for frame in self.node.take_frames() {
+            if controller.send(frame).is_err() {
+                self.node.registers.flags.CAN_TX_OVERRUN_ERROR.store(bool::TRUE);
+            }
+        }
+    }
+}
+
+impl CanPort for Firmware {
+    fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, _: u8) {
+        self.node.registers.clear_flags();
+        self.node.power_on();
+        self.node.set_open(false);
+        self.master = None;
+        (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
+        self.enter(ctx, state::RESET);
+        self.end_at = Some(ctx.now + RESET_US);
+        self.show(ctx, controller);
+    }
+
+    fn power_off(&mut self) {
+        (self.state, self.end_at) = (state::OFF, None);
+        for word in [FRONT_STATE, FRONT_STAT, FRONT_OUTPUTS] {
+            self.node.registers.front(word).store(0);
+        }
+    }
+
+    fn look(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        if self.state == state::OFF {
+            return;
+        }
+        self.look_at_command(ctx);
+        self.show(ctx, controller);
+    }
+
+    fn has_changed(&self) -> bool {
+        self.node.registers.front(FRONT_PROGRAM).load() != program::NOTHING
+    }
+
+    fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
+        if frame.id() == Id::Standard(StandardId::ZERO) {
+            if let Some(command) = Command::parse(frame.data(), self.node.number()) {
+                self.command(ctx, command);
+            }
+        } else {
+            self.node.received(ctx.now, frame);
+            if let (Some(master), Id::Standard(id), false) =
+                (&mut self.master, frame.id(), frame.is_remote_frame())
+            {
+                master.received(&mut self.node, id.as_raw(), frame.data());
+            }
+        }
+        self.show(ctx, controller);
+    }
+
+    fn next_time(&self) -> u64 {
+        // P. 28: a master that the programming system has stopped is none.
+        let of_master =
+            self.master.as_ref().filter(|_| self.state == state::RUN).map_or(u64::MAX, Master::next_time);
+        self.end_at.unwrap_or(u64::MAX).min(self.node.next_time()).min(of_master)
+    }
+
+    fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        if self.end_at.is_some_and(|end| end <= ctx.now) {
+            match self.state {
+                state::RESET if self.program == Program::None => self.enter(ctx, state::STOP),
+                state::RESET => {
+                    self.enter(ctx, state::RUN);
+                    self.read_inputs();
+                }
+                _ => self.end_cycle(ctx),
+            }
+        }
+        self.node.due(ctx.now);
+        if let Some(master) = self.master.as_mut().filter(|_| self.state == state::RUN) {
+            master.due(&mut self.node, ctx.now);
+        }
+        self.show(ctx, controller);
+    }
+}

@@ -1,0 +1,110 @@
+//! What the firmware finds in the image.
+
+use super::registers::{
+    CS0015_FLAGS, CS0015_INPUTS, CS0015_OUTPUTS, CS0015_PARAMETERS, CS0015_RX_PDO, CS0015_TX_PDO, DEVICE,
+    FLAGS, INPUTS, OUTPUTS, PARAMETERS, RX_PDO, TX_PDO,
+};
+use crate::layout::Width;
+use crate::memory::header::ProgramState;
+use crate::memory::{Cell16, Cell32, Header, MemoryError, Segment, View};
+
+/// Bytes of the retain flags, %MB0 to %MB255 (p. 107).
+pub(super) const RETAIN_BYTES: usize = 256;
+
+/// What the firmware finds in the image.
+pub(super) struct Registers {
+    pub inputs: View<CS0015_INPUTS>,
+    pub outputs: View<CS0015_OUTPUTS>,
+    pub rx: View<CS0015_RX_PDO>,
+    pub tx: View<CS0015_TX_PDO>,
+    pub flags: View<CS0015_FLAGS>,
+    pub parameters: View<CS0015_PARAMETERS>,
+    header: View<Header>,
+    segment: Segment,
+}
+
+/// Four words as the eight bytes of a PDO, each low byte first (D-431).
+fn bytes(words: &[Cell16; 4]) -> [u8; 8] {
+    let mut bytes = [0; 8];
+    bytes
+        .chunks_exact_mut(2)
+        .zip(words)
+        .for_each(|(two, word)| two.copy_from_slice(&word.load().to_le_bytes()));
+    bytes
+}
+
+impl Registers {
+    pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Registers {
+            inputs: segment.view(INPUTS)?,
+            outputs: segment.view(OUTPUTS)?,
+            rx: segment.view(RX_PDO)?,
+            tx: segment.view(TX_PDO)?,
+            flags: segment.view(FLAGS)?,
+            parameters: segment.view(PARAMETERS)?,
+            header: segment.header()?,
+            segment: segment.clone(),
+        })
+    }
+
+    /// A word of the front.
+    pub(super) fn front(&self, word: usize) -> &Cell32 {
+        &self.header.front[word]
+    }
+
+    /// What the program does, for whoever looks at the board.
+    pub(super) fn tell_program(&self, state: ProgramState) {
+        self.header.program.state.store(state.code());
+    }
+
+    /// What transmit PDO `pdo`, from 0, carries.
+    pub(super) fn transmit(&self, pdo: usize) -> [u8; 8] {
+        bytes(&self.tx.a_TX_PDO[pdo])
+    }
+
+    /// What receive PDO `pdo`, from 0, has brought.
+    pub(super) fn received(&self, pdo: usize) -> [u8; 8] {
+        bytes(&self.rx.a_RX_PDO[pdo])
+    }
+
+    /// Receive PDO `pdo`, from 0, has brought this.
+    pub(super) fn receive(&self, pdo: usize, data: [u8; 8]) {
+        let words = data.as_chunks::<2>().0.iter().map(|two| u16::from_le_bytes(*two));
+        self.rx.a_RX_PDO[pdo].iter().zip(words).for_each(|(cell, word)| cell.store(word));
+    }
+
+    /// The retain flags.
+    pub(super) fn retain(&self) -> Vec<u8> {
+        let mut flags = vec![0; RETAIN_BYTES];
+        // They lie in the image.
+        let _ = self.segment.read_range(retain_at(), &mut flags);
+        flags
+    }
+
+    /// Writes as many retain flags from the first one on as there are.
+    pub(super) fn set_retain(&self, flags: &[u8]) {
+        for (offset, flag) in (retain_at()..).zip(flags.iter().take(RETAIN_BYTES)) {
+            let _ = self.segment.store(offset, Width::Byte, (*flag).into());
+        }
+    }
+
+    /// Flags in which no register lies are 0 after power-on, but for those that are retained (D-401).
+    pub(super) fn clear_flags(&self) {
+        let mut areas: Vec<_> = DEVICE.areas.iter().chain(DEVICE.retain.map(|retain| &retain.area)).collect();
+        areas.sort_by_key(|area| area.first);
+        let Some(space) = DEVICE.spaces.iter().find(|space| space.letter == 'M') else { return };
+        let mut free = space.offset;
+        let ends =
+            areas.iter().filter(|area| area.space.letter == 'M').map(|area| (area.first, area.last() + 1));
+        for (first, end) in ends.chain([(space.offset + space.bytes, u32::MAX)]) {
+            (free..first).step_by(4).for_each(|offset| {
+                let _ = self.segment.store(offset, Width::Dword, 0);
+            });
+            free = end;
+        }
+    }
+}
+
+fn retain_at() -> u32 {
+    DEVICE.retain.map_or(0, |retain| retain.area.first)
+}

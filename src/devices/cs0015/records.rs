@@ -1,0 +1,79 @@
+//! What the journal tells of a CS0015.
+
+use super::registers::DEVICE;
+use crate::coded;
+use crate::devices::canopen::nmt::State;
+use crate::journal::{Coded, Fields, Kind, Reader, Told};
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[ControllerState::KIND, NodeState::KIND, CommandRefused::KIND];
+
+coded! {
+    /// The controller is in another operating state (p. 13).
+    ControllerState = 60, "controller_state", Rare, at plc {
+        /// As `state` of the front.
+        to: u8,
+    }
+    /// The CANopen node is in another state.
+    NodeState = 61, "node_state", Rare, at plc {
+        /// As in guarding telegrams.
+        to: u8,
+        /// The Node-ID.
+        node: u8,
+    }
+    /// A command of the programming system was not carried out.
+    CommandRefused = 62, "command_refused", Rare, at plc {
+        /// As `program` of the front.
+        command: u8,
+        /// S1 stands at LOCK; else there is no program.
+        is_locked: bool,
+    }
+}
+
+/// What a value of a word of the front is called.
+fn called(word: &str, value: u8) -> String {
+    let word = DEVICE.front.iter().find(|known| known.name == word);
+    word.map_or_else(|| value.to_string(), |word| word.called(value.into()))
+}
+
+impl Told for ControllerState {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("controller: {}", called("state", self.to))
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("to", called("state", self.to))
+    }
+}
+
+/// A state in words.
+fn state(code: u8) -> &'static str {
+    match State::from_code(code) {
+        Some(State::Initialising) => "initialising",
+        Some(State::PreOperational) => "pre-operational",
+        Some(State::Operational) => "operational",
+        Some(State::Stopped) => "prepared",
+        None => "unknown",
+    }
+}
+
+impl Told for NodeState {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("CANopen node {}: {}", self.node, state(self.to))
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("to", state(self.to)).with("node", self.node)
+    }
+}
+
+impl Told for CommandRefused {
+    fn text(&self, _: &mut Reader) -> String {
+        let why = if self.is_locked { "S1 stands at LOCK" } else { "there is no program" };
+        format!("command of the programming system refused ({}): {why}", called("program", self.command))
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("command", called("program", self.command)).with("locked", self.is_locked)
+    }
+}

@@ -1,0 +1,225 @@
+//! A CS0015 at a bus with a master of the test: the vectors of the manual, to the microsecond.
+
+mod errors;
+mod master;
+mod pdos;
+mod sdo;
+mod states;
+
+use super::config::Cs0015Config;
+use super::ram::Registers;
+use super::registers::{DEVICE, FRONT_PROGRAM, FRONT_S1, FRONT_STAT, FRONT_STATE};
+use crate::can::{Frame, Payload};
+use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
+use crate::devices::{Context, Device, Medium, Power, World};
+use crate::fault::Faults;
+use crate::journal::{Journal, Origin};
+use crate::layout::{Area, Device as Layout, Port, Provenance, Role, Space, Unit};
+use crate::memory::{HEADER_SIZE, Segment};
+use embedded_can::{Frame as _, Id, StandardId};
+use std::sync::{Arc, Mutex};
+use toml::de::ValueDeserializer;
+
+static SPACE: Space = Space {
+    name: "master",
+    letter: 'M',
+    segment: "",
+    unit: Unit::Byte,
+    first: 0,
+    offset: 0,
+    bytes: HEADER_SIZE as u32,
+    page: "",
+    doc: "",
+};
+static AREA: Area = Area {
+    name: "master",
+    name_from: Provenance::Manual,
+    space: &SPACE,
+    first: 0,
+    bytes: HEADER_SIZE as u32,
+    cpu: None,
+    doc: "",
+    page: "",
+    structures: &[],
+};
+static PORTS: [Port; 1] =
+    [Port { name: "master", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
+static MASTER: Layout = Layout { ports: &PORTS, ..Layout::UNKNOWN };
+
+/// What the master sends, and what it has heard when.
+#[derive(Default)]
+struct Wires {
+    to_send: Vec<Frame>,
+    heard: Vec<(u64, Frame)>,
+}
+
+struct Master(Arc<Mutex<Wires>>);
+
+impl CanPort for Master {
+    fn look(&mut self, _: &mut Context, controller: &mut Controller) {
+        self.0.lock().unwrap().to_send.drain(..).for_each(|frame| controller.send(frame).unwrap());
+    }
+
+    fn received(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
+        self.0.lock().unwrap().heard.push((ctx.now, *frame));
+    }
+}
+
+const MS: u64 = 1000;
+
+/// A bus of 125 kbit/s with a CS0015 and a master at it.
+struct Bench {
+    bus: Box<dyn Medium>,
+    device: Box<dyn Device>,
+    registers: Registers,
+    segment: Segment,
+    wires: Arc<Mutex<Wires>>,
+    journal: Journal,
+    now: u64,
+}
+
+impl Bench {
+    /// Just powered on, with these keys in the plant file besides its name.
+    fn new(keys: &str) -> Self {
+        let text = format!("{{ name = 'panel'{}{keys} }}", if keys.is_empty() { "" } else { ", " });
+        let config = Cs0015Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
+        let segment = Segment::of(&DEVICE);
+        let (device, plugs) = config.build(0, segment.clone()).unwrap();
+        let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
+        let mut bus = CanBusConfig::read(bus).unwrap().build(0).unwrap();
+        for plug in plugs {
+            bus.attach(plug.socket).unwrap();
+        }
+        let wires = Arc::new(Mutex::new(Wires::default()));
+        let socket = CanSocket {
+            origin: Origin { plc: 1, node: 1 },
+            segment: Segment::heap(2 * HEADER_SIZE),
+            layout: &MASTER,
+            port: Box::new(Master(wires.clone())),
+        };
+        bus.attach(Box::new(socket)).unwrap();
+        let registers = Registers::new(&segment).unwrap();
+        let journal = Journal::default();
+        let mut bench = Bench { bus, device, registers, segment, wires, journal, now: 0 };
+        bench.bus.power_on(1, 0, 0, &mut bench.journal);
+        bench.power_on();
+        bench
+    }
+
+    /// After its reset and the first cycles of its program.
+    fn running(keys: &str) -> Self {
+        let mut bench = Bench::new(keys);
+        bench.run(250 * MS);
+        bench.heard();
+        bench
+    }
+
+    /// Running, and Operational.
+    fn operational(keys: &str) -> Self {
+        let mut bench = Bench::running(keys);
+        bench.send(0, &[1, 0]);
+        bench.run(5 * MS);
+        assert_eq!(bench.stat(), "green 2 Hz");
+        bench
+    }
+
+    fn power_on(&mut self) {
+        let origin = Origin { plc: 0, node: 0 };
+        self.device.set_power(Power::On);
+        self.device.start(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
+        self.bus.power_on(0, 0, self.now, &mut self.journal);
+    }
+
+    /// Supply off and on.
+    fn power_cycle(&mut self) {
+        let origin = Origin { plc: 0, node: 0 };
+        self.device.set_power(Power::Off);
+        self.device.stop(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
+        self.bus.power_off(0, self.now, &mut self.journal);
+        assert_eq!((self.state(), self.stat()), ("off".to_owned(), "dark".to_owned()));
+        self.run(10 * MS);
+        self.power_on();
+        self.run(250 * MS);
+        self.heard();
+    }
+
+    /// So long, with a processor cycle every 500 us.
+    fn run(&mut self, us: u64) {
+        let end = self.now + us;
+        while self.now < end {
+            let origin = Origin { plc: 0, node: 0 };
+            let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
+            self.device.processor_cycle(ctx);
+            for place in 0..2 {
+                self.bus.processor_cycle(place, self.now, &mut self.journal);
+            }
+            let cycle = (self.now + 500).min(end);
+            let (faults, edges) = (&mut Faults::default(), &mut Vec::new());
+            while self.bus.next_time() <= cycle {
+                let now = self.bus.next_time();
+                self.bus.event(&mut World { now, journal: &mut self.journal, faults, edges });
+            }
+            self.now = cycle;
+        }
+    }
+
+    /// The master sends a frame.
+    fn send(&mut self, id: u16, data: &[u8]) {
+        let frame = Frame::standard(id, Payload::new(data).unwrap());
+        self.wires.lock().unwrap().to_send.push(frame);
+    }
+
+    /// The master asks for data.
+    fn ask(&mut self, id: u16) {
+        let frame = Frame::remote(StandardId::new(id).unwrap(), 1).unwrap();
+        self.wires.lock().unwrap().to_send.push(frame);
+    }
+
+    /// What the master has heard since: identifiers and data.
+    fn heard(&mut self) -> Vec<(u16, Vec<u8>)> {
+        self.heard_when().into_iter().map(|(_, id, data)| (id, data)).collect()
+    }
+
+    /// The same with times.
+    fn heard_when(&mut self) -> Vec<(u64, u16, Vec<u8>)> {
+        let heard = core::mem::take(&mut self.wires.lock().unwrap().heard);
+        let told = |(at, frame): (u64, Frame)| match frame.id() {
+            Id::Standard(id) => (at, id.as_raw(), frame.data().to_vec()),
+            Id::Extended(_) => panic!("{frame:?}"),
+        };
+        heard.into_iter().map(told).collect()
+    }
+
+    /// Sends a frame and tells what is heard within 5 ms.
+    fn exchange(&mut self, id: u16, data: &[u8]) -> Vec<(u16, Vec<u8>)> {
+        self.send(id, data);
+        self.run(5 * MS);
+        self.heard()
+    }
+
+    fn front(&self, word: usize) -> String {
+        let word = DEVICE.front.iter().find(|known| known.index() == word).unwrap();
+        word.called(self.registers.front(word.index()).load())
+    }
+
+    fn state(&self) -> String {
+        self.front(FRONT_STATE)
+    }
+
+    fn stat(&self) -> String {
+        self.front(FRONT_STAT)
+    }
+
+    /// A switch or a command at the front.
+    fn set(&mut self, word: usize, value: u32) {
+        self.registers.front(word).store(value);
+        self.run(MS);
+    }
+
+    /// A command of the programming system, S1 being at UNLOCK.
+    fn command(&mut self, command: u32) {
+        self.set(FRONT_S1, 1);
+        self.set(FRONT_PROGRAM, command);
+        assert_eq!(self.registers.front(FRONT_PROGRAM).load(), 0, "it is answered");
+    }
+}

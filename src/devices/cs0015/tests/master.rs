@@ -1,0 +1,56 @@
+//! The built-in program as master of nodes that the test plays.
+
+use super::*;
+use crate::devices::cs0015::registers::values::program;
+
+const KEYS: &str = "node_id = 1, program = 'master', nodes = [5], guard_ms = 100, life = 2, sync_ms = 20";
+
+/// What the master has sent since but SYNC: data frames, and remote frames as those of nodes 5.
+fn orders(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
+    bench.heard().into_iter().filter(|(id, _)| *id != 0x80).collect()
+}
+
+/// P. 53-61; vector T23.
+#[test]
+fn it_asks_starts_and_synchronizes_until_the_programming_system_stops_it() {
+    let mut bench = Bench::new(KEYS);
+    bench.run(260 * MS);
+    assert_eq!(orders(&mut bench), [(0x705, vec![])], "it asks for the state of its node");
+    bench.send(0x705, &[0x7F]);
+    bench.run(20 * MS);
+    assert_eq!(orders(&mut bench), [(0, vec![1, 0])], "it starts the network");
+    assert_eq!(bench.stat(), "green 2 Hz", "and itself");
+    bench.run(300 * MS);
+    let syncs = bench.heard().iter().filter(|(id, _)| *id == 0x80).count();
+    assert!((14..=16).contains(&syncs), "{syncs}");
+    bench.command(program::STOP);
+    bench.heard();
+    bench.run(500 * MS);
+    assert_eq!(bench.heard(), []);
+}
+
+/// P. 28, 59, 152.
+#[test]
+fn it_resets_a_node_that_is_missing_and_starts_it_again() {
+    let mut bench = Bench::new(KEYS);
+    bench.run(260 * MS);
+    bench.send(0x705, &[0x05]);
+    bench.run(600 * MS);
+    let missing = |bench: &Bench| bench.registers.flags.COP_GUARDFAIL_NODEID.load();
+    assert_eq!(missing(&bench), 5);
+    let resets = orders(&mut bench).into_iter().filter(|order| *order == (0, vec![129, 5])).count();
+    assert!(resets > 1, "it goes on");
+    bench.send(0x705, &[0x7F]);
+    bench.run(20 * MS);
+    assert_eq!((missing(&bench), orders(&mut bench)), (0, vec![(0, vec![1, 5])]));
+}
+
+/// D-432.
+#[test]
+fn it_waits_two_seconds_for_a_node_that_is_not_there() {
+    let mut bench = Bench::new(KEYS);
+    bench.run(2_200 * MS);
+    assert!(!orders(&mut bench).contains(&(0, vec![1, 0])));
+    bench.run(100 * MS);
+    assert!(orders(&mut bench).contains(&(0, vec![1, 0])));
+}

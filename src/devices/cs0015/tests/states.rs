@@ -1,0 +1,158 @@
+//! Operating states, LED STAT, network management, the programming system, inputs and outputs.
+
+use super::*;
+use crate::devices::cs0015::records::{CommandRefused, NodeState};
+use crate::devices::cs0015::registers::values::program;
+use crate::devices::cs0015::registers::{FRONT_INPUTS, FRONT_OUTPUTS, FRONT_S2, FRONT_S3, FRONT_S5};
+use crate::layout::Width;
+
+/// Vectors T18, T19, T20; p. 13-14.
+#[test]
+fn network_management_makes_it_run_and_stop() {
+    let mut bench = Bench::new("");
+    bench.run(100 * MS);
+    assert_eq!((bench.state(), bench.stat()), ("reset".into(), "green and red".into()));
+    bench.run(150 * MS);
+    let flags = |bench: &Bench| bench.registers.flags.COP_PREOPERATIONAL.load();
+    assert_eq!((bench.state(), bench.stat(), flags(&bench)), ("run".into(), "green 0.5 Hz".into(), 1));
+    assert_eq!(bench.heard(), [], "no boot-up message unless the plant file says so");
+    bench.exchange(0, &[1, 32]);
+    assert_eq!((bench.state(), bench.stat(), flags(&bench)), ("run".into(), "green 2 Hz".into(), 0));
+    bench.exchange(0, &[2, 32]);
+    assert_eq!((bench.state(), bench.stat(), flags(&bench)), ("stop".into(), "green".into(), 0));
+    bench.exchange(0, &[128, 0]);
+    assert_eq!((bench.state(), bench.stat(), flags(&bench)), ("run".into(), "green 0.5 Hz".into(), 1));
+    bench.exchange(0, &[1, 33]);
+    assert_eq!(bench.stat(), "green 0.5 Hz", "another node is meant");
+    let states: Vec<_> =
+        bench.journal.records().filter_map(|record| record.event.get().map(|it: NodeState| it.to)).collect();
+    assert_eq!(states, [127, 5, 4, 127]);
+}
+
+/// Vector T53; p. 13.
+#[test]
+fn without_a_program_it_stops_and_is_no_node() {
+    let mut bench = Bench::running("program = 'none'");
+    assert_eq!((bench.state(), bench.stat()), ("stop".into(), "green".into()));
+    bench.exchange(0, &[1, 0]);
+    bench.ask(0x720);
+    bench.run(5 * MS);
+    assert_eq!((bench.heard(), bench.state()), (vec![], "stop".into()));
+    bench.command(program::RUN);
+    assert_eq!(bench.state(), "stop");
+}
+
+#[test]
+fn a_boot_up_message_is_sent_if_it_is_wanted() {
+    let boot_up = |keys: &str| {
+        let mut bench = Bench::new(keys);
+        bench.run(250 * MS);
+        bench.heard()
+    };
+    assert_eq!(boot_up("boot_up = '700'"), [(0x720, vec![0])]);
+    assert_eq!(boot_up("boot_up = 'empty-emcy', node_id = 5"), [(0x85, vec![])]);
+}
+
+/// Vectors T21; p. 43: nothing starts anew but the communication.
+#[test]
+fn a_reset_by_the_master_is_the_programs_affair() {
+    for (command, is_node) in [(129, true), (130, false)] {
+        let mut bench = Bench::operational("boot_up = '700'");
+        bench.registers.tx.a_TX_PDO[0][0].store(7);
+        bench.run(20 * MS);
+        bench.heard();
+        assert_eq!(bench.exchange(0, &[command, 0]), [(0x720, vec![0])]);
+        let flags = &bench.registers.flags;
+        let events = [&flags.COP_EVENT_RESETNODE, &flags.COP_EVENT_RESETCOM].map(|flag| flag.load());
+        assert_eq!(events, if is_node { [1, 0] } else { [0, 1] });
+        assert_eq!(bench.registers.tx.a_TX_PDO[0][0].load(), 7, "the program runs on");
+        assert_eq!((bench.state(), bench.stat()), ("run".into(), "green 0.5 Hz".into()));
+        bench.run(1000 * MS);
+        assert_eq!(bench.registers.flags.COP_EVENT_RESETNODE.load(), u8::from(is_node));
+    }
+}
+
+/// Vectors T22 and T51; p. 17, 28.
+#[test]
+fn who_is_stopped_by_the_programming_system_is_not_started_by_the_master() {
+    let mut bench = Bench::operational("");
+    bench.set(FRONT_PROGRAM, program::STOP);
+    assert_eq!(bench.state(), "run", "S1 stands at LOCK");
+    let refused = |record: &crate::journal::Record| record.event.get::<CommandRefused>();
+    assert_eq!(bench.journal.records().filter_map(refused).count(), 1);
+    assert_eq!(bench.registers.flags.UNLOCK.load(), 0);
+    bench.command(program::STOP);
+    assert_eq!((bench.state(), bench.registers.flags.UNLOCK.load()), ("stop".into(), 1));
+    for command in [1, 128] {
+        bench.exchange(0, &[command, 0]);
+        assert_eq!(bench.state(), "stop");
+    }
+    bench.ask(0x720);
+    bench.run(5 * MS);
+    assert_eq!(bench.heard(), [(0x720, vec![4])], "it is still a node");
+    bench.exchange(0, &[130, 0]);
+    assert_eq!(bench.state(), "stop");
+    bench.command(program::RUN);
+    assert_eq!((bench.state(), bench.stat()), ("run".into(), "green 0.5 Hz".into()));
+    bench.exchange(0, &[1, 0]);
+    assert_eq!(bench.stat(), "green 2 Hz");
+    bench.exchange(0, &[2, 0]);
+    assert_eq!(bench.state(), "stop", "a stop of the master is always executed");
+}
+
+/// Vectors T36 and T37; p. 11-12, 152-153.
+#[test]
+fn terminals_and_keys_are_inputs() {
+    let mut bench = Bench::running("");
+    bench.set(FRONT_INPUTS, 0x8001);
+    bench.set(FRONT_S2, 15);
+    bench.set(FRONT_S3, 1);
+    bench.run(10 * MS);
+    let inputs = |bench: &Bench| {
+        let inputs = &bench.registers.inputs;
+        (inputs.I0.load(), inputs.S2.load(), inputs.S3.load(), inputs.S4.load(), inputs.S5.load())
+    };
+    assert_eq!(inputs(&bench), (0x8001, 15, 1, 0, 0));
+    bench.set(FRONT_S3, 0);
+    bench.set(FRONT_S5, 1);
+    bench.run(10 * MS);
+    assert_eq!(inputs(&bench), (0x8001, 15, 0, 0, 1));
+}
+
+/// Vector T12; p. 19: the program's error switches the outputs off.
+#[test]
+fn outputs_are_driven_while_the_program_runs_without_error() {
+    let mut bench = Bench::operational("");
+    let outputs = |bench: &Bench| bench.registers.front(FRONT_OUTPUTS).load();
+    bench.registers.outputs.Q0.store(0x00FF);
+    bench.run(20 * MS);
+    assert_eq!(outputs(&bench), 0x00FF);
+    bench.registers.flags.ERROR.store(1);
+    bench.run(5 * MS);
+    assert_eq!((outputs(&bench), bench.stat()), (0, "red 2 Hz".into()));
+    assert_eq!(bench.heard(), [(0xA0, vec![0x00, 0x10, 0x01, 0, 0, 0, 0, 0])]);
+    bench.exchange(0, &[128, 0]);
+    assert_eq!(bench.stat(), "red 0.5 Hz");
+    bench.registers.flags.ERROR.store(0);
+    bench.run(5 * MS);
+    assert_eq!((outputs(&bench), bench.stat()), (0x00FF, "green 0.5 Hz".into()));
+    assert_eq!(bench.heard(), [(0xA0, vec![0; 8])]);
+    bench.exchange(0, &[2, 0]);
+    assert_eq!(outputs(&bench), 0, "D-427");
+}
+
+/// Vector T40; p. 107, 154.
+#[test]
+fn retained_flags_are_left_when_the_supply_was_gone() {
+    let mut bench = Bench::running("");
+    let flags = DEVICE.spaces.iter().find(|space| space.name == "flags").unwrap();
+    // The system has a use for those below %MW512 and those of PDOs.
+    let words = [0, 127, 128, 600, 1500, 2000, 3967].map(|word| flags.offset + 2 * word);
+    for word in words {
+        bench.segment.store(word, Width::Word, 0x1234).unwrap();
+    }
+    bench.power_cycle();
+    let left = words.map(|word| bench.segment.load(word, Width::Word).unwrap());
+    assert_eq!(left, [0x1234, 0x1234, 0, 0, 0, 0, 0]);
+    assert_eq!(bench.stat(), "green 0.5 Hz");
+}

@@ -1,0 +1,79 @@
+//! A CS0015 at an open bus: canopen as its master, its board, its NOVRAM.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, finish, python, run};
+use serde_json::Value;
+use std::path::Path;
+
+/// The plant that users are shown.
+const PLANT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/plants/cs0015.toml");
+
+/// The port of the first door.
+fn port(emulator: &Emulator) -> String {
+    let buses: Value = serde_json::from_str(emulator.run("bus", &["list", "--format", "json"]).ok()).unwrap();
+    let door = buses[0]["doors"][0].as_str().unwrap();
+    door.strip_prefix("slcan-tcp:127.0.0.1:").unwrap().to_owned()
+}
+
+#[test]
+fn canopen_is_its_master() {
+    let mut command = match python(&["can", "canopen", "serial"]) {
+        Ok(command) => command,
+        Err(reason) => return eprintln!("skipped: {reason}"),
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let eds = directory.path().join("cs0015.eds");
+    run(&["export", "eds", "--device", "cs0015", "--output", eds.to_str().unwrap()]).ok();
+    let emulator = Emulator::start(&[PLANT]);
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_cs0015.py"));
+    command.arg(port(&emulator)).arg("125000").arg(&eds);
+    let outcome = finish(&mut command);
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+    let parameters = emulator.peek(&["panel:parameters.b_NODE_ID", "panel:flags.NODEID"]);
+    assert_eq!(parameters, "16#05 16#05");
+}
+
+/// P. 13-17.
+#[test]
+fn its_switches_and_its_led_are_those_of_its_front() {
+    let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
+    let board = || -> Value {
+        let told = emulator.run("board", &["get", "panel", "--format", "json"]);
+        serde_json::from_str::<Value>(told.ok()).unwrap()[0].take()
+    };
+    emulator.step(&["300ms"]);
+    let running = board();
+    assert_eq!((&running["state"], &running["stat"]), (&"run".into(), &"green 0.5 Hz".into()));
+    assert_eq!((&running["program"], &running["s1"]), (&"cyclic".into(), &"lock".into()));
+    emulator.run("board", &["set", "panel:inputs=16#8001", "panel:s2=7", "panel:s3=on"]).ok();
+    emulator.poke(&["panel:%QX0.15=1"]);
+    emulator.step(&["20ms"]);
+    assert_eq!(emulator.peek(&["panel:%IW0", "panel:S2", "panel:%IX1.8"]), "16#8001 16#07 1");
+    assert_eq!((&board()["outputs"], &board()["inputs"]), (&0x8000.into(), &0x8001.into()));
+    emulator.run("board", &["set", "panel:s1=unlock", "panel:program=stop"]).ok();
+    emulator.step(&["20ms"]);
+    let stopped = board();
+    assert_eq!((&stopped["state"], &stopped["stat"]), (&"stop".into(), &"green".into()));
+    assert_eq!((&stopped["outputs"], &stopped["program"]), (&0.into(), &"stopped".into()));
+    let text = emulator.run("board", &["get"]);
+    assert!(text.ok().contains("state stop, stat green, outputs 0"), "{}", text.out);
+    let refused = emulator.run("board", &["set", "panel:s2=16"]);
+    assert!(refused.fails(2).contains("s2 can be 0 to 15"), "{}", refused.err);
+}
+
+/// P. 107, 155.
+#[test]
+fn what_it_keeps_without_supply_is_in_a_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = [PLANT, "--clock", "stepped", "--novram", directory.path().to_str().unwrap()];
+    let emulator = Emulator::start(&arguments);
+    emulator.step(&["300ms"]);
+    emulator.poke(&["panel:%MW0=16#1234", "panel:%MW128=16#1234", "panel:parameters.b_NODE_ID=16#07"]);
+    emulator.step(&["20ms"]);
+    emulator.run("stop", &[]).ok();
+    drop(emulator);
+    let emulator = Emulator::start(&arguments);
+    emulator.step(&["300ms"]);
+    let kept = emulator.peek(&["panel:%MW0", "panel:%MW128", "panel:flags.NODEID"]);
+    assert_eq!(kept, "16#1234 16#0000 16#07");
+}
