@@ -1,6 +1,7 @@
 //! A CS0015 at a bus with a master of the test: the vectors of the manual, to the microsecond.
 
 mod errors;
+mod frames;
 mod master;
 mod pdos;
 mod sdo;
