@@ -46,9 +46,9 @@ fn its_switches_and_its_led_are_those_of_its_front() {
     assert_eq!((&running["state"], &running["stat"]), (&"run".into(), &"green 0.5 Hz".into()));
     assert_eq!((&running["program"], &running["s1"]), (&"cyclic".into(), &"lock".into()));
     emulator.run("board", &["set", "panel:inputs=16#8001", "panel:s2=7", "panel:s3=on"]).ok();
-    emulator.poke(&["panel:%QX0.15=1"]);
+    emulator.poke(&["panel:outputs.Q0=16#8000"]);
     emulator.step(&["20ms"]);
-    assert_eq!(emulator.peek(&["panel:%IW0", "panel:S2", "panel:%IX1.8"]), "16#8001 16#07 1");
+    assert_eq!(emulator.peek(&["panel:%IW0", "panel:inputs.S2", "panel:%IX1.8"]), "16#8001 16#07 1");
     assert_eq!((&board()["outputs"], &board()["inputs"]), (&0x8000.into(), &0x8001.into()));
     emulator.run("board", &["set", "panel:s1=unlock", "panel:program=stop"]).ok();
     emulator.step(&["20ms"]);
@@ -76,4 +76,19 @@ fn what_it_keeps_without_supply_is_in_a_file() {
     emulator.step(&["300ms"]);
     let kept = emulator.peek(&["panel:%MW0", "panel:%MW128", "panel:flags.NODEID"]);
     assert_eq!(kept, "16#1234 16#0000 16#07");
+}
+
+#[test]
+fn its_demonstration_shows_start_pdos_and_a_guarding_failure() {
+    let demo = run(&["demo", "--device", "cs0015"]);
+    for line in [
+        "panel  finds flags.NODEID (%MB7970) = 16#05",
+        "panel  finds flags.COP_PREOPERATIONAL (%MB7951) = 16#00",
+        "panel  finds rx_pdo.a_RX_PDO[2][0] (%MW2008) = 16#1234",
+        "master finds rx_pdo.a_RX_PDO[2][3] (%MW2011) = 16#5678",
+        "master finds flags.COP_GUARDFAIL_NODEID (%MB7950) = 16#05",
+        "master finds flags.COP_GUARDFAIL_NODEID (%MB7950) = 16#00",
+    ] {
+        assert!(demo.ok().contains(line), "{line}\n{}", demo.out);
+    }
 }
