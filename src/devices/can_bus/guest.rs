@@ -3,7 +3,7 @@
 use super::medium::End;
 use super::{CanBus, CanPort, Controller};
 use crate::can::Frame;
-use crate::devices::{Context, GuestRefusal};
+use crate::devices::{Context, GuestRefusal, Medium};
 
 /// Nobody's firmware: a guest is told by who brings it in.
 pub(super) struct Silent;
@@ -42,7 +42,8 @@ impl CanBus {
 
     /// Guests that are to leave do so if they have nothing to send, or nobody to send it to.
     pub(super) fn let_guests_leave(&mut self) {
-        let on = self.ends.iter().filter(|end| end.on_since_ns.is_some()).count();
+        let bit_s = self.bit_s();
+        let on = self.ends.iter().filter(|end| end.is_on(bit_s)).count();
         let is_busy = self.wire.as_ref().is_some_and(|wire| wire.on_wire().is_some());
         for end in self.ends.iter_mut().filter(|end| end.is_leaving) {
             if end.controller.to_send() == 0 || on == 1 && !is_busy {

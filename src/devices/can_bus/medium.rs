@@ -50,6 +50,11 @@ impl End {
         }
     }
 
+    /// Whether it takes part in a bus with so many bit/s.
+    pub(super) fn is_on(&self, bit_s: u32) -> bool {
+        self.on_since_ns.is_some() && self.controller.hears(bit_s)
+    }
+
     /// Runs its firmware.
     fn run(
         &mut self,
@@ -70,6 +75,8 @@ struct Ends<'a> {
     begin_ns: u64,
     /// Whose frame was cut off.
     cut_off: Option<usize>,
+    /// The rate of the bus.
+    bit_s: u32,
 }
 
 impl Participants for Ends<'_> {
@@ -78,7 +85,7 @@ impl Participants for Ends<'_> {
     }
 
     fn is_on(&self, who: usize) -> bool {
-        let since = self.ends.get(who).and_then(|end| end.on_since_ns);
+        let since = self.ends.get(who).filter(|end| end.is_on(self.bit_s)).and_then(|end| end.on_since_ns);
         since.is_some_and(|since| since <= self.begin_ns) && self.cut_off != Some(who)
     }
 
@@ -150,7 +157,8 @@ impl CanBus {
 
     /// Whether on an idle wire somebody has a frame, and somebody else hears it.
     fn somebody_can_begin(&self, now: u64) -> bool {
-        let on = || self.ends.iter().filter(|end| end.on_since_ns.is_some());
+        let bit_s = self.bit_s();
+        let on = || self.ends.iter().filter(move |end| end.is_on(bit_s));
         on().count() > 1 && on().any(|end| end.controller.offer(now * 1000).is_some())
     }
 
@@ -162,7 +170,8 @@ impl CanBus {
             return false;
         }
         let begin_ns = wire.on_wire().map_or(at_ns, |frame| frame.begin_ns);
-        let mut ends = Ends { ends: &mut self.ends, begin_ns, cut_off: self.cut_off };
+        let bit_s = wire.rate().bit_s();
+        let mut ends = Ends { ends: &mut self.ends, begin_ns, cut_off: self.cut_off, bit_s };
         let was_busy = wire.next_ns().is_some();
         match wire.advance(at_ns, &mut ends) {
             None => return was_busy,

@@ -76,6 +76,8 @@ pub struct Controller {
     /// With the time from which on each is there, in ns.
     queue: VecDeque<(u64, Frame)>,
     filters: Vec<Filter>,
+    /// The rate that it is set to, in bit/s; none is that of its bus.
+    bit_s: Option<u32>,
     /// Present emulated time in us, when firmware runs.
     pub(super) now: u64,
 }
@@ -107,6 +109,16 @@ impl Controller {
         self.filters = filters.into_iter().collect();
     }
 
+    /// Sets it to so many bit/s. At a bus with another rate it neither sends, hears nor acknowledges anything (decision D-433).
+    pub fn set_bit_rate(&mut self, bit_s: u32) {
+        self.bit_s = Some(bit_s);
+    }
+
+    /// Whether it takes part in a bus with so many bit/s.
+    pub(super) fn hears(&self, bit_s: u32) -> bool {
+        self.bit_s.is_none_or(|own| own == bit_s)
+    }
+
     pub(super) fn accepts(&self, frame: &Frame) -> bool {
         self.filters.is_empty() || self.filters.iter().any(|filter| filter.accepts(frame))
     }
@@ -133,5 +145,6 @@ impl Controller {
     pub(super) fn clear(&mut self) {
         self.queue.clear();
         self.filters.clear();
+        self.bit_s = None;
     }
 }

@@ -255,6 +255,7 @@ impl CanPort for Firmware {
         (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
         self.enter(ctx, state::RESET);
         self.end_at = Some(ctx.now + RESET_US);
+        controller.set_bit_rate(u32::from(self.node.registers.flags.CANBAUDRATE.load()) * 1000);
         self.show(ctx, controller);
     }
 

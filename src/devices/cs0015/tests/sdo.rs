@@ -129,6 +129,19 @@ fn a_bit_rate_is_entered_twice_and_holds_after_a_reset() {
     assert_eq!((rate(&bench), bench.registers.parameters.w_KBIT_S.load()), (125, 250));
     bench.power_cycle();
     assert_eq!(rate(&bench), 250);
+    // The bus has 125 kbit/s (D-433).
+    assert_eq!(bench.exchange(0x620, &request(0x40, 0x1000, 0, 0)), []);
+}
+
+/// D-433.
+#[test]
+fn who_is_set_to_another_rate_than_its_bus_hears_nothing_and_is_not_heard() {
+    let mut bench = Bench::new("kbit_s = 250, boot_up = '700'");
+    bench.run(250 * MS);
+    bench.exchange(0, &[1, 0]);
+    bench.registers.tx.a_TX_PDO[0][0].store(1);
+    bench.run(50 * MS);
+    assert_eq!((bench.heard(), bench.stat()), (vec![], "green 0.5 Hz".into()));
 }
 
 /// Vector T38; p. 42, 163.
