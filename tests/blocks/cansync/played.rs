@@ -117,3 +117,23 @@ fn a_transfer_that_fails_sets_the_bit_of_the_manual() {
     assert_eq!(failed(2049, None), (length, 0));
     assert_eq!(failed(1, None), (timeout, 0));
 }
+
+/// Every preset that the manuals name (5.00005.03a; 5.02066.01a).
+#[test]
+fn presets_are_the_manuals() {
+    let comm_control = CANsync_COMM_CONTROL_MA::default();
+    let numbers = [comm_control.si_SL_NR_CTRL, comm_control.si_SL_NR_PAR, comm_control.si_SL_NR_UDL];
+    assert_eq!(numbers, [-128; 3], "p. 205-206; 113-116");
+    assert_eq!(comm_control.si_MAX_SL_NR, -1, "p. 206; 113-116");
+    let init = CANsync_INIT::default();
+    assert_eq!((init.b_ACCEPT_CODE, init.b_ACCEPT_MASK), (0xFF, 0xFF), "p. 214; 122-127");
+    assert_eq!((init.us_BAUDRATE, init.x_SYNC_IN), (0, false), "p. 214; 122-127");
+    assert_eq!(CANsync_PAR_READ_MA::default().t_TIME, Duration::from_secs(3), "p. 223; 136-139");
+    assert_eq!(CANsync_PAR_WRITE_MA::default().t_TIME, Duration::from_secs(3), "p. 231; 146-149");
+    let comm = CANsync_PD_COMM_MA::default();
+    assert_eq!((comm.si_RD_SL_NR1_RECEIVE, comm.si_RD_SL_NR2_RECEIVE), (-128, -128), "p. 250; 168-173");
+    assert_eq!((comm.si_MAX_SL_NR, comm.x_COPY_TO_RD_ARRAY), (-1, false), "p. 250-251; 168-173");
+    assert!(!CANsync_PD_COMM_SL::default().x_COPY_TO_RD_ARRAY, "p. 259; 180-184");
+    assert_eq!(CANsync_UPDOWNLOAD_MA::default().us_MAX_NR_OF_COMM, 1, "p. 266; 187-192");
+    assert_eq!(CANsync_UPDOWNLOAD_SL::default().t_TIME, Duration::from_secs(30), "p. 270; 193-196");
+}
