@@ -2,7 +2,7 @@
 
 use super::communication::{Factory, PdoConfig, Way, is_rate};
 use super::master::MasterConfig;
-use super::node::{BootUp, Node};
+use super::node::{BootUp, GuardingConfig, Node};
 use super::port::{Firmware, Program};
 use super::ram::{RETAIN_BYTES, Registers};
 use super::registers::DEVICE;
@@ -48,6 +48,7 @@ struct Section {
     program: Option<Spanned<String>>,
     cycle_us: Option<Spanned<u64>>,
     boot_up: Option<Spanned<String>>,
+    guarding: Option<Spanned<GuardingSection>>,
     nodes: Option<Spanned<Vec<u64>>>,
     guard_ms: Option<Spanned<u64>>,
     life: Option<Spanned<u8>>,
@@ -66,6 +67,26 @@ struct PdoSection {
     id: Option<u64>,
     trans_type: Option<u64>,
     inhibit_ms: Option<u64>,
+}
+
+/// What a program hands to `NMS_GUARDING_CONFIG` (p. 46).
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GuardingSection {
+    guard_time_ms: Option<Spanned<u16>>,
+    life_time: Option<Spanned<u8>>,
+    cycle_period_ms: Option<Spanned<u16>>,
+}
+
+impl GuardingSection {
+    fn config(&self) -> GuardingConfig {
+        let ms = |time: &Option<Spanned<u16>>| time.as_ref().map_or(0, |time| *time.get_ref());
+        GuardingConfig {
+            guard_ms: ms(&self.guard_time_ms),
+            life: self.life_time.as_ref().map_or(0, |life| *life.get_ref()),
+            cycle_ms: ms(&self.cycle_period_ms),
+        }
+    }
 }
 
 /// Takes the value of a key if it is in its range.
@@ -112,18 +133,20 @@ impl Cs0015Config {
                 pdos.push(read_pdo(name, way, pdo)?);
             }
         }
+        let guarding = section.guarding.as_ref().map(|guarding| guarding.get_ref().config());
         let program = match section.program.as_ref().map(|it| (it.get_ref().as_str(), it.span())) {
             None | Some(("slave", _)) => {
                 section.has_no_master()?;
-                Program::BuiltIn { pdos, cycle_us, master: None }
+                Program::BuiltIn { pdos, cycle_us, guarding, master: None }
             }
             Some(("master", span)) => {
-                Program::BuiltIn { pdos, cycle_us, master: Some(section.master(node_id, span)?) }
+                Program::BuiltIn { pdos, cycle_us, guarding, master: Some(section.master(node_id, span)?) }
             }
             Some(("none", span)) => {
                 section.has_no_master()?;
-                if !pdos.is_empty() || section.cycle_us.is_some() {
-                    let text = format!("without a program '{name}' has no cycle_us, pdo_rx or pdo_tx");
+                if !pdos.is_empty() || section.cycle_us.is_some() || guarding.is_some() {
+                    let text =
+                        format!("without a program '{name}' has no cycle_us, guarding, pdo_rx or pdo_tx");
                     return Err(refused_at(span, text));
                 }
                 Program::None
@@ -275,6 +298,9 @@ mod tests {
             ("pdo_rx = [{ pdo = 1, trans_type = 254 }]", "trans_type is 254; it must be 0 to 240, or 255"),
             ("pdo_rx = [{ pdo = 1, inhibit_ms = 5 }]", "only what is sent has inhibit_ms"),
             ("pdo_tx = [{ pdo = 1, inhibit_ms = 65536 }]", "inhibit_ms is 65536; it must be 0 to 65535"),
+            ("guarding = { guard_time_ms = 65536 }", "expected u16"),
+            ("guarding = { life = 3 }", "unknown field `life`"),
+            ("program = 'none', guarding = {}", "without a program 'panel' has no cycle_us, guarding"),
             ("nodes = [1]", "only program = 'master' has nodes"),
             ("program = 'master'", "the master 'panel' needs its nodes"),
             ("program = 'master', nodes = [32]", "32 must be 1 to 127, another one than its own, and once"),

@@ -33,7 +33,7 @@ pub use config::Cs0015Config;
 #[cfg(feature = "emulator")]
 pub use master::MasterConfig;
 #[cfg(feature = "emulator")]
-pub use node::BootUp;
+pub use node::{BootUp, GuardingConfig};
 #[cfg(feature = "emulator")]
 pub use port::Program;
 

@@ -32,6 +32,17 @@ pub enum BootUp {
     Guarding,
 }
 
+/// What a program hands to `NMS_GUARDING_CONFIG` (p. 46); 0 is off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GuardingConfig {
+    /// GUARDTIME in ms.
+    pub guard_ms: u16,
+    /// LIFETIME: requests in a row that may be missing.
+    pub life: u8,
+    /// CYCLEPERIOD: time between two SYNC objects in ms.
+    pub cycle_ms: u16,
+}
+
 /// A CANopen slave.
 pub(super) struct Node {
     pub registers: Registers,
@@ -97,6 +108,15 @@ impl Node {
     /// The program asks for a PDO, from 0, to be so; a [`Node::restart`] follows.
     pub(super) fn ask_pdo(&mut self, way: Way, pdo: usize, config: PdoConfig) {
         self.communication.ask(way, pdo, config);
+    }
+
+    /// The program sets what it awaits of its master, which is stored (p. 155).
+    pub(super) fn set_guarding(&mut self, config: &GuardingConfig, now: u64) {
+        let parameters = &self.registers.parameters;
+        parameters.w_GUARD_TIME.store(config.guard_ms);
+        parameters.b_LIFE_TIME_FACTOR.store(config.life);
+        parameters.d_COMMUNICATION_CYCLE.store(u32::from(config.cycle_ms) * 1000);
+        self.refresh(now);
     }
 
     /// Starts, or starts anew: what is not stored is as it was, nobody has asked for its state, and it is in this one then.

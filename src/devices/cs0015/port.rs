@@ -2,7 +2,7 @@
 
 use super::communication::{PdoConfig, Way};
 use super::master::{Master, MasterConfig};
-use super::node::Node;
+use super::node::{GuardingConfig, Node};
 use super::records::{CommandRefused, ControllerState, NodeState};
 use super::registers::values::{bool, key, program, s1, stat, state};
 use super::registers::{
@@ -30,6 +30,8 @@ pub enum Program {
         pdos: Vec<(Way, usize, PdoConfig)>,
         /// Its cycle in us.
         cycle_us: u64,
+        /// What it awaits of its master; none leaves what is stored.
+        guarding: Option<GuardingConfig>,
         /// What it is told as master; none is a slave.
         master: Option<MasterConfig>,
     },
@@ -169,13 +171,18 @@ impl Firmware {
 
     /// A cycle of the program ends: what it wants is done, and the next one begins.
     fn end_cycle(&mut self, ctx: &mut Context) {
-        let Program::BuiltIn { pdos, master, .. } = &self.program else { return };
+        let Program::BuiltIn { pdos, guarding, master, .. } = &self.program else { return };
         match self.cycles {
             0 => self.node.registers.flags.CAN_OPEN.store(bool::TRUE),
-            // Each would reset the communication; what the last one leaves is what counts (p. 155).
-            1 if !pdos.is_empty() => {
-                pdos.iter().for_each(|(way, pdo, config)| self.node.ask_pdo(*way, *pdo, *config));
-                self.node.restart(State::PreOperational, ctx.now);
+            1 => {
+                if let Some(guarding) = guarding {
+                    self.node.set_guarding(guarding, ctx.now);
+                }
+                // Each would reset the communication; what the last one leaves is what counts (p. 155).
+                if !pdos.is_empty() {
+                    pdos.iter().for_each(|(way, pdo, config)| self.node.ask_pdo(*way, *pdo, *config));
+                    self.node.restart(State::PreOperational, ctx.now);
+                }
             }
             // The second stage: what made it a master would have been lost (p. 48).
             2 => {

@@ -38,6 +38,25 @@ fn who_was_guarded_once_misses_its_master() {
     assert_eq!(bench.registers.flags.COP_GUARDFAIL_ERROR.load(), 1, "the program resets it (p. 19)");
 }
 
+/// P. 46: what `NMS_GUARDING_CONFIG` sets is stored.
+#[test]
+fn a_program_sets_what_it_awaits_of_its_master() {
+    let keys = "guarding = { guard_time_ms = 100, life_time = 3, cycle_period_ms = 50 }";
+    let mut bench = Bench::running(keys);
+    let parameters = &bench.registers.parameters;
+    let set = (parameters.w_GUARD_TIME.load(), parameters.d_COMMUNICATION_CYCLE.load());
+    assert_eq!(set, (100, 50_000));
+    guard(&mut bench);
+    bench.run(300 * MS);
+    let fails = |bench: &Bench| {
+        (bench.registers.flags.COP_GUARDFAIL_ERROR.load(), bench.registers.flags.COP_SYNCFAIL_ERROR.load())
+    };
+    assert_eq!(fails(&bench), (1, 0));
+    bench.exchange(0, &[1, 0]);
+    bench.run(50 * MS);
+    assert_eq!(fails(&bench), (1, 1));
+}
+
 /// Vector T14.
 #[test]
 fn without_a_guard_time_nothing_is_missed() {
