@@ -3,8 +3,11 @@
 //! They lie in memory: a plant that does not fit would first take it all from every program of the machine, and be refused
 //! then.
 
+#[cfg(feature = "emulator")]
 use super::MemoryError;
-use super::names::{self, IMAGE_DIRECTORY};
+#[cfg(feature = "emulator")]
+use super::names;
+use super::names::IMAGE_DIRECTORY;
 
 /// Bytes that are left in the memory file system; `None` if it does not tell.
 pub(crate) fn free() -> Option<u64> {
@@ -17,6 +20,7 @@ pub(crate) fn free() -> Option<u64> {
 ///
 /// # Errors
 /// Bad names, or [`MemoryError::NoRoomForAll`].
+#[cfg(feature = "emulator")]
 pub(crate) fn check<'a>(
     instance: &str,
     images: impl ExactSizeIterator<Item = (&'a str, usize)>,
@@ -40,6 +44,7 @@ pub(crate) fn check<'a>(
 }
 
 /// Bytes that programs can still have, of a text as `/proc/meminfo`; a tenth is left to the others.
+#[cfg(feature = "emulator")]
 fn available(meminfo: &str) -> Option<u64> {
     let kibibytes = |name: &str| -> Option<u64> {
         let line = meminfo.lines().find_map(|line| line.strip_prefix(name))?;
@@ -49,7 +54,7 @@ fn available(meminfo: &str) -> Option<u64> {
     Some((free - free / 10).saturating_mul(1024))
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "emulator"))]
 mod tests {
     use super::*;
 
