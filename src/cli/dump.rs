@@ -165,7 +165,7 @@ impl Blocks {
 fn select(fitted: &Fitted, name: &str) -> Result<Vec<Selection>, LayoutError> {
     let device = fitted.device();
     if name.is_empty() {
-        let described = device.areas.iter().filter(|area| fitted.placed(area).next().is_some());
+        let described = device.named_areas().filter(|area| fitted.placed(area).next().is_some());
         return Ok(described.map(Selection::whole).collect());
     }
     let selection = if name.starts_with('%') {

@@ -2,6 +2,7 @@
 
 use super::time;
 use crate::devices::demo::DemoError;
+use crate::export::ExportError;
 use crate::fault::FaultError;
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
@@ -20,6 +21,9 @@ pub(crate) enum CliError {
     /// A register or block that does not exist.
     #[error("{0}")]
     Layout(#[from] LayoutError),
+    /// No such export.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// A value that the register cannot hold.
     #[error(transparent)]
     Value(#[from] BadValue),
@@ -262,6 +266,7 @@ impl CliError {
     pub(crate) fn exit_code(&self) -> u8 {
         let wrong_use = match self {
             Self::Layout(_)
+            | Self::Export(_)
             | Self::Unchecked(_)
             | Self::Value(_)
             | Self::Argument { .. }

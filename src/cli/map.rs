@@ -57,7 +57,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let device = fitted.device();
     let of_area = |area| entry::of_area(&fitted, area);
     let (entries, single) = match what {
-        "" => (device.areas.iter().flat_map(of_area).collect::<Vec<_>>(), false),
+        "" => (device.named_areas().flat_map(of_area).collect::<Vec<_>>(), false),
         address if address.starts_with('%') => (at_address(&fitted, device.address(address)?)?, true),
         name if name.contains('.') => {
             let entries = entry::of_registers(&fitted.registers(name)?);

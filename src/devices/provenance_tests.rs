@@ -106,8 +106,8 @@ fn inventions_are_marked() {
         assert_eq!((some(bits, "no job"), some(bits, "busy")), (Some("D-322"), None), "{bits}");
     }
     assert_eq!(some("cansync_status", "nothing to report"), Some("D-322"));
-    assert_eq!(some("baps_element", "minimum"), Some("D-160"));
-    assert_eq!(some("baps_element", "value"), None);
+    assert_eq!(some("par_element", "minimum"), Some("D-160"));
+    assert_eq!(some("par_element", "value"), None);
     assert_eq!(some("baps_status_reg", "reserved"), Some("D-328"));
     assert_eq!(some("drive_status", "ready"), Some("D-87"));
     assert_eq!(some("drive_status", "synchronized"), None);

@@ -73,10 +73,10 @@ fn bits(constants: &mut Vec<Constant>, meaning: &Meaning, field: &BitField) {
 fn values(prefix: &str, values: &[ValueMeaning], shift: u8) -> Vec<Constant> {
     let mut constants = Vec::new();
     for known in values {
-        let ValueMeaning { first, last, text, .. } = known;
+        let ValueMeaning { first, last, text, reserved, .. } = known;
         let words = upper(gist(text));
         // A plain number is no name.
-        if words == "RESERVED" || words.is_empty() {
+        if *reserved || words.is_empty() {
             continue;
         }
         let name = format!("{prefix}_{words}");

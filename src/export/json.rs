@@ -153,6 +153,7 @@ fn values(values: &[ValueMeaning]) -> Value {
             "first": known.first,
             "last": known.last,
             "text": known.text,
+            "reserved": known.reserved,
             "provenance": known.source.to_string(),
         })
     };

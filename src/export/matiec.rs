@@ -1,22 +1,47 @@
-//! Glue for IEC 61131-3 programs compiled by matiec: binds their located variables `%M?3.n` to an image. The C
-//! header comes first, then what `LOCATED_VARIABLES.h` is checked against, then `matiec/glue.h`.
+//! Glue for IEC 61131-3 programs compiled by matiec: binds their located variables to an image, in every space of
+//! addresses that the device has. The C header comes first, then what `LOCATED_VARIABLES.h` is checked against, then
+//! `matiec/glue.h`.
 
 use super::c;
 use super::scope::Scope;
-use crate::layout::{Area, Fitted};
+use crate::layout::{Area, Fitted, Space, Unit};
 use std::fmt::Write;
 
 const GLUE: &str = include_str!("matiec/glue.h");
 
 pub(crate) fn generate(scope: &Scope) -> String {
     let mut out = c::generate(scope).replacen("`commram export c", "`commram export matiec", 1);
-    out.push_str("\n#ifndef COMMRAM_MATIEC_H\n#define COMMRAM_MATIEC_H\n\n");
-    out.push_str("/* Whether byte n of segment 3 lies in an area. */\n#define COMMRAM_IN_AREA(n) (0");
-    for Area { first, bytes, .. } in &scope.areas {
+    out.push_str(
+        "\n#ifndef COMMRAM_MATIEC_H\n#define COMMRAM_MATIEC_H\n\n#define COMMRAM_NO_NUMBER 0xFFFFFFFFu\n\n",
+    );
+    let spaces = || scope.device.spaces.iter().filter(|space| !scope.device.is_front(space.offset));
+    out.push_str(
+        "/* Whether the numbers of a located variable stand for a place of the device; other variables are the program's own. */\n\
+         #define COMMRAM_IN_RAM(letter, is_bit, size, a, b) (0",
+    );
+    for space in spaces() {
+        let _ = write!(out, " \\\n    || {}", is_meant(space));
+    }
+    out.push_str(
+        ")\n\n/* The byte of the image that it begins at; 0, which is in the header page, where there is none. */\n\
+         #define COMMRAM_PLACE(letter, is_bit, size, a, b) (0u",
+    );
+    for space in spaces() {
+        let (number, offset, first) = (number(space), space.offset, first_byte(space));
+        let _ = write!(
+            out,
+            " \\\n    + ({} && {} ? (unsigned)({number} - {first}u) + {offset}u : 0u)",
+            is_meant(space),
+            is_inside(space)
+        );
+    }
+    out.push_str(")\n\n/* Whether byte n of the image lies in an area. */\n#define COMMRAM_IN_AREA(n) (0");
+    let retain = scope.device.retain.filter(|_| scope.block.is_none()).map(|retain| &retain.area);
+    for Area { first, bytes, .. } in scope.areas.iter().copied().chain(retain) {
         let _ = write!(out, " \\\n    || ((n) >= {first}u && (n) < {}u)", first + bytes);
     }
     out.push_str(
-        ")\n\n/* Bytes of the register that byte n of segment 3 belongs to; 0 where there is none. */\n",
+        ")\n\n/* Bytes of the register that byte n of the image belongs to; 0 where there is none. */\n",
     );
     out.push_str("#define COMMRAM_WIDTH_AT(n) (0u");
     for (first, end, width) in widths(scope) {
@@ -25,6 +50,41 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out.push_str(")\n\n");
     out.push_str(GLUE);
     out
+}
+
+/// Whether an address with the numbers `a` and `b` is meant to be one of this space, in C. Behind the number of a segment
+/// there is nothing else; without one it is the number that tells.
+fn is_meant(space: &Space) -> String {
+    let letter = space.letter;
+    match space.segment.trim_end_matches('.') {
+        "" => {
+            let inside = is_inside(space);
+            format!("((letter) == '{letter}' && ((is_bit) || (b) == COMMRAM_NO_NUMBER) && {inside})")
+        }
+        segment => format!("((letter) == '{letter}' && (a) == {segment}u && (b) != COMMRAM_NO_NUMBER)"),
+    }
+}
+
+/// Whether the number is one of the space's, in C.
+fn is_inside(space: &Space) -> String {
+    let (number, first) = (number(space), first_byte(space));
+    let end = u64::from(first) + u64::from(space.bytes);
+    let is_behind = if first == 0 { String::new() } else { format!("{number} >= {first}u && ") };
+    format!("({is_behind}{number} < UINT64_C({end}))")
+}
+
+/// Where the numbered thing begins, in bytes from number 0 on, in C. Bits count within what the number counts.
+fn number(space: &Space) -> String {
+    let number = if space.segment.is_empty() { "(a)" } else { "(b)" };
+    match space.unit {
+        Unit::Byte => format!("(uint64_t){number}"),
+        Unit::Word => format!("(uint64_t){number} * ((is_bit) ? {}u : (size))", space.unit.width().bytes()),
+    }
+}
+
+/// The first byte of the space, counted as [`number`] does.
+fn first_byte(space: &Space) -> u32 {
+    space.first * space.unit.width().bytes()
 }
 
 /// Stretches of registers of one width: first byte, end, width. Structures that overlay each other agree on
@@ -52,6 +112,7 @@ fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
 mod tests {
     use super::*;
     use crate::devices::samples::tables::NODES as DEVICE;
+    use crate::layout::samples::WORDS;
 
     #[test]
     fn widths_are_those_of_the_registers() {
@@ -60,5 +121,14 @@ mod tests {
         let at = |n| widths.iter().find(|(first, end, _)| (*first..*end).contains(&n)).map(|found| found.2);
         assert_eq!([at(200_000), at(200_012), at(200_052), at(202_893)], [Some(2), Some(1), Some(4), None]);
         assert!(widths.iter().all(|(first, _, width)| first % width == 0));
+    }
+
+    /// A compiler may warn of a comparison that is always true.
+    #[test]
+    fn nothing_is_compared_with_0() {
+        for device in [&DEVICE, &WORDS] {
+            let text = generate(&Scope::new(device, None).unwrap());
+            assert!(text.contains("#define COMMRAM_PLACE(") && !text.contains(">= 0u"), "{device:?}");
+        }
     }
 }

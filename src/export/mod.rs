@@ -22,6 +22,7 @@ mod xml;
 
 use crate::layout::{Device, LayoutError};
 use std::fmt;
+use thiserror::Error;
 
 pub use csv::line as csv_line;
 pub use md::table as md_table;
@@ -113,14 +114,40 @@ impl fmt::Display for Format {
     }
 }
 
+/// Why there is no such export.
+#[derive(Debug, PartialEq, Eq, Error)]
+pub enum ExportError {
+    /// There is no area of that name.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// The front of a device, in a format for its own programs or its processor.
+    #[error(
+        "`{block}` of {device} lies in the header page, for which {format} has no addresses; take c, python or a table"
+    )]
+    NoAddresses {
+        /// The device.
+        device: &'static str,
+        /// The area.
+        block: &'static str,
+        /// The format.
+        format: Format,
+    },
+}
+
 /// The register map of `device` in `format`; with `block` only that area.
 ///
 /// # Errors
-/// [`LayoutError`] if there is no area of that name, or no object dictionary where one is wanted.
-pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, LayoutError> {
-    let scope = Scope::new(device, block)?;
+/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if there is no object dictionary where one is wanted.
+pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, ExportError> {
+    let mut scope = Scope::new(device, block)?;
+    if matches!(format, Format::Matiec | Format::St | Format::StElementary | Format::Svd) {
+        scope = scope.without_front();
+        if let (true, Some(block)) = (scope.areas.is_empty(), scope.block) {
+            return Err(ExportError::NoAddresses { device: device.name, block, format });
+        }
+    }
     if format == Format::Eds && device.objects.is_empty() {
-        return Err(LayoutError::NoObjects { title: device.title });
+        return Err(LayoutError::NoObjects { title: device.title }.into());
     }
     Ok(match format {
         Format::C => c::generate(&scope),

@@ -9,6 +9,8 @@ pub struct Scope {
     pub device: &'static Device,
     /// The areas, in ascending order.
     pub areas: Vec<&'static Area>,
+    /// The one that was asked for; `None`: all.
+    pub block: Option<&'static str>,
 }
 
 impl Scope {
@@ -17,16 +19,20 @@ impl Scope {
     /// # Errors
     /// [`LayoutError`] if there is none.
     pub fn new(device: &'static Device, block: Option<&str>) -> Result<Self, LayoutError> {
-        let areas = match block {
-            Some(name) => vec![device.area(name)?],
-            None => device.areas.iter().collect(),
-        };
-        Ok(Self { device, areas })
+        let block = block.map(|name| device.area(name)).transpose()?;
+        let areas = block.map_or_else(|| device.named_areas().collect(), |area| vec![area]);
+        Ok(Self { device, areas, block: block.map(|area| area.name) })
+    }
+
+    /// The same without the front, which neither programs nor the processor of the device can reach.
+    pub(crate) fn without_front(mut self) -> Self {
+        self.areas.retain(|area| !self.device.is_front(area.first));
+        self
     }
 
     /// Whether that is the whole device.
     pub fn is_whole(&self) -> bool {
-        self.areas.len() == self.device.areas.len()
+        self.block.is_none()
     }
 
     /// All structures with their places, in ascending order.

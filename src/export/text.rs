@@ -33,10 +33,7 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
 
 /// The command that makes the export.
 pub(crate) fn command(scope: &Scope, format: &str) -> String {
-    let block = match scope.areas.as_slice() {
-        [area] if scope.device.areas.len() > 1 => format!(" --block {}", area.name),
-        _ => String::new(),
-    };
+    let block = scope.block.map_or_else(String::new, |block| format!(" --block {block}"));
     format!("commram export {format} --device {}{block}", scope.device.name)
 }
 

@@ -10,12 +10,12 @@ pub fn format_value(ty: RegType, value: u32) -> String {
 
 /// What `value` means in a register of type `ty`; a plain number is shown as such. Meanings that the manual does
 /// not state have the decision behind them: `SYNC mode (D-06)`.
-pub(super) fn decode(ty: RegType, meaning: Option<&Meaning>, value: u32) -> String {
+pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32) -> String {
     let value = value & ty.mask();
     let Some(meaning) = meaning else {
         return ty.number(value).to_string();
     };
-    if let Some(known) = look_up(meaning.values, value) {
+    if let Some(known) = meaning.value(value) {
         return known.told(value);
     }
     if meaning.bits.is_empty() {
@@ -70,11 +70,11 @@ impl Text {
 }
 
 /// The field's part of `value` in words, and where these come from.
-fn describe(field: &BitField, value: u32) -> (String, Provenance) {
+fn describe(field: &'static BitField, value: u32) -> (String, Provenance) {
     let part = field.of(value);
     let text = if field.reserved {
         if part == 0 { String::new() } else { format!("reserved bits {} set", bit_range(field)) }
-    } else if let Some(known) = look_up(field.values, part) {
+    } else if let Some(known) = ValueMeaning::find(field.values, part) {
         return (known.text.replace("{}", &part.to_string()), known.source);
     } else if field.first == field.last {
         (if part == 0 { field.zero } else { field.one }).to_owned()
@@ -90,10 +90,6 @@ fn bit_range(field: &BitField) -> String {
     } else {
         format!("{}-{}", field.first, field.last)
     }
-}
-
-fn look_up(values: &[ValueMeaning], value: u32) -> Option<&ValueMeaning> {
-    values.iter().find(|known| known.first <= value && value <= known.last)
 }
 
 #[cfg(test)]

@@ -38,6 +38,9 @@ pub struct Device {
     pub objects: &'static [Object],
     /// What it has at its front, in the header page.
     pub front: &'static [FrontWord],
+    /// The same words as registers of an area in the header page, if there are any. It is none of its [`areas`](Device::areas), since no program of
+    /// the device can reach them (decision D-281).
+    pub front_area: Option<&'static Area>,
     /// The ports in the order of their numbers.
     pub ports: &'static [Port],
     /// The area of its own interface, by whose name the device itself goes where ports go by theirs.
@@ -66,6 +69,7 @@ impl Device {
         retain: None,
         objects: &[],
         front: &[],
+        front_area: None,
         ports: &[],
         own: None,
     };

@@ -27,6 +27,8 @@ pub mod object;
 pub mod place;
 mod register;
 mod space;
+#[cfg(test)]
+pub(crate) use space::samples;
 pub mod value;
 mod width;
 

@@ -88,13 +88,13 @@ impl Device {
     /// # Errors
     /// [`LayoutError::UnknownArea`] with all areas, [`LayoutError::WrongCase`].
     pub fn area(&'static self, name: &str) -> Result<&'static Area, LayoutError> {
-        if let Some(area) = self.areas.iter().find(|area| area.name == name) {
+        if let Some(area) = self.named_areas().find(|area| area.name == name) {
             return Ok(area);
         }
-        if let Some(area) = self.areas.iter().find(|area| area.name.eq_ignore_ascii_case(name)) {
+        if let Some(area) = self.named_areas().find(|area| area.name.eq_ignore_ascii_case(name)) {
             return Err(LayoutError::WrongCase { given: name.to_owned(), right: area.name.to_owned() });
         }
-        let known: Vec<_> = self.areas.iter().map(|area| area.name).collect();
+        let known: Vec<_> = self.named_areas().map(|area| area.name).collect();
         Err(LayoutError::UnknownArea { area: name.to_owned(), known: known.join(", ") })
     }
 
@@ -213,7 +213,7 @@ impl Fitted {
     /// What `front` names, which stands before the first dot: an area, or the variable that is declared there.
     fn block(&self, front: &str) -> Result<Block, LayoutError> {
         let variables = || {
-            let areas = self.device().areas.iter();
+            let areas = self.device().named_areas();
             areas.flat_map(|area| area.structures.iter().map(move |placed| (area, placed)))
         };
         if let Some((area, placed)) = variables().find(|(_, placed)| placed.variable == front) {

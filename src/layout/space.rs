@@ -11,7 +11,7 @@ use core::ops::RangeInclusive;
 pub struct Space {
     /// Name in the layout files.
     pub name: &'static str,
-    /// What stands behind the `%`: `I`, `Q` or `M`.
+    /// What stands behind the `%`: `I`, `Q` or `M`; of the front `F`, which is commram's own.
     pub letter: char,
     /// What stands between width and number: `3.` of `%MB3.80000`, or nothing.
     pub segment: &'static str,
@@ -142,12 +142,23 @@ impl Device {
         if known.is_empty() { "no addresses".to_owned() } else { known.join(", ") }
     }
 
-    /// All areas, that of the retain flags first or last as it lies.
+    /// The areas whose registers have names: the front, if there is one, and then the others.
+    pub fn named_areas(&'static self) -> impl Iterator<Item = &'static Area> {
+        self.front_area.into_iter().chain(self.areas)
+    }
+
+    /// All areas in ascending order, the front and that of the retain flags among them.
     pub fn all_areas(&'static self) -> impl Iterator<Item = &'static Area> {
         let retain = self.retain.map(|retain| &retain.area);
         let before = retain.filter(|area| self.areas.first().is_none_or(|first| area.first < first.first));
         let behind = if before.is_none() { retain } else { None };
-        before.into_iter().chain(self.areas).chain(behind)
+        self.front_area.into_iter().chain(before).chain(self.areas).chain(behind)
+    }
+
+    /// Whether byte `offset` of the image is at the front.
+    #[must_use]
+    pub fn is_front(&self, offset: u32) -> bool {
+        self.front_area.is_some_and(|front| front.contains(offset))
     }
 
     /// Whether byte `offset` of the image is a retain flag, or can be one.

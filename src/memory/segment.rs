@@ -11,8 +11,10 @@
 //!    or 64-bit words whatever the registers' widths are: each register lies in one word, so none is torn, and
 //!    field-wise copies of megabytes would cost four times as much. They never write. A copy may be torn between words;
 //!    what belongs together is read under its handshake.
-//! 4. The first [`HEADER_SIZE`] bytes are the header page and cannot be reached by raw accesses.
+//! 4. The first [`HEADER_SIZE`] bytes are the header page and cannot be reached by raw accesses, but for the words of the device's
+//!    front, [`Header::front`].
 
+use super::header::FRONT;
 use super::{
     Cell8, Cell16, Cell32, Cell64, HEADER_SIZE, Header, MemoryError, View, Width, access::Value,
     cell::SharedRegs,
@@ -317,7 +319,7 @@ impl Segment {
         if offset.checked_add(size).is_none_or(|end| end > self.size()) {
             return Err(MemoryError::BlockOutOfRange { offset, size, end: self.size() });
         }
-        if offset < HEADER_SIZE && size > 0 {
+        if offset < HEADER_SIZE && size > 0 && !is_front(offset, size) {
             return Err(MemoryError::InHeader { address: Width::Byte.at(offset as u32) });
         }
         Ok(())
@@ -346,7 +348,8 @@ impl Segment {
         if !offset.is_multiple_of(width.bytes()) {
             return Err(MemoryError::Misaligned { address });
         }
-        if start < HEADER_SIZE {
+        // What is at the front are words of 32 bits.
+        if start < HEADER_SIZE && !(width == Width::Dword && is_front(start, 4)) {
             return Err(MemoryError::InHeader { address });
         }
         // SAFETY: in bounds and aligned for the width (just checked, the base is page-aligned), mapped
@@ -360,6 +363,12 @@ impl Segment {
             })
         }
     }
+}
+
+/// Whether all of these bytes are of [`Header::front`].
+fn is_front(offset: usize, size: usize) -> bool {
+    let first = core::mem::offset_of!(Header, front);
+    first <= offset && offset - first + size <= size_of::<[Cell32; FRONT]>()
 }
 
 impl fmt::Debug for Segment {

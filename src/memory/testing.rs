@@ -73,6 +73,7 @@ pub(crate) const fn test_device() -> Device {
         retain: Some(&RETAIN),
         objects: &[],
         front: &[],
+        front_area: None,
         ports: &[Port { name: "end", number: 1, medium: "wire", roles: &[Role::Peer], area: &RAM }],
         own: None,
     }

@@ -53,6 +53,10 @@ impl RegisterWidths {
             // Only as many bytes as have registers; option interfaces are large and empty.
             let described = fitted.placed(area).map(|placed| placed.structure.bytes).max().unwrap_or(0);
             let mut bytes = vec![0; described as usize];
+            if device.is_front(area.first) {
+                // The header page has words there whether or not the device uses them.
+                bytes = (0..area.bytes).map(|place| (4 | ((place % 4) << 4)) as u8).collect();
+            }
             let decided = |found: &RegisterRef| found.placed.role.is_none() || found.role.is_some();
             for register in fitted.used_registers(area).filter(decided) {
                 let start = (register.offset() - area.first) as usize;

@@ -34,6 +34,7 @@ impl Execution {
             }
             Op::Poke { plc, offset, width, value } => {
                 let register = Register::check(host, plc, offset, width)?;
+                register.writable()?;
                 register.fits(value)?;
                 let stored = host.plant_mut().store(register.plc, offset, width, value);
                 stored.map_err(|_| register.unmapped())?;
@@ -41,6 +42,7 @@ impl Execution {
             }
             Op::CompareExchange { plc, offset, width, current, new } => {
                 let register = Register::check(host, plc, offset, width)?;
+                register.writable()?;
                 register.fits(current)?;
                 register.fits(new)?;
                 let outcome = host.plant_mut().compare_exchange(register.plc, offset, width, current, new);
@@ -84,6 +86,7 @@ impl Execution {
             Op::Journal { from, max } => journal(host, from, max.min(MAX_RECORDS) as usize),
             Op::Force { plc, offset, width, value } => {
                 let register = Register::check(host, plc, offset, width)?;
+                register.writable()?;
                 let forced = Forced { plc, offset, width, value };
                 host.plant_mut().force(forced).map_err(|error| register.not_forcible(&error))?;
                 Reply::Written

@@ -55,6 +55,8 @@ impl Code {
     pub const START_REFUSED: Self = Self(33);
     /// The PLC or its module has no such switch.
     pub const NO_SUCH_SWITCH: Self = Self(34);
+    /// Only the firmware writes there: at the front of a device.
+    pub const READ_ONLY: Self = Self(39);
 
     /// There are no doors here.
     pub const NO_DOORS: Self = Self(35);

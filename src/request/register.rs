@@ -1,7 +1,7 @@
 //! The register that an operation names, and what it can be refused for.
 
 use super::{Code, Host, Refused, Waited};
-use crate::layout::{Address, Device, Width};
+use crate::layout::{Address, Device, Owner, Width};
 use crate::plant::ForceError;
 
 /// A register whose PLC exists and whose address suits its width.
@@ -44,6 +44,26 @@ impl Register {
             self.address
         );
         Err(Refused::new(Code::NEVER_MATCHES, text))
+    }
+
+    /// What is at the front is written by its owner only: nobody has the display in his hand.
+    pub(crate) fn writable(self) -> Result<(), Refused> {
+        let address = self.address;
+        if !self.device.is_front(address.offset()) {
+            return Ok(());
+        }
+        let words = self.device.registers_at(address, None).unwrap_or_default();
+        let Some(word) = words.first() else { return Err(self.unmapped()) };
+        if word.address() != address {
+            let text =
+                format_args!("{address}: only the whole word can be written, {} of {word}", word.address());
+            return Err(Refused::new(Code::NOT_WHOLE, text));
+        }
+        if word.owner() == Owner::Firmware {
+            let text = format_args!("{word} ({address}) is set by the firmware; it can only be read");
+            return Err(Refused::new(Code::READ_ONLY, text));
+        }
+        Ok(())
     }
 
     pub(crate) fn load(self, host: &dyn Host) -> Result<u32, Refused> {

@@ -57,7 +57,7 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
         ("WORD,__MW3_200012,M,W,3,200012", "__MW3_200012: the register there has another width"),
         ("BYTE,__MB3_200000,M,B,3,200000", "__MB3_200000: the register there has another width"),
         ("WORD,__MB3_200012,M,B,3,200012", "__MB3_200012: the type has another width than the address"),
-        ("WORD,__MW3_128,M,W,3,128", "__MW3_128: the address lies in no area of segment 3"),
+        ("WORD,__MW3_128,M,W,3,128", "__MW3_128: the address lies in no area of the device"),
         ("BOOL,__MX3_200012_7,M,X,3,200012,7", "__MX3_200012_7: a single bit has no address of its own"),
     ] {
         let directory = tempfile::tempdir().unwrap();

@@ -28,34 +28,33 @@ extern unsigned char commram_matiec_ram[COMMRAM_MATIEC_BYTES];
 #define COMMRAM_IS_BIT_W 0
 #define COMMRAM_IS_BIT_D 0
 #define COMMRAM_IS_BIT_L 0
-#define COMMRAM_IS_FLAG_M 1
-#define COMMRAM_IS_FLAG_I 0
-#define COMMRAM_IS_FLAG_Q 0
-#define COMMRAM_NO_NUMBER 0xFFFFFFFFu
+#define COMMRAM_LETTER_M 'M'
+#define COMMRAM_LETTER_I 'I'
+#define COMMRAM_LETTER_Q 'Q'
 
 /* LOCATED_VARIABLES.h: one of these per address, with one to three numbers: %MB3.200012, %QX0.1, %MW7. */
 #define __LOCATED_VAR(type, name, area, size, ...)                                                               \
-    COMMRAM_LOCATED(type, name, COMMRAM_IS_FLAG_##area, COMMRAM_IS_BIT_##size, COMMRAM_SIZE_##size, __VA_ARGS__, \
+    COMMRAM_LOCATED(type, name, COMMRAM_LETTER_##area, COMMRAM_IS_BIT_##size, COMMRAM_SIZE_##size, __VA_ARGS__,  \
                     COMMRAM_NO_NUMBER, COMMRAM_NO_NUMBER, )
-#define COMMRAM_LOCATED(type, name, is_flag, is_bit, size, segment, address, ...)                                \
-    COMMRAM_CHECK(!COMMRAM_IN_RAM(is_flag, segment, address) || !(is_bit), name,                                 \
+#define COMMRAM_LOCATED(type, name, letter, is_bit, size, a, b, ...)                                             \
+    enum {                                                                                                       \
+        commram_bound_##name = COMMRAM_IN_RAM(letter, is_bit, size, a, b),                                       \
+        commram_place_##name = COMMRAM_PLACE(letter, is_bit, size, a, b)                                         \
+    };                                                                                                           \
+    COMMRAM_CHECK(!commram_bound_##name || !(is_bit), name,                                                      \
                   "a single bit has no address of its own; locate the byte")                                     \
-    COMMRAM_CHECK(!COMMRAM_IN_RAM(is_flag, segment, address) || sizeof(type) == (size), name,                    \
+    COMMRAM_CHECK(!commram_bound_##name || sizeof(type) == (size), name,                                         \
                   "the type has another width than the address")                                                 \
-    COMMRAM_CHECK(!COMMRAM_IN_RAM(is_flag, segment, address) || (address) % (size) == 0, name,                   \
+    COMMRAM_CHECK(!commram_bound_##name || commram_place_##name % (size) == 0, name,                             \
                   "the address is not divisible by the width")                                                   \
-    COMMRAM_CHECK(!COMMRAM_IN_RAM(is_flag, segment, address) || COMMRAM_IN_AREA(address), name,                  \
-                  "the address lies in no area of segment 3")                                                    \
-    COMMRAM_CHECK(!COMMRAM_IN_RAM(is_flag, segment, address) || COMMRAM_WIDTH_AT(address) == 0u                  \
-                      || COMMRAM_WIDTH_AT(address) == (size), name,                                              \
+    COMMRAM_CHECK(!commram_bound_##name || COMMRAM_IN_AREA(commram_place_##name), name,                          \
+                  "the address lies in no area of the device")                                                   \
+    COMMRAM_CHECK(!commram_bound_##name || COMMRAM_WIDTH_AT(commram_place_##name) == 0u                          \
+                      || COMMRAM_WIDTH_AT(commram_place_##name) == (size), name,                                 \
                   "the register there has another width")                                                        \
     static type commram_own_##name;                                                                              \
-    type *name = COMMRAM_IN_RAM(is_flag, segment, address)                                                       \
-                     ? (type *)(void *)(commram_matiec_ram + COMMRAM_OFFSET(is_flag, segment, address))          \
-                     : &commram_own_##name;
-#define COMMRAM_IN_RAM(is_flag, segment, address)                                                                \
-    ((is_flag) && (segment) == 3u && (address) != COMMRAM_NO_NUMBER)
-#define COMMRAM_OFFSET(is_flag, segment, address) (COMMRAM_IN_RAM(is_flag, segment, address) ? (address) : 0u)
+    type *name = commram_bound_##name ? (type *)(void *)(commram_matiec_ram + commram_place_##name)              \
+                                      : &commram_own_##name;
 #define COMMRAM_CHECK(condition, name, text) _Static_assert(condition, #name ": " text);
 
 /* Maps the image `path` over the storage. Call it after config_init__ and before the first scan. */

@@ -25,11 +25,25 @@ pub struct ValueMeaning {
     pub last: u32,
     /// The meaning; `{}` stands for the value.
     pub text: &'static str,
+    /// Whether the manual reserves it.
+    pub reserved: bool,
     /// Source of the meaning.
     pub source: Provenance,
 }
 
+impl Meaning {
+    /// What `value` as a whole means, if that is known.
+    #[must_use]
+    pub fn value(&self, value: u32) -> Option<&'static ValueMeaning> {
+        ValueMeaning::find(self.values, value)
+    }
+}
+
 impl ValueMeaning {
+    pub(in crate::layout) fn find(known: &'static [Self], value: u32) -> Option<&'static Self> {
+        known.iter().find(|known| known.first <= value && value <= known.last)
+    }
+
     /// The meaning with `{}` replaced by `value` and the decision that it follows from behind it.
     #[must_use]
     pub fn told(&self, value: impl fmt::Display) -> String {

@@ -110,6 +110,16 @@ fn view_refusals() {
             "byte 3262143 of the image: 2 bytes from there end behind the last one, byte 3262143"
         );
         assert!(matches!(segment.view::<Cell32>(usize::MAX - 3), Err(MemoryError::BlockOutOfRange { .. })));
+        // The words of the front are reached at their own width, and nothing beside them.
+        segment.store(3_520, Width::Dword, 7).unwrap();
+        let front = segment.load(3_520, Width::Dword).unwrap();
+        assert_eq!((front, segment.header_snapshot().front[0].load()), (7, 7));
+        for (offset, width) in
+            [(3_520, Width::Byte), (3_522, Width::Word), (3_516, Width::Dword), (3_776, Width::Dword)]
+        {
+            assert!(matches!(segment.load(offset, width), Err(MemoryError::InHeader { .. })), "{offset}");
+        }
+        segment.store(3_520, Width::Dword, 0).unwrap();
         assert!(matches!(segment.view::<Cell32>(4_092), Err(MemoryError::InHeader { .. })));
     }
 }

@@ -44,7 +44,7 @@ impl MemoryCopy {
 
 /// The area with registers of a device that has this name.
 pub(super) fn register_area(device: &'static Device, name: &str) -> Result<&'static Area, ScenarioError> {
-    let with_registers = || device.areas.iter().filter(|area| !area.structures.is_empty());
+    let with_registers = || device.named_areas().filter(|area| !area.structures.is_empty());
     with_registers().find(|area| area.name == name).ok_or_else(|| {
         let known: Vec<_> = with_registers().map(|area| area.name).collect();
         ScenarioError::Unknown { what: "area", name: name.to_owned(), known: known.join(", ") }

@@ -6,12 +6,13 @@
 #[path = "../../common/mod.rs"]
 mod common;
 
-use common::{Emulator, Follower, run};
+use common::{Emulator, Follower, finish, run};
 use commram::devices::{self, RegisterError};
 use commram::memory::AttachMode;
 use commram_invented::GATE;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 /// Two gates at one bus.
 const PLANT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/two-gates.toml");
@@ -50,11 +51,80 @@ fn it_is_registered_once_and_before_anything_else() {
     emulator.poke(&["left:out.w_VALUE=1", "left:out.w_SEND=16#05"]);
     emulator.step(&["10ms"]);
     let (image, layout) = devices::attach(&emulator.name, "right", AttachMode::ReadOnly).unwrap();
-    let [passed] = layout.front else { panic!("{:?}", layout.front) };
+    let passed = layout.register("front.passed").unwrap();
+    assert_eq!((layout.name, passed.address().to_string().as_str()), ("gate", "%FD0"));
+    let value = image.segment().load(passed.offset(), passed.address().width()).unwrap();
+    assert_eq!((value, image.header_snapshot().front[0].load()), (1, 1));
+}
+
+/// What a device has at its front is read by name like a register, and only the firmware writes it.
+#[test]
+fn its_front_is_read_by_name() {
+    let map = run(&["map", "front", "--device", "gate"]);
+    for word in ["front.passed", "%FD0", "firmware", "Counts values"] {
+        assert!(map.ok().contains(word), "{}", map.out);
+    }
+    let emulator = start();
+    let before = emulator.run("dump", &["--all", "--format", "json"]);
+    emulator.poke(&["left:out.w_VALUE=1", "left:out.w_SEND=16#05"]);
+    emulator.step(&["10ms"]);
     assert_eq!(
-        (layout.name, passed.name, image.header_snapshot().front_value(passed)),
-        ("gate", "passed", 1)
+        emulator.peek(&["right:front.passed", "right:%FD0", "left:front.passed"]),
+        "16#00000001 16#00000001 16#00000000"
     );
+    assert!(emulator.run("wait", &["right:front.passed==1", "--within", "1ms"]).ok().contains('1'));
+    let dump = emulator.run("dump", &["right:"]);
+    assert!(dump.ok().contains("right:front.passed"), "{}", dump.out);
+    let path = std::env::temp_dir().join(format!("{}.json", emulator.name));
+    fs::write(&path, before.ok()).unwrap();
+    let diff = emulator.run("diff", &[path.to_str().unwrap()]);
+    fs::remove_file(&path).unwrap();
+    assert!(diff.out.contains("right:front.passed"), "{}", diff.out);
+    for command in ["poke", "force"] {
+        let refused = emulator.run(command, &["right:front.passed=7"]);
+        assert!(
+            refused.fails(2).contains("front.passed (%FD0) is set by the firmware; it can only be read"),
+            "{}",
+            refused.err
+        );
+    }
+    let part = emulator.run("poke", &["right:%FB1=7"]);
+    assert!(part.fails(2).contains("only the whole word can be written"), "{}", part.err);
+    let unknown = emulator.run("peek", &["right:front.passes"]);
+    assert!(unknown.fails(2).contains("has no register `passes`"), "{}", unknown.err);
+}
+
+/// Programs of matiec have the device's own addresses.
+#[test]
+fn located_variables_are_its_registers() {
+    const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../matiec");
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("located");
+    fs::create_dir_all(&directory).unwrap();
+    let file = |name: &str| directory.join(name);
+    let glue = file("commram_matiec.h");
+    run(&["export", "matiec", "--device", "gate", "--output", glue.to_str().unwrap()]).ok();
+    let compile = |located: &str| {
+        let program = format!(
+            "#include \"iec_std_lib.h\"\n#include \"commram_matiec.h\"\nCOMMRAM_MATIEC_STORAGE\n{located}\n\
+             int main(void) {{ return !((unsigned char *)value == commram_matiec_ram + 4096 && \
+             (unsigned char *)send == commram_matiec_ram + 8194 && own != value); }}\n"
+        );
+        fs::write(file("program.c"), program).unwrap();
+        let mut cc = Command::new("cc");
+        cc.current_dir(&directory).args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-I", SOURCES]);
+        finish(cc.args(["-o", "program", "program.c"]))
+    };
+    let good =
+        "__LOCATED_VAR(WORD,value,I,W,0)\n__LOCATED_VAR(WORD,send,Q,W,1)\n__LOCATED_VAR(WORD,own,M,W,0)\n";
+    compile(good).ok();
+    assert_eq!(finish(&mut Command::new(file("program"))).code, Some(0));
+    for (located, why) in [
+        ("__LOCATED_VAR(BYTE,part,I,B,1)", "part: the register there has another width"),
+        ("__LOCATED_VAR(BOOL,bit,Q,X,1,15)", "bit: a single bit has no address of its own"),
+    ] {
+        let refused = compile(&format!("{good}{located}"));
+        assert!(refused.code != Some(0) && refused.err.contains(why), "{why}: {}", refused.err);
+    }
 }
 
 #[test]
@@ -161,6 +231,12 @@ fn a_scenario_speaks_of_it_as_of_any_other() {
 }
 
 #[test]
+fn nobody_has_written_a_demonstration_of_it() {
+    let refused = run(&["demo", "--device", "gate"]);
+    assert!(refused.fails(2).contains("there is no demonstration of gate"), "{}", refused.err);
+}
+
+#[test]
 fn it_is_exported() {
     let header = run(&["export", "c", "--device", "gate"]);
     for name in ["GATE_OUT", "w_SEND", "16#05 asks for a frame"] {
@@ -169,7 +245,11 @@ fn it_is_exported() {
     for format in ["python", "csv", "json", "md", "st", "svd", "systemrdl"] {
         let export = run(&["export", format, "--device", "gate"]);
         assert!(export.ok().contains("w_SEND"), "{format}: {}", export.out);
+        let has_front = !["st", "svd"].contains(&format);
+        assert_eq!(export.out.contains("Counts values"), has_front, "{format}: {}", export.out);
     }
+    let front = run(&["export", "st", "--device", "gate", "--block", "front"]);
+    assert!(front.fails(2).contains("`front` of gate lies in the header page"), "{}", front.err);
 }
 
 #[test]

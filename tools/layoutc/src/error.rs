@@ -171,6 +171,8 @@ pub enum Reason {
     BadRange(&'static str, &'static str),
     #[error("value {0} has two meanings")]
     ValueTwice(String),
+    #[error("a value has either a `text` or is `reserved`")]
+    TextOrReserved,
     #[error("a `reset` makes no sense for sub-structure `{0}`; its registers carry their own")]
     ResetOfSubstructure(String),
     #[error(

@@ -290,6 +290,7 @@ pub(crate) struct Value {
     pub first: u32,
     pub last: u32,
     pub text: String,
+    pub reserved: bool,
     pub source: Provenance,
 }
 

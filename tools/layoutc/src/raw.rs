@@ -92,6 +92,9 @@ pub(crate) enum Letter {
     I,
     Q,
     M,
+    /// Of the front, which layouts do not place.
+    #[serde(skip)]
+    F,
 }
 
 /// What the number in an address counts.
@@ -351,7 +354,10 @@ pub(crate) struct Value {
     pub is: Option<u32>,
     pub from: Option<u32>,
     pub to: Option<u32>,
-    pub text: String,
+    /// Left out of what the manual reserves.
+    pub text: Option<String>,
+    #[serde(default)]
+    pub reserved: bool,
     pub source: Option<Provenance>,
 }
 

@@ -8,13 +8,13 @@ use super::motion::Motion;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
 use super::table::{PARAMETERS, number};
 use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
-use crate::devices::cansync::registers::values::{drive_status, par_error};
+use crate::devices::cansync::registers::values::{drive_status, par_element, par_error};
 use std::num::NonZeroU32;
 
 /// Element of a parameter that is its lowest value (decision D-160).
-pub const MINIMUM_ELEMENT: u8 = 5;
+pub const MINIMUM_ELEMENT: u8 = par_element::MINIMUM;
 /// Element of a parameter that is its highest value (decision D-160).
-pub const MAXIMUM_ELEMENT: u8 = 6;
+pub const MAXIMUM_ELEMENT: u8 = par_element::MAXIMUM;
 /// Value of the operating mode parameter: synchronous reference position.
 const SYNCHRONOUS_POSITION: u32 = 1;
 

@@ -104,11 +104,8 @@ impl Judge<'_> {
             {
                 self.find(&rules::SLAVE_NUMBER, offset, after);
             }
-            Limit::NotReserved(meaning) => {
-                let value = meaning.values.iter().find(|value| (value.first..=value.last).contains(&after));
-                if value.is_some_and(|value| value.text == "reserved") {
-                    self.find(&check::rules::RESERVED_VALUE, offset, after);
-                }
+            Limit::NotReserved(meaning) if meaning.value(after).is_some_and(|value| value.reserved) => {
+                self.find(&check::rules::RESERVED_VALUE, offset, after);
             }
             _ => {}
         }

@@ -13,9 +13,14 @@ const BYTES: u32 = 256;
 pub(super) fn check(
     sources: &Sources,
     file: usize,
-    raw: &[raw::Front],
+    (raw, areas): (&[raw::Front], &[raw::Area]),
     parts: &Parts,
 ) -> Result<Vec<Front>, Error> {
+    // The front is an area of this name.
+    if let Some(area) = areas.iter().find(|area| !raw.is_empty() && area.name.get_ref() == "front") {
+        let reason = Reason::DuplicateName(area.name.get_ref().clone());
+        return Err(sources.error(at(file, area.name.span()), reason));
+    }
     let mut names = Names::default();
     let mut front: Vec<Front> = Vec::new();
     for raw in raw {

@@ -138,7 +138,12 @@ fn values(
         }
         let source = raw.source.as_ref().unwrap_or(source).clone();
         let id = raw.id.as_ref().map(|id| id.get_ref().clone());
-        values.push(Value { id, first, last, text: raw.text.clone(), source });
+        let text = match (&raw.text, raw.reserved) {
+            (Some(text), false) => text.clone(),
+            (None, true) => "reserved".to_owned(),
+            _ => return Err(sources.error(place, Reason::TextOrReserved)),
+        };
+        values.push(Value { id, first, last, text, reserved: raw.reserved, source });
     }
     Ok(values)
 }

@@ -63,7 +63,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         Some(path) => objects::read(sources, path.get_ref(), at(file, path.span()))?,
         None => Vec::new(),
     };
-    let front = front::check(sources, file, &raw.front, &all)?;
+    let front = front::check(sources, file, (&raw.front, &raw.area), &all)?;
     let ports = port::check(sources, file, &raw.port, &areas)?;
     let own = raw.own.as_ref().map(|own| port::area(sources, file, own, &areas)).transpose()?;
     let baud_rates = raw.baud_rate.iter().map(|rate| rate::check(sources, file, rate));

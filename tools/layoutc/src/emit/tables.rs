@@ -2,7 +2,8 @@
 
 use crate::model;
 use crate::model::{
-    Area, Bit, Device, Field, Front, Kind, Meaning, Object, Owner, Placed, Port, Provenance, Space, Structure,
+    Area, Bit, Device, Field, Front, Kind, Letter, Meaning, Object, Owner, Placed, Port, Provenance, Space,
+    Structure, Unit,
 };
 use crate::objects::Value;
 use std::collections::BTreeSet;
@@ -13,12 +14,13 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         out,
         "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
          name: {:?}, title: {:?}, manual: {:?}, undocumented: {:?},\n    layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
-         areas: &descriptor::AREAS, retain: {}, objects: &descriptor::OBJECTS, front: &descriptor::FRONT, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
+         areas: &descriptor::AREAS, retain: {}, objects: &descriptor::OBJECTS, front: &descriptor::FRONT, front_area: {}, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
         device.name,
         device.title,
         device.manual,
         device.undocumented,
         if device.retain.is_some() { "Some(&descriptor::RETAIN)" } else { "None" },
+        if device.front.is_empty() { "None" } else { "Some(&descriptor::FRONT_AREA)" },
         device.own.map_or_else(|| "None".to_owned(), |area| format!("Some(&descriptor::AREAS[{area}])")),
     );
     out.push_str(
@@ -29,6 +31,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     areas(out, device);
     objects(out, device);
     front(out, device);
+    front_area(out, device);
     ports(out, device);
     described(out, device, &used_meanings(device));
 }
@@ -70,9 +73,10 @@ fn path(device: &Device, shared: bool, name: &str) -> String {
 }
 
 fn spaces(out: &mut String, device: &Device) {
-    let count = device.spaces.len();
+    let front = (!device.front.is_empty()).then(front_space);
+    let count = device.spaces.len() + front.iter().len();
     let _ = writeln!(out, "    /// The spaces of addresses.\n    pub static SPACES: [Space; {count}] = [");
-    for space in &device.spaces {
+    for space in device.spaces.iter().chain(&front) {
         let Space { name, letter, segment, unit, first, offset, bytes, page, doc } = space;
         let segment = segment.map_or(String::new(), |segment| format!("{segment}."));
         let _ = writeln!(
@@ -149,6 +153,25 @@ fn area(device: &Device, area: &Area) -> String {
     out
 }
 
+/// Where the front lies in the header page, and whose decision it is.
+const FRONT_PLACE: (u32, u32, &str) = (3520, 256, "D-281");
+
+/// The addresses of the front. No program of the device knows them.
+fn front_space() -> Space {
+    let (offset, bytes, _) = FRONT_PLACE;
+    Space {
+        name: "front".to_owned(),
+        letter: Letter::F,
+        segment: None,
+        unit: Unit::Byte,
+        first: 0,
+        offset,
+        bytes,
+        page: String::new(),
+        doc: "front, in the header page".to_owned(),
+    }
+}
+
 fn front(out: &mut String, device: &Device) {
     let count = device.front.len();
     let _ = writeln!(
@@ -168,6 +191,60 @@ fn front(out: &mut String, device: &Device) {
         );
     }
     out.push_str("    ];\n\n");
+}
+
+/// The front as an area: its words are registers of a structure.
+fn front_area(out: &mut String, device: &Device) {
+    let Some(last) = device.front.last() else { return };
+    let ours = Provenance::Inferred(FRONT_PLACE.2.to_owned());
+    let pages: BTreeSet<_> = device.front.iter().map(|word| word.page.as_str()).collect();
+    let words = Structure {
+        name: "FRONT_WORDS".to_owned(),
+        name_from: ours.clone(),
+        size: last.offset + last.scalar.width(),
+        align: last.scalar.width(),
+        page: pages.into_iter().collect::<Vec<_>>().join(", "),
+        doc: "What the device has at its front".to_owned(),
+        shared: false,
+        view: None,
+        fields: device.front.iter().map(|word| front_field(word, &ours)).collect(),
+    };
+    emit_structure(out, device, &words);
+    let (space, (first, bytes, _)) = (device.spaces.len(), FRONT_PLACE);
+    let from = provenance(&ours);
+    let _ = writeln!(
+        out,
+        "    /// The front as an area.\n    pub static FRONT_AREA: Area = Area {{ name: \"front\", name_from: {from}, \
+         space: &SPACES[{space}], first: {first}, bytes: {bytes}, cpu: None, page: {:?}, doc: {:?}, structures: &[Placed {{ \
+         structure: &FRONT_WORDS, live: Live::Always, role: None, variable: \"_front\", variable_from: {from}, unused: &[] }}] }};\n\n    \
+         const _: () = assert!(core::mem::offset_of!(commram::memory::Header, front) == {first});\n",
+        words.page, words.doc,
+    );
+}
+
+/// That the device has it, and who sets it, is from its manual; name, place and type are commram's own.
+fn front_field(word: &Front, ours: &Provenance) -> Field {
+    let Front { name, scalar, offset, owner, meaning, source, page, doc } = word;
+    Field {
+        name: name.clone(),
+        view_name: String::new(),
+        offset: *offset,
+        kind: Kind::Scalar(*scalar),
+        dims: Vec::new(),
+        used: Vec::new(),
+        array_type: String::new(),
+        reserved: false,
+        owner: *owner,
+        reset: 0,
+        page: page.clone(),
+        doc: doc.clone(),
+        meaning: *meaning,
+        name_from: ours.clone(),
+        offset_from: ours.clone(),
+        type_from: ours.clone(),
+        owner_from: source.clone(),
+        reset_from: ours.clone(),
+    }
 }
 
 fn ports(out: &mut String, device: &Device) {
@@ -320,9 +397,9 @@ fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
 fn values(values: &[model::Value]) -> String {
     let items: Vec<String> = values
         .iter()
-        .map(|model::Value { first, last, text, source, .. }| {
+        .map(|model::Value { first, last, text, reserved, source, .. }| {
             let source = provenance(source);
-            format!("ValueMeaning {{ first: {first}, last: {last}, text: {text:?}, source: {source} }}")
+            format!("ValueMeaning {{ first: {first}, last: {last}, text: {text:?}, reserved: {reserved}, source: {source} }}")
         })
         .collect();
     format!("&[{}]", items.join(", "))

@@ -40,7 +40,7 @@ struct Of<'a> {
 impl Of<'_> {
     /// A single value is a number, others are a range.
     fn value(&self, out: &mut String, value: &Value) {
-        let Value { id: Some(id), first, last, text, source } = value else { return };
+        let Value { id: Some(id), first, last, text, source, .. } = value else { return };
         let text = text.replace("{}", "n");
         if first == last {
             self.number(out, id, *first, &format!("16#{first:X}: {text}"), source);

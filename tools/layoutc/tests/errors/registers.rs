@@ -57,6 +57,13 @@ fn padding_with_a_name() {
 }
 
 #[test]
+fn value_that_is_reserved_and_has_a_text() {
+    let expected = "parts.toml:5:3: a value has either a `text` or is `reserved`";
+    check("parts.toml", "is = 0, text = \"off\"", "is = 0, text = \"off\", reserved = true", expected);
+    check("parts.toml", "is = 0, text = \"off\"", "is = 0", expected);
+}
+
+#[test]
 fn type_of_an_array_without_one() {
     check(
         "CTRL.toml",

@@ -47,7 +47,11 @@ fn one_line_for_each_kind_of_frame() {
         (0x505, &[0xF0, 12, 1, 2, 3, 4, 5, 6], "CC to slave 5: download, last block 12: 01 02 03 04 05 06"),
         (0x585, &[0x80, 12], "RC of slave 5: up-/download, block 12: done"),
         (0x585, &[0x80, 6, 1, 2, 3, 4, 5, 6], "RC of slave 5: up-/download, block 6: 01 02 03 04 05 06"),
-        (0x585, &[0xA0, 6, 4, 1], "RC of slave 5: up-/download, block 6: error 16#0104 (not possible)"),
+        (
+            0x585,
+            &[0xA0, 6, 4, 1],
+            "RC of slave 5: up-/download, block 6: error 16#0104 (up-/download not possible)",
+        ),
         (0x585, &[0xC0, 6], "RC of slave 5: up-/download, block 6: BUSY"),
     ] {
         assert_eq!(raw(id, data), expected);

@@ -7,25 +7,23 @@
 use super::CodecError;
 use crate::can::Payload;
 use crate::devices::cansync::bus::{Frame, FrameKind};
-use crate::devices::cansync::registers::values::par_error;
+use crate::devices::cansync::registers::descriptor;
+use crate::devices::cansync::registers::values::par_element;
+use crate::layout::Meaning;
 
 /// Highest parameter number.
 pub const MAX_NUMBER: u16 = 4095;
 /// The element that is the parameter's value, the only one that may be written.
-pub const VALUE_ELEMENT: u8 = 7;
+pub const VALUE_ELEMENT: u8 = par_element::VALUE;
 
-/// A few words on an error number of a slave.
-pub const fn error_text(number: u16) -> &'static str {
-    match number {
-        par_error::GENERAL => "error",
-        par_error::BELOW_MINIMUM => "below minimum",
-        par_error::ABOVE_MAXIMUM => "above maximum",
-        par_error::NOT_CHANGEABLE => "not changeable",
-        par_error::NOT_PRESENT => "not present",
-        par_error::NOT_AVAILABLE_NOW => "not available now",
-        par_error::DATA_FORMAT => "wrong data format",
-        _ => "error of the application",
-    }
+/// What an error number of a slave means.
+pub fn error_text(number: u16) -> &'static str {
+    application_error(&descriptor::MEANING_PAR_ERROR, number)
+}
+
+/// The layout's word for an error number; whatever it does not name is the application's.
+pub(super) fn application_error(errors: &'static Meaning, number: u16) -> &'static str {
+    errors.value(number.into()).map_or("error of the application", |known| known.text)
 }
 
 /// What a parameter job wants.
@@ -167,7 +165,7 @@ pub enum ParameterResult {
     Doubleword(u32),
     /// Written.
     Done,
-    /// Refused; see [`par_error`].
+    /// Refused; see [`par_error`](crate::devices::cansync::registers::values::par_error).
     Error(u16),
     /// Not ready yet; the master repeats the job.
     Busy,

@@ -5,8 +5,10 @@
 //! decided here.
 
 use super::CodecError;
+use super::parameter::application_error;
 use crate::can::Payload;
 use crate::devices::cansync::bus::{Frame, FrameKind};
+use crate::devices::cansync::registers::descriptor;
 use crate::devices::cansync::registers::values::updown_error;
 
 /// Data bytes of one frame.
@@ -23,21 +25,9 @@ const LAST: u8 = 0x30;
 const BUSY: u8 = 0x40;
 const ERR: u8 = 0x20;
 
-/// A few words on an error number of an up-/download.
-pub const fn error_text(number: u16) -> &'static str {
-    match number {
-        updown_error::WRONG_BLOCK => "wrong block acknowledged",
-        updown_error::LENGTH => "length above 300 bytes",
-        updown_error::EXPECTS_OTHER_BLOCK => "other block expected",
-        updown_error::EXPECTS_END => "block end expected",
-        updown_error::END_TOO_EARLY => "block end too early",
-        updown_error::SLAVE_CANCELS => "cancelled by the slave",
-        updown_error::NOT_POSSIBLE => "not possible",
-        updown_error::BASE_ADDRESS => "base address not allowed",
-        updown_error::TOO_LONG => "too long for the slave",
-        updown_error::MODE => "mode not allowed now",
-        _ => "error of the application",
-    }
+/// What an error number of an up-/download means.
+pub fn error_text(number: u16) -> &'static str {
+    application_error(&descriptor::MEANING_UPDOWN_ERROR, number)
 }
 
 /// Direction of a transfer as the master sees it.

@@ -1,7 +1,8 @@
 //! `BAPS_PAR_READ`, `BAPS_PAR_WRITE`: parameter jobs to the own drive (p. 93-98).
 
 use super::service_data::{BAPS_BMSTRUCT, Client, Job, Kind};
-use crate::devices::omega_drive_line_2::registers::values::{baps_element, baps_result};
+use crate::devices::cansync::registers::values::par_element;
+use crate::devices::omega_drive_line_2::registers::values::baps_result;
 use crate::plc::{Shared, function_block};
 
 function_block! {
@@ -11,7 +12,7 @@ function_block! {
             /// Parameter number.
             u_PAR_NR: u16;
             /// Element of the parameter; preset 7, its value.
-            us_PAR_ELEMENT: u8 = baps_element::VALUE;
+            us_PAR_ELEMENT: u8 = par_element::VALUE;
             /// Starts the job; TRUE until `x_BUSY` falls. FALSE before: cancels, then this block and
             /// `BAPS_SD_CONTROL` need `x_RESET`.
             x_EN: bool;
@@ -98,7 +99,7 @@ impl BAPS_PAR_WRITE {
             ticket,
             kind: Kind::Write,
             number,
-            element: baps_element::VALUE,
+            element: par_element::VALUE,
             doubleword,
             value,
         };
