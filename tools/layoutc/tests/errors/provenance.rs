@@ -77,8 +77,8 @@ fn a_meaning_has_a_page_or_a_source() {
     // Each value and bit may differ from the rest.
     let dir = edited("parts.toml", "text = \"off\"", "text = \"off\", source = \"inferred D-07\"");
     let rust = commram_layoutc::compile(dir.path()).unwrap().rust;
-    assert!(rust.contains("text: \"off\", source: Provenance::Inferred(\"D-07\")"));
-    assert!(rust.contains("text: \"step {}\", source: Provenance::Manual"));
+    assert!(rust.contains("text: \"off\", reserved: false, source: Provenance::Inferred(\"D-07\")"));
+    assert!(rust.contains("text: \"step {}\", reserved: false, source: Provenance::Manual"));
 }
 
 #[test]
