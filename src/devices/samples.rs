@@ -4,5 +4,5 @@
 mod events;
 pub(crate) mod tables;
 
-#[cfg(feature = "emulator")]
+#[cfg(feature = "channel")]
 pub(crate) use events::event;
