@@ -1,41 +1,31 @@
 //! Network management: the states of a node, and the commands that change them.
 
-/// State of a node.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+/// State of a node, with its number in guarding telegrams.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern)]
+#[repr(u8)]
 pub enum State {
     /// It is no CANopen node yet, or starts anew.
     #[default]
-    Initialising,
+    Initialising = 0,
     /// It is reached by SDO.
-    PreOperational,
+    PreOperational = 127,
     /// It exchanges PDOs, too.
-    Operational,
+    Operational = 5,
     /// It answers network management and guarding only.
-    Stopped,
+    Stopped = 4,
 }
 
 impl State {
     /// The number in guarding telegrams.
     #[must_use]
     pub const fn code(self) -> u8 {
-        match self {
-            State::Initialising => 0,
-            State::Stopped => 4,
-            State::Operational => 5,
-            State::PreOperational => 127,
-        }
+        self as u8
     }
 
     /// The way back.
     #[must_use]
-    pub const fn from_code(code: u8) -> Option<Self> {
-        Some(match code {
-            0 => State::Initialising,
-            4 => State::Stopped,
-            5 => State::Operational,
-            127 => State::PreOperational,
-            _ => return None,
-        })
+    pub fn from_code(code: u8) -> Option<Self> {
+        bytemuck::checked::try_cast(code).ok()
     }
 
     /// Whether SDOs are served and emergencies sent.

@@ -1,9 +1,10 @@
 //! Numbers in the header page that stand for something.
 
+// The numbers are `tt`, since derives do not look into literals.
 macro_rules! codes {
-    ($(#[$doc:meta])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $value:literal,)* }) => {
+    ($(#[$doc:meta])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $value:tt,)* }) => {
         $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern)]
         #[repr(u32)]
         pub enum $name { $($(#[doc = $vdoc])* $variant = $value,)* }
 
@@ -15,11 +16,8 @@ macro_rules! codes {
             };
 
             /// The meaning of the number in the header, if it has one.
-            pub const fn from_code(code: u32) -> Option<Self> {
-                match code {
-                    $($value => Some(Self::$variant),)*
-                    _ => None,
-                }
+            pub fn from_code(code: u32) -> Option<Self> {
+                bytemuck::checked::try_cast(code).ok()
             }
 
             /// The number in the header.
