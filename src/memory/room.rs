@@ -26,6 +26,9 @@ pub(crate) fn check<'a>(
     images: impl ExactSizeIterator<Item = (&'a str, usize)>,
 ) -> Result<(), MemoryError> {
     let count = images.len();
+    if count <= 1 {
+        return Ok(());
+    }
     let mut needed = 0u64;
     for (plc, length) in images {
         let there = names::image_path(instance, plc)?.symlink_metadata().map_or(0, |file| file.len());
@@ -33,7 +36,7 @@ pub(crate) fn check<'a>(
     }
     let memory = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
     match [free(), memory].into_iter().flatten().min() {
-        Some(free) if count > 1 && free < needed => Err(MemoryError::NoRoomForAll {
+        Some(free) if free < needed => Err(MemoryError::NoRoomForAll {
             instance: instance.to_owned(),
             count,
             needed_kib: needed.div_ceil(1024),

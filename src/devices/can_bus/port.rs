@@ -41,7 +41,8 @@ pub trait CanPort: Send {
         u64::MAX
     }
 
-    /// Handles what is due at `ctx.now`; afterwards [`next_time`](CanPort::next_time) lies behind that, else the bus goes on asking at this moment.
+    /// Handles what is due at `ctx.now`; afterwards [`next_time`](CanPort::next_time) lies behind that, else the bus goes on
+    /// asking at this moment.
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
         let _ = (ctx, controller);
     }

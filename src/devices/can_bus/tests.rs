@@ -3,40 +3,15 @@
 use super::records::{Lost, Transmitted};
 use super::{CanBus, CanBusConfig, CanPort, CanSocket, Controller, QueueFull};
 use crate::can::{BitRate, Filter, Frame, Payload, wire};
+use crate::devices::samples::tables::STATION;
 use crate::devices::{Context, Medium, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
-use crate::layout::{Area, Device, Port, Provenance, Role, Space, Unit};
 use crate::memory::{HEADER_SIZE, Segment};
 use embedded_can::StandardId;
 use std::sync::{Arc, Mutex};
 
 const MOST: usize = 4;
-
-static SPACE: Space = Space {
-    name: "can",
-    letter: 'M',
-    segment: "",
-    unit: Unit::Byte,
-    first: 0,
-    offset: 0,
-    bytes: HEADER_SIZE as u32,
-    page: "",
-    doc: "",
-};
-static AREA: Area = Area {
-    name: "can",
-    name_from: Provenance::Manual,
-    space: &SPACE,
-    first: 0,
-    bytes: HEADER_SIZE as u32,
-    cpu: None,
-    doc: "",
-    page: "",
-    structures: &[],
-};
-static PORTS: [Port; 1] = [Port { name: "can", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
-static DEVICE: Device = Device { ports: &PORTS, ..Device::UNKNOWN };
 
 /// What ports have told: who, when, what.
 type Log = Arc<Mutex<Vec<(u16, u64, &'static str, u8)>>>;
@@ -114,7 +89,7 @@ impl Bench {
             let origin = Origin { plc: who as u16, node: 1 };
             let port = Box::new(Scripted { who: origin.plc, log: log.clone(), filters, script });
             let segment = Segment::heap(2 * HEADER_SIZE);
-            let socket = CanSocket { origin, segment, layout: &DEVICE, port };
+            let socket = CanSocket { origin, segment, layout: &STATION, port };
             let place = bus.attach(Box::new(socket)).unwrap();
             assert!(bus.power_on(place, 0, 0, &mut journal));
         }

@@ -12,40 +12,14 @@ use super::ram::Registers;
 use super::registers::{DEVICE, FRONT_PROGRAM, FRONT_S1, FRONT_STAT, FRONT_STATE};
 use crate::can::{Frame, Payload};
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
+use crate::devices::samples::tables::STATION;
 use crate::devices::{Context, Device, Medium, Power, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
-use crate::layout::{Area, Device as Layout, Port, Provenance, Role, Space, Unit};
 use crate::memory::{HEADER_SIZE, Segment};
 use embedded_can::{Frame as _, Id, StandardId};
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
-
-static SPACE: Space = Space {
-    name: "master",
-    letter: 'M',
-    segment: "",
-    unit: Unit::Byte,
-    first: 0,
-    offset: 0,
-    bytes: HEADER_SIZE as u32,
-    page: "",
-    doc: "",
-};
-static AREA: Area = Area {
-    name: "master",
-    name_from: Provenance::Manual,
-    space: &SPACE,
-    first: 0,
-    bytes: HEADER_SIZE as u32,
-    cpu: None,
-    doc: "",
-    page: "",
-    structures: &[],
-};
-static PORTS: [Port; 1] =
-    [Port { name: "master", number: 1, medium: "can", roles: &[Role::Peer], area: &AREA }];
-static MASTER: Layout = Layout { ports: &PORTS, ..Layout::UNKNOWN };
 
 /// What the master sends, and what it has heard when.
 #[derive(Default)]
@@ -95,7 +69,7 @@ impl Bench {
         let socket = CanSocket {
             origin: Origin { plc: 1, node: 1 },
             segment: Segment::heap(2 * HEADER_SIZE),
-            layout: &MASTER,
+            layout: &STATION,
             port: Box::new(Master(wires.clone())),
         };
         bus.attach(Box::new(socket)).unwrap();
