@@ -1,7 +1,7 @@
 //! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
 
 use super::{Context, Events, World};
-use crate::fault::{Effect, Hit, Target};
+use crate::fault::{Effect, Faults, Hit, Target};
 use crate::layout::{self, Fitted};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, Width};
@@ -131,6 +131,11 @@ pub trait Device: Any + Send {
     /// Handles what is due at `world.now`.
     fn due(&mut self, world: &mut World) {
         let _ = world;
+    }
+
+    /// Which of the faults that the device lets act do so has changed.
+    fn faults_changed(&mut self, faults: &Faults) {
+        let _ = faults;
     }
 
     /// A fault acts that the device has itself: does it hit by itself, at its begin or in a processor cycle? What hits when the

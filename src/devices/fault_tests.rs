@@ -20,7 +20,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// One description of each kind with all its fields, and how it is written in a list.
-const EACH_KIND: [(&str, &str); 16] = [
+const EACH_KIND: [(&str, &str); 22] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",
@@ -58,6 +58,18 @@ const EACH_KIND: [(&str, &str); 16] = [
         "kind = 'baps_slow'\nplc = 'line'\ndelay_us = 3500000\ncount = 2",
         "baps_slow plc=line delay_us=3500000 count=2",
     ),
+    (
+        "kind = 'short_circuit'\nplc = 'saw'\noutput = 15\nduration_us = 7",
+        "short_circuit plc=saw output=15 duration_us=7",
+    ),
+    ("kind = 'wire_break'\nplc = 'saw'\noutput = 0", "wire_break plc=saw output=0"),
+    (
+        "kind = 'supply'\nplc = 'saw'\nwhat = 'drop'\nduration_us = 9",
+        "supply plc=saw what=drop duration_us=9",
+    ),
+    ("kind = 'temperature'\nplc = 'saw'", "temperature plc=saw"),
+    ("kind = 'memory'\nplc = 'saw'", "memory plc=saw count=1"),
+    ("kind = 'fatal'\nplc = 'saw'\ncount = 2", "fatal plc=saw count=2"),
 ];
 
 #[test]
@@ -100,7 +112,8 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
             "kind = 'explode'",
             "kind = \"explode\": there is no such fault; the kinds are: lose_frame, delay_frame, \
              duplicate_frame, lose_sync, jitter_sync, slave_off, slave_late, slave_busy, slave_error, \
-             wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault, baps_silent, baps_slow",
+             wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault, baps_silent, baps_slow, \
+             short_circuit, wire_break, supply, temperature, memory, fatal",
         ),
         (
             "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",

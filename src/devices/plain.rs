@@ -2,7 +2,7 @@
 
 use super::supply::Supply;
 use super::{Context, Device, Look, Power, World};
-use crate::fault::{Effect, Hit, Target};
+use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::layout;
 use crate::layout::{Area, Fitted};
 use crate::memory::header::BoardSetting;
@@ -50,6 +50,16 @@ pub trait Firmware: Send + 'static {
     fn strike(&mut self, now: u64, effect: &Effect) -> Option<Hit> {
         let _ = (now, effect);
         None
+    }
+
+    /// Which of its faults act has changed: those of `owner`.
+    fn faults_changed(&mut self, faults: &Faults, owner: Owner) {
+        let _ = (faults, owner);
+    }
+
+    /// Whether a supply comes in when it is switched on. Asked at each look.
+    fn is_fed(&self) -> bool {
+        true
     }
 }
 
@@ -132,7 +142,7 @@ impl<F: Firmware> Device for Plain<F> {
         if !self.front_has_changed() {
             return Look::Nothing;
         }
-        match self.supply.look(&self.header) {
+        match self.supply.feed(&self.header, self.firmware.is_fed()) {
             Look::Nothing => Look::Answered,
             look => look,
         }
@@ -155,7 +165,7 @@ impl<F: Firmware> Device for Plain<F> {
     }
 
     fn front_has_changed(&self) -> bool {
-        self.supply.has_changed(&self.header)
+        self.supply.has_changed(&self.header) || self.supply.is_fed() != self.firmware.is_fed()
     }
 
     fn processor_cycle(&mut self, ctx: &mut Context) {
@@ -172,6 +182,10 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn strike(&mut self, now: u64, _: Target, effect: &Effect) -> Option<Hit> {
         self.firmware.strike(now, effect)
+    }
+
+    fn faults_changed(&mut self, faults: &Faults) {
+        self.firmware.faults_changed(faults, Owner::Device(self.index));
     }
 
     fn next_time(&self) -> u64 {

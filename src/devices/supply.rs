@@ -9,6 +9,8 @@ use crate::memory::header;
 /// Supply and whether the device is up.
 pub(super) struct Supply {
     is_powered: bool,
+    /// Whether anything comes in when the switch stands at on.
+    is_fed: bool,
     is_up: bool,
     /// Whether it has been up before: the first power-on is no event.
     is_used: bool,
@@ -19,11 +21,28 @@ pub(super) struct Supply {
 impl Supply {
     /// On, and the device not started yet.
     pub(super) fn new(header: &Header) -> Self {
-        Supply { is_powered: true, is_up: false, is_used: false, seen: header.program.power.load() }
+        Supply {
+            is_powered: true,
+            is_fed: true,
+            is_up: false,
+            is_used: false,
+            seen: header.program.power.load(),
+        }
     }
 
     pub(super) fn is_up(&self) -> bool {
         self.is_up
+    }
+
+    /// Whether something comes in, as last told.
+    pub(super) fn is_fed(&self) -> bool {
+        self.is_fed
+    }
+
+    /// The supply behind the switch drops, or is back.
+    pub(super) fn feed(&mut self, header: &Header, is_fed: bool) -> Look {
+        self.is_fed = is_fed;
+        self.look(header)
     }
 
     /// Whether a client has turned the switch since the last look.
@@ -47,6 +66,7 @@ impl Supply {
     }
 
     fn switch(&mut self, on: bool) -> Look {
+        let on = on && self.is_fed;
         if core::mem::replace(&mut self.is_powered, on) == on {
             return Look::Nothing;
         }

@@ -50,6 +50,9 @@ impl Plant {
         for medium in &mut self.media {
             medium.faults_changed(self.now, &self.faults);
         }
+        for device in &mut self.devices {
+            device.faults_changed(&self.faults);
+        }
     }
 
     /// What faults can concern.

@@ -25,7 +25,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// The error is there, with five bytes that say more about it, or is not.
+    /// The error is there, with five bytes that say more about it, or is not. It is told again when they change.
     pub fn set(&mut self, cause: Cause, data: Option<[u8; 5]>) {
         let known = self.present.iter_mut().find(|known| known.cause == cause);
         match (known, data) {
@@ -50,7 +50,8 @@ impl Errors {
             self.told.remove(gone);
             return Some([0, 0, self.register(), 0, 0, 0, 0, 0]);
         }
-        let new = *self.present.iter().find(|known| !is(&self.told, known.cause))?;
+        let new = *self.present.iter().find(|known| !self.told.contains(known))?;
+        self.told.retain(|told| told.cause != new.cause);
         self.told.push(new);
         let [low, high] = new.cause.code.to_le_bytes();
         let [a, b, c, d, e] = new.data;
@@ -84,6 +85,17 @@ mod tests {
         assert_eq!((errors.message(), errors.message()), (Some([0, 0, 0x01, 0, 0, 0, 0, 0]), None));
         errors.set(OTHER, None);
         assert_eq!((errors.message(), errors.register()), (Some([0; 8]), 0));
+    }
+
+    #[test]
+    fn what_has_more_to_say_is_told_again() {
+        let mut errors = Errors::default();
+        errors.set(ONE, Some([1, 0, 0, 0, 0]));
+        errors.message();
+        errors.set(ONE, Some([3, 0, 0, 0, 0]));
+        assert_eq!((errors.message(), errors.message()), (Some([0x00, 0x81, 0x10, 3, 0, 0, 0, 0]), None));
+        errors.set(ONE, None);
+        assert_eq!((errors.message(), errors.message()), (Some([0; 8]), None));
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! A CS0015 as the plant file describes it.
 
 use super::communication::{Factory, PdoConfig, Way, is_rate};
+use super::hardware::{Hardware, Shared};
 use super::master::MasterConfig;
 use super::node::{BootUp, GuardingConfig, Node};
 use super::port::{Firmware, Program};
 use super::ram::{RETAIN_BYTES, Registers};
 use super::registers::DEVICE;
-use super::retained::Retained;
 use crate::devices::can_bus::CanSocket;
 use crate::devices::canopen::pdo::Transmission;
 use crate::devices::settings::{range, refused_at};
@@ -250,17 +250,17 @@ impl DeviceConfig for Cs0015Config {
 
     fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let factory = Factory { node: self.node_id, kbit_s: self.kbit_s };
-        let mut plugs = Vec::new();
+        let (mut plugs, shared) = (Vec::new(), Shared::default());
         for port in DEVICE.ports {
             let node = Node::new(Registers::new(&segment)?, factory, self.boot_up);
             let origin = Origin { plc: index as u16, node: port.number };
-            let firmware = Box::new(Firmware::new(node, self.program.clone()));
+            let firmware = Box::new(Firmware::new(node, self.program.clone(), shared.clone()));
             let socket = CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: firmware };
             let (number, medium) = (port.number, self.bus.clone());
             plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
         }
-        let retained = Retained::new(&segment)?;
-        Ok((Box::new(Plain::new(index, &self.name, &DEVICE, segment, retained)?), plugs))
+        let hardware = Hardware::new(&segment, shared)?;
+        Ok((Box::new(Plain::new(index, &self.name, &DEVICE, segment, hardware)?), plugs))
     }
 }
 

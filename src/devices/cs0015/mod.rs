@@ -2,13 +2,21 @@
 //! Platinensteuerung CS0015, October 1999).
 
 #[cfg(feature = "emulator")]
+mod command;
+#[cfg(feature = "emulator")]
 mod communication;
 #[cfg(feature = "emulator")]
 mod config;
 #[cfg(feature = "emulator")]
 pub(super) mod demo;
 #[cfg(feature = "emulator")]
+mod diagnosis;
+#[cfg(feature = "emulator")]
 mod dictionary;
+#[cfg(feature = "emulator")]
+pub mod faults;
+#[cfg(feature = "emulator")]
+mod hardware;
 #[cfg(feature = "emulator")]
 mod master;
 #[cfg(feature = "emulator")]

@@ -1,6 +1,7 @@
 //! The CANopen slave: frames and times go in, frames come out (p. 38-44).
 
 use super::communication::{Communication, Factory, Identifiers, PDOS, Pdo, PdoConfig, Way};
+use super::diagnosis::Diagnosis;
 use super::dictionary::Entries;
 use super::ram::Registers;
 use super::registers::values::bool;
@@ -90,8 +91,15 @@ impl Node {
     /// Power-on: no CANopen node yet.
     pub(super) fn power_on(&mut self) {
         self.communication.power_on(&self.registers);
+        self.fall_silent();
+    }
+
+    /// From now on it is no CANopen node, until it starts anew.
+    pub(super) fn fall_silent(&mut self) {
         self.state = State::Initialising;
         self.errors.clear();
+        self.guarded.reset();
+        self.sync.stop();
         self.has_sync = false;
         self.out.clear();
     }
@@ -268,9 +276,14 @@ impl Node {
         }
     }
 
-    /// Whether the program says that there is an error.
-    pub(super) fn set_general_error(&mut self, is_there: bool) {
-        self.errors.set(GENERAL, is_there.then_some([0; 5]));
+    /// What is wrong with the hardware, with bytes 3 to 7 of each emergency, and whether `ERROR` is TRUE.
+    pub(super) fn set_errors(&mut self, hardware: &Diagnosis, is_general: bool) {
+        for (cause, data) in hardware.errors() {
+            self.errors.set(cause, data);
+        }
+        // What they are comes before what follows from them.
+        self.tell();
+        self.errors.set(GENERAL, is_general.then_some([0; 5]));
         self.tell();
     }
 

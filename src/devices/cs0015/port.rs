@@ -1,10 +1,12 @@
 //! The controller behind the CAN interface: its operating states, its program, LED STAT and terminals (p. 13-19).
 
 use super::communication::{PdoConfig, Way};
+use super::diagnosis::Diagnosis;
+use super::hardware::Shared;
 use super::master::{Master, MasterConfig};
 use super::node::{GuardingConfig, Node};
-use super::records::{CommandRefused, ControllerState, NodeState};
-use super::registers::values::{bool, key, program, s1, stat, state};
+use super::records::{ControllerState, NodeState};
+use super::registers::values::{bool, key, loaded, program, s1, stat, state};
 use super::registers::{
     FRONT_INPUTS, FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT,
     FRONT_STATE,
@@ -39,14 +41,14 @@ pub enum Program {
 
 /// The firmware of a CS0015.
 pub(super) struct Firmware {
-    node: Node,
-    program: Program,
+    pub(super) node: Node,
+    pub(super) program: Program,
     /// `state` of the front.
-    state: u32,
+    pub(super) state: u32,
     /// What the journal last told of the node.
     told: State,
     /// The programming system has stopped the program.
-    is_stopped: bool,
+    pub(super) is_stopped: bool,
     /// When the reset, or the present cycle of the program, ends; none if nothing runs.
     end_at: Option<u64>,
     /// What makes it the master of the network.
@@ -55,10 +57,16 @@ pub(super) struct Firmware {
     cycles: u8,
     /// The outputs as the last cycle left them.
     outputs: u16,
+    /// What the device itself knows.
+    pub(super) shared: Shared,
+    /// What is wrong with the hardware, as last seen.
+    diagnosis: Diagnosis,
+    /// The operating system was erased since the last reset.
+    pub(super) has_been_erased: bool,
 }
 
 impl Firmware {
-    pub(super) fn new(node: Node, program: Program) -> Self {
+    pub(super) fn new(node: Node, program: Program, shared: Shared) -> Self {
         Firmware {
             node,
             program,
@@ -69,6 +77,9 @@ impl Firmware {
             master: None,
             cycles: 0,
             outputs: 0,
+            shared,
+            diagnosis: Diagnosis::default(),
+            has_been_erased: false,
         }
     }
 
@@ -80,7 +91,7 @@ impl Firmware {
     }
 
     /// The controller goes into another state: the program runs in Run only.
-    fn enter(&mut self, ctx: &mut Context, to: u32) {
+    pub(super) fn enter(&mut self, ctx: &mut Context, to: u32) {
         if core::mem::replace(&mut self.state, to) == to {
             return;
         }
@@ -120,37 +131,31 @@ impl Firmware {
         self.follow_node(ctx);
     }
 
-    /// A command of the programming system, for which S1 has to stand at UNLOCK (p. 13, 17).
-    fn look_at_command(&mut self, ctx: &mut Context) {
-        let registers = &self.node.registers;
-        let request = registers.front(FRONT_PROGRAM);
-        let command = request.load();
-        if command == program::NOTHING || request.compare_exchange(command, program::NOTHING).is_err() {
-            return;
+    /// It has no operating system that goes on: nothing runs, and it is no CANopen node.
+    pub(super) fn fall_silent(&mut self, ctx: &mut Context, to: u32) {
+        self.node.fall_silent();
+        self.node.set_open(false);
+        self.master = None;
+        self.enter(ctx, to);
+    }
+
+    /// What the operating system finds wrong with the hardware.
+    fn diagnose(&mut self, ctx: &mut Context) {
+        let defects = self.shared.defects();
+        let is_at_work = matches!(self.state, state::RESET | state::RUN | state::STOP);
+        if is_at_work && defects.is_fatal {
+            self.fall_silent(ctx, state::FATAL_ERROR);
         }
-        let is_locked = registers.front(FRONT_S1).load() != s1::UNLOCK;
-        if is_locked || self.program == Program::None {
-            ctx.report(CommandRefused { plc: ctx.origin.plc, command: command as u8, is_locked });
-            return;
+        let found = match self.state {
+            state::RUN => Diagnosis::of(&defects, self.outputs),
+            state::STOP => Diagnosis::of(&defects, 0),
+            _ => Diagnosis::default(),
+        };
+        // There is no other flag that would tell the program of it (p. 18, D-461).
+        if found.has_more_than(&self.diagnosis) {
+            self.node.registers.flags.ERROR.store(bool::TRUE);
         }
-        let is_node = self.node.state() != State::Initialising;
-        match (command, self.state) {
-            (program::STOP, state::RUN | state::STOP) => {
-                self.is_stopped = true;
-                if is_node {
-                    self.node.set_state(State::Stopped, ctx.now);
-                }
-                self.enter(ctx, state::STOP);
-            }
-            (program::RUN, state::STOP) => {
-                self.is_stopped = false;
-                if is_node {
-                    self.node.set_state(State::PreOperational, ctx.now);
-                }
-                self.enter(ctx, state::RUN);
-            }
-            _ => {}
-        }
+        self.diagnosis = found;
     }
 
     /// The begin of a cycle: the program is given inputs and flags.
@@ -211,6 +216,7 @@ impl Firmware {
             (state::OFF, ..) => stat::DARK,
             (state::RESET, ..) => stat::GREEN_AND_RED,
             (state::STOP, ..) => stat::GREEN,
+            (state::NO_OPERATING_SYSTEM, ..) => stat::GREEN_5_HZ,
             (state::RUN, false, true) => stat::GREEN_0_5_HZ,
             (state::RUN, false, false) => stat::GREEN_2_HZ,
             (state::RUN, true, true) => stat::RED_0_5_HZ,
@@ -221,9 +227,10 @@ impl Firmware {
 
     /// After whatever has happened: flags, front, journal and frames.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        self.diagnose(ctx);
         let has_error = self.node.registers.flags.ERROR.load() != bool::FALSE;
         if self.node.state() != State::Initialising {
-            self.node.set_general_error(has_error);
+            self.node.set_errors(&self.diagnosis, has_error);
         }
         let (state, node) = (self.node.state(), self.node.number());
         if core::mem::replace(&mut self.told, state) != state {
@@ -234,7 +241,8 @@ impl Firmware {
         registers.flags.COP_PREOPERATIONAL.store(is(state == State::PreOperational));
         registers.flags.UNLOCK.store(is(registers.front(FRONT_S1).load() == s1::UNLOCK));
         let is_driven = self.state == state::RUN && !has_error;
-        registers.front(FRONT_OUTPUTS).store(if is_driven { self.outputs.into() } else { 0 });
+        let outputs = self.outputs & !self.diagnosis.short_circuits;
+        registers.front(FRONT_OUTPUTS).store(if is_driven { outputs.into() } else { 0 });
         registers.front(FRONT_STATE).store(self.state);
         registers.tell_program(match (&self.program, self.state) {
             (Program::None, _) => ProgramState::None,
@@ -260,8 +268,13 @@ impl CanPort for Firmware {
         self.node.set_open(false);
         self.master = None;
         (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
-        self.enter(ctx, state::RESET);
-        self.end_at = Some(ctx.now + RESET_US);
+        (self.diagnosis, self.has_been_erased) = (Diagnosis::default(), false);
+        if self.node.registers.parameters.b_OPERATING_SYSTEM.load() == loaded::NO {
+            self.enter(ctx, state::NO_OPERATING_SYSTEM);
+        } else {
+            self.enter(ctx, state::RESET);
+            self.end_at = Some(ctx.now + RESET_US);
+        }
         controller.set_bit_rate(u32::from(self.node.registers.flags.CANBAUDRATE.load()) * 1000);
         self.show(ctx, controller);
     }

@@ -25,8 +25,34 @@ coded! {
     CommandRefused = 62, "command_refused", Rare, at plc {
         /// As `program` of the front.
         command: u8,
-        /// S1 stands at LOCK; else there is no program.
-        is_locked: bool,
+        /// A [`Refused`].
+        why: u8,
+    }
+}
+
+/// Why a command of the programming system is not carried out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::CheckedBitPattern)]
+#[repr(u8)]
+pub enum Refused {
+    /// There is no program.
+    NoProgram = 0,
+    /// S1 stands at LOCK.
+    Locked = 1,
+    /// It is not for this operating state.
+    State = 2,
+    /// The device needs a reset first.
+    NeedsReset = 3,
+}
+
+impl Refused {
+    fn text(code: u8) -> &'static str {
+        match bytemuck::checked::try_cast(code) {
+            Ok(Refused::NoProgram) => "there is no program",
+            Ok(Refused::Locked) => "S1 stands at LOCK",
+            Ok(Refused::State) => "not in this operating state",
+            Ok(Refused::NeedsReset) => "the device needs a reset first",
+            Err(_) => "unknown",
+        }
     }
 }
 
@@ -69,11 +95,11 @@ impl Told for NodeState {
 
 impl Told for CommandRefused {
     fn text(&self, _: &mut Reader) -> String {
-        let why = if self.is_locked { "S1 stands at LOCK" } else { "there is no program" };
+        let why = Refused::text(self.why);
         format!("command of the programming system refused ({}): {why}", called("program", self.command))
     }
 
     fn fields(&self, _: &mut Reader) -> Fields {
-        Fields::new().with("command", called("program", self.command)).with("locked", self.is_locked)
+        Fields::new().with("command", called("program", self.command)).with("why", Refused::text(self.why))
     }
 }

@@ -1,7 +1,6 @@
 //! What a CS0015 keeps without supply besides its retain flags: the parameters that p. 155 has saved automatically.
 
 use super::registers::{CS0015_PARAMETERS, DEVICE, PARAMETERS};
-use crate::devices::{Context, Firmware};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
 use zerocopy::IntoBytes;
@@ -14,7 +13,7 @@ pub(super) fn area() -> Option<&'static Area> {
     DEVICE.areas.iter().find(|area| area.name == "parameters")
 }
 
-/// What the device itself looks after; everything else runs at its port.
+/// The parameters as they are stored.
 pub(super) struct Retained {
     parameters: View<CS0015_PARAMETERS>,
     stored: [u8; BYTES],
@@ -27,27 +26,14 @@ impl Retained {
         let parameters = segment.view(PARAMETERS)?;
         Ok(Retained { parameters, stored: [0; BYTES], generation: 0 })
     }
-}
 
-impl Firmware for Retained {
-    fn stop(&mut self) {
-        self.keep();
-    }
-
-    fn look(&mut self, _: &mut Context) {
-        self.keep();
-    }
-
-    fn kept(&self) -> Option<&'static Area> {
-        area()
-    }
-
-    fn novram(&self) -> (&[u8], u32) {
+    /// What NOVRAM holds, and a number that changes with it.
+    pub(super) fn novram(&self) -> (&[u8], u32) {
         (&self.stored, self.generation)
     }
 
     /// They are stored when they change (p. 155).
-    fn keep(&mut self) {
+    pub(super) fn keep(&mut self) {
         let mut now = [0; BYTES];
         // Of the same size by their definition.
         let _ = self.parameters.snapshot().write_to(&mut now);

@@ -2,6 +2,7 @@
 
 mod errors;
 mod frames;
+mod hardware;
 mod master;
 mod pdos;
 mod sdo;
@@ -13,9 +14,10 @@ use super::registers::{DEVICE, FRONT_PROGRAM, FRONT_S1, FRONT_STAT, FRONT_STATE}
 use crate::can::{Frame, Payload};
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
 use crate::devices::samples::tables::STATION;
-use crate::devices::{Context, Device, Medium, Power, World};
-use crate::fault::Faults;
-use crate::journal::{Journal, Origin};
+use crate::devices::{Context, Device, Look, Medium, Power, World, fault_kinds};
+use crate::fault::{FaultSpec, Faults, Owner};
+use crate::journal::{Journal, Names, Origin};
+use crate::layout::Fitted;
 use crate::memory::{HEADER_SIZE, Segment};
 use embedded_can::{Frame as _, Id, StandardId};
 use std::sync::{Arc, Mutex};
@@ -50,6 +52,7 @@ struct Bench {
     segment: Segment,
     wires: Arc<Mutex<Wires>>,
     journal: Journal,
+    faults: Faults,
     now: u64,
 }
 
@@ -74,8 +77,8 @@ impl Bench {
         };
         bus.attach(Box::new(socket)).unwrap();
         let registers = Registers::new(&segment).unwrap();
-        let journal = Journal::default();
-        let mut bench = Bench { bus, device, registers, segment, wires, journal, now: 0 };
+        let (journal, faults) = (Journal::default(), Faults::default());
+        let mut bench = Bench { bus, device, registers, segment, wires, journal, faults, now: 0 };
         bench.bus.power_on(1, 0, 0, &mut bench.journal);
         bench.power_on();
         bench
@@ -99,18 +102,26 @@ impl Bench {
     }
 
     fn power_on(&mut self) {
-        let origin = Origin { plc: 0, node: 0 };
         self.device.set_power(Power::On);
+        self.start();
+    }
+
+    fn start(&mut self) {
+        let origin = Origin { plc: 0, node: 0 };
         self.device.start(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
         self.bus.power_on(0, 0, self.now, &mut self.journal);
     }
 
-    /// Supply off and on.
-    fn power_cycle(&mut self) {
+    fn stop(&mut self) {
         let origin = Origin { plc: 0, node: 0 };
-        self.device.set_power(Power::Off);
         self.device.stop(&mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 });
         self.bus.power_off(0, self.now, &mut self.journal);
+    }
+
+    /// Supply off and on.
+    fn power_cycle(&mut self) {
+        self.device.set_power(Power::Off);
+        self.stop();
         assert_eq!((self.state(), self.stat()), ("off".to_owned(), "dark".to_owned()));
         self.run(10 * MS);
         self.power_on();
@@ -118,10 +129,48 @@ impl Bench {
         self.heard();
     }
 
+    /// A fault of the device, in the words of `commram fault add`. Returns its number.
+    fn fault(&mut self, kind: &str, words: &[&str]) -> u16 {
+        let names = Names {
+            plcs: vec!["panel".to_owned()],
+            buses: vec!["open".to_owned()],
+            devices: vec![Fitted::unknown(&DEVICE)],
+        };
+        let words: Vec<_> = words.iter().copied().chain(["plc=panel"]).collect();
+        let spec = FaultSpec::from_words(fault_kinds(), kind, &words).unwrap();
+        let fault = spec.resolve(fault_kinds(), &names).unwrap();
+        let id = self.faults.add(self.now, fault, Owner::Device(0), &mut self.journal).unwrap();
+        self.run(MS);
+        id
+    }
+
+    fn clear_fault(&mut self, id: u16) {
+        self.faults.clear(self.now, id, &mut self.journal).unwrap();
+        self.device.faults_changed(&self.faults);
+        self.run(MS);
+    }
+
+    /// What a plant does in a processor cycle with faults, and with a device that goes off or on.
+    fn look_at_faults(&mut self) {
+        let Bench { faults, device, journal, now, .. } = self;
+        if faults.next_time() <= *now {
+            faults.advance(*now, journal);
+            device.faults_changed(faults);
+        }
+        faults.strike_all(*now, journal, |_, target, effect| device.strike(*now, target, effect));
+        let origin = Origin { plc: 0, node: 0 };
+        match device.look(&mut Context { now: *now, journal, origin, base: 0 }) {
+            Look::Off => self.stop(),
+            Look::Up => self.start(),
+            _ => {}
+        }
+    }
+
     /// So long, with a processor cycle every 500 us.
     fn run(&mut self, us: u64) {
         let end = self.now + us;
         while self.now < end {
+            self.look_at_faults();
             let origin = Origin { plc: 0, node: 0 };
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
             self.device.processor_cycle(ctx);

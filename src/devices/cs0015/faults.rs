@@ -1,0 +1,102 @@
+//! Kinds of faults of a CS0015: what its operating system checks (p. 18-19, 44).
+
+use crate::fault::{self, Fault, Field, Form, Kind, Place};
+
+/// Outputs that there are.
+pub(super) const OUTPUTS: u8 = 16;
+
+/// What is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Effect {
+    /// This output, 0 to 15, has a short circuit.
+    ShortCircuit(u8),
+    /// Nothing is connected to this output, 0 to 15.
+    WireBreak(u8),
+    /// The supply.
+    Supply(Wrong),
+    /// It is warmer than 85 degrees.
+    Hot,
+    /// An error in the memory.
+    Memory,
+    /// An error that it cannot go on with.
+    Fatal,
+}
+
+/// What is wrong with the supply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wrong {
+    /// It is too low or too high.
+    Voltage,
+    /// It is gone.
+    Gone,
+}
+
+/// What can be wrong with the supply, of which a fault has the place.
+const WRONG: &[&str] = &["under", "over", "drop"];
+
+const OUTPUT: Field =
+    Field::new("output", Form::Number { least: 0, most: OUTPUTS as u64 - 1 }, "Number of the output")
+        .required("give the number of the output, 0 to 15");
+
+fn output(fault: &Fault) -> u8 {
+    fault.value(OUTPUT.name()).unwrap_or(0) as u8
+}
+
+static SHORT_CIRCUIT: Kind = Kind::new(
+    40,
+    "short_circuit",
+    Place::Device,
+    "An output of a CS0015 has a short circuit and switches itself off",
+    |fault| fault::Effect::new(Effect::ShortCircuit(output(fault))),
+)
+.with(const { &[OUTPUT] })
+.without_hits()
+.shown("output=3 duration=2s");
+
+static WIRE_BREAK: Kind = Kind::new(
+    41,
+    "wire_break",
+    Place::Device,
+    "Nothing is connected to an output of a CS0015 any more",
+    |fault| fault::Effect::new(Effect::WireBreak(output(fault))),
+)
+.with(const { &[OUTPUT] })
+.without_hits()
+.shown("output=3 duration=2s");
+
+static SUPPLY: Kind =
+    Kind::new(42, "supply", Place::Device, "The supply of a CS0015 is too low, too high or gone", |fault| {
+        let wrong = if fault.value("what") == Some(2) { Wrong::Gone } else { Wrong::Voltage };
+        fault::Effect::new(Effect::Supply(wrong))
+    })
+    .with(
+        const {
+            &[Field::new("what", Form::Word(WRONG), "Too low, too high, or gone")
+                .required("give under, over or drop")]
+        },
+    )
+    .without_hits()
+    .shown("what=drop duration=100ms");
+
+static TEMPERATURE: Kind =
+    Kind::new(43, "temperature", Place::Device, "A CS0015 is warmer than 85 degrees", |_| {
+        fault::Effect::new(Effect::Hot)
+    })
+    .without_hits()
+    .shown("duration=10s");
+
+static MEMORY: Kind = Kind::new(44, "memory", Place::Device, "A CS0015 finds an error in its memory", |_| {
+    fault::Effect::new(Effect::Memory)
+})
+.once()
+.shown("at=2s");
+
+static FATAL: Kind =
+    Kind::new(45, "fatal", Place::Device, "A CS0015 finds an error that it cannot go on with", |_| {
+        fault::Effect::new(Effect::Fatal)
+    })
+    .once()
+    .shown("at=2s");
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL];

@@ -1,0 +1,138 @@
+//! The device itself, besides its port: its supply, what it keeps without it, and what is wrong with its hardware.
+
+use super::faults::{Effect, Wrong};
+use super::registers::values::{bool, state};
+use super::registers::{CS0015_FLAGS, FLAGS, FRONT_STATE};
+use super::retained::{Retained, area};
+use crate::devices::{Context, Firmware};
+use crate::fault::{self, Faults, Hit, Owner};
+use crate::layout::Area;
+use crate::memory::{Header, MemoryError, Segment, View};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What the firmware at the port finds wrong with the hardware.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Defects {
+    /// Outputs with a short circuit, bit n for output n.
+    pub short_circuits: u16,
+    /// Outputs whose wire is broken, bit n for output n.
+    pub wire_breaks: u16,
+    /// The supply is too low or too high.
+    pub has_wrong_voltage: bool,
+    /// It is warmer than 85 degrees.
+    pub is_hot: bool,
+    /// An error has been found that it cannot go on with.
+    pub is_fatal: bool,
+    /// There is no supply.
+    pub has_dropped: bool,
+    /// The firmware wants the supply off and on.
+    pub wants_restart: bool,
+}
+
+/// What the device and the firmware at its port both know.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Shared(Arc<Mutex<Defects>>);
+
+impl Shared {
+    /// What is wrong now.
+    pub(super) fn defects(&self) -> Defects {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Defects)) {
+        change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// The device is to start anew, as if its supply went off and on.
+    pub(super) fn restart(&self) {
+        self.change(|defects| defects.wants_restart = true);
+    }
+}
+
+/// What is no port's.
+pub(super) struct Hardware {
+    retained: Retained,
+    shared: Shared,
+    flags: View<CS0015_FLAGS>,
+    header: View<Header>,
+}
+
+impl Hardware {
+    pub(super) fn new(segment: &Segment, shared: Shared) -> Result<Self, MemoryError> {
+        let (flags, header) = (segment.view(FLAGS)?, segment.header()?);
+        Ok(Hardware { retained: Retained::new(segment)?, shared, flags, header })
+    }
+
+    /// Whether there is an operating system at work that can find anything.
+    fn is_at_work(&self) -> bool {
+        matches!(self.header.front[FRONT_STATE].load(), state::RESET | state::RUN | state::STOP)
+    }
+}
+
+impl Firmware for Hardware {
+    fn start(&mut self, _: &mut Context) {
+        self.shared.change(|defects| defects.is_fatal = false);
+    }
+
+    fn stop(&mut self) {
+        self.retained.keep();
+        self.shared.change(|defects| defects.wants_restart = false);
+    }
+
+    fn look(&mut self, _: &mut Context) {
+        self.retained.keep();
+    }
+
+    fn kept(&self) -> Option<&'static Area> {
+        area()
+    }
+
+    fn novram(&self) -> (&[u8], u32) {
+        self.retained.novram()
+    }
+
+    fn keep(&mut self) {
+        self.retained.keep();
+    }
+
+    fn strike(&mut self, _: u64, effect: &fault::Effect) -> Option<Hit> {
+        if !self.is_at_work() {
+            return None;
+        }
+        match effect.get()? {
+            Effect::Memory => {
+                let is_new = self.flags.ERROR_MEMORY.load() == bool::FALSE;
+                is_new.then(|| self.flags.ERROR_MEMORY.store(bool::TRUE))?;
+            }
+            Effect::Fatal => {
+                let is_new = !self.shared.defects().is_fatal;
+                is_new.then(|| self.shared.change(|defects| defects.is_fatal = true))?;
+            }
+            // They are there as long as the fault acts.
+            Effect::ShortCircuit(_) | Effect::WireBreak(_) | Effect::Supply(_) | Effect::Hot => return None,
+        }
+        Some(Hit::Plain)
+    }
+
+    fn faults_changed(&mut self, faults: &Faults, owner: Owner) {
+        let mut found = Defects::default();
+        for (_, effect) in faults.acting(owner) {
+            match *effect {
+                Effect::ShortCircuit(output) => found.short_circuits |= 1 << output,
+                Effect::WireBreak(output) => found.wire_breaks |= 1 << output,
+                Effect::Supply(Wrong::Voltage) => found.has_wrong_voltage = true,
+                Effect::Supply(Wrong::Gone) => found.has_dropped = true,
+                Effect::Hot => found.is_hot = true,
+                Effect::Memory | Effect::Fatal => {}
+            }
+        }
+        self.shared.change(|defects| {
+            *defects = Defects { is_fatal: defects.is_fatal, wants_restart: defects.wants_restart, ..found };
+        });
+    }
+
+    fn is_fed(&self) -> bool {
+        let defects = self.shared.defects();
+        !defects.has_dropped && !defects.wants_restart
+    }
+}
