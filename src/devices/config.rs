@@ -1,6 +1,6 @@
 //! What the plant file says about devices and media, as far as the plant must understand it: everything else is their own.
 
-use super::{BuildError, Device, Medium, Plug, SettingError};
+use super::{BuildError, Device, Medium, Plug};
 use crate::can;
 use crate::door::DoorSpec;
 use crate::fault;
@@ -19,11 +19,11 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// What it is.
     fn layout(&self) -> &'static layout::Device;
 
-    /// Checks the numbers.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// [`SettingError`] names the key and what would be right.
-    fn check(&self) -> Result<(), SettingError> {
+    /// [`BuildError::Setting`] names the key and what would be right, [`BuildError::Own`] the part of the device.
+    fn check(&self) -> Result<(), BuildError> {
         Ok(())
     }
 
@@ -45,7 +45,7 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
     /// Device number `index` of the plant in this image, and its ports, which are still to be plugged in.
     ///
     /// # Errors
-    /// [`BuildError`]: the image is too small or read-only, or settings are refused that only their owner can judge.
+    /// [`BuildError`]: the image is too small or read-only, or the settings are refused.
     fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError>;
 }
 
@@ -67,11 +67,11 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
     /// Its name, unique among the media.
     fn name(&self) -> &str;
 
-    /// Checks the numbers.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// [`SettingError`] names the key and what would be right.
-    fn check(&self) -> Result<(), SettingError> {
+    /// [`BuildError::Setting`] names the key and what would be right, [`BuildError::Own`] the participant.
+    fn check(&self) -> Result<(), BuildError> {
         Ok(())
     }
 
@@ -96,7 +96,7 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
     /// Medium number `index` of the plant, without ports.
     ///
     /// # Errors
-    /// [`BuildError`]: settings of a participant that only itself can judge.
+    /// [`BuildError`]: the settings are refused.
     fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError>;
 }
 

@@ -1,6 +1,5 @@
 //! What the settings of devices and media in a plant file have in common: ranges, times.
 
-use crate::devices::cansync::drive::DriveError;
 use crate::memory::MemoryError;
 use core::convert::Infallible;
 use core::fmt;
@@ -35,9 +34,17 @@ pub enum BuildError {
     /// A port and its medium are of different families.
     #[error("the port does not fit the medium")]
     OtherFamily,
-    /// Settings of a drive that only the drive itself can judge.
+    /// A number out of its range.
     #[error(transparent)]
-    Drive(#[from] DriveError),
+    Setting(#[from] SettingError),
+    /// Settings that only their owner can judge.
+    #[error("{reason}")]
+    Own {
+        /// Name of the owner, as the plant file has it.
+        name: String,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
 }
 
 /// Checks that `value` is `allowed`, which `right` says in words.

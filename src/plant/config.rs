@@ -9,7 +9,7 @@ mod times_tests;
 
 use crate::devices;
 use crate::devices::settings::range;
-use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig, SettingError};
+use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, MediumSite, Refusal, Sites};
 use crate::journal::Names;
 use crate::layout::Fitted;
@@ -94,9 +94,6 @@ pub enum PlantError {
         /// The name.
         name: String,
     },
-    /// A number out of its range.
-    #[error(transparent)]
-    Setting(#[from] SettingError),
     /// Something else where sections belong.
     #[error("{file}: line {line}: [[{name}]] begins a section; there can be several")]
     NoSection {
@@ -132,6 +129,20 @@ pub enum PlantError {
         bus: String,
         /// The buses there are.
         known: String,
+    },
+    /// A device refers to a bus of another kind than its port is made for.
+    #[error("{port} of PLC '{plc}' is on bus '{bus}' of kind '{kind}'; it needs one of kind '{right}'")]
+    OtherKind {
+        /// The device.
+        plc: String,
+        /// Its port.
+        port: String,
+        /// The bus it names.
+        bus: String,
+        /// Kind of that bus.
+        kind: &'static str,
+        /// Kind of the buses that it can be on.
+        right: &'static str,
     },
     /// Two ports of a device on one bus.
     #[error("{first} and {second} of PLC '{plc}' are both on bus '{bus}'; a PLC takes part in a bus once")]
@@ -173,7 +184,7 @@ pub enum PlantError {
         /// Another participant.
         second: String,
     },
-    /// A device or medium cannot be built.
+    /// A device or medium cannot be built: a number out of its range, or a setting that only its owner can judge.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// A fault is refused.
@@ -222,7 +233,7 @@ impl PlantConfig {
         Ok(config)
     }
 
-    /// Checks everything that a plant file can get wrong, but for the drives' own settings.
+    /// Checks everything that a plant file can get wrong.
     ///
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
@@ -230,7 +241,8 @@ impl PlantConfig {
         if self.devices.is_empty() {
             return Err(PlantError::NoPlc);
         }
-        range("processor_cycle_us", "plant", self.processor_cycle_us.into(), 10..=10_000, "10 to 10000")?;
+        range("processor_cycle_us", "plant", self.processor_cycle_us.into(), 10..=10_000, "10 to 10000")
+            .map_err(BuildError::from)?;
         for (what, count) in [("PLC", self.devices.len()), ("bus", self.media.len())] {
             if count > MOST {
                 return Err(PlantError::TooMany { what, count });
@@ -340,6 +352,11 @@ impl PlantConfig {
                 let (port, bus) = (port.name.to_owned(), bus.to_owned());
                 return Err(PlantError::UnknownBus { plc, port, bus, known });
             };
+            let right = device.layout().port_numbered(port.number).map_or(medium.family(), |port| port.medium);
+            if right != medium.family() {
+                let (port, bus, kind) = (port.name.to_owned(), bus.to_owned(), medium.family());
+                return Err(PlantError::OtherKind { plc, port, bus, kind, right });
+            }
             if let Some(other) = ports[..index].iter().find(|other| other.medium == port.medium) {
                 if medium.has_one_master() && other.address.is_none() && port.address.is_none() {
                     let (first, second) = (plc.clone(), plc);

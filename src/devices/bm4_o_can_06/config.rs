@@ -3,7 +3,7 @@
 use super::Bm4Plc;
 use super::registers::DEVICE;
 use crate::devices::settings::{range, refused_at, time};
-use crate::devices::{BuildError, Device, DeviceConfig, Plug, PortConfig, SettingError};
+use crate::devices::{BuildError, Device, DeviceConfig, Plug, PortConfig};
 use crate::layout;
 use crate::layout::Port;
 use crate::memory::Segment;
@@ -186,7 +186,7 @@ impl DeviceConfig for Bm4Config {
         &DEVICE
     }
 
-    fn check(&self) -> Result<(), SettingError> {
+    fn check(&self) -> Result<(), BuildError> {
         for module in &self.modules {
             let name = format!("{}:{}", self.name, module.port.name);
             time("lock_time_us", &name, module.lock_time_us)?;

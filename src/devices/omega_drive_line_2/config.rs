@@ -2,7 +2,7 @@
 
 use super::Plc;
 use super::plc::{MASTER, SLAVE};
-use crate::devices::cansync::drive::{BuiltInDriveConfig, Watch};
+use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig, Watch};
 use crate::devices::omega_drive_line_2::registers::{
     DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
 };
@@ -114,21 +114,23 @@ impl DeviceConfig for PlcConfig {
         &DEVICE
     }
 
-    fn check(&self) -> Result<(), SettingError> {
+    fn check(&self) -> Result<(), BuildError> {
         range("dip", &self.name, self.dip.into(), 0..=31, "0 to 31")?;
         self.check_times()?;
         let sync = self.option_sync_us.map_or(50, u64::from);
         range("option_sync_us", &self.name, sync, 50..=1_000_000, "50 to 1000000")?;
         if ![0, 10, 100].contains(&self.ethernet_mbit) {
             let (name, value) = (self.name.clone(), self.ethernet_mbit.into());
-            return Err(SettingError { what: "ethernet_mbit", name, value, right: "100, 10 or 0" });
+            return Err(SettingError { what: "ethernet_mbit", name, value, right: "100, 10 or 0" }.into());
         }
         let right = "4 to 71808 and divisible by 4";
         range("retain_bytes", &self.name, self.retain_bytes.into(), 4..=RETAIN_BYTES as u64, right)?;
         if !self.retain_bytes.is_multiple_of(4) {
             let (name, value) = (self.name.clone(), self.retain_bytes.into());
-            return Err(SettingError { what: "retain_bytes", name, value, right });
+            return Err(SettingError { what: "retain_bytes", name, value, right }.into());
         }
+        // What only the drive itself knows.
+        BuiltInDrive::new(&self.name, &self.drive)?;
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 //! Looked for after the refusal, so that settings need not carry their places about.
 
 use super::PlantError;
-use crate::devices::SettingError;
+use crate::devices::{BuildError, SettingError};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -17,7 +17,8 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
     let table = DeTable::parse(text).ok()?;
     let root = table.get_ref();
     let found = match error {
-        PlantError::Setting(error) => setting(root, error),
+        PlantError::Build(BuildError::Setting(error)) => setting(root, error),
+        PlantError::Build(BuildError::Own { name, .. }) => named(root, name).last(),
         PlantError::Name { name, .. } => named(root, name).last(),
         PlantError::Duplicate { what, name } => {
             sections_of(root, what).filter(|it| is_named(it, name)).last()
@@ -25,6 +26,7 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
         PlantError::UnknownBus { plc, bus, .. } | PlantError::BothNodes { plc, bus, .. } => {
             plugged_at(root, plc, bus).last().map(|(_, key)| key)
         }
+        PlantError::OtherKind { plc, bus, .. } => plugged_at(root, plc, bus).next().map(|(_, key)| key),
         PlantError::TwoMasters { bus, second, .. } => {
             plugged_at(root, second, bus).last().map(|(_, key)| key)
         }

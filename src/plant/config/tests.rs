@@ -49,6 +49,14 @@ fn each_mistake_is_named() {
             format!("{plc}node2 = 'x'\n{bus}"),
             "node2 of PLC 'p' is on bus 'x', which does not exist; buses are: b",
         ),
+        (
+            format!("{plc}node2 = 'b'\n{bus}kind = 'can'\nkbit_s = 500\n"),
+            &format!("node2 of PLC 'p' is on bus 'b' of kind 'can'; it needs one of kind '{}'", MEDIA[0].name),
+        ),
+        (
+            format!("{plc}{bus}kbit_s = 1000\n{}", drive("d", 1)),
+            "line 6: drive d: card_function 1 does not run at 1000 kbit/s",
+        ),
         (format!("{plc}node1 = 'b'\nnode2 = 'b'\n{bus}"), "node1 and node2 of PLC 'p' are both on bus 'b'"),
         (
             format!("{plc}node2 = 'b'\n[[plc]]\nname = 'q'\nnode2 = 'b'\n{bus}"),
@@ -122,6 +130,11 @@ fn each_mistake_is_told_with_its_line() {
         (format!("{plc}node1 = 'b'\n[[plc]]\nname = 'q'\nnode1 = 'b'\ndip = 0\n{bus}"), 7),
         (format!("{plc}node1 = 'b'\n[[plc]]\nname = 'q'\nnode1 = 'b'\n{bus}"), 6),
         (format!("{plc}{bus}kbit_s = 800\n"), 5),
+        (format!("{plc}node2 = 'b'\n{bus}kind = 'can'\nkbit_s = 500\n"), 3),
+        // What only the drives themselves can judge.
+        (format!("{plc}{bus}kbit_s = 1000\n[[bus.drive]]\nname = 'd'\nslave_number = 1\n"), 6),
+        (format!("{plc}{bus}[[bus.drive]]\nname = 'd'\nslave_number = 1\nzk = {{ zk_0 = 120, zk_4 = 65 }}\n"), 5),
+        (format!("{bus}{plc}drive = {{ parameters = [{{ number = 5000, format = 'word' }}] }}\n"), 3),
         (format!("\nprocessor_cycle_us = 5\n{plc}"), 2),
     ] {
         let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();

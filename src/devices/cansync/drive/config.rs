@@ -5,6 +5,7 @@ use super::drivecom::Enable;
 use super::monitoring::CardMonitoring;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec};
 use super::zk::{ActualMapping, MappingError, ReferenceMapping, Source, ZkParameters};
+use crate::devices::BuildError;
 use crate::devices::cansync::bus::Channel;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
@@ -190,6 +191,16 @@ pub enum DriveError {
         /// What is wrong.
         reason: ZkError,
     },
+}
+
+impl From<DriveError> for BuildError {
+    fn from(error: DriveError) -> Self {
+        let (DriveError::SlaveNumber { drive, .. }
+        | DriveError::Rate { drive, .. }
+        | DriveError::Parameter { drive, .. }
+        | DriveError::Zk { drive, .. }) = &error;
+        BuildError::Own { name: drive.clone(), reason: error.to_string() }
+    }
 }
 
 /// What is wrong with a card parameter.

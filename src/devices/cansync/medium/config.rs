@@ -2,7 +2,7 @@
 
 use super::{FAMILY, SimBus};
 use crate::devices::cansync::bus::FrameLength;
-use crate::devices::cansync::drive::DriveConfig;
+use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, Medium, MediumConfig, SettingError};
 use crate::door::DoorSpec;
@@ -60,13 +60,18 @@ impl MediumConfig for BusConfig {
         &self.name
     }
 
-    /// But for what only the drives themselves know.
-    fn check(&self) -> Result<(), SettingError> {
+    fn check(&self) -> Result<(), BuildError> {
         if ![1000, 500, 250, 125].contains(&self.kbit_s) {
             let (name, value) = (self.name.clone(), self.kbit_s.into());
-            return Err(SettingError { what: "kbit_s", name, value, right: "1000, 500, 250 or 125" });
+            let right = "1000, 500, 250 or 125";
+            return Err(SettingError { what: "kbit_s", name, value, right }.into());
         }
-        self.drives.iter().try_for_each(check_drive)
+        for drive in &self.drives {
+            check_drive(drive)?;
+            // What only the drive itself knows.
+            Drive::new(drive, self.kbit_s)?;
+        }
+        Ok(())
     }
 
     fn family(&self) -> &'static str {
