@@ -3,13 +3,13 @@
 use crate::rules;
 
 rules! {
-    OWNER: 0, "owner", Error, "p. 147-193, D-17",
+    OWNER: 0, "owner", Error, "the register's page; D-17",
         "A register that only the firmware writes was written; the firmware will overwrite it. Only read it.";
-    RESERVED_REGISTER: 1, "reserved-register", Error, "p. 151-190, D-91",
+    RESERVED_REGISTER: 1, "reserved-register", Error, "the register's page; D-91",
         "A reserved register was written. Leave it at 0.";
-    RESERVED_BIT: 2, "reserved-bit", Error, "p. 88, 152, 156, 164, 177, 180, 184",
+    RESERVED_BIT: 2, "reserved-bit", Error, "the register's page",
         "A reserved bit was set. Leave it at 0.";
-    RESERVED_VALUE: 3, "reserved-value", Warning, "p. 88, 149, 163, 196",
+    RESERVED_VALUE: 3, "reserved-value", Warning, "the register's page",
         "A register was given a value that is reserved. Use one of the values that the manual gives a meaning.";
     HEADER: 30, "header", Error, "docs/attach.md",
         "A field of the header page that belongs to the emulator was written. Only read it.";

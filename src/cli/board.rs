@@ -3,9 +3,10 @@
 use super::Instance;
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
+use crate::devices;
 use crate::devices::{Led, ModuleFront, Switch};
 use crate::layout::FrontWord;
-use crate::memory::header::{BoardSetting, BoardState, BoardWord, BoardWords};
+use crate::memory::header::{BoardSetting, BoardWord, BoardWords};
 use clap::Subcommand;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
@@ -68,20 +69,28 @@ enum Command {
     },
 }
 
-/// The board of one PLC.
+/// The board of one PLC, as far as it has it.
 #[derive(Serialize)]
 struct Entry {
     plc: String,
-    display: String,
-    leds: String,
-    switch: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    display: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    leds: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    switch: Option<String>,
     power: String,
-    dip: u32,
-    dip_latched: u32,
-    program: String,
-    start: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dip: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dip_latched: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    program: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    start: Option<String>,
     restarts: u32,
-    project: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    project: Option<String>,
     #[serde(flatten)]
     front: Front,
     #[serde(flatten)]
@@ -200,26 +209,29 @@ impl Row for Entry {
     ];
 
     fn cells(&self) -> Vec<String> {
+        let text = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
+        let number = |number: Option<u32>| number.map_or_else(|| "-".to_owned(), |it| it.to_string());
+        let is_dark = self.display.as_ref().is_some_and(|shown| shown.trim().is_empty());
         vec![
             self.plc.clone(),
-            if self.display.trim().is_empty() { "dark".to_owned() } else { self.display.clone() },
-            self.leds.clone(),
-            self.switch.clone(),
+            if is_dark { "dark".to_owned() } else { text(&self.display) },
+            text(&self.leds),
+            text(&self.switch),
             self.power.clone(),
-            self.dip.to_string(),
-            self.dip_latched.to_string(),
-            self.program.clone(),
-            self.start.clone(),
+            number(self.dip),
+            number(self.dip_latched),
+            text(&self.program),
+            text(&self.start),
             self.restarts.to_string(),
-            self.project.clone(),
+            text(&self.project),
         ]
     }
 }
 
 impl Entry {
-    fn new(plc: &str, state: &BoardState, front: Front, modules: Modules) -> Self {
+    fn new(plc: &str, words: BoardWords, front: Front, modules: Modules) -> Self {
         let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =
-            state.words();
+            words;
         let plc = plc.to_owned();
         Entry {
             plc,
@@ -265,7 +277,8 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
     for (number, (plc, state)) in (0..).zip(&boards) {
         if only.is_none_or(|only| only == number) {
             let front = Front(session.front(number)?);
-            rows.push(Entry::new(plc, state, front, Modules(session.modules(number)?)));
+            let words = state.words(devices::board_of(session.device(number)));
+            rows.push(Entry::new(plc, words, front, Modules(session.modules(number)?)));
         }
     }
     table::print(format.format, &rows, |rows| table::aligned(rows) + &front_lines(rows) + &module_lines(rows))

@@ -1,7 +1,9 @@
 //! Which device, where no emulator says so.
 
+use super::Instance;
 use super::error::CliError;
 use super::place::Place;
+use super::session::Session;
 use crate::devices;
 use crate::layout::{Device, Fit, Fitted, LayoutError, Role};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -67,8 +69,28 @@ fn on_any_fit<T>(
 ///
 /// # Errors
 /// As [`on_any_device`].
-///
-/// [`Session::place`]: super::session::Session::place
 pub(crate) fn of_any_device(text: &str) -> Result<Place, CliError> {
     on_any_device(|fitted| Place::parse(fitted, text))
+}
+
+/// The same, before `instance` is asked what it is there. Where no device has such an area, it tells which ones that PLC has,
+/// if it runs.
+pub(crate) fn of_any_device_but_told_by(instance: &Instance) -> impl Fn(&str) -> Result<Place, CliError> {
+    |text| of_any_device(text).or_else(|refusal| told_by(instance, refusal, |session| session.place(text)))
+}
+
+/// What `ask` gets from the instance, if it runs and `refusal` is that no device has such an area.
+///
+/// # Errors
+/// What `ask` is refused with, else `refusal`.
+pub(crate) fn told_by<T>(
+    instance: &Instance,
+    refusal: CliError,
+    ask: impl Fn(&Session) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    use LayoutError::{UnknownArea, UnknownVariable};
+    match (&refusal, Session::open_for_reading(&instance.name)) {
+        (CliError::Layout(UnknownArea { .. } | UnknownVariable { .. }), Ok(session)) => ask(&session),
+        _ => Err(refusal),
+    }
 }

@@ -1,7 +1,7 @@
 //! `commram force` and `commram unforce`: registers that keep their value.
 
 use super::Instance;
-use super::device::of_any_device;
+use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 #[cfg(feature = "channel")]
 use super::place::Place;
@@ -57,7 +57,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.writes.is_empty() {
         return list(args);
     }
-    args.writes.iter().try_for_each(|text| poke::parse(text, of_any_device).map(drop))?;
+    let check = of_any_device_but_told_by(&args.instance);
+    args.writes.iter().try_for_each(|text| poke::parse(text, &check).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;
     let parse = |text: &String| poke::parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
@@ -98,14 +99,16 @@ fn list(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    args.writes.iter().try_for_each(|text| super::poke::parse(text, of_any_device).map(drop))?;
+    let check = of_any_device_but_told_by(&args.instance);
+    args.writes.iter().try_for_each(|text| super::poke::parse(text, &check).map(drop))?;
     Err(CliError::NoChannel { command: "force" })
 }
 
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
-    args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
+    let check = of_any_device_but_told_by(&args.instance);
+    args.registers.iter().try_for_each(|text| check(text).map(drop))?;
     Err(CliError::NoChannel { command: "unforce" })
 }
 
@@ -115,7 +118,8 @@ pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;
 
-    args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
+    let check = of_any_device_but_told_by(&args.instance);
+    args.registers.iter().try_for_each(|text| check(text).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;
     let ops = if args.all {
         let forces = session.read(&[])?.forces;

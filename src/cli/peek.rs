@@ -1,6 +1,6 @@
 //! `commram peek`: what registers hold.
 
-use super::device::of_any_device;
+use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::{Place, live_by};
 use super::session::{Read, Session};
@@ -85,7 +85,8 @@ impl Row for Holding {
 
 /// Reads the registers and prints them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    args.registers.iter().try_for_each(|text| of_any_device(text).map(drop))?;
+    let check = of_any_device_but_told_by(&args.instance);
+    args.registers.iter().try_for_each(|text| check(text).map(drop))?;
     let session = Session::open_for_reading(&args.instance.name)?;
     let places = args.registers.iter().map(|text| session.place(text)).collect::<Result<Vec<_>, _>>()?;
     let holdings = read(&session, &places)?;

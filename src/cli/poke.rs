@@ -1,7 +1,7 @@
 //! `commram poke`: write registers.
 
 use super::Instance;
-use super::device::of_any_device;
+use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
 
@@ -54,7 +54,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;
 
-    args.writes.iter().try_for_each(|text| parse(text, of_any_device).map(drop))?;
+    let check = of_any_device_but_told_by(&args.instance);
+    args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;
     let session = Session::open(&args.instance.name, 0)?;
     let parse = |text: &String| parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
@@ -69,12 +70,14 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    args.writes.iter().try_for_each(|text| parse(text, of_any_device).map(drop))?;
+    let check = of_any_device_but_told_by(&args.instance);
+    args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;
     Err(CliError::NoChannel { command: "poke" })
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::device::of_any_device;
     use super::*;
 
     #[test]

@@ -1,7 +1,7 @@
 //! `commram wait`: wait for a register.
 
 use super::Instance;
-use super::device::of_any_device;
+use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
 use super::time;
@@ -77,7 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use crate::layout::Live;
     use crate::request::{Op, Refused, Waited};
 
-    parse(&args.condition, of_any_device)?;
+    parse(&args.condition, of_any_device_but_told_by(&args.instance))?;
     let session = Session::open(&args.instance.name, args.within)?;
     let Condition { place, mask, value, wanted } = parse(&args.condition, |name| session.place(name))?;
     let (plc, offset, width) = (session.plc_of(&place)?, place.offset(), place.width());
@@ -113,12 +113,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    parse(&args.condition, of_any_device)?;
+    parse(&args.condition, of_any_device_but_told_by(&args.instance))?;
     Err(CliError::NoChannel { command: "wait" })
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::device::of_any_device;
     use super::*;
 
     #[test]

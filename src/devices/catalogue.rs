@@ -123,6 +123,18 @@ mod tests {
         }
     }
 
+    /// Rules are several devices', so a page alone would be another thing in each one's manual.
+    #[test]
+    fn pages_of_rules_name_their_manual() {
+        for rule in catalogue().rules.iter().filter(|rule| rule.source().contains("p. ")) {
+            for part in rule.source().split("; ").filter(|part| part.contains("p. ")) {
+                let (manual, _) = part.split_once(" p. ").unwrap_or_default();
+                let is_number = manual.bytes().next().is_some_and(|byte| byte.is_ascii_digit());
+                assert!(is_number && manual.contains('.'), "{rule}: {part}");
+            }
+        }
+    }
+
     /// The page for users lists every rule, letter for letter, and no other.
     #[test]
     fn the_documentation_lists_exactly_these_rules() {

@@ -66,7 +66,7 @@ pub use medium::{Medium, Plug, SyncSignal, World};
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
 pub use plain::{Firmware, Plain};
-pub use registry::{RegisterError, Registered, all, attach, default, find, of_hash, register};
+pub use registry::{RegisterError, Registered, all, attach, board_of, default, find, of_hash, register};
 #[cfg(feature = "emulator")]
 pub use settings::{BuildError, SettingError};
 

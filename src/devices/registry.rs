@@ -20,6 +20,8 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 pub struct Registered {
     /// Its areas, registers, ports and times.
     pub layout: &'static Layout,
+    /// What it has at its board, of [`BoardWords::NAMES`](header::BoardWords::NAMES); supply and restarts every device has.
+    pub board: &'static [&'static str],
     /// The function blocks that its programs use.
     #[cfg(feature = "plc")]
     pub blocks: &'static [BlockKind],
@@ -50,6 +52,7 @@ impl Registered {
     pub const fn new(layout: &'static Layout) -> Self {
         Registered {
             layout,
+            board: &["power", "restarts"],
             #[cfg(feature = "plc")]
             blocks: &[],
             #[cfg(feature = "emulator")]
@@ -72,6 +75,7 @@ impl Registered {
 static BUILT_IN: [Registered; 3] = [
     Registered {
         layout: &omega_drive_line_2::registers::DEVICE,
+        board: &header::BoardWords::NAMES,
         #[cfg(feature = "plc")]
         blocks: omega_drive_line_2::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
@@ -88,6 +92,8 @@ static BUILT_IN: [Registered; 3] = [
         demo: Some(&omega_drive_line_2::demo::DEMO),
     },
     Registered {
+        // The rest is not described (decision D-366).
+        board: &["power", "restarts", "program", "start"],
         #[cfg(feature = "plc")]
         blocks: bm4_o_can_06::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
@@ -99,6 +105,7 @@ static BUILT_IN: [Registered; 3] = [
         ..Registered::new(&bm4_o_can_06::registers::DEVICE)
     },
     Registered {
+        board: &["power", "restarts", "program"],
         #[cfg(feature = "emulator")]
         read: Some(cs0015::Cs0015Config::read),
         #[cfg(feature = "emulator")]
@@ -278,6 +285,12 @@ pub fn find(name: &str) -> Option<&'static Registered> {
 #[must_use]
 pub fn of_hash(hash: u64) -> Option<&'static Registered> {
     all().iter().copied().find(|it| it.layout.layout_hash == hash)
+}
+
+/// What a device has at its board: [`Registered::board`]; everything, if nobody knows it.
+#[must_use]
+pub fn board_of(layout: &Layout) -> &'static [&'static str] {
+    of_hash(layout.layout_hash).map_or(&header::BoardWords::NAMES, |known| known.board)
 }
 
 /// Attaches to the image of a PLC, whatever it is, and tells what it is.

@@ -1,7 +1,7 @@
 //! Registers and addresses as people name them.
 
 use super::value::{self, ValueError};
-use super::{Address, Area, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value};
+use super::{Address, Area, Fit, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value};
 use thiserror::Error;
 
 /// A value that the register cannot hold.
@@ -25,6 +25,8 @@ pub struct Place {
     area: &'static Area,
     /// The registers there; several where structures overlay each other.
     registers: Vec<RegisterRef>,
+    /// Nothing is plugged in at the port that they belong to.
+    is_empty: bool,
 }
 
 impl Place {
@@ -40,6 +42,7 @@ impl Place {
             address: target.address,
             area: target.area,
             registers: target.registers,
+            is_empty: fitted.area(target.area) == Fit::Empty,
         })
     }
 
@@ -128,6 +131,9 @@ impl Place {
 
     /// What the value means.
     pub fn meaning(&self, live: Live, value: u32) -> String {
+        if self.is_empty {
+            return "nothing is plugged in".to_owned();
+        }
         if let Some(register) = self.exact(live) {
             return match live_name(&register, live) {
                 None => register.decode(value),

@@ -352,7 +352,8 @@ impl PlantConfig {
                 let (port, bus) = (port.name.to_owned(), bus.to_owned());
                 return Err(PlantError::UnknownBus { plc, port, bus, known });
             };
-            let right = device.layout().port_numbered(port.number).map_or(medium.family(), |port| port.medium);
+            let right =
+                device.layout().port_numbered(port.number).map_or(medium.family(), |port| port.medium);
             if right != medium.family() {
                 let (port, bus, kind) = (port.name.to_owned(), bus.to_owned(), medium.family());
                 return Err(PlantError::OtherKind { plc, port, bus, kind, right });

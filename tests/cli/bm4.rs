@@ -112,6 +112,9 @@ fn a_board_shows_its_modules_and_their_dip_switches_are_set() {
     let table = emulator.run("board", &["get"]);
     let line = |begin: &str| table.ok().lines().find(|line| line.starts_with(begin)).unwrap_or_default();
     assert_eq!(line("MODULE"), "MODULE      KIND    DIP SWITCHES    LEDS");
+    // What this device does not have is not invented (decision D-366).
+    let cells: Vec<_> = line("maxx ").split_whitespace().collect();
+    assert_eq!(cells, ["maxx", "-", "-", "-", "on", "-", "-", "none", "none", "1", "-"]);
     assert_eq!(line("maxx:slotG"), "maxx:slotG  can-06                  H1 on, H2 off");
     assert_eq!(line("maxx:slotH"), "maxx:slotH  can-05  dip 6, dip9 on  H1 on, H2 off, H3 off, H4 off");
     emulator.run("board", &["set", "maxx:slotH.dip=7"]).ok();
@@ -170,6 +173,14 @@ fn a_register_has_many_names() {
     let outcome = emulator.run("peek", &["maxx:_CANsyncSlave_Ctrl_Slot_G.w_OPTION_STATUS"]);
     let text = "slotG";
     assert!(outcome.fails(2).contains(text) && outcome.err.contains("master"), "{}", outcome.err);
+    // What does not exist is told by the PLC that was named, not by any device.
+    for (command, name) in [("peek", "maxx:slotI.w_CPU_CONTROL"), ("poke", "maxx:slotI.w_CPU_CONTROL=1")] {
+        let outcome = emulator.run(command, &[name]);
+        let text = "unknown area `slotI`; the areas are slotG, slotH, slotJ, slotK, slotL, slotM";
+        assert!(outcome.fails(2).contains(text), "{}", outcome.err);
+    }
+    let outcome = emulator.run("peek", &["maxx:slotJ.w_CPU_CONTROL"]);
+    assert!(outcome.ok().ends_with("= 16#0000  nothing is plugged in\n"), "{}", outcome.out);
     let alone = start_alone();
     for name in ["slotG.w_OPTION_STATUS", "_CANsyncMaster_Ctrl_Slot_G.w_OPTION_STATUS"] {
         assert_eq!(alone.peek(&[name]), "16#0001", "{name}");

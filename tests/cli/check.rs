@@ -36,7 +36,7 @@ instance '{}' at 0.004000 s: 1 error, 0 warnings
 SEVERITY  RULE   REGISTER               ADDRESS        VALUE    COUNT  FIRST       LAST        LATE
 error     owner  node2.w_OPTION_STATUS  %MW3.200002    16#0080  2      0.002000 s  0.003000 s  -
 
-owner (p. 147-193, D-17)
+owner (the register's page; D-17)
   A register that only the firmware writes was written; the firmware will overwrite it. Only read it.
 ",
         emulator.name

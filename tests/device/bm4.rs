@@ -11,8 +11,10 @@ use commram::devices::bm4_o_can_06::registers::*;
 use commram::devices::cansync::bus::Frame;
 use commram::devices::cansync::records::Transmitted;
 use commram::devices::cansync::{BaudRate, registers as family, rules};
+use commram::devices::fault_kinds;
 use commram::devices::omega_drive_line_2::registers as omega;
 use commram::devices::records::{BoardEvent, OnBoard};
+use commram::fault::FaultSpec;
 use commram::journal::Format;
 use commram::journal::text::Text;
 use commram::memory::{Segment, View};
@@ -194,6 +196,10 @@ fn the_chosen_module_raises_event_11_and_each_has_its_leds() {
     bm4.bring_up(&[&bm4.node(1, SLOTM, rate, Mode::Master)], ..=Stage::SetUp);
     bm4.step(5_000);
     assert_eq!(leds(1), [Led::Flashes(1), Led::Off, Led::Flashes(1), Led::Off], "an interval of 1 ms");
+    let spec: FaultSpec = toml::from_str("kind = 'bus_off'\nplc = 'maxx'\nnode = 'slotG'").unwrap();
+    bm4.plant.add_fault(spec.resolve(fault_kinds(), &bm4.plant.names()).unwrap()).unwrap();
+    bm4.step(5_000);
+    assert_eq!(leds(0), [Led::Off, Led::Flashes(1), Led::Off, Led::Off], "BUS-off: a fault, and no frames");
 }
 
 /// An Omega Drive-Line II and a b maXX PLC on one bus, each in turn the master, at the rates that both have.

@@ -169,10 +169,12 @@ fn occupied(modules: &[ModuleConfig], key: &str, slot: &Spanned<String>) -> Resu
     let module = modules.iter().find(|module| letter(module.port) == slot.get_ref());
     module.map(|module| module.port).ok_or_else(|| {
         let known = modules.iter().map(|module| letter(module.port)).collect::<Vec<_>>().join(", ");
-        let text = format!(
-            "{key} names slot '{}', in which there is no module; modules are in: {known}",
-            slot.get_ref()
-        );
+        let known = if known.is_empty() {
+            "there is none at all".to_owned()
+        } else {
+            format!("modules are in: {known}")
+        };
+        let text = format!("{key} names slot '{}', in which there is no module; {known}", slot.get_ref());
         refused_at(slot.span(), text)
     })
 }
@@ -264,6 +266,8 @@ mod tests {
             let line = 1 + module.lines().count();
             assert!(message.contains(&format!("line {line},")), "{text}\n{message}");
         }
+        let message = read("{ name = 'maxx', sync_source = 'G' }").unwrap_err().to_string();
+        assert!(message.ends_with("there is none at all\n"), "{message}");
         let text = "{ name = 'maxx', sync_source = 'K', module = [{ slot = 'G', kind = 'can-06' }] }";
         let message = read(text).unwrap_err().to_string();
         assert!(message.contains("sync_source names slot 'K'"), "{message}");

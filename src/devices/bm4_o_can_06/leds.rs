@@ -24,14 +24,14 @@ impl Leds {
     /// The LEDs of a master.
     pub(super) fn of_master(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
         let Seen { takes_part, interval_us } = seen;
-        let h1 = green(option, takes_part && interval_us.is_some());
+        let h1 = green(option, can, takes_part && interval_us.is_some());
         Leds { h: [h1, fault(can, takes_part), Led::Off, Led::Off] }
     }
 
     /// The LEDs of a slave.
     pub(super) fn of_slave(option: &Cell16, can: &Cell16, seen: Seen) -> Self {
         let Seen { takes_part, interval_us } = seen;
-        let h1 = green(option, takes_part && interval_us.is_some());
+        let h1 = green(option, can, takes_part && interval_us.is_some());
         let h2 = if takes_part && interval_us.is_none() { Led::On } else { Led::Off };
         // 1, 2, 4 and 8 flashes for as many ms.
         let h3 = interval_us.filter(|_| takes_part).map_or(Led::Off, |us| {
@@ -61,11 +61,11 @@ impl Leds {
     }
 }
 
-/// H1: lit while the module waits for the program, then it shows frames.
-fn green(option: &Cell16, has_traffic: bool) -> Led {
+/// H1: lit while the module waits for the program, then it shows frames, of which a controller in BUS-off has none.
+fn green(option: &Cell16, can: &Cell16, has_traffic: bool) -> Led {
     if option.load() <= option_status::WAITING_FOR_INIT {
         Led::On
-    } else if has_traffic {
+    } else if has_traffic && !is_bus_off(can) {
         Led::Flashes(1)
     } else {
         Led::Off
@@ -74,5 +74,9 @@ fn green(option: &Cell16, has_traffic: bool) -> Led {
 
 /// H2 of a master, H4 of a slave: flashes in the case of a fault, which is BUS-off here (decision D-367).
 fn fault(can: &Cell16, takes_part: bool) -> Led {
-    if takes_part && can.load() & cansync_status::BUS_OFF != 0 { Led::Flashes(1) } else { Led::Off }
+    if takes_part && is_bus_off(can) { Led::Flashes(1) } else { Led::Off }
+}
+
+fn is_bus_off(can: &Cell16) -> bool {
+    can.load() & cansync_status::BUS_OFF != 0
 }

@@ -137,33 +137,33 @@ impl BoardSetting {
     }
 }
 
-/// A [`BoardState`] as one reads it.
+/// A [`BoardState`] as one reads it; `None` is what the device does not have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardWords {
     /// Character and point of the display; a blank if it is dark.
-    pub display: String,
+    pub display: Option<String>,
     /// The LEDs: `2#0101`.
-    pub leds: String,
+    pub leds: Option<String>,
     /// `run`, `stop`, `reset`.
-    pub switch: String,
+    pub switch: Option<String>,
     /// `on`, `off`.
     pub power: String,
     /// The DIP switch as set.
-    pub dip: u32,
+    pub dip: Option<u32>,
     /// The DIP number that counts.
-    pub dip_latched: u32,
+    pub dip_latched: Option<u32>,
     /// `none`, `stopped`, `initializing`, `cyclic` and so on.
-    pub program: String,
+    pub program: Option<String>,
     /// The last start: `none`, `cold`, `warm`, `hot`, `stop`.
-    pub start: String,
+    pub start: Option<String>,
     /// Power-ons and resets.
     pub restarts: u32,
     /// `none`, `boot`, `sent`.
-    pub project: String,
+    pub project: Option<String>,
 }
 
 impl BoardWords {
-    /// What its fields are called where a board is told by name.
+    /// What its fields are called where a board is told by name, and where a device says which it has.
     pub const NAMES: [&'static str; 10] = [
         "display",
         "leds",
@@ -179,19 +179,21 @@ impl BoardWords {
 }
 
 impl BoardState {
-    /// The state in words; codes that mean nothing stay numbers.
-    pub fn words(&self) -> BoardWords {
+    /// The state in words, as far as the device `has` it, of [`BoardWords::NAMES`]; codes that mean nothing stay numbers.
+    pub fn words(&self, has: &[&str]) -> BoardWords {
+        let has = |name| has.contains(&name);
+        let if_has = |name, text: String| has(name).then_some(text);
         BoardWords {
-            display: self.display_text(),
-            leds: format!("2#{:04b}", self.leds & 0xF),
-            switch: named(RunSwitch::from_code(self.switch), self.switch),
+            display: if_has("display", self.display_text()),
+            leds: if_has("leds", format!("2#{:04b}", self.leds & 0xF)),
+            switch: if_has("switch", named(RunSwitch::from_code(self.switch), self.switch)),
             power: named(Power::from_code(self.power), self.power),
-            dip: self.dip,
-            dip_latched: self.dip_latched,
-            program: named(ProgramState::from_code(self.program), self.program),
-            start: named(Start::from_code(self.start_kind), self.start_kind),
+            dip: has("dip").then_some(self.dip),
+            dip_latched: has("dip_latched").then_some(self.dip_latched),
+            program: if_has("program", named(ProgramState::from_code(self.program), self.program)),
+            start: if_has("start", named(Start::from_code(self.start_kind), self.start_kind)),
             restarts: self.restarts,
-            project: named(Project::from_code(self.project), self.project),
+            project: if_has("project", named(Project::from_code(self.project), self.project)),
         }
     }
 }

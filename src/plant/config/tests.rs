@@ -51,7 +51,10 @@ fn each_mistake_is_named() {
         ),
         (
             format!("{plc}node2 = 'b'\n{bus}kind = 'can'\nkbit_s = 500\n"),
-            &format!("node2 of PLC 'p' is on bus 'b' of kind 'can'; it needs one of kind '{}'", MEDIA[0].name),
+            &format!(
+                "node2 of PLC 'p' is on bus 'b' of kind 'can'; it needs one of kind '{}'",
+                MEDIA[0].name
+            ),
         ),
         (
             format!("{plc}{bus}kbit_s = 1000\n{}", drive("d", 1)),
@@ -133,7 +136,12 @@ fn each_mistake_is_told_with_its_line() {
         (format!("{plc}node2 = 'b'\n{bus}kind = 'can'\nkbit_s = 500\n"), 3),
         // What only the drives themselves can judge.
         (format!("{plc}{bus}kbit_s = 1000\n[[bus.drive]]\nname = 'd'\nslave_number = 1\n"), 6),
-        (format!("{plc}{bus}[[bus.drive]]\nname = 'd'\nslave_number = 1\nzk = {{ zk_0 = 120, zk_4 = 65 }}\n"), 5),
+        (
+            format!(
+                "{plc}{bus}[[bus.drive]]\nname = 'd'\nslave_number = 1\nzk = {{ zk_0 = 120, zk_4 = 65 }}\n"
+            ),
+            5,
+        ),
         (format!("{bus}{plc}drive = {{ parameters = [{{ number = 5000, format = 'word' }}] }}\n"), 3),
         (format!("\nprocessor_cycle_us = 5\n{plc}"), 2),
     ] {

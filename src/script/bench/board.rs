@@ -4,20 +4,22 @@ use super::Bench;
 use crate::devices;
 use crate::devices::ModuleFront;
 use crate::layout::FrontWord;
-use crate::memory::header::{BoardSetting, BoardState, BoardWord, InitialFlagResult};
+use crate::memory::header::{BoardSetting, BoardState, BoardWord, BoardWords, InitialFlagResult};
 use crate::script::{ScenarioError, Value};
 
 /// How long a board may take to answer a request, in microseconds of emulated time.
 const PATIENCE_US: u64 = 100_000;
 
 impl Bench {
-    /// What the board of a PLC shows and how its switches stand; `""` is the only PLC.
+    /// What the board of a PLC shows and how its switches stand, and the same in words, as far as the device has it; `""` is
+    /// the only PLC.
     ///
     /// # Errors
     /// There is no such PLC.
-    pub fn board(&mut self, plc: &str) -> Result<BoardState, ScenarioError> {
+    pub fn board(&mut self, plc: &str) -> Result<(BoardState, BoardWords), ScenarioError> {
         let plc = self.only_plc(plc)?;
-        self.board_of(plc)
+        let state = self.board_of(plc)?;
+        Ok((state, state.words(devices::board_of(self.names.device(plc)))))
     }
 
     /// What the modules of a modular PLC show and how their switches stand, by the names of their ports; `None`

@@ -3,7 +3,7 @@
 use super::arguments::{number, value};
 use super::{Verbs, int};
 use crate::devices::{Led, ModuleFront, Switch};
-use crate::memory::header::BoardWords;
+use crate::memory::header::{BoardState, BoardWords};
 use crate::script::{Bench, ScenarioError};
 use rhai::{Dynamic, INT, Map};
 
@@ -40,30 +40,31 @@ impl Verbs {
     }
 }
 
-/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}`, what only this device has at
-/// its front, and `modules` if the PLC is modular.
+/// `#{display, leds, run_switch, power, dip, dip_latched, program, start, restarts, project}` as far as the device has it, what
+/// only this device has at its front, and `modules` if the PLC is modular.
 fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
-    let state = bench.board(plc)?;
-    let words = state.words();
-    let BoardWords { display, switch, power, program, start, project, .. } = words;
+    let (BoardState { leds: lit, .. }, words) = bench.board(plc)?;
+    let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =
+        words;
     let numbers = [
-        ("leds", state.leds),
-        ("dip", state.dip),
-        ("dip_latched", state.dip_latched),
-        ("restarts", state.restarts),
+        ("leds", leds.map(|_| lit)),
+        ("dip", dip),
+        ("dip_latched", dip_latched),
+        ("restarts", Some(restarts)),
     ];
     // `switch` is a keyword of the language.
     let texts = [
         ("display", display),
         ("run_switch", switch),
-        ("power", power),
+        ("power", Some(power)),
         ("program", program),
         ("start", start),
         ("project", project),
     ];
-    let numbers = numbers.map(|(name, number)| (name.into(), int(number.into()).into()));
-    let texts = texts.map(|(name, text)| (name.into(), text.into()));
-    let mut map = Map::from_iter(numbers.into_iter().chain(texts));
+    let numbers =
+        numbers.into_iter().filter_map(|(name, number)| Some((name.into(), int(number?.into()).into())));
+    let texts = texts.into_iter().filter_map(|(name, text)| Some((name.into(), text?.into())));
+    let mut map = Map::from_iter(numbers.chain(texts));
     for (word, value) in bench.front(plc)? {
         let called = word.called(value);
         let told = if called == value.to_string() { int(value.into()).into() } else { called.into() };
