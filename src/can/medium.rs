@@ -1,32 +1,36 @@
-//! A CAN medium: one frame at a time, the one with the dominant identifier first.
+//! A CAN medium: one frame at a time, the one with the dominant identifier first, each acknowledged, or destroyed by error
+//! frames and repeated.
 //!
-//! It is minimal: every frame that is on the wire to its end arrives at everybody. Error frames and counters are not here,
-//! so whatever else would end in one is told by what does not happen: a frame without anybody to acknowledge it does not
-//! arrive and remains with its sender (decision D-350).
+//! Where an error lies in a frame decides how long it takes. Those here lie where one bit tells everybody (decision D-331), so
+//! an error frame is a flag of six bits and its delimiter of eight.
 
-use super::{BitRate, Frame, wire};
+use super::wire::{self, ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPENSION};
+use super::{BitRate, Frame};
 
 /// Whoever sits at a medium, in the order of attachment: the first has number 0.
-///
-/// The medium asks and tells them one after the other in this order, so the same frames at the same times always give the
-/// same traffic.
 pub trait Participants {
-    /// How many they are.
-    fn count(&self) -> usize;
+    /// Of those that take part and have had a frame to send at `at_ns`, `but` one: the one that wins the arbitration, and its
+    /// frame. Of several with one arbitration field it is the first (decision D-349).
+    fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)>;
 
-    /// Whether this one takes part: it has power, is connected and runs at the medium's rate. Who does not neither sends nor
-    /// hears nor acknowledges.
-    fn is_on(&self, who: usize) -> bool;
+    /// Whether anybody but `sender` takes part and has done so since `begin_ns`: who hears a frame wholly acknowledges it.
+    fn is_heard(&self, sender: usize, begin_ns: u64) -> bool;
 
-    /// The frame that this one's controller sends when the medium is idle; of several the one that the controller sends
-    /// first. It stays the same until [`sent`](Self::sent), unless the participant gives it up.
-    fn offer(&self, who: usize) -> Option<Frame>;
+    /// Whether this one is error-passive.
+    fn is_passive(&self, who: usize) -> bool;
+}
 
-    /// This one's frame has reached the others at `now_ns`, the end of its end-of-frame field.
-    fn sent(&mut self, who: usize, now_ns: u64, frame: &Frame);
-
-    /// A frame of somebody else has arrived at this one.
-    fn received(&mut self, who: usize, now_ns: u64, frame: &Frame);
+/// What becomes of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Fate {
+    /// It arrives.
+    Arrives,
+    /// Nobody acknowledges it.
+    NotAcknowledged,
+    /// It is disturbed, and all see it.
+    Disturbed,
+    /// Its sender goes off before it is through.
+    SenderGone,
 }
 
 /// A frame on the wire.
@@ -38,10 +42,12 @@ pub struct OnWire {
     pub frame: Frame,
     /// The beginning of its start bit, in ns.
     pub begin_ns: u64,
-    /// The end of its end-of-frame field: its receivers have it.
-    pub delivery_ns: u64,
+    /// The end of its end-of-frame field, when its receivers have it; or the beginning of the error flag that destroys it.
+    pub end_ns: u64,
     /// The end of the intermission: the next frame may begin.
     pub free_ns: u64,
+    /// What becomes of it, as far as that can be told now.
+    pub fate: Fate,
 }
 
 /// What happened on a medium.
@@ -51,15 +57,18 @@ pub enum Event {
     Begun(OnWire),
     /// A frame is at its end and has arrived.
     Delivered(OnWire),
-    /// A frame is at its end and has not arrived: its sender, or everybody else, is off.
-    Lost(OnWire),
+    /// A frame ends in an error frame, which begins now; its sender, if it is still there, will send it again.
+    Failed(OnWire),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    Idle,
+    /// Nothing is on it. A passive station that has sent the last frame may not begin before a time.
+    Idle { suspended: Option<(usize, u64)> },
+    /// A frame.
     Busy(OnWire),
-    Intermission { until_ns: u64 },
+    /// The rest behind this one's frame: an error frame, the intermission.
+    Closing { sender: usize, free_ns: u64 },
 }
 
 /// A medium, what is on it and when it goes on.
@@ -67,12 +76,14 @@ enum State {
 pub struct Medium {
     rate: BitRate,
     state: State,
+    /// Since when it is recessive, while no frame is on it.
+    quiet_ns: u64,
 }
 
 impl Medium {
     /// An idle medium at this rate.
     pub const fn new(rate: BitRate) -> Self {
-        Medium { rate, state: State::Idle }
+        Medium { rate, state: State::Idle { suspended: None }, quiet_ns: 0 }
     }
 
     /// The bit rate.
@@ -80,79 +91,135 @@ impl Medium {
         self.rate
     }
 
-    /// What is on the wire.
+    /// The frame that is on the wire.
     pub const fn on_wire(&self) -> Option<&OnWire> {
         match &self.state {
             State::Busy(frame) => Some(frame),
-            State::Idle | State::Intermission { .. } => None,
+            State::Idle { .. } | State::Closing { .. } => None,
         }
     }
 
-    /// When the medium has something to do by itself, in ns. `None`: it is idle until a participant has a frame to send,
-    /// which whoever runs it tells by calling [`Medium::advance`].
+    /// Since when it is recessive, in ns; behind an error flag that may be still to come. `None`: a frame is on it.
+    pub const fn quiet_ns(&self) -> Option<u64> {
+        match self.state {
+            State::Busy(_) => None,
+            State::Idle { .. } | State::Closing { .. } => Some(self.quiet_ns),
+        }
+    }
+
+    /// When the medium has something to do by itself, in ns. `None`: it is idle until a participant has a frame to send.
     pub const fn next_ns(&self) -> Option<u64> {
         match &self.state {
-            State::Idle => None,
-            State::Busy(frame) => Some(frame.delivery_ns),
-            State::Intermission { until_ns } => Some(*until_ns),
+            State::Idle { suspended: None } => None,
+            State::Idle { suspended: Some((_, until_ns)) } => Some(*until_ns),
+            State::Busy(frame) => Some(frame.end_ns),
+            State::Closing { free_ns, .. } => Some(*free_ns),
+        }
+    }
+
+    /// Whether it is idle and somebody could begin a frame at `now_ns`: then [`Medium::advance`] is to be called.
+    pub fn can_begin(&self, now_ns: u64, participants: &impl Participants) -> bool {
+        match self.state {
+            State::Idle { suspended } => participants.first(now_ns, suspended.map(|(who, _)| who)).is_some(),
+            State::Busy(_) | State::Closing { .. } => false,
         }
     }
 
     /// Does one thing that is due at `now_ns` and tells it; to be called until there is none, at the times of
     /// [`Medium::next_ns`] and whenever a participant has a frame to send.
-    pub fn advance(&mut self, now_ns: u64, participants: &mut impl Participants) -> Option<Event> {
+    pub fn advance(&mut self, now_ns: u64, participants: &impl Participants) -> Option<Event> {
         match self.state {
-            State::Busy(frame) if frame.delivery_ns <= now_ns => {
-                self.state = State::Intermission { until_ns: frame.free_ns };
-                Some(end(&frame, participants))
+            State::Busy(it) if it.end_ns <= now_ns => Some(self.close(it)),
+            State::Closing { sender, free_ns } if free_ns <= now_ns => {
+                let is_passive = participants.is_passive(sender);
+                let suspended =
+                    is_passive.then(|| (sender, free_ns.saturating_add(self.rate.time_ns(SUSPENSION))));
+                self.arbitrate(now_ns, suspended, participants)
             }
-            State::Intermission { until_ns } if until_ns <= now_ns => {
-                self.state = State::Idle;
-                self.arbitrate(now_ns, participants)
+            State::Idle { suspended } => {
+                self.arbitrate(now_ns, suspended.filter(|(_, until_ns)| *until_ns > now_ns), participants)
             }
-            State::Idle => self.arbitrate(now_ns, participants),
-            State::Busy(_) | State::Intermission { .. } => None,
+            State::Busy(_) | State::Closing { .. } => None,
         }
     }
 
-    /// Everybody with a frame begins, and the dominant one goes on. Of several with one arbitration field the first does
-    /// (decision D-349).
-    fn arbitrate(&mut self, now_ns: u64, participants: &impl Participants) -> Option<Event> {
-        let (mut on, mut winner) = (0, None::<(usize, Frame)>);
-        for who in (0..participants.count()).filter(|&who| participants.is_on(who)) {
-            on += 1;
-            if let Some(frame) = participants.offer(who)
-                && winner.is_none_or(|(_, best)| frame.arbitration() < best.arbitration())
-            {
-                winner = Some((who, frame));
-            }
-        }
-        let (sender, frame) = winner.filter(|_| on > 1)?;
+    /// Everybody with a frame begins, and the dominant one goes on.
+    fn arbitrate(
+        &mut self,
+        now_ns: u64,
+        suspended: Option<(usize, u64)>,
+        participants: &impl Participants,
+    ) -> Option<Event> {
+        self.state = State::Idle { suspended };
+        let (sender, frame) = participants.first(now_ns, suspended.map(|(who, _)| who))?;
         let airtime = wire::airtime(&frame, self.rate);
-        let delivery_ns = now_ns.saturating_add(airtime.delivery_ns);
-        let free_ns = now_ns.saturating_add(airtime.occupation_ns);
-        let on_wire = OnWire { sender, frame, begin_ns: now_ns, delivery_ns, free_ns };
-        self.state = State::Busy(on_wire);
-        Some(Event::Begun(on_wire))
+        let mut it = OnWire {
+            sender,
+            frame,
+            begin_ns: now_ns,
+            end_ns: now_ns.saturating_add(airtime.delivery_ns),
+            free_ns: now_ns.saturating_add(airtime.occupation_ns),
+            fate: Fate::Arrives,
+        };
+        if !participants.is_heard(sender, now_ns) {
+            self.destroy(&mut it, wire::bits_to_acknowledgement(&frame) + 1, Fate::NotAcknowledged);
+        }
+        self.state = State::Busy(it);
+        Some(Event::Begun(it))
     }
-}
 
-/// The frame is at its end: it arrives, if its sender is still there and somebody acknowledges it.
-fn end(on_wire: &OnWire, participants: &mut impl Participants) -> Event {
-    let OnWire { sender, ref frame, delivery_ns, .. } = *on_wire;
-    let all = 0..participants.count();
-    let acknowledged = all.clone().any(|who| who != sender && participants.is_on(who));
-    if !acknowledged || !all.contains(&sender) || !participants.is_on(sender) {
-        return Event::Lost(*on_wire);
+    /// The frame ends in an error flag, so many bits behind its beginning.
+    fn destroy(&self, it: &mut OnWire, bits: u32, fate: Fate) {
+        it.fate = fate;
+        it.end_ns = it.begin_ns.saturating_add(self.rate.time_ns(bits));
+        let bits = bits + ERROR_FLAG + ERROR_DELIMITER + INTERMISSION;
+        it.free_ns = it.begin_ns.saturating_add(self.rate.time_ns(bits));
     }
-    for who in all {
-        if who == sender {
-            participants.sent(who, delivery_ns, frame);
-        } else if participants.is_on(who) {
-            participants.received(who, delivery_ns, frame);
+
+    /// A frame that was to arrive ends otherwise; `bits`: where its error flag begins, told the bits of it that are over at
+    /// `now_ns` and those before its acknowledge slot.
+    fn spoil(&mut self, now_ns: u64, fate: Fate, bits: impl FnOnce(u32, u32) -> Option<u32>) {
+        let State::Busy(mut it) = self.state else { return };
+        let over = self.rate.bits_begun(now_ns.saturating_sub(it.begin_ns));
+        if it.fate == Fate::Arrives
+            && let Some(bits) = bits(over, wire::bits_to_acknowledgement(&it.frame))
+        {
+            self.destroy(&mut it, bits, fate);
+            self.state = State::Busy(it);
         }
     }
-    Event::Delivered(*on_wire)
+
+    /// The sender of the frame on the wire has gone off: six recessive bits later all others find an error, at the latest
+    /// behind the acknowledge delimiter, as the checksum is wrong. A frame whose checksum is through arrives.
+    pub fn sender_gone(&mut self, now_ns: u64) {
+        self.spoil(now_ns, Fate::SenderGone, |over, to_acknowledgement| {
+            (over < to_acknowledgement).then(|| (over + ERROR_FLAG).min(to_acknowledgement + 2))
+        });
+    }
+
+    /// Nobody who would acknowledge the frame on the wire is left.
+    pub fn nobody_left(&mut self, now_ns: u64) {
+        self.spoil(now_ns, Fate::NotAcknowledged, |over, to_acknowledgement| {
+            (over <= to_acknowledgement).then_some(to_acknowledgement + 1)
+        });
+    }
+
+    /// The frame on the wire, which has just begun, will be disturbed: its CRC delimiter is dominant (decision D-331).
+    pub fn disturb(&mut self) {
+        self.spoil(0, Fate::Disturbed, |_, to_acknowledgement| Some(to_acknowledgement));
+    }
+
+    fn close(&mut self, it: OnWire) -> Event {
+        self.state = State::Closing { sender: it.sender, free_ns: it.free_ns };
+        if it.fate == Fate::Arrives {
+            // Acknowledge delimiter and end of frame are recessive.
+            self.quiet_ns = it.end_ns.saturating_sub(self.rate.time_ns(wire::RECESSIVE_END));
+            Event::Delivered(it)
+        } else {
+            self.quiet_ns = it.end_ns.saturating_add(self.rate.time_ns(ERROR_FLAG));
+            Event::Failed(it)
+        }
+    }
 }
 
 #[cfg(test)]

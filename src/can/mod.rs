@@ -1,9 +1,11 @@
-//! CAN as ISO 11898-1 has it (Classical CAN): frames, their bits and times on the wire, acceptance filters, a medium.
+//! CAN as ISO 11898-1 has it (Classical CAN): frames, their bits and times on the wire, acceptance filters, a medium,
+//! error counters.
 //!
 //! It knows no device and no protocol; what identifiers and data bytes mean is their users' affair. Everything here is
 //! pure: no I/O, no allocation, no clock of its own.
 
 mod arbitration;
+mod confinement;
 mod filter;
 mod frame;
 mod medium;
@@ -14,9 +16,10 @@ mod reference;
 pub mod wire;
 
 pub use arbitration::Arbitration;
+pub use confinement::{ErrorCounters, ErrorState, Recovery};
 pub use embedded_can::{ExtendedId, Id, StandardId};
 pub use filter::Filter;
 pub use frame::Frame;
-pub use medium::{Event, Medium, OnWire, Participants};
+pub use medium::{Event, Fate, Medium, OnWire, Participants};
 pub use payload::Payload;
 pub use rate::BitRate;

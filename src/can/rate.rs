@@ -25,6 +25,12 @@ impl BitRate {
     pub const fn time_ns(self, bits: u32) -> u64 {
         (bits as u64 * 1_000_000_000).div_ceil(self.0.get() as u64)
     }
+
+    /// How many bits have begun within so many nanoseconds.
+    pub(super) const fn bits_begun(self, ns: u64) -> u32 {
+        let bits = (ns as u128 * self.0.get() as u128).div_ceil(1_000_000_000);
+        if bits > u32::MAX as u128 { u32::MAX } else { bits as u32 }
+    }
 }
 
 #[cfg(test)]
@@ -44,5 +50,8 @@ mod tests {
             assert_eq!(BitRate::new(bit_s).unwrap().time_ns(bits), ns, "{bits} bits at {bit_s} bit/s");
         }
         assert_eq!(BitRate::new(0), None);
+        let rate = BitRate::new(125_000).unwrap();
+        let begun = [0, 1, 8_000, 8_001, u64::MAX].map(|ns| rate.bits_begun(ns));
+        assert_eq!(begun, [0, 1, 1, 2, u32::MAX]);
     }
 }

@@ -15,8 +15,16 @@ const STANDARD_PART: u32 = 34;
 const EXTENDED_PART: u32 = 54;
 /// CRC delimiter, acknowledge slot, acknowledge delimiter, end of frame.
 const FIXED_PART: u32 = 1 + 1 + 1 + 7;
+/// Of these, those that are recessive in a frame that arrives: acknowledge delimiter, end of frame.
+pub const RECESSIVE_END: u32 = 1 + 7;
 /// Intermission.
 pub const INTERMISSION: u32 = 3;
+/// Error flag: six equal bits, which are against the rule of stuffing.
+pub const ERROR_FLAG: u32 = 6;
+/// Error delimiter.
+pub const ERROR_DELIMITER: u32 = 8;
+/// What an error-passive station waits behind the intermission of its own frame.
+pub const SUSPENSION: u32 = 8;
 
 /// Generator of the CRC: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
 const POLYNOMIAL: u16 = 0x4599;
@@ -159,6 +167,12 @@ pub fn bits(frame: &Frame) -> u32 {
 #[inline]
 pub fn bits_to_end_of_frame(frame: &Frame) -> u32 {
     stuffed_bits(frame) + FIXED_PART
+}
+
+/// Bits from the start bit to the acknowledge slot, without it.
+#[inline]
+pub fn bits_to_acknowledgement(frame: &Frame) -> u32 {
+    stuffed_bits(frame) + 1
 }
 
 /// How long a frame takes from the start bit on, in nanoseconds, rounded up.

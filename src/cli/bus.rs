@@ -36,7 +36,8 @@ enum Command {
 
 /// List the buses, the doors to them and the guests there.
 ///
-/// `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take.
+/// `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `errors`
+/// are the stations whose controllers have counted any, with transmit and receive errors.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -100,7 +101,7 @@ mod by_channel {
     use super::super::table::{self, Format, Row};
     use super::super::{error::CliError, output};
     use crate::door::{DoorSpec, GuestState};
-    use crate::request::{BusState, Op};
+    use crate::request::{BusState, Op, Station};
     use serde::Serialize;
 
     /// A bus of the list.
@@ -111,6 +112,7 @@ mod by_channel {
         kbit_s: Rate,
         doors: Vec<String>,
         guests: Vec<Guest>,
+        stations: Vec<Station>,
     }
 
     /// In kbit/s; a whole number where it is one.
@@ -180,12 +182,20 @@ mod by_channel {
                 kbit_s: Rate::of(state.bit_s),
                 doors: state.doors.iter().map(|door| door.door.to_string()).collect(),
                 guests: state.doors.iter().flat_map(|door| &door.guests).map(Guest::of).collect(),
+                stations: state.stations.clone(),
             }
         }
     }
 
+    /// `panel:can (bus_off, 256+0)`, if it has counted any errors.
+    fn trouble(station: &Station) -> Option<String> {
+        let Station { name, state, transmit_errors, receive_errors } = station;
+        let has_some = *transmit_errors > 0 || *receive_errors > 0;
+        has_some.then(|| format!("{name} ({state}, {transmit_errors}+{receive_errors})"))
+    }
+
     impl Row for Entry {
-        const COLUMNS: &'static [&'static str] = &["bus", "kind", "kbit/s", "doors", "guests"];
+        const COLUMNS: &'static [&'static str] = &["bus", "kind", "kbit/s", "doors", "guests", "errors"];
 
         fn cells(&self) -> Vec<String> {
             let listed = |texts: Vec<String>| if texts.is_empty() { "-".to_owned() } else { texts.join(" ") };
@@ -195,6 +205,7 @@ mod by_channel {
                 self.kbit_s.text(),
                 listed(self.doors.clone()),
                 listed(self.guests.iter().map(Guest::text).collect()),
+                listed(self.stations.iter().filter_map(trouble).collect()),
             ]
         }
     }

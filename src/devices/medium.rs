@@ -1,7 +1,7 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
 use super::{BuildError, Context, Device, GuestRefusal};
-use crate::can::Frame;
+use crate::can::{ErrorCounters, Frame};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
@@ -37,6 +37,15 @@ pub struct Plug {
     pub medium: Option<String>,
     /// What the family of media needs to run the port's firmware.
     pub socket: Box<dyn Any + Send>,
+}
+
+/// A station of a medium whose stations count errors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StationState {
+    /// The port, or the guest.
+    pub origin: Origin,
+    /// Its error counters.
+    pub errors: ErrorCounters,
 }
 
 /// A medium of a plant. It runs the firmware of the ports that are attached to it, so that an event meets everybody whom
@@ -94,6 +103,11 @@ pub trait Medium: Any + Send {
 
     /// The rate that it runs at now, in bit/s.
     fn bit_s(&self) -> u32;
+
+    /// The stations that have power, with the errors that they have counted; none where stations do not count any.
+    fn stations(&self) -> Vec<StationState> {
+        Vec::new()
+    }
 
     /// A guest takes part from now on. Guests have numbers, one each; number 0 is whoever asks by requests. Tells whether that
     /// makes a difference here.

@@ -61,7 +61,7 @@ pub use events::Events;
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]
-pub use medium::{Medium, Plug, SyncSignal, World};
+pub use medium::{Medium, Plug, StationState, SyncSignal, World};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]

@@ -48,7 +48,7 @@ impl Names {
     }
 
     /// Bus, PLC, or port as `line:node2`.
-    pub(super) fn source(&self, source: Source) -> String {
+    pub(crate) fn source(&self, source: Source) -> String {
         match source {
             Source::Bus(index) => self.bus(index).into_owned(),
             Source::Plc(index) => self.plc(index).into_owned(),

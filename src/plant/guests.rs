@@ -108,8 +108,9 @@ mod tests {
         plant.guest_joins(0, 2, true);
         assert_eq!(plant.guest_sends(0, 2, &frame(0x123, &[])), Ok(()));
         plant.advance_to(20_000);
-        // 45 bits, an intermission of 3, 48 bits.
-        assert_eq!(arrived(&plant), [(10_360, 0x123, Some(2)), (10_768, 0x200, Some(1))]);
+        // Alone, guest 1 tries for 57 bits 16 times, then for 65 each; the 22nd try begins at 9960 us and is over at 10416 us.
+        // Then come 45 bits, an intermission of 3, 48 bits.
+        assert_eq!(arrived(&plant), [(10_776, 0x123, Some(2)), (11_184, 0x200, Some(1))]);
         let lines = lines(&plant);
         assert!(
             lines.contains("guest1 takes part\n") && lines.contains("guest2 takes part; the clock"),

@@ -1,9 +1,10 @@
 //! Buses and the doors to them.
 
-use super::{BusState, Code, Host, Refused, Reply};
+use super::{BusState, Code, Host, Refused, Reply, Station};
 use crate::can::Frame;
-use crate::devices::{GuestRefusal, Medium};
+use crate::devices::{GuestRefusal, Medium, StationState};
 use crate::door::{DoorSpec, Doors};
+use crate::journal::Source;
 
 /// The buses, with the doors there are.
 pub(super) fn buses(host: &mut dyn Host) -> Reply {
@@ -12,11 +13,19 @@ pub(super) fn buses(host: &mut dyn Host) -> Reply {
         let doors = host.doors();
         (0..count).map(|bus| doors.as_ref().map_or_else(Vec::new, |doors| doors.of_bus(bus as u16))).collect()
     };
+    let names = host.plant().names();
+    let station = |it: StationState| Station {
+        name: names.source(Source::Node(it.origin)),
+        state: it.errors.state().name().to_owned(),
+        transmit_errors: it.errors.transmit(),
+        receive_errors: it.errors.receive(),
+    };
     let state = |medium: &dyn Medium, doors| BusState {
         name: medium.name().to_owned(),
         kind: medium.family().to_owned(),
         bit_s: medium.bit_s(),
         doors,
+        stations: medium.stations().into_iter().map(station).collect(),
     };
     let media = host.plant().media().iter().zip(doors);
     Reply::Buses(media.map(|(medium, doors)| state(&**medium, doors)).collect())

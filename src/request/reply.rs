@@ -86,6 +86,21 @@ pub struct BusState {
     pub bit_s: u32,
     /// The doors to it, in the order in which they were opened.
     pub doors: Vec<DoorState>,
+    /// Its stations that have power, if they count errors.
+    pub stations: Vec<Station>,
+}
+
+/// A station of a bus.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Station {
+    /// Device and port, or the guest: `panel:can`, `guest1`.
+    pub name: String,
+    /// What its controller may do: `error_active`, `error_warning`, `error_passive` or `bus_off`.
+    pub state: String,
+    /// The transmit errors that it has counted.
+    pub transmit_errors: u16,
+    /// The receive errors that it has counted.
+    pub receive_errors: u16,
 }
 
 /// What an emulator says about itself.

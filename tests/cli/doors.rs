@@ -251,12 +251,42 @@ fn a_guest_that_does_not_read_delays_nobody_and_its_losses_are_counted() {
     assert!(eventually(|| slow.hear() == "F08\r"));
 }
 
+/// D-350.
+#[test]
+fn who_is_alone_is_passive_until_somebody_hears_it() {
+    let emulator = start(OPEN, &["--clock", "stepped"]);
+    let port = port(&emulator);
+    let mut one = Guest::open(port);
+    assert_eq!(one.ask("t1230"), "z\r");
+    emulator.step(&["1s"]);
+    let station = || buses(&emulator)[0]["stations"][0].clone();
+    let passive = serde_json::json!({
+        "name": "guest1", "state": "error_passive", "transmit_errors": 128, "receive_errors": 0
+    });
+    assert_eq!(station(), passive);
+    assert!(emulator.run("bus", &["list"]).ok().contains("guest1 (error_passive, 128+0)"));
+    let mut other = Guest::open(port);
+    emulator.step(&["100ms"]);
+    assert_eq!(other.hear(), "t1230\r");
+    assert_eq!(
+        (station()["state"].as_str(), station()["transmit_errors"].as_u64()),
+        (Some("error_warning"), Some(127))
+    );
+    let log = emulator.run("trace", &[]);
+    let told = "16#123 from guest1 is acknowledged by nobody";
+    assert!(
+        log.ok().matches(told).count() == 1 && log.out.contains("guest1 is error-passive, 128 transmit"),
+        "{}",
+        log.out
+    );
+}
+
 #[test]
 fn doors_open_and_close_while_the_plant_runs() {
     let emulator = start(&OPEN.replace("doors", "# doors"), &[]);
     assert_eq!(
         emulator.run("bus", &["list"]).ok(),
-        "BUS   KIND  KBIT/S  DOORS  GUESTS\nopen  can   125     -      -\n"
+        "BUS   KIND  KBIT/S  DOORS  GUESTS  ERRORS\nopen  can   125     -      -       -\n"
     );
     let door = emulator.run("bus", &["open", "open", "slcan-tcp:127.0.0.1:0"]).ok().trim_end().to_owned();
     let port = port(&emulator);

@@ -7,7 +7,7 @@ use crate::fault::{
 use crate::journal::Names;
 use crate::layout::{Fit, Fitted, Role};
 use crate::plant::Forced;
-use crate::request::{BusState, Code, InstanceInfo, Refused, Reply, Waited};
+use crate::request::{BusState, Code, InstanceInfo, Refused, Reply, Station, Waited};
 use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -89,8 +89,18 @@ fn buses() -> impl Strategy<Value = Vec<BusState>> {
     );
     let door = (door(), proptest::collection::vec(guest, 0..3))
         .prop_map(|(door, guests)| DoorState { door, guests });
-    let bus = (".*", ".*", any::<u32>(), proptest::collection::vec(door, 0..3))
-        .prop_map(|(name, kind, bit_s, doors)| BusState { name, kind, bit_s, doors });
+    let station =
+        (".*", ".*", any::<(u16, u16)>()).prop_map(|(name, state, (transmit_errors, receive_errors))| {
+            Station { name, state, transmit_errors, receive_errors }
+        });
+    let lists = (proptest::collection::vec(door, 0..3), proptest::collection::vec(station, 0..3));
+    let bus = (".*", ".*", any::<u32>(), lists).prop_map(|(name, kind, bit_s, (doors, stations))| BusState {
+        name,
+        kind,
+        bit_s,
+        doors,
+        stations,
+    });
     proptest::collection::vec(bus, 0..3)
 }
 

@@ -5,117 +5,31 @@
 //! free, and only those take part in its arbitration that were there by then.
 
 use super::FAMILY;
+use super::agenda::NEVER;
 use super::config::CanBusConfig;
-use super::guest::Silent;
-use super::port::{CanPort, CanSocket, Controller};
-use super::records::{Lost, Transmitted};
-use crate::can::{self, Event, Frame, Participants};
-use crate::check::OwnedWatch;
-use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
+use super::end::End;
+use super::port::CanSocket;
+use super::stations::Stations;
+use crate::can;
+use crate::can::Frame;
+use crate::devices::{BuildError, GuestRefusal, Medium, StationState, SyncSignal, World};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
 
-/// Nothing is due.
-const NEVER: u64 = u64::MAX;
-
-/// A port at the bus, or a guest.
-pub(super) struct End {
-    pub(super) origin: Origin,
-    base: usize,
-    port: Box<dyn CanPort>,
-    pub(super) controller: Controller,
-    /// None over a guest, which has no registers.
-    watch: Option<OwnedWatch>,
-    /// Since when it takes part, in ns.
-    pub(super) on_since_ns: Option<u64>,
-    /// It leaves as soon as its controller has nothing to send.
-    pub(super) is_leaving: bool,
-    /// The frame that has just arrived and passed its filters, until the firmware is called.
-    arrived: Option<Frame>,
-}
-
-impl End {
-    /// A guest that does not take part yet.
-    pub(super) fn guest(number: u8) -> Self {
-        End {
-            origin: Origin::of_guest(number),
-            base: 0,
-            port: Box::new(Silent),
-            controller: Controller::default(),
-            watch: None,
-            on_since_ns: None,
-            is_leaving: false,
-            arrived: None,
-        }
-    }
-
-    /// Whether it takes part in a bus with so many bit/s.
-    pub(super) fn is_on(&self, bit_s: u32) -> bool {
-        self.on_since_ns.is_some() && self.controller.hears(bit_s)
-    }
-
-    /// Runs its firmware.
-    fn run(
-        &mut self,
-        now: u64,
-        journal: &mut Journal,
-        firmware: impl FnOnce(&mut dyn CanPort, &mut Context, &mut Controller),
-    ) {
-        self.controller.now = now;
-        let ctx = &mut Context { now, journal, origin: self.origin, base: self.base };
-        firmware(&mut *self.port, ctx, &mut self.controller);
-    }
-}
-
-/// The ports as participants of a frame.
-struct Ends<'a> {
-    ends: &'a mut [End],
-    /// The beginning of the frame: who came later has missed it (decision D-356).
-    begin_ns: u64,
-    /// Whose frame was cut off.
-    cut_off: Option<usize>,
-    /// The rate of the bus.
-    bit_s: u32,
-}
-
-impl Participants for Ends<'_> {
-    fn count(&self) -> usize {
-        self.ends.len()
-    }
-
-    fn is_on(&self, who: usize) -> bool {
-        let since = self.ends.get(who).filter(|end| end.is_on(self.bit_s)).and_then(|end| end.on_since_ns);
-        since.is_some_and(|since| since <= self.begin_ns) && self.cut_off != Some(who)
-    }
-
-    fn offer(&self, who: usize) -> Option<Frame> {
-        self.ends.get(who)?.controller.offer(self.begin_ns)
-    }
-
-    fn sent(&mut self, who: usize, _: u64, _: &Frame) {
-        self.ends[who].controller.take();
-    }
-
-    fn received(&mut self, who: usize, _: u64, frame: &Frame) {
-        let end = &mut self.ends[who];
-        // Who brings the guest in tells it everything.
-        end.arrived = (end.origin.guest().is_none() && end.controller.accepts(frame)).then_some(*frame);
-    }
-}
-
 /// A CAN bus with the ports at it.
 pub struct CanBus {
-    index: u16,
+    pub(super) index: u16,
     name: String,
     /// None where ports are that no bus is plugged in at.
     pub(super) wire: Option<can::Medium>,
-    /// The ports, then the guests. A guest that has left keeps its place for the next one of its number.
-    pub(super) ends: Vec<End>,
-    /// How many of them are to leave.
+    pub(super) stations: Stations,
+    /// How many guests are to leave.
     pub(super) leaving: usize,
-    /// The sender of the frame on the wire, if it has gone off meanwhile.
-    cut_off: Option<usize>,
+    /// The sender of the frame on the wire has gone off meanwhile, even if it is back.
+    pub(super) sender_gone: bool,
+    /// Room for those who are handed a frame.
+    pub(super) takers: Vec<u16>,
     next: u64,
 }
 
@@ -126,79 +40,33 @@ impl CanBus {
             index: u16::MAX,
             name: String::new(),
             wire: None,
-            ends: Vec::new(),
+            stations: Stations::new(None),
             leaving: 0,
-            cut_off: None,
+            sender_gone: false,
+            takers: Vec::new(),
             next: NEVER,
         }
     }
 
     /// Bus number `index` of the plant, without ports.
     pub fn new(index: usize, config: &CanBusConfig) -> Self {
-        let wire = Some(can::Medium::new(config.rate));
-        CanBus { index: index as u16, name: config.name.clone(), wire, ..Self::unplugged() }
+        let (wire, stations) = (Some(can::Medium::new(config.rate)), Stations::new(Some(config.rate)));
+        CanBus { index: index as u16, name: config.name.clone(), wire, stations, ..Self::unplugged() }
     }
 
     /// Finds when there is something to do, after whatever has happened at `now`.
     pub(super) fn plan(&mut self, now: u64) {
         if self.leaving > 0 {
-            self.let_guests_leave();
+            self.let_guests_leave(now);
         }
-        let of_ports = self.ends.iter().filter(|end| end.on_since_ns.is_some());
-        let of_ports = of_ports.map(|end| end.port.next_time()).fold(NEVER, u64::min);
-        let of_wire = match self.wire.as_ref().map(can::Medium::next_ns) {
-            None => NEVER,
-            Some(Some(ns)) => ns.div_ceil(1000),
-            Some(None) if self.somebody_can_begin(now) => now,
-            Some(None) => NEVER,
-        };
-        self.next = of_ports.min(of_wire).max(now);
-    }
-
-    /// Whether on an idle wire somebody has a frame, and somebody else hears it.
-    fn somebody_can_begin(&self, now: u64) -> bool {
-        let bit_s = self.bit_s();
-        let on = || self.ends.iter().filter(move |end| end.is_on(bit_s));
-        on().count() > 1 && on().any(|end| end.controller.offer(now * 1000).is_some())
-    }
-
-    /// Does one thing that is due on the wire; tells whether there was one.
-    fn wire_event(&mut self, now: u64, journal: &mut Journal) -> bool {
-        let Some(wire) = &mut self.wire else { return false };
-        let at_ns = wire.next_ns().unwrap_or(now * 1000);
-        if at_ns > now * 1000 {
-            return false;
+        let mut next = self.stations.next_time();
+        if let Some(wire) = &self.wire {
+            let of_wire = wire.next_ns().map_or(NEVER, |ns| ns.div_ceil(1000));
+            let begins = wire.can_begin(now * 1000, &self.stations);
+            let back = self.next_back().map_or(NEVER, |(at_ns, _)| at_ns.div_ceil(1000));
+            next = next.min(of_wire).min(back).min(if begins { now } else { NEVER });
         }
-        let begin_ns = wire.on_wire().map_or(at_ns, |frame| frame.begin_ns);
-        let bit_s = wire.rate().bit_s();
-        let mut ends = Ends { ends: &mut self.ends, begin_ns, cut_off: self.cut_off, bit_s };
-        let was_busy = wire.next_ns().is_some();
-        match wire.advance(at_ns, &mut ends) {
-            None => return was_busy,
-            Some(Event::Begun(_)) => {}
-            Some(Event::Delivered(it)) => {
-                let (bus, sender) = (self.index, self.ends[it.sender].origin);
-                journal.push(now, Transmitted { bus, frame: it.frame, sender });
-                self.hand_over(now, it.sender, &it.frame, journal);
-            }
-            Some(Event::Lost(it)) => {
-                self.cut_off = None;
-                let (bus, sender) = (self.index, self.ends[it.sender].origin);
-                journal.push(now, Lost { bus, frame: it.frame, sender });
-            }
-        }
-        true
-    }
-
-    /// Tells everybody's firmware of a frame that has arrived.
-    fn hand_over(&mut self, now: u64, sender: usize, frame: &Frame, journal: &mut Journal) {
-        for (who, end) in self.ends.iter_mut().enumerate() {
-            if who == sender {
-                end.run(now, journal, |port, ctx, controller| port.sent(ctx, controller, frame));
-            } else if let Some(frame) = end.arrived.take() {
-                end.run(now, journal, |port, ctx, controller| port.received(ctx, controller, &frame));
-            }
-        }
+        self.next = next.max(now);
     }
 }
 
@@ -213,68 +81,56 @@ impl Medium for CanBus {
 
     fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
         let socket = socket.downcast::<CanSocket>().map_err(|_| BuildError::OtherFamily)?;
-        let CanSocket { origin, segment, layout, port } = *socket;
-        let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
-        self.ends.push(End {
-            origin,
-            base: area.first as usize,
-            port,
-            controller: Controller::default(),
-            watch: Some(OwnedWatch::of_area(origin.plc, &segment, layout, area)?),
-            on_since_ns: None,
-            is_leaving: false,
-            arrived: None,
-        });
-        Ok(self.ends.len() - 1)
+        Ok(self.stations.add(End::port(*socket)?))
     }
 
     fn power_on(&mut self, place: usize, address: u8, now: u64, journal: &mut Journal) -> bool {
-        let end = &mut self.ends[place];
-        end.on_since_ns = Some(now * 1000);
-        end.run(now, journal, |port, ctx, controller| port.power_on(ctx, controller, address));
+        self.stations.get_mut(place).on_since_ns = Some(now * 1000);
+        self.run(place, now, journal, |port, ctx, controller| port.power_on(ctx, controller, address));
         self.plan(now);
         true
     }
 
     fn power_off(&mut self, place: usize, now: u64, _: &mut Journal) {
-        let end = &mut self.ends[place];
-        end.on_since_ns = None;
-        end.controller.clear();
+        let end = self.stations.get_mut(place);
+        end.switch_off();
         end.port.power_off();
-        let on_wire = self.wire.as_ref().and_then(can::Medium::on_wire);
-        if on_wire.is_some_and(|frame| frame.sender == place) {
-            self.cut_off = Some(place);
-        }
+        self.stations.end_recovery(place);
+        self.settle(place, now * 1000);
         self.plan(now);
     }
 
     fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool {
-        let end = &mut self.ends[place];
-        end.run(now, journal, |port, ctx, controller| port.look(ctx, controller));
+        self.run(place, now, journal, |port, ctx, controller| port.look(ctx, controller));
         self.plan(now);
         self.wire.is_some()
     }
 
     fn control_changed(&self) -> bool {
-        self.ends.iter().any(|end| end.port.has_changed())
+        self.stations.all().iter().any(|end| end.port.has_changed())
     }
 
     fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
-        if let Some(watch) = &mut self.ends[place].watch {
+        if let Some(watch) = &mut self.stations.get_mut(place).watch {
             watch.look(now, journal);
         }
     }
 
     fn leave(&mut self, place: usize) {
-        if let Some(watch) = &mut self.ends[place].watch {
+        if let Some(watch) = &mut self.stations.get_mut(place).watch {
             watch.leave();
         }
     }
 
     fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
-        if let Some(watch) = &mut self.ends[place].watch {
+        if let Some(watch) = &mut self.stations.get_mut(place).watch {
             watch.written(offset, bytes, now, journal);
         }
+    }
+
+    fn stations(&self) -> Vec<StationState> {
+        let present = self.stations.all().iter().filter(|end| end.on_since_ns.is_some());
+        present.map(|end| StationState { origin: end.origin, errors: end.controller.errors() }).collect()
     }
 
     fn bit_s(&self) -> u32 {
@@ -306,8 +162,10 @@ impl Medium for CanBus {
     /// The bus itself has no faults; those of its ports are their devices'.
     fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
-        let end = self.ends.iter_mut().find(|end| end.origin == Origin { plc, node })?;
-        let hit = end.port.strike(now, effect);
+        let origin = Origin { plc, node };
+        let who = self.stations.all().iter().position(|end| end.origin == origin)?;
+        let hit = self.stations.get_mut(who).port.strike(now, effect);
+        self.settle(who, now * 1000);
         self.plan(now);
         hit
     }
@@ -315,11 +173,11 @@ impl Medium for CanBus {
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         let now = world.now;
         // What is due on the wire was due before the microsecond's end.
-        if !self.wire_event(now, world.journal) {
-            for end in self.ends.iter_mut().filter(|end| end.on_since_ns.is_some()) {
-                if end.port.next_time() <= now {
-                    end.run(now, world.journal, |port, ctx, controller| port.due(ctx, controller));
-                }
+        if !self.wire_event(now, world.journal) && !self.recover(now, world.journal) {
+            let mut from = 0;
+            while let Some(who) = self.stations.due(from, now) {
+                self.run(who, now, world.journal, |port, ctx, controller| port.due(ctx, controller));
+                from = who + 1;
             }
         }
         self.plan(now);

@@ -1,11 +1,11 @@
 //! What the journal tells about CAN buses: their frames.
 
-use crate::can::Frame;
+use crate::can::{ErrorState, Fate, Frame};
 use crate::coded;
 use crate::journal::{Carried, Coded, Fields, Kind, Origin, Packer, Part, Reader, Told, Unpacker};
 
 /// All kinds.
-pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND];
+pub static KINDS: &[&Kind] = &[Transmitted::KIND, Lost::KIND, StateChange::KIND];
 
 coded! {
     /// A frame has arrived; the time is its end, when its receivers have it, in whole microseconds rounded up.
@@ -16,12 +16,65 @@ coded! {
         sender: Origin,
     }
 
-    /// A frame was on the wire to its end and has not arrived: its sender, or everybody else, was gone by then.
+    /// A frame has ended in an error frame; the time is the beginning of the error flag. That nobody acknowledges a frame is
+    /// told once, not at each repetition.
     Lost = 51, "can_lost", Missed, at bus {
-        /// The frame.
-        frame: Frame,
+        /// The frame, and why.
+        frame: (Frame, Fate),
         /// Whose it is.
         sender: Origin,
+    }
+
+    /// What a controller may do on its bus has changed.
+    StateChange = 53, "can_state", Rare, at bus {
+        /// Whose it is.
+        station: Origin,
+        /// The new state.
+        state: ErrorState,
+        /// Its transmit errors.
+        transmit: u16,
+        /// Its receive errors.
+        receive: u16,
+    }
+}
+
+/// Where the reason stands beside the length.
+const FATE: u32 = 8;
+
+/// A frame that has not arrived, with the reason.
+impl Part for (Frame, Fate) {
+    fn put(self, packer: &mut Packer) {
+        let (id, length, data) = self.0.numbers();
+        packer.put(id);
+        packer.put(u32::from(length) | (self.1 as u32) << FATE);
+        data.put(packer);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        let (id, length, data) = (unpacker.take(), unpacker.take(), u64::take(unpacker)?);
+        let fates = [Fate::Arrives, Fate::NotAcknowledged, Fate::Disturbed, Fate::SenderGone];
+        let fate = *fates.get((length >> FATE) as usize)?;
+        Some((Frame::of_numbers(id, length as u8, data)?, fate))
+    }
+}
+
+impl Part for ErrorState {
+    fn put(self, packer: &mut Packer) {
+        packer.put(self as u32);
+    }
+
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        ErrorState::ALL.get(unpacker.take() as usize).copied()
+    }
+}
+
+/// Why a frame has not arrived: for programs, and for people.
+fn reason(fate: Fate) -> (&'static str, &'static str) {
+    match fate {
+        Fate::Arrives => ("arrives", "has arrived"),
+        Fate::NotAcknowledged => ("not_acknowledged", "is acknowledged by nobody"),
+        Fate::Disturbed => ("disturbed", "is destroyed by an error frame"),
+        Fate::SenderGone => ("sender_gone", "is cut off, its sender is gone"),
     }
 }
 
@@ -88,11 +141,28 @@ impl Told for Transmitted {
 
 impl Told for Lost {
     fn text(&self, reader: &mut Reader) -> String {
-        format!("{} from {} has not arrived", text(&self.frame), reader.port(self.sender))
+        let (frame, fate) = &self.frame;
+        format!("{} from {} {}", text(frame), reader.port(self.sender), reason(*fate).1)
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
-        fields(&self.frame, self.sender, reader)
+        let (frame, fate) = &self.frame;
+        fields(frame, self.sender, reader).with("why", reason(*fate).0)
+    }
+}
+
+impl Told for StateChange {
+    fn text(&self, reader: &mut Reader) -> String {
+        let (station, state) = (reader.port(self.station), self.state.name().replace('_', "-"));
+        format!("{station} is {state}, {} transmit and {} receive errors", self.transmit, self.receive)
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        Fields::new()
+            .with("station", reader.port(self.station))
+            .with("state", self.state.name())
+            .with("transmit_errors", self.transmit)
+            .with("receive_errors", self.receive)
     }
 }
 

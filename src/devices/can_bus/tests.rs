@@ -1,10 +1,10 @@
 //! A bus between scripted ports: who hears what, when, to the nanosecond.
 
-use super::records::{Lost, Transmitted};
+use super::records::{Lost, StateChange, Transmitted};
 use super::{CanBus, CanBusConfig, CanPort, CanSocket, Controller, QueueFull};
-use crate::can::{BitRate, Filter, Frame, Payload, wire};
+use crate::can::{BitRate, ErrorState, Fate, Filter, Frame, Payload, wire};
 use crate::devices::samples::tables::STATION;
-use crate::devices::{Context, Medium, World};
+use crate::devices::{Context, Medium, StationState, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
@@ -47,6 +47,15 @@ impl CanPort for Scripted {
 
     fn sent(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
         self.note(ctx.now, "sent", frame);
+    }
+
+    fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
+        assert_eq!(state, controller.error_state());
+        self.log.lock().unwrap().push((self.who, ctx.now, state.name(), 0));
+        // The last one returns by itself.
+        if self.who == 2 {
+            controller.restart();
+        }
     }
 
     fn next_time(&self) -> u64 {
@@ -106,6 +115,21 @@ impl Bench {
         }
     }
 
+    /// A station is BUS-off.
+    fn switch_off(&mut self, who: usize, now: u64) {
+        self.bus.stations.get_mut(who).controller.errors_mut().bus_off();
+        self.bus.stations.is_in_trouble(who);
+        self.bus.settle(who, now * 1000);
+        self.bus.tell_states(now, &mut self.journal);
+        self.bus.plan(now);
+    }
+
+    /// Transmit and receive errors of the stations.
+    fn errors(&self) -> Vec<(u16, u16)> {
+        let errors = |it: &StationState| (it.errors.transmit(), it.errors.receive());
+        self.bus.stations().iter().map(errors).collect()
+    }
+
     fn log(&self) -> Vec<(u16, u64, &'static str, u8)> {
         core::mem::take(&mut self.log.lock().unwrap())
     }
@@ -119,7 +143,7 @@ impl Bench {
         self.journal.records().filter_map(told).collect()
     }
 
-    fn lost(&self) -> Vec<(u64, Frame)> {
+    fn lost(&self) -> Vec<(u64, (Frame, Fate))> {
         let told =
             |record: &crate::journal::Record| record.event.get().map(|it: Lost| (record.time_us, it.frame));
         self.journal.records().filter_map(told).collect()
@@ -201,27 +225,101 @@ fn filters_keep_frames_from_the_firmware() {
 
 /// D-350.
 #[test]
-fn a_frame_waits_for_somebody_who_hears_it() {
-    let mut bench = Bench::new(500_000, vec![(vec![], vec![(100, frame(0x100, 1))]), (vec![], vec![])]);
+fn alone_a_station_becomes_passive_and_goes_on_trying() {
+    let (it, rate) = (frame(0x100, 1), BitRate::new(500_000).unwrap());
+    let mut bench = Bench::new(rate.bit_s(), vec![(vec![], vec![(100, it)]), (vec![], vec![])]);
     bench.bus.power_off(1, 50, &mut bench.journal);
     bench.run(10_000);
-    assert_eq!((bench.bus.next_time(), bench.frames()), (u64::MAX, vec![]));
+    let to_flag = wire::bits_to_acknowledgement(&it) + 1;
+    let round = to_flag + 6 + 8 + 3;
+    let flag = |nth: u32| 100 + rate.time_ns((nth - 1) * round + to_flag) / 1000;
+    assert_eq!(bench.log(), [(0, flag(12), "error_warning", 0), (0, flag(16), "error_passive", 0)]);
+    // The journal has it once.
+    assert_eq!((bench.frames(), bench.lost()), (vec![], vec![(flag(1), (it, Fate::NotAcknowledged))]));
+    let told = bench.journal.records().filter_map(|record| record.event.get::<StateChange>());
+    assert_eq!(told.map(|it| (it.transmit, it.receive)).collect::<Vec<_>>(), [(96, 0), (128, 0)]);
+    // As it is passive, it waits eight bits between two tries.
+    let again = 100 + rate.time_ns(16 * round + 8) / 1000;
+    let passive_round = rate.time_ns(round + 8) / 1000;
+    let next = again + (20_000 - again).div_ceil(passive_round) * passive_round;
+    bench.run(19_999);
     bench.bus.power_on(1, 0, 20_000, &mut bench.journal);
-    assert_eq!(bench.bus.next_time(), 20_000);
     bench.run(30_000);
-    assert_eq!(bench.frames().len(), 1);
+    let end = next + wire::airtime(&it, rate).delivery_ns / 1000;
+    assert_eq!(bench.frames(), [(end, it, 0)]);
+    assert_eq!(bench.log(), [(0, end, "sent", 1), (1, end, "received", 1), (0, end, "error_warning", 0)]);
+    assert_eq!(bench.bus.next_time(), u64::MAX);
 }
 
 #[test]
-fn a_frame_whose_sender_goes_off_is_lost_even_if_it_comes_back() {
+fn a_frame_whose_sender_goes_off_is_cut_off_even_if_it_comes_back() {
     let it = frame(0x100, 1);
     let mut bench = Bench::new(125_000, vec![(vec![], vec![(100, it)]), (vec![], vec![])]);
     bench.run(100);
     bench.bus.power_off(0, 110, &mut bench.journal);
     bench.bus.power_on(0, 0, 120, &mut bench.journal);
     bench.run(100_000);
-    let end = 100 + wire::airtime(&it, BitRate::new(125_000).unwrap()).delivery_ns / 1000;
-    assert_eq!((bench.frames(), bench.lost(), bench.log()), (vec![], vec![(end, it)], vec![]));
+    // Two bits have begun, and six recessive ones are an error.
+    let lost = (100 + 8 * 8, (it, Fate::SenderGone));
+    assert_eq!((bench.frames(), bench.lost(), bench.log()), (vec![], vec![lost], vec![]));
+    assert_eq!(bench.errors(), [(0, 0), (0, 1)]);
+}
+
+/// A bus of 1 Mbit/s whose station 2 sends, and is BUS-off from 50 us on.
+fn with_one_off(others: Vec<(u64, Frame)>) -> Bench {
+    let scripts = vec![(vec![], others), (vec![], vec![]), (vec![], vec![(10, frame(0x100, 7))])];
+    let mut bench = Bench::new(1_000_000, scripts);
+    bench.run(50);
+    bench.switch_off(2, 50);
+    bench
+}
+
+#[test]
+fn who_is_bus_off_returns_after_128_times_eleven_bits() {
+    let mut bench = with_one_off(Vec::new());
+    bench.run(100_000);
+    // Its frame is cut off, which costs the others six bits; the flag and what is left of the frame do not count.
+    let cut = 50 + 6;
+    let back = cut + 6 + 128 * 11;
+    let end = back + wire::airtime(&frame(0x100, 7), BitRate::new(1_000_000).unwrap()).delivery_ns / 1000;
+    assert_eq!(bench.lost(), [(cut, (frame(0x100, 7), Fate::SenderGone))]);
+    assert_eq!(
+        bench.log(),
+        [
+            (2, 50, "bus_off", 0),
+            (2, back, "error_active", 0),
+            (0, end, "received", 7),
+            (1, end, "received", 7),
+            (2, end, "sent", 7)
+        ]
+    );
+    assert_eq!(bench.errors(), [(0, 0); 3]);
+}
+
+#[test]
+fn frames_of_others_delay_the_return() {
+    let it = frame(0x200, 1);
+    let bits = u64::from(wire::bits(&it));
+    let mut bench = with_one_off((0..40).map(|_| (1000, it)).collect());
+    bench.run(100_000);
+    // 85 runs before the frames, one behind each of them, three at the end, the first of which the last frame has begun.
+    let before = (1000 - 62) / 11;
+    let back = 1000 + 40 * bits + (128 - before - 40) * 11;
+    let log = bench.log();
+    assert!(log.contains(&(2, back, "error_active", 0)), "{back}: {log:?}");
+}
+
+#[test]
+fn who_is_not_restarted_stays_off() {
+    let mut bench = Bench::new(1_000_000, vec![(vec![], vec![(100, frame(0x100, 7))]), (vec![], vec![])]);
+    bench.switch_off(0, 50);
+    bench.run(1_000_000);
+    assert_eq!((bench.log(), bench.frames()), (vec![(0, 50, "bus_off", 0)], vec![]));
+    assert_eq!(bench.bus.stations().iter().map(|it| it.errors.state()).max(), Some(ErrorState::BusOff));
+    // Without power it forgets that.
+    bench.bus.power_off(0, 1_000_000, &mut bench.journal);
+    bench.bus.power_on(0, 0, 1_000_000, &mut bench.journal);
+    assert_eq!(bench.errors(), [(0, 0); 2]);
 }
 
 #[test]

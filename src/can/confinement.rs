@@ -1,0 +1,219 @@
+//! Fault confinement: what errors do to a station (ISO 11898-1).
+//!
+//! Every controller counts the errors of what it sends and of what it receives. One that has counted too many first no longer
+//! disturbs the others by its error flags, and in the end leaves the bus.
+
+use super::BitRate;
+
+/// What a controller may still do on its bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ErrorState {
+    /// It takes part, and its error flags are dominant.
+    #[default]
+    Active,
+    /// The same, but a counter has come to 96: the bus is heavily disturbed.
+    Warning,
+    /// A counter has gone beyond 127: it takes part, its error flags are recessive, and behind a frame of its own it waits for
+    /// eight bits more.
+    Passive,
+    /// The count of transmit errors has gone beyond 255: it takes no part at all.
+    BusOff,
+}
+
+impl ErrorState {
+    /// All of them, from good to bad.
+    pub const ALL: [ErrorState; 4] =
+        [ErrorState::Active, ErrorState::Warning, ErrorState::Passive, ErrorState::BusOff];
+
+    /// Its name, as programs are told it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            ErrorState::Active => "error_active",
+            ErrorState::Warning => "error_warning",
+            ErrorState::Passive => "error_passive",
+            ErrorState::BusOff => "bus_off",
+        }
+    }
+}
+
+/// The two error counters of a controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct ErrorCounters {
+    transmit: u16,
+    receive: u16,
+}
+
+/// From here on it is a warning.
+const WARNING: u16 = 96;
+/// Up to here a station is error-active.
+const LAST_ACTIVE: u16 = 127;
+/// Up to here it is at the bus.
+const LAST_ON: u16 = 255;
+/// What its own frame's error costs the transmitter.
+const TRANSMIT_STEP: u16 = 8;
+
+impl ErrorCounters {
+    /// Transmit errors, 0 to 256; 256 is BUS-off.
+    #[must_use]
+    pub const fn transmit(self) -> u16 {
+        self.transmit
+    }
+
+    /// Receive errors, 0 to 128.
+    #[must_use]
+    pub const fn receive(self) -> u16 {
+        self.receive
+    }
+
+    /// What they make of the controller.
+    #[must_use]
+    pub const fn state(self) -> ErrorState {
+        let most = if self.transmit > self.receive { self.transmit } else { self.receive };
+        if self.transmit > LAST_ON {
+            ErrorState::BusOff
+        } else if most > LAST_ACTIVE {
+            ErrorState::Passive
+        } else if most >= WARNING {
+            ErrorState::Warning
+        } else {
+            ErrorState::Active
+        }
+    }
+
+    /// A frame of its own has arrived.
+    pub fn sent(&mut self) {
+        self.transmit = self.transmit.saturating_sub(1);
+    }
+
+    /// It has received a frame of somebody else.
+    pub fn received(&mut self) {
+        self.receive = self.receive.saturating_sub(1);
+    }
+
+    /// A frame of its own has ended in an error.
+    pub fn transmit_error(&mut self) {
+        self.transmit = (self.transmit + TRANSMIT_STEP).min(LAST_ON + 1);
+    }
+
+    /// Nobody has acknowledged its frame. An error-passive station does not count that: alone on a bus it tries for ever.
+    pub fn not_acknowledged(&mut self) {
+        if self.state() < ErrorState::Passive {
+            self.transmit_error();
+        }
+    }
+
+    /// A frame of somebody else has ended in an error. Beyond 127 it counts no further, so that the first good frame leads back
+    /// to 127, which is what the standard asks for (119 to 127).
+    pub fn receive_error(&mut self) {
+        self.receive = (self.receive + 1).min(LAST_ACTIVE + 1);
+    }
+
+    /// It switches itself off.
+    pub fn bus_off(&mut self) {
+        self.transmit = LAST_ON + 1;
+    }
+}
+
+/// How often a station that was BUS-off has to see eleven recessive bits before it takes part again.
+const RUNS: u32 = 128;
+/// Bits of such a run.
+const RUN: u32 = 11;
+
+/// The way back from BUS-off: 128 times eleven recessive bits in a row. An idle bus has them one after the other, one with
+/// frames has one behind each frame at least.
+#[derive(Clone, Copy, Debug)]
+pub struct Recovery {
+    left: u32,
+    from_ns: u64,
+}
+
+impl Recovery {
+    /// It begins at `now_ns`.
+    #[must_use]
+    pub const fn new(now_ns: u64) -> Self {
+        Recovery { left: RUNS, from_ns: now_ns }
+    }
+
+    /// A frame begins at `begin_ns`, before which the wire has been recessive since `quiet_ns`.
+    pub fn frame_begins(&mut self, begin_ns: u64, quiet_ns: u64, rate: BitRate) {
+        // Times on the wire are rounded up, each by less than a nanosecond, which must not cost a whole run.
+        let elapsed = u128::from((begin_ns + 1).saturating_sub(quiet_ns.max(self.from_ns)));
+        let runs = elapsed * u128::from(rate.bit_s()) / (1_000_000_000 * u128::from(RUN));
+        self.left = self.left.saturating_sub(u32::try_from(runs).unwrap_or(u32::MAX));
+    }
+
+    /// When it is over if no frame begins before, the wire being recessive since `quiet_ns`.
+    #[must_use]
+    pub fn end_ns(&self, quiet_ns: u64, rate: BitRate) -> u64 {
+        quiet_ns.max(self.from_ns).saturating_add(rate.time_ns(self.left * RUN))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(count: usize, mut step: impl FnMut(&mut ErrorCounters)) -> ErrorCounters {
+        let mut counters = ErrorCounters::default();
+        (0..count).for_each(|_| step(&mut counters));
+        counters
+    }
+
+    #[test]
+    fn the_limits_of_the_standard() {
+        use ErrorState::{Active, BusOff, Passive, Warning};
+        for (errors, transmit, state) in [
+            (11, 88, Active),
+            (12, 96, Warning),
+            (15, 120, Warning),
+            (16, 128, Passive),
+            (31, 248, Passive),
+            (32, 256, BusOff),
+            (40, 256, BusOff),
+        ] {
+            let counters = after(errors, ErrorCounters::transmit_error);
+            assert_eq!((counters.transmit(), counters.state()), (transmit, state), "{errors} errors");
+        }
+        for (errors, state) in [(95, Active), (96, Warning), (127, Warning), (128, Passive), (1000, Passive)]
+        {
+            assert_eq!(after(errors, ErrorCounters::receive_error).state(), state, "{errors} errors");
+        }
+    }
+
+    #[test]
+    fn a_good_frame_takes_one_away() {
+        let mut counters = after(16, ErrorCounters::transmit_error);
+        counters.sent();
+        assert_eq!((counters.transmit(), counters.state()), (127, ErrorState::Warning));
+        let mut counters = after(500, ErrorCounters::receive_error);
+        counters.received();
+        assert_eq!((counters.receive(), counters.state()), (127, ErrorState::Warning));
+        let mut good = ErrorCounters::default();
+        good.sent();
+        good.received();
+        assert_eq!(good, ErrorCounters::default());
+    }
+
+    #[test]
+    fn alone_a_station_becomes_passive_and_no_more() {
+        let alone = after(1000, ErrorCounters::not_acknowledged);
+        assert_eq!((alone.transmit(), alone.state()), (128, ErrorState::Passive));
+    }
+
+    #[test]
+    fn the_way_back_counts_runs_of_eleven_bits() {
+        let rate = BitRate::new(125_000).unwrap();
+        let mut it = Recovery::new(1_000_000);
+        assert_eq!(it.end_ns(0, rate), 1_000_000 + 128 * 11 * 8_000);
+        // 10 bits are no run, 21 are one, and what was quiet before it began does not count.
+        it.frame_begins(1_080_000, 0, rate);
+        it.frame_begins(2_000_000, 2_000_000 - 21 * 8_000, rate);
+        assert_eq!(it.end_ns(3_000_000, rate), 3_000_000 + 127 * 11 * 8_000);
+        // Eleven bits that rounding has made a nanosecond shorter.
+        let odd = BitRate::new(33_300).unwrap();
+        let mut it = Recovery::new(0);
+        it.frame_begins(odd.time_ns(111), odd.time_ns(100), odd);
+        assert_eq!(it.end_ns(u64::MAX / 2, odd) - u64::MAX / 2, odd.time_ns(127 * 11));
+    }
+}

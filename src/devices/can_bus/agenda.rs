@@ -1,0 +1,113 @@
+//! When each station is due, so that what is due first is found without asking all of them.
+
+/// Nothing is due.
+pub(super) const NEVER: u64 = u64::MAX;
+
+/// A time for each of some stations: a tree whose nodes have the earlier time of their two children, the first behind its
+/// root at 1.
+pub(super) struct Agenda {
+    /// Leaves; a power of two.
+    size: usize,
+    times: Vec<u64>,
+}
+
+impl Agenda {
+    pub(super) fn new() -> Self {
+        Agenda { size: 1, times: vec![NEVER; 2] }
+    }
+
+    /// Makes room for so many stations.
+    pub(super) fn grow(&mut self, count: usize) {
+        if count <= self.size {
+            return;
+        }
+        let old = core::mem::replace(self, Agenda { size: count.next_power_of_two(), times: Vec::new() });
+        self.times = vec![NEVER; 2 * self.size];
+        for who in 0..old.size {
+            self.set(who, old.times[old.size + who]);
+        }
+    }
+
+    /// `who` is due at `time`.
+    pub(super) fn set(&mut self, who: usize, time: u64) {
+        let mut node = self.size + who;
+        self.times[node] = time;
+        while node > 1 {
+            let earlier = self.times[node].min(self.times[node ^ 1]);
+            node /= 2;
+            if self.times[node] == earlier {
+                break;
+            }
+            self.times[node] = earlier;
+        }
+    }
+
+    /// When the first one is due.
+    pub(super) fn first(&self) -> u64 {
+        self.times[1]
+    }
+
+    /// The first station from `from` on that is due at `now`.
+    pub(super) fn due(&self, from: usize, now: u64) -> Option<usize> {
+        if from >= self.size {
+            return None;
+        }
+        let mut node = self.size + from;
+        while self.times[node] > now {
+            // The next tree to the right; behind the last one there is none.
+            while node & 1 == 1 {
+                node /= 2;
+            }
+            if node == 0 {
+                return None;
+            }
+            node += 1;
+        }
+        while node < self.size {
+            node *= 2;
+            if self.times[node] > now {
+                node += 1;
+            }
+        }
+        Some(node - self.size)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        #[test]
+        fn it_agrees_with_a_list(
+            count in 1usize..40,
+            sets in prop::collection::vec((0usize..40, prop_oneof![0u64..20, Just(NEVER)]), 0..60),
+            now in 0u64..20,
+        ) {
+            let (mut agenda, mut list) = (Agenda::new(), vec![NEVER; count]);
+            (1..=count).for_each(|count| agenda.grow(count));
+            for (who, time) in sets {
+                agenda.set(who % count, time);
+                list[who % count] = time;
+            }
+            prop_assert_eq!(agenda.first(), list.iter().copied().min().unwrap());
+            for from in 0..count + 2 {
+                let due = (from..count).find(|who| list[*who] <= now);
+                prop_assert_eq!(agenda.due(from, now), due, "{}", from);
+            }
+        }
+
+        #[test]
+        fn growing_forgets_nothing(times in prop::collection::vec(0u64..20, 1..40)) {
+            let mut agenda = Agenda::new();
+            for (who, time) in times.iter().enumerate() {
+                agenda.grow(who + 1);
+                agenda.set(who, *time);
+            }
+            prop_assert_eq!(agenda.first(), *times.iter().min().unwrap());
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What is plugged in at a bus: a port, or a guest.
+
+use super::Controller;
+use super::guest::Silent;
+use super::port::{CanPort, CanSocket};
+use crate::can::ErrorState;
+use crate::check::OwnedWatch;
+use crate::devices::{BuildError, Context};
+use crate::journal::{Journal, Origin};
+
+/// A port at the bus, or a guest.
+pub(super) struct End {
+    pub(super) origin: Origin,
+    base: usize,
+    pub(super) port: Box<dyn CanPort>,
+    pub(super) controller: Controller,
+    /// None over a guest, which has no registers.
+    pub(super) watch: Option<OwnedWatch>,
+    /// Since when it has power, in ns.
+    pub(super) on_since_ns: Option<u64>,
+    /// Since when it takes part in the traffic, in ns.
+    pub(super) member_since_ns: Option<u64>,
+    /// It leaves as soon as its controller has nothing to send.
+    pub(super) is_leaving: bool,
+    /// It is in the list of those that have something to send.
+    pub(super) is_waiting: bool,
+    /// It is in the list of those with errors.
+    pub(super) is_troubled: bool,
+    /// The state that was last told of its controller.
+    pub(super) told: ErrorState,
+    /// The journal has its frame, which nobody acknowledges, already.
+    pub(super) is_unheard: bool,
+}
+
+impl End {
+    fn new(origin: Origin, base: usize, port: Box<dyn CanPort>, watch: Option<OwnedWatch>) -> Self {
+        End {
+            origin,
+            base,
+            port,
+            controller: Controller::default(),
+            watch,
+            on_since_ns: None,
+            member_since_ns: None,
+            is_leaving: false,
+            is_waiting: false,
+            is_troubled: false,
+            told: ErrorState::default(),
+            is_unheard: false,
+        }
+    }
+
+    /// A guest that does not take part yet.
+    pub(super) fn guest(number: u8) -> Self {
+        End::new(Origin::of_guest(number), 0, Box::new(Silent), None)
+    }
+
+    /// A port of a device.
+    pub(super) fn port(socket: CanSocket) -> Result<Self, BuildError> {
+        let CanSocket { origin, segment, layout, port } = socket;
+        let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
+        let watch = OwnedWatch::of_area(origin.plc, &segment, layout, area)?;
+        Ok(End::new(origin, area.first as usize, port, Some(watch)))
+    }
+
+    /// Whether it takes part and has done so since `begin_ns`: what began before it has missed (decision D-356).
+    #[inline]
+    pub(super) fn was_there(&self, begin_ns: u64) -> bool {
+        self.member_since_ns.is_some_and(|since| since <= begin_ns)
+    }
+
+    /// It is off: everything is forgotten.
+    pub(super) fn switch_off(&mut self) {
+        self.on_since_ns = None;
+        self.is_leaving = false;
+        self.told = ErrorState::default();
+        self.is_unheard = false;
+        self.controller.clear();
+    }
+
+    /// Runs its firmware.
+    pub(super) fn run(
+        &mut self,
+        now: u64,
+        journal: &mut Journal,
+        firmware: impl FnOnce(&mut dyn CanPort, &mut Context, &mut Controller),
+    ) {
+        self.controller.now = now;
+        let ctx = &mut Context { now, journal, origin: self.origin, base: self.base };
+        firmware(&mut *self.port, ctx, &mut self.controller);
+    }
+}

@@ -1,0 +1,229 @@
+//! The stations of a bus, and what is known of all of them without asking each: who has something to send, who is due, who
+//! takes part, who has errors. So the cost of a frame is that of those whom it concerns.
+
+use super::acceptance::Acceptance;
+use super::agenda::{Agenda, NEVER};
+use super::end::End;
+use crate::can::{Arbitration, BitRate, ErrorState, Frame, Participants, Recovery};
+
+/// Somebody with a frame to send.
+struct Waiting {
+    field: Arbitration,
+    who: usize,
+    /// From when on it takes part in arbitration, in ns.
+    since_ns: u64,
+}
+
+/// The ports, then the guests. A guest that has left keeps its place for the next one of its number.
+pub(super) struct Stations {
+    ends: Vec<End>,
+    /// Of the bus; none where nothing is plugged in.
+    rate: Option<BitRate>,
+    waiting: Vec<Waiting>,
+    due: Agenda,
+    acceptance: Acceptance,
+    /// How many take part.
+    members: usize,
+    /// When the last one came, in ns.
+    last_came_ns: u64,
+    /// Those whose error counters are not 0.
+    troubled: Vec<usize>,
+    /// Those that are on their way back from BUS-off.
+    recovering: Vec<(usize, Recovery)>,
+    /// Somebody has begun or ceased to take part since it was last asked.
+    has_changed: bool,
+}
+
+impl Stations {
+    pub(super) fn new(rate: Option<BitRate>) -> Self {
+        Stations {
+            ends: Vec::new(),
+            rate,
+            waiting: Vec::new(),
+            due: Agenda::new(),
+            acceptance: Acceptance::new(),
+            members: 0,
+            last_came_ns: 0,
+            troubled: Vec::new(),
+            recovering: Vec::new(),
+            has_changed: false,
+        }
+    }
+
+    pub(super) fn add(&mut self, end: End) -> usize {
+        self.ends.push(end);
+        self.due.grow(self.ends.len());
+        self.acceptance.forget();
+        self.ends.len() - 1
+    }
+
+    pub(super) fn all(&self) -> &[End] {
+        &self.ends
+    }
+
+    /// One of them; [`Stations::settle`] is to follow.
+    pub(super) fn get_mut(&mut self, who: usize) -> &mut End {
+        &mut self.ends[who]
+    }
+
+    /// How many take part.
+    pub(super) fn members(&self) -> usize {
+        self.members
+    }
+
+    /// When the first of their own times is due.
+    pub(super) fn next_time(&self) -> u64 {
+        self.due.first()
+    }
+
+    /// The first from `from` on that is due at `now`.
+    pub(super) fn due(&self, from: usize, now: u64) -> Option<usize> {
+        self.due.due(from, now)
+    }
+
+    /// Takes note of what has become of one of them, at `at_ns`.
+    pub(super) fn settle(&mut self, who: usize, at_ns: u64) {
+        let end = &mut self.ends[who];
+        self.due.set(who, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
+        if end.controller.take_new_filters() {
+            self.acceptance.forget();
+        }
+        if end.controller.take_restart() && self.recovering.iter().all(|(other, _)| *other != who) {
+            self.recovering.push((who, Recovery::new(at_ns)));
+        }
+        let bit_s = self.rate.map_or(0, BitRate::bit_s);
+        let is_member = end.on_since_ns.is_some() && end.controller.takes_part(bit_s);
+        if is_member != end.member_since_ns.is_some() {
+            end.member_since_ns = is_member.then_some(at_ns);
+            self.has_changed = true;
+            if is_member {
+                self.members += 1;
+                self.last_came_ns = self.last_came_ns.max(at_ns);
+            } else {
+                self.members -= 1;
+            }
+        }
+        let since_ns = end.member_since_ns.filter(|_| self.rate.is_some());
+        let offer = since_ns.and_then(|since_ns| {
+            let (there_ns, frame) = end.controller.front()?;
+            Some(Waiting { field: frame.arbitration(), who, since_ns: since_ns.max(*there_ns) })
+        });
+        if !end.is_waiting && offer.is_none() {
+            return;
+        }
+        end.is_waiting = offer.is_some();
+        let place = self.waiting.iter().position(|waiting| waiting.who == who);
+        match (place, offer) {
+            (Some(place), Some(offer)) => self.waiting[place] = offer,
+            (Some(place), None) => drop(self.waiting.swap_remove(place)),
+            (None, Some(offer)) => self.waiting.push(offer),
+            (None, None) => {}
+        }
+    }
+
+    /// Whether somebody has begun or ceased to take part since it was last asked.
+    pub(super) fn take_changed(&mut self) -> bool {
+        core::mem::take(&mut self.has_changed)
+    }
+
+    /// Writes down who is handed a frame: not its sender, and not guests, to whom those who bring them in tell everything.
+    pub(super) fn takers(&mut self, frame: &Frame, takers: &mut Vec<u16>) {
+        let Stations { ends, acceptance, .. } = self;
+        let known = acceptance.takers(frame, || {
+            let accepts = |end: &End| end.origin.guest().is_none() && end.controller.accepts(frame);
+            (0u16..).zip(ends.iter()).filter(move |(_, end)| accepts(end)).map(|(who, _)| who)
+        });
+        takers.clear();
+        takers.extend_from_slice(known);
+    }
+
+    /// A frame has arrived: one error less for its sender, and for everybody who has heard it.
+    pub(super) fn count_good(&mut self, sender: usize, begin_ns: u64) {
+        let Stations { ends, troubled, .. } = self;
+        for &who in troubled.iter() {
+            let end = &mut ends[who];
+            match end.was_there(begin_ns).then(|| end.controller.errors_mut()) {
+                Some(errors) if who == sender => errors.sent(),
+                Some(errors) => errors.received(),
+                None => {}
+            }
+        }
+    }
+
+    /// A frame has ended in an error: everybody who has heard it does this with its controller.
+    pub(super) fn count_errors(&mut self, begin_ns: u64, mut count: impl FnMut(usize, &mut End)) {
+        for who in 0..self.ends.len() {
+            if self.ends[who].was_there(begin_ns) {
+                count(who, &mut self.ends[who]);
+                self.is_in_trouble(who);
+            }
+        }
+    }
+
+    /// This one's counters may not be 0.
+    pub(super) fn is_in_trouble(&mut self, who: usize) {
+        if !core::mem::replace(&mut self.ends[who].is_troubled, true) {
+            self.troubled.push(who);
+        }
+    }
+
+    /// One whose state is another than was last told; from now on that has been told.
+    pub(super) fn take_news(&mut self) -> Option<(usize, ErrorState)> {
+        let Stations { ends, troubled, .. } = self;
+        let news = |who: &usize| ends[*who].controller.error_state() != ends[*who].told;
+        let Some(who) = troubled.iter().copied().filter(news).min() else {
+            troubled.retain(|&who| {
+                ends[who].is_troubled = ends[who].controller.errors() != Default::default();
+                ends[who].is_troubled
+            });
+            return None;
+        };
+        let state = ends[who].controller.error_state();
+        ends[who].told = state;
+        Some((who, state))
+    }
+
+    /// Whether there is anybody with errors.
+    pub(super) fn has_trouble(&self) -> bool {
+        !self.troubled.is_empty()
+    }
+
+    /// A frame begins at `begin_ns`; before it, the wire has been recessive since `quiet_ns`.
+    pub(super) fn frame_begins(&mut self, begin_ns: u64, quiet_ns: u64) {
+        let Some(rate) = self.rate else { return };
+        for (_, recovery) in &mut self.recovering {
+            recovery.frame_begins(begin_ns, quiet_ns, rate);
+        }
+    }
+
+    /// Who comes back from BUS-off first, and when, in ns, the wire being recessive since `quiet_ns`.
+    pub(super) fn next_back(&self, quiet_ns: u64) -> Option<(u64, usize)> {
+        let rate = self.rate?;
+        self.recovering.iter().map(|(who, recovery)| (recovery.end_ns(quiet_ns, rate), *who)).min()
+    }
+
+    /// It is not on its way back from BUS-off any longer.
+    pub(super) fn end_recovery(&mut self, who: usize) {
+        self.recovering.retain(|(other, _)| *other != who);
+    }
+}
+
+impl Participants for Stations {
+    fn first(&self, at_ns: u64, but: Option<usize>) -> Option<(usize, Frame)> {
+        let there = self.waiting.iter().filter(|it| it.since_ns <= at_ns && but != Some(it.who));
+        let first = there.min_by_key(|it| (it.field, it.who))?;
+        let (_, frame) = self.ends[first.who].controller.front()?;
+        Some((first.who, *frame))
+    }
+
+    fn is_heard(&self, sender: usize, begin_ns: u64) -> bool {
+        if self.last_came_ns <= begin_ns {
+            return self.members > usize::from(self.ends[sender].member_since_ns.is_some());
+        }
+        self.ends.iter().enumerate().any(|(who, end)| who != sender && end.was_there(begin_ns))
+    }
+
+    fn is_passive(&self, who: usize) -> bool {
+        self.ends[who].controller.error_state() == ErrorState::Passive
+    }
+}

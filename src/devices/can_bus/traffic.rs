@@ -1,0 +1,156 @@
+//! What happens on the wire of a bus, and to the controllers at it.
+
+use super::records::{Lost, StateChange, Transmitted};
+use super::{CanBus, CanPort, Controller};
+use crate::can::{ErrorCounters, ErrorState, Event, Fate, OnWire, Participants};
+use crate::devices::Context;
+use crate::journal::Journal;
+
+impl CanBus {
+    /// Runs the firmware of one of the stations.
+    pub(super) fn run(
+        &mut self,
+        who: usize,
+        now: u64,
+        journal: &mut Journal,
+        firmware: impl FnOnce(&mut dyn CanPort, &mut Context, &mut Controller),
+    ) {
+        self.stations.get_mut(who).run(now, journal, firmware);
+        self.settle(who, now * 1000);
+    }
+
+    /// Takes note of what has become of a station.
+    pub(super) fn settle(&mut self, who: usize, at_ns: u64) {
+        self.stations.settle(who, at_ns);
+        if self.stations.take_changed() {
+            self.look_at_frame(at_ns);
+        }
+    }
+
+    /// Somebody takes part, or no longer does: is the frame on the wire still sent, and heard?
+    fn look_at_frame(&mut self, now_ns: u64) {
+        let Some(wire) = &mut self.wire else { return };
+        let Some(it) = wire.on_wire().copied() else { return };
+        if !self.stations.all()[it.sender].was_there(it.begin_ns) {
+            self.sender_gone = true;
+            wire.sender_gone(now_ns);
+        } else if !self.stations.is_heard(it.sender, it.begin_ns) {
+            wire.nobody_left(now_ns);
+        }
+    }
+
+    /// Does one thing that is due on the wire; tells whether there was one.
+    pub(super) fn wire_event(&mut self, now: u64, journal: &mut Journal) -> bool {
+        let now_ns = now * 1000;
+        let Some(wire) = &mut self.wire else { return false };
+        let at_ns = match wire.next_ns().filter(|ns| *ns <= now_ns) {
+            Some(ns) => ns,
+            None if wire.can_begin(now_ns, &self.stations) => now_ns,
+            None => return false,
+        };
+        let quiet_ns = wire.quiet_ns();
+        match wire.advance(at_ns, &self.stations) {
+            None => {}
+            Some(Event::Begun(it)) => {
+                self.sender_gone = false;
+                self.stations.frame_begins(it.begin_ns, quiet_ns.unwrap_or(it.begin_ns));
+            }
+            Some(Event::Delivered(it)) => self.delivered(&it, now, journal),
+            Some(Event::Failed(it)) => self.failed(&it, now, journal),
+        }
+        true
+    }
+
+    /// A frame has arrived: the journal has it before anybody answers.
+    fn delivered(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
+        let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
+        journal.push(now, Transmitted { bus, frame, sender });
+        if self.stations.has_trouble() {
+            self.stations.count_good(it.sender, it.begin_ns);
+        }
+        if !self.sender_gone {
+            let end = self.stations.get_mut(it.sender);
+            end.controller.take();
+            end.is_unheard = false;
+        }
+        self.hand_over(it, now, journal);
+        self.tell_states(now, journal);
+    }
+
+    /// Tells everybody's firmware of a frame that has arrived.
+    fn hand_over(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
+        let mut takers = core::mem::take(&mut self.takers);
+        self.stations.takers(&it.frame, &mut takers);
+        let behind = takers.partition_point(|who| usize::from(*who) < it.sender);
+        self.receive(&takers[..behind], it, now, journal);
+        if !self.sender_gone {
+            self.run(it.sender, now, journal, |port, ctx, controller| port.sent(ctx, controller, &it.frame));
+        }
+        self.receive(&takers[behind..], it, now, journal);
+        self.takers = takers;
+    }
+
+    fn receive(&mut self, takers: &[u16], it: &OnWire, now: u64, journal: &mut Journal) {
+        for who in takers.iter().map(|who| usize::from(*who)).filter(|who| *who != it.sender) {
+            if self.stations.all()[who].was_there(it.begin_ns) {
+                self.run(who, now, journal, |port, ctx, controller| {
+                    port.received(ctx, controller, &it.frame)
+                });
+            }
+        }
+    }
+
+    /// A frame ends in an error frame.
+    fn failed(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
+        let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
+        // A station that is alone repeats its frame without end.
+        let unheard = it.fate == Fate::NotAcknowledged;
+        let is_known = core::mem::replace(&mut self.stations.get_mut(it.sender).is_unheard, unheard);
+        if !(unheard && is_known) {
+            journal.push(now, Lost { bus, frame: (frame, it.fate), sender });
+        }
+        self.stations.count_errors(it.begin_ns, |who, end| {
+            let errors = end.controller.errors_mut();
+            match it.fate {
+                _ if who != it.sender => errors.receive_error(),
+                Fate::NotAcknowledged => errors.not_acknowledged(),
+                _ => errors.transmit_error(),
+            }
+        });
+        self.tell_states(now, journal);
+    }
+
+    /// Tells of the error states that have changed, the journal first.
+    pub(super) fn tell_states(&mut self, now: u64, journal: &mut Journal) {
+        if !self.stations.has_trouble() {
+            return;
+        }
+        while let Some((who, state)) = self.stations.take_news() {
+            let end = &self.stations.all()[who];
+            let (errors, station) = (end.controller.errors(), end.origin);
+            let (transmit, receive) = (errors.transmit(), errors.receive());
+            journal.push(now, StateChange { bus: self.index, station, state, transmit, receive });
+            self.run(who, now, journal, |port, ctx, controller| port.error_state(ctx, controller, state));
+        }
+    }
+
+    /// Who was BUS-off and has waited long enough takes part again; tells whether there was one.
+    pub(super) fn recover(&mut self, now: u64, journal: &mut Journal) -> bool {
+        let Some((at_ns, who)) = self.next_back().filter(|(at_ns, _)| *at_ns <= now * 1000) else {
+            return false;
+        };
+        self.stations.end_recovery(who);
+        let end = self.stations.get_mut(who);
+        if end.controller.error_state() == ErrorState::BusOff {
+            *end.controller.errors_mut() = ErrorCounters::default();
+            self.settle(who, at_ns);
+            self.tell_states(now, journal);
+        }
+        true
+    }
+
+    /// Who comes back from BUS-off first, and when, in ns, if no frame begins before.
+    pub(super) fn next_back(&self) -> Option<(u64, usize)> {
+        self.stations.next_back(self.wire.as_ref()?.quiet_ns()?)
+    }
+}
