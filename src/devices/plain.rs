@@ -1,7 +1,7 @@
 //! A device with nothing in front but its supply: what an ordinary device needs around its firmware.
 
 use super::supply::Supply;
-use super::{Context, Device, Look, Power, World};
+use super::{Context, Device, Events, Look, Power, World};
 use crate::fault::{Effect, Faults, Hit, Owner, Target};
 use crate::layout;
 use crate::layout::{Area, Fitted};
@@ -60,6 +60,17 @@ pub trait Firmware: Send + 'static {
     /// Whether a supply comes in when it is switched on. Asked at each look.
     fn is_fed(&self) -> bool {
         true
+    }
+
+    /// As [`Device::event_level`].
+    fn event_level(&self, event: usize) -> Option<u8> {
+        let _ = event;
+        None
+    }
+
+    /// Its events, if it has any.
+    fn events(&mut self) -> Option<&mut Events> {
+        None
     }
 }
 
@@ -186,6 +197,14 @@ impl<F: Firmware> Device for Plain<F> {
 
     fn faults_changed(&mut self, faults: &Faults) {
         self.firmware.faults_changed(faults, Owner::Device(self.index));
+    }
+
+    fn event_level(&self, event: usize) -> Option<u8> {
+        self.firmware.event_level(event)
+    }
+
+    fn events(&mut self) -> Option<&mut Events> {
+        self.firmware.events()
     }
 
     fn next_time(&self) -> u64 {

@@ -25,6 +25,16 @@ pub enum Way {
     Transmit,
 }
 
+impl Way {
+    /// Index of its first PDO's parameters.
+    fn first(self) -> u16 {
+        match self {
+            Way::Receive => 0x1400,
+            Way::Transmit => 0x1800,
+        }
+    }
+}
+
 /// What a program has asked for with `PDO_RX_CONFIG` or `PDO_TX_CONFIG` (p. 47-50).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PdoConfig {
@@ -184,11 +194,7 @@ impl Communication {
 
     /// The COB-ID of a PDO, from 0.
     pub(super) fn pdo_cob_id(&self, way: Way, pdo: usize) -> u32 {
-        let first = match way {
-            Way::Receive => 0x1400,
-            Way::Transmit => 0x1800,
-        };
-        self.pdo(way, pdo).cob_id.unwrap_or_else(|| self.default(first + pdo as u16, 1))
+        self.pdo(way, pdo).cob_id.unwrap_or_else(|| self.default(way.first() + pdo as u16, 1))
     }
 
     pub(super) fn set_pdo_cob_id(&mut self, way: Way, pdo: usize, cob_id: u32) {
@@ -218,6 +224,18 @@ impl Communication {
             registers.parameters.w_KBIT_S.store(RATES[usize::from(value)]);
         }
         true
+    }
+
+    /// The program sets the bit rate, which is in force and stored.
+    pub(super) fn set_rate(&mut self, registers: &Registers, kbit_s: u16) {
+        self.entered[2..].fill(code(kbit_s));
+        registers.parameters.w_KBIT_S.store(kbit_s);
+        registers.flags.CANBAUDRATE.store(kbit_s);
+    }
+
+    /// Whether the identifier is the one that follows from the Node-ID, or is the factory's.
+    pub(super) fn is_predefined(&self, way: Way, pdo: usize, id: u16) -> bool {
+        self.default(way.first() + pdo as u16, 1) == u32::from(id)
     }
 
     /// The identifiers in force.

@@ -1,6 +1,7 @@
 //! A CS0015 as the plant file describes it.
 
 use super::communication::{Factory, PdoConfig, Way, is_rate};
+use super::events::Pulses;
 use super::hardware::{Hardware, Shared};
 use super::master::MasterConfig;
 use super::node::{BootUp, GuardingConfig, Node};
@@ -142,6 +143,14 @@ impl Cs0015Config {
             Some(("master", span)) => {
                 Program::BuiltIn { pdos, cycle_us, guarding, master: Some(section.master(node_id, span)?) }
             }
+            Some(("attached", span)) => {
+                section.has_no_master()?;
+                if !pdos.is_empty() || guarding.is_some() {
+                    let text = format!("the program of '{name}' asks for guarding, pdo_rx and pdo_tx itself");
+                    return Err(refused_at(span, text));
+                }
+                Program::Attached { cycle_us }
+            }
             Some(("none", span)) => {
                 section.has_no_master()?;
                 if !pdos.is_empty() || section.cycle_us.is_some() || guarding.is_some() {
@@ -152,7 +161,8 @@ impl Cs0015Config {
                 Program::None
             }
             Some((other, span)) => {
-                let text = format!("program of '{name}' is '{other}'; it is one of none, slave, master");
+                let right = "none, slave, master, attached";
+                let text = format!("program of '{name}' is '{other}'; it is one of {right}");
                 return Err(refused_at(span, text));
             }
         };
@@ -250,16 +260,16 @@ impl DeviceConfig for Cs0015Config {
 
     fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {
         let factory = Factory { node: self.node_id, kbit_s: self.kbit_s };
-        let (mut plugs, shared) = (Vec::new(), Shared::default());
+        let (mut plugs, shared, pulses) = (Vec::new(), Shared::default(), Pulses::default());
         for port in DEVICE.ports {
             let node = Node::new(Registers::new(&segment)?, factory, self.boot_up);
             let origin = Origin { plc: index as u16, node: port.number };
-            let firmware = Box::new(Firmware::new(node, self.program.clone(), shared.clone()));
-            let socket = CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: firmware };
+            let firmware = Firmware::new(node, self.program.clone(), shared.clone(), pulses.clone());
+            let socket = CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: Box::new(firmware) };
             let (number, medium) = (port.number, self.bus.clone());
             plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
         }
-        let hardware = Hardware::new(&segment, shared)?;
+        let hardware = Hardware::new(&segment, shared, pulses)?;
         Ok((Box::new(Plain::new(index, &self.name, &DEVICE, segment, hardware)?), plugs))
     }
 }
@@ -291,7 +301,12 @@ mod tests {
             ("kbit_s = 33", "kbit_s of 'panel' is 33; it must be 10, 20"),
             ("cycle_us = 999", "cycle_us of 'panel' is 999; it must be 1000 to 1000000"),
             ("boot_up = '600'", "boot_up of 'panel' is '600'; it is one of none, empty-emcy, 700"),
-            ("program = 'attached'", "program of 'panel' is 'attached'; it is one of none, slave, master"),
+            (
+                "program = 'other'",
+                "program of 'panel' is 'other'; it is one of none, slave, master, attached",
+            ),
+            ("program = 'attached', guarding = {}", "the program of 'panel' asks for guarding, pdo_rx"),
+            ("program = 'attached', nodes = [1]", "only program = 'master' has nodes"),
             ("program = 'none', cycle_us = 5000", "without a program 'panel' has no cycle_us"),
             ("pdo_tx = [{ pdo = 9 }]", "a PDO of 'panel': pdo is 9; it must be 1 to 8"),
             ("pdo_tx = [{ pdo = 1, id = 0x200 }]", "id is 0x200; it must be 0x380 to 0x7FF"),

@@ -1,10 +1,11 @@
 //! The device itself, besides its port: its supply, what it keeps without it, and what is wrong with its hardware.
 
+use super::events::{self, Pulses};
 use super::faults::{Effect, Wrong};
 use super::registers::values::{bool, state};
 use super::registers::{CS0015_FLAGS, FLAGS, FRONT_STATE};
 use super::retained::{Retained, area};
-use crate::devices::{Context, Firmware};
+use crate::devices::{Context, Events, Firmware};
 use crate::fault::{self, Faults, Hit, Owner};
 use crate::layout::Area;
 use crate::memory::{Header, MemoryError, Segment, View};
@@ -55,12 +56,15 @@ pub(super) struct Hardware {
     shared: Shared,
     flags: View<CS0015_FLAGS>,
     header: View<Header>,
+    pulses: Pulses,
+    events: Events,
 }
 
 impl Hardware {
-    pub(super) fn new(segment: &Segment, shared: Shared) -> Result<Self, MemoryError> {
+    pub(super) fn new(segment: &Segment, shared: Shared, pulses: Pulses) -> Result<Self, MemoryError> {
         let (flags, header) = (segment.view(FLAGS)?, segment.header()?);
-        Ok(Hardware { retained: Retained::new(segment)?, shared, flags, header })
+        let (retained, events) = (Retained::new(segment)?, Events::default());
+        Ok(Hardware { retained, shared, flags, header, pulses, events })
     }
 
     /// Whether there is an operating system at work that can find anything.
@@ -134,5 +138,14 @@ impl Firmware for Hardware {
     fn is_fed(&self) -> bool {
         let defects = self.shared.defects();
         !defects.has_dropped && !defects.wants_restart
+    }
+
+    fn event_level(&self, event: usize) -> Option<u8> {
+        events::level(event)
+    }
+
+    fn events(&mut self) -> Option<&mut Events> {
+        self.pulses.pass_to(&mut self.events);
+        Some(&mut self.events)
     }
 }

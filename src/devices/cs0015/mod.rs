@@ -2,6 +2,8 @@
 //! Platinensteuerung CS0015, October 1999).
 
 #[cfg(feature = "emulator")]
+mod can_jobs;
+#[cfg(feature = "emulator")]
 mod command;
 #[cfg(feature = "emulator")]
 mod communication;
@@ -14,9 +16,13 @@ mod diagnosis;
 #[cfg(feature = "emulator")]
 mod dictionary;
 #[cfg(feature = "emulator")]
+mod events;
+#[cfg(feature = "emulator")]
 pub mod faults;
 #[cfg(feature = "emulator")]
 mod hardware;
+#[cfg(feature = "emulator")]
+mod jobs;
 #[cfg(feature = "emulator")]
 mod master;
 #[cfg(feature = "emulator")]
@@ -31,6 +37,8 @@ pub mod records;
 mod registers_tests;
 #[cfg(feature = "emulator")]
 mod retained;
+#[cfg(feature = "emulator")]
+mod slave_jobs;
 #[cfg(all(test, feature = "emulator"))]
 mod tests;
 

@@ -118,6 +118,31 @@ impl Node {
         self.communication.ask(way, pdo, config);
     }
 
+    /// Whether an identifier is the one that a PDO, from 0, has if nobody asks for another.
+    pub(super) fn is_predefined(&self, way: Way, pdo: usize, id: u16) -> bool {
+        self.communication.is_predefined(way, pdo, id)
+    }
+
+    /// The program sets the Node-ID, 1 to 127, which is in force at once and stored (p. 45).
+    pub(super) fn set_number(&mut self, number: u8, now: u64) {
+        for entry in 0..2 {
+            self.communication.enter(&self.registers, entry, number);
+        }
+        self.refresh(now);
+    }
+
+    /// The program sets the bit rate, in kbit/s, which is stored (p. 31).
+    pub(super) fn set_rate(&mut self, kbit_s: u16) {
+        self.communication.set_rate(&self.registers, kbit_s);
+    }
+
+    /// Sends a transmit PDO, from 0, once more (p. 51).
+    pub(super) fn refresh_pdo(&mut self, pdo: usize) {
+        if self.state.has_pdo() {
+            self.send_pdo(pdo, self.registers.transmit(pdo));
+        }
+    }
+
     /// The program sets what it awaits of its master, which is stored (p. 155).
     pub(super) fn set_guarding(&mut self, config: &GuardingConfig, now: u64) {
         let parameters = &self.registers.parameters;

@@ -2,7 +2,9 @@
 
 use super::communication::{PdoConfig, Way};
 use super::diagnosis::Diagnosis;
+use super::events::{self, Pulses};
 use super::hardware::Shared;
+use super::jobs;
 use super::master::{Master, MasterConfig};
 use super::node::{GuardingConfig, Node};
 use super::records::{ControllerState, NodeState};
@@ -37,6 +39,11 @@ pub enum Program {
         /// What it is told as master; none is a slave.
         master: Option<MasterConfig>,
     },
+    /// A process that attaches, a script or a test, which does everything itself.
+    Attached {
+        /// Its cycle in us.
+        cycle_us: u64,
+    },
 }
 
 /// The firmware of a CS0015.
@@ -63,10 +70,11 @@ pub(super) struct Firmware {
     diagnosis: Diagnosis,
     /// The operating system was erased since the last reset.
     pub(super) has_been_erased: bool,
+    pulses: Pulses,
 }
 
 impl Firmware {
-    pub(super) fn new(node: Node, program: Program, shared: Shared) -> Self {
+    pub(super) fn new(node: Node, program: Program, shared: Shared, pulses: Pulses) -> Self {
         Firmware {
             node,
             program,
@@ -80,13 +88,14 @@ impl Firmware {
             shared,
             diagnosis: Diagnosis::default(),
             has_been_erased: false,
+            pulses,
         }
     }
 
     fn cycle_us(&self) -> Option<u64> {
         match self.program {
             Program::None => None,
-            Program::BuiltIn { cycle_us, .. } => Some(cycle_us),
+            Program::BuiltIn { cycle_us, .. } | Program::Attached { cycle_us } => Some(cycle_us),
         }
     }
 
@@ -95,9 +104,11 @@ impl Firmware {
         if core::mem::replace(&mut self.state, to) == to {
             return;
         }
-        let cycle_us = self.cycle_us().filter(|_| to == state::RUN);
-        self.end_at = cycle_us.map(|cycle_us| ctx.now + cycle_us);
+        self.end_at = None;
         ctx.report(ControllerState { plc: ctx.origin.plc, to: to as u8 });
+        if to == state::RUN {
+            self.begin_cycle(ctx.now);
+        }
     }
 
     /// Run and Stop follow the state of the node (p. 13-14, D-428).
@@ -158,7 +169,15 @@ impl Firmware {
         self.diagnosis = found;
     }
 
-    /// The begin of a cycle: the program is given inputs and flags.
+    /// The begin of a cycle: the program is given inputs and flags, and told.
+    fn begin_cycle(&mut self, now: u64) {
+        self.read_inputs();
+        self.end_at = self.cycle_us().map(|cycle_us| now + cycle_us);
+        self.node.registers.tell_event(events::CYCLE, now);
+        self.pulses.add(events::CYCLE);
+    }
+
+    /// Inputs and the SYNC flag, as the program finds them for a cycle.
     fn read_inputs(&mut self) {
         let registers = &self.node.registers;
         let front = |word| registers.front(word).load();
@@ -174,8 +193,17 @@ impl Firmware {
         registers.flags.COP_SYNC.store(if has_sync { bool::TRUE } else { bool::FALSE });
     }
 
-    /// A cycle of the program ends: what it wants is done, and the next one begins.
-    fn end_cycle(&mut self, ctx: &mut Context) {
+    /// The communication starts anew, if there is any yet; what has made the device a master is lost (p. 48).
+    pub(super) fn reset_communication(&mut self, now: u64) {
+        self.master = None;
+        self.node.set_open(false);
+        if self.node.state() != State::Initialising {
+            self.node.restart(State::PreOperational, now);
+        }
+    }
+
+    /// What the built-in program does in its first cycles.
+    fn run_built_in(&mut self, ctx: &mut Context) {
         let Program::BuiltIn { pdos, guarding, master, .. } = &self.program else { return };
         match self.cycles {
             0 => self.node.registers.flags.CAN_OPEN.store(bool::TRUE),
@@ -197,6 +225,11 @@ impl Firmware {
             _ => {}
         }
         self.cycles = self.cycles.saturating_add(1).min(3);
+    }
+
+    /// A cycle of the program ends: what it wants is done, and the next one begins.
+    fn end_cycle(&mut self, ctx: &mut Context) {
+        self.run_built_in(ctx);
         let is_can_open = self.node.registers.flags.CAN_OPEN.load() != bool::FALSE;
         if is_can_open && self.node.state() == State::Initialising {
             self.node.restart(State::PreOperational, ctx.now);
@@ -206,8 +239,14 @@ impl Firmware {
         }
         self.outputs = self.node.registers.outputs.Q0.load();
         self.node.cycle(ctx.now);
-        self.read_inputs();
-        self.end_at = self.cycle_us().map(|cycle_us| ctx.now + cycle_us);
+        self.begin_cycle(ctx.now);
+    }
+
+    /// What the program asks of the operating system, which it does only while it runs.
+    fn look_at_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        if self.state == state::RUN {
+            jobs::look(self, ctx, controller);
+        }
     }
 
     fn stat(&self, has_error: bool) -> u32 {
@@ -291,11 +330,14 @@ impl CanPort for Firmware {
             return;
         }
         self.look_at_command(ctx);
+        self.look_at_jobs(ctx, controller);
         self.show(ctx, controller);
     }
 
     fn has_changed(&self) -> bool {
-        self.node.registers.front(FRONT_PROGRAM).load() != program::NOTHING
+        let registers = &self.node.registers;
+        registers.front(FRONT_PROGRAM).load() != program::NOTHING
+            || self.state == state::RUN && jobs::has_orders(registers)
     }
 
     fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
@@ -323,12 +365,11 @@ impl CanPort for Firmware {
 
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if self.end_at.is_some_and(|end| end <= ctx.now) {
+            // What was asked for in the cycle is done before it ends.
+            self.look_at_jobs(ctx, controller);
             match self.state {
                 state::RESET if self.program == Program::None => self.enter(ctx, state::STOP),
-                state::RESET => {
-                    self.enter(ctx, state::RUN);
-                    self.read_inputs();
-                }
+                state::RESET => self.enter(ctx, state::RUN),
                 _ => self.end_cycle(ctx),
             }
         }

@@ -1,8 +1,8 @@
 //! What the firmware finds in the image.
 
 use super::registers::{
-    CS0015_FLAGS, CS0015_INPUTS, CS0015_OUTPUTS, CS0015_PARAMETERS, CS0015_RX_PDO, CS0015_TX_PDO, DEVICE,
-    FLAGS, INPUTS, OUTPUTS, PARAMETERS, RX_PDO, TX_PDO,
+    CS0015_FLAGS, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS, CS0015_RX_PDO,
+    CS0015_TX_PDO, DEVICE, FLAGS, INPUTS, JOBS, OUTPUTS, PARAMETERS, RX_PDO, TX_PDO,
 };
 use crate::layout::Width;
 use crate::memory::header::ProgramState;
@@ -19,6 +19,7 @@ pub(super) struct Registers {
     pub tx: View<CS0015_TX_PDO>,
     pub flags: View<CS0015_FLAGS>,
     pub parameters: View<CS0015_PARAMETERS>,
+    pub jobs: View<CS0015_JOBS>,
     header: View<Header>,
     segment: Segment,
 }
@@ -42,6 +43,7 @@ impl Registers {
             tx: segment.view(TX_PDO)?,
             flags: segment.view(FLAGS)?,
             parameters: segment.view(PARAMETERS)?,
+            jobs: segment.view(JOBS)?,
             header: segment.header()?,
             segment: segment.clone(),
         })
@@ -55,6 +57,13 @@ impl Registers {
     /// What the program does, for whoever looks at the board.
     pub(super) fn tell_program(&self, state: ProgramState) {
         self.header.program.state.store(state.code());
+    }
+
+    /// An event of the program, for whoever waits for it.
+    pub(super) fn tell_event(&self, event: usize, now: u64) {
+        if let Some(slot) = self.header.events.get(event) {
+            slot.fire(now);
+        }
     }
 
     /// What transmit PDO `pdo`, from 0, carries.
@@ -92,10 +101,12 @@ impl Registers {
     pub(super) fn clear_flags(&self) {
         let mut areas: Vec<_> = DEVICE.areas.iter().chain(DEVICE.retain.map(|retain| &retain.area)).collect();
         areas.sort_by_key(|area| area.first);
-        let Some(space) = DEVICE.spaces.iter().find(|space| space.letter == 'M') else { return };
+        let Some(space) = DEVICE.spaces.iter().find(|space| space.name == "flags") else { return };
         let mut free = space.offset;
-        let ends =
-            areas.iter().filter(|area| area.space.letter == 'M').map(|area| (area.first, area.last() + 1));
+        let ends = areas
+            .iter()
+            .filter(|area| area.space.name == space.name)
+            .map(|area| (area.first, area.last() + 1));
         for (first, end) in ends.chain([(space.offset + space.bytes, u32::MAX)]) {
             (free..first).step_by(4).for_each(|offset| {
                 let _ = self.segment.store(offset, Width::Dword, 0);

@@ -6,7 +6,8 @@ use crate::devices::canopen::nmt::State;
 use crate::journal::{Coded, Fields, Kind, Reader, Told};
 
 /// All kinds.
-pub static KINDS: &[&Kind] = &[ControllerState::KIND, NodeState::KIND, CommandRefused::KIND];
+pub static KINDS: &[&Kind] =
+    &[ControllerState::KIND, NodeState::KIND, CommandRefused::KIND, JobRefused::KIND];
 
 coded! {
     /// The controller is in another operating state (p. 13).
@@ -53,6 +54,13 @@ impl Refused {
             Ok(Refused::NeedsReset) => "the device needs a reset first",
             Err(_) => "unknown",
         }
+    }
+    /// What the program asked of the operating system was not carried out.
+    JobRefused = 63, "job_refused", Rare, at plc {
+        /// As `a_FUNCTION` of the job block.
+        function: u16,
+        /// As `a_ERROR` of the job block.
+        error: u8,
     }
 }
 
@@ -101,5 +109,34 @@ impl Told for CommandRefused {
 
     fn fields(&self, _: &mut Reader) -> Fields {
         Fields::new().with("command", called("program", self.command)).with("why", Refused::text(self.why))
+    }
+}
+
+impl Told for JobRefused {
+    fn text(&self, _: &mut Reader) -> String {
+        let [function, error] = self.called();
+        format!("job refused: {function}: {error}")
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        let [function, error] = self.called();
+        Fields::new().with("function", function).with("error", error)
+    }
+}
+
+impl JobRefused {
+    /// Function and error as the layout names them.
+    fn called(&self) -> [String; 2] {
+        let jobs = DEVICE.area("jobs").ok().into_iter().flat_map(|area| area.structures);
+        let registers: Vec<_> = jobs.flat_map(|placed| placed.structure.registers).collect();
+        [("a_FUNCTION", u32::from(self.function)), ("a_ERROR", u32::from(self.error))].map(|(name, value)| {
+            let register = registers.iter().find(|register| register.name == name);
+            let known = register.and_then(|register| register.meaning?.value(value));
+            // The arguments of a function stand behind it.
+            known.map_or_else(
+                || format!("16#{value:04X}"),
+                |it| it.text.split(" (").next().unwrap_or(it.text).to_owned(),
+            )
+        })
     }
 }

@@ -3,6 +3,7 @@
 mod errors;
 mod frames;
 mod hardware;
+mod jobs;
 mod master;
 mod pdos;
 mod sdo;
@@ -245,5 +246,23 @@ impl Bench {
         self.set(FRONT_S1, 1);
         self.set(FRONT_PROGRAM, command);
         assert_eq!(self.registers.front(FRONT_PROGRAM).load(), 0, "it is answered");
+    }
+
+    /// Gives an order at a place of the job block.
+    fn order(&self, place: usize, function: u16, arguments: &[u32]) {
+        let jobs = &self.registers.jobs;
+        jobs.a_FUNCTION[place].store(function);
+        jobs.a_ARGUMENT[place].iter().zip(arguments).for_each(|(cell, value)| cell.store(*value));
+        jobs.a_ORDER[place].store(jobs.d_ORDERS.update(|orders| orders.wrapping_add(1)));
+        jobs.a_CONTROL[place].store(5);
+    }
+
+    /// Gives an order and waits for the answer: the error, and the results.
+    fn job(&mut self, function: u16, arguments: &[u32]) -> (u8, Vec<u32>) {
+        self.order(0, function, arguments);
+        self.run(MS);
+        let jobs = &self.registers.jobs;
+        assert_eq!(jobs.a_CONTROL[0].load(), 4, "it is answered");
+        (jobs.a_ERROR[0].load(), jobs.a_RESULT[0].iter().map(|cell| cell.load()).collect())
     }
 }

@@ -1,0 +1,31 @@
+//! Events of the program, in the slots of the header page (D-436).
+
+use crate::devices::Events;
+use core::sync::atomic::{AtomicU16, Ordering};
+use std::sync::Arc;
+
+/// A cycle of the program begins: inputs and flags are as it finds them.
+pub(super) const CYCLE: usize = 1;
+
+/// Interrupt level of an event; none if there is no such event.
+pub(super) fn level(event: usize) -> Option<u8> {
+    (event == CYCLE).then_some(1)
+}
+
+/// Events on their way from the port, where the program's cycles are counted, to the device.
+#[derive(Clone, Default)]
+pub(super) struct Pulses(Arc<AtomicU16>);
+
+impl Pulses {
+    /// An event has occurred.
+    pub(super) fn add(&self, event: usize) {
+        self.0.fetch_or(1 << event, Ordering::Relaxed);
+    }
+
+    /// What has occurred since the last call.
+    pub(super) fn pass_to(&self, events: &mut Events) {
+        let fired = self.0.swap(0, Ordering::Relaxed);
+        events.fired |= fired;
+        events.stop |= fired & events.watched != 0;
+    }
+}

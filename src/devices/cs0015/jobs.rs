@@ -1,0 +1,137 @@
+//! Jobs: what a program asks of the operating system by the functions of the libraries, in the job block (p. 30-70, D-434).
+//!
+//! Here orders are taken and answered; what a function does is where its subject is.
+
+use super::can_jobs;
+use super::port::Firmware;
+use super::ram::Registers;
+use super::records::JobRefused;
+use super::registers::values::{job_control, job_error};
+use super::slave_jobs;
+use crate::devices::Context;
+use crate::devices::can_bus::Controller;
+
+/// Places for orders.
+const PLACES: usize = 16;
+/// Arguments and results of each.
+const NUMBERS: usize = 8;
+
+/// An order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Job {
+    /// As `a_FUNCTION` has it.
+    pub function: u16,
+    /// In the order of the manual's inputs, without ENABLE.
+    pub arguments: [u32; NUMBERS],
+}
+
+/// An argument is out of its range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct OutOfRange;
+
+impl Job {
+    /// An argument that must lie in `range`.
+    pub(super) fn argument(
+        &self,
+        number: usize,
+        range: core::ops::RangeInclusive<u32>,
+    ) -> Result<u32, OutOfRange> {
+        let value = self.arguments.get(number).copied().ok_or(OutOfRange)?;
+        range.contains(&value).then_some(value).ok_or(OutOfRange)
+    }
+}
+
+/// What a function has to say.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Answer {
+    /// In the order of the manual's outputs.
+    pub results: [u32; NUMBERS],
+    /// DATA.
+    pub data: Vec<u8>,
+}
+
+/// What becomes of an order.
+pub(super) type Outcome = Result<Answer, Refusal>;
+
+/// Why an order is not carried out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Refusal {
+    /// There is no such function.
+    Function,
+    /// Its arguments are out of their ranges.
+    Arguments,
+}
+
+impl From<OutOfRange> for Refusal {
+    fn from(_: OutOfRange) -> Self {
+        Refusal::Arguments
+    }
+}
+
+impl Refusal {
+    fn code(self) -> u8 {
+        match self {
+            Refusal::Function => job_error::FUNCTION,
+            Refusal::Arguments => job_error::ARGUMENTS,
+        }
+    }
+}
+
+/// What a function works on.
+pub(super) struct Desk<'a> {
+    pub firmware: &'a mut Firmware,
+    pub controller: &'a mut Controller,
+    pub now: u64,
+}
+
+/// Whether there are orders.
+pub(super) fn has_orders(registers: &Registers) -> bool {
+    registers.jobs.a_CONTROL.iter().any(|control| control.load() == job_control::ORDER)
+}
+
+/// The places with orders, in the order in which they were given.
+fn orders(registers: &Registers) -> Vec<usize> {
+    let is_order = |place: &usize| registers.jobs.a_CONTROL[*place].load() == job_control::ORDER;
+    let mut places: Vec<usize> = (0..PLACES).filter(is_order).collect();
+    let first = places.first().map_or(0, |place| registers.jobs.a_ORDER[*place].load());
+    // Numbers wrap.
+    places.sort_by_key(|place| registers.jobs.a_ORDER[*place].load().wrapping_sub(first) as i32);
+    places
+}
+
+fn answer(registers: &Registers, place: usize, outcome: &Outcome) {
+    let jobs = &registers.jobs;
+    let (error, nothing) =
+        (outcome.as_ref().err().map_or(job_error::NONE, |it| it.code()), Answer::default());
+    let Answer { results, data } = outcome.as_ref().unwrap_or(&nothing);
+    jobs.a_RESULT[place].iter().zip(results).for_each(|(cell, result)| cell.store(*result));
+    let room = jobs.a_DATA[place].iter().zip(data);
+    jobs.a_LENGTH[place].store(room.len() as u16);
+    room.for_each(|(cell, byte)| cell.store(*byte));
+    jobs.a_ERROR[place].store(error);
+    // A program may have taken it back.
+    let _ = jobs.a_CONTROL[place].compare_exchange(job_control::ORDER, job_control::DONE);
+}
+
+/// Carries out the orders of a program that runs.
+pub(super) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut Controller) {
+    if !has_orders(&firmware.node.registers) {
+        return;
+    }
+    for place in orders(&firmware.node.registers) {
+        let jobs = &firmware.node.registers.jobs;
+        let mut job = Job { function: jobs.a_FUNCTION[place].load(), ..Job::default() };
+        job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
+        let desk = Desk { firmware: &mut *firmware, controller: &mut *controller, now: ctx.now };
+        // The high byte is the part of the manual.
+        let outcome = match job.function >> 8 {
+            1 => can_jobs::carry_out(desk, &job),
+            2 => slave_jobs::carry_out(desk, &job),
+            _ => Err(Refusal::Function),
+        };
+        if let Err(refusal) = outcome {
+            ctx.report(JobRefused { plc: ctx.origin.plc, function: job.function, error: refusal.code() });
+        }
+        answer(&firmware.node.registers, place, &outcome);
+    }
+}
