@@ -265,7 +265,8 @@ impl DeviceConfig for Cs0015Config {
             let node = Node::new(Registers::new(&segment)?, factory, self.boot_up);
             let origin = Origin { plc: index as u16, node: port.number };
             let firmware = Firmware::new(node, self.program.clone(), shared.clone(), pulses.clone());
-            let socket = CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: Box::new(firmware) };
+            let socket =
+                CanSocket { origin, segment: segment.clone(), layout: &DEVICE, port: Box::new(firmware) };
             let (number, medium) = (port.number, self.bus.clone());
             plugs.push(Plug { number, family: port.medium, medium, socket: Box::new(socket) });
         }

@@ -29,6 +29,13 @@ coded! {
         /// A [`Refused`].
         why: u8,
     }
+    /// What the program asked of the operating system was not carried out.
+    JobRefused = 63, "job_refused", Rare, at plc {
+        /// As `a_FUNCTION` of the job block.
+        function: u16,
+        /// As `a_ERROR` of the job block.
+        error: u8,
+    }
 }
 
 /// Why a command of the programming system is not carried out.
@@ -54,13 +61,6 @@ impl Refused {
             Ok(Refused::NeedsReset) => "the device needs a reset first",
             Err(_) => "unknown",
         }
-    }
-    /// What the program asked of the operating system was not carried out.
-    JobRefused = 63, "job_refused", Rare, at plc {
-        /// As `a_FUNCTION` of the job block.
-        function: u16,
-        /// As `a_ERROR` of the job block.
-        error: u8,
     }
 }
 
