@@ -1,8 +1,7 @@
 //! Events of the program, in the slots of the header page (D-436).
 
 use crate::devices::Events;
-use core::sync::atomic::{AtomicU16, Ordering};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A cycle of the program begins: inputs and flags are as it finds them.
 pub(super) const CYCLE: usize = 1;
@@ -12,19 +11,19 @@ pub(super) fn level(event: usize) -> Option<u8> {
     (event == CYCLE).then_some(1)
 }
 
-/// Events on their way from the port, where the program's cycles are counted, to the device.
+/// Events on their way from the port, where the program's cycles are counted, to the device: bit n for event n.
 #[derive(Clone, Default)]
-pub(super) struct Pulses(Arc<AtomicU16>);
+pub(super) struct Pulses(Arc<Mutex<u16>>);
 
 impl Pulses {
     /// An event has occurred.
     pub(super) fn add(&self, event: usize) {
-        self.0.fetch_or(1 << event, Ordering::Relaxed);
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) |= 1 << event;
     }
 
     /// What has occurred since the last call.
     pub(super) fn pass_to(&self, events: &mut Events) {
-        let fired = self.0.swap(0, Ordering::Relaxed);
+        let fired = core::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));
         events.fired |= fired;
         events.stop |= fired & events.watched != 0;
     }

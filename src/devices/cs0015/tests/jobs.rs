@@ -145,7 +145,7 @@ fn what_is_no_function_is_refused_and_told() {
     let mut bench = canopen();
     for (function, text) in [(0_u16, "none"), (0x01FF, "16#01FF"), (0xFF01, "16#FF01")] {
         assert_eq!(bench.job(function, &[]).0, job_error::FUNCTION);
-        let record = bench.journal.records().last().unwrap();
+        let record = bench.journal.records().next_back().unwrap();
         let mut line = String::new();
         Text::new(Names::default(), catalogue()).record(record, &mut line);
         assert!(line.contains(&format!("job refused: {text}: no such function")), "{line}");
