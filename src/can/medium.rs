@@ -29,6 +29,8 @@ pub enum Fate {
     NotAcknowledged,
     /// It is disturbed, and all see it.
     Disturbed,
+    /// Its sender takes its own start bit for somebody else's and withdraws, and nobody goes on.
+    Withdrawn,
     /// Its sender goes off before it is through.
     SenderGone,
 }
@@ -67,8 +69,8 @@ enum State {
     Idle { suspended: Option<(usize, u64)> },
     /// A frame.
     Busy(OnWire),
-    /// The rest behind this one's frame: an error frame, the intermission.
-    Closing { sender: usize, free_ns: u64 },
+    /// The rest behind a frame: an error frame, the intermission; and who has sent it, if anybody has done so to the end.
+    Closing { sender: Option<usize>, free_ns: u64 },
 }
 
 /// A medium, what is on it and when it goes on.
@@ -119,28 +121,36 @@ impl Medium {
 
     /// Whether it is idle and somebody could begin a frame at `now_ns`: then [`Medium::advance`] is to be called.
     pub fn can_begin(&self, now_ns: u64, participants: &impl Participants) -> bool {
+        matches!(self.state, State::Idle { .. }) && self.next_sender(now_ns, participants).is_some()
+    }
+
+    /// Whose frame [`Medium::advance`] would let begin at `now_ns`, and the frame.
+    pub fn next_sender(&self, now_ns: u64, participants: &impl Participants) -> Option<(usize, Frame)> {
+        let suspended = self.arbitration(now_ns, participants)?;
+        participants.first(now_ns, suspended.map(|(who, _)| who))
+    }
+
+    /// Whether there is an arbitration at `now_ns`; and who may not take part in it, until when.
+    fn arbitration(&self, now_ns: u64, participants: &impl Participants) -> Option<Option<(usize, u64)>> {
         match self.state {
-            State::Idle { suspended } => participants.first(now_ns, suspended.map(|(who, _)| who)).is_some(),
-            State::Busy(_) | State::Closing { .. } => false,
+            State::Idle { suspended } => Some(suspended.filter(|(_, until_ns)| *until_ns > now_ns)),
+            State::Closing { sender, free_ns } if free_ns <= now_ns => {
+                let until_ns = free_ns.saturating_add(self.rate.time_ns(SUSPENSION));
+                let passive = sender.filter(|sender| participants.is_passive(*sender));
+                Some(passive.map(|sender| (sender, until_ns)).filter(|(_, until_ns)| *until_ns > now_ns))
+            }
+            State::Busy(_) | State::Closing { .. } => None,
         }
     }
 
     /// Does one thing that is due at `now_ns` and tells it; to be called until there is none, at the times of
     /// [`Medium::next_ns`] and whenever a participant has a frame to send.
     pub fn advance(&mut self, now_ns: u64, participants: &impl Participants) -> Option<Event> {
-        match self.state {
-            State::Busy(it) if it.end_ns <= now_ns => Some(self.close(it)),
-            State::Closing { sender, free_ns } if free_ns <= now_ns => {
-                let is_passive = participants.is_passive(sender);
-                let suspended =
-                    is_passive.then(|| (sender, free_ns.saturating_add(self.rate.time_ns(SUSPENSION))));
-                self.arbitrate(now_ns, suspended, participants)
-            }
-            State::Idle { suspended } => {
-                self.arbitrate(now_ns, suspended.filter(|(_, until_ns)| *until_ns > now_ns), participants)
-            }
-            State::Busy(_) | State::Closing { .. } => None,
+        if let State::Busy(it) = self.state {
+            return (it.end_ns <= now_ns).then(|| self.close(it));
         }
+        let suspended = self.arbitration(now_ns, participants)?;
+        self.arbitrate(now_ns, suspended, participants)
     }
 
     /// Everybody with a frame begins, and the dominant one goes on.
@@ -152,20 +162,28 @@ impl Medium {
     ) -> Option<Event> {
         self.state = State::Idle { suspended };
         let (sender, frame) = participants.first(now_ns, suspended.map(|(who, _)| who))?;
-        let airtime = wire::airtime(&frame, self.rate);
-        let mut it = OnWire {
-            sender,
-            frame,
-            begin_ns: now_ns,
-            end_ns: now_ns.saturating_add(airtime.delivery_ns),
-            free_ns: now_ns.saturating_add(airtime.occupation_ns),
-            fate: Fate::Arrives,
-        };
+        let mut it = self.begin(now_ns, sender, frame);
         if !participants.is_heard(sender, now_ns) {
             self.destroy(&mut it, wire::bits_to_acknowledgement(&frame) + 1, Fate::NotAcknowledged);
         }
         self.state = State::Busy(it);
         Some(Event::Begun(it))
+    }
+
+    fn begin(&self, now_ns: u64, sender: usize, frame: Frame) -> OnWire {
+        let airtime = wire::airtime(&frame, self.rate);
+        let end_ns = now_ns.saturating_add(airtime.delivery_ns);
+        let free_ns = now_ns.saturating_add(airtime.occupation_ns);
+        OnWire { sender, frame, begin_ns: now_ns, end_ns, free_ns, fate: Fate::Arrives }
+    }
+
+    /// In an arbitration that nobody else takes part in `sender` withdraws behind its start bit: six recessive bits later all
+    /// find an error (decision D-333).
+    pub fn withdraw(&mut self, now_ns: u64, sender: usize, frame: Frame) -> Event {
+        let mut it = self.begin(now_ns, sender, frame);
+        self.destroy(&mut it, 1 + ERROR_FLAG, Fate::Withdrawn);
+        self.state = State::Busy(it);
+        Event::Begun(it)
     }
 
     /// The frame ends in an error flag, so many bits behind its beginning.
@@ -210,7 +228,8 @@ impl Medium {
     }
 
     fn close(&mut self, it: OnWire) -> Event {
-        self.state = State::Closing { sender: it.sender, free_ns: it.free_ns };
+        let sender = (it.fate != Fate::Withdrawn).then_some(it.sender);
+        self.state = State::Closing { sender, free_ns: it.free_ns };
         if it.fate == Fate::Arrives {
             // Acknowledge delimiter and end of frame are recessive.
             self.quiet_ns = it.end_ns.saturating_sub(self.rate.time_ns(wire::RECESSIVE_END));

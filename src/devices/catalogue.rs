@@ -3,6 +3,7 @@
 use super::{MEDIA, all, guest, of_hash, records};
 use crate::check;
 use crate::fault;
+use crate::fault::{Fault, MediumSite};
 use crate::journal;
 use crate::journal::{Catalogue, FaultName, Kind, Rule};
 use crate::layout::Device;
@@ -76,10 +77,14 @@ pub fn faults_of_device(layout: &Device) -> &'static [&'static fault::Kind] {
     of_hash(layout.layout_hash).map_or(&[], |known| known.faults)
 }
 
-/// The kinds of faults of media of this family, their participants and their ports.
-pub fn faults_of_medium(family: &str) -> &'static [&'static fault::Kind] {
-    MEDIA.iter().find(|kind| kind.name == family).map_or(&[], |kind| kind.faults)
+/// What faults can concern at a medium of this family with these participants, bit n for number n.
+pub fn medium_site(family: &str, participants: u32) -> MediumSite {
+    let kind = MEDIA.iter().find(|kind| kind.name == family);
+    let (faults, fits) = kind.map_or((&[][..], (|_| Ok(())) as Fits), |kind| (kind.faults, kind.fits));
+    MediumSite { faults, fits, participants }
 }
+
+type Fits = fn(&Fault) -> Result<(), String>;
 
 #[cfg(test)]
 mod tests {

@@ -4,6 +4,7 @@ use super::{BuildError, Device, Medium, Plug};
 use crate::can;
 use crate::door::DoorSpec;
 use crate::fault;
+use crate::fault::Fault;
 use crate::journal::{Kind, Rule};
 use crate::layout;
 use crate::memory::Segment;
@@ -113,6 +114,8 @@ pub struct MediumKind {
     pub rules: &'static [&'static Rule],
     /// What can go wrong with it, its participants and its ports.
     pub faults: &'static [&'static fault::Kind],
+    /// Whether it can have a fault of one of these kinds; else why not.
+    pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn MediumConfig>,
     /// What a frame says there, for people; nothing if that is its users' affair.

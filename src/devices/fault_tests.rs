@@ -20,7 +20,7 @@ fn resolve(text: &str) -> Result<Fault, FaultError> {
 }
 
 /// One description of each kind with all its fields, and how it is written in a list.
-const EACH_KIND: [(&str, &str); 22] = [
+const EACH_KIND: [(&str, &str); 24] = [
     (
         "kind = 'lose_frame'\nbus = 'drives'\nslot = 'WRC1'\nid = 0x101\nmask = 0x70F\nat_us = 5\ncount = 3",
         "lose_frame bus=drives slot=WRC1 id=16#101 mask=16#70F at_us=5 count=3",
@@ -57,6 +57,14 @@ const EACH_KIND: [(&str, &str); 22] = [
     (
         "kind = 'baps_slow'\nplc = 'line'\ndelay_us = 3500000\ncount = 2",
         "baps_slow plc=line delay_us=3500000 count=2",
+    ),
+    (
+        "kind = 'error_frame'\nbus = 'upper'\nid = 0x101\nformat = 'extended'\ncount = 16",
+        "error_frame bus=upper id=16#101 format=extended count=16",
+    ),
+    (
+        "kind = 'lost_arbitration'\nbus = 'upper'\nid = 0x18FF0000\nmask = 0x1FFF0000",
+        "lost_arbitration bus=upper id=16#18FF0000 mask=16#1FFF0000",
     ),
     (
         "kind = 'short_circuit'\nplc = 'saw'\noutput = 15\nduration_us = 7",
@@ -113,7 +121,7 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
             "kind = \"explode\": there is no such fault; the kinds are: lose_frame, delay_frame, \
              duplicate_frame, lose_sync, jitter_sync, slave_off, slave_late, slave_busy, slave_error, \
              wrong_offset, bus_off, overrun, drive_fault, baps_drive_fault, baps_silent, baps_slow, \
-             short_circuit, wire_break, supply, temperature, memory, fatal",
+             error_frame, lost_arbitration, short_circuit, wire_break, supply, temperature, memory, fatal",
         ),
         (
             "kind = 'baps_drive_fault'\nplc = 'saw'\nerror = 0",
@@ -160,7 +168,7 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
         ("kind = 'lose_sync'\nbus = 1", "lose_sync: bus = 1; it must be its name"),
         (
             "kind = 'lose_frame'\nbus = 'drives'\nid = '0x101'",
-            "lose_frame: id = \"0x101\"; it must be a number, 16#000 to 16#7FF",
+            "lose_frame: id = \"0x101\"; it must be a number, 16#000 to 16#1FFFFFFF",
         ),
         (
             "kind = 'lose_frame'\nbus = 'drives'\nslot = 3",
@@ -206,8 +214,12 @@ fn each_mistake_names_the_field_and_what_would_be_right() {
             "jitter_sync: amplitude_us is 2001; it must be 1 to 2000",
         ),
         (
-            "kind = 'lose_frame'\nbus = 'drives'\nid = 0x800",
-            "lose_frame: id is 16#800; it must be 16#000 to 16#7FF",
+            "kind = 'lose_frame'\nbus = 'drives'\nid = 0x20000000",
+            "lose_frame: id is 16#20000000; it must be 16#000 to 16#1FFFFFFF",
+        ),
+        (
+            "kind = 'error_frame'\nbus = 'drives'\nid = 0x800\nformat = 'standard'",
+            "error_frame: id 16#800 has more than 11 bits; give format=extended, or leave format out",
         ),
         (
             "kind = 'lose_frame'\nbus = 'drives'\nmask = 1",

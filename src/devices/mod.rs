@@ -4,6 +4,8 @@ pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]
 pub mod can_bus;
 #[cfg(feature = "emulator")]
+mod can_faults;
+#[cfg(feature = "emulator")]
 pub mod canopen;
 pub mod cansync;
 #[cfg(feature = "emulator")]
@@ -49,7 +51,7 @@ mod shown;
 mod supply;
 
 #[cfg(feature = "emulator")]
-pub use catalogue::{catalogue, fault_kinds, faults_of_device, faults_of_medium};
+pub use catalogue::{catalogue, fault_kinds, faults_of_device, medium_site};
 #[cfg(feature = "emulator")]
 pub use config::{DeviceConfig, MediumConfig, MediumKind, PortConfig, Read};
 #[cfg(feature = "emulator")]
@@ -79,6 +81,7 @@ pub static MEDIA: &[MediumKind] = &[
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
+        fits: can_faults::fits_cansync,
         says: cansync::records::says,
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
     },
@@ -87,7 +90,8 @@ pub static MEDIA: &[MediumKind] = &[
         read: can_bus::CanBusConfig::read,
         records: can_bus::records::KINDS,
         rules: &[],
-        faults: &[],
+        faults: can_faults::OF_CAN,
+        fits: can_faults::fits_can,
         says: |_| String::new(),
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
     },

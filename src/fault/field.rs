@@ -135,6 +135,13 @@ impl Field {
         }
     }
 
+    /// How many bits its largest value has.
+    #[must_use]
+    pub const fn bits(&self) -> u32 {
+        let (_, most) = self.range();
+        u64::BITS - most.leading_zeros()
+    }
+
     /// Checks a value: the one place that does so, however it has come.
     ///
     /// # Errors

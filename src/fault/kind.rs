@@ -7,9 +7,9 @@ use core::fmt;
 use core::hash::{Hash, Hasher};
 
 /// Most fields of a kind, besides those that say where and when.
-pub const MAX_FIELDS: usize = 4;
-/// Bytes that the values of a fault may take, seven bits a byte, so that it fits into an operation of the channel.
-const MAX_BYTES: usize = 11;
+pub const MAX_FIELDS: usize = 5;
+/// Bits that the values of a fault may take, so that it fits into an operation of the channel.
+pub const MAX_BITS: u32 = 88;
 /// Highest number that a participant of a medium is called by in a fault.
 pub const MAX_PARTICIPANT: u8 = 31;
 
@@ -113,16 +113,15 @@ impl Kind {
     /// If the values do not fit into an operation of the channel; as kinds are constants, at compile time.
     #[must_use]
     pub const fn with(self, fields: &'static [Field]) -> Self {
-        assert!(fields.len() <= MAX_FIELDS, "a fault has four values at most");
-        // A value that is not there takes a byte, too.
-        let (mut bytes, mut index) = (MAX_FIELDS - fields.len(), 0);
+        assert!(fields.len() <= MAX_FIELDS, "a fault has five values at most");
+        let (mut bits, mut index) = (0, 0);
         while index < fields.len() {
             let (_, most) = fields[index].range();
             assert!(most <= u32::MAX as u64, "a value has 32 bits");
-            bytes += if most == 0 { 1 } else { most.ilog2() as usize / 7 + 1 };
+            bits += fields[index].bits();
             index += 1;
         }
-        assert!(bytes <= MAX_BYTES, "the values do not fit into an operation of the channel");
+        assert!(bits <= MAX_BITS, "the values do not fit into an operation of the channel");
         Kind { fields, ..self }
     }
 

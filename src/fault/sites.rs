@@ -83,6 +83,8 @@ pub struct Sites {
 pub struct MediumSite {
     /// The kinds that its family has.
     pub faults: &'static [&'static Kind],
+    /// Whether it can have a fault of one of these kinds; else why not.
+    pub fits: fn(&Fault) -> Result<(), String>,
     /// Its participants, bit n for number n.
     pub participants: u32,
 }
@@ -105,9 +107,9 @@ impl Sites {
     /// [`Refusal`] names what is wrong and what would be right.
     pub fn owner(&self, fault: &Fault) -> Result<Owner, Refusal> {
         match fault.target() {
-            Target::Medium(bus) => self.medium(bus, fault.kind()).map(|_| Owner::Medium(bus)),
+            Target::Medium(bus) => self.medium(bus, fault).map(|_| Owner::Medium(bus)),
             Target::Participant { medium, number } => {
-                let present = self.medium(medium, fault.kind())?.participants;
+                let present = self.medium(medium, fault)?.participants;
                 if present.checked_shr(number.into()).unwrap_or(0) & 1 == 0 {
                     return Err(Refusal::NoSlave { bus: medium, slave: number, present });
                 }
@@ -125,7 +127,7 @@ impl Sites {
                 };
                 // It is the port's firmware that has it, or what the medium does with any port.
                 if !site.faults.contains(&fault.kind()) {
-                    self.medium(medium, fault.kind())?;
+                    self.medium(medium, fault)?;
                 }
                 Ok(Owner::Medium(medium))
             }
@@ -139,12 +141,13 @@ impl Sites {
         }
     }
 
-    fn medium(&self, bus: u16, kind: &Kind) -> Result<&MediumSite, Refusal> {
+    fn medium(&self, bus: u16, fault: &Fault) -> Result<&MediumSite, Refusal> {
         let count = self.media.len() as u16; // the plant file's indices are 16 bits wide
         let site = self.media.get(usize::from(bus)).ok_or(Refusal::UnknownBus { bus, count })?;
-        if !site.faults.contains(&kind) {
+        if !site.faults.contains(&fault.kind()) {
             return Err(Refusal::NotOfBus { bus, known: site.faults });
         }
+        (site.fits)(fault).map_err(Refusal::Disagree)?;
         Ok(site)
     }
 

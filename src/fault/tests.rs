@@ -63,7 +63,7 @@ fn what_a_kind_does_not_allow_is_refused_wherever_it_comes_from() {
     let draft = Draft::new(&HISS, Target::Medium(0));
     let (volume, at_us) = (&HISS.fields()[0], Kind::COMMON[0]);
     assert_eq!(draft.check(), Err(Refusal::Missing { field: volume, right: "give 1 to 9".to_owned() }));
-    let draft = Draft { values: [Some(3), None, None, None], ..draft };
+    let draft = Draft { values: [Some(3), None, None, None, None], ..draft };
     assert!(draft.check().is_ok());
     let too_late = Refusal::Range { field: at_us, value: MAX_AT_US + 1, least: 0, most: MAX_AT_US };
     for (draft, expected) in [
@@ -94,8 +94,8 @@ fn what_a_kind_does_not_allow_is_refused_wherever_it_comes_from() {
 fn an_installation_has_what_it_has() {
     let sites = Sites {
         media: vec![
-            MediumSite { faults: OF_MEDIUM, participants: 1 << 3 },
-            MediumSite { faults: &[], participants: 0 },
+            MediumSite { faults: OF_MEDIUM, fits: |_| Ok(()), participants: 1 << 3 },
+            MediumSite { faults: &[], fits: |_| Ok(()), participants: 0 },
         ],
         devices: vec![
             DeviceSite { layout: &Device::UNKNOWN, faults: OF_DEVICE, plugged: Vec::new() },
@@ -103,7 +103,7 @@ fn an_installation_has_what_it_has() {
         ],
     };
     let owner = |kind: &'static Kind, target| {
-        let values = [(kind == &HISS).then_some(1), None, None, None];
+        let values = [(kind == &HISS).then_some(1), None, None, None, None];
         sites.owner(&Draft { values, ..Draft::new(kind, target) }.check().unwrap())
     };
     let hum = |medium, number| owner(&HUM, Target::Participant { medium, number });

@@ -10,7 +10,7 @@ mod times_tests;
 use crate::devices;
 use crate::devices::settings::range;
 use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig};
-use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, MediumSite, Refusal, Sites};
+use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
 use crate::journal::Names;
 use crate::layout::Fitted;
 use std::collections::BTreeSet;
@@ -308,10 +308,8 @@ impl PlantConfig {
             numbers.fold(0, |mask, number| mask | 1u32.checked_shl(number.into()).unwrap_or(0))
         };
         let medium_called = |name: &str| self.media.iter().position(|medium| medium.name() == name);
-        let media = self.media.iter().map(|medium| MediumSite {
-            faults: devices::faults_of_medium(medium.family()),
-            participants: mask(medium),
-        });
+        let media = self.media.iter();
+        let media = media.map(|medium| devices::medium_site(medium.family(), mask(medium)));
         let devices = self.devices.iter().map(|device| {
             let ports = device.ports().into_iter();
             let plugged = ports.filter_map(|port| Some((port.number, medium_called(port.medium?)? as u16)));

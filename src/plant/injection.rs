@@ -2,7 +2,7 @@
 
 use super::Plant;
 use crate::devices;
-use crate::fault::{DeviceSite, Fault, FaultStatus, MediumSite, Owner, Refusal, Sites};
+use crate::fault::{DeviceSite, Fault, FaultStatus, Owner, Refusal, Sites};
 
 impl Plant {
     /// Adds a fault; one whose time has come begins at once. Returns its number.
@@ -57,10 +57,8 @@ impl Plant {
 
     /// What faults can concern.
     fn sites(&self) -> Sites {
-        let media = self.media().iter().map(|medium| MediumSite {
-            faults: devices::faults_of_medium(medium.family()),
-            participants: medium.participants(),
-        });
+        let media = self.media().iter();
+        let media = media.map(|medium| devices::medium_site(medium.family(), medium.participants()));
         let devices = self.devices.iter().zip(self.ports.of_devices()).map(|(device, ports)| {
             let plugged = ports.iter().filter(|port| port.medium < self.named_media);
             DeviceSite {

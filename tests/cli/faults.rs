@@ -119,6 +119,38 @@ fn every_kind_of_fault_is_taken_and_told_in_the_journal() {
     assert_eq!(journal.matches("\"news\":\"cleared\"").count(), count);
 }
 
+/// What the two kinds of buses share each has with what it knows.
+#[test]
+fn a_bus_refuses_what_its_frames_do_not_have() {
+    let plant = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n[[bus]]\nname = 'drives'\n";
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), plant).unwrap();
+    let emulator = Emulator::start(&[file.path().to_str().unwrap(), "--clock", "stepped"]);
+    for (fault, why) in [
+        (&["lose_frame", "bus=open", "slot=CC"][..], "slot is CC; a CAN bus has no slots"),
+        (
+            &["lose_frame", "bus=drives", "id=16#800"],
+            "id is 16#800; on a CANsync bus it must be 16#000 to 16#7FF",
+        ),
+        (&["lose_frame", "bus=drives", "format=extended"], "a CANsync bus knows standard frames only"),
+        (&["error_frame", "bus=drives"], "cannot have it; its faults are: lose_frame"),
+        (&["lose_sync", "bus=open"], "cannot have it; its faults are: lose_frame"),
+    ] {
+        let refused = emulator.run("fault", &[&["add"], fault].concat());
+        assert!(refused.err.contains(why), "{fault:?}: {}", refused.err);
+    }
+    let added: [&[&str]; 3] = [
+        &["lose_frame", "bus=open", "id=16#1FFFFFFF", "mask=16#1FFFFFFF", "format=extended", "at=365000ms"],
+        &["duplicate_frame", "bus=open", "id=16#101", "format=extended", "delay=1s", "count=3"],
+        &["lost_arbitration", "bus=open", "duration=1h"],
+    ];
+    added.iter().for_each(|fault| drop(add(&emulator, fault)));
+    assert!(
+        list(&emulator)
+            .contains("duplicate_frame bus=open id=16#101 format=extended delay_us=1000000 count=3")
+    );
+}
+
 #[test]
 fn the_list_is_json_with_the_fields_of_the_plant_file() {
     let emulator = Emulator::stepped();

@@ -218,6 +218,21 @@ fn a_disturbed_frame_is_repeated_at_once() {
 }
 
 #[test]
+fn who_withdraws_alone_leaves_an_error() {
+    let mut medium = Medium::new(RATE);
+    let mut stations = Stations::new([vec![(0, standard(1))], vec![]]);
+    stations.passive = vec![0];
+    assert_eq!(medium.next_sender(0, &stations), Some((0, standard(1))));
+    let Event::Begun(it) = medium.withdraw(0, 0, standard(1)) else { panic!() };
+    assert_eq!((it.fate, it.end_ns, it.free_ns), (Fate::Withdrawn, bits(7), bits(7 + 6 + 8 + 3)));
+    assert_eq!(medium.next_sender(0, &stations), None);
+    // It has not sent it, so it does not wait for longer than the others.
+    let events = stations.run(&mut medium, bits(24));
+    let [Event::Failed(_), Event::Begun(again)] = events[..] else { panic!("{events:?}") };
+    assert_eq!((again.sender, again.begin_ns), (0, bits(24)));
+}
+
+#[test]
 fn the_wire_is_quiet_behind_each_frame() {
     let mut medium = Medium::new(RATE);
     let mut stations = Stations::new([vec![(0, standard(1)), (0, standard(2))], vec![]]);

@@ -2,9 +2,35 @@
 
 use super::{WireOp, kind, own};
 use crate::devices;
-use crate::fault::{Draft, Fault, FaultStatus, Limit, MAX_FIELDS, Target};
+use crate::fault::{Draft, Fault, FaultStatus, Kind, Limit, MAX_BITS, MAX_FIELDS, Target, Values};
 use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, IntoBytes};
+
+/// Bytes that values take.
+const BYTES: usize = MAX_BITS as usize / 8;
+
+/// The values of a fault of this kind, one behind the other.
+fn packed(kind: &Kind, values: Values) -> [u8; BYTES] {
+    let (mut bits, mut place) = (0, 0);
+    for (field, value) in kind.fields().iter().zip(values) {
+        bits |= u128::from(value.unwrap_or(0)) << place;
+        place += field.bits();
+    }
+    let mut packed = [0; BYTES];
+    packed.iter_mut().zip(bits.to_le_bytes()).for_each(|(to, from)| *to = from);
+    packed
+}
+
+/// The way back.
+fn unpacked(kind: &Kind, packed: [u8; BYTES]) -> [u64; MAX_FIELDS] {
+    let mut bits = packed.iter().rev().fold(0, |bits, byte| bits << 8 | u128::from(*byte));
+    let mut values = [0; MAX_FIELDS];
+    for (value, field) in values.iter_mut().zip(kind.fields()) {
+        *value = (bits & ((1 << field.bits()) - 1)) as u64;
+        bits >>= field.bits();
+    }
+    values
+}
 
 /// A fault. Its longest form has as many bytes as an operation has behind its kind: kinds of faults see to that.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -14,8 +40,8 @@ pub(super) struct WireFault {
     number: u8,
     /// Which values are given, bit n for value n.
     given: u8,
-    /// The values; 0 where none is given.
-    values: [u32; MAX_FIELDS],
+    /// The values, 0 where none is given, each with as many bits as its field needs, the first one lowest.
+    values: [u8; BYTES],
     at_us: u64,
     limit: Limit,
 }
@@ -30,7 +56,7 @@ impl From<&Fault> for WireFault {
             index,
             number,
             given: given.fold(0, |given, (bit, _)| given | 1 << bit),
-            values: values.map(Option::unwrap_or_default),
+            values: packed(fault.kind(), values),
             at_us: fault.at_us(),
             limit: fault.limit(),
         }
@@ -42,8 +68,8 @@ impl WireFault {
     fn fault(&self) -> Option<Fault> {
         let kind = devices::fault_kinds().iter().find(|kind| kind.number() == self.kind)?;
         let mut draft = Draft::new(kind, Target::of_numbers(kind.place(), self.index, self.number));
-        for (bit, (value, sent)) in draft.values.iter_mut().zip(self.values).enumerate() {
-            *value = (self.given >> bit & 1 != 0).then_some(sent.into());
+        for (bit, (value, sent)) in draft.values.iter_mut().zip(unpacked(kind, self.values)).enumerate() {
+            *value = (self.given >> bit & 1 != 0).then_some(sent);
         }
         draft.at_us = self.at_us;
         match self.limit {

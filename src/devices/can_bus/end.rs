@@ -28,6 +28,14 @@ pub(super) struct End {
     pub(super) is_troubled: bool,
     /// The state that was last told of its controller.
     pub(super) told: ErrorState,
+    /// Its frame is kept back until then, in ns.
+    pub(super) held_until_ns: u64,
+    /// A fault has delayed its frame already.
+    pub(super) is_delayed: bool,
+    /// How long after it copies of its frame follow, in us.
+    pub(super) copies: Vec<u64>,
+    /// Its frame has arrived already and is sent once more.
+    pub(super) is_copy: bool,
     /// The journal has its frame, which nobody acknowledges, already.
     pub(super) is_unheard: bool,
 }
@@ -46,6 +54,10 @@ impl End {
             is_waiting: false,
             is_troubled: false,
             told: ErrorState::default(),
+            held_until_ns: 0,
+            is_delayed: false,
+            copies: Vec::new(),
+            is_copy: false,
             is_unheard: false,
         }
     }
@@ -74,8 +86,28 @@ impl End {
         self.on_since_ns = None;
         self.is_leaving = false;
         self.told = ErrorState::default();
-        self.is_unheard = false;
+        self.forget_frame();
         self.controller.clear();
+    }
+
+    /// Its frame has arrived; the intermission behind it ends at `free_ns`. Tells whether it is the first time.
+    pub(super) fn frame_is_through(&mut self, free_ns: u64) -> bool {
+        let is_copy = self.is_copy;
+        if self.copies.is_empty() {
+            self.controller.take();
+            self.forget_frame();
+        } else {
+            let us = self.copies.remove(0);
+            self.held_until_ns = free_ns.saturating_add(us * 1000);
+            self.is_copy = true;
+        }
+        !is_copy
+    }
+
+    fn forget_frame(&mut self) {
+        self.held_until_ns = 0;
+        (self.is_delayed, self.is_copy, self.is_unheard) = (false, false, false);
+        self.copies.clear();
     }
 
     /// Runs its firmware.

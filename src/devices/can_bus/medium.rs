@@ -12,6 +12,7 @@ use super::port::CanSocket;
 use super::stations::Stations;
 use crate::can;
 use crate::can::Frame;
+use crate::devices::can_faults;
 use crate::devices::{BuildError, GuestRefusal, Medium, StationState, SyncSignal, World};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
@@ -28,6 +29,10 @@ pub struct CanBus {
     pub(super) leaving: usize,
     /// The sender of the frame on the wire has gone off meanwhile, even if it is back.
     pub(super) sender_gone: bool,
+    /// The frame on the wire is lost: nobody receives it, and its sender does not notice.
+    pub(super) is_lost: bool,
+    /// Somebody's error state may have changed without having been told.
+    pub(super) has_news: bool,
     /// Room for those who are handed a frame.
     pub(super) takers: Vec<u16>,
     next: u64,
@@ -43,6 +48,8 @@ impl CanBus {
             stations: Stations::new(None),
             leaving: 0,
             sender_gone: false,
+            is_lost: false,
+            has_news: false,
             takers: Vec::new(),
             next: NEVER,
         }
@@ -65,6 +72,11 @@ impl CanBus {
             let begins = wire.can_begin(now * 1000, &self.stations);
             let back = self.next_back().map_or(NEVER, |(at_ns, _)| at_ns.div_ceil(1000));
             next = next.min(of_wire).min(back).min(if begins { now } else { NEVER });
+            let held = self.stations.next_held(now * 1000);
+            next = next.min(held.map_or(NEVER, |ns| ns.div_ceil(1000)));
+        }
+        if self.has_news {
+            next = now;
         }
         self.next = next.max(now);
     }
@@ -159,12 +171,16 @@ impl Medium for CanBus {
         self.next
     }
 
-    /// The bus itself has no faults; those of its ports are their devices'.
+    /// BUS-off of controllers that work; whatever else a port has is its device's.
     fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let Target::Port { device: plc, port: node } = target else { return None };
         let origin = Origin { plc, node };
         let who = self.stations.all().iter().position(|end| end.origin == origin)?;
-        let hit = self.stations.get_mut(who).port.strike(now, effect);
+        let hit = if effect.get() == Some(&can_faults::Effect::BusOff) {
+            self.switch_off(who).then_some(Hit::Plain)
+        } else {
+            self.stations.get_mut(who).port.strike(now, effect)
+        };
         self.settle(who, now * 1000);
         self.plan(now);
         hit
@@ -172,8 +188,11 @@ impl Medium for CanBus {
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         let now = world.now;
+        if core::mem::take(&mut self.has_news) {
+            self.tell_states(now, world.journal);
+        }
         // What is due on the wire was due before the microsecond's end.
-        if !self.wire_event(now, world.journal) && !self.recover(now, world.journal) {
+        if !self.wire_event(world) && !self.recover(now, world.journal) {
             let mut from = 0;
             while let Some(who) = self.stations.due(from, now) {
                 self.run(who, now, world.journal, |port, ctx, controller| port.due(ctx, controller));

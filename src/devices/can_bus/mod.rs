@@ -9,7 +9,10 @@ mod agenda;
 mod config;
 mod controller;
 mod device;
+mod disturbance;
 mod end;
+#[cfg(test)]
+mod fault_tests;
 mod guest;
 mod medium;
 mod port;

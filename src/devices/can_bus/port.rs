@@ -31,6 +31,11 @@ pub trait CanPort: Send {
     /// A frame that passes the filters has arrived.
     fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame);
 
+    /// A frame that passes the filters was lost, as the controller had no room for it: a fault.
+    fn overrun(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
+        let _ = (ctx, controller, frame);
+    }
+
     /// A frame of its own has arrived at the others.
     fn sent(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
         let _ = (ctx, controller, frame);

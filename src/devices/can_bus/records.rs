@@ -52,8 +52,9 @@ impl Part for (Frame, Fate) {
 
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
         let (id, length, data) = (unpacker.take(), unpacker.take(), u64::take(unpacker)?);
-        let fates = [Fate::Arrives, Fate::NotAcknowledged, Fate::Disturbed, Fate::SenderGone];
-        let fate = *fates.get((length >> FATE) as usize)?;
+        let fates =
+            [Fate::NotAcknowledged, Fate::Disturbed, Fate::Withdrawn, Fate::SenderGone, Fate::Arrives];
+        let fate = fates.into_iter().find(|fate| *fate as u32 == length >> FATE)?;
         Some((Frame::of_numbers(id, length as u8, data)?, fate))
     }
 }
@@ -74,6 +75,7 @@ fn reason(fate: Fate) -> (&'static str, &'static str) {
         Fate::Arrives => ("arrives", "has arrived"),
         Fate::NotAcknowledged => ("not_acknowledged", "is acknowledged by nobody"),
         Fate::Disturbed => ("disturbed", "is destroyed by an error frame"),
+        Fate::Withdrawn => ("withdrawn", "is given up behind its start bit"),
         Fate::SenderGone => ("sender_gone", "is cut off, its sender is gone"),
     }
 }

@@ -32,6 +32,8 @@ pub(super) struct Stations {
     recovering: Vec<(usize, Recovery)>,
     /// Somebody has begun or ceased to take part since it was last asked.
     has_changed: bool,
+    /// A frame is kept back.
+    has_held: bool,
 }
 
 impl Stations {
@@ -47,6 +49,7 @@ impl Stations {
             troubled: Vec::new(),
             recovering: Vec::new(),
             has_changed: false,
+            has_held: false,
         }
     }
 
@@ -103,15 +106,26 @@ impl Stations {
                 self.members -= 1;
             }
         }
+        self.offer(who);
+    }
+
+    /// Takes note of what one of them has to send.
+    fn offer(&mut self, who: usize) {
+        let end = &mut self.ends[who];
         let since_ns = end.member_since_ns.filter(|_| self.rate.is_some());
         let offer = since_ns.and_then(|since_ns| {
             let (there_ns, frame) = end.controller.front()?;
-            Some(Waiting { field: frame.arbitration(), who, since_ns: since_ns.max(*there_ns) })
+            Some(Waiting {
+                field: frame.arbitration(),
+                who,
+                since_ns: since_ns.max(*there_ns).max(end.held_until_ns),
+            })
         });
         if !end.is_waiting && offer.is_none() {
             return;
         }
         end.is_waiting = offer.is_some();
+        self.has_held |= end.held_until_ns > 0;
         let place = self.waiting.iter().position(|waiting| waiting.who == who);
         match (place, offer) {
             (Some(place), Some(offer)) => self.waiting[place] = offer,
@@ -119,6 +133,24 @@ impl Stations {
             (None, Some(offer)) => self.waiting.push(offer),
             (None, None) => {}
         }
+    }
+
+    /// Keeps this one's frame back.
+    pub(super) fn hold(&mut self, who: usize, until_ns: u64, is_delayed: bool) {
+        let end = &mut self.ends[who];
+        end.held_until_ns = until_ns;
+        end.is_delayed |= is_delayed;
+        self.offer(who);
+    }
+
+    /// When the first frame that is kept back may begin, in ns, if that is behind `now_ns`.
+    pub(super) fn next_held(&mut self, now_ns: u64) -> Option<u64> {
+        if !self.has_held {
+            return None;
+        }
+        let next = self.waiting.iter().map(|it| it.since_ns).filter(|since_ns| *since_ns > now_ns).min();
+        self.has_held = next.is_some();
+        next
     }
 
     /// Whether somebody has begun or ceased to take part since it was last asked.

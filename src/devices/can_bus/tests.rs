@@ -45,6 +45,10 @@ impl CanPort for Scripted {
         self.note(ctx.now, "received", frame);
     }
 
+    fn overrun(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
+        self.note(ctx.now, "overrun", frame);
+    }
+
     fn sent(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
         self.note(ctx.now, "sent", frame);
     }
@@ -73,19 +77,20 @@ impl CanPort for Scripted {
     }
 }
 
-fn frame(id: u16, mark: u8) -> Frame {
+pub(super) fn frame(id: u16, mark: u8) -> Frame {
     Frame::standard(id, Payload::new(&[mark, 0x55]).unwrap())
 }
 
-struct Bench {
-    bus: CanBus,
-    journal: Journal,
+pub(super) struct Bench {
+    pub(super) bus: CanBus,
+    pub(super) journal: Journal,
+    pub(super) faults: Faults,
     log: Log,
 }
 
 impl Bench {
     /// A bus at so many bit/s with ports that run these scripts, all on.
-    fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
+    pub(super) fn new(bit_s: u32, scripts: Vec<Script>) -> Self {
         let rate = BitRate::new(bit_s).unwrap();
         let bus = CanBus::new(0, &CanBusConfig { name: "open".to_owned(), rate, doors: Vec::new() });
         Self::of(bus, scripts)
@@ -102,40 +107,46 @@ impl Bench {
             let place = bus.attach(Box::new(socket)).unwrap();
             assert!(bus.power_on(place, 0, 0, &mut journal));
         }
-        Bench { bus, journal, log }
+        Bench { bus, journal, faults: Faults::default(), log }
     }
 
     /// Everything that is due until `end`, as a plant does it.
-    fn run(&mut self, end: u64) {
-        let (faults, edges) = (&mut Faults::default(), &mut Vec::new());
+    pub(super) fn run(&mut self, end: u64) {
+        let edges = &mut Vec::new();
         while self.bus.next_time() <= end {
             let now = self.bus.next_time();
-            let signal = self.bus.event(&mut World { now, journal: &mut self.journal, faults, edges });
+            let (journal, faults) = (&mut self.journal, &mut self.faults);
+            let signal = self.bus.event(&mut World { now, journal, faults, edges });
             assert_eq!(signal, None);
         }
     }
 
     /// A station is BUS-off.
     fn switch_off(&mut self, who: usize, now: u64) {
-        self.bus.stations.get_mut(who).controller.errors_mut().bus_off();
-        self.bus.stations.is_in_trouble(who);
+        assert!(self.bus.switch_off(who));
         self.bus.settle(who, now * 1000);
-        self.bus.tell_states(now, &mut self.journal);
+        self.bus.plan(now);
+    }
+
+    /// A port puts a frame into its queue at `now`, when all is done that is due before.
+    pub(super) fn send(&mut self, who: usize, now: u64, frame: Frame) {
+        self.run(now - 1);
+        self.bus.run(who, now, &mut self.journal, |_, _, controller| controller.send(frame).unwrap());
         self.bus.plan(now);
     }
 
     /// Transmit and receive errors of the stations.
-    fn errors(&self) -> Vec<(u16, u16)> {
+    pub(super) fn errors(&self) -> Vec<(u16, u16)> {
         let errors = |it: &StationState| (it.errors.transmit(), it.errors.receive());
         self.bus.stations().iter().map(errors).collect()
     }
 
-    fn log(&self) -> Vec<(u16, u64, &'static str, u8)> {
+    pub(super) fn log(&self) -> Vec<(u16, u64, &'static str, u8)> {
         core::mem::take(&mut self.log.lock().unwrap())
     }
 
     /// Times, identifiers and senders of the frames of the journal.
-    fn frames(&self) -> Vec<(u64, Frame, u16)> {
+    pub(super) fn frames(&self) -> Vec<(u64, Frame, u16)> {
         let told = |record: &crate::journal::Record| {
             let it: Transmitted = record.event.get()?;
             Some((record.time_us, it.frame, it.sender.plc))
@@ -143,7 +154,7 @@ impl Bench {
         self.journal.records().filter_map(told).collect()
     }
 
-    fn lost(&self) -> Vec<(u64, (Frame, Fate))> {
+    pub(super) fn lost(&self) -> Vec<(u64, (Frame, Fate))> {
         let told =
             |record: &crate::journal::Record| record.event.get().map(|it: Lost| (record.time_us, it.frame));
         self.journal.records().filter_map(told).collect()

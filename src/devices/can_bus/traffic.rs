@@ -3,7 +3,7 @@
 use super::records::{Lost, StateChange, Transmitted};
 use super::{CanBus, CanPort, Controller};
 use crate::can::{ErrorCounters, ErrorState, Event, Fate, OnWire, Participants};
-use crate::devices::Context;
+use crate::devices::{Context, World};
 use crate::journal::Journal;
 
 impl CanBus {
@@ -40,63 +40,85 @@ impl CanBus {
     }
 
     /// Does one thing that is due on the wire; tells whether there was one.
-    pub(super) fn wire_event(&mut self, now: u64, journal: &mut Journal) -> bool {
-        let now_ns = now * 1000;
+    pub(super) fn wire_event(&mut self, world: &mut World) -> bool {
+        let now_ns = world.now * 1000;
         let Some(wire) = &mut self.wire else { return false };
         let at_ns = match wire.next_ns().filter(|ns| *ns <= now_ns) {
             Some(ns) => ns,
             None if wire.can_begin(now_ns, &self.stations) => now_ns,
             None => return false,
         };
-        let quiet_ns = wire.quiet_ns();
-        match wire.advance(at_ns, &self.stations) {
+        let quiet_ns = wire.quiet_ns().unwrap_or(at_ns);
+        let event = if world.faults.is_empty() {
+            wire.advance(at_ns, &self.stations)
+        } else {
+            self.advance_disturbed(at_ns, world)
+        };
+        match event {
             None => {}
             Some(Event::Begun(it)) => {
-                self.sender_gone = false;
-                self.stations.frame_begins(it.begin_ns, quiet_ns.unwrap_or(it.begin_ns));
+                (self.sender_gone, self.is_lost) = (false, false);
+                self.stations.frame_begins(it.begin_ns, quiet_ns);
+                if !world.faults.is_empty() {
+                    self.disturb(&it, world);
+                }
             }
-            Some(Event::Delivered(it)) => self.delivered(&it, now, journal),
-            Some(Event::Failed(it)) => self.failed(&it, now, journal),
+            Some(Event::Delivered(it)) => self.delivered(&it, world),
+            Some(Event::Failed(it)) => self.failed(&it, world.now, world.journal),
         }
         true
     }
 
     /// A frame has arrived: the journal has it before anybody answers.
-    fn delivered(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
+    fn delivered(&mut self, it: &OnWire, world: &mut World) {
         let (bus, frame, sender) = (self.index, it.frame, self.stations.all()[it.sender].origin);
-        journal.push(now, Transmitted { bus, frame, sender });
+        if !self.is_lost {
+            world.journal.push(world.now, Transmitted { bus, frame, sender });
+        }
         if self.stations.has_trouble() {
             self.stations.count_good(it.sender, it.begin_ns);
         }
-        if !self.sender_gone {
-            let end = self.stations.get_mut(it.sender);
-            end.controller.take();
-            end.is_unheard = false;
-        }
-        self.hand_over(it, now, journal);
-        self.tell_states(now, journal);
+        // Once its checksum is through, a frame arrives without its sender.
+        let is_news = !self.sender_gone && self.stations.get_mut(it.sender).frame_is_through(it.free_ns);
+        self.hand_over(it, is_news, world);
+        self.settle(it.sender, it.end_ns);
+        self.tell_states(world.now, world.journal);
     }
 
-    /// Tells everybody's firmware of a frame that has arrived.
-    fn hand_over(&mut self, it: &OnWire, now: u64, journal: &mut Journal) {
+    /// Tells everybody's firmware of a frame that has arrived, its sender's if that is news there.
+    fn hand_over(&mut self, it: &OnWire, is_news: bool, world: &mut World) {
         let mut takers = core::mem::take(&mut self.takers);
-        self.stations.takers(&it.frame, &mut takers);
-        let behind = takers.partition_point(|who| usize::from(*who) < it.sender);
-        self.receive(&takers[..behind], it, now, journal);
-        if !self.sender_gone {
-            self.run(it.sender, now, journal, |port, ctx, controller| port.sent(ctx, controller, &it.frame));
+        if self.is_lost {
+            takers.clear();
+        } else {
+            self.stations.takers(&it.frame, &mut takers);
         }
-        self.receive(&takers[behind..], it, now, journal);
+        let behind = takers.partition_point(|who| usize::from(*who) < it.sender);
+        self.receive(&takers[..behind], it, world);
+        if is_news {
+            let (now, frame) = (world.now, &it.frame);
+            self.run(it.sender, now, world.journal, |port, ctx, controller| {
+                port.sent(ctx, controller, frame)
+            });
+        }
+        self.receive(&takers[behind..], it, world);
         self.takers = takers;
     }
 
-    fn receive(&mut self, takers: &[u16], it: &OnWire, now: u64, journal: &mut Journal) {
+    fn receive(&mut self, takers: &[u16], it: &OnWire, world: &mut World) {
+        let (now, frame) = (world.now, &it.frame);
         for who in takers.iter().map(|who| usize::from(*who)).filter(|who| *who != it.sender) {
-            if self.stations.all()[who].was_there(it.begin_ns) {
-                self.run(who, now, journal, |port, ctx, controller| {
-                    port.received(ctx, controller, &it.frame)
-                });
+            if !self.stations.all()[who].was_there(it.begin_ns) {
+                continue;
             }
+            let overruns = !world.faults.is_empty() && self.overruns(who, frame, world);
+            self.run(who, now, world.journal, |port, ctx, controller| {
+                if overruns {
+                    port.overrun(ctx, controller, frame);
+                } else {
+                    port.received(ctx, controller, frame);
+                }
+            });
         }
     }
 
@@ -112,6 +134,7 @@ impl CanBus {
         self.stations.count_errors(it.begin_ns, |who, end| {
             let errors = end.controller.errors_mut();
             match it.fate {
+                Fate::Withdrawn => errors.receive_error(),
                 _ if who != it.sender => errors.receive_error(),
                 Fate::NotAcknowledged => errors.not_acknowledged(),
                 _ => errors.transmit_error(),

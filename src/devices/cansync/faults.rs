@@ -1,21 +1,19 @@
-//! Kinds of faults on a CANsync bus, at its slaves and in the CAN controllers of its nodes.
+//! Kinds of faults on a CANsync bus, at its slaves and in the CAN controllers of its nodes. Those that it shares with other CAN
+//! buses are told in [`can_faults`](crate::devices::can_faults).
 
 use super::bus::codec::updown::MAX_OFFSET;
 use super::bus::{Channel, Frame, FrameKind};
+use crate::devices::can_faults::{
+    BUS_OFF, DELAY_FRAME, DUPLICATE_FRAME, Frames, IN_US, LOSE_FRAME, OVERRUN, delay,
+};
 use crate::fault::{self, Fault, Field, Form, Kind, Place};
 
-/// Longest delay of a frame, in emulated microseconds.
-pub const MAX_DELAY_US: u32 = 1_000_000;
 /// Largest jitter of SYNC edges, in microseconds; at most a quarter of the running interval takes effect.
 pub const MAX_JITTER_US: u32 = 2_000;
-/// Highest identifier of a frame.
-const MAX_ID: u16 = 0x7FF;
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
-    /// Frames.
-    Frame(Frames, FrameEffect),
     /// The slaves do not see SYNC edges.
     LoseSync,
     /// SYNC edges come so many microseconds late and early in turn, 1 to [`MAX_JITTER_US`].
@@ -35,23 +33,8 @@ pub(super) enum Effect {
         /// The wrong offset; `None`: the right one plus 6.
         offset: Option<u16>,
     },
-    /// A CAN controller switches itself off.
-    BusOff,
-    /// A CAN controller cannot receive frames in time and loses them.
-    Overrun,
     /// A slave is a drive and has this fault, 1 to 65535.
     Trip(u16),
-}
-
-/// What happens to a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum FrameEffect {
-    /// Nobody receives it; its sender does not notice.
-    Lose,
-    /// It begins so many microseconds after its slot, 1 to [`MAX_DELAY_US`].
-    Delay(u32),
-    /// It arrives once more, so many microseconds after its end plus its own length, 0 to [`MAX_DELAY_US`].
-    Duplicate(u32),
 }
 
 /// Which frame carries the wrong offset.
@@ -63,21 +46,7 @@ pub(super) enum OffsetAt {
     Answer,
 }
 
-/// Which frames a fault concerns: those of a slot whose identifier agrees with `id` where `mask` has a 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Frames {
-    /// Identifier, no bit outside the mask.
-    id: u16,
-    /// The bits of the identifier that count; 0: all frames.
-    mask: u16,
-    /// The slot, by its place in [`SLOTS`]; `None`: all.
-    slot: Option<u32>,
-}
-
-/// The slots of the interval in the order of the manual's table (5.00005.03a p. 125).
-const SLOTS: &[&str] = &["WRC1", "RDC1", "WRC2", "RDC2", "CC", "RC"];
-
-/// The slot in which frames of a kind travel, by its place in [`SLOTS`].
+/// The slot in which frames of a kind travel, by its place in [`SLOTS`](crate::devices::can_faults::SLOTS).
 const fn slot_of(kind: FrameKind) -> u32 {
     match kind {
         FrameKind::ReferenceValue(Channel::One, _) => 0,
@@ -89,51 +58,14 @@ const fn slot_of(kind: FrameKind) -> u32 {
     }
 }
 
-impl Frames {
-    fn of(fault: &Fault) -> Self {
-        let id = fault.value(ID.name()).map(|id| id as u16);
-        let mask = fault.value(MASK.name()).map_or(MAX_ID, |mask| mask as u16);
-        Frames { id: id.unwrap_or(0), mask: id.map_or(0, |_| mask), slot: fault.value(SLOT.name()) }
-    }
-
-    /// Whether the fault concerns `frame`.
-    pub(super) fn include(&self, frame: &Frame) -> bool {
-        frame.id() & self.mask == self.id
-            && self.slot.is_none_or(|slot| frame.kind().is_some_and(|kind| slot_of(kind) == slot))
-    }
+/// Whether a fault at `frames` concerns `frame`.
+pub(super) fn includes(frames: &Frames, frame: &Frame) -> bool {
+    frames.include_in_slot(frame.id(), frame.kind().map(slot_of))
 }
-
-const SLOT: Field = Field::new("slot", Form::Word(SLOTS), "Left out: all");
-const ID: Field =
-    Field::new("id", Form::Hex { least: 0, most: MAX_ID as u64, digits: 3 }, "Identifier. Left out: all");
-const MASK: Field = Field::new(
-    "mask",
-    Form::Hex { least: 0, most: MAX_ID as u64, digits: 3 },
-    "Bits of `id` that count. Left out: all 11",
-);
-
-/// A delay of a frame.
-const fn delay(least: u64, about: &'static str) -> Field {
-    Field::new("delay_us", Form::Time { least, most: MAX_DELAY_US as u64 }, about).or("us")
-}
-
-const IN_US: &str = "give it in microseconds";
 
 /// A number that a drive or slave gives.
 const fn error(least: u64, about: &'static str) -> Field {
     Field::new("error", Form::Hex { least, most: 0xFFFF, digits: 4 }, about)
-}
-
-/// Some identifier must agree with the mask.
-fn agree(fault: &Fault) -> Result<(), String> {
-    let (id, mask) = (fault.value(ID.name()), fault.value(MASK.name()));
-    match (id, mask) {
-        (None, Some(_)) => Err("id is missing; a mask needs the identifier it is compared with".to_owned()),
-        (Some(id), Some(mask)) if id & !mask != 0 => Err(format!(
-            "id 16#{id:03X} can never match under the mask 16#{mask:03X}; clear the bits outside the mask"
-        )),
-        _ => Ok(()),
-    }
 }
 
 fn us(fault: &Fault) -> u32 {
@@ -143,33 +75,6 @@ fn us(fault: &Fault) -> u32 {
 fn number(fault: &Fault) -> u16 {
     fault.value("error").unwrap_or(0) as u16
 }
-
-static LOSE_FRAME: Kind = Kind::new(
-    1,
-    "lose_frame",
-    Place::Medium,
-    "Nobody receives a frame; its sender does not notice",
-    |fault| fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Lose)),
-)
-.with(const { &[SLOT, ID, MASK] })
-.agreeing(agree)
-.shown("slot=WRC1 count=3");
-
-static DELAY_FRAME: Kind =
-    Kind::new(2, "delay_frame", Place::Medium, "A frame comes later than its slot", |fault| {
-        fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Delay(us(fault))))
-    })
-    .with(const { &[SLOT, ID, MASK, delay(1, "After its slot").required(IN_US)] })
-    .agreeing(agree)
-    .shown("slot=RC delay=500us count=1");
-
-static DUPLICATE_FRAME: Kind =
-    Kind::new(3, "duplicate_frame", Place::Medium, "A frame comes once more", |fault| {
-        fault::Effect::new(Effect::Frame(Frames::of(fault), FrameEffect::Duplicate(us(fault))))
-    })
-    .with(const { &[SLOT, ID, MASK, delay(0, "After the end of the first one; 0 if left out").default(0)] })
-    .agreeing(agree)
-    .shown("slot=CC delay=50us");
 
 static LOSE_SYNC: Kind = Kind::new(4, "lose_sync", Place::Medium, "The slaves miss SYNC edges", |_| {
     fault::Effect::new(Effect::LoseSync)
@@ -246,19 +151,6 @@ static WRONG_OFFSET: Kind = Kind::new(
     },
 )
 .shown("slave=5 slot=CC");
-
-static BUS_OFF: Kind = Kind::new(11, "bus_off", Place::Port, "A CAN controller switches itself off", |_| {
-    fault::Effect::new(Effect::BusOff)
-})
-.once()
-.shown("plc=line node=2");
-
-static OVERRUN: Kind =
-    Kind::new(12, "overrun", Place::Port, "A CAN controller loses frames that it receives", |_| {
-        fault::Effect::new(Effect::Overrun)
-    })
-    .once()
-    .shown("node=2 count=2");
 
 static DRIVE_FAULT: Kind =
     Kind::new(13, "drive_fault", Place::Participant, "A drive brakes and waits for a fault reset", |fault| {

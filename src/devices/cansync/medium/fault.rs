@@ -4,13 +4,14 @@
 use super::disturbance::Stray;
 use super::end::Place;
 use super::{Run, Station};
+use crate::devices::can_faults::{self, FrameEffect};
 use crate::devices::cansync::bus::codec::updown::{BLOCK, MAX_OFFSET};
 use crate::devices::cansync::bus::codec::{
     ParameterJob, ParameterResult, UpDownJob, UpDownResponse, UpDownResult, UpDownStep, is_up_download,
 };
 use crate::devices::cansync::bus::wire::Airtime;
 use crate::devices::cansync::bus::{Frame, FrameKind};
-use crate::devices::cansync::faults::{Effect, FrameEffect, OffsetAt};
+use crate::devices::cansync::faults::{Effect, OffsetAt, includes};
 use crate::devices::cansync::records::ForeignFrame;
 use crate::fault::{Hit, Target};
 use crate::journal::Origin;
@@ -27,16 +28,23 @@ impl Run<'_> {
     ) -> Option<u64> {
         let [delivery, occupation] = [airtime.delivery_us, airtime.occupation_us].map(u64::from);
         let (mut lost, mut delay, mut copies) = (false, 0, Vec::new());
-        self.faults.strike(self.now, self.bus.owner(), self.journal, |target, effect, _| {
-            match (*effect, target) {
-                _ if lost => return None,
-                (Effect::Frame(frames, what), _) if frames.include(frame) => match what {
+        let owner = self.bus.owner();
+        self.faults.strike(self.now, owner, self.journal, |_, effect: &can_faults::Effect, _| {
+            match *effect {
+                can_faults::Effect::Frame(frames, what) if !lost && includes(&frames, frame) => match what {
                     FrameEffect::Lose => lost = true,
                     FrameEffect::Delay(us) => delay += u64::from(us),
                     FrameEffect::Duplicate(us) => copies.push(u64::from(us)),
+                    FrameEffect::Disturb | FrameEffect::LoseArbitration => return None,
                 },
+                _ => return None,
+            }
+            Some(Hit::Frame(frame.id().into()))
+        });
+        self.faults.strike(self.now, owner, self.journal, |target, effect: &Effect, _| {
+            match (*effect, target) {
                 (Effect::SlaveLate(us), Target::Participant { number, .. })
-                    if frame.kind() == Some(FrameKind::Response(number)) =>
+                    if !lost && frame.kind() == Some(FrameKind::Response(number)) =>
                 {
                     delay += u64::from(us);
                 }
@@ -131,7 +139,9 @@ impl Run<'_> {
         };
         let from_master = !matches!(frame.kind(), Some(FrameKind::ActualValue(..) | FrameKind::Response(_)));
         self.faults.strike(self.now, bus.owner(), self.journal, |target, effect, _| {
-            let (Target::Port { device, port }, Effect::Overrun) = (target, effect) else { return None };
+            let (Target::Port { device, port }, can_faults::Effect::Overrun) = (target, effect) else {
+                return None;
+            };
             let place = bus.place_of(Origin { plc: device, node: port })?;
             let lost = match place {
                 Place::Slave(index) => sender != Station::Node(index) && bus.slaves[index].firmware.overrun(),

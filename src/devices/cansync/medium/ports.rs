@@ -4,6 +4,7 @@ use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
 use super::{FAMILY, Sender, SimBus, Station};
 use crate::can;
+use crate::devices::can_faults;
 use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::{Change, Slave};
 use crate::devices::cansync::records::BaudRateMismatch;
@@ -200,11 +201,14 @@ impl Medium for SimBus {
 
     /// BUS-off of nodes whose CAN controller works, faults of drives that have none.
     fn strike(&mut self, now: u64, target: Target, effect: &fault::Effect) -> Option<Hit> {
-        let hits = match (target, *effect.get()?) {
-            (Target::Port { device, port }, Effect::BusOff) => {
+        let hits = match target {
+            Target::Port { device, port } if effect.get() == Some(&can_faults::Effect::BusOff) => {
                 self.go_bus_off(Origin { plc: device, node: port }, now)
             }
-            (Target::Participant { number, .. }, Effect::Trip(fault)) => self.trip_drive(now, number, fault),
+            Target::Participant { number, .. } => match *effect.get()? {
+                Effect::Trip(fault) => self.trip_drive(now, number, fault),
+                _ => false,
+            },
             _ => false,
         };
         hits.then_some(Hit::Plain)

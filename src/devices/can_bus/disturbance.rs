@@ -1,0 +1,114 @@
+//! What injected faults do to the traffic of a bus. Nothing of this runs while there is no fault.
+
+use super::CanBus;
+use crate::can::{Event, Fate, Frame, OnWire};
+use crate::devices::World;
+use crate::devices::can_faults::{Effect, FrameEffect};
+use crate::fault::{Hit, Owner, Target};
+use crate::journal::Origin;
+
+impl CanBus {
+    fn owner(&self) -> Owner {
+        Owner::Medium(self.index)
+    }
+
+    /// Lets those faults strike that act on this frame; `strike` says whether what it is given does.
+    fn strike_frame(&self, frame: &Frame, world: &mut World, mut strike: impl FnMut(FrameEffect) -> bool) {
+        let field = frame.arbitration();
+        world.faults.strike(world.now, self.owner(), world.journal, |_, effect, _| match *effect {
+            Effect::Frame(frames, what) if frames.include(field) && strike(what) => {
+                Some(Hit::Frame(field.number()))
+            }
+            _ => None,
+        });
+    }
+
+    /// One thing that is due on the wire, where faults may keep back who would begin.
+    #[cold]
+    pub(super) fn advance_disturbed(&mut self, at_ns: u64, world: &mut World) -> Option<Event> {
+        let mut withdrawn = None;
+        while let Some((who, frame)) = self.wire.as_ref()?.next_sender(at_ns, &self.stations) {
+            let is_delayed = self.stations.all()[who].is_delayed;
+            let mut until_ns = None;
+            self.strike_frame(&frame, world, |what| match what {
+                FrameEffect::Delay(us) if !is_delayed && until_ns.is_none() => {
+                    until_ns = Some((at_ns + u64::from(us) * 1000, true));
+                    true
+                }
+                // It takes part again in the next arbitration.
+                FrameEffect::LoseArbitration if until_ns.is_none() => {
+                    until_ns = Some((at_ns + 1, false));
+                    true
+                }
+                _ => false,
+            });
+            let Some((until_ns, is_delayed)) = until_ns else { break };
+            if !is_delayed {
+                withdrawn = withdrawn.or(Some((who, frame)));
+            }
+            self.stations.hold(who, until_ns, is_delayed);
+        }
+        let wire = self.wire.as_mut()?;
+        match withdrawn {
+            Some((who, frame)) if wire.next_sender(at_ns, &self.stations).is_none() => {
+                Some(wire.withdraw(at_ns, who, frame))
+            }
+            _ => wire.advance(at_ns, &self.stations),
+        }
+    }
+
+    /// A frame has begun: does it arrive as it should?
+    #[cold]
+    pub(super) fn disturb(&mut self, it: &OnWire, world: &mut World) {
+        if it.fate != Fate::Arrives {
+            return;
+        }
+        let (mut lost, mut disturbed, mut copies) = (false, false, Vec::new());
+        let is_copy = self.stations.all()[it.sender].is_copy;
+        self.strike_frame(&it.frame, world, |what| {
+            match what {
+                _ if lost || disturbed => return false,
+                FrameEffect::Lose => lost = true,
+                FrameEffect::Disturb => disturbed = true,
+                FrameEffect::Duplicate(us) if !is_copy => copies.push(us.into()),
+                _ => return false,
+            }
+            true
+        });
+        self.is_lost = lost;
+        if disturbed && let Some(wire) = &mut self.wire {
+            wire.disturb();
+        }
+        if !is_copy {
+            // A frame that does not get through is told anew when it is repeated.
+            self.stations.get_mut(it.sender).copies = copies;
+        }
+    }
+
+    /// Whether this one loses a frame to an overrun.
+    #[cold]
+    pub(super) fn overruns(&mut self, who: usize, frame: &Frame, world: &mut World) -> bool {
+        let Origin { plc: device, node: port } = self.stations.all()[who].origin;
+        let (here, number) = (Target::Port { device, port }, frame.arbitration().number());
+        let mut lost = false;
+        world.faults.strike(world.now, self.owner(), world.journal, |target, effect: &Effect, _| {
+            let hits = !lost && target == here && *effect == Effect::Overrun;
+            lost |= hits;
+            hits.then_some(Hit::Frame(number))
+        });
+        lost
+    }
+
+    /// A controller switches itself off, if it works.
+    pub(super) fn switch_off(&mut self, who: usize) -> bool {
+        let is_plugged_in = self.wire.is_some();
+        let end = self.stations.get_mut(who);
+        let works = is_plugged_in && end.member_since_ns.is_some();
+        if works {
+            end.controller.errors_mut().bus_off();
+            self.stations.is_in_trouble(who);
+            self.has_news = true;
+        }
+        works
+    }
+}

@@ -1,0 +1,177 @@
+//! What faults do to a bus, to the bit.
+
+use super::tests::{Bench, frame};
+use crate::can::{BitRate, Fate, Frame, wire};
+use crate::devices::Medium;
+use crate::devices::can_faults::{self, DELAY_FRAME, DUPLICATE_FRAME, LOSE_FRAME, OF_CAN, OVERRUN};
+use crate::fault::{Draft, Effect, Fault, Hit, Kind, Owner, Target};
+
+const BIT_S: u32 = 1_000_000;
+
+fn kind(name: &str) -> &'static Kind {
+    OF_CAN.iter().find(|kind| kind.name() == name).unwrap()
+}
+
+/// A fault of frames with this identifier.
+fn of_id(kind: &'static Kind, id: u64, us: Option<u64>, count: Option<u64>) -> Fault {
+    let mut draft = Draft { count, ..Draft::new(kind, Target::Medium(0)) };
+    for (value, field) in draft.values.iter_mut().zip(kind.fields()) {
+        *value = match field.name() {
+            "id" => Some(id),
+            "delay_us" => us,
+            _ => None,
+        };
+    }
+    draft.check().unwrap()
+}
+
+/// Three ports, the first of which sends these at 10 us, with a fault.
+fn bench(frames: &[Frame], fault: Fault) -> Bench {
+    of_two(frames, &[], fault)
+}
+
+/// The same where the second one sends these at the same time.
+fn of_two(frames: &[Frame], others: &[Frame], fault: Fault) -> Bench {
+    let script = |frames: &[Frame]| frames.iter().map(|frame| (10, *frame)).collect();
+    let scripts = vec![(vec![], script(frames)), (vec![], script(others)), (vec![], vec![])];
+    let mut bench = Bench::new(BIT_S, scripts);
+    bench.add(fault);
+    bench
+}
+
+impl Bench {
+    fn add(&mut self, fault: Fault) {
+        self.faults.add(0, fault, Owner::Medium(0), &mut self.journal).unwrap();
+        self.faults.advance(0, &mut self.journal);
+    }
+
+    fn hits(&self) -> u32 {
+        self.faults.list().map(|fault| fault.hits).sum()
+    }
+
+    /// Marks and times of the frames of the journal.
+    fn marks(&self) -> Vec<(u64, u8)> {
+        self.frames().iter().map(|(at, frame, _)| (*at, frame.payload().data()[0])).collect()
+    }
+}
+
+/// Until it arrives, and until the next one may begin, in us.
+fn lasts(frame: &Frame) -> (u64, u64) {
+    let airtime = wire::airtime(frame, BitRate::new(BIT_S).unwrap());
+    (airtime.delivery_ns / 1000, airtime.occupation_ns / 1000)
+}
+
+#[test]
+fn nobody_receives_a_lost_frame_and_its_sender_does_not_notice() {
+    let frames = [frame(0x100, 1), frame(0x101, 2), frame(0x100, 3)];
+    let mut bench = bench(&frames, of_id(&LOSE_FRAME, 0x100, None, Some(1)));
+    bench.run(10_000);
+    let heard: Vec<_> = bench.log().into_iter().map(|(who, _, what, mark)| (who, what, mark)).collect();
+    let expected = [
+        (0, "sent", 1),
+        (0, "sent", 2),
+        (1, "received", 2),
+        (2, "received", 2),
+        (0, "sent", 3),
+        (1, "received", 3),
+        (2, "received", 3),
+    ];
+    assert_eq!(heard, expected);
+    assert_eq!(bench.marks().iter().map(|(_, mark)| *mark).collect::<Vec<_>>(), [2, 3]);
+}
+
+/// D-334.
+#[test]
+fn a_delayed_frame_is_kept_back_once_and_others_go_first() {
+    let (slow, fast) = (frame(0x100, 1), frame(0x200, 2));
+    let mut bench = bench(&[slow], of_id(&DELAY_FRAME, 0x100, Some(500), None));
+    bench.send(1, 20, fast);
+    bench.run(10_000);
+    assert_eq!(bench.marks(), [(20 + lasts(&fast).0, 2), (510 + lasts(&slow).0, 1)]);
+    assert_eq!(bench.hits(), 1);
+}
+
+#[test]
+fn a_duplicate_is_sent_once_more_and_that_is_no_news_to_its_sender() {
+    let it = frame(0x100, 1);
+    for (us, gap) in [(None, 0), (Some(70), 70)] {
+        let mut bench = bench(&[it, frame(0x101, 2)], of_id(&DUPLICATE_FRAME, 0x100, us, None));
+        bench.run(10_000);
+        let (arrives, free) = lasts(&it);
+        let copy = 10 + free + gap;
+        let next = copy + free + lasts(&frame(0x101, 2)).0;
+        assert_eq!(bench.marks(), [(10 + arrives, 1), (copy + arrives, 1), (next, 2)]);
+        let sent: Vec<_> = bench.log().iter().filter(|it| it.2 == "sent").map(|it| it.3).collect();
+        assert_eq!((sent, bench.hits()), (vec![1, 2], 1));
+    }
+}
+
+/// D-331.
+#[test]
+fn error_frames_make_a_sender_passive_and_the_frame_is_repeated() {
+    let it = frame(0x100, 1);
+    let mut bench = bench(&[it], of_id(kind("error_frame"), 0x100, None, Some(16)));
+    bench.run(10_000);
+    let round = u64::from(wire::bits_to_acknowledgement(&it) + 6 + 8 + 3);
+    // The last error makes it passive, so it waits for eight bits more.
+    let begin = 10 + 16 * round + 8;
+    assert_eq!(bench.marks(), [(begin + lasts(&it).0, 1)]);
+    let first = 10 + u64::from(wire::bits_to_acknowledgement(&it));
+    let lost: Vec<_> = (0..16).map(|nth| (first + nth * round, (it, Fate::Disturbed))).collect();
+    assert_eq!(bench.lost(), lost);
+    assert_eq!(bench.errors(), [(127, 0), (0, 15), (0, 15)]);
+}
+
+#[test]
+fn after_32_error_frames_in_a_row_a_sender_is_bus_off() {
+    let mut bench = bench(&[frame(0x100, 1)], of_id(kind("error_frame"), 0x100, None, None));
+    bench.run(100_000);
+    let states: Vec<_> = bench.log().into_iter().map(|(who, _, what, _)| (who, what)).collect();
+    assert_eq!(states, [(0, "error_warning"), (0, "error_passive"), (0, "bus_off")]);
+    assert_eq!((bench.hits(), bench.errors()), (32, vec![(256, 0), (0, 32), (0, 32)]));
+}
+
+/// D-333.
+#[test]
+fn who_loses_the_arbitration_lets_the_next_one_go_first() {
+    let (low, high) = (frame(0x100, 1), frame(0x200, 2));
+    let mut bench = of_two(&[low], &[high], of_id(kind("lost_arbitration"), 0x100, None, Some(1)));
+    bench.run(10_000);
+    let (arrives, free) = lasts(&high);
+    assert_eq!(bench.marks(), [(10 + arrives, 2), (10 + free + lasts(&low).0, 1)]);
+    assert_eq!((bench.lost(), bench.errors()), (vec![], vec![(0, 0); 3]));
+}
+
+/// D-333.
+#[test]
+fn who_loses_it_to_nobody_leaves_an_error_frame() {
+    let it = frame(0x100, 1);
+    let mut bench = bench(&[it], of_id(kind("lost_arbitration"), 0x100, None, Some(2)));
+    bench.run(10_000);
+    assert_eq!(bench.lost(), [(17, (it, Fate::Withdrawn)), (17 + 24, (it, Fate::Withdrawn))]);
+    assert_eq!(bench.marks(), [(10 + 2 * 24 + lasts(&it).0, 1)]);
+    // All have counted an error as receivers, and the others one less for the frame.
+    assert_eq!(bench.errors(), [(0, 2), (0, 1), (0, 1)]);
+}
+
+#[test]
+fn an_overrun_is_one_receivers_loss() {
+    let overrun = Draft { count: Some(1), ..Draft::new(&OVERRUN, Target::Port { device: 1, port: 1 }) };
+    let mut bench = bench(&[frame(0x100, 1), frame(0x100, 2)], overrun.check().unwrap());
+    bench.run(10_000);
+    let at_1: Vec<_> = bench.log().into_iter().filter(|it| it.0 == 1).map(|it| (it.2, it.3)).collect();
+    assert_eq!((at_1, bench.marks().len()), (vec![("overrun", 1), ("received", 2)], 2));
+}
+
+#[test]
+fn a_controller_that_works_switches_itself_off() {
+    let mut bench = Bench::new(BIT_S, vec![(vec![], vec![(100, frame(0x100, 1))]), (vec![], vec![])]);
+    let (off, target) = (Effect::new(can_faults::Effect::BusOff), Target::Port { device: 0, port: 1 });
+    assert_eq!(bench.bus.strike(50, target, &off), Some(Hit::Plain));
+    assert_eq!(bench.bus.strike(50, target, &off), None, "it is off already");
+    bench.run(10_000);
+    assert_eq!((bench.log(), bench.marks()), (vec![(0, 50, "bus_off", 0)], vec![]));
+    let without_power = Target::Port { device: 1, port: 1 };
+    bench.bus.power_off(1, 10_000, &mut bench.journal);
+    assert_eq!(bench.bus.strike(10_000, without_power, &off), None);
+}

@@ -1,0 +1,246 @@
+//! Kinds of faults that buses share whose frames are CAN's: at frames, and in the controllers of ports. What they do on a bus is
+//! its family's affair; what a family cannot have it refuses.
+
+use crate::can::Arbitration;
+use crate::fault::{self, Fault, Field, Form, Kind, Place};
+
+/// Longest delay of a frame, in emulated microseconds.
+pub(super) const MAX_DELAY_US: u32 = 1_000_000;
+/// Highest identifiers.
+const MAX_STANDARD: u32 = 0x7FF;
+const MAX_EXTENDED: u32 = 0x1FFF_FFFF;
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Effect {
+    /// Frames.
+    Frame(Frames, FrameEffect),
+    /// A CAN controller switches itself off.
+    BusOff,
+    /// A CAN controller cannot receive frames in time and loses them.
+    Overrun,
+}
+
+/// What happens to a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FrameEffect {
+    /// Nobody receives it; its sender does not notice.
+    Lose,
+    /// It begins so many microseconds later, 1 to [`MAX_DELAY_US`].
+    Delay(u32),
+    /// It arrives once more, so many microseconds later, 0 to [`MAX_DELAY_US`].
+    Duplicate(u32),
+    /// It ends in an error frame.
+    Disturb,
+    /// It loses an arbitration that it would have won.
+    LoseArbitration,
+}
+
+/// Which frames a fault concerns: those whose identifier agrees with `id` where `mask` has a 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Frames {
+    /// Identifier, no bit outside the mask.
+    id: u32,
+    /// The bits of the identifier that count; 0: all frames.
+    mask: u32,
+    /// Whether the identifier has 29 bits; `None`: either.
+    is_extended: Option<bool>,
+    /// The slot, by its place in [`SLOTS`]; `None`: all.
+    slot: Option<u32>,
+}
+
+/// The slots of an interval of CANsync in the order of the manual's table (5.00005.03a p. 125).
+pub(super) const SLOTS: &[&str] = &["WRC1", "RDC1", "WRC2", "RDC2", "CC", "RC"];
+
+impl Frames {
+    fn of(fault: &Fault) -> Self {
+        let id = fault.value(ID.name());
+        let is_extended = match (fault.value(FORMAT.name()), id) {
+            (Some(format), _) => Some(format == 1),
+            (None, Some(id)) => Some(id > MAX_STANDARD),
+            (None, None) => None,
+        };
+        let all = if is_extended == Some(true) { MAX_EXTENDED } else { MAX_STANDARD };
+        let mask = id.map_or(0, |_| fault.value(MASK.name()).unwrap_or(all));
+        Frames { id: id.unwrap_or(0), mask, is_extended, slot: fault.value(SLOT.name()) }
+    }
+
+    /// Whether the fault concerns a frame with this arbitration field.
+    pub(super) fn include(&self, field: Arbitration) -> bool {
+        field.number() & self.mask == self.id && self.is_extended.is_none_or(|it| it == field.is_extended())
+    }
+
+    /// Whether the fault concerns a frame of CANsync with this identifier, in this slot.
+    pub(super) fn include_in_slot(&self, id: u16, slot: Option<u32>) -> bool {
+        u32::from(id) & self.mask == self.id && self.slot.is_none_or(|its| slot == Some(its))
+    }
+}
+
+const SLOT: Field = Field::new("slot", Form::Word(SLOTS), "On a CANsync bus. Left out: all");
+const ID: Field = Field::new(
+    "id",
+    Form::Hex { least: 0, most: MAX_EXTENDED as u64, digits: 3 },
+    "Identifier. Left out: all",
+);
+const MASK: Field = Field::new(
+    "mask",
+    Form::Hex { least: 0, most: MAX_EXTENDED as u64, digits: 3 },
+    "Bits of `id` that count. Left out: all",
+);
+const FORMAT: Field = Field::new(
+    "format",
+    Form::Word(&["standard", "extended"]),
+    "On a CAN bus, 11 or 29 bits. Left out: that of `id`, extended above 16#7FF; without `id` both",
+);
+
+/// A delay of a frame or an answer.
+pub(super) const fn delay(least: u64, about: &'static str) -> Field {
+    Field::new("delay_us", Form::Time { least, most: MAX_DELAY_US as u64 }, about).or("us")
+}
+
+/// What is right where a time is missing.
+pub(super) const IN_US: &str = "give it in microseconds";
+
+/// Some identifier must agree with the mask.
+fn agree(fault: &Fault) -> Result<(), String> {
+    let (id, mask) = (fault.value(ID.name()), fault.value(MASK.name()));
+    match (id, mask) {
+        (None, Some(_)) => Err("id is missing; a mask needs the identifier it is compared with".to_owned()),
+        (Some(id), Some(mask)) if id & !mask != 0 => Err(format!(
+            "id 16#{id:03X} can never match under the mask 16#{mask:03X}; clear the bits outside the mask"
+        )),
+        (Some(id), _) if id > MAX_STANDARD && fault.value(FORMAT.name()) == Some(0) => {
+            Err(format!("id 16#{id:03X} has more than 11 bits; give format=extended, or leave format out"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a CANsync bus can have it: it knows identifiers of 11 bits only.
+pub(super) fn fits_cansync(fault: &Fault) -> Result<(), String> {
+    let beyond = [&ID, &MASK].map(|field| fault.value(field.name()).filter(|value| *value > MAX_STANDARD));
+    match (beyond, fault.value(FORMAT.name())) {
+        ([Some(id), _], _) => Err(format!("id is 16#{id:03X}; on a CANsync bus it must be 16#000 to 16#7FF")),
+        ([_, Some(mask)], _) => {
+            Err(format!("mask is 16#{mask:03X}; on a CANsync bus it must be 16#000 to 16#7FF"))
+        }
+        (_, Some(1)) => Err("format is extended; a CANsync bus knows standard frames only".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// Whether a CAN bus can have it: it knows no slots.
+pub(super) fn fits_can(fault: &Fault) -> Result<(), String> {
+    match fault.value(SLOT.name()).and_then(|slot| SLOTS.get(slot as usize)) {
+        Some(slot) => Err(format!("slot is {slot}; a CAN bus has no slots, choose frames by id")),
+        None => Ok(()),
+    }
+}
+
+fn us(fault: &Fault) -> u32 {
+    fault.value("delay_us").unwrap_or(0)
+}
+
+fn frame(fault: &Fault, what: FrameEffect) -> fault::Effect {
+    fault::Effect::new(Effect::Frame(Frames::of(fault), what))
+}
+
+pub(super) static LOSE_FRAME: Kind = Kind::new(
+    1,
+    "lose_frame",
+    Place::Medium,
+    "Nobody receives a frame; its sender does not notice",
+    |fault| frame(fault, FrameEffect::Lose),
+)
+.with(const { &[SLOT, ID, MASK, FORMAT] })
+.agreeing(agree)
+.shown("slot=WRC1 count=3");
+
+pub(super) static DELAY_FRAME: Kind =
+    Kind::new(2, "delay_frame", Place::Medium, "A frame comes later than it would", |fault| {
+        frame(fault, FrameEffect::Delay(us(fault)))
+    })
+    .with(const { &[SLOT, ID, MASK, FORMAT, delay(1, "After its time").required(IN_US)] })
+    .agreeing(agree)
+    .shown("slot=RC delay=500us count=1");
+
+pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
+    3,
+    "duplicate_frame",
+    Place::Medium,
+    "A frame comes once more",
+    |fault| frame(fault, FrameEffect::Duplicate(us(fault))),
+)
+.with(
+    const { &[SLOT, ID, MASK, FORMAT, delay(0, "After the end of the first one; 0 if left out").default(0)] },
+)
+.agreeing(agree)
+.shown("slot=CC delay=50us");
+
+pub(super) static BUS_OFF: Kind =
+    Kind::new(11, "bus_off", Place::Port, "A CAN controller switches itself off", |_| {
+        fault::Effect::new(Effect::BusOff)
+    })
+    .once()
+    .shown("plc=line node=2");
+
+pub(super) static OVERRUN: Kind =
+    Kind::new(12, "overrun", Place::Port, "A CAN controller loses frames that it receives", |_| {
+        fault::Effect::new(Effect::Overrun)
+    })
+    .once()
+    .shown("node=2 count=2");
+
+static ERROR_FRAME: Kind =
+    Kind::new(17, "error_frame", Place::Medium, "An error frame destroys a frame", |fault| {
+        frame(fault, FrameEffect::Disturb)
+    })
+    .with(const { &[ID, MASK, FORMAT] })
+    .agreeing(agree)
+    .shown("bus=drives id=16#180 count=16");
+
+static LOST_ARBITRATION: Kind = Kind::new(
+    18,
+    "lost_arbitration",
+    Place::Medium,
+    "A frame loses an arbitration that it would have won",
+    |fault| frame(fault, FrameEffect::LoseArbitration),
+)
+.with(const { &[ID, MASK, FORMAT] })
+.agreeing(agree)
+.shown("id=16#180 count=1");
+
+/// Those of a CAN bus.
+pub(super) static OF_CAN: &[&Kind] =
+    &[&LOSE_FRAME, &DELAY_FRAME, &DUPLICATE_FRAME, &BUS_OFF, &OVERRUN, &ERROR_FRAME, &LOST_ARBITRATION];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{ExtendedId, StandardId};
+    use crate::fault::{Draft, Target};
+
+    fn frames(id: Option<u64>, mask: Option<u64>, format: Option<u64>) -> Frames {
+        let values = [None, id, mask, format, None];
+        let fault = Draft { values, ..Draft::new(&LOSE_FRAME, Target::Medium(0)) }.check().unwrap();
+        Frames::of(&fault)
+    }
+
+    #[test]
+    fn identifiers_have_a_format() {
+        let standard = |id| Arbitration::new(StandardId::new(id).unwrap(), false);
+        let extended = |id| Arbitration::new(ExtendedId::new(id).unwrap(), true);
+        for (frames, expected) in [
+            (frames(None, None, None), [true; 4]),
+            (frames(Some(0x101), None, None), [true, false, false, false]),
+            (frames(Some(0x101), None, Some(1)), [false, false, true, false]),
+            (frames(Some(0x1800_0101), None, None), [false, false, false, true]),
+            (frames(Some(0x100), Some(0x700), None), [true, true, false, false]),
+            (frames(Some(1), Some(1), Some(1)), [false, false, true, true]),
+            (frames(None, None, Some(0)), [true, true, false, false]),
+        ] {
+            let fields = [standard(0x101), standard(0x102), extended(0x101), extended(0x1800_0101)];
+            assert_eq!(fields.map(|field| frames.include(field)), expected, "{frames:?}");
+        }
+    }
+}
