@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use crate::devices;
 use crate::devices::{Led, ModuleFront, Switch};
-use crate::layout::FrontWord;
+use crate::layout::{FrontWord, shown_text};
 use crate::memory::header::{BoardSetting, BoardWord, BoardWords};
 use clap::Subcommand;
 use serde::{Serialize, Serializer};
@@ -102,7 +102,7 @@ struct Front(Vec<(&'static FrontWord, u32)>);
 
 impl Serialize for Front {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.0.iter().map(|(word, value)| {
+        serializer.collect_map(self.words().map(|(word, value)| {
             // A number stays one.
             let called = word.called(*value);
             let value = if called == value.to_string() { Value::from(*value) } else { called.into() };
@@ -111,11 +111,17 @@ impl Serialize for Front {
     }
 }
 
+impl Front {
+    /// What is told by name; a text is what the display shows.
+    fn words(&self) -> impl Iterator<Item = &(&'static FrontWord, u32)> {
+        self.0.iter().filter(|(word, _)| !word.is_text)
+    }
+}
+
 /// The fronts in lines, for people.
 fn front_lines(entries: &[Entry]) -> String {
     let line = |entry: &Entry| {
-        let words =
-            entry.front.0.iter().map(|(word, value)| format!("{} {}", word.name, word.called(*value)));
+        let words = entry.front.words().map(|(word, value)| format!("{} {}", word.name, word.called(*value)));
         vec![entry.plc.clone(), words.collect::<Vec<_>>().join(", ")]
     };
     let mut lines: Vec<_> = entries.iter().filter(|entry| !entry.front.0.is_empty()).map(line).collect();
@@ -233,6 +239,7 @@ impl Entry {
         let BoardWords { display, leds, switch, power, dip, dip_latched, program, start, restarts, project } =
             words;
         let plc = plc.to_owned();
+        let display = shown_text(&front.0).or(display);
         Entry {
             plc,
             display,

@@ -111,6 +111,8 @@ static BUILT_IN: [Registered; 3] = [
         #[cfg(feature = "emulator")]
         records: cs0015::records::KINDS,
         #[cfg(feature = "emulator")]
+        rules: cs0015::rules::ALL,
+        #[cfg(feature = "emulator")]
         faults: cs0015::faults::KINDS,
         #[cfg(feature = "emulator")]
         demo: Some(&cs0015::demo::DEMO),

@@ -17,6 +17,8 @@ pub struct FrontWord {
     pub owner: Owner,
     /// What its values mean; `None` for plain numbers.
     pub meaning: Option<&'static Meaning>,
+    /// Whether it holds four characters of the text on the device's display, the first in its low byte.
+    pub is_text: bool,
     /// Where it is from that the device has this.
     pub source: Provenance,
     /// Pages of the manual.
@@ -85,6 +87,15 @@ impl FrontWord {
     pub fn decode(&self, value: u32) -> String {
         decode::decode(self.ty, self.meaning, value)
     }
+}
+
+/// What the words of a front say that hold a text, without blanks at its end; none if there are no such words.
+#[must_use]
+pub fn shown_text(front: &[(&FrontWord, u32)]) -> Option<String> {
+    let words: Vec<_> = front.iter().filter(|(word, _)| word.is_text).map(|(_, value)| value).collect();
+    let characters = words.iter().flat_map(|value| value.to_le_bytes()).take_while(|byte| *byte != 0);
+    let text: String = characters.map(char::from).collect();
+    (!words.is_empty()).then(|| text.trim_end().to_owned())
 }
 
 impl fmt::Debug for FrontWord {

@@ -40,7 +40,7 @@ pub use descriptor::{
 };
 pub use error::LayoutError;
 pub use fitted::{Fit, Fitted, MOST_PORTS};
-pub use front::FrontWord;
+pub use front::{FrontWord, shown_text};
 pub use iter::Registers;
 pub use lookup::Target;
 pub use name::{plc_prefix, split_plc};

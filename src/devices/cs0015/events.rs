@@ -6,9 +6,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A cycle of the program begins: inputs and flags are as it finds them.
 pub(super) const CYCLE: usize = 1;
 
+/// The interrupt program of 1 ms runs (p. 118).
+pub(super) const INTERRUPT: usize = 2;
+
 /// Interrupt level of an event; none if there is no such event.
 pub(super) fn level(event: usize) -> Option<u8> {
-    (event == CYCLE).then_some(1)
+    match event {
+        CYCLE => Some(1),
+        INTERRUPT => Some(2),
+        _ => None,
+    }
 }
 
 /// Events on their way from the port, where the program's cycles are counted, to the device: bit n for event n.

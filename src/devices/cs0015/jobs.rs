@@ -3,6 +3,7 @@
 //! Here orders are taken and answered; what a function does is where its subject is.
 
 use super::can_jobs;
+use super::peripheral_jobs;
 use super::port::Firmware;
 use super::ram::Registers;
 use super::records::JobRefused;
@@ -23,6 +24,8 @@ pub(super) struct Job {
     pub function: u16,
     /// In the order of the manual's inputs, without ENABLE.
     pub arguments: [u32; NUMBERS],
+    /// DATA.
+    pub data: Vec<u8>,
 }
 
 /// An argument is out of its range.
@@ -122,11 +125,14 @@ pub(super) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut 
         let jobs = &firmware.node.registers.jobs;
         let mut job = Job { function: jobs.a_FUNCTION[place].load(), ..Job::default() };
         job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
+        let length = usize::from(jobs.a_LENGTH[place].load());
+        job.data = jobs.a_DATA[place].iter().take(length).map(|cell| cell.load()).collect();
         let desk = Desk { firmware: &mut *firmware, controller: &mut *controller, now: ctx.now };
         // The high byte is the part of the manual.
         let outcome = match job.function >> 8 {
             1 => can_jobs::carry_out(desk, &job),
             2 => slave_jobs::carry_out(desk, &job),
+            6..=9 => peripheral_jobs::carry_out(desk, &job),
             _ => Err(Refusal::Function),
         };
         if let Err(refusal) = outcome {

@@ -16,19 +16,33 @@ mod diagnosis;
 #[cfg(feature = "emulator")]
 mod dictionary;
 #[cfg(feature = "emulator")]
+mod eeprom;
+#[cfg(feature = "emulator")]
 mod events;
+#[cfg(feature = "emulator")]
+mod fast_inputs;
 #[cfg(feature = "emulator")]
 pub mod faults;
 #[cfg(feature = "emulator")]
 mod hardware;
 #[cfg(feature = "emulator")]
+mod interrupt;
+#[cfg(feature = "emulator")]
 mod jobs;
+#[cfg(feature = "emulator")]
+mod lcd;
 #[cfg(feature = "emulator")]
 mod master;
 #[cfg(feature = "emulator")]
 mod node;
 #[cfg(feature = "emulator")]
+mod peripheral_jobs;
+#[cfg(feature = "emulator")]
+mod peripherals;
+#[cfg(feature = "emulator")]
 mod port;
+#[cfg(feature = "emulator")]
+mod pwm;
 #[cfg(feature = "emulator")]
 mod ram;
 #[cfg(feature = "emulator")]
@@ -38,9 +52,15 @@ mod registers_tests;
 #[cfg(feature = "emulator")]
 mod retained;
 #[cfg(feature = "emulator")]
+pub mod rules;
+#[cfg(feature = "emulator")]
+mod serial;
+#[cfg(feature = "emulator")]
 mod slave_jobs;
 #[cfg(all(test, feature = "emulator"))]
 mod tests;
+#[cfg(feature = "emulator")]
+mod watch;
 
 #[cfg(feature = "emulator")]
 pub use communication::{PdoConfig, Way};

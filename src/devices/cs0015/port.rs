@@ -4,19 +4,23 @@ use super::communication::{PdoConfig, Way};
 use super::diagnosis::Diagnosis;
 use super::events::{self, Pulses};
 use super::hardware::Shared;
+use super::interrupt::Interrupt;
 use super::jobs;
 use super::master::{Master, MasterConfig};
 use super::node::{GuardingConfig, Node};
+use super::peripherals::Peripherals;
 use super::records::{ControllerState, NodeState};
 use super::registers::values::{bool, key, loaded, program, s1, stat, state};
 use super::registers::{
-    FRONT_INPUTS, FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT,
-    FRONT_STATE,
+    FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT, FRONT_STATE,
 };
+use super::watch;
 use crate::can::Frame;
 use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
 use crate::devices::canopen::nmt::{Command, State};
+use crate::journal::Finding;
+use crate::layout::Live;
 use crate::memory::header::ProgramState;
 use embedded_can::{Frame as _, Id, StandardId};
 
@@ -66,8 +70,10 @@ pub(super) struct Firmware {
     outputs: u16,
     /// What the device itself knows.
     pub(super) shared: Shared,
+    pub(super) peripherals: Peripherals,
     /// What is wrong with the hardware, as last seen.
     diagnosis: Diagnosis,
+    pub(super) interrupt: Interrupt,
     /// The operating system was erased since the last reset.
     pub(super) has_been_erased: bool,
     pulses: Pulses,
@@ -86,7 +92,9 @@ impl Firmware {
             cycles: 0,
             outputs: 0,
             shared,
+            peripherals: Peripherals::default(),
             diagnosis: Diagnosis::default(),
+            interrupt: Interrupt::default(),
             has_been_erased: false,
             pulses,
         }
@@ -158,7 +166,7 @@ impl Firmware {
             self.fall_silent(ctx, state::FATAL_ERROR);
         }
         let found = match self.state {
-            state::RUN => Diagnosis::of(&defects, self.outputs),
+            state::RUN => Diagnosis::of(&defects, self.wanted()),
             state::STOP => Diagnosis::of(&defects, 0),
             _ => Diagnosis::default(),
         };
@@ -171,17 +179,17 @@ impl Firmware {
 
     /// The begin of a cycle: the program is given inputs and flags, and told.
     fn begin_cycle(&mut self, now: u64) {
-        self.read_inputs();
+        self.read_inputs(now);
         self.end_at = self.cycle_us().map(|cycle_us| now + cycle_us);
         self.node.registers.tell_event(events::CYCLE, now);
         self.pulses.add(events::CYCLE);
     }
 
     /// Inputs and the SYNC flag, as the program finds them for a cycle.
-    fn read_inputs(&mut self) {
+    fn read_inputs(&mut self, now: u64) {
         let registers = &self.node.registers;
         let front = |word| registers.front(word).load();
-        registers.inputs.I0.store(front(FRONT_INPUTS) as u16);
+        registers.inputs.I0.store(self.peripherals.inputs(registers, now));
         registers.inputs.S2.store((front(FRONT_S2) & 0xF) as u8);
         let keys = [
             (&registers.inputs.S3, FRONT_S3),
@@ -237,7 +245,10 @@ impl Firmware {
         if let Some(master) = &mut self.master {
             master.start(&mut self.node, ctx.now);
         }
-        self.outputs = self.node.registers.outputs.Q0.load();
+        let outputs = self.node.registers.outputs.Q0.load();
+        let Peripherals { pwm, findings, .. } = &mut self.peripherals;
+        findings.extend(watch::pwm_outputs(self.outputs, outputs, pwm.outputs()));
+        self.outputs = outputs;
         self.node.cycle(ctx.now);
         self.begin_cycle(ctx.now);
     }
@@ -247,6 +258,11 @@ impl Firmware {
         if self.state == state::RUN {
             jobs::look(self, ctx, controller);
         }
+    }
+
+    /// The outputs that the program has on. Where PWM is in force %QW0 is not (p. 91).
+    fn wanted(&self) -> u16 {
+        self.outputs & !self.peripherals.pwm.outputs() | self.peripherals.pwm.on()
     }
 
     fn stat(&self, has_error: bool) -> u32 {
@@ -267,6 +283,10 @@ impl Firmware {
     /// After whatever has happened: flags, front, journal and frames.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         self.diagnose(ctx);
+        for (rule, offset, value) in self.peripherals.findings.drain(..) {
+            let (plc, live) = (ctx.origin.plc, Live::Always);
+            ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
+        }
         let has_error = self.node.registers.flags.ERROR.load() != bool::FALSE;
         if self.node.state() != State::Initialising {
             self.node.set_errors(&self.diagnosis, has_error);
@@ -280,8 +300,9 @@ impl Firmware {
         registers.flags.COP_PREOPERATIONAL.store(is(state == State::PreOperational));
         registers.flags.UNLOCK.store(is(registers.front(FRONT_S1).load() == s1::UNLOCK));
         let is_driven = self.state == state::RUN && !has_error;
-        let outputs = self.outputs & !self.diagnosis.short_circuits;
+        let outputs = self.wanted() & !self.diagnosis.short_circuits;
         registers.front(FRONT_OUTPUTS).store(if is_driven { outputs.into() } else { 0 });
+        self.peripherals.show(registers, is_driven);
         registers.front(FRONT_STATE).store(self.state);
         registers.tell_program(match (&self.program, self.state) {
             (Program::None, _) => ProgramState::None,
@@ -303,11 +324,13 @@ impl Firmware {
 impl CanPort for Firmware {
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, _: u8) {
         self.node.registers.clear_flags();
+        self.peripherals.power_on(&self.node.registers, ctx.now);
         self.node.power_on();
         self.node.set_open(false);
         self.master = None;
         (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
         (self.diagnosis, self.has_been_erased) = (Diagnosis::default(), false);
+        self.interrupt = Interrupt::default();
         if self.node.registers.parameters.b_OPERATING_SYSTEM.load() == loaded::NO {
             self.enter(ctx, state::NO_OPERATING_SYSTEM);
         } else {
@@ -323,6 +346,7 @@ impl CanPort for Firmware {
         for word in [FRONT_STATE, FRONT_STAT, FRONT_OUTPUTS] {
             self.node.registers.front(word).store(0);
         }
+        self.peripherals.power_off(&self.node.registers);
     }
 
     fn look(&mut self, ctx: &mut Context, controller: &mut Controller) {
@@ -330,6 +354,7 @@ impl CanPort for Firmware {
             return;
         }
         self.look_at_command(ctx);
+        self.peripherals.look(&self.node.registers, ctx.now);
         self.look_at_jobs(ctx, controller);
         self.show(ctx, controller);
     }
@@ -360,7 +385,9 @@ impl CanPort for Firmware {
         // P. 28: a master that the programming system has stopped is none.
         let of_master =
             self.master.as_ref().filter(|_| self.state == state::RUN).map_or(u64::MAX, Master::next_time);
-        self.end_at.unwrap_or(u64::MAX).min(self.node.next_time()).min(of_master)
+        let of_interrupt = if self.state == state::RUN { self.interrupt.next_time() } else { u64::MAX };
+        let own = self.end_at.unwrap_or(u64::MAX).min(self.peripherals.next_time()).min(of_interrupt);
+        own.min(self.node.next_time()).min(of_master)
     }
 
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
@@ -374,6 +401,11 @@ impl CanPort for Firmware {
             }
         }
         self.node.due(ctx.now);
+        self.peripherals.due(&self.node.registers, ctx.now);
+        if self.state == state::RUN {
+            let Firmware { interrupt, node, peripherals, pulses, outputs, .. } = self;
+            interrupt.due(&node.registers, peripherals, pulses, outputs, ctx.now);
+        }
         if let Some(master) = self.master.as_mut().filter(|_| self.state == state::RUN) {
             master.due(&mut self.node, ctx.now);
         }

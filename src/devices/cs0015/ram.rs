@@ -1,8 +1,9 @@
 //! What the firmware finds in the image.
 
 use super::registers::{
-    CS0015_FLAGS, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS, CS0015_RX_PDO,
-    CS0015_TX_PDO, DEVICE, FLAGS, INPUTS, JOBS, OUTPUTS, PARAMETERS, RX_PDO, TX_PDO,
+    CS0015_FLAGS, CS0015_FUNCTION, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS,
+    CS0015_PERIPHERALS, CS0015_RX_PDO, CS0015_TX_PDO, DEVICE, FLAGS, FUNCTION, INPUTS, JOBS, OUTPUTS,
+    PARAMETERS, PERIPHERALS, RX_PDO, TX_PDO,
 };
 use crate::layout::Width;
 use crate::memory::header::ProgramState;
@@ -10,6 +11,9 @@ use crate::memory::{Cell16, Cell32, Header, MemoryError, Segment, View};
 
 /// Bytes of the retain flags, %MB0 to %MB255 (p. 107).
 pub(super) const RETAIN_BYTES: usize = 256;
+
+/// Bytes of the operating system's area (p. 154) behind the flags that have names.
+pub(super) const UNNAMED: usize = 256 - size_of::<CS0015_FLAGS>();
 
 /// What the firmware finds in the image.
 pub(super) struct Registers {
@@ -20,6 +24,8 @@ pub(super) struct Registers {
     pub flags: View<CS0015_FLAGS>,
     pub parameters: View<CS0015_PARAMETERS>,
     pub jobs: View<CS0015_JOBS>,
+    pub function: View<CS0015_FUNCTION>,
+    pub peripherals: View<CS0015_PERIPHERALS>,
     header: View<Header>,
     segment: Segment,
 }
@@ -44,6 +50,8 @@ impl Registers {
             flags: segment.view(FLAGS)?,
             parameters: segment.view(PARAMETERS)?,
             jobs: segment.view(JOBS)?,
+            function: segment.view(FUNCTION)?,
+            peripherals: segment.view(PERIPHERALS)?,
             header: segment.header()?,
             segment: segment.clone(),
         })
@@ -80,6 +88,19 @@ impl Registers {
     pub(super) fn receive(&self, pdo: usize, data: [u8; 8]) {
         let words = data.as_chunks::<2>().0.iter().map(|two| u16::from_le_bytes(*two));
         self.rx.a_RX_PDO[pdo].iter().zip(words).for_each(|(cell, word)| cell.store(word));
+    }
+
+    /// The operating system's area behind the flags that have names.
+    pub(super) fn unnamed(&self) -> [u8; UNNAMED] {
+        let mut bytes = [0; UNNAMED];
+        // It lies in the image.
+        let _ = self.segment.read_range(self.unnamed_at(), &mut bytes);
+        bytes
+    }
+
+    /// Where that begins.
+    pub(super) fn unnamed_at(&self) -> u32 {
+        (FLAGS + size_of::<CS0015_FLAGS>()) as u32
     }
 
     /// The retain flags.

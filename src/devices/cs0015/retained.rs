@@ -1,21 +1,24 @@
-//! What a CS0015 keeps without supply besides its retain flags: the parameters that p. 155 has saved automatically.
+//! What a CS0015 keeps without supply besides its retain flags: the parameters that p. 155 has saved automatically, and the EEPROM.
 
 use super::registers::{CS0015_PARAMETERS, DEVICE, PARAMETERS};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
 use zerocopy::IntoBytes;
 
-/// Their length.
+/// Its length.
 const BYTES: usize = size_of::<CS0015_PARAMETERS>();
+/// What tells that something has changed: everything but the EEPROM, whose writes are counted there.
+const HEAD: usize = core::mem::offset_of!(CS0015_PARAMETERS, a_EEPROM);
 
-/// Where they lie.
+/// Where it lies.
 pub(super) fn area() -> Option<&'static Area> {
     DEVICE.areas.iter().find(|area| area.name == "parameters")
 }
 
-/// The parameters as they are stored.
+/// It as it is stored.
 pub(super) struct Retained {
     parameters: View<CS0015_PARAMETERS>,
+    segment: Segment,
     stored: [u8; BYTES],
     /// Counts changes of `stored`.
     generation: u32,
@@ -24,7 +27,7 @@ pub(super) struct Retained {
 impl Retained {
     pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         let parameters = segment.view(PARAMETERS)?;
-        Ok(Retained { parameters, stored: [0; BYTES], generation: 0 })
+        Ok(Retained { parameters, segment: segment.clone(), stored: [0; BYTES], generation: 0 })
     }
 
     /// What NOVRAM holds, and a number that changes with it.
@@ -32,13 +35,14 @@ impl Retained {
         (&self.stored, self.generation)
     }
 
-    /// They are stored when they change (p. 155).
+    /// It is stored when it changes (p. 155).
     pub(super) fn keep(&mut self) {
-        let mut now = [0; BYTES];
-        // Of the same size by their definition.
-        let _ = self.parameters.snapshot().write_to(&mut now);
-        if now != self.stored {
-            self.stored = now;
+        let mut head = [0; HEAD];
+        // It lies in the image.
+        let _ = self.segment.read_range(PARAMETERS as u32, &mut head);
+        if !self.stored.starts_with(&head) {
+            // Of the same size by its definition.
+            let _ = self.parameters.snapshot().write_to(&mut self.stored);
             self.generation = self.generation.wrapping_add(1);
         }
     }

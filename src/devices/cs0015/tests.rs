@@ -6,6 +6,7 @@ mod hardware;
 mod jobs;
 mod master;
 mod pdos;
+mod peripherals;
 mod sdo;
 mod states;
 

@@ -253,7 +253,7 @@ mod tests {
         assert_eq!(message("s2=16"), "`s2=16`: s2 can be 0 to 15");
         assert_eq!(message("s1=open"), "`s1=open`: s1 can be lock, unlock");
         // What the firmware tells nobody sets.
-        assert!(message("stat=green").ends_with("project, program, inputs, s1, s2, s3, s4, s5"));
+        assert!(message("stat=green").ends_with("s4, s5, mhz_0, mhz_1, mhz_2, mhz_3, turn_0, turn_1"));
         for setting in [BoardSetting::Front { word: 63, value: u32::MAX }, BoardSetting::Dip(3)] {
             let (which, value) = setting.numbers();
             assert_eq!(BoardSetting::from_numbers(which, value), Some(setting));

@@ -3,6 +3,7 @@
 use super::arguments::{number, value};
 use super::{Verbs, int};
 use crate::devices::{Led, ModuleFront, Switch};
+use crate::layout::shown_text;
 use crate::memory::header::{BoardState, BoardWords};
 use crate::script::{Bench, ScenarioError};
 use rhai::{Dynamic, INT, Map};
@@ -65,7 +66,11 @@ fn board_map(bench: &mut Bench, plc: &str) -> Result<Map, ScenarioError> {
         numbers.into_iter().filter_map(|(name, number)| Some((name.into(), int(number?.into()).into())));
     let texts = texts.into_iter().filter_map(|(name, text)| Some((name.into(), text?.into())));
     let mut map = Map::from_iter(numbers.chain(texts));
-    for (word, value) in bench.front(plc)? {
+    let front = bench.front(plc)?;
+    if let Some(text) = shown_text(&front) {
+        map.insert("display".into(), text.into());
+    }
+    for (word, value) in front.into_iter().filter(|(word, _)| !word.is_text) {
         let called = word.called(value);
         let told = if called == value.to_string() { int(value.into()).into() } else { called.into() };
         map.insert(word.name.into(), told);

@@ -43,6 +43,8 @@ pub(crate) struct Front {
     pub owner: Owner,
     /// Index into [`Device::meanings`].
     pub meaning: Option<usize>,
+    /// Four characters of a text.
+    pub is_text: bool,
     pub source: Provenance,
     pub page: String,
     pub doc: String,

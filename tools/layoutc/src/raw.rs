@@ -149,6 +149,9 @@ pub(crate) struct Front {
     pub offset: Spanned<u32>,
     pub owner: Owner,
     pub meaning: Option<Spanned<String>>,
+    /// Four characters of a text.
+    #[serde(default)]
+    pub text: bool,
     /// Where it is from that the device has this at its front; its place in the header page is commram's own.
     pub source: Provenance,
     pub page: String,

@@ -46,7 +46,8 @@ pub(super) fn check(
             }
         };
         let (page, doc, source) = (raw.page.clone(), raw.doc.clone(), raw.source.clone());
-        front.push(Front { name, scalar, offset, owner: raw.owner, meaning, source, page, doc });
+        let (owner, is_text) = (raw.owner, raw.text);
+        front.push(Front { name, scalar, offset, owner, meaning, is_text, source, page, doc });
     }
     front.sort_by_key(|word| word.offset);
     Ok(front)

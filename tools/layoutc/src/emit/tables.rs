@@ -178,14 +178,14 @@ fn front(out: &mut String, device: &Device) {
         out,
         "    /// What the device has at its front, in ascending order.\n    pub static FRONT: [FrontWord; {count}] = ["
     );
-    for Front { name, scalar, offset, owner, meaning, source, page, doc } in &device.front {
+    for Front { name, scalar, offset, owner, meaning, is_text, source, page, doc } in &device.front {
         let meaning = meaning.and_then(|index| device.meanings.get(index));
         let meaning =
             meaning.map_or("None".to_owned(), |meaning| format!("Some(&{})", meaning_name(meaning)));
         let _ = writeln!(
             out,
             "        FrontWord {{ name: {name:?}, ty: RegType::{}, offset: {offset}, owner: Owner::{owner:?}, meaning: {meaning}, \
-             source: {}, page: {page:?}, doc: {doc:?} }},",
+             is_text: {is_text}, source: {}, page: {page:?}, doc: {doc:?} }},",
             scalar.variant(),
             provenance(source)
         );
@@ -224,7 +224,7 @@ fn front_area(out: &mut String, device: &Device) {
 
 /// That the device has it, and who sets it, is from its manual; name, place and type are commram's own.
 fn front_field(word: &Front, ours: &Provenance) -> Field {
-    let Front { name, scalar, offset, owner, meaning, source, page, doc } = word;
+    let Front { name, scalar, offset, owner, meaning, source, page, doc, .. } = word;
     Field {
         name: name.clone(),
         view_name: String::new(),

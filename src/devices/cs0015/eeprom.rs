@@ -1,0 +1,80 @@
+//! The serial EEPROM: flags %MW128 to %MW511 as a block, which `E2WRITE` saves and `E2READ` loads (p. 107-110).
+
+use super::ram::Registers;
+
+/// How long it takes to write 768 bytes, 16 at a time, and to read them, in us (D-474).
+const WRITE_US: u64 = 480_000;
+const READ_US: u64 = 20_000;
+
+/// RESULT of both functions (p. 109-110).
+const INACTIVE: u32 = 0;
+const FINISHED: u32 = 1;
+const WORKING: u32 = 2;
+
+/// Which function it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Access {
+    /// `E2WRITE`.
+    Write,
+    /// `E2READ`.
+    Read,
+}
+
+/// A function at work.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Work {
+    access: Access,
+    until: u64,
+    /// The flags as they were when a write began.
+    flags: Vec<u16>,
+}
+
+/// The EEPROM.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Eeprom {
+    work: Option<Work>,
+    /// The function that has ended and is still enabled.
+    done: Option<Access>,
+}
+
+impl Eeprom {
+    /// A call of the function. One that is at work goes on to its end, enabled or not; the other one waits for it.
+    pub(super) fn call(&mut self, access: Access, is_enabled: bool, registers: &Registers, now: u64) -> u32 {
+        if !is_enabled {
+            self.done = self.done.filter(|done| *done != access);
+            return INACTIVE;
+        }
+        if self.done == Some(access) {
+            return FINISHED;
+        }
+        if self.work.is_none() {
+            let (us, flags) = match access {
+                Access::Write => {
+                    (WRITE_US, registers.function.a_FUNCTION.iter().map(|it| it.load()).collect())
+                }
+                Access::Read => (READ_US, Vec::new()),
+            };
+            self.work = Some(Work { access, until: now + us, flags });
+        }
+        WORKING
+    }
+
+    /// When the function at work ends; `u64::MAX` if there is none.
+    pub(super) fn next_time(&self) -> u64 {
+        self.work.as_ref().map_or(u64::MAX, |work| work.until)
+    }
+
+    /// Ends what is due: only then has the EEPROM the new content, or the flags.
+    pub(super) fn due(&mut self, registers: &Registers, now: u64) {
+        let Some(work) = self.work.take_if(|work| work.until <= now) else { return };
+        let (flags, kept) = (&registers.function.a_FUNCTION, &registers.parameters);
+        match work.access {
+            Access::Write => {
+                kept.a_EEPROM.iter().zip(&work.flags).for_each(|(cell, flag)| cell.store(*flag));
+                kept.d_EEPROM_WRITES.update(|writes| writes.wrapping_add(1));
+            }
+            Access::Read => flags.iter().zip(&kept.a_EEPROM).for_each(|(flag, cell)| flag.store(cell.load())),
+        }
+        self.done = Some(work.access);
+    }
+}

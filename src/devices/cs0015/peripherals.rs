@@ -1,0 +1,110 @@
+//! Everything at the controller that is no CAN: PWM, fast inputs, display, RS 232, EEPROM (p. 86-114).
+
+use super::eeprom::Eeprom;
+use super::fast_inputs::{ENCODERS, FastInputs, INPUTS};
+use super::lcd::{DIGITS, Lcd};
+use super::pwm::{CHANNELS, Pwm};
+use super::ram::Registers;
+use super::registers::values::{bool, turn};
+use super::registers::{
+    FRONT_DISPLAY_1, FRONT_DISPLAY_2, FRONT_DISPLAY_3, FRONT_DISPLAY_4, FRONT_INPUTS, FRONT_MHZ_0,
+    FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3, FRONT_TURN_0, FRONT_TURN_1,
+};
+use super::serial::Serial;
+use super::watch::{Found, Watch};
+
+const MHZ: [usize; INPUTS] = [FRONT_MHZ_0, FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3];
+const TURN: [usize; ENCODERS] = [FRONT_TURN_0, FRONT_TURN_1];
+const DISPLAY: [usize; 4] = [FRONT_DISPLAY_1, FRONT_DISPLAY_2, FRONT_DISPLAY_3, FRONT_DISPLAY_4];
+
+/// What the program works with by the functions of chapters 6 to 9.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Peripherals {
+    pub pwm: Pwm,
+    pub fast_inputs: FastInputs,
+    pub lcd: Lcd,
+    pub serial: Serial,
+    pub eeprom: Eeprom,
+    /// When the supply came, for the timers.
+    pub on_since: u64,
+    /// What the program has done against the manual.
+    pub findings: Vec<Found>,
+    watch: Watch,
+    /// What registers and display show.
+    shown: Option<(Pwm, Lcd, bool)>,
+}
+
+impl Peripherals {
+    /// Power-on.
+    pub(super) fn power_on(&mut self, registers: &Registers, now: u64) {
+        self.fast_inputs.power_on();
+        let fast_inputs = core::mem::take(&mut self.fast_inputs);
+        *self = Peripherals { fast_inputs, on_since: now, ..Self::default() };
+        self.serial.power_on(&registers.peripherals);
+    }
+
+    /// The processor cycle: what others have done to the terminals since.
+    pub(super) fn look(&mut self, registers: &Registers, now: u64) {
+        for (signal, word) in self.fast_inputs.signals.iter_mut().zip(MHZ) {
+            signal.set(registers.front(word).load(), now);
+        }
+        for (is_backwards, word) in self.fast_inputs.is_backwards.iter_mut().zip(TURN) {
+            *is_backwards = registers.front(word).load() == turn::BACKWARDS;
+        }
+        self.serial.look(&registers.peripherals, now);
+        self.findings.extend(self.watch.look(registers));
+    }
+
+    /// The terminals In 0 to In 15: where there is a signal, its level.
+    pub(super) fn inputs(&self, registers: &Registers, now: u64) -> u16 {
+        let (levels, there) = self.fast_inputs.levels(now);
+        registers.front(FRONT_INPUTS).load() as u16 & !there | levels
+    }
+
+    /// When the next of its times is due; `u64::MAX` if none is.
+    pub(super) fn next_time(&self) -> u64 {
+        self.serial.next_time().min(self.eeprom.next_time())
+    }
+
+    /// Does what is due.
+    pub(super) fn due(&mut self, registers: &Registers, now: u64) {
+        let is_programs = registers.flags.SERIAL_MODE.load() != bool::FALSE;
+        self.serial.due(&registers.peripherals, is_programs, now);
+        self.eeprom.due(registers, now);
+    }
+
+    /// Shows PWM outputs, which are driven or not, and the display.
+    pub(super) fn show(&mut self, registers: &Registers, is_driven: bool) {
+        let shown = Some((self.pwm, self.lcd, is_driven));
+        if core::mem::replace(&mut self.shown, shown) == shown {
+            return;
+        }
+        let shown = &registers.peripherals;
+        for channel in 0..CHANNELS {
+            let duty = if is_driven { self.pwm.duty(channel) as u16 } else { 0 };
+            shown.a_PWM_DUTY[channel].store(duty);
+            shown.a_PWM_HZ[channel].store(self.pwm.hz(channel) as u16);
+        }
+        let Lcd { text, digits, letters, blink, states, points } = self.lcd;
+        shown.a_LCD_DIGITS.iter().zip(digits).for_each(|(cell, segments)| cell.store(segments));
+        shown.a_LCD_LETTERS.iter().zip(letters).for_each(|(cell, segments)| cell.store(segments));
+        shown.b_LCD_BLINK.store(blink);
+        shown.b_LCD_STATES.store(states);
+        shown.b_LCD_POINTS.store(points);
+        let mut characters = [b' '; 4 * DISPLAY.len()];
+        let places = text.iter().enumerate().flat_map(|(place, character)| {
+            let has_point = place < DIGITS && points >> place & 1 != 0;
+            let character = if matches!(character, b' '..=b'~') { *character } else { b' ' };
+            [Some(character), has_point.then_some(b'.')].into_iter().flatten()
+        });
+        characters.iter_mut().zip(places).for_each(|(to, from)| *to = from);
+        for (word, four) in DISPLAY.into_iter().zip(characters.as_chunks().0) {
+            registers.front(word).store(u32::from_le_bytes(*four));
+        }
+    }
+
+    /// Without supply nothing is lit.
+    pub(super) fn power_off(&self, registers: &Registers) {
+        DISPLAY.into_iter().for_each(|word| registers.front(word).store(0));
+    }
+}

@@ -1,0 +1,114 @@
+//! The RS 232 interface, while it is the program's (`SERIAL_MODE`): bytes in their order, at 9600 baud (p. 7, 112-114).
+
+use super::registers::CS0015_PERIPHERALS;
+use std::collections::VecDeque;
+
+/// Received bytes that there is room for (p. 113), and bytes to send (D-475).
+const ROOM: usize = 1000;
+/// A byte on the line, with start and stop bit, in us.
+const BYTE_US: u64 = 1_042;
+
+/// What `SERIAL_RX` tells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Taken {
+    /// RX; 0 if there was none.
+    pub byte: u8,
+    /// AVAILABLE: bytes that are left.
+    pub available: u16,
+    /// OVERFLOW.
+    pub has_overflowed: bool,
+}
+
+/// One way of the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Line {
+    /// Bytes that have passed, wrapping.
+    count: u32,
+    /// When the byte on it is over; none if it is idle.
+    until: Option<u64>,
+}
+
+/// The interface.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Serial {
+    received: VecDeque<u8>,
+    has_overflowed: bool,
+    to_send: VecDeque<u8>,
+    inwards: Line,
+    outwards: Line,
+}
+
+impl Serial {
+    /// Power-on: what the other end has given before is gone.
+    pub(super) fn power_on(&mut self, registers: &CS0015_PERIPHERALS) {
+        *self = Serial::default();
+        self.inwards.count = registers.d_RS232_GIVEN.load();
+    }
+
+    /// `SERIAL_TX` (p. 112). Without room the byte is lost.
+    pub(super) fn send(&mut self, byte: u8) {
+        if self.to_send.len() < ROOM {
+            self.to_send.push_back(byte);
+        }
+    }
+
+    /// `SERIAL_RX` (p. 113).
+    pub(super) fn take(&mut self, is_clear: bool) -> Taken {
+        if is_clear {
+            self.received.clear();
+            self.has_overflowed = false;
+        }
+        let byte = self.received.pop_front().unwrap_or(0);
+        Taken { byte, available: self.pending(), has_overflowed: self.has_overflowed }
+    }
+
+    /// `SERIAL_PENDING` (p. 114).
+    pub(super) fn pending(&self) -> u16 {
+        self.received.len() as u16
+    }
+
+    /// Looks for bytes that the other end has given, and begins to send.
+    pub(super) fn look(&mut self, registers: &CS0015_PERIPHERALS, now: u64) {
+        let is_given = registers.d_RS232_GIVEN.load() != self.inwards.count;
+        if is_given && self.inwards.until.is_none() {
+            self.inwards.until = Some(now + BYTE_US);
+        }
+        if !self.to_send.is_empty() && self.outwards.until.is_none() {
+            self.outwards.until = Some(now + BYTE_US);
+        }
+    }
+
+    /// When a byte is over; `u64::MAX` if there is none on the line.
+    pub(super) fn next_time(&self) -> u64 {
+        let of = |line: &Line| line.until.unwrap_or(u64::MAX);
+        of(&self.inwards).min(of(&self.outwards))
+    }
+
+    /// Takes and gives the bytes that are over; those that come while the interface is not the program's are not for it.
+    pub(super) fn due(&mut self, registers: &CS0015_PERIPHERALS, is_programs: bool, now: u64) {
+        if self.inwards.until.take_if(|until| *until <= now).is_some() {
+            let ring = &registers.a_RS232_GIVEN;
+            let given = registers.d_RS232_GIVEN.load();
+            // What has been overwritten by now has never come.
+            if given.wrapping_sub(self.inwards.count) as usize > ring.len() {
+                self.inwards.count = given.wrapping_sub(ring.len() as u32);
+            }
+            let byte = ring[self.inwards.count as usize % ring.len()].load();
+            self.inwards.count = self.inwards.count.wrapping_add(1);
+            match is_programs {
+                true if self.received.len() < ROOM => self.received.push_back(byte),
+                true => self.has_overflowed = true,
+                false => {}
+            }
+        }
+        if self.outwards.until.take_if(|until| *until <= now).is_some()
+            && let Some(byte) = self.to_send.pop_front()
+        {
+            let ring = &registers.a_RS232_SENT;
+            ring[self.outwards.count as usize % ring.len()].store(byte);
+            self.outwards.count = self.outwards.count.wrapping_add(1);
+            registers.d_RS232_SENT.store(self.outwards.count);
+        }
+        self.look(registers, now);
+    }
+}

@@ -1,0 +1,42 @@
+//! What the operating system finds that a program has written against the manual.
+
+use super::ram::{Registers, UNNAMED};
+use super::registers::OUTPUTS;
+use super::rules;
+use crate::journal::Rule;
+
+/// A rule that was broken: where, and the value.
+pub(super) type Found = (&'static Rule, u32, u32);
+
+/// The flags of the operating system that have no names, as last seen.
+#[derive(Clone, Debug)]
+pub(super) struct Watch {
+    unnamed: [u8; UNNAMED],
+}
+
+impl Default for Watch {
+    fn default() -> Self {
+        Watch { unnamed: [0; UNNAMED] }
+    }
+}
+
+impl Watch {
+    /// Looks for one that was written: the first word that is another one.
+    pub(super) fn look(&mut self, registers: &Registers) -> Option<Found> {
+        let now = registers.unnamed();
+        let before = core::mem::replace(&mut self.unnamed, now);
+        if before == now {
+            return None;
+        }
+        let words = before.as_chunks::<2>().0.iter().zip(now.as_chunks::<2>().0);
+        let (word, (_, value)) = words.enumerate().find(|(_, (before, now))| before != now)?;
+        let at = registers.unnamed_at() + 2 * word as u32;
+        Some((&rules::SYSTEM_AREA, at, u16::from_le_bytes(*value).into()))
+    }
+}
+
+/// Whether a program has changed outputs of these that PWM drives.
+pub(super) fn pwm_outputs(before: u16, now: u16, pwm: u16) -> Option<Found> {
+    let is_changed = (before ^ now) & pwm != 0;
+    is_changed.then_some((&rules::PWM_OUTPUT, OUTPUTS as u32, now.into()))
+}
