@@ -106,6 +106,8 @@ static BUILT_IN: [Registered; 3] = [
     },
     Registered {
         board: &["power", "restarts", "program"],
+        #[cfg(feature = "plc")]
+        blocks: cs0015::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
         read: Some(cs0015::Cs0015Config::read),
         #[cfg(feature = "emulator")]

@@ -1,5 +1,4 @@
-//! The master's end of network management: it asks its nodes for their states, resets those that do not answer, and starts them
-//! again.
+//! The master's end of network management: it asks its nodes for their states and resets those that do not answer.
 
 use super::nmt::{Command, State};
 
@@ -19,7 +18,8 @@ struct Guarded {
     guard_us: u64,
     /// Answers in a row that may be missing.
     life: u8,
-    next_at: u64,
+    /// When it is asked next; none while nobody guards it.
+    next_at: Option<u64>,
     /// Requests in a row without an answer.
     unanswered: u8,
     state: Option<State>,
@@ -28,33 +28,67 @@ struct Guarded {
     is_missing: bool,
 }
 
+/// What an answer has told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Answered {
+    /// The state of the node.
+    pub state: State,
+    /// It had been missing.
+    pub was_missing: bool,
+}
+
 /// The nodes of a master.
 #[derive(Clone, Debug, Default)]
 pub struct Network {
     nodes: Vec<Guarded>,
+    /// The missing node that was shown last.
+    shown: Option<u8>,
 }
 
 /// The toggle bit of a guarding answer.
 const TOGGLE: u8 = 0x80;
 
 impl Network {
-    /// Nobody is asked any more.
-    pub fn clear(&mut self) {
-        self.nodes.clear();
-    }
-
-    /// Asks `node` for its state from `now` on, every `guard_us` microseconds; `life` answers in a row may be missing.
-    pub fn add(&mut self, node: u8, guard_us: u64, life: u8, now: u64) {
+    /// Knows `node` from now on: its state is to be asked for every `guard_us` microseconds, never if that is 0; `life` answers in
+    /// a row may be missing.
+    pub fn add(&mut self, node: u8, guard_us: u64, life: u8) {
+        self.nodes.retain(|it| it.node != node);
         self.nodes.push(Guarded {
             node,
-            guard_us: guard_us.max(1),
+            guard_us,
             life: life.max(1),
-            next_at: now,
+            next_at: None,
             unanswered: 0,
             state: None,
             toggle: None,
             is_missing: false,
         });
+    }
+
+    /// The nodes that it knows.
+    pub fn numbers(&self) -> impl Iterator<Item = u8> {
+        self.nodes.iter().map(|it| it.node)
+    }
+
+    /// Whether it knows `node`.
+    #[must_use]
+    pub fn has(&self, node: u8) -> bool {
+        self.nodes.iter().any(|it| it.node == node)
+    }
+
+    /// Begins to guard `node`, 0 for all; `false`: it is not known.
+    pub fn start(&mut self, node: u8, now: u64) -> bool {
+        let nodes = self.nodes.iter_mut().filter(|it| node == 0 || it.node == node);
+        nodes.filter(|it| it.guard_us != 0).for_each(|it| it.next_at = it.next_at.or(Some(now)));
+        node == 0 || self.has(node)
+    }
+
+    /// Guards `node`, 0 for all, no more: it is not missing then. `false`: it is not known.
+    pub fn stop(&mut self, node: u8) -> bool {
+        for it in self.nodes.iter_mut().filter(|it| node == 0 || it.node == node) {
+            (it.next_at, it.unanswered, it.is_missing) = (None, 0, false);
+        }
+        node == 0 || self.has(node)
     }
 
     /// The first node that is missing.
@@ -63,41 +97,66 @@ impl Network {
         self.nodes.iter().find(|it| it.is_missing).map(|it| it.node)
     }
 
-    /// The state that `node` has last told.
+    /// The nodes that are missing, one after another.
+    pub fn next_missing(&mut self) -> Option<u8> {
+        let missing = || self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node);
+        let behind = missing().skip_while(|node| Some(*node) != self.shown).nth(1);
+        self.shown = behind.or_else(|| missing().next());
+        self.shown
+    }
+
+    /// The state that `node` is in, as far as it has told or was told last.
     #[must_use]
     pub fn state(&self, node: u8) -> Option<State> {
         self.nodes.iter().find(|it| it.node == node)?.state
     }
 
-    /// `node` has told its state. One that comes back from a reset is started again if `is_running`. An answer whose toggle bit has
-    /// not changed is none.
-    pub fn answered(&mut self, node: u8, answer: u8, is_running: bool) -> Option<Order> {
+    /// The master sends a command to `node`, 0 for all.
+    pub fn commanded(&mut self, command: Command, node: u8) {
+        for it in self.nodes.iter_mut().filter(|it| node == 0 || it.node == node) {
+            it.state = match command {
+                Command::Start => Some(State::Operational),
+                Command::Stop => Some(State::Stopped),
+                Command::EnterPreOperational => Some(State::PreOperational),
+                Command::ResetNode | Command::ResetCommunication => None,
+            };
+            if it.state.is_none() {
+                // It begins anew.
+                it.toggle = None;
+            }
+        }
+    }
+
+    /// `node` has told its state, or, with 0, that it has started. An answer whose toggle bit has not changed is none.
+    pub fn answered(&mut self, node: u8, answer: u8) -> Option<Answered> {
         let it = self.nodes.iter_mut().find(|it| it.node == node)?;
-        let (toggle, state) = (answer & TOGGLE, State::from_code(answer & !TOGGLE)?);
-        if it.toggle.is_some_and(|expected| expected != toggle) {
+        let (toggle, code) = (answer & TOGGLE, State::from_code(answer & !TOGGLE)?);
+        let has_started = code == State::Initialising;
+        let state = if has_started { State::PreOperational } else { code };
+        if !has_started && it.toggle.is_some_and(|expected| expected != toggle) {
             return None;
         }
         let was_missing = core::mem::replace(&mut it.is_missing, false);
-        (it.unanswered, it.state, it.toggle) = (0, Some(state), Some(toggle ^ TOGGLE));
-        let comes_back = was_missing || state == State::PreOperational;
-        (comes_back && is_running).then_some(Order::Command(Command::Start, node))
+        it.toggle = (!has_started).then_some(toggle ^ TOGGLE);
+        (it.unanswered, it.state) = (0, Some(state));
+        Some(Answered { state, was_missing })
     }
 
     /// When somebody is to be asked next; `u64::MAX` if there is nobody.
     #[must_use]
     pub fn next_time(&self) -> u64 {
-        self.nodes.iter().map(|it| it.next_at).fold(u64::MAX, u64::min)
+        self.nodes.iter().filter_map(|it| it.next_at).fold(u64::MAX, u64::min)
     }
 
     /// What is to be sent at `now`.
     pub fn due(&mut self, now: u64) -> Vec<Order> {
         let mut orders = Vec::new();
-        for it in self.nodes.iter_mut().filter(|it| it.next_at <= now) {
-            it.next_at = now + it.guard_us;
+        for it in self.nodes.iter_mut().filter(|it| it.next_at.is_some_and(|next_at| next_at <= now)) {
+            it.next_at = Some(now + it.guard_us);
             if it.unanswered >= it.life {
                 it.is_missing = true;
                 // After its reset it begins anew.
-                it.toggle = None;
+                (it.toggle, it.state) = (None, None);
                 orders.push(Order::Command(Command::ResetNode, it.node));
             }
             it.unanswered = it.unanswered.saturating_add(1);
@@ -111,33 +170,74 @@ impl Network {
 mod tests {
     use super::*;
 
+    const PRE_OPERATIONAL: Option<Answered> =
+        Some(Answered { state: State::PreOperational, was_missing: false });
+
     #[test]
     fn a_node_that_answers_is_asked_again() {
         let mut network = Network::default();
-        network.add(5, 100, 2, 10);
+        network.add(5, 100, 2);
+        assert_eq!((network.next_time(), network.start(6, 10)), (u64::MAX, false));
+        assert!(network.start(5, 10));
         assert_eq!((network.next_time(), network.due(10)), (10, vec![Order::Ask(5)]));
-        assert_eq!(network.answered(5, 127, false), None);
+        assert_eq!(network.answered(5, 127), PRE_OPERATIONAL);
         assert_eq!((network.state(5), network.next_time()), (Some(State::PreOperational), 110));
         assert_eq!(network.due(110), [Order::Ask(5)]);
-        assert_eq!(network.answered(5, 0x85, true), None);
-        assert_eq!(network.state(5), Some(State::Operational));
-        assert_eq!(network.answered(6, 5, true), None, "nobody has added it");
+        assert!(network.answered(5, 0x85).is_some_and(|it| it.state == State::Operational));
+        assert_eq!(network.answered(6, 5), None, "nobody has added it");
+        assert!(network.stop(0) && !network.stop(6));
+        assert_eq!((network.next_time(), network.due(1000)), (u64::MAX, vec![]));
     }
 
     /// P. 28: resets go on and on.
     #[test]
-    fn a_node_that_does_not_answer_is_reset_until_it_does_and_is_started_then() {
+    fn a_node_that_does_not_answer_is_reset_until_it_does() {
         let mut network = Network::default();
-        network.add(5, 100, 2, 0);
+        network.add(5, 100, 2);
+        network.start(0, 0);
         network.due(0);
-        network.answered(5, 5, true);
+        network.answered(5, 5);
         assert_eq!([network.due(100), network.due(200)], [[Order::Ask(5)], [Order::Ask(5)]]);
-        assert_eq!(network.answered(5, 5, true), None, "the toggle bit has not changed");
+        assert_eq!(network.answered(5, 5), None, "the toggle bit has not changed");
         assert_eq!(network.missing(), None);
         let again = [Order::Command(Command::ResetNode, 5), Order::Ask(5)];
         assert_eq!([network.due(300), network.due(400)], [again, again]);
-        assert_eq!(network.missing(), Some(5));
-        assert_eq!(network.answered(5, 127, true), Some(Order::Command(Command::Start, 5)));
+        assert_eq!((network.missing(), network.state(5)), (Some(5), None));
+        assert!(network.answered(5, 127).is_some_and(|it| it.was_missing));
         assert_eq!((network.missing(), network.due(500)), (None, vec![Order::Ask(5)]));
+        network.due(600);
+        network.due(700);
+        assert_eq!(network.missing(), Some(5));
+        network.stop(5);
+        assert_eq!(network.missing(), None, "nobody looks any more");
+    }
+
+    #[test]
+    fn a_node_that_has_started_begins_with_its_toggle_bit_anew() {
+        let mut network = Network::default();
+        network.add(5, 100, 2);
+        network.answered(5, 5);
+        assert_eq!(network.answered(5, 0), PRE_OPERATIONAL);
+        assert_eq!(network.answered(5, 127), PRE_OPERATIONAL);
+        network.commanded(Command::ResetNode, 0);
+        assert_eq!(network.state(5), None);
+        assert_eq!(network.answered(5, 127), PRE_OPERATIONAL);
+        network.commanded(Command::Stop, 5);
+        assert_eq!(network.state(5), Some(State::Stopped));
+    }
+
+    /// P. 59.
+    #[test]
+    fn missing_nodes_are_shown_one_after_another() {
+        let mut network = Network::default();
+        (1..=4).for_each(|node| network.add(node, 100, 1));
+        network.start(0, 0);
+        network.due(0);
+        network.answered(2, 5);
+        network.due(100);
+        let shown: Vec<_> = (0..5).filter_map(|_| network.next_missing()).collect();
+        assert_eq!(shown, [1, 3, 4, 1, 3]);
+        assert!((1..=4).all(|node| network.answered(node, 127).is_some()));
+        assert_eq!(network.next_missing(), None);
     }
 }

@@ -1,10 +1,13 @@
-//! Service data objects: the server, which a master reads and writes the object dictionary by, expedited or in segments.
+//! Service data objects, by which a master reads and writes the object dictionary, expedited or in segments: the server, and the
+//! master's end.
 
 mod abort;
+mod client;
 #[cfg(test)]
 mod tests;
 
 pub use abort::Abort;
+pub use client::{Client, Step};
 
 /// Data of an SDO frame.
 pub type Data = [u8; 8];

@@ -3,10 +3,13 @@
 use super::communication::is_rate;
 use super::jobs::{Answer, Desk, Job, Outcome, Refusal};
 use super::registers::values::job;
+use crate::can::StandardId;
 
 pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
     match job.function {
         job::CAN_BAUDRATE => can_baudrate(desk, job),
+        job::CAN_TRANSMIT => can_transmit(desk, job),
+        job::CAN_RECEIVE => can_receive(desk, job),
         _ => Err(Refusal::Function),
     }
 }
@@ -20,4 +23,38 @@ fn can_baudrate(desk: Desk, job: &Job) -> Outcome {
     desk.firmware.node.set_rate(kbit_s);
     desk.controller.set_bit_rate(u32::from(kbit_s) * 1000);
     Ok(Answer::default())
+}
+
+/// An identifier: 2048, which the manual allows, too, has no eleven bits (D-438).
+fn identifier(job: &Job, argument: usize) -> Result<StandardId, Refusal> {
+    let id = job.argument(argument, 0..=0x7FF)?;
+    StandardId::new(id as u16).ok_or(Refusal::Arguments)
+}
+
+/// RESULT is FALSE while the controller has something to send (p. 23).
+fn can_transmit(desk: Desk, job: &Job) -> Outcome {
+    let (id, length) = (identifier(job, 0)?, job.argument(2, 0..=8)? as usize);
+    let data = job.data.get(..length).ok_or(Refusal::Arguments)?;
+    let node = &mut desk.firmware.node;
+    let is_taken = node.to_send() == 0 && desk.controller.to_send() == 0;
+    if is_taken {
+        node.send(id, data);
+    }
+    let mut answer = Answer::default();
+    answer.results[0] = u32::from(is_taken);
+    Ok(answer)
+}
+
+/// DLC, RTR, AVAILABLE, OVERFLOW and DATA (p. 33-34).
+fn can_receive(desk: Desk, job: &Job) -> Outcome {
+    let (id, is_to_clear) = (identifier(job, 2)?, job.argument(1, 0..=1)? != 0);
+    let node = &mut desk.firmware.node;
+    if job.argument(0, 0..=1)? != 0 {
+        node.make_known(id);
+    }
+    let found = node.fetch(id, is_to_clear).ok_or(Refusal::State)?;
+    let mut answer = Answer { data: found.data, ..Answer::default() };
+    answer.results[0] = answer.data.len() as u32;
+    (answer.results[2], answer.results[3]) = (found.available.into(), found.has_overflown.into());
+    Ok(answer)
 }

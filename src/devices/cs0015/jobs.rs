@@ -3,6 +3,7 @@
 //! Here orders are taken and answered; what a function does is where its subject is.
 
 use super::can_jobs;
+use super::master_jobs;
 use super::peripheral_jobs;
 use super::port::Firmware;
 use super::ram::Registers;
@@ -56,13 +57,17 @@ pub(super) struct Answer {
 /// What becomes of an order.
 pub(super) type Outcome = Result<Answer, Refusal>;
 
-/// Why an order is not carried out.
+/// Why an order is not answered as it should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     /// There is no such function.
     Function,
     /// Its arguments are out of their ranges.
     Arguments,
+    /// The device cannot do it now: it is no master, or does not know the node or identifier.
+    State,
+    /// It has been begun, or waits for another: it is looked at again.
+    Later,
 }
 
 impl From<OutOfRange> for Refusal {
@@ -76,6 +81,7 @@ impl Refusal {
         match self {
             Refusal::Function => job_error::FUNCTION,
             Refusal::Arguments => job_error::ARGUMENTS,
+            Refusal::State | Refusal::Later => job_error::STATE,
         }
     }
 }
@@ -84,18 +90,50 @@ impl Refusal {
 pub(super) struct Desk<'a> {
     pub firmware: &'a mut Firmware,
     pub controller: &'a mut Controller,
+    pub place: usize,
     pub now: u64,
 }
 
-/// Whether there are orders.
-pub(super) fn has_orders(registers: &Registers) -> bool {
-    registers.jobs.a_CONTROL.iter().any(|control| control.load() == job_control::ORDER)
+/// Orders that have been begun: their places and numbers.
+#[derive(Clone, Debug, Default)]
+pub(super) struct UnderWay(Vec<(usize, u32)>);
+
+impl UnderWay {
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether there are orders that have not been begun.
+    pub(super) fn has_new_orders(&self, registers: &Registers) -> bool {
+        let is_new = |place: usize| !self.0.iter().any(|(begun, _)| *begun == place);
+        (0..PLACES).any(|place| is_order(registers, place) && is_new(place))
+    }
+
+    /// The places whose order has been taken back, or replaced by another.
+    fn take_withdrawn(&mut self, registers: &Registers) -> Vec<usize> {
+        let number = |place: usize| registers.jobs.a_ORDER[place].load();
+        let is_there =
+            |(place, order): &(usize, u32)| is_order(registers, *place) && number(*place) == *order;
+        let (there, gone): (Vec<_>, Vec<_>) = self.0.iter().copied().partition(is_there);
+        self.0 = there;
+        gone.into_iter().map(|(place, _)| place).collect()
+    }
+
+    fn note(&mut self, place: usize, order: u32, is_under_way: bool) {
+        self.0.retain(|(begun, _)| *begun != place);
+        if is_under_way {
+            self.0.push((place, order));
+        }
+    }
+}
+
+fn is_order(registers: &Registers, place: usize) -> bool {
+    registers.jobs.a_CONTROL[place].load() == job_control::ORDER
 }
 
 /// The places with orders, in the order in which they were given.
 fn orders(registers: &Registers) -> Vec<usize> {
-    let is_order = |place: &usize| registers.jobs.a_CONTROL[*place].load() == job_control::ORDER;
-    let mut places: Vec<usize> = (0..PLACES).filter(is_order).collect();
+    let mut places: Vec<usize> = (0..PLACES).filter(|place| is_order(registers, *place)).collect();
     let first = places.first().map_or(0, |place| registers.jobs.a_ORDER[*place].load());
     // Numbers wrap.
     places.sort_by_key(|place| registers.jobs.a_ORDER[*place].load().wrapping_sub(first) as i32);
@@ -118,25 +156,36 @@ fn answer(registers: &Registers, place: usize, outcome: &Outcome) {
 
 /// Carries out the orders of a program that runs.
 pub(super) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut Controller) {
-    if !has_orders(&firmware.node.registers) {
-        return;
+    if !firmware.under_way.is_empty() {
+        for place in firmware.under_way.take_withdrawn(&firmware.node.registers) {
+            if let Some(nmt) = &mut firmware.nmt {
+                nmt.withdraw(&mut firmware.node, place);
+            }
+        }
     }
     for place in orders(&firmware.node.registers) {
         let jobs = &firmware.node.registers.jobs;
-        let mut job = Job { function: jobs.a_FUNCTION[place].load(), ..Job::default() };
-        job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
+        let (function, order) = (jobs.a_FUNCTION[place].load(), jobs.a_ORDER[place].load());
         let length = usize::from(jobs.a_LENGTH[place].load());
-        job.data = jobs.a_DATA[place].iter().take(length).map(|cell| cell.load()).collect();
-        let desk = Desk { firmware: &mut *firmware, controller: &mut *controller, now: ctx.now };
+        let data = jobs.a_DATA[place].iter().take(length).map(|cell| cell.load()).collect();
+        let mut job = Job { function, data, ..Job::default() };
+        job.arguments.iter_mut().zip(&jobs.a_ARGUMENT[place]).for_each(|(to, cell)| *to = cell.load());
+        let desk = Desk { firmware: &mut *firmware, controller: &mut *controller, place, now: ctx.now };
         // The high byte is the part of the manual.
-        let outcome = match job.function >> 8 {
+        let outcome = match function >> 8 {
             1 => can_jobs::carry_out(desk, &job),
             2 => slave_jobs::carry_out(desk, &job),
+            3 => master_jobs::carry_out(desk, &job),
             6..=9 => peripheral_jobs::carry_out(desk, &job),
             _ => Err(Refusal::Function),
         };
+        let is_under_way = outcome == Err(Refusal::Later);
+        firmware.under_way.note(place, order, is_under_way);
+        if is_under_way {
+            continue;
+        }
         if let Err(refusal) = outcome {
-            ctx.report(JobRefused { plc: ctx.origin.plc, function: job.function, error: refusal.code() });
+            ctx.report(JobRefused { plc: ctx.origin.plc, function, error: refusal.code() });
         }
         answer(&firmware.node.registers, place, &outcome);
     }

@@ -1,6 +1,8 @@
 //! ifm ecomat 100 "Platinensteuerung" CS0015: a board controller with a CAN interface, CANopen slave (Systemhandbuch
 //! Platinensteuerung CS0015, October 1999).
 
+#[cfg(feature = "plc")]
+pub mod blocks;
 #[cfg(feature = "emulator")]
 mod can_jobs;
 #[cfg(feature = "emulator")]
@@ -15,6 +17,8 @@ pub(super) mod demo;
 mod diagnosis;
 #[cfg(feature = "emulator")]
 mod dictionary;
+#[cfg(feature = "emulator")]
+mod direct;
 #[cfg(feature = "emulator")]
 mod eeprom;
 #[cfg(feature = "emulator")]
@@ -34,6 +38,10 @@ mod lcd;
 #[cfg(feature = "emulator")]
 mod master;
 #[cfg(feature = "emulator")]
+mod master_jobs;
+#[cfg(feature = "emulator")]
+mod nmt;
+#[cfg(feature = "emulator")]
 mod node;
 #[cfg(feature = "emulator")]
 mod peripheral_jobs;
@@ -52,7 +60,11 @@ mod registers_tests;
 #[cfg(feature = "emulator")]
 mod retained;
 #[cfg(feature = "emulator")]
+mod role;
+#[cfg(feature = "emulator")]
 pub mod rules;
+#[cfg(feature = "emulator")]
+mod sdo_client;
 #[cfg(feature = "emulator")]
 mod serial;
 #[cfg(feature = "emulator")]

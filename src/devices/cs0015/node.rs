@@ -3,6 +3,7 @@
 use super::communication::{Communication, Factory, Identifiers, PDOS, Pdo, PdoConfig, Way};
 use super::diagnosis::Diagnosis;
 use super::dictionary::Entries;
+use super::direct::{Direct, Found};
 use super::ram::Registers;
 use super::registers::values::bool;
 use crate::can::{Filter, Frame, Payload};
@@ -10,7 +11,7 @@ use crate::devices::canopen::emergency::{Cause, Errors};
 use crate::devices::canopen::guard::Guarded;
 use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::canopen::pdo::{Receive, Transmit};
-use crate::devices::canopen::sdo::Server;
+use crate::devices::canopen::sdo::{Data, Server};
 use crate::devices::canopen::supervision::Supervision;
 use embedded_can::{Frame as _, Id, StandardId};
 
@@ -18,6 +19,8 @@ use embedded_can::{Frame as _, Id, StandardId};
 const GENERAL: Cause = Cause { code: 0x1000, register: 1 << 0 };
 const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
 const NO_SYNC: Cause = Cause { code: 0x8200, register: 1 << 4 };
+/// First identifier of requests to SDO servers, of the predefined connection set (p. 38).
+const SDO_REQUEST: u16 = 0x600;
 /// Byte 3 of a SYNC error, bit 1: it is SYNC that is missing (p. 44).
 const SYNC_BYTES: [u8; 5] = [1 << 1, 0, 0, 0, 0];
 
@@ -47,6 +50,8 @@ pub struct GuardingConfig {
 /// A CANopen slave.
 pub(super) struct Node {
     pub registers: Registers,
+    /// What the program does with CAN by itself.
+    direct: Direct,
     communication: Communication,
     boot_up: BootUp,
     identifiers: Identifiers,
@@ -71,6 +76,7 @@ impl Node {
     pub(super) fn new(registers: Registers, factory: Factory, boot_up: BootUp) -> Self {
         Node {
             registers,
+            direct: Direct::default(),
             communication: Communication::new(factory),
             boot_up,
             identifiers: Identifiers::default(),
@@ -91,6 +97,7 @@ impl Node {
     /// Power-on: no CANopen node yet.
     pub(super) fn power_on(&mut self) {
         self.communication.power_on(&self.registers);
+        self.forget_identifiers();
         self.fall_silent();
     }
 
@@ -111,6 +118,27 @@ impl Node {
     /// The Node-ID in force.
     pub(super) fn number(&self) -> u8 {
         self.communication.node()
+    }
+
+    /// The program makes an identifier known, whose messages it will fetch (p. 33).
+    pub(super) fn make_known(&mut self, id: StandardId) {
+        self.has_moved |= self.direct.configure(id);
+    }
+
+    /// The program fetches a message with this identifier, or throws all of them away; none if it is not known.
+    pub(super) fn fetch(&mut self, id: StandardId, is_to_clear: bool) -> Option<Found> {
+        self.direct.take(id, is_to_clear)
+    }
+
+    /// The identifiers that the program has made known are lost (section 11.1).
+    pub(super) fn forget_identifiers(&mut self) {
+        self.direct.clear();
+        self.has_moved = true;
+    }
+
+    /// A frame has come, whatever it is: it may be one that the program will fetch.
+    pub(super) fn keep(&mut self, frame: &Frame) {
+        self.direct.received(frame);
     }
 
     /// The program asks for a PDO, from 0, to be so; a [`Node::restart`] follows.
@@ -352,7 +380,20 @@ impl Node {
         }
     }
 
-    fn send(&mut self, id: StandardId, data: &[u8]) {
+    /// An SDO for the server of `node`.
+    pub(super) fn send_sdo(&mut self, node: u8, request: Data) {
+        if let Some(id) = StandardId::new(SDO_REQUEST + u16::from(node)) {
+            self.send(id, &request);
+        }
+    }
+
+    /// Frames that have not gone to the controller yet.
+    pub(super) fn to_send(&self) -> usize {
+        self.out.len()
+    }
+
+    /// Sends a frame with up to 8 bytes of data.
+    pub(super) fn send(&mut self, id: StandardId, data: &[u8]) {
         self.out.extend(Payload::new(data).map(|payload| Frame::new(id, payload)));
     }
 
@@ -366,12 +407,12 @@ impl Node {
         self.send(StandardId::ZERO, &[command.code(), node]);
     }
 
-    /// Sends a SYNC object, which is one for itself, too.
-    pub(super) fn send_sync(&mut self, now: u64) {
-        if let Some(id) = self.identifiers.sync {
-            self.send(id, &[]);
-            self.sync_has_come(now);
-        }
+    /// Sends a SYNC object, which is one for itself, too; `false`: it has no identifier.
+    pub(super) fn send_sync(&mut self, now: u64) -> bool {
+        let Some(id) = self.identifiers.sync else { return false };
+        self.send(id, &[]);
+        self.sync_has_come(now);
+        true
     }
 
     /// From now on it hears everybody, as a master has to, or those that concern it.
@@ -395,7 +436,7 @@ impl Node {
         }
         let Identifiers { sync, guarding, sdo_request, receive, transmit, .. } = self.identifiers;
         let own = [Some(StandardId::ZERO), sync, guarding, sdo_request];
-        let own = own.into_iter().chain(receive).chain(transmit).flatten();
+        let own = own.into_iter().chain(receive).chain(transmit).flatten().chain(self.direct.ids());
         Some(own.map(Filter::exactly).collect())
     }
 }

@@ -5,8 +5,9 @@ use super::diagnosis::Diagnosis;
 use super::events::{self, Pulses};
 use super::hardware::Shared;
 use super::interrupt::Interrupt;
-use super::jobs;
+use super::jobs::UnderWay;
 use super::master::{Master, MasterConfig};
+use super::nmt::Nmt;
 use super::node::{GuardingConfig, Node};
 use super::peripherals::Peripherals;
 use super::records::{ControllerState, NodeState};
@@ -62,8 +63,12 @@ pub(super) struct Firmware {
     pub(super) is_stopped: bool,
     /// When the reset, or the present cycle of the program, ends; none if nothing runs.
     end_at: Option<u64>,
-    /// What makes it the master of the network.
-    master: Option<Master>,
+    /// It is the master of the network.
+    pub(super) nmt: Option<Nmt>,
+    /// What the built-in program does as one.
+    pub(super) master: Option<Master>,
+    /// Orders of the job block that have been begun.
+    pub(super) under_way: UnderWay,
     /// Cycles since power-on, up to three.
     cycles: u8,
     /// The outputs as the last cycle left them.
@@ -88,7 +93,9 @@ impl Firmware {
             told: State::Initialising,
             is_stopped: false,
             end_at: None,
+            nmt: None,
             master: None,
+            under_way: UnderWay::default(),
             cycles: 0,
             outputs: 0,
             shared,
@@ -143,6 +150,7 @@ impl Firmware {
                     _ => &flags.COP_EVENT_RESETCOM,
                 };
                 flag.store(bool::TRUE);
+                self.node.forget_identifiers();
                 let state = if self.is_stopped { State::Stopped } else { State::PreOperational };
                 self.node.restart(state, ctx.now);
             }
@@ -153,8 +161,7 @@ impl Firmware {
     /// It has no operating system that goes on: nothing runs, and it is no CANopen node.
     pub(super) fn fall_silent(&mut self, ctx: &mut Context, to: u32) {
         self.node.fall_silent();
-        self.node.set_open(false);
-        self.master = None;
+        self.end_master();
         self.enter(ctx, to);
     }
 
@@ -201,15 +208,6 @@ impl Firmware {
         registers.flags.COP_SYNC.store(if has_sync { bool::TRUE } else { bool::FALSE });
     }
 
-    /// The communication starts anew, if there is any yet; what has made the device a master is lost (p. 48).
-    pub(super) fn reset_communication(&mut self, now: u64) {
-        self.master = None;
-        self.node.set_open(false);
-        if self.node.state() != State::Initialising {
-            self.node.restart(State::PreOperational, now);
-        }
-    }
-
     /// What the built-in program does in its first cycles.
     fn run_built_in(&mut self, ctx: &mut Context) {
         let Program::BuiltIn { pdos, guarding, master, .. } = &self.program else { return };
@@ -227,8 +225,9 @@ impl Firmware {
             }
             // The second stage: what made it a master would have been lost (p. 48).
             2 => {
-                self.master = master.as_ref().map(|config| Master::new(config, ctx.now));
-                self.node.set_open(self.master.is_some());
+                if let Some(config) = master.clone() {
+                    self.master = Some(Master::new(config, self.make_master(), ctx.now));
+                }
             }
             _ => {}
         }
@@ -238,12 +237,9 @@ impl Firmware {
     /// A cycle of the program ends: what it wants is done, and the next one begins.
     fn end_cycle(&mut self, ctx: &mut Context) {
         self.run_built_in(ctx);
-        let is_can_open = self.node.registers.flags.CAN_OPEN.load() != bool::FALSE;
-        if is_can_open && self.node.state() == State::Initialising {
-            self.node.restart(State::PreOperational, ctx.now);
-        }
-        if let Some(master) = &mut self.master {
-            master.start(&mut self.node, ctx.now);
+        self.open(ctx.now);
+        if let (Some(master), Some(nmt)) = (&mut self.master, &mut self.nmt) {
+            master.start(nmt, &mut self.node, ctx.now);
         }
         let outputs = self.node.registers.outputs.Q0.load();
         let Peripherals { pwm, findings, .. } = &mut self.peripherals;
@@ -251,13 +247,6 @@ impl Firmware {
         self.outputs = outputs;
         self.node.cycle(ctx.now);
         self.begin_cycle(ctx.now);
-    }
-
-    /// What the program asks of the operating system, which it does only while it runs.
-    fn look_at_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
-        if self.state == state::RUN {
-            jobs::look(self, ctx, controller);
-        }
     }
 
     /// The outputs that the program has on. Where PWM is in force %QW0 is not (p. 91).
@@ -326,8 +315,8 @@ impl CanPort for Firmware {
         self.node.registers.clear_flags();
         self.peripherals.power_on(&self.node.registers, ctx.now);
         self.node.power_on();
-        self.node.set_open(false);
-        self.master = None;
+        self.end_master();
+        self.under_way = UnderWay::default();
         (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
         (self.diagnosis, self.has_been_erased) = (Diagnosis::default(), false);
         self.interrupt = Interrupt::default();
@@ -362,32 +351,36 @@ impl CanPort for Firmware {
     fn has_changed(&self) -> bool {
         let registers = &self.node.registers;
         registers.front(FRONT_PROGRAM).load() != program::NOTHING
-            || self.state == state::RUN && jobs::has_orders(registers)
+            || self.state == state::RUN && self.under_way.has_new_orders(registers)
     }
 
     fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
+        self.node.keep(frame);
         if frame.id() == Id::Standard(StandardId::ZERO) {
             if let Some(command) = Command::parse(frame.data(), self.node.number()) {
                 self.command(ctx, command);
             }
         } else {
             self.node.received(ctx.now, frame);
-            if let (Some(master), Id::Standard(id), false) =
-                (&mut self.master, frame.id(), frame.is_remote_frame())
+            if let (Some(nmt), Id::Standard(id), false) = (&mut self.nmt, frame.id(), frame.is_remote_frame())
             {
-                master.received(&mut self.node, id.as_raw(), frame.data());
+                nmt.received(&mut self.node, ctx.now, id.as_raw(), frame.data());
             }
         }
+        self.go_on_with_jobs(ctx, controller);
         self.show(ctx, controller);
     }
 
     fn next_time(&self) -> u64 {
+        let of_nmt = self.nmt.as_ref().map_or(u64::MAX, Nmt::next_time);
         // P. 28: a master that the programming system has stopped is none.
-        let of_master =
-            self.master.as_ref().filter(|_| self.state == state::RUN).map_or(u64::MAX, Master::next_time);
+        let of_master = match (&self.master, &self.nmt) {
+            (Some(master), Some(nmt)) if self.state == state::RUN => master.next_time(nmt),
+            _ => u64::MAX,
+        };
         let of_interrupt = if self.state == state::RUN { self.interrupt.next_time() } else { u64::MAX };
         let own = self.end_at.unwrap_or(u64::MAX).min(self.peripherals.next_time()).min(of_interrupt);
-        own.min(self.node.next_time()).min(of_master)
+        own.min(self.node.next_time()).min(of_nmt).min(of_master)
     }
 
     fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
@@ -406,9 +399,13 @@ impl CanPort for Firmware {
             let Firmware { interrupt, node, peripherals, pulses, outputs, .. } = self;
             interrupt.due(&node.registers, peripherals, pulses, outputs, ctx.now);
         }
-        if let Some(master) = self.master.as_mut().filter(|_| self.state == state::RUN) {
-            master.due(&mut self.node, ctx.now);
+        if let Some(nmt) = &mut self.nmt {
+            nmt.due(&mut self.node, ctx.now);
+            if let Some(master) = self.master.as_mut().filter(|_| self.state == state::RUN) {
+                master.due(nmt, &mut self.node, ctx.now);
+            }
         }
+        self.go_on_with_jobs(ctx, controller);
         self.show(ctx, controller);
     }
 }

@@ -1,10 +1,12 @@
 //! A CS0015 at a bus with a master of the test: the vectors of the manual, to the microsecond.
 
+mod can_jobs;
 mod errors;
 mod frames;
 mod hardware;
 mod jobs;
 mod master;
+mod master_jobs;
 mod pdos;
 mod peripherals;
 mod sdo;
@@ -251,7 +253,14 @@ impl Bench {
 
     /// Gives an order at a place of the job block.
     fn order(&self, place: usize, function: u16, arguments: &[u32]) {
+        self.order_with(place, function, arguments, &[]);
+    }
+
+    /// Gives an order with data.
+    fn order_with(&self, place: usize, function: u16, arguments: &[u32], data: &[u8]) {
         let jobs = &self.registers.jobs;
+        jobs.a_LENGTH[place].store(data.len() as u16);
+        jobs.a_DATA[place].iter().zip(data).for_each(|(cell, byte)| cell.store(*byte));
         jobs.a_FUNCTION[place].store(function);
         jobs.a_ARGUMENT[place].iter().zip(arguments).for_each(|(cell, value)| cell.store(*value));
         jobs.a_ORDER[place].store(jobs.d_ORDERS.update(|orders| orders.wrapping_add(1)));
@@ -265,5 +274,23 @@ impl Bench {
         let jobs = &self.registers.jobs;
         assert_eq!(jobs.a_CONTROL[0].load(), 4, "it is answered");
         (jobs.a_ERROR[0].load(), jobs.a_RESULT[0].iter().map(|cell| cell.load()).collect())
+    }
+
+    /// The first result of an order.
+    fn result(&mut self, function: u16, arguments: &[u32]) -> u32 {
+        let (error, results) = self.job(function, arguments);
+        assert_eq!(error, 0);
+        results[0]
+    }
+
+    /// The data of the last answer at the first place.
+    fn answer_data(&self) -> Vec<u8> {
+        let jobs = &self.registers.jobs;
+        jobs.a_DATA[0].iter().take(jobs.a_LENGTH[0].load().into()).map(|cell| cell.load()).collect()
+    }
+
+    /// Whether the order at a place has been answered.
+    fn is_answered(&self, place: usize) -> bool {
+        self.registers.jobs.a_CONTROL[place].load() == 4
     }
 }

@@ -7,6 +7,8 @@ use core::fmt;
 pub enum Abort {
     /// The toggle bit has not changed.
     Toggle,
+    /// No answer within the time.
+    TimeOut,
     /// The command is unknown, or nothing is under way that it could belong to.
     Command,
     /// Out of memory.
@@ -33,6 +35,7 @@ impl Abort {
     pub const fn code(self) -> u32 {
         match self {
             Abort::Toggle => 0x0503_0000,
+            Abort::TimeOut => 0x0504_0000,
             Abort::Command => 0x0504_0001,
             Abort::Memory => 0x0504_0005,
             Abort::ReadOnly => 0x0601_0002,

@@ -198,3 +198,107 @@ proptest! {
         prop_assert_eq!(read(&mut server, &mut entries, BLOCK), value);
     }
 }
+
+/// Carries a transfer out between a client and the server.
+fn carry_out(server: &mut Server, entries: &mut Entries, (mut client, mut request): (Client, Data)) -> Step {
+    loop {
+        let answer = server.request(request, entries).unwrap();
+        match client.answered(answer) {
+            Step::Send(next) => request = next,
+            step => return step,
+        }
+    }
+}
+
+#[test]
+fn a_client_is_told_why_a_server_aborts() {
+    let (server, entries) = (&mut Server::default(), &mut Entries::default());
+    for (transfer, abort) in [
+        (Client::write(FIXED, &[1]), Abort::ReadOnly),
+        (Client::write(BYTE, &[0xFF]), Abort::Value),
+        (Client::write(BYTE, &[1, 2]), Abort::TooLong),
+        (Client::write(BLOCK, &[0; 21]), Abort::TooLong),
+        (Client::write(BYTE, &[]), Abort::TooShort),
+        (Client::read(At { index: 0x3000, sub: 0 }, 4), Abort::NoObject),
+    ] {
+        assert_eq!(carry_out(server, entries, transfer), Step::Aborted(abort.code()));
+    }
+    entries.block = vec![0; 8];
+    let failed = |abort: Abort| Step::Failed(abort, first(0x80, BLOCK, abort.code().to_le_bytes()));
+    assert_eq!(carry_out(server, entries, Client::read(BLOCK, 7)), failed(Abort::Memory));
+    assert_eq!(Client::read(BLOCK, 7).0.give_up(), first(0x80, BLOCK, [0, 0, 4, 5]));
+}
+
+#[test]
+fn a_client_holds_answers_against_what_it_has_asked() {
+    let failed = |abort: Abort| Step::Failed(abort, first(0x80, BLOCK, abort.code().to_le_bytes()));
+    let (mut client, _) = Client::read(BLOCK, 20);
+    assert_eq!(client.answered(first(0x41, BYTE, [8, 0, 0, 0])), Step::Ignored, "of another entry");
+    assert_eq!(client.answered(first(0x41, BLOCK, [8, 0, 0, 0])), Step::Send([0x60, 0, 0, 0, 0, 0, 0, 0]));
+    assert_eq!(client.clone().answered([0x10, 1, 2, 3, 4, 5, 6, 7]), failed(Abort::Toggle));
+    assert_eq!(client.clone().answered([0x01, 1, 2, 3, 4, 5, 6, 7]), failed(Abort::TooShort));
+    assert_eq!(client.answered([0x00, 1, 2, 3, 4, 5, 6, 7]), Step::Send([0x70, 0, 0, 0, 0, 0, 0, 0]));
+    assert_eq!(client.clone().answered([0x11, 1, 2, 3, 4, 5, 6, 7]), failed(Abort::TooLong));
+    assert_eq!(client.answered([0x1D, 8, 0, 0, 0, 0, 0, 0]), Step::Done(vec![1, 2, 3, 4, 5, 6, 7, 8]));
+    let (mut client, _) = Client::write(BLOCK, &[0; 8]);
+    assert_eq!(client.clone().answered([0x20, 0, 0, 0, 0, 0, 0, 0]), failed(Abort::Command));
+    assert_eq!(client.answered(first(0x60, BLOCK, [0; 4])), Step::Send([0; 8]));
+    assert_eq!(client.clone().answered([0x30, 0, 0, 0, 0, 0, 0, 0]), failed(Abort::Toggle));
+    assert_eq!(client.answered([0x20, 0, 0, 0, 0, 0, 0, 0]), Step::Send([0x1D, 0, 0, 0, 0, 0, 0, 0]));
+    assert_eq!(client.answered([0x30, 0, 0, 0, 0, 0, 0, 0]), Step::Done(Vec::new()));
+}
+
+/// What takes any block.
+struct Anything(Vec<u8>);
+
+impl Dictionary for Anything {
+    fn writable(&self, _: At) -> Result<Length, Abort> {
+        Ok(Length::UpTo(600))
+    }
+
+    fn read(&self, _: At) -> Result<Vec<u8>, Abort> {
+        Ok(self.0.clone())
+    }
+
+    fn write(&mut self, _: At, value: &[u8]) -> Result<(), Abort> {
+        self.0 = value.to_vec();
+        Ok(())
+    }
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    #[test]
+    fn what_a_client_writes_it_reads_back(value in proptest::collection::vec(any::<u8>(), 0..600)) {
+        let (mut server, mut entry) = (Server::default(), Anything(Vec::new()));
+        let mut carry_out = |(mut client, mut request): (Client, Data)| loop {
+            match client.answered(server.request(request, &mut entry).unwrap()) {
+                Step::Send(next) => request = next,
+                step => return step,
+            }
+        };
+        prop_assert_eq!(carry_out(Client::write(BLOCK, &value)), Step::Done(Vec::new()));
+        prop_assert_eq!(carry_out(Client::read(BLOCK, 600)), Step::Done(value));
+    }
+
+    /// Whatever comes, a transfer ends after as many answers as its data have segments, or goes on waiting.
+    #[test]
+    fn no_answer_upsets_a_client(
+        value in proptest::collection::vec(any::<u8>(), 0..30),
+        answers in proptest::collection::vec(any::<[u8; 8]>(), 0..60),
+        is_read in any::<bool>(),
+    ) {
+        let (mut client, _) = if is_read { Client::read(BLOCK, 30) } else { Client::write(BLOCK, &value) };
+        for answer in answers {
+            match client.answered(answer) {
+                Step::Send(_) | Step::Ignored => {}
+                Step::Done(data) => {
+                    prop_assert!(data.len() <= 30);
+                    break;
+                }
+                Step::Aborted(_) | Step::Failed(..) => break,
+            }
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! The client's end: reads or writes one entry of a server, expedited or in segments.
+
+use super::{Abort, At, Data, EXPEDITED, SIZED, TOGGLE, first};
+
+/// What comes of an answer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// It goes on: this is to be sent.
+    Send(Data),
+    /// It is done; what was read, nothing after a write.
+    Done(Vec<u8>),
+    /// The server has aborted it, with this code.
+    Aborted(u32),
+    /// The answer is wrong: this is to be sent, and it is over.
+    Failed(Abort, Data),
+    /// It answers something else.
+    Ignored,
+}
+
+/// What is under way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Transfer {
+    /// The first answer to a read is awaited.
+    Read,
+    /// Segments of a read.
+    ReadSegments { data: Vec<u8>, announced: Option<usize> },
+    /// The answer to a write with all of its data is awaited.
+    Write,
+    /// Segments of a write: what is still to be sent, behind the segment that is under way.
+    WriteSegments { rest: Vec<u8>, is_first: bool },
+}
+
+/// A transfer as its client sees it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Client {
+    at: At,
+    /// Most bytes that can be read.
+    most: usize,
+    toggle: bool,
+    transfer: Transfer,
+}
+
+impl Client {
+    /// Reads an entry of at most `most` bytes: the transfer, and what is to be sent.
+    #[must_use]
+    pub fn read(at: At, most: usize) -> (Self, Data) {
+        (Client { at, most, toggle: false, transfer: Transfer::Read }, first(0x40, at, [0; 4]))
+    }
+
+    /// Writes an entry: the transfer, and what is to be sent.
+    #[must_use]
+    pub fn write(at: At, data: &[u8]) -> (Self, Data) {
+        let of = |transfer| Client { at, most: 0, toggle: false, transfer };
+        let mut four = [0; 4];
+        if let (1..=4, Some(place)) = (data.len(), four.get_mut(..data.len())) {
+            place.copy_from_slice(data);
+            let unused = (4 - data.len()) as u8;
+            return (of(Transfer::Write), first(0x20 | unused << 2 | EXPEDITED | SIZED, at, four));
+        }
+        let length = (data.len() as u32).to_le_bytes();
+        let transfer = Transfer::WriteSegments { rest: data.to_vec(), is_first: true };
+        (of(transfer), first(0x20 | SIZED, at, length))
+    }
+
+    /// What is to be sent when the server does not answer.
+    #[must_use]
+    pub fn give_up(&self) -> Data {
+        self.abort(Abort::TimeOut)
+    }
+
+    fn abort(&self, abort: Abort) -> Data {
+        first(0x80, self.at, abort.code().to_le_bytes())
+    }
+
+    /// The server has sent this.
+    pub fn answered(&mut self, answer: Data) -> Step {
+        let [command, low, high, sub, rest @ ..] = answer;
+        let is_of_this = At { index: u16::from_le_bytes([low, high]), sub } == self.at;
+        let step = match (command >> 5, &mut self.transfer) {
+            (4, _) => return Step::Aborted(u32::from_le_bytes(rest)),
+            (2, Transfer::Read) | (3, Transfer::Write | Transfer::WriteSegments { is_first: true, .. })
+                if !is_of_this =>
+            {
+                return Step::Ignored;
+            }
+            (2, Transfer::Read) => self.begin(command, rest),
+            (0, Transfer::ReadSegments { .. }) => self.segment(answer),
+            (3, Transfer::Write) => Ok(Step::Done(Vec::new())),
+            (3, Transfer::WriteSegments { is_first, .. }) if *is_first => {
+                *is_first = false;
+                Ok(self.next_segment())
+            }
+            (1, Transfer::WriteSegments { is_first: false, .. }) => self.segment_taken(command),
+            _ => Err(Abort::Command),
+        };
+        step.unwrap_or_else(|abort| Step::Failed(abort, self.abort(abort)))
+    }
+
+    /// The first answer to a read: the data, or their length.
+    fn begin(&mut self, command: u8, data: [u8; 4]) -> Result<Step, Abort> {
+        let is_sized = command & SIZED != 0;
+        if command & EXPEDITED != 0 {
+            let unused = if is_sized { usize::from(command >> 2 & 3) } else { 0 };
+            let value = data[..data.len() - unused].to_vec();
+            return if value.len() > self.most { Err(Abort::Memory) } else { Ok(Step::Done(value)) };
+        }
+        let announced = is_sized.then(|| u32::from_le_bytes(data) as usize);
+        if announced.is_some_and(|bytes| bytes > self.most) {
+            return Err(Abort::Memory);
+        }
+        self.transfer = Transfer::ReadSegments { data: Vec::new(), announced };
+        Ok(Step::Send([0x60, 0, 0, 0, 0, 0, 0, 0]))
+    }
+
+    fn segment(&mut self, answer: Data) -> Result<Step, Abort> {
+        let [command, segment @ ..] = answer;
+        let Transfer::ReadSegments { data, announced } = &mut self.transfer else {
+            return Err(Abort::Command);
+        };
+        if (command & TOGGLE != 0) != self.toggle {
+            return Err(Abort::Toggle);
+        }
+        data.extend_from_slice(&segment[..segment.len() - usize::from(command >> 1 & 7)]);
+        if data.len() > announced.unwrap_or(self.most) {
+            return Err(Abort::TooLong);
+        }
+        if command & 1 != 0 {
+            let is_short = announced.is_some_and(|announced| announced != data.len());
+            return if is_short { Err(Abort::TooShort) } else { Ok(Step::Done(core::mem::take(data))) };
+        }
+        self.toggle = !self.toggle;
+        Ok(Step::Send([0x60 | u8::from(self.toggle) << 4, 0, 0, 0, 0, 0, 0, 0]))
+    }
+
+    /// The next segment of a write; the toggle bit is its.
+    fn next_segment(&mut self) -> Step {
+        let Transfer::WriteSegments { rest, .. } = &mut self.transfer else { return Step::Ignored };
+        let count = rest.len().min(7);
+        let mut request = [0; 8];
+        request[1..=count].copy_from_slice(&rest[..count]);
+        rest.drain(..count);
+        let is_last = u8::from(rest.is_empty());
+        request[0] = u8::from(self.toggle) << 4 | ((7 - count) as u8) << 1 | is_last;
+        Step::Send(request)
+    }
+
+    fn segment_taken(&mut self, command: u8) -> Result<Step, Abort> {
+        if (command & TOGGLE != 0) != self.toggle {
+            return Err(Abort::Toggle);
+        }
+        let Transfer::WriteSegments { rest, .. } = &self.transfer else { return Err(Abort::Command) };
+        if rest.is_empty() {
+            return Ok(Step::Done(Vec::new()));
+        }
+        self.toggle = !self.toggle;
+        Ok(self.next_segment())
+    }
+}

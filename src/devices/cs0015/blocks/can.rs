@@ -1,0 +1,109 @@
+//! Blocks of CAN as such (p. 30-36).
+
+use super::order::{Jobs, Order, array};
+use crate::devices::cs0015::registers::values::job;
+use crate::plc::function_block;
+
+function_block! {
+    /// Sets the bit rate, which is in force at once and stored (p. 31).
+    pub struct CAN_BAUDRATE(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+            /// In kbit/s: 10, 20, 50, 100, 125, 250, 500, 1000.
+            BAUDRATE: u16;
+        }
+        out {
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl CAN_BAUDRATE {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.BAUDRATE.into()];
+        self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::CAN_BAUDRATE, &arguments, &[]).is_some();
+    }
+}
+
+function_block! {
+    /// Hands a message to the CAN controller (p. 32).
+    pub struct CAN_TRANSMIT(jobs: Jobs) {
+        in {
+            /// Identifier, 0 to 2047.
+            ID: u16;
+            /// Not used.
+            RTR: u8;
+            /// Number of bytes, 0 to 8.
+            DLC: u8;
+            /// The bytes.
+            DATA: [u8; 8];
+            /// Gives the order.
+            ENABLE: bool;
+        }
+        out {
+            /// The message of the order before was taken; else it is to be given again.
+            RESULT: bool;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl CAN_TRANSMIT {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.ID.into(), self.RTR.into(), self.DLC.into()];
+        let answer = self.internal.call(jobs, self.ENABLE, job::CAN_TRANSMIT, &arguments, &self.DATA);
+        self.ANSWERED = answer.is_some();
+        self.RESULT = answer.is_some_and(|answer| answer.results[0] != 0);
+    }
+}
+
+function_block! {
+    /// Makes an identifier known, and fetches its messages, the oldest first (p. 33-34). Each call gives an order.
+    pub struct CAN_RECEIVE(jobs: Jobs) {
+        in {
+            /// Makes the identifier known, once.
+            CONFIG: bool;
+            /// Throws away what waits.
+            CLEAR: bool;
+            /// Identifier, 0 to 2047.
+            ID: u16;
+        }
+        out {
+            /// The bytes of the message.
+            DATA: [u8; 8];
+            /// Number of bytes.
+            DLC: u8;
+            /// Not used.
+            RTR: u8;
+            /// Messages that waited, the one fetched included; 0: there was none.
+            AVAILABLE: u8;
+            /// At least one message was lost.
+            OVERFLOW: bool;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl CAN_RECEIVE {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.CONFIG.into(), self.CLEAR.into(), self.ID.into()];
+        let answer = self.internal.call(jobs, true, job::CAN_RECEIVE, &arguments, &[]);
+        // Until another message is fetched there is none.
+        self.AVAILABLE = 0;
+        self.ANSWERED = answer.is_some();
+        let Some(answer) = answer else { return };
+        let [dlc, rtr, available, overflow, ..] = answer.results;
+        (self.DATA, self.DLC, self.RTR) = (array(&answer.data), dlc as u8, rtr as u8);
+        (self.AVAILABLE, self.OVERFLOW) = (available as u8, overflow != 0);
+    }
+}

@@ -1,0 +1,265 @@
+//! Blocks of a CANopen master (p. 52-68).
+
+use super::order::{Jobs, Order, array, ms};
+use crate::devices::cs0015::registers::values::job;
+use crate::plc::function_block;
+use core::time::Duration;
+
+/// Blocks with ENABLE and NODE, and a RESULT.
+macro_rules! of_node {
+    ($($(#[$doc:meta])* $name:ident)*) => {$(
+        function_block! {
+            $(#[$doc])*
+            pub struct $name(jobs: Jobs) {
+                in {
+                    /// Gives the order.
+                    ENABLE: bool;
+                    /// Number of the node, 1 to 127; 0: all.
+                    NODE: u8;
+                }
+                out {
+                    /// Of the order before: 0 done, 1 not sent, 2 wrong parameters, 255 no master.
+                    RESULT: u8;
+                    /// The order before has been answered; ours.
+                    ANSWERED: bool;
+                }
+                internal: Order;
+            }
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, jobs: &Jobs) {
+                let answer = self.internal.call(jobs, self.ENABLE, job::$name, &[self.NODE.into()], &[]);
+                self.ANSWERED = answer.is_some();
+                if let Some(answer) = answer {
+                    self.RESULT = answer.results[0] as u8;
+                }
+            }
+        }
+    )*};
+}
+
+of_node! {
+    /// Begins to guard a node (p. 57).
+    NMM_START_GUARDING
+    /// Guards a node no more (p. 58).
+    NMM_STOP_GUARDING
+    /// Makes a node Pre-Operational (p. 60).
+    NMM_SET_PREOPERATIONAL
+    /// Makes a node Operational, the master itself, too (p. 61).
+    NMM_SET_OPERATIONAL
+    /// Stops a node (p. 62).
+    NMM_SET_PREPARED
+    /// Resets a node (p. 64).
+    NMM_RESET_NODE
+}
+
+/// Blocks with ENABLE alone.
+macro_rules! of_master {
+    ($($(#[$doc:meta])* $name:ident)*) => {$(
+        function_block! {
+            $(#[$doc])*
+            pub struct $name(jobs: Jobs) {
+                in {
+                    /// Gives the order.
+                    ENABLE: bool;
+                }
+                out {
+                    /// The order before has been answered; ours.
+                    ANSWERED: bool;
+                }
+                internal: Order;
+            }
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, jobs: &Jobs) {
+                self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::$name, &[], &[]).is_some();
+            }
+        }
+    )*};
+}
+
+of_master! {
+    /// Makes the device the master of the network (p. 53).
+    NMM_SET_NMT_MASTER
+    /// Makes SYNC objects ready, once (p. 66).
+    PDO_INI_SEND_SYNC_OBJ
+}
+
+function_block! {
+    /// Makes a node known to the master (p. 55).
+    pub struct NMM_ADD_NODE(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+            /// Number of the node, 1 to 127.
+            NODE: u8;
+            /// Time between two guarding objects, to 65535 ms; 0: never.
+            GUARDTIME: Duration;
+            /// Answers in a row that may be missing.
+            LIFETIME: u8;
+        }
+        out {
+            /// Of the order before: 0 done, 1 not done, 2 wrong parameters.
+            RESULT: u8;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl NMM_ADD_NODE {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.NODE.into(), ms(self.GUARDTIME), self.LIFETIME.into()];
+        let answer = self.internal.call(jobs, self.ENABLE, job::NMM_ADD_NODE, &arguments, &[]);
+        self.ANSWERED = answer.is_some();
+        if let Some(answer) = answer {
+            self.RESULT = answer.results[0] as u8;
+        }
+    }
+}
+
+function_block! {
+    /// Guards the nodes whose guarding was started; to be called in every cycle (p. 59).
+    pub struct NMM_NODE_GUARDING(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+            /// A node that is back is made Operational.
+            AUTO_RESTART: bool;
+        }
+        out {
+            /// Of the order before: 0, or the number of a node that is missing, one after another; 255 wrong call.
+            RESULT: u8;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl NMM_NODE_GUARDING {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.AUTO_RESTART.into()];
+        let answer = self.internal.call(jobs, self.ENABLE, job::NMM_NODE_GUARDING, &arguments, &[]);
+        self.ANSWERED = answer.is_some();
+        if let Some(answer) = answer {
+            self.RESULT = answer.results[0] as u8;
+        }
+    }
+}
+
+/// Blocks with ENABLE and NODE, a STATE and a RESULT.
+macro_rules! with_state {
+    ($($(#[$doc:meta])* $name:ident)*) => {$(
+        function_block! {
+            $(#[$doc])*
+            pub struct $name(jobs: Jobs) {
+                in {
+                    /// Gives the order.
+                    ENABLE: bool;
+                    /// Number of the node, 1 to 127; 0: all.
+                    NODE: u8;
+                }
+                out {
+                    /// Of the order before: 127 Pre-Operational, 5 Operational, 4 Prepared, 0 not known.
+                    STATE: u8;
+                    /// Of the order before: 0 done, 1 not sent, 2 wrong parameters, 255 no master.
+                    RESULT: u8;
+                    /// The order before has been answered; ours.
+                    ANSWERED: bool;
+                }
+                internal: Order;
+            }
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, jobs: &Jobs) {
+                let answer = self.internal.call(jobs, self.ENABLE, job::$name, &[self.NODE.into()], &[]);
+                self.ANSWERED = answer.is_some();
+                if let Some(answer) = answer {
+                    (self.STATE, self.RESULT) = (answer.results[0] as u8, answer.results[1] as u8);
+                }
+            }
+        }
+    )*};
+}
+
+with_state! {
+    /// Tells the state of a node (p. 63).
+    NMM_GET_NODE_STATE
+    /// Resets the communication of a node (p. 65).
+    NMM_RESET_COMM
+}
+
+function_block! {
+    /// Sends a SYNC object (p. 67).
+    pub struct PDO_SEND_SYNC_OBJ(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+        }
+        out {
+            /// Of the order before: it was sent.
+            RESULT: bool;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl PDO_SEND_SYNC_OBJ {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let answer = self.internal.call(jobs, self.ENABLE, job::PDO_SEND_SYNC_OBJ, &[], &[]);
+        self.ANSWERED = answer.is_some();
+        self.RESULT = answer.is_some_and(|answer| answer.results[0] != 0);
+    }
+}
+
+function_block! {
+    /// Tells what the nodes say of their errors, the oldest first (p. 68).
+    pub struct EMC_GET_EMERGENCY(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+        }
+        out {
+            /// There is something new, for one call.
+            RECEIVED: bool;
+            /// Number of the node.
+            NODE: u8;
+            /// Error code.
+            VALUE: u16;
+            /// Error register, as 1001h.
+            REGISTER: u8;
+            /// What the node says more.
+            DATA: [u8; 5];
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl EMC_GET_EMERGENCY {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let answer = self.internal.call(jobs, self.ENABLE, job::EMC_GET_EMERGENCY, &[], &[]);
+        self.ANSWERED = answer.is_some();
+        let answer = answer.filter(|answer| answer.results[0] != 0);
+        self.RECEIVED = answer.is_some();
+        let Some(answer) = answer else { return };
+        let [_, node, value, register, ..] = answer.results;
+        (self.NODE, self.VALUE, self.REGISTER) = (node as u8, value as u16, register as u8);
+        self.DATA = array(&answer.data);
+    }
+}

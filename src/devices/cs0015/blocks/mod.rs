@@ -1,0 +1,30 @@
+//! The function blocks of the CS0015, with what a program needs beside them (Systemhandbuch Platinensteuerung CS0015, p. 30-70).
+//!
+//! On the device they call the operating system. Here each call with ENABLE gives an order in the job block, and a later call, in
+//! a program the next one, shows what has come of it (D-444).
+
+#![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
+
+mod can;
+mod master;
+mod order;
+mod sdo;
+mod slave;
+
+use crate::plc::{BlockKind, block_kinds};
+
+pub use crate::plc::Ram;
+pub use can::*;
+pub use master::*;
+pub use order::{Answer, Jobs, Order, Progress};
+pub use sdo::*;
+pub use slave::*;
+
+/// The function blocks, in the order of the manual's chapters.
+pub static BLOCKS: &[BlockKind] = block_kinds! {
+    -: CAN_BAUDRATE CAN_TRANSMIT CAN_RECEIVE
+        NMS_SET_NODEID NMS_GUARDING_CONFIG PDO_TX_CONFIG PDO_RX_CONFIG PDO_TX_REFRESH
+        NMM_SET_NMT_MASTER NMM_ADD_NODE NMM_START_GUARDING NMM_STOP_GUARDING NMM_NODE_GUARDING NMM_SET_PREOPERATIONAL
+        NMM_SET_OPERATIONAL NMM_SET_PREPARED NMM_GET_NODE_STATE NMM_RESET_NODE NMM_RESET_COMM PDO_INI_SEND_SYNC_OBJ
+        PDO_SEND_SYNC_OBJ EMC_GET_EMERGENCY SDO_READ SDO_WRITE;
+};

@@ -1,0 +1,132 @@
+//! CAN as a program uses it by itself: a queue for each identifier that it has made known (p. 22-23, 33-34).
+
+use crate::can::{Frame, StandardId};
+use embedded_can::{Frame as _, Id};
+use std::collections::VecDeque;
+
+/// Messages that a queue holds (p. 22).
+const DEPTH: usize = 30;
+
+/// The messages of an identifier.
+struct Queue {
+    id: StandardId,
+    messages: VecDeque<Vec<u8>>,
+    /// At least one was lost.
+    has_overflown: bool,
+}
+
+/// What a call of `CAN_RECEIVE` finds.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Found {
+    /// How many messages there were, this one included.
+    pub available: u8,
+    /// At least one was lost.
+    pub has_overflown: bool,
+    /// The oldest one; empty if there is none.
+    pub data: Vec<u8>,
+}
+
+/// All queues.
+#[derive(Default)]
+pub(super) struct Direct {
+    queues: Vec<Queue>,
+}
+
+impl Direct {
+    /// Makes an identifier known: from now on its messages are kept, `false` if they have been before.
+    pub(super) fn configure(&mut self, id: StandardId) -> bool {
+        let is_new = self.queues.iter().all(|queue| queue.id != id);
+        if is_new {
+            self.queues.push(Queue { id, messages: VecDeque::new(), has_overflown: false });
+        }
+        is_new
+    }
+
+    /// Nothing is known any more.
+    pub(super) fn clear(&mut self) {
+        self.queues.clear();
+    }
+
+    /// The identifiers that are known.
+    pub(super) fn ids(&self) -> impl Iterator<Item = StandardId> {
+        self.queues.iter().map(|queue| queue.id)
+    }
+
+    /// A frame has come.
+    pub(super) fn received(&mut self, frame: &Frame) {
+        let queue = self.queues.iter_mut().find(|queue| frame.id() == Id::Standard(queue.id));
+        let Some(queue) = queue.filter(|_| frame.is_data_frame()) else { return };
+        if queue.messages.len() < DEPTH {
+            queue.messages.push_back(frame.data().to_vec());
+        } else {
+            queue.has_overflown = true;
+        }
+    }
+
+    /// Takes the oldest message of an identifier; if `is_to_clear`, all are thrown away. None: nobody has made it known.
+    pub(super) fn take(&mut self, id: StandardId, is_to_clear: bool) -> Option<Found> {
+        let queue = self.queues.iter_mut().find(|queue| queue.id == id)?;
+        if is_to_clear {
+            queue.messages.clear();
+            queue.has_overflown = false;
+        }
+        let (available, has_overflown) = (queue.messages.len() as u8, queue.has_overflown);
+        let data = queue.messages.pop_front().unwrap_or_default();
+        if queue.messages.is_empty() {
+            queue.has_overflown = false;
+        }
+        Some(Found { available, has_overflown, data })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::Payload;
+
+    fn id(id: u16) -> StandardId {
+        StandardId::new(id).unwrap()
+    }
+
+    fn message(number: u8) -> Frame {
+        Frame::new(id(0x111), Payload::new(&[number]).unwrap())
+    }
+
+    fn found(available: u8, has_overflown: bool, data: &[u8]) -> Option<Found> {
+        Some(Found { available, has_overflown, data: data.to_vec() })
+    }
+
+    /// Vectors T7, T8 and T9.
+    #[test]
+    fn thirty_messages_wait_and_the_oldest_comes_first() {
+        let mut direct = Direct::default();
+        assert_eq!(direct.take(id(0x111), false), None);
+        direct.received(&message(99));
+        assert!(direct.configure(id(0x111)) && !direct.configure(id(0x111)));
+        assert_eq!(direct.take(id(0x111), false), found(0, false, &[]), "before it was known");
+        (0..30).for_each(|number| direct.received(&message(number)));
+        assert_eq!(direct.take(id(0x111), false), found(30, false, &[0]));
+        assert_eq!(direct.take(id(0x111), false), found(29, false, &[1]));
+        (30..33).for_each(|number| direct.received(&message(number)));
+        assert_eq!(direct.take(id(0x111), false), found(30, true, &[2]), "the last one is lost");
+        for number in 3..31 {
+            assert_eq!(direct.take(id(0x111), false), found(32 - number, true, &[number]));
+        }
+        assert_eq!(direct.take(id(0x111), false), found(1, true, &[31]));
+        assert_eq!(direct.take(id(0x111), false), found(0, false, &[]));
+    }
+
+    #[test]
+    fn other_frames_are_not_kept_and_all_can_be_thrown_away() {
+        let mut direct = Direct::default();
+        direct.configure(id(0x111));
+        direct.received(&Frame::standard(0x112, Payload::new(&[1]).unwrap()));
+        direct.received(&Frame::remote(id(0x111), 1).unwrap());
+        assert_eq!(direct.take(id(0x111), false), found(0, false, &[]));
+        (0..31).for_each(|number| direct.received(&message(number)));
+        assert_eq!(direct.take(id(0x111), true), found(0, false, &[]));
+        assert_eq!(direct.ids().collect::<Vec<_>>(), [id(0x111)]);
+        direct.clear();
+        assert_eq!(direct.take(id(0x111), false), None);
+    }
+}

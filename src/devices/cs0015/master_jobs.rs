@@ -1,0 +1,203 @@
+//! Functions of a CANopen master (p. 52-70). Their RESULT tells what was wrong, as the manual has it.
+
+use super::jobs::{Answer, Desk, Job, Outcome, Refusal};
+use super::nmt::{Nmt, Restart};
+use super::node::Node;
+use super::registers::values::job;
+use crate::devices::can_bus::Controller;
+use crate::devices::canopen::nmt::{Command, State};
+use crate::devices::canopen::sdo::At;
+
+/// RESULT: done, not sent or not successful, parameters out of their ranges, no master.
+const OK: u32 = 0;
+const NOT_SENT: u32 = 1;
+const PARAMETERS: u32 = 2;
+const NO_MASTER: u32 = 255;
+/// RESULT of SDOs: finished. One that was aborted is not.
+const FINISHED: u32 = 1;
+/// Bytes of DATA of an SDO: 0 to 255.
+const MOST: u32 = 256;
+
+pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
+    match job.function {
+        job::NMM_SET_NMT_MASTER => set_nmt_master(desk),
+        job::NMM_ADD_NODE => Ok(result(add_node(desk, job))),
+        job::NMM_START_GUARDING => {
+            Ok(result(guarding(desk, job, |nmt, number, now| nmt.network.start(number, now))))
+        }
+        job::NMM_STOP_GUARDING => Ok(result(guarding(desk, job, |nmt, number, _| nmt.network.stop(number)))),
+        job::NMM_NODE_GUARDING => Ok(result(node_guarding(desk, job))),
+        job::NMM_SET_PREOPERATIONAL => Ok(result(command(desk, job, Command::EnterPreOperational))),
+        job::NMM_SET_OPERATIONAL => Ok(result(command(desk, job, Command::Start))),
+        job::NMM_SET_PREPARED => Ok(result(command(desk, job, Command::Stop))),
+        job::NMM_GET_NODE_STATE => Ok(results(&node_state(desk, job))),
+        job::NMM_RESET_NODE => Ok(result(command(desk, job, Command::ResetNode))),
+        // P. 65 has a STATE, which nobody knows after a reset.
+        job::NMM_RESET_COMM => Ok(results(&[0, command(desk, job, Command::ResetCommunication)])),
+        job::PDO_INI_SEND_SYNC_OBJ => ini_send_sync(desk),
+        job::PDO_SEND_SYNC_OBJ => Ok(result(u32::from(send_sync(desk)))),
+        job::EMC_GET_EMERGENCY => emergency(desk),
+        job::SDO_READ | job::SDO_WRITE => sdo(desk, job),
+        _ => Err(Refusal::Function),
+    }
+}
+
+fn results(results: &[u32]) -> Answer {
+    let mut answer = Answer::default();
+    answer.results.iter_mut().zip(results).for_each(|(to, result)| *to = *result);
+    answer
+}
+
+fn result(result: u32) -> Answer {
+    results(&[result])
+}
+
+/// NODE: 0 for all.
+fn node_number(job: &Job) -> Option<u8> {
+    job.argument(0, 0..=127).ok().map(|number| number as u8)
+}
+
+/// The master, if the device is one, and what it works with.
+fn master<'a>(desk: &'a mut Desk) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
+    Some((desk.firmware.nmt.as_mut()?, &mut desk.firmware.node, &*desk.controller))
+}
+
+/// `CAN_OPEN` counts at once here: both may be done in the first cycle (p. 52).
+fn set_nmt_master(desk: Desk) -> Outcome {
+    desk.firmware.open(desk.now);
+    if desk.firmware.node.state() == State::Initialising {
+        return Err(Refusal::State);
+    }
+    desk.firmware.make_master();
+    Ok(Answer::default())
+}
+
+fn add_node(mut desk: Desk, job: &Job) -> u32 {
+    let number = job.argument(0, 1..=127).map(|number| number as u8);
+    let (guard_ms, life) = (job.argument(1, 0..=65_535), job.argument(2, 0..=255));
+    let (Ok(number), Ok(guard_ms), Ok(life)) = (number, guard_ms, life) else { return PARAMETERS };
+    let Some((nmt, node, _)) = master(&mut desk) else { return NOT_SENT };
+    if number == node.number() {
+        return PARAMETERS;
+    }
+    nmt.network.add(number, u64::from(guard_ms) * 1000, life as u8);
+    OK
+}
+
+fn guarding(mut desk: Desk, job: &Job, does: impl FnOnce(&mut Nmt, u8, u64) -> bool) -> u32 {
+    let (now, number) = (desk.now, node_number(job));
+    let (Some((nmt, node, _)), Some(number)) = (master(&mut desk), number) else { return PARAMETERS };
+    let is_known = does(nmt, number, now);
+    nmt.show(node);
+    if is_known { OK } else { PARAMETERS }
+}
+
+/// What the program calls again and again: asks the nodes that are to be asked (D-440).
+fn node_guarding(mut desk: Desk, job: &Job) -> u32 {
+    let (now, restart) = (desk.now, job.argument(0, 0..=1));
+    let (Some((nmt, node, _)), Ok(restart)) = (master(&mut desk), restart) else { return NO_MASTER };
+    nmt.restart = if restart == 0 { Restart::Never } else { Restart::Missing };
+    nmt.guard(node, now);
+    nmt.network.next_missing().map_or(OK, u32::from)
+}
+
+fn has_room(node: &Node, controller: &Controller) -> bool {
+    node.to_send() + controller.to_send() < Controller::ROOM
+}
+
+/// A command for a node, for all, or for the master itself (D-439).
+fn command(mut desk: Desk, job: &Job, command: Command) -> u32 {
+    let now = desk.now;
+    let Some((nmt, node, controller)) = master(&mut desk) else { return NO_MASTER };
+    let own = match command {
+        Command::Start => Some(State::Operational),
+        Command::EnterPreOperational => Some(State::PreOperational),
+        Command::Stop | Command::ResetNode | Command::ResetCommunication => None,
+    };
+    let is_right = |number: &u8| match *number {
+        0 => true,
+        number if number == node.number() => own.is_some(),
+        number => nmt.network.has(number),
+    };
+    let Some(number) = node_number(job).filter(is_right) else { return PARAMETERS };
+    let is_own = number == node.number();
+    if !is_own {
+        if !has_room(node, controller) {
+            return NOT_SENT;
+        }
+        nmt.command(node, command, number);
+    }
+    if let Some(own) = own.filter(|_| is_own || number == 0) {
+        node.set_state(own, now);
+    }
+    OK
+}
+
+/// STATE and RESULT. Of all nodes it is the one that they have in common.
+fn node_state(mut desk: Desk, job: &Job) -> [u32; 2] {
+    let Some((nmt, node, _)) = master(&mut desk) else { return [0, NO_MASTER] };
+    let known = |number: u8| {
+        let state = if number == node.number() { Some(node.state()) } else { nmt.network.state(number) };
+        state.map_or(0, State::code)
+    };
+    match node_number(job) {
+        Some(0) => {
+            let mut states = nmt.network.numbers().map(known);
+            let first = states.next().unwrap_or(0);
+            [if states.all(|state| state == first) { first.into() } else { 0 }, OK]
+        }
+        Some(number) if number == node.number() || nmt.network.has(number) => [known(number).into(), OK],
+        _ => [0, PARAMETERS],
+    }
+}
+
+fn ini_send_sync(mut desk: Desk) -> Outcome {
+    let (nmt, ..) = master(&mut desk).ok_or(Refusal::State)?;
+    nmt.has_sync = true;
+    Ok(Answer::default())
+}
+
+fn send_sync(mut desk: Desk) -> bool {
+    let now = desk.now;
+    let Some((nmt, node, controller)) = master(&mut desk) else { return false };
+    let can_send = nmt.has_sync && has_room(node, controller);
+    can_send && node.send_sync(now)
+}
+
+fn emergency(mut desk: Desk) -> Outcome {
+    let (nmt, ..) = master(&mut desk).ok_or(Refusal::State)?;
+    let Some(emergency) = nmt.emergencies.pop_front() else { return Ok(Answer::default()) };
+    let numbers = [1, emergency.node.into(), emergency.code.into(), emergency.register.into()];
+    Ok(Answer { data: emergency.data.to_vec(), ..results(&numbers) })
+}
+
+/// RESULT and the code of an abort; DATA of a read. Until it is finished the order stays.
+fn sdo(mut desk: Desk, job: &Job) -> Outcome {
+    let (now, place) = (desk.now, desk.place);
+    let (nmt, node, _) = master(&mut desk).ok_or(Refusal::State)?;
+    if let Some(finished) = nmt.finished(place) {
+        return Ok(match finished {
+            Ok(data) => Answer { data, ..result(FINISHED) },
+            Err(code) => results(&[0, code]),
+        });
+    }
+    if !nmt.sdo.is_of(place) {
+        let number = job.argument(0, 1..=127)? as u8;
+        let at = At { index: job.argument(1, 0..=0xFFFF)? as u16, sub: job.argument(2, 0..=0xFF)? as u8 };
+        let length = job.argument(3, 0..=MOST)? as usize;
+        if !nmt.network.has(number) {
+            return Err(Refusal::State);
+        }
+        if !nmt.sdo.is_free() {
+            return Err(Refusal::Later);
+        }
+        let request = if job.function == job::SDO_READ {
+            nmt.sdo.read(place, number, at, MOST as usize, now)
+        } else {
+            let data = job.data.get(..length).ok_or(Refusal::Arguments)?;
+            nmt.sdo.write(place, number, at, data, now)
+        };
+        node.send_sdo(number, request);
+    }
+    Err(Refusal::Later)
+}

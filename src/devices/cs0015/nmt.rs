@@ -1,0 +1,127 @@
+//! What `NMM_SET_NMT_MASTER` makes of the device: the master of the network, with its nodes, their emergencies, and SDOs (p. 52-70).
+
+use super::node::Node;
+use super::sdo_client::{Finished, SdoClient};
+use crate::devices::canopen::network::{Network, Order};
+use crate::devices::canopen::nmt::{Command, State};
+use std::collections::VecDeque;
+
+/// First identifiers of the predefined connection set (p. 38): emergencies, answers of SDO servers, guarding.
+const EMERGENCY: u16 = 0x080;
+const SDO_ANSWER: u16 = 0x580;
+const GUARDING: u16 = 0x700;
+/// Emergencies that wait for the program to ask for them (D-441).
+const EMERGENCIES: usize = 30;
+
+/// When a node that has told its state is started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Restart {
+    /// Never.
+    #[default]
+    Never,
+    /// If it had been missing: AUTO_RESTART (p. 59).
+    Missing,
+    /// Whenever it is Pre-Operational.
+    Always,
+}
+
+/// The emergency of a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Emergency {
+    pub node: u8,
+    pub code: u16,
+    pub register: u8,
+    pub data: [u8; 5],
+}
+
+/// The master of the network.
+#[derive(Default)]
+pub(super) struct Nmt {
+    pub network: Network,
+    pub restart: Restart,
+    /// `PDO_INI_SEND_SYNC_OBJ` was called.
+    pub has_sync: bool,
+    pub emergencies: VecDeque<Emergency>,
+    pub sdo: SdoClient,
+}
+
+impl Nmt {
+    fn give(node: &mut Node, order: Order) {
+        match order {
+            Order::Ask(number) => node.ask(GUARDING + u16::from(number)),
+            Order::Command(command, number) => node.send_command(command, number),
+        }
+    }
+
+    /// A frame has come: something of a node, perhaps.
+    pub(super) fn received(&mut self, node: &mut Node, now: u64, id: u16, data: &[u8]) {
+        let of = |first: u16| id.checked_sub(first).and_then(|number| u8::try_from(number).ok());
+        let of = |first| of(first).filter(|number| self.network.has(*number));
+        if let (Some(number), &[answer]) = (of(GUARDING), data) {
+            self.answered(node, number, answer);
+        } else if let (Some(number), Ok(answer)) = (of(SDO_ANSWER), data.try_into()) {
+            if let Some(request) = self.sdo.answered(number, answer, now) {
+                node.send_sdo(number, request);
+            }
+        } else if let (Some(number), &[low, high, register, a, b, c, d, e]) = (of(EMERGENCY), data) {
+            let (code, data) = (u16::from_le_bytes([low, high]), [a, b, c, d, e]);
+            if self.emergencies.len() < EMERGENCIES {
+                self.emergencies.push_back(Emergency { node: number, code, register, data });
+            }
+        }
+    }
+
+    /// A node has told its state.
+    fn answered(&mut self, node: &mut Node, number: u8, answer: u8) {
+        let Some(answered) = self.network.answered(number, answer) else { return };
+        let is_to_start = match self.restart {
+            Restart::Never => false,
+            Restart::Missing => answered.was_missing,
+            Restart::Always => answered.was_missing || answered.state == State::PreOperational,
+        };
+        if is_to_start {
+            self.command(node, Command::Start, number);
+        }
+        self.show(node);
+    }
+
+    /// Sends a command to a node, 0 for all.
+    pub(super) fn command(&mut self, node: &mut Node, command: Command, number: u8) {
+        node.send_command(command, number);
+        self.network.commanded(command, number);
+    }
+
+    /// Asks nodes for their state that are to be asked.
+    pub(super) fn guard(&mut self, node: &mut Node, now: u64) {
+        self.network.due(now).into_iter().for_each(|order| Self::give(node, order));
+        self.show(node);
+    }
+
+    /// The number of the slave that is missing, 0 if there is none (p. 152).
+    pub(super) fn show(&self, node: &Node) {
+        node.registers.flags.COP_GUARDFAIL_NODEID.store(self.network.missing().unwrap_or(0));
+    }
+
+    /// When an SDO has waited long enough.
+    pub(super) fn next_time(&self) -> u64 {
+        self.sdo.next_time()
+    }
+
+    pub(super) fn due(&mut self, node: &mut Node, now: u64) {
+        if let Some((number, abort)) = self.sdo.due(now) {
+            node.send_sdo(number, abort);
+        }
+    }
+
+    /// The order of a place of the job block has been taken back.
+    pub(super) fn withdraw(&mut self, node: &mut Node, place: usize) {
+        if let Some((number, abort)) = self.sdo.withdraw(place) {
+            node.send_sdo(number, abort);
+        }
+    }
+
+    /// What has become of the SDO of a place of the job block.
+    pub(super) fn finished(&mut self, place: usize) -> Option<Finished> {
+        self.sdo.finished(place)
+    }
+}

@@ -1,0 +1,54 @@
+//! What the device is on its bus, no CANopen node, a node, or the master, and what its program asks of it.
+
+use super::jobs;
+use super::nmt::Nmt;
+use super::port::Firmware;
+use super::registers::values::{bool, state};
+use crate::devices::Context;
+use crate::devices::can_bus::Controller;
+use crate::devices::canopen::nmt::State;
+
+impl Firmware {
+    /// The program has switched CANopen on: it starts, if it has not yet (p. 28).
+    pub(super) fn open(&mut self, now: u64) {
+        let is_can_open = self.node.registers.flags.CAN_OPEN.load() != bool::FALSE;
+        if is_can_open && self.node.state() == State::Initialising {
+            self.node.restart(State::PreOperational, now);
+        }
+    }
+
+    /// It is the master of the network from now on (p. 53).
+    pub(super) fn make_master(&mut self) -> &mut Nmt {
+        self.node.set_open(true);
+        self.nmt.get_or_insert_default()
+    }
+
+    /// It is no master any more.
+    pub(super) fn end_master(&mut self) {
+        self.node.set_open(false);
+        (self.nmt, self.master) = (None, None);
+        self.node.registers.flags.COP_GUARDFAIL_NODEID.store(0);
+    }
+
+    /// The communication starts anew, if there is any yet; what has made the device a master is lost (p. 48).
+    pub(super) fn reset_communication(&mut self, now: u64) {
+        self.end_master();
+        if self.node.state() != State::Initialising {
+            self.node.restart(State::PreOperational, now);
+        }
+    }
+
+    /// What the program asks of the operating system, which it does only while it runs.
+    pub(super) fn look_at_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        if self.state == state::RUN {
+            jobs::look(self, ctx, controller);
+        }
+    }
+
+    /// What has been begun may be done now.
+    pub(super) fn go_on_with_jobs(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        if !self.under_way.is_empty() {
+            self.look_at_jobs(ctx, controller);
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! SDOs of a master: one at a time, each for a place of the job block (p. 69-70).
+
+use crate::devices::canopen::sdo::{Abort, At, Client, Data, Step};
+
+/// How long an answer may take, in us (D-442).
+const PATIENCE_US: u64 = 1_000_000;
+
+/// What has become of a transfer: what was read, or the code of the abort.
+pub(super) type Finished = Result<Vec<u8>, u32>;
+
+/// A transfer under way.
+struct Transfer {
+    place: usize,
+    node: u8,
+    client: Client,
+    until: u64,
+}
+
+/// The master's end of SDOs.
+#[derive(Default)]
+pub(super) struct SdoClient {
+    transfer: Option<Transfer>,
+    /// Of the place that waits for it.
+    finished: Option<(usize, Finished)>,
+}
+
+impl SdoClient {
+    /// Whether nothing is under way, nor waits to be fetched.
+    pub(super) fn is_free(&self) -> bool {
+        self.transfer.is_none() && self.finished.is_none()
+    }
+
+    /// Whether it works for a place.
+    pub(super) fn is_of(&self, place: usize) -> bool {
+        self.transfer.as_ref().is_some_and(|it| it.place == place)
+    }
+
+    /// Reads an entry of at most `most` bytes of a node; what is to be sent.
+    pub(super) fn read(&mut self, place: usize, node: u8, at: At, most: usize, now: u64) -> Data {
+        self.begin(place, node, Client::read(at, most), now)
+    }
+
+    /// Writes an entry of a node; what is to be sent.
+    pub(super) fn write(&mut self, place: usize, node: u8, at: At, data: &[u8], now: u64) -> Data {
+        self.begin(place, node, Client::write(at, data), now)
+    }
+
+    fn begin(&mut self, place: usize, node: u8, (client, request): (Client, Data), now: u64) -> Data {
+        self.transfer = Some(Transfer { place, node, client, until: now + PATIENCE_US });
+        request
+    }
+
+    /// A server has answered; what is to be sent to it.
+    pub(super) fn answered(&mut self, node: u8, answer: Data, now: u64) -> Option<Data> {
+        let transfer = self.transfer.as_mut().filter(|it| it.node == node)?;
+        let (finished, request) = match transfer.client.answered(answer) {
+            Step::Ignored => return None,
+            Step::Send(request) => {
+                transfer.until = now + PATIENCE_US;
+                return Some(request);
+            }
+            Step::Done(data) => (Ok(data), None),
+            Step::Aborted(code) => (Err(code), None),
+            Step::Failed(abort, request) => (Err(abort.code()), Some(request)),
+        };
+        self.finish(finished);
+        request
+    }
+
+    fn finish(&mut self, finished: Finished) {
+        self.finished = self.transfer.take().map(|it| (it.place, finished));
+    }
+
+    /// What has become of the transfer of a place, once.
+    pub(super) fn finished(&mut self, place: usize) -> Option<Finished> {
+        self.finished.take_if(|(of, _)| *of == place).map(|(_, finished)| finished)
+    }
+
+    /// Whoever waited at a place does so no more: what is to be sent to whom.
+    pub(super) fn withdraw(&mut self, place: usize) -> Option<(u8, Data)> {
+        self.finished(place);
+        let transfer = self.transfer.take_if(|it| it.place == place)?;
+        Some((transfer.node, transfer.client.give_up()))
+    }
+
+    /// When an answer has been missing for too long; `u64::MAX` if none is awaited.
+    pub(super) fn next_time(&self) -> u64 {
+        self.transfer.as_ref().map_or(u64::MAX, |it| it.until)
+    }
+
+    /// Looks at the time: what is to be sent to whom.
+    pub(super) fn due(&mut self, now: u64) -> Option<(u8, Data)> {
+        let transfer = self.transfer.as_ref().filter(|it| it.until <= now)?;
+        let abort = (transfer.node, transfer.client.give_up());
+        self.finish(Err(Abort::TimeOut.code()));
+        Some(abort)
+    }
+}
