@@ -237,7 +237,7 @@ mod tests {
         network.due(100);
         let shown: Vec<_> = (0..5).filter_map(|_| network.next_missing()).collect();
         assert_eq!(shown, [1, 3, 4, 1, 3]);
-        assert!((1..=4).all(|node| network.answered(node, 127).is_some()));
+        assert!([1, 3, 4].iter().all(|node| network.answered(*node, 127).is_some()));
         assert_eq!(network.next_missing(), None);
     }
 }

@@ -251,16 +251,17 @@ impl Bench {
         assert_eq!(self.registers.front(FRONT_PROGRAM).load(), 0, "it is answered");
     }
 
-    /// Gives an order at a place of the job block.
-    fn order(&self, place: usize, function: u16, arguments: &[u32]) {
-        self.order_with(place, function, arguments, &[]);
-    }
-
-    /// Gives an order with data.
+    /// Gives an order with data at a place of the job block.
     fn order_with(&self, place: usize, function: u16, arguments: &[u32], data: &[u8]) {
         let jobs = &self.registers.jobs;
         jobs.a_LENGTH[place].store(data.len() as u16);
         jobs.a_DATA[place].iter().zip(data).for_each(|(cell, byte)| cell.store(*byte));
+        self.order(place, function, arguments);
+    }
+
+    /// Gives an order, with the data that are there.
+    fn order(&self, place: usize, function: u16, arguments: &[u32]) {
+        let jobs = &self.registers.jobs;
         jobs.a_FUNCTION[place].store(function);
         jobs.a_ARGUMENT[place].iter().zip(arguments).for_each(|(cell, value)| cell.store(*value));
         jobs.a_ORDER[place].store(jobs.d_ORDERS.update(|orders| orders.wrapping_add(1)));
