@@ -10,6 +10,11 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
         job::CAN_BAUDRATE => can_baudrate(desk, job),
         job::CAN_TRANSMIT => can_transmit(desk, job),
         job::CAN_RECEIVE => can_receive(desk, job),
+        job::CAN_RESTART => {
+            desk.controller.restart();
+            Ok(Answer::default())
+        }
+        job::CAN_ERRORHANDLER => can_errorhandler(desk, job),
         _ => Err(Refusal::Function),
     }
 }
@@ -56,5 +61,13 @@ fn can_receive(desk: Desk, job: &Job) -> Outcome {
     let mut answer = Answer { data: found.data, ..Answer::default() };
     answer.results[0] = answer.data.len() as u32;
     (answer.results[2], answer.results[3]) = (found.available.into(), found.has_overflown.into());
+    Ok(answer)
+}
+
+/// ERRORCOUNT; a controller that is BUS-off returns (p. 36).
+fn can_errorhandler(desk: Desk, job: &Job) -> Outcome {
+    let is_reset = job.argument(0, 0..=1)? != 0;
+    let mut answer = Answer::default();
+    answer.results[0] = desk.firmware.can_errors.handle(desk.controller, is_reset).into();
     Ok(answer)
 }

@@ -4,6 +4,8 @@
 #[cfg(feature = "plc")]
 pub mod blocks;
 #[cfg(feature = "emulator")]
+mod can_errors;
+#[cfg(feature = "emulator")]
 mod can_jobs;
 #[cfg(feature = "emulator")]
 mod command;

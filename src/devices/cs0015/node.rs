@@ -21,8 +21,9 @@ const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
 const NO_SYNC: Cause = Cause { code: 0x8200, register: 1 << 4 };
 /// First identifier of requests to SDO servers, of the predefined connection set (p. 38).
 const SDO_REQUEST: u16 = 0x600;
-/// Byte 3 of a SYNC error, bit 1: it is SYNC that is missing (p. 44).
-const SYNC_BYTES: [u8; 5] = [1 << 1, 0, 0, 0, 0];
+/// Bits of byte 3 of it: what is wrong (p. 44).
+const CAN_BIT: u8 = 1 << 0;
+const SYNC_BIT: u8 = 1 << 1;
 
 /// What the node sends when it has started (D-418).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -66,6 +67,8 @@ pub(super) struct Node {
     pub has_sync: bool,
     /// Whether others' frames are to be filtered anew.
     has_moved: bool,
+    /// There are errors of CAN.
+    has_can_error: bool,
     /// It hears everybody.
     is_open: bool,
     /// Frames to be sent.
@@ -89,6 +92,7 @@ impl Node {
             transmit: Default::default(),
             has_sync: false,
             has_moved: false,
+            has_can_error: false,
             is_open: false,
             out: Vec::new(),
         }
@@ -188,7 +192,7 @@ impl Node {
         self.guarded.reset();
         self.sync.stop();
         self.errors.set(NO_GUARDING, None);
-        self.errors.set(NO_SYNC, None);
+        self.set_sync_error();
         self.refresh(now);
         let boot_up = match self.boot_up {
             BootUp::None => None,
@@ -213,7 +217,7 @@ impl Node {
         }
         if !state.has_pdo() && before.has_pdo() {
             self.sync.stop();
-            self.errors.set(NO_SYNC, None);
+            self.set_sync_error();
         }
         self.tell();
     }
@@ -233,7 +237,7 @@ impl Node {
         let cycle_us = u64::from(parameters.d_COMMUNICATION_CYCLE.load()).next_multiple_of(1000);
         self.sync.set_period(cycle_us, now);
         self.errors.set(NO_GUARDING, self.guarded.life.is_missing().then_some([0; 5]));
-        self.errors.set(NO_SYNC, self.sync.is_missing().then_some(SYNC_BYTES));
+        self.set_sync_error();
     }
 
     /// A frame has come that is no network management.
@@ -284,7 +288,7 @@ impl Node {
             return;
         }
         self.sync.start(now);
-        self.errors.set(NO_SYNC, None);
+        self.set_sync_error();
         for pdo in 0..PDOS {
             let kind = self.communication.pdo(Way::Receive, pdo).kind;
             if let Some(value) = self.receive[pdo].sync(kind) {
@@ -329,8 +333,17 @@ impl Node {
         }
     }
 
-    /// What is wrong with the hardware, with bytes 3 to 7 of each emergency, and whether `ERROR` is TRUE.
-    pub(super) fn set_errors(&mut self, hardware: &Diagnosis, is_general: bool) {
+    /// The error that SYNC and CAN share (p. 44).
+    fn set_sync_error(&mut self) {
+        let can = if self.has_can_error { CAN_BIT } else { 0 };
+        let bits = can | if self.sync.is_missing() { SYNC_BIT } else { 0 };
+        self.errors.set(NO_SYNC, (bits != 0).then_some([bits, 0, 0, 0, 0]));
+    }
+
+    /// What is wrong with the hardware, with bytes 3 to 7 of each emergency, and whether `CAN_ERROR` and `ERROR` are TRUE.
+    pub(super) fn set_errors(&mut self, hardware: &Diagnosis, has_can_error: bool, is_general: bool) {
+        self.has_can_error = has_can_error;
+        self.set_sync_error();
         for (cause, data) in hardware.errors() {
             self.errors.set(cause, data);
         }
@@ -355,7 +368,7 @@ impl Node {
         }
         if self.sync.look(now) {
             self.registers.flags.COP_SYNCFAIL_ERROR.store(bool::TRUE);
-            self.errors.set(NO_SYNC, Some(SYNC_BYTES));
+            self.set_sync_error();
         }
         if self.state.has_pdo() && self.transmit.iter().any(|pdo| pdo.next_time() <= now) {
             self.cycle(now);

@@ -1,5 +1,6 @@
 //! The controller behind the CAN interface: its operating states, its program, LED STAT and terminals (p. 13-19).
 
+use super::can_errors::CanErrors;
 use super::communication::{PdoConfig, Way};
 use super::diagnosis::Diagnosis;
 use super::events::{self, Pulses};
@@ -16,7 +17,7 @@ use super::registers::{
     FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT, FRONT_STATE,
 };
 use super::watch;
-use crate::can::Frame;
+use crate::can::{ErrorState, Frame};
 use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
 use crate::devices::canopen::nmt::{Command, State};
@@ -79,6 +80,7 @@ pub(super) struct Firmware {
     /// What is wrong with the hardware, as last seen.
     diagnosis: Diagnosis,
     pub(super) interrupt: Interrupt,
+    pub(super) can_errors: CanErrors,
     /// The operating system was erased since the last reset.
     pub(super) has_been_erased: bool,
     pulses: Pulses,
@@ -102,6 +104,7 @@ impl Firmware {
             peripherals: Peripherals::default(),
             diagnosis: Diagnosis::default(),
             interrupt: Interrupt::default(),
+            can_errors: CanErrors::default(),
             has_been_erased: false,
             pulses,
         }
@@ -271,6 +274,7 @@ impl Firmware {
 
     /// After whatever has happened: flags, front, journal and frames.
     fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        self.can_errors.look(&self.node.registers.flags, controller);
         self.diagnose(ctx);
         for (rule, offset, value) in self.peripherals.findings.drain(..) {
             let (plc, live) = (ctx.origin.plc, Live::Always);
@@ -278,7 +282,8 @@ impl Firmware {
         }
         let has_error = self.node.registers.flags.ERROR.load() != bool::FALSE;
         if self.node.state() != State::Initialising {
-            self.node.set_errors(&self.diagnosis, has_error);
+            let has_can_error = self.node.registers.flags.CAN_ERROR.load() != bool::FALSE;
+            self.node.set_errors(&self.diagnosis, has_can_error, has_error);
         }
         let (state, node) = (self.node.state(), self.node.number());
         if core::mem::replace(&mut self.told, state) != state {
@@ -304,7 +309,7 @@ impl Firmware {
         }
         for frame in self.node.take_frames() {
             if controller.send(frame).is_err() {
-                self.node.registers.flags.CAN_TX_OVERRUN_ERROR.store(bool::TRUE);
+                self.can_errors.lost_to_send(&self.node.registers.flags);
             }
         }
     }
@@ -319,7 +324,7 @@ impl CanPort for Firmware {
         self.under_way = UnderWay::default();
         (self.told, self.is_stopped, self.cycles, self.outputs) = (State::Initialising, false, 0, 0);
         (self.diagnosis, self.has_been_erased) = (Diagnosis::default(), false);
-        self.interrupt = Interrupt::default();
+        (self.interrupt, self.can_errors) = (Interrupt::default(), CanErrors::default());
         if self.node.registers.parameters.b_OPERATING_SYSTEM.load() == loaded::NO {
             self.enter(ctx, state::NO_OPERATING_SYSTEM);
         } else {
@@ -371,6 +376,19 @@ impl CanPort for Firmware {
         self.show(ctx, controller);
     }
 
+    /// BUS-off is left by `CAN_RESTART` only (p. 35).
+    fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
+        if self.state != state::OFF {
+            self.can_errors.state(&self.node.registers.flags, state);
+            self.show(ctx, controller);
+        }
+    }
+
+    fn overrun(&mut self, ctx: &mut Context, controller: &mut Controller, _: &Frame) {
+        self.can_errors.lost_received(&self.node.registers.flags);
+        self.show(ctx, controller);
+    }
+
     fn next_time(&self) -> u64 {
         let of_nmt = self.nmt.as_ref().map_or(u64::MAX, Nmt::next_time);
         // P. 28: a master that the programming system has stopped is none.
@@ -390,7 +408,13 @@ impl CanPort for Firmware {
             match self.state {
                 state::RESET if self.program == Program::None => self.enter(ctx, state::STOP),
                 state::RESET => self.enter(ctx, state::RUN),
-                _ => self.end_cycle(ctx),
+                _ => {
+                    // A built-in program calls CAN_ERRORHANDLER in each cycle, as any should (p. 19, 36).
+                    if matches!(self.program, Program::BuiltIn { .. }) {
+                        self.can_errors.handle(controller, false);
+                    }
+                    self.end_cycle(ctx);
+                }
             }
         }
         self.node.due(ctx.now);

@@ -1,5 +1,6 @@
 //! A CS0015 at a bus with a master of the test: the vectors of the manual, to the microsecond.
 
+mod can_errors;
 mod can_jobs;
 mod errors;
 mod frames;
@@ -182,9 +183,9 @@ impl Bench {
                 self.bus.processor_cycle(place, self.now, &mut self.journal);
             }
             let cycle = (self.now + 500).min(end);
-            let (faults, edges) = (&mut Faults::default(), &mut Vec::new());
+            let edges = &mut Vec::new();
             while self.bus.next_time() <= cycle {
-                let now = self.bus.next_time();
+                let (now, faults) = (self.bus.next_time(), &mut self.faults);
                 self.bus.event(&mut World { now, journal: &mut self.journal, faults, edges });
             }
             self.now = cycle;

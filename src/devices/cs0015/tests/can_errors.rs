@@ -1,0 +1,81 @@
+//! Errors of the CAN bus: p. 18-19, 35-36, 44.
+
+use super::*;
+use crate::devices::can_faults::{self, OVERRUN};
+use crate::devices::cs0015::registers::values::{job, job_error};
+use crate::fault::{Draft, Effect, Target};
+
+const PORT: Target = Target::Port { device: 0, port: 1 };
+
+fn bus_off(bench: &mut Bench) {
+    let effect = Effect::new(can_faults::Effect::BusOff);
+    assert!(bench.bus.strike(bench.now, PORT, &effect).is_some());
+    bench.run(500);
+}
+
+/// A program of one's own that has switched CANopen on.
+fn attached() -> Bench {
+    let mut bench = Bench::running("program = 'attached'");
+    bench.registers.flags.CAN_OPEN.store(1);
+    bench.run(20 * MS);
+    bench
+}
+
+fn flags(bench: &Bench) -> (u8, u8) {
+    (bench.registers.flags.CAN_BUS_OFF_ERROR.load(), bench.registers.flags.CAN_ERROR.load())
+}
+
+/// Reads 1000h.
+fn device_type(bench: &mut Bench) -> Vec<(u16, Vec<u8>)> {
+    bench.exchange(0x620, &[0x40, 0, 0x10, 0, 0, 0, 0, 0])
+}
+
+/// Vector T11.
+#[test]
+fn bus_off_is_left_by_can_restart_only() {
+    let mut bench = attached();
+    assert_eq!((flags(&bench), device_type(&mut bench).len()), ((0, 0), 1));
+    bus_off(&mut bench);
+    bench.run(1000 * MS);
+    assert_eq!((flags(&bench), device_type(&mut bench)), ((1, 1), vec![]));
+    assert_eq!(bench.job(job::CAN_RESTART, &[]).0, job_error::NONE);
+    assert_eq!(flags(&bench), (1, 1), "it takes 128 times 11 bits");
+    bench.run(20 * MS);
+    assert_eq!(flags(&bench), (0, 1), "the other one is the program's to reset");
+    assert_eq!(bench.heard(), [(0xA0, vec![0, 0x82, 0x10, 1, 0, 0, 0, 0])]);
+    bench.registers.flags.CAN_ERROR.store(0);
+    bench.run(5 * MS);
+    assert_eq!(bench.heard(), [(0xA0, vec![0; 8])]);
+    assert_eq!(device_type(&mut bench).len(), 1);
+}
+
+/// P. 36.
+#[test]
+fn the_error_handler_counts_and_brings_it_back() {
+    let mut bench = attached();
+    for count in 1..3 {
+        bus_off(&mut bench);
+        assert_eq!(bench.job(job::CAN_ERRORHANDLER, &[0]).1[0], count);
+        bench.run(20 * MS);
+        assert_eq!(flags(&bench), (0, 1));
+    }
+    assert_eq!(bench.job(job::CAN_ERRORHANDLER, &[1]).1[0], 0);
+    let mut built_in = Bench::running("");
+    bus_off(&mut built_in);
+    built_in.run(30 * MS);
+    assert_eq!(flags(&built_in), (0, 1), "a built-in program calls it, too");
+}
+
+#[test]
+fn a_lost_frame_has_a_flag() {
+    let mut bench = attached();
+    let overrun = Draft { count: Some(1), ..Draft::new(&OVERRUN, PORT) }.check().unwrap();
+    bench.faults.add(bench.now, overrun, Owner::Medium(0), &mut bench.journal).unwrap();
+    bench.run(MS);
+    assert_eq!(device_type(&mut bench), []);
+    let flags = &bench.registers.flags;
+    assert_eq!((flags.CAN_RX_OVERRUN_ERROR.load(), flags.CAN_ERROR.load()), (1, 1));
+    bench.run(5 * MS);
+    assert_eq!(bench.heard(), [(0xA0, vec![0, 0x82, 0x10, 1, 0, 0, 0, 0])]);
+    assert_eq!(device_type(&mut bench).len(), 1);
+}
