@@ -4,6 +4,8 @@ use super::jobs;
 use super::nmt::Nmt;
 use super::port::Firmware;
 use super::registers::values::{bool, state};
+use super::registers::{CS0015_JOBS, JOBS};
+use super::rules;
 use crate::devices::Context;
 use crate::devices::can_bus::Controller;
 use crate::devices::canopen::nmt::State;
@@ -32,6 +34,10 @@ impl Firmware {
 
     /// The communication starts anew, if there is any yet; what has made the device a master is lost (p. 48).
     pub(super) fn reset_communication(&mut self, now: u64) {
+        if self.nmt.is_some() || self.master.is_some() {
+            let at = (JOBS + core::mem::offset_of!(CS0015_JOBS, a_FUNCTION)) as u32;
+            self.peripherals.findings.push((&rules::PDO_AFTER_MASTER, at, 0));
+        }
         self.end_master();
         if self.node.state() != State::Initialising {
             self.node.restart(State::PreOperational, now);

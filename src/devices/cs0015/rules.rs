@@ -18,4 +18,7 @@ rules! {
         "A PWM frequency above 200 Hz, which the output transistors do not follow exactly. Choose 200 Hz at most.";
     SERIAL_MODE: 75, "serial-mode", Error, "CS0015 10/1999 p. 112-114",
         "SERIAL_TX or SERIAL_RX was called while RS 232 belongs to the programming system. Set SERIAL_MODE first.";
+    PDO_AFTER_MASTER: 76, "pdo-after-master", Error, "CS0015 10/1999 p. 48, 50, 53",
+        "PDO_TX_CONFIG or PDO_RX_CONFIG was called after NMM_SET_NMT_MASTER; it resets the communication, and the device is no \
+         master any more. Configure all PDOs first, and begin the master's boot-up a cycle later.";
 }

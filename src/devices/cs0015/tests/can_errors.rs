@@ -37,7 +37,7 @@ fn bus_off_is_left_by_can_restart_only() {
     assert_eq!((flags(&bench), device_type(&mut bench).len()), ((0, 0), 1));
     bus_off(&mut bench);
     bench.run(1000 * MS);
-    assert_eq!((flags(&bench), device_type(&mut bench)), ((1, 1), vec![]));
+    assert_eq!((flags(&bench), bench.heard()), ((1, 1), vec![]));
     assert_eq!(bench.job(job::CAN_RESTART, &[]).0, job_error::NONE);
     assert_eq!(flags(&bench), (1, 1), "it takes 128 times 11 bits");
     bench.run(20 * MS);
@@ -72,10 +72,8 @@ fn a_lost_frame_has_a_flag() {
     let overrun = Draft { count: Some(1), ..Draft::new(&OVERRUN, PORT) }.check().unwrap();
     bench.faults.add(bench.now, overrun, Owner::Medium(0), &mut bench.journal).unwrap();
     bench.run(MS);
-    assert_eq!(device_type(&mut bench), []);
+    assert_eq!(device_type(&mut bench), [(0xA0, vec![0, 0x82, 0x10, 1, 0, 0, 0, 0])]);
     let flags = &bench.registers.flags;
     assert_eq!((flags.CAN_RX_OVERRUN_ERROR.load(), flags.CAN_ERROR.load()), (1, 1));
-    bench.run(5 * MS);
-    assert_eq!(bench.heard(), [(0xA0, vec![0, 0x82, 0x10, 1, 0, 0, 0, 0])]);
     assert_eq!(device_type(&mut bench).len(), 1);
 }

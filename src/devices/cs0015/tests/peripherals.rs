@@ -292,3 +292,97 @@ fn flags_of_the_operating_system_are_not_written() {
     bench.run(10 * MS);
     assert_eq!(broken(&mut bench), [""; 0], "once");
 }
+
+/// P. 48, 50, 53.
+#[test]
+fn pdos_are_configured_before_there_is_a_master() {
+    let mut bench = Bench::running("program = 'attached'");
+    bench.registers.flags.CAN_OPEN.store(1);
+    bench.run(20 * MS);
+    ask(&mut bench, job::PDO_TX_CONFIG, &[3, 0x390, 255, 0]);
+    ask(&mut bench, job::NMM_SET_NMT_MASTER, &[]);
+    assert_eq!(broken(&mut bench), [""; 0]);
+    ask(&mut bench, job::PDO_RX_CONFIG, &[3, 0x3A0, 255]);
+    assert_eq!(broken(&mut bench), ["pdo-after-master"]);
+}
+
+/// The blocks ask for the same, with the manual's inputs and outputs.
+#[cfg(feature = "plc")]
+#[test]
+fn blocks_are_the_functions() {
+    use crate::devices::cs0015::blocks::*;
+    use core::time::Duration;
+    let mut bench = Bench::running("program = 'attached'");
+    let ram = Ram::of(&bench.segment).unwrap();
+    let jobs = Jobs::of(&ram).unwrap();
+    bench.registers.flags.SERIAL_MODE.store(1);
+    bench.set(FRONT_MHZ_0, 100_000);
+    bench.registers.function.a_FUNCTION[0].store(0xABCD);
+    let mut pwm = PWM { INIT: true, RELOAD: 50_000, VALUE: 25_000, CHANGE: true, ..Default::default() };
+    let mut percent =
+        PWM100 { INIT: true, FREQUENCY: 100, CHANNEL: 4, VALUE: 25, CHANGE: true, ..Default::default() };
+    let mut frequency = FREQUENCY { INIT: true, TIMEBASE: Duration::from_millis(100), ..Default::default() };
+    let mut cycle = CYCLE { INIT: true, ..Default::default() };
+    let mut encoder = INC_ENCODER { INIT: true, ..Default::default() };
+    let mut text = LCD_TEXT { CHANGE: true, TEXT: *b"12345ON\0", POINTS: 2, ..Default::default() };
+    let mut save = E2WRITE { ENABLE: true, ..Default::default() };
+    let mut send = SERIAL_TX { ENABLE: true, DATA: 0x41, ..Default::default() };
+    let (mut fetch, mut pending) = (SERIAL_RX::default(), SERIAL_PENDING::default());
+    let (mut time, mut us) = (TIMER_READ::default(), TIMER_US_READ::default());
+    let mut interrupt = SET_INTERRUPT_1MS { ENABLE: true, ..Default::default() };
+    for _ in 0..60 {
+        pwm.call(&jobs);
+        percent.call(&jobs);
+        frequency.call(&jobs);
+        cycle.call(&jobs);
+        encoder.call(&jobs);
+        text.call(&jobs);
+        save.call(&jobs);
+        send.call(&jobs);
+        bench.run(MS);
+        fetch.call(&jobs);
+        pending.call(&jobs);
+        time.call(&jobs);
+        us.call(&jobs);
+        interrupt.call(&jobs);
+        bench.run(9 * MS);
+        (pwm.INIT, pwm.CHANGE, percent.INIT, percent.CHANGE) = (false, false, false, false);
+        (frequency.INIT, cycle.INIT, encoder.INIT) = (false, false, false);
+        (text.CHANGE, send.ENABLE) = (false, false);
+    }
+    let shown = &bench.registers.peripherals;
+    assert_eq!((shown.a_PWM_DUTY[0].load(), shown.a_PWM_DUTY[4].load()), (5_000, 2_499));
+    assert_eq!((frequency.F, cycle.C), (100, 10));
+    assert!(encoder.UP && !encoder.DOWN && encoder.COUNTER > 50, "{encoder:?}");
+    assert_eq!((display(&bench).as_str(), save.RESULT, shown.d_RS232_SENT.load()), ("12.345ON", 1, 1));
+    assert_eq!((fetch.AVAILABLE, pending.NUMBER), (0, 0));
+    assert_eq!(time.T.as_millis() as u32 / 10, us.TIME_US / 10_000);
+    assert!(bench.segment.header().unwrap().events[INTERRUPT].bell.rings() > 500);
+    save.ENABLE = false;
+    let mut segments = LCD_SEGMENTS { CHANGE: true, DIGITS: [0xC0, 0, 0, 0, 0], ..Default::default() };
+    let (mut restart, mut errors) =
+        (CAN_RESTART { ENABLE: true, ..Default::default() }, CAN_ERRORHANDLER::default());
+    let mut load = E2READ { ENABLE: true, ..Default::default() };
+    bench.registers.function.a_FUNCTION[0].store(0);
+    for _ in 0..4 {
+        save.call(&jobs);
+        segments.call(&jobs);
+        restart.call(&jobs);
+        errors.call(&jobs);
+        load.call(&jobs);
+        bench.run(10 * MS);
+    }
+    assert_eq!((save.RESULT, load.RESULT, display(&bench)), (0, 1, "1".to_owned()));
+    assert_eq!(bench.registers.function.a_FUNCTION[0].load(), 0xABCD);
+    assert!(restart.ANSWERED && errors.ANSWERED && errors.ERRORCOUNT == 0);
+    let mut norm = NORM { X: 50, XH: 0, XL: 100, YH: 0, YL: 2000, ..Default::default() };
+    norm.call();
+    assert_eq!(norm.Y, 1000, "vector T32");
+    (norm.YH, norm.YL, norm.X) = (2000, 0, 25);
+    norm.call();
+    assert_eq!(norm.Y, 1500, "inverted");
+    let mut reset = SOFTRESET { ENABLE: true, ..Default::default() };
+    reset.call(&jobs);
+    bench.run(3 * MS);
+    assert_eq!(bench.state(), "reset");
+}

@@ -1,0 +1,53 @@
+//! Blocks for errors of the CAN bus (p. 35-36).
+
+use super::order::{Jobs, Order};
+use crate::devices::cs0015::registers::values::job;
+use crate::plc::function_block;
+
+function_block! {
+    /// Lets a controller that is BUS-off return to the bus (p. 35).
+    pub struct CAN_RESTART(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+        }
+        out {
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl CAN_RESTART {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::CAN_RESTART, &[], &[]).is_some();
+    }
+}
+
+function_block! {
+    /// Counts errors of CAN, and lets a controller that is BUS-off return (p. 36). Each call gives an order.
+    pub struct CAN_ERRORHANDLER(jobs: Jobs) {
+        in {
+            /// Sets the counter to 0.
+            RESET: bool;
+        }
+        out {
+            /// Errors so far.
+            ERRORCOUNT: u16;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl CAN_ERRORHANDLER {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let answer = self.internal.call(jobs, true, job::CAN_ERRORHANDLER, &[self.RESET.into()], &[]);
+        self.ANSWERED = answer.is_some();
+        self.ERRORCOUNT = answer.map_or(self.ERRORCOUNT, |answer| answer.results[0] as u16);
+    }
+}

@@ -1,0 +1,74 @@
+//! Blocks of the display (p. 100-103).
+
+use super::order::{Jobs, Order};
+use crate::devices::cs0015::registers::values::job;
+use crate::plc::function_block;
+
+function_block! {
+    /// Switches segments of the display (p. 101).
+    pub struct LCD_SEGMENTS(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            CHANGE: bool;
+            /// Segments of digit 1 to 5.
+            DIGITS: [u8; 5];
+            /// Segments of letter 1 to 3.
+            LETTERS: [u16; 3];
+            /// Places that blink: digit 1 in bit 0, letter 1 in bit 5.
+            BLINK: u8;
+            /// Fixed texts: CH1 in bit 0, KEY in bit 7.
+            STATES: u8;
+            /// Decimal points: that of digit 1 in bit 0.
+            POINTS: u8;
+        }
+        out {
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl LCD_SEGMENTS {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.CHANGE.into(), self.BLINK.into(), self.STATES.into(), self.POINTS.into()];
+        let letters = self.LETTERS.iter().flat_map(|letter| letter.to_le_bytes());
+        let data: Vec<u8> = self.DIGITS.into_iter().chain(letters).collect();
+        let answer = self.internal.call(jobs, self.CHANGE, job::LCD_SEGMENTS, &arguments, &data);
+        self.ANSWERED = answer.is_some();
+    }
+}
+
+function_block! {
+    /// Shows a text (p. 103).
+    pub struct LCD_TEXT(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            CHANGE: bool;
+            /// Its characters, 0 behind the last one.
+            TEXT: [u8; 8];
+            /// Places that blink: digit 1 in bit 0, letter 1 in bit 5.
+            BLINK: u8;
+            /// Fixed texts: CH1 in bit 0, KEY in bit 7.
+            STATES: u8;
+            /// Decimal points: that of digit 1 in bit 0.
+            POINTS: u8;
+        }
+        out {
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl LCD_TEXT {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.CHANGE.into(), self.BLINK.into(), self.STATES.into(), self.POINTS.into()];
+        let text = self.TEXT.split(|character| *character == 0).next().unwrap_or_default();
+        let answer = self.internal.call(jobs, self.CHANGE, job::LCD_TEXT, &arguments, text);
+        self.ANSWERED = answer.is_some();
+    }
+}

@@ -1,0 +1,264 @@
+//! Blocks of memory, RS 232, timers and the interrupt program (p. 106-118).
+
+use super::order::{Jobs, Order};
+use crate::devices::cs0015::registers::values::job;
+use crate::plc::function_block;
+use core::time::Duration;
+
+function_block! {
+    /// Starts the controller anew, as if its supply went off and on (p. 106).
+    pub struct SOFTRESET(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+        }
+        out {
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl SOFTRESET {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::SOFTRESET, &[], &[]).is_some();
+    }
+}
+
+function_block! {
+    /// Saves %MW128 to %MW511 in the EEPROM (p. 109). ENABLE stays until RESULT is 1.
+    pub struct E2WRITE(jobs: Jobs) {
+        in {
+            /// Begins, and ends when it is FALSE again.
+            ENABLE: bool;
+        }
+        out {
+            /// 0: inactive, 1: finished, 2: working.
+            RESULT: u8;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl E2WRITE {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let is_wanted = self.ENABLE || self.RESULT != 0;
+        let answer = self.internal.call(jobs, is_wanted, job::E2WRITE, &[self.ENABLE.into()], &[]);
+        self.ANSWERED = answer.is_some();
+        self.RESULT = answer.map_or(self.RESULT, |answer| answer.results[0] as u8);
+    }
+}
+
+function_block! {
+    /// Loads %MW128 to %MW511 from the EEPROM (p. 110). ENABLE stays until RESULT is 1.
+    pub struct E2READ(jobs: Jobs) {
+        in {
+            /// Begins, and ends when it is FALSE again.
+            ENABLE: bool;
+        }
+        out {
+            /// 0: inactive, 1: finished, 2: working.
+            RESULT: u8;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl E2READ {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let is_wanted = self.ENABLE || self.RESULT != 0;
+        let answer = self.internal.call(jobs, is_wanted, job::E2READ, &[self.ENABLE.into()], &[]);
+        self.ANSWERED = answer.is_some();
+        self.RESULT = answer.map_or(self.RESULT, |answer| answer.results[0] as u8);
+    }
+}
+
+function_block! {
+    /// Sends a byte by RS 232 (p. 112). It needs SERIAL_MODE.
+    pub struct SERIAL_TX(jobs: Jobs) {
+        in {
+            /// Gives the order.
+            ENABLE: bool;
+            /// The byte.
+            DATA: u8;
+        }
+        out {
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl SERIAL_TX {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let arguments = [self.DATA.into()];
+        self.ANSWERED = self.internal.call(jobs, self.ENABLE, job::SERIAL_TX, &arguments, &[]).is_some();
+    }
+}
+
+function_block! {
+    /// Fetches a byte that has come by RS 232 (p. 113). It needs SERIAL_MODE. Each call gives an order.
+    pub struct SERIAL_RX(jobs: Jobs) {
+        in {
+            /// Throws away what waits.
+            CLEAR: bool;
+        }
+        out {
+            /// The byte.
+            RX: u8;
+            /// Bytes that still wait.
+            AVAILABLE: u16;
+            /// Bytes were lost.
+            OVERFLOW: bool;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl SERIAL_RX {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let answer = self.internal.call(jobs, true, job::SERIAL_RX, &[self.CLEAR.into()], &[]);
+        self.ANSWERED = answer.is_some();
+        if let Some(answer) = answer {
+            let [byte, available, has_overflowed, ..] = answer.results;
+            (self.RX, self.AVAILABLE, self.OVERFLOW) = (byte as u8, available as u16, has_overflowed != 0);
+        }
+    }
+}
+
+function_block! {
+    /// How many bytes wait that have come by RS 232 (p. 114). Each call gives an order.
+    pub struct SERIAL_PENDING(jobs: Jobs) {
+        out {
+            /// Bytes that wait.
+            NUMBER: u16;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl SERIAL_PENDING {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let answer = self.internal.call(jobs, true, job::SERIAL_PENDING, &[], &[]);
+        self.ANSWERED = answer.is_some();
+        self.NUMBER = answer.map_or(self.NUMBER, |answer| answer.results[0] as u16);
+    }
+}
+
+function_block! {
+    /// Time since the supply came (p. 115). Each call gives an order.
+    pub struct TIMER_READ(jobs: Jobs) {
+        out {
+            /// In steps of 10 ms, to 10 m 55 s 350 ms, then from 0 on.
+            T: Duration;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl TIMER_READ {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let answer = self.internal.call(jobs, true, job::TIMER_READ, &[], &[]);
+        self.ANSWERED = answer.is_some();
+        self.T = answer.map_or(self.T, |answer| Duration::from_millis(answer.results[0].into()));
+    }
+}
+
+function_block! {
+    /// Time since the supply came (p. 116). Each call gives an order.
+    pub struct TIMER_US_READ(jobs: Jobs) {
+        out {
+            /// In us, to 4294967295, then from 0 on.
+            TIME_US: u32;
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: Order;
+    }
+}
+
+impl TIMER_US_READ {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let answer = self.internal.call(jobs, true, job::TIMER_US_READ, &[], &[]);
+        self.ANSWERED = answer.is_some();
+        self.TIME_US = answer.map_or(self.TIME_US, |answer| answer.results[0]);
+    }
+}
+
+function_block! {
+    /// Makes the program of event 2 run each millisecond (p. 118). A call in which ENABLE is another one gives an order.
+    pub struct SET_INTERRUPT_1MS(jobs: Jobs) {
+        in {
+            /// Runs it.
+            ENABLE: bool;
+        }
+        out {
+            /// The order before has been answered; ours.
+            ANSWERED: bool;
+        }
+        internal: (Order, bool);
+    }
+}
+
+impl SET_INTERRUPT_1MS {
+    /// One PLC cycle.
+    pub fn call(&mut self, jobs: &Jobs) {
+        let (order, was_enabled) = &mut self.internal;
+        let is_new = *was_enabled != self.ENABLE;
+        let answer = order.call(jobs, is_new, job::SET_INTERRUPT_1MS, &[self.ENABLE.into()], &[]);
+        *was_enabled = self.ENABLE;
+        self.ANSWERED = answer.is_some();
+    }
+}
+
+function_block! {
+    /// Brings a value from one range into another one (p. 117).
+    pub struct NORM() {
+        in {
+            /// The value.
+            X: u16;
+            /// Lower limit of its range.
+            XH: u16;
+            /// Upper limit of its range.
+            XL: u16;
+            /// Lower limit of the other range.
+            YH: u16;
+            /// Upper limit of the other range.
+            YL: u16;
+        }
+        out {
+            /// The value there.
+            Y: u16;
+        }
+    }
+}
+
+impl NORM {
+    /// One PLC cycle. Beyond an end it is that end.
+    pub fn call(&mut self) {
+        let [x, from, to, low, high] = [self.X, self.XH, self.XL, self.YH, self.YL].map(i64::from);
+        let x = x.clamp(from.min(to), from.max(to));
+        let way = ((x - from) * (high - low)).checked_div(to - from).unwrap_or(0);
+        self.Y = (low + way) as u16;
+    }
+}
