@@ -8,23 +8,27 @@ use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-/// Longest text that is read, in bytes. A plant of 1,000 PLCs with 32 drives each is a tenth of it.
+/// Longest dump or log that is read, in bytes: frames of five minutes on a CAN bus that is never idle.
 pub const LONGEST: u64 = 64 << 20;
+/// Longest plant. One of 1,000 PLCs with 32 drives each fits in.
+pub const LONGEST_PLANT: u64 = 8 << 20;
+/// Longest script; each import is one. All of it is compiled before its first line runs, in which the names of a map or the
+/// cases of a `switch` are held each against each other.
+pub const LONGEST_SCRIPT: u64 = 64 << 10;
 
 /// The text of a file or pipe.
 ///
 /// # Errors
-/// It cannot be read, is neither file nor pipe, is longer than [`LONGEST`], or is no UTF-8.
-pub fn read(path: &Path) -> Result<String> {
-    read_up_to(path, LONGEST)
-}
-
-fn read_up_to(path: &Path, longest: u64) -> Result<String> {
+/// It cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is no UTF-8.
+pub fn read(path: &Path, longest: u64) -> Result<String> {
     let file = open(path)?;
     let mut text = String::new();
     file.take(longest + 1).read_to_string(&mut text)?;
     if text.len() as u64 > longest {
-        return Err(Error::new(ErrorKind::FileTooLarge, format!("more than {longest} bytes, no such text")));
+        return Err(Error::new(
+            ErrorKind::FileTooLarge,
+            format!("more than {longest} bytes, there is no such text"),
+        ));
     }
     Ok(text)
 }
@@ -51,14 +55,14 @@ mod tests {
 
     #[test]
     fn what_never_ends_is_refused() {
-        let told = read(Path::new("/dev/zero")).unwrap_err().to_string();
+        let told = read(Path::new("/dev/zero"), LONGEST).unwrap_err().to_string();
         assert_eq!(told, "it is a device or socket; a text file is needed");
         let directory = tempfile::tempdir().unwrap();
-        assert!(read(directory.path()).unwrap_err().to_string().starts_with("it is a directory"));
+        assert!(read(directory.path(), LONGEST).unwrap_err().to_string().starts_with("it is a directory"));
         let long = directory.path().join("long");
         std::fs::write(&long, "12345").unwrap();
-        assert_eq!(read_up_to(&long, 5).unwrap(), "12345");
-        assert_eq!(read_up_to(&long, 4).unwrap_err().to_string(), "more than 4 bytes, no such text");
+        assert_eq!(read(&long, 5).unwrap(), "12345");
+        assert_eq!(read(&long, 4).unwrap_err().to_string(), "more than 4 bytes, there is no such text");
     }
 
     #[test]
@@ -66,11 +70,11 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("pipe");
         rustix::fs::mknodat(rustix::fs::CWD, &path, rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
-        assert_eq!(read(&path).unwrap(), "");
+        assert_eq!(read(&path, LONGEST).unwrap(), "");
         let (reader, mut writer) = std::io::pipe().unwrap();
         let reading = std::thread::spawn(move || {
             let name = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&reader));
-            read(Path::new(&name)).unwrap()
+            read(Path::new(&name), LONGEST).unwrap()
         });
         writer.write_all(b"[[plc]]").unwrap();
         drop(writer);

@@ -49,7 +49,7 @@ pub struct WireOp {
     pub width: u16,
     /// Number of the port.
     pub node: u16,
-    /// Byte offset in segment 3, or which setting of a board.
+    /// Byte in the image, or which setting of a board.
     pub offset: u32,
     /// Value to write or awaited, length of a range, or number of records.
     pub value: u32,

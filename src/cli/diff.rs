@@ -8,7 +8,9 @@ use super::error::CliError;
 use super::output;
 use super::session::Session;
 use super::table::{self, FormatArg};
+use crate::handed_in;
 use crate::layout::{Area, Device, LayoutError};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Compare two dumps, or a dump with what the registers hold now.
@@ -72,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 fn read(path: &Path) -> Result<Vec<Held>, CliError> {
     let name = path.display().to_string();
-    let text = crate::handed_in::read(path)
+    let text = handed_in::read(path, handed_in::LONGEST)
         .map_err(|error| CliError::NoDump { name: name.clone(), reason: error.to_string() })?;
     change::parse(&name, &text)
 }
@@ -85,7 +87,7 @@ fn now(instance: &str, before: &[Held], known: &Known) -> Result<Vec<Held>, CliE
         let plc = session.plcs().iter().position(|plc| *plc == held.plc).unwrap_or_default();
         Ok::<_, CliError>(area(session.device(plc as u16), held)?.first)
     };
-    let meant = before.iter().map(first).collect::<Result<Vec<_>, _>>()?;
+    let meant = before.iter().map(first).collect::<Result<BTreeSet<_>, _>>()?;
     let dump = Blocks::find(&session, &[])?.read(&session)?;
     let mut registers = Vec::new();
     for row in dump.rows {

@@ -43,7 +43,7 @@ use std::process::ExitCode;
 /// Emulates the communication RAM of drive and fieldbus controllers, register by register.
 ///
 /// An emulator is an instance with a name. `commram run` starts one; the other commands talk to it. The RAM
-/// of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC, in which byte n is %MB3.n.
+/// of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC, whose first page tells where its areas lie.
 #[derive(Parser)]
 #[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = AFTER_HELP)]
 struct Cli {

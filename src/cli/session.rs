@@ -20,7 +20,7 @@ pub(crate) enum Read {
     Register {
         /// Number of the PLC.
         plc: u16,
-        /// Byte offset in segment 3.
+        /// Byte in the image.
         offset: u32,
         /// Its width.
         width: Width,
@@ -29,7 +29,7 @@ pub(crate) enum Read {
     Block {
         /// Number of the PLC.
         plc: u16,
-        /// Byte offset in segment 3.
+        /// Byte in the image.
         offset: u32,
         /// Length in bytes.
         len: u32,

@@ -11,9 +11,10 @@ use crate::devices;
 use crate::devices::settings::range;
 use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig};
 use crate::fault::{DeviceSite, Fault, FaultError, FaultSpec, MAX_FAULTS, Refusal, Sites};
+use crate::handed_in;
 use crate::journal::Names;
 use crate::layout::Fitted;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
@@ -209,7 +210,7 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
     pub fn load(path: &Path) -> Result<Self, PlantError> {
-        let text = crate::handed_in::read(path)
+        let text = handed_in::read(path, handed_in::LONGEST_PLANT)
             .map_err(|source| PlantError::Read { path: path.to_owned(), source })?;
         Self::parse(&path.display().to_string(), &text)
     }
@@ -219,13 +220,13 @@ impl PlantConfig {
     /// # Errors
     /// [`PlantError`], naming the thing and what would be right.
     pub fn parse(file: &str, text: &str) -> Result<Self, PlantError> {
-        let (config, lines) = file::read(file, text)?;
+        let (config, faults) = file::read(file, text)?;
         config.check().map_err(|error| {
-            let line = match &error {
-                PlantError::Fault { number, .. } => lines.get(number - 1).copied(),
-                other => places::offset_of(other, text).map(|offset| file::line_of(text, offset)),
+            let offset = match &error {
+                PlantError::Fault { number, .. } => faults.get(number - 1).copied(),
+                other => places::offset_of(other, text),
             };
-            match line {
+            match offset.map(|offset| file::line_of(text, offset)) {
                 Some(line) => PlantError::At { file: file.to_owned(), line, source: Box::new(error) },
                 None => error,
             }
@@ -252,12 +253,16 @@ impl PlantConfig {
         check_names("bus", self.media.iter().map(|medium| medium.name()))?;
         let participants = self.media.iter().flat_map(|medium| medium.participants());
         check_names("drive", participants.map(|(name, _)| name))?;
+        let media: HashMap<_, _> = self.media.iter().map(|medium| (medium.name(), &**medium)).collect();
         for device in &self.devices {
             device.check()?;
-            self.check_ports(&**device)?;
+            self.check_ports(&**device, &media)?;
         }
         self.media.iter().try_for_each(|medium| medium.check())?;
-        self.media.iter().try_for_each(|medium| self.check_medium(&**medium))?;
+        let ports = self.ports_of_media();
+        for medium in &self.media {
+            check_medium(&**medium, ports.get(medium.name()).map_or(&[], Vec::as_slice))?;
+        }
         self.resolved_faults().map(|_| ())
     }
 
@@ -278,7 +283,7 @@ impl PlantConfig {
             owner.map_err(|refusal| FaultError::refused(fault.kind(), refusal, &names))?;
             Ok(fault)
         };
-        let numbered = self.faults.iter().enumerate();
+        let numbered = self.faults.iter().enumerate().take(MAX_FAULTS + 1);
         let faults: Vec<Fault> = numbered
             .map(|(index, spec)| {
                 resolve(spec).map_err(|source| PlantError::Fault { number: index + 1, source })
@@ -303,16 +308,19 @@ impl PlantConfig {
 
     /// What faults can concern. Meant for a plant whose numbers have been checked.
     pub(super) fn sites(&self) -> Sites {
+        let ports = self.ports_of_media();
         let mask = |medium: &Arc<dyn MediumConfig>| {
-            let numbers = self.numbers_on(&**medium).into_iter().map(|(_, number)| number);
+            let ports = ports.get(medium.name()).map_or(&[][..], Vec::as_slice);
+            let numbers = numbers_on(&**medium, ports).map(|(_, number)| number);
             numbers.fold(0, |mask, number| mask | 1u32.checked_shl(number.into()).unwrap_or(0))
         };
-        let medium_called = |name: &str| self.media.iter().position(|medium| medium.name() == name);
+        let index_of: HashMap<_, _> =
+            self.media.iter().enumerate().map(|(index, medium)| (medium.name(), index)).collect();
         let media = self.media.iter();
         let media = media.map(|medium| devices::medium_site(medium.family(), mask(medium)));
         let devices = self.devices.iter().map(|device| {
             let ports = device.ports().into_iter();
-            let plugged = ports.filter_map(|port| Some((port.number, medium_called(port.medium?)? as u16)));
+            let plugged = ports.filter_map(|port| Some((port.number, *index_of.get(port.medium?)? as u16)));
             DeviceSite {
                 layout: device.layout(),
                 faults: devices::faults_of_device(device.layout()),
@@ -322,29 +330,28 @@ impl PlantConfig {
         Sites { media: media.collect(), devices: devices.collect() }
     }
 
-    /// The ports at a medium, each with its device's name.
-    fn ports_at(&self, medium: &dyn MediumConfig) -> Vec<(&str, PortConfig<'_>)> {
-        let mut found = Vec::new();
+    /// The ports at each medium, by its name, each with its device's name.
+    fn ports_of_media(&self) -> BTreeMap<&str, Vec<PortOf<'_>>> {
+        let mut found: BTreeMap<_, Vec<_>> = BTreeMap::new();
         for device in &self.devices {
-            let ports = device.ports().into_iter().filter(|port| port.medium == Some(medium.name()));
-            found.extend(ports.map(|port| (device.name(), port)));
+            for port in device.ports() {
+                let Some(medium) = port.medium else { continue };
+                found.entry(medium).or_default().push((device.name(), port));
+            }
         }
         found
     }
 
-    /// Whoever has a number on a medium: ports first, then participants of its own.
-    fn numbers_on<'a>(&'a self, medium: &'a dyn MediumConfig) -> Vec<(&'a str, u8)> {
-        let ports = self.ports_at(medium).into_iter();
-        let ports = ports.filter_map(|(name, port)| port.address.map(|number| (name, number)));
-        ports.chain(medium.participants()).collect()
-    }
-
-    fn check_ports(&self, device: &dyn DeviceConfig) -> Result<(), PlantError> {
+    fn check_ports(
+        &self,
+        device: &dyn DeviceConfig,
+        media: &HashMap<&str, &dyn MediumConfig>,
+    ) -> Result<(), PlantError> {
         let ports = device.ports();
         for (index, port) in ports.iter().enumerate() {
             let Some(bus) = port.medium else { continue };
             let plc = device.name().to_owned();
-            let Some(medium) = self.media.iter().find(|medium| medium.name() == bus) else {
+            let Some(medium) = media.get(bus) else {
                 let known: Vec<&str> = self.media.iter().map(|medium| medium.name()).collect();
                 let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
                 let (port, bus) = (port.name.to_owned(), bus.to_owned());
@@ -369,27 +376,38 @@ impl PlantConfig {
         }
         Ok(())
     }
+}
 
-    fn check_medium(&self, medium: &dyn MediumConfig) -> Result<(), PlantError> {
-        let bus = || medium.name().to_owned();
-        let ports = self.ports_at(medium);
-        let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
-        if medium.has_one_master()
-            && let (Some((first, first_port)), Some((second, second_port))) = (masters.next(), masters.next())
-        {
-            let (first, second) = ((*first).to_owned(), (*second).to_owned());
-            let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
-            return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
-        }
-        let mut taken: [Option<&str>; 256] = [None; 256];
-        for (name, number) in self.numbers_on(medium) {
-            if let Some(first) = taken[usize::from(number)].replace(name) {
-                let (first, second) = (first.to_owned(), name.to_owned());
-                return Err(PlantError::SlaveNumber { bus: bus(), number, first, second });
-            }
-        }
-        Ok(())
+/// A port, with its device's name.
+type PortOf<'a> = (&'a str, PortConfig<'a>);
+
+/// Whoever has a number on a medium: `ports` first, then participants of its own.
+fn numbers_on<'a>(
+    medium: &'a dyn MediumConfig,
+    ports: &'a [PortOf<'a>],
+) -> impl Iterator<Item = (&'a str, u8)> {
+    let ports = ports.iter().filter_map(|(name, port)| port.address.map(|number| (*name, number)));
+    ports.chain(medium.participants())
+}
+
+fn check_medium(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Result<(), PlantError> {
+    let bus = || medium.name().to_owned();
+    let mut masters = ports.iter().filter(|(_, port)| port.address.is_none());
+    if medium.has_one_master()
+        && let (Some((first, first_port)), Some((second, second_port))) = (masters.next(), masters.next())
+    {
+        let (first, second) = ((*first).to_owned(), (*second).to_owned());
+        let (first_port, second_port) = (first_port.name.to_owned(), second_port.name.to_owned());
+        return Err(PlantError::TwoMasters { bus: bus(), first, first_port, second, second_port });
     }
+    let mut taken: [Option<&str>; 256] = [None; 256];
+    for (name, number) in numbers_on(medium, ports) {
+        if let Some(first) = taken[usize::from(number)].replace(name) {
+            let (first, second) = (first.to_owned(), name.to_owned());
+            return Err(PlantError::SlaveNumber { bus: bus(), number, first, second });
+        }
+    }
+    Ok(())
 }
 
 fn check_names<'a>(what: &'static str, names: impl Iterator<Item = &'a str>) -> Result<(), PlantError> {

@@ -18,8 +18,8 @@ pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 
 /// One operation of a request.
 ///
-/// `plc` is the PLC's number in the instance, from 0; `offset` is the byte offset in segment 3, the `n`
-/// of `%MB3.n`, and must suit the width. Times are emulated time in microseconds.
+/// `plc` is the PLC's number in the instance, from 0; `offset` is the byte in its image file, at which the address stands that
+/// the device's [`spaces`](crate::layout::Device::spaces) say, and must suit the width. Times are emulated time in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Op {
     /// Reads a register. Answered by [`Reply::Value`](super::Reply::Value).

@@ -1,6 +1,7 @@
 //! Finds imported scripts, and refuses imports that never end.
 
 use super::ScenarioError;
+use crate::handed_in;
 use core::cell::RefCell;
 use rhai::module_resolvers::FileModuleResolver;
 use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position};
@@ -84,7 +85,7 @@ impl ModuleResolver for Imports {
         self.begin(Import { from, line: position.line(), to: to.clone() }, path)
             .map_err(|error| EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), position))?;
         // The resolver reads whatever stands there to its end, which some files do not have.
-        let module = match crate::handed_in::read(&to) {
+        let module = match handed_in::read(&to, handed_in::LONGEST_SCRIPT) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(unreadable(path, &error, position)),
             _ => self.files.resolve(engine, source, path, position),
         };

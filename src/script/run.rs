@@ -4,6 +4,7 @@ use super::engine::{Stage, engine};
 use super::imports::{Imports, module_file};
 use super::printed::Printed;
 use super::{Bench, Failure, ScenarioError};
+use crate::handed_in;
 use crate::time::short;
 use core::cell::RefCell;
 use rhai::{Dynamic, Engine, EvalAltResult, ParseError, Scope};
@@ -86,7 +87,7 @@ pub fn run_file(
     let directory = file.parent().unwrap_or(Path::new("")).to_owned();
     let stage = Rc::new(RefCell::new(Stage::new(bench, directory.clone(), limits.time_us)));
     let printed = Rc::new(RefCell::new(Printed::new(print)));
-    let outcome = match crate::handed_in::read(file) {
+    let outcome = match handed_in::read(file, handed_in::LONGEST_SCRIPT) {
         Ok(text) => {
             let (mut engine, _) = engine(&stage);
             limit(&mut engine, limits, start);
@@ -234,7 +235,7 @@ impl Place {
     /// The line's text.
     fn text(&self) -> Option<String> {
         let line = self.line?.checked_sub(1)?;
-        let text = crate::handed_in::read(&self.file).ok()?;
+        let text = handed_in::read(&self.file, handed_in::LONGEST_SCRIPT).ok()?;
         text.lines().nth(line).map(|text| text.trim().to_owned())
     }
 

@@ -3,7 +3,7 @@
 #![cfg(feature = "channel")]
 
 use crate::active;
-use crate::common::Emulator;
+use crate::common::{Emulator, promised};
 use commram::devices::omega_drive_line_2::registers::{LAYOUT_HASH, NODE2};
 use commram::memory::header::SeatState;
 use commram::memory::{AttachMode, Attached, Image, LockstepTask, MemoryError, Width};
@@ -288,10 +288,10 @@ fn stop_ends_the_emulator_during_a_turn() {
     std::thread::scope(|scope| {
         let step = scope.spawn(|| emulator.run("step", &["10ms"]));
         task.next_event(LONG).unwrap();
-        emulator.run("stop", &[]).ok();
+        promised(Duration::from_secs(2), || emulator.run("stop", &[])).ok();
         assert_eq!(step.join().unwrap().code, Some(1));
     });
-    assert_eq!(emulator.wait().code(), Some(0));
+    assert_eq!(promised(Duration::from_secs(2), || emulator.wait()).code(), Some(0));
 }
 
 #[test]

@@ -1,8 +1,16 @@
 //! Emulators and clients that are killed, stopped or damaged, and what they leave behind.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, eventually, files_of, finish, remove_remains, run, unique_name};
-use std::process::Stdio;
+use crate::common::{
+    Emulator, Outcome, eventually, files_of, finish, promised, remove_remains, run, unique_name,
+};
+use std::process::{ExitStatus, Stdio};
+use std::time::Duration;
+
+/// Ends an emulator in the time that is promised.
+fn stop(emulator: &mut Emulator) -> (Outcome, ExitStatus) {
+    promised(Duration::from_secs(2), || (emulator.run("stop", &[]), emulator.wait()))
+}
 
 #[test]
 fn a_killed_client_does_not_disturb_the_others() {
@@ -89,6 +97,37 @@ fn a_killed_emulator_is_restarted_on_the_same_image() {
     assert_eq!(again.files(), Vec::<std::path::PathBuf>::new());
 }
 
+/// Emulator and clients at one moment, while it works for them.
+#[test]
+fn what_killed_processes_leave_is_gone_with_the_next_start() {
+    let novram = tempfile::tempdir().unwrap();
+    let args = ["--novram", novram.path().to_str().unwrap()];
+    let mut emulator = Emulator::start(&args);
+    let nodes = format!("/dev/shm/commram.{}.iox.d/nodes", emulator.name);
+    let count = || std::fs::read_dir(&nodes).map_or(0, |entries| entries.count());
+    let alone = count();
+    let wait = ["node2.w_OPTION_STATUS==16#0002", "--within", "1h"];
+    let mut clients: Vec<_> = [("wait", &wait[..]), ("watch", &[]), ("wait", &wait)]
+        .map(|(command, args)| {
+            emulator.command(command, args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+        })
+        .into();
+    assert!(eventually(|| count() >= alone + clients.len()), "{} parts", count());
+    clients.iter_mut().for_each(|client| client.kill().unwrap());
+    emulator.kill();
+    clients.iter_mut().for_each(|client| drop(client.wait()));
+
+    let name = emulator.name.clone();
+    let mut again = promised(Duration::from_secs(1), || Emulator::start_as(&name, &args));
+    assert_eq!(count(), alone, "nothing is left of the clients");
+    again.poke(&["node2.w_CPU_CONTROL=1"]);
+    again.run("wait", &["node2.w_OPTION_STATUS==16#0002", "--within", "10s"]).ok();
+    let (outcome, status) = stop(&mut again);
+    assert_eq!((outcome.code, status.code()), (Some(0), Some(0)));
+    assert!(again.complaints().contains("which a killed emulator"));
+    assert_eq!(again.files(), Vec::<std::path::PathBuf>::new());
+}
+
 #[test]
 fn stop_can_clean_up_after_a_killed_emulator() {
     let mut emulator = Emulator::stepped();
@@ -132,14 +171,14 @@ fn a_stopped_emulator_can_be_ended() {
     for clock in ["stepped", "realtime"] {
         let mut emulator = Emulator::start(&["--clock", clock]);
         emulator.signal("-STOP");
-        let outcome = emulator.run("stop", &[]);
+        let (outcome, status) = stop(&mut emulator);
         let (name, pid) = (&emulator.name, emulator.pid());
         assert_eq!((outcome.code, outcome.out), (Some(0), format!("instance '{name}' has stopped\n")));
         let note =
             format!("commram: note: instance '{name}' was stopped (process {pid}); it goes on to end\n");
         // The signal that stops it may come after the look.
         assert!(outcome.err == note || outcome.err.is_empty(), "{}", outcome.err);
-        assert_eq!(emulator.wait().code(), Some(0));
+        assert_eq!(status.code(), Some(0));
         assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
     }
 }
@@ -155,9 +194,9 @@ fn one_whose_directory_or_lock_was_removed_is_stopped_all_the_same() {
             true => std::fs::remove_file(format!("{directory}/lock")).unwrap(),
             false => std::fs::remove_dir_all(&directory).unwrap(),
         }
-        let outcome = emulator.run("stop", &[]);
+        let (outcome, status) = stop(&mut emulator);
         assert_eq!(outcome.ok(), format!("instance '{}' has stopped\n", emulator.name));
-        assert_eq!(emulator.wait().code(), Some(0));
+        assert_eq!(status.code(), Some(0));
         assert_eq!(emulator.files(), Vec::<std::path::PathBuf>::new());
         let mut objects = std::fs::read_dir("/dev/shm").unwrap().flatten();
         assert!(!objects.any(|it| it.file_name().to_string_lossy().starts_with(prefix.trim_end())));

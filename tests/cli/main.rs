@@ -15,6 +15,7 @@ mod doors;
 mod faults;
 mod footprint;
 mod force;
+mod hostile_files;
 mod hostile_scenarios;
 mod instances;
 mod killed;

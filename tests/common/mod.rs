@@ -114,6 +114,15 @@ pub(crate) fn wait_for(child: &mut Child, what: &str) -> ExitStatus {
     status.unwrap()
 }
 
+/// What docs/promises.md promises within `figure`. The watchdog barks after ten times that, because a test machine may be slow.
+pub(crate) fn promised<T>(figure: Duration, act: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let done = act();
+    let took = start.elapsed();
+    assert!(took < 10 * figure, "promised within {figure:?}, it took {took:?}");
+    done
+}
+
 /// Whether the condition becomes true before the watchdog barks.
 pub(crate) fn eventually(mut condition: impl FnMut() -> bool) -> bool {
     let start = Instant::now();

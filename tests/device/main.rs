@@ -3,6 +3,7 @@
 #[path = "../rig/mod.rs"]
 mod rig;
 
+mod any_image;
 mod any_plc;
 mod baps;
 mod bm4;

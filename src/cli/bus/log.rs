@@ -2,6 +2,7 @@
 
 use super::super::error::CliError;
 use super::super::{Instance, time};
+use crate::handed_in;
 use crate::journal::candump::{self, Logged};
 use std::path::{Path, PathBuf};
 
@@ -54,7 +55,7 @@ pub(super) struct Compare {
 /// The frames of a log.
 fn read(path: &Path) -> Result<Vec<Logged>, CliError> {
     let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
-    let text = crate::handed_in::read(path).map_err(|reason| wrong(reason.to_string()))?;
+    let text = handed_in::read(path, handed_in::LONGEST).map_err(|reason| wrong(reason.to_string()))?;
     candump::read(&text).map_err(|error| wrong(error.to_string()))
 }
 

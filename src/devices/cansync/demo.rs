@@ -6,6 +6,7 @@ mod trace;
 
 use super::BaudRate;
 use super::registers::CANsync_INIT_BMSTRUCT;
+use super::registers::values::{cpu_control, option_status};
 use crate::devices::demo::{DemoError, Show};
 use crate::layout::{Device, Port};
 use crate::memory::{Attached, View};
@@ -40,18 +41,18 @@ impl Master {
         let init = attached.segment().view::<CANsync_INIT_BMSTRUCT>(self.port.area.first as usize)?;
         let trace = &Trace::new(attached, self.device, self.port, show)?;
         trace.headline(start)?;
-        command(trace, 0x0000, 0x0001)?;
-        command(trace, 0x0001, 0x0002)?;
+        command(trace, cpu_control::RESTART, option_status::START_UP)?;
+        command(trace, cpu_control::HANDSHAKE, option_status::WAITING_FOR_INIT)?;
         trace.headline(data)?;
         initialization_data(trace, &init, self.rate)?;
-        command(trace, 0x0002, 0x0003)?;
+        command(trace, cpu_control::TAKE_OVER_INIT_DATA, option_status::WAITING_FOR_START)?;
         trace.headline(words)?;
         mapping(trace)?;
         trace.headline(set_up)?;
-        command(trace, 0x0020, 0x0043)?;
+        command(trace, cpu_control::START_SYNCHRONOUS, option_status::MASTER_SET_UP)?;
         lock(trace)?;
         trace.headline("Active operation")?;
-        command(trace, 0x0040, 0x0080)?;
+        command(trace, cpu_control::ENABLE_ACTIVE, option_status::MASTER_ACTIVE)?;
         Exchange::new(trace, 1_000 / u32::from(self.rate.b_TIME_PATTERN)).run()
     }
 }

@@ -35,7 +35,7 @@ struct Source<'a> {
     text: &'a str,
 }
 
-/// Reads a plant file. Returns the lines of its faults, too: what is wrong with them only the whole plant can tell.
+/// Reads a plant file. Returns where its faults begin, too: what is wrong with them only the whole plant can tell.
 pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
     let mut table = DeTable::parse(text).map_err(|error| source.syntax(error))?;
@@ -61,12 +61,12 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
         media.push(source.read(section, read)?);
     }
     let Rest { processor_cycle_us, fault: faults, .. } = rest;
-    let lines = faults.iter().map(|fault| source.line_of(fault.span().start)).collect();
+    let places = faults.iter().map(|fault| fault.span().start).collect();
     let faults = faults.into_iter().map(Spanned::into_inner).collect();
-    Ok((PlantConfig { processor_cycle_us, devices, media, faults }, lines))
+    Ok((PlantConfig { processor_cycle_us, devices, media, faults }, places))
 }
 
-/// The line, from 1, in which an offset lies.
+/// The line, from 1, in which an offset lies. It counts from the beginning, so it is for what goes wrong once.
 pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
 }
@@ -84,10 +84,10 @@ impl Source<'_> {
     /// Takes all sections `[[name]]` out of the file.
     fn sections<'t>(&self, table: &mut DeTable<'t>, name: &'static str) -> Result<DeArray<'t>, PlantError> {
         let Some(value) = table.remove(name) else { return Ok(DeArray::new()) };
-        let line = self.line_of(value.span().start);
+        let place = value.span().start;
         match value.into_inner() {
             DeValue::Array(sections) => Ok(sections),
-            _ => Err(PlantError::NoSection { file: self.file.to_owned(), line, name }),
+            _ => Err(PlantError::NoSection { file: self.file.to_owned(), line: self.line_of(place), name }),
         }
     }
 
@@ -103,14 +103,14 @@ impl Source<'_> {
             DeValue::Table(table) => table.remove("kind"),
             _ => None,
         };
-        let line = self.line_of(given.as_ref().map_or(section.span().start, |kind| kind.span().start));
+        let place = given.as_ref().map_or(section.span().start, |kind| kind.span().start);
         let kind = given.as_ref().and_then(|kind| kind.get_ref().as_str());
         let kind = kind.or(default.filter(|_| given.is_none())).unwrap_or_default();
         match kinds.iter().find(|(name, _)| *name == kind) {
             Some((_, read)) => Ok((section, *read)),
             None => {
                 let known = kinds.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
-                let (file, kind) = (self.file.to_owned(), kind.to_owned());
+                let (file, line, kind) = (self.file.to_owned(), self.line_of(place), kind.to_owned());
                 Err(PlantError::Kind { file, line, what, kind, known })
             }
         }

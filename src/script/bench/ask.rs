@@ -17,7 +17,7 @@ const PAUSE: Duration = Duration::from_micros(500);
 pub(super) struct Spot {
     /// Number of the PLC in the plant.
     pub plc: u16,
-    /// Byte offset in segment 3.
+    /// Byte in the image.
     pub offset: u32,
     /// Width of the access.
     pub width: Width,

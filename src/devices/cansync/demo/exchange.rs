@@ -1,6 +1,7 @@
 //! The cyclic part of the soft-PLC: what a PLC does in its SYNC event task.
 
 use super::trace::{Trace, Who};
+use crate::devices::cansync::registers::values::send;
 use crate::devices::demo::DemoError;
 use std::time::Duration;
 
@@ -114,7 +115,7 @@ impl<'a> Exchange<'a> {
     fn write_reference_value(&self, reference: u32, traced: bool) -> Result<(), DemoError> {
         let node = &self.trace.node;
         node.a_WR_VALUE[0].store(reference);
-        node.b_CTRLREG_WRC1.store(0x05);
+        node.b_CTRLREG_WRC1.store(send::RELEASED);
         if traced {
             self.trace.note(Who::Plc, &node.a_WR_VALUE[0])?;
             self.trace.note(Who::Plc, &node.b_CTRLREG_WRC1)?;

@@ -7,7 +7,7 @@ use super::monitoring::{Monitor, Reaction};
 use super::motion::Motion;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
 use super::table::{PARAMETERS, number};
-use crate::devices::cansync::bus::codec::parameter::VALUE_ELEMENT;
+use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
 use crate::devices::cansync::registers::values::{drive_status, par_element, par_error};
 use std::num::NonZeroU32;
 
@@ -87,6 +87,10 @@ impl VRegler {
             }
         }
         let fault = |(number, reason)| DriveError::Parameter { drive: setup.name.to_owned(), number, reason };
+        // So that those which follow are few, however many the file has.
+        if let Some(none) = setup.parameters.iter().find(|spec| spec.number > MAX_NUMBER) {
+            return Err(fault((none.number, ParameterError::Number)));
+        }
         for spec in setup.parameters {
             let same = |other: &ParameterSpec| other.number == spec.number;
             if setup.parameters.iter().filter(|other| same(other)).count() > 1 {

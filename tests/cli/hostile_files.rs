@@ -1,0 +1,144 @@
+//! Files as long as they are read at all, made to be slow: each is refused, or accepted, in the time that docs/promises.md names.
+
+use crate::common::{Outcome, commram, finish, promised, unique_name};
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+use tempfile::TempDir;
+
+const MIB: usize = 1 << 20;
+/// In which a file is accepted or refused.
+const FIGURE: Duration = Duration::from_secs(10);
+
+struct Files(TempDir);
+
+impl Files {
+    fn new() -> Self {
+        Self(TempDir::new().unwrap())
+    }
+
+    fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    fn run(&self, args: &[&str]) -> Outcome {
+        promised(FIGURE, || finish(commram().args(args).current_dir(self.0.path())))
+    }
+}
+
+/// `head`, then items as long as they and `tail` fit into so many bytes.
+fn filled(bytes: usize, head: &str, item: impl Fn(usize) -> String, tail: &str) -> String {
+    let mut text = head.to_owned();
+    for item in (0..).map(item) {
+        if text.len() + item.len() + tail.len() > bytes {
+            break;
+        }
+        text += &item;
+    }
+    text + tail
+}
+
+/// What is wrong stands at the end, so that all the rest is looked at before.
+#[test]
+fn plants_are_refused_in_their_time() {
+    let files = Files::new();
+    let wrong = "[[fault]]\nkind = 'none'\n";
+    let (plc, most) = ("[[plc]]\nname = 'p'\n", 8 * MIB);
+    let pairs = |n: usize| match n {
+        0..65_000 => format!("[[plc]]\nname='p{n}'\nnode2='b{n}'\n[[bus]]\nname='b{n}'\n"),
+        _ => "# and nothing else\n".to_owned(),
+    };
+    let drives = |n: usize| {
+        let bus = if n % 32 == 0 { format!("[[bus]]\nname='b{}'\n", n / 32) } else { String::new() };
+        format!("{bus}[[bus.drive]]\nname='d{n}'\nslave_number={}\n", n % 32)
+    };
+    let fault = |_| "[[fault]]\nkind='lose_frame'\nslot='WRC1'\n".to_owned();
+    let one_bus = format!("{plc}node2 = 'b'\n[[bus]]\nname = 'b'\n");
+    let parameters = format!("{one_bus}[[bus.drive]]\nname='d'\nslave_number=1\nparameters=[");
+    for (name, text, told) in [
+        ("pairs", filled(most, "", pairs, wrong), "there is no such fault"),
+        ("drives", filled(most, plc, drives, wrong), "there is no such fault"),
+        ("faults", filled(most, &one_bus, fault, ""), "[[fault]] 257: "),
+        (
+            "parameters",
+            filled(most, &parameters, |n| format!("{{number={},format='word'}},", 1000 + n % 3000), "]\n"),
+            "the number is there twice",
+        ),
+        ("keys", filled(most, plc, |n| format!("k{n}=1\n"), ""), "unknown field `k0`"),
+        ("deep", filled(most, &format!("{plc}x="), |_| "[".to_owned(), ""), "cannot recurse further"),
+    ] {
+        files.write(name, &text);
+        let outcome = files.run(&["run", name, "-i", &unique_name()]);
+        assert!(outcome.fails(2).contains(told), "{name}: {}", &outcome.err[..outcome.err.len().min(400)]);
+    }
+}
+
+/// Before a script runs, all of it is compiled.
+#[test]
+fn scripts_are_compiled_or_refused_in_their_time() {
+    let files = Files::new();
+    let most = MIB / 16;
+    for (name, text, code) in [
+        ("map", filled(most, "let m = #{", |n| format!("a{n}:1,"), "};"), 0),
+        ("switch", filled(most, "switch 1 {", |n| format!("{n} => step(1),\n"), "}"), 0),
+        ("functions", filled(most, "", |n| format!("fn f{n}(){{}}\n"), ""), 0),
+        ("statements", filled(most, "let x=0;", |_| "x+=1;".to_owned(), ""), 0),
+        ("braces", filled(most, "", |_| "{".to_owned(), ""), 2),
+    ] {
+        let name = format!("{name}.rhai");
+        files.write(&name, &text);
+        let outcome = files.run(&["test", &name]);
+        assert_eq!(
+            outcome.code,
+            Some(code),
+            "{name}: {}",
+            &outcome.out[outcome.out.len().saturating_sub(200)..]
+        );
+    }
+}
+
+#[test]
+fn logs_and_dumps_are_accepted_or_refused_in_their_time() {
+    let files = Files::new();
+    let frame = |n| format!("({:010}.{:06}) can0 123#0011223344556677\n", n / 1000, n % 1000);
+    files.write("log", &filled(64 * MIB, "", frame, "no frame\n"));
+    let outcome = files.run(&["bus", "compare", "log", "-i", &unique_name()]);
+    assert!(outcome.fails(2).contains("a line of a candump log is for example"), "{}", outcome.err);
+    let register = |n| {
+        let mut text = String::new();
+        let name = format!("\"plc\":\"line\",\"register\":\"node2.r{n}\",\"address\":\"%MB3.200000\"");
+        write!(text, "{{{name},\"hex\":\"16#00\",\"meaning\":\"\"}},").unwrap();
+        text
+    };
+    files.write("dump", &filled(64 * MIB, "[", register, "{}]"));
+    let outcome = files.run(&["diff", "dump", "dump"]);
+    assert!(outcome.fails(2).contains("dump is no dump"), "{}", outcome.err);
+}
+
+#[test]
+fn declarations_are_refused_in_their_time() {
+    let files = Files::new();
+    let most = 4 * MIB;
+    let (layout, end) = (concat!(env!("CARGO_MANIFEST_DIR"), "/layouts/bm4-plc"), "END_TYPE\n");
+    let first = "TYPE\nCANsync_MA_CTRL_BMSTRUCT : T0;\n";
+    for (name, text, told) in [
+        ("chain", filled(most, first, |n| format!("T{n} : T{};\n", n + 1), end), "chain"),
+        (
+            "doubling",
+            filled(most, first, |n| format!("T{n} : STRUCT a : T{0}; b : T{0}; END_STRUCT;\n", n + 1), end),
+            "doubling",
+        ),
+        (
+            "members",
+            filled(most, "TYPE T : STRUCT\n", |n| format!("m{n} : BYTE;\n"), "END_STRUCT;\nEND_TYPE\n"),
+            "none of",
+        ),
+        ("comments", filled(most, "", |_| "(*".to_owned(), ""), "this comment has no end"),
+    ] {
+        files.write(name, &text);
+        let outcome = files.run(&["layout", "import", name, "--layout", layout, "--check"]);
+        assert!(outcome.fails(2).contains(told), "{name}: {}", &outcome.err[..outcome.err.len().min(400)]);
+    }
+}
