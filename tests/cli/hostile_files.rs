@@ -51,7 +51,7 @@ fn plants_are_refused_in_their_time() {
         _ => "# and nothing else\n".to_owned(),
     };
     let drives = |n: usize| {
-        let bus = if n % 32 == 0 { format!("[[bus]]\nname='b{}'\n", n / 32) } else { String::new() };
+        let bus = if n.is_multiple_of(32) { format!("[[bus]]\nname='b{}'\n", n / 32) } else { String::new() };
         format!("{bus}[[bus.drive]]\nname='d{n}'\nslave_number={}\n", n % 32)
     };
     let fault = |_| "[[fault]]\nkind='lose_frame'\nslot='WRC1'\n".to_owned();
