@@ -9,6 +9,7 @@ mod confinement;
 mod filter;
 mod frame;
 mod medium;
+mod message;
 mod payload;
 mod rate;
 #[cfg(test)]
@@ -21,5 +22,6 @@ pub use embedded_can::{ExtendedId, Id, StandardId};
 pub use filter::Filter;
 pub use frame::Frame;
 pub use medium::{Event, Fate, Medium, OnWire, Participants};
+pub use message::{Message, Signal, merged};
 pub use payload::Payload;
 pub use rate::BitRate;

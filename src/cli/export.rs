@@ -1,12 +1,13 @@
-//! `commram export`: the register map for other languages and tools; it needs no emulator.
+//! `commram export`: the register map, and the messages of a plant's CAN bus, for other languages and tools; it needs no emulator.
 
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use crate::export::{self, Format};
+use crate::plant::PlantConfig;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Export declarations and documentation of the registers for other languages and tools.
 #[derive(clap::Args)]
@@ -16,6 +17,7 @@ Examples:
   commram export python --output commram.py
   commram export st --elementary --block node2
   commram export md > registers.md
+  commram export dbc --plant plant.toml --bus open --output open.dbc
 
 docs/export.md tells how each format is used.")]
 pub(crate) struct Args {
@@ -31,20 +33,34 @@ pub(crate) struct Args {
     /// With `st`: an elementary variable per register instead of structures
     #[arg(long)]
     elementary: bool,
+    /// With `dbc`: the plant whose messages are meant
+    #[arg(long, value_name = "FILE")]
+    plant: Option<PathBuf>,
+    /// With `dbc`: its bus; may be left out if it has one only
+    #[arg(long, value_name = "NAME")]
+    bus: Option<String>,
     #[command(flatten)]
     device: DeviceArg,
 }
 
-#[derive(Clone, Copy)]
-struct FormatArg(Format);
+#[derive(Clone, Copy, PartialEq)]
+enum FormatArg {
+    /// Of a register map.
+    Map(Format),
+    /// Of a plant's bus.
+    Dbc,
+}
+
+/// What `dbc` is, in a few words.
+const ABOUT_DBC: &str = "CAN database of the messages on a plant's bus, for analysis tools";
 
 impl ValueEnum for FormatArg {
     fn value_variants<'a>() -> &'a [Self] {
-        const ALL: [FormatArg; Format::ALL.len()] = {
-            let mut all = [FormatArg(Format::C); Format::ALL.len()];
+        const ALL: [FormatArg; Format::ALL.len() + 1] = {
+            let mut all = [FormatArg::Dbc; Format::ALL.len() + 1];
             let mut i = 0;
-            while i < all.len() {
-                all[i] = FormatArg(Format::ALL[i]);
+            while i < Format::ALL.len() {
+                all[i] = FormatArg::Map(Format::ALL[i]);
                 i += 1;
             }
             all
@@ -53,23 +69,69 @@ impl ValueEnum for FormatArg {
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.0.name()).help(self.0.about()))
+        Some(match self {
+            FormatArg::Map(format) => PossibleValue::new(format.name()).help(format.about()),
+            FormatArg::Dbc => PossibleValue::new("dbc").help(ABOUT_DBC),
+        })
     }
 }
 
 /// Exports.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let format = match (args.format.0, args.elementary) {
-        (format, false) => format,
-        (Format::St, true) => Format::StElementary,
-        (other, true) => {
-            let right = "only `st` has elementary variables".to_owned();
-            return Err(CliError::Argument { text: format!("{other} --elementary"), right });
-        }
+    let text = match args.format {
+        FormatArg::Map(format) => of_map(args, format)?,
+        FormatArg::Dbc => of_bus(args)?,
     };
-    let text = export::export(args.device.device, format, args.block.as_deref())?;
     let Some(path) = &args.output else {
         return output::print(&text);
     };
     std::fs::write(path, text).map_err(|reason| CliError::File { path: path.clone(), reason })
+}
+
+fn wrong(text: impl Into<String>, right: impl Into<String>) -> CliError {
+    CliError::Argument { text: text.into(), right: right.into() }
+}
+
+fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
+    if args.plant.is_some() || args.bus.is_some() {
+        return Err(wrong(format!("{format} --plant --bus"), "only `dbc` is about a plant and its bus"));
+    }
+    let format = match (format, args.elementary) {
+        (format, false) => format,
+        (Format::St, true) => Format::StElementary,
+        (other, true) => {
+            return Err(wrong(format!("{other} --elementary"), "only `st` has elementary variables"));
+        }
+    };
+    Ok(export::export(args.device.device, format, args.block.as_deref())?)
+}
+
+fn of_bus(args: &Args) -> Result<String, CliError> {
+    if args.elementary || args.block.is_some() {
+        return Err(wrong("dbc --block --elementary", "a CAN database has no registers"));
+    }
+    let path = args.plant.as_deref().ok_or_else(|| wrong("dbc", "give the plant, --plant plant.toml"))?;
+    let plant = PlantConfig::load(path)?;
+    let buses = plant.media.iter().map(|medium| medium.name()).collect::<Vec<_>>();
+    let bus = match (&args.bus, &buses[..]) {
+        (Some(bus), _) if buses.contains(&bus.as_str()) => bus.as_str(),
+        (Some(bus), _) => {
+            return Err(wrong(format!("--bus {bus}"), format!("its buses are: {}", buses.join(", "))));
+        }
+        (None, [bus]) => bus,
+        (None, _) => return Err(wrong("dbc", format!("give one of its buses, --bus: {}", buses.join(", ")))),
+    };
+    let messages = plant.messages(bus);
+    if messages.is_empty() {
+        let right = "nobody at this bus knows its messages before it runs; docs/export.md tells who does";
+        return Err(wrong(format!("--bus {bus}"), right));
+    }
+    Ok(export::dbc(&messages, &head(bus, path)))
+}
+
+fn head(bus: &str, path: &Path) -> String {
+    let file = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+    format!(
+        "Messages of bus {bus} of {file}, with the identifiers that its devices begin with; made by commram export dbc"
+    )
 }

@@ -2,6 +2,7 @@
 
 use super::{BuildError, Device, Medium, Plug};
 use crate::can;
+use crate::can::Message;
 use crate::door::DoorSpec;
 use crate::fault;
 use crate::fault::Fault;
@@ -30,6 +31,13 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
 
     /// Its ports, plugged in or not.
     fn ports(&self) -> Vec<PortConfig<'_>> {
+        Vec::new()
+    }
+
+    /// What frames it sends and receives at one of its ports with what it is delivered with, as far as that is known before it
+    /// runs.
+    fn messages(&self, port: u8) -> Vec<Message> {
+        let _ = port;
         Vec::new()
     }
 

@@ -6,6 +6,8 @@
 mod c;
 mod constants;
 mod csv;
+#[cfg(feature = "emulator")]
+mod dbc;
 mod eds;
 mod json;
 mod matiec;
@@ -25,6 +27,8 @@ use std::fmt;
 use thiserror::Error;
 
 pub use csv::line as csv_line;
+#[cfg(feature = "emulator")]
+pub use dbc::dbc;
 pub use md::table as md_table;
 pub use scope::Scope;
 

@@ -7,6 +7,8 @@ mod tests;
 #[cfg(test)]
 mod times_tests;
 
+use crate::can;
+use crate::can::Message;
 use crate::devices;
 use crate::devices::settings::range;
 use crate::devices::{BuildError, DeviceConfig, MediumConfig, PortConfig};
@@ -328,6 +330,17 @@ impl PlantConfig {
             }
         });
         Sites { media: media.collect(), devices: devices.collect() }
+    }
+
+    /// The messages of a bus, as far as its devices know them before they run.
+    pub fn messages(&self, bus: &str) -> Vec<Message> {
+        let mut messages = Vec::new();
+        for device in &self.devices {
+            for port in device.ports().iter().filter(|port| port.medium == Some(bus)) {
+                messages.extend(device.messages(port.number));
+            }
+        }
+        can::merged(messages)
     }
 
     /// The ports at each medium, by its name, each with its device's name.

@@ -90,6 +90,80 @@ fn declarations_are_structured_text() {
 }
 
 /// The suite in `tests/python`, each test with an emulator of its own.
+/// A master of the PDOs of two panels, one of which takes what the other sends.
+const PANELS: &str = "
+[[device]]
+kind = 'cs0015'
+name = 'panel'
+bus = 'open'
+pdo_tx = [{ pdo = 2, id = 0x3A5 }]
+[[device]]
+kind = 'cs0015'
+name = 'door-1'
+bus = 'open'
+node_id = 5
+pdo_rx = [{ pdo = 4, id = 0x3A5 }]
+[[device]]
+kind = 'cs0015'
+name = 'dark'
+bus = 'open'
+node_id = 6
+program = 'none'
+[[bus]]
+name = 'open'
+kind = 'can'
+kbit_s = 125
+[[bus]]
+name = 'shut'
+kind = 'can'
+kbit_s = 125
+";
+
+#[test]
+fn cantools_reads_the_messages_of_a_bus() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let (plant, database) = (path("plant.toml"), path("open.dbc"));
+    std::fs::write(&plant, PANELS).unwrap();
+    let dbc = |args: &[&str]| run(&[&["export", "dbc"], args].concat());
+    dbc(&["--plant", &plant, "--bus", "open", "--output", &database]).ok();
+    for (args, why) in [
+        (&[][..], "give the plant, --plant plant.toml"),
+        (&["--plant", &plant], "give one of its buses, --bus: open, shut"),
+        (&["--plant", &plant, "--bus", "door"], "its buses are: open, shut"),
+        (&["--plant", &plant, "--bus", "shut"], "nobody at this bus knows its messages"),
+        (&["--plant", &plant, "--elementary"], "a CAN database has no registers"),
+    ] {
+        assert!(dbc(args).fails(2).contains(why), "{args:?}");
+    }
+    assert!(run(&["export", "c", "--bus", "open"]).fails(2).contains("only `dbc` is about a plant"));
+    let mut command = match python(&["cantools"]) {
+        Ok(command) => command,
+        Err(reason) => {
+            eprintln!("skipped: {reason}");
+            return;
+        }
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_dbc.py");
+    let outcome = finish(command.arg(script).arg(&database));
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+    let words = "word_1@0:16 word_2@16:16 word_3@32:16 word_4@48:16";
+    for line in [
+        "nodes door_1 panel".to_owned(),
+        "0A0 panel_EMCY 8 panel> error_code@0:16 error_register@16:8 own@24:40".to_owned(),
+        format!("1A0 panel_TX_PDO1 8 panel> {words}"),
+        // P. 160: from the third on the identifiers do not hang on the Node-ID, so both send it.
+        format!("38A panel_TX_PDO3 8 panel,door_1> {words}"),
+        format!("3A5 panel_TX_PDO2 8 panel>door_1 {words}"),
+        "585 door_1_SDO_ANSWER 8 door_1> command@0:8 index@8:16 sub_index@24:8 data@32:32".to_owned(),
+        "705 door_1_STATE 1 door_1> state@0:7 toggle@7:1".to_owned(),
+        "comment %MW2033".to_owned(),
+        "decoded 1 4660 0 32768".to_owned(),
+    ] {
+        assert!(outcome.out.lines().any(|it| it == line), "{line}\n{}", outcome.out);
+    }
+}
+
 #[test]
 fn the_python_suite_passes() {
     let directory = tempfile::tempdir().unwrap();

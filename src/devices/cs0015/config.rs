@@ -8,6 +8,7 @@ use super::node::{BootUp, GuardingConfig, Node};
 use super::port::{Firmware, Program};
 use super::ram::{RETAIN_BYTES, Registers};
 use super::registers::DEVICE;
+use crate::can::Message;
 use crate::devices::can_bus::CanSocket;
 use crate::devices::canopen::pdo::Transmission;
 use crate::devices::settings::{range, refused_at};
@@ -248,6 +249,10 @@ impl DeviceConfig for Cs0015Config {
         let medium = self.bus.as_deref();
         let ports = DEVICE.ports.iter();
         ports.map(|port| PortConfig { number: port.number, name: port.name, medium, address: None }).collect()
+    }
+
+    fn messages(&self, _: u8) -> Vec<Message> {
+        super::messages::of(self)
     }
 
     fn retain_bytes(&self) -> u32 {

@@ -42,6 +42,8 @@ mod master;
 #[cfg(feature = "emulator")]
 mod master_jobs;
 #[cfg(feature = "emulator")]
+mod messages;
+#[cfg(feature = "emulator")]
 mod nmt;
 #[cfg(feature = "emulator")]
 mod node;

@@ -1,0 +1,83 @@
+//! What frames are for, as far as those who send them know: for people and their tools, nothing here travels.
+
+use super::Arbitration;
+use embedded_can::Id;
+
+/// All data frames of one identifier.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// What it is called.
+    pub name: String,
+    /// Its identifier.
+    pub id: Id,
+    /// How many bytes it has, 0 to 8.
+    pub length: u8,
+    /// Who sends it: names of devices, none if it is somebody else.
+    pub senders: Vec<String>,
+    /// Who takes it.
+    pub receivers: Vec<String>,
+    /// What stands in it.
+    pub signals: Vec<Signal>,
+    /// What it is, in a sentence; empty if its name says it.
+    pub about: String,
+}
+
+/// A number in a message, its lowest byte first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Signal {
+    /// What it is called, once in its message.
+    pub name: String,
+    /// Its lowest bit, counted from the lowest bit of the first byte.
+    pub first_bit: u8,
+    /// How many bits it has.
+    pub bits: u8,
+    /// What it is; empty if its name says it.
+    pub about: String,
+}
+
+/// Frames of one identifier are one message, with the name and the content that its first sender knows, or else its first
+/// receiver; ascending as arbitration has them.
+#[must_use]
+pub fn merged(mut messages: Vec<Message>) -> Vec<Message> {
+    messages.sort_by_key(|message| (Arbitration::new(message.id, false), message.senders.is_empty()));
+    messages.dedup_by(|next, first| {
+        let is_same = next.id == first.id;
+        if is_same {
+            for (names, more) in
+                [(&mut first.senders, &next.senders), (&mut first.receivers, &next.receivers)]
+            {
+                let new: Vec<_> = more.iter().filter(|name| !names.contains(name)).cloned().collect();
+                names.extend(new);
+            }
+        }
+        is_same
+    });
+    messages
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embedded_can::{ExtendedId, StandardId};
+
+    #[test]
+    fn one_identifier_is_one_message() {
+        let message = |name: &str, id: Id, senders: &[&str], receivers: &[&str]| {
+            let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+            let (senders, receivers) = (list(senders), list(receivers));
+            let (signals, about) = (Vec::new(), String::new());
+            Message { name: name.to_owned(), id, length: 8, senders, receivers, signals, about }
+        };
+        let standard: Id = StandardId::new(0x181).unwrap().into();
+        let extended: Id = ExtendedId::new(0x181).unwrap().into();
+        let all = vec![
+            message("b_RX", standard, &[], &["b"]),
+            message("other", extended, &["x"], &[]),
+            message("a_TX", standard, &["a"], &["c"]),
+            message("c_RX", standard, &["d"], &["c"]),
+        ];
+        let expected =
+            [message("other", extended, &["x"], &[]), message("a_TX", standard, &["a", "d"], &["c", "b"])];
+        assert_eq!(merged(all), expected);
+    }
+}
