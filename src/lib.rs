@@ -94,6 +94,11 @@ struct Readme;
 #[doc = include_str!("../docs/function-blocks.md")]
 struct FunctionBlocks;
 
+/// And of those of the CS0015.
+#[cfg(all(doctest, feature = "cli"))]
+#[doc = include_str!("../docs/cs0015-blocks.md")]
+struct Cs0015Blocks;
+
 /// So are those of the scenario reference.
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/scenarios.md")]

@@ -9,5 +9,6 @@ mod rig;
 mod bench;
 mod bm4;
 mod configurations;
+mod cs0015;
 mod function_blocks;
 mod omega;

@@ -3,10 +3,28 @@
 
 use crate::common::{Emulator, finish, python, run};
 use serde_json::Value;
+use std::fs;
 use std::path::Path;
+use std::thread;
 
 /// The plant that users are shown.
 const PLANT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/plants/cs0015.toml");
+
+/// A master whose program attaches, and a door for its node.
+const TWO_WORLDS: &str = "
+[[device]]
+kind = 'cs0015'
+name = 'plc'
+bus = 'open'
+node_id = 1
+program = 'attached'
+
+[[bus]]
+name = 'open'
+kind = 'can'
+kbit_s = 125
+doors = ['slcan-tcp:127.0.0.1:0']
+";
 
 /// The port of the first door.
 fn port(emulator: &Emulator) -> String {
@@ -31,6 +49,30 @@ fn canopen_is_its_master() {
     assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
     let parameters = emulator.peek(&["panel:parameters.b_NODE_ID", "panel:flags.NODEID"]);
     assert_eq!(parameters, "16#05 16#05");
+}
+
+/// The program of a CS0015 runs in a process of its own, in step with the emulated time; it is the master of a node of canopen.
+#[test]
+fn a_program_by_mmap_is_the_master_of_a_node_of_canopen() {
+    let mut command = match python(&["can", "canopen", "serial"]) {
+        Ok(command) => command,
+        Err(reason) => return eprintln!("skipped: {reason}"),
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let [module, plant] = ["commram.py", "two-worlds.toml"].map(|name| directory.path().join(name));
+    run(&["export", "python", "--device", "cs0015", "--output", module.to_str().unwrap()]).ok();
+    fs::write(&plant, TWO_WORLDS).unwrap();
+    let emulator = Emulator::start(&[plant.to_str().unwrap(), "--clock", "stepped"]);
+    command.env("PYTHONPATH", directory.path());
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_cs0015_master.py"));
+    command.arg(&emulator.name).arg(port(&emulator)).arg("125000");
+    let program = thread::spawn(move || finish(&mut command));
+    // Time goes on in small steps, so that the node can answer.
+    while !program.is_finished() {
+        emulator.step(&["20ms"]);
+    }
+    let outcome = program.join().unwrap();
+    assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
 }
 
 /// P. 13-17.
