@@ -1,5 +1,5 @@
 //! commram: the communication RAM of drive and fieldbus controllers, emulated register by register: Baumüller's Omega
-//! Drive-Line II and b maXX PLC with CANsync modules, ifm's CANopen controller CS0015.
+//! Drive-Line II and b maXX PLC with CANsync modules, ifm's CANopen controller CS0015, esd's PROFIBUS/CAN gateway CAN-DP/2.
 //!
 //! The RAM of a device lies on the heap or in an image file in shared memory, of the first two with `%MB3.n` at byte n,
 //! and firmware, bus and drives run behind it, driven by one deterministic function,
@@ -10,6 +10,7 @@
 //! | [`layout`] | the register maps: typed structures, names, addresses, meanings; generated from `layouts/` |
 //! | [`memory`] | cells, segments, image files, the header page: what a soft-PLC attaches to |
 //! | [`can`] | CAN frames, their time on the wire, a CAN medium |
+//! | [`profibus`] | PROFIBUS telegrams, their time on the line |
 //! | [`door`] | how foreign programs take part in buses |
 //! | [`devices`] | the devices: what each does with its registers, its buses and function blocks |
 //! | [`plant`] | PLCs, buses and drives from a plant file, with one clock |
@@ -76,6 +77,8 @@ pub mod memory;
 pub mod plant;
 #[cfg(feature = "plc")]
 pub mod plc;
+#[cfg(feature = "emulator")]
+pub mod profibus;
 #[cfg(feature = "emulator")]
 pub mod request;
 #[cfg(feature = "emulator")]

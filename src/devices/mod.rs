@@ -3,6 +3,7 @@
 pub mod bm4_o_can_06;
 #[cfg(feature = "emulator")]
 pub mod can_bus;
+pub mod can_dp2;
 #[cfg(feature = "emulator")]
 mod can_faults;
 #[cfg(feature = "emulator")]
@@ -36,6 +37,8 @@ mod names_tests;
 pub mod omega_drive_line_2;
 #[cfg(feature = "emulator")]
 mod plain;
+#[cfg(feature = "emulator")]
+pub mod profibus_bus;
 #[cfg(test)]
 mod provenance_tests;
 #[cfg(feature = "emulator")]
@@ -94,5 +97,14 @@ pub static MEDIA: &[MediumKind] = &[
         fits: can_faults::fits_can,
         says: |_| String::new(),
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
+    },
+    MediumKind {
+        name: profibus_bus::FAMILY,
+        read: profibus_bus::ProfibusConfig::read,
+        records: profibus_bus::records::KINDS,
+        rules: &[],
+        faults: &[],
+        says: |_| String::new(),
+        unplugged: || Box::new(profibus_bus::ProfibusBus::unplugged()),
     },
 ];

@@ -4,7 +4,7 @@
 use super::demo::Demo;
 #[cfg(feature = "emulator")]
 use super::{DeviceConfig, Read, ReadModule, catalogue};
-use super::{bm4_o_can_06, cs0015, omega_drive_line_2};
+use super::{bm4_o_can_06, can_dp2, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
 use crate::fault;
 #[cfg(feature = "emulator")]
@@ -72,7 +72,7 @@ impl Registered {
 }
 
 /// The devices of commram itself, the default one first.
-static BUILT_IN: [Registered; 3] = [
+static BUILT_IN: [Registered; 4] = [
     Registered {
         layout: &omega_drive_line_2::registers::DEVICE,
         board: &header::BoardWords::NAMES,
@@ -119,6 +119,13 @@ static BUILT_IN: [Registered; 3] = [
         #[cfg(feature = "emulator")]
         demo: Some(&cs0015::demo::DEMO),
         ..Registered::new(&cs0015::registers::DEVICE)
+    },
+    Registered {
+        #[cfg(feature = "emulator")]
+        read: Some(can_dp2::CanDp2Config::read),
+        #[cfg(feature = "emulator")]
+        records: can_dp2::records::KINDS,
+        ..Registered::new(&can_dp2::registers::DEVICE)
     },
 ];
 

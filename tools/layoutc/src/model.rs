@@ -225,6 +225,11 @@ impl Scalar {
         self.row().1
     }
 
+    /// The short names of all types.
+    pub(crate) fn prefixes() -> impl Iterator<Item = &'static str> {
+        Self::TABLE.iter().map(|row| row.2)
+    }
+
     pub(crate) fn prefix(self) -> &'static str {
         self.row().2
     }

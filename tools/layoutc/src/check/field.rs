@@ -162,7 +162,7 @@ fn dims(
     if !(1..=2).contains(&dims.len()) || dims.iter().any(|n| !(1..=65_535).contains(n)) {
         return Err(sources.error(place, Reason::BadArray(dims.clone())));
     }
-    if !name.starts_with("a_") {
+    if short_name(name).is_some_and(|short| short != "a") {
         return Err(sources.error(place, Reason::ArrayPrefix(name.to_owned())));
     }
     let Some(used) = &entry.used else {
@@ -176,13 +176,15 @@ fn dims(
     Ok((dims.clone(), used.clone()))
 }
 
-/// The short name of the data type in front of every register name must agree with the type.
+/// The short name of a data type in front of a register name, if there is one: neither `CAN_OPEN` nor `cfg_len` has any.
+fn short_name(name: &str) -> Option<&str> {
+    let known = |prefix: &&str| ["", "a"].contains(prefix) || Scalar::prefixes().any(|short| short == *prefix);
+    name.split_once('_').map(|(prefix, _)| prefix).filter(known)
+}
+
+/// Such a short name must agree with the type.
 fn prefix(sources: &Sources, place: At, name: &str, kind: Kind) -> Result<(), Error> {
-    // Short names are in small letters: CAN_OPEN has none.
-    let short = name.split_once('_').map(|(prefix, _)| prefix);
-    let Some(prefix) = short.filter(|prefix| !prefix.contains(|c: char| c.is_ascii_uppercase())) else {
-        return Ok(());
-    };
+    let Some(prefix) = short_name(name) else { return Ok(()) };
     if prefix == "a" {
         return Err(sources.error(place, Reason::ArrayPrefix(name.to_owned())));
     }

@@ -1,0 +1,103 @@
+//! The port at CAN: what the gateway sends and receives, LED C (p. 15).
+
+use super::ram::Registers;
+use super::records::CanState;
+use super::registers::FRONT_LED_C;
+use super::registers::values::{bus_state, can_state, led_c};
+use super::{Shared, lock};
+use crate::can::{ErrorState, Frame};
+use crate::devices::Context;
+use crate::devices::can_bus::{CanPort, Controller};
+
+/// A bit rate that no bus has: before data exchange the device takes no part in CAN (p. 12).
+const NO_RATE: u32 = 0;
+
+/// The firmware at CAN.
+pub(super) struct CanSide {
+    registers: Registers,
+    gateway: Shared,
+    /// What the journal was last told.
+    told: u8,
+}
+
+impl CanSide {
+    pub(super) fn new(registers: Registers, gateway: Shared) -> Self {
+        CanSide { registers, gateway, told: can_state::OFF }
+    }
+
+    /// After whatever has happened: filters, frames, LED, journal.
+    fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        let gateway = &mut *lock(&self.gateway);
+        gateway.plan_sync(ctx.now);
+        if let Some((bit_s, filters)) = gateway.take_setup() {
+            controller.set_bit_rate(bit_s);
+            controller.set_filters(filters);
+        }
+        while controller.to_send() < Controller::ROOM {
+            let Some(frame) = gateway.take_frame() else { break };
+            if controller.send(frame).is_err() {
+                gateway.lost_frame();
+            }
+        }
+        self.registers.front(FRONT_LED_C).store(match gateway.bus() {
+            bus_state::WARN => led_c::WARNING,
+            bus_state::ERROR_PASSIVE => led_c::ERROR,
+            bus_state::BUS_OFF => led_c::OFF,
+            _ => led_c::ON,
+        });
+        let state = gateway.state();
+        if core::mem::replace(&mut self.told, state) != state {
+            ctx.report(CanState { plc: ctx.origin.plc, to: state });
+        }
+    }
+}
+
+impl CanPort for CanSide {
+    fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, _: u8) {
+        controller.set_bit_rate(NO_RATE);
+        lock(&self.gateway).power_on(ctx.now);
+        self.told = can_state::OFF;
+        self.show(ctx, controller);
+    }
+
+    fn power_off(&mut self) {
+        lock(&self.gateway).power_off();
+        self.registers.front(FRONT_LED_C).store(0);
+    }
+
+    fn look(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        self.show(ctx, controller);
+    }
+
+    fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
+        lock(&self.gateway).received(frame, ctx.now);
+        self.show(ctx, controller);
+    }
+
+    fn sent(&mut self, ctx: &mut Context, controller: &mut Controller, _: &Frame) {
+        self.show(ctx, controller);
+    }
+
+    /// The states of p. 20; it comes back by itself (D-395).
+    fn error_state(&mut self, ctx: &mut Context, controller: &mut Controller, state: ErrorState) {
+        lock(&self.gateway).set_bus(match state {
+            ErrorState::Active => bus_state::OK,
+            ErrorState::Warning => bus_state::WARN,
+            ErrorState::Passive => bus_state::ERROR_PASSIVE,
+            ErrorState::BusOff => bus_state::BUS_OFF,
+        });
+        if state == ErrorState::BusOff {
+            controller.restart();
+        }
+        self.show(ctx, controller);
+    }
+
+    fn next_time(&self) -> u64 {
+        lock(&self.gateway).next_time()
+    }
+
+    fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        lock(&self.gateway).due(ctx.now);
+        self.show(ctx, controller);
+    }
+}

@@ -1,0 +1,98 @@
+//! The port at PROFIBUS: the slave, LEDs D, E and P, address switches (p. 9, 12-15).
+
+use super::gateway::Gateway;
+use super::ram::Registers;
+use super::records::{DpState, Refused, WatchdogOut};
+use super::registers::values::{dp_state, led_d, led_e, led_p};
+use super::registers::{FRONT_ADDRESS, FRONT_LED_D, FRONT_LED_E, FRONT_LED_P, FRONT_SWITCHES};
+use super::slave::{News, Slave};
+use super::{Shared, lock};
+use crate::devices::Context;
+use crate::devices::profibus_bus::{ProfibusPort, Station};
+use crate::profibus::Telegram;
+
+/// Addresses that the switches can give it (p. 9).
+const FIRST_ADDRESS: u32 = 3;
+const LAST_ADDRESS: u32 = 124;
+
+/// The firmware at PROFIBUS.
+pub(super) struct DpPort {
+    registers: Registers,
+    gateway: Shared,
+    slave: Option<Slave>,
+}
+
+impl DpPort {
+    pub(super) fn new(registers: Registers, gateway: Shared) -> Self {
+        DpPort { registers, gateway, slave: None }
+    }
+
+    /// Runs the slave, then tells what has come of it.
+    fn run<T: Default>(
+        &mut self,
+        ctx: &mut Context,
+        doing: impl FnOnce(&mut Slave, &mut Gateway, &Registers) -> T,
+    ) -> T {
+        let Some(slave) = &mut self.slave else { return T::default() };
+        let gateway = &mut *lock(&self.gateway);
+        let done = doing(slave, gateway, &self.registers);
+        slave.look(gateway);
+        slave.show(gateway, &self.registers);
+        let plc = ctx.origin.plc;
+        for news in slave.take_news() {
+            match news {
+                News::State(to) => ctx.report(DpState { plc, to }),
+                News::Refused([cause, number, detail]) => ctx.report(Refused { plc, cause, number, detail }),
+                News::Watchdog => ctx.report(WatchdogOut { plc }),
+            }
+        }
+        let state = slave.state();
+        let is_exchanging = state == dp_state::DATA_EXCHANGE;
+        self.registers.front(FRONT_LED_D).store(if is_exchanging { led_d::ON } else { led_d::DARK });
+        // Codes 1 to 4 are the states in their order (p. 15).
+        self.registers.front(FRONT_LED_E).store(if is_exchanging { led_e::DARK } else { state.into() });
+        done
+    }
+}
+
+impl ProfibusPort for DpPort {
+    fn power_on(&mut self, ctx: &mut Context, _: &mut Station) {
+        let address = self.registers.front(FRONT_SWITCHES).load().clamp(FIRST_ADDRESS, LAST_ADDRESS);
+        self.registers.front(FRONT_ADDRESS).store(address);
+        self.registers.front(FRONT_LED_P).store(led_p::ON);
+        self.slave = Some(Slave::new(address as u8));
+        self.run(ctx, |_, _, _| ());
+    }
+
+    fn power_off(&mut self) {
+        self.slave = None;
+        self.registers.diag.dp_state.store(dp_state::OFF);
+        for word in [FRONT_ADDRESS, FRONT_LED_D, FRONT_LED_E, FRONT_LED_P] {
+            self.registers.front(word).store(0);
+        }
+    }
+
+    fn look(&mut self, ctx: &mut Context, _: &mut Station) {
+        self.run(ctx, |_, _, _| ());
+    }
+
+    fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
+        let now = ctx.now;
+        let answer = self.run(ctx, |slave, gateway, registers| {
+            let answer = slave.heard(telegram, now, gateway, registers)?;
+            Some((slave.tsdr(), answer))
+        });
+        if let Some((after_bits, answer)) = answer {
+            station.answer(after_bits, &answer);
+        }
+    }
+
+    fn next_time(&self) -> u64 {
+        self.slave.as_ref().map_or(u64::MAX, Slave::next_time)
+    }
+
+    fn due(&mut self, ctx: &mut Context, _: &mut Station) {
+        let now = ctx.now;
+        self.run(ctx, |slave, gateway, registers| slave.due(now, gateway, registers));
+    }
+}

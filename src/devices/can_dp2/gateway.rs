@@ -1,0 +1,395 @@
+//! What the gateway does on CAN: outputs become frames, frames become inputs, and how it starts (p. 13, 28-49).
+//!
+//! Both sides have it in common. The DP slave tells it of each data exchange, the CAN port of each frame and of the time; what it has to
+//! send the CAN port takes from it.
+
+use super::modules::{Configuration, Kind, Module, WINDOW};
+use super::parameters::{Parameters, Role};
+use super::ram::Registers;
+use super::registers::values::{bus_state, can_state};
+use super::window::{Order, Window};
+use crate::can::{ExtendedId, Filter, Frame, Id, Payload, StandardId};
+use crate::devices::canopen::nmt::Command;
+use embedded_can::Frame as _;
+use std::collections::VecDeque;
+
+/// The identifier of SYNC objects (p. 87); a slave adds its number to it for its start (p. 29).
+const SYNC: u16 = 0x80;
+
+/// What was taken over when data exchange began.
+struct Setup {
+    parameters: Parameters,
+    configuration: Configuration,
+    /// The outputs as they were last sent, or would have been.
+    outputs: Vec<u8>,
+    /// When each module is sent again, in us.
+    cycles: Vec<Option<u64>>,
+}
+
+/// The CAN side.
+pub(super) struct Gateway {
+    registers: Registers,
+    /// When it was switched on, in us: the wake-up time counts from there (p. 29).
+    on_since: u64,
+    setup: Option<Setup>,
+    /// What it does: `can_state`.
+    state: u8,
+    /// There is data exchange; without any it sends nothing by itself (D-386).
+    is_exchanging: bool,
+    wake_at: Option<u64>,
+    /// When the next SYNC object is due, in us.
+    sync_at: Option<u64>,
+    window: Window,
+    frames: VecDeque<Frame>,
+    /// The controller is to be set anew.
+    is_new: bool,
+    /// State of the CAN bus, as in the diagnosis.
+    bus: u8,
+    irq_lost: u8,
+    msg_lost: u8,
+    /// The diagnosis has changed since the DP slave last looked.
+    has_news: bool,
+}
+
+impl Gateway {
+    pub(super) fn new(registers: Registers) -> Self {
+        Gateway {
+            registers,
+            on_since: 0,
+            setup: None,
+            state: can_state::OFF,
+            is_exchanging: false,
+            wake_at: None,
+            sync_at: None,
+            window: Window::default(),
+            frames: VecDeque::new(),
+            is_new: false,
+            bus: bus_state::OK,
+            irq_lost: 0,
+            msg_lost: 0,
+            has_news: false,
+        }
+    }
+
+    pub(super) fn power_on(&mut self, now: u64) {
+        self.power_off();
+        self.on_since = now;
+    }
+
+    pub(super) fn power_off(&mut self) {
+        (self.setup, self.state, self.is_exchanging) = (None, can_state::OFF, false);
+        (self.wake_at, self.sync_at, self.window) = (None, None, Window::default());
+        self.frames.clear();
+        (self.is_new, self.bus, self.irq_lost, self.msg_lost, self.has_news) = (false, bus_state::OK, 0, 0, false);
+        self.show();
+    }
+
+    /// The three octets of the diagnosis about CAN: state, IRQ_LOST, MSG_LOST (p. 20-21).
+    pub(super) fn diagnosis(&self) -> [u8; 3] {
+        [self.bus, self.irq_lost, self.msg_lost]
+    }
+
+    /// Whether [`diagnosis`](Self::diagnosis) has changed since the last call.
+    pub(super) fn take_news(&mut self) -> bool {
+        core::mem::take(&mut self.has_news)
+    }
+
+    /// What it does, as `can_state`.
+    pub(super) fn state(&self) -> u8 {
+        self.state
+    }
+
+    /// State of the CAN bus.
+    pub(super) fn bus(&self) -> u8 {
+        self.bus
+    }
+
+    /// The CAN bus is in this state.
+    pub(super) fn set_bus(&mut self, bus: u8) {
+        self.has_news |= core::mem::replace(&mut self.bus, bus) != bus;
+        self.show();
+    }
+
+    /// The controller has lost a frame (p. 20).
+    pub(super) fn lost_frame(&mut self) {
+        self.irq_lost = self.irq_lost.saturating_add(1);
+        self.has_news = true;
+        self.show();
+    }
+
+    /// Data exchange begins with these parameters and modules.
+    pub(super) fn begin(&mut self, parameters: &Parameters, configuration: &Configuration, now: u64) {
+        self.end();
+        self.window = Window::default();
+        (self.is_exchanging, self.is_new) = (true, true);
+        let setup = Setup {
+            parameters: parameters.clone(),
+            configuration: configuration.clone(),
+            outputs: vec![0; configuration.outputs],
+            cycles: vec![None; configuration.modules.len()],
+        };
+        let (has_output, role) = (configuration.has_output(), parameters.role());
+        self.setup = Some(setup);
+        self.state = match role {
+            // P. 32: without an output the controller behind the DP slave tells the firmware nothing.
+            _ if !has_output => can_state::OFF,
+            Role::Layer2 => {
+                self.start_cycles(now);
+                can_state::WORKING
+            }
+            Role::Master | Role::Slave(_) => {
+                let time = u64::from(self.registers.stored.stored_wakeup_time.load()) * 1_000_000;
+                self.wake_at = Some((self.on_since + time).max(now));
+                can_state::WAKE_UP
+            }
+        };
+        self.show_window();
+        self.show();
+    }
+
+    /// There is no data exchange any more: it sends nothing by itself, and goes on receiving (D-386).
+    pub(super) fn end(&mut self) {
+        self.is_exchanging = false;
+        (self.wake_at, self.sync_at) = (None, None);
+        self.frames.clear();
+        if let Some(setup) = &mut self.setup {
+            setup.cycles.fill(None);
+        }
+    }
+
+    fn start_cycles(&mut self, now: u64) {
+        let Some(Setup { configuration, cycles, .. }) = &mut self.setup else { return };
+        for (module, cycle) in configuration.modules.iter().zip(cycles) {
+            *cycle = match module.kind {
+                Kind::Output { cycle_ms, .. } if cycle_ms != 0 => Some(now + u64::from(cycle_ms) * 1000),
+                _ => None,
+            };
+        }
+    }
+
+    /// A data exchange has brought these outputs.
+    pub(super) fn exchanged(&mut self, outputs: &[u8]) {
+        let Some(setup) = &mut self.setup else { return };
+        let old = core::mem::replace(&mut setup.outputs, outputs.to_vec());
+        if self.state == can_state::OFF {
+            return;
+        }
+        let modules = setup.configuration.modules.clone();
+        let has_counter = setup.parameters.has_tx_counter();
+        for module in &modules {
+            let Some(new) = outputs.get(module.range()) else { continue };
+            match module.kind {
+                Kind::WindowOutput => self.order(new),
+                Kind::Output { id, .. } if self.state == can_state::WORKING && old.get(module.range()) != Some(new) => {
+                    self.frames.extend(frame(id, module, new, has_counter));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// The DP master has written its window.
+    fn order(&mut self, window: &[u8]) {
+        let Ok(window) = <&[u8; WINDOW]>::try_from(window) else { return };
+        let enabled = self.window.enabled().len();
+        match self.window.written(window) {
+            Order::Nothing => {}
+            Order::Send(frame) => self.frames.push_back(frame),
+            Order::SyncTime(time) => self.set_sync_time(time),
+        }
+        self.is_new |= self.window.enabled().len() != enabled;
+        self.show_window();
+        self.show();
+    }
+
+    /// P. 42, 44: the last time that was set counts. Only a master has one here; 16#FFFF is none.
+    fn set_sync_time(&mut self, time: u16) {
+        let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
+        if is_master && time != u16::MAX {
+            self.registers.stored.stored_sync_time.store(time);
+            self.sync_at = None;
+        }
+    }
+
+    /// The window as the DP master reads it.
+    fn show_window(&self) {
+        let modules = self.setup.iter().flat_map(|setup| &setup.configuration.modules);
+        for module in modules.filter(|module| module.kind == Kind::WindowInput) {
+            self.registers.set_inputs(module.first, self.window.shown());
+        }
+    }
+
+    /// All outputs go out, then everything that its inputs bring is asked for (p. 29).
+    fn send_all(&mut self, now: u64) {
+        let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
+        for module in &configuration.modules {
+            if let (Kind::Output { id, .. }, Some(data)) = (module.kind, outputs.get(module.range())) {
+                self.frames.extend(frame(id, module, data, parameters.has_tx_counter()));
+            }
+        }
+        let inputs = configuration.modules.iter().filter(|_| parameters.has_rtr());
+        for module in inputs {
+            if let Kind::Input { id, is_frozen: false } = module.kind {
+                let counter = usize::from(parameters.has_rx_counter());
+                self.frames.extend(Frame::remote(id, module.length - counter));
+            }
+        }
+        self.start_cycles(now);
+    }
+
+    /// The wake-up time is over.
+    fn wake_up(&mut self, now: u64) {
+        let Some(setup) = &self.setup else { return };
+        match setup.parameters.role() {
+            Role::Slave(number) => {
+                self.frames.push_back(Frame::standard(SYNC + u16::from(number), Payload::EMPTY));
+                self.state = can_state::PRE_OPERATIONAL;
+            }
+            Role::Master | Role::Layer2 => {
+                if setup.parameters.has_start_frame() {
+                    let start = Payload::new(&[Command::Start.code(), 0]).unwrap_or(Payload::EMPTY);
+                    self.frames.push_back(Frame::standard(0, start));
+                }
+                self.state = can_state::WORKING;
+                self.send_all(now);
+            }
+        }
+        self.show();
+    }
+
+    /// Network management, for a slave (p. 29, 87; D-384).
+    fn command(&mut self, command: Command, now: u64) {
+        match command {
+            Command::Start if self.state == can_state::PRE_OPERATIONAL => {
+                self.state = can_state::WORKING;
+                self.send_all(now);
+            }
+            Command::Start => {}
+            Command::Stop | Command::EnterPreOperational => self.state = can_state::PRE_OPERATIONAL,
+            Command::ResetNode | Command::ResetCommunication => self.wake_up(now),
+        }
+        self.show();
+    }
+
+    /// A frame has come.
+    pub(super) fn received(&mut self, frame: &Frame, now: u64) {
+        let Some(setup) = self.setup.as_ref().filter(|_| self.state != can_state::OFF) else { return };
+        // D-388.
+        if frame.is_remote_frame() {
+            return;
+        }
+        let role = setup.parameters.role();
+        let is_awake = matches!(self.state, can_state::PRE_OPERATIONAL | can_state::WORKING);
+        if let (Id::Standard(StandardId::ZERO), Role::Slave(number), true) = (frame.id(), role, is_awake)
+            && let Some(command) = Command::parse(frame.data(), number)
+        {
+            return self.command(command, now);
+        }
+        // D-392.
+        if self.window.enabled().contains(&frame.id()) {
+            if !self.window.received(*frame) {
+                self.msg_lost = self.msg_lost.saturating_add(1);
+                self.has_news = true;
+            }
+            self.show_window();
+            return self.show();
+        }
+        let counts = setup.parameters.has_rx_counter();
+        let is_its = |module: &&Module| matches!(module.kind, Kind::Input { id, is_frozen: false } if id == frame.id());
+        let Some(module) = setup.configuration.modules.iter().find(is_its) else { return };
+        let room = module.length - usize::from(counts);
+        let mut data = frame.data().to_vec();
+        data.truncate(room);
+        super::form::swap(module.form, &mut data);
+        self.registers.set_inputs(module.first, &data);
+        if counts {
+            let counter = module.first + room;
+            self.registers.set_inputs(counter, &[self.registers.input(counter).wrapping_add(1)]);
+        }
+    }
+
+    /// When its next time is due, in us.
+    pub(super) fn next_time(&self) -> u64 {
+        let cycles = self.setup.iter().flat_map(|setup| setup.cycles.iter().flatten());
+        let times = cycles.chain(&self.wake_at).chain(&self.sync_at);
+        times.copied().min().unwrap_or(u64::MAX)
+    }
+
+    /// Does what is due.
+    pub(super) fn due(&mut self, now: u64) {
+        if self.wake_at.is_some_and(|at| at <= now) {
+            self.wake_at = None;
+            self.wake_up(now);
+        }
+        if let Some(Setup { parameters, configuration, outputs, cycles }) = &mut self.setup {
+            for (module, cycle) in configuration.modules.iter().zip(cycles) {
+                let (Kind::Output { id, cycle_ms }, Some(at)) = (module.kind, *cycle) else { continue };
+                if at <= now {
+                    *cycle = Some(at + u64::from(cycle_ms) * 1000);
+                    if let Some(data) = outputs.get(module.range()).filter(|_| self.state == can_state::WORKING) {
+                        self.frames.extend(frame(id, module, data, parameters.has_tx_counter()));
+                    }
+                }
+            }
+        }
+        if self.sync_at.is_some_and(|at| at <= now) {
+            self.frames.push_back(Frame::standard(SYNC, Payload::EMPTY));
+            self.sync_at = None;
+        }
+        self.plan_sync(now);
+    }
+
+    /// SYNC objects come at the time that is stored as long as a master works (D-385).
+    pub(super) fn plan_sync(&mut self, now: u64) {
+        let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
+        let time = self.registers.stored.stored_sync_time.load();
+        let runs = is_master && self.is_exchanging && self.state == can_state::WORKING && time != 0;
+        match (runs, self.sync_at) {
+            (true, None) => self.sync_at = Some(now + u64::from(time) * 1000),
+            (false, Some(_)) => self.sync_at = None,
+            _ => {}
+        }
+    }
+
+    /// The bit rate that the controller is to be set to, and what it is to receive, if that has changed.
+    pub(super) fn take_setup(&mut self) -> Option<(u32, Vec<Filter>)> {
+        if !core::mem::take(&mut self.is_new) {
+            return None;
+        }
+        let Setup { parameters, configuration, .. } = self.setup.as_ref()?;
+        let of_modules = configuration.modules.iter().filter_map(|module| match module.kind {
+            Kind::Input { id, .. } => Some(id),
+            _ => None,
+        });
+        let ids = of_modules.chain(self.window.enabled().iter().copied());
+        let nmt = matches!(parameters.role(), Role::Slave(_)).then_some(Id::Standard(StandardId::ZERO));
+        let mut filters: Vec<Filter> = ids.chain(nmt).map(|id| Filter::exactly(id).data_only()).collect();
+        if filters.is_empty() {
+            // Without any it would be told everything; this one lets nothing through.
+            filters.push(Filter::exactly(ExtendedId::MAX).data_only());
+        }
+        Some((parameters.can_bit_s(), filters))
+    }
+
+    /// The next frame to send.
+    pub(super) fn take_frame(&mut self) -> Option<Frame> {
+        self.frames.pop_front()
+    }
+
+    fn show(&self) {
+        let can = &self.registers.can;
+        can.can_state.store(self.state);
+        can.bus_state.store(self.bus);
+        can.irq_lost.store(self.irq_lost);
+        can.msg_lost.store(self.msg_lost);
+        can.fifo_count.store(self.window.waiting() as u8);
+    }
+}
+
+/// The frame of an output module with this data.
+fn frame(id: Id, module: &Module, data: &[u8], has_counter: bool) -> Option<Frame> {
+    let mut data = data.to_vec();
+    data.truncate(module.length - usize::from(has_counter));
+    super::form::swap(module.form, &mut data);
+    Some(Frame::new(id, Payload::new(&data)?))
+}

@@ -1,0 +1,173 @@
+//! A DP master without a stack: whoever writes registers asks the slave, one request at a time.
+
+use super::ram::fill;
+use super::registers::values::{mst_control, mst_dsap, mst_result, mst_status};
+use super::registers::{CAN_DP2_MST, FRONT_ADDRESS, MST};
+use crate::devices::Context;
+use crate::devices::profibus_bus::{ProfibusPort, Station};
+use crate::memory::{Header, MemoryError, Segment, View};
+use crate::profibus::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
+use core::mem::offset_of;
+
+/// The service access point of a DP master.
+const MASTER_SAP: u8 = 62;
+
+/// How often a request is sent at most.
+const TRIES: u8 = 2;
+
+/// Octets of a request at most.
+const OCTETS: usize = 244;
+
+/// How long an answer may take to begin, in bit times, by the rate in bit/s: more than the largest T_SDR of p. 22.
+const SLOT_BITS: [(u32, u64); 4] = [(500_000, 200), (1_500_000, 300), (6_000_000, 600), (12_000_000, 1000)];
+
+/// A request under way.
+struct Pending {
+    frame: Frame,
+    /// How often it has been sent.
+    tries: u8,
+    /// It is on its way, or the slave is about to answer.
+    is_sent: bool,
+}
+
+/// The master.
+pub(super) struct Master {
+    registers: View<CAN_DP2_MST>,
+    header: View<Header>,
+    pending: Option<Pending>,
+    /// Frame count bit of the last request; none: the next one is the first.
+    fcb: Option<bool>,
+}
+
+impl Master {
+    pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Master { registers: segment.view(MST)?, header: segment.header()?, pending: None, fcb: None })
+    }
+
+    /// The request that the registers describe; none if they describe none.
+    fn request(&self) -> Option<Frame> {
+        let registers = &self.registers;
+        let (sa, dsap) = (registers.mst_address.load(), registers.mst_dsap.load());
+        let length = usize::from(registers.mst_request_len.load());
+        let known = matches!(dsap, mst_dsap::SET_SLAVE_ADD..=mst_dsap::CHK_CFG | mst_dsap::FDL_STATUS..);
+        if sa > 126 || length > OCTETS || !known {
+            return None;
+        }
+        let data = registers.mst_request.iter().take(length).map(|cell| cell.load()).collect();
+        let slave = self.header.front[FRONT_ADDRESS].load() as u8;
+        let (fcb, fcv) = (self.fcb.is_none_or(|last| !last), self.fcb.is_some());
+        let (request, da) = match dsap {
+            mst_dsap::FDL_STATUS => (Request::FdlStatus, slave),
+            mst_dsap::GLOBAL_CONTROL => (Request::Sdn, BROADCAST),
+            _ => (Request::Srd, slave),
+        };
+        let counts = request == Request::Srd;
+        let is_high = counts || request == Request::Sdn;
+        let fc = FunctionCode::Request { request, fcb: counts && fcb, fcv: counts && fcv, is_high };
+        let (dsap, ssap) = match dsap {
+            mst_dsap::FDL_STATUS | mst_dsap::DATA_EXCHANGE => (None, None),
+            sap => (Some(sap), Some(MASTER_SAP)),
+        };
+        let data = if request == Request::FdlStatus { Vec::new() } else { data };
+        Some(Frame { da, sa, fc: fc.octet(), dsap, ssap, data })
+    }
+
+    fn finish(&mut self, ctx: &mut Context, station: &mut Station, result: u8, reply: &[u8]) {
+        station.set_alarm(None);
+        station.withdraw();
+        if let Some(Pending { frame, .. }) = self.pending.take() {
+            // A slave that has answered knows the bit; to one that has not the next request is the first.
+            match FunctionCode::parse(frame.fc) {
+                FunctionCode::Request { fcb, request: Request::Srd, .. } => {
+                    self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
+                }
+                _ => {}
+            }
+            let is_data = matches!(result, mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS);
+            if frame.dsap == Some(mst_dsap::SLAVE_DIAG) && is_data {
+                fill(&self.registers.mst_diag, reply);
+                self.registers.mst_diag_len.store(reply.len().min(16) as u8);
+            }
+        }
+        let registers = &self.registers;
+        registers.mst_reply_len.store(reply.len() as u8);
+        fill(&registers.mst_reply, reply);
+        registers.mst_result.store(result);
+        registers.mst_status.store(mst_status::IDLE);
+        if registers.mst_control.compare_exchange(mst_control::SEND, mst_control::DONE).is_ok() {
+            ctx.answered(offset_of!(CAN_DP2_MST, mst_control), mst_control::SEND, mst_control::DONE);
+        }
+    }
+}
+
+impl ProfibusPort for Master {
+    fn power_on(&mut self, _: &mut Context, station: &mut Station) {
+        (self.pending, self.fcb) = (None, None);
+        station.set_alarm(None);
+    }
+
+    fn power_off(&mut self) {
+        self.pending = None;
+    }
+
+    fn look(&mut self, ctx: &mut Context, station: &mut Station) {
+        if !self.has_changed() {
+            return;
+        }
+        self.registers.mst_result.store(mst_result::NONE);
+        match self.request() {
+            None => self.finish(ctx, station, mst_result::BAD_REQUEST, &[]),
+            Some(frame) => {
+                station.request(&Telegram::Frame(frame.clone()));
+                self.pending = Some(Pending { frame, tries: 1, is_sent: false });
+                self.registers.mst_status.store(mst_status::WAITING_FOR_LINE);
+            }
+        }
+    }
+
+    fn has_changed(&self) -> bool {
+        self.pending.is_none() && self.registers.mst_control.load() == mst_control::SEND
+    }
+
+    fn sent(&mut self, ctx: &mut Context, station: &mut Station) {
+        let Some(pending) = &mut self.pending else { return };
+        pending.is_sent = true;
+        self.registers.mst_status.store(mst_status::SENDING);
+        if pending.frame.da == BROADCAST {
+            return self.finish(ctx, station, mst_result::SENT, &[]);
+        }
+        let rate = station.rate().bit_s();
+        let slot = SLOT_BITS.into_iter().find(|(limit, _)| rate <= *limit).map_or(1000, |(_, bits)| bits);
+        station.set_alarm(Some(station.now() + slot + Telegram::bits(255 + 11)));
+    }
+
+    fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {
+        let Some(pending) = self.pending.as_ref().filter(|pending| pending.is_sent) else { return };
+        let (result, data) = match telegram {
+            Telegram::ShortAck => (mst_result::RECEIPT, Vec::new()),
+            Telegram::Frame(frame) if frame.da == pending.frame.sa && frame.sa == pending.frame.da => {
+                match FunctionCode::parse(frame.fc) {
+                    FunctionCode::Answer(Answer::Ok) => (mst_result::STATUS, Vec::new()),
+                    FunctionCode::Answer(Answer::NotActivated) => (mst_result::NOT_ACTIVATED, Vec::new()),
+                    FunctionCode::Answer(Answer::Low) => (mst_result::DATA, frame.data.clone()),
+                    FunctionCode::Answer(Answer::High) => (mst_result::DATA_AND_DIAGNOSIS, frame.data.clone()),
+                    _ => (mst_result::OTHER, Vec::new()),
+                }
+            }
+            _ => return,
+        };
+        self.finish(ctx, station, result, &data);
+    }
+
+    /// No answer has come.
+    fn alarm(&mut self, ctx: &mut Context, station: &mut Station) {
+        match &mut self.pending {
+            Some(pending) if pending.tries < TRIES => {
+                (pending.tries, pending.is_sent) = (pending.tries + 1, false);
+                station.request(&Telegram::Frame(pending.frame.clone()));
+            }
+            Some(_) => self.finish(ctx, station, mst_result::NO_ANSWER, &[]),
+            None => {}
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! esd CAN-DP/2: a PROFIBUS-DP slave in front of a CAN bus (Software-Handbuch CAN-DP/2, revision 1.1).
+
+#[cfg(feature = "emulator")]
+mod can_port;
+#[cfg(feature = "emulator")]
+mod config;
+#[cfg(feature = "emulator")]
+mod dp_port;
+#[cfg(feature = "emulator")]
+mod form;
+#[cfg(feature = "emulator")]
+mod gateway;
+#[cfg(feature = "emulator")]
+mod master;
+#[cfg(feature = "emulator")]
+mod modules;
+#[cfg(feature = "emulator")]
+mod parameters;
+#[cfg(feature = "emulator")]
+mod ram;
+#[cfg(feature = "emulator")]
+pub mod records;
+#[cfg(feature = "emulator")]
+mod slave;
+#[cfg(feature = "emulator")]
+mod stored;
+#[cfg(all(test, feature = "emulator"))]
+mod tests;
+#[cfg(feature = "emulator")]
+mod window;
+
+#[cfg(feature = "emulator")]
+pub use config::CanDp2Config;
+#[cfg(feature = "emulator")]
+use gateway::Gateway;
+#[cfg(feature = "emulator")]
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The CAN side, which the ports have in common. A plant runs them one after the other: nobody ever waits for it.
+#[cfg(feature = "emulator")]
+type Shared = Arc<Mutex<Gateway>>;
+
+#[cfg(feature = "emulator")]
+fn share(gateway: Gateway) -> Shared {
+    Arc::new(Mutex::new(gateway))
+}
+
+#[cfg(feature = "emulator")]
+fn lock(gateway: &Shared) -> MutexGuard<'_, Gateway> {
+    gateway.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Areas, structures and front, generated from `layouts/can-dp2`.
+#[allow(non_snake_case, non_camel_case_types)]
+pub mod registers {
+    include!(concat!(env!("OUT_DIR"), "/can_dp2.rs"));
+}

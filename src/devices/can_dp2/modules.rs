@@ -1,0 +1,258 @@
+//! The configuration: what Chk_Cfg brings, module by module, and what of it is wrong (p. 21, 31-39, 71-73).
+
+use super::parameters::Parameters;
+use crate::can::{ExtendedId, Id, StandardId};
+
+/// Modules that a station has at most (p. 23).
+pub(super) const MODULES: usize = 48;
+
+/// Octets of all inputs, and of all outputs, at most; and of both together (p. 10).
+const OCTETS: usize = 244;
+const TOGETHER: usize = 300;
+
+/// Octets of a Communication Window (p. 38).
+pub(super) const WINDOW: usize = 16;
+
+/// The identifier of a Communication Window (p. 38-39), and of an output without CAN (p. 32).
+const WINDOW_ID: [u8; 2] = [0xFF, 0xEF];
+const DUMMY_ID: u16 = 0x07F8;
+
+/// The bit that makes an identifier one of 29 bits (p. 35).
+pub(super) const EXTENDED: u32 = 1 << 29;
+
+/// What is wrong with a module (p. 21; D-377).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum CfgError {
+    /// Neither input nor output.
+    Type = 1,
+    /// Words instead of bytes.
+    Unit = 2,
+    /// Another length than 1 to 8, or 16.
+    Length = 3,
+    /// Only one byte of the identifier.
+    OneByte = 4,
+    /// No format byte.
+    Form = 5,
+    /// An identifier that cannot be.
+    Identifier = 6,
+}
+
+/// Which module is wrong, from 0, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct CfgFault {
+    pub module: u8,
+    pub error: CfgError,
+}
+
+/// What a module is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// What comes with this identifier; `is_frozen` if a later module has the same (p. 35).
+    Input {
+        /// Which frames.
+        id: Id,
+        /// A later one has it.
+        is_frozen: bool,
+    },
+    /// What goes out with this identifier, again after so many ms if that is not 0.
+    Output {
+        /// Which frames.
+        id: Id,
+        /// The time in ms.
+        cycle_ms: u16,
+    },
+    /// An output without CAN (p. 32).
+    Dummy,
+    /// The read window (p. 41).
+    WindowInput,
+    /// The write window (p. 40).
+    WindowOutput,
+}
+
+/// A module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Module {
+    pub kind: Kind,
+    /// Octets in the process image, a counter included.
+    pub length: usize,
+    /// The first of them among inputs or outputs.
+    pub first: usize,
+    /// Which bytes are swapped.
+    pub form: u8,
+}
+
+impl Module {
+    /// Where its octets lie.
+    pub(super) fn range(&self) -> core::ops::Range<usize> {
+        self.first..self.first + self.length
+    }
+
+    fn is_input(&self) -> bool {
+        matches!(self.kind, Kind::Input { .. } | Kind::WindowInput)
+    }
+}
+
+/// A good configuration.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Configuration {
+    /// As it came.
+    pub octets: Vec<u8>,
+    pub modules: Vec<Module>,
+    /// Octets of all inputs.
+    pub inputs: usize,
+    /// Octets of all outputs.
+    pub outputs: usize,
+    /// SYNC time in ms that stands at the Communication Window, if one does (p. 39, 44).
+    pub sync_ms: Option<u16>,
+}
+
+/// A module as it is written, before anybody has judged it.
+struct Written<'a> {
+    is_input: bool,
+    length: usize,
+    comment: &'a [u8],
+}
+
+/// Identifier, format byte and what stands behind it.
+fn identifier(comment: &[u8]) -> Result<(Id, u8, &[u8]), CfgError> {
+    let (&first, _) = comment.split_first().ok_or(CfgError::OneByte)?;
+    if comment.len() < 2 {
+        return Err(CfgError::OneByte);
+    }
+    // Identifiers of 29 bits begin with 16#20 to 16#3F; nothing else there is one of 11 bits (p. 35).
+    if (0x20..0x40).contains(&first) {
+        let (bytes, rest) = comment.split_first_chunk().ok_or(CfgError::Identifier)?;
+        let (&form, rest) = rest.split_first().ok_or(CfgError::Form)?;
+        let id = ExtendedId::new(u32::from_be_bytes(*bytes) & !EXTENDED).ok_or(CfgError::Identifier)?;
+        return Ok((id.into(), form, rest));
+    }
+    let (bytes, rest) = comment.split_first_chunk().ok_or(CfgError::OneByte)?;
+    let (&form, rest) = rest.split_first().ok_or(CfgError::Form)?;
+    let id = StandardId::new(u16::from_be_bytes(*bytes)).ok_or(CfgError::Identifier)?;
+    Ok((id.into(), form, rest))
+}
+
+/// The next module, and the octets behind it.
+fn take(octets: &[u8]) -> Result<(Written<'_>, &[u8]), CfgError> {
+    let (&head, rest) = octets.split_first().ok_or(CfgError::Type)?;
+    // One octet alone, the general format, has no identifier (p. 71).
+    if head & 0x30 != 0 {
+        return Err(CfgError::OneByte);
+    }
+    let is_input = match head >> 6 {
+        0b01 => true,
+        0b10 => false,
+        _ => return Err(CfgError::Type),
+    };
+    let (&structure, rest) = rest.split_first().ok_or(CfgError::Length)?;
+    if structure & 0x40 != 0 {
+        return Err(CfgError::Unit);
+    }
+    let said = usize::from(head & 0x0F);
+    let (comment, rest) = rest.split_at(said.min(rest.len()));
+    Ok((Written { is_input, length: usize::from(structure & 0x3F) + 1, comment }, rest))
+}
+
+impl Configuration {
+    /// Looks at the octets of a Chk_Cfg, which must fit `parameters`; the first module that is wrong counts.
+    pub(super) fn parse(octets: &[u8], parameters: &Parameters) -> Result<Self, CfgFault> {
+        let mut it = Configuration::default();
+        let mut rest = octets;
+        while !rest.is_empty() {
+            let module = it.modules.len() as u8;
+            let (written, behind) = take(rest).map_err(|error| CfgFault { module, error })?;
+            it.add(&written, parameters).map_err(|error| CfgFault { module, error })?;
+            rest = behind;
+        }
+        it.octets = octets.to_vec();
+        Ok(it)
+    }
+
+    fn add(&mut self, written: &Written<'_>, parameters: &Parameters) -> Result<(), CfgError> {
+        if self.modules.len() >= MODULES {
+            return Err(CfgError::Type);
+        }
+        let Written { is_input, length, comment } = *written;
+        let (kind, form) = if comment.starts_with(&WINDOW_ID) {
+            self.window(written, parameters)?
+        } else {
+            let (id, form, behind) = identifier(comment)?;
+            (self.of_identifier(id, is_input, behind)?, form)
+        };
+        // A counter has one octet more; a window has none (D-378).
+        let counter = match kind {
+            Kind::Input { .. } => usize::from(parameters.has_rx_counter()),
+            Kind::Output { .. } | Kind::Dummy => usize::from(parameters.has_tx_counter()),
+            Kind::WindowInput | Kind::WindowOutput => 0,
+        };
+        let of_can = length.checked_sub(counter);
+        let is_right = match kind {
+            Kind::WindowInput | Kind::WindowOutput => length == WINDOW,
+            // Any unit will do there (p. 32).
+            Kind::Dummy => length <= WINDOW,
+            _ => of_can.is_some_and(|bytes| (1..=8).contains(&bytes)),
+        };
+        let side = if is_input { &mut self.inputs } else { &mut self.outputs };
+        let first = *side;
+        *side += length;
+        if !is_right || *side > OCTETS || self.inputs + self.outputs > TOGETHER {
+            return Err(CfgError::Length);
+        }
+        self.modules.push(Module { kind, length, first, form });
+        Ok(())
+    }
+
+    /// A window: one each way, and only if the parameters say so (p. 39).
+    fn window(&mut self, written: &Written<'_>, parameters: &Parameters) -> Result<(Kind, u8), CfgError> {
+        let (_, behind) = written.comment.split_at(WINDOW_ID.len());
+        let (&form, behind) = behind.split_first().ok_or(CfgError::Form)?;
+        let kind = if written.is_input { Kind::WindowInput } else { Kind::WindowOutput };
+        if !parameters.has_window() || self.modules.iter().any(|module| module.kind == kind) {
+            return Err(CfgError::Identifier);
+        }
+        match *behind {
+            [] => {}
+            [high, low] => self.sync_ms = Some(u16::from_be_bytes([high, low])),
+            _ => return Err(CfgError::Identifier),
+        }
+        Ok((kind, form))
+    }
+
+    fn of_identifier(&mut self, id: Id, is_input: bool, behind: &[u8]) -> Result<Kind, CfgError> {
+        // P. 10: an identifier goes one way only.
+        let is_other_way = |module: &Module| match module.kind {
+            Kind::Input { id: other, .. } => !is_input && other == id,
+            Kind::Output { id: other, .. } => is_input && other == id,
+            _ => false,
+        };
+        if self.modules.iter().any(is_other_way) {
+            return Err(CfgError::Identifier);
+        }
+        if is_input {
+            if !behind.is_empty() {
+                return Err(CfgError::Identifier);
+            }
+            for module in &mut self.modules {
+                if let Kind::Input { id: other, is_frozen } = &mut module.kind {
+                    *is_frozen |= *other == id;
+                }
+            }
+            return Ok(Kind::Input { id, is_frozen: false });
+        }
+        let cycle_ms = match *behind {
+            [] => 0,
+            [high, low] => u16::from_be_bytes([high, low]),
+            _ => return Err(CfgError::Identifier),
+        };
+        let is_dummy = matches!(id, Id::Standard(id) if id.as_raw() == DUMMY_ID);
+        Ok(if is_dummy { Kind::Dummy } else { Kind::Output { id, cycle_ms } })
+    }
+
+    /// Whether it has any output: without one nothing happens on CAN (p. 32).
+    pub(super) fn has_output(&self) -> bool {
+        self.modules.iter().any(|module| !module.is_input())
+    }
+}
+
+#[cfg(test)]
+mod tests;

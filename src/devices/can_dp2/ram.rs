@@ -1,0 +1,147 @@
+//! What the firmware finds in the image.
+
+use super::modules::{Configuration, EXTENDED, Kind, MODULES};
+use super::parameters::{LENGTH, Parameters};
+use super::registers::values::module_kind;
+use super::registers::{
+    CAN, CAN_DP2_CAN, CAN_DP2_CFG, CAN_DP2_DIAG, CAN_DP2_INPUTS, CAN_DP2_OUTPUTS, CAN_DP2_PRM, CAN_DP2_STORED, CFG,
+    DIAG, INPUTS, OUTPUTS, PRM, STORED,
+};
+use crate::can::Id;
+use crate::memory::{Cell8, Cell32, Header, MemoryError, Segment, View};
+
+/// What the gateway's firmware finds in the image.
+pub(super) struct Registers {
+    pub prm: View<CAN_DP2_PRM>,
+    pub stored: View<CAN_DP2_STORED>,
+    pub diag: View<CAN_DP2_DIAG>,
+    pub can: View<CAN_DP2_CAN>,
+    pub cfg: View<CAN_DP2_CFG>,
+    inputs: View<CAN_DP2_INPUTS>,
+    outputs: View<CAN_DP2_OUTPUTS>,
+    header: View<Header>,
+}
+
+/// Writes octets from the first cell on, and 0 behind them.
+pub(super) fn fill(cells: &[Cell8], octets: &[u8]) {
+    let octets = octets.iter().copied().chain(core::iter::repeat(0));
+    cells.iter().zip(octets).for_each(|(cell, octet)| cell.store(octet));
+}
+
+fn load(cells: &[Cell8]) -> Vec<u8> {
+    cells.iter().map(Cell8::load).collect()
+}
+
+impl Registers {
+    pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Registers {
+            prm: segment.view(PRM)?,
+            stored: segment.view(STORED)?,
+            diag: segment.view(DIAG)?,
+            can: segment.view(CAN)?,
+            cfg: segment.view(CFG)?,
+            inputs: segment.view(INPUTS)?,
+            outputs: segment.view(OUTPUTS)?,
+            header: segment.header()?,
+        })
+    }
+
+    /// A word of the front.
+    pub(super) fn front(&self, word: usize) -> &Cell32 {
+        &self.header.front[word]
+    }
+
+    /// The first so many inputs.
+    pub(super) fn inputs(&self, octets: usize) -> Vec<u8> {
+        load(&self.inputs.inputs[..octets.min(self.inputs.inputs.len())])
+    }
+
+    /// The first so many outputs.
+    pub(super) fn outputs(&self, octets: usize) -> Vec<u8> {
+        load(&self.outputs.outputs[..octets.min(self.outputs.outputs.len())])
+    }
+
+    /// Inputs from number `first` on.
+    pub(super) fn set_inputs(&self, first: usize, octets: &[u8]) {
+        self.inputs.inputs.iter().skip(first).zip(octets).for_each(|(cell, octet)| cell.store(*octet));
+    }
+
+    /// An input.
+    pub(super) fn input(&self, number: usize) -> u8 {
+        self.inputs.inputs.get(number).map_or(0, Cell8::load)
+    }
+
+    /// All outputs; those that are not given are 0.
+    pub(super) fn set_outputs(&self, octets: &[u8]) {
+        fill(&self.outputs.outputs, octets);
+    }
+
+    /// These parameters are in force.
+    pub(super) fn set_parameters(&self, parameters: &Parameters) {
+        let prm = &self.prm;
+        let cells: [&Cell8; LENGTH] = [
+            &prm.station_status,
+            &prm.wd_fact_1,
+            &prm.wd_fact_2,
+            &prm.min_tsdr,
+            &prm.ident_high,
+            &prm.ident_low,
+            &prm.group_ident,
+            &prm.constant_7,
+            &prm.can_bitrate,
+            &prm.flags_1,
+            &prm.module_id,
+            &prm.flags_2,
+            &prm.constant_12,
+            &prm.wakeup_time,
+            &prm.sync_time_high,
+            &prm.sync_time_low,
+        ];
+        cells.into_iter().zip(parameters.octets).for_each(|(cell, octet)| cell.store(octet));
+        prm.prm_len.store(LENGTH as u8);
+        if let Some(time) = parameters.wakeup_s() {
+            self.stored.stored_wakeup_time.store(time);
+        }
+        if let Some(time) = parameters.sync_ms() {
+            self.stored.stored_sync_time.store(time);
+        }
+    }
+
+    /// This configuration is in force; inputs and outputs begin at 0.
+    pub(super) fn set_configuration(&self, configuration: &Configuration) {
+        let Configuration { octets, modules, inputs, outputs, sync_ms } = configuration;
+        self.cfg.cfg_len.store(octets.len() as u8);
+        self.cfg.input_len.store(*inputs as u8);
+        self.cfg.output_len.store(*outputs as u8);
+        self.cfg.modules.store(modules.len() as u8);
+        fill(&self.cfg.cfg, octets);
+        fill(&self.inputs.inputs, &[]);
+        fill(&self.outputs.outputs, &[]);
+        if let Some(time) = sync_ms {
+            self.stored.stored_sync_time.store(*time);
+        }
+        for number in 0..MODULES {
+            let (cells, module) = (&self.cfg.module[number], modules.get(number));
+            let number_of = |id: &Id| match id {
+                Id::Standard(id) => id.as_raw().into(),
+                Id::Extended(id) => id.as_raw() | EXTENDED,
+            };
+            let (kind, id, cycle) = match module.map(|module| module.kind) {
+                None => (module_kind::NONE, 0, 0),
+                Some(Kind::Input { id, is_frozen: false }) => (module_kind::INPUT, number_of(&id), 0),
+                Some(Kind::Input { id, is_frozen: true }) => (module_kind::FROZEN_INPUT, number_of(&id), 0),
+                Some(Kind::Output { id, cycle_ms }) => (module_kind::OUTPUT, number_of(&id), cycle_ms),
+                Some(Kind::Dummy) => (module_kind::DUMMY_OUTPUT, 0, 0),
+                Some(Kind::WindowInput) => (module_kind::WINDOW_INPUT, 0, 0),
+                Some(Kind::WindowOutput) => (module_kind::WINDOW_OUTPUT, 0, 0),
+            };
+            cells.kind.store(kind);
+            cells.id.store(id);
+            cells.cycle.store(cycle);
+            let octet = |of: fn(&super::modules::Module) -> usize| module.map_or(0, of) as u8;
+            cells.length.store(octet(|module| module.length));
+            cells.first.store(octet(|module| module.first));
+            cells.form.store(octet(|module| module.form.into()));
+        }
+    }
+}

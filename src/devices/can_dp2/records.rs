@@ -1,0 +1,80 @@
+//! What the journal tells of a CAN-DP/2.
+
+use super::registers::DEVICE;
+use crate::coded;
+use crate::journal::{Coded, Fields, Kind, Reader, Told};
+use crate::layout::Live;
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[DpState::KIND, Refused::KIND, WatchdogOut::KIND, CanState::KIND];
+
+coded! {
+    /// The DP slave is in another state (p. 15).
+    DpState = 73, "dp_state", Rare, at plc {
+        /// As `dp_state`.
+        to: u8,
+    }
+    /// The DP slave refuses parameters or a configuration (p. 20-21).
+    Refused = 74, "dp_refused", Rare, at plc {
+        /// Octet 8 of the diagnosis.
+        cause: u8,
+        /// Octet 9.
+        number: u8,
+        /// Octet 10.
+        detail: u8,
+    }
+    /// Its master has not asked for anything within the watchdog time.
+    WatchdogOut = 75, "dp_watchdog", Missed, at plc {}
+    /// What the gateway does on CAN has changed.
+    CanState = 76, "gateway_state", Rare, at plc {
+        /// As `can_state`.
+        to: u8,
+    }
+}
+
+/// What a value of a register means.
+fn meaning(register: &str, value: u8) -> String {
+    let place = crate::layout::Place::parse(&crate::layout::Fitted::unknown(&DEVICE), register);
+    place.map_or_else(|_| value.to_string(), |place| place.meaning(Live::Always, value.into()))
+}
+
+impl Told for DpState {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("DP slave: {}", meaning("diag.dp_state", self.to))
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("to", self.to)
+    }
+}
+
+impl Told for Refused {
+    fn text(&self, _: &mut Reader) -> String {
+        let cause = meaning("diag.ext_cause", self.cause);
+        format!("{cause}: number {}, 16#{:02X}", self.number, self.detail)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("cause", self.cause).with("number", self.number).with("detail", self.detail)
+    }
+}
+
+impl Told for WatchdogOut {
+    fn text(&self, _: &mut Reader) -> String {
+        "watchdog: no request of the master".to_owned()
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new()
+    }
+}
+
+impl Told for CanState {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("CAN: {}", meaning("can.can_state", self.to))
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("to", self.to)
+    }
+}

@@ -1,0 +1,353 @@
+//! The DP slave: parameters, configuration, data exchange, diagnosis (p. 10-21). Where the manual says nothing the DP standard does; each
+//! such fact is a decision.
+
+use super::gateway::Gateway;
+use super::modules::{CfgFault, Configuration};
+use super::parameters::{IDENT, Parameters, PrmFault};
+use super::ram::Registers;
+use super::registers::values::{bus_state, dp_state, ext_cause, master_address, mst_dsap};
+use super::registers::values::{station_status_1 as status_1, station_status_2 as status_2};
+use crate::profibus::{Answer, BROADCAST, Frame, Reaction, Responder, Telegram};
+
+/// Bit times until an answer, at least.
+const MIN_TSDR: u64 = 11;
+
+/// The bit of Global_Control that clears outputs.
+const CLEAR_DATA: u8 = 0x02;
+
+/// What has happened that the journal tells of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum News {
+    /// It is in another state.
+    State(u8),
+    /// A telegram was refused: the octets 8 to 10 of the diagnosis.
+    Refused([u8; 3]),
+    /// The watchdog has run out.
+    Watchdog,
+}
+
+/// The slave.
+pub(super) struct Slave {
+    responder: Responder,
+    state: u8,
+    master: Option<u8>,
+    /// The master keeps it for itself.
+    is_locked: bool,
+    parameters: Option<Parameters>,
+    configuration: Configuration,
+    prm_fault: Option<PrmFault>,
+    cfg_fault: Option<CfgFault>,
+    /// When its master must have asked for something, in us.
+    watchdog_at: Option<u64>,
+    /// When the last telegram came that was one.
+    heard_at: u64,
+    /// The master is to ask for the diagnosis.
+    has_diagnosis: bool,
+    news: Vec<News>,
+}
+
+impl Slave {
+    /// A slave with this address that looks for the bit rate.
+    pub(super) fn new(address: u8) -> Self {
+        Slave {
+            responder: Responder::new(address),
+            state: dp_state::BAUD_SEARCH,
+            master: None,
+            is_locked: false,
+            parameters: None,
+            configuration: Configuration::default(),
+            prm_fault: None,
+            cfg_fault: None,
+            watchdog_at: None,
+            heard_at: 0,
+            has_diagnosis: false,
+            news: vec![News::State(dp_state::BAUD_SEARCH)],
+        }
+    }
+
+    pub(super) fn state(&self) -> u8 {
+        self.state
+    }
+
+    /// What has happened since the last call.
+    pub(super) fn take_news(&mut self) -> Vec<News> {
+        core::mem::take(&mut self.news)
+    }
+
+    fn enter(&mut self, state: u8) {
+        if core::mem::replace(&mut self.state, state) != state {
+            self.news.push(News::State(state));
+        }
+    }
+
+    /// Bit times until an answer.
+    pub(super) fn tsdr(&self) -> u64 {
+        self.parameters.as_ref().map_or(MIN_TSDR, |parameters| parameters.min_tsdr().max(MIN_TSDR))
+    }
+
+    /// When the watchdog runs out, in us.
+    pub(super) fn next_time(&self) -> u64 {
+        self.watchdog_at.unwrap_or(u64::MAX)
+    }
+
+    /// Does what is due: the watchdog.
+    pub(super) fn due(&mut self, now: u64, gateway: &mut Gateway, registers: &Registers) {
+        if self.watchdog_at.is_none_or(|at| at > now) {
+            return;
+        }
+        let time = self.parameters.as_ref().and_then(Parameters::watchdog_us).unwrap_or(0);
+        self.news.push(News::Watchdog);
+        self.leave(gateway, registers);
+        // Somebody else may still be talking (D-380).
+        let is_silent = now.saturating_sub(self.heard_at) >= time;
+        self.enter(if is_silent { dp_state::BAUD_SEARCH } else { dp_state::BAUD_CONTROL });
+    }
+
+    /// Data exchange ends, if there was any: outputs are 0, parameters and configuration are wanted anew.
+    fn leave(&mut self, gateway: &mut Gateway, registers: &Registers) {
+        gateway.end();
+        registers.set_outputs(&[]);
+        (self.parameters, self.master, self.is_locked) = (None, None, false);
+        (self.watchdog_at, self.has_diagnosis) = (None, false);
+        self.enter(dp_state::WAIT_PRM);
+    }
+
+    /// A telegram has come. The answer, if there is one.
+    pub(super) fn heard(
+        &mut self,
+        telegram: &Telegram,
+        now: u64,
+        gateway: &mut Gateway,
+        registers: &Registers,
+    ) -> Option<Telegram> {
+        self.heard_at = now;
+        // The first telegram only tells the bit rate (D-380).
+        if self.state == dp_state::BAUD_SEARCH {
+            self.enter(dp_state::BAUD_CONTROL);
+            return None;
+        }
+        let reaction = self.responder.heard(telegram.clone());
+        if reaction != Reaction::Nothing && self.state == dp_state::BAUD_CONTROL && !is_broadcast(telegram) {
+            self.enter(dp_state::WAIT_PRM);
+        }
+        match reaction {
+            Reaction::Nothing => None,
+            Reaction::Answered(answer) => {
+                if let Telegram::Frame(frame) = telegram {
+                    self.feed(frame.sa, now);
+                }
+                Some(answer)
+            }
+            Reaction::Told(frame) => {
+                self.feed(frame.sa, now);
+                self.control(&frame, gateway, registers);
+                None
+            }
+            Reaction::Asked(frame) => {
+                self.feed(frame.sa, now);
+                let answer = self.asked(&frame, now, gateway, registers);
+                self.feed(frame.sa, now);
+                Some(self.responder.answer(&frame, answer))
+            }
+        }
+    }
+
+    /// A request of the master keeps the watchdog from running out.
+    fn feed(&mut self, from: u8, now: u64) {
+        if self.master == Some(from) {
+            let time = self.parameters.as_ref().and_then(Parameters::watchdog_us);
+            self.watchdog_at = time.map(|time| now + time);
+        }
+    }
+
+    fn refusal(&self, frame: &Frame) -> Telegram {
+        self.responder.short(frame.sa, Answer::NotActivated)
+    }
+
+    /// Data as an answer; a receipt if there are none.
+    fn data(&self, frame: &Frame, data: Vec<u8>) -> Telegram {
+        let answer = if self.has_diagnosis { Answer::High } else { Answer::Low };
+        if data.is_empty() { Telegram::ShortAck } else { self.responder.data(frame, answer, data) }
+    }
+
+    fn asked(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) -> Telegram {
+        let is_exchanging = self.state == dp_state::DATA_EXCHANGE;
+        match frame.dsap.unwrap_or(mst_dsap::DATA_EXCHANGE) {
+            mst_dsap::DATA_EXCHANGE => self.exchange(frame, gateway, registers),
+            mst_dsap::SLAVE_DIAG => {
+                let diagnosis = self.diagnosis(gateway, frame.sa);
+                if self.master == Some(frame.sa) {
+                    self.has_diagnosis = false;
+                }
+                self.responder.data(frame, Answer::Low, diagnosis)
+            }
+            mst_dsap::SET_PRM => {
+                self.set_parameters(frame, gateway, registers);
+                Telegram::ShortAck
+            }
+            mst_dsap::CHK_CFG if self.state >= dp_state::WAIT_CFG && self.master == Some(frame.sa) => {
+                self.check_configuration(&frame.data, now, gateway, registers);
+                Telegram::ShortAck
+            }
+            mst_dsap::GET_CFG => self.responder.data(frame, Answer::Low, self.configuration.octets.clone()),
+            mst_dsap::RD_INP if is_exchanging => {
+                self.responder.data(frame, Answer::Low, registers.inputs(self.configuration.inputs))
+            }
+            mst_dsap::RD_OUTP if is_exchanging => {
+                self.responder.data(frame, Answer::Low, registers.outputs(self.configuration.outputs))
+            }
+            // Set_Slave_Add (p. 9), and whatever else there is.
+            _ => self.refusal(frame),
+        }
+    }
+
+    fn exchange(&mut self, frame: &Frame, gateway: &mut Gateway, registers: &Registers) -> Telegram {
+        if self.state != dp_state::DATA_EXCHANGE || self.master != Some(frame.sa) {
+            return self.refusal(frame);
+        }
+        let outputs = match frame.data.len() {
+            // D-387: nothing where there should be something clears the outputs.
+            0 => vec![0; self.configuration.outputs],
+            length if length == self.configuration.outputs => frame.data.clone(),
+            _ => {
+                self.leave(gateway, registers);
+                return self.refusal(frame);
+            }
+        };
+        registers.set_outputs(&outputs);
+        gateway.exchanged(&outputs);
+        self.look(gateway);
+        self.data(frame, registers.inputs(self.configuration.inputs))
+    }
+
+    /// Whether CAN has something for the diagnosis (p. 20, 29).
+    pub(super) fn look(&mut self, gateway: &mut Gateway) {
+        let wants = self.parameters.as_ref().is_some_and(Parameters::has_can_diagnosis);
+        self.has_diagnosis |= gateway.take_news() && wants && self.state == dp_state::DATA_EXCHANGE;
+    }
+
+    fn set_parameters(&mut self, frame: &Frame, gateway: &mut Gateway, registers: &Registers) {
+        // Somebody else's slave is not touched (D-379).
+        if self.is_locked && self.master != Some(frame.sa) {
+            return;
+        }
+        match Parameters::parse(&frame.data) {
+            Ok(parameters) if parameters.unlocks() => {
+                (self.prm_fault, self.cfg_fault) = (None, None);
+                self.leave(gateway, registers);
+            }
+            Ok(parameters) => {
+                (self.prm_fault, self.cfg_fault) = (None, None);
+                self.leave(gateway, registers);
+                registers.set_parameters(&parameters);
+                (self.master, self.is_locked) = (Some(frame.sa), parameters.locks());
+                self.parameters = Some(parameters);
+                self.enter(dp_state::WAIT_CFG);
+            }
+            Err(fault) => {
+                self.leave(gateway, registers);
+                (self.prm_fault, self.cfg_fault) = (Some(fault), None);
+                self.news.push(News::Refused(self.own_diagnosis(gateway)));
+            }
+        }
+    }
+
+    fn check_configuration(&mut self, octets: &[u8], now: u64, gateway: &mut Gateway, registers: &Registers) {
+        let Some(parameters) = &self.parameters else { return };
+        match Configuration::parse(octets, parameters) {
+            // The same again changes nothing.
+            Ok(configuration) if self.state == dp_state::DATA_EXCHANGE && configuration == self.configuration => {}
+            Ok(configuration) => {
+                registers.set_configuration(&configuration);
+                gateway.begin(parameters, &configuration, now);
+                (self.cfg_fault, self.configuration) = (None, configuration);
+                self.enter(dp_state::DATA_EXCHANGE);
+            }
+            Err(fault) => {
+                gateway.end();
+                registers.set_outputs(&[]);
+                self.cfg_fault = Some(fault);
+                // D-381: LED E says that it waits for another configuration (p. 15).
+                self.enter(dp_state::WAIT_CFG);
+                self.news.push(News::Refused(self.own_diagnosis(gateway)));
+            }
+        }
+    }
+
+    /// Global_Control: only Clear_Data counts (p. 10; D-387).
+    fn control(&mut self, frame: &Frame, gateway: &mut Gateway, registers: &Registers) {
+        let &[command, group, ..] = frame.data.as_slice() else { return };
+        let Some(parameters) = &self.parameters else { return };
+        let is_meant = group == 0 || parameters.octets[6] & group != 0;
+        let is_its = frame.dsap == Some(mst_dsap::GLOBAL_CONTROL) && self.master == Some(frame.sa);
+        if is_its && is_meant && command & CLEAR_DATA != 0 && self.state == dp_state::DATA_EXCHANGE {
+            let outputs = vec![0; self.configuration.outputs];
+            registers.set_outputs(&outputs);
+            gateway.exchanged(&outputs);
+        }
+    }
+
+    /// Octets 8 to 10 of the diagnosis.
+    fn own_diagnosis(&self, gateway: &Gateway) -> [u8; 3] {
+        match (self.prm_fault, self.cfg_fault) {
+            (Some(fault), _) => [ext_cause::PRM, fault.number, fault.right],
+            (None, Some(fault)) => [ext_cause::CFG, fault.module, fault.error as u8],
+            (None, None) => gateway.diagnosis(),
+        }
+    }
+
+    /// The diagnosis as a master is told it.
+    pub(super) fn diagnosis(&self, gateway: &Gateway, for_whom: u8) -> Vec<u8> {
+        let own = self.own_diagnosis(gateway);
+        let of_can = self.parameters.as_ref().is_some_and(Parameters::has_can_diagnosis)
+            && self.state == dp_state::DATA_EXCHANGE;
+        let is_refusal = self.prm_fault.is_some() || self.cfg_fault.is_some();
+        let bit = |so: bool, mask: u8| if so { mask } else { 0 };
+        let is_ready = self.state == dp_state::DATA_EXCHANGE;
+        let is_others = self.master.is_some_and(|master| master != for_whom);
+        let first = bit(!is_ready, status_1::NOT_READY)
+            | bit(self.cfg_fault.is_some(), status_1::CFG_FAULT)
+            | bit(is_refusal || of_can && own[0] != bus_state::OK, status_1::EXT_DIAG)
+            | bit(self.prm_fault.is_some_and(|fault| fault.is_unsupported), status_1::NOT_SUPPORTED)
+            | bit(self.prm_fault.is_some(), status_1::PRM_FAULT)
+            | bit(is_others, status_1::MASTER_LOCK);
+        let has_watchdog = self.parameters.as_ref().is_some_and(|it| it.watchdog_us().is_some());
+        let second = status_2::ALWAYS
+            | bit(self.parameters.is_none(), status_2::PRM_REQ)
+            | bit(has_watchdog, status_2::WD_ON);
+        let master = self.master.unwrap_or(master_address::NONE);
+        let mut octets = vec![first, second, 0, master, IDENT[0], IDENT[1]];
+        if is_refusal || of_can {
+            octets.extend([5, 4]);
+            octets.extend(own);
+        }
+        octets
+    }
+
+    /// What its master would be told, in the registers.
+    pub(super) fn show(&self, gateway: &Gateway, registers: &Registers) {
+        let octets = self.diagnosis(gateway, self.master.unwrap_or(BROADCAST));
+        let diag = &registers.diag;
+        let cells = [
+            &diag.station_status_1,
+            &diag.station_status_2,
+            &diag.station_status_3,
+            &diag.master_address,
+            &diag.ident_high,
+            &diag.ident_low,
+            &diag.ext_length,
+            &diag.ext_header,
+            &diag.ext_cause,
+            &diag.ext_number,
+            &diag.ext_detail,
+        ];
+        let padded = octets.iter().copied().chain(core::iter::repeat(0));
+        cells.into_iter().zip(padded).for_each(|(cell, octet)| cell.store(octet));
+        diag.diag_len.store(octets.len() as u8);
+        diag.dp_state.store(self.state);
+    }
+}
+
+fn is_broadcast(telegram: &Telegram) -> bool {
+    matches!(telegram, Telegram::Frame(frame) if frame.da == BROADCAST)
+}

@@ -1,0 +1,57 @@
+//! What a CAN-DP/2 keeps without supply: wake-up and SYNC time (p. 29-30; D-370).
+
+use super::registers::{CAN_DP2_STORED, DEVICE, STORED};
+use crate::devices::{Context, Firmware};
+use crate::layout::Area;
+use crate::memory::{MemoryError, Segment, View};
+use zerocopy::IntoBytes;
+
+/// Their length.
+const BYTES: usize = size_of::<CAN_DP2_STORED>();
+
+/// Where they lie.
+pub(super) fn area() -> Option<&'static Area> {
+    DEVICE.areas.iter().find(|area| area.name == "stored")
+}
+
+/// What the device itself looks after; everything else runs at its ports.
+pub(super) struct Stored {
+    registers: View<CAN_DP2_STORED>,
+    stored: [u8; BYTES],
+    /// Counts changes of `stored`.
+    generation: u32,
+}
+
+impl Stored {
+    pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
+        Ok(Stored { registers: segment.view(STORED)?, stored: [0; BYTES], generation: 0 })
+    }
+}
+
+impl Firmware for Stored {
+    fn stop(&mut self) {
+        self.keep();
+    }
+
+    fn look(&mut self, _: &mut Context) {
+        self.keep();
+    }
+
+    fn kept(&self) -> Option<&'static Area> {
+        area()
+    }
+
+    fn novram(&self) -> (&[u8], u32) {
+        (&self.stored, self.generation)
+    }
+
+    fn keep(&mut self) {
+        let mut now = [0; BYTES];
+        // Of the same size by their definition.
+        let _ = self.registers.snapshot().write_to(&mut now);
+        if now != self.stored {
+            self.stored = now;
+            self.generation = self.generation.wrapping_add(1);
+        }
+    }
+}

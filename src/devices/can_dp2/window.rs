@@ -1,0 +1,237 @@
+//! The Communication Window: one order at a time, told by a loop counter (p. 38-49).
+
+use super::modules::WINDOW;
+use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
+use embedded_can::Frame as _;
+use std::collections::VecDeque;
+
+/// Frames that the FIFO holds (p. 43).
+const FIFO: usize = 255;
+
+/// Stands where an identifier would while nothing has come (p. 41).
+const NOTHING: u8 = 0xEE;
+
+/// The bit of byte 2 that makes an identifier one of 29 bits, as in a comment (D-383).
+const EXTENDED: u8 = 0x20;
+
+/// Commands (p. 42).
+mod command {
+    pub(super) const SEND: u8 = 1;
+    pub(super) const RECEIVE: u8 = 3;
+    pub(super) const ENABLE: u8 = 4;
+    pub(super) const DISABLE: u8 = 5;
+    pub(super) const REQUEST: u8 = 6;
+    pub(super) const ENABLE_AND_REQUEST: u8 = 7;
+    pub(super) const SYNC_TIME: u8 = 20;
+}
+
+/// What an order has the gateway do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    /// Nothing more.
+    Nothing,
+    /// Send this.
+    Send(Frame),
+    /// SYNC from now on with this time in ms (p. 42-44).
+    SyncTime(u16),
+}
+
+/// A Communication Window.
+#[derive(Debug, Default)]
+pub(super) struct Window {
+    enabled: Vec<Id>,
+    fifo: VecDeque<Frame>,
+    /// The loop counter of the last order.
+    counter: u8,
+    /// Command 3 waits for a frame.
+    is_reading: bool,
+    /// What the DP master reads.
+    shown: [u8; WINDOW],
+}
+
+/// The identifier in the first four bytes, low word first (p. 40).
+fn identifier(bytes: [u8; 4]) -> Option<Id> {
+    let [high, low, top, upper] = bytes;
+    let number = u32::from_be_bytes([top & !EXTENDED, upper, high, low]);
+    match (top & EXTENDED != 0, u16::try_from(number).ok().and_then(StandardId::new)) {
+        (false, Some(id)) => Some(id.into()),
+        _ => ExtendedId::new(number).map(Id::from),
+    }
+}
+
+impl Window {
+    /// The identifiers whose frames it takes.
+    pub(super) fn enabled(&self) -> &[Id] {
+        &self.enabled
+    }
+
+    /// Frames that wait.
+    pub(super) fn waiting(&self) -> usize {
+        self.fifo.len()
+    }
+
+    /// What the DP master reads.
+    pub(super) fn shown(&self) -> &[u8; WINDOW] {
+        &self.shown
+    }
+
+    /// A frame has come whose identifier is enabled; `false` if there is no room for it.
+    pub(super) fn received(&mut self, frame: Frame) -> bool {
+        if self.fifo.len() >= FIFO {
+            return false;
+        }
+        self.fifo.push_back(frame);
+        self.show_next();
+        true
+    }
+
+    /// Command 3 finds a frame, if there is one.
+    fn show_next(&mut self) {
+        if !self.is_reading {
+            return;
+        }
+        let Some(frame) = self.fifo.pop_front() else { return };
+        self.is_reading = false;
+        let [top, upper, high, low] = match frame.id() {
+            Id::Standard(id) => u32::from(id.as_raw()).to_be_bytes(),
+            Id::Extended(id) => id.as_raw().to_be_bytes(),
+        };
+        self.shown[..4].copy_from_slice(&[high, low, top, upper]);
+        let data = frame.payload();
+        self.shown[4..12].fill(0);
+        self.shown[4..].iter_mut().zip(data.data()).for_each(|(to, from)| *to = *from);
+        self.shown[12] = data.data().len() as u8;
+    }
+
+    /// The DP master has written its window. An order is one whose loop counter is another than the last one's (p. 42, 45-46; D-382).
+    pub(super) fn written(&mut self, window: &[u8; WINDOW]) -> Order {
+        let &[id0, id1, id2, id3, d0, d1, d2, d3, d4, d5, d6, d7, length, counter, sub_command, command] = window;
+        if counter == self.counter {
+            return Order::Nothing;
+        }
+        self.counter = counter;
+        self.is_reading = false;
+        self.shown = [0; WINDOW];
+        (self.shown[0], self.shown[1]) = (NOTHING, NOTHING);
+        (self.shown[13], self.shown[14]) = (counter, sub_command);
+        let id = identifier([id0, id1, id2, id3]);
+        let data = [d0, d1, d2, d3, d4, d5, d6, d7];
+        let length = usize::from(length.min(8));
+        let order = match (command, id) {
+            (command::SEND, Some(id)) => {
+                Payload::new(&data[..length]).map_or(Order::Nothing, |payload| Order::Send(Frame::new(id, payload)))
+            }
+            (command::RECEIVE, _) => {
+                self.is_reading = true;
+                Order::Nothing
+            }
+            (command::ENABLE, Some(id)) => {
+                self.enable(id);
+                Order::Nothing
+            }
+            (command::DISABLE, Some(id)) => {
+                self.enabled.retain(|other| *other != id);
+                Order::Nothing
+            }
+            (command::REQUEST, Some(id)) if self.enabled.contains(&id) => request(id, length),
+            (command::ENABLE_AND_REQUEST, Some(id)) => {
+                self.enable(id);
+                request(id, length)
+            }
+            (command::SYNC_TIME, _) => Order::SyncTime(u16::from_be_bytes([d0, d1])),
+            _ => Order::Nothing,
+        };
+        self.show_next();
+        order
+    }
+
+    fn enable(&mut self, id: Id) {
+        if !self.enabled.contains(&id) {
+            self.enabled.push(id);
+        }
+    }
+}
+
+fn request(id: Id, length: usize) -> Order {
+    Frame::remote(id, length).map_or(Order::Nothing, Order::Send)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(id: [u8; 4], data: [u8; 8], length: u8, counter: u8, command: u8) -> [u8; WINDOW] {
+        let mut window = [0; WINDOW];
+        window[..4].copy_from_slice(&id);
+        window[4..12].copy_from_slice(&data);
+        (window[12], window[13], window[15]) = (length, counter, command);
+        window
+    }
+
+    fn frame(id: u16, data: &[u8]) -> Frame {
+        Frame::standard(id, Payload::new(data).unwrap())
+    }
+
+    /// The examples of p. 46-49.
+    #[test]
+    fn examples_of_the_manual() {
+        let mut window = Window::default();
+        let sends = order([0, 0x12, 0, 0], [0, 1, 2, 3, 4, 5, 6, 7], 8, 1, 1);
+        assert_eq!(window.written(&sends), Order::Send(frame(0x12, &[0, 1, 2, 3, 4, 5, 6, 7])));
+        assert_eq!(window.shown()[13], 1);
+        // The same counter is no new order.
+        assert_eq!(window.written(&sends), Order::Nothing);
+
+        let id = [0x01, 0x23, 0, 0];
+        assert_eq!(window.written(&order(id, [0; 8], 0, 2, 4)), Order::Nothing);
+        assert_eq!((window.enabled().len(), window.shown()[13]), (1, 2));
+        window.written(&order(id, [0; 8], 0, 3, 3));
+        assert_eq!((window.shown()[..2].to_vec(), window.shown()[13]), (vec![0xEE, 0xEE], 3));
+        assert!(window.received(frame(0x123, &[0xAA, 0xBB, 0xCC, 0xDD, 0xEE, 0xFF, 0, 0x11])));
+        let read = [0x01, 0x23, 0, 0, 0xAA, 0xBB, 0xCC, 0xDD, 0xEE, 0xFF, 0, 0x11, 8, 3, 0, 0];
+        assert_eq!(window.shown(), &read);
+        window.written(&order(id, [0; 8], 0, 4, 5));
+        assert!(window.enabled().is_empty());
+    }
+
+    #[test]
+    fn one_frame_for_each_reading() {
+        let mut window = Window::default();
+        for number in 0..300_u16 {
+            assert_eq!(window.received(frame(number, &[])), number < 255);
+        }
+        assert_eq!(window.waiting(), 255);
+        for number in 0..255_u16 {
+            window.written(&order([0; 4], [0; 8], 0, window.counter.wrapping_add(1), 3));
+            assert_eq!(window.shown()[..2], number.to_be_bytes());
+        }
+        window.written(&order([0; 4], [0; 8], 0, window.counter.wrapping_add(1), 3));
+        assert_eq!(window.shown()[..2], [0xEE, 0xEE]);
+    }
+
+    #[test]
+    fn requests_and_sync_times() {
+        let mut window = Window::default();
+        let id = [0x01, 0x23, 0, 0];
+        let remote = Order::Send(Frame::remote(StandardId::new(0x123).unwrap(), 2).unwrap());
+        assert_eq!(window.written(&order(id, [0; 8], 2, 1, 6)), Order::Nothing, "not enabled");
+        assert_eq!(window.written(&order(id, [0; 8], 2, 2, 7)), remote);
+        assert_eq!(window.written(&order(id, [0; 8], 2, 3, 6)), remote);
+        let time = order([0; 4], [2, 0, 0, 0, 0, 0, 0, 0], 0, 4, 20);
+        assert_eq!(window.written(&time), Order::SyncTime(512));
+        assert_eq!((window.written(&order(id, [0; 8], 2, 5, 11)), window.shown()[13]), (Order::Nothing, 5));
+    }
+
+    #[test]
+    fn identifiers_of_29_bits() {
+        let of = |bytes| match identifier(bytes) {
+            Some(Id::Extended(id)) => Some((true, id.as_raw())),
+            Some(Id::Standard(id)) => Some((false, id.as_raw().into())),
+            None => None,
+        };
+        assert_eq!(of([0x56, 0x78, 0x12, 0x34]), Some((true, 0x1234_5678)));
+        assert_eq!(of([0x01, 0x23, 0x20, 0]), Some((true, 0x123)));
+        assert_eq!(of([0x08, 0, 0, 0]), Some((true, 0x800)));
+        assert_eq!((of([7, 0xFF, 0, 0]), of([0, 0, 0x40, 0])), (Some((false, 0x7FF)), None));
+    }
+}

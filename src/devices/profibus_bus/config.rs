@@ -1,0 +1,90 @@
+//! A PROFIBUS segment as the plant file describes it.
+
+use super::{FAMILY, ProfibusBus};
+use crate::devices::settings::refused_at;
+use crate::devices::{BuildError, Medium, MediumConfig};
+use crate::profibus::BusRate;
+use serde::Deserialize;
+use std::sync::Arc;
+use toml::Spanned;
+use toml::de::{Error, ValueDeserializer};
+
+/// A PROFIBUS segment of the plant file.
+#[derive(Clone, Debug)]
+pub struct ProfibusConfig {
+    /// Name, unique among the buses.
+    pub name: String,
+    /// Its bit rate.
+    pub rate: BusRate,
+}
+
+/// The section as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Section {
+    name: String,
+    kbit_s: Option<Spanned<f64>>,
+}
+
+impl ProfibusConfig {
+    /// Reads a `[[bus]]` section of kind `profibus`.
+    pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn MediumConfig>, Error> {
+        let Section { name, kbit_s } = Section::deserialize(value)?;
+        let wanted = kbit_s.as_ref().map_or(1500.0, |kbit_s| *kbit_s.get_ref());
+        let rate = rate(wanted).ok_or_else(|| {
+            let text = format!(
+                "kbit_s of '{name}' is {wanted}; it must be 9.6, 19.2, 31.25, 45.45, 93.75, 187.5, 500, 1500, 3000, 6000 or 12000"
+            );
+            refused_at(kbit_s.map_or(0..0, |kbit_s| kbit_s.span()), text)
+        })?;
+        Ok(Arc::new(ProfibusConfig { name, rate }))
+    }
+}
+
+/// So many kbit/s, if PROFIBUS has them.
+fn rate(kbit_s: f64) -> Option<BusRate> {
+    // The decimals of the file are not those of the number.
+    BusRate::ALL.into_iter().find(|rate| (f64::from(rate.bit_s()) - kbit_s * 1000.0).abs() < 1e-6)
+}
+
+impl MediumConfig for ProfibusConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn family(&self) -> &'static str {
+        FAMILY
+    }
+
+    fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
+        Ok(Box::new(ProfibusBus::new(index, self)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_those_of_the_standard() {
+        for known in BusRate::ALL {
+            assert_eq!(rate(f64::from(known.bit_s()) / 1000.0), Some(known));
+        }
+        for wrong in [0.0, 125.0, 45.5, -9.6, f64::NAN, f64::INFINITY] {
+            assert_eq!(rate(wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_refused() {
+        let read = |section: &str| {
+            let read = ProfibusConfig::read(ValueDeserializer::parse(section).unwrap());
+            read.map(|config| config.name().to_owned()).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("{ name = 'dp' }").as_deref(), Ok("dp"));
+        let slow = read("{ name = 'dp', kbit_s = 125 }").unwrap_err();
+        assert!(slow.contains("kbit_s of 'dp' is 125; it must be 9.6, 19.2"), "{slow}");
+        let other = read("{ name = 'dp', frame_length = 'fixed' }").unwrap_err();
+        assert!(other.contains("unknown field `frame_length`"), "{other}");
+    }
+}

@@ -1,0 +1,267 @@
+//! The running segment.
+//!
+//! On the line times are exact in bits; the firmware of its stations, as everything in a plant, runs at whole microseconds. What
+//! happens within a microsecond happens in its order and is seen at its end.
+
+use super::FAMILY;
+use super::config::ProfibusConfig;
+use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
+use super::records::{DpGarbled, DpTelegram, short};
+use crate::can;
+use crate::check::OwnedWatch;
+use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
+use crate::fault::{Effect, Hit, Target};
+use crate::journal::{Journal, Origin};
+use crate::profibus::{BusRate, Line, SYN_BITS, Sending, Telegram};
+use core::any::Any;
+
+/// Nothing is due.
+const NEVER: u64 = u64::MAX;
+
+/// A port at the segment.
+struct End {
+    origin: Origin,
+    base: usize,
+    port: Box<dyn ProfibusPort>,
+    station: Station,
+    watch: OwnedWatch,
+    is_on: bool,
+}
+
+impl End {
+    /// Runs its firmware at this bit time.
+    fn run(
+        &mut self,
+        now: u64,
+        bits: u64,
+        journal: &mut Journal,
+        firmware: impl FnOnce(&mut dyn ProfibusPort, &mut Context, &mut Station),
+    ) {
+        self.station.now = bits;
+        let ctx = &mut Context { now, journal, origin: self.origin, base: self.base };
+        firmware(&mut *self.port, ctx, &mut self.station);
+    }
+}
+
+/// What is next on the line.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Step {
+    /// Something ends.
+    End,
+    /// The alarm of this one.
+    Alarm(usize),
+    /// This one begins to send.
+    Begin(usize),
+}
+
+/// A PROFIBUS segment with the ports at it.
+pub struct ProfibusBus {
+    index: u16,
+    name: String,
+    rate: BusRate,
+    /// There is one; else the ports are those that nothing is plugged in at.
+    is_plugged: bool,
+    line: Line,
+    ends: Vec<End>,
+    next: u64,
+}
+
+impl ProfibusBus {
+    /// Where ports are that no segment is plugged in at: their firmware runs, and nobody hears it.
+    pub fn unplugged() -> Self {
+        let [slowest, ..] = BusRate::ALL;
+        ProfibusBus {
+            index: u16::MAX,
+            name: String::new(),
+            rate: slowest,
+            is_plugged: false,
+            line: Line::default(),
+            ends: Vec::new(),
+            next: NEVER,
+        }
+    }
+
+    /// Bus number `index` of the plant, without ports.
+    pub fn new(index: usize, config: &ProfibusConfig) -> Self {
+        let (index, name) = (index as u16, config.name.clone());
+        ProfibusBus { index, name, rate: config.rate, is_plugged: true, ..Self::unplugged() }
+    }
+
+    /// What is next on the line, and at which bit time.
+    fn next_step(&self) -> Option<(u64, Step)> {
+        let on = || self.ends.iter().enumerate().filter(|(_, end)| end.is_on);
+        let ends = self.line.next_end().map(|at| (at, Step::End));
+        let alarms = on().filter_map(|(who, end)| Some((end.station.alarm?, Step::Alarm(who))));
+        let answers = on().filter_map(|(who, end)| match end.station.intent {
+            Some(Intent::At(at, _)) => Some((at, Step::Begin(who))),
+            _ => None,
+        });
+        let step = ends.into_iter().chain(alarms).chain(answers).min();
+        // Nobody asks while somebody talks, or is about to answer.
+        let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
+        let idle_since = self.line.idle_since().filter(|_| is_quiet);
+        let requests = idle_since.into_iter().flat_map(|since| {
+            on().filter_map(move |(who, end)| match end.station.intent {
+                Some(Intent::WhenIdle(from, _)) => Some((from.max(since + SYN_BITS), Step::Begin(who))),
+                _ => None,
+            })
+        });
+        step.into_iter().chain(requests).min()
+    }
+
+    /// Finds when there is something to do, after whatever has happened at `now`.
+    fn plan(&mut self, now: u64) {
+        let of_ports = self.ends.iter().filter(|end| end.is_on).map(|end| end.port.next_time());
+        let of_ports = of_ports.fold(NEVER, u64::min);
+        let of_line = match self.next_step() {
+            Some((at, _)) if self.is_plugged => self.rate.us_at(at),
+            _ => NEVER,
+        };
+        self.next = of_ports.min(of_line).max(now);
+    }
+
+    /// Does one thing that is due on the line; tells whether there was one.
+    fn line_event(&mut self, now: u64, journal: &mut Journal) -> bool {
+        let due = |at: &u64| *at <= self.rate.bits_at(now);
+        let Some((at, step)) = self.next_step().filter(|(at, _)| self.is_plugged && due(at)) else { return false };
+        match step {
+            Step::End => {
+                if let Some(sending) = self.line.end(at) {
+                    self.hand_over(now, &sending, journal);
+                }
+            }
+            Step::Alarm(who) => {
+                self.ends[who].station.alarm = None;
+                self.ends[who].run(now, at, journal, |port, ctx, station| port.alarm(ctx, station));
+            }
+            Step::Begin(who) => match self.ends[who].station.intent.take() {
+                Some(Intent::At(_, octets) | Intent::WhenIdle(_, octets)) => self.line.begin(who, at, octets),
+                None => {}
+            },
+        }
+        true
+    }
+
+    /// Tells everybody what has ended.
+    fn hand_over(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
+        let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
+        let (bus, origin) = (self.index, self.ends[sender].origin);
+        let telegram = Telegram::parse(octets).ok().filter(|_| !is_garbled);
+        match &telegram {
+            Some(Telegram::Frame(frame)) => journal.push(now, DpTelegram::new(bus, origin, frame)),
+            Some(other) => {
+                if let Some(told) = short(bus, origin, other) {
+                    journal.push(now, told);
+                }
+            }
+            None => journal.push(now, DpGarbled { bus, sender: origin, octets: octets.len() as u32 }),
+        }
+        for (who, end) in self.ends.iter_mut().enumerate().filter(|(_, end)| end.is_on) {
+            if who == sender {
+                end.run(now, at, journal, |port, ctx, station| port.sent(ctx, station));
+            } else if let Some(telegram) = &telegram {
+                end.run(now, at, journal, |port, ctx, station| port.heard(ctx, station, telegram));
+            }
+        }
+    }
+}
+
+impl Medium for ProfibusBus {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn family(&self) -> &'static str {
+        FAMILY
+    }
+
+    fn attach(&mut self, socket: Box<dyn Any + Send>) -> Result<usize, BuildError> {
+        let socket = socket.downcast::<ProfibusSocket>().map_err(|_| BuildError::OtherFamily)?;
+        let ProfibusSocket { origin, segment, layout, port } = *socket;
+        let area = layout.port_numbered(origin.node).ok_or(BuildError::OtherFamily)?.area;
+        self.ends.push(End {
+            origin,
+            base: area.first as usize,
+            port,
+            station: Station::new(self.rate),
+            watch: OwnedWatch::of_area(origin.plc, &segment, layout, area)?,
+            is_on: false,
+        });
+        Ok(self.ends.len() - 1)
+    }
+
+    fn power_on(&mut self, place: usize, _: u8, now: u64, journal: &mut Journal) -> bool {
+        let bits = self.rate.bits_at(now);
+        let end = &mut self.ends[place];
+        end.is_on = true;
+        end.run(now, bits, journal, |port, ctx, station| port.power_on(ctx, station));
+        self.plan(now);
+        true
+    }
+
+    fn power_off(&mut self, place: usize, now: u64, _: &mut Journal) {
+        let end = &mut self.ends[place];
+        end.is_on = false;
+        end.station.clear();
+        end.port.power_off();
+        self.line.cut_off(place);
+        self.plan(now);
+    }
+
+    fn processor_cycle(&mut self, place: usize, now: u64, journal: &mut Journal) -> bool {
+        let bits = self.rate.bits_at(now);
+        self.ends[place].run(now, bits, journal, |port, ctx, station| port.look(ctx, station));
+        self.plan(now);
+        self.is_plugged
+    }
+
+    fn control_changed(&self) -> bool {
+        self.ends.iter().any(|end| end.port.has_changed())
+    }
+
+    fn judge_writes(&mut self, place: usize, now: u64, journal: &mut Journal) {
+        self.ends[place].watch.look(now, journal);
+    }
+
+    fn leave(&mut self, place: usize) {
+        self.ends[place].watch.leave();
+    }
+
+    fn judge_write(&mut self, place: usize, offset: u32, bytes: u32, now: u64, journal: &mut Journal) {
+        self.ends[place].watch.written(offset, bytes, now, journal);
+    }
+
+    fn bit_s(&self) -> u32 {
+        self.rate.bit_s()
+    }
+
+    fn guest_sends(&mut self, _: u8, _: &can::Frame, _: u64, _: &mut Journal) -> Result<(), GuestRefusal> {
+        Err(GuestRefusal::NotHere)
+    }
+
+    fn next_time(&self) -> u64 {
+        self.next
+    }
+
+    /// The segment itself has no faults; those of its ports are their devices'.
+    fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
+        let Target::Port { device: plc, port: node } = target else { return None };
+        let end = self.ends.iter_mut().find(|end| end.origin == Origin { plc, node })?;
+        let hit = end.port.strike(now, effect);
+        self.plan(now);
+        hit
+    }
+
+    fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
+        let now = world.now;
+        // What is due on the line was due before the microsecond's end.
+        if !self.line_event(now, world.journal) {
+            let bits = self.rate.bits_at(now);
+            for end in self.ends.iter_mut().filter(|end| end.is_on && end.port.next_time() <= now) {
+                end.run(now, bits, world.journal, |port, ctx, station| port.due(ctx, station));
+            }
+        }
+        self.plan(now);
+        None
+    }
+}

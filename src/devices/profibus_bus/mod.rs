@@ -1,0 +1,13 @@
+//! A PROFIBUS segment of a plant: the line, the stations at it, what the journal tells of it.
+
+mod config;
+mod medium;
+mod port;
+pub mod records;
+
+pub use config::ProfibusConfig;
+pub use medium::ProfibusBus;
+pub use port::{ProfibusPort, ProfibusSocket, Station};
+
+/// The family of such media, and of the ports that fit them.
+pub const FAMILY: &str = "profibus";

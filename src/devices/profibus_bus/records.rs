@@ -1,0 +1,159 @@
+//! What the journal tells about PROFIBUS: its telegrams.
+
+use crate::coded;
+use crate::journal::{Coded, Fields, Kind, Origin, Reader, Told};
+use crate::profibus::{Frame, Telegram};
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[DpTelegram::KIND, DpShort::KIND, DpGarbled::KIND];
+
+coded! {
+    /// A request or an answer was on the line; the time is its end, in whole microseconds rounded up.
+    DpTelegram = 70, "dp_telegram", Traffic, at bus {
+        /// Whose it is.
+        sender: Origin,
+        /// Destination, source, function code, and whether it has service access points: 16#01 there, 16#02 here.
+        head: u32,
+        /// Service access points there and here, and the number of octets of data above them.
+        unit: u32,
+        /// The first four octets of data, the first one lowest.
+        first: u32,
+        /// FNV-1a of all octets of data.
+        sum: u32,
+    }
+    /// A receipt, or a token.
+    DpShort = 71, "dp_short", Traffic, at bus {
+        /// Whose it is.
+        sender: Origin,
+        /// Of a token: who has it now and who had it; 16#FFFF for a receipt.
+        token: u32,
+    }
+    /// Something was on the line that nobody understands: two sent at once, or it was no telegram.
+    DpGarbled = 72, "dp_garbled", Missed, at bus {
+        /// Whose it is.
+        sender: Origin,
+        /// How many octets.
+        octets: u32,
+    }
+}
+
+/// The token of a receipt.
+const RECEIPT: u32 = 0xFFFF;
+
+/// FNV-1a.
+fn fnv(octets: &[u8]) -> u32 {
+    octets.iter().fold(0x811C_9DC5, |sum, octet| (sum ^ u32::from(*octet)).wrapping_mul(0x0100_0193))
+}
+
+impl DpTelegram {
+    pub(super) fn new(bus: u16, sender: Origin, frame: &Frame) -> Self {
+        let flags = u8::from(frame.dsap.is_some()) | u8::from(frame.ssap.is_some()) << 1;
+        let saps = u32::from(frame.dsap.unwrap_or(0)) | u32::from(frame.ssap.unwrap_or(0)) << 8;
+        let mut first = [0; 4];
+        first.iter_mut().zip(&frame.data).for_each(|(to, from)| *to = *from);
+        DpTelegram {
+            bus,
+            sender,
+            head: u32::from_le_bytes([frame.da, frame.sa, frame.fc, flags]),
+            unit: saps | (frame.data.len() as u32) << 16,
+            first: u32::from_le_bytes(first),
+            sum: fnv(&frame.data),
+        }
+    }
+
+    fn octets(&self) -> usize {
+        (self.unit >> 16) as usize
+    }
+
+    /// The first octets, as people read them.
+    fn data(&self, before: &str) -> String {
+        let shown = self.first.to_le_bytes().into_iter().take(self.octets());
+        shown.map(|octet| format!("{before}{octet:02X}")).collect()
+    }
+
+    /// Service access points there and here.
+    fn saps(&self) -> [Option<u8>; 2] {
+        let [.., flags] = self.head.to_le_bytes();
+        let [there, here, ..] = self.unit.to_le_bytes();
+        [(flags & 1 != 0).then_some(there), (flags & 2 != 0).then_some(here)]
+    }
+}
+
+/// What it is on the line, or that it is something else than what goes into [`DpTelegram`].
+pub(super) fn short(bus: u16, sender: Origin, telegram: &Telegram) -> Option<DpShort> {
+    let token = match telegram {
+        Telegram::Frame(_) => return None,
+        Telegram::Token { da, sa } => u32::from(*da) | u32::from(*sa) << 8,
+        Telegram::ShortAck => RECEIPT,
+    };
+    Some(DpShort { bus, sender, token })
+}
+
+impl Told for DpTelegram {
+    fn text(&self, reader: &mut Reader) -> String {
+        let [da, sa, fc, _] = self.head.to_le_bytes();
+        let [there, here] = self.saps().map(|sap| sap.map_or_else(String::new, |sap| format!("/{sap}")));
+        let (octets, more) = (self.octets(), if self.octets() > 4 { " .." } else { "" });
+        let from = reader.port(self.sender);
+        format!("{sa}{here} to {da}{there}, 16#{fc:02X}, {octets} octets{}{more} from {from}", self.data(" "))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let [da, sa, fc, _] = self.head.to_le_bytes();
+        let [dsap, ssap] = self.saps();
+        let fields = Fields::new().with("da", da).with("sa", sa).with("fc", fc);
+        let fields = dsap.into_iter().fold(fields, |fields, sap| fields.with("dsap", sap));
+        let fields = ssap.into_iter().fold(fields, |fields, sap| fields.with("ssap", sap));
+        let fields = fields.with("octets", self.octets() as u32).with("first", self.data("")).with("sum", self.sum);
+        fields.with("from", reader.port(self.sender))
+    }
+}
+
+impl DpShort {
+    fn stations(&self) -> Option<(u8, u8)> {
+        let [da, sa, ..] = self.token.to_le_bytes();
+        (self.token != RECEIPT).then_some((da, sa))
+    }
+}
+
+impl Told for DpShort {
+    fn text(&self, reader: &mut Reader) -> String {
+        let from = reader.port(self.sender);
+        match self.stations() {
+            Some((da, sa)) => format!("token from {sa} to {da}, from {from}"),
+            None => format!("receipt from {from}"),
+        }
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let fields = Fields::new().with("is_token", self.stations().is_some());
+        let fields =
+            self.stations().into_iter().fold(fields, |fields, (da, sa)| fields.with("da", da).with("sa", sa));
+        fields.with("from", reader.port(self.sender))
+    }
+}
+
+impl Told for DpGarbled {
+    fn text(&self, reader: &mut Reader) -> String {
+        format!("{} octets from {} that nobody understands", self.octets, reader.port(self.sender))
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        Fields::new().with("octets", self.octets).with("from", reader.port(self.sender))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_told_of_a_telegram_is_what_was_sent() {
+        let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(61), ssap: None, data: vec![1, 2, 3, 4, 5] };
+        let told = DpTelegram::new(0, Origin { plc: 0, node: 1 }, &frame);
+        assert_eq!((told.saps(), told.octets(), told.data(" ").as_str()), ([Some(61), None], 5, " 01 02 03 04"));
+        assert_eq!(DpTelegram::read(told.words()), Some(told));
+        let other = Frame { data: vec![1, 2, 3, 4, 6], ..frame };
+        assert_ne!(DpTelegram::new(0, Origin { plc: 0, node: 1 }, &other), told);
+    }
+}

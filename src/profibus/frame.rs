@@ -1,0 +1,272 @@
+//! Telegrams as octets.
+
+use super::OCTET_BITS;
+
+/// Octets of data that a telegram carries at most, service access points included.
+pub const MAX_DATA: usize = 246;
+
+const SD1: u8 = 0x10;
+const SD2: u8 = 0x68;
+const SD3: u8 = 0xA2;
+const SD4: u8 = 0xDC;
+const ED: u8 = 0x16;
+const SC: u8 = 0xE5;
+
+/// An address octet says by this bit that a service access point follows.
+const EXTENDED: u8 = 0x80;
+
+/// What somebody says on the line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Telegram {
+    /// A request or an answer.
+    Frame(Frame),
+    /// The right to ask goes on.
+    Token {
+        /// To whom, 0 to 127.
+        da: u8,
+        /// From whom, 0 to 127.
+        sa: u8,
+    },
+    /// A receipt of one octet.
+    ShortAck,
+}
+
+/// A request or an answer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// For whom, 0 to 127.
+    pub da: u8,
+    /// From whom, 0 to 127.
+    pub sa: u8,
+    /// Function code: [`FunctionCode`](super::FunctionCode).
+    pub fc: u8,
+    /// Service access point there; none is the one that everybody has.
+    pub dsap: Option<u8>,
+    /// Service access point here.
+    pub ssap: Option<u8>,
+    /// What it carries; with the service access points [`MAX_DATA`] octets at most.
+    pub data: Vec<u8>,
+}
+
+/// Why octets are no telegram, or a telegram no octets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TelegramError {
+    /// No telegram begins like this.
+    #[error("no telegram begins with 16#{0:02X}; it is 10, 68, A2, DC or E5")]
+    Start(u8),
+    /// There are none.
+    #[error("there are no octets")]
+    Empty,
+    /// There are more or fewer than the start delimiter, or the length, says.
+    #[error("{found} octets where there must be {expected}")]
+    Length {
+        /// So many there are.
+        found: usize,
+        /// So many there must be.
+        expected: usize,
+    },
+    /// The length stands there twice, and not the same, or is none.
+    #[error("lengths are {0} and {1}; both must be the same, 4 to 249")]
+    Lengths(u8, u8),
+    /// The sum over the octets is another one.
+    #[error("the check sum is 16#{found:02X}; it must be 16#{expected:02X}")]
+    Sum {
+        /// The one that stands there.
+        found: u8,
+        /// The right one.
+        expected: u8,
+    },
+    /// It does not end as telegrams do.
+    #[error("it ends with 16#{0:02X}; telegrams end with 16#16")]
+    End(u8),
+    /// It carries too much.
+    #[error("{0} octets of data; a telegram carries 246 with its service access points")]
+    TooLong(usize),
+}
+
+impl Frame {
+    /// The octets behind the function code.
+    fn unit(&self) -> impl Iterator<Item = u8> {
+        self.dsap.into_iter().chain(self.ssap).chain(self.data.iter().copied())
+    }
+
+    fn head(&self) -> [u8; 3] {
+        let flag = |sap: Option<u8>| if sap.is_some() { EXTENDED } else { 0 };
+        [self.da & 0x7F | flag(self.dsap), self.sa & 0x7F | flag(self.ssap), self.fc]
+    }
+
+    /// A frame of the octets from the destination on, without check sum.
+    fn parse(octets: &[u8]) -> Option<Self> {
+        let (&[da, sa, fc], mut data) = octets.split_first_chunk()?;
+        let mut sap = |address: u8| {
+            if address & EXTENDED == 0 {
+                return Some(None);
+            }
+            let (&sap, rest) = data.split_first()?;
+            data = rest;
+            Some(Some(sap))
+        };
+        let (dsap, ssap) = (sap(da)?, sap(sa)?);
+        Some(Frame { da: da & 0x7F, sa: sa & 0x7F, fc, dsap, ssap, data: data.to_vec() })
+    }
+}
+
+fn sum(octets: &[u8]) -> u8 {
+    octets.iter().fold(0, |sum, octet| sum.wrapping_add(*octet))
+}
+
+/// The octets between the start delimiter and the end, if sum and end are right.
+fn checked(octets: &[u8], head: usize, expected: usize) -> Result<&[u8], TelegramError> {
+    let wrong = TelegramError::Length { found: octets.len(), expected };
+    if octets.len() != expected {
+        return Err(wrong);
+    }
+    let Some((inner, &[found, end])) = octets.get(head..).and_then(<[u8]>::split_last_chunk) else {
+        return Err(wrong);
+    };
+    if end != ED {
+        return Err(TelegramError::End(end));
+    }
+    match sum(inner) {
+        expected if expected != found => Err(TelegramError::Sum { found, expected }),
+        _ => Ok(inner),
+    }
+}
+
+impl Telegram {
+    /// The telegram of these octets, which are one as a whole.
+    ///
+    /// # Errors
+    /// [`TelegramError`] says what of it is wrong; a station says nothing to that.
+    pub fn parse(octets: &[u8]) -> Result<Self, TelegramError> {
+        let (start, found) = (*octets.first().ok_or(TelegramError::Empty)?, octets.len());
+        let frame = |inner: &[u8]| {
+            let expected = inner.len() + 1;
+            Frame::parse(inner)
+                .map(Telegram::Frame)
+                .ok_or(TelegramError::Length { found: inner.len(), expected })
+        };
+        match start {
+            SD1 => frame(checked(octets, 1, 6)?),
+            SD3 => frame(checked(octets, 1, 14)?),
+            SD2 => {
+                let &[_, one, other, again] =
+                    octets.first_chunk().ok_or(TelegramError::Length { found, expected: 9 })?;
+                if one != other || !(4..=249).contains(&one) {
+                    return Err(TelegramError::Lengths(one, other));
+                }
+                if again != SD2 {
+                    return Err(TelegramError::Start(again));
+                }
+                frame(checked(octets, 4, usize::from(one) + 6)?)
+            }
+            SD4 => match *octets {
+                [_, da, sa] => Ok(Telegram::Token { da: da & 0x7F, sa: sa & 0x7F }),
+                _ => Err(TelegramError::Length { found, expected: 3 }),
+            },
+            SC if found == 1 => Ok(Telegram::ShortAck),
+            SC => Err(TelegramError::Length { found, expected: 1 }),
+            other => Err(TelegramError::Start(other)),
+        }
+    }
+
+    /// The octets of the telegram.
+    ///
+    /// # Errors
+    /// [`TelegramError::TooLong`].
+    pub fn octets(&self) -> Result<Vec<u8>, TelegramError> {
+        let frame = match self {
+            Telegram::Token { da, sa } => return Ok(vec![SD4, *da, *sa]),
+            Telegram::ShortAck => return Ok(vec![SC]),
+            Telegram::Frame(frame) => frame,
+        };
+        let inner: Vec<u8> = frame.head().into_iter().chain(frame.unit()).collect();
+        let length = match inner.len() - 3 {
+            0 => {
+                let [da, sa, fc] = frame.head();
+                return Ok(vec![SD1, da, sa, fc, sum(&inner), ED]);
+            }
+            data if data > MAX_DATA => return Err(TelegramError::TooLong(data)),
+            _ => inner.len() as u8,
+        };
+        let mut octets = vec![SD2, length, length, SD2];
+        octets.extend_from_slice(&inner);
+        octets.extend([sum(&inner), ED]);
+        Ok(octets)
+    }
+
+    /// How long so many octets take on the line, in bit times.
+    #[must_use]
+    pub const fn bits(octets: usize) -> u64 {
+        octets as u64 * OCTET_BITS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn diagnosis() -> Frame {
+        Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(60), ssap: Some(62), data: Vec::new() }
+    }
+
+    #[test]
+    fn telegrams_of_each_form() {
+        let request = Telegram::Frame(diagnosis());
+        let octets = [0x68, 5, 5, 0x68, 0x85, 0x82, 0x6D, 0x3C, 0x3E, 0xEE, 0x16];
+        assert_eq!((request.octets().unwrap(), Telegram::parse(&octets)), (octets.to_vec(), Ok(request)));
+        let status = Frame { da: 5, sa: 2, fc: 0x49, dsap: None, ssap: None, data: Vec::new() };
+        let octets = [0x10, 5, 2, 0x49, 0x50, 0x16];
+        assert_eq!(Telegram::Frame(status.clone()).octets().unwrap(), octets);
+        let fixed = [0xA2, 5, 2, 0x5D, 1, 2, 3, 4, 5, 6, 7, 8, 0x88, 0x16];
+        let data = vec![1, 2, 3, 4, 5, 6, 7, 8];
+        assert_eq!(Telegram::parse(&fixed), Ok(Telegram::Frame(Frame { fc: 0x5D, data, ..status })));
+        assert_eq!(Telegram::parse(&[0xDC, 3, 2]), Ok(Telegram::Token { da: 3, sa: 2 }));
+        assert_eq!(Telegram::parse(&[0xE5]), Ok(Telegram::ShortAck));
+    }
+
+    #[test]
+    fn what_is_none_is_named() {
+        let right = Telegram::Frame(diagnosis()).octets().unwrap();
+        let with = |place: usize, octet: u8| {
+            let mut octets = right.clone();
+            octets[place] = octet;
+            Telegram::parse(&octets).unwrap_err()
+        };
+        assert_eq!(Telegram::parse(&[]), Err(TelegramError::Empty));
+        assert_eq!(with(0, 0x17), TelegramError::Start(0x17));
+        assert_eq!(with(1, 6), TelegramError::Lengths(6, 5));
+        assert_eq!(with(3, 0), TelegramError::Start(0));
+        assert_eq!(with(9, 0xEF), TelegramError::Sum { found: 0xEF, expected: 0xEE });
+        assert_eq!(with(10, 0), TelegramError::End(0));
+        assert_eq!(Telegram::parse(&right[..10]), Err(TelegramError::Length { found: 10, expected: 11 }));
+        let long = Frame { data: vec![0; 245], ..diagnosis() };
+        assert_eq!(Telegram::Frame(long).octets(), Err(TelegramError::TooLong(247)));
+        // An address that announces a service access point which is not there.
+        let none = [0x10, 0x85, 2, 0x49, 0xD0, 0x16];
+        assert_eq!(Telegram::parse(&none), Err(TelegramError::Length { found: 3, expected: 4 }));
+    }
+
+    proptest! {
+        #[test]
+        fn a_frame_is_what_it_was(
+            da in 0..128u8,
+            sa in 0..128u8,
+            fc: u8,
+            dsap: Option<u8>,
+            ssap: Option<u8>,
+            data in prop::collection::vec(any::<u8>(), 0..=244),
+        ) {
+            let telegram = Telegram::Frame(Frame { da, sa, fc, dsap, ssap, data });
+            prop_assert_eq!(Telegram::parse(&telegram.octets().unwrap()), Ok(telegram));
+        }
+
+        #[test]
+        fn octets_are_a_telegram_or_refused(octets in prop::collection::vec(any::<u8>(), 0..300)) {
+            if let Ok(telegram) = Telegram::parse(&octets) {
+                prop_assert!(telegram.octets().is_ok());
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The function code of a telegram: who asks for what, who answers how.
+
+/// What a request asks of the station that it is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Send data, nobody answers.
+    Sdn,
+    /// Send and request data: the answer carries some.
+    Srd,
+    /// Send data, the answer is a receipt.
+    Sda,
+    /// Who is there?
+    FdlStatus,
+}
+
+/// How a station answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// A receipt, or the status of a station.
+    Ok,
+    /// Data.
+    Low,
+    /// Data, and there is something of high priority: a diagnosis.
+    High,
+    /// There is no such service here, or not now.
+    NotActivated,
+}
+
+/// The octet FC of a telegram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FunctionCode {
+    /// Of a request.
+    Request {
+        /// What it asks for.
+        request: Request,
+        /// Frame count bit: changes with each new request, so that a repeated one is known.
+        fcb: bool,
+        /// Whether the frame count bit counts.
+        fcv: bool,
+        /// Of the high priority.
+        is_high: bool,
+    },
+    /// Of an answer of a slave.
+    Answer(Answer),
+    /// Whatever else there is.
+    Other(u8),
+}
+
+const IS_REQUEST: u8 = 0x40;
+const FCB: u8 = 0x20;
+const FCV: u8 = 0x10;
+
+impl FunctionCode {
+    /// The meaning of the octet.
+    #[must_use]
+    pub const fn parse(octet: u8) -> Self {
+        if octet & IS_REQUEST == 0 {
+            return match octet {
+                0x00 => FunctionCode::Answer(Answer::Ok),
+                0x03 => FunctionCode::Answer(Answer::NotActivated),
+                0x08 => FunctionCode::Answer(Answer::Low),
+                0x0A => FunctionCode::Answer(Answer::High),
+                _ => FunctionCode::Other(octet),
+            };
+        }
+        let (request, is_high) = match octet & 0x0F {
+            0x03 => (Request::Sda, false),
+            0x04 => (Request::Sdn, false),
+            0x05 => (Request::Sda, true),
+            0x06 => (Request::Sdn, true),
+            0x09 => (Request::FdlStatus, false),
+            0x0C => (Request::Srd, false),
+            0x0D => (Request::Srd, true),
+            _ => return FunctionCode::Other(octet),
+        };
+        FunctionCode::Request { request, fcb: octet & FCB != 0, fcv: octet & FCV != 0, is_high }
+    }
+
+    /// The octet.
+    #[must_use]
+    pub const fn octet(self) -> u8 {
+        match self {
+            FunctionCode::Request { request, fcb, fcv, is_high } => {
+                let code = match (request, is_high) {
+                    (Request::Sda, false) => 0x03,
+                    (Request::Sdn, false) => 0x04,
+                    (Request::Sda, true) => 0x05,
+                    (Request::Sdn, true) => 0x06,
+                    (Request::FdlStatus, _) => 0x09,
+                    (Request::Srd, false) => 0x0C,
+                    (Request::Srd, true) => 0x0D,
+                };
+                IS_REQUEST | code | if fcb { FCB } else { 0 } | if fcv { FCV } else { 0 }
+            }
+            FunctionCode::Answer(Answer::Ok) => 0x00,
+            FunctionCode::Answer(Answer::NotActivated) => 0x03,
+            FunctionCode::Answer(Answer::Low) => 0x08,
+            FunctionCode::Answer(Answer::High) => 0x0A,
+            FunctionCode::Other(octet) => octet,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_of_the_standard() {
+        for (octet, request, fcb, fcv, is_high) in [
+            (0x49, Request::FdlStatus, false, false, false),
+            (0x6D, Request::Srd, true, false, true),
+            (0x5D, Request::Srd, false, true, true),
+            (0x7C, Request::Srd, true, true, false),
+            (0x46, Request::Sdn, false, false, true),
+        ] {
+            assert_eq!(FunctionCode::parse(octet), FunctionCode::Request { request, fcb, fcv, is_high });
+        }
+        assert_eq!(FunctionCode::parse(0x08), FunctionCode::Answer(Answer::Low));
+        assert_eq!(FunctionCode::parse(0x12), FunctionCode::Other(0x12));
+    }
+
+    #[test]
+    fn every_octet_is_what_it_was() {
+        for octet in 0..0x80 {
+            let back = FunctionCode::parse(octet).octet();
+            assert!(back == octet, "16#{octet:02X} became 16#{back:02X}");
+        }
+    }
+}

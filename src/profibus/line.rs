@@ -1,0 +1,94 @@
+//! The line that all stations share: what is on it, and since when it is idle.
+
+use super::Telegram;
+
+/// Somebody is sending.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sending {
+    /// Who, by the number that the user of the line knows.
+    pub sender: usize,
+    /// Bit time of the first bit.
+    pub begin: u64,
+    /// Bit time after the last one.
+    pub end: u64,
+    /// What.
+    pub octets: Vec<u8>,
+    /// Somebody else was on the line, so that nobody understands it.
+    pub is_garbled: bool,
+}
+
+/// The line.
+#[derive(Clone, Debug, Default)]
+pub struct Line {
+    /// In the order of their ends.
+    sendings: Vec<Sending>,
+    idle_since: u64,
+}
+
+impl Line {
+    /// `sender` begins to send. Who sends while somebody else does spoils both.
+    pub fn begin(&mut self, sender: usize, at: u64, octets: Vec<u8>) {
+        let end = at.saturating_add(Telegram::bits(octets.len()));
+        let mut is_garbled = false;
+        for other in self.sendings.iter_mut().filter(|other| at < other.end) {
+            other.is_garbled = true;
+            is_garbled = true;
+        }
+        let place = self.sendings.partition_point(|other| other.end <= end);
+        self.sendings.insert(place, Sending { sender, begin: at, end, octets, is_garbled });
+    }
+
+    /// When the next one ends, in bit times; none if the line is idle.
+    #[must_use]
+    pub fn next_end(&self) -> Option<u64> {
+        self.sendings.first().map(|sending| sending.end)
+    }
+
+    /// The next one that ends, if it has ended at bit time `now`.
+    pub fn end(&mut self, now: u64) -> Option<Sending> {
+        self.sendings.first().filter(|sending| sending.end <= now)?;
+        let sending = self.sendings.remove(0);
+        self.idle_since = self.idle_since.max(sending.end);
+        Some(sending)
+    }
+
+    /// What `sender` has on the line is cut off: nobody understands it.
+    pub fn cut_off(&mut self, sender: usize) {
+        self.sendings.iter_mut().filter(|it| it.sender == sender).for_each(|it| it.is_garbled = true);
+    }
+
+    /// Since when it is idle, in bit times; none while somebody sends.
+    #[must_use]
+    pub fn idle_since(&self) -> Option<u64> {
+        self.sendings.is_empty().then_some(self.idle_since)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_octet_takes_eleven_bits() {
+        let mut line = Line::default();
+        line.begin(1, 100, vec![0; 6]);
+        assert_eq!((line.next_end(), line.idle_since(), line.end(165)), (Some(166), None, None));
+        let sending = line.end(166).unwrap();
+        assert_eq!((sending.sender, sending.begin, sending.is_garbled), (1, 100, false));
+        assert_eq!((line.idle_since(), line.next_end()), (Some(166), None));
+    }
+
+    #[test]
+    fn two_at_once_spoil_both() {
+        let mut line = Line::default();
+        line.begin(1, 0, vec![0; 6]);
+        line.begin(2, 65, vec![0]);
+        let of = |it: Option<Sending>| it.map(|it| (it.sender, it.is_garbled));
+        assert_eq!((of(line.end(66)), of(line.end(66)), of(line.end(76))), (Some((1, true)), None, Some((2, true))));
+        line.begin(3, 76, vec![0]);
+        assert_eq!(of(line.end(87)), Some((3, false)));
+        line.begin(3, 90, vec![0]);
+        line.cut_off(3);
+        assert_eq!(of(line.end(101)), Some((3, true)));
+    }
+}

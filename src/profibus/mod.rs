@@ -1,0 +1,25 @@
+//! PROFIBUS (IEC 61158 type 3) as its data link layer has it: telegrams, function codes, bit times, one line that everybody hears.
+//!
+//! It knows no device and no application; what octets behind the head of a telegram mean is their users' affair. Everything here is
+//! pure: no I/O, no clock of its own. Times are counted in bits, as the standard does, and become microseconds at the edge of a plant.
+
+mod frame;
+mod function;
+mod line;
+mod rate;
+mod responder;
+
+pub use frame::{Frame, MAX_DATA, Telegram, TelegramError};
+pub use function::{Answer, FunctionCode, Request};
+pub use line::{Line, Sending};
+pub use rate::BusRate;
+pub use responder::{Reaction, Responder};
+
+/// The address that every station listens to.
+pub const BROADCAST: u8 = 127;
+
+/// Idle time before a request, T_SYN, in bit times.
+pub const SYN_BITS: u64 = 33;
+
+/// Bits of an octet on the line: start, eight of data, parity, stop.
+pub const OCTET_BITS: u64 = 11;
