@@ -84,7 +84,10 @@ mod tests {
         line.begin(1, 0, vec![0; 6]);
         line.begin(2, 65, vec![0]);
         let of = |it: Option<Sending>| it.map(|it| (it.sender, it.is_garbled));
-        assert_eq!((of(line.end(66)), of(line.end(66)), of(line.end(76))), (Some((1, true)), None, Some((2, true))));
+        assert_eq!(
+            (of(line.end(66)), of(line.end(66)), of(line.end(76))),
+            (Some((1, true)), None, Some((2, true)))
+        );
         line.begin(3, 76, vec![0]);
         assert_eq!(of(line.end(87)), Some((3, false)));
         line.begin(3, 90, vec![0]);

@@ -94,9 +94,12 @@ impl DeviceConfig for CanDp2Config {
             let registers = Registers::new(&segment)?;
             let (segment, layout, gateway) = (segment.clone(), &DEVICE, gateway.clone());
             let socket: Box<dyn core::any::Any + Send> = match port.name {
-                "can" => {
-                    Box::new(CanSocket { origin, segment, layout, port: Box::new(CanSide::new(registers, gateway)) })
-                }
+                "can" => Box::new(CanSocket {
+                    origin,
+                    segment,
+                    layout,
+                    port: Box::new(CanSide::new(registers, gateway)),
+                }),
                 "mst" => {
                     let port = Box::new(Master::new(&segment)?);
                     Box::new(ProfibusSocket { origin, segment, layout, port })
@@ -129,7 +132,10 @@ mod tests {
         assert!(right.contains("switches: 125"), "{right}");
         for wrong in ["256", "-1"] {
             let error = read(&format!("{{ name = 'gw', switches = {wrong} }}")).unwrap_err();
-            assert!(error.contains("switches of 'gw' is") && error.contains("it must be 0x00 to 0xFF"), "{error}");
+            assert!(
+                error.contains("switches of 'gw' is") && error.contains("it must be 0x00 to 0xFF"),
+                "{error}"
+            );
         }
         assert!(read("{ name = 'gw', bus = 'dp' }").unwrap_err().contains("unknown field `bus`"));
     }

@@ -80,7 +80,8 @@ impl Gateway {
         (self.setup, self.state, self.is_exchanging) = (None, can_state::OFF, false);
         (self.wake_at, self.sync_at, self.window) = (None, None, Window::default());
         self.frames.clear();
-        (self.is_new, self.bus, self.irq_lost, self.msg_lost, self.has_news) = (false, bus_state::OK, 0, 0, false);
+        (self.is_new, self.bus, self.irq_lost, self.msg_lost, self.has_news) =
+            (false, bus_state::OK, 0, 0, false);
         self.show();
     }
 
@@ -180,7 +181,9 @@ impl Gateway {
             let Some(new) = outputs.get(module.range()) else { continue };
             match module.kind {
                 Kind::WindowOutput => self.order(new),
-                Kind::Output { id, .. } if self.state == can_state::WORKING && old.get(module.range()) != Some(new) => {
+                Kind::Output { id, .. }
+                    if self.state == can_state::WORKING && old.get(module.range()) != Some(new) =>
+                {
                     self.frames.extend(frame(id, module, new, has_counter));
                 }
                 _ => {}
@@ -326,7 +329,9 @@ impl Gateway {
                 let (Kind::Output { id, cycle_ms }, Some(at)) = (module.kind, *cycle) else { continue };
                 if at <= now {
                     *cycle = Some(at + u64::from(cycle_ms) * 1000);
-                    if let Some(data) = outputs.get(module.range()).filter(|_| self.state == can_state::WORKING) {
+                    if let Some(data) =
+                        outputs.get(module.range()).filter(|_| self.state == can_state::WORKING)
+                    {
                         self.frames.extend(frame(id, module, data, parameters.has_tx_counter()));
                     }
                 }

@@ -150,7 +150,9 @@ impl ProfibusPort for Master {
                     FunctionCode::Answer(Answer::Ok) => (mst_result::STATUS, Vec::new()),
                     FunctionCode::Answer(Answer::NotActivated) => (mst_result::NOT_ACTIVATED, Vec::new()),
                     FunctionCode::Answer(Answer::Low) => (mst_result::DATA, frame.data.clone()),
-                    FunctionCode::Answer(Answer::High) => (mst_result::DATA_AND_DIAGNOSIS, frame.data.clone()),
+                    FunctionCode::Answer(Answer::High) => {
+                        (mst_result::DATA_AND_DIAGNOSIS, frame.data.clone())
+                    }
                     _ => (mst_result::OTHER, Vec::new()),
                 }
             }

@@ -10,8 +10,8 @@ pub(super) const IDENT: [u8; 2] = [0x04, 0xA4];
 
 /// Bit rates by their index, in bit/s (p. 23, 28).
 const BIT_RATES: [u32; 14] = [
-    1_000_000, 666_600, 500_000, 333_300, 250_000, 166_000, 125_000, 100_000, 66_600, 50_000, 33_300, 20_000, 12_500,
-    10_000,
+    1_000_000, 666_600, 500_000, 333_300, 250_000, 166_000, 125_000, 100_000, 66_600, 50_000, 33_300, 20_000,
+    12_500, 10_000,
 ];
 
 /// The octets as they are by the device description file, for a good Set_Prm without anything special (p. 22-24).
@@ -53,7 +53,8 @@ pub(super) struct Parameters {
 impl Parameters {
     /// Looks at the octets of a Set_Prm, from the first one on; the first that is wrong counts.
     pub(super) fn parse(octets: &[u8]) -> Result<Self, PrmFault> {
-        let wrong = |number: usize, right: u8| PrmFault { number: number as u8, right, is_unsupported: false };
+        let wrong =
+            |number: usize, right: u8| PrmFault { number: number as u8, right, is_unsupported: false };
         let taken: [u8; LENGTH] = match octets.len() {
             LENGTH => octets.try_into().unwrap_or(DEFAULTS),
             // D-375: the first octet that is not there, or there too much.
@@ -62,7 +63,9 @@ impl Parameters {
         };
         let it = Parameters { octets: taken };
         let has_watchdog = taken[0] & status::WD_ON != 0;
-        let unused = |number: usize, bits: u8| (taken[number] & bits != 0).then(|| wrong(number, taken[number] & !bits));
+        let unused = |number: usize, bits: u8| {
+            (taken[number] & bits != 0).then(|| wrong(number, taken[number] & !bits))
+        };
         let unsupported = status::FREEZE_REQ | status::SYNC_REQ;
         if taken[0] & unsupported != 0 {
             return Err(PrmFault { is_unsupported: true, ..wrong(0, taken[0] & !unsupported) });
@@ -189,7 +192,9 @@ mod tests {
 
     #[test]
     fn bit_rates_by_their_index() {
-        for (index, bit_s) in [(6, 125_000), (0, 1_000_000), (2, 500_000), (4, 250_000), (13, 10_000), (1, 666_600)] {
+        for (index, bit_s) in
+            [(6, 125_000), (0, 1_000_000), (2, 500_000), (4, 250_000), (13, 10_000), (1, 666_600)]
+        {
             assert_eq!(with(8, index).unwrap().can_bit_s(), bit_s);
         }
     }

@@ -4,8 +4,8 @@ use super::modules::{Configuration, EXTENDED, Kind, MODULES};
 use super::parameters::{LENGTH, Parameters};
 use super::registers::values::module_kind;
 use super::registers::{
-    CAN, CAN_DP2_CAN, CAN_DP2_CFG, CAN_DP2_DIAG, CAN_DP2_INPUTS, CAN_DP2_OUTPUTS, CAN_DP2_PRM, CAN_DP2_STORED, CFG,
-    DIAG, INPUTS, OUTPUTS, PRM, STORED,
+    CAN, CAN_DP2_CAN, CAN_DP2_CFG, CAN_DP2_DIAG, CAN_DP2_INPUTS, CAN_DP2_OUTPUTS, CAN_DP2_PRM,
+    CAN_DP2_STORED, CFG, DIAG, INPUTS, OUTPUTS, PRM, STORED,
 };
 use crate::can::Id;
 use crate::memory::{Cell8, Cell32, Header, MemoryError, Segment, View};

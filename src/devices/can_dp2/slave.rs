@@ -256,7 +256,8 @@ impl Slave {
         let Some(parameters) = &self.parameters else { return };
         match Configuration::parse(octets, parameters) {
             // The same again changes nothing.
-            Ok(configuration) if self.state == dp_state::DATA_EXCHANGE && configuration == self.configuration => {}
+            Ok(configuration)
+                if self.state == dp_state::DATA_EXCHANGE && configuration == self.configuration => {}
             Ok(configuration) => {
                 registers.set_configuration(&configuration);
                 gateway.begin(parameters, &configuration, now);

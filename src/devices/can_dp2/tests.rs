@@ -9,7 +9,9 @@ mod states;
 use super::config::CanDp2Config;
 use super::ram::Registers;
 use super::registers::values::{mst_control, mst_result};
-use super::registers::{CAN_DP2_MST, DEVICE, FRONT_ADDRESS, FRONT_LED_C, FRONT_LED_D, FRONT_LED_E, FRONT_SWITCHES, MST};
+use super::registers::{
+    CAN_DP2_MST, DEVICE, FRONT_ADDRESS, FRONT_LED_C, FRONT_LED_D, FRONT_LED_E, FRONT_SWITCHES, MST,
+};
 use crate::can::{Frame, Payload};
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
 use crate::devices::profibus_bus::ProfibusConfig;
@@ -124,7 +126,11 @@ impl Bench {
         let origin = Origin { plc: 0, node: 0 };
         self.device.set_power(power);
         let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
-        if power == Power::On { self.device.start(ctx) } else { self.device.stop(ctx) }
+        if power == Power::On {
+            self.device.start(ctx)
+        } else {
+            self.device.stop(ctx)
+        }
         for &(bus, place) in self.places.iter().take(3) {
             match power {
                 Power::On => {

@@ -105,7 +105,8 @@ impl Window {
 
     /// The DP master has written its window. An order is one whose loop counter is another than the last one's (p. 42, 45-46; D-382).
     pub(super) fn written(&mut self, window: &[u8; WINDOW]) -> Order {
-        let &[id0, id1, id2, id3, d0, d1, d2, d3, d4, d5, d6, d7, length, counter, sub_command, command] = window;
+        let &[id0, id1, id2, id3, d0, d1, d2, d3, d4, d5, d6, d7, length, counter, sub_command, command] =
+            window;
         if counter == self.counter {
             return Order::Nothing;
         }
@@ -118,9 +119,8 @@ impl Window {
         let data = [d0, d1, d2, d3, d4, d5, d6, d7];
         let length = usize::from(length.min(8));
         let order = match (command, id) {
-            (command::SEND, Some(id)) => {
-                Payload::new(&data[..length]).map_or(Order::Nothing, |payload| Order::Send(Frame::new(id, payload)))
-            }
+            (command::SEND, Some(id)) => Payload::new(&data[..length])
+                .map_or(Order::Nothing, |payload| Order::Send(Frame::new(id, payload))),
             (command::RECEIVE, _) => {
                 self.is_reading = true;
                 Order::Nothing

@@ -123,7 +123,9 @@ impl ProfibusBus {
     /// Does one thing that is due on the line; tells whether there was one.
     fn line_event(&mut self, now: u64, journal: &mut Journal) -> bool {
         let due = |at: &u64| *at <= self.rate.bits_at(now);
-        let Some((at, step)) = self.next_step().filter(|(at, _)| self.is_plugged && due(at)) else { return false };
+        let Some((at, step)) = self.next_step().filter(|(at, _)| self.is_plugged && due(at)) else {
+            return false;
+        };
         match step {
             Step::End => {
                 if let Some(sending) = self.line.end(at) {

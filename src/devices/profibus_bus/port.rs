@@ -105,7 +105,8 @@ impl Station {
     /// Sends `telegram` so many bit times from now: an answer.
     pub fn answer(&mut self, after_bits: u64, telegram: &Telegram) {
         // Who answers with more than a telegram carries says nothing.
-        self.intent = telegram.octets().ok().map(|octets| Intent::At(self.now.saturating_add(after_bits), octets));
+        self.intent =
+            telegram.octets().ok().map(|octets| Intent::At(self.now.saturating_add(after_bits), octets));
     }
 
     /// Sends `telegram` as soon as the line has been idle for T_SYN: a request.

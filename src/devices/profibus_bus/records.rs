@@ -104,7 +104,8 @@ impl Told for DpTelegram {
         let fields = Fields::new().with("da", da).with("sa", sa).with("fc", fc);
         let fields = dsap.into_iter().fold(fields, |fields, sap| fields.with("dsap", sap));
         let fields = ssap.into_iter().fold(fields, |fields, sap| fields.with("ssap", sap));
-        let fields = fields.with("octets", self.octets() as u32).with("first", self.data("")).with("sum", self.sum);
+        let fields =
+            fields.with("octets", self.octets() as u32).with("first", self.data("")).with("sum", self.sum);
         fields.with("from", reader.port(self.sender))
     }
 }
@@ -151,7 +152,10 @@ mod tests {
     fn what_is_told_of_a_telegram_is_what_was_sent() {
         let frame = Frame { da: 5, sa: 2, fc: 0x6D, dsap: Some(61), ssap: None, data: vec![1, 2, 3, 4, 5] };
         let told = DpTelegram::new(0, Origin { plc: 0, node: 1 }, &frame);
-        assert_eq!((told.saps(), told.octets(), told.data(" ").as_str()), ([Some(61), None], 5, " 01 02 03 04"));
+        assert_eq!(
+            (told.saps(), told.octets(), told.data(" ").as_str()),
+            ([Some(61), None], 5, " 01 02 03 04")
+        );
         assert_eq!(DpTelegram::read(told.words()), Some(told));
         let other = Frame { data: vec![1, 2, 3, 4, 6], ..frame };
         assert_ne!(DpTelegram::new(0, Origin { plc: 0, node: 1 }, &other), told);

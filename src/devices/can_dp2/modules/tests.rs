@@ -49,7 +49,10 @@ fn modules_of_the_manual() {
         assert_eq!((module.kind, module.length, module.form), (kind, length, form), "{octets:02X?}");
     }
     let window = read(&[0x85, 0x8F, 0xFF, 0xEF, 0, 3, 0xE8]).unwrap();
-    assert_eq!((window.modules[0].kind, window.sync_ms, window.outputs), (Kind::WindowOutput, Some(1000), 16));
+    assert_eq!(
+        (window.modules[0].kind, window.sync_ms, window.outputs),
+        (Kind::WindowOutput, Some(1000), 16)
+    );
 }
 
 /// Each code of p. 21, and which module it is about.
@@ -102,8 +105,11 @@ fn counters_take_an_octet() {
 #[test]
 fn a_later_input_has_the_identifier() {
     let twice = read(&[0x43, 0, 1, 0, 0, 0x43, 0, 1, 0, 0, 0x43, 0, 1, 1, 0]).unwrap();
-    let frozen: Vec<bool> =
-        twice.modules.iter().map(|module| matches!(module.kind, Kind::Input { is_frozen: true, .. })).collect();
+    let frozen: Vec<bool> = twice
+        .modules
+        .iter()
+        .map(|module| matches!(module.kind, Kind::Input { is_frozen: true, .. }))
+        .collect();
     assert_eq!(frozen, [true, false, false]);
 }
 

@@ -34,7 +34,11 @@ fn a_master_wakes_up() {
         bench.run(200 * MS);
         let heard = bench.heard_at();
         assert!(heard.iter().all(|(at, _)| (S..S + 10 * MS).contains(at)), "{heard:?}");
-        assert_eq!(heard.into_iter().map(|(_, text)| text).collect::<Vec<_>>(), expected, "flags 16#{flags:02X}");
+        assert_eq!(
+            heard.into_iter().map(|(_, text)| text).collect::<Vec<_>>(),
+            expected,
+            "flags 16#{flags:02X}"
+        );
     }
 }
 
@@ -47,7 +51,10 @@ fn in_layer_2_nothing_of_it_counts() {
 #[test]
 fn a_slave_waits_to_be_started() {
     let mut bench = started(&timed(0x08, 0, 10), 100 * MS);
-    assert_eq!((bench.heard(), bench.registers.can.can_state.load()), (vec!["85:".to_owned()], can_state::PRE_OPERATIONAL));
+    assert_eq!(
+        (bench.heard(), bench.registers.can.can_state.load()),
+        (vec!["85:".to_owned()], can_state::PRE_OPERATIONAL)
+    );
     bench.send(data(0, &[1, 6]));
     bench.run(10 * MS);
     assert_eq!(bench.heard(), Vec::<String>::new(), "another node is started");
@@ -114,5 +121,8 @@ fn times_are_kept() {
     assert_eq!(bench.heard(), Vec::<String>::new());
     bench.run(200 * MS);
     let heard = bench.heard();
-    assert_eq!((heard.first().map(String::as_str), heard.get(1).map(String::as_str)), (Some("203: 00 00"), Some("80:")));
+    assert_eq!(
+        (heard.first().map(String::as_str), heard.get(1).map(String::as_str)),
+        (Some("203: 00 00"), Some("80:"))
+    );
 }

@@ -4,11 +4,13 @@
 use super::*;
 use crate::devices::can_dp2::dp_port::DpPort;
 use crate::devices::can_dp2::gateway::Gateway;
-use crate::devices::can_dp2::registers::values::dp_state;
+use crate::devices::can_dp2::registers::values::{bus_state, dp_state};
 use crate::devices::can_dp2::{Shared, lock, share};
 use crate::devices::profibus_bus::{ProfibusPort, Station as Line};
 use crate::profibus::{BusRate, Telegram};
-use profirust::dp::{DiagnosticFlags, DpMaster, Peripheral, PeripheralEvent, PeripheralHandle, PeripheralOptions};
+use profirust::dp::{
+    DiagnosticFlags, DpMaster, Peripheral, PeripheralEvent, PeripheralHandle, PeripheralOptions,
+};
 use profirust::fdl::{FdlActiveStation, ParametersBuilder};
 use profirust::phy::{ProfibusPhy, SimulatorPhy};
 use profirust::time::{Duration, Instant};
@@ -49,7 +51,7 @@ impl Ring {
         let peripheral = Peripheral::new(5, options, vec![0; 2], vec![0; 2]).with_diag_buffer(vec![0; 16]);
         let handle = dp.add(peripheral);
         let parameters = ParametersBuilder::new(2, rate)
-            .slot_bits(400)
+            .slot_bits(if bit_s > 1_500_000 { 1000 } else { 400 })
             .highest_station_address(10)
             .watchdog_timeout(Duration::from_millis(500))
             .build_verified(&dp);
@@ -111,13 +113,15 @@ impl Ring {
             }
             return;
         }
-        let telegram = self.slave_phy.receive_data(now, |octets| match profirust::fdl::Telegram::deserialize(octets) {
-            None => (0, None),
-            Some(Err(_)) => (octets.len(), None),
-            Some(Ok((_, length))) => (length, Some(Telegram::parse(&octets[..length]).unwrap())),
-        });
+        let telegram =
+            self.slave_phy.receive_data(now, |octets| match profirust::fdl::Telegram::deserialize(octets) {
+                None => (0, None),
+                Some(Err(_)) => (octets.len(), None),
+                Some(Ok((_, length))) => (length, Some(Telegram::parse(&octets[..length]).unwrap())),
+            });
         if let Some(telegram) = telegram {
-            self.line.at(self.rate.bits_at(self.now));
+            // The last octet of this line is there up to half a bit before it has ended.
+            self.line.at(self.rate.bits_at(self.now) + 1);
             self.slave.heard(ctx, &mut self.line, &telegram);
             self.answer = self.line.intended();
         }
@@ -131,7 +135,8 @@ impl Ring {
                 return;
             }
         }
-        panic!("never: {what}; {:?}, state {}", self.peripheral().last_diagnostics(), self.registers.diag.dp_state.load());
+        let state = self.registers.diag.dp_state.load();
+        panic!("never: {what}; {:?}, state {state}", self.peripheral().last_diagnostics());
     }
 
     fn peripheral(&mut self) -> &mut Peripheral<'static> {
@@ -141,7 +146,9 @@ impl Ring {
     /// What the master has of the module's own diagnosis.
     fn own_diagnosis(&mut self) -> Vec<u8> {
         let diagnostics = self.peripheral().last_diagnostics();
-        diagnostics.map_or_else(Vec::new, |it| it.extended_diagnostics.raw_diag_buffer().unwrap_or_default().to_vec())
+        diagnostics.map_or_else(Vec::new, |it| {
+            it.extended_diagnostics.raw_diag_buffer().unwrap_or_default().to_vec()
+        })
     }
 
     fn flags(&mut self) -> DiagnosticFlags {
@@ -189,7 +196,8 @@ fn it_is_told_wrong_parameters() {
 
 #[test]
 fn it_is_told_a_wrong_configuration() {
-    let mut ring = Ring::new(profirust::Baudrate::B500000, &USER, &[0x83, 1, 2, 3, 0, 0x43, 0x41, 2, 0x89, 0]);
+    let mut ring =
+        Ring::new(profirust::Baudrate::B500000, &USER, &[0x83, 1, 2, 3, 0, 0x43, 0x41, 2, 0x89, 0]);
     ring.until("a diagnosis", |ring| !ring.own_diagnosis().is_empty());
     assert_eq!(ring.own_diagnosis(), [5, 4, 0x3E, 1, 2]);
     assert!(ring.flags().contains(DiagnosticFlags::CONFIGURATION_FAULT | DiagnosticFlags::EXT_DIAG));
@@ -197,13 +205,14 @@ fn it_is_told_a_wrong_configuration() {
 }
 
 #[test]
-fn it_is_told_that_can_has_lost_something() {
+fn it_is_told_of_the_can_bus() {
     let mut ring = Ring::new(profirust::Baudrate::B500000, &USER, &CFG);
     ring.until("data exchange", |ring| ring.peripheral().is_running());
     ring.events.clear();
     lock(&ring.gateway).lost_frame();
-    ring.until("a diagnosis", |ring| ring.events.contains(&PeripheralEvent::Diagnostics));
-    assert_eq!(ring.own_diagnosis(), [5, 4, 0, 1, 0]);
+    lock(&ring.gateway).set_bus(bus_state::ERROR_PASSIVE);
+    ring.until("a diagnosis", |ring| ring.own_diagnosis() == [5, 4, 0x80, 1, 0]);
+    assert!(ring.events.contains(&PeripheralEvent::Diagnostics));
     assert!(ring.peripheral().is_running());
 }
 

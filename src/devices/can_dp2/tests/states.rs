@@ -5,7 +5,9 @@ use crate::devices::can_dp2::registers::values::{can_state, dp_state, led_d};
 
 #[test]
 fn switches_give_the_address() {
-    for (switches, address) in [(0x11, 17), (0x02, 3), (0x00, 3), (0x7C, 124), (0x7D, 124), (0xFF, 124), (3, 3)] {
+    for (switches, address) in
+        [(0x11, 17), (0x02, 3), (0x00, 3), (0x7C, 124), (0x7D, 124), (0xFF, 124), (3, 3)]
+    {
         let mut bench = Bench::new(switches);
         assert_eq!(bench.front(FRONT_ADDRESS), address);
         assert_eq!(bench.diag(), [0x02, 0x05, 0x00, 0xFF, 0x04, 0xA4]);
@@ -140,7 +142,10 @@ fn parameters_in_data_exchange_begin_anew() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
     bench.exchange(&[1, 2]);
     bench.ask(61, &prm(0, 0));
-    assert_eq!((bench.registers.diag.dp_state.load(), bench.registers.outputs(2)), (dp_state::WAIT_CFG, vec![0, 0]));
+    assert_eq!(
+        (bench.registers.diag.dp_state.load(), bench.registers.outputs(2)),
+        (dp_state::WAIT_CFG, vec![0, 0])
+    );
     bench.ask(62, &CFG);
     bench.exchange(&[1, 2]);
     let mut wrong = prm(0, 0);

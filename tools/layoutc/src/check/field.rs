@@ -178,7 +178,8 @@ fn dims(
 
 /// The short name of a data type in front of a register name, if there is one: neither `CAN_OPEN` nor `cfg_len` has any.
 fn short_name(name: &str) -> Option<&str> {
-    let known = |prefix: &&str| ["", "a"].contains(prefix) || Scalar::prefixes().any(|short| short == *prefix);
+    let known =
+        |prefix: &&str| ["", "a"].contains(prefix) || Scalar::prefixes().any(|short| short == *prefix);
     name.split_once('_').map(|(prefix, _)| prefix).filter(known)
 }
 
