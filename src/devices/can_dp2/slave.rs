@@ -185,8 +185,11 @@ impl Slave {
                 self.set_parameters(frame, gateway, registers);
                 Telegram::ShortAck
             }
-            mst_dsap::CHK_CFG if self.state >= dp_state::WAIT_CFG && self.master == Some(frame.sa) => {
-                self.check_configuration(&frame.data, now, gateway, registers);
+            mst_dsap::CHK_CFG => {
+                // Before good parameters, and of somebody else, it is not looked at (D-379).
+                if self.state >= dp_state::WAIT_CFG && self.master == Some(frame.sa) {
+                    self.check_configuration(&frame.data, now, gateway, registers);
+                }
                 Telegram::ShortAck
             }
             mst_dsap::GET_CFG => self.responder.data(frame, Answer::Low, self.configuration.octets.clone()),
