@@ -249,6 +249,8 @@ mod tests {
     }
 
     proptest! {
+    #![proptest_config(crate::property_tests())]
+
         #[test]
         fn a_frame_is_what_it_was(
             da in 0..128u8,

@@ -74,6 +74,8 @@ mod tests {
     }
 
     proptest! {
+    #![proptest_config(crate::property_tests())]
+
         /// What has passed at the microsecond that is told has passed, and not before.
         #[test]
         fn a_microsecond_is_the_first_one(rate in 0..BusRate::ALL.len(), bits in 1..1u64 << 40) {

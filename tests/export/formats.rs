@@ -4,7 +4,7 @@ use crate::common::run;
 use serde_json::Value;
 
 /// The devices that commram has.
-const DEVICES: [&str; 3] = ["omega-drive-line-2", "bm4-plc", "cs0015"];
+const DEVICES: [&str; 4] = ["omega-drive-line-2", "bm4-plc", "cs0015", "can-dp2"];
 const FORMATS: [&str; 9] = ["c", "matiec", "st", "python", "svd", "systemrdl", "json", "csv", "md"];
 
 #[test]
@@ -13,6 +13,7 @@ fn the_register_references_are_up_to_date() {
         include_str!("../../docs/registers.md"),
         include_str!("../../docs/registers-bm4-plc.md"),
         include_str!("../../docs/registers-cs0015.md"),
+        include_str!("../../docs/registers-can-dp2.md"),
     ];
     for (device, page) in DEVICES.into_iter().zip(pages) {
         let export = run(&["export", "md", "--device", device]);
@@ -28,8 +29,8 @@ fn every_device_is_exported_in_every_format() {
             let export = run(&["export", format, "--device", device]);
             // What one of them has and the others have not.
             let names = match format {
-                "svd" => ["CANsync_INIT_MA", "CANsyncMaster_Init_Slot_G", "COP_GUARDFAIL_NODEID"],
-                _ => ["CANsync_INIT_BMSTRUCT", "CANsync_PLC_INIT_BMSTRUCT", "COP_GUARDFAIL_NODEID"],
+                "svd" => ["CANsync_INIT_MA", "CANsyncMaster_Init_Slot_G", "COP_GUARDFAIL_NODEID", "stored_wakeup_time"],
+                _ => ["CANsync_INIT_BMSTRUCT", "CANsync_PLC_INIT_BMSTRUCT", "COP_GUARDFAIL_NODEID", "stored_wakeup_time"],
             };
             let told = names.map(|name| export.ok().contains(name));
             assert_eq!(told, DEVICES.map(|it| it == device), "{device} as {format}");

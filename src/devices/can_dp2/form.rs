@@ -37,6 +37,8 @@ mod tests {
     }
 
     proptest! {
+    #![proptest_config(crate::property_tests())]
+
         #[test]
         fn twice_is_nothing_and_bit_0_does_not_matter(form: u8, data in prop::collection::vec(any::<u8>(), 0..=9)) {
             let (mut once, mut other) = (data.clone(), data.clone());

@@ -128,6 +128,8 @@ fn a_station_has_its_limits() {
 }
 
 proptest! {
+    #![proptest_config(crate::property_tests())]
+
     #[test]
     fn any_octets_are_good_or_have_a_code(octets in prop::collection::vec(any::<u8>(), 0..=244), window: bool) {
         match Configuration::parse(&octets, &parameters(if window { 0x80 } else { 0 }, 0)) {
