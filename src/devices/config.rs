@@ -102,6 +102,11 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
         false
     }
 
+    /// Whether several ports of one device can be at it.
+    fn takes_several_of_a_device(&self) -> bool {
+        false
+    }
+
     /// Medium number `index` of the plant, without ports.
     ///
     /// # Errors

@@ -376,7 +376,8 @@ impl PlantConfig {
                 let (port, bus, kind) = (port.name.to_owned(), bus.to_owned(), medium.family());
                 return Err(PlantError::OtherKind { plc, port, bus, kind, right });
             }
-            if let Some(other) = ports[..index].iter().find(|other| other.medium == port.medium) {
+            let mut before = ports[..index].iter().filter(|_| !medium.takes_several_of_a_device());
+            if let Some(other) = before.find(|other| other.medium == port.medium) {
                 if medium.has_one_master() && other.address.is_none() && port.address.is_none() {
                     let (first, second) = (plc.clone(), plc);
                     let (first_port, second_port) = (other.name.to_owned(), port.name.to_owned());

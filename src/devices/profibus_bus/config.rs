@@ -56,6 +56,11 @@ impl MediumConfig for ProfibusConfig {
         FAMILY
     }
 
+    /// A slave and a master without a stack may belong to one device.
+    fn takes_several_of_a_device(&self) -> bool {
+        true
+    }
+
     fn build(&self, index: usize) -> Result<Box<dyn Medium>, BuildError> {
         Ok(Box::new(ProfibusBus::new(index, self)))
     }
