@@ -104,6 +104,7 @@ pub static MEDIA: &[MediumKind] = &[
         records: profibus_bus::records::KINDS,
         rules: &[],
         faults: &[],
+        fits: |_| Ok(()),
         says: |_| String::new(),
         unplugged: || Box::new(profibus_bus::ProfibusBus::unplugged()),
     },

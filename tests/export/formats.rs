@@ -29,8 +29,18 @@ fn every_device_is_exported_in_every_format() {
             let export = run(&["export", format, "--device", device]);
             // What one of them has and the others have not.
             let names = match format {
-                "svd" => ["CANsync_INIT_MA", "CANsyncMaster_Init_Slot_G", "COP_GUARDFAIL_NODEID", "stored_wakeup_time"],
-                _ => ["CANsync_INIT_BMSTRUCT", "CANsync_PLC_INIT_BMSTRUCT", "COP_GUARDFAIL_NODEID", "stored_wakeup_time"],
+                "svd" => [
+                    "CANsync_INIT_MA",
+                    "CANsyncMaster_Init_Slot_G",
+                    "COP_GUARDFAIL_NODEID",
+                    "stored_wakeup_time",
+                ],
+                _ => [
+                    "CANsync_INIT_BMSTRUCT",
+                    "CANsync_PLC_INIT_BMSTRUCT",
+                    "COP_GUARDFAIL_NODEID",
+                    "stored_wakeup_time",
+                ],
             };
             let told = names.map(|name| export.ok().contains(name));
             assert_eq!(told, DEVICES.map(|it| it == device), "{device} as {format}");
