@@ -16,6 +16,9 @@ use std::collections::VecDeque;
 /// The identifier of SYNC objects (p. 87); a slave adds its number to it for its start (p. 29).
 const SYNC: u16 = 0x80;
 
+/// Frames that wait for room in the controller (D-390).
+const WAITING: usize = 256;
+
 /// What was taken over when data exchange began.
 struct Setup {
     parameters: Parameters,
@@ -118,6 +121,15 @@ impl Gateway {
         self.show();
     }
 
+    /// Something is to be sent; lost if much waits already.
+    fn push(&mut self, frame: Frame) {
+        if self.frames.len() < WAITING {
+            self.frames.push_back(frame);
+        } else {
+            self.lost_frame();
+        }
+    }
+
     /// Data exchange begins with these parameters and modules.
     pub(super) fn begin(&mut self, parameters: &Parameters, configuration: &Configuration, now: u64) {
         self.end();
@@ -184,7 +196,7 @@ impl Gateway {
                 Kind::Output { id, .. }
                     if self.state == can_state::WORKING && old.get(module.range()) != Some(new) =>
                 {
-                    self.frames.extend(frame(id, module, new, has_counter));
+                    frame(id, module, new, has_counter).into_iter().for_each(|frame| self.push(frame));
                 }
                 _ => {}
             }
@@ -197,7 +209,7 @@ impl Gateway {
         let enabled = self.window.enabled().len();
         match self.window.written(window) {
             Order::Nothing => {}
-            Order::Send(frame) => self.frames.push_back(frame),
+            Order::Send(frame) => self.push(frame),
             Order::SyncTime(time) => self.set_sync_time(time),
         }
         self.is_new |= self.window.enabled().len() != enabled;
@@ -225,18 +237,21 @@ impl Gateway {
     /// All outputs go out, then everything that its inputs bring is asked for (p. 29).
     fn send_all(&mut self, now: u64) {
         let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
-        for module in &configuration.modules {
-            if let (Kind::Output { id, .. }, Some(data)) = (module.kind, outputs.get(module.range())) {
-                self.frames.extend(frame(id, module, data, parameters.has_tx_counter()));
+        let of_outputs = configuration.modules.iter().filter_map(|module| match module.kind {
+            Kind::Output { id, .. } => {
+                frame(id, module, outputs.get(module.range())?, parameters.has_tx_counter())
             }
-        }
-        let inputs = configuration.modules.iter().filter(|_| parameters.has_rtr());
-        for module in inputs {
-            if let Kind::Input { id, is_frozen: false } = module.kind {
-                let counter = usize::from(parameters.has_rx_counter());
-                self.frames.extend(Frame::remote(id, module.length - counter));
+            _ => None,
+        });
+        let counter = usize::from(parameters.has_rx_counter());
+        let of_inputs = configuration.modules.iter().filter_map(|module| match module.kind {
+            Kind::Input { id, is_frozen: false } if parameters.has_rtr() => {
+                Frame::remote(id, module.length - counter)
             }
-        }
+            _ => None,
+        });
+        let frames: Vec<Frame> = of_outputs.chain(of_inputs).collect();
+        frames.into_iter().for_each(|frame| self.push(frame));
         self.start_cycles(now);
     }
 
@@ -245,13 +260,13 @@ impl Gateway {
         let Some(setup) = &self.setup else { return };
         match setup.parameters.role() {
             Role::Slave(number) => {
-                self.frames.push_back(Frame::standard(SYNC + u16::from(number), Payload::EMPTY));
+                self.push(Frame::standard(SYNC + u16::from(number), Payload::EMPTY));
                 self.state = can_state::PRE_OPERATIONAL;
             }
             Role::Master | Role::Layer2 => {
                 if setup.parameters.has_start_frame() {
                     let start = Payload::new(&[Command::Start.code(), 0]).unwrap_or(Payload::EMPTY);
-                    self.frames.push_back(Frame::standard(0, start));
+                    self.push(Frame::standard(0, start));
                 }
                 self.state = can_state::WORKING;
                 self.send_all(now);
@@ -324,6 +339,7 @@ impl Gateway {
             self.wake_at = None;
             self.wake_up(now);
         }
+        let mut due = Vec::new();
         if let Some(Setup { parameters, configuration, outputs, cycles }) = &mut self.setup {
             for (module, cycle) in configuration.modules.iter().zip(cycles) {
                 let (Kind::Output { id, cycle_ms }, Some(at)) = (module.kind, *cycle) else { continue };
@@ -332,13 +348,14 @@ impl Gateway {
                     if let Some(data) =
                         outputs.get(module.range()).filter(|_| self.state == can_state::WORKING)
                     {
-                        self.frames.extend(frame(id, module, data, parameters.has_tx_counter()));
+                        due.extend(frame(id, module, data, parameters.has_tx_counter()));
                     }
                 }
             }
         }
+        due.into_iter().for_each(|frame| self.push(frame));
         if self.sync_at.is_some_and(|at| at <= now) {
-            self.frames.push_back(Frame::standard(SYNC, Payload::EMPTY));
+            self.push(Frame::standard(SYNC, Payload::EMPTY));
             self.sync_at = None;
         }
         self.plan_sync(now);

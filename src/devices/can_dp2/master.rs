@@ -77,11 +77,8 @@ impl Master {
         station.withdraw();
         if let Some(Pending { frame, .. }) = self.pending.take() {
             // A slave that has answered knows the bit; to one that has not the next request is the first.
-            match FunctionCode::parse(frame.fc) {
-                FunctionCode::Request { fcb, request: Request::Srd, .. } => {
-                    self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
-                }
-                _ => {}
+            if let FunctionCode::Request { fcb, request: Request::Srd, .. } = FunctionCode::parse(frame.fc) {
+                self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
             }
             let is_data = matches!(result, mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS);
             if frame.dsap == Some(mst_dsap::SLAVE_DIAG) && is_data {

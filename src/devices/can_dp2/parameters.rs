@@ -70,7 +70,7 @@ impl Parameters {
         if taken[0] & unsupported != 0 {
             return Err(PrmFault { is_unsupported: true, ..wrong(0, taken[0] & !unsupported) });
         }
-        for number in [1, 2].into_iter().filter(|number| has_watchdog && taken[*number] == 0) {
+        if let Some(number) = [1, 2].into_iter().find(|number| has_watchdog && taken[*number] == 0) {
             return Err(wrong(number, 1));
         }
         for (number, right) in [(4, IDENT[0]), (5, IDENT[1]), (7, 0)] {

@@ -168,3 +168,15 @@ fn a_communication_window() {
     bench.run(10 * MS);
     assert_eq!(bench.heard(), ["0: 01 00"]);
 }
+
+/// Nobody is there to acknowledge: what waits has an end, and what is lost is counted (D-390).
+#[test]
+fn what_waits_to_be_sent_has_an_end() {
+    let mut bench = Bench::exchanging(0, 0, &CFG);
+    let &(bus, station) = bench.places.last().unwrap();
+    bench.buses[bus].power_off(station, bench.now, &mut bench.journal);
+    for number in 1..=400_u16 {
+        bench.exchange(&number.to_be_bytes());
+    }
+    assert_eq!(bench.registers.can.irq_lost.load(), 400 - 64 - 256);
+}

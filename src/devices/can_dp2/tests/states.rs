@@ -63,9 +63,7 @@ fn a_telegram_for_somebody_else_tells_the_rate_only() {
 #[test]
 fn services_that_are_refused() {
     let mut bench = Bench::exchanging(0, 0, &CFG);
-    for dsap in [55] {
-        assert_eq!(bench.ask(dsap, &[1, 2, 3, 4]).0, mst_result::NOT_ACTIVATED, "{dsap}");
-    }
+    assert_eq!(bench.ask(55, &[1, 2, 3, 4]).0, mst_result::NOT_ACTIVATED, "Set_Slave_Add");
     let mut waiting = Bench::new(5);
     for dsap in [56, 57] {
         assert_eq!(waiting.ask(dsap, &[]).0, mst_result::NOT_ACTIVATED, "{dsap}");
