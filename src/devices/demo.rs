@@ -1,8 +1,11 @@
 //! What `commram demo` needs to know of a device: a plant, and a soft-PLC that runs on it.
 
-use crate::layout::LayoutError;
-use crate::memory::{Attached, MemoryError};
+use super::attach;
+use crate::layout::{Device, Fitted, LayoutError, Live, Place};
+use crate::memory::header::{self, Power};
+use crate::memory::{AttachMode, Attached, MemoryError};
 use std::io;
+use std::time::Duration;
 
 /// A demonstration of a device.
 #[derive(Debug)]
@@ -52,4 +55,82 @@ pub enum DemoError {
     /// A reference value did not come back.
     #[error("{0}")]
     NotFollowed(String),
+}
+
+/// How long something may take, in real time. It takes at most some seconds.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A device whose registers a demonstration writes and reads, and tells of it.
+pub(crate) struct Actor<'a> {
+    name: &'static str,
+    layout: &'static Device,
+    pub(crate) attached: Attached,
+    show: Show<'a>,
+}
+
+impl<'a> Actor<'a> {
+    /// The device called `name`, whose image this is.
+    pub(crate) fn new(
+        name: &'static str,
+        layout: &'static Device,
+        attached: Attached,
+        show: Show<'a>,
+    ) -> Self {
+        Actor { name, layout, attached, show }
+    }
+
+    /// Another device of the same instance.
+    pub(crate) fn other(&self, name: &'static str) -> Result<Actor<'a>, DemoError> {
+        let instance = header::name(&self.attached.header_snapshot().instance);
+        let (attached, layout) = attach(&instance, name, AttachMode::ReadWrite)?;
+        Ok(Actor::new(name, layout, attached, self.show))
+    }
+
+    /// Tells something of it.
+    pub(crate) fn tell(&self, text: &str) -> Result<(), DemoError> {
+        Ok((self.show)(&format!("  {:6} {text}\n", self.name))?)
+    }
+
+    /// Tells what stands somewhere.
+    fn say(&self, doing: &str, place: &Place, value: u32) -> Result<(), DemoError> {
+        let (label, value) = (place.label(Live::Always), place.format(Live::Always, value));
+        self.tell(&format!("{doing} {label} = {value}"))
+    }
+
+    fn place(&self, name: &str) -> Result<Place, DemoError> {
+        Ok(Place::parse(&Fitted::unknown(self.layout), name)?)
+    }
+
+    /// Writes a register, as a program does.
+    pub(crate) fn write(&self, name: &str, value: u32) -> Result<(), DemoError> {
+        let place = self.place(name)?;
+        self.attached.segment().store(place.offset(), place.width(), value)?;
+        self.attached.ring()?;
+        self.say("writes", &place, value)
+    }
+
+    /// Waits until a register holds this.
+    pub(crate) fn wait(&self, name: &str, wanted: u32, what: &str) -> Result<(), DemoError> {
+        let place = self.place(name)?;
+        let wait =
+            self.attached.wait_register(place.offset(), place.width(), PATIENCE, |value| value == wanted);
+        match wait {
+            Ok(value) => self.say("finds", &place, value),
+            Err(MemoryError::RegisterTimeout { last, .. }) => Err(DemoError::Stuck {
+                what: what.to_owned(),
+                place: place.label(Live::Always),
+                wanted: place.format(Live::Always, wanted),
+                found: place.format(Live::Always, last),
+                seconds: PATIENCE.as_secs(),
+            }),
+            Err(other) => Err(other.into()),
+        }
+    }
+
+    /// Switches its supply.
+    pub(crate) fn switch(&self, power: Power) -> Result<(), DemoError> {
+        self.attached.header()?.program.power.store(power.code());
+        self.attached.ring()?;
+        self.tell(if power == Power::On { "supply on" } else { "supply off" })
+    }
 }

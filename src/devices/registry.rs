@@ -125,6 +125,8 @@ static BUILT_IN: [Registered; 4] = [
         read: Some(can_dp2::CanDp2Config::read),
         #[cfg(feature = "emulator")]
         records: can_dp2::records::KINDS,
+        #[cfg(feature = "emulator")]
+        demo: Some(&can_dp2::demo::DEMO),
         ..Registered::new(&can_dp2::registers::DEVICE)
     },
 ];

@@ -5,6 +5,8 @@ mod can_port;
 #[cfg(feature = "emulator")]
 mod config;
 #[cfg(feature = "emulator")]
+pub(super) mod demo;
+#[cfg(feature = "emulator")]
 mod dp_port;
 #[cfg(feature = "emulator")]
 mod form;

@@ -52,11 +52,17 @@ const AT_A_DOOR: [&Rule; 2] = [&rules::GUEST_BIT_RATE, &cansync::rules::FOREIGN_
 
 #[test]
 fn every_rule_has_a_case() {
+    // Those of a device that is not here are tested beside its firmware.
+    let of_cs0015 = commram::devices::find("cs0015").map_or(&[][..], |device| device.rules);
     let without: Vec<_> = commram::devices::catalogue()
         .rules
         .iter()
         .copied()
-        .filter(|rule| !AT_A_DOOR.contains(rule) && cases(OMEGA_RATES[0].kind).all(|case| case.rule != *rule))
+        .filter(|rule| {
+            !AT_A_DOOR.contains(rule)
+                && !of_cs0015.contains(rule)
+                && cases(OMEGA_RATES[0].kind).all(|case| case.rule != *rule)
+        })
         .collect();
     assert_eq!(without, Vec::<&Rule>::new());
 }

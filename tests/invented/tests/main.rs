@@ -263,5 +263,6 @@ fn a_wrong_plant_is_refused_with_its_line() {
         "{rate}"
     );
     let medium = refused("wrong-medium.toml");
-    assert!(medium.contains("the port does not fit the medium"), "{medium}");
+    let text = "line 4: can1 of PLC 'left' is on bus 'drives' of kind 'cansync'; it needs one of kind 'can'";
+    assert!(medium.contains(text), "{medium}");
 }
