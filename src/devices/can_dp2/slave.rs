@@ -164,10 +164,14 @@ impl Slave {
         self.responder.short(frame.sa, Answer::NotActivated)
     }
 
-    /// Data as an answer; a receipt if there are none.
-    fn data(&self, frame: &Frame, data: Vec<u8>) -> Telegram {
-        let answer = if self.has_diagnosis { Answer::High } else { Answer::Low };
-        if data.is_empty() { Telegram::ShortAck } else { self.responder.data(frame, answer, data) }
+    /// Inputs as an answer. Without any it is a receipt, but that cannot say that a diagnosis waits.
+    fn data(&self, frame: &Frame, inputs: Vec<u8>) -> Telegram {
+        match (self.has_diagnosis, inputs.is_empty()) {
+            (false, true) => Telegram::ShortAck,
+            (true, true) => self.responder.short(frame.sa, Answer::High),
+            (false, false) => self.responder.data(frame, Answer::Low, inputs),
+            (true, false) => self.responder.data(frame, Answer::High, inputs),
+        }
     }
 
     fn asked(&mut self, frame: &Frame, now: u64, gateway: &mut Gateway, registers: &Registers) -> Telegram {

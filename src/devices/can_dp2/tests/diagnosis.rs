@@ -106,3 +106,17 @@ fn states_of_the_can_bus() {
     }
     assert_eq!((bench.front(FRONT_LED_C), bench.diag()[0]), (1, 0x00));
 }
+
+/// A receipt cannot announce a diagnosis; a slave without inputs answers with a telegram without data then.
+#[test]
+fn a_slave_without_inputs_announces_a_diagnosis_too() {
+    let mut bench = Bench::exchanging(0, 1, &[0x83, 0, 2, 3, 0]);
+    assert_eq!(bench.ask(255, &[0]), (mst_result::RECEIPT, vec![]));
+    let &(bus, station) = bench.places.last().unwrap();
+    bench.buses[bus].power_off(station, bench.now, &mut bench.journal);
+    bench.exchange(&[1]);
+    bench.run(50 * MS);
+    assert_eq!(bench.ask(255, &[1]), (mst_result::DATA_AND_DIAGNOSIS, vec![]));
+    assert_eq!(bench.diag()[8], 0x80);
+    assert_eq!(bench.ask(255, &[1]), (mst_result::RECEIPT, vec![]));
+}
