@@ -72,8 +72,12 @@ impl ProfibusPort for DpPort {
         }
     }
 
+    /// Between telegrams only what happens on CAN changes anything.
     fn look(&mut self, ctx: &mut Context, _: &mut Station) {
-        self.run(ctx, |_, _, _| ());
+        let has_news = lock(&self.gateway).has_news();
+        if has_news {
+            self.run(ctx, |_, _, _| ());
+        }
     }
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {

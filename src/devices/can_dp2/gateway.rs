@@ -93,6 +93,11 @@ impl Gateway {
         [self.bus, self.irq_lost, self.msg_lost]
     }
 
+    /// Whether [`diagnosis`](Self::diagnosis) has changed since [`take_news`](Self::take_news).
+    pub(super) fn has_news(&self) -> bool {
+        self.has_news
+    }
+
     /// Whether [`diagnosis`](Self::diagnosis) has changed since the last call.
     pub(super) fn take_news(&mut self) -> bool {
         core::mem::take(&mut self.has_news)

@@ -144,7 +144,6 @@ impl Slave {
                 None
             }
             Reaction::Asked(frame) => {
-                self.feed(frame.sa, now);
                 let answer = self.asked(&frame, now, gateway, registers);
                 self.feed(frame.sa, now);
                 Some(self.responder.answer(&frame, answer))
