@@ -1,5 +1,5 @@
 //! Kinds of faults on a CANsync bus, at its slaves and in the CAN controllers of its nodes. Those that it shares with other CAN
-//! buses are told in [`can_faults`](crate::devices::can_faults).
+//! buses are told in `devices::can_faults`.
 
 use super::bus::codec::updown::MAX_OFFSET;
 use super::bus::{Channel, Frame, FrameKind};
@@ -20,7 +20,7 @@ pub(super) enum Effect {
     JitterSync(u32),
     /// A slave is off: a drive without power, a PLC's node with its plug pulled.
     SlaveOff,
-    /// A slave's answers to jobs begin so many microseconds after their slot, 1 to [`MAX_DELAY_US`].
+    /// A slave's answers to jobs begin so many microseconds after their slot, 1 to [`MAX_DELAY_US`](crate::devices::can_faults::MAX_DELAY_US).
     SlaveLate(u32),
     /// A slave answers jobs with BUSY.
     SlaveBusy,
