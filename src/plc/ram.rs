@@ -41,6 +41,11 @@ impl Ram {
         Ok(Base { registers: self.segment.view(offset)?, offset, ram: self.clone() })
     }
 
+    /// The image.
+    pub(crate) fn segment(&self) -> &Segment {
+        &self.segment
+    }
+
     /// The header page.
     pub fn header(&self) -> &View<Header> {
         &self.header

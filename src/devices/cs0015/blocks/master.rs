@@ -5,9 +5,9 @@ use crate::devices::cs0015::registers::values::job;
 use crate::plc::function_block;
 use core::time::Duration;
 
-/// Blocks with ENABLE and NODE, and a RESULT.
+/// Blocks with ENABLE and NODE, some of them with a STATE, and a RESULT.
 macro_rules! of_node {
-    ($($(#[$doc:meta])* $name:ident)*) => {$(
+    ($($(#[$doc:meta])* $name:ident $(: $state:ident)?)*) => {$(
         function_block! {
             $(#[$doc])*
             pub struct $name(jobs: Jobs) {
@@ -18,6 +18,10 @@ macro_rules! of_node {
                     NODE: u8;
                 }
                 out {
+                    $(
+                        /// Of the order before: 127 Pre-Operational, 5 Operational, 4 Prepared, 0 not known.
+                        $state: u8;
+                    )?
                     /// Of the order before: 0 done, 1 not sent, 2 wrong parameters, 255 no master.
                     RESULT: u8;
                     /// The order before has been answered; ours.
@@ -33,7 +37,10 @@ macro_rules! of_node {
                 let answer = self.internal.call(jobs, self.ENABLE, job::$name, &[self.NODE.into()], &[]);
                 self.ANSWERED = answer.is_some();
                 if let Some(answer) = answer {
-                    self.RESULT = answer.results[0] as u8;
+                    let mut results = answer.results.into_iter();
+                    for output in [$(&mut self.$state,)? &mut self.RESULT] {
+                        *output = results.next().unwrap_or_default() as u8;
+                    }
                 }
             }
         }
@@ -51,8 +58,12 @@ of_node! {
     NMM_SET_OPERATIONAL
     /// Stops a node (p. 62).
     NMM_SET_PREPARED
+    /// Tells the state of a node (p. 63).
+    NMM_GET_NODE_STATE: STATE
     /// Resets a node (p. 64).
     NMM_RESET_NODE
+    /// Resets the communication of a node (p. 65).
+    NMM_RESET_COMM: STATE
 }
 
 /// Blocks with ENABLE alone.
@@ -153,50 +164,6 @@ impl NMM_NODE_GUARDING {
             self.RESULT = answer.results[0] as u8;
         }
     }
-}
-
-/// Blocks with ENABLE and NODE, a STATE and a RESULT.
-macro_rules! with_state {
-    ($($(#[$doc:meta])* $name:ident)*) => {$(
-        function_block! {
-            $(#[$doc])*
-            pub struct $name(jobs: Jobs) {
-                in {
-                    /// Gives the order.
-                    ENABLE: bool;
-                    /// Number of the node, 1 to 127; 0: all.
-                    NODE: u8;
-                }
-                out {
-                    /// Of the order before: 127 Pre-Operational, 5 Operational, 4 Prepared, 0 not known.
-                    STATE: u8;
-                    /// Of the order before: 0 done, 1 not sent, 2 wrong parameters, 255 no master.
-                    RESULT: u8;
-                    /// The order before has been answered; ours.
-                    ANSWERED: bool;
-                }
-                internal: Order;
-            }
-        }
-
-        impl $name {
-            /// One PLC cycle.
-            pub fn call(&mut self, jobs: &Jobs) {
-                let answer = self.internal.call(jobs, self.ENABLE, job::$name, &[self.NODE.into()], &[]);
-                self.ANSWERED = answer.is_some();
-                if let Some(answer) = answer {
-                    (self.STATE, self.RESULT) = (answer.results[0] as u8, answer.results[1] as u8);
-                }
-            }
-        }
-    )*};
-}
-
-with_state! {
-    /// Tells the state of a node (p. 63).
-    NMM_GET_NODE_STATE
-    /// Resets the communication of a node (p. 65).
-    NMM_RESET_COMM
 }
 
 function_block! {

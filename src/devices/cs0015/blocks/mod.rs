@@ -1,32 +1,40 @@
-//! The function blocks of the CS0015, with what a program needs beside them (Systemhandbuch Platinensteuerung CS0015, p. 30-70, 86-118).
+//! The function blocks of the CS0015, with what a program needs beside them (Systemhandbuch Platinensteuerung CS0015, p. 30-70, 86-131).
 //!
 //! On the device they call the operating system. Here each call with ENABLE gives an order in the job block, and a later call, in
-//! a program the next one, shows what has come of it (D-444).
+//! a program the next one, shows what has come of it (D-444). Those that only calculate ask nobody.
 
 #![allow(non_snake_case, non_camel_case_types, reason = "the manual's names, letter for letter")]
 
+mod calculation;
 mod can;
 mod can_errors;
+mod controllers;
 mod display;
 mod master;
+mod memory;
 mod order;
 mod sdo;
 mod slave;
 mod system;
 mod terminals;
+mod text;
 
 use crate::plc::{BlockKind, block_kinds};
 
 pub use crate::plc::Ram;
+pub use calculation::{DELAY, Lag, NORM, PT1, Past};
 pub use can::*;
 pub use can_errors::*;
+pub use controllers::{Controller, GLR, PID};
 pub use display::*;
 pub use master::*;
+pub use memory::{CHECK_DATA, MEMCPY, Watched};
 pub use order::{Answer, Jobs, Order, Progress};
 pub use sdo::*;
 pub use slave::*;
 pub use system::*;
 pub use terminals::*;
+pub use text::STR;
 
 /// The function blocks, in the order of the manual's chapters.
 pub static BLOCKS: &[BlockKind] = block_kinds! {
@@ -35,6 +43,7 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
         NMM_SET_NMT_MASTER NMM_ADD_NODE NMM_START_GUARDING NMM_STOP_GUARDING NMM_NODE_GUARDING NMM_SET_PREOPERATIONAL
         NMM_SET_OPERATIONAL NMM_SET_PREPARED NMM_GET_NODE_STATE NMM_RESET_NODE NMM_RESET_COMM PDO_INI_SEND_SYNC_OBJ
         PDO_SEND_SYNC_OBJ EMC_GET_EMERGENCY SDO_READ SDO_WRITE
-        PWM PWM100 FREQUENCY CYCLE INC_ENCODER LCD_SEGMENTS LCD_TEXT
-        SOFTRESET E2WRITE E2READ SERIAL_TX SERIAL_RX SERIAL_PENDING TIMER_READ TIMER_US_READ NORM SET_INTERRUPT_1MS;
+        PWM PWM100 FREQUENCY CYCLE INC_ENCODER LCD_SEGMENTS LCD_TEXT STR
+        SOFTRESET MEMCPY E2WRITE E2READ CHECK_DATA SERIAL_TX SERIAL_RX SERIAL_PENDING TIMER_READ TIMER_US_READ NORM SET_INTERRUPT_1MS
+        DELAY PT1 PID GLR;
 };

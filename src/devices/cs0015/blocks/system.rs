@@ -1,4 +1,4 @@
-//! Blocks of memory, RS 232, timers and the interrupt program (p. 106-118).
+//! Blocks of the EEPROM, RS 232, timers and the interrupt program (p. 106-118).
 
 use super::order::{Jobs, Order};
 use crate::devices::cs0015::registers::values::job;
@@ -27,58 +27,43 @@ impl SOFTRESET {
     }
 }
 
-function_block! {
+/// Blocks that work on the EEPROM while ENABLE is TRUE.
+macro_rules! of_eeprom {
+    ($($(#[$doc:meta])* $name:ident)*) => {$(
+        function_block! {
+            $(#[$doc])*
+            pub struct $name(jobs: Jobs) {
+                in {
+                    /// Begins, and ends when it is FALSE again.
+                    ENABLE: bool;
+                }
+                out {
+                    /// 0: inactive, 1: finished, 2: working.
+                    RESULT: u8;
+                    /// The order before has been answered; ours.
+                    ANSWERED: bool;
+                }
+                internal: Order;
+            }
+        }
+
+        impl $name {
+            /// One PLC cycle.
+            pub fn call(&mut self, jobs: &Jobs) {
+                let is_wanted = self.ENABLE || self.RESULT != 0;
+                let answer = self.internal.call(jobs, is_wanted, job::$name, &[self.ENABLE.into()], &[]);
+                self.ANSWERED = answer.is_some();
+                self.RESULT = answer.map_or(self.RESULT, |answer| answer.results[0] as u8);
+            }
+        }
+    )*};
+}
+
+of_eeprom! {
     /// Saves %MW128 to %MW511 in the EEPROM (p. 109). ENABLE stays until RESULT is 1.
-    pub struct E2WRITE(jobs: Jobs) {
-        in {
-            /// Begins, and ends when it is FALSE again.
-            ENABLE: bool;
-        }
-        out {
-            /// 0: inactive, 1: finished, 2: working.
-            RESULT: u8;
-            /// The order before has been answered; ours.
-            ANSWERED: bool;
-        }
-        internal: Order;
-    }
-}
-
-impl E2WRITE {
-    /// One PLC cycle.
-    pub fn call(&mut self, jobs: &Jobs) {
-        let is_wanted = self.ENABLE || self.RESULT != 0;
-        let answer = self.internal.call(jobs, is_wanted, job::E2WRITE, &[self.ENABLE.into()], &[]);
-        self.ANSWERED = answer.is_some();
-        self.RESULT = answer.map_or(self.RESULT, |answer| answer.results[0] as u8);
-    }
-}
-
-function_block! {
+    E2WRITE
     /// Loads %MW128 to %MW511 from the EEPROM (p. 110). ENABLE stays until RESULT is 1.
-    pub struct E2READ(jobs: Jobs) {
-        in {
-            /// Begins, and ends when it is FALSE again.
-            ENABLE: bool;
-        }
-        out {
-            /// 0: inactive, 1: finished, 2: working.
-            RESULT: u8;
-            /// The order before has been answered; ours.
-            ANSWERED: bool;
-        }
-        internal: Order;
-    }
-}
-
-impl E2READ {
-    /// One PLC cycle.
-    pub fn call(&mut self, jobs: &Jobs) {
-        let is_wanted = self.ENABLE || self.RESULT != 0;
-        let answer = self.internal.call(jobs, is_wanted, job::E2READ, &[self.ENABLE.into()], &[]);
-        self.ANSWERED = answer.is_some();
-        self.RESULT = answer.map_or(self.RESULT, |answer| answer.results[0] as u8);
-    }
+    E2READ
 }
 
 function_block! {
@@ -228,37 +213,5 @@ impl SET_INTERRUPT_1MS {
         let answer = order.call(jobs, is_new, job::SET_INTERRUPT_1MS, &[self.ENABLE.into()], &[]);
         *was_enabled = self.ENABLE;
         self.ANSWERED = answer.is_some();
-    }
-}
-
-function_block! {
-    /// Brings a value from one range into another one (p. 117).
-    pub struct NORM() {
-        in {
-            /// The value.
-            X: u16;
-            /// Lower limit of its range.
-            XH: u16;
-            /// Upper limit of its range.
-            XL: u16;
-            /// Lower limit of the other range.
-            YH: u16;
-            /// Upper limit of the other range.
-            YL: u16;
-        }
-        out {
-            /// The value there.
-            Y: u16;
-        }
-    }
-}
-
-impl NORM {
-    /// One PLC cycle. Beyond an end it is that end.
-    pub fn call(&mut self) {
-        let [x, from, to, low, high] = [self.X, self.XH, self.XL, self.YH, self.YL].map(i64::from);
-        let x = x.clamp(from.min(to), from.max(to));
-        let way = ((x - from) * (high - low)).checked_div(to - from).unwrap_or(0);
-        self.Y = (low + way) as u16;
     }
 }

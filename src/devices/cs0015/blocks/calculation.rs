@@ -1,0 +1,188 @@
+//! Blocks that bring a value into another range or delay it (p. 117, 123-124).
+
+use super::order::ms;
+use crate::plc::{Ram, function_block};
+use core::time::Duration;
+use std::collections::VecDeque;
+
+function_block! {
+    /// Brings a value from one range into another one (p. 117).
+    pub struct NORM() {
+        in {
+            /// The value.
+            X: u16;
+            /// Lower limit of its range.
+            XH: u16;
+            /// Upper limit of its range.
+            XL: u16;
+            /// Lower limit of the other range.
+            YH: u16;
+            /// Upper limit of the other range.
+            YL: u16;
+        }
+        out {
+            /// The value there.
+            Y: u16;
+        }
+    }
+}
+
+impl NORM {
+    /// One PLC cycle. Beyond an end it is that end.
+    pub fn call(&mut self) {
+        let [x, from, to, low, high] = [self.X, self.XH, self.XL, self.YH, self.YL].map(i64::from);
+        let x = x.clamp(from.min(to), from.max(to));
+        let way = ((x - from) * (high - low)).checked_div(to - from).unwrap_or(0);
+        self.Y = (low + way) as u16;
+    }
+}
+
+/// Values of a time, each until another one comes.
+#[derive(Clone, Debug)]
+pub struct Past<T> {
+    /// Since when which value, the oldest first; the first one is that of now and before.
+    values: VecDeque<(u64, T)>,
+}
+
+impl<T> Default for Past<T> {
+    fn default() -> Self {
+        Past { values: VecDeque::new() }
+    }
+}
+
+impl<T: Copy + PartialEq> Past<T> {
+    /// The value is `value` from `now` on; what it was `us` microseconds ago, none before the first one. What was before that is
+    /// forgotten.
+    pub(super) fn ago(&mut self, value: T, now: u64, us: u64) -> Option<T> {
+        if self.values.back().is_none_or(|(_, last)| *last != value) {
+            self.values.push_back((now, value));
+        }
+        let is_over = |since: u64| since.checked_add(us).is_some_and(|at| at <= now);
+        while self.values.get(1).is_some_and(|(since, _)| is_over(*since)) {
+            self.values.pop_front();
+        }
+        self.values.front().filter(|(since, _)| is_over(*since)).map(|(_, value)| *value)
+    }
+}
+
+/// Microseconds of a TIME, in the whole milliseconds that it has.
+pub(super) fn us(time: Duration) -> u64 {
+    u64::from(ms(time)) * 1000
+}
+
+function_block! {
+    /// Gives a value on after a time (p. 123). To be called in every cycle.
+    pub struct DELAY(ram: Ram) {
+        in {
+            /// The value.
+            X: u16;
+            /// The time.
+            T: Duration;
+        }
+        out {
+            /// The value as it was then; 0 before the first one.
+            Y: u16;
+        }
+        internal: Past<u16>;
+    }
+}
+
+impl DELAY {
+    /// One PLC cycle.
+    pub fn call(&mut self, ram: &Ram) {
+        self.Y = self.internal.ago(self.X, ram.now_us(), us(self.T)).unwrap_or(0);
+    }
+}
+
+function_block! {
+    /// A low-pass filter: follows a value with a time constant (p. 124).
+    pub struct PT1(ram: Ram) {
+        in {
+            /// The value.
+            X: u16;
+            /// The time constant.
+            T1: Duration;
+        }
+        out {
+            /// What follows it, from 0 on.
+            Y: u16;
+        }
+        internal: Lag;
+    }
+}
+
+/// What a low-pass filter remembers.
+#[derive(Clone, Debug, Default)]
+pub struct Lag {
+    y: f64,
+    called_at: Option<u64>,
+}
+
+impl PT1 {
+    /// One PLC cycle. X counts for the time since the call before.
+    pub fn call(&mut self, ram: &Ram) {
+        let now = ram.now_us();
+        let passed = now.saturating_sub(self.internal.called_at.replace(now).unwrap_or(now));
+        let x = f64::from(self.X);
+        let Lag { y, .. } = &mut self.internal;
+        *y = match us(self.T1) {
+            0 => x,
+            t1 => x + (*y - x) * (-(passed as f64) / t1 as f64).exp(),
+        };
+        self.Y = y.round() as u16;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::cs0015::registers::DEVICE;
+    use crate::memory::Segment;
+
+    const MS: u64 = 1000;
+
+    fn ram() -> Ram {
+        Ram::of(&Segment::of(&DEVICE)).unwrap()
+    }
+
+    #[test]
+    fn a_value_comes_out_after_its_time() {
+        let ram = ram();
+        let mut delay = DELAY { T: Duration::from_millis(30), ..Default::default() };
+        let mut seen = Vec::new();
+        for (cycle, x) in [5, 6, 6, 7, 8, 8, 8, 8, 8].into_iter().enumerate() {
+            ram.header().virtual_time_us.store(cycle as u64 * 10 * MS);
+            delay.X = x;
+            delay.call(&ram);
+            seen.push(delay.Y);
+        }
+        assert_eq!(seen, [0, 0, 0, 5, 6, 6, 7, 8, 8]);
+        (delay.X, delay.T) = (9, Duration::ZERO);
+        delay.call(&ram);
+        assert_eq!(delay.Y, 9);
+        assert_eq!(delay.internal.values.len(), 1, "nothing is kept that is not needed");
+    }
+
+    /// A step: 63 % after the time constant, whatever the cycle.
+    #[test]
+    fn a_filter_follows_with_its_time_constant() {
+        for cycle in [1, 10, 100] {
+            let ram = ram();
+            let mut filter = PT1 { X: 10_000, T1: Duration::from_millis(100), ..Default::default() };
+            let mut at = 0;
+            while at <= 100 {
+                ram.header().virtual_time_us.store(at * MS);
+                filter.call(&ram);
+                assert_eq!(filter.Y == 0, at == 0);
+                at += cycle;
+            }
+            assert_eq!(filter.Y, 6321, "{cycle}");
+            ram.header().virtual_time_us.store(10_000 * MS);
+            filter.call(&ram);
+            assert_eq!(filter.Y, 10_000);
+            (filter.X, filter.T1) = (3, Duration::ZERO);
+            filter.call(&ram);
+            assert_eq!(filter.Y, 3);
+        }
+    }
+}
