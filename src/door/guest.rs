@@ -43,8 +43,6 @@ pub struct Wish {
     pub rate: Option<Rate>,
     /// It has left for ever.
     pub has_gone: bool,
-    /// Whether frames of it wait to be sent.
-    pub sends: bool,
 }
 
 /// What there is to know of a guest.
@@ -83,8 +81,13 @@ impl Guest {
             takes_part: inner.open == Some(false) && !inner.has_gone,
             rate: inner.rate,
             has_gone: inner.has_gone,
-            sends: !inner.to_plant.is_empty(),
         }
+    }
+
+    /// How many frames it has to send.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.inner().to_plant.len()
     }
 
     /// The frame that it sends next, which stays there until [`Guest::sent`].
@@ -169,5 +172,28 @@ impl Adapter for &Guest {
 
     fn take_overrun(&mut self) -> bool {
         core::mem::take(&mut self.inner().overrun)
+    }
+}
+
+#[cfg(test)]
+impl Guest {
+    /// One whose program is the test.
+    pub(crate) fn of_a_test(bus: u16, number: u8) -> std::sync::Arc<Self> {
+        Guest::new(bus, number, "slcan-tcp:127.0.0.1:0".parse().unwrap()).into()
+    }
+
+    /// It takes part.
+    pub(crate) fn opens(&self) {
+        (&mut &*self).open(false);
+    }
+
+    /// It sends, and is told that it may.
+    pub(crate) fn says(&self, frame: Frame) {
+        assert!((&mut &*self).send(frame));
+    }
+
+    /// How many frames it has to be told of.
+    pub(crate) fn heard(&self) -> usize {
+        self.inner().to_guest.len()
     }
 }

@@ -21,6 +21,8 @@ pub(super) struct Guests {
 struct Present {
     guest: Arc<Guest>,
     wish: Wish,
+    /// How many frames it had to send when it was looked at; what comes later waits for the next look.
+    waiting: usize,
     /// Whether the rate it has named is that of the bus.
     fits: bool,
     /// It takes part.
@@ -70,10 +72,14 @@ impl Guests {
         for guest in self.doors.guests() {
             if !self.present.iter().any(|it| Arc::ptr_eq(&it.guest, guest)) {
                 let (guest, wish) = (Arc::clone(guest), guest.wish());
-                self.present.push(Present { guest, wish, fits: true, is_in: false, deaf: None });
+                self.present.push(Present { guest, wish, waiting: 0, fits: true, is_in: false, deaf: None });
             }
         }
         let was_heard = self.present.iter().any(Present::hears);
+        // Frames first: whoever opened before another one sent is there when that frame enters.
+        for it in &mut self.present {
+            it.waiting = it.guest.waiting();
+        }
         for it in &mut self.present {
             it.wish = it.guest.wish();
             let bit_s = plant.media().get(usize::from(it.guest.bus)).map_or(0, |medium| medium.bit_s());
@@ -95,9 +101,14 @@ impl Guests {
             return;
         }
         self.look(plant);
+        self.bring_in(plant, is_stepped);
+    }
+
+    /// Does what guests wanted at the last look.
+    fn bring_in(&mut self, plant: &mut Plant, is_stepped: bool) {
         for it in &mut self.present {
             // What somebody said before it left counts.
-            if it.fits && (it.wish.takes_part || it.wish.sends) && !it.is_in {
+            if it.fits && (it.wish.takes_part || it.waiting > 0) && !it.is_in {
                 plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
                 it.is_in = true;
             }
@@ -143,9 +154,11 @@ impl Present {
         self.wish.hears && self.fits
     }
 
-    /// Sends what it has to send; `false`: there is more than its controller takes at once.
-    fn send(&self, plant: &mut Plant) -> bool {
-        while let Some(frame) = self.guest.next_to_send() {
+    /// Sends what it had to send; `false`: that is more than its controller takes at once.
+    fn send(&mut self, plant: &mut Plant) -> bool {
+        while self.waiting > 0
+            && let Some(frame) = self.guest.next_to_send()
+        {
             let refusal = if self.is_in {
                 plant.guest_sends(self.guest.bus, self.guest.number, &frame)
             } else {
@@ -155,7 +168,44 @@ impl Present {
                 return false;
             }
             self.guest.sent(refusal.is_ok());
+            self.waiting -= 1;
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::can::{Frame, Payload};
+    use crate::memory::Segment;
+
+    const OPEN: &str = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
+
+    /// What is said between a look and what follows from it belongs to the next look. Otherwise the frame of somebody who is
+    /// not in yet would be lost, though its door has said yes.
+    #[test]
+    fn a_frame_that_comes_while_guests_are_brought_in_is_not_lost() {
+        let config = PlantConfig::parse("plant.toml", OPEN).unwrap();
+        let mut plant =
+            Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device)))
+                .unwrap();
+        let mut guests = Guests::new(&config, || {}).unwrap();
+        let [one, other] = [1, 2].map(|number| Guest::of_a_test(0, number));
+        for guest in [&one, &other] {
+            let (guest, wish) = (Arc::clone(guest), guest.wish());
+            guests.present.push(Present { guest, wish, waiting: 0, fits: true, is_in: false, deaf: None });
+        }
+        guests.look(&mut plant);
+        other.opens();
+        one.opens();
+        one.says(Frame::standard(0x123, Payload::EMPTY));
+        guests.bring_in(&mut plant, false);
+        assert_eq!((one.state().refused, one.waiting()), (0, 1));
+        guests.enter(&mut plant, false);
+        assert_eq!(one.waiting(), 0);
+        plant.advance_to(10_000);
+        guests.tell(&plant);
+        assert_eq!(other.heard(), 1);
     }
 }
