@@ -9,6 +9,7 @@ mod csv;
 #[cfg(feature = "emulator")]
 mod dbc;
 mod eds;
+mod gsd;
 mod json;
 mod matiec;
 mod md;
@@ -55,13 +56,15 @@ pub enum Format {
     Csv,
     /// An electronic data sheet of the object dictionary.
     Eds,
+    /// A device description file of a PROFIBUS-DP slave.
+    Gsd,
     /// The register reference in Markdown.
     Md,
 }
 
 impl Format {
     /// One of each name.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::C,
         Self::Matiec,
         Self::St,
@@ -71,6 +74,7 @@ impl Format {
         Self::Json,
         Self::Csv,
         Self::Eds,
+        Self::Gsd,
         Self::Md,
     ];
 
@@ -87,6 +91,7 @@ impl Format {
             Self::Json => "json",
             Self::Csv => "csv",
             Self::Eds => "eds",
+            Self::Gsd => "gsd",
             Self::Md => "md",
         }
     }
@@ -106,6 +111,9 @@ impl Format {
             Self::Csv => "one line per register, for spreadsheets",
             Self::Eds => {
                 "electronic data sheet of the object dictionary, for masters and configuration tools"
+            }
+            Self::Gsd => {
+                "device description file of a PROFIBUS-DP slave, for masters and configuration tools"
             }
             Self::Md => "register reference for people",
         }
@@ -141,7 +149,8 @@ pub enum ExportError {
 /// The register map of `device` in `format`; with `block` only that area.
 ///
 /// # Errors
-/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if there is no object dictionary where one is wanted.
+/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or or if the device is not what it is about:
+/// without an object dictionary, no PROFIBUS-DP slave.
 pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, ExportError> {
     let mut scope = Scope::new(device, block)?;
     if matches!(format, Format::Matiec | Format::St | Format::StElementary | Format::Svd) {
@@ -164,6 +173,10 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
         Format::Json => json::generate(&scope),
         Format::Csv => csv::generate(&scope),
         Format::Eds => eds::generate(&scope),
+        Format::Gsd => {
+            let gsd = device.gsd.ok_or(LayoutError::NoGsd { title: device.title })?;
+            gsd::generate(&scope, gsd)
+        }
         Format::Md => md::generate(&scope),
     })
 }

@@ -10,6 +10,7 @@ pub use register::{Dim, Owner, RegType, Register};
 
 use super::error::LayoutError;
 use super::front::FrontWord;
+use super::gsd::Gsd;
 use super::object::Object;
 use super::space::{Retain, Space};
 use core::fmt;
@@ -36,6 +37,8 @@ pub struct Device {
     pub retain: Option<&'static Retain>,
     /// Its object dictionary, in the order of index and sub-index; empty if it has none.
     pub objects: &'static [Object],
+    /// What masters know of it as a PROFIBUS-DP slave, if it is one.
+    pub gsd: Option<&'static Gsd>,
     /// What it has at its front, in the header page.
     pub front: &'static [FrontWord],
     /// The same words as registers of an area in the header page, if there are any. It is none of its [`areas`](Device::areas), since no program of
@@ -68,6 +71,7 @@ impl Device {
         areas: &[],
         retain: None,
         objects: &[],
+        gsd: None,
         front: &[],
         front_area: None,
         ports: &[],

@@ -75,6 +75,12 @@ pub enum LayoutError {
         /// The device.
         title: &'static str,
     },
+    /// The device is no PROFIBUS-DP slave.
+    #[error("{title} is no PROFIBUS-DP slave: it has no device description file")]
+    NoGsd {
+        /// The device.
+        title: &'static str,
+    },
     /// An area that the device does not have.
     #[error("unknown area `{area}`; the areas are {known}")]
     UnknownArea {

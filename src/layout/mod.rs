@@ -19,6 +19,7 @@ mod descriptor;
 mod error;
 mod fitted;
 mod front;
+pub mod gsd;
 mod iter;
 mod lookup;
 mod name;
@@ -41,6 +42,7 @@ pub use descriptor::{
 pub use error::LayoutError;
 pub use fitted::{Fit, Fitted, MOST_PORTS};
 pub use front::{FrontWord, shown_text};
+pub use gsd::Gsd;
 pub use iter::Registers;
 pub use lookup::Target;
 pub use name::{plc_prefix, split_plc};

@@ -72,6 +72,7 @@ pub(crate) const fn test_device() -> Device {
         areas: &[RAM],
         retain: Some(&RETAIN),
         objects: &[],
+        gsd: None,
         front: &[],
         front_area: None,
         ports: &[Port { name: "end", number: 1, medium: "wire", roles: &[Role::Peer], area: &RAM }],

@@ -240,3 +240,24 @@ fn a_data_sheet_has_the_object_dictionary_of_a_device_that_has_one() {
         none.err
     );
 }
+
+/// Who reads it is tried in `tools.rs`.
+#[test]
+fn a_device_description_file_is_of_a_slave() {
+    let export = run(&["export", "gsd", "--device", "can-dp2"]);
+    for part in [
+        "\n#Profibus_DP\nGSD_Revision=1\n",
+        "31.25_supp=1 ; inferred: D-466\n",
+        "Max_User_Prm_Data_Len=9\n",
+        "Ext_User_Prm_Data_Const(0)=0x00,0x06,0x00,0x00,0x00,0x00,0xFF,0xFF,0xFF\nExt_User_Prm_Data_Ref(1)=1\n",
+        "; p. 73\nModule=\"Output, 6 bytes, 16#203\" 0x83,0x05,0x02,0x03,0x00\nEndModule\n",
+    ] {
+        assert!(export.ok().contains(part), "{part}\n{}", export.out);
+    }
+    let none = run(&["export", "gsd", "--device", "cs0015"]);
+    assert!(
+        none.fails(2).contains("CS0015 is no PROFIBUS-DP slave: it has no device description file"),
+        "{}",
+        none.err
+    );
+}

@@ -180,3 +180,48 @@ fn the_python_suite_passes() {
         Err(reason) => eprintln!("skipped: {reason}"),
     }
 }
+
+/// A parser that is not ours makes of the device description file what the slave takes for good.
+#[test]
+fn gsd_parser_reads_the_description_of_a_slave() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("CDPS04A4.GSD");
+    run(&["export", "gsd", "--device", "can-dp2", "--output", path.to_str().unwrap()]).ok();
+    let gsd = gsd_parser::parse_from_file(&path);
+    assert_eq!((gsd.gsd_revision, gsd.ident_number), (1, 0x04A4));
+    assert_eq!((&*gsd.vendor, &*gsd.model, gsd.max_modules), ("esd", "CAN-DP/2", 48));
+    assert_eq!((gsd.max_input_length, gsd.max_output_length, gsd.max_data_length), (244, 244, 300));
+    assert_eq!(gsd.supported_speeds, gsd_parser::SupportedSpeeds::all());
+    assert_eq!((gsd.max_tsdr.b9600, gsd.max_tsdr.b1500000, gsd.max_tsdr.b12000000), (60, 150, 800));
+
+    let mut parameters = gsd_parser::PrmBuilder::new(&gsd.user_prm_data);
+    assert_eq!(parameters.as_bytes(), [0, 6, 0, 1, 0, 0, 0xFF, 0xFF, 0xFF], "p. 24");
+    parameters
+        .set_prm_from_text("CAN-Bitrate", "500 kbit/s")
+        .set_prm_from_text("Communication Window", "Yes")
+        .set_prm_from_text("RTR-Frames", "No")
+        .set_prm_from_text("CANopen-Slave", "Yes")
+        .set_prm_from_text("CAN-Diagnosis", "Yes")
+        .set_prm_from_text("Tx-Counter", "Yes")
+        .set_prm("ModuleID", 127)
+        .set_prm("WakeUp Time (0=Off, 255=Default)", 5)
+        .set_prm("Sync Time (0=Off, 65535=Default)", 1000);
+    assert_eq!(parameters.as_bytes(), [0, 2, 0x98, 127, 5, 0, 5, 0x03, 0xE8]);
+
+    let [texts] = &gsd.unit_diag.areas[..] else { panic!("{:?}", gsd.unit_diag) };
+    assert_eq!((texts.first, texts.last), (8, 15));
+    assert_eq!((&*texts.values[&0x3D], texts.values.len()), ("Set_Prm is wrong", 6));
+    let window = gsd.available_modules.iter().find(|it| it.name == "Communication Window, read").unwrap();
+    assert_eq!(window.config, [0x43, 0x8F, 0xFF, 0xEF, 0x00]);
+}
+
+#[test]
+fn pyprofibus_reads_the_description_of_a_slave() {
+    let gsd = ["gsd", "--device", "can-dp2"];
+    let Some(outcome) = check(&gsd, "CDPS04A4.GSD", &["check_gsd.py"], &["pyprofibus"]) else { return };
+    assert_eq!(
+        outcome.ok(),
+        "Vendor_Name=esd\nModel_Name=CAN-DP/2\nMax_Module=48\nMax_Data_Len=300\nMaxTsdr_12M=800\n12M_supp=True\n\
+         ident 04A4, modular True\nparameters 00 06 00 00 00 00 FF FF FF\nmodule 43 8F FF EF 00\nmodule 83 05 02 03 00\n"
+    );
+}

@@ -1,14 +1,15 @@
 //! The configuration: what Chk_Cfg brings, module by module, and what of it is wrong (p. 21, 31-39, 71-73).
 
 use super::parameters::Parameters;
+use super::registers::gsd;
 use crate::can::{ExtendedId, Id, StandardId};
 
 /// Modules that a station has at most (p. 23).
-pub(super) const MODULES: usize = 48;
+pub(super) const MODULES: usize = gsd::MAX_MODULE as usize;
 
 /// Octets of all inputs, and of all outputs, at most; and of both together (p. 10).
-const OCTETS: usize = 244;
-const TOGETHER: usize = 300;
+const OCTETS: usize = gsd::MAX_INPUT_LEN as usize;
+const TOGETHER: usize = gsd::MAX_DATA_LEN as usize;
 
 /// Octets of a Communication Window (p. 38).
 pub(super) const WINDOW: usize = 16;

@@ -1,12 +1,13 @@
 //! The parameters: what Set_Prm brings, and what of it is wrong (p. 10, 20-24, 27-30).
 
+use super::registers::gsd;
 use super::registers::values::{flags_1, flags_2, prm_station_status as status, wakeup_time};
 
 /// Octets of a good Set_Prm (p. 10, 22).
 pub(super) const LENGTH: usize = 16;
 
 /// Ident number (p. 19, 22).
-pub(super) const IDENT: [u8; 2] = [0x04, 0xA4];
+pub(super) const IDENT: [u8; 2] = gsd::IDENT_NUMBER.to_be_bytes();
 
 /// Bit rates by their index, in bit/s (p. 23, 28).
 const BIT_RATES: [u32; 14] = [
@@ -14,9 +15,13 @@ const BIT_RATES: [u32; 14] = [
     12_500, 10_000,
 ];
 
-/// The octets as they are by the device description file, for a good Set_Prm without anything special (p. 22-24).
-const DEFAULTS: [u8; LENGTH] =
-    [0x88, 1, 10, 11, IDENT[0], IDENT[1], 0, 0, 6, 0, 1, 0, 0, wakeup_time::STORED, 0xFF, 0xFF];
+/// The octets of a good Set_Prm without anything special: those of the DP standard, then the user's by the device description file
+/// (p. 22-24).
+const DEFAULTS: [u8; LENGTH] = {
+    let mut octets = [0x88, 1, 10, 11, IDENT[0], IDENT[1], 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    octets.split_at_mut(LENGTH - gsd::DEFAULTS.len()).1.copy_from_slice(&gsd::DEFAULTS);
+    octets
+};
 
 /// SYNC time that means the one that is stored (p. 30).
 const SYNC_STORED: u16 = 0xFFFF;

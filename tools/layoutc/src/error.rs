@@ -190,6 +190,18 @@ pub enum Reason {
          domain has none"
     )]
     ObjectDefault(String),
+    #[error("area `{area}` has no register `{register}`")]
+    NoSuchRegister { area: String, register: String },
+    #[error("register `{0}` lies before the first octet that counts")]
+    RegisterBefore(String),
+    #[error("`{0}` is no keyword (letters, digits, `_` and `.`), or stands twice")]
+    BadKeyword(String),
+    #[error(
+        "a parameter of a device description file has either a `bit`, 0 to 7, or a `name`, and `from`, `default`, `to` in ascending order"
+    )]
+    GsdParameter,
+    #[error("the octets of parameter `{0}` lie behind the constants")]
+    GsdBehind(String),
     #[error("parameter number {0}: numbers are 1 to 4095")]
     ParameterNumber(u16),
     #[error("parameter {number} after {last}: parameters stand in the order of their numbers, each once")]

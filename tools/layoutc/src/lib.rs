@@ -8,6 +8,7 @@ mod check;
 pub mod declaration;
 mod emit;
 mod error;
+mod gsd;
 mod hash;
 #[cfg(feature = "import")]
 pub mod import;

@@ -1,5 +1,6 @@
 //! The checked layout: every offset, width and reference in here has passed [`crate::check`].
 
+pub(crate) use crate::gsd::Gsd;
 pub(crate) use crate::objects::Object;
 pub(crate) use crate::raw::{Letter, Live, Owner, Provenance, Role, Unit};
 
@@ -25,6 +26,8 @@ pub(crate) struct Device {
     pub retain: Option<(Area, u32)>,
     /// The object dictionary, in ascending order.
     pub objects: Vec<Object>,
+    /// What masters know of a PROFIBUS-DP slave.
+    pub gsd: Option<Gsd>,
     /// Words of the front in the header page, in ascending order.
     pub front: Vec<Front>,
     /// In the order of their numbers.

@@ -44,6 +44,8 @@ pub(crate) struct Device {
     pub area: Vec<Area>,
     /// File with the object dictionary of a CANopen device.
     pub objects: Option<Spanned<String>>,
+    /// File with what masters know of a PROFIBUS-DP slave.
+    pub gsd: Option<Spanned<String>>,
     #[serde(default)]
     pub front: Vec<Front>,
     #[serde(default)]

@@ -138,3 +138,17 @@ proptest! {
         }
     }
 }
+
+/// The device description file's parameters and modules are good ones.
+#[test]
+fn what_the_description_file_has_is_taken() {
+    let mut octets = vec![0x80, 0, 0, 11, 0x04, 0xA4, 0];
+    octets.extend(gsd::DEFAULTS);
+    octets[9] |= 0x80;
+    let parameters = Parameters::parse(&octets).unwrap();
+    let modules = super::super::registers::DEVICE.gsd.unwrap().modules;
+    let cfg: Vec<u8> =
+        modules.iter().filter(|it| it.page != "73").flat_map(|it| it.octets).copied().collect();
+    assert_eq!(Configuration::parse(&cfg, &parameters).unwrap().modules.len(), modules.len() - 1);
+    assert!(Configuration::parse(modules[0].octets, &parameters).is_ok());
+}

@@ -13,6 +13,7 @@ mod structure;
 mod view;
 
 use crate::error::{Error, Reason};
+use crate::gsd;
 use crate::model::{Device, Structure};
 use crate::objects;
 use crate::raw;
@@ -63,6 +64,13 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         Some(path) => objects::read(sources, path.get_ref(), at(file, path.span()))?,
         None => Vec::new(),
     };
+    let gsd = match &raw.gsd {
+        Some(path) => {
+            let layout = gsd::Layout { areas: &areas, structures: &all.structures };
+            Some(gsd::read(sources, path.get_ref(), at(file, path.span()), &layout)?)
+        }
+        None => None,
+    };
     let front = front::check(sources, file, (&raw.front, &raw.area), &all)?;
     let ports = port::check(sources, file, &raw.port, &areas)?;
     let own = raw.own.as_ref().map(|own| port::area(sources, file, own, &areas)).transpose()?;
@@ -84,6 +92,7 @@ pub(crate) fn load(sources: &mut Sources) -> Result<Device, Error> {
         areas,
         retain,
         objects,
+        gsd,
         front,
         ports,
         own,
@@ -113,6 +122,7 @@ pub(crate) fn load_family(sources: &mut Sources) -> Result<Device, Error> {
         areas: Vec::new(),
         retain: None,
         objects: Vec::new(),
+        gsd: None,
         front: Vec::new(),
         ports: Vec::new(),
         own: None,

@@ -1,6 +1,7 @@
 //! Rust source of a device's or a family's module.
 
 mod constants;
+mod gsd;
 mod snapshots;
 mod structs;
 mod tables;
@@ -18,6 +19,7 @@ pub(crate) fn module(device: &Device, layout_hash: u64) -> String {
     structs::emit(&mut out, device);
     snapshots::emit(&mut out, device);
     values::emit(&mut out, device);
+    gsd::constants(&mut out, device);
     tables::emit(&mut out, device, layout_hash);
     out
 }

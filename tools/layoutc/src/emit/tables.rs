@@ -14,12 +14,13 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
         out,
         "/// The whole device, for tools.\npub static DEVICE: commram::layout::Device = commram::layout::Device {{\n    \
          name: {:?}, title: {:?}, manual: {:?}, undocumented: {:?},\n    layout_hash: 0x{layout_hash:016X}, spaces: &descriptor::SPACES,\n    \
-         areas: &descriptor::AREAS, retain: {}, objects: &descriptor::OBJECTS, front: &descriptor::FRONT, front_area: {}, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
+         areas: &descriptor::AREAS, retain: {}, objects: &descriptor::OBJECTS, gsd: {}, front: &descriptor::FRONT, front_area: {}, ports: &descriptor::PORTS,\n    own: {},\n}};\n",
         device.name,
         device.title,
         device.manual,
         device.undocumented,
         if device.retain.is_some() { "Some(&descriptor::RETAIN)" } else { "None" },
+        if device.gsd.is_some() { "Some(&descriptor::GSD)" } else { "None" },
         if device.front.is_empty() { "None" } else { "Some(&descriptor::FRONT_AREA)" },
         device.own.map_or_else(|| "None".to_owned(), |area| format!("Some(&descriptor::AREAS[{area}])")),
     );
@@ -30,6 +31,7 @@ pub(crate) fn emit(out: &mut String, device: &Device, layout_hash: u64) {
     spaces(out, device);
     areas(out, device);
     objects(out, device);
+    super::gsd::emit(out, device);
     front(out, device);
     front_area(out, device);
     ports(out, device);
@@ -263,7 +265,7 @@ fn ports(out: &mut String, device: &Device) {
     out.push_str("    ];\n\n");
 }
 
-fn static_name(name: &str) -> String {
+pub(crate) fn static_name(name: &str) -> String {
     name.to_uppercase()
 }
 

@@ -1,0 +1,118 @@
+//! A device description file (GSD) of a PROFIBUS-DP slave, as masters and their tools read it.
+
+use super::scope::Scope;
+use super::text;
+use crate::layout::gsd::{Module, Parameter, Texts, Value};
+use crate::layout::{Gsd, Provenance, ValueMeaning};
+use std::fmt::Write;
+
+/// Number of the text list of bits whose 1 is yes, and of those whose 0 is.
+const NO_YES: usize = 1;
+const YES_NO: usize = 2;
+
+/// Of a device that is a PROFIBUS-DP slave.
+pub(crate) fn generate(scope: &Scope, gsd: &Gsd) -> String {
+    let device = scope.device;
+    let mut text = String::new();
+    let head = [
+        format!("; Device description file of the {} (manual {} p. {}).", device.title, device.manual, gsd.page),
+        format!("; Made by commram {} with `{}`; do not edit.", text::version(), text::command(scope, "gsd")),
+        "; It is not the vendor's file. Each fact that the manual does not state names the decision (D-nn) it follows".to_owned(),
+        "; from; docs/decisions.md gives the reasons.".to_owned(),
+        String::new(),
+        "#Profibus_DP".to_owned(),
+    ];
+    head.iter().for_each(|line| text += &format!("{line}\n"));
+    for key in gsd.keys {
+        let value = match key.value {
+            Value::Number(number) => number.to_string(),
+            Value::Text(text) => format!("\"{text}\""),
+            Value::Bare(text) => text.to_owned(),
+        };
+        let _ = writeln!(text, "{}={value}{}", key.name, remark(key.from));
+    }
+    let _ = writeln!(text, "Max_User_Prm_Data_Len={}\n", gsd.constants.len());
+    text += &texts(NO_YES, [(0, "No"), (1, "Yes")]);
+    text += &texts(YES_NO, [(0, "Yes"), (1, "No")]);
+    for (number, parameter) in (1..).zip(gsd.parameters) {
+        text += &definition(number, parameter);
+    }
+    let constants: Vec<_> = gsd.constants.iter().map(|octet| format!("0x{octet:02X}")).collect();
+    let _ = writeln!(text, "Ext_User_Prm_Data_Const(0)={}", constants.join(","));
+    for (number, parameter) in (1..).zip(gsd.parameters) {
+        let _ = writeln!(text, "Ext_User_Prm_Data_Ref({})={number}", parameter.octet);
+    }
+    text.push('\n');
+    if let Some(octet) = &gsd.diagnosis {
+        text += &diagnosis(octet);
+    }
+    gsd.modules.iter().for_each(|it| text += &module(it));
+    text.truncate(text.trim_end().len());
+    text + "\n"
+}
+
+/// What stands behind a fact: nothing, or the decision.
+fn remark(from: Provenance) -> String {
+    from.decision().map_or_else(String::new, |decision| format!(" ; inferred: {decision}"))
+}
+
+fn texts<'a>(number: usize, values: impl IntoIterator<Item = (u32, &'a str)>) -> String {
+    let values = values.into_iter().map(|(value, told)| format!("Text({value})=\"{told}\"\n"));
+    format!("PrmText={number}\n{}EndPrmText\n\n", values.collect::<String>())
+}
+
+/// The texts of a register whose every value has its own.
+fn listed(parameter: &Parameter) -> Option<&'static [ValueMeaning]> {
+    let values = parameter.register.meaning?.values;
+    (parameter.bit.is_none() && values.iter().all(|value| value.first == value.last)).then_some(values)
+}
+
+/// A parameter that a user chooses, with its list of texts before it if it has one of its own.
+fn definition(number: usize, parameter: &Parameter) -> String {
+    let Parameter { register, octets, name, bit, default, from, to, .. } = parameter;
+    let (mut text, mut list) = (String::new(), None);
+    let (name, ty) = match bit {
+        Some(bit) => {
+            let fields = register.meaning.map_or(&[][..], |meaning| meaning.bits);
+            let field = fields.iter().find(|field| field.first == bit.at);
+            list = Some(if bit.inverted { YES_NO } else { NO_YES });
+            (field.map_or(register.name, |field| field.name), format!("Bit({})", bit.at))
+        }
+        None => (*name, format!("Unsigned{}", octets * 8)),
+    };
+    if let Some(values) = listed(parameter) {
+        list = Some(YES_NO + number);
+        text += &texts(YES_NO + number, values.iter().map(|value| (value.first, value.text)));
+    }
+    let _ = writeln!(
+        text,
+        "; {} (p. {})\nExtUserPrmData={number} \"{name}\"\n{ty} {default} {from}-{to}",
+        register.doc, register.page
+    );
+    if let Some(list) = list {
+        let _ = writeln!(text, "Prm_Text_Ref={list}");
+    }
+    text + "EndExtUserPrmData\n\n"
+}
+
+/// What the values of an octet of the diagnosis mean.
+fn diagnosis(texts: &Texts) -> String {
+    let Texts { register, octet, from } = texts;
+    let values = register.meaning.map_or(&[][..], |meaning| meaning.values);
+    let values = values.iter().map(|value| format!("Value({})=\"{}\"\n", value.first, value.text));
+    format!(
+        "; {} (p. {}){}\nUnit_Diag_Area={}-{}\n{}Unit_Diag_Area_End\n\n",
+        register.doc,
+        register.page,
+        remark(*from),
+        octet * 8,
+        octet * 8 + 7,
+        values.collect::<String>()
+    )
+}
+
+fn module(module: &Module) -> String {
+    let octets: Vec<_> = module.octets.iter().map(|octet| format!("0x{octet:02X}")).collect();
+    let from = module.from.decision().map_or_else(String::new, |decision| format!("; inferred: {decision}"));
+    format!("; p. {}{from}\nModule=\"{}\" {}\nEndModule\n\n", module.page, module.name, octets.join(","))
+}

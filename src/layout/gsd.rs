@@ -1,0 +1,96 @@
+//! Device description files (GSD): what masters know of a PROFIBUS-DP slave.
+
+use super::descriptor::{Provenance, Register};
+
+/// What masters know of a PROFIBUS-DP slave.
+#[derive(Debug)]
+pub struct Gsd {
+    /// Pages of the manual.
+    pub page: &'static str,
+    /// Facts about the slave, in the order of the file.
+    pub keys: &'static [Key],
+    /// The user's octets of Set_Prm where no parameter is chosen.
+    pub constants: &'static [u8],
+    /// What a user chooses of them.
+    pub parameters: &'static [Parameter],
+    /// The octet of the diagnosis that has texts.
+    pub diagnosis: Option<Texts>,
+    /// Modules that a user can take as they are.
+    pub modules: &'static [Module],
+}
+
+/// A fact about the slave.
+#[derive(Debug)]
+pub struct Key {
+    /// Its keyword.
+    pub name: &'static str,
+    /// What it is.
+    pub value: Value,
+    /// Where it is from.
+    pub from: Provenance,
+}
+
+/// What a keyword is set to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A number.
+    Number(u32),
+    /// A text, which stands in quotation marks.
+    Text(&'static str),
+    /// A text that does not.
+    Bare(&'static str),
+}
+
+/// A parameter of Set_Prm.
+#[derive(Debug)]
+pub struct Parameter {
+    /// The register that shows it, or the first one that does.
+    pub register: &'static Register,
+    /// Where it begins, from 0 over the user's octets.
+    pub octet: u32,
+    /// How many octets it has, the high one first.
+    pub octets: u32,
+    /// Its name; empty: that of its bit.
+    pub name: &'static str,
+    /// The bit that it is, if it is one.
+    pub bit: Option<Bit>,
+    /// What it is unless chosen otherwise.
+    pub default: u32,
+    /// The least that it can be.
+    pub from: u32,
+    /// The most that it can be.
+    pub to: u32,
+}
+
+/// A parameter of one bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bit {
+    /// Its number, 0 to 7.
+    pub at: u8,
+    /// 0 is yes and 1 is no.
+    pub inverted: bool,
+}
+
+/// An octet of the diagnosis whose values have texts.
+#[derive(Debug)]
+pub struct Texts {
+    /// The register that shows it.
+    pub register: &'static Register,
+    /// Its number behind the header of the device's own diagnosis, from 0.
+    pub octet: u32,
+    /// Where it is from that the file tells of it.
+    pub from: Provenance,
+}
+
+/// A module that a user can take as it is.
+#[derive(Debug)]
+pub struct Module {
+    /// Its name.
+    pub name: &'static str,
+    /// Its octets of Chk_Cfg.
+    pub octets: &'static [u8],
+    /// Page of the manual.
+    pub page: &'static str,
+    /// Where it is from that the file has it.
+    pub from: Provenance,
+}

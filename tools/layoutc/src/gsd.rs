@@ -1,0 +1,262 @@
+//! Device description files (GSD) of PROFIBUS-DP slaves: what masters know of a device, from a TOML file of its layout.
+
+use crate::error::{Error, Reason};
+use crate::model::{Area, Kind, Structure};
+use crate::raw::Provenance;
+use crate::source::{At, Sources, at};
+use serde::Deserialize;
+use toml::Spanned;
+
+/// The file as written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    page: String,
+    key: Vec<Spanned<RawKey>>,
+    parameters: RawParameters,
+    diagnosis: Option<RawDiagnosis>,
+    #[serde(default)]
+    module: Vec<RawModule>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawKey {
+    name: String,
+    is: Value,
+    /// A text without quotation marks.
+    #[serde(default)]
+    bare: bool,
+    from: Option<Provenance>,
+}
+
+/// What a keyword is set to.
+#[derive(Deserialize, Clone)]
+#[serde(untagged)]
+pub(crate) enum Value {
+    Number(u32),
+    Text(String),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawParameters {
+    area: Spanned<String>,
+    first: Spanned<String>,
+    constants: Vec<u8>,
+    parameter: Vec<Spanned<RawParameter>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawParameter {
+    register: Spanned<String>,
+    bit: Option<u8>,
+    #[serde(default)]
+    inverted: bool,
+    name: Option<String>,
+    default: Option<u32>,
+    from: Option<u32>,
+    to: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawDiagnosis {
+    area: Spanned<String>,
+    header: Spanned<String>,
+    register: Spanned<String>,
+    from: Option<Provenance>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawModule {
+    name: String,
+    octets: Vec<u8>,
+    page: String,
+    from: Option<Provenance>,
+}
+
+/// The checked file.
+pub(crate) struct Gsd {
+    pub page: String,
+    pub keys: Vec<Key>,
+    pub parameters: Vec<Parameter>,
+    /// The user's parameters where nothing is chosen.
+    pub constants: Vec<u8>,
+    /// The same with every parameter at its default.
+    pub defaults: Vec<u8>,
+    pub diagnosis: Option<Diagnosis>,
+    pub modules: Vec<Module>,
+}
+
+pub(crate) struct Key {
+    pub name: String,
+    pub value: Value,
+    pub bare: bool,
+    pub from: Provenance,
+}
+
+/// A parameter that a user sets.
+pub(crate) struct Parameter {
+    /// The register's structure and name.
+    pub register: (usize, String),
+    /// The first of its octets, from 0 over the user's.
+    pub octet: u32,
+    pub name: String,
+    /// Its bit, and whether 0 is yes.
+    pub bit: Option<(u8, bool)>,
+    pub default: u32,
+    pub from: u32,
+    pub to: u32,
+}
+
+/// The octet of the diagnosis that has texts.
+pub(crate) struct Diagnosis {
+    pub register: (usize, String),
+    /// Octets behind the header.
+    pub octet: u32,
+    pub from: Provenance,
+}
+
+pub(crate) struct Module {
+    pub name: String,
+    pub octets: Vec<u8>,
+    pub page: String,
+    pub from: Provenance,
+}
+
+/// Where registers are looked for.
+pub(crate) struct Layout<'a> {
+    pub areas: &'a [Area],
+    pub structures: &'a [Structure],
+}
+
+impl Layout<'_> {
+    /// Structure, offset and name of a register.
+    fn find(
+        &self,
+        sources: &Sources,
+        file: usize,
+        area: &Spanned<String>,
+        register: &Spanned<String>,
+    ) -> Result<(usize, u32, String), Error> {
+        let name = area.get_ref();
+        let found = self.areas.iter().find(|known| known.name == *name);
+        let found =
+            found.ok_or_else(|| sources.error(at(file, area.span()), Reason::UnknownArea(name.clone())))?;
+        let mut fields = found.structures.iter().flat_map(|placed| {
+            let fields = &self.structures[placed.structure].fields;
+            fields.iter().map(|field| (placed.structure, field))
+        });
+        let wanted = register.get_ref();
+        let is_it =
+            |field: &crate::model::Field| field.name == *wanted && matches!(field.kind, Kind::Scalar(_));
+        let (structure, field) = fields.find(|(_, field)| is_it(field)).ok_or_else(|| {
+            let reason = Reason::NoSuchRegister { area: name.clone(), register: wanted.clone() };
+            sources.error(at(file, register.span()), reason)
+        })?;
+        Ok((structure, field.offset, wanted.clone()))
+    }
+}
+
+/// Reads and checks the file that `device.toml` names at `place`.
+pub(crate) fn read(sources: &mut Sources, path: &str, place: At, layout: &Layout<'_>) -> Result<Gsd, Error> {
+    let (file, raw): (usize, File) = sources.parse(path, Some(place))?;
+    let sources = &*sources;
+    let mut keys: Vec<Key> = Vec::new();
+    for key in raw.key {
+        let place = at(file, key.span());
+        let RawKey { name, is, bare, from } = key.into_inner();
+        let is_keyword = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '.');
+        if name.is_empty() || !is_keyword || keys.iter().any(|known| known.name == name) {
+            return Err(sources.error(place, Reason::BadKeyword(name)));
+        }
+        keys.push(Key { name, value: is, bare, from: from.unwrap_or(Provenance::Manual) });
+    }
+    let RawParameters { area, first, constants, parameter } = raw.parameters;
+    let (_, begin, _) = layout.find(sources, file, &area, &first)?;
+    let (mut parameters, mut defaults) = (Vec::new(), constants.clone());
+    for raw in parameter {
+        let place = at(file, raw.span());
+        let it = parameter_of(sources, (file, place), raw.into_inner(), (layout, &area, begin))?;
+        it.put(&mut defaults)
+            .ok_or_else(|| sources.error(place, Reason::GsdBehind(it.register.1.clone())))?;
+        parameters.push(it);
+    }
+    let diagnosis = match raw.diagnosis {
+        None => None,
+        Some(raw) => {
+            let (_, header, _) = layout.find(sources, file, &raw.area, &raw.header)?;
+            let (structure, offset, name) = layout.find(sources, file, &raw.area, &raw.register)?;
+            let octet = behind(sources, at(file, raw.register.span()), offset, header + 1, &name)?;
+            Some(Diagnosis {
+                register: (structure, name),
+                octet,
+                from: raw.from.unwrap_or(Provenance::Manual),
+            })
+        }
+    };
+    let modules = raw.module.into_iter().map(|RawModule { name, octets, page, from }| Module {
+        name,
+        octets,
+        page,
+        from: from.unwrap_or(Provenance::Manual),
+    });
+    Ok(Gsd { page: raw.page, keys, parameters, constants, defaults, diagnosis, modules: modules.collect() })
+}
+
+/// How many octets `offset` lies behind `first`.
+fn behind(sources: &Sources, place: At, offset: u32, first: u32, name: &str) -> Result<u32, Error> {
+    let reason = || Reason::RegisterBefore(name.to_owned());
+    offset.checked_sub(first).ok_or_else(|| sources.error(place, reason()))
+}
+
+fn parameter_of(
+    sources: &Sources,
+    (file, place): (usize, At),
+    raw: RawParameter,
+    (layout, area, begin): (&Layout<'_>, &Spanned<String>, u32),
+) -> Result<Parameter, Error> {
+    let (structure, offset, register) = layout.find(sources, file, area, &raw.register)?;
+    let octet = behind(sources, place, offset, begin, &register)?;
+    let RawParameter { bit, inverted, name, default, from, to, .. } = raw;
+    let (from, default) = (from.unwrap_or(0), default.unwrap_or(0));
+    let to = to.unwrap_or(1);
+    let is_right = match bit {
+        Some(bit) => bit < 8 && name.is_none() && from == 0 && to == 1,
+        None => name.is_some() && !inverted,
+    };
+    if !is_right || !(from..=to).contains(&default) || to > u16::MAX.into() {
+        return Err(sources.error(place, Reason::GsdParameter));
+    }
+    Ok(Parameter {
+        register: (structure, register),
+        octet,
+        name: name.unwrap_or_default(),
+        bit: bit.map(|bit| (bit, inverted)),
+        default,
+        from,
+        to,
+    })
+}
+
+impl Parameter {
+    /// Octets that it takes.
+    pub(crate) fn octets(&self) -> usize {
+        if self.to > u8::MAX.into() { 2 } else { 1 }
+    }
+
+    /// Puts its default where it lies, high byte first; `None` if it lies behind them.
+    fn put(&self, octets: &mut [u8]) -> Option<()> {
+        let first = self.octet as usize;
+        let own = octets.get_mut(first..first + self.octets())?;
+        match (self.bit, own) {
+            (Some((bit, _)), [octet]) => *octet = *octet & !(1 << bit) | (self.default as u8) << bit,
+            (_, [octet]) => *octet = self.default as u8,
+            (_, own) => own.copy_from_slice(&(self.default as u16).to_be_bytes()),
+        }
+        Some(())
+    }
+}
