@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The devices: directories below `layouts/`. Each becomes a file of its name, `-` replaced by `_`.
-const DEVICES: [&str; 4] = ["omega-drive-line-2", "bm4-plc", "cs0015", "can-dp2"];
+const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
 
 /// What devices share: directories below `layouts/`, each a file of its name, too.
 const FAMILIES: [&str; 1] = ["cansync"];

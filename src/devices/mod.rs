@@ -15,6 +15,7 @@ mod catalogue;
 mod config;
 #[cfg(feature = "emulator")]
 mod context;
+pub mod cr201x;
 pub mod cs0015;
 #[cfg(feature = "emulator")]
 pub mod demo;

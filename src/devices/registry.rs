@@ -4,7 +4,7 @@
 use super::demo::Demo;
 #[cfg(feature = "emulator")]
 use super::{DeviceConfig, Read, ReadModule, catalogue};
-use super::{bm4_o_can_06, can_dp2, cs0015, omega_drive_line_2};
+use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
 use crate::fault;
 #[cfg(feature = "emulator")]
@@ -72,7 +72,7 @@ impl Registered {
 }
 
 /// The devices of commram itself, the default one first.
-static BUILT_IN: [Registered; 4] = [
+static BUILT_IN: [Registered; 5] = [
     Registered {
         layout: &omega_drive_line_2::registers::DEVICE,
         board: &header::BoardWords::NAMES,
@@ -119,6 +119,11 @@ static BUILT_IN: [Registered; 4] = [
         #[cfg(feature = "emulator")]
         demo: Some(&cs0015::demo::DEMO),
         ..Registered::new(&cs0015::registers::DEVICE)
+    },
+    Registered {
+        #[cfg(feature = "emulator")]
+        read: Some(cr201x::Cr201xConfig::read),
+        ..Registered::new(&cr201x::registers::DEVICE)
     },
     Registered {
         #[cfg(feature = "emulator")]

@@ -4,7 +4,7 @@ use crate::common::run;
 use serde_json::Value;
 
 /// The devices that commram has.
-const DEVICES: [&str; 4] = ["omega-drive-line-2", "bm4-plc", "cs0015", "can-dp2"];
+const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
 const FORMATS: [&str; 9] = ["c", "matiec", "st", "python", "svd", "systemrdl", "json", "csv", "md"];
 
 #[test]
@@ -13,6 +13,7 @@ fn the_register_references_are_up_to_date() {
         include_str!("../../docs/registers.md"),
         include_str!("../../docs/registers-bm4-plc.md"),
         include_str!("../../docs/registers-cs0015.md"),
+        include_str!("../../docs/registers-cr201x.md"),
         include_str!("../../docs/registers-can-dp2.md"),
     ];
     for (device, page) in DEVICES.into_iter().zip(pages) {

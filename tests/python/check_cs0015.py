@@ -48,6 +48,17 @@ def heard(network, identifier):
     return data, event
 
 
+def boot_up(node):
+    """A reset of the communication; canopen waits for a message behind the call, which may come before it."""
+    for _ in range(PATIENCE):
+        node.nmt.send_command(0x82)
+        try:
+            return node.nmt.wait_for_bootup(1)
+        except canopen.nmt.NmtError:
+            continue
+    raise AssertionError("no boot-up message")
+
+
 def exchange(network, node):
     node.nmt.state = "OPERATIONAL"
     transmit, has_come = heard(network, 0x1A0)
@@ -107,8 +118,7 @@ def main(port, bitrate, eds):
     try:
         node = network.add_node(32, eds)
         node.sdo.RESPONSE_TIMEOUT = PATIENCE
-        node.nmt.send_command(0x82)
-        node.nmt.wait_for_bootup(PATIENCE)
+        boot_up(node)
         read_everything(node)
         exchange(network, node)
         guarding(network, node)

@@ -3,6 +3,7 @@
 
 pub mod emergency;
 pub mod guard;
+pub mod messages;
 pub mod network;
 pub mod nmt;
 pub mod pdo;

@@ -94,14 +94,18 @@ impl Network {
     /// The first node that is missing.
     #[must_use]
     pub fn missing(&self) -> Option<u8> {
-        self.nodes.iter().find(|it| it.is_missing).map(|it| it.node)
+        self.all_missing().next()
+    }
+
+    /// All nodes that are missing.
+    pub fn all_missing(&self) -> impl Iterator<Item = u8> {
+        self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node)
     }
 
     /// The nodes that are missing, one after another.
     pub fn next_missing(&mut self) -> Option<u8> {
-        let missing = || self.nodes.iter().filter(|it| it.is_missing).map(|it| it.node);
-        let behind = missing().skip_while(|node| Some(*node) != self.shown).nth(1);
-        self.shown = behind.or_else(|| missing().next());
+        let behind = self.all_missing().skip_while(|node| Some(*node) != self.shown).nth(1);
+        self.shown = behind.or_else(|| self.all_missing().next());
         self.shown
     }
 

@@ -32,6 +32,11 @@ impl CanErrors {
         }
     }
 
+    /// The controller cannot be initialised.
+    pub(super) fn not_initialised(&mut self, flags: &CS0015_FLAGS) {
+        self.found(flags, &flags.CAN_INIT_ERROR);
+    }
+
     /// A frame that was received was lost.
     pub(super) fn lost_received(&mut self, flags: &CS0015_FLAGS) {
         self.found(flags, &flags.CAN_RX_OVERRUN_ERROR);

@@ -11,6 +11,7 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
         job::CAN_TRANSMIT => can_transmit(desk, job),
         job::CAN_RECEIVE => can_receive(desk, job),
         job::CAN_RESTART => {
+            desk.firmware.init_can(desk.controller);
             desk.controller.restart();
             Ok(Answer::default())
         }
@@ -26,7 +27,7 @@ fn can_baudrate(desk: Desk, job: &Job) -> Outcome {
         return Err(Refusal::Arguments);
     }
     desk.firmware.node.set_rate(kbit_s);
-    desk.controller.set_bit_rate(u32::from(kbit_s) * 1000);
+    desk.firmware.init_can(desk.controller);
     Ok(Answer::default())
 }
 

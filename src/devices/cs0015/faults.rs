@@ -20,6 +20,8 @@ pub(super) enum Effect {
     Memory,
     /// An error that it cannot go on with.
     Fatal,
+    /// Its CAN controller cannot be initialised.
+    NoCan,
 }
 
 /// What is wrong with the supply.
@@ -98,5 +100,16 @@ static FATAL: Kind =
     .once()
     .shown("at=2s");
 
+static CAN_INIT: Kind = Kind::new(
+    46,
+    "can_init",
+    Place::Device,
+    "The CAN controller of a CS0015 cannot be initialised: after a reset or CAN_RESTART it is not at its bus",
+    |_| fault::Effect::new(Effect::NoCan),
+)
+.without_hits()
+.shown("duration=10s");
+
 /// All kinds.
-pub static KINDS: &[&Kind] = &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL];
+pub static KINDS: &[&Kind] =
+    &[&SHORT_CIRCUIT, &WIRE_BREAK, &SUPPLY, &TEMPERATURE, &MEMORY, &FATAL, &CAN_INIT];

@@ -24,6 +24,8 @@ pub(super) struct Defects {
     pub is_hot: bool,
     /// An error has been found that it cannot go on with.
     pub is_fatal: bool,
+    /// The CAN controller cannot be initialised.
+    pub has_no_can: bool,
     /// There is no supply.
     pub has_dropped: bool,
     /// The firmware wants the supply off and on.
@@ -113,7 +115,13 @@ impl Firmware for Hardware {
                 is_new.then(|| self.shared.change(|defects| defects.is_fatal = true))?;
             }
             // They are there as long as the fault acts.
-            Effect::ShortCircuit(_) | Effect::WireBreak(_) | Effect::Supply(_) | Effect::Hot => return None,
+            Effect::ShortCircuit(_)
+            | Effect::WireBreak(_)
+            | Effect::Supply(_)
+            | Effect::Hot
+            | Effect::NoCan => {
+                return None;
+            }
         }
         Some(Hit::Plain)
     }
@@ -127,6 +135,7 @@ impl Firmware for Hardware {
                 Effect::Supply(Wrong::Voltage) => found.has_wrong_voltage = true,
                 Effect::Supply(Wrong::Gone) => found.has_dropped = true,
                 Effect::Hot => found.is_hot = true,
+                Effect::NoCan => found.has_no_can = true,
                 Effect::Memory | Effect::Fatal => {}
             }
         }

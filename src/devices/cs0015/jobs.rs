@@ -1,8 +1,9 @@
-//! Jobs: what a program asks of the operating system by the functions of the libraries, in the job block (p. 30-70, D-434).
+//! Jobs: what a program asks of the operating system by the functions of the libraries, in the job block (p. 30-119, D-434).
 //!
 //! Here orders are taken and answered; what a function does is where its subject is.
 
 use super::can_jobs;
+use super::io_jobs;
 use super::master_jobs;
 use super::peripheral_jobs;
 use super::port::Firmware;
@@ -176,6 +177,7 @@ pub(super) fn look(firmware: &mut Firmware, ctx: &mut Context, controller: &mut 
             1 => can_jobs::carry_out(desk, &job),
             2 => slave_jobs::carry_out(desk, &job),
             3 => master_jobs::carry_out(desk, &job),
+            4 => io_jobs::carry_out(desk, &job),
             6..=9 => peripheral_jobs::carry_out(desk, &job),
             _ => Err(Refusal::Function),
         };

@@ -42,13 +42,13 @@ pub(super) fn carry_out(desk: Desk, job: &Job) -> Outcome {
     }
 }
 
-fn results(results: &[u32]) -> Answer {
+pub(super) fn results(results: &[u32]) -> Answer {
     let mut answer = Answer::default();
     answer.results.iter_mut().zip(results).for_each(|(to, result)| *to = *result);
     answer
 }
 
-fn result(result: u32) -> Answer {
+pub(super) fn result(result: u32) -> Answer {
     results(&[result])
 }
 
@@ -58,7 +58,7 @@ fn node_number(job: &Job) -> Option<u8> {
 }
 
 /// The master, if the device is one, and what it works with.
-fn master<'a>(desk: &'a mut Desk) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
+pub(super) fn master<'a>(desk: &'a mut Desk) -> Option<(&'a mut Nmt, &'a mut Node, &'a Controller)> {
     Some((desk.firmware.nmt.as_mut()?, &mut desk.firmware.node, &*desk.controller))
 }
 
@@ -101,7 +101,7 @@ fn node_guarding(mut desk: Desk, job: &Job) -> u32 {
     nmt.network.next_missing().map_or(OK, u32::from)
 }
 
-fn has_room(node: &Node, controller: &Controller) -> bool {
+pub(super) fn has_room(node: &Node, controller: &Controller) -> bool {
     node.to_send() + controller.to_send() < Controller::ROOM
 }
 

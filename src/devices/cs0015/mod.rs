@@ -34,6 +34,10 @@ mod hardware;
 #[cfg(feature = "emulator")]
 mod interrupt;
 #[cfg(feature = "emulator")]
+mod io_jobs;
+#[cfg(feature = "emulator")]
+mod io_slaves;
+#[cfg(feature = "emulator")]
 mod jobs;
 #[cfg(feature = "emulator")]
 mod lcd;

@@ -1,13 +1,16 @@
 //! What `NMM_SET_NMT_MASTER` makes of the device: the master of the network, with its nodes, their emergencies, and SDOs (p. 52-70).
 
+use super::io_slaves::IoSlaves;
 use super::node::Node;
 use super::sdo_client::{Finished, SdoClient};
 use crate::devices::canopen::network::{Network, Order};
 use crate::devices::canopen::nmt::{Command, State};
 use std::collections::VecDeque;
 
-/// First identifiers of the predefined connection set (p. 38): emergencies, answers of SDO servers, guarding.
+/// First identifiers of the predefined connection set (p. 38): emergencies, PDOs of I/O modules, answers of SDO servers, guarding.
 const EMERGENCY: u16 = 0x080;
+const IO_BITS: u16 = 0x180;
+const IO_WORDS: u16 = 0x280;
 const SDO_ANSWER: u16 = 0x580;
 const GUARDING: u16 = 0x700;
 /// Emergencies that wait for the program to ask for them (D-441).
@@ -43,6 +46,7 @@ pub(super) struct Nmt {
     pub has_sync: bool,
     pub emergencies: VecDeque<Emergency>,
     pub sdo: SdoClient,
+    pub io: IoSlaves,
 }
 
 impl Nmt {
@@ -68,6 +72,10 @@ impl Nmt {
             if self.emergencies.len() < EMERGENCIES {
                 self.emergencies.push_back(Emergency { node: number, code, register, data });
             }
+        } else if let Some(number) = of(IO_BITS) {
+            self.io.told_bits(number, data);
+        } else if let Some(number) = of(IO_WORDS) {
+            self.io.told_words(number, data);
         }
     }
 
@@ -115,6 +123,7 @@ impl Nmt {
 
     /// The order of a place of the job block has been taken back.
     pub(super) fn withdraw(&mut self, node: &mut Node, place: usize) {
+        self.io.withdraw(place);
         if let Some((number, abort)) = self.sdo.withdraw(place) {
             node.send_sdo(number, abort);
         }

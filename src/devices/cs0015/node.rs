@@ -1,5 +1,7 @@
 //! The CANopen slave: frames and times go in, frames come out (p. 38-44).
 
+mod as_master;
+
 use super::communication::{Communication, Factory, Identifiers, PDOS, Pdo, PdoConfig, Way};
 use super::diagnosis::Diagnosis;
 use super::dictionary::Entries;
@@ -9,9 +11,9 @@ use super::registers::values::bool;
 use crate::can::{Filter, Frame, Payload};
 use crate::devices::canopen::emergency::{Cause, Errors};
 use crate::devices::canopen::guard::Guarded;
-use crate::devices::canopen::nmt::{Command, State};
+use crate::devices::canopen::nmt::State;
 use crate::devices::canopen::pdo::{Receive, Transmit};
-use crate::devices::canopen::sdo::{Data, Server};
+use crate::devices::canopen::sdo::Server;
 use crate::devices::canopen::supervision::Supervision;
 use embedded_can::{Frame as _, Id, StandardId};
 
@@ -19,8 +21,6 @@ use embedded_can::{Frame as _, Id, StandardId};
 const GENERAL: Cause = Cause { code: 0x1000, register: 1 << 0 };
 const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
 const NO_SYNC: Cause = Cause { code: 0x8200, register: 1 << 4 };
-/// First identifier of requests to SDO servers, of the predefined connection set (p. 38).
-const SDO_REQUEST: u16 = 0x600;
 /// Bits of byte 3 of it: what is wrong (p. 44).
 const CAN_BIT: u8 = 1 << 0;
 const SYNC_BIT: u8 = 1 << 1;
@@ -393,13 +393,6 @@ impl Node {
         }
     }
 
-    /// An SDO for the server of `node`.
-    pub(super) fn send_sdo(&mut self, node: u8, request: Data) {
-        if let Some(id) = StandardId::new(SDO_REQUEST + u16::from(node)) {
-            self.send(id, &request);
-        }
-    }
-
     /// Frames that have not gone to the controller yet.
     pub(super) fn to_send(&self) -> usize {
         self.out.len()
@@ -408,30 +401,6 @@ impl Node {
     /// Sends a frame with up to 8 bytes of data.
     pub(super) fn send(&mut self, id: StandardId, data: &[u8]) {
         self.out.extend(Payload::new(data).map(|payload| Frame::new(id, payload)));
-    }
-
-    /// Asks for data by a remote frame.
-    pub(super) fn ask(&mut self, id: u16) {
-        self.out.extend(StandardId::new(id).and_then(|id| Frame::remote(id, 1)));
-    }
-
-    /// Network management for `node`, 0 for all.
-    pub(super) fn send_command(&mut self, command: Command, node: u8) {
-        self.send(StandardId::ZERO, &[command.code(), node]);
-    }
-
-    /// Sends a SYNC object, which is one for itself, too; `false`: it has no identifier.
-    pub(super) fn send_sync(&mut self, now: u64) -> bool {
-        let Some(id) = self.identifiers.sync else { return false };
-        self.send(id, &[]);
-        self.sync_has_come(now);
-        true
-    }
-
-    /// From now on it hears everybody, as a master has to, or those that concern it.
-    pub(super) fn set_open(&mut self, is_open: bool) {
-        self.is_open = is_open;
-        self.has_moved = true;
     }
 
     /// The frames that are to be sent, which it then forgets.

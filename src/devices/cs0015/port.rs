@@ -405,6 +405,9 @@ impl CanPort for Firmware {
         if self.end_at.is_some_and(|end| end <= ctx.now) {
             // What was asked for in the cycle is done before it ends.
             self.look_at_jobs(ctx, controller);
+            if self.state == state::RESET {
+                self.init_can(controller);
+            }
             match self.state {
                 state::RESET if self.program == Program::None => self.enter(ctx, state::STOP),
                 state::RESET => self.enter(ctx, state::RUN),

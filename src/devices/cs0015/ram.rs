@@ -2,8 +2,8 @@
 
 use super::registers::{
     CS0015_FLAGS, CS0015_FUNCTION, CS0015_INPUTS, CS0015_JOBS, CS0015_OUTPUTS, CS0015_PARAMETERS,
-    CS0015_PERIPHERALS, CS0015_RX_PDO, CS0015_TX_PDO, DEVICE, FLAGS, FUNCTION, INPUTS, JOBS, OUTPUTS,
-    PARAMETERS, PERIPHERALS, RX_PDO, TX_PDO,
+    CS0015_PERIPHERALS, CS0015_RX_PDO, CS0015_SLAVES, CS0015_TX_PDO, DEVICE, FLAGS, FUNCTION, INPUTS, JOBS,
+    OUTPUTS, PARAMETERS, PERIPHERALS, RX_PDO, SLAVES, TX_PDO,
 };
 use crate::layout::Width;
 use crate::memory::header::ProgramState;
@@ -26,6 +26,8 @@ pub(super) struct Registers {
     pub jobs: View<CS0015_JOBS>,
     pub function: View<CS0015_FUNCTION>,
     pub peripherals: View<CS0015_PERIPHERALS>,
+    /// Words of I/O modules.
+    pub slaves: View<CS0015_SLAVES>,
     header: View<Header>,
     segment: Segment,
 }
@@ -52,6 +54,7 @@ impl Registers {
             jobs: segment.view(JOBS)?,
             function: segment.view(FUNCTION)?,
             peripherals: segment.view(PERIPHERALS)?,
+            slaves: segment.view(SLAVES)?,
             header: segment.header()?,
             segment: segment.clone(),
         })

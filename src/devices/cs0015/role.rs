@@ -19,6 +19,17 @@ impl Firmware {
         }
     }
 
+    /// The CAN controller is initialised, with the bit rate in force; one that cannot be is not at its bus (D-452).
+    pub(super) fn init_can(&mut self, controller: &mut Controller) {
+        let flags = &self.node.registers.flags;
+        if self.shared.defects().has_no_can {
+            self.can_errors.not_initialised(flags);
+            controller.set_bit_rate(0);
+        } else {
+            controller.set_bit_rate(u32::from(flags.CANBAUDRATE.load()) * 1000);
+        }
+    }
+
     /// It is the master of the network from now on (p. 53).
     pub(super) fn make_master(&mut self) -> &mut Nmt {
         self.node.set_open(true);
@@ -34,9 +45,11 @@ impl Firmware {
 
     /// The communication starts anew, if there is any yet; what has made the device a master is lost (p. 48).
     pub(super) fn reset_communication(&mut self, now: u64) {
+        let at = (JOBS + core::mem::offset_of!(CS0015_JOBS, a_FUNCTION)) as u32;
         if self.nmt.is_some() || self.master.is_some() {
-            let at = (JOBS + core::mem::offset_of!(CS0015_JOBS, a_FUNCTION)) as u32;
             self.peripherals.findings.push((&rules::PDO_AFTER_MASTER, at, 0));
+        } else if self.node.state().has_pdo() {
+            self.peripherals.findings.push((&rules::PDO_LATE, at, 0));
         }
         self.end_master();
         if self.node.state() != State::Initialising {

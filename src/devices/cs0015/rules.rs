@@ -21,4 +21,7 @@ rules! {
     PDO_AFTER_MASTER: 76, "pdo-after-master", Error, "CS0015 10/1999 p. 48, 50, 53",
         "PDO_TX_CONFIG or PDO_RX_CONFIG was called after NMM_SET_NMT_MASTER; it resets the communication, and the device is no \
          master any more. Configure all PDOs first, and begin the master's boot-up a cycle later.";
+    PDO_LATE: 77, "pdo-late", Error, "CS0015 10/1999 p. 42, 47-50, 155",
+        "PDO_TX_CONFIG or PDO_RX_CONFIG was called while the device is Operational; it resets the communication, and no PDO is \
+         exchanged until the master starts the device again. Configure all PDOs once, in the first cycles of the program.";
 }

@@ -5,6 +5,7 @@ mod can_jobs;
 mod errors;
 mod frames;
 mod hardware;
+mod io_slaves;
 mod jobs;
 mod master;
 mod master_jobs;

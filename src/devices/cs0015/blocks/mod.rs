@@ -10,6 +10,7 @@ mod can;
 mod can_errors;
 mod controllers;
 mod display;
+mod io_slaves;
 mod master;
 mod memory;
 mod order;
@@ -27,6 +28,7 @@ pub use can::*;
 pub use can_errors::*;
 pub use controllers::{Controller, GLR, PID};
 pub use display::*;
+pub use io_slaves::*;
 pub use master::*;
 pub use memory::{CHECK_DATA, MEMCPY, Watched};
 pub use order::{Answer, Jobs, Order, Progress};
@@ -43,6 +45,8 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
         NMM_SET_NMT_MASTER NMM_ADD_NODE NMM_START_GUARDING NMM_STOP_GUARDING NMM_NODE_GUARDING NMM_SET_PREOPERATIONAL
         NMM_SET_OPERATIONAL NMM_SET_PREPARED NMM_GET_NODE_STATE NMM_RESET_NODE NMM_RESET_COMM PDO_INI_SEND_SYNC_OBJ
         PDO_SEND_SYNC_OBJ EMC_GET_EMERGENCY SDO_READ SDO_WRITE
+        COP_MSTR_BOOTUP COP_MSTR_MAIN SLAVE_CR2010_CONFIG SLAVE_8_CONFIG SLAVE_CR2010_WORK SLAVE_8_WORK SLAVE_CR2011_CONFIG
+        SLAVE_CR2011_WORK
         PWM PWM100 FREQUENCY CYCLE INC_ENCODER LCD_SEGMENTS LCD_TEXT STR
         SOFTRESET MEMCPY E2WRITE E2READ CHECK_DATA SERIAL_TX SERIAL_RX SERIAL_PENDING TIMER_READ TIMER_US_READ NORM SET_INTERRUPT_1MS
         DELAY PT1 PID GLR;

@@ -9,7 +9,7 @@ const INACTIVE: u8 = 0;
 const FINISHED: u8 = 1;
 const ACTIVE: u8 = 2;
 
-/// An SDO of a block.
+/// An order that takes its time: an SDO, and what is made of such. While it is enabled it is given until it has finished once.
 #[derive(Clone, Debug, Default)]
 pub struct Sdo {
     order: Order,
@@ -18,8 +18,8 @@ pub struct Sdo {
 }
 
 impl Sdo {
-    /// A call: RESULT, the code of an abort, and data, if it has just finished.
-    fn call(
+    /// A call: RESULT, the second result (the code of an abort), and data, if it has just finished.
+    pub(super) fn call(
         &mut self,
         jobs: &Jobs,
         enable: bool,

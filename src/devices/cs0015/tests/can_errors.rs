@@ -77,3 +77,27 @@ fn a_lost_frame_has_a_flag() {
     assert_eq!((flags.CAN_RX_OVERRUN_ERROR.load(), flags.CAN_ERROR.load()), (1, 1));
     assert_eq!(device_type(&mut bench).len(), 1);
 }
+
+/// P. 18, D-452.
+#[test]
+fn a_controller_that_cannot_be_initialised_is_not_at_its_bus() {
+    let mut bench = Bench::running("program = 'attached', boot_up = '700'");
+    let id = bench.fault("can_init", &[]);
+    bench.power_cycle();
+    bench.registers.flags.CAN_OPEN.store(1);
+    bench.run(20 * MS);
+    let flags = |bench: &Bench| {
+        [&bench.registers.flags.CAN_INIT_ERROR, &bench.registers.flags.CAN_ERROR].map(|it| it.load())
+    };
+    assert_eq!((flags(&bench), bench.heard()), ([1, 1], vec![]));
+    bench.registers.flags.CAN_INIT_ERROR.store(0);
+    bench.job(job::CAN_RESTART, &[]);
+    assert_eq!(flags(&bench), [1, 1], "nor now");
+    bench.clear_fault(id);
+    bench.registers.flags.CAN_INIT_ERROR.store(0);
+    bench.job(job::CAN_RESTART, &[]);
+    bench.run(5 * MS);
+    assert_eq!(flags(&bench), [0, 1]);
+    assert_eq!(bench.heard()[0], (0x720, vec![0]), "what it has sent meanwhile");
+    assert_eq!(device_type(&mut bench).len(), 1);
+}

@@ -306,6 +306,20 @@ fn pdos_are_configured_before_there_is_a_master() {
     assert_eq!(broken(&mut bench), ["pdo-after-master"]);
 }
 
+/// P. 47, 49, 155.
+#[test]
+fn a_slave_configures_its_pdos_before_it_is_started() {
+    let mut bench = Bench::running("program = 'attached'");
+    bench.registers.flags.CAN_OPEN.store(1);
+    bench.run(20 * MS);
+    bench.send(0, &[1, 0]);
+    bench.run(5 * MS);
+    ask(&mut bench, job::PDO_TX_CONFIG, &[3, 0x390, 255, 0]);
+    assert_eq!((broken(&mut bench), bench.stat()), (vec!["pdo-late"], "green 0.5 Hz".to_owned()));
+    ask(&mut bench, job::PDO_RX_CONFIG, &[3, 0x3A0, 255]);
+    assert_eq!(broken(&mut bench), [""; 0]);
+}
+
 /// The blocks ask for the same, with the manual's inputs and outputs.
 #[cfg(feature = "plc")]
 #[test]

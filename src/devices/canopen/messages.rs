@@ -1,0 +1,77 @@
+//! What a node sends and receives, for databases of a bus.
+
+use crate::can::{Message, Signal};
+use embedded_can::{Id, StandardId};
+
+/// The upper bits of a COB-ID: there is none, or only on request.
+const INVALID: u32 = 1 << 31;
+const ID: u32 = 0x7FF;
+
+/// What a message is.
+#[derive(Clone, Copy, Debug)]
+pub struct About<'a> {
+    name: &'a str,
+    is_sender: bool,
+    text: &'a str,
+}
+
+impl<'a> About<'a> {
+    /// One that the node sends.
+    #[must_use]
+    pub const fn sent(name: &'a str, text: &'a str) -> Self {
+        About { name, is_sender: true, text }
+    }
+
+    /// One that it receives.
+    #[must_use]
+    pub const fn received(name: &'a str, text: &'a str) -> Self {
+        About { name, is_sender: false, text }
+    }
+}
+
+/// The messages of a node.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeMessages<'a> {
+    /// Name of the device, with which the names of its messages begin.
+    pub node: &'a str,
+}
+
+impl NodeMessages<'_> {
+    /// A message with signals of so many bits, one behind the other; none if the COB-ID says that there is none.
+    #[must_use]
+    pub fn message(self, cob_id: u32, about: About<'_>, signals: &[(&str, u8)]) -> Option<Message> {
+        let id = Some(cob_id).filter(|cob_id| cob_id & INVALID == 0);
+        let id: Id = StandardId::new((id? & ID) as u16)?.into();
+        let mut first_bit = 0;
+        let one = |(name, bits): &(&str, u8)| {
+            let signal = Signal { name: (*name).to_owned(), first_bit, bits: *bits, about: String::new() };
+            first_bit += bits;
+            signal
+        };
+        let signals: Vec<_> = signals.iter().map(one).collect();
+        let me = || vec![self.node.to_owned()];
+        let (senders, receivers) = if about.is_sender { (me(), Vec::new()) } else { (Vec::new(), me()) };
+        let (name, text) = (format!("{}_{}", self.node, about.name), about.text.to_owned());
+        Some(Message { name, id, length: first_bit.div_ceil(8), senders, receivers, signals, about: text })
+    }
+
+    /// Emergencies, guarding, and the SDO with its requests and answers, under these COB-IDs.
+    pub fn services(
+        self,
+        emergency: u32,
+        guarding: u32,
+        request: u32,
+        answer: u32,
+    ) -> impl Iterator<Item = Option<Message>> {
+        let sdo = [("command", 8), ("index", 16), ("sub_index", 8), ("data", 32)];
+        let error = [("error_code", 16), ("error_register", 8), ("own", 40)];
+        let state = [("state", 7), ("toggle", 1)];
+        [
+            self.message(emergency & ID, About::sent("EMCY", "Emergency (1014h)"), &error),
+            self.message(guarding, About::sent("STATE", "Node guarding, boot-up (100Eh)"), &state),
+            self.message(request, About::received("SDO_REQUEST", "Request to the object dictionary"), &sdo),
+            self.message(answer, About::sent("SDO_ANSWER", "Answer of the object dictionary"), &sdo),
+        ]
+        .into_iter()
+    }
+}

@@ -1,0 +1,24 @@
+//! ifm's I/O modules CR2010 and CR2011, simulated: what a CS0015 needs to see of them (Systemhandbuch Platinensteuerung CS0015, section
+//! 5.10). What is inside them is ours (D-450, D-451); such a module is no reference for a real one.
+
+#[cfg(feature = "emulator")]
+mod channels;
+#[cfg(feature = "emulator")]
+mod config;
+#[cfg(feature = "emulator")]
+mod dictionary;
+#[cfg(feature = "emulator")]
+mod module;
+#[cfg(all(test, feature = "emulator"))]
+mod tests;
+
+#[cfg(feature = "emulator")]
+pub use channels::{CHANNELS, Channels, Model, Role};
+#[cfg(feature = "emulator")]
+pub use config::Cr201xConfig;
+
+/// Areas, structures, front and object dictionary, generated from `layouts/cr201x`.
+#[allow(non_snake_case, non_camel_case_types)]
+pub mod registers {
+    include!(concat!(env!("OUT_DIR"), "/cr201x.rs"));
+}

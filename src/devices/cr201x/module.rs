@@ -1,0 +1,312 @@
+//! The firmware of a module: a CANopen node with connectors.
+
+use super::channels::{CHANNELS, Channels, Role};
+use super::dictionary::{Entries, Guarding};
+use super::registers::{
+    CHANNELS as AREA, CR201X_CHANNELS, FRONT_ANALOG_2, FRONT_ANALOG_4, FRONT_ANALOG_6, FRONT_ANALOG_8,
+    FRONT_INPUTS, FRONT_OPEN, FRONT_OUTPUTS, FRONT_STATE,
+};
+use crate::can::{Filter, Frame, Payload};
+use crate::devices::Context;
+use crate::devices::can_bus::{CanPort, Controller};
+use crate::devices::canopen::emergency::{Cause, Errors};
+use crate::devices::canopen::guard::Guarded;
+use crate::devices::canopen::nmt::{Command, State};
+use crate::devices::canopen::sdo::Server;
+use crate::memory::{Header, MemoryError, Segment, View};
+use embedded_can::{Frame as _, Id, StandardId};
+
+/// Errors that it tells of: an open line, as p. 44 has it of a CS0015, and no guarding.
+const OPEN_LINE: Cause = Cause { code: 0x2100, register: 1 << 1 };
+const NO_GUARDING: Cause = Cause { code: 0x8100, register: 1 << 4 };
+
+/// Identifiers of the predefined connection set, to which the Node-ID is added (p. 38).
+const EMERGENCY: u16 = 0x080;
+const DIGITAL_INPUTS: u16 = 0x180;
+const DIGITAL_OUTPUTS: u16 = 0x200;
+const ANALOG_INPUTS: u16 = 0x280;
+const ANALOG_OUTPUTS: u16 = 0x300;
+const SDO_ANSWER: u16 = 0x580;
+const SDO_REQUEST: u16 = 0x600;
+const GUARDING: u16 = 0x700;
+/// Of all nodes.
+const NMT: u16 = 0x000;
+const SYNC: u16 = 0x080;
+
+/// Outputs: a bit for each connector, and four words.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Outputs {
+    bits: u8,
+    words: [u16; 4],
+}
+
+/// A module.
+pub(super) struct Module {
+    node: u8,
+    registers: View<CR201X_CHANNELS>,
+    header: View<Header>,
+    /// As it was written last, which it keeps without supply.
+    written: Channels,
+    /// What is in force.
+    channels: Channels,
+    is_on: bool,
+    state: State,
+    guarding: Guarding,
+    guarded: Guarded,
+    server: Server,
+    errors: Errors,
+    /// Digital inputs as they were told last; none since it became Operational.
+    told: Option<u8>,
+    /// Outputs that wait for SYNC, and those that are driven.
+    waiting: Outputs,
+    outputs: Outputs,
+    out: Vec<Frame>,
+}
+
+impl Module {
+    /// A module that is delivered with this.
+    pub(super) fn new(segment: &Segment, node: u8, channels: Channels) -> Result<Self, MemoryError> {
+        Ok(Module {
+            node,
+            registers: segment.view(AREA)?,
+            header: segment.header()?,
+            written: channels,
+            channels,
+            is_on: false,
+            state: State::Initialising,
+            guarding: Guarding::default(),
+            guarded: Guarded::default(),
+            server: Server::default(),
+            errors: Errors::default(),
+            told: None,
+            waiting: Outputs::default(),
+            outputs: Outputs::default(),
+            out: Vec::new(),
+        })
+    }
+
+    fn send(&mut self, first: u16, data: &[u8]) {
+        let id = StandardId::new(first + u16::from(self.node));
+        let frame = id.zip(Payload::new(data)).map(|(id, payload)| Frame::new(id, payload));
+        self.out.extend(frame);
+    }
+
+    /// Starts, or starts anew (D-451).
+    fn start(&mut self, now: u64) {
+        self.guarding = Guarding::default();
+        self.server.reset();
+        self.guarded.reset();
+        self.errors.clear();
+        self.set_life(now);
+        self.send(GUARDING, &[State::Initialising.code()]);
+        self.set_state(State::PreOperational);
+    }
+
+    fn set_state(&mut self, state: State) {
+        let before = core::mem::replace(&mut self.state, state);
+        // What was configured meanwhile holds from Pre-Operational on (p. 79).
+        if before == State::PreOperational || state == State::PreOperational {
+            self.channels = self.written;
+        }
+        if before != state {
+            (self.told, self.waiting, self.outputs) = (None, Outputs::default(), Outputs::default());
+        }
+    }
+
+    fn set_life(&mut self, now: u64) {
+        let Guarding { guard_ms, life } = self.guarding;
+        self.guarded.life.set_period(u64::from(guard_ms) * 1000 * u64::from(life), now);
+    }
+
+    fn command(&mut self, command: Command, now: u64) {
+        match command {
+            Command::Start => self.set_state(State::Operational),
+            Command::Stop => self.set_state(State::Stopped),
+            Command::EnterPreOperational => self.set_state(State::PreOperational),
+            Command::ResetNode | Command::ResetCommunication => self.start(now),
+        }
+    }
+
+    fn sdo(&mut self, data: &[u8], now: u64) {
+        // Frames of another length are no SDOs.
+        let Ok(request) = data.try_into() else { return };
+        let entries = &mut Entries {
+            node: self.node,
+            error_register: self.errors.register(),
+            guarding: &mut self.guarding,
+            channels: &mut self.written,
+        };
+        if let Some(answer) = self.server.request(request, entries) {
+            self.send(SDO_ANSWER, &answer);
+        }
+        if self.state == State::PreOperational {
+            self.channels = self.written;
+        }
+        self.set_life(now);
+    }
+
+    fn word(&self, front: usize) -> u32 {
+        self.header.front[front].load()
+    }
+
+    /// Which of its connectors, bit n for connector n + 1, are so.
+    fn which(&self, is: impl Fn(usize) -> bool) -> u8 {
+        (0..CHANNELS).filter(|it| is(*it)).fold(0, |bits, it| bits | 1 << it)
+    }
+
+    fn digital_inputs(&self) -> u8 {
+        self.word(FRONT_INPUTS) as u8 & self.which(|it| self.channels.role(it) == Role::DigitalInput)
+    }
+
+    /// Whether the line of an output is open.
+    fn is_open(&self, connector: usize) -> bool {
+        self.word(FRONT_OPEN) >> connector & 1 != 0
+    }
+
+    /// What a connector is driven with.
+    fn driven(&self, connector: usize) -> u16 {
+        if self.state == State::Operational {
+            self.channels.driven(connector, self.outputs.bits, self.outputs.words)
+        } else {
+            0
+        }
+    }
+
+    /// What it measures: at analog inputs, or the current of a pair, which is what it is set to while its line is not open.
+    fn words(&self) -> [u16; 4] {
+        let analog = [FRONT_ANALOG_2, FRONT_ANALOG_4, FRONT_ANALOG_6, FRONT_ANALOG_8];
+        core::array::from_fn(|pair| {
+            let [one, other] = [2 * pair, 2 * pair + 1];
+            if self.channels.tells_current(pair) {
+                let current = |it| if self.is_open(it) { 0 } else { self.driven(it) };
+                current(one) + current(other)
+            } else if self.channels.role(other) == Role::AnalogInput(pair) {
+                self.word(analog[pair]) as u16
+            } else {
+                0
+            }
+        })
+    }
+
+    fn sync(&mut self) {
+        if self.state != State::Operational {
+            return;
+        }
+        self.outputs = self.waiting;
+        if self.channels.has_words() {
+            let words = self.words();
+            self.send(ANALOG_INPUTS, &words.map(u16::to_le_bytes).concat());
+        }
+    }
+
+    /// What has come in a PDO waits for SYNC (p. 38); what it does not have stays.
+    fn take_over(&mut self, id: u16, data: &[u8]) {
+        if id == DIGITAL_OUTPUTS {
+            self.waiting.bits = data.first().copied().unwrap_or(self.waiting.bits);
+        } else {
+            let words = data.as_chunks::<2>().0;
+            self.waiting.words.iter_mut().zip(words).for_each(|(to, two)| *to = u16::from_le_bytes(*two));
+        }
+    }
+
+    /// After whatever has happened: registers, front, emergencies, frames.
+    fn show(&mut self, controller: &mut Controller) {
+        if !self.is_on {
+            return;
+        }
+        if self.state == State::Operational && self.told != Some(self.digital_inputs()) {
+            let bits = self.digital_inputs();
+            self.told = Some(bits);
+            self.send(DIGITAL_INPUTS, &[bits]);
+        }
+        let open = self.which(|it| self.is_open(it) && self.driven(it) != 0);
+        self.errors.set(OPEN_LINE, (open != 0).then_some([open, 0, 0, 0, 0]));
+        while self.state.has_sdo()
+            && let Some(message) = self.errors.message()
+        {
+            self.send(EMERGENCY, &message);
+        }
+        self.tell();
+        for frame in self.out.drain(..) {
+            // A module whose controller is full has nobody to tell.
+            let _ = controller.send(frame);
+        }
+    }
+
+    fn tell(&self) {
+        let registers = &self.registers;
+        registers.a_CHANNEL.iter().zip(self.channels.kinds).for_each(|(cell, kind)| cell.store(kind));
+        registers.b_PWM_FRQ.store(self.channels.pwm_hz);
+        let (bits, words) = (self.digital_inputs(), self.words());
+        for connector in 0..CHANNELS {
+            let pair = connector / 2;
+            registers.a_INPUT[connector].store(match self.channels.role(connector) {
+                Role::DigitalInput => u16::from(bits >> connector & 1),
+                Role::AnalogInput(_) => words[pair],
+                // Where the master finds it (p. 85).
+                _ if self.channels.tells_current(pair) && !connector.is_multiple_of(2) => words[pair],
+                _ => 0,
+            });
+            registers.a_OUTPUT[connector].store(self.driven(connector));
+        }
+        self.header.front[FRONT_OUTPUTS].store(self.which(|it| self.driven(it) != 0).into());
+        self.header.front[FRONT_STATE].store(self.state.code().into());
+    }
+}
+
+impl CanPort for Module {
+    fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, _: u8) {
+        let own = [DIGITAL_OUTPUTS, ANALOG_OUTPUTS, SDO_REQUEST, GUARDING]
+            .map(|first| first + u16::from(self.node));
+        let heard = own.into_iter().chain([NMT, SYNC]).filter_map(StandardId::new);
+        controller.set_filters(heard.map(Filter::exactly));
+        self.is_on = true;
+        self.start(ctx.now);
+        self.show(controller);
+    }
+
+    fn power_off(&mut self) {
+        (self.is_on, self.state) = (false, State::Initialising);
+        self.out.clear();
+        [FRONT_STATE, FRONT_OUTPUTS].into_iter().for_each(|word| self.header.front[word].store(0));
+    }
+
+    fn look(&mut self, _: &mut Context, controller: &mut Controller) {
+        self.show(controller);
+    }
+
+    fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
+        let Id::Standard(id) = frame.id() else { return };
+        let id = id.as_raw();
+        match (id, id.saturating_sub(self.node.into()), frame.is_remote_frame()) {
+            (NMT, ..) => {
+                if let Some(command) = Command::parse(frame.data(), self.node) {
+                    self.command(command, ctx.now);
+                }
+            }
+            (SYNC, ..) => self.sync(),
+            (_, GUARDING, true) => {
+                let answer = self.guarded.asked(self.state, ctx.now);
+                self.errors.set(NO_GUARDING, None);
+                self.send(GUARDING, &[answer]);
+            }
+            (_, SDO_REQUEST, false) if self.state.has_sdo() => self.sdo(frame.data(), ctx.now),
+            (_, first @ (DIGITAL_OUTPUTS | ANALOG_OUTPUTS), false) if self.state.has_pdo() => {
+                self.take_over(first, frame.data());
+            }
+            _ => {}
+        }
+        self.show(controller);
+    }
+
+    fn next_time(&self) -> u64 {
+        self.guarded.life.next_time()
+    }
+
+    fn due(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        if self.guarded.life.look(ctx.now) {
+            self.errors.set(NO_GUARDING, Some([0; 5]));
+        }
+        self.show(controller);
+    }
+}
