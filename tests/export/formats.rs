@@ -34,12 +34,14 @@ fn every_device_is_exported_in_every_format() {
                     "CANsync_INIT_MA",
                     "CANsyncMaster_Init_Slot_G",
                     "COP_GUARDFAIL_NODEID",
+                    "b_PWM_FRQ",
                     "stored_wakeup_time",
                 ],
                 _ => [
                     "CANsync_INIT_BMSTRUCT",
                     "CANsync_PLC_INIT_BMSTRUCT",
                     "COP_GUARDFAIL_NODEID",
+                    "b_PWM_FRQ",
                     "stored_wakeup_time",
                 ],
             };

@@ -12,6 +12,7 @@ use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Header, Segment, View};
 use embedded_can::{Frame as _, Id, StandardId};
+use proptest::prelude::*;
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
 
@@ -241,4 +242,44 @@ fn it_answers_guarding_and_misses_it() {
     assert_eq!(name[0].1[..5], [0x41, 0x08, 0x10, 0, 6]);
     assert_eq!(ask(&mut bench), [(0x703, vec![127]), (0x083, vec![0; 8])]);
     assert_eq!(bench.exchange(0, &[129, NODE]), [(0x703, vec![0])]);
+}
+
+/// Identifiers that mean something more often than by chance.
+fn identifier() -> impl Strategy<Value = u16> {
+    prop_oneof![Just(0), Just(0x80), Just(0x603), Just(0x203), Just(0x303), 0..0x800_u16]
+}
+
+/// Data that mean something more often than by chance: network management, SDOs, anything.
+fn data() -> impl Strategy<Value = Vec<u8>> {
+    let management = (proptest::sample::select(&[1_u8, 2, 128, 129, 130][..]), 0..5_u8);
+    let sdo = (any::<u8>(), 0..DEVICE.objects.len(), any::<[u8; 4]>()).prop_map(|(command, at, value)| {
+        let object = &DEVICE.objects[at];
+        let [low, high] = object.index.to_le_bytes();
+        [&[command, low, high, object.sub][..], &value].concat()
+    });
+    prop_oneof![
+        management.prop_map(|(command, node)| vec![command, node]),
+        sdo,
+        proptest::collection::vec(any::<u8>(), 0..=8)
+    ]
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    /// Each request has one answer while there is an SDO server, and whatever comes, the module goes on.
+    #[test]
+    fn no_frames_bring_it_down(
+        frames in proptest::collection::vec((identifier(), data()), 0..25),
+        is_cr2010: bool,
+    ) {
+        let mut bench = Bench::new(if is_cr2010 { "module = 'cr2010'" } else { "module = 'cr2011'" });
+        for (id, data) in frames {
+            let is_request = id == 0x603 && data.len() == 8 && data[0] >> 5 != 4;
+            let is_served = is_request && bench.sees(FRONT_STATE) != 4;
+            let answers = bench.exchange(id, &data).into_iter().filter(|(id, _)| *id == 0x583).count();
+            prop_assert_eq!(answers, usize::from(is_served));
+        }
+        prop_assert!([4, 5, 127].contains(&bench.sees(FRONT_STATE)));
+    }
 }
