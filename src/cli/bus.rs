@@ -36,7 +36,7 @@ enum Command {
 
 /// List the buses, the doors to them and the guests there.
 ///
-/// `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `errors`
+/// `seat`: it has asked for emulated time, which waits for it if the clock is stepped. `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `errors`
 /// are the stations whose controllers have counted any, with transmit and receive errors.
 #[derive(ClapArgs)]
 #[command(after_help = "\
@@ -147,6 +147,7 @@ mod by_channel {
         door: String,
         open: bool,
         kbit_s: Option<Rate>,
+        seat: bool,
         dropped: u64,
         refused: u64,
     }
@@ -158,6 +159,7 @@ mod by_channel {
                 door: state.door.to_string(),
                 open: state.open,
                 kbit_s: state.bit_s.map(Rate::of),
+                seat: state.seat,
                 dropped: state.dropped,
                 refused: state.refused,
             }
@@ -165,6 +167,9 @@ mod by_channel {
 
         fn text(&self) -> String {
             let mut text = format!("guest{}", self.guest);
+            if self.seat {
+                text += " (seat)";
+            }
             for (count, what) in [(self.dropped, "dropped"), (self.refused, "refused")] {
                 if count > 0 {
                     text += &format!(" ({count} {what})");

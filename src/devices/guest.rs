@@ -27,7 +27,7 @@ coded! {
     }
 }
 
-/// Whether a guest takes part.
+/// Whether a guest takes part, and whether emulated time waits for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attendance {
     /// From now on.
@@ -36,14 +36,32 @@ pub enum Attendance {
     TakesPartStepped,
     /// No longer.
     Left,
+    /// It has a seat in lockstep: emulated time waits for it from now on.
+    Seated,
+    /// It has given its seat back, by leaving the bus or the door.
+    SeatBack,
+    /// Its seat was taken away: in its turn it has neither asked for time nor left for too long.
+    SeatLost,
 }
 
 impl Attendance {
+    const ALL: [Self; 6] = [
+        Attendance::TakesPart,
+        Attendance::TakesPartStepped,
+        Attendance::Left,
+        Attendance::Seated,
+        Attendance::SeatBack,
+        Attendance::SeatLost,
+    ];
+
     fn name(self) -> &'static str {
         match self {
             Attendance::TakesPart => "takes_part",
             Attendance::TakesPartStepped => "takes_part_stepped",
             Attendance::Left => "left",
+            Attendance::Seated => "seated",
+            Attendance::SeatBack => "seat_back",
+            Attendance::SeatLost => "seat_lost",
         }
     }
 }
@@ -54,12 +72,7 @@ impl Part for Attendance {
     }
 
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
-        match unpacker.take() {
-            0 => Some(Attendance::TakesPart),
-            1 => Some(Attendance::TakesPartStepped),
-            2 => Some(Attendance::Left),
-            _ => None,
-        }
+        Attendance::ALL.get(unpacker.take() as usize).copied()
     }
 }
 
@@ -72,6 +85,13 @@ impl Told for GuestNews {
                 "guest{guest} takes part; the clock is stepped, what it sends enters at the beginning of the next step"
             ),
             Attendance::Left => format!("guest{guest} has left"),
+            Attendance::Seated => format!("guest{guest} has a seat in lockstep; emulated time waits for it"),
+            Attendance::SeatBack => {
+                format!("guest{guest} has given its seat back; nobody waits for it any more")
+            }
+            Attendance::SeatLost => {
+                format!("guest{guest} has lost its seat: in its turn it did nothing for too long")
+            }
         }
     }
 

@@ -1,5 +1,6 @@
 //! A guest: what it wants of the plant and what it is to hear, between the two threads that deal with it.
 
+use super::seat::Seat;
 use super::slcan::{Adapter, Rate};
 use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
 use crate::can::Frame;
@@ -26,10 +27,28 @@ struct Inner {
     rate: Option<Rate>,
     has_gone: bool,
     to_plant: VecDeque<Frame>,
-    to_guest: VecDeque<(u64, Frame)>,
+    to_guest: VecDeque<News>,
+    seat: Seat,
     dropped: u64,
     refused: u64,
     overrun: bool,
+}
+
+/// What a guest is told. Times are emulated, in microseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum News {
+    /// A frame has arrived.
+    Heard {
+        /// When.
+        time_us: u64,
+        /// Which.
+        frame: Frame,
+    },
+    /// It has its turn: what it asked for by [`Adapter::ask`].
+    Granted {
+        /// When.
+        time_us: u64,
+    },
 }
 
 /// What a guest wants at the moment.
@@ -56,6 +75,8 @@ pub struct GuestState {
     pub open: bool,
     /// The rate it has named, in bit/s.
     pub bit_s: Option<u32>,
+    /// Whether it has asked for a time, and emulated time waits for it if the clock is stepped.
+    pub seat: bool,
     /// Frames that it was to hear and for which there was no room.
     pub dropped: u64,
     /// Frames that it wanted to send and that were not taken.
@@ -106,8 +127,9 @@ impl Guest {
     /// Lets it hear a frame that has arrived at this emulated time, if there is room.
     pub fn hear(&self, time_us: u64, frame: &Frame) {
         let mut inner = self.inner();
+        inner.seat.hear();
         if inner.to_guest.len() < ROOM_TO_GUEST {
-            inner.to_guest.push_back((time_us, *frame));
+            inner.to_guest.push_back(News::Heard { time_us, frame: *frame });
         } else {
             inner.dropped += 1;
             inner.overrun = true;
@@ -123,18 +145,48 @@ impl Guest {
             door: self.door,
             open: inner.open.is_some(),
             bit_s: inner.rate.map(Rate::bit_s),
+            seat: inner.seat != Seat::Free,
             dropped: inner.dropped,
             refused: inner.refused,
         }
     }
 
-    /// It has left.
-    pub(super) fn leave(&self) {
-        self.inner().has_gone = true;
+    /// How it stands to emulated time.
+    #[must_use]
+    pub fn seat(&self) -> Seat {
+        self.inner().seat
     }
 
-    /// What it is to hear next; `None` if nothing waits.
-    pub(super) fn take_heard(&self) -> Option<(u64, Frame)> {
+    /// Emulated time begins to pass for it, at `now`, if it has asked for that.
+    pub fn take_request(&self, now: u64) {
+        self.inner().seat.begin(now);
+    }
+
+    /// Gives it its turn, at `now`, if it is due. Tells whether it was.
+    pub fn grant(&self, now: u64) -> bool {
+        let mut inner = self.inner();
+        let is_due = inner.seat.grant(now);
+        if is_due {
+            // There always is room: one answer at most waits for each request.
+            inner.to_guest.push_back(News::Granted { time_us: now });
+        }
+        is_due
+    }
+
+    /// Takes its seat away if it has its turn; tells whether it had.
+    pub fn give_up(&self) -> bool {
+        self.inner().seat.give_up()
+    }
+
+    /// It has left.
+    pub(super) fn leave(&self) {
+        let mut inner = self.inner();
+        inner.has_gone = true;
+        inner.seat = Seat::Free;
+    }
+
+    /// What it is to be told next; `None` if nothing waits.
+    pub(super) fn take_news(&self) -> Option<News> {
         self.inner().to_guest.pop_front()
     }
 }
@@ -156,18 +208,25 @@ impl Adapter for &Guest {
     fn close(&mut self) {
         let mut inner = self.inner();
         inner.open = None;
+        inner.seat = Seat::Free;
         inner.to_guest.clear();
     }
 
     fn send(&mut self, frame: Frame) -> bool {
         let mut inner = self.inner();
-        let may = inner.open == Some(false) && inner.to_plant.len() < ROOM_TO_PLANT;
+        let has_room = inner.to_plant.len() < ROOM_TO_PLANT;
+        let may = inner.open == Some(false) && inner.seat.may_speak() && has_room;
         if may {
             inner.to_plant.push_back(frame);
         } else {
             inner.refused += 1;
         }
         may
+    }
+
+    fn ask(&mut self, us: u64) -> bool {
+        let mut inner = self.inner();
+        inner.open.is_some() && inner.seat.ask(us)
     }
 
     fn take_overrun(&mut self) -> bool {

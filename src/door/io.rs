@@ -1,6 +1,6 @@
 //! The thread that deals with sockets and terminals: none of its descriptors ever makes it wait.
 
-use super::guest::Guest;
+use super::guest::{Guest, News};
 use super::pty::Pty;
 use super::slcan::Session;
 use super::spec::DoorSpec;
@@ -170,9 +170,12 @@ impl Visit {
     fn write(&mut self) -> Presence {
         loop {
             while self.unwritten.len() < CHUNK
-                && let Some((time_us, frame)) = self.guest.take_heard()
+                && let Some(news) = self.guest.take_news()
             {
-                self.session.tell(time_us, &frame, &mut self.unwritten);
+                match news {
+                    News::Heard { time_us, frame } => self.session.tell(time_us, &frame, &mut self.unwritten),
+                    News::Granted { time_us } => Session::grant(time_us, &mut self.unwritten),
+                }
             }
             if self.unwritten.is_empty() {
                 return Presence::Stays;

@@ -3,17 +3,19 @@
 //! A door is a way in, for now one in the dialect of SLCAN that serial CAN adapters speak: over TCP or over a
 //! pseudo-terminal. Whoever comes in is a guest, a station on a bus like others. Nothing here knows a plant: [`Doors`]
 //! hands over what guests send and takes what they are to hear, both by bounded queues, so that a slow or dead guest delays
-//! nobody. A thread of its own does all that could block.
+//! nobody. A thread of its own does all that could block. A guest that asks for emulated time has a [`Seat`] in lockstep.
 
 mod doors;
 mod guest;
 mod io;
 mod pty;
+mod seat;
 mod slcan;
 mod spec;
 
 pub use doors::{DoorError, DoorState, Doors};
 pub use guest::{Guest, GuestState, Wish};
+pub use seat::Seat;
 pub use slcan::Rate;
 pub use spec::{BadDoor, DoorSpec};
 

@@ -4,6 +4,8 @@
 //! Lines end in CR. `tIIILDD..` and `TIIIIIIIILDD..` send data frames of the standard and the extended format, `rIIIL` and
 //! `RIIIIIIIIL` remote ones; the answer is `z` or `Z`. `Sn` names a rate, `O` takes part, `L` only listens, `C` ends both.
 //! Empty lines are passed over. What is understood is answered by CR, everything else by BEL.
+//!
+//! One line is our own, with a letter that no adapter has: `KN` asks for emulated time, N microseconds in hexadecimal digits.
 
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
@@ -73,6 +75,10 @@ pub(super) trait Adapter {
 
     /// To send a frame; `false` if it does not take part or there is no room.
     fn send(&mut self, frame: Frame) -> bool;
+
+    /// To have a turn after so many microseconds of emulated time, or when it has heard a frame; until then it says nothing.
+    /// `false` if it does not listen, or waits for one already.
+    fn ask(&mut self, us: u64) -> bool;
 
     /// To know whether it has missed frames since it last asked.
     fn take_overrun(&mut self) -> bool;
@@ -152,12 +158,20 @@ impl Session {
                 answer.extend_from_slice(if adapter.take_overrun() { b"F08" } else { b"F00" });
                 true
             }
+            // Answered when the time has come.
+            (b'K', _) if number(rest).is_some_and(|us| adapter.ask(us)) => return,
             // Frames come as they arrive in any case, and all of them.
             (b'X', [b'0' | b'1']) => true,
             (b'M', b"00000000") | (b'm', b"FFFFFFFF" | b"ffffffff") => true,
             _ => false,
         };
         answer.push(if done { OK } else { BELL });
+    }
+
+    /// Appends the line that answers a request for time, at this emulated one.
+    pub(super) fn grant(time_us: u64, line: &mut Vec<u8>) {
+        line.extend_from_slice(format!("K{time_us:X}").as_bytes());
+        line.push(OK);
     }
 
     /// Appends the line that tells of a frame, which has arrived at this emulated time.
@@ -182,6 +196,13 @@ impl Session {
         line.extend_from_slice(text.as_bytes());
         line.push(OK);
     }
+}
+
+/// A number of hexadecimal digits, and nothing else.
+fn number(digits: &[u8]) -> Option<u64> {
+    let text =
+        core::str::from_utf8(digits).ok().filter(|text| text.bytes().all(|c| c.is_ascii_hexdigit()))?;
+    u64::from_str_radix(text, 16).ok()
 }
 
 /// The frame that a line means: what follows the letter. A time behind it is passed over.
@@ -220,6 +241,7 @@ mod tests {
         rate: Option<Rate>,
         open: Option<bool>,
         sent: Vec<Frame>,
+        asked: Vec<u64>,
         overrun: bool,
     }
 
@@ -246,6 +268,11 @@ mod tests {
                 self.sent.push(frame);
             }
             may
+        }
+
+        fn ask(&mut self, us: u64) -> bool {
+            self.asked.push(us);
+            us > 0
         }
 
         fn take_overrun(&mut self) -> bool {
@@ -345,6 +372,19 @@ mod tests {
     }
 
     #[test]
+    fn a_request_for_time_is_answered_later() {
+        let (mut session, mut noted) = (Session::default(), Noted::default());
+        assert_eq!(hear(&mut session, &mut noted, "K1\rK3e8\rKFFFFFFFFFFFFFFFF\r"), "");
+        assert_eq!(noted.asked, [1, 1000, u64::MAX]);
+        let mut told = Vec::new();
+        Session::grant(1_000_000, &mut told);
+        assert_eq!(told, b"KF4240\r");
+        for line in ["K", "K0", "K-1", "K+1", "Kx", "K10000000000000000"] {
+            assert_eq!(hear(&mut session, &mut noted, &format!("{line}\r")), "\x07", "{line}");
+        }
+    }
+
+    #[test]
     fn a_rate_without_a_code_takes_any() {
         let rate = |code| Rate::of_code(code).unwrap();
         assert!(rate(4).fits(125_000) && !rate(4).fits(500_000) && !rate(5).fits(125_000));
@@ -356,16 +396,17 @@ mod tests {
     proptest! {
         #![proptest_config(crate::property_tests())]
 
-        /// Whatever comes in: no panic, and one answer for each line that is not empty.
+        /// Whatever comes in: no panic, and one answer for each line that is not empty, at once or when its time comes.
         #[test]
-        fn each_line_has_one_answer(bytes in prop::collection::vec(prop_oneof![any::<u8>(), Just(b'\r'), 48u8..58, Just(b't')], 0..200)) {
+        fn each_line_has_one_answer(bytes in prop::collection::vec(prop_oneof![any::<u8>(), Just(b'\r'), 48u8..58, Just(b't'), Just(b'K')], 0..200)) {
             let (mut session, mut noted) = (Session::default(), Noted { open: Some(false), ..Noted::default() });
             let mut answer = Vec::new();
             session.hear(&bytes, &mut noted, &mut answer);
             let lines = bytes.split(|byte| matches!(byte, b'\r' | b'\n')).rev().skip(1);
             let wanted = lines.filter(|line| !line.is_empty()).count();
             let answers = answer.iter().filter(|byte| matches!(**byte, OK | BELL)).count();
-            prop_assert_eq!(answers, wanted);
+            let later = noted.asked.iter().filter(|us| **us > 0).count();
+            prop_assert_eq!(answers + later, wanted);
         }
     }
 }

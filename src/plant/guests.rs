@@ -30,6 +30,11 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news: Attendance::Left });
     }
 
+    /// Notes what has become of a guest's seat in lockstep.
+    pub fn note_guest(&mut self, bus: u16, guest: u8, news: Attendance) {
+        self.journal.push(self.now, GuestNews { bus, guest, news });
+    }
+
     /// A guest that takes part sends a frame.
     ///
     /// # Errors

@@ -317,6 +317,7 @@ impl Emulator {
                 self.lockstep.look(&mut self.plant);
             }
             self.guests.tell(&self.plant);
+            self.guests.grant(self.plant.now());
             self.guests.enter(&mut self.plant, false);
             if look || due {
                 self.announce();
@@ -334,7 +335,8 @@ impl Emulator {
                 self.plant.processor_cycle();
                 self.announce();
             } else if !self.options.busy {
-                self.sleep(clock.until(self.plant.next_event()).min(LONGEST_SLEEP));
+                let next = self.plant.next_event().min(self.guests.next_turn());
+                self.sleep(clock.until(next).min(LONGEST_SLEEP));
             }
         }
     }
@@ -351,7 +353,7 @@ impl Emulator {
     }
 
     /// Notes how often each PLC's doorbell has been rung; tells whether one was rung since last time.
-    fn note_rings(&mut self) -> bool {
+    pub(super) fn note_rings(&mut self) -> bool {
         let mut rung = false;
         for (noted, image) in self.rings.iter_mut().zip(&self.images) {
             let rings = image.header().doorbell.rings();
@@ -361,7 +363,7 @@ impl Emulator {
     }
 
     /// Sleeps until a doorbell is rung again, or until `timeout`.
-    fn sleep(&self, timeout: Duration) {
+    pub(super) fn sleep(&self, timeout: Duration) {
         if let ([image], [rings]) = (&self.images[..], &self.rings[..]) {
             image.header().doorbell.wait(*rings, Some(timeout));
             return;

@@ -1,10 +1,10 @@
 //! Brings guests into the plant: what they send enters it, and what the journal tells of frames they hear.
 //!
 //! In real time that happens after every firmware step. With a stepped clock frames enter at the beginning of a step, and
-//! what guests hear is told at its end.
+//! what guests hear is told at its end, unless one of them has a seat in lockstep: see [`super::turns`].
 
-use crate::devices::GuestRefusal;
-use crate::door::{DoorError, DoorState, Doors, Guest, Rate, Wish};
+use crate::devices::{Attendance, GuestRefusal};
+use crate::door::{DoorError, DoorState, Doors, Guest, Rate, Seat, Wish};
 use crate::journal::Source;
 use crate::plant::{Plant, PlantConfig};
 use std::sync::Arc;
@@ -27,6 +27,8 @@ struct Present {
     fits: bool,
     /// It takes part.
     is_in: bool,
+    /// With a stepped clock, emulated time waits for it.
+    has_seat: bool,
     /// The rates of guest and bus, in bit/s, about which there is a finding.
     deaf: Option<(Rate, u32)>,
 }
@@ -71,31 +73,20 @@ impl Guests {
         }
         for guest in self.doors.guests() {
             if !self.present.iter().any(|it| Arc::ptr_eq(&it.guest, guest)) {
-                let (guest, wish) = (Arc::clone(guest), guest.wish());
-                self.present.push(Present { guest, wish, waiting: 0, fits: true, is_in: false, deaf: None });
+                self.present.push(Present::new(Arc::clone(guest)));
             }
         }
+        // What happens at one moment does so in this order, whoever came first.
+        self.present.sort_by_key(|it| (it.guest.bus, it.guest.number));
         let was_heard = self.present.iter().any(Present::hears);
-        // Frames first: whoever opened before another one sent is there when that frame enters.
-        for it in &mut self.present {
-            it.waiting = it.guest.waiting();
-        }
-        for it in &mut self.present {
-            it.wish = it.guest.wish();
-            let bit_s = plant.media().get(usize::from(it.guest.bus)).map_or(0, |medium| medium.bit_s());
-            it.fits = it.wish.rate.is_none_or(|rate| rate.fits(bit_s));
-            let deaf = it.wish.rate.filter(|_| it.wish.hears && !it.fits).map(|rate| (rate, bit_s));
-            if let Some((rate, _)) = deaf.filter(|_| it.deaf != deaf) {
-                plant.guest_is_deaf(it.guest.bus, it.guest.number, rate.code());
-            }
-            it.deaf = deaf;
-        }
+        learn_all(&mut self.present, |_| true, plant);
         if !was_heard {
             self.next = plant.journal().end();
         }
     }
 
-    /// Lets guests in and out and what they send into the plant.
+    /// Lets guests in and out and what they send into the plant. Those with a seat get one, and emulated time begins to pass for
+    /// all who have asked for it.
     pub(super) fn enter(&mut self, plant: &mut Plant, is_stepped: bool) {
         if self.is_empty() {
             return;
@@ -106,22 +97,54 @@ impl Guests {
 
     /// Does what guests wanted at the last look.
     fn bring_in(&mut self, plant: &mut Plant, is_stepped: bool) {
-        for it in &mut self.present {
-            // What somebody said before it left counts.
-            if it.fits && (it.wish.takes_part || it.waiting > 0) && !it.is_in {
-                plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
-                it.is_in = true;
-            }
-        }
-        for it in &mut self.present {
-            let is_through = it.send(plant);
-            if it.is_in && is_through && (!it.wish.takes_part || !it.fits) {
-                plant.guest_leaves(it.guest.bus, it.guest.number);
-                it.is_in = false;
-            }
-        }
-        for gone in self.present.extract_if(.., |it| it.wish.has_gone && !it.is_in) {
+        bring_in_all(&mut self.present, |_| true, plant, is_stepped);
+        for gone in self.present.extract_if(.., |it| it.wish.has_gone && !it.is_in && !it.has_seat) {
             self.doors.forget(&gone.guest);
+        }
+    }
+
+    /// The same during a step, for those only that have a seat.
+    pub(super) fn enter_seated(&mut self, plant: &mut Plant) {
+        learn_all(&mut self.present, |it| it.has_seat, plant);
+        bring_in_all(&mut self.present, |it| it.has_seat, plant, true);
+    }
+
+    /// Whether emulated time waits for anybody.
+    #[inline]
+    pub(super) fn have_seats(&self) -> bool {
+        self.present.iter().any(|it| it.has_seat)
+    }
+
+    /// When the first turn of those that have asked for time is due; `u64::MAX` if none is.
+    pub(super) fn next_turn(&self) -> u64 {
+        self.present.iter().map(|it| it.guest.seat().next_turn()).fold(u64::MAX, u64::min)
+    }
+
+    /// Gives a turn to all who are due at `now`.
+    pub(super) fn grant(&mut self, now: u64) {
+        // Each of them, not only the first one.
+        if self.present.iter().filter(|it| it.guest.grant(now)).count() > 0 {
+            self.doors.announce();
+        }
+    }
+
+    /// Whether anybody has a turn that emulated time waits for.
+    pub(super) fn have_turns(&self) -> bool {
+        self.present.iter().any(Present::has_turn)
+    }
+
+    /// Takes the seats away of all who have their turn.
+    pub(super) fn give_up(&mut self, plant: &mut Plant) {
+        for it in self.present.iter_mut().filter(|it| it.has_turn()) {
+            if it.guest.give_up() {
+                it.has_seat = false;
+                plant.note_guest(it.guest.bus, it.guest.number, Attendance::SeatLost);
+                tracing::warn!(
+                    "{}: guest{} has lost its seat in lockstep: it took too long",
+                    it.guest.door,
+                    it.guest.number
+                );
+            }
         }
     }
 
@@ -149,7 +172,73 @@ impl Guests {
     }
 }
 
+/// Learns what those who are meant want.
+fn learn_all(present: &mut [Present], are_meant: fn(&Present) -> bool, plant: &mut Plant) {
+    // Frames first: whoever opened before another one sent is there when that frame enters.
+    for it in present.iter_mut().filter(|it| are_meant(it)) {
+        it.waiting = it.guest.waiting();
+    }
+    present.iter_mut().filter(|it| are_meant(it)).for_each(|it| it.learn(plant));
+}
+
+/// Does what those who are meant wanted at the last look: lets them in and out and what they send into the plant.
+fn bring_in_all(
+    present: &mut [Present],
+    are_meant: fn(&Present) -> bool,
+    plant: &mut Plant,
+    is_stepped: bool,
+) {
+    for it in present.iter_mut().filter(|it| are_meant(it)) {
+        // What somebody said before it left counts.
+        if it.fits && (it.wish.takes_part || it.waiting > 0) && !it.is_in {
+            plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
+            it.is_in = true;
+        }
+    }
+    for it in present.iter_mut().filter(|it| are_meant(it)) {
+        let is_through = it.send(plant);
+        if it.is_in && is_through && (!it.wish.takes_part || !it.fits) {
+            plant.guest_leaves(it.guest.bus, it.guest.number);
+            it.is_in = false;
+        }
+        it.guest.take_request(plant.now());
+        if is_stepped {
+            it.be_seated(plant);
+        }
+    }
+}
+
 impl Present {
+    fn new(guest: Arc<Guest>) -> Self {
+        let wish = guest.wish();
+        Present { guest, wish, waiting: 0, fits: true, is_in: false, has_seat: false, deaf: None }
+    }
+
+    /// Learns what it wants.
+    fn learn(&mut self, plant: &mut Plant) {
+        self.wish = self.guest.wish();
+        let bit_s = plant.media().get(usize::from(self.guest.bus)).map_or(0, |medium| medium.bit_s());
+        self.fits = self.wish.rate.is_none_or(|rate| rate.fits(bit_s));
+        let deaf = self.wish.rate.filter(|_| self.wish.hears && !self.fits).map(|rate| (rate, bit_s));
+        if let Some((rate, _)) = deaf.filter(|_| self.deaf != deaf) {
+            plant.guest_is_deaf(self.guest.bus, self.guest.number, rate.code());
+        }
+        self.deaf = deaf;
+    }
+
+    /// Takes a seat or gives it back, as it has asked for.
+    fn be_seated(&mut self, plant: &mut Plant) {
+        let wants = self.guest.seat() != Seat::Free;
+        if core::mem::replace(&mut self.has_seat, wants) != wants {
+            let news = if wants { Attendance::Seated } else { Attendance::SeatBack };
+            plant.note_guest(self.guest.bus, self.guest.number, news);
+        }
+    }
+
+    fn has_turn(&self) -> bool {
+        self.has_seat && self.guest.seat() == Seat::HasTurn
+    }
+
     fn hears(&self) -> bool {
         self.wish.hears && self.fits
     }
@@ -193,8 +282,7 @@ mod tests {
         let mut guests = Guests::new(&config, || {}).unwrap();
         let [one, other] = [1, 2].map(|number| Guest::of_a_test(0, number));
         for guest in [&one, &other] {
-            let (guest, wish) = (Arc::clone(guest), guest.wish());
-            guests.present.push(Present { guest, wish, waiting: 0, fits: true, is_in: false, deaf: None });
+            guests.present.push(Present::new(Arc::clone(guest)));
         }
         guests.look(&mut plant);
         other.opens();

@@ -26,14 +26,11 @@ impl Host for Emulator {
     }
 
     fn next_event(&self) -> u64 {
-        self.plant.next_event().min(self.lockstep.next_turn())
+        self.plant.next_event().min(self.lockstep.next_turn()).min(self.guests.next_turn())
     }
 
     fn advance_to(&mut self, t: u64) {
-        self.guests.enter(&mut self.plant, true);
-        let stop = &self.stop;
-        self.lockstep.advance(&mut self.plant, t, || stop.load(Ordering::Acquire));
-        self.guests.tell(&self.plant);
+        self.step_to(t);
         self.tell_events();
     }
 

@@ -6,6 +6,7 @@ mod guests;
 mod host;
 mod lockstep;
 mod novram;
+mod turns;
 mod watch;
 
 pub use clock::Clock;

@@ -77,12 +77,13 @@ fn frame() -> impl Strategy<Value = Frame> {
 }
 
 fn buses() -> impl Strategy<Value = Vec<BusState>> {
-    let guest = (any::<(u8, bool, Option<u32>, u64, u64)>(), door()).prop_map(
-        |((guest, open, bit_s, dropped, refused), door)| GuestState {
+    let guest = (any::<(u8, bool, Option<u32>, bool, u64, u64)>(), door()).prop_map(
+        |((guest, open, bit_s, seat, dropped, refused), door)| GuestState {
             guest,
             door,
             open,
             bit_s,
+            seat,
             dropped,
             refused,
         },

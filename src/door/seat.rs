@@ -1,0 +1,130 @@
+//! How a guest stands to emulated time: it is free, or it has a seat in lockstep.
+//!
+//! Who has never asked for a time is free. A request says "I have nothing more to say for so long, or until I hear a frame". From
+//! then on the guest has a seat: with a stepped clock emulated time never passes what it has promised. When the time has
+//! come, or a frame, it has its turn, in which it may send and the clock stands, until it asks again. How all that reads on the
+//! wire is the affair of its door.
+
+/// How a guest stands to emulated time. Times are in microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Seat {
+    /// It has never asked, or has given its seat back: nobody waits for it.
+    #[default]
+    Free,
+    /// It has asked for so long, which has not begun yet.
+    Asks {
+        /// How long.
+        us: u64,
+        /// Whether it has heard a frame since.
+        has_heard: bool,
+    },
+    /// It waits for its turn.
+    Waits {
+        /// When it is due at the latest.
+        until: u64,
+        /// Whether it has heard a frame since it asked, and is due therefore.
+        has_heard: bool,
+    },
+    /// It has its turn.
+    HasTurn,
+}
+
+impl Seat {
+    /// It asks for so long; `false` if it has asked already, or for no time at all: time would stand still for ever.
+    pub(super) fn ask(&mut self, us: u64) -> bool {
+        let may = self.may_speak() && us > 0;
+        if may {
+            *self = Seat::Asks { us, has_heard: false };
+        }
+        may
+    }
+
+    /// What it has asked for begins.
+    pub(super) fn begin(&mut self, now: u64) {
+        if let Seat::Asks { us, has_heard } = *self {
+            *self = Seat::Waits { until: now.saturating_add(us), has_heard };
+        }
+    }
+
+    /// It has heard a frame.
+    pub(super) fn hear(&mut self) {
+        if let Seat::Asks { has_heard, .. } | Seat::Waits { has_heard, .. } = self {
+            *has_heard = true;
+        }
+    }
+
+    /// It has its turn if that is due, and whether it was.
+    pub(super) fn grant(&mut self, now: u64) -> bool {
+        let is_due = self.next_turn() <= now;
+        if is_due {
+            *self = Seat::HasTurn;
+        }
+        is_due
+    }
+
+    /// Nobody waits for it any longer if it has its turn; tells whether it had.
+    pub(super) fn give_up(&mut self) -> bool {
+        let had_turn = *self == Seat::HasTurn;
+        if had_turn {
+            *self = Seat::Free;
+        }
+        had_turn
+    }
+
+    /// When its turn is due; `u64::MAX` if it does not wait for one, and 0 if it is overdue.
+    #[must_use]
+    pub fn next_turn(self) -> u64 {
+        match self {
+            Seat::Waits { has_heard: true, .. } => 0,
+            Seat::Waits { until, .. } => until,
+            _ => u64::MAX,
+        }
+    }
+
+    /// Whether it may send: not between a request and the answer, for it has promised not to.
+    #[must_use]
+    pub fn may_speak(self) -> bool {
+        matches!(self, Seat::Free | Seat::HasTurn)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_comes_when_the_time_has_come() {
+        let mut seat = Seat::default();
+        assert!(seat.may_speak() && !seat.grant(u64::MAX - 1), "who never asks has none");
+        assert!(seat.ask(100) && !seat.may_speak());
+        assert!(!seat.ask(100), "one at a time");
+        seat.begin(1_000);
+        seat.begin(5_000);
+        assert_eq!((seat.next_turn(), seat.grant(1_099), seat.grant(1_100)), (1_100, false, true));
+        assert!(seat == Seat::HasTurn && seat.may_speak() && !seat.grant(2_000));
+        assert!(!seat.ask(0) && seat.ask(u64::MAX));
+        seat.begin(5);
+        assert_eq!((seat.next_turn(), seat.give_up()), (u64::MAX, false));
+        seat = Seat::HasTurn;
+        assert!(seat.give_up() && seat == Seat::Free);
+    }
+
+    #[test]
+    fn a_frame_brings_it_earlier_but_only_one_heard_meanwhile() {
+        let mut seat = Seat::default();
+        seat.hear();
+        seat.ask(100);
+        seat.begin(0);
+        assert!(!seat.grant(99));
+        seat.hear();
+        assert!(seat.grant(99));
+        seat.hear();
+        seat.ask(100);
+        seat.begin(99);
+        assert_eq!(seat.next_turn(), 199);
+        assert!(seat.grant(199) && seat.ask(100));
+        seat.hear();
+        seat.begin(199);
+        assert!(seat.grant(199), "it was before time began to pass, but after the request");
+    }
+}
