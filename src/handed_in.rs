@@ -1,4 +1,4 @@
-//! Text files that people hand in: plants, scenarios, dumps.
+//! Files that people hand in: plants, scenarios, dumps, logs.
 //!
 //! What stands under the name can be anything. A device such as `/dev/zero` never ends and a pipe without a writer never
 //! begins, so neither is waited for; pipes that somebody writes to, as a shell's `<(...)`, are read like files.
@@ -21,16 +21,32 @@ pub const LONGEST_SCRIPT: u64 = 64 << 10;
 /// # Errors
 /// It cannot be read, is neither file nor pipe, is longer than `longest` bytes, or is no UTF-8.
 pub fn read(path: &Path, longest: u64) -> Result<String> {
+    text(read_bytes(path, longest)?)
+}
+
+/// These bytes as text.
+///
+/// # Errors
+/// They are no UTF-8.
+pub fn text(bytes: Vec<u8>) -> Result<String> {
+    String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
+}
+
+/// What is in a file or pipe.
+///
+/// # Errors
+/// It cannot be read, is neither file nor pipe, or is longer than `longest` bytes.
+pub fn read_bytes(path: &Path, longest: u64) -> Result<Vec<u8>> {
     let file = open(path)?;
-    let mut text = String::new();
-    file.take(longest + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > longest {
+    let mut bytes = Vec::new();
+    file.take(longest + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > longest {
         return Err(Error::new(
             ErrorKind::FileTooLarge,
             format!("more than {longest} bytes, there is no such text"),
         ));
     }
-    Ok(text)
+    Ok(bytes)
 }
 
 fn open(path: &Path) -> Result<File> {

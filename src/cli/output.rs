@@ -8,8 +8,16 @@ use std::io::{self, Write};
 /// # Errors
 /// [`CliError::BrokenPipe`] if nobody reads it any more, [`CliError::Output`] for all else.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
+    write(text.as_bytes())
+}
+
+/// Writes `bytes` to the standard output and flushes it.
+///
+/// # Errors
+/// As [`print`].
+pub(crate) fn write(bytes: &[u8]) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|reason| match reason.kind() {
+    out.write_all(bytes).and_then(|()| out.flush()).map_err(|reason| match reason.kind() {
         io::ErrorKind::BrokenPipe => CliError::BrokenPipe,
         _ => CliError::Output { reason },
     })

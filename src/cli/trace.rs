@@ -16,7 +16,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 /// All times are emulated time since power-on. The emulator keeps the last 65536 records each of frames, of SYNC
 /// edges and register traffic, of missed deadlines, and of everything else. Events that repeat at equal distances
 /// are one record with their number and distance; frames are all there. Where records are lost the output says
-/// how many; candump has no place for it, there it is said on the standard error output.
+/// how many; candump and pcapng have no place for it, there it is said on the standard error output.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -26,6 +26,7 @@ Examples:
   commram trace --since 1.5s --plc line --format jsonl | jq 'select(.latency_us > 1000)'
   commram trace --bus drives --format candump >drives.log    # wireshark drives.log
   commram trace --bus drives --format candump | log2asc drives
+  commram trace --format pcapng | wireshark -k -i -
 
 --follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more.
 What happens in the last 50 ms of the emulator may be missing. docs/journal.md describes the formats.")]
@@ -74,13 +75,15 @@ enum FormatArg {
     Jsonl,
     /// The log format of can-utils (`candump -L`), which Wireshark reads too; only frames
     Candump,
+    /// The log format of Wireshark, with one interface for each bus; only frames
+    Pcapng,
 }
 
 /// The wanted kinds that the format has lines for.
 fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
     match args.format {
         FormatArg::Text | FormatArg::Jsonl => Ok(args.kind.clone()),
-        FormatArg::Candump => {
+        FormatArg::Candump | FormatArg::Pcapng => {
             let frames = |kind: &&Kind| kind.ring() == Ring::Traffic;
             let wanted = |kind: &&Kind| args.kind.is_empty() || args.kind.contains(kind);
             let kinds: Vec<_> =
@@ -89,7 +92,9 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
                 return Ok(kinds);
             }
             let right = "there are only frames in this format; take text or jsonl for all else".to_owned();
-            Err(CliError::Argument { text: "--format candump".to_owned(), right })
+            let format =
+                args.format.to_possible_value().map_or_else(String::new, |it| it.get_name().to_owned());
+            Err(CliError::Argument { text: format!("--format {format}"), right })
         }
     }
 }
@@ -99,8 +104,13 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::{InstanceInfo, Op};
+    use std::io::IsTerminal;
 
     let kinds = kinds(args)?;
+    if args.format == FormatArg::Pcapng && std::io::stdout().is_terminal() {
+        let right = "it is no text; send it into a file or a program, as by `>open.pcapng`".to_owned();
+        return Err(CliError::Argument { text: "--format pcapng".to_owned(), right });
+    }
     let session = Session::open(&args.instance.name, 0)?;
     let InstanceInfo { name: instance, names, .. } = session.ask(Op::Info)?.info()?;
     let number = |names: &[String], name: &String| names.iter().position(|other| other == name);

@@ -1,7 +1,7 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
 use super::{BuildError, Context, Device, GuestRefusal};
-use crate::can::{ErrorCounters, Frame};
+use crate::can::{ErrorCounters, ErrorState, Frame};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
@@ -119,6 +119,12 @@ pub trait Medium: Any + Send {
     /// It does so no longer. What it has given to its controller is still sent.
     fn guest_leaves(&mut self, guest: u8, now: u64) {
         let _ = (guest, now);
+    }
+
+    /// The error state of a guest's controller, where there is such a thing.
+    fn guest_errors(&self, guest: u8) -> ErrorState {
+        let _ = guest;
+        ErrorState::Active
     }
 
     /// A guest that takes part sends a frame.

@@ -1,9 +1,9 @@
 //! A guest: what it wants of the plant and what it is to hear, between the two threads that deal with it.
 
 use super::seat::Seat;
-use super::slcan::{Adapter, Rate};
+use super::slcan::{Adapter, Rate, Status};
 use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
-use crate::can::Frame;
+use crate::can::{ErrorState, Frame};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -32,6 +32,7 @@ struct Inner {
     dropped: u64,
     refused: u64,
     overrun: bool,
+    errors: ErrorState,
 }
 
 /// What a guest is told. Times are emulated, in microseconds.
@@ -136,6 +137,11 @@ impl Guest {
         }
     }
 
+    /// Lets it know, if it asks, how its controller stands with the bus.
+    pub fn note_errors(&self, state: ErrorState) {
+        self.inner().errors = state;
+    }
+
     /// What there is to know of it.
     #[must_use]
     pub fn state(&self) -> GuestState {
@@ -229,8 +235,9 @@ impl Adapter for &Guest {
         inner.open.is_some() && inner.seat.ask(us)
     }
 
-    fn take_overrun(&mut self) -> bool {
-        core::mem::take(&mut self.inner().overrun)
+    fn take_status(&mut self) -> Status {
+        let mut inner = self.inner();
+        Status { has_missed: core::mem::take(&mut inner.overrun), errors: inner.errors }
     }
 }
 

@@ -7,7 +7,7 @@
 //!
 //! One line is our own, with a letter that no adapter has: `KN` asks for emulated time, N microseconds in hexadecimal digits.
 
-use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
+use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
 
 /// What stands for yes, and ends lines.
@@ -80,8 +80,31 @@ pub(super) trait Adapter {
     /// `false` if it does not listen, or waits for one already.
     fn ask(&mut self, us: u64) -> bool;
 
-    /// To know whether it has missed frames since it last asked.
-    fn take_overrun(&mut self) -> bool;
+    /// To know how it stands.
+    fn take_status(&mut self) -> Status;
+}
+
+/// What `F` asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Status {
+    /// Whether it has missed frames since it last asked.
+    pub(super) has_missed: bool,
+    /// How its controller stands with the bus.
+    pub(super) errors: ErrorState,
+}
+
+impl Status {
+    /// As the bits of the adapters that the protocol was made for: 2 error warning, 3 overrun, 5 error-passive; 7, their bus
+    /// error, is BUS-off (decision D-287).
+    fn code(self) -> u8 {
+        let errors = match self.errors {
+            ErrorState::Active => 0,
+            ErrorState::Warning => 0x04,
+            ErrorState::Passive => 0x24,
+            ErrorState::BusOff => 0xA4,
+        };
+        errors | if self.has_missed { 0x08 } else { 0 }
+    }
 }
 
 /// A guest's end of the protocol.
@@ -155,7 +178,7 @@ impl Session {
                 true
             }
             (b'F', []) => {
-                answer.extend_from_slice(if adapter.take_overrun() { b"F08" } else { b"F00" });
+                answer.extend_from_slice(format!("F{:02X}", adapter.take_status().code()).as_bytes());
                 true
             }
             // Answered when the time has come.
@@ -242,7 +265,7 @@ mod tests {
         open: Option<bool>,
         sent: Vec<Frame>,
         asked: Vec<u64>,
-        overrun: bool,
+        status: Status,
     }
 
     impl Adapter for Noted {
@@ -275,8 +298,10 @@ mod tests {
             us > 0
         }
 
-        fn take_overrun(&mut self) -> bool {
-            core::mem::take(&mut self.overrun)
+        fn take_status(&mut self) -> Status {
+            let status = self.status;
+            self.status.has_missed = false;
+            status
         }
     }
 
@@ -354,9 +379,16 @@ mod tests {
 
     #[test]
     fn what_python_can_asks() {
-        let (mut session, mut noted) = (Session::default(), Noted { overrun: true, ..Noted::default() });
+        let (mut session, mut noted) = (Session::default(), Noted::default());
+        noted.status.has_missed = true;
         assert_eq!(hear(&mut session, &mut noted, "V\rN\r"), "V0101\rNCRAM\r");
         assert_eq!(hear(&mut session, &mut noted, "F\rF\r"), "F08\rF00\r");
+        for (errors, answer) in
+            [(ErrorState::Warning, "F04\r"), (ErrorState::Passive, "F24\r"), (ErrorState::BusOff, "FA4\r")]
+        {
+            noted.status = Status { has_missed: false, errors };
+            assert_eq!(hear(&mut session, &mut noted, "F\r"), answer);
+        }
         assert_eq!(hear(&mut session, &mut noted, "t1230\r"), "\x07", "it does not take part");
         assert_eq!(hear(&mut session, &mut noted, "L\rt1230\rS5\rC\rs031C\r"), "\r\x07\x07\r\r");
         assert_eq!((noted.rate, noted.open), (None, None));

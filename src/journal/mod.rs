@@ -15,7 +15,7 @@
 //! any device, in the families of devices what only they know. Each kind is a structure that [`Told`] reads; the
 //! [`Catalogue`] is the sum of them all.
 //!
-//! [`text`], [`jsonl`] and [`candump`] write records for people and programs; `docs/journal.md` describes the formats.
+//! [`text`], [`jsonl`], [`candump`] and [`pcapng`] write records for people and programs; `docs/journal.md` describes the formats.
 
 pub mod candump;
 mod catalogue;
@@ -28,6 +28,7 @@ mod fingerprint;
 pub mod jsonl;
 mod kind;
 mod names;
+pub mod pcapng;
 mod printer;
 mod reader;
 mod record;
@@ -74,16 +75,21 @@ pub static KINDS: &[&Kind] = &[
     Found::KIND,
 ];
 
-/// Writes records one after the other in some format.
-pub trait Format {
+/// Writes records one after the other in some format: text, or bytes.
+pub trait Format<Out = String> {
+    /// Appends what stands in front of all records.
+    fn begin(&self, out: &mut Out) {
+        let _ = out;
+    }
+
     /// Appends the lines of a record to `out`, if the format has any for it.
-    fn record(&mut self, record: &Record, out: &mut String);
+    fn record(&mut self, record: &Record, out: &mut Out);
 
     /// Takes note of a record without writing it: what it tells about the state counts for those behind it.
     fn skip(&mut self, record: &Record);
 
     /// Appends that `lost` records are missing here, if the format can say so; returns whether it can.
-    fn gap(&mut self, lost: u64, out: &mut String) -> bool;
+    fn gap(&mut self, lost: u64, out: &mut Out) -> bool;
 }
 
 /// Bounded record of a run.

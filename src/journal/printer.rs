@@ -36,8 +36,8 @@ impl Selection {
 /// Records are missing where their numbers jump. That is told only if wanted ones may be among them: every ring
 /// forgets its oldest records only, so behind a record of a ring none of its kinds is missing in the same part
 /// of the journal.
-pub struct Printer {
-    format: Box<dyn Format>,
+pub struct Printer<Out = String> {
+    format: Box<dyn Format<Out>>,
     selection: Selection,
     /// Number of the record to come.
     next: u64,
@@ -47,10 +47,15 @@ pub struct Printer {
     forgetful: [bool; RINGS],
 }
 
-impl Printer {
+impl<Out> Printer<Out> {
     /// A printer that begins with record number `from`.
-    pub fn new(format: Box<dyn Format>, selection: Selection, from: u64) -> Self {
+    pub fn new(format: Box<dyn Format<Out>>, selection: Selection, from: u64) -> Self {
         Printer { format, selection, next: from, lost: 0, forgetful: [true; RINGS] }
+    }
+
+    /// Appends what stands in front of all records.
+    pub fn begin(&self, out: &mut Out) {
+        self.format.begin(out);
     }
 
     /// The records to come are a part of the journal, read at one moment.
@@ -70,7 +75,7 @@ impl Printer {
     ///
     /// Records that have no number yet are printed as well. Whoever reads on should not print them, they
     /// come again with their number.
-    pub fn print(&mut self, record: &Record, out: &mut String) -> u64 {
+    pub fn print(&mut self, record: &Record, out: &mut Out) -> u64 {
         if !record.is_pending() {
             if self.forgetful.contains(&true) {
                 self.lost += record.seq.saturating_sub(self.next);

@@ -148,10 +148,16 @@ impl Guests {
         }
     }
 
-    /// Tells guests of the frames that have arrived since the last call, but for their own.
+    /// Tells guests of the frames that have arrived since the last call, but for their own, and how they stand with their bus.
     pub(super) fn tell(&mut self, plant: &Plant) {
         if !self.present.iter().any(Present::hears) {
             return;
+        }
+        for it in self.present.iter().filter(|it| it.is_in) {
+            let medium = plant.media().get(usize::from(it.guest.bus));
+            it.guest.note_errors(
+                medium.map_or_else(Default::default, |medium| medium.guest_errors(it.guest.number)),
+            );
         }
         let journal = plant.journal();
         let mut is_news = false;

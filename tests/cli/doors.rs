@@ -405,6 +405,7 @@ fn who_is_alone_is_passive_until_somebody_hears_it() {
     });
     assert_eq!(station(), passive);
     assert!(emulator.run("bus", &["list"]).ok().contains("guest1 (error_passive, 128+0)"));
+    assert_eq!(one.ask("F"), "F24\r");
     let mut other = Guest::open(port);
     emulator.step(&["100ms"]);
     assert_eq!(other.hear(), "t1230\r");
@@ -412,6 +413,7 @@ fn who_is_alone_is_passive_until_somebody_hears_it() {
         (station()["state"].as_str(), station()["transmit_errors"].as_u64()),
         (Some("error_warning"), Some(127))
     );
+    assert_eq!(one.ask("F"), "F04\r");
     let log = emulator.run("trace", &[]);
     let told = "16#123 from guest1 is acknowledged by nobody";
     assert!(
@@ -559,6 +561,19 @@ fn a_log_is_played_and_compared() {
                 exact.out
             );
         }
+        let pcapng = directory.path().join("open.pcapng");
+        let mut trace = emulator.command("trace", &["--format", "pcapng"]);
+        assert!(trace.stdout(File::create(&pcapng).unwrap()).status().unwrap().success());
+        let pcapng = pcapng.to_str().unwrap();
+        assert_eq!(
+            emulator.run("bus", &["compare", pcapng, "--tolerance", "0s"]).ok(),
+            "3 frames, no difference\n"
+        );
+        let again = start(OPEN, &["--clock", "stepped"]);
+        let mut hears = Guest::open(self::port(&again));
+        assert!(again.run("bus", &["play", pcapng]).ok().starts_with("3 frames in "));
+        again.step(&["5ms"]);
+        assert_eq!([hears.hear(), hears.hear(), hears.hear()], ["t1231AA\r", "R1FFF00018\r", "t1240\r"]);
         write(&log.replace("123#AA", "123#AB"));
         let other = compare(tolerance);
         let kinds: Vec<_> = other.out.lines().map(|line| line.split(' ').next().unwrap()).collect();

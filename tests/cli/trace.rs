@@ -304,6 +304,45 @@ fn wireshark_reads_the_candump_format() {
 }
 
 #[test]
+fn wireshark_reads_the_pcapng_format_and_writes_it_back() {
+    if !is_there("tshark", "tshark") {
+        return;
+    }
+    let emulator = in_operation();
+    let (_, frames) = candump_file(&emulator);
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let (ours, theirs) = (path("ours.pcapng"), path("theirs.pcapng"));
+    let mut command = emulator.command("trace", &["--format", "pcapng"]);
+    assert!(command.stdout(fs::File::create(&ours).unwrap()).status().unwrap().success());
+    let fields = [
+        "-T",
+        "fields",
+        "-e",
+        "frame.time_epoch",
+        "-e",
+        "frame.interface_name",
+        "-e",
+        "can.id",
+        "-e",
+        "data.data",
+    ];
+    let text = output_of(Command::new("tshark").args(["-r", &ours]).args(fields));
+    let read = text.lines().map(|line| {
+        let words: Vec<_> = line.split('\t').collect();
+        assert_eq!(words[1], "drives");
+        (words[2].parse().unwrap(), words[3].to_uppercase())
+    });
+    assert_eq!(read.collect::<Vec<_>>(), frames);
+    assert!(text.starts_with("0.004634000\t"), "emulated time");
+    output_of(Command::new("tshark").args(["-r", &ours, "-w", &theirs]));
+    let compared = emulator.run("bus", &["compare", &theirs, "--tolerance", "0s"]);
+    assert_eq!(compared.ok(), format!("{} frames, no difference\n", frames.len()));
+    let none = emulator.run("trace", &["--format", "pcapng", "--kind", "state"]);
+    assert!(none.fails(2).contains("--format pcapng"), "{}", none.err);
+}
+
+#[test]
 fn following_frames_can_be_piped_into_the_tools() {
     let emulator = with_frames("10ms");
     let follower = follow(&emulator, &["--format", "candump", "--last", "0"]);

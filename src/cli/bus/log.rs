@@ -4,17 +4,19 @@ use super::super::error::CliError;
 use super::super::{Instance, time};
 use crate::handed_in;
 use crate::journal::candump::{self, Logged};
+use crate::journal::pcapng;
 use std::path::{Path, PathBuf};
 
 /// Send the frames of a log into buses, with the distances in time that they have there.
 ///
-/// LOG is what `candump -L` and `commram trace --format candump` write. The first frame is sent at once. With the stepped clock
+/// LOG is what `candump -L` and `commram trace --format candump` or `pcapng` write, or Wireshark. The first frame is sent at once. With the stepped clock
 /// the command lets the time pass from one frame to the next, with the real-time clock it waits for it. What is on a bus
 /// besides takes part in the arbitration. An interface of the log is the bus of its name, or the only bus there is.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram bus play open.log
+  commram bus play open.pcapng
   commram bus play can0.log --bus open")]
 pub(super) struct Play {
     /// The log
@@ -55,7 +57,14 @@ pub(super) struct Compare {
 /// The frames of a log.
 fn read(path: &Path) -> Result<Vec<Logged>, CliError> {
     let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
-    let text = handed_in::read(path, handed_in::LONGEST).map_err(|reason| wrong(reason.to_string()))?;
+    let bytes =
+        handed_in::read_bytes(path, handed_in::LONGEST).map_err(|reason| wrong(reason.to_string()))?;
+    if pcapng::is_one(&bytes) {
+        return pcapng::read(&bytes).map_err(|error| wrong(error.to_string()));
+    }
+    let text = handed_in::text(bytes).map_err(|_| {
+        wrong("it is neither a log of candump nor one in pcapng (Wireshark writes the latter)".to_owned())
+    })?;
     candump::read(&text).map_err(|error| wrong(error.to_string()))
 }
 

@@ -9,6 +9,7 @@ use crate::cli::time;
 use crate::devices;
 use crate::journal::candump::Candump;
 use crate::journal::jsonl::Jsonl;
+use crate::journal::pcapng::Pcapng;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Printer, Record, Selection};
 use crate::request::{MAX_RECORDS, Op, WrongReply};
@@ -21,17 +22,31 @@ pub(crate) fn print(
     selection: Selection,
     names: Names,
 ) -> Result<(), CliError> {
-    let format: Box<dyn Format> = match args.format {
+    let text: Box<dyn Format> = match args.format {
         FormatArg::Text => Box::new(Text::new(names, devices::catalogue())),
         FormatArg::Jsonl => Box::new(Jsonl::new(names, devices::catalogue())),
         FormatArg::Candump => Box::new(Candump::new(&names)),
+        FormatArg::Pcapng => {
+            return print_as::<Vec<u8>>(args, session, selection, Box::new(Pcapng::new(&names)));
+        }
     };
+    print_as(args, session, selection, text)
+}
+
+/// Prints in this format: text, or bytes.
+fn print_as<T: Default + AsRef<[u8]>>(
+    args: &Args,
+    session: &Session,
+    selection: Selection,
+    format: Box<dyn Format<T>>,
+) -> Result<(), CliError> {
     let mut trace = Trace {
         session,
         printer: Printer::new(format, selection, args.from),
         out: Out { lines: VecDeque::new(), keep: args.last },
         counting: Vec::new(),
     };
+    trace.begin()?;
     if !args.follow {
         trace.read()?;
         return trace.end();
@@ -51,15 +66,22 @@ pub(crate) fn print(
     }
 }
 
-struct Trace<'a> {
+struct Trace<'a, T> {
     session: &'a Session,
-    printer: Printer,
-    out: Out,
+    printer: Printer<T>,
+    out: Out<T>,
     /// What was still being counted at the last look.
     counting: Vec<Record>,
 }
 
-impl Trace<'_> {
+impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
+    /// Prints what stands in front of all records.
+    fn begin(&self) -> Result<(), CliError> {
+        let mut head = T::default();
+        self.printer.begin(&mut head);
+        if head.as_ref().is_empty() { Ok(()) } else { output::write(head.as_ref()) }
+    }
+
     /// Reads up to the end of the journal and prints it.
     fn read(&mut self) -> Result<(), CliError> {
         loop {
@@ -88,7 +110,7 @@ impl Trace<'_> {
     }
 
     fn print(&mut self, record: &Record) {
-        let mut line = String::new();
+        let mut line = T::default();
         let untold = self.printer.print(record, &mut line);
         if untold > 0 {
             output::note(&format!("{untold} records lost before {}", time::seconds(record.time_us)));
@@ -106,16 +128,16 @@ impl Trace<'_> {
 }
 
 /// Lines to be printed.
-struct Out {
-    lines: VecDeque<String>,
+struct Out<T> {
+    lines: VecDeque<T>,
     /// So many of the last ones are wanted.
     keep: Option<usize>,
 }
 
-impl Out {
-    fn push(&mut self, line: String) {
+impl<T: AsRef<[u8]>> Out<T> {
+    fn push(&mut self, line: T) {
         // A record that the format has no line for.
-        if line.is_empty() {
+        if line.as_ref().is_empty() {
             return;
         }
         self.lines.push_back(line);
@@ -134,7 +156,8 @@ impl Out {
         if self.lines.is_empty() {
             return Ok(());
         }
-        let text: String = self.lines.drain(..).collect();
-        output::print(&text)
+        let mut bytes = Vec::new();
+        self.lines.drain(..).for_each(|line| bytes.extend_from_slice(line.as_ref()));
+        output::write(&bytes)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::end::End;
 use super::{CanBus, CanPort, Controller};
-use crate::can::Frame;
+use crate::can::{ErrorState, Frame};
 use crate::devices::{Context, GuestRefusal};
 
 /// Nobody's firmware: a guest is told by who brings it in.
@@ -35,6 +35,12 @@ impl CanBus {
         self.settle(place, now * 1000);
         self.plan(now);
         !was_in || was_leaving
+    }
+
+    /// How guest number `guest` stands with the bus.
+    pub(super) fn errors_of_guest(&self, guest: u8) -> ErrorState {
+        let errors = self.place_of(guest).map(|place| self.stations.all()[place].controller.errors());
+        errors.unwrap_or_default().state()
     }
 
     /// Guest number `guest` leaves, as soon as what it has given to its controller is sent.

@@ -11,7 +11,7 @@ use super::end::End;
 use super::port::CanSocket;
 use super::stations::Stations;
 use crate::can;
-use crate::can::Frame;
+use crate::can::{ErrorState, Frame};
 use crate::devices::can_faults;
 use crate::devices::{BuildError, GuestRefusal, Medium, StationState, SyncSignal, World};
 use crate::fault::{Effect, Hit, Target};
@@ -155,6 +155,10 @@ impl Medium for CanBus {
 
     fn guest_leaves(&mut self, guest: u8, now: u64) {
         self.see_off(guest, now);
+    }
+
+    fn guest_errors(&self, guest: u8) -> ErrorState {
+        self.errors_of_guest(guest)
     }
 
     fn guest_sends(

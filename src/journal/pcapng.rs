@@ -1,0 +1,36 @@
+//! Logs in pcapng, which Wireshark and its tools read and write. Only frames; times are emulated time since power-on. Each bus is
+//! an interface of the link type CAN_SOCKETCAN.
+//!
+//! Blocks of three kinds are all there is to it: section, interface, packet.
+
+mod read;
+mod write;
+
+pub use read::{BadLog, is_one, read};
+pub use write::Pcapng;
+
+/// Block types.
+const SECTION: u32 = 0x0A0D_0D0A;
+const INTERFACE: u32 = 1;
+const PACKET: u32 = 6;
+/// Kinds of packets that older programs wrote; the second one has no time.
+const OLD_PACKET: u32 = 2;
+const TIMELESS_PACKET: u32 = 3;
+
+/// Tells the order of bytes in a section.
+const BYTE_ORDER: u32 = 0x1A2B_3C4D;
+/// LINKTYPE_CAN_SOCKETCAN.
+const SOCKETCAN: u16 = 227;
+
+/// Options of an interface: its name, the unit of its times, and what to add to them in seconds.
+const NAME: u16 = 2;
+const RESOLUTION: u16 = 9;
+const OFFSET: u16 = 14;
+
+/// Bits of an identifier as SocketCAN has it, which is big-endian on this link type.
+const EXTENDED: u32 = 1 << 31;
+const REMOTE: u32 = 1 << 30;
+const ERROR: u32 = 1 << 29;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,199 @@
+//! Reading.
+
+use super::{
+    BYTE_ORDER, ERROR, EXTENDED, INTERFACE, NAME, OFFSET, OLD_PACKET, PACKET, REMOTE, RESOLUTION, SECTION,
+    SOCKETCAN, TIMELESS_PACKET,
+};
+use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
+use crate::journal::candump::Logged;
+
+/// A part of a log that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("byte {at}: {right}")]
+pub struct BadLog {
+    /// Where its block begins.
+    pub at: usize,
+    /// What would be right.
+    pub right: String,
+}
+
+/// Interfaces that a section may have: more than programs open at once.
+const MOST_INTERFACES: usize = 1024;
+
+/// Whether these are the first bytes of such a log.
+pub fn is_one(log: &[u8]) -> bool {
+    log.starts_with(&SECTION.to_be_bytes())
+}
+
+/// Reads the frames of a log. Blocks of other kinds, as names and statistics, are passed over.
+///
+/// # Errors
+/// [`BadLog`]: it is cut off or no pcapng, its packets are not of CAN, or frames that Classical CAN does not have.
+pub fn read(log: &[u8]) -> Result<Vec<Logged>, BadLog> {
+    let (mut frames, mut at) = (Vec::new(), 0);
+    let mut section = Section { is_big: false, interfaces: Vec::new() };
+    while at < log.len() {
+        let bad = |right: String| BadLog { at, right };
+        let rest = &log[at..];
+        if is_one(rest) {
+            section =
+                Section::new(rest).ok_or_else(|| bad("no section of a pcapng log begins here".into()))?;
+        } else if at == 0 {
+            return Err(bad("no section of a pcapng log begins here".into()));
+        }
+        let (kind, body, length) =
+            section.block(rest).ok_or_else(|| bad("the block is cut off, or its length is wrong".into()))?;
+        if let Some(frame) = section.take(kind, body).map_err(bad)? {
+            frames.push(frame);
+        }
+        at += length;
+    }
+    Ok(frames)
+}
+
+/// What holds until the next section begins.
+struct Section {
+    is_big: bool,
+    interfaces: Vec<Interface>,
+}
+
+struct Interface {
+    link: u16,
+    name: Option<String>,
+    /// As the option has it: a negative power of ten, or with its highest bit of two.
+    resolution: u8,
+    offset_s: i64,
+}
+
+impl Section {
+    fn new(block: &[u8]) -> Option<Self> {
+        let order: [u8; 4] = block.get(8..12)?.try_into().ok()?;
+        let is_big = match order {
+            _ if order == BYTE_ORDER.to_le_bytes() => false,
+            _ if order == BYTE_ORDER.to_be_bytes() => true,
+            _ => return None,
+        };
+        let section = Section { is_big, interfaces: Vec::new() };
+        (section.half(block, 12)? == 1).then_some(section)
+    }
+
+    fn half(&self, bytes: &[u8], at: usize) -> Option<u16> {
+        let bytes = bytes.get(at..at + 2)?.try_into().ok()?;
+        Some(if self.is_big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+    }
+
+    fn word(&self, bytes: &[u8], at: usize) -> Option<u32> {
+        let bytes = bytes.get(at..at + 4)?.try_into().ok()?;
+        Some(if self.is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+    }
+
+    /// Type, content and length of the first block.
+    fn block<'a>(&self, rest: &'a [u8]) -> Option<(u32, &'a [u8], usize)> {
+        let (kind, length) = (self.word(rest, 0)?, self.word(rest, 4)? as usize);
+        let block = rest.get(..length).filter(|_| length >= 12 && length.is_multiple_of(4))?;
+        let is_closed = self.word(block, length - 4)? as usize == length;
+        is_closed.then(|| (kind, &block[8..length - 4], length))
+    }
+
+    /// What a block means: a frame, or something to be noted.
+    fn take(&mut self, kind: u32, body: &[u8]) -> Result<Option<Logged>, String> {
+        match kind {
+            INTERFACE if self.interfaces.len() == MOST_INTERFACES => {
+                Err(format!("more than {MOST_INTERFACES} interfaces"))
+            }
+            INTERFACE => {
+                let interface = self.interface(body).ok_or("this is no interface")?;
+                self.interfaces.push(interface);
+                Ok(None)
+            }
+            PACKET => self.packet(body).map(Some),
+            OLD_PACKET | TIMELESS_PACKET => {
+                Err("a packet of an old kind; Wireshark and its `editcap` write the log anew".to_owned())
+            }
+            _ => Ok(None),
+        }
+    }
+
+    fn interface(&self, body: &[u8]) -> Option<Interface> {
+        let mut interface = Interface { link: self.half(body, 0)?, name: None, resolution: 6, offset_s: 0 };
+        let mut options = body.get(8..)?;
+        while let (Some(code), Some(length)) = (self.half(options, 0), self.half(options, 2)) {
+            let value = options.get(4..4 + usize::from(length))?;
+            match code {
+                0 => break,
+                NAME => interface.name = Some(String::from_utf8_lossy(value).into_owned()),
+                RESOLUTION => interface.resolution = *value.first()?,
+                OFFSET => {
+                    let words = (self.word(value, 0)?, self.word(value, 4)?);
+                    let (high, low) = if self.is_big { words } else { (words.1, words.0) };
+                    interface.offset_s = (u64::from(high) << 32 | u64::from(low)) as i64;
+                }
+                _ => {}
+            }
+            options = options.get(4 + usize::from(length).next_multiple_of(4)..).unwrap_or_default();
+        }
+        Some(interface)
+    }
+
+    fn packet(&self, body: &[u8]) -> Result<Logged, String> {
+        const CUT_OFF: &str = "the packet is cut off";
+        let word = |at| self.word(body, at).ok_or(CUT_OFF);
+        let number = word(0)? as usize;
+        let interface =
+            self.interfaces.get(number).ok_or("a packet of an interface that was not named before")?;
+        let name = interface.name.clone().unwrap_or_else(|| format!("can{number}"));
+        if interface.link != SOCKETCAN {
+            let link = interface.link;
+            return Err(format!(
+                "interface '{name}' has link type {link}; those of CAN have {SOCKETCAN} (SocketCAN)"
+            ));
+        }
+        let ticks = u64::from(word(4)?) << 32 | u64::from(word(8)?);
+        let time_us = interface.time_us(ticks).ok_or("there is no such time")?;
+        let data = body.get(20..).and_then(|rest| rest.get(..word(12).ok()? as usize)).ok_or(CUT_OFF)?;
+        Ok(Logged { time_us, interface: name, frame: frame(data)? })
+    }
+}
+
+impl Interface {
+    /// A time in microseconds, if it is one.
+    fn time_us(&self, ticks: u64) -> Option<u64> {
+        let millions = u128::from(ticks) * 1_000_000;
+        let power = u32::from(self.resolution & 0x7F);
+        let us = if self.resolution & 0x80 != 0 {
+            millions >> power
+        } else {
+            millions / 10_u128.checked_pow(power)?
+        };
+        u64::try_from(i128::try_from(us).ok()? + i128::from(self.offset_s) * 1_000_000).ok()
+    }
+}
+
+/// A frame as SocketCAN has it.
+fn frame(packet: &[u8]) -> Result<Frame, &'static str> {
+    /// What the link type calls a frame of CAN FD.
+    const FD: u8 = 4;
+    let cut_off = "a frame has eight bytes in front of its data";
+    let (head, data) = packet.split_first_chunk::<8>().ok_or(cut_off)?;
+    let [a, b, c, d, length, flags, ..] = *head;
+    if flags & FD != 0 || length > 8 {
+        return Err("a frame of CAN FD; there are none on these buses");
+    }
+    let word = u32::from_be_bytes([a, b, c, d]);
+    if word & ERROR != 0 {
+        return Err("an error message of SocketCAN, which is no frame; filter them out (`!can.flags.err`)");
+    }
+    let (raw, length) = (word & !(EXTENDED | REMOTE), usize::from(length));
+    let id = if word & EXTENDED != 0 {
+        ExtendedId::new(raw).map(Id::Extended)
+    } else {
+        u16::try_from(raw).ok().and_then(StandardId::new).map(Id::Standard)
+    };
+    let id = id.ok_or("identifiers go up to 7FF, or extended up to 1FFFFFFF")?;
+    let frame = if word & REMOTE != 0 {
+        Frame::remote(id, length)
+    } else {
+        data.get(..length).and_then(Payload::new).map(|payload| Frame::new(id, payload))
+    };
+    frame.ok_or("the frame has less data than it says")
+}

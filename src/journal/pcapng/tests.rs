@@ -1,0 +1,141 @@
+use super::*;
+use crate::can::{ExtendedId, Frame, Payload, StandardId};
+use crate::journal::candump::{Logged, Shown};
+use crate::journal::{Format, Names};
+use proptest::prelude::*;
+
+/// A block in the order of bytes asked for.
+fn block(kind: u32, body: &[u8], is_big: bool, out: &mut Vec<u8>) {
+    let word = |value: u32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
+    let length = word(body.len() as u32 + 12);
+    [word(kind), length].iter().for_each(|bytes| out.extend(bytes));
+    out.extend(body);
+    out.extend(length);
+}
+
+/// Codes and values.
+type Options<'a> = &'a [(u16, &'a [u8])];
+
+/// A log with one interface of these options and one packet.
+fn log(is_big: bool, link: u16, options: Options, ticks: u64, packet: &[u8]) -> Vec<u8> {
+    let half = |value: u16| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
+    let word = |value: u32| if is_big { value.to_be_bytes() } else { value.to_le_bytes() };
+    let mut out = Vec::new();
+    let section = [&word(BYTE_ORDER)[..], &half(1), &half(0), &[0xFF; 8]].concat();
+    block(SECTION, &section, is_big, &mut out);
+    let mut interface = [&half(link)[..], &[0; 6]].concat();
+    for (code, value) in options {
+        interface.extend([half(*code), half(value.len() as u16)].concat());
+        interface.extend(*value);
+        interface.resize(interface.len().next_multiple_of(4), 0);
+    }
+    block(INTERFACE, &interface, is_big, &mut out);
+    // Statistics, which are passed over.
+    block(5, &[0; 12], is_big, &mut out);
+    let words = [0, (ticks >> 32) as u32, ticks as u32, packet.len() as u32, packet.len() as u32];
+    let mut body = words.map(word).concat();
+    body.extend(packet);
+    body.resize(body.len().next_multiple_of(4), 0);
+    block(PACKET, &body, is_big, &mut out);
+    out
+}
+
+fn shown(logged: &Logged) -> String {
+    format!("{} {} {}", logged.time_us, logged.interface, Shown(&logged.frame))
+}
+
+const FRAME: [u8; 10] = [0, 0, 1, 0x23, 2, 0, 0, 0, 0xBE, 0xEF];
+
+#[test]
+fn times_of_all_resolutions_and_orders() {
+    let cases: [(bool, Options, u64, &str); 5] = [
+        (false, &[], 1_234_567, "1234567 can0 123#BEEF"),
+        (true, &[(NAME, b"open"), (RESOLUTION, &[9])], 1_234_567_999, "1234567 open 123#BEEF"),
+        (false, &[(NAME, b"x"), (RESOLUTION, &[0x80 | 10])], 1024 + 512, "1500000 x 123#BEEF"),
+        (false, &[(OFFSET, &10_i64.to_le_bytes())], 5, "10000005 can0 123#BEEF"),
+        (true, &[(OFFSET, &(-1_i64).to_be_bytes()), (0, &[])], 1_000_005, "5 can0 123#BEEF"),
+    ];
+    for (is_big, options, ticks, wanted) in cases {
+        let frames = read(&log(is_big, SOCKETCAN, options, ticks, &FRAME)).unwrap();
+        assert_eq!(frames.iter().map(shown).collect::<Vec<_>>(), [wanted]);
+    }
+}
+
+#[test]
+fn what_is_no_frame_of_ours_is_refused() {
+    let refused = |link, options: Options, packet: &[u8]| {
+        read(&log(false, link, options, 0, packet)).unwrap_err().to_string()
+    };
+    for (packet, text) in [
+        (&[0, 0, 1, 0x23, 12, 4, 0, 0, 1][..], "CAN FD"),
+        (&[0x20, 0, 0, 1, 8, 0, 0, 0], "error message"),
+        (&[0, 0, 8, 0, 0, 0, 0, 0], "7FF"),
+        (&[0, 0, 1, 0x23, 2, 0, 0, 0, 1], "less data"),
+        (&[0, 0, 1], "eight bytes"),
+    ] {
+        let told = refused(SOCKETCAN, &[], packet);
+        assert!(told.contains(text), "{told}");
+    }
+    let told = refused(1, &[(NAME, b"eth0")], &FRAME);
+    assert!(told.starts_with("byte ") && told.contains("'eth0' has link type 1"), "{told}");
+    assert!(refused(SOCKETCAN, &[(RESOLUTION, &[127])], &FRAME).contains("no such time"));
+    assert!(refused(SOCKETCAN, &[(OFFSET, &(-1_i64).to_le_bytes())], &FRAME).contains("no such time"));
+    for (log, text) in [(&b"hello"[..], "no section"), (&[0x0A, 0x0D, 0x0D, 0x0A, 28, 0], "no section")] {
+        assert!(read(log).unwrap_err().to_string().contains(text));
+    }
+    let mut old = log(false, SOCKETCAN, &[], 0, &FRAME);
+    block(TIMELESS_PACKET, &[0; 4], false, &mut old);
+    assert!(read(&old).unwrap_err().to_string().contains("old kind"));
+}
+
+#[test]
+fn each_bus_is_an_interface() {
+    let names =
+        Names { buses: vec!["open".into(), "a name of more than 15 characters".into()], ..Names::default() };
+    let mut out = Vec::new();
+    Pcapng::new(&names).begin(&mut out);
+    assert!(is_one(&out) && read(&out) == Ok(vec![]));
+    let blocks = [28, 12 + 8 + 8 + 8 + 4, 12 + 8 + 4 + 36 + 8 + 4];
+    assert_eq!(out.len(), blocks.iter().sum::<usize>());
+}
+
+/// A frame of any kind.
+fn frames() -> impl Strategy<Value = Frame> {
+    let (standard, extended) = (0..0x800_u16, 0..0x2000_0000_u32);
+    (any::<bool>(), standard, extended, any::<[u8; 8]>(), 0..=8_usize, any::<bool>()).prop_map(
+        |(is_long, standard, extended, data, length, is_remote)| {
+            let id = if is_long {
+                ExtendedId::new(extended).unwrap().into()
+            } else {
+                crate::can::Id::from(StandardId::new(standard).unwrap())
+            };
+            if is_remote {
+                Frame::remote(id, length).unwrap()
+            } else {
+                Frame::new(id, Payload::from_padded(data, length))
+            }
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    /// What is written is read again.
+    #[test]
+    fn frames_come_back(frame in frames(), ticks in 0..u64::MAX / 1_000_000) {
+        let read = read(&log(false, SOCKETCAN, &[(NAME, b"open")], ticks, &write::packet(&frame))).unwrap();
+        prop_assert_eq!(read, vec![Logged { time_us: ticks, interface: "open".into(), frame }]);
+    }
+
+    /// Whatever becomes of a log: it is read or refused.
+    #[test]
+    fn damaged_logs_are_read_or_refused(at in 0..200_usize, byte: u8, cut in 0..200_usize) {
+        let mut damaged = log(at % 2 == 0, SOCKETCAN, &[(NAME, b"open"), (RESOLUTION, &[9])], 5, &FRAME);
+        if let Some(there) = damaged.get_mut(at) {
+            *there = byte;
+        }
+        damaged.truncate(damaged.len().saturating_sub(cut));
+        let _ = read(&damaged);
+    }
+}
