@@ -102,6 +102,11 @@ struct FunctionBlocks;
 #[doc = include_str!("../docs/cs0015-blocks.md")]
 struct Cs0015Blocks;
 
+/// And of those of the CAN-DP/2.
+#[cfg(all(doctest, feature = "cli"))]
+#[doc = include_str!("../docs/can-dp2-blocks.md")]
+struct CanDp2Blocks;
+
 /// So are those of the scenario reference.
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../docs/scenarios.md")]

@@ -126,10 +126,14 @@ static BUILT_IN: [Registered; 5] = [
         ..Registered::new(&cr201x::registers::DEVICE)
     },
     Registered {
+        #[cfg(feature = "plc")]
+        blocks: can_dp2::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
         read: Some(can_dp2::CanDp2Config::read),
         #[cfg(feature = "emulator")]
         records: can_dp2::records::KINDS,
+        #[cfg(feature = "emulator")]
+        rules: can_dp2::rules::ALL,
         #[cfg(feature = "emulator")]
         demo: Some(&can_dp2::demo::DEMO),
         ..Registered::new(&can_dp2::registers::DEVICE)

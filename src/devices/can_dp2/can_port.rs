@@ -74,6 +74,11 @@ impl CanPort for CanSide {
         self.show(ctx, controller);
     }
 
+    fn overrun(&mut self, ctx: &mut Context, controller: &mut Controller, _: &Frame) {
+        lock(&self.gateway).lost_frame();
+        self.show(ctx, controller);
+    }
+
     fn sent(&mut self, ctx: &mut Context, controller: &mut Controller, _: &Frame) {
         self.show(ctx, controller);
     }

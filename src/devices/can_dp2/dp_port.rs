@@ -4,11 +4,14 @@ use super::gateway::Gateway;
 use super::ram::Registers;
 use super::records::{DpState, Refused, WatchdogOut};
 use super::registers::values::{dp_state, led_d, led_e, led_p};
-use super::registers::{FRONT_ADDRESS, FRONT_LED_D, FRONT_LED_E, FRONT_LED_P, FRONT_SWITCHES};
+use super::registers::{DEVICE, FRONT_ADDRESS, FRONT_LED_D, FRONT_LED_E, FRONT_LED_P, FRONT_SWITCHES};
+use super::rules;
 use super::slave::{News, Slave};
 use super::{Shared, lock};
 use crate::devices::Context;
 use crate::devices::profibus_bus::{ProfibusPort, Station};
+use crate::journal::{Finding, Rule};
+use crate::layout::Live;
 use crate::profibus::Telegram;
 
 /// Addresses that the switches can give it (p. 9).
@@ -44,6 +47,7 @@ impl DpPort {
                 News::State(to) => ctx.report(DpState { plc, to }),
                 News::Refused([cause, number, detail]) => ctx.report(Refused { plc, cause, number, detail }),
                 News::Watchdog => ctx.report(WatchdogOut { plc }),
+                News::Found(rule, at, value) => find(ctx, rule, at as u32, value),
             }
         }
         let state = slave.state();
@@ -55,9 +59,19 @@ impl DpPort {
     }
 }
 
+/// A rule was broken at byte `offset` of the image.
+fn find(ctx: &mut Context, rule: &'static Rule, offset: u32, value: u32) {
+    let (plc, live) = (ctx.origin.plc, Live::Always);
+    ctx.journal.find(ctx.now, Finding { rule, plc, offset, live, value, late_us: 0 });
+}
+
 impl ProfibusPort for DpPort {
     fn power_on(&mut self, ctx: &mut Context, _: &mut Station) {
-        let address = self.registers.front(FRONT_SWITCHES).load().clamp(FIRST_ADDRESS, LAST_ADDRESS);
+        let switches = self.registers.front(FRONT_SWITCHES).load();
+        let address = switches.clamp(FIRST_ADDRESS, LAST_ADDRESS);
+        if let (true, Some(front)) = (address != switches, DEVICE.front_area) {
+            find(ctx, &rules::SWITCHES, front.first + 4 * FRONT_SWITCHES as u32, switches);
+        }
         self.registers.front(FRONT_ADDRESS).store(address);
         self.registers.front(FRONT_LED_P).store(led_p::ON);
         self.slave = Some(Slave::new(address as u8));

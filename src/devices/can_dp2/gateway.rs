@@ -4,9 +4,10 @@
 //! send the CAN port takes from it.
 
 use super::modules::{Configuration, Kind, Module, WINDOW};
+use super::pages::Pages;
 use super::parameters::{Parameters, Role};
 use super::ram::Registers;
-use super::registers::values::{bus_state, can_state};
+use super::registers::values::{bus_state, can_state, page_state};
 use super::window::{Order, Window};
 use crate::can::{ExtendedId, Filter, Frame, Id, Payload, StandardId};
 use crate::devices::canopen::nmt::Command;
@@ -18,6 +19,9 @@ const SYNC: u16 = 0x80;
 
 /// Frames that wait for room in the controller (D-390).
 const WAITING: usize = 256;
+
+mod paging;
+mod start;
 
 /// What was taken over when data exchange began.
 struct Setup {
@@ -43,6 +47,7 @@ pub(super) struct Gateway {
     /// When the next SYNC object is due, in us.
     sync_at: Option<u64>,
     window: Window,
+    pages: Option<Pages>,
     frames: VecDeque<Frame>,
     /// The controller is to be set anew.
     is_new: bool,
@@ -65,6 +70,7 @@ impl Gateway {
             wake_at: None,
             sync_at: None,
             window: Window::default(),
+            pages: None,
             frames: VecDeque::new(),
             is_new: false,
             bus: bus_state::OK,
@@ -81,7 +87,7 @@ impl Gateway {
 
     pub(super) fn power_off(&mut self) {
         (self.setup, self.state, self.is_exchanging) = (None, can_state::OFF, false);
-        (self.wake_at, self.sync_at, self.window) = (None, None, Window::default());
+        (self.wake_at, self.sync_at, self.window, self.pages) = (None, None, Window::default(), None);
         self.frames.clear();
         (self.is_new, self.bus, self.irq_lost, self.msg_lost, self.has_news) =
             (false, bus_state::OK, 0, 0, false);
@@ -138,7 +144,7 @@ impl Gateway {
     /// Data exchange begins with these parameters and modules.
     pub(super) fn begin(&mut self, parameters: &Parameters, configuration: &Configuration, now: u64) {
         self.end();
-        self.window = Window::default();
+        (self.window, self.pages) = (Window::default(), configuration.pages());
         (self.is_exchanging, self.is_new) = (true, true);
         let setup = Setup {
             parameters: parameters.clone(),
@@ -187,24 +193,27 @@ impl Gateway {
 
     /// A data exchange has brought these outputs.
     pub(super) fn exchanged(&mut self, outputs: &[u8]) {
-        let Some(setup) = &mut self.setup else { return };
-        let old = core::mem::replace(&mut setup.outputs, outputs.to_vec());
-        if self.state == can_state::OFF {
-            return;
-        }
-        let modules = setup.configuration.modules.clone();
-        let has_counter = setup.parameters.has_tx_counter();
-        for module in &modules {
+        let is_off = self.state == can_state::OFF;
+        for number in 0.. {
+            let Some(setup) = self.setup.as_ref().filter(|_| !is_off) else { break };
+            let Some(&module) = setup.configuration.modules.get(number) else { break };
             let Some(new) = outputs.get(module.range()) else { continue };
             match module.kind {
                 Kind::WindowOutput => self.order(new),
                 Kind::Output { id, .. }
-                    if self.state == can_state::WORKING && old.get(module.range()) != Some(new) =>
+                    if self.state == can_state::WORKING && setup.outputs.get(module.range()) != Some(new) =>
                 {
-                    frame(id, module, new, has_counter).into_iter().for_each(|frame| self.push(frame));
+                    let frame = frame(id, &module, new, setup.parameters.has_tx_counter());
+                    frame.into_iter().for_each(|frame| self.push(frame));
                 }
                 _ => {}
             }
+        }
+        if !is_off {
+            self.page(outputs);
+        }
+        if let Some(setup) = &mut self.setup {
+            setup.outputs.iter_mut().zip(outputs).for_each(|(to, from)| *to = *from);
         }
     }
 
@@ -222,76 +231,12 @@ impl Gateway {
         self.show();
     }
 
-    /// P. 42, 44: the last time that was set counts. Only a master has one here; 16#FFFF is none.
-    fn set_sync_time(&mut self, time: u16) {
-        let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
-        if is_master && time != u16::MAX {
-            self.registers.stored.stored_sync_time.store(time);
-            self.sync_at = None;
-        }
-    }
-
     /// The window as the DP master reads it.
     fn show_window(&self) {
         let modules = self.setup.iter().flat_map(|setup| &setup.configuration.modules);
         for module in modules.filter(|module| module.kind == Kind::WindowInput) {
             self.registers.set_inputs(module.first, self.window.shown());
         }
-    }
-
-    /// All outputs go out, then everything that its inputs bring is asked for (p. 29).
-    fn send_all(&mut self, now: u64) {
-        let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
-        let of_outputs = configuration.modules.iter().filter_map(|module| match module.kind {
-            Kind::Output { id, .. } => {
-                frame(id, module, outputs.get(module.range())?, parameters.has_tx_counter())
-            }
-            _ => None,
-        });
-        let counter = usize::from(parameters.has_rx_counter());
-        let of_inputs = configuration.modules.iter().filter_map(|module| match module.kind {
-            Kind::Input { id, is_frozen: false } if parameters.has_rtr() => {
-                Frame::remote(id, module.length - counter)
-            }
-            _ => None,
-        });
-        let frames: Vec<Frame> = of_outputs.chain(of_inputs).collect();
-        frames.into_iter().for_each(|frame| self.push(frame));
-        self.start_cycles(now);
-    }
-
-    /// The wake-up time is over.
-    fn wake_up(&mut self, now: u64) {
-        let Some(setup) = &self.setup else { return };
-        match setup.parameters.role() {
-            Role::Slave(number) => {
-                self.push(Frame::standard(SYNC + u16::from(number), Payload::EMPTY));
-                self.state = can_state::PRE_OPERATIONAL;
-            }
-            Role::Master | Role::Layer2 => {
-                if setup.parameters.has_start_frame() {
-                    let start = Payload::new(&[Command::Start.code(), 0]).unwrap_or(Payload::EMPTY);
-                    self.push(Frame::standard(0, start));
-                }
-                self.state = can_state::WORKING;
-                self.send_all(now);
-            }
-        }
-        self.show();
-    }
-
-    /// Network management, for a slave (p. 29, 87; D-384).
-    fn command(&mut self, command: Command, now: u64) {
-        match command {
-            Command::Start if self.state == can_state::PRE_OPERATIONAL => {
-                self.state = can_state::WORKING;
-                self.send_all(now);
-            }
-            Command::Start => {}
-            Command::Stop | Command::EnterPreOperational => self.state = can_state::PRE_OPERATIONAL,
-            Command::ResetNode | Command::ResetCommunication => self.wake_up(now),
-        }
-        self.show();
     }
 
     /// A frame has come.
@@ -316,6 +261,9 @@ impl Gateway {
             }
             self.show_window();
             return self.show();
+        }
+        if let Some(pages) = &mut self.pages {
+            return pages.received(frame);
         }
         let counts = setup.parameters.has_rx_counter();
         let is_its = |module: &&Module| matches!(module.kind, Kind::Input { id, is_frozen: false } if id == frame.id());
@@ -366,18 +314,6 @@ impl Gateway {
         self.plan_sync(now);
     }
 
-    /// SYNC objects come at the time that is stored as long as a master works (D-385).
-    pub(super) fn plan_sync(&mut self, now: u64) {
-        let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
-        let time = self.registers.stored.stored_sync_time.load();
-        let runs = is_master && self.is_exchanging && self.state == can_state::WORKING && time != 0;
-        match (runs, self.sync_at) {
-            (true, None) => self.sync_at = Some(now + u64::from(time) * 1000),
-            (false, Some(_)) => self.sync_at = None,
-            _ => {}
-        }
-    }
-
     /// The bit rate that the controller is to be set to, and what it is to receive, if that has changed.
     pub(super) fn take_setup(&mut self) -> Option<(u32, Vec<Filter>)> {
         if !core::mem::take(&mut self.is_new) {
@@ -388,7 +324,8 @@ impl Gateway {
             Kind::Input { id, .. } => Some(id),
             _ => None,
         });
-        let ids = of_modules.chain(self.window.enabled().iter().copied());
+        let of_pages = self.pages.iter().flat_map(Pages::received_ids).map(|(id, _)| id);
+        let ids = of_modules.chain(of_pages).chain(self.window.enabled().iter().copied());
         let nmt = matches!(parameters.role(), Role::Slave(_)).then_some(Id::Standard(StandardId::ZERO));
         let mut filters: Vec<Filter> = ids.chain(nmt).map(|id| Filter::exactly(id).data_only()).collect();
         if filters.is_empty() {
@@ -410,6 +347,7 @@ impl Gateway {
         can.irq_lost.store(self.irq_lost);
         can.msg_lost.store(self.msg_lost);
         can.fifo_count.store(self.window.waiting() as u8);
+        can.page_state.store(self.pages.as_ref().map_or(page_state::NONE, |pages| pages.phase() as u8));
     }
 }
 

@@ -3,8 +3,10 @@
 use super::ram::fill;
 use super::registers::values::{mst_control, mst_dsap, mst_result, mst_status};
 use super::registers::{CAN_DP2_MST, FRONT_ADDRESS, MST};
+use super::rules;
 use crate::devices::Context;
 use crate::devices::profibus_bus::{ProfibusPort, Station};
+use crate::layout::Live;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::profibus::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
 use core::mem::offset_of;
@@ -76,6 +78,16 @@ impl Master {
         station.set_alarm(None);
         station.withdraw();
         if let Some(Pending { frame, .. }) = self.pending.take() {
+            let of = |frame: &Frame| (frame.sa, frame.dsap, frame.data.clone());
+            if self.request().is_none_or(|now| of(&now) != of(&frame)) {
+                let dsap = self.registers.mst_dsap.load();
+                ctx.find(
+                    &rules::REQUEST_CHANGED,
+                    Live::Always,
+                    offset_of!(CAN_DP2_MST, mst_dsap),
+                    dsap.into(),
+                );
+            }
             // A slave that has answered knows the bit; to one that has not the next request is the first.
             if let FunctionCode::Request { fcb, request: Request::Srd, .. } = FunctionCode::parse(frame.fc) {
                 self.fcb = (result != mst_result::NO_ANSWER).then_some(fcb);
@@ -91,8 +103,10 @@ impl Master {
         fill(&registers.mst_reply, reply);
         registers.mst_result.store(result);
         registers.mst_status.store(mst_status::IDLE);
-        if registers.mst_control.compare_exchange(mst_control::SEND, mst_control::DONE).is_ok() {
-            ctx.answered(offset_of!(CAN_DP2_MST, mst_control), mst_control::SEND, mst_control::DONE);
+        let at = offset_of!(CAN_DP2_MST, mst_control);
+        match registers.mst_control.compare_exchange(mst_control::SEND, mst_control::DONE) {
+            Ok(_) => ctx.answered(at, mst_control::SEND, mst_control::DONE),
+            Err(other) => ctx.find(&rules::CONTROL_TAKEN, Live::Always, at, other.into()),
         }
     }
 }
@@ -113,7 +127,11 @@ impl ProfibusPort for Master {
         }
         self.registers.mst_result.store(mst_result::NONE);
         match self.request() {
-            None => self.finish(ctx, station, mst_result::BAD_REQUEST, &[]),
+            None => {
+                let dsap = self.registers.mst_dsap.load();
+                ctx.find(&rules::REQUEST, Live::Always, offset_of!(CAN_DP2_MST, mst_dsap), dsap.into());
+                self.finish(ctx, station, mst_result::BAD_REQUEST, &[]);
+            }
             Some(frame) => {
                 station.request(&Telegram::Frame(frame.clone()));
                 self.pending = Some(Pending { frame, tries: 1, is_sent: false });

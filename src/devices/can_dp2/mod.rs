@@ -1,5 +1,7 @@
 //! esd CAN-DP/2: a PROFIBUS-DP slave in front of a CAN bus (Software-Handbuch CAN-DP/2, revision 1.1).
 
+#[cfg(feature = "plc")]
+pub mod blocks;
 #[cfg(feature = "emulator")]
 mod can_port;
 #[cfg(feature = "emulator")]
@@ -16,12 +18,18 @@ mod gateway;
 mod master;
 #[cfg(feature = "emulator")]
 mod modules;
+#[cfg(any(feature = "emulator", feature = "plc"))]
+mod page;
+#[cfg(feature = "emulator")]
+mod pages;
 #[cfg(feature = "emulator")]
 mod parameters;
 #[cfg(feature = "emulator")]
 mod ram;
 #[cfg(feature = "emulator")]
 pub mod records;
+#[cfg(feature = "emulator")]
+pub mod rules;
 #[cfg(feature = "emulator")]
 mod slave;
 #[cfg(feature = "emulator")]

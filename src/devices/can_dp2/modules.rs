@@ -1,5 +1,6 @@
 //! The configuration: what Chk_Cfg brings, module by module, and what of it is wrong (p. 21, 31-39, 71-73).
 
+use super::page;
 use super::parameters::Parameters;
 use super::registers::gsd;
 use crate::can::{ExtendedId, Id, StandardId};
@@ -68,6 +69,10 @@ pub(super) enum Kind {
     WindowInput,
     /// The write window (p. 40).
     WindowOutput,
+    /// A segment of the page that the DP master reads (p. 52).
+    PageInput,
+    /// A segment of the page that it writes.
+    PageOutput,
 }
 
 /// A module.
@@ -89,7 +94,7 @@ impl Module {
     }
 
     fn is_input(&self) -> bool {
-        matches!(self.kind, Kind::Input { .. } | Kind::WindowInput)
+        matches!(self.kind, Kind::Input { .. } | Kind::WindowInput | Kind::PageInput)
     }
 }
 
@@ -134,11 +139,18 @@ fn identifier(comment: &[u8]) -> Result<(Id, u8, &[u8]), CfgError> {
 }
 
 /// The next module, and the octets behind it.
-fn take(octets: &[u8]) -> Result<(Written<'_>, &[u8]), CfgError> {
+fn take(octets: &[u8], has_pages: bool) -> Result<(Written<'_>, &[u8]), CfgError> {
     let (&head, rest) = octets.split_first().ok_or(CfgError::Type)?;
-    // One octet alone, the general format, has no identifier (p. 71).
-    if head & 0x30 != 0 {
-        return Err(CfgError::OneByte);
+    // One octet alone, the general format, has no identifier (p. 71). Segments of a page need none (p. 52).
+    match head & 0x30 {
+        0 => {}
+        _ if !has_pages => return Err(CfgError::OneByte),
+        _ if head & 0x40 != 0 => return Err(CfgError::Unit),
+        0x30 => return Err(CfgError::Type),
+        way => {
+            let length = usize::from(head & 0x0F) + 1;
+            return Ok((Written { is_input: way == 0x10, length, comment: &[] }, rest));
+        }
     }
     let is_input = match head >> 6 {
         0b01 => true,
@@ -161,9 +173,13 @@ impl Configuration {
         let mut rest = octets;
         while !rest.is_empty() {
             let module = it.modules.len() as u8;
-            let (written, behind) = take(rest).map_err(|error| CfgFault { module, error })?;
+            let (written, behind) =
+                take(rest, parameters.has_pages()).map_err(|error| CfgFault { module, error })?;
             it.add(&written, parameters).map_err(|error| CfgFault { module, error })?;
             rest = behind;
+        }
+        if parameters.has_pages() {
+            it.close_pages(parameters)?;
         }
         it.octets = octets.to_vec();
         Ok(it)
@@ -176,6 +192,8 @@ impl Configuration {
         let Written { is_input, length, comment } = *written;
         let (kind, form) = if comment.starts_with(&WINDOW_ID) {
             self.window(written, parameters)?
+        } else if parameters.has_pages() {
+            (segments::kind(written)?, 0)
         } else {
             let (id, form, behind) = identifier(comment)?;
             (self.of_identifier(id, is_input, behind)?, form)
@@ -184,13 +202,14 @@ impl Configuration {
         let counter = match kind {
             Kind::Input { .. } => usize::from(parameters.has_rx_counter()),
             Kind::Output { .. } | Kind::Dummy => usize::from(parameters.has_tx_counter()),
-            Kind::WindowInput | Kind::WindowOutput => 0,
+            Kind::WindowInput | Kind::WindowOutput | Kind::PageInput | Kind::PageOutput => 0,
         };
         let of_can = length.checked_sub(counter);
         let is_right = match kind {
             Kind::WindowInput | Kind::WindowOutput => length == WINDOW,
             // Any unit will do there (p. 32).
             Kind::Dummy => length <= WINDOW,
+            Kind::PageInput | Kind::PageOutput => length <= page::SEGMENT,
             _ => of_can.is_some_and(|bytes| (1..=8).contains(&bytes)),
         };
         let side = if is_input { &mut self.inputs } else { &mut self.outputs };
@@ -255,5 +274,6 @@ impl Configuration {
     }
 }
 
+mod segments;
 #[cfg(test)]
 mod tests;

@@ -86,9 +86,9 @@ impl Parameters {
         if usize::from(taken[8]) >= BIT_RATES.len() {
             return Err(wrong(8, DEFAULTS[8]));
         }
-        // Page mode is not done (D-393); slave and master at once is no combination of the manual (p. 29).
+        // Slave and master at once is no combination of the manual (p. 29).
         let both = flags_1::CANOPEN_MASTER | flags_1::CANOPEN_SLAVE;
-        let never = flags_1::PAGE_MODE | 0x60;
+        let never = 0x60;
         let too_much = if taken[9] & both == both { never | flags_1::CANOPEN_MASTER } else { never };
         if let Some(fault) = unused(9, too_much) {
             return Err(fault);
@@ -155,6 +155,11 @@ impl Parameters {
         !self.flag_1(flags_1::NO_RTR)
     }
 
+    /// Whether identifiers come by pages (p. 50).
+    pub(super) fn has_pages(&self) -> bool {
+        self.flag_1(flags_1::PAGE_MODE)
+    }
+
     /// Whether it has a Communication Window.
     pub(super) fn has_window(&self) -> bool {
         self.flag_1(flags_1::WINDOW)
@@ -164,14 +169,14 @@ impl Parameters {
         self.octets[11] & flags_2::CAN_DIAGNOSIS != 0
     }
 
-    /// Whether the last octet of each input counts what has come.
+    /// Whether the last octet of each input counts what has come. Pages have counters of their own (D-467).
     pub(super) fn has_rx_counter(&self) -> bool {
-        self.octets[11] & flags_2::RX_COUNTER != 0
+        !self.has_pages() && self.octets[11] & flags_2::RX_COUNTER != 0
     }
 
     /// Whether the last octet of each output lets it be sent anew.
     pub(super) fn has_tx_counter(&self) -> bool {
-        self.octets[11] & flags_2::TX_COUNTER != 0
+        !self.has_pages() && self.octets[11] & flags_2::TX_COUNTER != 0
     }
 
     /// Wake-up time in s; none: the one that is stored.
@@ -209,6 +214,7 @@ mod tests {
         let rtr = |octet| with(9, octet).unwrap().has_rtr();
         assert!(rtr(0) && !rtr(0x10));
         assert!(with(9, 0x80).unwrap().has_window() && with(9, 0x06).unwrap().has_start_frame());
+        assert!(with(9, 0x01).unwrap().has_pages() && !with(9, 0xFE & !0x68).unwrap().has_pages());
         let role = |octet| with(9, octet).unwrap().role();
         assert_eq!((role(0), role(4), role(8)), (Role::Layer2, Role::Master, Role::Slave(1)));
     }
@@ -234,7 +240,7 @@ mod tests {
             (5, 0xA3, 0xA4),
             (7, 1, 0),
             (8, 14, 6),
-            (9, 0x01, 0),
+            (9, 0x41, 0x01),
             (9, 0x20, 0),
             (9, 0x4C, 0x08),
             (10, 128, 1),

@@ -134,6 +134,8 @@ impl Registers {
                 Some(Kind::Dummy) => (module_kind::DUMMY_OUTPUT, 0, 0),
                 Some(Kind::WindowInput) => (module_kind::WINDOW_INPUT, 0, 0),
                 Some(Kind::WindowOutput) => (module_kind::WINDOW_OUTPUT, 0, 0),
+                Some(Kind::PageInput) => (module_kind::PAGE_INPUT, 0, 0),
+                Some(Kind::PageOutput) => (module_kind::PAGE_OUTPUT, 0, 0),
             };
             cells.kind.store(kind);
             cells.id.store(id);

@@ -2,12 +2,16 @@
 //! such fact is a decision.
 
 use super::gateway::Gateway;
-use super::modules::{CfgFault, Configuration};
+use super::modules::{CfgFault, Configuration, Kind, Module};
 use super::parameters::{IDENT, Parameters, PrmFault};
 use super::ram::Registers;
 use super::registers::values::{bus_state, dp_state, ext_cause, master_address, mst_dsap};
 use super::registers::values::{station_status_1 as status_1, station_status_2 as status_2};
+use super::registers::{CAN_DP2_CFG, CAN_DP2_MODULE, CFG, OUTPUTS};
+use super::rules;
+use crate::journal::Rule;
 use crate::profibus::{Answer, BROADCAST, Frame, Reaction, Responder, Telegram};
+use core::mem::offset_of;
 
 /// Bit times until an answer, at least.
 const MIN_TSDR: u64 = 11;
@@ -24,6 +28,8 @@ pub(super) enum News {
     Refused([u8; 3]),
     /// The watchdog has run out.
     Watchdog,
+    /// A rule was broken: at which byte of the image, and the value.
+    Found(&'static Rule, usize, u32),
 }
 
 /// The slave.
@@ -215,7 +221,8 @@ impl Slave {
             // D-387: nothing where there should be something clears the outputs.
             0 => vec![0; self.configuration.outputs],
             length if length == self.configuration.outputs => frame.data.clone(),
-            _ => {
+            length => {
+                self.news.push(News::Found(&rules::OUTPUT_LENGTH, OUTPUTS, length as u32));
                 self.leave(gateway, registers);
                 return self.refusal(frame);
             }
@@ -267,6 +274,7 @@ impl Slave {
             Ok(configuration) => {
                 registers.set_configuration(&configuration);
                 gateway.begin(parameters, &configuration, now);
+                self.judge(&configuration);
                 (self.cfg_fault, self.configuration) = (None, configuration);
                 self.enter(dp_state::DATA_EXCHANGE);
             }
@@ -278,6 +286,19 @@ impl Slave {
                 self.enter(dp_state::WAIT_CFG);
                 self.news.push(News::Refused(self.own_diagnosis(gateway)));
             }
+        }
+    }
+
+    /// What is no fault of a configuration, and hardly wanted (p. 32, 35).
+    fn judge(&mut self, configuration: &Configuration) {
+        if !configuration.has_output() {
+            let at = CFG + offset_of!(CAN_DP2_CFG, output_len);
+            self.news.push(News::Found(&rules::NO_OUTPUT, at, 0));
+        }
+        let is_frozen = |module: &Module| matches!(module.kind, Kind::Input { is_frozen: true, .. });
+        if let Some(number) = configuration.modules.iter().position(is_frozen) {
+            let at = CFG + offset_of!(CAN_DP2_CFG, module) + number * size_of::<CAN_DP2_MODULE>();
+            self.news.push(News::Found(&rules::RX_TWICE, at, number as u32));
         }
     }
 

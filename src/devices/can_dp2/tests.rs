@@ -1,9 +1,14 @@
 //! A CAN-DP/2 between a PROFIBUS segment and a CAN bus, asked by its own master without a stack; a station of the test at CAN.
 
+mod any;
+#[cfg(feature = "plc")]
+mod blocks;
 mod canopen;
 mod diagnosis;
 mod exchange;
 mod foreign;
+mod paging;
+mod rules;
 mod states;
 
 use super::config::CanDp2Config;
@@ -70,6 +75,8 @@ struct Bench {
     mst: View<CAN_DP2_MST>,
     wires: Arc<Mutex<Wires>>,
     journal: Journal,
+    faults: Faults,
+    segment: Segment,
     now: u64,
 }
 
@@ -101,7 +108,9 @@ impl Bench {
         let station = buses[1].attach(Box::new(socket)).unwrap();
         let (registers, mst) = (Registers::new(&segment).unwrap(), segment.view(MST).unwrap());
         let journal = Journal::default();
-        let mut bench = Bench { buses, places, device, registers, mst, wires, journal, now: 0 };
+        let faults = Faults::default();
+        let mut bench =
+            Bench { buses, places, device, registers, mst, wires, journal, faults, segment, now: 0 };
         bench.buses[1].power_on(station, 0, 0, &mut bench.journal);
         bench.places.push((1, station));
         bench.power(Power::On);
@@ -160,10 +169,10 @@ impl Bench {
                 continue;
             }
             self.now = next;
-            let (mut faults, mut edges) = (Faults::default(), Vec::new());
+            let mut edges = Vec::new();
             for bus in self.buses.iter_mut().filter(|bus| bus.next_time() <= next) {
-                let journal = &mut self.journal;
-                bus.event(&mut World { now: next, journal, faults: &mut faults, edges: &mut edges });
+                let (journal, faults) = (&mut self.journal, &mut self.faults);
+                bus.event(&mut World { now: next, journal, faults, edges: &mut edges });
             }
         }
     }

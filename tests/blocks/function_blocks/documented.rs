@@ -1,4 +1,4 @@
-//! `docs/function-blocks.md` and `docs/cs0015-blocks.md` name every input and output with its preset, and the presets are the manual's.
+//! `docs/function-blocks.md`, `docs/cs0015-blocks.md` and `docs/can-dp2-blocks.md` name every input and output with its preset, and the presets are the manual's.
 
 use commram::devices::omega_drive_line_2::blocks::*;
 use commram::devices::{self, Registered};
@@ -9,6 +9,7 @@ use std::time::Duration;
 
 const DOCS: &str = include_str!("../../../docs/function-blocks.md");
 const CS0015: &str = include_str!("../../../docs/cs0015-blocks.md");
+const CAN_DP2: &str = include_str!("../../../docs/can-dp2-blocks.md");
 
 /// A preset as the documentation prints it.
 fn shown(preset: &PinValue) -> String {
@@ -24,8 +25,9 @@ fn shown(preset: &PinValue) -> String {
 }
 
 /// The type that the manual's prefix of a pin stands for; without one, what its value can be.
-fn type_of(pin: &str, preset: &PinValue) -> &'static str {
-    if pin.starts_with(|first: char| first.is_ascii_uppercase()) {
+fn type_of(block: &str, pin: &str, preset: &PinValue) -> &'static str {
+    // FB1 has small letters and no prefixes.
+    if block == "FB1" || pin.starts_with(|first: char| first.is_ascii_uppercase()) {
         return match preset {
             PinValue::Bool(_) => "BOOL",
             PinValue::Time(_) => "TIME",
@@ -51,7 +53,7 @@ fn type_of(pin: &str, preset: &PinValue) -> &'static str {
 
 /// The section of a block; one section may describe several.
 fn section(block: &str) -> &'static str {
-    [DOCS, CS0015]
+    [DOCS, CS0015, CAN_DP2]
         .into_iter()
         .flat_map(|page| page.split("\n### ").skip(1))
         .find(|section| {
@@ -108,7 +110,7 @@ fn every_input_and_output_is_documented_with_its_type_and_preset() {
                     continue;
                 }
             };
-            let right_type = type_of(pin.name, &preset);
+            let right_type = type_of(kind.name, pin.name, &preset);
             let preset = shown(&preset);
             let (way, name, pin_type, documented) =
                 rows.next().unwrap_or_else(|| panic!("{place} has no row"));

@@ -108,6 +108,30 @@ fn sync_times_by_the_window() {
     assert_eq!(bench.heard(), Vec::<String>::new());
 }
 
+/// 8.2 p. 78: 16#0200 in octets 4 and 5 of command 20 are 512 ms, 0 ends it; nobody but a master does it (p. 42).
+#[test]
+fn sync_of_the_example() {
+    let cfg = [0x83, 0x8F, 0xFF, 0xEF, 0, 0x43, 0x8F, 0xFF, 0xEF, 0];
+    for (flags, expected) in [(0x94, vec!["80:".to_owned(); 3]), (0x90, vec![]), (0x98, vec![])] {
+        let mut bench = Bench::new(5);
+        bench.ask(61, &timed(flags, 0, 0));
+        bench.ask(62, &cfg);
+        let mut order = [0; 16];
+        (order[4], order[13], order[15]) = (2, 1, 20);
+        bench.exchange(&order);
+        bench.run(MS);
+        bench.heard();
+        bench.run(3 * 512 * MS);
+        assert_eq!(bench.heard(), expected, "flags 16#{flags:02X}");
+        (order[4], order[13]) = (0, 2);
+        bench.exchange(&order);
+        bench.run(MS);
+        bench.heard();
+        bench.run(S);
+        assert_eq!(bench.heard(), Vec::<String>::new());
+    }
+}
+
 /// 255 and 65535 take what was there before, after power-off too (p. 29-30).
 #[test]
 fn times_are_kept() {

@@ -1,6 +1,19 @@
 //! Each diagnosis that the slave sets (p. 16-21).
 
 use super::*;
+use crate::devices::can_faults::OF_CAN;
+use crate::fault::{Draft, Owner, Target};
+
+impl Bench {
+    /// From now on so many times this fault of the bus at CAN, or of the gateway's controller there.
+    fn fault(&mut self, name: &str, count: u64) {
+        let kind = OF_CAN.iter().find(|kind| kind.name() == name).unwrap();
+        let target = if name == "overrun" { Target::Port { device: 0, port: 2 } } else { Target::Medium(1) };
+        let fault = Draft { count: Some(count), ..Draft::new(kind, target) }.check().unwrap();
+        self.faults.add(self.now, fault, Owner::Medium(1), &mut self.journal).unwrap();
+        self.faults.advance(self.now, &mut self.journal);
+    }
+}
 
 /// Bits 6 and 3, 3D with the number of the octet and the right value; the slave goes on waiting for parameters.
 #[test]
@@ -119,4 +132,67 @@ fn a_slave_without_inputs_announces_a_diagnosis_too() {
     assert_eq!(bench.ask(255, &[1]), (mst_result::DATA_AND_DIAGNOSIS, vec![]));
     assert_eq!(bench.diag()[8], 0x80);
     assert_eq!(bench.ask(255, &[1]), (mst_result::RECEIPT, vec![]));
+}
+
+/// The four states of the bus with both counters in octets 9 and 10, each announced by an answer of high priority; LED C has a code for each
+/// (p. 15, 20-21). Error frames count 8 each: 12 are a warning, 16 error passive, 32 BUS-off.
+#[test]
+fn the_four_states_of_the_bus() {
+    for (errors, state, led) in [(0, 0x00, 1), (14, 0x40, 2), (20, 0x80, 3), (32, 0xC0, 4)] {
+        let mut bench = Bench::exchanging(0, 1, &CFG);
+        bench.run(MS);
+        bench.fault("overrun", 2);
+        (0..3).for_each(|_| bench.send(data(0x289, &[1, 2])));
+        bench.run(10 * MS);
+        assert_eq!(
+            bench.ask(255, &[0, 0]),
+            (mst_result::DATA_AND_DIAGNOSIS, vec![1, 2]),
+            "the third one came"
+        );
+        assert_eq!(bench.diag()[8..], [0x00, 2, 0], "two were lost by the controller");
+        if errors > 0 {
+            bench.fault("error_frame", errors);
+            bench.exchange(&[1, 1]);
+            for _ in 0..1000 {
+                if bench.registers.can.bus_state.load() == state {
+                    break;
+                }
+                bench.run(CYCLE);
+            }
+            assert_eq!(bench.ask(255, &[1, 1]).0, mst_result::DATA_AND_DIAGNOSIS);
+        }
+        let ext_diag = if state == 0 { 0 } else { 0x08 };
+        let expected = [ext_diag, 0x04, 0x00, 1, 0x04, 0xA4, 5, 4, state, 2, 0];
+        assert_eq!(
+            (bench.diag(), bench.front(FRONT_LED_C)),
+            (expected.to_vec(), led),
+            "{errors} error frames"
+        );
+    }
+}
+
+/// Without CAN-Diagnosis only LED C tells of it (p. 29).
+#[test]
+fn without_can_diagnosis_the_led_alone_tells() {
+    let mut bench = Bench::exchanging(0, 0, &CFG);
+    bench.run(MS);
+    bench.fault("error_frame", 14);
+    bench.exchange(&[1, 1]);
+    bench.run(50 * MS);
+    assert_eq!(bench.front(FRONT_LED_C), 2);
+    assert_eq!((bench.ask(255, &[1, 1]).0, bench.diag().len()), (mst_result::DATA, 6));
+}
+
+/// COM PROFIBUS (8.1, p. 74-75): the rows 67 and 135 are the first two octets, the comment those behind; form is its third byte (D-468). 64 in
+/// place of 67, as its table prints, has no identifier.
+#[test]
+fn the_s5_variant() {
+    let mut bench = Bench::exchanging(0, 0, &[67, 135, 0x02, 0x89, 0xB8, 131, 135, 0x03, 0x09, 0xB8]);
+    let module = &bench.registers.cfg.module[0];
+    assert_eq!((module.id.load(), module.length.load(), module.form.load()), (0x289, 8, 0xB8));
+    bench.exchange(&[1, 2, 3, 4, 5, 6, 7, 8]);
+    bench.run(10 * MS);
+    assert_eq!(bench.heard(), ["309: 02 01 06 05 04 03 07 08"]);
+    bench.ask(62, &[64, 135]);
+    assert_eq!(bench.diag()[8..], [0x3E, 0, 4]);
 }

@@ -1,0 +1,279 @@
+//! FB2: page mode (p. 50-70). It talks to this gateway only, since the manual leaves out what a page has in octets 2 to 7 (D-467).
+
+use super::{DataBlocks, Peripherals};
+use crate::devices::can_dp2::page::{
+    COUNTER, END, HEAD, MARK, MORE, RECORD, RESULT, SEGMENT, divide, number, places,
+};
+use crate::plc::{Shared, function_block};
+use core::ops::Range;
+
+/// Values of RET_VALUE (p. 69).
+const NOTHING: u16 = 0;
+const TX: u16 = 2;
+const RX: u16 = 3;
+const DATA: u16 = 4;
+
+/// ERROR: a data block has no end or no room, or a record has no length that can be (D-469).
+const BAD_DATA_BLOCK: u8 = 16;
+
+/// ERROR: the pages are not where the addresses say (D-469).
+const NO_PAGE: u8 = 17;
+
+/// Which page is under way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Page {
+    /// Page 0.
+    #[default]
+    Start,
+    /// Page 1 has come.
+    Sized,
+    /// What is sent, the page with this number, from 0.
+    Tx(u16),
+    /// What is received.
+    Rx(u16),
+    /// Data.
+    Data(u16),
+    /// Nothing goes on: ERROR tells why.
+    Failed,
+}
+
+/// Where the transfer is.
+#[derive(Clone, Debug, Default)]
+pub struct Paging {
+    page: Page,
+    /// The counter that is waited for.
+    waits_for: Option<u8>,
+    /// Segments of the page that is written, and of the one that is read.
+    outputs: Vec<Range<usize>>,
+    inputs: Vec<Range<usize>>,
+    /// FREIGABE was TRUE.
+    was_released: bool,
+}
+
+function_block! {
+    /// Page mode: configures what is sent and received, then exchanges data for ever (p. 61-69).
+    pub struct FB2(data_blocks: Shared<DataBlocks>, peripherals: Shared<Peripherals>) {
+        in {
+            /// FALSE: pages 0 and 1; then TRUE: everything else, from the begin.
+            FREIGABE: bool;
+            /// First output of the page.
+            WRITE_ADDRESS: u16;
+            /// Number of the first data block that says what is sent.
+            WRITE_CONFIG_DB: u16;
+            /// Number of the first data block with what is sent.
+            WRITE_DB: u16;
+            /// First input of the page.
+            READ_ADDRESS: u16;
+            /// Number of the first data block that says what is received.
+            READ_CONFIG_DB: u16;
+            /// Number of the first data block for what is received.
+            READ_DB: u16;
+        }
+        out {
+            /// Which pages go over: 0 none, 2 what is sent, 3 what is received, 4 data.
+            RET_VALUE: u16;
+            /// Why nothing goes on: 1 to 4 as the gateway tells it, 16 a data block is wrong, 17 there is no page at the addresses; ours.
+            ERROR: u8;
+        }
+        internal: Paging;
+    }
+}
+
+/// Segments of a page of so many octets.
+fn segments(octets: usize) -> Vec<Range<usize>> {
+    (0..octets).step_by(SEGMENT).map(|first| first..octets.min(first + SEGMENT)).collect()
+}
+
+/// The records of a configuration, from this data block on (p. 62-65).
+fn records(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<[u8; RECORD]>> {
+    let (mut records, mut offset) = (Vec::new(), 0);
+    loop {
+        match data_blocks.read::<MARK>(block, offset)? {
+            [END, END, END, END] => return Some(records),
+            [MORE, MORE, MORE, MORE] => (block, offset) = (block.checked_add(1)?, 0),
+            _ => {
+                records.push(data_blocks.read(block, offset)?);
+                offset += RECORD;
+            }
+        }
+    }
+}
+
+/// Where the data of an identifier lie: data block, offset of its length, bytes with `force` or `count_in`.
+struct Cell {
+    block: u16,
+    offset: usize,
+    length: usize,
+}
+
+/// The data of all identifiers, from this data block on (p. 66-69).
+fn cells(data_blocks: &DataBlocks, mut block: u16) -> Option<Vec<Cell>> {
+    let (mut cells, mut offset) = (Vec::new(), 0);
+    loop {
+        match data_blocks.read::<1>(block, offset)?[0] {
+            END => return Some(cells),
+            MORE => (block, offset) = (block.checked_add(1)?, 0),
+            length @ 2..=9 => {
+                cells.push(Cell { block, offset, length: length.into() });
+                offset += usize::from(length) + 1;
+            }
+            _ => return None,
+        }
+    }
+}
+
+impl FB2 {
+    /// One PLC cycle.
+    pub fn call(&mut self, data_blocks: &mut DataBlocks, peripherals: &mut Peripherals) {
+        let released = self.FREIGABE;
+        if core::mem::replace(&mut self.internal.was_released, released) && !released {
+            (self.internal, self.ERROR) = (Paging::default(), 0);
+        }
+        if self.internal.waits_for.is_some() {
+            self.look(data_blocks, peripherals);
+        }
+        if self.internal.waits_for.is_none() {
+            self.next(data_blocks, peripherals);
+        }
+        self.RET_VALUE = match self.internal.page {
+            _ if !released => NOTHING,
+            Page::Tx(_) => TX,
+            Page::Rx(_) => RX,
+            Page::Data(_) => DATA,
+            Page::Start | Page::Sized | Page::Failed => NOTHING,
+        };
+    }
+
+    fn fail(&mut self, error: u8) {
+        (self.internal.page, self.ERROR) = (Page::Failed, error);
+    }
+
+    /// Looks for the answer to the page.
+    fn look(&mut self, data_blocks: &mut DataBlocks, peripherals: &Peripherals) {
+        let Some(head) = peripherals.read::<HEAD>(self.READ_ADDRESS) else { return self.fail(NO_PAGE) };
+        if self.internal.waits_for != Some(head[COUNTER]) {
+            return;
+        }
+        self.internal.waits_for = None;
+        match (head[RESULT], self.internal.page) {
+            (0, Page::Start) => match peripherals.read::<{ HEAD + 4 }>(self.READ_ADDRESS) {
+                Some([high, low, .., out_high, out_low, in_high, in_low])
+                    if u16::from_be_bytes([high, low]) == number::SIZES =>
+                {
+                    let size = |high, low| usize::from(u16::from_be_bytes([high, low]));
+                    self.internal.outputs = segments(size(out_high, out_low));
+                    self.internal.inputs = segments(size(in_high, in_low));
+                    self.internal.page = Page::Sized;
+                }
+                _ => self.fail(NO_PAGE),
+            },
+            (0, Page::Data(page)) => {
+                if self.fetch(page, data_blocks, peripherals).is_none() {
+                    return self.fail(BAD_DATA_BLOCK);
+                }
+                self.internal.page = Page::Data(page.wrapping_add(1));
+            }
+            (0, Page::Tx(page)) => self.internal.page = Page::Tx(page + 1),
+            (0, Page::Rx(page)) => self.internal.page = Page::Rx(page + 1),
+            (0, Page::Sized | Page::Failed) => {}
+            (error, _) => self.fail(error),
+        }
+    }
+
+    /// Puts the inputs of a page where they belong.
+    fn fetch(&self, page: u16, data_blocks: &mut DataBlocks, peripherals: &Peripherals) -> Option<()> {
+        let places: Vec<usize> = places(&self.internal.inputs).collect();
+        let cells = cells(data_blocks, self.READ_DB)?;
+        let pages = divide(cells.iter().map(|cell| cell.length - 1), places.len());
+        let own = pages.get(usize::from(page)).cloned().unwrap_or(0..0);
+        let mut octets = places.iter().filter_map(|place| {
+            let place = usize::from(self.READ_ADDRESS) + place;
+            peripherals.inputs.get(place).copied()
+        });
+        for cell in &cells[own] {
+            let data: Vec<u8> = octets.by_ref().take(cell.length).collect();
+            data_blocks.write(cell.block, cell.offset + 1, &data).then_some(())?;
+        }
+        Some(())
+    }
+
+    /// Writes the next page.
+    fn next(&mut self, data_blocks: &DataBlocks, peripherals: &mut Peripherals) {
+        let room = places(&self.internal.outputs).count();
+        let each = room.saturating_sub(MARK) / RECORD;
+        let released = self.FREIGABE;
+        if released && self.internal.page == Page::Sized {
+            self.internal.page = Page::Tx(0);
+        }
+        // A configuration goes on with the next kind behind its last page.
+        for (here, block, next) in [
+            (Page::Tx as fn(u16) -> Page, self.WRITE_CONFIG_DB, Page::Rx(0)),
+            (Page::Rx, self.READ_CONFIG_DB, Page::Data(0)),
+        ] {
+            let (Page::Tx(page) | Page::Rx(page)) = self.internal.page else { break };
+            if self.internal.page != here(page) {
+                continue;
+            }
+            let Some(records) = records(data_blocks, block).filter(|_| each > 0) else {
+                return self.fail(BAD_DATA_BLOCK);
+            };
+            let pages = records.len().div_ceil(each).max(1);
+            if usize::from(page) >= pages {
+                self.internal.page = next;
+                continue;
+            }
+            let own = records.iter().skip(usize::from(page) * each).take(each).flatten().copied();
+            let mark = if usize::from(page) + 1 == pages { END } else { MORE };
+            let first = if here(0) == Page::Tx(0) { number::TX } else { number::RX };
+            let carried: Vec<u8> = own.chain([mark; MARK]).collect();
+            return self.send(first + page, &carried, peripherals);
+        }
+        match self.internal.page {
+            Page::Start if !released => self.send(number::START, &[], peripherals),
+            Page::Data(page) => {
+                let (Some(tx), Some(rx)) =
+                    (cells(data_blocks, self.WRITE_DB), cells(data_blocks, self.READ_DB))
+                else {
+                    return self.fail(BAD_DATA_BLOCK);
+                };
+                let tx_pages = divide(tx.iter().map(|cell| cell.length - 1), room);
+                let input_room = places(&self.internal.inputs).count();
+                let rx_pages = divide(rx.iter().map(|cell| cell.length - 1), input_room);
+                let page = if usize::from(page) < tx_pages.len().max(rx_pages.len()) { page } else { 0 };
+                self.internal.page = Page::Data(page);
+                let own = tx_pages.get(usize::from(page)).cloned().unwrap_or(0..0);
+                let bytes = tx[own].iter().flat_map(|cell| {
+                    let block = data_blocks.get(cell.block).unwrap_or_default();
+                    block.get(cell.offset + 1..=cell.offset + cell.length).unwrap_or_default()
+                });
+                let carried: Vec<u8> = bytes.copied().collect();
+                self.send(number::DATA + page, &carried, peripherals);
+            }
+            _ => {}
+        }
+    }
+
+    /// Page `number` with this in it, in all its segments, under the next counter.
+    fn send(&mut self, page: u16, carried: &[u8], peripherals: &mut Peripherals) {
+        let Some(head) = peripherals.read::<HEAD>(self.READ_ADDRESS) else { return self.fail(NO_PAGE) };
+        // 0 is none: so cleared outputs are no page.
+        let counter = if head[COUNTER] == u8::MAX { 1 } else { head[COUNTER] + 1 };
+        // The first page goes out before anybody knows how long pages are.
+        let segments = match &self.internal.outputs[..] {
+            [] => core::slice::from_ref(&(0..HEAD)).to_vec(),
+            known => known.to_vec(),
+        };
+        let mut octets = vec![0; segments.last().map_or(0, |last| last.end)];
+        for segment in &segments {
+            let own = &mut octets[segment.clone()];
+            own.iter_mut().zip(page.to_be_bytes()).for_each(|(to, from)| *to = from);
+        }
+        places(&segments).zip(carried).for_each(|(place, octet)| octets[place] = *octet);
+        octets[COUNTER] = counter;
+        if peripherals.write(self.WRITE_ADDRESS, &octets) {
+            self.internal.waits_for = Some(counter);
+        } else {
+            self.fail(NO_PAGE);
+        }
+    }
+}

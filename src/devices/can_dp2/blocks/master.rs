@@ -1,0 +1,124 @@
+//! The PLC's DP master: sets parameters and configuration, then exchanges the peripherals with the gateway.
+
+use super::Peripherals;
+use crate::devices::can_dp2::registers::values::station_status_1 as status_1;
+use crate::devices::can_dp2::registers::values::{mst_control, mst_dsap, mst_result};
+use crate::devices::can_dp2::registers::{CAN_DP2_MST, gsd};
+use crate::plc::{Base, Shared, function_block};
+
+/// Octets each way, and of the diagnosis.
+const OCTETS: usize = gsd::MAX_OUTPUT_LEN as usize;
+const DIAG: usize = gsd::MAX_DIAG_DATA_LEN as usize;
+
+/// What it asks for next, or has asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Step {
+    /// Whether the slave is there.
+    #[default]
+    Find,
+    Parameters,
+    Configuration,
+    /// Whether it is ready.
+    Check,
+    Exchange,
+    /// A diagnosis waits.
+    Diagnosis,
+}
+
+/// Where the master is.
+#[derive(Clone, Debug, Default)]
+pub struct Master {
+    step: Step,
+    is_asked: bool,
+}
+
+function_block! {
+    /// Exchanges outputs and inputs with the gateway by its master without a stack, one request in a call at most: the part of a PLC that no
+    /// program sees (ours). Call it once in each cycle.
+    pub struct DP_MASTER(mst: Base<CAN_DP2_MST>, peripherals: Shared<Peripherals>) {
+        in {
+            /// Exchanges; FALSE: begins anew.
+            ENABLE: bool;
+            /// Octets of Set_Prm.
+            PRM: [u8; 16] = [0; 16];
+            /// Octets of Chk_Cfg.
+            CFG: [u8; 244] = [0; 244];
+            /// How many of them there are.
+            CFG_LEN: u8;
+            /// Octets of all output modules.
+            OUTPUT_LEN: u8;
+        }
+        out {
+            /// Data exchange runs.
+            READY: bool;
+            /// Data exchanges since ENABLE.
+            COUNT: u32;
+            /// The last diagnosis.
+            DIAG: [u8; 16] = [0; 16];
+        }
+        internal: Master;
+    }
+}
+
+impl DP_MASTER {
+    /// One PLC cycle.
+    pub fn call(&mut self, mst: &Base<CAN_DP2_MST>, peripherals: &mut Peripherals) {
+        let is_busy = mst.mst_control.load() == mst_control::SEND;
+        if !self.ENABLE {
+            (self.READY, self.COUNT, self.internal) = (false, 0, Master::default());
+            return;
+        }
+        if is_busy {
+            return;
+        }
+        if core::mem::take(&mut self.internal.is_asked) {
+            self.internal.step = self.answered(mst, peripherals);
+        }
+        let (dsap, octets): (u8, &[u8]) = match self.internal.step {
+            Step::Find | Step::Check | Step::Diagnosis => (mst_dsap::SLAVE_DIAG, &[]),
+            Step::Parameters => (mst_dsap::SET_PRM, &self.PRM),
+            Step::Configuration => (mst_dsap::CHK_CFG, &self.CFG[..usize::from(self.CFG_LEN).min(OCTETS)]),
+            Step::Exchange => {
+                (mst_dsap::DATA_EXCHANGE, &peripherals.outputs[..usize::from(self.OUTPUT_LEN).min(OCTETS)])
+            }
+        };
+        mst.mst_dsap.store(dsap);
+        mst.mst_request_len.store(octets.len() as u8);
+        mst.mst_request.iter().zip(octets).for_each(|(cell, octet)| cell.store(*octet));
+        mst.mst_control.store(mst_control::SEND);
+        self.internal.is_asked = true;
+    }
+
+    /// The request has ended: what is next.
+    fn answered(&mut self, mst: &Base<CAN_DP2_MST>, peripherals: &mut Peripherals) -> Step {
+        let result = mst.mst_result.load();
+        let reply = mst.mst_reply.iter().take(mst.mst_reply_len.load().into()).map(|cell| cell.load());
+        let step = self.internal.step;
+        let is_diagnosis = matches!(step, Step::Find | Step::Check | Step::Diagnosis);
+        match (step, result) {
+            (_, mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS) if is_diagnosis => {
+                self.DIAG = [0; DIAG];
+                self.DIAG.iter_mut().zip(reply).for_each(|(to, from)| *to = from);
+                match step {
+                    Step::Find => Step::Parameters,
+                    Step::Check if self.DIAG[0] & (status_1::CFG_FAULT | status_1::PRM_FAULT) != 0 => {
+                        Step::Find
+                    }
+                    Step::Check if self.DIAG[0] & status_1::NOT_READY != 0 => Step::Check,
+                    _ => Step::Exchange,
+                }
+            }
+            (Step::Parameters, mst_result::RECEIPT) => Step::Configuration,
+            (Step::Configuration, mst_result::RECEIPT) => Step::Check,
+            (Step::Exchange, mst_result::DATA | mst_result::DATA_AND_DIAGNOSIS | mst_result::RECEIPT) => {
+                peripherals.inputs.iter_mut().zip(reply).for_each(|(to, from)| *to = from);
+                (self.READY, self.COUNT) = (true, self.COUNT.wrapping_add(1));
+                if result == mst_result::DATA_AND_DIAGNOSIS { Step::Diagnosis } else { Step::Exchange }
+            }
+            _ => {
+                self.READY = false;
+                Step::Find
+            }
+        }
+    }
+}

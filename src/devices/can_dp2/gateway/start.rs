@@ -1,0 +1,86 @@
+//! How the gateway starts on CAN, as CANopen master, as slave or as neither, and SYNC (p. 29, 42-44, 87).
+
+use super::{Gateway, SYNC, Setup, frame};
+use crate::can::{Frame, Payload};
+use crate::devices::can_dp2::modules::Kind;
+use crate::devices::can_dp2::parameters::Role;
+use crate::devices::can_dp2::registers::values::can_state;
+use crate::devices::canopen::nmt::Command;
+
+impl Gateway {
+    /// P. 42, 44: the last time that was set counts. Only a master has one here; 16#FFFF is none.
+    pub(super) fn set_sync_time(&mut self, time: u16) {
+        let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
+        if is_master && time != u16::MAX {
+            self.registers.stored.stored_sync_time.store(time);
+            self.sync_at = None;
+        }
+    }
+
+    /// All outputs go out, then everything that its inputs bring is asked for (p. 29).
+    pub(super) fn send_all(&mut self, now: u64) {
+        let Some(Setup { parameters, configuration, outputs, .. }) = &self.setup else { return };
+        let of_outputs = configuration.modules.iter().filter_map(|module| match module.kind {
+            Kind::Output { id, .. } => {
+                frame(id, module, outputs.get(module.range())?, parameters.has_tx_counter())
+            }
+            _ => None,
+        });
+        let counter = usize::from(parameters.has_rx_counter());
+        let of_inputs = configuration.modules.iter().filter_map(|module| match module.kind {
+            Kind::Input { id, is_frozen: false } if parameters.has_rtr() => {
+                Frame::remote(id, module.length - counter)
+            }
+            _ => None,
+        });
+        let frames: Vec<Frame> = of_outputs.chain(of_inputs).chain(self.page_requests()).collect();
+        frames.into_iter().for_each(|frame| self.push(frame));
+        self.start_cycles(now);
+    }
+
+    /// The wake-up time is over.
+    pub(super) fn wake_up(&mut self, now: u64) {
+        let Some(setup) = &self.setup else { return };
+        match setup.parameters.role() {
+            Role::Slave(number) => {
+                self.push(Frame::standard(SYNC + u16::from(number), Payload::EMPTY));
+                self.state = can_state::PRE_OPERATIONAL;
+            }
+            Role::Master | Role::Layer2 => {
+                if setup.parameters.has_start_frame() {
+                    let start = Payload::new(&[Command::Start.code(), 0]).unwrap_or(Payload::EMPTY);
+                    self.push(Frame::standard(0, start));
+                }
+                self.state = can_state::WORKING;
+                self.send_all(now);
+            }
+        }
+        self.show();
+    }
+
+    /// Network management, for a slave (p. 29, 87; D-384).
+    pub(super) fn command(&mut self, command: Command, now: u64) {
+        match command {
+            Command::Start if self.state == can_state::PRE_OPERATIONAL => {
+                self.state = can_state::WORKING;
+                self.send_all(now);
+            }
+            Command::Start => {}
+            Command::Stop | Command::EnterPreOperational => self.state = can_state::PRE_OPERATIONAL,
+            Command::ResetNode | Command::ResetCommunication => self.wake_up(now),
+        }
+        self.show();
+    }
+
+    /// SYNC objects come at the time that is stored as long as a master works (D-385).
+    pub(in crate::devices::can_dp2) fn plan_sync(&mut self, now: u64) {
+        let is_master = self.setup.as_ref().is_some_and(|setup| setup.parameters.role() == Role::Master);
+        let time = self.registers.stored.stored_sync_time.load();
+        let runs = is_master && self.is_exchanging && self.state == can_state::WORKING && time != 0;
+        match (runs, self.sync_at) {
+            (true, None) => self.sync_at = Some(now + u64::from(time) * 1000),
+            (false, Some(_)) => self.sync_at = None,
+            _ => {}
+        }
+    }
+}

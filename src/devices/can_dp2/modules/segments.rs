@@ -1,0 +1,65 @@
+//! Segments of a page: what a configuration has in page mode in place of identifiers (p. 50-54).
+
+use super::{CfgError, CfgFault, Configuration, Kind, Module, WINDOW, Written};
+use crate::devices::can_dp2::page::{HEAD, MARK, RECORD, SEGMENT};
+use crate::devices::can_dp2::pages::Pages;
+use crate::devices::can_dp2::parameters::Parameters;
+use core::ops::Range;
+
+/// A module without an identifier; one that has any is no segment.
+pub(super) fn kind(written: &Written<'_>) -> Result<Kind, CfgError> {
+    match (written.comment, written.is_input) {
+        ([], true) => Ok(Kind::PageInput),
+        ([], false) => Ok(Kind::PageOutput),
+        _ => Err(CfgError::Identifier),
+    }
+}
+
+impl Configuration {
+    /// All modules are there: the rules of p. 54. A Communication Window is the last of each way; figure 6.4.2 has it
+    /// without its identifier.
+    pub(super) fn close_pages(&mut self, parameters: &Parameters) -> Result<(), CfgFault> {
+        let is_window = |module: &Module| matches!(module.kind, Kind::WindowInput | Kind::WindowOutput);
+        let has_window = self.modules.iter().any(is_window);
+        if let [.., one, other] = &mut self.modules[..]
+            && parameters.has_window()
+            && !has_window
+            && (one.length, other.length) == (WINDOW, WINDOW)
+            && one.kind != other.kind
+        {
+            for module in [one, other] {
+                let is_input = module.kind == Kind::PageInput;
+                module.kind = if is_input { Kind::WindowInput } else { Kind::WindowOutput };
+            }
+        }
+        let last = self.modules.len().saturating_sub(1);
+        let wrong = |module: usize, error| CfgFault { module: module as u8, error };
+        let numbered = || self.modules.iter().enumerate();
+        let is_segment = |module: &Module| matches!(module.kind, Kind::PageInput | Kind::PageOutput);
+        if let Some((early, _)) = numbered().find(|(_, module)| is_window(module))
+            && numbered().skip(early).any(|(_, module)| is_segment(module))
+        {
+            return Err(wrong(early, CfgError::Identifier));
+        }
+        for (kind, least) in [(Kind::PageInput, SEGMENT), (Kind::PageOutput, HEAD + RECORD + MARK)] {
+            let own: Vec<_> = numbered().filter(|(_, module)| module.kind == kind).collect();
+            let before = own.split_last().map_or(&[][..], |(_, before)| before);
+            if let Some((number, _)) = before.iter().find(|(_, module)| module.length != SEGMENT) {
+                return Err(wrong(*number, CfgError::Length));
+            }
+            if own.iter().map(|(_, module)| module.length).sum::<usize>() < least {
+                return Err(wrong(own.last().map_or(last, |(number, _)| *number), CfgError::Length));
+            }
+        }
+        Ok(())
+    }
+
+    /// Its pages, if it has any.
+    pub(in crate::devices::can_dp2) fn pages(&self) -> Option<Pages> {
+        let segments = |kind: Kind| -> Vec<Range<usize>> {
+            self.modules.iter().filter(|module| module.kind == kind).map(Module::range).collect()
+        };
+        let (outputs, inputs) = (segments(Kind::PageOutput), segments(Kind::PageInput));
+        (!outputs.is_empty()).then(|| Pages::new(outputs, inputs))
+    }
+}

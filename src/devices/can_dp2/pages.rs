@@ -1,0 +1,314 @@
+//! The gateway in page mode: more identifiers than a configuration has modules, a page of them in each telegram (p. 50-60).
+
+use super::form;
+use super::modules::EXTENDED;
+use super::page::{COUNTER, END, HEAD, MARK, MORE, RECORD, RESULT, divide, number, places};
+use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
+use core::ops::Range;
+use embedded_can::Frame as _;
+
+/// What has become of a page (D-467).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// It is taken over.
+    Good = 0,
+    /// It is not its turn.
+    Turn = 1,
+    /// A record has no identifier that can be, or one that goes the other way.
+    Identifier = 2,
+    /// A record has another length than 1 to 8, or does not fit a page.
+    Length = 3,
+    /// There is no mark behind the last record.
+    Mark = 4,
+}
+
+/// How far a gateway in page mode is: `page_state`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Phase {
+    /// Nobody has sent page 0.
+    #[default]
+    Waiting = 1,
+    /// Pages with what is sent come.
+    Tx = 2,
+    /// Pages with what is received come.
+    Rx = 3,
+    /// Pages with data come.
+    Data = 4,
+}
+
+/// An identifier that is sent.
+#[derive(Clone, Debug)]
+struct Tx {
+    id: Id,
+    form: u8,
+    length: usize,
+    /// What it was sent with last, or would have been.
+    data: [u8; 8],
+    force: u8,
+}
+
+/// An identifier that is received.
+#[derive(Clone, Debug)]
+struct Rx {
+    id: Id,
+    form: u8,
+    length: usize,
+    data: [u8; 8],
+    count: u8,
+    /// A later one has the same identifier (p. 35).
+    is_frozen: bool,
+}
+
+/// A gateway in page mode.
+#[derive(Debug)]
+pub(super) struct Pages {
+    /// The segments, one behind the other from the first output and the first input on.
+    outputs: Vec<Range<usize>>,
+    inputs: Vec<Range<usize>>,
+    phase: Phase,
+    /// The number that the next page of a configuration must have.
+    next: u16,
+    /// Of the last page; 0: there was none.
+    counter: u8,
+    tx: Vec<Tx>,
+    rx: Vec<Rx>,
+    /// The identifiers of each page with data.
+    tx_pages: Vec<Range<usize>>,
+    rx_pages: Vec<Range<usize>>,
+    /// What the DP master reads, all segments one behind the other.
+    shown: Vec<u8>,
+}
+
+/// What a page has the gateway do.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Taken {
+    /// The page was a new one.
+    pub is_new: bool,
+    /// Which identifiers it has changed.
+    pub has_configured: bool,
+    /// To be sent.
+    pub frames: Vec<Frame>,
+}
+
+/// Octets that a page of these segments carries.
+fn carries(segments: &[Range<usize>]) -> usize {
+    places(segments).count()
+}
+
+/// The identifier in a record: of 29 bits if bit 29 says so or it is above 16#7FF, as in the window (D-383).
+fn identifier(bytes: [u8; 4]) -> Option<Id> {
+    let number = u32::from_be_bytes(bytes);
+    let id = number & !EXTENDED;
+    match (number & EXTENDED != 0, u16::try_from(id).ok().and_then(StandardId::new)) {
+        (false, Some(id)) => Some(id.into()),
+        _ => ExtendedId::new(id).map(Id::from),
+    }
+}
+
+impl Pages {
+    /// A gateway whose pages have these segments among outputs and inputs.
+    pub(super) fn new(outputs: Vec<Range<usize>>, inputs: Vec<Range<usize>>) -> Self {
+        let shown = vec![0; inputs.last().map_or(0, |last| last.end)];
+        Pages {
+            outputs,
+            inputs,
+            phase: Phase::default(),
+            next: 0,
+            counter: 0,
+            tx: Vec::new(),
+            rx: Vec::new(),
+            tx_pages: Vec::new(),
+            rx_pages: Vec::new(),
+            shown,
+        }
+    }
+
+    /// How far it is.
+    pub(super) fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// What is received, and how many bytes that is: nothing before all is configured.
+    pub(super) fn received_ids(&self) -> impl Iterator<Item = (Id, usize)> {
+        let rx = self.rx.iter().filter(|rx| self.phase == Phase::Data && !rx.is_frozen);
+        rx.map(|rx| (rx.id, rx.length))
+    }
+
+    /// What the DP master reads, from the first input on.
+    pub(super) fn shown(&self) -> &[u8] {
+        &self.shown
+    }
+
+    /// The DP master has written all outputs. Frames go out if `sends`.
+    pub(super) fn written(&mut self, outputs: &[u8], sends: bool) -> Taken {
+        let Some(head) = self.outputs.first().and_then(|first| outputs.get(first.clone())) else {
+            return Taken::default();
+        };
+        let Some(&[high, low, ..]) = head.first_chunk::<HEAD>() else { return Taken::default() };
+        let (number, counter) = (u16::from_be_bytes([high, low]), head[COUNTER]);
+        // Outputs that were cleared are no page.
+        if counter == 0 || core::mem::replace(&mut self.counter, counter) == counter {
+            return Taken::default();
+        }
+        let payload: Vec<u8> =
+            places(&self.outputs).filter_map(|place| outputs.get(place).copied()).collect();
+        let mut taken = Taken { is_new: true, ..Taken::default() };
+        let outcome = match number {
+            number::START => {
+                self.start();
+                taken.has_configured = true;
+                Ok(())
+            }
+            number::TX..number::DATA if number == self.next => {
+                let before = self.phase;
+                let outcome = self.configure(&payload);
+                taken.has_configured = before != Phase::Data && self.phase == Phase::Data;
+                outcome
+            }
+            number::DATA.. if self.phase == Phase::Data => {
+                if sends {
+                    taken.frames = self.data(number, &payload);
+                }
+                Ok(())
+            }
+            _ => Err((Outcome::Turn, 0)),
+        };
+        self.show(number, counter, outcome);
+        taken
+    }
+
+    /// Page 0: everything begins anew.
+    fn start(&mut self) {
+        (self.phase, self.next) = (Phase::Tx, number::TX);
+        self.tx.clear();
+        self.rx.clear();
+    }
+
+    /// A page with records; the first one that is wrong counts, from 0 over the page.
+    fn configure(&mut self, payload: &[u8]) -> Result<(), (Outcome, u8)> {
+        let is_tx = self.phase == Phase::Tx;
+        let (mut tx, mut rx) = (self.tx.clone(), self.rx.clone());
+        let room = carries(if is_tx { &self.outputs } else { &self.inputs });
+        let (mut rest, mut record) = (payload, 0);
+        let mark = loop {
+            let wrong = |outcome| (outcome, record);
+            let Some(bytes) = rest.first_chunk::<MARK>() else { return Err(wrong(Outcome::Mark)) };
+            if let [MORE, MORE, MORE, MORE] | [END, END, END, END] = bytes {
+                break bytes[0];
+            }
+            let Some((&[a, b, c, d, form, length], behind)) = rest.split_first_chunk::<RECORD>() else {
+                return Err(wrong(Outcome::Mark));
+            };
+            let id = identifier([a, b, c, d]).ok_or(wrong(Outcome::Identifier))?;
+            let length = usize::from(length);
+            if !(1..=8).contains(&length) || length + 1 > room {
+                return Err(wrong(Outcome::Length));
+            }
+            // P. 10: an identifier goes one way only; here nobody sends two things with one, either.
+            if tx.iter().any(|it| it.id == id) {
+                return Err(wrong(Outcome::Identifier));
+            }
+            if is_tx {
+                tx.push(Tx { id, form, length, data: [0; 8], force: 0 });
+            } else {
+                rx.iter_mut().filter(|it| it.id == id).for_each(|it| it.is_frozen = true);
+                rx.push(Rx { id, form, length, data: [0; 8], count: 0, is_frozen: false });
+            }
+            (rest, record) = (behind, record.saturating_add(1));
+        };
+        let is_last = self.next + 1 == number::RX || self.next + 1 == number::DATA;
+        match (mark, is_tx) {
+            // The pages of one kind have an end (p. 55).
+            (MORE, _) if is_last => return Err((Outcome::Turn, 0)),
+            (MORE, _) => self.next += 1,
+            (_, true) => (self.phase, self.next) = (Phase::Rx, number::RX),
+            (_, false) => {
+                (self.phase, self.next) = (Phase::Data, 0);
+                self.tx_pages = divide(tx.iter().map(|it| it.length), carries(&self.outputs));
+                self.rx_pages = divide(rx.iter().map(|it| it.length), carries(&self.inputs));
+            }
+        }
+        (self.tx, self.rx) = (tx, rx);
+        Ok(())
+    }
+
+    /// A page with outputs: what of it is to be sent, as `force` says (p. 59).
+    fn data(&mut self, number: u16, payload: &[u8]) -> Vec<Frame> {
+        let mut frames = Vec::new();
+        let Some(ids) = self.tx_pages.get(usize::from(number - number::DATA)) else { return frames };
+        let mut rest = payload;
+        for tx in &mut self.tx[ids.clone()] {
+            let Some((&force, behind)) = rest.split_first() else { break };
+            let (data, behind) = behind.split_at(tx.length.min(behind.len()));
+            rest = behind;
+            let is_changed = !tx.data.starts_with(data);
+            let is_toggled = core::mem::replace(&mut tx.force, force) != force;
+            let is_sent = match force {
+                1 => true,
+                2 => is_changed,
+                3 | 4 => is_toggled,
+                _ => false,
+            };
+            if is_sent {
+                tx.data[..data.len()].copy_from_slice(data);
+                let mut data = data.to_vec();
+                form::swap(tx.form, &mut data);
+                frames.extend(Payload::new(&data).map(|payload| Frame::new(tx.id, payload)));
+            }
+        }
+        frames
+    }
+
+    /// The answer to a page: its number in each segment, its counter, what has become of it, what it asks for.
+    fn show(&mut self, number: u16, counter: u8, outcome: Result<(), (Outcome, u8)>) {
+        let (outcome, record) = outcome.map_or_else(|wrong| wrong, |()| (Outcome::Good, 0));
+        self.shown.fill(0);
+        let answers = if number == number::START { number::SIZES } else { number };
+        for segment in &self.inputs {
+            // The last one may be shorter than that.
+            let octets = &mut self.shown[segment.clone()];
+            octets.iter_mut().zip(answers.to_be_bytes()).for_each(|(to, from)| *to = from);
+        }
+        if let Some(head) = self.shown.first_chunk_mut::<HEAD>() {
+            (head[COUNTER], head[RESULT], head[RESULT + 1]) = (counter, outcome as u8, record);
+        }
+        let carried: Vec<u8> = match number {
+            number::START => {
+                let sizes =
+                    [&self.outputs, &self.inputs].map(|segments| segments.last().map_or(0, |last| last.end));
+                sizes.into_iter().flat_map(|size| (size as u16).to_be_bytes()).collect()
+            }
+            number::DATA.. if outcome == Outcome::Good => {
+                let page = self.rx_pages.get(usize::from(number - number::DATA)).cloned().unwrap_or(0..0);
+                self.rx[page].iter().flat_map(Rx::record).collect()
+            }
+            _ => Vec::new(),
+        };
+        for (place, octet) in places(&self.inputs).zip(carried) {
+            self.shown[place] = octet;
+        }
+    }
+
+    /// A frame has come: it counts, and stands on its page the next time that this is asked for.
+    pub(super) fn received(&mut self, frame: &Frame) {
+        if self.phase != Phase::Data {
+            return;
+        }
+        let Some(rx) = self.rx.iter_mut().find(|rx| rx.id == frame.id() && !rx.is_frozen) else { return };
+        let mut data = frame.data().to_vec();
+        data.truncate(rx.length);
+        form::swap(rx.form, &mut data);
+        rx.data[..data.len()].copy_from_slice(&data);
+        rx.count = rx.count.wrapping_add(1);
+    }
+}
+
+impl Rx {
+    /// Its counter and its data, as they stand on a page.
+    fn record(&self) -> impl Iterator<Item = u8> {
+        core::iter::once(self.count).chain(self.data[..self.length].iter().copied())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,24 @@
+//! What a program may do wrong that is the DP master of a CAN-DP/2 (D-481).
+
+use crate::rules;
+
+rules! {
+    REQUEST: 80, "dp-request", Error, "D-369, D-481",
+        "16#05 was written to mst_control with a request that is none, and nothing was sent. Choose an address from 0 to 126, at most \
+         244 octets, and a service that mst_dsap knows.";
+    REQUEST_CHANGED: 81, "dp-request-changed", Error, "D-369, D-481",
+        "The request was changed before it had an answer; what stood there at first was sent. Wait until mst_control is 16#04 before \
+         the next one.";
+    CONTROL_TAKEN: 82, "dp-control", Error, "D-369, D-481",
+        "Something else was written to mst_control while a request was under way, so nobody is told that it has ended. Write only \
+         16#05, and wait for 16#04.";
+    OUTPUT_LENGTH: 83, "dp-output-length", Error, "D-387, D-481",
+        "A data exchange had another number of octets (the value) than the configuration has outputs, which ends it. Send cfg.output_len \
+         octets.";
+    SWITCHES: 84, "dp-switches", Warning, "CAN-DP/2 rev. 1.1 p. 9",
+        "The switches were below 3 or above 124 at power-on, so the address is another one. Set them to 16#03 to 16#7C.";
+    NO_OUTPUT: 85, "dp-no-output", Warning, "CAN-DP/2 rev. 1.1 p. 32",
+        "A configuration has no output, so the gateway does nothing on CAN. Add one, if need be one without CAN (16#07F8).";
+    RX_TWICE: 86, "dp-rx-twice", Warning, "CAN-DP/2 rev. 1.1 p. 35",
+        "Two inputs of a configuration have the same identifier, so the earlier one never changes. Give each identifier one input.";
+}

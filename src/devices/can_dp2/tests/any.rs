@@ -1,0 +1,67 @@
+//! Whatever a master sends, the slave has a state and a diagnosis that says why.
+
+use super::*;
+use crate::devices::can_dp2::registers::values::dp_state;
+use proptest::prelude::*;
+
+/// Octets of Set_Prm: good ones of which some are others, or any.
+fn parameters() -> impl Strategy<Value = Vec<u8>> {
+    let changes = prop::collection::vec((0..16_usize, any::<u8>()), 0..3);
+    let almost = (any::<u8>(), 0..8_u8, changes).prop_map(|(flags_1, flags_2, changes)| {
+        let mut octets = prm(flags_1 & 0x97, flags_2);
+        changes.into_iter().for_each(|(number, octet)| octets[number] = octet);
+        octets
+    });
+    prop_oneof![4 => almost, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
+}
+
+/// Octets of Chk_Cfg: modules that are good or almost, segments of pages, or anything.
+fn configuration() -> impl Strategy<Value = Vec<u8>> {
+    let module = prop_oneof![
+        (any::<bool>(), 0..10_u8, 0..9_u8, any::<u8>()).prop_map(|(is_input, length, high, low)| {
+            vec![if is_input { 0x43 } else { 0x83 }, length, high, low, 0xB8]
+        }),
+        any::<bool>().prop_map(|is_input| vec![if is_input { 0x43 } else { 0x83 }, 0x8F, 0xFF, 0xEF, 0]),
+        any::<bool>().prop_map(|is_input| vec![if is_input { 0x40 } else { 0x80 }, 0x9F]),
+        any::<u8>().prop_map(|octet| vec![octet]),
+    ];
+    let modules = prop::collection::vec(module, 0..12).prop_map(|modules| modules.concat());
+    prop_oneof![4 => modules, 1 => prop::collection::vec(any::<u8>(), 0..=244)]
+}
+
+proptest! {
+    #![proptest_config(crate::property_tests())]
+
+    #[test]
+    fn any_octets_get_a_state_and_a_diagnosis(
+        prm in parameters(),
+        cfg in configuration(),
+        outputs in prop::collection::vec(any::<u8>(), 0..=244),
+    ) {
+        let mut bench = Bench::new(5);
+        prop_assert_eq!(bench.ask(61, &prm).0, mst_result::RECEIPT);
+        let after_prm = bench.diag();
+        prop_assert_eq!(bench.ask(62, &cfg).0, mst_result::RECEIPT);
+        let diag = bench.diag();
+        let state = bench.registers.diag.dp_state.load();
+        prop_assert!((dp_state::WAIT_PRM..=dp_state::DATA_EXCHANGE).contains(&state));
+        for diag in [&after_prm, &diag] {
+            prop_assert!([6, 11].contains(&diag.len()), "{:02X?}", diag);
+            prop_assert_eq!(&diag[4..6], &[0x04, 0xA4]);
+        }
+        // Each bit has its reason, and each refusal its bit.
+        let cause = diag.get(8).copied();
+        prop_assert_eq!(diag[0] & 0x40 != 0, cause == Some(0x3D));
+        prop_assert_eq!(diag[0] & 0x04 != 0, cause == Some(0x3E));
+        prop_assert_eq!(diag[0] & 0x02 != 0, state != dp_state::DATA_EXCHANGE);
+        prop_assert_eq!(diag[1] & 0x01 != 0, state == dp_state::WAIT_PRM);
+        if cause == Some(0x3E) {
+            prop_assert!((1..=6).contains(&diag[10]) && diag[9] <= 48, "{:02X?}", diag);
+        }
+        // Whatever it waits for, outputs are taken or refused, and time goes on.
+        let result = bench.ask(255, &outputs).0;
+        let fits = outputs.is_empty() || outputs.len() == usize::from(bench.registers.cfg.output_len.load());
+        prop_assert_eq!(result == mst_result::NOT_ACTIVATED, state != dp_state::DATA_EXCHANGE || !fits);
+        bench.run(10 * MS);
+    }
+}
