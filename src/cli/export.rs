@@ -3,7 +3,7 @@
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
-use crate::export::{self, Format};
+use crate::export::{self, Format, StForm};
 use crate::plant::PlantConfig;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
@@ -16,6 +16,8 @@ Examples:
   commram export c --output commram.h
   commram export python --output commram.py
   commram export st --elementary --block node2
+  commram export st --matiec --output commram.st
+  commram export matiec --main --output main.c
   commram export md > registers.md
   commram export dbc --plant plant.toml --bus open --output open.dbc
 
@@ -33,6 +35,12 @@ pub(crate) struct Args {
     /// With `st`: an elementary variable per register instead of structures
     #[arg(long)]
     elementary: bool,
+    /// With `st`: a file that matiec compiles, with `program.st` in it and its configuration
+    #[arg(long = "matiec")]
+    for_matiec: bool,
+    /// With `matiec`: the C program around the compiled one instead of the header
+    #[arg(long)]
+    main: bool,
     /// With `dbc`: the plant whose messages are meant
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
@@ -96,19 +104,26 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     if args.plant.is_some() || args.bus.is_some() {
         return Err(wrong(format!("{format} --plant --bus"), "only `dbc` is about a plant and its bus"));
     }
-    let format = match (format, args.elementary) {
-        (format, false) => format,
-        (Format::St, true) => Format::StElementary,
-        (other, true) => {
+    let format = match format {
+        Format::St(_) => Format::St(StForm { elementary: args.elementary, matiec: args.for_matiec }),
+        other if args.elementary => {
             return Err(wrong(format!("{other} --elementary"), "only `st` has elementary variables"));
         }
+        other if args.for_matiec => {
+            return Err(wrong(format!("{other} --matiec"), "only `st` has a form for matiec"));
+        }
+        Format::Matiec if args.main => Format::MatiecMain,
+        other => other,
     };
+    if args.main && format != Format::MatiecMain {
+        return Err(wrong(format!("{format} --main"), "only `matiec` has a program around the compiled one"));
+    }
     Ok(export::export(args.device.device, format, args.block.as_deref())?)
 }
 
 fn of_bus(args: &Args) -> Result<String, CliError> {
-    if args.elementary || args.block.is_some() {
-        return Err(wrong("dbc --block --elementary", "a CAN database has no registers"));
+    if args.elementary || args.for_matiec || args.main || args.block.is_some() {
+        return Err(wrong("dbc --block --elementary --matiec --main", "a CAN database has no registers"));
     }
     let path = args.plant.as_deref().ok_or_else(|| wrong("dbc", "give the plant, --plant plant.toml"))?;
     let plant = PlantConfig::load(path)?;

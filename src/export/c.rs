@@ -1,5 +1,5 @@
 //! One C header, also for C++: header page, constants, structures with every offset and size asserted, and the
-//! functions of `c/attach.h` to meet an image.
+//! functions of `c/attach.h` and `c/tasks.h` to meet an image and to be its PLC.
 
 use super::constants;
 use super::members::{self, Member};
@@ -14,6 +14,7 @@ use std::fmt::Write;
 
 const PROLOGUE: &str = include_str!("c/prologue.h");
 const ATTACH: &str = include_str!("c/attach.h");
+const TASKS: &str = include_str!("c/tasks.h");
 const EPILOGUE: &str = include_str!("c/epilogue.h");
 
 /// Words of C and C++ that a field of the header page could be called.
@@ -23,8 +24,13 @@ const KEYWORDS: [&str; 12] = [
 ];
 
 pub(crate) fn generate(scope: &Scope) -> String {
+    header(scope, "c", "")
+}
+
+/// The header as export `format`, with `prefix` in front of the names of structures.
+pub(crate) fn header(scope: &Scope, format: &str, prefix: &str) -> String {
     let mut out = String::from("/*\n");
-    for line in text::banner(scope, "c") {
+    for line in text::banner(scope, format) {
         let _ = writeln!(out, " * {line}");
     }
     out.push_str(" */\n");
@@ -35,14 +41,23 @@ pub(crate) fn generate(scope: &Scope) -> String {
     out.push_str("\n/* Registers. */\n");
     for group in members::groups(&structures) {
         let remark = group.about();
-        structure(&mut out, group.type_name(), group.bytes(), &remark, &group.members(), group.offset());
+        structure(
+            &mut out,
+            prefix,
+            group.type_name(),
+            group.bytes(),
+            &remark,
+            &group.members(),
+            group.offset(),
+        );
     }
     for of in structures {
         let remark = text::about(of);
-        structure(&mut out, of.name, of.bytes, &remark, &members::of(of), 0);
+        structure(&mut out, prefix, of.name, of.bytes, &remark, &members::of(of), 0);
     }
     out.push_str(ATTACH);
-    places(&mut out, scope);
+    out.push_str(TASKS);
+    places(&mut out, prefix, scope);
     out.push_str(EPILOGUE);
     out
 }
@@ -114,7 +129,16 @@ fn hex(ty: RegType, value: u32) -> String {
 }
 
 /// `start` is what the offsets of the registers count from.
-fn structure(out: &mut String, name: &str, bytes: u32, remark: &str, members: &[Member], start: u32) {
+fn structure(
+    out: &mut String,
+    prefix: &str,
+    name: &str,
+    bytes: u32,
+    remark: &str,
+    members: &[Member],
+    start: u32,
+) {
+    let name = &format!("{prefix}{name}");
     let _ = writeln!(out, "\n/* {remark} */\ntypedef struct {name} {{");
     let mut asserts = String::new();
     for member in members {
@@ -129,7 +153,7 @@ fn structure(out: &mut String, name: &str, bytes: u32, remark: &str, members: &[
             Member::Group(group) => {
                 let dims = text::bounds(group.dims());
                 (
-                    format!("{} {}{dims};", group.type_name(), group.member_name()),
+                    format!("{prefix}{} {}{dims};", group.type_name(), group.member_name()),
                     group.member_name(),
                     group.offset(),
                 )
@@ -150,16 +174,16 @@ fn structure(out: &mut String, name: &str, bytes: u32, remark: &str, members: &[
 fn assert_offset(out: &mut String, name: &str, field: &str, offset: u32) {
     let _ = writeln!(
         out,
-        "_Static_assert(offsetof({name}, {field}) == {offset}, \"{name}.{field} is not at {offset}\");"
+        "COMMRAM_ASSERT(offsetof({name}, {field}) == {offset}, \"{name}.{field} is not at {offset}\");"
     );
 }
 
 fn assert_size(out: &mut String, name: &str, bytes: u32) {
-    let _ = writeln!(out, "_Static_assert(sizeof({name}) == {bytes}, \"{name} has not {bytes} bytes\");");
+    let _ = writeln!(out, "COMMRAM_ASSERT(sizeof({name}) == {bytes}, \"{name} has not {bytes} bytes\");");
 }
 
 /// Where the structures lie, and functions that find them in an image.
-fn places(out: &mut String, scope: &Scope) {
+fn places(out: &mut String, prefix: &str, scope: &Scope) {
     out.push_str("\n/* The areas, their first bytes in an image, and the structures. */\n\n");
     for area in &scope.areas {
         let name = constants::upper(area.name);
@@ -175,8 +199,8 @@ fn places(out: &mut String, scope: &Scope) {
         };
         let _ = writeln!(
             out,
-            "\n/* {doc}{live}. */\nstatic inline {name} *commram{}(const commram *ram)\n{{\n    \
-             return ({name} *)(ram->base + {}u);\n}}",
+            "\n/* {doc}{live}. */\nstatic inline {prefix}{name} *commram{}(const commram *ram)\n{{\n    \
+             return ({prefix}{name} *)(ram->base + {}u);\n}}",
             placed.variable, area.first
         );
     }
@@ -214,18 +238,18 @@ mod tests {
         for structure in Scope::new(&DEVICE, None).unwrap().structures() {
             for register in structure.registers.iter().filter(|register| register.group.is_empty()) {
                 let assertion = format!(
-                    "_Static_assert(offsetof({}, {}) == {},",
+                    "COMMRAM_ASSERT(offsetof({}, {}) == {},",
                     structure.name, register.name, register.offset
                 );
                 assert!(text.contains(&assertion), "{assertion}");
             }
             assert!(
-                text.contains(&format!("_Static_assert(sizeof({}) == {},", structure.name, structure.bytes))
+                text.contains(&format!("COMMRAM_ASSERT(sizeof({}) == {},", structure.name, structure.bytes))
             );
         }
         for field in crate::memory::Header::STRUCT.fields {
             let name = field_name(field.name);
-            let assertion = format!("_Static_assert(offsetof(commram_header, {name}) == {},", field.offset);
+            let assertion = format!("COMMRAM_ASSERT(offsetof(commram_header, {name}) == {},", field.offset);
             assert!(text.contains(&assertion), "{assertion}");
         }
     }

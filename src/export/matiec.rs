@@ -1,16 +1,19 @@
 //! Glue for IEC 61131-3 programs compiled by matiec: binds their located variables to an image, in every space of
 //! addresses that the device has. The C header comes first, then what `LOCATED_VARIABLES.h` is checked against, then
-//! `matiec/glue.h`.
+//! `matiec/glue.h`. The program around it is `matiec/main.c`.
 
 use super::c;
 use super::scope::Scope;
+use super::text;
 use crate::layout::{Area, Fitted, Space, Unit};
 use std::fmt::Write;
 
 const GLUE: &str = include_str!("matiec/glue.h");
+const MAIN: &str = include_str!("matiec/main.c");
 
 pub(crate) fn generate(scope: &Scope) -> String {
-    let mut out = c::generate(scope).replacen("`commram export c", "`commram export matiec", 1);
+    // matiec makes types of the same structures, with their names in capitals; some are nothing but capitals here, too.
+    let mut out = c::header(scope, "matiec", "commram_");
     out.push_str(
         "\n#ifndef COMMRAM_MATIEC_H\n#define COMMRAM_MATIEC_H\n\n#define COMMRAM_NO_NUMBER 0xFFFFFFFFu\n\n",
     );
@@ -41,15 +44,29 @@ pub(crate) fn generate(scope: &Scope) -> String {
         let _ = write!(out, " \\\n    || ((n) >= {first}u && (n) < {}u)", first + bytes);
     }
     out.push_str(
-        ")\n\n/* Bytes of the register that byte n of the image belongs to; 0 where there is none. */\n",
+        ")\n\n/* Widths in bytes, added up, of registers that byte n of the image belongs to; 0 where there is none. */\n",
     );
-    out.push_str("#define COMMRAM_WIDTH_AT(n) (0u");
+    out.push_str("#define COMMRAM_WIDTHS_AT(n) (0u");
     for (first, end, width) in widths(scope) {
         let _ = write!(out, " \\\n    + ((n) >= {first}u && (n) < {end}u ? {width}u : 0u)");
+    }
+    out.push_str(
+        ")\n\n/* Whether a structure of so many bytes begins at byte n of the image. */\n\
+         #define COMMRAM_STRUCTURE_AT(n, bytes) (0",
+    );
+    for (area, placed) in scope.placed() {
+        let _ = write!(out, " \\\n    || ((n) == {}u && (bytes) == {}u)", area.first, placed.structure.bytes);
     }
     out.push_str(")\n\n");
     out.push_str(GLUE);
     out
+}
+
+/// The C program around a program that matiec compiled with the glue.
+pub(crate) fn main(scope: &Scope) -> String {
+    let lines = text::banner(scope, "matiec --main");
+    let head = lines.iter().take(2).map(|line| format!(" * {line}\n")).collect::<String>();
+    format!("/*\n{head}{MAIN}")
 }
 
 /// Whether an address with the numbers `a` and `b` is meant to be one of this space, in C. Behind the number of a segment
@@ -59,7 +76,7 @@ fn is_meant(space: &Space) -> String {
     match space.segment.trim_end_matches('.') {
         "" => {
             let inside = is_inside(space);
-            format!("((letter) == '{letter}' && ((is_bit) || (b) == COMMRAM_NO_NUMBER) && {inside})")
+            format!("((letter) == '{letter}' && ((is_bit) || COMMRAM_IS_NO_LEVEL(b)) && {inside})")
         }
         segment => format!("((letter) == '{letter}' && (a) == {segment}u && (b) != COMMRAM_NO_NUMBER)"),
     }
@@ -87,8 +104,9 @@ fn first_byte(space: &Space) -> u32 {
     space.first * space.unit.width().bytes()
 }
 
-/// Stretches of registers of one width: first byte, end, width. Structures that overlay each other agree on
-/// the widths of what is used, but not on where they end.
+/// Stretches of bytes that belong to registers of the same widths: first byte, end, the widths added up, which are powers
+/// of two. Structures that overlay each other agree on the width of what is used, unless it is a module that decides which
+/// of them lies there.
 fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
     let mut stretches: Vec<(u32, u32, u32)> = Vec::new();
     for area in &scope.areas {
@@ -96,7 +114,7 @@ fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
         for found in Fitted::unknown(scope.device).used_registers(area) {
             let first = found.offset_in_structure() as usize;
             let width = found.width();
-            bytes.iter_mut().skip(first).take(width as usize).for_each(|byte| *byte = width);
+            bytes.iter_mut().skip(first).take(width as usize).for_each(|byte| *byte |= width);
         }
         for (offset, width) in (area.first..).zip(bytes).filter(|(_, width)| *width > 0) {
             match stretches.last_mut() {
@@ -111,7 +129,7 @@ fn widths(scope: &Scope) -> Vec<(u32, u32, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::samples::tables::NODES as DEVICE;
+    use crate::devices::samples::tables::{NODES as DEVICE, SLOTS};
     use crate::layout::samples::WORDS;
 
     #[test]
@@ -121,6 +139,9 @@ mod tests {
         let at = |n| widths.iter().find(|(first, end, _)| (*first..*end).contains(&n)).map(|found| found.2);
         assert_eq!([at(200_000), at(200_012), at(200_052), at(202_893)], [Some(2), Some(1), Some(4), None]);
         assert!(widths.iter().all(|(first, _, width)| first % width == 0));
+        // A master's and a slave's module have registers of different widths at the same place.
+        let modules = self::widths(&Scope::new(&SLOTS, None).unwrap());
+        assert!(modules.iter().any(|(_, _, widths)| *widths == 1 | 4), "{modules:?}");
     }
 
     /// A compiler may warn of a comparison that is always true.

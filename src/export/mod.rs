@@ -32,6 +32,7 @@ pub use csv::line as csv_line;
 pub use dbc::dbc;
 pub use md::table as md_table;
 pub use scope::Scope;
+pub use st::StForm;
 
 /// What the register map can be turned into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,10 +41,10 @@ pub enum Format {
     C,
     /// The C header with glue for programs compiled by matiec.
     Matiec,
-    /// IEC 61131-3 declarations with the manual's structures.
-    St,
-    /// IEC 61131-3 declarations of one elementary variable per register.
-    StElementary,
+    /// The C program that runs a program compiled by matiec.
+    MatiecMain,
+    /// IEC 61131-3 declarations.
+    St(StForm),
     /// A Python module.
     Python,
     /// CMSIS-SVD.
@@ -67,7 +68,7 @@ impl Format {
     pub const ALL: [Self; 11] = [
         Self::C,
         Self::Matiec,
-        Self::St,
+        Self::St(StForm { elementary: false, matiec: false }),
         Self::Python,
         Self::Svd,
         Self::SystemRdl,
@@ -83,8 +84,8 @@ impl Format {
     pub const fn name(self) -> &'static str {
         match self {
             Self::C => "c",
-            Self::Matiec => "matiec",
-            Self::St | Self::StElementary => "st",
+            Self::Matiec | Self::MatiecMain => "matiec",
+            Self::St(_) => "st",
             Self::Python => "python",
             Self::Svd => "svd",
             Self::SystemRdl => "systemrdl",
@@ -102,8 +103,8 @@ impl Format {
         match self {
             Self::C => "C header with structures, constants and functions to attach; also for C++",
             Self::Matiec => "C header that binds located variables of programs compiled by matiec",
-            Self::St => "IEC 61131-3 types and variables, as in the manual",
-            Self::StElementary => "IEC 61131-3 variables, one per register",
+            Self::MatiecMain => "C program that runs a program compiled by matiec",
+            Self::St(_) => "IEC 61131-3 types and variables, as in the manual",
             Self::Python => "Python module without dependencies",
             Self::Svd => "CMSIS-SVD for debuggers and viewers",
             Self::SystemRdl => "SystemRDL 2.0 for PeakRDL and hardware tools",
@@ -153,7 +154,7 @@ pub enum ExportError {
 /// without an object dictionary, no PROFIBUS-DP slave.
 pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, ExportError> {
     let mut scope = Scope::new(device, block)?;
-    if matches!(format, Format::Matiec | Format::St | Format::StElementary | Format::Svd) {
+    if matches!(format, Format::Matiec | Format::St(_) | Format::Svd) {
         scope = scope.without_front();
         if let (true, Some(block)) = (scope.areas.is_empty(), scope.block) {
             return Err(ExportError::NoAddresses { device: device.name, block, format });
@@ -165,8 +166,8 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
     Ok(match format {
         Format::C => c::generate(&scope),
         Format::Matiec => matiec::generate(&scope),
-        Format::St => st::generate(&scope),
-        Format::StElementary => st::elementary(&scope),
+        Format::MatiecMain => matiec::main(&scope),
+        Format::St(form) => st::generate(&scope, form),
         Format::Python => python::generate(&scope),
         Format::Svd => svd::generate(&scope),
         Format::SystemRdl => systemrdl::generate(&scope),

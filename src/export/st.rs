@@ -1,19 +1,65 @@
-//! IEC 61131-3 declarations: the structures as types and the variables at their addresses; or, for compilers
-//! that cannot place a structure, one elementary variable per register. Each type has a `TYPE` of its own, which
-//! the standard allows and some compilers want.
+//! IEC 61131-3 declarations: the structures as types and the variables at their addresses; or one elementary variable per
+//! register. Each type has a `TYPE` of its own, which the standard allows and some compilers want.
+//!
+//! matiec, the compiler of Beremiz and OpenPLC, has wants of its own: see [`StForm::matiec`].
 
 use super::members::{self, Member};
 use super::rows;
 use super::scope::Scope;
 use super::text;
 use crate::layout::{Dim, RegisterRef};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-/// Types and variables with the manual's names.
-pub(crate) fn generate(scope: &Scope) -> String {
+/// In which form declarations are wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StForm {
+    /// An elementary variable per register instead of structures.
+    pub elementary: bool,
+    /// A whole file for matiec, which includes the program and has its configuration. matiec takes each spelling of an
+    /// address once, and makes no C that compiles of an array of arrays: those are arrays of two dimensions here.
+    pub matiec: bool,
+}
+
+impl StForm {
+    fn command(self) -> &'static str {
+        match (self.elementary, self.matiec) {
+            (false, false) => "st",
+            (true, false) => "st --elementary",
+            (false, true) => "st --matiec",
+            (true, true) => "st --elementary --matiec",
+        }
+    }
+}
+
+/// The declarations.
+pub(crate) fn generate(scope: &Scope, form: StForm) -> String {
+    let mut out = head(scope, form);
+    let variables = if form.elementary {
+        elementary(scope)
+    } else {
+        out += &types(scope, form);
+        structures(scope, form)
+    };
+    let variables = format!("VAR_GLOBAL\n{variables}END_VAR\n");
+    if form.matiec { out + &whole(&variables) } else { out + &variables }
+}
+
+/// What matiec compiles: the program between types and variables, since it takes an include only in front of a configuration.
+fn whole(variables: &str) -> String {
+    format!(
+        "{{#include \"program.st\"}}\n\n\
+         (* Tasks and programs as yours are; a register that a program uses stands in its VAR_EXTERNAL. *)\n\
+         CONFIGURATION config\n{variables}\n\
+         RESOURCE resource1 ON PLC\n    TASK scan(INTERVAL := T#2ms, PRIORITY := 0);\n    \
+         PROGRAM instance1 WITH scan : MAIN;\nEND_RESOURCE\nEND_CONFIGURATION\n"
+    )
+}
+
+/// The types, each behind those that it needs.
+fn types(scope: &Scope, form: StForm) -> String {
     let structures = scope.structures();
-    let mut arrays = BTreeSet::new();
+    let mut arrays = Arrays { flat: form.matiec, all: BTreeSet::new() };
     let (mut small, mut large) = (String::new(), String::new());
     for group in members::groups(&structures) {
         record(&mut small, &mut arrays, group.type_name(), &group.about(), &group.members());
@@ -22,39 +68,67 @@ pub(crate) fn generate(scope: &Scope) -> String {
         record(&mut large, &mut arrays, of.name, &text::about(of), &members::of(of));
     }
     let declare = |of_records: bool| -> String {
-        arrays.iter().filter(|array| array.of_records == of_records).map(Array::declaration).collect()
+        let wanted = arrays.all.iter().filter(|array| array.of_records == of_records);
+        wanted.map(|array| array.declaration(form.matiec)).collect()
     };
-    let mut out = head(scope, "st");
-    // Whatever a type needs stands before it.
-    out += &format!("{}{small}{}{large}VAR_GLOBAL\n", declare(false), declare(true));
+    format!("{}{small}{}{large}", declare(false), declare(true))
+}
+
+/// The variables with the manual's names.
+fn structures(scope: &Scope, form: StForm) -> String {
+    let mut out = String::new();
+    let mut spellings = Spellings::default();
     for (area, placed) in scope.placed() {
         let (variable, structure) = (placed.variable, placed.structure.name);
         let remark = text::made_up(placed).map(|made_up| format!(" (* {made_up} *)")).unwrap_or_default();
-        let _ = writeln!(out, "    {variable} AT {} : {structure};{remark}", area.begin());
+        let begin = area.begin();
+        let address = if form.matiec { spellings.next(begin) } else { begin };
+        let _ = writeln!(out, "    {variable} AT {address} : {structure};{remark}");
     }
-    out.push_str("END_VAR\n");
     out
 }
 
-/// Elementary variables only.
-pub(crate) fn elementary(scope: &Scope) -> String {
-    let mut out = head(scope, "st --elementary");
-    out.push_str("VAR_GLOBAL\n");
+/// Spellings of addresses that more than one variable has: a level of 0 behind it names the same place.
+#[derive(Default)]
+struct Spellings(BTreeMap<String, usize>);
+
+impl Spellings {
+    fn next(&mut self, address: String) -> String {
+        let used = self.0.entry(address.clone()).or_default();
+        *used += 1;
+        address + &".0".repeat(*used - 1)
+    }
+}
+
+/// A variable per register that the node where it lies uses.
+fn elementary(scope: &Scope) -> String {
+    let mut out = String::new();
+    let mut spellings = Spellings::default();
     let mut seen: BTreeSet<(String, u32)> = BTreeSet::new();
-    for (_, found) in rows::all(scope) {
+    for (placed, found) in rows::all(scope) {
+        if placed.unused.contains(&found.register.name) {
+            continue;
+        }
         let name = variable(&found);
         // Structures that overlay each other share some registers.
         if seen.insert((name.clone(), found.offset())) {
             let remark = text::remark(found.register);
-            let _ = writeln!(out, "    {name} AT {} : {}; (* {remark} *)", found.address(), found.ty());
+            let address = spellings.next(found.address().to_string());
+            let _ = writeln!(out, "    {name} AT {address} : {}; (* {remark} *)", found.ty());
         }
     }
-    out.push_str("END_VAR\n");
     out
 }
 
-fn head(scope: &Scope, format: &str) -> String {
-    text::banner(scope, format).iter().map(|line| format!("(* {line} *)\n")).collect::<String>() + "\n"
+fn head(scope: &Scope, form: StForm) -> String {
+    let mut lines = text::banner(scope, form.command());
+    if form.matiec || form.elementary {
+        lines.push(
+            "Each spelling of an address stands once: of two names the second has a level of 0 behind it."
+                .into(),
+        );
+    }
+    lines.iter().map(|line| format!("(* {line} *)\n")).collect::<String>() + "\n"
 }
 
 /// An identifier for one register: `node2_a_DATA_PARAMETER_3_w_PAR_NR`. Two `_` in a row are not allowed.
@@ -97,14 +171,41 @@ impl Array {
         })
     }
 
-    fn declaration(&self) -> String {
-        let of = self.inner().map_or(self.element.to_owned(), |inner| inner.name());
-        let last = self.counts.first().map_or(0, |count| count - 1);
-        format!("TYPE\n    {} : ARRAY[0..{last}] OF {of};\nEND_TYPE\n\n", self.name())
+    /// As an array of arrays, or `flat` as one of so many dimensions.
+    fn declaration(&self, flat: bool) -> String {
+        let range = |count: &u32| format!("0..{}", count - 1);
+        let (ranges, of) = match self.inner().filter(|_| !flat) {
+            Some(inner) => (self.counts.first().map(range).unwrap_or_default(), inner.name()),
+            None => (self.counts.iter().map(range).collect::<Vec<_>>().join(", "), self.element.to_owned()),
+        };
+        format!("TYPE\n    {} : ARRAY[{ranges}] OF {of};\nEND_TYPE\n\n", self.name())
     }
 }
 
-fn record(out: &mut String, arrays: &mut BTreeSet<Array>, name: &str, doc: &str, members: &[Member]) {
+/// The array types that something needs.
+struct Arrays {
+    /// Whether arrays of several dimensions are one type each.
+    flat: bool,
+    all: BTreeSet<Array>,
+}
+
+impl Arrays {
+    /// The name of the array's type, which is then declared, or of its element if it has no dimensions.
+    fn name_of(&mut self, array: Array) -> String {
+        if array.counts.is_empty() {
+            return array.element.to_owned();
+        }
+        let name = array.name();
+        let mut next = Some(array);
+        while let Some(array) = next {
+            next = array.inner().filter(|_| !self.flat);
+            self.all.insert(array);
+        }
+        name
+    }
+}
+
+fn record(out: &mut String, arrays: &mut Arrays, name: &str, doc: &str, members: &[Member]) {
     let counts = |dims: &[Dim]| dims.iter().map(|dim| u32::from(dim.count)).collect::<Vec<_>>();
     let _ = writeln!(out, "TYPE\n    {name} : (* {doc} *)\n    STRUCT");
     for member in members {
@@ -123,24 +224,10 @@ fn record(out: &mut String, arrays: &mut BTreeSet<Array>, name: &str, doc: &str,
                 (format!("padding_{offset}"), false, "BYTE", counts, "", String::new())
             }
         };
-        let ty = type_name(arrays, Array { of_records, dims: counts.len(), element, counts, named });
+        let ty = arrays.name_of(Array { of_records, dims: counts.len(), element, counts, named });
         let _ = writeln!(out, "        {field} : {ty};{remark}");
     }
     out.push_str("    END_STRUCT;\nEND_TYPE\n\n");
-}
-
-/// The name of the array's type, which is then declared, or of its element if it has no dimensions.
-fn type_name(arrays: &mut BTreeSet<Array>, array: Array) -> String {
-    if array.counts.is_empty() {
-        return array.element.to_owned();
-    }
-    let name = array.name();
-    let mut next = Some(array);
-    while let Some(array) = next {
-        next = array.inner();
-        arrays.insert(array);
-    }
-    name
 }
 
 #[cfg(test)]
@@ -152,13 +239,31 @@ mod tests {
     #[test]
     fn elementary_variables_have_names_of_their_own() {
         let text = elementary(&Scope::new(&DEVICE, None).unwrap());
-        let mut names = BTreeSet::new();
+        assert!(!text.contains("node1_a_SL_TYP_0 "));
+        let (mut names, mut addresses) = (BTreeSet::new(), BTreeSet::new());
         for line in text.lines().filter(|line| line.contains(" AT ")) {
-            let name = line.split_whitespace().next().unwrap().to_lowercase();
+            let mut words = line.split_whitespace();
+            let name = words.next().unwrap().to_lowercase();
             assert!(!name.contains("__") && !name.ends_with('_'), "{name}");
             assert!(names.insert(name), "{line}");
+            assert!(addresses.insert(words.nth(1).unwrap()), "{line}");
         }
         assert!(names.len() > 3000);
         assert!(text.contains("    node2_a_DATA_PARAMETER_3_w_PAR_NR AT %MW3.203104 : WORD; (* PLC: "));
+        assert!(text.contains("    node2_b_MA_SL_MODE AT %MB3.200012 : BYTE;"));
+        assert!(text.contains("    node2_b_CTRLREG_WRC1 AT %MB3.200012.0 : BYTE;"));
+    }
+
+    #[test]
+    fn matiec_gets_arrays_of_two_dimensions_and_each_address_once() {
+        let scope = Scope::new(&DEVICE, None).unwrap();
+        let plain = generate(&scope, StForm::default());
+        assert!(plain.contains("CANsync_RD_BMARRAY : ARRAY[0..31] OF DINT_16_BMARRAY;"));
+        assert!(plain.contains("    _CANsync_CTRL_MA AT %MB3.200000 : CANsync_MA_CTRL_BMSTRUCT;"));
+        let whole = generate(&scope, StForm { matiec: true, elementary: false });
+        assert!(whole.contains("CANsync_RD_BMARRAY : ARRAY[0..31, 0..15] OF DINT;"));
+        assert!(whole.contains("    _CANsync_INIT_MA AT %MB3.200000 : CANsync_INIT_BMSTRUCT;"));
+        assert!(whole.contains("    _CANsync_CTRL_MA AT %MB3.200000.0 : CANsync_MA_CTRL_BMSTRUCT;"));
+        assert!(whole.ends_with("END_RESOURCE\nEND_CONFIGURATION\n"));
     }
 }

@@ -71,7 +71,12 @@ fn copy(from: &Path, to: &Path) {
 
 /// The declarations with `b_CTRL_REG_BC1` behind its padding instead of in front of it.
 fn moved() -> String {
-    let declarations = commram::export::export(&DEVICE, commram::export::Format::St, None).unwrap();
+    let declarations = commram::export::export(
+        &DEVICE,
+        commram::export::Format::St(commram::export::StForm::default()),
+        None,
+    )
+    .unwrap();
     let mut lines: Vec<&str> = declarations.lines().collect();
     let at = lines.iter().position(|line| line.trim_start().starts_with("b_CTRL_REG_BC1 ")).unwrap();
     assert!(lines[at + 1].contains("BYTE_3_BMARRAY"), "the layout has changed; adapt this test");

@@ -12,7 +12,10 @@ typedef enum commram_result {
     COMMRAM_NOT_MAPPED,   /* mmap failed; errno tells why */
     COMMRAM_GONE,         /* the emulator has ended, was killed, or has been replaced */
     COMMRAM_TIMEOUT,      /* not within the given time */
-    COMMRAM_READ_ONLY     /* attached for reading */
+    COMMRAM_READ_ONLY,    /* attached for reading */
+    COMMRAM_REFUSED,      /* the emulator says no; what was asked for tells why */
+    COMMRAM_NO_SEAT,      /* all seats of lockstep are taken */
+    COMMRAM_LOST          /* the emulator has given the task up: its turn took too long */
 } commram_result;
 
 /* An attached image. */
@@ -40,18 +43,21 @@ static inline const char *commram_text(commram_result result)
     case COMMRAM_GONE: return "the emulator is gone";
     case COMMRAM_TIMEOUT: return "not within the time allowed";
     case COMMRAM_READ_ONLY: return "attached for reading only";
+    case COMMRAM_REFUSED: return "the emulator refuses it";
+    case COMMRAM_NO_SEAT: return "all seats are taken";
+    case COMMRAM_LOST: return "the emulator has given the task up, its turn took too long";
     }
     return "unknown result";
 }
 
-/* Whether process `pid` exists, is no zombie, and started at `start` ticks after boot. */
-static inline int commram_process_runs(uint32_t pid, uint64_t start)
+/* When process `pid` started, in clock ticks after boot; 0 if there is none, or a zombie. */
+static inline uint64_t commram_process_start(uint32_t pid)
 {
     char path[40], text[1024], *field;
     ssize_t length;
     int file, i;
     snprintf(path, sizeof path, "/proc/%u/stat", (unsigned)pid);
-    file = open(path, O_RDONLY | O_CLOEXEC);
+    file = open(path, O_RDONLY | COMMRAM_O_CLOEXEC);
     if (file < 0)
         return 0;
     length = read(file, text, sizeof text - 1);
@@ -63,7 +69,13 @@ static inline int commram_process_runs(uint32_t pid, uint64_t start)
         return 0;
     for (i = 2; i < 22 && field; i++)
         field = strchr(field + 1, ' ');
-    return field && strtoull(field + 1, NULL, 10) == start;
+    return field ? strtoull(field + 1, NULL, 10) : 0;
+}
+
+/* Whether process `pid` exists, is no zombie, and started at `start` ticks after boot. */
+static inline int commram_process_runs(uint32_t pid, uint64_t start)
+{
+    return start != 0 && commram_process_start(pid) == start;
 }
 
 /* COMMRAM_DONE while the emulator that was attached to runs and is ready. */
@@ -96,7 +108,7 @@ static inline commram_result commram_check_file(int file)
         return COMMRAM_NO_IMAGE;
     if (info.st_uid != geteuid())
         return COMMRAM_NOT_YOURS;
-    if (pread(file, &head, sizeof head, 0) != (ssize_t)sizeof head)
+    if (lseek(file, 0, SEEK_SET) != 0 || read(file, &head, sizeof head) != (ssize_t)sizeof head)
         return COMMRAM_TOO_SHORT;
     if (head.magic != COMMRAM_MAGIC)
         return COMMRAM_WRONG_MAGIC;
@@ -143,7 +155,7 @@ static inline void commram_detach(commram *ram)
 static inline commram_result commram_attach(commram *ram, const char *path, int writable)
 {
     commram_result result;
-    int file = open(path, (writable ? O_RDWR : O_RDONLY) | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+    int file = open(path, (writable ? O_RDWR : O_RDONLY) | COMMRAM_O_NOFOLLOW | COMMRAM_O_CLOEXEC | O_NONBLOCK);
     ram->base = NULL;
     ram->header = NULL;
     ram->file = file;
@@ -165,7 +177,7 @@ static inline commram_result commram_ring(commram *ram)
         return COMMRAM_READ_ONLY;
     COMMRAM_ADD(bell->word, 1);
     if (COMMRAM_LOAD(bell->waiters))
-        syscall(SYS_futex, (uint32_t *)&bell->word, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
+        commram_system(SYS_futex, (uint32_t *)&bell->word, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
     return COMMRAM_DONE;
 }
 
@@ -175,24 +187,24 @@ static inline commram_result commram_ring(commram *ram)
  */
 static inline void commram_sleep(const commram *ram, commram_bell *bell, uint32_t seen)
 {
-    struct timespec slice = { 0, 100000000 };
+    commram_timespec slice = { 0, 100000000 };
     if (!ram->writable) {
         /* Nobody can sign in on a read-only map, so look once in a while. */
-        slice.tv_nsec = 1000000;
-        nanosleep(&slice, NULL);
+        slice.nanoseconds = 1000000;
+        commram_system(SYS_nanosleep, &slice, NULL);
         return;
     }
     COMMRAM_ADD(bell->waiters, 1);
     if (COMMRAM_LOAD(bell->word) == seen)
-        syscall(SYS_futex, (uint32_t *)&bell->word, FUTEX_WAIT, seen, &slice, NULL, 0);
+        commram_system(SYS_futex, (uint32_t *)&bell->word, FUTEX_WAIT, seen, &slice, NULL, 0);
     COMMRAM_SUB(bell->waiters, 1);
 }
 
 static inline uint64_t commram_now_ms(void)
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000u + (uint64_t)now.tv_nsec / 1000000u;
+    commram_timespec now = { 0, 0 };
+    commram_system(SYS_clock_gettime, 1L /* CLOCK_MONOTONIC */, &now);
+    return (uint64_t)now.seconds * 1000u + (uint64_t)now.nanoseconds / 1000000u;
 }
 
 /* Waits until `done(ram, context)` is not 0, at most `timeout_ms` of real time. */

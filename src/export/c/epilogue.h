@@ -1,7 +1,6 @@
 
 #ifdef __cplusplus
 }
-#undef _Static_assert
 #endif
 
 #endif

@@ -1,9 +1,6 @@
 #ifndef COMMRAM_REGISTERS_H
 #define COMMRAM_REGISTERS_H
 
-#ifndef _GNU_SOURCE
-#define _GNU_SOURCE
-#endif
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -17,7 +14,7 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
-#include <time.h>
+#include <sys/types.h>
 #include <unistd.h>
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
@@ -25,19 +22,17 @@
 #endif
 
 /*
- * A register. In C its plain use (x = y, y = x) is one sequentially consistent access of the register's own
- * width. In C++ it is volatile only: use the macros where order matters. They are the same in both languages.
+ * A register. From C11 on its plain use (x = y, y = x) is one sequentially consistent access of the register's own
+ * width. In C++ and in C99 it is volatile only: use the macros where order matters. They are the same everywhere.
  */
-#ifdef __cplusplus
-#define _Static_assert static_assert
+#if defined(__cplusplus) || __STDC_VERSION__ < 201112L
 #define COMMRAM_CELL(type) volatile type
 #define COMMRAM_LOAD(cell) __atomic_load_n(&(cell), __ATOMIC_SEQ_CST)
 #define COMMRAM_STORE(cell, value) __atomic_store_n(&(cell), (value), __ATOMIC_SEQ_CST)
 #define COMMRAM_ADD(cell, value) __atomic_fetch_add(&(cell), (value), __ATOMIC_SEQ_CST)
 #define COMMRAM_SUB(cell, value) __atomic_fetch_sub(&(cell), (value), __ATOMIC_SEQ_CST)
 #define COMMRAM_SWAP_IF(cell, expected, value)                                                                   \
-    __atomic_compare_exchange_n(&(cell), (expected), (value), false, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST)
-extern "C" {
+    __atomic_compare_exchange_n(&(cell), (expected), (value), 0, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST)
 #else
 #include <stdatomic.h>
 #define COMMRAM_CELL(type) volatile _Atomic(type)
@@ -47,4 +42,37 @@ extern "C" {
 #define COMMRAM_SUB(cell, value) atomic_fetch_sub(&(cell), (value))
 #define COMMRAM_SWAP_IF(cell, expected, value) atomic_compare_exchange_strong(&(cell), (expected), (value))
 #endif
+
+#if defined(__cplusplus)
+#define COMMRAM_ASSERT(condition, text) static_assert(condition, text)
+#elif __STDC_VERSION__ >= 201112L
+#define COMMRAM_ASSERT(condition, text) _Static_assert(condition, text)
+#else
+#define COMMRAM_ASSERT(condition, text) extern char commram_asserted[(condition) ? 1 : -1]
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/*
+ * What the headers of the system declare only if the right macros were defined before the first of them was included:
+ * this one may come behind any of them, in any mode of the language.
+ */
+#ifdef O_CLOEXEC
+#define COMMRAM_O_CLOEXEC O_CLOEXEC
+#else
+#define COMMRAM_O_CLOEXEC __O_CLOEXEC
+#endif
+#ifdef O_NOFOLLOW
+#define COMMRAM_O_NOFOLLOW O_NOFOLLOW
+#else
+#define COMMRAM_O_NOFOLLOW __O_NOFOLLOW
+#endif
+long commram_system(long number, ...) __asm__("syscall");
+
+/* A `struct timespec` of the kernel. */
+typedef struct commram_timespec {
+    long seconds, nanoseconds;
+} commram_timespec;
 
