@@ -1,7 +1,7 @@
 //! A C program, a Python program, a Rust soft-PLC and a scenario each bring up the master of the built-in plant with a
 //! reference value of 5000, and all see the same answer of the same drive.
 
-use crate::common::{Emulator, Outcome, finish, run};
+use crate::common::{Emulator, Outcome, finish, python, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -52,16 +52,12 @@ fn of_a_drive_to_a_c_program() {
 
 #[test]
 fn of_a_drive_to_a_python_program() {
-    let python = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    if Command::new(&python).arg("--version").output().is_err() {
-        eprintln!("skipped: there is no {python}");
-        return;
-    }
+    let Some(python) = python(&[]) else { return };
     let directory = tempfile::tempdir().unwrap();
     run(&["export", "python", "--output", directory.path().join("commram.py").to_str().unwrap()]).ok();
     sees_the_answer(
         |emulator| {
-            let mut command = Command::new(&python);
+            let mut command = Command::new(python.get_program());
             command.arg(root("tools/python/soft_plc.py")).args([&emulator.name, "5000"]);
             command.env("PYTHONPATH", directory.path()).env("PYTHONDONTWRITEBYTECODE", "1");
             finish(&mut command)

@@ -1,7 +1,7 @@
 //! `commram trace` on a running emulator, and its candump format in the hands of the tools it is made for.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, Follower, eventually, finish, run, wait_for};
+use crate::common::{Emulator, Follower, eventually, finish, is_there, run, wait_for};
 use serde_json::Value;
 use std::fs;
 use std::process::Command;
@@ -232,16 +232,6 @@ fn candump_file(emulator: &Emulator) -> (tempfile::NamedTempFile, Vec<(u64, Stri
     (file, frames.iter().map(frame).collect())
 }
 
-/// Whether a tool is there; says so if not.
-fn is_there(tool: &str, package: &str) -> bool {
-    let there =
-        Command::new("sh").args(["-c", &format!("command -v {tool}")]).output().unwrap().status.success();
-    if !there {
-        eprintln!("skipped: there is no {tool} (Debian package {package})");
-    }
-    there
-}
-
 /// The output of a tool that must succeed.
 fn output_of(command: &mut Command) -> String {
     let outcome = finish(command);
@@ -264,7 +254,7 @@ fn candump_lines_are_as_the_original_writes_them() {
 
 #[test]
 fn can_utils_read_the_candump_format() {
-    if !is_there("log2asc", "can-utils") || !is_there("log2long", "can-utils") {
+    if !is_there("log2asc") || !is_there("log2long") {
         return;
     }
     let emulator = in_operation();
@@ -288,7 +278,7 @@ fn can_utils_read_the_candump_format() {
 
 #[test]
 fn wireshark_reads_the_candump_format() {
-    if !is_there("tshark", "tshark") {
+    if !is_there("tshark") {
         return;
     }
     let emulator = in_operation();

@@ -1,6 +1,10 @@
 //! Emulators and commands as processes of their own, for tests that drive the built program.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+mod tools;
+
+pub(crate) use tools::{is_there, python, skipped};
+
 use std::io::{BufRead, BufReader, Lines, Read};
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
@@ -59,19 +63,6 @@ pub(crate) struct Outcome {
     pub code: Option<i32>,
     pub out: String,
     pub err: String,
-}
-
-/// Python with the packages, or why there is none.
-pub(crate) fn python(packages: &[&str]) -> Result<Command, String> {
-    let imports = packages.iter().map(|package| format!("import {package}\n")).collect::<String>();
-    let program = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    match Command::new(&program).args(["-c", &imports]).output() {
-        Ok(output) if output.status.success() => Ok(Command::new(program)),
-        Ok(output) => {
-            Err(String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_owned())
-        }
-        Err(error) => Err(format!("{program}: {error}")),
-    }
 }
 
 /// Runs the program with these arguments to its end.

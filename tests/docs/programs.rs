@@ -1,6 +1,6 @@
 //! The example programs of `tools/examples`, each as a process of its own at a live emulator.
 
-use crate::common::{Emulator, eventually};
+use crate::common::{Emulator, eventually, python};
 use std::process::{Child, Command, Stdio};
 
 const PLANT: &str = "tools/examples/plant.toml";
@@ -113,10 +113,8 @@ fn each_example_is_one_command() {
         ("timer_task", "event 2: 1"),
         ("c", "a_RD_BMARRAY[1][0] = 5000\n"),
     ];
-    let python = std::env::var("COMMRAM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    match Command::new(&python).arg("--version").output() {
-        Ok(_) => examples.push(("python", "a_RD_BMARRAY[1][0] = 5000\n")),
-        Err(reason) => eprintln!("skipped: {python}: {reason}"),
+    if python(&[]).is_some() {
+        examples.push(("python", "a_RD_BMARRAY[1][0] = 5000\n"));
     }
     if cfg!(feature = "channel") {
         examples.push(("scenario", "1 passed, 0 failed, 0 broken; "));

@@ -1,6 +1,6 @@
 //! The exported C header and the soft-PLC of `tools/c`, compiled by the machine's compilers, against a live emulator.
 
-use crate::common::{Emulator, Outcome, finish, run};
+use crate::common::{Emulator, Outcome, finish, is_there, run};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -49,14 +49,47 @@ a_RD_BMARRAY[1][0] = 4711
 
 #[test]
 fn a_cpp_program_does_the_same() {
-    if Command::new("c++").arg("--version").output().is_err() {
-        eprintln!("skipped: there is no c++");
+    if !is_there("c++") {
         return;
     }
     let directory = tempfile::tempdir().unwrap();
     let program = compile("c++", &["-std=c++17", "-O2", "-x", "c++"], directory.path());
     let emulator = Emulator::start(&[]);
     assert!(start(&program, &image(&emulator)).ok().ends_with("a_RD_BMARRAY[1][0] = 4711\n"));
+}
+
+/// In every mode of the languages, behind headers that were included without what declares all of them.
+#[test]
+fn the_header_may_come_behind_any_other() {
+    let directory = tempfile::tempdir().unwrap();
+    let header = directory.path().join("commram.h");
+    run(&["export", "c", "--output", header.to_str().unwrap()]).ok();
+    let source = directory.path().join("behind.c");
+    let others =
+        ["stdio", "stdlib", "string", "time", "fcntl", "unistd", "sys/types", "sys/stat", "sys/mman"];
+    let others = others.map(|name| format!("#include <{name}.h>\n")).concat();
+    let text =
+        format!("{others}#include \"commram.h\"\nint main(void) {{ return commram_now_ms() == 0; }}\n");
+    fs::write(&source, text).unwrap();
+    let mut modes = ["c99", "c11", "c17", "gnu99", "gnu11", "gnu17"].map(|mode| ("cc", "c", mode)).to_vec();
+    if is_there("c++") {
+        let standards = ["c++11", "c++14", "c++17", "c++20", "gnu++11"];
+        modes.extend(standards.map(|mode| ("c++", "c++", mode)));
+    }
+    for (compiler, language, mode) in modes {
+        let mut command = Command::new(compiler);
+        command.args(STRICT).args(["-Wno-unused-function", "-x", language, &format!("-std={mode}")]);
+        let outcome = finish(
+            command
+                .arg("-I")
+                .arg(directory.path())
+                .arg(&source)
+                .arg("-o")
+                .arg(directory.path().join("behind")),
+        );
+        assert_eq!(outcome.code, Some(0), "{mode}: {}", outcome.err);
+        assert_eq!(finish(&mut Command::new(directory.path().join("behind"))).code, Some(0), "{mode}");
+    }
 }
 
 #[test]

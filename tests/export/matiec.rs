@@ -1,57 +1,143 @@
-//! The exported matiec glue with a program in the form that matiec generates.
+//! The exported matiec glue and the program around it, with a program in the form that matiec generates.
 //!
-//! matiec itself is in no package registry. `tests/matiec` therefore has what it would make of `program.st`, and
-//! stand-ins for the two files of its runtime library that such a program includes.
+//! matiec itself is in no package registry. `tests/matiec` therefore has what it makes of a program, and stand-ins for the
+//! two files of its runtime library that such a program includes. Where `COMMRAM_MATIEC` names a directory with `iec2c` and
+//! `lib`, matiec compiles `program.st`, too.
 
-use crate::common::{Emulator, Outcome, finish, run};
+use crate::common::{Emulator, Outcome, eventually, finish, run, skipped, wait_for};
 use std::fs;
-use std::path::Path;
-use std::process::Command;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
 
 const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/matiec");
+/// How docs/export.md makes a header of what matiec writes down.
+const FILTER: &str = "grep -o '__LOCATED_VAR([^)]*)' LOCATED_VARIABLES.h | sort -u > commram_located.h";
+const ACCESS: [&str; 3] = ["-DCOMMRAM_MATIEC_ACCESS", "-include", "commram_matiec.h"];
 
-/// Compiles one file of `tests/matiec`; headers in `directory` go before those beside the source.
-fn compile(directory: &Path, file: &str, flags: &[&str]) -> Outcome {
-    let glue = directory.join("commram_matiec.h");
-    run(&["export", "matiec", "--output", glue.to_str().unwrap()]).ok();
-    // As the located variables of a test must win, its sources stand beside them.
-    for name in ["accessor.h", "iec_std_lib.h", "program.h", file] {
-        fs::copy(Path::new(SOURCES).join(name), directory.join(name)).unwrap();
-    }
-    let located = directory.join("LOCATED_VARIABLES.h");
-    if !located.exists() {
-        fs::copy(Path::new(SOURCES).join("LOCATED_VARIABLES.h"), located).unwrap();
-    }
-    let mut command = Command::new("cc");
-    command.current_dir(directory).args(["-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror"]);
-    finish(command.args(flags).args(["-c", file]))
+/// Exports the glue and the program around it.
+fn exported(directory: &Path) {
+    let path = |name: &str| directory.join(name).to_str().unwrap().to_owned();
+    run(&["export", "matiec", "--output", &path("commram_matiec.h")]).ok();
+    run(&["export", "matiec", "--main", "--output", &path("main.c")]).ok();
 }
 
-const ACCESS: [&str; 3] = ["-DCOMMRAM_MATIEC_ACCESS", "-include", "commram_matiec.h"];
+/// Exports, and puts the stand-ins beside it.
+fn prepare(directory: &Path) {
+    exported(directory);
+    for name in ["accessor.h", "iec_std_lib.h", "POUS.h", "config.c", "LOCATED_VARIABLES.h"] {
+        fs::copy(Path::new(SOURCES).join(name), directory.join(name)).unwrap();
+    }
+}
+
+fn filter(directory: &Path) {
+    finish(Command::new("sh").current_dir(directory).args(["-c", FILTER])).ok();
+}
+
+fn compile(directory: &Path, flags: &[&str], sources: &[&str]) -> Outcome {
+    let mut command = Command::new("cc");
+    command.current_dir(directory).args(flags).args(ACCESS).args(sources).args(["-o", "plc"]);
+    finish(&mut command)
+}
+
+/// The stand-in as a program.
+fn built(directory: &Path) -> PathBuf {
+    prepare(directory);
+    filter(directory);
+    compile(directory, &["-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror"], &["main.c", "config.c"]).ok();
+    directory.join("plc")
+}
+
+fn image(emulator: &Emulator) -> String {
+    format!("/dev/shm/commram.{}.line", emulator.name)
+}
+
+/// A PLC program that runs until it is told to end.
+struct Plc(Child);
+
+impl Plc {
+    fn start(program: &Path, emulator: &Emulator, args: &[&str]) -> Self {
+        let mut command = Command::new(program);
+        command.arg(image(emulator)).args(args).stdin(Stdio::null());
+        Plc(command.spawn().unwrap())
+    }
+
+    fn end(mut self) -> Option<i32> {
+        let pid = self.0.id().to_string();
+        assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
+        wait_for(&mut self.0, "the PLC program").code()
+    }
+}
+
+impl Drop for Plc {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
 
 #[test]
 fn located_variables_are_the_registers() {
     let directory = tempfile::tempdir().unwrap();
-    compile(directory.path(), "runtime.c", &ACCESS).ok();
-    compile(directory.path(), "program.c", &ACCESS).ok();
-    let mut link = Command::new("cc");
-    finish(link.current_dir(directory.path()).args(["-o", "plc", "runtime.o", "program.o"])).ok();
+    let program = built(directory.path());
     let emulator = Emulator::start(&[]);
-    let image = format!("/dev/shm/commram.{}.line", emulator.name);
-    let outcome = finish(Command::new(directory.path().join("plc")).arg(&image));
-    // The initial values have not reached the registers; 16#0001 became 16#0002 by the two commands.
-    assert_eq!(
-        outcome.ok(),
-        "initial values: AA 4711\nregisters: 00 0\nstatus 0002, lamp 1, cycles counted 1\ndetached: 0000\n"
-    );
-    assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS", "node2.a_WR_VALUE[0]"]), "16#0002 16#00000000");
+    emulator.poke(&["node2.a_WR_VALUE[0]=41"]);
+    let plc = Plc::start(&program, &emulator, &[]);
+    // 16#0001 has become 16#0002 by two commands in one scan.
+    assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0002"));
+    // What the first scan has seen: registers, no initial values.
+    assert_eq!(emulator.peek(&["%MB10000001", "%MD10000004"]), "16#00 16#0000002A");
+    assert_eq!(emulator.peek(&["%MW10000008"]), emulator.peek(&["ethernet.w_SPEED"]));
+    let board = emulator.run("board", &["get"]);
+    assert!(board.ok().contains("cyclic"), "{}", board.out);
+    assert_eq!(plc.end(), Some(0));
+    assert!(!emulator.run("board", &["get"]).ok().contains("cyclic"));
     drop(emulator);
-    let gone = finish(Command::new(directory.path().join("plc")).arg(&image));
-    assert_eq!((gone.code, gone.err), (Some(2), format!("{image}: there is no image of that name\n")));
+    let gone = finish(Command::new(&program).arg("/dev/shm/commram.none.line"));
+    let text = "/dev/shm/commram.none.line: there is no image of that name\n";
+    assert_eq!((gone.code, gone.err.as_str()), (Some(2), text));
+    assert_eq!(finish(&mut Command::new(&program)).code, Some(2));
+}
+
+/// Emulated time waits for each scan: the same program leaves the same journal, however fast it is.
+#[test]
+fn in_stepped_mode_time_waits_for_each_scan() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = built(directory.path());
+    let journal = |slowly: bool| {
+        let emulator = Emulator::stepped();
+        let plc = Plc::start(&program, &emulator, &["0", "40"]);
+        assert!(eventually(|| emulator.run("board", &["get"]).ok().contains("cyclic")));
+        for _ in 0..if slowly { 10 } else { 1 } {
+            emulator.step(&[if slowly { "1ms" } else { "10ms" }]);
+        }
+        assert_eq!(plc.end(), Some(0));
+        let trace = emulator.run("trace", &[]);
+        trace.ok().to_owned()
+    };
+    let once = journal(false);
+    assert!(once.contains("w_CPU_CONTROL") || once.contains("16#0001"), "{once}");
+    assert_eq!(once, journal(true));
+}
+
+#[test]
+fn the_program_says_that_the_emulator_is_gone() {
+    let directory = tempfile::tempdir().unwrap();
+    let program = built(directory.path());
+    let mut emulator = Emulator::start(&[]);
+    let mut command = Command::new(&program);
+    command.arg(image(&emulator));
+    let running = std::thread::spawn(move || finish(&mut command));
+    assert!(eventually(|| emulator.peek(&["node2.w_OPTION_STATUS"]) == "16#0002"));
+    let path = image(&emulator);
+    emulator.kill();
+    let outcome = running.join().unwrap();
+    assert_eq!((outcome.code, outcome.err), (Some(1), format!("{path}: the emulator is gone\n")));
 }
 
 #[test]
 fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
+    let directory = tempfile::tempdir().unwrap();
+    prepare(directory.path());
     for (located, why) in [
         ("WORD,__MW3_200001,M,W,3,200001", "__MW3_200001: the address is not divisible by the width"),
         ("WORD,__MW3_200012,M,W,3,200012", "__MW3_200012: the register there has another width"),
@@ -59,24 +145,61 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
         ("WORD,__MB3_200012,M,B,3,200012", "__MB3_200012: the type has another width than the address"),
         ("WORD,__MW3_128,M,W,3,128", "__MW3_128: the address lies in no area of the device"),
         ("BOOL,__MX3_200012_7,M,X,3,200012,7", "__MX3_200012_7: a single bit has no address of its own"),
+        ("BOOL,__M3_200012,M,S,3,200012", "__M3_200012: an address without a size is that of a bit"),
+        ("BYTE,__MB3_200012_1,M,B,3,200012,1", "__MB3_200012_1: the address has levels too many"),
+        ("ETHERNET_DIAGNOSE_BMSTRUCT,__MB3_200000,M,B,3,200000", "__MB3_200000: no structure of this size"),
     ] {
-        let directory = tempfile::tempdir().unwrap();
-        let located = format!("__LOCATED_VAR({located})\n");
-        fs::write(directory.path().join("LOCATED_VARIABLES.h"), located).unwrap();
-        let glue = "#include \"iec_std_lib.h\"\n#include \"commram_matiec.h\"\nCOMMRAM_MATIEC_STORAGE\n\
-                    #include \"LOCATED_VARIABLES.h\"\n";
-        fs::write(directory.path().join("located.c"), glue).unwrap();
-        let refused = compile_own(directory.path(), "located.c");
+        fs::write(directory.path().join("LOCATED_VARIABLES.h"), format!("__LOCATED_VAR({located})\n"))
+            .unwrap();
+        filter(directory.path());
+        let refused = compile(directory.path(), &["-std=gnu11", "-fsyntax-only"], &["main.c"]);
         assert!(refused.code != Some(0) && refused.err.contains(why), "{why}: {}", refused.err);
     }
 }
 
-/// As [`compile`], for a source that the test has written itself.
-fn compile_own(directory: &Path, file: &str) -> Outcome {
-    let source = fs::read(directory.join(file)).unwrap();
-    let prepared = compile(directory, "program.c", &["-fsyntax-only"]);
-    prepared.ok();
-    fs::write(directory.join(file), source).unwrap();
-    let mut command = Command::new("cc");
-    finish(command.current_dir(directory).args(["-std=gnu11", "-Wall", "-Wextra", "-c", file]))
+/// matiec itself, and what it makes of everything that is exported for it.
+#[test]
+fn matiec_compiles_what_is_exported_for_it() {
+    let Some(matiec) = std::env::var_os("COMMRAM_MATIEC").map(PathBuf::from) else {
+        skipped("matiec", "COMMRAM_MATIEC names no directory with iec2c and lib");
+        return;
+    };
+    let iec2c = |directory: &Path| {
+        let mut command = Command::new(matiec.join("iec2c"));
+        finish(command.current_dir(directory).arg("-I").arg(matiec.join("lib")).arg("commram.st")).ok();
+    };
+    // Every block, also as one variable per register.
+    let empty = "PROGRAM MAIN\nVAR N : INT; END_VAR\nN := N + 1;\nEND_PROGRAM\n";
+    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "can-dp2"] {
+        for form in [&[][..], &["--elementary"]] {
+            let directory = tempfile::tempdir().unwrap();
+            let file = directory.path().join("commram.st");
+            let args = ["export", "st", "--matiec", "--device", device, "--output", file.to_str().unwrap()];
+            run(&[&args[..], form].concat()).ok();
+            fs::write(directory.path().join("program.st"), empty).unwrap();
+            iec2c(directory.path());
+        }
+    }
+    // A program with a function block, TON, CASE, SFC, globals and two instances.
+    let directory = tempfile::tempdir().unwrap();
+    let directory = directory.path();
+    exported(directory);
+    fs::copy(Path::new(SOURCES).join("program.st"), directory.join("program.st")).unwrap();
+    let whole = run(&["export", "st", "--matiec"]);
+    let own = "VAR_GLOBAL TARGET : DINT := 4711; END_VAR\nRESOURCE";
+    let second = "    PROGRAM instance2 WITH scan : WATCH;\nEND_RESOURCE";
+    let whole = whole.ok().replace("\nRESOURCE", &format!("\n{own}")).replace("END_RESOURCE", second);
+    fs::write(directory.join("commram.st"), whole).unwrap();
+    iec2c(directory);
+    filter(directory);
+    let library = format!("-I{}", matiec.join("lib/C").display());
+    for level in ["-O0", "-O2"] {
+        compile(directory, &[level, &library], &["main.c", "config.c", "resource1.c"]).ok();
+        let emulator = Emulator::start(&["--speed", "20"]);
+        let plc = Plc::start(&directory.join("plc"), &emulator, &[]);
+        assert!(eventually(
+            || emulator.peek(&["node2.a_RD_BMARRAY[1][0]", "%MB10000000"]) == "16#00001267 16#01"
+        ));
+        assert_eq!(plc.end(), Some(0));
+    }
 }

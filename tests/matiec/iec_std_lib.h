@@ -1,18 +1,47 @@
-/* Stand-in for the file of this name in matiec's runtime library: the types that this test's program uses. */
+/*
+ * Stand-in for the file of this name in matiec's runtime library: what this test's program uses of it. Its macros name
+ * what the library names.
+ */
 #ifndef IEC_STD_LIB_H
 #define IEC_STD_LIB_H
 #include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
 
 typedef uint8_t IEC_BYTE;
 typedef uint8_t BOOL;
 typedef uint8_t BYTE;
+typedef uint8_t USINT;
 typedef uint16_t WORD;
 typedef uint16_t UINT;
+typedef int16_t INT;
 typedef int32_t DINT;
-typedef struct { BYTE *value; IEC_BYTE flags; BYTE fvalue; } __IEC_BYTE_p;
-typedef struct { WORD *value; IEC_BYTE flags; WORD fvalue; } __IEC_WORD_p;
-typedef struct { DINT *value; IEC_BYTE flags; DINT fvalue; } __IEC_DINT_p;
-typedef struct { BOOL *value; IEC_BYTE flags; BOOL fvalue; } __IEC_BOOL_p;
-typedef struct { UINT *value; IEC_BYTE flags; UINT fvalue; } __IEC_UINT_p;
+typedef uint32_t DWORD;
+typedef struct {
+    long int tv_sec;
+    long int tv_nsec;
+} TIME;
+
+#define __DECLARE_COMPLEX_STRUCT(type)                                                                           \
+    typedef struct { type *value; IEC_BYTE flags; type fvalue; } __IEC_##type##_p;                               \
+    typedef struct { type value; IEC_BYTE flags; } __IEC_##type##_t;
+#define __DECLARE_ARRAY_TYPE(type, base, size)                                                                   \
+    typedef struct { base table size; } type;                                                                    \
+    __DECLARE_COMPLEX_STRUCT(type)
+#define __DECLARE_STRUCT_TYPE(type, elements)                                                                    \
+    typedef struct { elements } type;                                                                            \
+    __DECLARE_COMPLEX_STRUCT(type)
+
+__DECLARE_COMPLEX_STRUCT(BOOL)
+__DECLARE_COMPLEX_STRUCT(BYTE)
+__DECLARE_COMPLEX_STRUCT(WORD)
+__DECLARE_COMPLEX_STRUCT(UINT)
+__DECLARE_COMPLEX_STRUCT(INT)
+__DECLARE_COMPLEX_STRUCT(DINT)
+
+extern TIME __CURRENT_TIME;
+extern BOOL __DEBUG;
 
 #endif
