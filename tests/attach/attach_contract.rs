@@ -13,12 +13,14 @@ use std::{
 
 const WATCHDOG: Option<Duration> = Some(Duration::from_secs(60));
 
-/// Compiles the document's C code, without a warning.
-fn client(directory: &Path) -> PathBuf {
+/// Compiles the document's C code, without a warning: `0` with the exported header, `1` without it.
+fn printed(directory: &Path, number: usize) -> PathBuf {
     let contract = include_str!("../../docs/attach.md");
-    let code = contract.split("```c\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let code = contract.split("```c\n").nth(number + 1).and_then(|rest| rest.split("```").next()).unwrap();
     let (source, program) = (directory.join("client.c"), directory.join("client"));
     fs::write(&source, code).unwrap();
+    let header = commram::export::export(&DEVICE, commram::export::Format::C, None).unwrap();
+    fs::write(directory.join("commram.h"), header).unwrap();
     let compiled = Command::new("cc")
         .args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-o"])
         .args([&program, &source])
@@ -26,6 +28,11 @@ fn client(directory: &Path) -> PathBuf {
         .unwrap();
     assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
     program
+}
+
+/// The one without the header.
+fn client(directory: &Path) -> PathBuf {
+    printed(directory, 1)
 }
 
 fn image(test: &str) -> Image {
@@ -50,11 +57,8 @@ fn refusal(output: &Output) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8_lossy(&output.stderr).trim().to_owned())
 }
 
-#[test]
-fn the_printed_client_meets_the_firmware() {
-    let directory = tempfile::tempdir().unwrap();
-    let program = client(directory.path());
-    let image = image("meets");
+/// What a client gets whose 16#05 is answered with 16#04, and what it has sent.
+fn meets(image: &Image, client: impl FnOnce() -> Output + Send) -> (Output, u32) {
     image.set_ready();
     thread::scope(|scope| {
         let firmware = scope.spawn(|| {
@@ -68,10 +72,23 @@ fn the_printed_client_meets_the_firmware() {
                 assert!(bell.wait(seen, WATCHDOG), "the client did not ring");
             }
         });
-        let output = run(&program, image.path(), &hash());
-        assert_eq!(refusal(&output), (Some(0), String::new()));
-        assert_eq!(firmware.join().unwrap(), 4711);
-    });
+        let output = client();
+        (output, firmware.join().unwrap())
+    })
+}
+
+#[test]
+fn the_printed_clients_meet_the_firmware() {
+    let directory = tempfile::tempdir().unwrap();
+    let bytes = image("bytes");
+    let program = printed(directory.path(), 1);
+    let (output, sent) = meets(&bytes, || run(&program, bytes.path(), &hash()));
+    assert_eq!((refusal(&output), sent), ((Some(0), String::new()), 4711));
+    let header = image("header");
+    let program = printed(directory.path(), 0);
+    let (output, sent) =
+        meets(&header, || Command::new(&program).arg(header.path()).arg("4712").output().unwrap());
+    assert_eq!((refusal(&output), sent), ((Some(0), String::new()), 4712));
 }
 
 #[test]
