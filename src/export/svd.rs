@@ -50,7 +50,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
 fn plain(xml: &mut Xml, area: &Area) {
     xml.node("peripheral", "", |xml| {
         xml.leaf("name", area.name);
-        place(xml, area, area.doc, area.bytes, "buffer");
+        place(xml, area, area.doc, None, area.bytes, "buffer");
     });
 }
 
@@ -60,11 +60,9 @@ fn peripheral(xml: &mut Xml, area: &Area, placed: &Placed) {
     let first = area.structures.first().map(name);
     xml.node("peripheral", "", |xml| {
         xml.leaf("name", name(placed));
-        if let Some(first) = first.filter(|first| *first != name(placed)) {
-            xml.leaf("alternatePeripheral", first);
-        }
+        let alternative = first.filter(|first| *first != name(placed));
         let doc = text::about(placed.structure);
-        place(xml, area, &doc, placed.structure.bytes, "registers");
+        place(xml, area, &doc, alternative.as_deref(), placed.structure.bytes, "registers");
         xml.node("registers", "", |xml| {
             for member in members::of(placed.structure) {
                 match member {
@@ -77,8 +75,11 @@ fn peripheral(xml: &mut Xml, area: &Area, placed: &Placed) {
     });
 }
 
-fn place(xml: &mut Xml, area: &Area, doc: &str, bytes: u32, usage: &str) {
+fn place(xml: &mut Xml, area: &Area, doc: &str, alternative: Option<&str>, bytes: u32, usage: &str) {
     xml.leaf("description", doc);
+    if let Some(alternative) = alternative {
+        xml.leaf("alternatePeripheral", alternative);
+    }
     xml.leaf("groupName", area.name);
     // Without a CPU address the number of the byte in the image, which keeps areas apart.
     let base = area.cpu.map_or(area.first, |(first, _)| first);
@@ -111,6 +112,7 @@ fn dimensions(xml: &mut Xml, name: &str, dims: &[Dim]) {
     xml.leaf("dim", dims.iter().map(|dim| u32::from(dim.count)).product::<u32>());
     xml.leaf("dimIncrement", inner.stride);
     let [outer, inner] = dims else {
+        xml.leaf("dimIndex", format!("0-{}", inner.count - 1));
         return xml.leaf("name", format!("{name}[%s]"));
     };
     // There is only one index; it counts both.
@@ -153,8 +155,10 @@ fn fields(xml: &mut Xml, meaning: &Meaning, width: u32) {
 
 /// Ranges of values cannot be expressed and are left out.
 fn field(xml: &mut Xml, name: &str, doc: &str, offset: u32, width: u32, values: &[ValueMeaning]) {
+    // A name begins with a letter or `_`.
+    let begin = if name.starts_with(|first: char| first.is_ascii_digit()) { "_" } else { "" };
     xml.node("field", "", |xml| {
-        xml.leaf("name", name);
+        xml.leaf("name", format!("{begin}{name}"));
         xml.leaf("description", doc);
         xml.leaf("bitOffset", offset);
         xml.leaf("bitWidth", width);

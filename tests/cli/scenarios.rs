@@ -1,6 +1,6 @@
 //! `commram test`: the scenarios of the tutorial, and everything that can go wrong with a scenario.
 
-use crate::common::{Outcome, commram, finish, run};
+use crate::common::{Outcome, commram, finish, python, run, skipped};
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
@@ -358,6 +358,19 @@ fn the_junit_report_is_xml_that_parsers_read() {
     assert!(names.contains(&failure.to_owned()), "{names:?}");
     assert!(content.contains("expected  16#0002") && content.contains("b.rhai:1: expect("), "{content}");
     assert!(names.iter().any(|name| name.starts_with("error message=c.rhai:1: ")), "{names:?}");
+}
+
+#[test]
+fn the_junit_report_is_what_jenkins_takes() {
+    let Some(schema) = std::env::var_os("COMMRAM_JUNIT_XSD") else {
+        return skipped("junit-10", "COMMRAM_JUNIT_XSD names no file");
+    };
+    let Some(mut command) = python(&["xmlschema"]) else { return };
+    let scripts = Scripts::new(&MIXED);
+    assert_eq!(scripts.run(&["a.rhai", "b.rhai", "c.rhai", "--junit", "report.xml"]).code, Some(2));
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_xml.py");
+    let outcome = finish(command.arg(script).arg(scripts.0.path().join("report.xml")).arg(schema));
+    assert_eq!(outcome.ok(), "valid by 1 schemas\n");
 }
 
 #[test]
