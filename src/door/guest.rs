@@ -253,9 +253,9 @@ impl Guest {
         (&mut &*self).open(false);
     }
 
-    /// It sends, and is told that it may.
-    pub(crate) fn says(&self, frame: Frame) {
-        assert!((&mut &*self).send(frame));
+    /// It sends a frame without data, and is told that it may.
+    pub(crate) fn says(&self, id: u16) {
+        assert!((&mut &*self).send(Frame::standard(id, crate::can::Payload::EMPTY)));
     }
 
     /// How many frames it has to be told of.

@@ -253,17 +253,4 @@ mod tests {
         assert!(text.contains("    node2_b_MA_SL_MODE AT %MB3.200012 : BYTE;"));
         assert!(text.contains("    node2_b_CTRLREG_WRC1 AT %MB3.200012.0 : BYTE;"));
     }
-
-    #[test]
-    fn matiec_gets_arrays_of_two_dimensions_and_each_address_once() {
-        let scope = Scope::new(&DEVICE, None).unwrap();
-        let plain = generate(&scope, StForm::default());
-        assert!(plain.contains("CANsync_RD_BMARRAY : ARRAY[0..31] OF DINT_16_BMARRAY;"));
-        assert!(plain.contains("    _CANsync_CTRL_MA AT %MB3.200000 : CANsync_MA_CTRL_BMSTRUCT;"));
-        let whole = generate(&scope, StForm { matiec: true, elementary: false });
-        assert!(whole.contains("CANsync_RD_BMARRAY : ARRAY[0..31, 0..15] OF DINT;"));
-        assert!(whole.contains("    _CANsync_INIT_MA AT %MB3.200000 : CANsync_INIT_BMSTRUCT;"));
-        assert!(whole.contains("    _CANsync_CTRL_MA AT %MB3.200000.0 : CANsync_MA_CTRL_BMSTRUCT;"));
-        assert!(whole.ends_with("END_RESOURCE\nEND_CONFIGURATION\n"));
-    }
 }

@@ -272,7 +272,6 @@ impl Present {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::can::{Frame, Payload};
     use crate::memory::Segment;
 
     const OPEN: &str = "[[plc]]\nname = 'line'\n[[bus]]\nname = 'open'\nkind = 'can'\nkbit_s = 125\n";
@@ -293,7 +292,7 @@ mod tests {
         guests.look(&mut plant);
         other.opens();
         one.opens();
-        one.says(Frame::standard(0x123, Payload::EMPTY));
+        one.says(0x123);
         guests.bring_in(&mut plant, false);
         assert_eq!((one.state().refused, one.waiting()), (0, 1));
         guests.enter(&mut plant, false);

@@ -295,7 +295,7 @@ fn wireshark_reads_the_candump_format() {
 
 #[test]
 fn wireshark_reads_the_pcapng_format_and_writes_it_back() {
-    if !is_there("tshark", "tshark") {
+    if !is_there("tshark") {
         return;
     }
     let emulator = in_operation();

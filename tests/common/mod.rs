@@ -3,6 +3,7 @@
 
 mod tools;
 
+#[allow(unused_imports, reason = "each test binary uses a part of it")]
 pub(crate) use tools::{is_there, python, skipped};
 
 use std::io::{BufRead, BufReader, Lines, Read};

@@ -68,6 +68,28 @@ fn the_head_of_an_export_speaks_of_its_own_device() {
 }
 
 /// 5.00005.03a p. 77, 213, 249.
+/// matiec takes each spelling of an address once, and arrays of arrays not at all.
+#[test]
+fn matiec_gets_declarations_of_its_own() {
+    let whole = run(&["export", "st", "--matiec"]);
+    for line in [
+        "    CANsync_RD_BMARRAY : ARRAY[0..31, 0..15] OF DINT;\n",
+        "    _CANsync_INIT_MA AT %MB3.200000 : CANsync_INIT_BMSTRUCT;\n",
+        "    _CANsync_CTRL_MA AT %MB3.200000.0 : CANsync_MA_CTRL_BMSTRUCT;\n",
+    ] {
+        assert!(whole.ok().contains(line), "{line}");
+    }
+    assert!(whole.out.ends_with("END_RESOURCE\nEND_CONFIGURATION\n"));
+    let elementary = run(&["export", "st", "--elementary", "--block", "node2"]);
+    assert!(elementary.ok().contains("    node2_b_CTRLREG_WRC1 AT %MB3.200012.0 : BYTE;"));
+    for (args, why) in [
+        (["c", "--matiec"], "only `st` has a form for matiec"),
+        (["st", "--main"], "only `matiec` has a program around the compiled one"),
+    ] {
+        assert!(run(&["export", args[0], args[1]]).fails(2).contains(why), "{args:?}");
+    }
+}
+
 #[test]
 fn iec_declarations_are_those_of_the_manual() {
     let export = run(&["export", "st"]);
