@@ -3,7 +3,7 @@
 #[cfg(feature = "emulator")]
 use super::demo::Demo;
 #[cfg(feature = "emulator")]
-use super::{DeviceConfig, Read, ReadModule, catalogue};
+use super::{DeviceConfig, Read, ReadModule, canopen, catalogue};
 use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
 use crate::fault;
@@ -123,6 +123,8 @@ static BUILT_IN: [Registered; 5] = [
     Registered {
         #[cfg(feature = "emulator")]
         read: Some(cr201x::Cr201xConfig::read),
+        #[cfg(feature = "emulator")]
+        records: canopen::records::KINDS,
         ..Registered::new(&cr201x::registers::DEVICE)
     },
     Registered {

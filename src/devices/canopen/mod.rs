@@ -7,5 +7,6 @@ pub mod messages;
 pub mod network;
 pub mod nmt;
 pub mod pdo;
+pub mod records;
 pub mod sdo;
 pub mod supervision;

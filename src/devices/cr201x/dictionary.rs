@@ -13,8 +13,17 @@ pub(super) struct Guarding {
     pub life: u8,
 }
 
+/// What its PDOs carry: bits of all connectors, and four words.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Values {
+    pub bits: u8,
+    pub words: [u16; 4],
+}
+
 /// The entries, while a request is served.
 pub(super) struct Entries<'a> {
+    pub inputs: Values,
+    pub outputs: Values,
     pub node: u8,
     pub error_register: u8,
     pub guarding: &'a mut Guarding,
@@ -51,6 +60,10 @@ impl Dictionary for Entries<'_> {
             (0x100D, _) => self.guarding.life.into(),
             (0x2000, 1..) => self.channels.kinds.get(index(at)).copied().unwrap_or(0).into(),
             (0x2001, _) => self.channels.pwm_hz.into(),
+            (0x6000, 1) => self.inputs.bits.into(),
+            (0x6200, 1) => self.outputs.bits.into(),
+            (0x6401, 1..) => self.inputs.words.get(index(at)).copied().unwrap_or(0).into(),
+            (0x6411, 1..) => self.outputs.words.get(index(at)).copied().unwrap_or(0).into(),
             _ => object.default.at_node(self.node),
         };
         Ok(value.to_le_bytes().into_iter().take(bytes).collect())

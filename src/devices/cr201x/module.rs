@@ -1,7 +1,7 @@
 //! The firmware of a module: a CANopen node with connectors.
 
 use super::channels::{CHANNELS, Channels, Role};
-use super::dictionary::{Entries, Guarding};
+use super::dictionary::{Entries, Guarding, Values};
 use super::registers::{
     CHANNELS as AREA, CR201X_CHANNELS, FRONT_ANALOG_2, FRONT_ANALOG_4, FRONT_ANALOG_6, FRONT_ANALOG_8,
     FRONT_INPUTS, FRONT_OPEN, FRONT_OUTPUTS, FRONT_STATE,
@@ -12,6 +12,7 @@ use crate::devices::can_bus::{CanPort, Controller};
 use crate::devices::canopen::emergency::{Cause, Errors};
 use crate::devices::canopen::guard::Guarded;
 use crate::devices::canopen::nmt::{Command, State};
+use crate::devices::canopen::records::NodeState;
 use crate::devices::canopen::sdo::Server;
 use crate::memory::{Header, MemoryError, Segment, View};
 use embedded_can::{Frame as _, Id, StandardId};
@@ -33,13 +34,6 @@ const GUARDING: u16 = 0x700;
 const NMT: u16 = 0x000;
 const SYNC: u16 = 0x080;
 
-/// Outputs: a bit for each connector, and four words.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Outputs {
-    bits: u8,
-    words: [u16; 4],
-}
-
 /// A module.
 pub(super) struct Module {
     node: u8,
@@ -51,6 +45,8 @@ pub(super) struct Module {
     channels: Channels,
     is_on: bool,
     state: State,
+    /// As the journal was told.
+    told_state: State,
     guarding: Guarding,
     guarded: Guarded,
     server: Server,
@@ -58,8 +54,8 @@ pub(super) struct Module {
     /// Digital inputs as they were told last; none since it became Operational.
     told: Option<u8>,
     /// Outputs that wait for SYNC, and those that are driven.
-    waiting: Outputs,
-    outputs: Outputs,
+    waiting: Values,
+    outputs: Values,
     out: Vec<Frame>,
 }
 
@@ -74,13 +70,14 @@ impl Module {
             channels,
             is_on: false,
             state: State::Initialising,
+            told_state: State::Initialising,
             guarding: Guarding::default(),
             guarded: Guarded::default(),
             server: Server::default(),
             errors: Errors::default(),
             told: None,
-            waiting: Outputs::default(),
-            outputs: Outputs::default(),
+            waiting: Values::default(),
+            outputs: Values::default(),
             out: Vec::new(),
         })
     }
@@ -109,7 +106,7 @@ impl Module {
             self.channels = self.written;
         }
         if before != state {
-            (self.told, self.waiting, self.outputs) = (None, Outputs::default(), Outputs::default());
+            (self.told, self.waiting, self.outputs) = (None, Values::default(), Values::default());
         }
     }
 
@@ -130,7 +127,10 @@ impl Module {
     fn sdo(&mut self, data: &[u8], now: u64) {
         // Frames of another length are no SDOs.
         let Ok(request) = data.try_into() else { return };
+        let inputs = Values { bits: self.digital_inputs(), words: self.words() };
         let entries = &mut Entries {
+            inputs,
+            outputs: self.outputs,
             node: self.node,
             error_register: self.errors.register(),
             guarding: &mut self.guarding,
@@ -209,10 +209,13 @@ impl Module {
         }
     }
 
-    /// After whatever has happened: registers, front, emergencies, frames.
-    fn show(&mut self, controller: &mut Controller) {
+    /// After whatever has happened: registers, front, emergencies, journal, frames.
+    fn show(&mut self, ctx: &mut Context, controller: &mut Controller) {
         if !self.is_on {
             return;
+        }
+        if core::mem::replace(&mut self.told_state, self.state) != self.state {
+            ctx.report(NodeState { plc: ctx.origin.plc, to: self.state.code(), node: self.node });
         }
         if self.state == State::Operational && self.told != Some(self.digital_inputs()) {
             let bits = self.digital_inputs();
@@ -262,17 +265,17 @@ impl CanPort for Module {
         controller.set_filters(heard.map(Filter::exactly));
         self.is_on = true;
         self.start(ctx.now);
-        self.show(controller);
+        self.show(ctx, controller);
     }
 
     fn power_off(&mut self) {
-        (self.is_on, self.state) = (false, State::Initialising);
+        (self.is_on, self.state, self.told_state) = (false, State::Initialising, State::Initialising);
         self.out.clear();
         [FRONT_STATE, FRONT_OUTPUTS].into_iter().for_each(|word| self.header.front[word].store(0));
     }
 
-    fn look(&mut self, _: &mut Context, controller: &mut Controller) {
-        self.show(controller);
+    fn look(&mut self, ctx: &mut Context, controller: &mut Controller) {
+        self.show(ctx, controller);
     }
 
     fn received(&mut self, ctx: &mut Context, controller: &mut Controller, frame: &Frame) {
@@ -296,7 +299,7 @@ impl CanPort for Module {
             }
             _ => {}
         }
-        self.show(controller);
+        self.show(ctx, controller);
     }
 
     fn next_time(&self) -> u64 {
@@ -307,6 +310,6 @@ impl CanPort for Module {
         if self.guarded.life.look(ctx.now) {
             self.errors.set(NO_GUARDING, Some([0; 5]));
         }
-        self.show(controller);
+        self.show(ctx, controller);
     }
 }

@@ -6,6 +6,7 @@ use super::registers::{
 };
 use crate::can::{Frame, Payload};
 use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
+use crate::devices::canopen::records::NodeState;
 use crate::devices::samples::tables::STATION;
 use crate::devices::{Context, DeviceConfig, Medium, World};
 use crate::fault::Faults;
@@ -166,10 +167,19 @@ fn a_cr2010_exchanges_inputs_and_outputs() {
     assert_eq!(bench.sees(FRONT_OUTPUTS), 0b0010_0010);
     let outputs: Vec<_> = bench.registers.a_OUTPUT.iter().map(|cell| cell.load()).collect();
     assert_eq!(outputs, [0, 1, 0, 0, 0, 0x103, 0, 0]);
+    for (index, sub, low, high) in
+        [(0x6000, 1, 0b101, 0), (0x6200, 1, 0xFF, 0), (0x6401, 2, 0x34, 0x12), (0x6411, 3, 3, 1)]
+    {
+        let [index_low, index_high] = u16::to_le_bytes(index);
+        let answer = bench.exchange(0x603, &[0x40, index_low, index_high, sub, 0, 0, 0, 0]);
+        assert_eq!(answer[0].1[4..6], [low, high], "{index:04X}");
+    }
     let inputs: Vec<_> = bench.registers.a_INPUT.iter().map(|cell| cell.load()).collect();
     assert_eq!(inputs, [1, 0, 1, 0x1234, 0, 0, 0, 0]);
     bench.exchange(0, &[2, NODE]);
     assert_eq!((bench.sees(FRONT_OUTPUTS), bench.sees(FRONT_STATE)), (0, 4));
+    let states = bench.journal.records().filter_map(|record| record.event.get().map(|it: NodeState| it.to));
+    assert_eq!(states.collect::<Vec<_>>(), [127, 5, 4]);
 }
 
 /// P. 82-85.

@@ -11,7 +11,7 @@ use super::master::{Master, MasterConfig};
 use super::nmt::Nmt;
 use super::node::{GuardingConfig, Node};
 use super::peripherals::Peripherals;
-use super::records::{ControllerState, NodeState};
+use super::records::ControllerState;
 use super::registers::values::{bool, key, loaded, program, s1, stat, state};
 use super::registers::{
     FRONT_OUTPUTS, FRONT_PROGRAM, FRONT_S1, FRONT_S2, FRONT_S3, FRONT_S4, FRONT_S5, FRONT_STAT, FRONT_STATE,
@@ -21,6 +21,7 @@ use crate::can::{ErrorState, Frame};
 use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
 use crate::devices::canopen::nmt::{Command, State};
+use crate::devices::canopen::records::NodeState;
 use crate::journal::Finding;
 use crate::layout::Live;
 use crate::memory::header::ProgramState;

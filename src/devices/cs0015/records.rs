@@ -2,25 +2,17 @@
 
 use super::registers::DEVICE;
 use crate::coded;
-use crate::devices::canopen::nmt::State;
+use crate::devices::canopen::records::NODE_STATE;
 use crate::journal::{Coded, Fields, Kind, Reader, Told};
 
 /// All kinds.
-pub static KINDS: &[&Kind] =
-    &[ControllerState::KIND, NodeState::KIND, CommandRefused::KIND, JobRefused::KIND];
+pub static KINDS: &[&Kind] = &[ControllerState::KIND, NODE_STATE, CommandRefused::KIND, JobRefused::KIND];
 
 coded! {
     /// The controller is in another operating state (p. 13).
     ControllerState = 60, "controller_state", Rare, at plc {
         /// As `state` of the front.
         to: u8,
-    }
-    /// The CANopen node is in another state.
-    NodeState = 61, "node_state", Rare, at plc {
-        /// As in guarding telegrams.
-        to: u8,
-        /// The Node-ID.
-        node: u8,
     }
     /// A command of the programming system was not carried out.
     CommandRefused = 62, "command_refused", Rare, at plc {
@@ -77,27 +69,6 @@ impl Told for ControllerState {
 
     fn fields(&self, _: &mut Reader) -> Fields {
         Fields::new().with("to", called("state", self.to))
-    }
-}
-
-/// A state in words.
-fn state(code: u8) -> &'static str {
-    match State::from_code(code) {
-        Some(State::Initialising) => "initialising",
-        Some(State::PreOperational) => "pre-operational",
-        Some(State::Operational) => "operational",
-        Some(State::Stopped) => "prepared",
-        None => "unknown",
-    }
-}
-
-impl Told for NodeState {
-    fn text(&self, _: &mut Reader) -> String {
-        format!("CANopen node {}: {}", self.node, state(self.to))
-    }
-
-    fn fields(&self, _: &mut Reader) -> Fields {
-        Fields::new().with("to", state(self.to)).with("node", self.node)
     }
 }
 

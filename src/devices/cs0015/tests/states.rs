@@ -1,7 +1,8 @@
 //! Operating states, LED STAT, network management, the programming system, inputs and outputs.
 
 use super::*;
-use crate::devices::cs0015::records::{CommandRefused, NodeState};
+use crate::devices::canopen::records::NodeState;
+use crate::devices::cs0015::records::CommandRefused;
 use crate::devices::cs0015::registers::values::program;
 use crate::devices::cs0015::registers::{FRONT_INPUTS, FRONT_OUTPUTS, FRONT_S2, FRONT_S3, FRONT_S5};
 use crate::layout::Width;

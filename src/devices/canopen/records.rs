@@ -1,0 +1,42 @@
+//! What the journal tells of a node.
+
+use super::nmt::State;
+use crate::coded;
+use crate::journal::{Coded, Fields, Kind, Reader, Told};
+
+/// The kind of [`NodeState`], one for all devices that tell of their nodes.
+pub static NODE_STATE: &Kind = NodeState::KIND;
+
+/// All kinds.
+pub static KINDS: &[&Kind] = &[NODE_STATE];
+
+coded! {
+    /// The CANopen node is in another state.
+    NodeState = 61, "node_state", Rare, at plc {
+        /// As in guarding telegrams.
+        to: u8,
+        /// The Node-ID.
+        node: u8,
+    }
+}
+
+/// A state in words.
+fn state(code: u8) -> &'static str {
+    match State::from_code(code) {
+        Some(State::Initialising) => "initialising",
+        Some(State::PreOperational) => "pre-operational",
+        Some(State::Operational) => "operational",
+        Some(State::Stopped) => "prepared",
+        None => "unknown",
+    }
+}
+
+impl Told for NodeState {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("CANopen node {}: {}", self.node, state(self.to))
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("to", state(self.to)).with("node", self.node)
+    }
+}
