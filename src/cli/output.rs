@@ -14,7 +14,7 @@ pub(crate) fn print(text: &str) -> Result<(), CliError> {
 /// Writes `bytes` to the standard output and flushes it.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub(crate) fn write(bytes: &[u8]) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
     out.write_all(bytes).and_then(|()| out.flush()).map_err(|reason| match reason.kind() {

@@ -34,6 +34,14 @@ fn wrong_parameters() {
     freeze[0] |= 0x10;
     bench.ask(61, &freeze);
     assert_eq!(bench.diag(), [0x5A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, 0, 0x80]);
+    // A watchdog that is on has a time: both factors are 1 at least (D-373).
+    let mut watched = prm(0, 0);
+    watched[0] |= 0x08;
+    for number in [1, 2] {
+        bench.ask(61, &watched);
+        assert_eq!(bench.diag()[..], [0x4A, 0x05, 0x00, 0xFF, 0x04, 0xA4, 5, 4, 0x3D, number, 1]);
+        watched[usize::from(number)] = 1;
+    }
     bench.ask(61, &[0x80, 0, 0, 11, 0x04, 0xA4, 0]);
     assert_eq!(bench.diag()[8..], [0x3D, 7, 0], "too short");
     bench.ask(61, &prm(0, 0));
