@@ -16,4 +16,7 @@ rules! {
     GUEST_BIT_RATE: 60, "guest-bit-rate", Error, "D-316",
         "A program at a door has named another bit rate than its bus has (the value is the number behind S), so it hears \
          nothing and is not heard. Name the rate of the bus.";
+    GUEST_TELEGRAM: 62, "guest-telegram", Error, "D-357",
+        "A program at a PROFIBUS door has announced a telegram of a length that none has (the value), so nothing behind it can be \
+         understood and it was sent away. Send 255 octets at most behind their number and the bit time.";
 }

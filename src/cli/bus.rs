@@ -11,7 +11,7 @@ use clap::{Args as ClapArgs, Subcommand};
 /// Show the buses, open doors to them for foreign programs, play and compare logs.
 ///
 /// Whoever comes in by a door is a station on the bus: it hears all frames and sends its own. docs/can.md tells what each kind
-/// of door is, and how python-can comes in.
+/// of door is, and how python-can comes in; docs/can-dp2.md the same of PROFIBUS.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -52,14 +52,15 @@ struct List {
 
 /// Open a door to a bus, and print what it is called.
 ///
-/// Doors are `slcan-tcp:127.0.0.1:0` (SLCAN over TCP; port 0 asks for any) and `slcan-pty` (SLCAN over a pseudo-terminal). Any
-/// user of this machine can connect to a TCP port; other machines only if the door is called
-/// `slcan-tcp-anybody:ADDRESS:PORT`.
+/// Doors are `slcan-tcp:127.0.0.1:0` (SLCAN over TCP; port 0 asks for any) and `slcan-pty` (SLCAN over a pseudo-terminal), at a
+/// PROFIBUS `profibus-tcp:127.0.0.1:0` (telegrams over TCP). Any user of this machine can connect to a TCP port; other
+/// machines only if the door is called `slcan-tcp-anybody:ADDRESS:PORT` or `profibus-tcp-anybody:ADDRESS:PORT`.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
   commram bus open open slcan-tcp:127.0.0.1:0
-  commram bus open open slcan-pty")]
+  commram bus open open slcan-pty
+  commram bus open dp profibus-tcp:127.0.0.1:0")]
 struct Open {
     /// Name of the bus
     bus: String,

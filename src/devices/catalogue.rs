@@ -2,6 +2,7 @@
 
 use super::{MEDIA, all, guest, of_hash, records};
 use crate::check;
+use crate::door::{DoorSpec, Speech};
 use crate::fault;
 use crate::fault::{Fault, MediumSite};
 use crate::journal;
@@ -82,6 +83,20 @@ pub fn medium_site(family: &str, participants: u32) -> MediumSite {
     let kind = MEDIA.iter().find(|kind| kind.name == family);
     let (faults, fits) = kind.map_or((&[][..], (|_| Ok(())) as Fits), |kind| (kind.faults, kind.fits));
     MediumSite { faults, fits, participants }
+}
+
+/// Whether a medium of this family can have such a door; else why not.
+///
+/// # Errors
+/// What goes through the door is something else than what is on the medium; the text says which would be right.
+pub fn door_fits(family: &str, door: DoorSpec) -> Result<(), String> {
+    let speech = MEDIA.iter().find(|kind| kind.name == family).map(|kind| kind.speech);
+    let right = match speech {
+        Some(speech) if speech == door.speech() => return Ok(()),
+        Some(Speech::Telegrams) => "profibus-tcp",
+        _ => "slcan-tcp or slcan-pty",
+    };
+    Err(format!("a {family} bus has no door {door}; open one of kind {right}"))
 }
 
 type Fits = fn(&Fault) -> Result<(), String>;

@@ -3,7 +3,7 @@
 use super::{BuildError, Device, Medium, Plug};
 use crate::can;
 use crate::can::Message;
-use crate::door::DoorSpec;
+use crate::door::{DoorSpec, Speech};
 use crate::fault;
 use crate::fault::Fault;
 use crate::journal::{Kind, Rule};
@@ -131,6 +131,8 @@ pub struct MediumKind {
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn MediumConfig>,
+    /// What goes through doors to it.
+    pub speech: Speech,
     /// What a frame says there, for people; nothing if that is its users' affair.
     pub says: fn(&can::Frame) -> String,
     /// Where ports of this family are that no medium is plugged in at.

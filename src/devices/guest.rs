@@ -6,7 +6,7 @@ use crate::journal::{Coded, Fields, Kind, Packer, Part, Reader, Told, Unpacker};
 /// All kinds.
 pub(super) static KINDS: &[&Kind] = &[GuestNews::KIND];
 
-/// Why a medium does not take a guest's frame.
+/// Why a medium does not take a guest's frame or telegram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GuestRefusal {
     /// It has many to send already; later there will be room.

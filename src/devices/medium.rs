@@ -1,10 +1,12 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
 use super::{BuildError, Context, Device, GuestRefusal};
-use crate::can::{ErrorCounters, ErrorState, Frame};
+use crate::can::{ErrorCounters, ErrorState};
+use crate::door::{Guest, Said};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
+use std::sync::Arc;
 
 /// What an event may touch besides the device or medium that it is due at.
 pub struct World<'a> {
@@ -127,14 +129,19 @@ pub trait Medium: Any + Send {
         ErrorState::Active
     }
 
-    /// A guest that takes part sends a frame.
+    /// What a guest that takes part is to hear and the journal does not keep whole goes to this ear.
+    fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
+        let _ = (guest, ear);
+    }
+
+    /// A guest that takes part sends a frame, or a telegram.
     ///
     /// # Errors
     /// [`GuestRefusal`].
     fn guest_sends(
         &mut self,
         guest: u8,
-        frame: &Frame,
+        said: &Said,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal>;

@@ -55,7 +55,7 @@ mod shown;
 mod supply;
 
 #[cfg(feature = "emulator")]
-pub use catalogue::{catalogue, fault_kinds, faults_of_device, medium_site};
+pub use catalogue::{catalogue, door_fits, fault_kinds, faults_of_device, medium_site};
 #[cfg(feature = "emulator")]
 pub use config::{DeviceConfig, MediumConfig, MediumKind, PortConfig, Read};
 #[cfg(feature = "emulator")]
@@ -76,6 +76,9 @@ pub use registry::{RegisterError, Registered, all, attach, board_of, default, fi
 #[cfg(feature = "emulator")]
 pub use settings::{BuildError, SettingError};
 
+#[cfg(feature = "emulator")]
+use crate::door::Speech;
+
 /// Every kind of media, the default one first.
 #[cfg(feature = "emulator")]
 pub static MEDIA: &[MediumKind] = &[
@@ -86,6 +89,7 @@ pub static MEDIA: &[MediumKind] = &[
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
         fits: can_faults::fits_cansync,
+        speech: Speech::Frames,
         says: cansync::records::says,
         unplugged: || Box::new(cansync::medium::SimBus::unplugged()),
     },
@@ -96,6 +100,7 @@ pub static MEDIA: &[MediumKind] = &[
         rules: &[],
         faults: can_faults::OF_CAN,
         fits: can_faults::fits_can,
+        speech: Speech::Frames,
         says: |_| String::new(),
         unplugged: || Box::new(can_bus::CanBus::unplugged()),
     },
@@ -106,6 +111,7 @@ pub static MEDIA: &[MediumKind] = &[
         rules: &[],
         faults: &[],
         fits: |_| Ok(()),
+        speech: Speech::Telegrams,
         says: |_| String::new(),
         unplugged: || Box::new(profibus_bus::ProfibusBus::unplugged()),
     },

@@ -85,11 +85,10 @@ impl Doors {
 
     fn try_open(&mut self, bus: u16, door: DoorSpec) -> io::Result<DoorSpec> {
         let (entrance, spec) = match door {
-            DoorSpec::SlcanTcp { at } => {
+            DoorSpec::SlcanTcp { at } | DoorSpec::ProfibusTcp { at } => {
                 let listener = TcpListener::bind(SocketAddr::V4(at))?;
                 let port = listener.local_addr()?.port();
-                let at = SocketAddrV4::new(*at.ip(), port);
-                (Entrance::Tcp(listener), DoorSpec::SlcanTcp { at })
+                (Entrance::Tcp(listener), door.at(SocketAddrV4::new(*at.ip(), port)))
             }
             DoorSpec::SlcanPty { number: None } => {
                 let pty = Pty::open()?;

@@ -1,9 +1,11 @@
 //! A guest: what it wants of the plant and what it is to hear, between the two threads that deal with it.
 
 use super::seat::Seat;
-use super::slcan::{Adapter, Rate, Status};
+use super::slcan::{Rate, Status};
+use super::wire::{Adapter, BadLength, Said};
 use super::{DoorSpec, ROOM_TO_GUEST, ROOM_TO_PLANT};
-use crate::can::{ErrorState, Frame};
+use crate::can::ErrorState;
+use crate::profibus::BusRate;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -26,24 +28,29 @@ struct Inner {
     open: Option<bool>,
     rate: Option<Rate>,
     has_gone: bool,
-    to_plant: VecDeque<Frame>,
+    to_plant: VecDeque<Said>,
     to_guest: VecDeque<News>,
     seat: Seat,
+    /// The bit time until which it asks for time, if it counts bits.
+    until_bit: Option<u64>,
+    /// The rate of its bus, as far as it is known.
+    bus_bit_s: u32,
     dropped: u64,
     refused: u64,
     overrun: bool,
     errors: ErrorState,
+    bad_length: Option<u16>,
 }
 
 /// What a guest is told. Times are emulated, in microseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum News {
-    /// A frame has arrived.
+    /// A frame or a telegram has arrived.
     Heard {
         /// When.
         time_us: u64,
         /// Which.
-        frame: Frame,
+        said: Said,
     },
     /// It has its turn: what it asked for by [`Adapter::ask`].
     Granted {
@@ -63,6 +70,8 @@ pub struct Wish {
     pub rate: Option<Rate>,
     /// It has left for ever.
     pub has_gone: bool,
+    /// A number of octets that it has announced and no telegram has.
+    pub bad_length: Option<u16>,
 }
 
 /// What there is to know of a guest.
@@ -78,9 +87,9 @@ pub struct GuestState {
     pub bit_s: Option<u32>,
     /// Whether it has asked for a time, and emulated time waits for it if the clock is stepped.
     pub seat: bool,
-    /// Frames that it was to hear and for which there was no room.
+    /// Frames or telegrams that it was to hear and for which there was no room.
     pub dropped: u64,
-    /// Frames that it wanted to send and that were not taken.
+    /// Frames or telegrams that it wanted to send and that were not taken.
     pub refused: u64,
 }
 
@@ -103,34 +112,35 @@ impl Guest {
             takes_part: inner.open == Some(false) && !inner.has_gone,
             rate: inner.rate,
             has_gone: inner.has_gone,
+            bad_length: inner.bad_length,
         }
     }
 
-    /// How many frames it has to send.
+    /// How much it has to send.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.inner().to_plant.len()
     }
 
-    /// The frame that it sends next, which stays there until [`Guest::sent`].
+    /// What it sends next, which stays there until [`Guest::sent`].
     #[must_use]
-    pub fn next_to_send(&self) -> Option<Frame> {
-        self.inner().to_plant.front().copied()
+    pub fn next_to_send(&self) -> Option<Said> {
+        self.inner().to_plant.front().cloned()
     }
 
-    /// That frame was taken; `false`: refused for good.
+    /// That was taken; `false`: refused for good.
     pub fn sent(&self, was_taken: bool) {
         let mut inner = self.inner();
         inner.to_plant.pop_front();
         inner.refused += u64::from(!was_taken);
     }
 
-    /// Lets it hear a frame that has arrived at this emulated time, if there is room.
-    pub fn hear(&self, time_us: u64, frame: &Frame) {
+    /// Lets it hear what has arrived at this emulated time, if there is room.
+    pub fn hear(&self, time_us: u64, said: Said) {
         let mut inner = self.inner();
         inner.seat.hear();
         if inner.to_guest.len() < ROOM_TO_GUEST {
-            inner.to_guest.push_back(News::Heard { time_us, frame: *frame });
+            inner.to_guest.push_back(News::Heard { time_us, said });
         } else {
             inner.dropped += 1;
             inner.overrun = true;
@@ -163,9 +173,38 @@ impl Guest {
         self.inner().seat
     }
 
+    /// Its bus runs at so many bit/s.
+    pub fn is_at(&self, bit_s: u32) {
+        self.inner().bus_bit_s = bit_s;
+    }
+
     /// Emulated time begins to pass for it, at `now`, if it has asked for that.
     pub fn take_request(&self, now: u64) {
-        self.inner().seat.begin(now);
+        let mut inner = self.inner();
+        let rate = BusRate::new(inner.bus_bit_s);
+        if let Some(bit) = inner.until_bit.take()
+            && let Seat::Asks { us, .. } = &mut inner.seat
+        {
+            // Time does not stand still for who asks for what is past.
+            *us = rate.map_or(0, |rate| rate.us_at(bit)).saturating_sub(now).max(1);
+        }
+        inner.seat.begin(now);
+    }
+
+    /// The bit time on its bus at this emulated one; 0 if its bus counts none.
+    pub(super) fn bit_at(&self, time_us: u64) -> u64 {
+        BusRate::new(self.inner().bus_bit_s).map_or(0, |rate| rate.bits_at(time_us))
+    }
+
+    /// Whether something waits that it is to be told.
+    #[must_use]
+    pub fn is_told(&self) -> bool {
+        !self.inner().to_guest.is_empty()
+    }
+
+    /// It has announced so many octets, and has to leave.
+    pub(super) fn talks_nonsense(&self, length: BadLength) {
+        self.inner().bad_length = Some(length.0);
     }
 
     /// Gives it its turn, at `now`, if it is due. Tells whether it was.
@@ -218,12 +257,12 @@ impl Adapter for &Guest {
         inner.to_guest.clear();
     }
 
-    fn send(&mut self, frame: Frame) -> bool {
+    fn send(&mut self, said: Said) -> bool {
         let mut inner = self.inner();
         let has_room = inner.to_plant.len() < ROOM_TO_PLANT;
         let may = inner.open == Some(false) && inner.seat.may_speak() && has_room;
         if may {
-            inner.to_plant.push_back(frame);
+            inner.to_plant.push_back(said);
         } else {
             inner.refused += 1;
         }
@@ -233,6 +272,15 @@ impl Adapter for &Guest {
     fn ask(&mut self, us: u64) -> bool {
         let mut inner = self.inner();
         inner.open.is_some() && inner.seat.ask(us)
+    }
+
+    fn ask_until(&mut self, bit: u64) -> bool {
+        // How long that is turns out when it begins.
+        let may = self.ask(u64::MAX);
+        if may {
+            self.inner().until_bit = Some(bit);
+        }
+        may
     }
 
     fn take_status(&mut self) -> Status {
@@ -255,7 +303,15 @@ impl Guest {
 
     /// It sends a frame without data, and is told that it may.
     pub(crate) fn says(&self, id: u16) {
-        assert!((&mut &*self).send(Frame::standard(id, crate::can::Payload::EMPTY)));
+        assert!((&mut &*self).send(Said::Frame(crate::can::Frame::standard(id, crate::can::Payload::EMPTY))));
+    }
+
+    /// The next that it is told of, if it is something it hears.
+    pub(crate) fn hears(&self) -> Option<Said> {
+        match self.take_news()? {
+            News::Heard { said, .. } => Some(said),
+            News::Granted { .. } => None,
+        }
     }
 
     /// How many frames it has to be told of.

@@ -2,8 +2,8 @@
 
 use super::guest::{Guest, News};
 use super::pty::Pty;
-use super::slcan::Session;
 use super::spec::DoorSpec;
+use super::wire::Session;
 use super::{MAX_GUESTS, ROOM_TO_GUEST};
 use mio::net::{TcpListener, TcpStream};
 use mio::unix::SourceFd;
@@ -154,8 +154,10 @@ impl Visit {
         match self.line.read(&mut room) {
             Ok(0) => (true, Presence::Leaves),
             Ok(count) => {
-                self.session.hear(&room[..count], &mut &*self.guest, &mut self.unwritten);
-                (true, Presence::Stays)
+                let heard = self.session.hear(&room[..count], &mut &*self.guest, &mut self.unwritten);
+                let is_nonsense = heard.inspect_err(|length| self.guest.talks_nonsense(*length)).is_err();
+                self.has_more &= !is_nonsense;
+                (true, if is_nonsense { Presence::Leaves } else { Presence::Stays })
             }
             Err(error) if error.kind() == ErrorKind::WouldBlock => {
                 self.has_more = false;
@@ -173,8 +175,11 @@ impl Visit {
                 && let Some(news) = self.guest.take_news()
             {
                 match news {
-                    News::Heard { time_us, frame } => self.session.tell(time_us, &frame, &mut self.unwritten),
-                    News::Granted { time_us } => Session::grant(time_us, &mut self.unwritten),
+                    News::Heard { time_us, said } => self.session.tell(time_us, &said, &mut self.unwritten),
+                    News::Granted { time_us } => {
+                        let bit = self.guest.bit_at(time_us);
+                        self.session.grant(time_us, bit, &mut self.unwritten);
+                    }
                 }
             }
             if self.unwritten.is_empty() {
@@ -322,8 +327,8 @@ impl Io {
         }
         let full = || io::Error::other(format!("there are {MAX_GUESTS} already"));
         let guest = self.shared.admit(bus, spec).ok_or_else(full)?;
-        let visit =
-            Visit { line, door, guest, session: Session::default(), has_more: true, unwritten: Vec::new() };
+        let session = Session::begin(spec.speech(), &mut &*guest);
+        let visit = Visit { line, door, guest, session, has_more: true, unwritten: Vec::new() };
         self.stations.insert(token, Station::Guest(Box::new(visit)));
         (self.ring)();
         Ok(())

@@ -7,6 +7,7 @@
 //!
 //! One line is our own, with a letter that no adapter has: `KN` asks for emulated time, N microseconds in hexadecimal digits.
 
+use super::wire::{Adapter, Said};
 use crate::can::{ErrorState, ExtendedId, Frame, Id, Payload, StandardId};
 use core::fmt::Write;
 
@@ -60,28 +61,6 @@ impl Rate {
     pub fn bit_s(self) -> u32 {
         RATES.iter().find(|(code, _)| *code == self.0).map_or(0, |(_, bit_s)| *bit_s)
     }
-}
-
-/// What a guest wants of whoever runs the session.
-pub(super) trait Adapter {
-    /// To name a rate, or to take back that it has named one; `false` while it takes part.
-    fn set_rate(&mut self, rate: Option<Rate>) -> bool;
-
-    /// To take part, or only to listen.
-    fn open(&mut self, listens: bool);
-
-    /// To do so no longer.
-    fn close(&mut self);
-
-    /// To send a frame; `false` if it does not take part or there is no room.
-    fn send(&mut self, frame: Frame) -> bool;
-
-    /// To have a turn after so many microseconds of emulated time, or when it has heard a frame; until then it says nothing.
-    /// `false` if it does not listen, or waits for one already.
-    fn ask(&mut self, us: u64) -> bool;
-
-    /// To know how it stands.
-    fn take_status(&mut self) -> Status;
 }
 
 /// What `F` asks for.
@@ -141,7 +120,7 @@ impl Session {
         };
         let done = match (command, rest) {
             (b't' | b'T' | b'r' | b'R', _) => {
-                let sent = frame(*command, rest).is_some_and(|frame| adapter.send(frame));
+                let sent = frame(*command, rest).is_some_and(|frame| adapter.send(Said::Frame(frame)));
                 if sent {
                     answer.push(if command.is_ascii_lowercase() { b'z' } else { b'Z' });
                 }
@@ -285,12 +264,17 @@ mod tests {
             self.open = None;
         }
 
-        fn send(&mut self, frame: Frame) -> bool {
+        fn send(&mut self, said: Said) -> bool {
             let may = self.open == Some(false);
-            if may {
-                self.sent.push(frame);
+            match said {
+                Said::Frame(frame) if may => self.sent.push(frame),
+                _ => {}
             }
             may
+        }
+
+        fn ask_until(&mut self, _: u64) -> bool {
+            false
         }
 
         fn ask(&mut self, us: u64) -> bool {

@@ -1,4 +1,4 @@
-//! What doors are called: `slcan-tcp:127.0.0.1:0`, `slcan-pty`.
+//! What doors are called: `slcan-tcp:127.0.0.1:0`, `slcan-pty`, `profibus-tcp:127.0.0.1:0`.
 
 use core::fmt;
 use core::str::FromStr;
@@ -19,12 +19,37 @@ pub enum DoorSpec {
         /// Of an open one: its number below `/dev/pts`.
         number: Option<u32>,
     },
+    /// PROFIBUS telegrams over TCP.
+    ProfibusTcp {
+        /// Where it listens. Port 0 asks for any.
+        at: SocketAddrV4,
+    },
 }
 
-/// What a door over TCP is called that only programs on this machine can reach.
-const TCP: &str = "slcan-tcp";
-/// The same for anybody in the network.
-const TCP_ANYBODY: &str = "slcan-tcp-anybody";
+/// What goes through a door.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Speech {
+    /// Frames of CAN.
+    Frames,
+    /// Telegrams of PROFIBUS.
+    Telegrams,
+}
+
+/// A kind of doors over TCP.
+struct Tcp {
+    /// What one is called that only programs on this machine can reach.
+    name: &'static str,
+    /// The same for anybody in the network.
+    anybody: &'static str,
+    /// The door that listens here.
+    door: fn(SocketAddrV4) -> DoorSpec,
+}
+
+/// Those there are.
+const TCP: [Tcp; 2] = [
+    Tcp { name: "slcan-tcp", anybody: "slcan-tcp-anybody", door: |at| DoorSpec::SlcanTcp { at } },
+    Tcp { name: "profibus-tcp", anybody: "profibus-tcp-anybody", door: |at| DoorSpec::ProfibusTcp { at } },
+];
 /// What a pseudo-terminal is called.
 const PTY: &str = "slcan-pty";
 /// Where pseudo-terminals are.
@@ -35,7 +60,9 @@ const PTS: &str = "/dev/pts/";
 #[non_exhaustive]
 pub enum BadDoor {
     /// There is no such kind.
-    #[error("there is no door `{text}`; doors are slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty")]
+    #[error(
+        "there is no door `{text}`; doors are slcan-tcp:127.0.0.1:0 (0: any port) and slcan-pty at CAN, profibus-tcp:127.0.0.1:0 at PROFIBUS"
+    )]
     Unknown {
         /// The text.
         text: String,
@@ -50,12 +77,14 @@ pub enum BadDoor {
     },
     /// An address that other machines can reach.
     #[error(
-        "`{text}` would let anybody in the network take part; use an address of 127.0.0.0/8, or write slcan-tcp-anybody \
-         if that is wanted"
+        "`{text}` would let anybody in the network take part; use an address of 127.0.0.0/8, or write {anybody} if that is \
+         wanted"
     )]
     NotLoopback {
         /// The text.
         text: String,
+        /// What such a door is called.
+        anybody: &'static str,
     },
 }
 
@@ -68,17 +97,17 @@ impl FromStr for DoorSpec {
             None => (text, None),
         };
         let unknown = || BadDoor::Unknown { text: text.to_owned() };
-        match (kind, rest) {
-            (TCP | TCP_ANYBODY, at) => {
-                let kind = if kind == TCP { TCP } else { TCP_ANYBODY };
-                let at = at.and_then(|at| at.parse().ok());
-                let at: SocketAddrV4 =
-                    at.ok_or_else(|| BadDoor::NoAddress { text: text.to_owned(), kind })?;
-                if kind == TCP && !at.ip().is_loopback() {
-                    return Err(BadDoor::NotLoopback { text: text.to_owned() });
-                }
-                Ok(DoorSpec::SlcanTcp { at })
+        if let Some(tcp) = TCP.iter().find(|tcp| kind == tcp.name || kind == tcp.anybody) {
+            let is_few = kind == tcp.name;
+            let kind = if is_few { tcp.name } else { tcp.anybody };
+            let at = rest.and_then(|at| at.parse().ok());
+            let at: SocketAddrV4 = at.ok_or_else(|| BadDoor::NoAddress { text: text.to_owned(), kind })?;
+            if is_few && !at.ip().is_loopback() {
+                return Err(BadDoor::NotLoopback { text: text.to_owned(), anybody: tcp.anybody });
             }
+            return Ok((tcp.door)(at));
+        }
+        match (kind, rest) {
             (PTY, None) => Ok(DoorSpec::SlcanPty { number: None }),
             (PTY, Some(path)) => {
                 let number = path.strip_prefix(PTS).and_then(|number| number.parse().ok());
@@ -103,13 +132,46 @@ impl From<DoorSpec> for String {
     }
 }
 
+impl DoorSpec {
+    /// What goes through it.
+    #[must_use]
+    pub const fn speech(self) -> Speech {
+        match self {
+            DoorSpec::SlcanTcp { .. } | DoorSpec::SlcanPty { .. } => Speech::Frames,
+            DoorSpec::ProfibusTcp { .. } => Speech::Telegrams,
+        }
+    }
+
+    /// Where it listens, if it does.
+    #[must_use]
+    pub const fn address(self) -> Option<SocketAddrV4> {
+        match self {
+            DoorSpec::SlcanTcp { at } | DoorSpec::ProfibusTcp { at } => Some(at),
+            DoorSpec::SlcanPty { .. } => None,
+        }
+    }
+
+    /// The same door at this address, if it listens anywhere.
+    pub(super) const fn at(self, at: SocketAddrV4) -> Self {
+        match self {
+            DoorSpec::SlcanTcp { .. } => DoorSpec::SlcanTcp { at },
+            DoorSpec::ProfibusTcp { .. } => DoorSpec::ProfibusTcp { at },
+            DoorSpec::SlcanPty { .. } => self,
+        }
+    }
+}
+
 impl fmt::Display for DoorSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(at) = self.address()
+            && let Some(tcp) = TCP.iter().find(|tcp| (tcp.door)(at) == *self)
+        {
+            let name = if at.ip().is_loopback() { tcp.name } else { tcp.anybody };
+            return write!(f, "{name}:{at}");
+        }
         match self {
-            DoorSpec::SlcanTcp { at } if at.ip().is_loopback() => write!(f, "{TCP}:{at}"),
-            DoorSpec::SlcanTcp { at } => write!(f, "{TCP_ANYBODY}:{at}"),
-            DoorSpec::SlcanPty { number: None } => f.write_str(PTY),
             DoorSpec::SlcanPty { number: Some(number) } => write!(f, "{PTY}:{PTS}{number}"),
+            _ => f.write_str(PTY),
         }
     }
 }
@@ -120,9 +182,14 @@ mod tests {
 
     #[test]
     fn doors_read_as_they_are_written() {
-        for text in
-            ["slcan-tcp:127.0.0.1:0", "slcan-tcp-anybody:0.0.0.0:4000", "slcan-pty", "slcan-pty:/dev/pts/7"]
-        {
+        for text in [
+            "slcan-tcp:127.0.0.1:0",
+            "slcan-tcp-anybody:0.0.0.0:4000",
+            "slcan-pty",
+            "slcan-pty:/dev/pts/7",
+            "profibus-tcp:127.0.0.2:0",
+            "profibus-tcp-anybody:0.0.0.0:4000",
+        ] {
             let door: DoorSpec = text.parse().unwrap();
             assert_eq!(door.to_string(), text);
         }
@@ -134,21 +201,30 @@ mod tests {
     #[test]
     fn nobody_else_gets_in_unless_that_is_said() {
         for at in ["0.0.0.0:0", "192.168.0.7:4000", "8.8.8.8:1"] {
-            let refusal = format!("slcan-tcp:{at}").parse::<DoorSpec>().unwrap_err();
-            assert!(matches!(refusal, BadDoor::NotLoopback { .. }), "{refusal}");
-            assert!(refusal.to_string().contains("slcan-tcp-anybody"), "{refusal}");
+            for kind in ["slcan-tcp", "profibus-tcp"] {
+                let refusal = format!("{kind}:{at}").parse::<DoorSpec>().unwrap_err();
+                assert!(matches!(refusal, BadDoor::NotLoopback { .. }), "{refusal}");
+                assert!(refusal.to_string().contains(&format!("write {kind}-anybody")), "{refusal}");
+            }
         }
     }
 
     #[test]
     fn what_is_no_door_is_refused() {
-        for text in ["", "slcan", "slcan-udp:1.2.3.4:5", "slcan-pty:7", "slcan-pty:/dev/pts/x"] {
+        for text in
+            ["", "slcan", "slcan-udp:1.2.3.4:5", "slcan-pty:7", "slcan-pty:/dev/pts/x", "profibus-pty"]
+        {
             let refusal = text.parse::<DoorSpec>().unwrap_err();
             assert!(matches!(refusal, BadDoor::Unknown { .. }), "{text}: {refusal}");
         }
-        for text in
-            ["slcan-tcp", "slcan-tcp:", "slcan-tcp:localhost:5", "slcan-tcp:127.0.0.1", "slcan-tcp:[::1]:5"]
-        {
+        for text in [
+            "slcan-tcp",
+            "slcan-tcp:",
+            "slcan-tcp:localhost:5",
+            "slcan-tcp:127.0.0.1",
+            "slcan-tcp:[::1]:5",
+            "profibus-tcp:1",
+        ] {
             let refusal = text.parse::<DoorSpec>().unwrap_err();
             assert!(matches!(refusal, BadDoor::NoAddress { .. }), "{text}: {refusal}");
         }

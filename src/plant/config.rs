@@ -260,7 +260,13 @@ impl PlantConfig {
             device.check()?;
             self.check_ports(&**device, &media)?;
         }
-        self.media.iter().try_for_each(|medium| medium.check())?;
+        for medium in &self.media {
+            medium.check()?;
+            for door in medium.doors() {
+                devices::door_fits(medium.family(), *door)
+                    .map_err(|reason| BuildError::Own { name: medium.name().to_owned(), reason })?;
+            }
+        }
         let ports = self.ports_of_media();
         for medium in &self.media {
             check_medium(&**medium, ports.get(medium.name()).map_or(&[], Vec::as_slice))?;

@@ -5,7 +5,9 @@ use super::Plant;
 use crate::can::Frame;
 use crate::check::rules;
 use crate::devices::{Attendance, GuestNews, GuestRefusal, Medium};
+use crate::door::{Guest, Said};
 use crate::journal::Finding;
+use std::sync::Arc;
 
 impl Plant {
     fn medium_of(&mut self, bus: u16) -> Option<&mut Box<dyn Medium>> {
@@ -35,15 +37,22 @@ impl Plant {
         self.journal.push(self.now, GuestNews { bus, guest, news });
     }
 
-    /// A guest that takes part sends a frame.
+    /// What it is to hear and the journal does not keep whole goes to this ear.
+    pub fn guest_hears(&mut self, bus: u16, guest: u8, ear: &Arc<Guest>) {
+        if let Some(medium) = self.medium_of(bus) {
+            medium.guest_hears(guest, Arc::clone(ear));
+        }
+    }
+
+    /// A guest that takes part sends a frame, or a telegram.
     ///
     /// # Errors
     /// [`GuestRefusal`].
-    pub fn guest_sends(&mut self, bus: u16, guest: u8, frame: &Frame) -> Result<(), GuestRefusal> {
+    pub fn guest_sends(&mut self, bus: u16, guest: u8, said: &Said) -> Result<(), GuestRefusal> {
         let now = self.now;
         let index = usize::from(bus);
         let medium = self.media[..self.named_media].get_mut(index).ok_or(GuestRefusal::NotHere)?;
-        medium.guest_sends(guest, frame, now, &mut self.journal)
+        medium.guest_sends(guest, said, now, &mut self.journal)
     }
 
     /// Whoever asks by requests, which is guest 0, takes part in bus number `bus` from now on, and sends a frame if there is
@@ -57,12 +66,17 @@ impl Plant {
         if medium.guest_joins(0, now) {
             self.journal.push(now, GuestNews { bus, guest: 0, news: Attendance::TakesPart });
         }
-        frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, frame))
+        frame.map_or(Ok(()), |frame| self.guest_sends(bus, 0, &Said::Frame(*frame)))
     }
 
     /// A guest would take part, but has named another rate than the bus has: the one with this `S` code (decision D-316).
     pub fn guest_is_deaf(&mut self, bus: u16, guest: u8, code: u8) {
         self.journal.find(self.now, Finding::at_bus(&rules::GUEST_BIT_RATE, bus, guest, code.into()));
+    }
+
+    /// A guest has announced a telegram of so many octets, which none has, and was sent away (decision D-357).
+    pub fn guest_talks_nonsense(&mut self, bus: u16, guest: u8, octets: u16) {
+        self.journal.find(self.now, Finding::at_bus(&rules::GUEST_TELEGRAM, bus, guest, octets.into()));
     }
 }
 
@@ -85,8 +99,8 @@ mod tests {
         Plant::new(&config, |_, device| Ok::<_, BuildFailure>(Segment::of(device))).unwrap()
     }
 
-    fn frame(id: u16, data: &[u8]) -> Frame {
-        Frame::standard(id, Payload::new(data).unwrap())
+    fn frame(id: u16, data: &[u8]) -> Said {
+        Said::Frame(Frame::standard(id, Payload::new(data).unwrap()))
     }
 
     /// When which frame of whom has arrived.

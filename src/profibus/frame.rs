@@ -5,6 +5,18 @@ use super::OCTET_BITS;
 /// Octets of data that a telegram carries at most, service access points included.
 pub const MAX_DATA: usize = 246;
 
+/// Octets of the longest telegram.
+pub const MAX_OCTETS: usize = 255;
+
+/// Octets on the line, one behind the other, whether they are a telegram or not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Burst {
+    /// Bit time of the first bit.
+    pub begin: u64,
+    /// The octets, [`MAX_OCTETS`] at most.
+    pub octets: Vec<u8>,
+}
+
 const SD1: u8 = 0x10;
 const SD2: u8 = 0x68;
 const SD3: u8 = 0xA2;

@@ -9,7 +9,7 @@ mod line;
 mod rate;
 mod responder;
 
-pub use frame::{Frame, MAX_DATA, Telegram, TelegramError};
+pub use frame::{Burst, Frame, MAX_DATA, MAX_OCTETS, Telegram, TelegramError};
 pub use function::{Answer, FunctionCode, Request};
 pub use line::{Line, Sending};
 pub use rate::BusRate;
@@ -20,6 +20,9 @@ pub const BROADCAST: u8 = 127;
 
 /// Idle time before a request, T_SYN, in bit times.
 pub const SYN_BITS: u64 = 33;
+
+/// The least time between a request and its answer, in bit times.
+pub const MIN_TSDR_BITS: u64 = 11;
 
 /// Bits of an octet on the line: start, eight of data, parity, stop.
 pub const OCTET_BITS: u64 = 11;

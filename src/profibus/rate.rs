@@ -32,6 +32,17 @@ impl BusRate {
         self.0
     }
 
+    /// How long a master waits for an answer to begin, in bit times: more than the largest T_SDR that a slave of the rate may have.
+    #[must_use]
+    pub const fn slot_bits(self) -> u64 {
+        match self.0 {
+            0..=500_000 => 200,
+            500_001..=1_500_000 => 300,
+            1_500_001..=6_000_000 => 600,
+            _ => 1000,
+        }
+    }
+
     /// The number of whole bit times that have passed at microsecond `us`.
     #[must_use]
     pub const fn bits_at(self, us: u64) -> u64 {

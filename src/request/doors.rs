@@ -2,6 +2,7 @@
 
 use super::{BusState, Code, Host, Refused, Reply, Station};
 use crate::can::Frame;
+use crate::devices;
 use crate::devices::{GuestRefusal, Medium, StationState};
 use crate::door::{DoorSpec, Doors};
 use crate::journal::Source;
@@ -33,6 +34,9 @@ pub(super) fn buses(host: &mut dyn Host) -> Reply {
 
 /// Opens a door.
 pub(super) fn open(host: &mut dyn Host, bus: u16, door: DoorSpec) -> Result<Reply, Refused> {
+    known(host, bus)?;
+    let family = host.plant().media().get(usize::from(bus)).map_or("", |medium| medium.family());
+    devices::door_fits(family, door).map_err(|text| Refused::new(Code::DOOR, text))?;
     let opened = doors_of(host, bus)?.open(bus, door);
     opened.map(Reply::DoorOpened).map_err(|error| Refused::new(Code::DOOR, error))
 }

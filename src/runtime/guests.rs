@@ -4,7 +4,7 @@
 //! what guests hear is told at its end, unless one of them has a seat in lockstep: see [`super::turns`].
 
 use crate::devices::{Attendance, GuestRefusal};
-use crate::door::{DoorError, DoorState, Doors, Guest, Rate, Seat, Wish};
+use crate::door::{DoorError, DoorState, Doors, Guest, Rate, Said, Seat, Wish};
 use crate::journal::Source;
 use crate::plant::{Plant, PlantConfig};
 use std::sync::Arc;
@@ -31,6 +31,8 @@ struct Present {
     has_seat: bool,
     /// The rates of guest and bus, in bit/s, about which there is a finding.
     deaf: Option<(Rate, u32)>,
+    /// There is a finding about what it has said.
+    is_nonsense: bool,
 }
 
 impl Guests {
@@ -148,7 +150,8 @@ impl Guests {
         }
     }
 
-    /// Tells guests of the frames that have arrived since the last call, but for their own, and how they stand with their bus.
+    /// Tells guests of the frames that have arrived since the last call, but for their own, and how they stand with their bus. What
+    /// else they hear, their buses have told them.
     pub(super) fn tell(&mut self, plant: &Plant) {
         if !self.present.iter().any(Present::hears) {
             return;
@@ -167,12 +170,12 @@ impl Guests {
             };
             let others = |it: &&Present| it.guest.bus == bus && carried.guest != Some(it.guest.number);
             for it in self.present.iter().filter(|it| it.hears()).filter(others) {
-                it.guest.hear(record.time_us, &carried.frame);
+                it.guest.hear(record.time_us, Said::Frame(carried.frame));
                 is_news = true;
             }
         }
         self.next = journal.end();
-        if is_news {
+        if is_news || self.present.iter().any(|it| it.guest.is_told()) {
             self.doors.announce();
         }
     }
@@ -198,6 +201,7 @@ fn bring_in_all(
         // What somebody said before it left counts.
         if it.fits && (it.wish.takes_part || it.waiting > 0) && !it.is_in {
             plant.guest_joins(it.guest.bus, it.guest.number, is_stepped);
+            plant.guest_hears(it.guest.bus, it.guest.number, &it.guest);
             it.is_in = true;
         }
     }
@@ -217,19 +221,33 @@ fn bring_in_all(
 impl Present {
     fn new(guest: Arc<Guest>) -> Self {
         let wish = guest.wish();
-        Present { guest, wish, waiting: 0, fits: true, is_in: false, has_seat: false, deaf: None }
+        Present {
+            guest,
+            wish,
+            waiting: 0,
+            fits: true,
+            is_in: false,
+            has_seat: false,
+            deaf: None,
+            is_nonsense: false,
+        }
     }
 
     /// Learns what it wants.
     fn learn(&mut self, plant: &mut Plant) {
         self.wish = self.guest.wish();
         let bit_s = plant.media().get(usize::from(self.guest.bus)).map_or(0, |medium| medium.bit_s());
+        self.guest.is_at(bit_s);
         self.fits = self.wish.rate.is_none_or(|rate| rate.fits(bit_s));
         let deaf = self.wish.rate.filter(|_| self.wish.hears && !self.fits).map(|rate| (rate, bit_s));
         if let Some((rate, _)) = deaf.filter(|_| self.deaf != deaf) {
             plant.guest_is_deaf(self.guest.bus, self.guest.number, rate.code());
         }
         self.deaf = deaf;
+        if let Some(octets) = self.wish.bad_length.filter(|_| !self.is_nonsense) {
+            plant.guest_talks_nonsense(self.guest.bus, self.guest.number, octets);
+            self.is_nonsense = true;
+        }
     }
 
     /// Takes a seat or gives it back, as it has asked for.
@@ -252,10 +270,10 @@ impl Present {
     /// Sends what it had to send; `false`: that is more than its controller takes at once.
     fn send(&mut self, plant: &mut Plant) -> bool {
         while self.waiting > 0
-            && let Some(frame) = self.guest.next_to_send()
+            && let Some(said) = self.guest.next_to_send()
         {
             let refusal = if self.is_in {
-                plant.guest_sends(self.guest.bus, self.guest.number, &frame)
+                plant.guest_sends(self.guest.bus, self.guest.number, &said)
             } else {
                 Err(GuestRefusal::NotHere)
             };

@@ -26,6 +26,7 @@ mod novram;
 mod offline;
 mod one_answer;
 mod other_users;
+mod profibus_door;
 mod registers;
 mod scenarios;
 mod shm;

@@ -66,8 +66,10 @@ fn op() -> impl Strategy<Value = Op> {
 }
 
 fn door() -> impl Strategy<Value = DoorSpec> {
-    let tcp = any::<(u32, u16)>()
-        .prop_map(|(ip, port)| DoorSpec::SlcanTcp { at: SocketAddrV4::new(Ipv4Addr::from_bits(ip), port) });
+    let tcp = any::<(u32, u16, bool)>().prop_map(|(ip, port, is_can)| {
+        let at = SocketAddrV4::new(Ipv4Addr::from_bits(ip), port);
+        if is_can { DoorSpec::SlcanTcp { at } } else { DoorSpec::ProfibusTcp { at } }
+    });
     prop_oneof![tcp, any::<Option<u32>>().prop_map(|number| DoorSpec::SlcanPty { number })]
 }
 

@@ -11,9 +11,10 @@ use super::end::End;
 use super::port::CanSocket;
 use super::stations::Stations;
 use crate::can;
-use crate::can::{ErrorState, Frame};
+use crate::can::ErrorState;
 use crate::devices::can_faults;
 use crate::devices::{BuildError, GuestRefusal, Medium, StationState, SyncSignal, World};
+use crate::door::Said;
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
 use core::any::Any;
@@ -161,13 +162,8 @@ impl Medium for CanBus {
         self.errors_of_guest(guest)
     }
 
-    fn guest_sends(
-        &mut self,
-        guest: u8,
-        frame: &Frame,
-        now: u64,
-        _: &mut Journal,
-    ) -> Result<(), GuestRefusal> {
+    fn guest_sends(&mut self, guest: u8, said: &Said, now: u64, _: &mut Journal) -> Result<(), GuestRefusal> {
+        let Said::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
         self.take_guests_frame(guest, frame, now)
     }
 

@@ -20,9 +20,6 @@ const TRIES: u8 = 2;
 /// Octets of a request at most.
 const OCTETS: usize = 244;
 
-/// How long an answer may take to begin, in bit times, by the rate in bit/s: more than the largest T_SDR of p. 22.
-const SLOT_BITS: [(u32, u64); 4] = [(500_000, 200), (1_500_000, 300), (6_000_000, 600), (12_000_000, 1000)];
-
 /// A request under way.
 struct Pending {
     frame: Frame,
@@ -151,9 +148,7 @@ impl ProfibusPort for Master {
         if pending.frame.da == BROADCAST {
             return self.finish(ctx, station, mst_result::SENT, &[]);
         }
-        let rate = station.rate().bit_s();
-        let slot = SLOT_BITS.into_iter().find(|(limit, _)| rate <= *limit).map_or(1000, |(_, bits)| bits);
-        station.set_alarm(Some(station.now() + slot + Telegram::bits(255 + 11)));
+        station.set_alarm(Some(station.now() + station.slot_bits() + Telegram::bits(255 + 11)));
     }
 
     fn heard(&mut self, ctx: &mut Context, station: &mut Station, telegram: &Telegram) {

@@ -10,11 +10,8 @@ use super::registers::values::{station_status_1 as status_1, station_status_2 as
 use super::registers::{CAN_DP2_CFG, CAN_DP2_MODULE, CFG, OUTPUTS};
 use super::rules;
 use crate::journal::Rule;
-use crate::profibus::{Answer, BROADCAST, Frame, Reaction, Responder, Telegram};
+use crate::profibus::{Answer, BROADCAST, Frame, MIN_TSDR_BITS, Reaction, Responder, Telegram};
 use core::mem::offset_of;
-
-/// Bit times until an answer, at least.
-const MIN_TSDR: u64 = 11;
 
 /// The bit of Global_Control that clears outputs.
 const CLEAR_DATA: u8 = 0x02;
@@ -88,7 +85,7 @@ impl Slave {
 
     /// Bit times until an answer.
     pub(super) fn tsdr(&self) -> u64 {
-        self.parameters.as_ref().map_or(MIN_TSDR, |parameters| parameters.min_tsdr().max(MIN_TSDR))
+        self.parameters.as_ref().map_or(MIN_TSDR_BITS, |parameters| parameters.min_tsdr().max(MIN_TSDR_BITS))
     }
 
     /// When the watchdog runs out, in us.

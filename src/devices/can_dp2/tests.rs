@@ -7,6 +7,7 @@ mod canopen;
 mod diagnosis;
 mod exchange;
 mod foreign;
+mod guests;
 mod paging;
 mod rules;
 mod states;
@@ -83,11 +84,17 @@ struct Bench {
 impl Bench {
     /// Just powered on; PROFIBUS with 500 kbit/s, CAN with 125.
     fn new(switches: u8) -> Self {
+        Self::with_segment(switches, "kbit_s = 500")
+    }
+
+    /// The same with other settings of the segment.
+    fn with_segment(switches: u8, settings: &str) -> Self {
         let text = format!("{{ name = 'gw', profibus = 'dp', can = 'open', switches = {switches} }}");
         let config = CanDp2Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
         let segment = Segment::of(&DEVICE);
         let (device, plugs) = config.build(0, segment.clone()).unwrap();
-        let dp = ValueDeserializer::parse("{ name = 'dp', kbit_s = 500 }").unwrap();
+        let dp = format!("{{ name = 'dp', {settings} }}");
+        let dp = ValueDeserializer::parse(&dp).unwrap();
         let can = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
         let mut buses = [
             ProfibusConfig::read(dp).unwrap().build(0).unwrap(),

@@ -3,6 +3,7 @@
 use super::{FAMILY, ProfibusBus};
 use crate::devices::settings::refused_at;
 use crate::devices::{BuildError, Medium, MediumConfig};
+use crate::door::DoorSpec;
 use crate::profibus::BusRate;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -16,7 +17,14 @@ pub struct ProfibusConfig {
     pub name: String,
     /// Its bit rate.
     pub rate: BusRate,
+    /// How many times as long as usual the line is kept for an answer, 1 to 10000 (decision D-358).
+    pub slot_factor: u32,
+    /// The doors to it that are open from the start.
+    pub doors: Vec<DoorSpec>,
 }
+
+/// Highest slot factor: at 12 Mbit/s that is almost a second.
+const MAX_SLOT_FACTOR: u32 = 10_000;
 
 /// The section as it is written.
 #[derive(Deserialize)]
@@ -24,12 +32,15 @@ pub struct ProfibusConfig {
 struct Section {
     name: String,
     kbit_s: Option<Spanned<f64>>,
+    slot_factor: Option<Spanned<u32>>,
+    #[serde(default)]
+    doors: Vec<DoorSpec>,
 }
 
 impl ProfibusConfig {
     /// Reads a `[[bus]]` section of kind `profibus`.
     pub(crate) fn read(value: ValueDeserializer<'_>) -> Result<Arc<dyn MediumConfig>, Error> {
-        let Section { name, kbit_s } = Section::deserialize(value)?;
+        let Section { name, kbit_s, slot_factor, doors } = Section::deserialize(value)?;
         let wanted = kbit_s.as_ref().map_or(1500.0, |kbit_s| *kbit_s.get_ref());
         let rate = rate(wanted).ok_or_else(|| {
             let text = format!(
@@ -37,7 +48,18 @@ impl ProfibusConfig {
             );
             refused_at(kbit_s.map_or(0..0, |kbit_s| kbit_s.span()), text)
         })?;
-        Ok(Arc::new(ProfibusConfig { name, rate }))
+        let slot_factor = match slot_factor {
+            None => 1,
+            Some(factor) if (1..=MAX_SLOT_FACTOR).contains(factor.get_ref()) => *factor.get_ref(),
+            Some(factor) => {
+                let text = format!(
+                    "slot_factor of '{name}' is {}; it must be 1 to {MAX_SLOT_FACTOR}",
+                    factor.get_ref()
+                );
+                return Err(refused_at(factor.span(), text));
+            }
+        };
+        Ok(Arc::new(ProfibusConfig { name, rate, slot_factor, doors }))
     }
 }
 
@@ -54,6 +76,10 @@ impl MediumConfig for ProfibusConfig {
 
     fn family(&self) -> &'static str {
         FAMILY
+    }
+
+    fn doors(&self) -> &[DoorSpec] {
+        &self.doors
     }
 
     /// A slave and a master without a stack may belong to one device.
@@ -89,6 +115,8 @@ mod tests {
         assert_eq!(read("{ name = 'dp' }").as_deref(), Ok("dp"));
         let slow = read("{ name = 'dp', kbit_s = 125 }").unwrap_err();
         assert!(slow.contains("kbit_s of 'dp' is 125; it must be 9.6, 19.2"), "{slow}");
+        let slot = read("{ name = 'dp', slot_factor = 10001 }").unwrap_err();
+        assert!(slot.contains("slot_factor of 'dp' is 10001; it must be 1 to 10000"), "{slot}");
         let other = read("{ name = 'dp', frame_length = 'fixed' }").unwrap_err();
         assert!(other.contains("unknown field `frame_length`"), "{other}");
     }

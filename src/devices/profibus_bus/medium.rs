@@ -7,13 +7,16 @@ use super::FAMILY;
 use super::config::ProfibusConfig;
 use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpTelegram, short};
-use crate::can;
+use super::visitors;
+use super::visitors::Visitors;
 use crate::check::OwnedWatch;
 use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
+use crate::door::{Guest, Said};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
-use crate::profibus::{BusRate, Line, SYN_BITS, Sending, Telegram};
+use crate::profibus::{BusRate, FunctionCode, Line, Request, SYN_BITS, Sending, Telegram};
 use core::any::Any;
+use std::sync::Arc;
 
 /// Nothing is due.
 const NEVER: u64 = u64::MAX;
@@ -43,6 +46,14 @@ impl End {
     }
 }
 
+/// Somebody has asked, and the line is kept for the answer.
+#[derive(Clone, Copy)]
+struct Asked {
+    sender: usize,
+    /// Until this bit time nobody else asks.
+    until: u64,
+}
+
 /// What is next on the line.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Step {
@@ -59,10 +70,14 @@ pub struct ProfibusBus {
     index: u16,
     name: String,
     rate: BusRate,
+    /// How long an answer may take to begin, in bit times.
+    slot_bits: u64,
     /// There is one; else the ports are those that nothing is plugged in at.
     is_plugged: bool,
     line: Line,
     ends: Vec<End>,
+    visitors: Visitors,
+    asked: Option<Asked>,
     next: u64,
 }
 
@@ -74,9 +89,12 @@ impl ProfibusBus {
             index: u16::MAX,
             name: String::new(),
             rate: slowest,
+            slot_bits: slowest.slot_bits(),
             is_plugged: false,
             line: Line::default(),
             ends: Vec::new(),
+            visitors: Visitors::default(),
+            asked: None,
             next: NEVER,
         }
     }
@@ -84,7 +102,13 @@ impl ProfibusBus {
     /// Bus number `index` of the plant, without ports.
     pub fn new(index: usize, config: &ProfibusConfig) -> Self {
         let (index, name) = (index as u16, config.name.clone());
-        ProfibusBus { index, name, rate: config.rate, is_plugged: true, ..Self::unplugged() }
+        let slot_bits = config.rate.slot_bits() * u64::from(config.slot_factor);
+        ProfibusBus { index, name, rate: config.rate, slot_bits, is_plugged: true, ..Self::unplugged() }
+    }
+
+    /// Whose something on the line is.
+    fn origin_of(&self, sender: usize) -> Origin {
+        visitors::origin_of(sender).unwrap_or_else(|| self.ends[sender].origin)
     }
 
     /// What is next on the line, and at which bit time.
@@ -96,17 +120,21 @@ impl ProfibusBus {
             Some(Intent::At(at, _)) => Some((at, Step::Begin(who))),
             _ => None,
         });
-        let step = ends.into_iter().chain(alarms).chain(answers).min();
+        let exact = self.visitors.next_exact().map(|(at, who)| (at, Step::Begin(who)));
+        let step = ends.into_iter().chain(alarms).chain(answers).chain(exact).min();
         // Nobody asks while somebody talks, or is about to answer.
         let is_quiet = on().all(|(_, end)| !matches!(end.station.intent, Some(Intent::At(..))));
-        let idle_since = self.line.idle_since().filter(|_| is_quiet);
-        let requests = idle_since.into_iter().flat_map(|since| {
-            on().filter_map(move |(who, end)| match end.station.intent {
-                Some(Intent::WhenIdle(from, _)) => Some((from.max(since + SYN_BITS), Step::Begin(who))),
-                _ => None,
-            })
+        let Some(since) = self.line.idle_since().filter(|_| is_quiet) else { return step };
+        // Nor while somebody else waits for an answer.
+        let may = |who| self.asked.filter(|asked| asked.sender != who).map_or(0, |asked| asked.until);
+        let requests = on().filter_map(|(who, end)| match end.station.intent {
+            Some(Intent::WhenIdle(from, _)) => {
+                Some((from.max(since + SYN_BITS).max(may(who)), Step::Begin(who)))
+            }
+            _ => None,
         });
-        step.into_iter().chain(requests).min()
+        let of_guests = self.visitors.next_idle(since, may).map(|(at, who)| (at, Step::Begin(who)));
+        step.into_iter().chain(requests).chain(of_guests).min()
     }
 
     /// Finds when there is something to do, after whatever has happened at `now`.
@@ -136,10 +164,16 @@ impl ProfibusBus {
                 self.ends[who].station.alarm = None;
                 self.ends[who].run(now, at, journal, |port, ctx, station| port.alarm(ctx, station));
             }
-            Step::Begin(who) => match self.ends[who].station.intent.take() {
-                Some(Intent::At(_, octets) | Intent::WhenIdle(_, octets)) => self.line.begin(who, at, octets),
-                None => {}
-            },
+            Step::Begin(who) => {
+                let octets = match self.ends.get_mut(who) {
+                    Some(end) => end.station.intent.take().map(Intent::octets),
+                    None => self.visitors.take(who),
+                };
+                if let Some(octets) = octets {
+                    self.asked = None;
+                    self.line.begin(who, at, octets);
+                }
+            }
         }
         true
     }
@@ -147,8 +181,17 @@ impl ProfibusBus {
     /// Tells everybody what has ended.
     fn hand_over(&mut self, now: u64, sending: &Sending, journal: &mut Journal) {
         let Sending { sender, end: at, ref octets, is_garbled, .. } = *sending;
-        let (bus, origin) = (self.index, self.ends[sender].origin);
+        let (bus, origin) = (self.index, self.origin_of(sender));
         let telegram = Telegram::parse(octets).ok().filter(|_| !is_garbled);
+        if let Some(Telegram::Frame(frame)) = &telegram
+            && wants_answer(frame.fc)
+        {
+            self.asked = Some(Asked { sender, until: at + self.slot_bits });
+        }
+        // What two have said at once is nothing that could be told.
+        if !is_garbled {
+            self.visitors.tell(sending, now);
+        }
         match &telegram {
             Some(Telegram::Frame(frame)) => journal.push(now, DpTelegram::new(bus, origin, frame)),
             Some(other) => {
@@ -168,6 +211,11 @@ impl ProfibusBus {
     }
 }
 
+/// Whether somebody is to answer a telegram with this function code.
+fn wants_answer(fc: u8) -> bool {
+    matches!(FunctionCode::parse(fc), FunctionCode::Request { request, .. } if request != Request::Sdn)
+}
+
 impl Medium for ProfibusBus {
     fn name(&self) -> &str {
         &self.name
@@ -185,7 +233,7 @@ impl Medium for ProfibusBus {
             origin,
             base: area.first as usize,
             port,
-            station: Station::new(self.rate),
+            station: Station::new(self.rate, self.slot_bits),
             watch: OwnedWatch::of_area(origin.plc, &segment, layout, area)?,
             is_on: false,
         });
@@ -237,8 +285,23 @@ impl Medium for ProfibusBus {
         self.rate.bit_s()
     }
 
-    fn guest_sends(&mut self, _: u8, _: &can::Frame, _: u64, _: &mut Journal) -> Result<(), GuestRefusal> {
-        Err(GuestRefusal::NotHere)
+    fn guest_joins(&mut self, guest: u8, _: u64) -> bool {
+        self.visitors.join(guest)
+    }
+
+    fn guest_hears(&mut self, guest: u8, ear: Arc<Guest>) {
+        self.visitors.listen(guest, ear);
+    }
+
+    fn guest_leaves(&mut self, guest: u8, now: u64) {
+        self.visitors.leave(guest, self.rate.bits_at(now));
+        self.plan(now);
+    }
+
+    fn guest_sends(&mut self, guest: u8, said: &Said, now: u64, _: &mut Journal) -> Result<(), GuestRefusal> {
+        self.visitors.say(guest, said, self.rate.bits_at(now))?;
+        self.plan(now);
+        Ok(())
     }
 
     fn next_time(&self) -> u64 {

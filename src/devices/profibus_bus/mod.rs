@@ -4,6 +4,7 @@ mod config;
 mod medium;
 mod port;
 pub mod records;
+mod visitors;
 
 pub use config::ProfibusConfig;
 pub use medium::ProfibusBus;

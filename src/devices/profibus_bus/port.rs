@@ -77,10 +77,19 @@ pub(super) enum Intent {
     WhenIdle(u64, Vec<u8>),
 }
 
+impl Intent {
+    pub(super) fn octets(self) -> Vec<u8> {
+        match self {
+            Intent::At(_, octets) | Intent::WhenIdle(_, octets) => octets,
+        }
+    }
+}
+
 /// A station: what it is about to send, and an alarm clock in bit times.
 #[derive(Debug)]
 pub struct Station {
     rate: BusRate,
+    slot_bits: u64,
     /// The present bit time, when firmware runs.
     pub(super) now: u64,
     pub(super) intent: Option<Intent>,
@@ -88,13 +97,18 @@ pub struct Station {
 }
 
 impl Station {
-    pub(super) fn new(rate: BusRate) -> Self {
-        Station { rate, now: 0, intent: None, alarm: None }
+    pub(super) fn new(rate: BusRate, slot_bits: u64) -> Self {
+        Station { rate, slot_bits, now: 0, intent: None, alarm: None }
     }
 
     /// The rate of its segment.
     pub fn rate(&self) -> BusRate {
         self.rate
+    }
+
+    /// How long an answer may take to begin on its segment, in bit times.
+    pub fn slot_bits(&self) -> u64 {
+        self.slot_bits
     }
 
     /// The present bit time.
@@ -133,7 +147,7 @@ impl Station {
 #[cfg(test)]
 impl Station {
     pub(crate) fn alone(rate: BusRate) -> Self {
-        Self::new(rate)
+        Self::new(rate, rate.slot_bits())
     }
 
     /// It is so late.

@@ -3,7 +3,6 @@
 use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
 use super::{FAMILY, Sender, SimBus, Station};
-use crate::can;
 use crate::devices::can_faults;
 use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::{Change, Slave};
@@ -11,6 +10,7 @@ use crate::devices::cansync::records::BaudRateMismatch;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::rules;
 use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
+use crate::door::Said;
 use crate::fault::{self, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::layout::Live;
@@ -152,10 +152,11 @@ impl Medium for SimBus {
     fn guest_sends(
         &mut self,
         guest: u8,
-        frame: &can::Frame,
+        said: &Said,
         now: u64,
         journal: &mut Journal,
     ) -> Result<(), GuestRefusal> {
+        let Said::Frame(frame) = said else { return Err(GuestRefusal::NotHere) };
         self.take_guests_frame(guest, frame, now, journal)
     }
 

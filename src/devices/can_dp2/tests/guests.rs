@@ -1,0 +1,260 @@
+//! Foreign masters at the segment.
+
+use super::*;
+use crate::devices::GuestRefusal;
+use crate::devices::can_dp2::registers::values::dp_state;
+use crate::door::{Guest, Said};
+use crate::profibus::{Burst, MIN_TSDR_BITS, SYN_BITS, Telegram};
+
+/// Bits in a microsecond of the bench's segment.
+const fn bits(us: u64) -> u64 {
+    us / 2
+}
+
+/// A foreign master.
+struct Foreign {
+    number: u8,
+    address: u8,
+    ear: Arc<Guest>,
+    fcb: Option<bool>,
+}
+
+impl Foreign {
+    /// The guest of this number, whose address is the same.
+    fn come(bench: &mut Bench, number: u8) -> Self {
+        let ear = Guest::of_a_test(0, number);
+        assert!(bench.buses[0].guest_joins(number, bench.now));
+        bench.buses[0].guest_hears(number, ear.clone());
+        Foreign { number, address: number, ear, fcb: None }
+    }
+
+    fn say(&self, bench: &mut Bench, begin: u64, octets: &[u8]) {
+        let said = Said::Burst(Burst { begin, octets: octets.to_vec() });
+        let now = bench.now;
+        assert_eq!(bench.buses[0].guest_sends(self.number, &said, now, &mut bench.journal), Ok(()));
+    }
+
+    fn hear(&self) -> Option<Burst> {
+        match self.ear.hears()? {
+            Said::Burst(burst) => Some(burst),
+            Said::Frame(frame) => panic!("{frame:?}"),
+        }
+    }
+
+    /// A request to the gateway, which has address 5.
+    fn request(&mut self, dsap: Option<u8>, data: &[u8]) -> Vec<u8> {
+        let (fcb, fcv) = (self.fcb.is_none_or(|last| !last), self.fcb.is_some());
+        self.fcb = Some(fcb);
+        let fc = 0x4D | u8::from(fcb) << 5 | u8::from(fcv) << 4;
+        let ssap = dsap.map(|_| 62);
+        let frame = crate::profibus::Frame { da: 5, sa: self.address, fc, dsap, ssap, data: data.to_vec() };
+        Telegram::Frame(frame).octets().unwrap()
+    }
+
+    /// Asks; what is answered.
+    fn ask(&mut self, bench: &mut Bench, dsap: u8, data: &[u8]) -> Telegram {
+        while self.hear().is_some() {}
+        let octets = self.request((dsap != 255).then_some(dsap), data);
+        self.say(bench, 0, &octets);
+        for _ in 0..1000 {
+            bench.run(CYCLE);
+            if let Some(burst) = self.hear() {
+                return Telegram::parse(&burst.octets).unwrap();
+            }
+        }
+        panic!("no answer to {dsap}");
+    }
+
+    fn data(&mut self, bench: &mut Bench, dsap: u8) -> Vec<u8> {
+        match self.ask(bench, dsap, &[]) {
+            Telegram::Frame(frame) => frame.data,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Leads the gateway to data exchange, with a watchdog of 100 ms.
+    fn commission(&mut self, bench: &mut Bench) {
+        let status = [0x10, 5, self.address, 0x49, 5u8.wrapping_add(self.address).wrapping_add(0x49), 0x16];
+        // It only tells the bit rate.
+        self.say(bench, 0, &status);
+        bench.run(MS);
+        let mut prm = prm(0, 0);
+        (prm[0], prm[1], prm[2]) = (0x88, 10, 1);
+        assert_eq!(self.ask(bench, 61, &prm), Telegram::ShortAck);
+        assert_eq!(self.ask(bench, 62, &CFG), Telegram::ShortAck);
+    }
+}
+
+#[test]
+fn a_foreign_master_has_the_slave() {
+    let mut bench = Bench::new(5);
+    let mut master = Foreign::come(&mut bench, 2);
+    master.commission(&mut bench);
+    assert_eq!(master.data(&mut bench, 60), [0x00, 0x0C, 0, 2, 0x04, 0xA4]);
+    let Telegram::Frame(inputs) = master.ask(&mut bench, 255, &[0x12, 0x34]) else { panic!() };
+    assert_eq!((inputs.fc, inputs.data), (0x08, vec![0, 0]));
+    bench.run(5 * MS);
+    assert_eq!(bench.heard(), ["203: 12 34"]);
+}
+
+/// Whoever it is that reads, the slave answers in data exchange, and is its master's as before.
+#[test]
+fn a_second_master_reads_inputs_outputs_and_configuration() {
+    let mut bench = Bench::exchanging(0, 0, &CFG);
+    bench.send(data(0x289, &[0xAB, 0xCD]));
+    bench.run(5 * MS);
+    bench.exchange(&[0x12, 0x34]);
+    let mut second = Foreign::come(&mut bench, 9);
+    assert_eq!(second.data(&mut bench, 56), [0xAB, 0xCD], "RD_Inp");
+    assert_eq!(second.data(&mut bench, 57), [0x12, 0x34], "RD_Outp");
+    assert_eq!(second.data(&mut bench, 59), CFG, "Get_Cfg");
+    assert_eq!(second.data(&mut bench, 60)[..4], [0x80, 4, 0, 1], "it is locked by master 1");
+    assert_eq!(bench.exchange(&[0x12, 0x35]), [0xAB, 0xCD]);
+    // Behind data exchange there is nothing to read.
+    let mut bench = Bench::new(5);
+    let mut second = Foreign::come(&mut bench, 9);
+    bench.diag();
+    for dsap in [56, 57] {
+        let Telegram::Frame(refusal) = second.ask(&mut bench, dsap, &[]) else { panic!() };
+        assert_eq!((refusal.fc, refusal.data), (3, vec![]));
+    }
+    assert!(second.data(&mut bench, 59).is_empty());
+}
+
+#[test]
+fn what_has_a_time_is_on_the_line_at_that_bit() {
+    let mut bench = Bench::new(5);
+    let mut master = Foreign::come(&mut bench, 2);
+    master.commission(&mut bench);
+    let (listener, begin) = (Foreign::come(&mut bench, 3), bits(bench.now) + 1003);
+    let octets = master.request(Some(60), &[]);
+    master.say(&mut bench, begin, &octets);
+    bench.run(5 * MS);
+    let end = begin + Telegram::bits(octets.len());
+    assert_eq!(listener.hear(), Some(Burst { begin, octets }));
+    let answer = master.hear().unwrap();
+    assert_eq!((answer.begin, Some(&answer)), (end + MIN_TSDR_BITS, listener.hear().as_ref()));
+    assert_eq!((master.hear(), listener.hear()), (None, None), "nobody hears himself");
+    // A time that is past is now.
+    master.say(&mut bench, 1, &[0xDC, 2, 2]);
+    let now = bits(bench.now);
+    bench.run(MS);
+    assert_eq!(listener.hear(), Some(Burst { begin: now, octets: vec![0xDC, 2, 2] }));
+}
+
+#[test]
+fn what_has_none_waits_for_an_idle_line() {
+    let mut bench = Bench::new(5);
+    let (one, other, listener) =
+        (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3), Foreign::come(&mut bench, 4));
+    one.say(&mut bench, 10, &[0xDC, 2, 2]);
+    other.say(&mut bench, 0, &[0xDC, 3, 3]);
+    one.say(&mut bench, 0, &[0xE5]);
+    bench.run(MS);
+    let heard: Vec<_> = core::iter::from_fn(|| listener.hear()).collect();
+    // Behind the first one an answer may come sooner than a request or a token.
+    let (second, third) = (10 + 33 + MIN_TSDR_BITS, 10 + 33 + MIN_TSDR_BITS + 11 + SYN_BITS);
+    assert_eq!(
+        heard,
+        [
+            Burst { begin: 10, octets: vec![0xDC, 2, 2] },
+            Burst { begin: second, octets: vec![0xE5] },
+            Burst { begin: third, octets: vec![0xDC, 3, 3] },
+        ]
+    );
+}
+
+#[test]
+fn nobody_is_told_what_two_said_at_once() {
+    let mut bench = Bench::new(5);
+    let (one, other, listener) =
+        (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3), Foreign::come(&mut bench, 4));
+    one.say(&mut bench, 100, &[0xDC, 2, 2]);
+    other.say(&mut bench, 110, &[0xDC, 3, 3]);
+    bench.run(MS);
+    assert_eq!((one.hear(), other.hear(), listener.hear()), (None, None, None));
+    // What is no telegram is told as it is; stations pass it over.
+    one.say(&mut bench, 0, &[0x10, 5, 2, 0x49, 0, 0x16]);
+    bench.run(MS);
+    assert_eq!(listener.hear().unwrap().octets, [0x10, 5, 2, 0x49, 0, 0x16]);
+    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_SEARCH);
+}
+
+/// Between a request and the end of its slot nobody else asks.
+#[test]
+fn the_line_is_kept_for_an_answer() {
+    for (factor, slot_bits) in [(1, 200), (50, 10_000)] {
+        let mut bench = Bench::with_segment(5, &format!("kbit_s = 500, slot_factor = {factor}"));
+        let (one, other) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
+        // Nobody has address 9.
+        let request = [0x10, 9, 2, 0x49, 0x54, 0x16];
+        one.say(&mut bench, 100, &request);
+        bench.run(MS / 2);
+        other.say(&mut bench, 0, &[0xDC, 3, 3]);
+        bench.run(100 * MS);
+        let asked_until = 100 + Telegram::bits(request.len()) + slot_bits;
+        assert_eq!(one.hear().unwrap().begin, asked_until.max(bits(MS / 2)), "factor {factor}");
+    }
+}
+
+/// The watchdog of a slave whose master is gone.
+#[test]
+fn a_master_that_dies_leaves_its_slaves_to_their_watchdog() {
+    let mut bench = Bench::new(5);
+    let mut master = Foreign::come(&mut bench, 2);
+    master.commission(&mut bench);
+    master.ask(&mut bench, 255, &[1, 2]);
+    let (now, request) = (bench.now, master.request(None, &[3, 4]));
+    master.say(&mut bench, 0, &request);
+    master.say(&mut bench, bits(now + 50 * MS), &[0xDC, 2, 2]);
+    bench.buses[0].guest_leaves(2, now);
+    let said = Said::Burst(Burst { begin: 0, octets: vec![0xE5] });
+    let refusal = bench.buses[0].guest_sends(2, &said, now, &mut bench.journal);
+    assert_eq!(refusal, Err(GuestRefusal::NotHere));
+    bench.run(60 * MS);
+    assert_eq!(bench.registers.outputs(2), [3, 4], "what it has said before counts");
+    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::DATA_EXCHANGE);
+    bench.run(60 * MS);
+    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_SEARCH);
+    assert_eq!(bench.registers.outputs(2), [0, 0]);
+    assert_eq!(master.hear(), None, "its ear is closed");
+}
+
+/// A master passes the token to itself, or on to another one: slaves hear it, and nothing comes of it.
+#[test]
+fn tokens_disturb_nobody() {
+    let mut bench = Bench::new(5);
+    let (mut one, mut other) = (Foreign::come(&mut bench, 2), Foreign::come(&mut bench, 3));
+    one.say(&mut bench, 0, &[0xDC, 2, 2]);
+    bench.run(MS);
+    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::BAUD_CONTROL, "a token tells the rate, too");
+    assert!(other.hear().is_some());
+    one.commission(&mut bench);
+    while other.hear().is_some() {}
+    for round in 0..20u8 {
+        assert!(matches!(one.ask(&mut bench, 255, &[round, 0]), Telegram::Frame(_)));
+        one.say(&mut bench, 0, &[0xDC, 3, 2]);
+        bench.run(MS);
+        let heard: Vec<_> = core::iter::from_fn(|| other.hear()).map(|burst| burst.octets).collect();
+        assert_eq!(heard.last().unwrap(), &[0xDC, 3, 2]);
+        assert_eq!(other.data(&mut bench, 57), [round, 0]);
+        other.say(&mut bench, 0, &[0xDC, 2, 3]);
+        bench.run(MS);
+        let heard: Vec<_> = core::iter::from_fn(|| one.hear()).map(|burst| burst.octets).collect();
+        assert_eq!(heard.last().unwrap(), &[0xDC, 2, 3]);
+    }
+    assert_eq!(bench.registers.diag.dp_state.load(), dp_state::DATA_EXCHANGE);
+}
+
+#[test]
+fn a_guest_says_octets_only_and_has_room_for_so_many() {
+    let mut bench = Bench::new(5);
+    let guest = Foreign::come(&mut bench, 2);
+    let (journal, bus) = (&mut bench.journal, &mut bench.buses[0]);
+    assert_eq!(bus.guest_sends(2, &Said::Frame(data(1, &[])), 0, journal), Err(GuestRefusal::NotHere));
+    let said = Said::Burst(Burst { begin: 0, octets: vec![0xE5] });
+    let taken = (0..1000).take_while(|_| bus.guest_sends(2, &said, 0, journal).is_ok()).count();
+    assert_eq!((taken, bus.guest_sends(2, &said, 0, journal)), (64, Err(GuestRefusal::Full)));
+    bench.run(10 * MS);
+    guest.say(&mut bench, 0, &[0xE5]);
+}

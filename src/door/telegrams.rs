@@ -1,0 +1,150 @@
+//! PROFIBUS telegrams over a stream of bytes. Each is the number of its octets in 16 bits, the bit time of its first bit in
+//! 64, and the octets, the low byte of each number first. Without octets it asks for emulated time until this bit time, or answers
+//! that. Nothing but bytes here; what they mean is the bus's affair.
+
+use super::wire::{Adapter, BadLength, Said};
+use crate::profibus::{Burst, MAX_OCTETS};
+
+/// Bytes in front of the octets.
+const HEAD: usize = 10;
+
+/// A guest's end of the protocol.
+#[derive(Debug, Default)]
+pub(super) struct Session {
+    /// A telegram that has not come whole yet.
+    begun: Vec<u8>,
+}
+
+impl Session {
+    /// Takes bytes of the guest.
+    ///
+    /// # Errors
+    /// [`BadLength`]: of no telegram.
+    pub(super) fn hear(&mut self, bytes: &[u8], adapter: &mut impl Adapter) -> Result<(), BadLength> {
+        self.begun.extend_from_slice(bytes);
+        let mut rest = self.begun.as_slice();
+        while let Some((head, behind)) = rest.split_first_chunk::<HEAD>() {
+            let (length, begin) = head_of(*head);
+            if usize::from(length) > MAX_OCTETS {
+                return Err(BadLength(length));
+            }
+            let Some((octets, behind)) = behind.split_at_checked(usize::from(length)) else { break };
+            if octets.is_empty() {
+                // Who asks twice has one answer.
+                adapter.ask_until(begin);
+            } else {
+                // Without room it is counted as refused.
+                adapter.send(Said::Burst(Burst { begin, octets: octets.to_vec() }));
+            }
+            rest = behind;
+        }
+        let done = self.begun.len() - rest.len();
+        drop(self.begun.drain(..done));
+        Ok(())
+    }
+}
+
+/// Number of octets and bit time.
+fn head_of(head: [u8; HEAD]) -> (u16, u64) {
+    let [a, b, begin @ ..] = head;
+    (u16::from_le_bytes([a, b]), u64::from_le_bytes(begin))
+}
+
+/// Appends a telegram.
+pub(super) fn tell(burst: &Burst, to: &mut Vec<u8>) {
+    // None is longer than MAX_OCTETS.
+    to.extend((burst.octets.len() as u16).to_le_bytes());
+    to.extend(burst.begin.to_le_bytes());
+    to.extend_from_slice(&burst.octets);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::door::slcan::{Rate, Status};
+    use proptest::prelude::*;
+
+    #[derive(Default)]
+    struct Noted(Vec<Burst>, Vec<u64>);
+
+    impl Adapter for Noted {
+        fn set_rate(&mut self, _: Option<Rate>) -> bool {
+            false
+        }
+
+        fn open(&mut self, _: bool) {}
+
+        fn close(&mut self) {}
+
+        fn send(&mut self, said: Said) -> bool {
+            if let Said::Burst(burst) = said {
+                self.0.push(burst);
+            }
+            true
+        }
+
+        fn ask(&mut self, _: u64) -> bool {
+            false
+        }
+
+        fn ask_until(&mut self, bit: u64) -> bool {
+            self.1.push(bit);
+            true
+        }
+
+        fn take_status(&mut self) -> Status {
+            Status::default()
+        }
+    }
+
+    fn burst() -> impl Strategy<Value = Burst> {
+        let octets = prop::collection::vec(any::<u8>(), 1..=MAX_OCTETS);
+        (any::<u64>(), octets).prop_map(|(begin, octets)| Burst { begin, octets })
+    }
+
+    #[test]
+    fn numbers_have_their_low_byte_first() {
+        let mut bytes = Vec::new();
+        tell(&Burst { begin: 0x0102_0304_0506_0708, octets: vec![0xDC, 2, 2] }, &mut bytes);
+        assert_eq!(bytes, [3, 0, 8, 7, 6, 5, 4, 3, 2, 1, 0xDC, 2, 2]);
+    }
+
+    #[test]
+    fn a_length_that_no_telegram_has_ends_it() {
+        for length in [256u16, 65_535] {
+            let (mut session, mut noted) = (Session::default(), Noted::default());
+            let mut bytes = vec![1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xE5];
+            bytes.extend(length.to_le_bytes());
+            bytes.extend([0; 7]);
+            assert_eq!(session.hear(&bytes, &mut noted), Ok(()), "the head is not whole");
+            assert_eq!(session.hear(&[0], &mut noted), Err(BadLength(length)));
+            assert_eq!(noted.0, [Burst { begin: 0, octets: vec![0xE5] }], "what came before it counts");
+        }
+    }
+
+    #[test]
+    fn without_octets_it_asks_for_time() {
+        let (mut session, mut noted) = (Session::default(), Noted::default());
+        let mut bytes = Vec::new();
+        tell(&Burst { begin: 1500, octets: vec![0xE5] }, &mut bytes);
+        tell(&Burst { begin: 3000, octets: Vec::new() }, &mut bytes);
+        assert_eq!(session.hear(&bytes, &mut noted), Ok(()));
+        assert_eq!((noted.0.len(), noted.1), (1, vec![3000]));
+    }
+
+    proptest! {
+        #![proptest_config(crate::property_tests())]
+
+        /// In pieces of whatever size, telegrams are what they were.
+        #[test]
+        fn telegrams_come_in_pieces(bursts in prop::collection::vec(burst(), 0..8), piece in 1..40usize) {
+            let (mut session, mut noted, mut bytes) = (Session::default(), Noted::default(), Vec::new());
+            bursts.iter().for_each(|burst| tell(burst, &mut bytes));
+            for piece in bytes.chunks(piece) {
+                prop_assert_eq!(session.hear(piece, &mut noted), Ok(()));
+            }
+            prop_assert_eq!(noted.0, bursts);
+            prop_assert!(session.begun.is_empty());
+        }
+    }
+}

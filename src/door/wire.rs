@@ -1,0 +1,103 @@
+//! What guests say in bytes, by the kind of their door.
+
+use super::slcan;
+use super::slcan::{Rate, Status};
+use super::spec::Speech;
+use super::telegrams;
+use crate::can::Frame;
+use crate::profibus::Burst;
+
+/// What goes through a door.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Said {
+    /// A frame of CAN.
+    Frame(Frame),
+    /// Octets at PROFIBUS, with the bit time of their first bit; from a guest 0 is as soon as the line is free.
+    Burst(Burst),
+}
+
+/// What a guest wants of whoever runs its session.
+pub(super) trait Adapter {
+    /// To name a rate, or to take back that it has named one; `false` while it takes part.
+    fn set_rate(&mut self, rate: Option<Rate>) -> bool;
+
+    /// To take part, or only to listen.
+    fn open(&mut self, listens: bool);
+
+    /// To do so no longer.
+    fn close(&mut self);
+
+    /// To send something; `false` if it does not take part or there is no room.
+    fn send(&mut self, said: Said) -> bool;
+
+    /// To have a turn after so many microseconds of emulated time, or when it has heard something; until then it says nothing.
+    /// `false` if it does not listen, or waits for one already.
+    fn ask(&mut self, us: u64) -> bool;
+
+    /// The same until this bit time of its bus.
+    fn ask_until(&mut self, bit: u64) -> bool;
+
+    /// To know how it stands.
+    fn take_status(&mut self) -> Status;
+}
+
+/// A number of octets that no telegram has: who says that does not know what it says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct BadLength(pub(super) u16);
+
+/// A guest's end of the protocol of its door.
+#[derive(Debug)]
+pub(super) enum Session {
+    Slcan(slcan::Session),
+    Telegrams(telegrams::Session),
+}
+
+impl Session {
+    /// Somebody comes in by a door for this. Who speaks in telegrams takes part at once.
+    pub(super) fn begin(speech: Speech, adapter: &mut impl Adapter) -> Self {
+        match speech {
+            Speech::Frames => Session::Slcan(slcan::Session::default()),
+            Speech::Telegrams => {
+                adapter.open(false);
+                Session::Telegrams(telegrams::Session::default())
+            }
+        }
+    }
+
+    /// Takes bytes of the guest and appends the answers to `answer`.
+    ///
+    /// # Errors
+    /// [`BadLength`]: nothing of what follows can be understood.
+    pub(super) fn hear(
+        &mut self,
+        bytes: &[u8],
+        adapter: &mut impl Adapter,
+        answer: &mut Vec<u8>,
+    ) -> Result<(), BadLength> {
+        match self {
+            Session::Slcan(session) => {
+                session.hear(bytes, adapter, answer);
+                Ok(())
+            }
+            Session::Telegrams(session) => session.hear(bytes, adapter),
+        }
+    }
+
+    /// Appends what answers a request for time, at this emulated one and this bit time.
+    pub(super) fn grant(&self, time_us: u64, bit: u64, to: &mut Vec<u8>) {
+        match self {
+            Session::Slcan(_) => slcan::Session::grant(time_us, to),
+            Session::Telegrams(_) => telegrams::tell(&Burst { begin: bit, octets: Vec::new() }, to),
+        }
+    }
+
+    /// Appends what tells of something that has arrived at this emulated time.
+    pub(super) fn tell(&self, time_us: u64, said: &Said, to: &mut Vec<u8>) {
+        match (self, said) {
+            (Session::Slcan(session), Said::Frame(frame)) => session.tell(time_us, frame, to),
+            (Session::Telegrams(_), Said::Burst(burst)) => telegrams::tell(burst, to),
+            // A bus that says something else has no such door.
+            (Session::Slcan(_), Said::Burst(_)) | (Session::Telegrams(_), Said::Frame(_)) => {}
+        }
+    }
+}

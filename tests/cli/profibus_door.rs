@@ -1,0 +1,126 @@
+//! The door to a PROFIBUS of the built program: foreign masters over TCP.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, eventually};
+use serde_json::Value;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+/// No answer takes longer than this, however slow the machine.
+const WATCHDOG: Duration = Duration::from_secs(60);
+
+const PLANT: &str = r#"
+[[device]]
+kind = "can-dp2"
+name = "gw"
+profibus = "dp"
+switches = 5
+[[bus]]
+name = "dp"
+kind = "profibus"
+kbit_s = 500
+doors = ["profibus-tcp:127.0.0.1:0"]
+"#;
+
+/// A diagnosis of the gateway is asked for: by station 2, and repeated.
+const SLAVE_DIAG: [u8; 11] = [0x68, 5, 5, 0x68, 0x85, 0x82, 0x6D, 0x3C, 0x3E, 0xEE, 0x16];
+
+struct Guest(TcpStream);
+
+impl Guest {
+    fn come(emulator: &Emulator) -> Self {
+        let buses = buses(emulator);
+        let door = buses[0]["doors"][0].as_str().unwrap();
+        let port: u16 = door.strip_prefix("profibus-tcp:127.0.0.1:").unwrap().parse().unwrap();
+        let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        stream.set_read_timeout(Some(WATCHDOG)).unwrap();
+        Guest(stream)
+    }
+
+    fn say(&mut self, octets: &[u8]) {
+        let mut bytes = u16::try_from(octets.len()).unwrap().to_le_bytes().to_vec();
+        bytes.extend([0; 8]);
+        bytes.extend_from_slice(octets);
+        self.0.write_all(&bytes).unwrap();
+    }
+
+    /// Bit time and octets of the next telegram.
+    fn hear(&mut self) -> (u64, Vec<u8>) {
+        let (mut length, mut begin) = ([0; 2], [0; 8]);
+        self.0.read_exact(&mut length).unwrap();
+        self.0.read_exact(&mut begin).unwrap();
+        let mut octets = vec![0; usize::from(u16::from_le_bytes(length))];
+        self.0.read_exact(&mut octets).unwrap();
+        (u64::from_le_bytes(begin), octets)
+    }
+}
+
+fn buses(emulator: &Emulator) -> Value {
+    serde_json::from_str(emulator.run("bus", &["list", "--format", "json"]).ok()).unwrap()
+}
+
+fn start() -> Emulator {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), PLANT).unwrap();
+    Emulator::start(&[file.path().to_str().unwrap()])
+}
+
+#[test]
+fn foreign_masters_ask_a_slave_and_hear_each_other() {
+    let emulator = start();
+    assert!(emulator.ready.contains(", door profibus-tcp:127.0.0.1:"), "{}", emulator.ready);
+    let (mut master, mut other) = (Guest::come(&emulator), Guest::come(&emulator));
+    assert!(eventually(|| buses(&emulator)[0]["guests"].as_array().unwrap().len() == 2));
+    // The first telegram tells the slave the bit rate.
+    master.say(&[0xDC, 2, 2]);
+    let (token_at, token) = other.hear();
+    assert_eq!(token, [0xDC, 2, 2]);
+    master.say(&SLAVE_DIAG);
+    let (asked_at, asked) = other.hear();
+    assert_eq!(asked, SLAVE_DIAG);
+    assert!(asked_at >= token_at + 33 + 33, "{token_at} {asked_at}");
+    let (answered_at, answer) = master.hear();
+    assert_eq!(answer, [0x68, 11, 11, 0x68, 0x82, 0x85, 8, 62, 60, 2, 5, 0, 0xFF, 4, 0xA4, 0x37, 0x16]);
+    assert_eq!(answered_at, asked_at + 11 * 11 + 11);
+    assert_eq!(other.hear(), (answered_at, answer));
+    let told = emulator.run("trace", &["--bus", "dp"]).out;
+    assert!(told.contains("guest1 takes part") && told.contains("from guest1"), "{told}");
+}
+
+#[test]
+fn a_length_that_no_telegram_has_closes_the_door_for_this_guest() {
+    let emulator = start();
+    emulator.breaks(&["guest-telegram"]);
+    let (mut other, mut confused) = (Guest::come(&emulator), Guest::come(&emulator));
+    confused.0.write_all(&[0xFF, 0xFF, 0, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+    assert_eq!(confused.0.read(&mut [0; 1]).unwrap(), 0, "it was sent away");
+    let findings = || emulator.run("check", &[]).out;
+    assert!(eventually(|| findings().contains("guest-telegram")), "{}", findings());
+    // Others stay.
+    other.say(&[0xDC, 2, 2]);
+    other.say(&SLAVE_DIAG);
+    assert_eq!(other.hear().1.len(), 17);
+}
+
+#[test]
+fn a_bus_has_doors_of_its_own_kind() {
+    let emulator = start();
+    let refused = emulator.run("bus", &["open", "dp", "slcan-tcp:127.0.0.1:0"]).err;
+    assert!(
+        refused.contains("a profibus bus has no door slcan-tcp:127.0.0.1:0; open one of kind profibus-tcp"),
+        "{refused}"
+    );
+    let opened = emulator.run("bus", &["open", "dp", "profibus-tcp:127.0.0.1:0"]);
+    let door = opened.ok().trim().to_owned();
+    assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 2);
+    emulator.run("bus", &["close", "dp", &door]).ok();
+    assert_eq!(buses(&emulator)[0]["doors"].as_array().unwrap().len(), 1);
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), PLANT.replace("profibus-tcp:127.0.0.1:0", "slcan-pty")).unwrap();
+    let refused = crate::common::run(&["run", file.path().to_str().unwrap()]).err;
+    assert!(
+        refused.contains("line 7") && refused.contains("no door slcan-pty; open one of kind profibus-tcp"),
+        "{refused}"
+    );
+}
