@@ -26,6 +26,22 @@ kbit_s = 125
 doors = ['slcan-tcp:127.0.0.1:0']
 ";
 
+/// An I/O module, and a door for its master.
+const MODULE: &str = "
+[[device]]
+kind = 'cr201x'
+module = 'cr2011'
+name = 'valves'
+bus = 'open'
+node_id = 3
+
+[[bus]]
+name = 'open'
+kind = 'can'
+kbit_s = 125
+doors = ['slcan-tcp:127.0.0.1:0']
+";
+
 /// The port of the first door.
 fn port(emulator: &Emulator) -> String {
     let buses: Value = serde_json::from_str(emulator.run("bus", &["list", "--format", "json"]).ok()).unwrap();
@@ -33,19 +49,34 @@ fn port(emulator: &Emulator) -> String {
     door.strip_prefix("slcan-tcp:127.0.0.1:").unwrap().to_owned()
 }
 
-#[test]
-fn canopen_is_its_master() {
-    let Some(mut command) = python(&["can", "canopen", "serial"]) else { return };
+/// Runs a script of canopen with the door of a plant and a device's data sheet; none if there is no canopen.
+fn canopen(script: &str, device: &str, plant: &str) -> Option<Emulator> {
+    let mut command = python(&["can", "canopen", "serial"])?;
     let directory = tempfile::tempdir().unwrap();
-    let eds = directory.path().join("cs0015.eds");
-    run(&["export", "eds", "--device", "cs0015", "--output", eds.to_str().unwrap()]).ok();
-    let emulator = Emulator::start(&[PLANT]);
-    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_cs0015.py"));
+    let eds = directory.path().join("device.eds");
+    run(&["export", "eds", "--device", device, "--output", eds.to_str().unwrap()]).ok();
+    let emulator = Emulator::start(&[plant]);
+    command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script));
     command.arg(port(&emulator)).arg("125000").arg(&eds);
     let outcome = finish(&mut command);
     assert_eq!(outcome.code, Some(0), "{}{}", outcome.out, outcome.err);
+    Some(emulator)
+}
+
+#[test]
+fn canopen_is_its_master() {
+    let Some(emulator) = canopen("check_cs0015.py", "cs0015", PLANT) else { return };
     let parameters = emulator.peek(&["panel:parameters.b_NODE_ID", "panel:flags.NODEID"]);
     assert_eq!(parameters, "16#05 16#05");
+}
+
+#[test]
+fn canopen_is_the_master_of_an_io_module() {
+    let directory = tempfile::tempdir().unwrap();
+    let plant = directory.path().join("module.toml");
+    fs::write(&plant, MODULE).unwrap();
+    let Some(emulator) = canopen("check_cr201x.py", "cr201x", plant.to_str().unwrap()) else { return };
+    assert_eq!(emulator.peek(&["valves:channels.a_OUTPUT[1]"]), "16#01F4");
 }
 
 /// The program of a CS0015 runs in a process of its own, in step with the emulated time; it is the master of a node of canopen.

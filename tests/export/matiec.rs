@@ -171,7 +171,7 @@ fn matiec_compiles_what_is_exported_for_it() {
     };
     // Every block, also as one variable per register.
     let empty = "PROGRAM MAIN\nVAR N : INT; END_VAR\nN := N + 1;\nEND_PROGRAM\n";
-    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "can-dp2"] {
+    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"] {
         for form in [&[][..], &["--elementary"]] {
             let directory = tempfile::tempdir().unwrap();
             let file = directory.path().join("commram.st");

@@ -48,7 +48,7 @@ fn check(format: &[&str], file: &str, script: &[&str], packages: &[&str]) -> Opt
 
 #[test]
 fn svd_is_valid_by_the_schemas_of_its_makers() {
-    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "can-dp2"] {
+    for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"] {
         let export = ["svd", "--device", device];
         if let Some(outcome) = check(&export, "registers.svd", &["check_xml.py"], &["xmlschema"]) {
             assert!(outcome.ok().starts_with("valid by "), "{device}: {}", outcome.err);
