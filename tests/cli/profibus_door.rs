@@ -1,10 +1,12 @@
 //! The door to a PROFIBUS of the built program: foreign masters over TCP.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, eventually};
+use crate::common::{Emulator, eventually, python};
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 /// No answer takes longer than this, however slow the machine.
@@ -28,12 +30,16 @@ const SLAVE_DIAG: [u8; 11] = [0x68, 5, 5, 0x68, 0x85, 0x82, 0x6D, 0x3C, 0x3E, 0x
 
 struct Guest(TcpStream);
 
+/// The port of the first door.
+fn port(emulator: &Emulator) -> u16 {
+    let buses = buses(emulator);
+    let door = buses[0]["doors"][0].as_str().unwrap();
+    door.strip_prefix("profibus-tcp:127.0.0.1:").unwrap().parse().unwrap()
+}
+
 impl Guest {
     fn come(emulator: &Emulator) -> Self {
-        let buses = buses(emulator);
-        let door = buses[0]["doors"][0].as_str().unwrap();
-        let port: u16 = door.strip_prefix("profibus-tcp:127.0.0.1:").unwrap().parse().unwrap();
-        let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        let stream = TcpStream::connect(("127.0.0.1", port(emulator))).unwrap();
         stream.set_read_timeout(Some(WATCHDOG)).unwrap();
         Guest(stream)
     }
@@ -61,9 +67,68 @@ fn buses(emulator: &Emulator) -> Value {
 }
 
 fn start() -> Emulator {
+    start_with(PLANT, &[])
+}
+
+fn start_with(plant: &str, args: &[&str]) -> Emulator {
     let file = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(file.path(), PLANT).unwrap();
-    Emulator::start(&[file.path().to_str().unwrap()])
+    std::fs::write(file.path(), plant).unwrap();
+    Emulator::start(&[&[file.path().to_str().unwrap()], args].concat())
+}
+
+/// Starts a program that is to have a seat, and waits until it has asked for it.
+fn seat(emulator: &Emulator, program: &mut Command) -> Child {
+    let child = program.arg(port(emulator).to_string()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    let child = child.unwrap();
+    assert!(eventually(|| buses(emulator)[0]["guests"][0]["seat"] == true), "{}", buses(emulator));
+    child
+}
+
+/// The program on the page for users, word for word.
+#[test]
+fn the_program_of_the_documentation_runs_as_printed() {
+    let Some(mut python) = python(&[]) else { return };
+    let page = include_str!("../../docs/can-dp2.md");
+    let (_, program) = page.split_once("```python\n").unwrap();
+    let (program, behind) = program.split_once("```\n").unwrap();
+    let (_, printed) = behind.split_once("it prints `").unwrap();
+    let (printed, _) = printed.split_once('`').unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), program).unwrap();
+    let emulator = start_with(PLANT, &["--clock", "stepped"]);
+    let child = seat(&emulator, python.arg(file.path()));
+    emulator.step(&["100ms"]);
+    let outcome = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&outcome.stderr);
+    assert_eq!(String::from_utf8_lossy(&outcome.stdout).trim_end(), printed, "{error}");
+}
+
+/// Two worlds: pyprofibus, the gateway, and behind it a controller on CANopen, whose registers have what the master says.
+#[test]
+fn pyprofibus_reaches_a_controller_behind_the_gateway() {
+    let Some(mut python) = python(&["pyprofibus"]) else { return };
+    let plant = include_str!("../../tools/plants/can-dp2-door.toml");
+    let emulator = start_with(plant, &["--clock", "stepped"]);
+    // The controller is to hear the start frame.
+    emulator.step(&["1s"]);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_profibus.py");
+    let mut child = seat(&emulator, python.arg(script));
+    let mut is_answered = false;
+    let ended = eventually(|| {
+        emulator.step(&["50ms"]);
+        if !is_answered && emulator.peek(&["panel:%MW2000"]) == "16#1234" {
+            emulator.poke(&["panel:%MW2032=16#ABCD"]);
+            is_answered = true;
+        }
+        child.try_wait().unwrap().is_some()
+    });
+    if !ended {
+        child.kill().unwrap();
+    }
+    let outcome = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&outcome.stderr);
+    assert_eq!(String::from_utf8_lossy(&outcome.stdout), "pyprofibus exchanges data\n", "{error}");
+    assert!(ended && is_answered, "{}", emulator.run("trace", &["--bus", "dp"]).out);
 }
 
 #[test]
