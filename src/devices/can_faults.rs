@@ -177,11 +177,15 @@ pub(super) static DUPLICATE_FRAME: Kind = Kind::new(
 .agreeing(agree)
 .shown("slot=CC delay=50us");
 
+/// Media at which a port has a CAN controller.
+const CONTROLLERS: &[&str] = &["cansync", "can"];
+
 pub(super) static BUS_OFF: Kind =
     Kind::new(11, "bus_off", Place::Port, "A CAN controller switches itself off", |_| {
         fault::Effect::new(Effect::BusOff)
     })
     .once()
+    .at_ports_to(CONTROLLERS)
     .shown("plc=line node=2");
 
 pub(super) static OVERRUN: Kind =
@@ -189,6 +193,7 @@ pub(super) static OVERRUN: Kind =
         fault::Effect::new(Effect::Overrun)
     })
     .once()
+    .at_ports_to(CONTROLLERS)
     .shown("node=2 count=2");
 
 static ERROR_FRAME: Kind =

@@ -1,6 +1,6 @@
 //! The kinds of faults of all families: how they are described, checked and documented.
 
-use super::{bm4_o_can_06, fault_kinds, omega_drive_line_2};
+use super::{bm4_o_can_06, can_dp2, cs0015, fault_kinds, omega_drive_line_2};
 use crate::fault::{Draft, Fault, FaultError, FaultSpec, Given, Kind, Place, Refusal, Target};
 use crate::journal::Names;
 use crate::layout::Fitted;
@@ -335,4 +335,21 @@ fn rows_of(kind: &'static Kind) -> Vec<String> {
     };
     rows.extend(kind.fields().iter().map(field));
     rows
+}
+
+/// The gateway has three ports, of which one is to CAN; the controller has one (decision D-343).
+#[test]
+fn the_only_can_controller_of_a_device_needs_no_name() {
+    let list = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    let devices = [&can_dp2::registers::DEVICE, &cs0015::registers::DEVICE];
+    let devices = devices.map(Fitted::unknown).to_vec();
+    let names = Names { plcs: list(&["gw", "panel"]), buses: list(&["open"]), devices };
+    let resolve = |text: &str| toml::from_str::<FaultSpec>(text).unwrap().resolve(fault_kinds(), &names);
+    for kind in ["bus_off", "overrun"] {
+        for device in ["gw", "panel"] {
+            let short = resolve(&format!("kind = '{kind}'\ndevice = '{device}'")).unwrap();
+            let whole = resolve(&format!("kind = '{kind}'\nplc = '{device}'\nnode = 'can'")).unwrap();
+            assert_eq!(short, whole);
+        }
+    }
 }

@@ -21,6 +21,7 @@ pub struct Kind {
     about: &'static str,
     fields: &'static [Field],
     example: &'static str,
+    families: &'static [&'static str],
     happens_once: bool,
     has_hits: bool,
     agree: fn(&Fault) -> Result<(), String>,
@@ -42,7 +43,7 @@ pub enum Place {
 
 /// The fields that say where.
 static BUS: Field = Field::new("bus", Form::Name, "Name of the bus");
-static PLC: Field = Field::new("plc", Form::Name, "Name of the PLC");
+static PLC: Field = Field::new("plc", Form::Name, "Name of the PLC").or("device");
 /// The port of a PLC.
 pub(super) static NODE: Field = Field::new("node", Form::Port, "Port of the PLC, which must be on a bus");
 /// The participant of a bus.
@@ -102,9 +103,16 @@ impl Kind {
             example: "",
             happens_once: false,
             has_hits: true,
+            families: &[],
             agree: |_| Ok(()),
             effect,
         }
+    }
+
+    /// The same, at ports to media of these families only: where a device has one such port, `node` may be left out.
+    #[must_use]
+    pub const fn at_ports_to(self, families: &'static [&'static str]) -> Self {
+        Kind { families, ..self }
     }
 
     /// The same with fields, [`MAX_FIELDS`] at most. Their values are 32 bits wide.
@@ -153,6 +161,11 @@ impl Kind {
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
+    }
+
+    /// The families of media to whose ports it belongs.
+    pub(super) const fn families(&self) -> &'static [&'static str] {
+        self.families
     }
 
     /// Its name in plant files, on the command line and in the journal.

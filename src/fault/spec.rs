@@ -129,7 +129,14 @@ impl<'a> Reader<'a> {
         let found = match self.given(&NODE) {
             Some(Given::Text(name)) => device.port(name),
             Some(Given::Number(number)) => device.ports.iter().find(|port| u64::from(port.number) == *number),
-            None => return Err(self.missing(&NODE, format!("give {}", choice(device)))),
+            None => {
+                let its = |port: &&Port| self.kind.families().contains(&port.medium);
+                let mut ports = device.ports.iter().filter(its);
+                match (ports.next(), ports.next()) {
+                    (Some(only), None) => Some(only),
+                    _ => return Err(self.missing(&NODE, format!("give {}", choice(device)))),
+                }
+            }
         };
         found.ok_or_else(|| match self.given(&NODE) {
             Some(Given::Number(value)) if are_numbered(device) => {
