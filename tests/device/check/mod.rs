@@ -48,7 +48,8 @@ fn each_rule_is_broken_by_its_case_alone_and_not_by_the_neighbour() {
 }
 
 /// What only a program at a door can break: `tests/cli/doors.rs`, `tests/cli/profibus_door.rs`.
-const AT_A_DOOR: [&Rule; 3] = [&rules::GUEST_BIT_RATE, &rules::GUEST_TELEGRAM, &cansync::rules::FOREIGN_FRAME];
+const AT_A_DOOR: [&Rule; 3] =
+    [&rules::GUEST_BIT_RATE, &rules::GUEST_TELEGRAM, &cansync::rules::FOREIGN_FRAME];
 
 #[test]
 fn every_rule_has_a_case() {
