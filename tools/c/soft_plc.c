@@ -4,7 +4,8 @@
  *
  *     commram export c --output commram.h
  *     cc -Wall -Wextra -I. tools/c/soft_plc.c -o soft_plc
- *     commram run & ./soft_plc /dev/shm/commram.default.line 1000
+ *     commram run                                            # in one terminal
+ *     ./soft_plc /dev/shm/commram.default.line 1000          # in another one
  *
  * Exit code: 0 done, 1 the emulator did not answer as it should, 2 wrong use or not attached.
  */

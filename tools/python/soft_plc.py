@@ -2,7 +2,8 @@
 has locked, and sends it a reference value until its actual value is the same.
 
     commram export python --output commram.py
-    commram run & PYTHONPATH=. python3 tools/python/soft_plc.py default 1000
+    commram run                                                        # in one terminal
+    PYTHONPATH=. python3 tools/python/soft_plc.py default 1000         # in another one
 
 Exit code: 0 done, 1 the emulator did not answer as it should, 2 wrong use or not attached.
 """
