@@ -71,6 +71,13 @@ pub struct PortConfig<'a> {
     pub address: Option<u8>,
 }
 
+impl<'a> PortConfig<'a> {
+    /// Of a port of the layout, which others call by no number.
+    pub(super) const fn of(port: &layout::Port, medium: Option<&'a str>) -> Self {
+        PortConfig { number: port.number, name: port.name, medium, address: None }
+    }
+}
+
 /// A medium as the plant file describes it.
 pub trait MediumConfig: fmt::Debug + Send + Sync {
     /// Its name, unique among the media.

@@ -2,6 +2,8 @@
 
 #[cfg(feature = "emulator")]
 mod events;
+#[cfg(feature = "emulator")]
+pub(crate) mod master;
 pub(crate) mod tables;
 
 #[cfg(feature = "channel")]

@@ -71,10 +71,7 @@ impl<D: CanDevice> DeviceConfig for Config<D> {
     }
 
     fn ports(&self) -> Vec<PortConfig<'_>> {
-        let medium = self.bus.as_deref();
-        let port =
-            |port: &'static Port| PortConfig { number: port.number, name: port.name, medium, address: None };
-        Self::port().map(port).into_iter().collect()
+        Self::port().map(|port| PortConfig::of(port, self.bus.as_deref())).into_iter().collect()
     }
 
     fn build(&self, index: usize, segment: Segment) -> Result<(Box<dyn Device>, Vec<Plug>), BuildError> {

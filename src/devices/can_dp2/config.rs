@@ -73,13 +73,7 @@ impl DeviceConfig for CanDp2Config {
     }
 
     fn ports(&self) -> Vec<PortConfig<'_>> {
-        let port = |port: &'static Port| PortConfig {
-            number: port.number,
-            name: port.name,
-            medium: self.medium(port),
-            address: None,
-        };
-        DEVICE.ports.iter().map(port).collect()
+        DEVICE.ports.iter().map(|port| PortConfig::of(port, self.medium(port))).collect()
     }
 
     fn novram(&self) -> Option<&'static Area> {

@@ -5,39 +5,19 @@ use super::registers::{
     CHANNELS, CR201X_CHANNELS, DEVICE, FRONT_INPUTS, FRONT_OPEN, FRONT_OUTPUTS, FRONT_STATE,
 };
 use crate::can::{Frame, Payload};
-use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
 use crate::devices::canopen::records::NodeState;
-use crate::devices::samples::tables::STATION;
-use crate::devices::{Context, DeviceConfig, Medium, World};
+use crate::devices::samples::master::{Wires, bus_with, cycle};
+use crate::devices::{DeviceConfig, Medium};
 use crate::fault::Faults;
-use crate::journal::{Journal, Origin};
-use crate::memory::{HEADER_SIZE, Header, Segment, View};
-use embedded_can::{Frame as _, Id, StandardId};
+use crate::journal::Journal;
+use crate::memory::{Header, Segment, View};
+use embedded_can::StandardId;
 use proptest::prelude::*;
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
 
 const MS: u64 = 1000;
 const NODE: u8 = 3;
-
-#[derive(Default)]
-struct Wires {
-    to_send: Vec<Frame>,
-    heard: Vec<(u16, Vec<u8>)>,
-}
-
-struct Master(Arc<Mutex<Wires>>);
-
-impl CanPort for Master {
-    fn look(&mut self, _: &mut Context, controller: &mut Controller) {
-        self.0.lock().unwrap().to_send.drain(..).for_each(|frame| controller.send(frame).unwrap());
-    }
-
-    fn received(&mut self, _: &mut Context, _: &mut Controller, frame: &Frame) {
-        let Id::Standard(id) = frame.id() else { panic!("{frame:?}") };
-        self.0.lock().unwrap().heard.push((id.as_raw(), frame.data().to_vec()));
-    }
-}
 
 struct Bench {
     bus: Box<dyn Medium>,
@@ -59,19 +39,7 @@ impl Bench {
         let segment = Segment::of(&DEVICE);
         let config = read(&format!("node_id = {NODE}, {keys}")).unwrap();
         let (_, plugs) = config.build(0, segment.clone()).unwrap();
-        let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
-        let mut bus = CanBusConfig::read(bus).unwrap().build(0).unwrap();
-        for plug in plugs {
-            bus.attach(plug.socket).unwrap();
-        }
-        let wires = Arc::new(Mutex::new(Wires::default()));
-        let socket = CanSocket {
-            origin: Origin { plc: 1, node: 1 },
-            segment: Segment::heap(2 * HEADER_SIZE),
-            layout: &STATION,
-            port: Box::new(Master(wires.clone())),
-        };
-        bus.attach(Box::new(socket)).unwrap();
+        let (bus, wires) = bus_with(plugs);
         let (registers, header) = (segment.view(CHANNELS).unwrap(), segment.header().unwrap());
         let (journal, faults) = (Journal::default(), Faults::default());
         let mut bench = Bench { bus, registers, header, wires, journal, faults, now: 0 };
@@ -84,20 +52,9 @@ impl Bench {
     fn run(&mut self, us: u64) {
         let end = self.now + us;
         while self.now < end {
-            for place in 0..2 {
-                self.bus.processor_cycle(place, self.now, &mut self.journal);
-            }
-            let cycle = (self.now + 500).min(end);
-            while self.bus.next_time() <= cycle {
-                let (now, faults) = (self.bus.next_time(), &mut self.faults);
-                self.bus.event(&mut World {
-                    now,
-                    journal: &mut self.journal,
-                    faults,
-                    edges: &mut Vec::new(),
-                });
-            }
-            self.now = cycle;
+            let until = (self.now + 500).min(end);
+            cycle(&mut *self.bus, self.now, until, &mut self.journal, &mut self.faults);
+            self.now = until;
         }
     }
 
@@ -109,7 +66,8 @@ impl Bench {
     }
 
     fn heard(&mut self) -> Vec<(u16, Vec<u8>)> {
-        core::mem::take(&mut self.wires.lock().unwrap().heard)
+        let heard = self.wires.lock().unwrap().take_heard();
+        heard.into_iter().map(|(_, id, data)| (id, data)).collect()
     }
 
     /// Writes a byte by SDO: the code of the abort, 0 if it is done.

@@ -246,9 +246,7 @@ impl DeviceConfig for Cs0015Config {
     }
 
     fn ports(&self) -> Vec<PortConfig<'_>> {
-        let medium = self.bus.as_deref();
-        let ports = DEVICE.ports.iter();
-        ports.map(|port| PortConfig { number: port.number, name: port.name, medium, address: None }).collect()
+        DEVICE.ports.iter().map(|port| PortConfig::of(port, self.bus.as_deref())).collect()
     }
 
     fn messages(&self, _: u8) -> Vec<Message> {

@@ -18,35 +18,15 @@ use super::config::Cs0015Config;
 use super::ram::Registers;
 use super::registers::{DEVICE, FRONT_PROGRAM, FRONT_S1, FRONT_STAT, FRONT_STATE};
 use crate::can::{Frame, Payload};
-use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
-use crate::devices::samples::tables::STATION;
-use crate::devices::{Context, Device, Look, Medium, Power, World, fault_kinds};
+use crate::devices::samples::master::{Wires, bus_with, cycle};
+use crate::devices::{Context, Device, Look, Medium, Power, fault_kinds};
 use crate::fault::{FaultSpec, Faults, Owner};
 use crate::journal::{Journal, Names, Origin};
 use crate::layout::Fitted;
-use crate::memory::{HEADER_SIZE, Segment};
+use crate::memory::Segment;
 use embedded_can::{Frame as _, Id, StandardId};
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
-
-/// What the master sends, and what it has heard when.
-#[derive(Default)]
-struct Wires {
-    to_send: Vec<Frame>,
-    heard: Vec<(u64, Frame)>,
-}
-
-struct Master(Arc<Mutex<Wires>>);
-
-impl CanPort for Master {
-    fn look(&mut self, _: &mut Context, controller: &mut Controller) {
-        self.0.lock().unwrap().to_send.drain(..).for_each(|frame| controller.send(frame).unwrap());
-    }
-
-    fn received(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
-        self.0.lock().unwrap().heard.push((ctx.now, *frame));
-    }
-}
 
 const MS: u64 = 1000;
 
@@ -69,19 +49,7 @@ impl Bench {
         let config = Cs0015Config::read(ValueDeserializer::parse(&text).unwrap()).unwrap();
         let segment = Segment::of(&DEVICE);
         let (device, plugs) = config.build(0, segment.clone()).unwrap();
-        let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
-        let mut bus = CanBusConfig::read(bus).unwrap().build(0).unwrap();
-        for plug in plugs {
-            bus.attach(plug.socket).unwrap();
-        }
-        let wires = Arc::new(Mutex::new(Wires::default()));
-        let socket = CanSocket {
-            origin: Origin { plc: 1, node: 1 },
-            segment: Segment::heap(2 * HEADER_SIZE),
-            layout: &STATION,
-            port: Box::new(Master(wires.clone())),
-        };
-        bus.attach(Box::new(socket)).unwrap();
+        let (bus, wires) = bus_with(plugs);
         let registers = Registers::new(&segment).unwrap();
         let (journal, faults) = (Journal::default(), Faults::default());
         let mut bench = Bench { bus, device, registers, segment, wires, journal, faults, now: 0 };
@@ -180,16 +148,9 @@ impl Bench {
             let origin = Origin { plc: 0, node: 0 };
             let ctx = &mut Context { now: self.now, journal: &mut self.journal, origin, base: 0 };
             self.device.processor_cycle(ctx);
-            for place in 0..2 {
-                self.bus.processor_cycle(place, self.now, &mut self.journal);
-            }
-            let cycle = (self.now + 500).min(end);
-            let edges = &mut Vec::new();
-            while self.bus.next_time() <= cycle {
-                let (now, faults) = (self.bus.next_time(), &mut self.faults);
-                self.bus.event(&mut World { now, journal: &mut self.journal, faults, edges });
-            }
-            self.now = cycle;
+            let until = (self.now + 500).min(end);
+            cycle(&mut *self.bus, self.now, until, &mut self.journal, &mut self.faults);
+            self.now = until;
         }
     }
 
@@ -212,12 +173,7 @@ impl Bench {
 
     /// The same with times.
     fn heard_when(&mut self) -> Vec<(u64, u16, Vec<u8>)> {
-        let heard = core::mem::take(&mut self.wires.lock().unwrap().heard);
-        let told = |(at, frame): (u64, Frame)| match frame.id() {
-            Id::Standard(id) => (at, id.as_raw(), frame.data().to_vec()),
-            Id::Extended(_) => panic!("{frame:?}"),
-        };
-        heard.into_iter().map(told).collect()
+        self.wires.lock().unwrap().take_heard()
     }
 
     /// Sends a frame and tells what is heard within 5 ms.

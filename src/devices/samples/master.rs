@@ -1,0 +1,71 @@
+//! A station at a CAN bus whose program is the test, beside the port of a device.
+
+use super::tables::STATION;
+use crate::can::Frame;
+use crate::devices::can_bus::{CanBusConfig, CanPort, CanSocket, Controller};
+use crate::devices::{Context, Medium, Plug, World};
+use crate::fault::Faults;
+use crate::journal::{Journal, Origin};
+use crate::memory::{HEADER_SIZE, Segment};
+use embedded_can::{Frame as _, Id};
+use std::sync::{Arc, Mutex};
+use toml::de::ValueDeserializer;
+
+/// What the station sends, and what it has heard when.
+#[derive(Default)]
+pub(crate) struct Wires {
+    pub(crate) to_send: Vec<Frame>,
+    heard: Vec<(u64, Frame)>,
+}
+
+impl Wires {
+    /// What it has heard since: times, identifiers and data.
+    pub(crate) fn take_heard(&mut self) -> Vec<(u64, u16, Vec<u8>)> {
+        let told = |(at, frame): (u64, Frame)| match frame.id() {
+            Id::Standard(id) => (at, id.as_raw(), frame.data().to_vec()),
+            Id::Extended(_) => panic!("{frame:?}"),
+        };
+        core::mem::take(&mut self.heard).into_iter().map(told).collect()
+    }
+}
+
+struct Master(Arc<Mutex<Wires>>);
+
+impl CanPort for Master {
+    fn look(&mut self, _: &mut Context, controller: &mut Controller) {
+        self.0.lock().unwrap().to_send.drain(..).for_each(|frame| controller.send(frame).unwrap());
+    }
+
+    fn received(&mut self, ctx: &mut Context, _: &mut Controller, frame: &Frame) {
+        self.0.lock().unwrap().heard.push((ctx.now, *frame));
+    }
+}
+
+/// A bus of 125 kbit/s with the port of a device, at place 0, and the station at place 1.
+pub(crate) fn bus_with(plugs: Vec<Plug>) -> (Box<dyn Medium>, Arc<Mutex<Wires>>) {
+    let bus = ValueDeserializer::parse("{ name = 'open', kbit_s = 125 }").unwrap();
+    let mut bus = CanBusConfig::read(bus).unwrap().build(0).unwrap();
+    for plug in plugs {
+        bus.attach(plug.socket).unwrap();
+    }
+    let wires = Arc::new(Mutex::new(Wires::default()));
+    let socket = CanSocket {
+        origin: Origin { plc: 1, node: 1 },
+        segment: Segment::heap(2 * HEADER_SIZE),
+        layout: &STATION,
+        port: Box::new(Master(wires.clone())),
+    };
+    bus.attach(Box::new(socket)).unwrap();
+    (bus, wires)
+}
+
+/// A processor cycle of both at `now`, and what the bus does until the next one at `until`.
+pub(crate) fn cycle(bus: &mut dyn Medium, now: u64, until: u64, journal: &mut Journal, faults: &mut Faults) {
+    for place in 0..2 {
+        bus.processor_cycle(place, now, journal);
+    }
+    while bus.next_time() <= until {
+        let now = bus.next_time();
+        bus.event(&mut World { now, journal, faults, edges: &mut Vec::new() });
+    }
+}
