@@ -1,21 +1,25 @@
 //! `commram test`: run scenario scripts.
 
+mod found;
 mod line;
 mod process;
+mod progress;
+mod round;
 pub(crate) mod scenario;
+mod watch;
 
 use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
 use crate::script::{Limits, Outcome, Report, junit};
-use line::{Line, summary};
+use found::Shard;
+use line::{Line, Listed, summary};
 use process::Setting;
+use round::Round;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
-use std::time::Duration;
+use watch::Watched;
 
 /// Run scenario scripts.
 ///
@@ -26,22 +30,45 @@ use std::time::Duration;
 Examples:
   commram test master.rhai
   commram test tests/scenarios --jobs 4 --junit report.xml
+  commram test . --filter '*baps*' --list
+  commram test . --shard 1/3
+  commram test . --watch
   commram test master.rhai --attach default
 
 Exit codes:
   0  all scenarios passed
-  1  an expectation was not met, or a scenario does not end or crashes
+  1  an expectation was not met or there was none, or a scenario throws, does not end or crashes
   2  wrong use: a script is missing, does not compile or uses a verb wrongly")]
 pub(crate) struct Args {
-    /// Scripts; of a directory all files that end in .rhai, in the order of their names
+    /// Scripts; of a directory and its subdirectories all files that end in .rhai, in the order of their names, but not
+    /// those that others import and that only define functions
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
+    /// Only scenarios whose path contains this text or, with * and ? in it, whose path or name is of this form; can be
+    /// given several times
+    #[arg(long, value_name = "TEXT")]
+    filter: Vec<String>,
+    /// Only every Nth of them, from the Ith on, so that N machines share the work
+    #[arg(long, value_name = "I/N", value_parser = Shard::parse)]
+    shard: Option<Shard>,
+    /// Run nothing, list the scenarios
+    #[arg(long, conflicts_with_all = ["junit", "watch"])]
+    list: bool,
+    /// Begin no more scenarios after the first that does not pass
+    #[arg(long)]
+    fail_fast: bool,
+    /// Let scenarios pass that expect nothing
+    #[arg(long)]
+    allow_empty: bool,
     /// Write a JUnit report for CI servers to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
     /// How many scenarios run at the same time [default: one per processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZero<usize>>,
+    /// Afterwards run again what has changed: scripts, what they import, their plant files. Until Ctrl-C
+    #[arg(long, conflicts_with = "junit")]
+    watch: bool,
     /// Run on this running instance, one scenario after the other, instead of on plants of their own
     #[arg(long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
     attach: Option<String>,
@@ -71,104 +98,81 @@ pub(crate) struct LimitArgs {
 /// Runs the scenarios and reports.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let interrupts = Interrupts::catch()?;
-    let files = scripts(&args.files)?;
-    let setting = Setting { attach: args.attach.clone(), limits: args.limits };
-    let mut reports = Vec::with_capacity(files.len());
-    let mut shown = Ok(());
-    if let Err(error) = reachable(args.attach.as_deref()) {
-        reports.extend(files.iter().map(|file| process::died(file, &error.to_string())));
-        shown = Err(error);
-    } else {
-        let jobs = if setting.attach.is_some() { 1 } else { jobs(args.jobs, files.len()) };
-        // Set when the output cannot be written and there is no other report.
-        let enough = AtomicBool::new(false);
-        let stop = || interrupts.any() || enough.load(Ordering::Relaxed);
-        run_all(&files, jobs, &setting, &stop, |report| {
-            if shown.is_ok() && args.format.format == Format::Text {
-                shown = output::print(&line::text(&report));
-                enough.store(shown.is_err() && args.junit.is_none(), Ordering::Relaxed);
-            }
-            reports.push(report);
-        })?;
-        let last = || match args.format.format {
-            Format::Text => output::print(&summary(&reports)),
-            format => {
-                table::print(format, &reports.iter().map(Line::of).collect::<Vec<_>>(), |_| String::new())
-            }
-        };
-        shown = shown.and_then(|()| last());
+    let files = found::scenarios(&args.files, &args.filter, args.shard)?;
+    if args.list {
+        return list(args.format.format, &files);
     }
+    if args.watch {
+        return watch(args, files, &interrupts);
+    }
+    let (reports, shown) = match reachable(args.attach.as_deref()) {
+        Ok(()) => play(args, &files, &interrupts)?,
+        Err(error) => {
+            let reports = files.iter().map(|file| process::died(file, &error.to_string())).collect();
+            (reports, Err(error))
+        }
+    };
     // Whatever else goes wrong, this report is written.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, &reports));
     shown.and(written)?;
     if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
 }
 
-/// The scripts themselves, where directories are named.
-fn scripts(named: &[PathBuf]) -> Result<Vec<PathBuf>, CliError> {
-    let mut files = Vec::new();
-    for path in named {
-        if !path.is_dir() {
-            files.push(path.clone());
-            continue;
-        }
-        let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
-        let entries = path.read_dir().map_err(|reason| wrong(reason.to_string()))?;
-        let mut inside: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
-        inside.retain(|file| file.is_file() && file.extension().is_some_and(|ending| ending == "rhai"));
-        if inside.is_empty() {
-            return Err(wrong("this directory has no files that end in .rhai".to_owned()));
-        }
-        inside.sort();
-        files.append(&mut inside);
-    }
-    Ok(files)
+fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {
+    let rows: Vec<_> = files.iter().map(|file| Listed::of(file)).collect();
+    let lines = || files.iter().map(|file| format!("{}\n", file.display())).collect();
+    table::print(format, &rows, |_| lines())
 }
 
-fn jobs(asked: Option<NonZero<usize>>, files: usize) -> usize {
-    let jobs = asked.or_else(|| std::thread::available_parallelism().ok());
-    jobs.map_or(1, NonZero::get).min(files)
-}
-
-/// Runs all files, so many at a time, until told to `stop`; hands over the reports in the order of the files.
-fn run_all(
+/// Runs these scenarios once and shows how they end, as long as anybody looks at it.
+fn play(
+    args: &Args,
     files: &[PathBuf],
-    jobs: usize,
-    setting: &Setting,
-    stop: &(impl Fn() -> bool + Sync),
-    mut take: impl FnMut(Report),
-) -> Result<(), CliError> {
-    let next = AtomicUsize::new(0);
-    let (send, receive) = mpsc::channel();
-    std::thread::scope(|scope| {
-        for _ in 0..jobs {
-            let (send, next) = (send.clone(), &next);
-            let work = move || {
-                while let Some((index, file)) = {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    files.get(index).map(|file| (index, file))
-                } {
-                    // The receiver lives until all have been received.
-                    let _ = send.send((index, process::run(file, setting, stop)));
-                }
-            };
-            let thread = std::thread::Builder::new().spawn_scoped(scope, work);
-            thread.map_err(|reason| CliError::Process { reason })?;
+    interrupts: &Interrupts,
+) -> Result<(Vec<Report>, Result<(), CliError>), CliError> {
+    let round = Round {
+        setting: Setting { attach: args.attach.clone(), limits: args.limits, allow_empty: args.allow_empty },
+        jobs: if args.attach.is_some() { NonZero::new(1) } else { args.jobs },
+        fail_fast: args.fail_fast,
+    };
+    let mut reports = Vec::with_capacity(files.len());
+    let mut shown = Ok(());
+    round.run(files, &|| interrupts.any(), |report| {
+        if shown.is_ok() && args.format.format == Format::Text {
+            shown = output::print(&line::text(&report));
         }
-        drop(send);
-        let mut waiting: Vec<Option<Report>> = files.iter().map(|_| None).collect();
-        let mut taken = 0;
-        for (index, report) in receive {
-            if let Some(place) = waiting.get_mut(index) {
-                *place = Some(report);
-            }
-            while let Some(report) = waiting.get_mut(taken).and_then(Option::take) {
-                taken += 1;
-                take(report);
-            }
+        reports.push(report);
+        // Without a reader and without another report nobody would know.
+        shown.is_ok() || args.junit.is_some()
+    })?;
+    let last = || match args.format.format {
+        Format::Text => output::print(&summary(&reports)),
+        format => table::print(format, &reports.iter().map(Line::of).collect::<Vec<_>>(), |_| String::new()),
+    };
+    shown = shown.and_then(|()| last());
+    Ok((reports, shown))
+}
+
+/// Runs what has changed, again and again.
+fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Result<(), CliError> {
+    let mut watched = Watched::default();
+    loop {
+        let changed = watched.changed(&files);
+        if !changed.is_empty() {
+            changed.iter().for_each(|file| watched.begins(file));
+            reachable(args.attach.as_deref())?;
+            let (reports, shown) = play(args, &changed, interrupts)?;
+            shown?;
+            reports.iter().for_each(|report| watched.ended(report));
+            output::note(&format!("watching {} files; Ctrl-C ends it", watched.files()));
         }
-        Ok(())
-    })
+        if interrupts.any() {
+            return Err(CliError::Interrupted);
+        }
+        std::thread::sleep(watch::PAUSE);
+        // A directory may be gone for a moment, as its files may be.
+        files = found::scenarios(&args.files, &args.filter, args.shard).unwrap_or(files);
+    }
 }
 
 /// Finds out whether the instance to attach to is there, before the first scenario misses it.
@@ -194,11 +198,5 @@ fn verdict(reports: &[Report]) -> Result<(), CliError> {
     if any(|outcome| matches!(outcome, Outcome::Broken(_))) {
         return Err(CliError::ReportedWrongUse);
     }
-    let failed = any(|outcome| matches!(outcome, Outcome::Failed(_) | Outcome::Died(_)));
-    if failed { Err(CliError::Reported) } else { Ok(()) }
-}
-
-/// All real time taken.
-fn real_time(reports: &[Report]) -> Duration {
-    reports.iter().map(|report| report.took).sum()
+    if any(|outcome| !outcome.is_passed()) { Err(CliError::Reported) } else { Ok(()) }
 }

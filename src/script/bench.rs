@@ -16,11 +16,12 @@ pub use frames::SeenFrame;
 pub use memory::{Change, MemoryCopy};
 
 use super::carrier::Carrier;
+use super::failure::{FailureKind, JournalLine};
 use super::local::Local;
 use super::{Failure, ScenarioError, Value};
 use crate::devices;
 use crate::journal::text::Text;
-use crate::journal::{Format, Names};
+use crate::journal::{Format, Names, Record};
 use crate::plant::PlantConfig;
 use crate::plc::Ram;
 use crate::request::{InstanceInfo, Op};
@@ -231,27 +232,34 @@ impl Bench {
     /// A failure at the present moment.
     pub(super) fn failure(&mut self, what: String, at: &Location<'_>) -> Result<Failure, ScenarioError> {
         Ok(Failure {
+            kind: FailureKind::Expectation,
             what,
             register: None,
             address: None,
             expected: None,
             actual: None,
+            numbers: None,
+            within_us: None,
             time_us: self.now()?,
             section: self.section.clone(),
             journal: self.last_entries()?,
-            location: Some(at.to_string()),
+            location: Some(at.into()),
         })
     }
 
-    /// The last lines of the journal.
-    fn last_entries(&mut self) -> Result<Vec<String>, ScenarioError> {
+    /// The last records of the journal.
+    fn last_entries(&mut self) -> Result<Vec<JournalLine>, ScenarioError> {
         let from = self.journal_end()?.saturating_sub(LOOK_BACK);
         let (records, _) = self.records(from)?;
         let mut text = Text::new(self.names.clone(), devices::catalogue());
         let (before, last) = records.split_at(records.len().saturating_sub(LAST_ENTRIES));
         before.iter().for_each(|record| text.skip(record));
-        let mut lines = String::new();
-        last.iter().for_each(|record| text.record(record, &mut lines));
-        Ok(lines.lines().map(str::to_owned).collect())
+        let line = |record: &Record| {
+            let mut line = String::new();
+            text.record(record, &mut line);
+            let kind = record.event.kind().name().to_owned();
+            JournalLine { time_us: record.time_us, kind, text: line.trim().to_owned() }
+        };
+        Ok(last.iter().map(line).collect())
     }
 }

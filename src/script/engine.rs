@@ -29,12 +29,18 @@ pub(super) struct Stage {
     directory: PathBuf,
     /// Longest emulated time, in microseconds.
     limit_us: u64,
+    /// How many expectations there were.
+    expectations: u64,
+    /// The file of the plant, if it comes from one.
+    plant_file: Option<PathBuf>,
 }
 
 impl Stage {
     /// For a script in `directory`; without a bench it makes its own.
     pub(crate) fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
-        let mut stage = Self { attached: bench.is_some(), bench: None, directory, limit_us };
+        let attached = bench.is_some();
+        let mut stage =
+            Self { attached, bench: None, directory, limit_us, expectations: 0, plant_file: None };
         stage.bench = bench.map(|bench| stage.limited(bench));
         stage
     }
@@ -44,9 +50,21 @@ impl Stage {
         self.bench.as_mut().and_then(|bench| bench.elapsed().ok()).unwrap_or(0)
     }
 
+    /// How many expectations there were.
+    pub(crate) fn expectations(&self) -> u64 {
+        self.expectations
+    }
+
+    /// The file of the plant, if it was to come from one.
+    pub(crate) fn plant_file(&mut self) -> Option<PathBuf> {
+        self.plant_file.take()
+    }
+
     /// What there is to be expected at the end of a scenario.
     pub(crate) fn end(&mut self) -> Result<(), ScenarioError> {
-        self.bench.as_mut().map_or(Ok(()), Bench::expect_required_faults)
+        let Some(bench) = &mut self.bench else { return Ok(()) };
+        self.expectations += bench.required_faults() as u64;
+        bench.expect_required_faults()
     }
 
     /// A failure at the present moment, unless the plant has gone.
@@ -73,7 +91,8 @@ impl Stage {
         let config = if text.contains(['\n', '=', '[']) {
             PlantConfig::parse("plant", text)?
         } else {
-            PlantConfig::load(&self.directory.join(text))?
+            let file = self.plant_file.insert(self.directory.join(text));
+            PlantConfig::load(file)?
         };
         match &self.bench {
             Some(bench) if self.attached => {
@@ -140,6 +159,14 @@ impl Shared {
     fn act<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
         self.with(|stage| stage.bench().and_then(act))
     }
+
+    /// As [`Shared::act`], where the scenario fails unless something is as it expects.
+    fn expect<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
+        self.with(|stage| {
+            stage.expectations += 1;
+            stage.bench().and_then(act)
+        })
+    }
 }
 
 struct Verbs {
@@ -195,19 +222,19 @@ impl Verbs {
         self.on("step_to_sync", |stage| move |node: &str| stage.act(|bench| bench.step_to_sync(node)));
         self.on("wait", |stage| {
             move |register: &str, wanted: Dynamic, within: Dynamic| {
-                stage.act(|bench| Ok(int(bench.wait(register, value(&wanted)?, span(&within)?)?)))
+                stage.expect(|bench| Ok(int(bench.wait(register, value(&wanted)?, span(&within)?)?)))
             }
         });
         self.on("wait_bits", |stage| {
             move |register: &str, mask: Dynamic, wanted: Dynamic, within: Dynamic| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     Ok(int(bench.wait_bits(register, value(&mask)?, value(&wanted)?, span(&within)?)?))
                 })
             }
         });
         self.on("wait_until", |stage| {
             move |context: NativeCallContext, condition: FnPtr, within: Dynamic| -> Fallible<INT> {
-                let within_us = stage.act(|bench| bench.span(span(&within)?))?;
+                let within_us = stage.expect(|bench| bench.span(span(&within)?))?;
                 let start = stage.act(Bench::now)?;
                 // The stage is free meanwhile, as the condition uses verbs.
                 while !condition.call_within_context::<bool>(&context, ())? {
@@ -231,26 +258,28 @@ impl Verbs {
             }
         });
         self.on("expect", |stage| {
-            move |register: &str, wanted: Dynamic| stage.act(|bench| bench.expect(register, value(&wanted)?))
+            move |register: &str, wanted: Dynamic| {
+                stage.expect(|bench| bench.expect(register, value(&wanted)?))
+            }
         });
         self.on("expect_near", |stage| {
             move |register: &str, wanted: Dynamic, tolerance: INT| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     bench.expect_near(register, value(&wanted)?, number(tolerance, "tolerance")?)
                 })
             }
         });
         self.on("expect_bits", |stage| {
             move |register: &str, mask: Dynamic, wanted: Dynamic| {
-                stage.act(|bench| bench.expect_bits(register, value(&mask)?, value(&wanted)?))
+                stage.expect(|bench| bench.expect_bits(register, value(&mask)?, value(&wanted)?))
             }
         });
         self.on("expect_that", |stage| {
-            move |holds: bool, text: &str| stage.act(|bench| bench.expect_that(holds, text))
+            move |holds: bool, text: &str| stage.expect(|bench| bench.expect_that(holds, text))
         });
         self.on("expect_changes", |stage| {
             move |since: MemoryCopy, registers: Array| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     let names = names(&registers, "register")?;
                     bench.expect_changes(&since, &names.iter().map(String::as_str).collect::<Vec<_>>())
                 })
@@ -267,10 +296,10 @@ impl Verbs {
     }
 
     fn findings(&mut self) {
-        self.on("expect_no_findings", |stage| move || stage.act(|bench| bench.expect_no_findings(&[])));
+        self.on("expect_no_findings", |stage| move || stage.expect(|bench| bench.expect_no_findings(&[])));
         self.on("expect_no_findings", |stage| {
             move |allowed: Array| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     let rules = names(&allowed, "rule")?;
                     bench.expect_no_findings(&rules.iter().map(String::as_str).collect::<Vec<_>>())
                 })

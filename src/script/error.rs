@@ -1,5 +1,7 @@
 //! Why a scenario ends before its end.
 
+use super::Failure;
+use super::failure::FailureKind;
 use crate::fault::{FaultError, WordError};
 use crate::layout::LayoutError;
 use crate::layout::place::BadValue;
@@ -9,60 +11,7 @@ use crate::plant::PlantError;
 use crate::request::{Code, Refused, WrongReply};
 use crate::time::{TimeError, seconds, short};
 use core::fmt;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
-
-/// An expectation that is not met, with all that is known at that moment.
-#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Failure {
-    /// What is wrong, in one line.
-    pub what: String,
-    /// Name of the register, if it is about one.
-    pub register: Option<String>,
-    /// Its address.
-    pub address: Option<String>,
-    /// What was expected, decoded.
-    pub expected: Option<String>,
-    /// What was found, decoded.
-    pub actual: Option<String>,
-    /// Emulated time in microseconds.
-    pub time_us: u64,
-    /// The section of the scenario.
-    pub section: Option<String>,
-    /// The last lines of the journal, oldest first.
-    pub journal: Vec<String>,
-    /// Where the expectation stands: file, line, and for scripts the line's text.
-    pub location: Option<String>,
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.what)?;
-        let rows = [
-            ("expected", &self.expected),
-            ("actual", &self.actual),
-            ("section", &self.section),
-            ("line", &self.location),
-        ];
-        for (name, text) in rows {
-            if let Some(text) = text {
-                write!(f, "\n  {name:<8}  {text}")?;
-            }
-        }
-        write!(f, "\n  {:<8}  {} emulated", "time", seconds(self.time_us))?;
-        if !self.journal.is_empty() {
-            f.write_str("\n  journal, last entries:")?;
-        }
-        self.journal.iter().try_for_each(|line| write!(f, "\n    {}", line.trim_start()))
-    }
-}
-
-/// Tests that return an error show it by `Debug`: a failure is for people in any case.
-impl fmt::Debug for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self, f)
-    }
-}
 
 /// Why a scenario ends before its end.
 #[derive(Error)]
@@ -169,16 +118,23 @@ impl ScenarioError {
 
     /// Whether the plant did not behave as the scenario says; otherwise the scenario itself is wrong.
     pub fn is_failure(&self) -> bool {
+        self.failure_kind().is_some()
+    }
+
+    /// What kind of failure it is; `None` if the scenario itself is wrong.
+    pub(super) fn failure_kind(&self) -> Option<FailureKind> {
         match self {
-            Self::Failed(_) | Self::TooLong { .. } => true,
+            Self::Failed(failure) => Some(failure.kind),
+            Self::TooLong { .. } => Some(FailureKind::Endless),
             // A script that steps is not wrong because it was run on a clock that cannot be stepped.
             Self::Refused(refused) => {
-                !refused.code.is_wrong_use() || refused.code == Code::CLOCK_IS_REAL_TIME
+                let fails = !refused.code.is_wrong_use() || refused.code == Code::CLOCK_IS_REAL_TIME;
+                fails.then_some(FailureKind::Refused)
             }
-            Self::WrongReply(_) => true,
+            Self::WrongReply(_) => Some(FailureKind::Refused),
             #[cfg(feature = "channel")]
-            Self::Client(_) => true,
-            _ => false,
+            Self::Client(_) => Some(FailureKind::Refused),
+            _ => None,
         }
     }
 }

@@ -19,6 +19,8 @@ pub(super) struct Imports {
     scenario: PathBuf,
     /// Imports whose script is being run, the outermost first.
     under_way: RefCell<Vec<Import>>,
+    /// All files that were asked for, once each.
+    imported: Rc<RefCell<Vec<PathBuf>>>,
 }
 
 /// `start.rhai:3 imports common.rhai`
@@ -39,13 +41,14 @@ impl core::fmt::Display for Import {
 }
 
 impl Imports {
-    /// For the scenario in file `scenario`.
-    pub(crate) fn new(scenario: &Path, directory: &Path) -> Self {
+    /// For the scenario in file `scenario`; what it asks for is noted in `imported`.
+    pub(crate) fn new(scenario: &Path, directory: &Path, imported: Rc<RefCell<Vec<PathBuf>>>) -> Self {
         Self {
             files: FileModuleResolver::new_with_path(directory),
             directory: directory.to_owned(),
             scenario: scenario.to_owned(),
             under_way: RefCell::default(),
+            imported,
         }
     }
 
@@ -82,6 +85,11 @@ impl ModuleResolver for Imports {
         let from =
             source.map_or_else(|| self.scenario.clone(), |source| module_file(source, &self.directory));
         let to = self.files.get_file_path(path, None);
+        let mut imported = self.imported.borrow_mut();
+        if !imported.contains(&to) {
+            imported.push(to.clone());
+        }
+        drop(imported);
         self.begin(Import { from, line: position.line(), to: to.clone() }, path)
             .map_err(|error| EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), position))?;
         // The resolver reads whatever stands there to its end, which some files do not have.

@@ -2,34 +2,57 @@
 
 use super::{Outcome, Report};
 use quick_junit::{NonSuccessKind, SerializeError, TestCase, TestCaseStatus, TestSuite};
+use std::path::{Component, Path};
 use std::time::Duration;
 
-/// The reports as JUnit XML: one test suite, one test case per scenario. Times are real time; the emulated time is a
-/// property of the suite, `emulated_us FILE`, if it is known. A scenario that died is an error, as is a broken one.
+/// The reports as JUnit XML: one test suite per scenario file, with one test case. Times are real time; the emulated time, the
+/// number of expectations and the line of a failure are properties of the suite, as far as they are known. A scenario that died
+/// is an error, as is a broken one; one that was not run is skipped.
 ///
-/// Jenkins' schema (junit-10) takes it: that has no properties in a test case and no `skipped` at the head.
+/// Jenkins' schema (junit-10) takes it: that has no properties, file or line in a test case, and no `skipped` at the head (D-552).
 ///
 /// # Errors
 /// The XML cannot be written, which does not happen to strings.
 pub fn junit(reports: &[Report]) -> Result<String, SerializeError> {
-    let mut suite = TestSuite::new("commram test");
-    suite.set_time(reports.iter().map(|report| report.took).sum::<Duration>());
-    for report in reports {
-        if let Some(emulated_us) = report.emulated_us {
-            let name = format!("emulated_us {}", report.file.display());
-            suite.add_property((name.as_str(), emulated_us.to_string().as_str()));
+    let mut all = quick_junit::Report::new("commram");
+    all.set_time(reports.iter().map(|report| report.took).sum::<Duration>());
+    all.add_test_suites(reports.iter().map(suite));
+    let text = all.to_string()?;
+    // The first one stands at the head.
+    let skipped = text.find(" skipped=\"").map(|start| {
+        let end = text[start..].match_indices('"').nth(1).map_or(start, |(quote, _)| start + quote + 1);
+        start..end
+    });
+    Ok(skipped
+        .map_or_else(|| text.clone(), |skipped| text[..skipped.start].to_owned() + &text[skipped.end..]))
+}
+
+fn suite(report: &Report) -> TestSuite {
+    let path = report.file.display().to_string();
+    let mut suite = TestSuite::new(report.file.with_extension("").display().to_string());
+    suite.extra.insert("file".into(), path.into());
+    suite.set_timestamp(chrono::DateTime::<chrono::Utc>::from(report.started));
+    suite.set_time(report.took);
+    let line = match &report.outcome {
+        Outcome::Failed(failure) => failure.location.as_ref(),
+        Outcome::Broken(mistake) => Some(&mistake.location),
+        _ => None,
+    };
+    let mut property = |name: &str, value: Option<String>| {
+        if let Some(value) = value {
+            suite.add_property((name, value.as_str()));
         }
-    }
-    suite.add_test_cases(reports.iter().map(case));
-    let mut report = quick_junit::Report::new("commram");
-    report.add_test_suite(suite);
-    Ok(report.to_string()?.replacen(" skipped=\"0\"", "", 1))
+    };
+    property("emulated_us", report.emulated_us.map(|us| us.to_string()));
+    property("expectations", report.emulated_us.map(|_| report.expectations.to_string()));
+    property("line", line.and_then(|place| place.line.map(|line| format!("{}:{line}", place.file))));
+    suite.add_test_case(case(report));
+    suite
 }
 
 fn case(report: &Report) -> TestCase {
     let mut case = TestCase::new(report.name(), status(&report.outcome));
-    let directory = report.file.parent().map(|directory| directory.display().to_string());
-    case.set_classname(directory.filter(|name| !name.is_empty()).unwrap_or_else(|| ".".to_owned()));
+    case.set_classname(class_name(&report.file));
     case.set_time(report.took);
     if !report.printed.is_empty() {
         case.set_system_out(report.printed.as_str());
@@ -37,16 +60,67 @@ fn case(report: &Report) -> TestCase {
     case
 }
 
+/// `tests.scenarios.04-deadlines`: servers make a tree of the dots.
+fn class_name(file: &Path) -> String {
+    let path = file.with_extension("");
+    let names = path.components().filter_map(|part| match part {
+        Component::Normal(name) => Some(name.to_string_lossy().replace('.', "_")),
+        _ => None,
+    });
+    names.collect::<Vec<_>>().join(".")
+}
+
 fn status(outcome: &Outcome) -> TestCaseStatus {
-    let (kind, message, description) = match outcome {
+    let first_line = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+    let (kind, ty, message, description) = match outcome {
         Outcome::Passed => return TestCaseStatus::success(),
-        Outcome::Failed(failure) => (NonSuccessKind::Failure, failure.what.clone(), failure.to_string()),
-        Outcome::Broken(text) | Outcome::Died(text) => {
-            (NonSuccessKind::Error, text.lines().next().unwrap_or_default().to_owned(), text.clone())
+        Outcome::NotRun(why) => {
+            let mut status = TestCaseStatus::skipped();
+            status.set_message(why.as_str());
+            return status;
         }
+        Outcome::Failed(failure) => {
+            (NonSuccessKind::Failure, failure.kind.name(), failure.what.clone(), failure.to_string())
+        }
+        Outcome::Broken(mistake) => {
+            let text = mistake.to_string();
+            (NonSuccessKind::Error, "script", first_line(&text), text)
+        }
+        Outcome::Died(text) => (NonSuccessKind::Error, "process", first_line(text), text.clone()),
     };
     let mut status = TestCaseStatus::non_success(kind);
+    status.set_type(ty);
     status.set_message(message);
     status.set_description(description);
     status
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_not_run_is_skipped_and_the_head_does_not_say_so() {
+        let reports = [
+            Report::bare("tests/v1.2/a.rhai".into(), Outcome::Passed),
+            Report::bare("b.rhai".into(), Outcome::NotRun("interrupted".to_owned())),
+            Report::bare("c.rhai".into(), Outcome::Died("c.rhai: killed\n  by somebody".to_owned())),
+        ];
+        let text = junit(&reports).unwrap();
+        let head = text.lines().find(|line| line.starts_with("<testsuites")).unwrap();
+        assert_eq!(
+            head,
+            "<testsuites name=\"commram\" tests=\"3\" failures=\"0\" errors=\"1\" time=\"0.000\">"
+        );
+        for expected in [
+            " name=\"tests/v1.2/a\" tests=\"1\" skipped=\"0\"",
+            "file=\"tests/v1.2/a.rhai\"",
+            "<testcase name=\"a\" classname=\"tests.v1_2.a\" time=\"0.000\"/>",
+            "<skipped message=\"interrupted\"/>",
+            "<error message=\"c.rhai: killed\" type=\"process\">",
+        ] {
+            assert!(text.contains(expected), "{text}\nlacks {expected}");
+        }
+        assert_eq!(text.matches(" timestamp=\"").count(), 3, "{text}");
+    }
 }

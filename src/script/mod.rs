@@ -9,18 +9,24 @@ mod bench;
 mod carrier;
 mod engine;
 mod error;
+mod failure;
 mod imports;
 mod junit;
 mod local;
+mod part;
 mod printed;
 #[cfg(feature = "channel")]
 mod remote;
+mod report;
 mod run;
 mod value;
 
 pub use bench::{Bench, Change, MemoryCopy, SeenFrame};
 pub use engine::verbs;
-pub use error::{Failure, ScenarioError};
+pub use error::ScenarioError;
+pub use failure::{Failure, FailureKind, JournalLine, Numbers, Place};
 pub use junit::junit;
-pub use run::{Limits, Outcome, Report, run_file};
+pub use part::{is_part, needs};
+pub use report::{Mistake, Outcome, Report};
+pub use run::{Limits, run_file};
 pub use value::{Span, Value};

@@ -1,17 +1,18 @@
 //! Runs scenario scripts.
 
 use super::engine::{Stage, engine};
+use super::failure::{Failure, FailureKind, Place};
 use super::imports::{Imports, module_file};
 use super::printed::Printed;
-use super::{Bench, Failure, ScenarioError};
+use super::report::{Mistake, Outcome, Report};
+use super::{Bench, ScenarioError};
 use crate::handed_in;
 use crate::time::short;
 use core::cell::RefCell;
 use rhai::{Dynamic, Engine, EvalAltResult, ParseError, Scope};
-use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::rc::Rc;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Steps of a script between two looks at the real time.
 const OPERATIONS_PER_LOOK: u64 = 8;
@@ -37,44 +38,6 @@ impl Default for Limits {
     }
 }
 
-/// How a scenario ended.
-#[derive(Debug, Serialize, Deserialize)]
-pub enum Outcome {
-    /// All expectations were met.
-    Passed,
-    /// The plant did not behave as expected.
-    Failed(Box<Failure>),
-    /// The script is wrong: it cannot be read or compiled, or uses a verb wrongly. The text says where and why.
-    Broken(String),
-    /// It was not run to its end: its process crashed or was killed. The text says what is known. Only somebody else than
-    /// that process can tell.
-    Died(String),
-}
-
-/// What has become of a scenario.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct Report {
-    /// The script, as named; who gets the report from another process knows it.
-    #[serde(skip)]
-    pub file: PathBuf,
-    /// How it ended.
-    pub outcome: Outcome,
-    /// Emulated time that it took, in microseconds; nobody knows it of a scenario that died.
-    pub emulated_us: Option<u64>,
-    /// Real time that it took.
-    pub took: Duration,
-    /// What it printed, up to 1 MiB; who gets the report from another process has had it already.
-    #[serde(skip)]
-    pub printed: String,
-}
-
-impl Report {
-    /// The scenario's name: its file without directory and extension.
-    pub fn name(&self) -> String {
-        self.file.file_stem().unwrap_or(self.file.as_os_str()).to_string_lossy().into_owned()
-    }
-}
-
 /// Runs a scenario script: on `bench` if there is one, else on a plant of its own. What it prints is handed to `print`
 /// as it comes, and is in the report.
 pub fn run_file(
@@ -83,29 +46,36 @@ pub fn run_file(
     limits: Limits,
     print: impl FnMut(&str) + 'static,
 ) -> Report {
-    let start = Instant::now();
+    let (started, start) = (SystemTime::now(), Instant::now());
     let directory = file.parent().unwrap_or(Path::new("")).to_owned();
     let stage = Rc::new(RefCell::new(Stage::new(bench, directory.clone(), limits.time_us)));
     let printed = Rc::new(RefCell::new(Printed::new(print)));
+    let imported = Rc::default();
     let outcome = match handed_in::read(file, handed_in::LONGEST_SCRIPT) {
         Ok(text) => {
             let (mut engine, _) = engine(&stage);
             limit(&mut engine, limits, start);
-            engine.set_module_resolver(Imports::new(file, &directory));
+            engine.set_module_resolver(Imports::new(file, &directory, Rc::clone(&imported)));
             let printing = Rc::clone(&printed);
             engine.on_print(move |line| printing.borrow_mut().line(line));
             let printing = Rc::clone(&printed);
             engine.on_debug(move |line, _, _| printing.borrow_mut().line(line));
             run_text(&engine, file, &text, &directory, &stage, limits)
         }
-        Err(reason) => Outcome::Broken(format!("{}: {reason}", file.display())),
+        Err(reason) => broken(&reason, place(file, None)),
     };
+    let mut stage = stage.borrow_mut();
+    let mut reads = imported.take();
+    reads.extend(stage.plant_file());
     Report {
         file: file.to_owned(),
         outcome,
-        emulated_us: Some(stage.borrow_mut().elapsed_us()),
+        expectations: stage.expectations(),
+        emulated_us: Some(stage.elapsed_us()),
+        started,
         took: start.elapsed(),
         printed: printed.borrow_mut().take(),
+        reads,
     }
 }
 
@@ -120,8 +90,7 @@ fn run_text(
     let ast = match engine.compile(text) {
         Ok(ast) => ast,
         Err(ParseError(reason, position)) => {
-            let place = Place { file: file.to_owned(), line: position.line() };
-            return broken(&reason, &place);
+            return broken(&reason, place(file, position.line()));
         }
     };
     let mut scope = Scope::new();
@@ -130,8 +99,7 @@ fn run_text(
     match engine.run_ast_with_scope(&mut scope, &ast) {
         Ok(()) => {
             let end = stage.borrow_mut().end();
-            let place = Place { file: file.to_owned(), line: None };
-            end.map_or_else(|error| judge(&error, &place, stage), |()| Outcome::Passed)
+            end.map_or_else(|error| judge(&error, place(file, None), stage), |()| Outcome::Passed)
         }
         Err(error) => ended(&error, file, directory, stage, limits),
     }
@@ -159,25 +127,24 @@ fn ended(
     limits: Limits,
 ) -> Outcome {
     let place = innermost(error, file, directory);
-    let inner = error.unwrap_inner();
-    let what = match inner {
+    match error.unwrap_inner() {
         EvalAltResult::ErrorRuntime(thrown, _) => match thrown.clone().try_cast::<Rc<ScenarioError>>() {
-            Some(error) => return judge(&error, &place, stage),
-            None => format!("the script throws {thrown}"),
+            Some(error) => judge(&error, place, stage),
+            None => failed(FailureKind::Throw, &format!("the script throws {thrown}"), place, stage),
         },
         EvalAltResult::ErrorTooManyOperations(_) => {
             let text = format!(
                 "the script does not end: stopped after {} operations (--max-operations)",
                 limits.operations
             );
-            return failed(&text, &place, stage);
+            failed(FailureKind::Endless, &text, place, stage)
         }
         EvalAltResult::ErrorTerminated(..) => {
             let text = format!(
                 "the script does not end: stopped after {} of real time (--max-real-time)",
                 short(u64::try_from(limits.real.as_micros()).unwrap_or(u64::MAX))
             );
-            return failed(&text, &place, stage);
+            failed(FailureKind::Endless, &text, place, stage)
         }
         other => {
             let mut other = other.to_string();
@@ -185,83 +152,60 @@ fn ended(
             if let Some(end) = other.rfind(" (line ") {
                 other.truncate(end);
             }
-            other
+            broken(&other, place)
         }
-    };
-    broken(&what, &place)
+    }
 }
 
-fn judge(error: &ScenarioError, place: &Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
-    match error {
-        ScenarioError::Failed(failure) => {
-            let mut failure = failure.clone();
-            failure.location = Some(place.long());
-            Outcome::Failed(failure)
+fn judge(error: &ScenarioError, place: Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
+    match (error, error.failure_kind()) {
+        (ScenarioError::Failed(failure), _) => {
+            Outcome::Failed(Box::new(Failure { location: Some(place), ..(**failure).clone() }))
         }
-        error if error.is_failure() => failed(&error.to_string(), place, stage),
-        error => broken(error, place),
+        (error, Some(kind)) => failed(kind, &error.to_string(), place, stage),
+        (error, None) => broken(error, place),
     }
 }
 
 /// A failure without expectation.
-fn failed(what: &str, place: &Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
+fn failed(kind: FailureKind, what: &str, place: Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match stage.borrow_mut().failure(what) {
-        Some(mut failure) => {
-            failure.location = Some(place.long());
-            Outcome::Failed(Box::new(failure))
-        }
+        Some(failure) => Outcome::Failed(Box::new(Failure { kind, location: Some(place), ..failure })),
         None => broken(&what, place),
     }
 }
 
 /// The script is wrong.
-fn broken(why: &dyn core::fmt::Display, place: &Place) -> Outcome {
-    Outcome::Broken(format!("{}: {why}{}", place.short(), place.quote()))
+fn broken(why: &dyn core::fmt::Display, location: Place) -> Outcome {
+    Outcome::Broken(Box::new(Mistake { what: why.to_string(), location }))
 }
 
 /// A line of a script.
-struct Place {
-    file: PathBuf,
-    line: Option<usize>,
-}
-
-impl Place {
-    /// `master.rhai:12`
-    fn short(&self) -> String {
-        let line = self.line.map(|line| format!(":{line}")).unwrap_or_default();
-        format!("{}{line}", self.file.display())
-    }
-
-    /// The line's text.
-    fn text(&self) -> Option<String> {
-        let line = self.line?.checked_sub(1)?;
-        let text = handed_in::read(&self.file, handed_in::LONGEST_SCRIPT).ok()?;
-        text.lines().nth(line).map(|text| text.trim().to_owned())
-    }
-
-    /// `master.rhai:12: expect(...)`
-    fn long(&self) -> String {
-        self.text().map_or_else(|| self.short(), |text| format!("{}: {text}", self.short()))
-    }
-
-    /// The line's text on a line of its own.
-    fn quote(&self) -> String {
-        self.text().map(|text| format!("\n  line      {text}")).unwrap_or_default()
+fn place(file: &Path, line: Option<usize>) -> Place {
+    let text = |line: usize| {
+        let text = handed_in::read(file, handed_in::LONGEST_SCRIPT).ok()?;
+        text.lines().nth(line.checked_sub(1)?).map(|text| text.trim().to_owned())
+    };
+    Place {
+        file: file.display().to_string(),
+        line: line.and_then(|line| u32::try_from(line).ok()),
+        column: None,
+        source: line.and_then(text),
     }
 }
 
 /// Where an error comes from: the innermost line of a script.
 fn innermost(error: &EvalAltResult, file: &Path, directory: &Path) -> Place {
-    let mut place = Place { file: file.to_owned(), line: error.position().line() };
+    let (mut file, mut line) = (file.to_owned(), error.position().line());
     let mut at = error;
     while let EvalAltResult::ErrorInFunctionCall(_, source, inner, _)
     | EvalAltResult::ErrorInModule(source, inner, _) = at
     {
         if !source.is_empty() {
-            place.file = module_file(source, directory);
+            file = module_file(source, directory);
         }
-        place.line = inner.position().line().or(place.line);
+        line = inner.position().line().or(line);
         at = inner;
     }
-    place
+    place(&file, line)
 }

@@ -89,7 +89,7 @@ fn scripts_are_compiled_or_refused_in_their_time() {
     ] {
         let name = format!("{name}.rhai");
         files.write(&name, &text);
-        let outcome = files.run(&["test", &name]);
+        let outcome = files.run(&["test", &name, "--allow-empty"]);
         assert_eq!(
             outcome.code,
             Some(code),

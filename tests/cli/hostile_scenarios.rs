@@ -35,7 +35,7 @@ fn imports_in_a_circle_are_named_with_their_lines() {
         ("b.rhai", "\n\nimport \"./a\" as a;\n"),
         ("twice.rhai", "import \"part\" as p; import \"other\" as o; o::part();"),
         ("other.rhai", "import \"part\" as p; fn part() { p::part() }"),
-        ("part.rhai", "fn part() { step(\"1ms\") }"),
+        ("part.rhai", "fn part() { step(\"1ms\"); expect(\"node2.b_BT_0\", 0); }"),
     ]);
     let outcome = scripts.run(&["self.rhai", "main.rhai", "twice.rhai", "--junit", "report.xml"]);
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(2), ""));
@@ -79,7 +79,7 @@ fn a_loop_ends_after_its_real_time() {
 fn a_scenario_that_crashes_harms_no_other() {
     let scripts = Scripts::new(&[
         ("1-memory.rhai", "print(\"begins\"); let all = []; loop { all.push(snapshot(\"node2\")) }"),
-        ("2-good.rhai", "print(\"fine\"); step(\"1ms\");"),
+        ("2-good.rhai", "print(\"fine\"); step(\"1ms\"); expect_no_findings();"),
     ]);
     let files = ["1-memory.rhai", "2-good.rhai"];
     let outcome = scripts.run(&[&files[..], &["--max-memory", "64", "--junit", "report.xml"]].concat());
@@ -109,7 +109,7 @@ fn endless_script(path: &Path) -> OwnedFd {
 
 #[test]
 fn a_scenario_that_hangs_within_a_step_is_killed_and_harms_no_other() {
-    let scripts = Scripts::new(&[("2-good.rhai", "step(\"1ms\");")]);
+    let scripts = Scripts::new(&[("2-good.rhai", "expect_no_findings();")]);
     let _pipe = endless_script(&scripts.0.path().join("1-pipe.rhai"));
     let outcome = scripts.run(&["1-pipe.rhai", "2-good.rhai", "--max-real-time", "1s", "--format", "json"]);
     assert_eq!((outcome.code, outcome.err.as_str()), (Some(1), ""));
@@ -122,7 +122,7 @@ fn a_scenario_that_hangs_within_a_step_is_killed_and_harms_no_other() {
 
 #[test]
 fn a_report_is_written_although_the_user_has_had_enough() {
-    let scripts = Scripts::new(&[("1-good.rhai", "step(1)"), ("3-good.rhai", "step(1)")]);
+    let scripts = Scripts::new(&[("1-good.rhai", "expect_no_findings()"), ("3-good.rhai", "")]);
     let pipe = endless_script(&scripts.0.path().join("2-pipe.rhai"));
     let files = ["1-good.rhai", "2-pipe.rhai", "3-good.rhai"];
     let mut command = scripts.command(&[&files[..], &["--jobs", "1", "--junit", "report.xml"]].concat());
@@ -135,8 +135,16 @@ fn a_report_is_written_although_the_user_has_had_enough() {
     let rest: Vec<_> = lines.collect();
     assert_eq!(wait_for(&mut child, "an interrupted test").code(), Some(1));
     assert!(rest.contains(&"  2-pipe.rhai: interrupted".to_owned()), "{rest:?}");
-    assert!(rest.contains(&"  3-good.rhai: not run: interrupted".to_owned()), "{rest:?}");
-    assert!(scripts.read("report.xml").contains("tests=\"3\""));
+    assert!(rest.contains(&"not run  3-good.rhai  interrupted".to_owned()), "{rest:?}");
+    assert!(
+        rest.last().unwrap().starts_with("1 passed, 0 failed, 0 broken, 1 died, 1 not run; "),
+        "{rest:?}"
+    );
+    let report = scripts.read("report.xml");
+    assert!(
+        report.contains("tests=\"3\"") && report.contains("<skipped message=\"interrupted\"/>"),
+        "{report}"
+    );
 }
 
 /// As behind `| head -1`.

@@ -7,6 +7,7 @@ use tempfile::TempDir;
 
 #[cfg(feature = "channel")]
 mod attached;
+mod selected;
 
 /// Scripts in a directory of their own, which is where the command runs.
 pub(crate) struct Scripts(pub TempDir);
@@ -155,6 +156,7 @@ fn every_kind_of_expectation_can_fail() {
             "error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 1 times since 0.000000 s: A register",
         ),
         ("step_to_sync()", "PLC 'line': nobody sends SYNC on the bus of node2"),
+        ("throw \"enough\"", "the script throws enough"),
     ];
     for (verb, expected) in cases {
         let report = run_one(verb, 1);
@@ -237,7 +239,6 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("plant(`[[plc]]\nname = \"a b\"`)", "PLC name 'a b': use 1 to 31 characters"),
         ("step(0); plant(`[[plc]]\nname = \"a\"`)", "`plant`: this must be the first verb"),
         ("no_such_verb(1)", "Function not found: no_such_verb"),
-        ("throw \"enough\"", "the script throws enough"),
         ("import \"nothing\" as nothing", "nothing"),
         ("wait_until(|| wait_until(1, 2), 3)", "wait_until"),
         ("fn deep(n) { deep(n + 1) } deep(0)", "Stack overflow"),
@@ -286,7 +287,7 @@ fn a_failure_in_an_imported_script_is_found_there() {
 
 #[test]
 fn what_is_missing_is_wrong_use_and_the_others_run() {
-    let scripts = Scripts::new(&[("good.rhai", "step(\"1ms\")")]);
+    let scripts = Scripts::new(&[("good.rhai", "step(\"1ms\"); expect_no_findings();")]);
     let outcome = scripts.run(&["missing.rhai", "good.rhai"]);
     assert_eq!(outcome.code, Some(2));
     assert!(outcome.out.contains("missing.rhai: No such file or directory"), "{}", outcome.out);
@@ -301,8 +302,8 @@ fn what_is_missing_is_wrong_use_and_the_others_run() {
 }
 
 const MIXED: [(&str, &str); 3] = [
-    ("a.rhai", "print(\"1 < 2 & so on\"); step(\"2ms\");"),
-    ("b.rhai", "expect(\"node2.w_OPTION_STATUS\", 2);"),
+    ("a.rhai", "print(\"1 < 2 & so on\"); step(\"2ms\"); expect_no_findings();"),
+    ("b.rhai", "poke(\"node2.b_BT_0\", 1);\nexpect(\"node2.w_OPTION_STATUS\", 2);"),
     ("c.rhai", "peek(\"node2.nothing\");"),
 ];
 
@@ -314,15 +315,26 @@ fn json_has_everything() {
     let outcomes: Vec<_> = reports.as_array().unwrap().iter().map(|report| &report["outcome"]).collect();
     assert_eq!(outcomes, ["passed", "failed", "broken"]);
     assert_eq!(
-        (&reports[0]["emulated_us"], &reports[0]["printed"]),
-        (&2000.into(), &"1 < 2 & so on\n".into())
+        (&reports[0]["emulated_us"], &reports[0]["expectations"], &reports[0]["printed"]),
+        (&2000.into(), &1.into(), &"1 < 2 & so on\n".into())
     );
+    assert!(reports[0]["started"].as_str().unwrap().ends_with('Z'), "{}", reports[0]);
     let failed = &reports[1];
-    assert_eq!(failed["register"], "node2.w_OPTION_STATUS");
-    assert_eq!(failed["address"], "%MW3.200002");
-    assert_eq!(failed["actual"], "16#0001  start-up");
-    assert_eq!(failed["line"], "b.rhai:1: expect(\"node2.w_OPTION_STATUS\", 2);");
-    assert_eq!((&failed["time_us"], &failed["journal"]), (&0.into(), &serde_json::json!([])));
+    for (key, value) in [
+        ("kind", "expectation"),
+        ("register", "node2.w_OPTION_STATUS"),
+        ("address", "%MW3.200002"),
+        ("actual_text", "16#0001  start-up"),
+        ("script", "b.rhai"),
+        ("source", "expect(\"node2.w_OPTION_STATUS\", 2);"),
+    ] {
+        assert_eq!(failed[key], value, "{failed}");
+    }
+    assert_eq!([&failed["expected"], &failed["actual"], &failed["line"], &failed["time_us"]], [2, 1, 2, 0]);
+    let journal = &failed["journal"][0];
+    assert_eq!((&journal["time_us"], &journal["kind"]), (&0.into(), &"plc_write".into()), "{journal}");
+    let broken = &reports[2];
+    assert_eq!((&broken["script"], &broken["line"]), (&"c.rhai".into(), &1.into()), "{broken}");
 }
 
 #[test]
@@ -341,7 +353,9 @@ fn the_junit_report_is_xml_that_parsers_read() {
                 let mut name = String::from_utf8(tag.name().as_ref().to_vec()).unwrap();
                 for attribute in tag.attributes().map(Result::unwrap) {
                     let key = String::from_utf8(attribute.key.as_ref().to_vec()).unwrap();
-                    if ["name", "message", "tests", "failures", "errors"].contains(&key.as_str()) {
+                    if ["name", "message", "tests", "failures", "errors", "type", "file"]
+                        .contains(&key.as_str())
+                    {
                         name += &format!(" {key}={}", String::from_utf8_lossy(&attribute.value));
                     }
                 }
@@ -354,10 +368,17 @@ fn the_junit_report_is_xml_that_parsers_read() {
     }
     assert_eq!(names[0], "testsuites name=commram tests=3 failures=1 errors=1");
     assert!(names.contains(&"testcase name=b".to_owned()), "{names:?}");
-    let failure = "failure message=node2.w_OPTION_STATUS (%MW3.200002) is 16#0001, not 16#0002";
+    let failure =
+        "failure message=node2.w_OPTION_STATUS (%MW3.200002) is 16#0001, not 16#0002 type=expectation";
     assert!(names.contains(&failure.to_owned()), "{names:?}");
-    assert!(content.contains("expected  16#0002") && content.contains("b.rhai:1: expect("), "{content}");
-    assert!(names.iter().any(|name| name.starts_with("error message=c.rhai:1: ")), "{names:?}");
+    assert!(content.contains("expected  16#0002") && content.contains("b.rhai:2: expect("), "{content}");
+    let error =
+        |name: &String| name.starts_with("error message=c.rhai:1: ") && name.ends_with(" type=script");
+    assert!(names.iter().any(error), "{names:?}");
+    let suite = "testsuite name=b tests=1 errors=0 failures=1 file=b.rhai".to_owned();
+    assert!(names.contains(&suite), "{names:?}");
+    assert!(text.contains("<property name=\"line\" value=\"b.rhai:2\"/>"), "{text}");
+    assert!(text.contains("<property name=\"emulated_us\" value=\"2000\"/>"), "{text}");
 }
 
 #[test]

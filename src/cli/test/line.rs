@@ -1,11 +1,36 @@
 //! What is printed about scenarios.
 
-use super::real_time;
 use crate::cli::table::Row;
-use crate::script::{Failure, Outcome, Report};
+use crate::script::{Failure, FailureKind, JournalLine, Outcome, Place, Report};
 use crate::time::seconds;
+use chrono::{DateTime, SecondsFormat, Utc};
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::Path;
+use std::time::Duration;
+
+/// A scenario that was found.
+#[derive(Serialize)]
+pub(crate) struct Listed {
+    scenario: String,
+    file: String,
+}
+
+impl Listed {
+    /// The line of a file.
+    pub(crate) fn of(file: &Path) -> Self {
+        let scenario = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
+        Self { scenario, file: file.display().to_string() }
+    }
+}
+
+impl Row for Listed {
+    const COLUMNS: &'static [&'static str] = &["scenario", "file"];
+
+    fn cells(&self) -> Vec<String> {
+        vec![self.scenario.clone(), self.file.clone()]
+    }
+}
 
 /// A scenario in a table.
 #[derive(Serialize)]
@@ -13,45 +38,80 @@ pub(crate) struct Line {
     scenario: String,
     file: String,
     outcome: &'static str,
+    /// When it began, in UTC.
+    started: String,
+    expectations: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     emulated_us: Option<u64>,
     real_us: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     message: Option<String>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    location: Option<Location>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
     failure: Option<Details>,
     #[serde(skip_serializing_if = "String::is_empty")]
     printed: String,
 }
 
+/// Where something is wrong.
+#[derive(Serialize)]
+struct Location {
+    /// The script, which may be one that the scenario imports.
+    script: String,
+    line: Option<u32>,
+    source: Option<String>,
+}
+
+impl Location {
+    fn of(place: &Place) -> Self {
+        let Place { file, line, source, .. } = place.clone();
+        Self { script: file, line, source }
+    }
+}
+
 /// What is known of a failure.
 #[derive(Serialize)]
 struct Details {
+    kind: FailureKind,
     register: Option<String>,
     address: Option<String>,
-    expected: Option<String>,
-    actual: Option<String>,
+    expected: Option<i64>,
+    actual: Option<i64>,
+    mask: Option<u32>,
+    tolerance: Option<u32>,
+    expected_text: Option<String>,
+    actual_text: Option<String>,
+    within_us: Option<u64>,
     time_us: u64,
     section: Option<String>,
-    line: Option<String>,
-    journal: Vec<String>,
+    journal: Vec<JournalLine>,
 }
 
 impl Line {
     /// The scenario's line.
     pub(crate) fn of(report: &Report) -> Self {
-        let (message, failure) = match &report.outcome {
-            Outcome::Passed => (None, None),
-            Outcome::Failed(failure) => (Some(failure.what.clone()), Some(Details::of(failure))),
-            Outcome::Broken(text) | Outcome::Died(text) => (Some(text.clone()), None),
+        let (message, location, failure) = match &report.outcome {
+            Outcome::Passed => (None, None, None),
+            Outcome::Failed(failure) => {
+                let location = failure.location.as_ref().map(Location::of);
+                (Some(failure.what.clone()), location, Some(Details::of(failure)))
+            }
+            Outcome::Broken(mistake) => {
+                (Some(mistake.what.clone()), Some(Location::of(&mistake.location)), None)
+            }
+            Outcome::Died(text) | Outcome::NotRun(text) => (Some(text.clone()), None, None),
         };
         Self {
             scenario: report.name(),
             file: report.file.display().to_string(),
-            outcome: outcome(&report.outcome),
+            outcome: report.outcome.name(),
+            started: DateTime::<Utc>::from(report.started).to_rfc3339_opts(SecondsFormat::Millis, true),
+            expectations: report.expectations,
             emulated_us: report.emulated_us,
             real_us: u64::try_from(report.took.as_micros()).unwrap_or(u64::MAX),
             message,
+            location,
             failure,
             printed: report.printed.clone(),
         }
@@ -60,9 +120,22 @@ impl Line {
 
 impl Details {
     fn of(failure: &Failure) -> Self {
-        let Failure { register, address, expected, actual, time_us, section, location, journal, .. } =
-            failure.clone();
-        Self { register, address, expected, actual, time_us, section, line: location, journal }
+        let Failure { kind, register, address, expected, actual, numbers, within_us, .. } = failure.clone();
+        Self {
+            kind,
+            register,
+            address,
+            expected: numbers.map(|numbers| numbers.expected),
+            actual: numbers.map(|numbers| numbers.actual),
+            mask: numbers.and_then(|numbers| numbers.mask),
+            tolerance: numbers.and_then(|numbers| numbers.tolerance),
+            expected_text: expected,
+            actual_text: actual,
+            within_us,
+            time_us: failure.time_us,
+            section: failure.section.clone(),
+            journal: failure.journal.clone(),
+        }
     }
 }
 
@@ -82,28 +155,23 @@ impl Row for Line {
     }
 }
 
-fn outcome(outcome: &Outcome) -> &'static str {
-    match outcome {
-        Outcome::Passed => "passed",
-        Outcome::Failed(_) => "failed",
-        Outcome::Broken(_) => "broken",
-        Outcome::Died(_) => "died",
-    }
-}
-
 /// One line about a scenario, and below it why it did not pass and what it printed.
 pub(crate) fn text(report: &Report) -> String {
     let emulated = report.emulated_us.map(|us| format!("{} emulated ", seconds(us))).unwrap_or_default();
+    if let Outcome::NotRun(why) = &report.outcome {
+        return format!("not run  {}  {why}\n", report.file.display());
+    }
     let mut text = format!(
         "{:<6}  {}  {emulated}in {} ms\n",
-        outcome(&report.outcome),
+        report.outcome.name(),
         report.file.display(),
         report.took.as_millis()
     );
     let reason = match &report.outcome {
-        Outcome::Passed => String::new(),
+        Outcome::Passed | Outcome::NotRun(_) => String::new(),
         Outcome::Failed(failure) => failure.to_string(),
-        Outcome::Broken(reason) | Outcome::Died(reason) => reason.clone(),
+        Outcome::Broken(mistake) => mistake.to_string(),
+        Outcome::Died(reason) => reason.clone(),
     };
     let printed = report.printed.lines().map(|line| format!("| {line}"));
     for line in reason.lines().map(str::to_owned).chain(printed) {
@@ -113,20 +181,21 @@ pub(crate) fn text(report: &Report) -> String {
     text
 }
 
-/// `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, and how many died, if any did.
+/// `12 passed, 1 failed, 0 broken; 3.250000 s emulated in 41 ms`, and how many died or were not run, if any.
 pub(crate) fn summary(reports: &[Report]) -> String {
-    let count = |name| reports.iter().filter(|report| outcome(&report.outcome) == name).count();
+    let count = |name| reports.iter().filter(|report| report.outcome.name() == name).count();
     let emulated = reports.iter().filter_map(|report| report.emulated_us).sum();
-    let died = match count("died") {
+    let others = ["died", "not run"].map(|name| match count(name) {
         0 => String::new(),
-        died => format!(", {died} died"),
-    };
+        count => format!(", {count} {name}"),
+    });
     format!(
-        "{} passed, {} failed, {} broken{died}; {} emulated in {} ms\n",
+        "{} passed, {} failed, {} broken{}; {} emulated in {} ms\n",
         count("passed"),
         count("failed"),
         count("broken"),
+        others.concat(),
         seconds(emulated),
-        real_time(reports).as_millis()
+        reports.iter().map(|report| report.took).sum::<Duration>().as_millis()
     )
 }

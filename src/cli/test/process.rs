@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// How much longer than its real time a process may take: it must start, and it ends itself when its script comes to a
 /// next step.
@@ -29,29 +29,31 @@ pub(crate) struct Setting {
     pub attach: Option<String>,
     /// What each may use up.
     pub limits: LimitArgs,
+    /// Whether those that expect nothing pass.
+    pub allow_empty: bool,
 }
 
 /// Runs a scenario in a process of its own, until told to `stop`.
 pub(crate) fn run(file: &Path, setting: &Setting, stop: impl Fn() -> bool) -> Report {
-    if stop() {
-        return died(file, "not run: interrupted");
-    }
-    match Scenario::start(file, setting) {
+    let mut report = match Scenario::start(file, setting) {
         Ok(scenario) => scenario.watch(file, setting.limits.max_real_time, stop),
         Err(error) => died(file, &error.to_string()),
+    };
+    if !setting.allow_empty {
+        report.refuse_empty();
     }
+    report
 }
 
 /// The report about a scenario whose process cannot tell anything.
 pub(crate) fn died(file: &Path, why: &str) -> Report {
-    let outcome = Outcome::Died(format!("{}: {why}", file.display()));
-    let (took, printed) = (Duration::ZERO, String::new());
-    Report { file: file.to_owned(), outcome, emulated_us: None, took, printed }
+    Report::bare(file.to_owned(), Outcome::Died(format!("{}: {why}", file.display())))
 }
 
 /// A process under way. It is killed when this value is dropped.
 struct Scenario {
     child: Child,
+    began: SystemTime,
     started: Instant,
     messages: Receiver<Message<'static>>,
     complaints: Option<JoinHandle<String>>,
@@ -71,8 +73,9 @@ impl Scenario {
         }
         command.arg("--").arg(file).stdout(Stdio::piped()).stderr(Stdio::piped());
         let (send, messages) = mpsc::channel();
-        let (started, child) = (Instant::now(), command.spawn().map_err(failed)?);
-        let mut this = Self { child, started, messages, complaints: None };
+        let (began, started) = (SystemTime::now(), Instant::now());
+        let child = command.spawn().map_err(failed)?;
+        let mut this = Self { child, began, started, messages, complaints: None };
         let (out, err) = (this.child.stdout.take(), this.child.stderr.take());
         let thread = || std::thread::Builder::new();
         let receive = move || {
@@ -113,12 +116,12 @@ impl Scenario {
             }
         }
         let status = self.end();
-        let took = self.started.elapsed();
+        let (started, took) = (self.began, self.started.elapsed());
         match ended {
             Some(report) => Report { file: file.to_owned(), printed, ..*report },
             None => {
                 let why = killed.unwrap_or_else(|| died_of(&status, &self.complaints()));
-                Report { printed, took, ..died(file, &why) }
+                Report { printed, started, took, ..died(file, &why) }
             }
         }
     }

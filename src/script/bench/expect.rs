@@ -3,7 +3,7 @@
 use super::Bench;
 use super::register::Register;
 use crate::layout::Live;
-use crate::script::{ScenarioError, Span, Value};
+use crate::script::{Failure, Numbers, ScenarioError, Span, Value};
 use crate::time::{seconds, short};
 use core::panic::Location;
 
@@ -73,7 +73,9 @@ impl Bench {
         }
         let what =
             format!("the condition did not hold within {} from {} on", short(within_us), seconds(start_us));
-        Err(self.failure(what, at)?.into())
+        let mut failure = self.failure(what, at)?;
+        failure.within_us = Some(within_us);
+        Err(failure.into())
     }
 
     /// Lets a little time pass on the way to `deadline`; `false` if it is over.
@@ -136,7 +138,10 @@ impl Bench {
         }
         let what = format!("{} is {actual}, not {wanted} +- {tolerance}", register.label(live));
         let expected = format!("{wanted} +- {tolerance}");
-        self.register_failure(&register, live, what, expected, found, at)
+        let mut failure = self.register_failure(&register, live, what, expected, found, at)?;
+        let (expected, mask, tolerance) = (wanted, None, Some(tolerance));
+        failure.numbers = Some(Numbers { expected, actual, mask, tolerance });
+        Err(failure.into())
     }
 
     /// Expects that something holds that the scenario has found out by itself; `text` says what.
@@ -182,7 +187,10 @@ impl Bench {
             short(us),
             seconds(start)
         );
-        self.register_failure(register, live, what, expected, found, at)
+        let mut failure = self.register_failure(register, live, what, expected, found, at)?;
+        failure.numbers = Some(numbers(register, live, mask, value, found));
+        failure.within_us = Some(us);
+        Err(failure.into())
     }
 
     fn expect_pattern(
@@ -200,10 +208,12 @@ impl Bench {
         let expected = expected(register, live, mask, value);
         let [is, not] = [register.place.format(live, found), wanted(register, live, mask, value)];
         let what = format!("{} is {is}, not {not}", register.label(live));
-        self.register_failure(register, live, what, expected, found, at)
+        let mut failure = self.register_failure(register, live, what, expected, found, at)?;
+        failure.numbers = Some(numbers(register, live, mask, value, found));
+        Err(failure.into())
     }
 
-    fn register_failure<T>(
+    fn register_failure(
         &mut self,
         register: &Register,
         live: Live,
@@ -211,13 +221,13 @@ impl Bench {
         expected: String,
         found: u32,
         at: &Location<'_>,
-    ) -> Result<T, ScenarioError> {
+    ) -> Result<Failure, ScenarioError> {
         let mut failure = self.failure(what, at)?;
         failure.register = Some(register.name(live));
         failure.address = Some(register.place.address().to_string());
         failure.expected = Some(expected);
         failure.actual = Some(register.describe(live, found, self.is_forced(register)?));
-        Err(failure.into())
+        Ok(failure)
     }
 }
 
@@ -232,4 +242,14 @@ fn wanted(register: &Register, live: Live, mask: u32, value: u32) -> String {
 fn expected(register: &Register, live: Live, mask: u32, value: u32) -> String {
     let (whole, _) = register.pattern(0);
     if mask == whole { register.describe(live, value, false) } else { wanted(register, live, mask, value) }
+}
+
+/// What was awaited and what was found, as numbers.
+fn numbers(register: &Register, live: Live, mask: u32, value: u32, found: u32) -> Numbers {
+    let (whole, _) = register.pattern(0);
+    let number = |bits| register.place.ty(live).number(bits);
+    // Of a single bit, 0 or 1 counts, wherever it lies.
+    let expected = if register.place.bit().is_some() { i64::from(value != 0) } else { number(value) };
+    let mask = (mask != whole).then_some(mask);
+    Numbers { expected, actual: register.number(live, found), mask, tolerance: None }
 }

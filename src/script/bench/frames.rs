@@ -185,6 +185,7 @@ impl Bench {
         let last: Vec<_> = last.iter().map(SeenFrame::to_string).collect();
         let what = format!("no {expected} within {}", short(within.us()?));
         let mut failure = self.failure(what, at)?;
+        failure.within_us = Some(within.us()?);
         failure.expected = Some(expected);
         failure.actual = Some(match last.as_slice() {
             [] => "no frame at all".to_owned(),

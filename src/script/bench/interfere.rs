@@ -57,6 +57,11 @@ impl Bench {
         Ok(number)
     }
 
+    /// How many faults there are that must strike.
+    pub(in crate::script) fn required_faults(&self) -> usize {
+        self.required.len()
+    }
+
     /// Expects that each fault that is `required` has struck: those of this bench, and those of the plant file it was made
     /// from. Scenario scripts end with it.
     ///

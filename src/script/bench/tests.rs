@@ -1,7 +1,7 @@
 use super::*;
 use crate::devices::samples::tables::NODES;
 use crate::memory::Cell16;
-use crate::script::ScenarioError;
+use crate::script::{Numbers, ScenarioError};
 
 fn message<T>(outcome: Result<T, ScenarioError>) -> String {
     outcome.err().map(|error| error.to_string()).unwrap_or_default()
@@ -42,8 +42,10 @@ fn a_failure_knows_register_values_time_section_and_the_line_of_the_test() -> Re
     assert_eq!(failure.register.as_deref(), Some("node2.w_OPTION_STATUS"));
     assert_eq!(failure.address.as_deref(), Some("%MW3.200002"));
     assert_eq!(failure.actual.as_deref(), Some("16#0001  start-up"));
+    let numbers = Numbers { expected: 2, actual: 1, mask: None, tolerance: None };
+    assert_eq!(failure.numbers, Some(numbers));
     assert_eq!((failure.time_us, failure.section.as_deref()), (1000, Some("start")));
-    let location = failure.location.unwrap_or_default();
+    let location = failure.location.unwrap().to_string();
     assert!(location.starts_with(&format!("{}:{line}:", file!())), "{location}");
     Ok(())
 }
@@ -56,7 +58,7 @@ fn waits_end_at_the_moment_of_the_match() -> Result<(), ScenarioError> {
     assert_eq!(bench.wait("node2.w_OPTION_STATUS", 2, "10ms")?, 0);
     assert_eq!(bench.now()?, 500);
     let failure = failure(bench.wait("node2.w_OPTION_STATUS", 3, 1234));
-    assert_eq!(failure.time_us, 1734);
+    assert_eq!((failure.time_us, failure.within_us), (1734, Some(1234)));
     Ok(())
 }
 

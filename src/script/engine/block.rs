@@ -198,7 +198,7 @@ impl Verbs {
         self.on("cycle", |stage| move |block: &mut Block| stage.act(|bench| block.call(bench)));
         self.on("cycle_until", |stage| {
             move |block: &mut Block, output: &str, within: Dynamic| -> Fallible<INT> {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     let within_us = bench.span(span(&within)?)?;
                     block.until(bench, output, within_us, Location::caller()).map(int)
                 })

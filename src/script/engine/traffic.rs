@@ -14,7 +14,7 @@ impl Verbs {
     pub(super) fn traffic(&mut self) {
         self.on("expect_frame", |stage| {
             move |bus: &str, id: INT, data: Dynamic, within: Dynamic| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     let (id, data) = (identifier(id)?, data_bytes(&data)?);
                     bench.expect_frame(bus, id, &data, span(&within)?).map(|seen| seen_map(&seen))
                 })
@@ -22,7 +22,7 @@ impl Verbs {
         });
         self.on("expect_frame", |stage| {
             move |bus: &str, id: INT, mask: INT, data: Dynamic, within: Dynamic| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     let (id, mask, data) = (identifier(id)?, identifier(mask)?, data_bytes(&data)?);
                     bench
                         .expect_masked_frame(bus, id, mask, &data, span(&within)?)
@@ -32,7 +32,7 @@ impl Verbs {
         });
         self.on("expect_frame", |stage| {
             move |bus: &str, id: INT, data: Dynamic, within: Dynamic, extended: bool| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     let data = data_bytes(&data)?;
                     let seen = if extended {
                         bench.expect_extended_frame(bus, number(id, "identifier")?, &data, span(&within)?)
@@ -45,12 +45,12 @@ impl Verbs {
         });
         self.on("expect_no_frame", |stage| {
             move |bus: &str, id: INT, within: Dynamic| {
-                stage.act(|bench| bench.expect_no_frame(bus, identifier(id)?, ALL_BITS, span(&within)?))
+                stage.expect(|bench| bench.expect_no_frame(bus, identifier(id)?, ALL_BITS, span(&within)?))
             }
         });
         self.on("expect_no_frame", |stage| {
             move |bus: &str, id: INT, within: Dynamic, extended: bool| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     if extended {
                         bench.expect_no_extended_frame(bus, number(id, "identifier")?, span(&within)?)
                     } else {
@@ -82,7 +82,7 @@ impl Verbs {
         });
         self.on("expect_no_frame", |stage| {
             move |bus: &str, id: INT, mask: INT, within: Dynamic| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     bench.expect_no_frame(bus, identifier(id)?, identifier(mask)?, span(&within)?)
                 })
             }

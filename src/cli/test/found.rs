@@ -1,0 +1,227 @@
+//! Which scenarios are meant: folders, filters, shards.
+
+use crate::cli::error::CliError;
+use crate::handed_in;
+use crate::script::{is_part, needs};
+use core::num::NonZero;
+use std::collections::HashSet;
+use std::path::{Component, Path, PathBuf};
+
+/// Scripts nest deeply while they are compiled.
+const STACK: usize = 16 << 20;
+
+/// Every n-th scenario, from the i-th on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Shard {
+    /// From 1.
+    index: usize,
+    count: NonZero<usize>,
+}
+
+impl Shard {
+    /// Parses `2/3`.
+    ///
+    /// # Errors
+    /// It is not written so, or there is no such shard.
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+        let number = |text: &str| text.parse::<NonZero<usize>>().ok();
+        match text.split_once('/').map(|(index, count)| (number(index), number(count))) {
+            Some((Some(index), Some(count))) if index <= count => Ok(Self { index: index.get(), count }),
+            Some((Some(_), Some(count))) => Err(format!("shards are counted from 1, here up to {count}")),
+            _ => Err("write which one and of how many, for example 1/3".to_owned()),
+        }
+    }
+
+    /// Those of them that are in this shard.
+    fn of(self, all: Vec<PathBuf>) -> Vec<PathBuf> {
+        all.into_iter().skip(self.index - 1).step_by(self.count.get()).collect()
+    }
+}
+
+/// The scenarios that are named, in the order in which they are named; those of a folder in the order of their paths.
+///
+/// # Errors
+/// A folder cannot be read or has no scenarios, or a filter lets none through.
+pub(crate) fn scenarios(
+    named: &[PathBuf],
+    filters: &[String],
+    shard: Option<Shard>,
+) -> Result<Vec<PathBuf>, CliError> {
+    let mut files = Vec::new();
+    for path in named {
+        if path.is_dir() {
+            files.append(&mut in_folder(path)?);
+        } else {
+            files.push(path.clone());
+        }
+    }
+    if !filters.is_empty() {
+        files.retain(|file| filters.iter().any(|filter| matches(filter, file)));
+        if files.is_empty() {
+            let right = "no scenario has this in its path; without --filter, --list shows all".to_owned();
+            return Err(CliError::Argument { text: filters.join("`, `"), right });
+        }
+    }
+    Ok(match shard {
+        Some(shard) => shard.of(files),
+        None => files,
+    })
+}
+
+/// The scenarios of a folder and its subfolders: no parts that others there import.
+fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
+    let wrong = |right: &dyn std::fmt::Display| CliError::Argument {
+        text: folder.display().to_string(),
+        right: right.to_string(),
+    };
+    let mut files = Vec::new();
+    walk(folder, &mut files).map_err(|reason| wrong(&reason))?;
+    if files.is_empty() {
+        return Err(wrong(&"this directory has no files that end in .rhai"));
+    }
+    files.sort();
+    let parts = parts(&files)?;
+    files.retain(|file| !parts.contains(file));
+    Ok(files)
+}
+
+/// Takes the scripts of a folder and its subfolders, but not of hidden ones nor of those that a link leads to.
+fn walk(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    for entry in folder.read_dir()? {
+        let entry = entry?;
+        let path = shown(&entry.path());
+        if entry.file_type()?.is_dir() {
+            if !entry.file_name().as_encoded_bytes().starts_with(b".") {
+                walk(&path, files)?;
+            }
+        } else if path.extension().is_some_and(|ending| ending == "rhai") && path.is_file() {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// The path without `.` in front.
+fn shown(path: &Path) -> PathBuf {
+    path.components().filter(|part| *part != Component::CurDir).collect()
+}
+
+/// Those that others import and that do nothing by themselves.
+fn parts(files: &[PathBuf]) -> Result<HashSet<PathBuf>, CliError> {
+    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let imported: HashSet<_> = files.iter().flat_map(|file| needs(file)).map(|file| real(&file)).collect();
+    let mut candidates: Vec<_> = files.iter().filter(|file| imported.contains(&real(file))).collect();
+    if candidates.is_empty() {
+        return Ok(HashSet::new());
+    }
+    std::thread::scope(|scope| {
+        let look = move || {
+            let text = |file: &Path| handed_in::read(file, handed_in::LONGEST_SCRIPT).unwrap_or_default();
+            candidates.retain(|file| is_part(&text(file)));
+            candidates.into_iter().cloned().collect()
+        };
+        let thread = std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, look);
+        let thread = thread.map_err(|reason| CliError::Process { reason })?;
+        Ok(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })
+}
+
+/// Whether a path contains the text; or, if that has `*` or `?` in it, whether the whole path or the file's name without its
+/// ending is of this form.
+fn matches(filter: &str, file: &Path) -> bool {
+    let path = file.to_string_lossy();
+    if !filter.contains(['*', '?']) {
+        return path.contains(filter);
+    }
+    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+    is_of_form(filter, &path) || is_of_form(filter, &name)
+}
+
+/// `*` stands for any characters, `?` for one.
+fn is_of_form(form: &str, text: &str) -> bool {
+    let (form, text): (Vec<char>, Vec<char>) = (form.chars().collect(), text.chars().collect());
+    let (mut at, mut in_form) = (0, 0);
+    // Where the last star stands, and the end of what it stands for so far.
+    let mut star: Option<(usize, usize)> = None;
+    while at < text.len() {
+        match form.get(in_form) {
+            Some('*') => {
+                star = Some((in_form, at));
+                in_form += 1;
+            }
+            Some(wanted) if *wanted == '?' || *wanted == text[at] => {
+                at += 1;
+                in_form += 1;
+            }
+            _ => match &mut star {
+                Some((place, end)) => {
+                    *end += 1;
+                    (in_form, at) = (*place + 1, *end);
+                }
+                None => return false,
+            },
+        }
+    }
+    form[in_form..].iter().all(|rest| *rest == '*')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn paths(texts: &[&str]) -> Vec<PathBuf> {
+        texts.iter().map(PathBuf::from).collect()
+    }
+
+    #[test]
+    fn every_scenario_is_in_one_shard() {
+        let all = paths(&["a", "b", "c", "d", "e"]);
+        let shard = |text: &str| Shard::parse(text).unwrap().of(all.clone());
+        assert_eq!(shard("1/1"), all);
+        assert_eq!((shard("1/2"), shard("2/2")), (paths(&["a", "c", "e"]), paths(&["b", "d"])));
+        assert_eq!(shard("6/6"), paths(&[]));
+        for wrong in ["", "1", "0/2", "3/2", "1/0", "-1/2", "a/b", "1/2/3"] {
+            assert!(Shard::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_filter_is_a_part_of_the_path_or_a_form() {
+        let file = Path::new("tests/scenarios/04-deadlines.rhai");
+        for filter in ["dead", "scenarios/04", "*lines", "04-*", "tests/*.rhai", "0?-d*l*s", "*"] {
+            assert!(matches(filter, file), "{filter}");
+        }
+        for filter in ["Dead", "05", "dead*", "?-deadlines", "*.rhai*x", "tests/*/?.rhai"] {
+            assert!(!matches(filter, file), "{filter}");
+        }
+    }
+
+    #[test]
+    fn folders_are_searched_for_scenarios_but_not_for_their_parts() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        for folder in ["deep/er", "common", ".hidden"] {
+            std::fs::create_dir_all(at(folder)).unwrap();
+        }
+        for (name, text) in [
+            ("b.rhai", "import \"common/start\" as start; start::begin();"),
+            ("a.rhai", "import \"b\" as b;"),
+            ("deep/er/c.rhai", "now();"),
+            ("common/start.rhai", "fn begin() {}"),
+            ("common/unused.rhai", "fn begin() {}"),
+            (".hidden/d.rhai", "now();"),
+            ("deep/e.txt", "now();"),
+        ] {
+            std::fs::write(at(name), text).unwrap();
+        }
+        std::os::unix::fs::symlink(directory.path(), at("deep/round")).unwrap();
+        let found = scenarios(&[directory.path().to_owned()], &[], None).unwrap();
+        // Nobody imports `unused`, so it is told that it does nothing; `b` is imported but does something by itself.
+        let expected = ["a.rhai", "b.rhai", "common/unused.rhai", "deep/er/c.rhai"].map(at);
+        assert_eq!(found, expected);
+        let filters = ["er/c".to_owned(), "a".to_owned()];
+        let shard = Shard::parse("2/2").ok();
+        assert!(scenarios(&[directory.path().join("deep")], &filters[..1], shard).unwrap().is_empty());
+        assert!(scenarios(&[at("a.rhai")], &["nothing".to_owned()], None).is_err());
+    }
+}

@@ -1,0 +1,98 @@
+//! Runs again what has changed.
+
+use crate::script::{Report, needs};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+/// Pause between two looks at the files.
+pub(crate) const PAUSE: Duration = Duration::from_millis(200);
+
+/// What a file looked like: when it was changed and how long it is; nothing if it is not there.
+type Look = Option<(SystemTime, u64)>;
+
+/// What each scenario was made of when it was run.
+#[derive(Default)]
+pub(crate) struct Watched {
+    /// Of each scenario, what all its files looked like.
+    scenarios: BTreeMap<PathBuf, BTreeMap<PathBuf, Look>>,
+}
+
+impl Watched {
+    /// Notes what a scenario is made of, before it runs: what changes meanwhile counts as changed.
+    pub(crate) fn begins(&mut self, scenario: &Path) {
+        let before = self.scenarios.get(scenario).map(|looks| looks.keys().cloned().collect());
+        let mut files: BTreeSet<PathBuf> = before.unwrap_or_default();
+        files.insert(scenario.to_owned());
+        files.extend(needs(scenario));
+        let looks = files.into_iter().map(|file| (look(&file), file)).map(|(look, file)| (file, look));
+        self.scenarios.insert(scenario.to_owned(), looks.collect());
+    }
+
+    /// Takes over what the scenario says that it has read.
+    pub(crate) fn ended(&mut self, report: &Report) {
+        if let Some(looks) = self.scenarios.get_mut(&report.file) {
+            for file in &report.reads {
+                looks.entry(file.clone()).or_insert_with(|| look(file));
+            }
+        }
+    }
+
+    /// Those of the scenarios that have changed since, or are new.
+    pub(crate) fn changed(&self, scenarios: &[PathBuf]) -> Vec<PathBuf> {
+        let is_same = |looks: &BTreeMap<PathBuf, Look>| looks.iter().all(|(file, old)| look(file) == *old);
+        let has_changed = |scenario: &&PathBuf| !self.scenarios.get(*scenario).is_some_and(is_same);
+        scenarios.iter().filter(has_changed).cloned().collect()
+    }
+
+    /// How many files are looked at.
+    pub(crate) fn files(&self) -> usize {
+        self.scenarios.values().flat_map(BTreeMap::keys).collect::<BTreeSet<_>>().len()
+    }
+}
+
+fn look(file: &Path) -> Look {
+    let known = file.metadata().ok()?;
+    Some((known.modified().ok()?, known.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::Outcome;
+
+    #[test]
+    fn a_scenario_runs_again_with_its_script_its_imports_and_its_plant() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let (with, without) = (at("with.rhai"), at("without.rhai"));
+        std::fs::write(&with, "import \"part\" as part;").unwrap();
+        std::fs::write(&without, "").unwrap();
+        std::fs::write(at("plant.toml"), "").unwrap();
+        let all = [with.clone(), without.clone()];
+        let mut watched = Watched::default();
+        assert_eq!(watched.changed(&all), all);
+        let run = |watched: &mut Watched| {
+            for scenario in &all {
+                watched.begins(scenario);
+                let reads = if *scenario == with { vec![at("plant.toml")] } else { Vec::new() };
+                watched.ended(&Report { reads, ..Report::bare(scenario.clone(), Outcome::Passed) });
+            }
+            assert!(watched.changed(&all).is_empty());
+        };
+        for (changed, expected) in [
+            ("plant.toml", &all[..1]),
+            // The import was not there.
+            ("part.rhai", &all[..1]),
+            ("without.rhai", &all[1..]),
+            ("with.rhai", &all[..1]),
+        ] {
+            run(&mut watched);
+            std::fs::write(at(changed), "// changed").unwrap();
+            assert_eq!(watched.changed(&all), expected, "{changed}");
+        }
+        run(&mut watched);
+        std::fs::remove_file(at("plant.toml")).unwrap();
+        assert_eq!(watched.changed(&all), [with], "and it is no longer imported, which nothing forgets");
+    }
+}

@@ -1,0 +1,153 @@
+//! An expectation that is not met, and where it stands.
+
+use crate::time::seconds;
+use core::fmt;
+use serde::{Deserialize, Serialize};
+
+/// What kind of failure it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FailureKind {
+    /// An expectation is not met.
+    Expectation,
+    /// The scenario throws something of its own.
+    Throw,
+    /// It does not end within its limits.
+    Endless,
+    /// The plant refuses what it is asked for, or has gone.
+    Refused,
+    /// It expects nothing.
+    Empty,
+}
+
+impl FailureKind {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Expectation => "expectation",
+            Self::Throw => "throw",
+            Self::Endless => "endless",
+            Self::Refused => "refused",
+            Self::Empty => "empty",
+        }
+    }
+}
+
+/// An expectation that is not met, with all that is known at that moment.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// What kind of failure it is.
+    pub kind: FailureKind,
+    /// What is wrong, in one line.
+    pub what: String,
+    /// Name of the register, if it is about one.
+    pub register: Option<String>,
+    /// Its address.
+    pub address: Option<String>,
+    /// What was expected, decoded.
+    pub expected: Option<String>,
+    /// What was found, decoded.
+    pub actual: Option<String>,
+    /// The same as numbers, if it is about a register.
+    pub numbers: Option<Numbers>,
+    /// How long was waited for it, in emulated microseconds, if it was waited for.
+    pub within_us: Option<u64>,
+    /// Emulated time in microseconds.
+    pub time_us: u64,
+    /// The section of the scenario.
+    pub section: Option<String>,
+    /// The last records of the journal, oldest first.
+    pub journal: Vec<JournalLine>,
+    /// Where the expectation stands.
+    pub location: Option<Place>,
+}
+
+/// What a register should have held and did hold, as numbers of its type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Numbers {
+    /// What was expected.
+    pub expected: i64,
+    /// What was found, all bits of it.
+    pub actual: i64,
+    /// The bits that count, if not all do.
+    pub mask: Option<u32>,
+    /// How far away from each other they may be.
+    pub tolerance: Option<u32>,
+}
+
+/// A record of the journal.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JournalLine {
+    /// Emulated time in microseconds.
+    pub time_us: u64,
+    /// Its kind, as `commram trace --kind` names it.
+    pub kind: String,
+    /// The line of `commram trace`.
+    pub text: String,
+}
+
+/// A line of a script, or of a test in Rust.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Place {
+    /// The file.
+    pub file: String,
+    /// The line, from 1, if it is known.
+    pub line: Option<u32>,
+    /// The column, from 1, of a test in Rust.
+    pub column: Option<u32>,
+    /// The line's text, of a script.
+    pub source: Option<String>,
+}
+
+impl Place {
+    /// `master.rhai:12`
+    pub(super) fn short(&self) -> String {
+        let number = |number: Option<u32>| number.map(|number| format!(":{number}")).unwrap_or_default();
+        format!("{}{}{}", self.file, number(self.line), number(self.column))
+    }
+}
+
+impl fmt::Display for Place {
+    /// `master.rhai:12: expect(...)`
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.short())?;
+        self.source.as_ref().map_or(Ok(()), |source| write!(f, ": {source}"))
+    }
+}
+
+impl From<&core::panic::Location<'_>> for Place {
+    fn from(at: &core::panic::Location<'_>) -> Self {
+        let file = at.file().to_owned();
+        Self { file, line: Some(at.line()), column: Some(at.column()), source: None }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.what)?;
+        let location = self.location.as_ref().map(Place::to_string);
+        let rows = [
+            ("expected", &self.expected),
+            ("actual", &self.actual),
+            ("section", &self.section),
+            ("line", &location),
+        ];
+        for (name, text) in rows {
+            if let Some(text) = text {
+                write!(f, "\n  {name:<8}  {text}")?;
+            }
+        }
+        write!(f, "\n  {:<8}  {} emulated", "time", seconds(self.time_us))?;
+        if !self.journal.is_empty() {
+            f.write_str("\n  journal, last entries:")?;
+        }
+        self.journal.iter().try_for_each(|line| write!(f, "\n    {}", line.text))
+    }
+}
+
+/// Tests that return an error show it by `Debug`: a failure is for people in any case.
+impl fmt::Debug for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}

@@ -1,0 +1,110 @@
+//! Scripts that are parts of others, and what a script needs, as far as can be told without running it.
+
+use super::imports::module_file;
+use crate::handed_in;
+use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Scope};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// More steps than constants take, and fewer than do any harm.
+const OPERATIONS: u64 = 1_000;
+/// Longest texts, arrays and maps that those steps make.
+const SIZE: usize = 1 << 12;
+
+/// Whether a script only defines functions and constants, for others that import it: by itself it calls no verb.
+pub fn is_part(text: &str) -> bool {
+    let mut engine = Engine::new();
+    engine.set_max_operations(OPERATIONS);
+    engine.set_max_call_levels(8);
+    engine.set_max_expr_depths(64, 64);
+    engine.set_max_string_size(SIZE);
+    engine.set_max_array_size(SIZE);
+    engine.set_max_map_size(SIZE);
+    engine.set_module_resolver(Nothing);
+    engine.on_print(|_| {});
+    engine.on_debug(|_, _, _| {});
+    let Ok(script) = engine.compile(text) else { return false };
+    // This engine has no verbs, so whatever calls one ends with an error.
+    script.has_functions() && engine.run_ast_with_scope(&mut Scope::new(), &script).is_ok()
+}
+
+/// Finds every import, and nothing in it.
+struct Nothing;
+
+impl ModuleResolver for Nothing {
+    fn resolve(
+        &self,
+        _: &Engine,
+        _: Option<&str>,
+        _: &str,
+        _: Position,
+    ) -> Result<Rc<Module>, Box<EvalAltResult>> {
+        Ok(Rc::new(Module::new()))
+    }
+}
+
+/// The files that a scenario imports, and those that they import, as far as they are named by texts that stand there.
+pub fn needs(scenario: &Path) -> Vec<PathBuf> {
+    let directory = scenario.parent().unwrap_or(Path::new(""));
+    let (mut found, mut next): (Vec<PathBuf>, _) = (Vec::new(), Some(scenario.to_owned()));
+    let mut looked_at = 0;
+    while let Some(file) = next {
+        let text = handed_in::read(&file, handed_in::LONGEST_SCRIPT).unwrap_or_default();
+        for name in imports(&text) {
+            let file = module_file(name, directory);
+            if !found.contains(&file) {
+                found.push(file);
+            }
+        }
+        next = found.get(looked_at).cloned();
+        looked_at += 1;
+    }
+    found
+}
+
+/// What stands between quotes behind the word `import`, be it in a comment.
+fn imports(text: &str) -> impl Iterator<Item = &str> {
+    text.split("import").skip(1).filter_map(|rest| {
+        let rest = rest.trim_start().strip_prefix(['"', '`'])?;
+        rest.split_once(['"', '`', '\n']).map(|(name, _)| name)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_script_that_only_defines_is_a_part() {
+        for part in [
+            "fn start() { poke(\"node2.b_BT_0\", 1); }",
+            "import \"other\" as other;\nconst FIRST = 16;\nfn start() { other::start(FIRST); }",
+        ] {
+            assert!(is_part(part), "{part}");
+        }
+        for scenario in [
+            "",
+            "print(1)",
+            "fn start() { } expect(\"node2.b_BT_0\", 1);",
+            "import \"common\" as c; fn own() { } c::start();",
+            "fn start() { poke(\"node2.b_BT_0\", 1); } start();",
+            "fn wrong( {",
+            "fn endless() { } loop { }",
+            "fn own() { } throw 1",
+        ] {
+            assert!(!is_part(scenario), "{scenario}");
+        }
+    }
+
+    #[test]
+    fn imports_are_followed_from_the_directory_of_the_scenario() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        std::fs::create_dir(at("common")).unwrap();
+        std::fs::write(at("main.rhai"), "import \"common/a\" as a;\n// nothing\nimport `missing` as m;")
+            .unwrap();
+        std::fs::write(at("common/a.rhai"), "fn a() { import \"common/b\" as b; }").unwrap();
+        std::fs::write(at("common/b.rhai"), "import \"common/a\" as a;").unwrap();
+        assert_eq!(needs(&at("main.rhai")), [at("common/a.rhai"), at("missing.rhai"), at("common/b.rhai")]);
+    }
+}

@@ -1,0 +1,124 @@
+//! What has become of a scenario.
+
+use super::failure::{Failure, FailureKind, Place};
+use core::fmt;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::time::{Duration, SystemTime};
+
+/// How a scenario ended.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Outcome {
+    /// All expectations were met.
+    Passed,
+    /// The plant did not behave as expected.
+    Failed(Box<Failure>),
+    /// The script is wrong: it cannot be read or compiled, or uses a verb wrongly.
+    Broken(Box<Mistake>),
+    /// It was not run to its end: its process crashed or was killed. The text says what is known. Only somebody else than
+    /// that process can tell.
+    Died(String),
+    /// It was not begun; the text says why.
+    NotRun(String),
+}
+
+impl Outcome {
+    /// Its name in reports.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Passed => "passed",
+            Self::Failed(_) => "failed",
+            Self::Broken(_) => "broken",
+            Self::Died(_) => "died",
+            Self::NotRun(_) => "not run",
+        }
+    }
+
+    /// Whether it passed.
+    pub fn is_passed(&self) -> bool {
+        matches!(self, Self::Passed)
+    }
+}
+
+/// What is wrong with a script.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mistake {
+    /// What.
+    pub what: String,
+    /// Where.
+    pub location: Place,
+}
+
+impl fmt::Display for Mistake {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.location.short(), self.what)?;
+        self.location.source.as_ref().map_or(Ok(()), |source| write!(f, "\n  line      {source}"))
+    }
+}
+
+/// What has become of a scenario.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// The script, as named; who gets the report from another process knows it.
+    #[serde(skip)]
+    pub file: PathBuf,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// How many expectations it has come to.
+    pub expectations: u64,
+    /// Emulated time that it took, in microseconds; nobody knows it of a scenario that died.
+    pub emulated_us: Option<u64>,
+    /// When it began.
+    pub started: SystemTime,
+    /// Real time that it took.
+    pub took: Duration,
+    /// What it printed, up to 1 MiB; who gets the report from another process has had it already.
+    #[serde(skip)]
+    pub printed: String,
+    /// The files that it has read beside itself: imports and the plant, whether they are there or not.
+    pub reads: Vec<PathBuf>,
+}
+
+impl Report {
+    /// The report about a scenario of which nothing is known but how it ended.
+    pub fn bare(file: PathBuf, outcome: Outcome) -> Self {
+        Self {
+            file,
+            outcome,
+            expectations: 0,
+            emulated_us: None,
+            started: SystemTime::now(),
+            took: Duration::ZERO,
+            printed: String::new(),
+            reads: Vec::new(),
+        }
+    }
+
+    /// The scenario's name: its file without directory and extension.
+    pub fn name(&self) -> String {
+        self.file.file_stem().unwrap_or(self.file.as_os_str()).to_string_lossy().into_owned()
+    }
+
+    /// Makes a failure of a scenario that passed without expecting anything.
+    pub fn refuse_empty(&mut self) {
+        if !self.outcome.is_passed() || self.expectations > 0 {
+            return;
+        }
+        let file = self.file.display().to_string();
+        self.outcome = Outcome::Failed(Box::new(Failure {
+            kind: FailureKind::Empty,
+            what: "the scenario expects nothing, so it cannot fail; let it expect something, or say --allow-empty"
+                .to_owned(),
+            register: None,
+            address: None,
+            expected: None,
+            actual: None,
+            numbers: None,
+            within_us: None,
+            time_us: self.emulated_us.unwrap_or_default(),
+            section: None,
+            journal: Vec::new(),
+            location: Some(Place { file, line: None, column: None, source: None }),
+        }));
+    }
+}

@@ -1,0 +1,119 @@
+//! Which scenarios run, and in what circumstances they pass.
+
+use super::*;
+use crate::common::{eventually, wait_for};
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+use std::sync::{Arc, Mutex};
+
+const GOOD: &str = "expect(\"node2.w_OPTION_STATUS\", 1);";
+const BAD: &str = "expect(\"node2.w_OPTION_STATUS\", 2);";
+
+/// A folder with subfolders.
+fn tree() -> Scripts {
+    let scripts = Scripts::new(&[]);
+    for folder in ["winder/slow", "common"] {
+        std::fs::create_dir_all(scripts.0.path().join(folder)).unwrap();
+    }
+    for (name, text) in [
+        ("first.rhai", "import \"common/check\" as check;\ncheck::check();"),
+        ("common/check.rhai", "fn check() { expect(\"node2.w_OPTION_STATUS\", 1); }"),
+        ("winder/start.rhai", GOOD),
+        ("winder/slow/stop.rhai", GOOD),
+    ] {
+        std::fs::write(scripts.0.path().join(name), text).unwrap();
+    }
+    scripts
+}
+
+#[test]
+fn subfolders_filters_and_shards_say_which_scenarios_run() {
+    let scripts = tree();
+    let listed = |args: &[&str]| scripts.run(&[&[".", "--list"], args].concat()).ok().replace('\n', " ");
+    assert_eq!(listed(&[]), "first.rhai winder/slow/stop.rhai winder/start.rhai ");
+    assert_eq!(listed(&["--filter", "winder", "--filter", "f*"]), listed(&[]));
+    assert_eq!(listed(&["--filter", "st??t"]), "winder/start.rhai ");
+    assert_eq!(listed(&["--shard", "1/2"]), "first.rhai winder/start.rhai ");
+    assert_eq!(listed(&["--shard", "2/2"]), "winder/slow/stop.rhai ");
+    let json = scripts.run(&[".", "--list", "--filter", "stop", "--format", "json"]);
+    let json: serde_json::Value = serde_json::from_str(json.ok()).unwrap();
+    assert_eq!(json, serde_json::json!([{ "scenario": "stop", "file": "winder/slow/stop.rhai" }]));
+    let outcome = scripts.run(&["."]);
+    let lines: Vec<_> =
+        outcome.ok().lines().map(|line| line.split("  ").nth(1).unwrap_or_default()).collect();
+    assert_eq!(lines, ["first.rhai", "winder/slow/stop.rhai", "winder/start.rhai", ""]);
+    assert!(scripts.run(&[".", "--filter", "nothing"]).fails(2).contains("`nothing`: no scenario has this"));
+    assert!(
+        scripts.run(&[".", "--shard", "3/2"]).fails(2).contains("shards are counted from 1, here up to 2")
+    );
+    let part = scripts.run(&["common"]);
+    assert_eq!(part.code, Some(1), "nobody there imports it: {}", part.out);
+}
+
+#[test]
+fn a_scenario_that_expects_nothing_has_failed_unless_that_is_allowed() {
+    let scripts = Scripts::new(&[
+        ("empty.rhai", ""),
+        ("steps.rhai", "poke(\"node2.w_CPU_CONTROL\", 1); step(\"1ms\");"),
+        ("waits.rhai", "poke(\"node2.w_CPU_CONTROL\", 1); wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");"),
+        ("fault.rhai", "fault(\"lose_frame slot=WRC1 required\"); clear_faults(); throw 1"),
+    ]);
+    let outcome = scripts.run(&["empty.rhai", "steps.rhai", "waits.rhai", "--format", "json"]);
+    assert_eq!(outcome.code, Some(1));
+    let reports: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
+    let seen: Vec<_> = reports
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| (&it["outcome"], &it["kind"], &it["expectations"]))
+        .collect();
+    let (failed, none) = ("failed".into(), serde_json::Value::Null);
+    let empty = (&failed, &"empty".into(), &0.into());
+    assert_eq!(seen, [empty, empty, (&"passed".into(), &none, &1.into())]);
+    scripts.run(&["empty.rhai", "steps.rhai", "--allow-empty"]).ok();
+    let thrown = scripts.run(&["fault.rhai", "--format", "json"]);
+    let thrown_report: serde_json::Value = serde_json::from_str(&thrown.out).unwrap();
+    assert_eq!((thrown.code, &thrown_report[0]["kind"]), (Some(1), &"throw".into()));
+}
+
+#[test]
+fn after_a_failure_no_more_begin_if_that_is_wanted() {
+    let scripts = Scripts::new(&[("1.rhai", GOOD), ("2.rhai", BAD), ("3.rhai", GOOD)]);
+    let outcome = scripts.run(&[".", "--jobs", "1", "--fail-fast", "--junit", "report.xml"]);
+    assert_eq!(outcome.code, Some(1));
+    assert!(
+        outcome.out.contains("\nnot run  3.rhai  another has not passed (--fail-fast)\n"),
+        "{}",
+        outcome.out
+    );
+    assert!(outcome.out.contains("\n1 passed, 1 failed, 0 broken, 1 not run; "), "{}", outcome.out);
+    assert!(
+        scripts.read("report.xml").contains("<skipped message=\"another has not passed (--fail-fast)\"/>")
+    );
+}
+
+#[test]
+fn what_has_changed_runs_again() {
+    let scripts = tree();
+    let child = scripts.command(&[".", "--watch"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    let mut child = child.unwrap();
+    let seen = Arc::new(Mutex::new(Vec::<String>::new()));
+    let (lines, copy) = (BufReader::new(child.stdout.take().unwrap()).lines(), Arc::clone(&seen));
+    let reader = std::thread::spawn(move || {
+        lines.map_while(Result::ok).for_each(|line| copy.lock().unwrap().push(line))
+    });
+    let shows = |what: &str| {
+        let is_there = || seen.lock().unwrap().iter().any(|line| line.starts_with(what));
+        assert!(eventually(is_there), "no {what} in {:?}", seen.lock().unwrap());
+        seen.lock().unwrap().clear();
+    };
+    shows("3 passed, 0 failed, 0 broken; ");
+    let part = scripts.0.path().join("common/check.rhai");
+    std::fs::write(part, "fn check() { expect(\"node2.w_OPTION_STATUS\", 77); }").unwrap();
+    shows("0 passed, 1 failed, 0 broken; ");
+    std::fs::write(scripts.0.path().join("new.rhai"), GOOD).unwrap();
+    shows("1 passed, 0 failed, 0 broken; ");
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(!wait_for(&mut child, "a test that watches").success());
+    reader.join().unwrap();
+}
