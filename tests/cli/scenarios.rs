@@ -332,7 +332,7 @@ fn json_has_everything() {
     }
     assert_eq!([&failed["expected"], &failed["actual"], &failed["line"], &failed["time_us"]], [2, 1, 2, 0]);
     let journal = &failed["journal"][0];
-    assert_eq!((&journal["time_us"], &journal["kind"]), (&0.into(), &"plc_write".into()), "{journal}");
+    assert_eq!((&journal["time_us"], &journal["kind"]), (&0.into(), &"channel_write".into()), "{journal}");
     let broken = &reports[2];
     assert_eq!((&broken["script"], &broken["line"]), (&"c.rhai".into(), &1.into()), "{broken}");
 }
