@@ -277,7 +277,7 @@ fn one(plc: Option<&str>, setting: BoardSetting, instance: &Instance) -> Result<
 
 fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(), CliError> {
     use super::session::Session;
-    let session = Session::open_for_reading(&instance.name)?;
+    let session = Session::open_for_reading(instance)?;
     let only = plc.map(|plc| session.plc(Some(plc), plc)).transpose()?;
     let boards = session.boards()?;
     let mut rows = Vec::with_capacity(boards.len());
@@ -296,7 +296,7 @@ fn get(plc: Option<&str>, format: &FormatArg, instance: &Instance) -> Result<(),
 fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     use super::session::Session;
     use crate::request::Op;
-    let session = Session::open(&instance.name, 0)?;
+    let session = Session::open(instance, 0)?;
     let op = |word: &BoardWord<'_>| {
         let plc = session.plc(word.plc, word.text)?;
         Ok(Op::SetBoard { plc, setting: word.at(session.device(plc))? })

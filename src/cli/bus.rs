@@ -88,9 +88,9 @@ struct Close {
 /// Lists buses, opens or closes doors, plays or compares logs.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
-        Command::List(args) => by_channel::list(args.format.format, &args.instance.name),
-        Command::Open(args) => by_channel::open(&args.bus, args.door, &args.instance.name),
-        Command::Close(args) => by_channel::close(&args.bus, args.door, &args.instance.name),
+        Command::List(args) => by_channel::list(args.format.format, &args.instance),
+        Command::Open(args) => by_channel::open(&args.bus, args.door, &args.instance),
+        Command::Close(args) => by_channel::close(&args.bus, args.door, &args.instance),
         Command::Play(args) => log::play(args),
         Command::Compare(args) => log::compare(args),
     }
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
-    use super::super::{error::CliError, output};
+    use super::super::{Instance, error::CliError, output};
     use crate::door::{DoorSpec, GuestState};
     use crate::request::{BusState, Op, Station};
     use serde::Serialize;
@@ -216,7 +216,7 @@ mod by_channel {
         }
     }
 
-    pub(super) fn list(format: Format, instance: &str) -> Result<(), CliError> {
+    pub(super) fn list(format: Format, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
         let entries: Vec<_> = session.ask(Op::Buses)?.buses()?.iter().map(Entry::of).collect();
         table::print(format, &entries, |entries| match entries {
@@ -226,24 +226,24 @@ mod by_channel {
     }
 
     /// The number of the bus that the user means.
-    fn number(session: &Session, bus: &str, instance: &str) -> Result<u16, CliError> {
+    fn number(session: &Session, bus: &str, instance: &Instance) -> Result<u16, CliError> {
         let buses = session.ask(Op::Info)?.info()?.names.buses;
         let found = buses.iter().position(|name| name == bus).and_then(|index| u16::try_from(index).ok());
         found.ok_or_else(|| CliError::UnknownBus {
             bus: bus.to_owned(),
-            instance: instance.to_owned(),
+            instance: instance.name().to_owned(),
             buses: buses.join(", "),
         })
     }
 
-    pub(super) fn open(bus: &str, door: DoorSpec, instance: &str) -> Result<(), CliError> {
+    pub(super) fn open(bus: &str, door: DoorSpec, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
         let bus = number(&session, bus, instance)?;
         let door = session.ask(Op::DoorOpen { bus, door })?.door_opened()?;
         output::print(&format!("{door}\n"))
     }
 
-    pub(super) fn close(bus: &str, door: Option<DoorSpec>, instance: &str) -> Result<(), CliError> {
+    pub(super) fn close(bus: &str, door: Option<DoorSpec>, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
         let bus = number(&session, bus, instance)?;
         session.ask(Op::DoorClose { bus, door })?.doors_closed().map(drop).map_err(CliError::from)
@@ -252,20 +252,20 @@ mod by_channel {
 
 #[cfg(not(feature = "channel"))]
 mod by_channel {
-    use super::super::{error::CliError, table::Format};
+    use super::super::{Instance, error::CliError, table::Format};
     use crate::door::DoorSpec;
 
     const NO_CHANNEL: CliError = CliError::NoChannel { command: "bus" };
 
-    pub(super) fn list(_: Format, _: &str) -> Result<(), CliError> {
+    pub(super) fn list(_: Format, _: &Instance) -> Result<(), CliError> {
         Err(NO_CHANNEL)
     }
 
-    pub(super) fn open(_: &str, _: DoorSpec, _: &str) -> Result<(), CliError> {
+    pub(super) fn open(_: &str, _: DoorSpec, _: &Instance) -> Result<(), CliError> {
         Err(NO_CHANNEL)
     }
 
-    pub(super) fn close(_: &str, _: Option<DoorSpec>, _: &str) -> Result<(), CliError> {
+    pub(super) fn close(_: &str, _: Option<DoorSpec>, _: &Instance) -> Result<(), CliError> {
         Err(NO_CHANNEL)
     }
 }

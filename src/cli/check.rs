@@ -13,7 +13,7 @@ use serde::Serialize;
 /// An error is what the manual forbids or what cannot have the effect that was wanted; a warning is allowed or has no
 /// effect, but hardly what was meant. docs/checker.md tells what can be seen and what cannot.
 ///
-/// Exit code 1: there is an error among the findings. Exit code 2: nothing could be checked, because the emulator is
+/// Exit code 1: there is an error among the findings. Exit code 3: nothing could be checked, because the emulator is
 /// not there.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let rules: Vec<_> = devices::catalogue().rules.iter().copied().map(RuleRow::new).collect();
         return table::print(args.format.format, &rules, rules_text);
     }
-    let checked = findings(args).map_err(|error| CliError::Unchecked(Box::new(error)))?;
+    let checked = findings(args)?;
     let rows: Vec<_> = checked.entries.iter().map(|entry| FindingRow::new(entry, &checked)).collect();
     table::print(args.format.format, &rows, |rows| text(rows, &checked))?;
     if checked.entries.iter().any(|entry| entry.last.rule.severity() == Severity::Error) {
@@ -62,8 +62,8 @@ struct Checked {
 fn findings(args: &Args) -> Result<Checked, CliError> {
     use super::session::Session;
     use crate::request::{Op, Reply, WrongReply};
-    let instance = args.instance.name.clone();
-    let session = Session::open(&instance, 0)?;
+    let instance = args.instance.name().to_owned();
+    let session = Session::open(&args.instance, 0)?;
     let mut ops = vec![Op::Info, Op::Findings];
     ops.extend(args.clear.then_some(Op::ClearFindings));
     let mut replies = session.request(&ops)?.into_iter();

@@ -8,7 +8,7 @@ mod processes;
 
 use super::device::DeviceArg;
 use super::error::CliError;
-use super::{dump, output};
+use super::{Instance, dump, output};
 use crate::devices;
 use crate::plant::PlantConfig;
 use processes::{Emulator, POLL, SoftPlc};
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut soft_plc = SoftPlc::start(&instance, plc)?;
     watch(&mut emulator, &mut soft_plc, &interrupts)?;
     output::print(&format!("\n{} now, as `commram dump {}` shows it:\n", demo.title, demo.area))?;
-    dump::show(&instance, &[demo.area.to_owned()])?;
+    dump::show(&Instance::running(&instance), &[demo.area.to_owned()])?;
     emulator.stop()
 }
 

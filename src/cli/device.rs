@@ -89,7 +89,7 @@ pub(crate) fn told_by<T>(
     ask: impl Fn(&Session) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
     use LayoutError::{UnknownArea, UnknownVariable};
-    match (&refusal, Session::open_for_reading(&instance.name)) {
+    match (&refusal, Session::open_for_reading(&Instance::running(instance.name()))) {
         (CliError::Layout(UnknownArea { .. } | UnknownVariable { .. }), Ok(session)) => ask(&session),
         _ => Err(refusal),
     }

@@ -28,8 +28,9 @@ Examples:
 
 Exit codes:
   0  nothing differs
-  1  something differs, or the emulator is not there
-  2  wrong use, or a file cannot be read")]
+  1  something differs
+  2  wrong use, or a file cannot be read
+  3  the emulator is not there")]
 pub(crate) struct Args {
     /// A dump in JSON
     #[arg(value_name = "BEFORE")]
@@ -55,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             changes
         }
         None => {
-            let now = now(&args.instance.name, &before, &known)?;
+            let now = now(&args.instance, &before, &known)?;
             let changes = known.changed(&now);
             let gone = Known::new(now).missing(&before).len();
             if gone > 0 {
@@ -80,7 +81,7 @@ fn read(path: &Path) -> Result<Vec<Held>, CliError> {
 }
 
 /// The registers of the blocks in `before`: those that are there, and those that differ from their reset value.
-fn now(instance: &str, before: &[Held], known: &Known) -> Result<Vec<Held>, CliError> {
+fn now(instance: &Instance, before: &[Held], known: &Known) -> Result<Vec<Held>, CliError> {
     before.iter().try_for_each(|held| on_any_device(|fitted| area(fitted.device(), held).map(drop)))?;
     let session = Session::open_for_reading(instance)?;
     let first = |held: &Held| {

@@ -59,25 +59,25 @@ impl Selection {
 
 /// Prints the dump.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    print(&args.instance.name, &args.blocks, args.all, args.format.format)
+    print(&args.instance, &args.blocks, args.all, args.format.format)
 }
 
 /// Prints those registers of the blocks that differ from their reset value.
 ///
 /// # Errors
 /// As all commands that read.
-pub(crate) fn show(instance: &str, blocks: &[String]) -> Result<(), CliError> {
+pub(crate) fn show(instance: &Instance, blocks: &[String]) -> Result<(), CliError> {
     print(instance, blocks, false, Format::Text)
 }
 
-fn print(instance: &str, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
+fn print(instance: &Instance, blocks: &[String], all: bool, format: Format) -> Result<(), CliError> {
     check(blocks)?;
     let session = Session::open_for_reading(instance)?;
     let dump = Blocks::find(&session, blocks)?.read(&session)?;
     let wanted = dump.rows.into_iter().filter(|row| all || row.differs || row.holding.forced);
     let rows: Vec<_> = wanted.map(|row| row.holding).collect();
     table::print(format, &rows, |rows| {
-        let head = format!("instance '{instance}' at {}\n", time::seconds(dump.time_us));
+        let head = format!("instance '{}' at {}\n", instance.name(), time::seconds(dump.time_us));
         head + &text(rows, dump.is_live)
     })
 }

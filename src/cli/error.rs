@@ -178,12 +178,15 @@ pub(crate) enum CliError {
     /// The user does not want to wait for the end.
     #[error("interrupted")]
     Interrupted,
-    /// The access checker cannot be asked. Exit code 1 of `check` means findings, so this is another one.
-    #[error(transparent)]
-    Unchecked(Box<CliError>),
     /// What is wrong has been said already.
     #[error("see above")]
     Reported,
+    /// The end of another process, or a signal, decides how this one ends; there is nothing more to say.
+    #[error("see above")]
+    Ended {
+        /// The exit code.
+        code: u8,
+    },
     /// Wrong use has been reported already.
     #[error("see above")]
     ReportedWrongUse,
@@ -257,45 +260,9 @@ pub(crate) enum CliError {
 }
 
 impl CliError {
-    /// Exit code for an expectation that failed, or an emulator that is not there.
-    pub(crate) const FAILED: u8 = 1;
-    /// Exit code for wrong use.
-    pub(crate) const WRONG_USE: u8 = 2;
-
-    /// The exit code of the process.
-    pub(crate) fn exit_code(&self) -> u8 {
-        let wrong_use = match self {
-            Self::Layout(_)
-            | Self::Export(_)
-            | Self::Unchecked(_)
-            | Self::Value(_)
-            | Self::Argument { .. }
-            | Self::Board(_)
-            | Self::WhichPlc { .. }
-            | Self::UnknownPlc { .. }
-            | Self::ReportedWrongUse
-            | Self::FaultWord(_)
-            | Self::NoDump { .. }
-            | Self::NoDemo { .. }
-            | Self::LayoutFiles(_)
-            | Self::OtherLayout { .. }
-            | Self::Import(
-                ImportError::Layout(_)
-                | ImportError::Declaration(_)
-                | ImportError::NothingDeclared { .. }
-                | ImportError::Called { .. },
-            )
-            | Self::Plant(_)
-            | Self::Fault(_)
-            | Self::Memory(MemoryError::BadName { .. })
-            | Self::Runtime(RuntimeError::Plant(_) | RuntimeError::Speed { .. }) => true,
-            #[cfg(feature = "channel")]
-            Self::UnknownBus { .. } => true,
-            #[cfg(feature = "channel")]
-            Self::Client(error) => is_wrong_use(error),
-            _ => false,
-        };
-        if wrong_use { Self::WRONG_USE } else { Self::FAILED }
+    /// Whether there is nothing left to say.
+    pub(crate) fn is_told(&self) -> bool {
+        matches!(self, Self::Reported | Self::ReportedWrongUse | Self::Ended { .. } | Self::BrokenPipe)
     }
 }
 
@@ -308,15 +275,5 @@ impl From<DemoError> for CliError {
             DemoError::Output(reason) => Self::Output { reason },
             other => Self::Demo(other.to_string()),
         }
-    }
-}
-
-#[cfg(feature = "channel")]
-fn is_wrong_use(error: &crate::channel::ClientError) -> bool {
-    use crate::channel::ClientError;
-    match error {
-        ClientError::TooManyOperations { .. } => true,
-        ClientError::Refused(refused) => refused.code.is_wrong_use(),
-        _ => false,
     }
 }

@@ -138,10 +138,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
                     "only a scenario can require that a fault strikes: fault(\"... required\")".to_owned();
                 return Err(CliError::Argument { text: "required".to_owned(), right });
             }
-            by_channel::add(&spec, &args.instance.name)
+            by_channel::add(&spec, &args.instance)
         }
-        Command::List(args) => by_channel::list(args.format.format, &args.instance.name),
-        Command::Clear(args) => by_channel::clear(&args.numbers, &args.instance.name),
+        Command::List(args) => by_channel::list(args.format.format, &args.instance),
+        Command::Clear(args) => by_channel::clear(&args.numbers, &args.instance),
     }
 }
 
@@ -149,7 +149,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
-    use super::super::{error::CliError, output};
+    use super::super::{Instance, error::CliError, output};
     use crate::devices;
     use crate::fault::{FaultSpec, FaultStatus};
     use crate::journal::Names;
@@ -183,14 +183,14 @@ mod by_channel {
         Ok(session.ask(Op::Info)?.info()?.names)
     }
 
-    pub(super) fn add(spec: &FaultSpec, instance: &str) -> Result<(), CliError> {
+    pub(super) fn add(spec: &FaultSpec, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
         let fault = spec.resolve(devices::fault_kinds(), &names(&session)?)?;
         let id = session.ask(Op::FaultAdd { fault })?.fault_added()?;
         output::print(&format!("{id}\n"))
     }
 
-    pub(super) fn list(format: Format, instance: &str) -> Result<(), CliError> {
+    pub(super) fn list(format: Format, instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
         let names = names(&session)?;
         let entry = |status: &FaultStatus| Entry {
@@ -207,7 +207,7 @@ mod by_channel {
         })
     }
 
-    pub(super) fn clear(numbers: &[NonZeroU16], instance: &str) -> Result<(), CliError> {
+    pub(super) fn clear(numbers: &[NonZeroU16], instance: &Instance) -> Result<(), CliError> {
         let session = Session::open(instance, 0)?;
         let one = |id: &NonZeroU16| Op::FaultClear { id: Some(*id) };
         let ops: Vec<_> = if numbers.is_empty() {
@@ -221,21 +221,21 @@ mod by_channel {
 
 #[cfg(not(feature = "channel"))]
 mod by_channel {
-    use super::super::{error::CliError, table::Format};
+    use super::super::{Instance, error::CliError, table::Format};
     use crate::fault::FaultSpec;
     use std::num::NonZeroU16;
 
     const NO_CHANNEL: CliError = CliError::NoChannel { command: "fault" };
 
-    pub(super) fn add(_: &FaultSpec, _: &str) -> Result<(), CliError> {
+    pub(super) fn add(_: &FaultSpec, _: &Instance) -> Result<(), CliError> {
         Err(NO_CHANNEL)
     }
 
-    pub(super) fn list(_: Format, _: &str) -> Result<(), CliError> {
+    pub(super) fn list(_: Format, _: &Instance) -> Result<(), CliError> {
         Err(NO_CHANNEL)
     }
 
-    pub(super) fn clear(_: &[NonZeroU16], _: &str) -> Result<(), CliError> {
+    pub(super) fn clear(_: &[NonZeroU16], _: &Instance) -> Result<(), CliError> {
         Err(NO_CHANNEL)
     }
 }

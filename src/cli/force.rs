@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     }
     let check = of_any_device_but_told_by(&args.instance);
     args.writes.iter().try_for_each(|text| poke::parse(text, &check).map(drop))?;
-    let session = Session::open(&args.instance.name, 0)?;
+    let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| poke::parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
     let op = |(place, value): &(Place, u32)| {
@@ -76,7 +76,7 @@ fn list(args: &Args) -> Result<(), CliError> {
     use super::{session::Session, table};
     use crate::layout::Live;
 
-    let session = Session::open(&args.instance.name, 0)?;
+    let session = Session::open(&args.instance, 0)?;
     let snapshot = session.read(&[])?;
     let row = |forced: &crate::plant::Forced| {
         let fitted = session.fitted(forced.plc);
@@ -120,7 +120,7 @@ pub(crate) fn unforce(args: &UnforceArgs) -> Result<(), CliError> {
 
     let check = of_any_device_but_told_by(&args.instance);
     args.registers.iter().try_for_each(|text| check(text).map(drop))?;
-    let session = Session::open(&args.instance.name, 0)?;
+    let session = Session::open(&args.instance, 0)?;
     let ops = if args.all {
         let forces = session.read(&[])?.forces;
         forces.iter().map(|f| Op::Unforce { plc: f.plc, offset: f.offset, width: f.width }).collect()

@@ -5,11 +5,11 @@ mod entry;
 
 use super::device::DeviceArg;
 use super::error::CliError;
-use super::instance_name;
 use super::output;
 use super::place::without_twins;
 use super::session::Session;
 use super::table::{self, Format, FormatArg};
+use super::{Instance, instance_name};
 use crate::layout::{Address, Area, Fit, Fitted, Placed, Role, Width, split_plc};
 use entry::Entry;
 
@@ -48,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let (plc, what) = split_plc(args.what.as_deref().unwrap_or_default());
     let fitted = match &args.instance {
         Some(instance) => {
-            let session = Session::open_for_reading(instance)?;
+            let session = Session::open_for_reading(&Instance::starting(instance))?;
             session.fitted(session.plc(plc, if what.is_empty() { "the map" } else { what })?)
         }
         // Nothing but the device is known of a PLC.

@@ -6,14 +6,17 @@ mod change;
 mod check;
 mod completions;
 mod demo;
+mod detach;
 mod device;
 mod diff;
 mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
+mod exit;
 mod export;
 mod fault;
 mod force;
+mod instance;
 mod layout;
 mod list;
 mod map;
@@ -24,6 +27,7 @@ mod peek;
 mod poke;
 mod run;
 mod session;
+mod start;
 mod step;
 mod stop;
 mod table;
@@ -33,11 +37,14 @@ mod trace;
 mod wait;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod watch;
+mod with;
 
 use crate::layout::place;
 use crate::time;
-use clap::{Args, ColorChoice, Parser, Subcommand};
+use clap::{ColorChoice, Parser, Subcommand};
 use error::CliError;
+use exit::Exit;
+use instance::{Instance, InstanceName, instance_name};
 use std::process::ExitCode;
 
 /// Emulates the communication RAM of drive and fieldbus controllers, register by register.
@@ -45,28 +52,31 @@ use std::process::ExitCode;
 /// An emulator is an instance with a name. `commram run` starts one; the other commands talk to it. The RAM
 /// of each of its PLCs is the file /dev/shm/commram.INSTANCE.PLC, whose first page tells where its areas lie.
 #[derive(Parser)]
-#[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = AFTER_HELP)]
+#[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = after_help())]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
-const AFTER_HELP: &str = "\
+/// What every command has in common.
+fn after_help() -> String {
+    let codes = Exit::ALL.map(|exit| format!("  {:<3}  {}\n", exit.code(), exit.meaning()));
+    format!("{REGISTERS}\nExit codes:\n{}\n{EXAMPLES}", codes.concat())
+}
+
+const REGISTERS: &str = "\
 Registers:
   node2.w_CPU_CONTROL          by name: block, register
   'node2.a_RD_BMARRAY[3][0]'   an element of an array; the quotes are for the shell
   %MW3.200000                  by address: %MB3, %MW3, %MD3, %MX3 (one bit)
   line2:node2.w_CPU_CONTROL    with the PLC, where the instance has several
   maxx:slotG.w_CPU_CONTROL     of a module in a slot of a modular PLC
+";
 
-Exit codes:
-  0  done
-  1  the check or expectation failed, or the emulator is not there or has gone
-  2  wrong use
-
+const EXAMPLES: &str = "\
 Examples:
   commram demo
-  commram run --clock stepped &
+  commram run --clock stepped --detach
   commram poke node2.w_CPU_CONTROL=16#0001
   commram step 1ms
   commram peek node2.w_OPTION_STATUS
@@ -75,6 +85,7 @@ Examples:
 #[derive(Subcommand)]
 enum Command {
     Run(run::Args),
+    With(with::Args),
     List(list::Args),
     Stop(stop::Args),
     Map(map::Args),
@@ -103,26 +114,6 @@ enum Command {
     Completions(completions::Args),
 }
 
-/// Which emulator.
-#[derive(Args)]
-struct Instance {
-    /// Name of the instance
-    #[arg(
-        short = 'i',
-        long = "instance",
-        value_name = "NAME",
-        env = "COMMRAM_INSTANCE",
-        hide_env_values = true,
-        default_value = "default",
-        value_parser = instance_name
-    )]
-    name: String,
-}
-
-fn instance_name(text: &str) -> Result<String, crate::memory::MemoryError> {
-    crate::memory::names::check_instance(text).map(|()| text.to_owned())
-}
-
 /// Parses the command line, runs the command and returns what the process is to end with. The whole program, for a
 /// `main` that has registered devices of its own before ([`devices::register`](crate::devices::register)).
 pub fn main() -> ExitCode {
@@ -131,11 +122,11 @@ pub fn main() -> ExitCode {
         Err(error) => return refuse(&error),
     };
     match result {
-        // Whoever reads our output has enough of it, as in `commram map | head`.
-        Ok(()) | Err(CliError::BrokenPipe) => ExitCode::SUCCESS,
-        Err(error @ (CliError::Reported | CliError::ReportedWrongUse)) => ExitCode::from(error.exit_code()),
+        Ok(()) => ExitCode::from(Exit::Done.code()),
         Err(error) => {
-            output::complain(&error.to_string());
+            if !error.is_told() {
+                output::complain(&error.to_string());
+            }
             ExitCode::from(error.exit_code())
         }
     }
@@ -143,11 +134,11 @@ pub fn main() -> ExitCode {
 
 impl Command {
     fn run(self) -> Result<(), CliError> {
-        // Exit code 1 of `check` means findings.
-        let damaged = if matches!(self, Command::Check(_)) { CliError::WRONG_USE } else { 1 };
+        let damaged = Exit::NotThere.code();
         crate::memory::end_on_shortened_files(damaged).map_err(|reason| CliError::Signals { reason })?;
         match self {
             Command::Run(args) => run::run(&args),
+            Command::With(args) => with::run(&args),
             Command::List(args) => list::run(&args),
             Command::Stop(args) => stop::run(&args),
             Command::Map(args) => map::run(&args),
@@ -181,11 +172,11 @@ fn refuse(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         output::print_help(&text);
-        return ExitCode::from(CliError::WRONG_USE);
+        return ExitCode::from(Exit::WrongUse.code());
     }
     if error.use_stderr() {
         output::complain(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
-        return ExitCode::from(CliError::WRONG_USE);
+        return ExitCode::from(Exit::WrongUse.code());
     }
     // Nothing can be done if help cannot be shown.
     let _ = output::print(&text);

@@ -28,6 +28,11 @@ pub(crate) fn complain(text: &str) {
     let _ = writeln!(io::stderr().lock(), "commram: {text}");
 }
 
+/// Passes on what another process has said on its standard error output.
+pub(crate) fn relay(text: &[u8]) {
+    let _ = io::stderr().lock().write_all(text);
+}
+
 /// Writes something worth knowing, which is no error, to the standard error output.
 pub(crate) fn note(text: &str) {
     complain(&format!("note: {text}"));

@@ -87,7 +87,7 @@ impl Row for Holding {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let check = of_any_device_but_told_by(&args.instance);
     args.registers.iter().try_for_each(|text| check(text).map(drop))?;
-    let session = Session::open_for_reading(&args.instance.name)?;
+    let session = Session::open_for_reading(&args.instance)?;
     let places = args.registers.iter().map(|text| session.place(text)).collect::<Result<Vec<_>, _>>()?;
     let holdings = read(&session, &places)?;
     if args.raw {

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
     let check = of_any_device_but_told_by(&args.instance);
     args.writes.iter().try_for_each(|text| parse(text, &check).map(drop))?;
-    let session = Session::open(&args.instance.name, 0)?;
+    let session = Session::open(&args.instance, 0)?;
     let parse = |text: &String| parse(text, |name| session.place(name));
     let writes = args.writes.iter().map(parse).collect::<Result<Vec<_>, _>>()?;
     let op = |(place, value): &(Place, u32)| {

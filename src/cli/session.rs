@@ -3,6 +3,7 @@
 #[cfg(feature = "channel")]
 mod by_channel;
 
+use super::Instance;
 use super::error::CliError;
 use super::output;
 use super::place::Place;
@@ -89,9 +90,17 @@ impl Session {
     ///
     /// # Errors
     /// Nothing of that name is there, or it cannot be used.
-    pub(crate) fn open_for_reading(instance: &str) -> Result<Self, CliError> {
+    pub(crate) fn open_for_reading(instance: &Instance) -> Result<Self, CliError> {
+        instance.reach(|| Self::try_to_read(instance))
+    }
+
+    fn try_to_read(place: &Instance) -> Result<Self, CliError> {
+        let instance = place.name();
         let images = images_of(instance)?;
         if let Some(pid) = dead(&images) {
+            if place.is_being_taken_over()? {
+                return Err(CliError::Dead { instance: instance.to_owned(), pid });
+            }
             output::note(&format!(
                 "instance '{instance}' is dead, its emulator (process {pid}) was killed; this is what it left"
             ));

@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use crate::request::Op;
 
     args.to_sync.as_deref().map_or(Ok(()), check)?;
-    let session = Session::open(&args.instance.name, args.time.unwrap_or(0))?;
+    let session = Session::open(&args.instance, args.time.unwrap_or(0))?;
     let op = match &args.to_sync {
         Some(text) => {
             let (plc, node) = session.port(text)?;

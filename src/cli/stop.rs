@@ -2,7 +2,7 @@
 
 use super::error::CliError;
 use super::session::{alive, dead, images_of, is_alive};
-use super::{Instance, output};
+use super::{InstanceName, output};
 use crate::memory::names::channel_root;
 use crate::memory::{EmulatorProcess, InstanceLock};
 use std::time::{Duration, Instant};
@@ -19,7 +19,7 @@ pub(crate) struct Args {
     #[arg(long)]
     clean: bool,
     #[command(flatten)]
-    instance: Instance,
+    instance: InstanceName,
 }
 
 /// How long an emulator may take to clean up.
@@ -93,7 +93,8 @@ fn stop(name: &str, process: Option<EmulatorProcess>) -> Result<(), CliError> {
         process.ok_or(error)?.terminate()?;
     }
     let start = Instant::now();
-    while InstanceLock::holder(name)?.is_some() || process.is_some_and(|process| process.is_running()) {
+    // Its process may have more to do: that of `commram with` waits for its command.
+    while InstanceLock::holder(name)?.is_some() || serving(name).is_some() {
         if start.elapsed() > PATIENCE {
             let pid = process.map(|process| process.pid());
             return Err(CliError::StillThere { instance: name.to_owned(), pid, seconds: PATIENCE.as_secs() });

@@ -38,7 +38,8 @@ Examples:
 Exit codes:
   0  all scenarios passed
   1  an expectation was not met or there was none, or a scenario throws, does not end or crashes
-  2  wrong use: a script is missing, does not compile or uses a verb wrongly")]
+  2  wrong use: a script is missing, does not compile or uses a verb wrongly
+  3  the instance to attach to is not there")]
 pub(crate) struct Args {
     /// Scripts; of a directory and its subdirectories all files that end in .rhai, in the order of their names, but not
     /// those that others import and that only define functions
@@ -178,7 +179,9 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
 /// Finds out whether the instance to attach to is there, before the first scenario misses it.
 #[cfg(feature = "channel")]
 fn reachable(instance: Option<&str>) -> Result<(), CliError> {
-    instance.map_or(Ok(()), |instance| super::session::Session::open(instance, 0).map(drop))
+    instance.map_or(Ok(()), |instance| {
+        super::session::Session::open(&super::Instance::starting(instance), 0).map(drop)
+    })
 }
 
 #[cfg(not(feature = "channel"))]

@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         let right = "it is no text; send it into a file or a program, as by `>open.pcapng`".to_owned();
         return Err(CliError::Argument { text: "--format pcapng".to_owned(), right });
     }
-    let session = Session::open(&args.instance.name, 0)?;
+    let session = Session::open(&args.instance, 0)?;
     let InstanceInfo { name: instance, names, .. } = session.ask(Op::Info)?.info()?;
     let number = |names: &[String], name: &String| names.iter().position(|other| other == name);
     let bus = |name: &String| {

@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use crate::request::{Op, Refused, Waited};
 
     parse(&args.condition, of_any_device_but_told_by(&args.instance))?;
-    let session = Session::open(&args.instance.name, args.within)?;
+    let session = Session::open(&args.instance, args.within)?;
     let Condition { place, mask, value, wanted } = parse(&args.condition, |name| session.place(name))?;
     let (plc, offset, width) = (session.plc_of(&place)?, place.offset(), place.width());
     let within_us = args.within;

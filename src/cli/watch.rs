@@ -44,6 +44,7 @@ mod by_channel {
     use crate::cli::change::{self, Change, Held, Known};
     use crate::cli::dump::{self, Blocks, Dump};
     use crate::cli::error::CliError;
+    use crate::cli::exit::Exit;
     use crate::cli::output;
     use crate::cli::pause::{Look, Pause, Wake};
     use crate::cli::session::Session;
@@ -62,7 +63,7 @@ mod by_channel {
     /// Shows changes until the end.
     pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         dump::check(&args.blocks)?;
-        let session = Session::open(&args.instance.name, 0)?;
+        let session = Session::open(&args.instance, 0)?;
         let blocks = Blocks::find(&session, &args.blocks)?;
         let mut pause = Pause::new()?;
         let first = blocks.read(&session)?;
@@ -76,10 +77,10 @@ mod by_channel {
         loop {
             match pause.wait()? {
                 Wake::Time => {}
-                Wake::Signal => return Ok(()),
+                Wake::Signal => return Err(CliError::Ended { code: Exit::Interrupted.code() }),
                 Wake::NobodyReads => return Err(CliError::BrokenPipe),
             }
-            let dump = match Look::of(blocks.read(&session), &args.instance.name)? {
+            let dump = match Look::of(blocks.read(&session), args.instance.name())? {
                 Look::Seen(dump) => dump,
                 Look::Later => continue,
                 Look::Ended => return Ok(()),

@@ -273,7 +273,7 @@ fn the_emulator_ends_during_a_turn() {
         let step = scope.spawn(|| emulator.run("step", &["10ms"]));
         task.next_event(LONG).unwrap();
         emulator.signal("-TERM");
-        assert_eq!(step.join().unwrap().code, Some(1));
+        assert_eq!(step.join().unwrap().code, Some(3));
     });
     emulator.wait();
 }
@@ -289,7 +289,7 @@ fn stop_ends_the_emulator_during_a_turn() {
         let step = scope.spawn(|| emulator.run("step", &["10ms"]));
         task.next_event(LONG).unwrap();
         promised(Duration::from_secs(2), || emulator.run("stop", &[])).ok();
-        assert_eq!(step.join().unwrap().code, Some(1));
+        assert_eq!(step.join().unwrap().code, Some(3));
     });
     assert_eq!(promised(Duration::from_secs(2), || emulator.wait()).code(), Some(0));
 }

@@ -136,7 +136,7 @@ fn mistakes_are_named() {
         assert!(outcome.fails(code).contains(text), "{args:?}: {}", outcome.err);
     }
     let name = unique_name();
-    assert!(run(&["board", "get", "-i", &name]).fails(1).contains(&name));
+    assert!(run(&["board", "get", "-i", &name]).fails(3).contains(&name));
 }
 
 /// Manual p. 37: a project that was only sent is lost.

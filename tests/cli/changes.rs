@@ -99,7 +99,7 @@ fn what_is_no_dump_is_wrong_use() {
     fs::write(path, "{}").unwrap();
     assert!(run(&["diff", path]).fails(2).contains("`commram dump --format json` writes one"));
     fs::write(path, "[]").unwrap();
-    assert!(run(&["diff", path, "-i", "no-such-instance"]).fails(1).contains("no-such-instance"));
+    assert!(run(&["diff", path, "-i", "no-such-instance"]).fails(3).contains("no-such-instance"));
 }
 
 #[test]

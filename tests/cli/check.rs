@@ -112,6 +112,6 @@ fn all_rules_are_listed_without_an_emulator() {
 #[test]
 fn what_cannot_be_checked_is_no_finding() {
     let name = unique_name();
-    assert!(run(&["check", "-i", &name]).fails(2).contains("is not running"));
+    assert!(run(&["check", "-i", &name]).fails(3).contains("is not running"));
     run(&["check", "--rules", "--clear"]).fails(2);
 }

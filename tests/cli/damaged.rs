@@ -62,7 +62,7 @@ fn an_empty_part_hangs_nobody_and_the_emulator_can_be_ended() {
 }
 
 fn said_damaged(outcome: &Outcome) -> bool {
-    outcome.code == Some(1)
+    outcome.code == Some(3)
         && outcome.err.contains("the channel is damaged")
         && outcome.err.contains("commram stop")
 }
@@ -130,7 +130,7 @@ fn an_emulator_that_is_killed_while_it_ends_has_not_stopped() {
         std::fs::write(&object, vec![0xFF; length]).unwrap();
     }
     let outcome = emulator.run("stop", &[]);
-    assert!(outcome.fails(1).contains("was killed"), "{}", outcome.err);
+    assert!(outcome.fails(3).contains("was killed"), "{}", outcome.err);
     assert_eq!(emulator.wait().code(), None);
     emulator.run("stop", &["--clean"]).ok();
     assert!(emulator.files().is_empty());
@@ -151,7 +151,7 @@ fn a_client_whose_memory_is_shortened_says_so() {
     let _ = client.child.kill();
     let (code, _, words) = client.end();
     assert!(ended);
-    assert_eq!(code, Some(1), "{words}");
+    assert_eq!(code, Some(3), "{words}");
     assert!(words.contains("shortened") && words.contains("commram stop --clean"), "{words}");
     let _ = emulator.run("stop", &[]);
     remove_remains(&emulator.name);

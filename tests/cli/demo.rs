@@ -164,7 +164,7 @@ fn ctrl_c_ends_everything() {
     for name in ["-INT", "-TERM", "-HUP"] {
         let mut demo = Demo::start_until("Set-up mode");
         signal(demo.child.id(), name);
-        assert_eq!(demo.end(), (Some(1), "commram: interrupted\n".to_owned()));
+        assert_eq!(demo.end(), (Some(130), "commram: interrupted\n".to_owned()));
         demo.has_left_nothing();
     }
 }

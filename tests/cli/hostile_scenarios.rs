@@ -133,7 +133,7 @@ fn a_report_is_written_although_the_user_has_had_enough() {
     assert!(eventually(is_read), "the second scenario does not begin");
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     let rest: Vec<_> = lines.collect();
-    assert_eq!(wait_for(&mut child, "an interrupted test").code(), Some(1));
+    assert_eq!(wait_for(&mut child, "an interrupted test").code(), Some(130));
     assert!(rest.contains(&"  2-pipe.rhai: interrupted".to_owned()), "{rest:?}");
     assert!(rest.contains(&"not run  3-good.rhai  interrupted".to_owned()), "{rest:?}");
     assert!(

@@ -39,7 +39,7 @@ fn a_client_that_waits_learns_that_the_emulator_was_killed() {
     assert!(eventually(|| count() > alone));
     emulator.kill();
     let outcome = client.join().unwrap();
-    assert!(outcome.fails(1).contains(&emulator.name), "{}", outcome.err);
+    assert!(outcome.fails(3).contains(&emulator.name), "{}", outcome.err);
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn what_a_killed_emulator_left_can_be_read_but_not_used() {
         &["stop"],
     ] {
         let outcome = emulator.run(args[0], &args[1..]);
-        let message = outcome.fails(1);
+        let message = outcome.fails(3);
         assert!(message.contains("is dead") && message.contains("commram run"), "{message}");
     }
     let list = run(&["list"]);
@@ -217,7 +217,7 @@ fn a_process_that_only_has_the_number_is_not_signalled() {
     let _ = bystander.kill();
     let _ = bystander.wait();
     assert!(lives);
-    assert!(outcome.fails(1).contains("nothing but a signal can end it"), "{}", outcome.err);
+    assert!(outcome.fails(3).contains("nothing but a signal can end it"), "{}", outcome.err);
     emulator.signal("-TERM");
     assert_eq!(emulator.wait().code(), Some(0));
     remove_remains(&emulator.name);

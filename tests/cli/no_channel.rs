@@ -25,7 +25,7 @@ fn everything_else_says_that_there_is_no_channel() {
             "commram: this build of commram has no channel (cargo feature `channel`), which `{}` needs\n",
             args[0]
         );
-        assert_eq!(outcome.fails(1), message);
+        assert_eq!(outcome.fails(3), message);
     }
     assert!(emulator.run("poke", &["node2.w_CPU_CONTROL"]).fails(2).contains("write REG=VALUE"));
     // A signal needs no channel.

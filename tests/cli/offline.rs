@@ -223,7 +223,7 @@ fn a_closed_pipe_is_no_error() {
 fn a_full_disk_is_an_error() {
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let mut child = commram().arg("map").stdout(full).stderr(Stdio::piped()).spawn().unwrap();
-    assert_eq!(crate::common::wait_for(&mut child, "map").code(), Some(1));
+    assert_eq!(crate::common::wait_for(&mut child, "map").code(), Some(3));
     let mut err = String::new();
     std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut err).unwrap();
     assert!(err.starts_with("commram: cannot write the output: "), "{err}");

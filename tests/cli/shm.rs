@@ -81,7 +81,7 @@ fn a_removed_image_is_told_and_who_is_attached_goes_on() {
     let outcome = emulator.run("peek", &["node2.w_OPTION_STATUS"]);
     let pid = emulator.pid();
     assert!(
-        outcome.fails(1).contains(&format!("runs (process {pid}), but its images were removed")),
+        outcome.fails(3).contains(&format!("runs (process {pid}), but its images were removed")),
         "{}",
         outcome.err
     );
@@ -170,6 +170,6 @@ fn who_fills_the_memory_later_hangs_and_kills_nobody() {
     );
     let Some(outcome) = with_small_shm("8m", &script) else { return };
     assert!(outcome.err.contains("a client needs"), "{outcome:?}");
-    assert!(outcome.out.starts_with("16#0001\npeek 1\n") && outcome.out.contains("poke 0\n"), "{outcome:?}");
+    assert!(outcome.out.starts_with("16#0001\npeek 3\n") && outcome.out.contains("poke 0\n"), "{outcome:?}");
     assert!(outcome.out.ends_with("ended with 0\n"), "{outcome:?}");
 }

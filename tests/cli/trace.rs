@@ -140,7 +140,7 @@ fn parts_of_the_journal() {
     assert!(mistake(&["--plc", "press"]).contains("has no PLC 'press'"));
     assert!(mistake(&["--kind", "frames"]).contains("possible values: sync, frame"));
     assert!(mistake(&["--format", "candump", "--kind", "state"]).contains("only frames"));
-    run(&["trace", "-i", "nobody-has-this-name"]).fails(1);
+    run(&["trace", "-i", "nobody-has-this-name"]).fails(3);
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn following_ends_on_a_signal_with_what_is_being_counted() {
         let pid = follower.child.id().to_string();
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
         let (code, rest, err) = follower.end();
-        assert_eq!((code, err.as_str()), (Some(0), ""));
+        assert_eq!((code, err.as_str()), (Some(130), ""));
         assert_eq!(
             rest,
             ["     0.100500 s  drives      SYNC, 48 times every 2000 us since 0.006500 s, going on"]

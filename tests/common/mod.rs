@@ -36,6 +36,8 @@ pub(crate) fn unique_name() -> String {
 pub(crate) fn commram() -> Command {
     let mut command = Command::new(PROGRAM);
     command.env_remove("COMMRAM_INSTANCE").env("COLUMNS", "100").stdin(Stdio::null());
+    // What is not there in a test will not come; tests of the wait for it ask for it.
+    command.env("COMMRAM_CONNECT_TIMEOUT", "0s");
     command
 }
 
@@ -333,7 +335,7 @@ impl Emulator {
     #[cfg(feature = "channel")]
     fn assert_no_other_errors(&mut self) {
         let outcome = self.run("check", &["--format", "json"]);
-        if outcome.code == Some(2) {
+        if outcome.code == Some(3) {
             let ends = eventually(|| self.child.try_wait().is_ok_and(|status| status.is_some()));
             assert!(ends, "it goes on, but cannot be asked: {}", outcome.err);
             return;

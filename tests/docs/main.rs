@@ -5,7 +5,9 @@ mod common;
 
 mod architecture;
 mod features;
+mod heads;
 mod pages;
 mod programs;
 mod promises;
 mod public_api;
+mod shell;

@@ -1,10 +1,9 @@
 //! The documentation: links lead somewhere, the book has every page, what is printed as a session works.
 
-use crate::common::{Emulator, finish};
+use crate::shell::Shell;
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -119,24 +118,17 @@ fn session(text: &str) -> Vec<(String, String)> {
     steps
 }
 
-/// Types the steps into a shell; the emulator of `commram run --clock stepped` is running.
+/// Types the steps into a shell. They start the emulator and end it.
 fn type_in(steps: &[(String, String)]) {
-    let emulator = Emulator::stepped();
-    let programs = Path::new(env!("CARGO_BIN_EXE_commram")).parent().unwrap();
-    let path = format!("{}:{}", programs.display(), std::env::var("PATH").unwrap_or_default());
-    assert!(steps.len() > 8, "{steps:?}");
+    let shell = Shell::new(&[]);
+    assert!(steps.iter().any(|(step, _)| step.starts_with("commram run ")), "the session starts an emulator");
     assert!(steps.last().is_some_and(|(last, _)| last == "commram stop"), "the session ends with stop");
     for (command, shown) in steps {
         if command == "commram stop" {
-            assert_eq!(
-                emulator.run("check", &["--format", "json"]).ok(),
-                "[]\n",
-                "findings, warnings included"
-            );
+            let findings = shell.run("commram check --format json");
+            assert_eq!(findings.ok(), "[]\n", "findings, warnings included");
         }
-        let mut shell = Command::new("sh");
-        shell.args(["-c", command]).env("PATH", &path).env("COMMRAM_INSTANCE", &emulator.name);
-        let outcome = finish(&mut shell);
+        let outcome = shell.run(command);
         assert_eq!(outcome.code, Some(0), "{command}\n{}", outcome.err);
         if !shown.is_empty() {
             assert_eq!(&outcome.out, shown, "{command}");
@@ -148,7 +140,7 @@ fn type_in(steps: &[(String, String)]) {
 #[test]
 fn the_session_of_the_readme_works_as_printed() {
     let readme = include_str!("../../README.md");
-    let behind = readme.split("from restart to cyclic process data:").nth(1).expect("the session's title");
+    let behind = readme.split("From restart to cyclic process data:").nth(1).expect("the session's title");
     let block = behind.split("## ").next().unwrap();
     let steps = session(block);
     let last_peek = "peek 'node2.a_RD_BMARRAY[1][0]'";
@@ -159,10 +151,15 @@ fn the_session_of_the_readme_works_as_printed() {
 }
 
 #[test]
+fn the_session_of_the_command_line_works_as_printed() {
+    type_in(&session(include_str!("../../docs/command-line.md")));
+}
+
+#[test]
 fn the_session_of_getting_started_works_as_printed() {
     let mut steps = session(include_str!("../../docs/getting-started.md"));
-    // These have tests of their own, or are there already.
-    let elsewhere = ["cargo install", "commram demo", "commram run"];
+    // These have tests of their own.
+    let elsewhere = ["cargo install", "commram demo"];
     steps.retain(|(command, _)| !elsewhere.iter().any(|other| command.starts_with(other)));
     type_in(&steps);
 }

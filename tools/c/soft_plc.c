@@ -4,8 +4,7 @@
  *
  *     commram export c --output commram.h
  *     cc -Wall -Wextra -I. tools/c/soft_plc.c -o soft_plc
- *     commram run                                            # in one terminal
- *     ./soft_plc /dev/shm/commram.default.line 1000          # in another one
+ *     commram with -- sh -c './soft_plc /dev/shm/commram.$COMMRAM_INSTANCE.line 1000'
  *
  * Exit code: 0 done, 1 the emulator did not answer as it should, 2 wrong use or not attached.
  */

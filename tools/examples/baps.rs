@@ -2,7 +2,7 @@
 //! drive itself starts. Brings the drive into operation, waits until it runs at the speed wanted, and reads its speed
 //! limit.
 //!
-//! `commram run`, then `cargo run --example baps`.
+//!     commram with -- cargo run --example baps
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 

@@ -2,7 +2,7 @@
 //! which the master exchanges process data with its slaves and then with its own drive. The SYNC signal triggers the
 //! drive and the option cards. The drive follows an angle, the slaves a reference value.
 //!
-//! `commram run`, then `cargo run --example baps_cansync`.
+//!     commram with -- cargo run --example baps_cansync
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 

@@ -1,7 +1,7 @@
 //! Configuration example B of the manual (5.00005.03a p. 64-66): process data of the BAPS in the event task of board
 //! timer A, every millisecond; the same timer triggers the drive and the option cards. The drive follows an angle.
 //!
-//! `commram run`, then `cargo run --example baps_timer`.
+//!     commram with -- cargo run --example baps_timer
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 

@@ -1,8 +1,11 @@
 //! A CANsync cluster: slave on the upper bus, master of the lower one, whose SYNC signal is the upper one's. It
 //! passes the reference value on to its drive and the drive's actual value back.
 //!
-//! `commram run tools/examples/plant.toml`, then `cargo run --example cluster` and, at the same time,
-//! `cargo run --example master -- line 1 5`.
+//!     commram run tools/examples/plant.toml --detach
+//!     cargo run --example cluster &
+//!     cargo run --example master -- line 1 5
+//!     wait
+//!     commram stop
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 

@@ -1,7 +1,10 @@
 //! A CANsync master: brings its slaves into operation, sends a reference value, waits until all of them have
 //! reached it, reads a parameter of the first one, and tells them that this was all.
 //!
-//! `commram run`, then `cargo run --example master`: the built-in plant, three drives.
+//! At the built-in plant, three drives:
+//!
+//!     commram with -- cargo run --example master
+//!
 //! With slaves of other numbers: `cargo run --example master -- line 1 4 5`.
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]

@@ -1,7 +1,10 @@
 //! A CANsync slave: reports every reference value as its own actual value, until the master tells it to end.
 //!
-//! `commram run tools/examples/plant.toml`, then `cargo run --example slave` and, at the same time,
-//! `cargo run --example master -- line 1 4`.
+//!     commram run tools/examples/plant.toml --detach
+//!     cargo run --example slave &
+//!     cargo run --example master -- line 1 4
+//!     wait
+//!     commram stop
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 

@@ -1,8 +1,11 @@
 //! Configuration example D of the manual (5.00005.03a p. 71-73): an event task at a fixed time of 1 ms, as a serial
 //! protocol needs it, beside the cyclic task.
 //!
-//! `commram run`, then `cargo run --example timer_task`. By itself it takes CPU timer 2, level 13; 0 is CPU timer 1, 5
-//! and 6 are board timer A with triggers: `cargo run --example timer_task -- line 5`.
+//!     commram with -- cargo run --example timer_task
+//!
+//! By itself it takes CPU timer 2, level 13; 0 is CPU timer 1, 5 and 6 are board timer A with triggers:
+//!
+//!     commram with -- cargo run --example timer_task -- line 5
 
 #![allow(non_snake_case, reason = "the manual's names, letter for letter")]
 

@@ -2,8 +2,7 @@
 has locked, and sends it a reference value until its actual value is the same.
 
     commram export python --output commram.py
-    commram run                                                        # in one terminal
-    PYTHONPATH=. python3 tools/python/soft_plc.py default 1000         # in another one
+    commram with -- sh -c 'PYTHONPATH=. python3 tools/python/soft_plc.py $COMMRAM_INSTANCE 1000'
 
 Exit code: 0 done, 1 the emulator did not answer as it should, 2 wrong use or not attached.
 """

@@ -166,13 +166,13 @@ mod by_channel {
 
     pub(crate) fn play(args: &Play) -> Result<(), CliError> {
         let log = read(&args.log)?;
-        let info = Session::open(&args.instance.name, 0)?.ask(Op::Info)?.info()?;
+        let info = Session::open(&args.instance, 0)?.ask(Op::Info)?.info()?;
         let log = aim(log, args.bus.as_deref(), &info)?;
         let (Some(first), Some(last)) = (log.first(), log.last()) else {
             return output::print("0 frames\n");
         };
         let (start_us, length_us) = (first.time_us, last.time_us.saturating_sub(first.time_us));
-        let session = Session::open(&args.instance.name, length_us)?;
+        let session = Session::open(&args.instance, length_us)?;
         if info.is_stepped {
             stepped(&session, &log, start_us)?
         } else {
@@ -216,7 +216,7 @@ mod by_channel {
 
     pub(crate) fn compare(args: &Compare) -> Result<(), CliError> {
         let log = read(&args.log)?;
-        let session = Session::open(&args.instance.name, 0)?;
+        let session = Session::open(&args.instance, 0)?;
         let info = session.ask(Op::Info)?.info()?;
         let log = aim(log, args.bus.as_deref(), &info)?;
         let journal = frames(&session, args.since)?;
@@ -261,13 +261,13 @@ mod by_channel {
 
 #[cfg(not(feature = "channel"))]
 pub(super) fn play(args: &Play) -> Result<(), CliError> {
-    let (_, _) = (read(&args.log)?, (&args.bus, &args.instance.name));
+    let (_, _) = (read(&args.log)?, (&args.bus, args.instance.name()));
     Err(CliError::NoChannel { command: "bus" })
 }
 
 #[cfg(not(feature = "channel"))]
 pub(super) fn compare(args: &Compare) -> Result<(), CliError> {
-    let (_, _) = (read(&args.log)?, (&args.bus, args.tolerance, args.since, &args.instance.name));
+    let (_, _) = (read(&args.log)?, (&args.bus, args.tolerance, args.since, args.instance.name()));
     Err(CliError::NoChannel { command: "bus" })
 }
 

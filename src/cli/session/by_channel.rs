@@ -5,24 +5,23 @@ use crate::channel::client::Patience;
 use crate::channel::{Client, ClientError, HeaderBells};
 use crate::journal::Names;
 use crate::memory::names::channel_root;
-use crate::memory::{MemoryError, State};
 use crate::request::{Op, Reply, WrongReply};
-use std::time::{Duration, Instant};
-
-/// How long a command waits for an emulator that is just starting.
-const STARTING: Duration = Duration::from_secs(2);
+use std::time::Duration;
 
 impl Session {
     /// Opens a living instance. `waits_us` is how much emulated time the request to come may wait.
     ///
     /// # Errors
     /// Nothing of that name lives, or the channel cannot be had.
-    pub(crate) fn open(instance: &str, waits_us: u64) -> Result<Self, CliError> {
-        let images = images_of(instance)?;
-        match dead(&images) {
-            Some(pid) => Err(CliError::Dead { instance: instance.to_owned(), pid }),
-            None => Self::connect(instance, &images, waits_us),
-        }
+    pub(crate) fn open(instance: &Instance, waits_us: u64) -> Result<Self, CliError> {
+        instance.reach(|| {
+            let name = instance.name();
+            let images = images_of(name)?;
+            match dead(&images) {
+                Some(pid) => Err(CliError::Dead { instance: name.to_owned(), pid }),
+                None => Self::connect(name, &images, waits_us),
+            }
+        })
     }
 
     pub(super) fn connect(instance: &str, images: &[ImageInfo], waits_us: u64) -> Result<Self, CliError> {
@@ -96,20 +95,12 @@ impl Session {
     }
 }
 
-/// Attaches to the first image, waiting for an emulator that is just starting.
+/// Attaches to the first image.
 fn attach_live(instance: &str, images: &[ImageInfo]) -> Result<Attached, CliError> {
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(no_channel(instance));
     };
-    let start = Instant::now();
-    loop {
-        match devices::attach(instance, &image.plc, AttachMode::ReadWrite) {
-            Err(MemoryError::NotReady { state: Some(State::Starting), .. }) if start.elapsed() < STARTING => {
-                std::thread::sleep(Duration::from_millis(1));
-            }
-            other => return Ok(other?.0),
-        }
-    }
+    Ok(devices::attach(instance, &image.plc, AttachMode::ReadWrite)?.0)
 }
 
 fn no_channel(instance: &str) -> CliError {

@@ -78,7 +78,9 @@ fn tell(message: &Message) -> Result<(), CliError> {
 
 #[cfg(feature = "channel")]
 fn attach(instance: &str, limits: Limits) -> Result<Bench, CliError> {
-    let client = crate::cli::session::Session::open(instance, limits.time_us)?.into_client()?;
+    let client =
+        crate::cli::session::Session::open(&crate::cli::Instance::running(instance), limits.time_us)?
+            .into_client()?;
     Bench::attach(client).map_err(CliError::Scenario)
 }
 

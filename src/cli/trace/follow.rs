@@ -2,6 +2,7 @@
 
 use super::{Args, FormatArg};
 use crate::cli::error::CliError;
+use crate::cli::exit::Exit;
 use crate::cli::output;
 use crate::cli::pause::{Look, Pause, Wake};
 use crate::cli::session::Session;
@@ -53,14 +54,17 @@ fn print_as<T: Default + AsRef<[u8]>>(
     }
     let mut pause = Pause::new()?;
     loop {
-        match Look::of(trace.read(), &args.instance.name)? {
+        match Look::of(trace.read(), args.instance.name())? {
             Look::Seen(()) => trace.out.release()?,
             Look::Later => {}
             Look::Ended => return trace.end(),
         }
         match pause.wait()? {
             Wake::Time => {}
-            Wake::Signal => return trace.end(),
+            Wake::Signal => {
+                trace.end()?;
+                return Err(CliError::Ended { code: Exit::Interrupted.code() });
+            }
             Wake::NobodyReads => return Err(CliError::BrokenPipe),
         }
     }

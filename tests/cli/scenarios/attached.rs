@@ -130,7 +130,7 @@ fn what_an_instance_cannot_do_is_told() {
     assert!(fails.out.contains("is 16#0001, not 16#0009"), "{}", fails.out);
     assert_eq!(on("sync.rhai", &emulator.name).code, Some(1));
     let nobody = unique_name();
-    assert!(on("fails.rhai", &nobody).fails(1).contains("is not running"));
+    assert!(on("fails.rhai", &nobody).fails(3).contains("is not running"));
     let both = scripts.run(&["fails.rhai", "--attach", &nobody, "--jobs", "2"]);
     assert!(both.fails(2).contains("cannot be used with"));
 }

@@ -23,7 +23,8 @@ pub(crate) const HIGH: [bool; 4] = [false, true, false, false];
 /// How long nothing may happen.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Where a program runs, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`.
+/// Where a program runs, from the command line: `[-i INSTANCE] [PLC [NUMBERS...]]`. The variable COMMRAM_INSTANCE names the
+/// instance as well, as it does for all of commram.
 pub(crate) struct Arguments {
     instance: String,
     plc: String,
@@ -35,7 +36,7 @@ impl Arguments {
     /// The command line; `plc` is meant if it names none.
     pub(crate) fn parse(plc: &str) -> Result<Self, String> {
         let mut words = std::env::args().skip(1).peekable();
-        let mut instance = "default".to_owned();
+        let mut instance = std::env::var("COMMRAM_INSTANCE").unwrap_or_else(|_| "default".to_owned());
         if words.next_if(|word| word == "-i").is_some() {
             instance = words.next().ok_or("-i needs the name of an instance")?;
         }

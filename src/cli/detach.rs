@@ -1,0 +1,127 @@
+//! `commram run --detach`: an emulator in the background.
+//!
+//! This program starts itself again, passes on what that says until it is ready, and ends. What it has started leaves
+//! terminal and session, and lets go of the outputs when it is ready, so that nobody waits for their end.
+
+use super::demo::Interrupts;
+use super::error::CliError;
+use super::output;
+use rustix::process::{Pid, Signal};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read};
+use std::os::fd::AsRawFd;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+/// Pause between two looks whether the user has had enough.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Starts this command again in the background, and returns when it is ready.
+///
+/// # Errors
+/// It does not get ready; it has said why, and its exit code is ours.
+pub(crate) fn start(instance: &str) -> Result<(), CliError> {
+    let failed = |reason| CliError::Process { reason };
+    let interrupts = Interrupts::catch()?;
+    let program = std::env::current_exe().map_err(failed)?;
+    let mut command = Command::new(program);
+    command.args(["run", "--detached"]).args(std::env::args_os().skip(2));
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().map_err(failed)?;
+    let (out, err) = (collect(child.stdout.take()), collect(child.stderr.take()));
+    let said = until_end(&out, &mut child, &interrupts)?;
+    let complaint = until_end(&err, &mut child, &interrupts)?;
+    output::relay(&complaint);
+    if said.is_empty() {
+        let status = child.wait().map_err(failed)?;
+        return Err(super::with::ended_like(status));
+    }
+    let said = String::from_utf8_lossy(&said);
+    let pid = child.id();
+    output::print(&format!(
+        "{said}commram: process {pid} goes on in the background; end it with `commram stop -i {instance}`\n"
+    ))
+}
+
+/// All that comes before the end of the stream.
+fn collect(stream: Option<impl Read + Send + 'static>) -> Receiver<Vec<u8>> {
+    let (send, receive) = mpsc::channel();
+    std::thread::spawn(move || {
+        let mut text = Vec::new();
+        if let Some(mut stream) = stream {
+            // What was read before an error counts.
+            let _ = stream.read_to_end(&mut text);
+        }
+        let _ = send.send(text);
+    });
+    receive
+}
+
+/// Waits for the end of a stream. If the user has had enough, the process is asked to end, which ends its streams.
+fn until_end(
+    stream: &Receiver<Vec<u8>>,
+    child: &mut Child,
+    interrupts: &Interrupts,
+) -> Result<Vec<u8>, CliError> {
+    loop {
+        match stream.recv_timeout(LOOK) {
+            Ok(text) => return Ok(text),
+            Err(RecvTimeoutError::Disconnected) => return Ok(Vec::new()),
+            Err(RecvTimeoutError::Timeout) if interrupts.any() => {
+                // Not yet waited for, so the number still is its own.
+                if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+                    let _ = rustix::process::kill_process(pid, Signal::TERM);
+                }
+                let _ = child.wait();
+                return Err(CliError::Interrupted);
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
+/// This process, in the background.
+pub(crate) struct Detached {
+    nothing: File,
+    log: Option<File>,
+}
+
+impl Detached {
+    /// Leaves terminal and session. From [`Detached::let_go`] on messages go to `log`.
+    ///
+    /// # Errors
+    /// The log cannot be written, or the system refuses.
+    pub(crate) fn begin(log: Option<&Path>) -> Result<Self, CliError> {
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |reason: io::Error| CliError::File { path, reason }
+        };
+        let open =
+            |path: &Path| OpenOptions::new().create(true).append(true).open(path).map_err(failed(path));
+        let nothing = Path::new("/dev/null");
+        let nothing = OpenOptions::new().write(true).open(nothing).map_err(failed(nothing))?;
+        let this = Self { nothing, log: log.map(open).transpose()? };
+        rustix::process::setsid().map_err(|errno| CliError::Process { reason: errno.into() })?;
+        Ok(this)
+    }
+
+    /// Lets go of both outputs: whoever waits for their end may go on.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub(crate) fn let_go(self) -> Result<(), CliError> {
+        put(&self.nothing, 1)?;
+        put(self.log.as_ref().unwrap_or(&self.nothing), 2)
+    }
+}
+
+/// Puts a file in the place of an output.
+fn put(file: &File, output: i32) -> Result<(), CliError> {
+    // SAFETY: a plain system call on descriptors that are open; nobody in this process owns the replaced one.
+    match unsafe { libc::dup2(file.as_raw_fd(), output) } {
+        -1 => Err(CliError::Process { reason: io::Error::last_os_error() }),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,176 @@
+//! What the program ends with, whatever the command: one list, which help and documentation repeat word for word.
+
+use super::error::CliError;
+use crate::memory::MemoryError;
+use crate::runtime::RuntimeError;
+use commram_layoutc::import::ImportError;
+
+/// An exit code. `commram with` ends with that of its command instead, once that has run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Exit {
+    /// Everything is as it was asked for.
+    Done = 0,
+    /// What was expected or asked for did not come about.
+    Failed = 1,
+    /// What was asked for cannot be.
+    WrongUse = 2,
+    /// Nobody is there to do it.
+    NotThere = 3,
+    /// The user has had enough.
+    Interrupted = 130,
+}
+
+impl Exit {
+    /// All of them.
+    pub(crate) const ALL: [Self; 5] =
+        [Self::Done, Self::Failed, Self::WrongUse, Self::NotThere, Self::Interrupted];
+
+    /// The number.
+    pub(crate) const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// What it means.
+    pub(crate) const fn meaning(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Failed => "an expectation failed, or the emulator could not start or end as it should",
+            Self::WrongUse => "wrong use",
+            Self::NotThere => "the emulator is not there or has gone, or the system refuses what is needed",
+            Self::Interrupted => "ended by Ctrl-C",
+        }
+    }
+}
+
+impl CliError {
+    /// What the process ends with.
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Ended { code } => *code,
+            other => other.exit().code(),
+        }
+    }
+
+    fn exit(&self) -> Exit {
+        match self {
+            Self::Layout(_)
+            | Self::Export(_)
+            | Self::Value(_)
+            | Self::Argument { .. }
+            | Self::Board(_)
+            | Self::WhichPlc { .. }
+            | Self::UnknownPlc { .. }
+            | Self::ReportedWrongUse
+            | Self::FaultWord(_)
+            | Self::NoDump { .. }
+            | Self::NoDemo { .. }
+            | Self::LayoutFiles(_)
+            | Self::OtherLayout { .. }
+            | Self::Import(
+                ImportError::Layout(_)
+                | ImportError::Declaration(_)
+                | ImportError::NothingDeclared { .. }
+                | ImportError::Called { .. },
+            )
+            | Self::Plant(_)
+            | Self::Fault(_)
+            | Self::Memory(MemoryError::BadName { .. })
+            | Self::Runtime(
+                RuntimeError::Plant(_)
+                | RuntimeError::Speed { .. }
+                | RuntimeError::Memory(MemoryError::BadName { .. }),
+            ) => Exit::WrongUse,
+            #[cfg(feature = "channel")]
+            Self::UnknownBus { .. } => Exit::WrongUse,
+            Self::Import(_)
+            | Self::Reported
+            | Self::Ended { .. }
+            | Self::NotMet { .. }
+            | Self::StillThere { .. }
+            | Self::Demo(_)
+            | Self::Runtime(_)
+            | Self::Memory(MemoryError::AlreadyRunning { .. } | MemoryError::InstanceTaken { .. }) => {
+                Exit::Failed
+            }
+            #[cfg(feature = "channel")]
+            Self::Scenario(_) => Exit::Failed,
+            Self::NotRunning { .. }
+            | Self::NoImages { .. }
+            | Self::NoDirectory { .. }
+            | Self::Dead { .. }
+            | Self::Memory(_)
+            | Self::Process { .. }
+            | Self::Signals { .. }
+            | Self::Output { .. }
+            | Self::File { .. } => Exit::NotThere,
+            #[cfg(not(feature = "channel"))]
+            Self::NoChannel { .. } => Exit::NotThere,
+            #[cfg(feature = "channel")]
+            Self::Client(error) => of_client(error),
+            #[cfg(feature = "channel")]
+            Self::Server(_) | Self::WrongReply(_) => Exit::NotThere,
+            Self::Interrupted => Exit::Interrupted,
+            // Whoever reads our output has enough of it, as in `commram map | head`.
+            Self::BrokenPipe => Exit::Done,
+        }
+    }
+}
+
+#[cfg(feature = "channel")]
+fn of_client(error: &crate::channel::ClientError) -> Exit {
+    use crate::channel::ClientError;
+    use crate::request::Code;
+    match error {
+        ClientError::TooManyOperations { .. } => Exit::WrongUse,
+        ClientError::Refused(refused) if refused.code == Code::SHUTTING_DOWN => Exit::NotThere,
+        ClientError::Refused(refused) if refused.code.is_wrong_use() => Exit::WrongUse,
+        ClientError::Refused(_) => Exit::Failed,
+        _ => Exit::NotThere,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Help is made of the list; the documentation repeats it.
+    #[test]
+    fn the_documentation_has_the_list_as_it_stands_here() {
+        let page = include_str!("../../docs/command-line.md");
+        for exit in Exit::ALL {
+            let row = format!("\n| {} | {}", exit.code(), exit.meaning());
+            assert!(page.contains(&row), "docs/command-line.md lacks{row}");
+        }
+    }
+
+    #[test]
+    fn errors_have_the_codes_of_their_kind() {
+        let not_running = CliError::NotRunning { instance: "x".into(), running: String::new() };
+        assert_eq!(not_running.exit_code(), 3);
+        assert_eq!(CliError::Memory(MemoryError::EmulatorDied { path: "x".into(), pid: 1 }).exit_code(), 3);
+        assert_eq!(
+            CliError::Memory(MemoryError::InstanceTaken { instance: "x".into(), pid: None }).exit_code(),
+            1
+        );
+        assert_eq!(CliError::Reported.exit_code(), 1);
+        assert_eq!(CliError::ReportedWrongUse.exit_code(), 2);
+        assert_eq!(CliError::Interrupted.exit_code(), 130);
+        assert_eq!(CliError::Ended { code: 42 }.exit_code(), 42);
+    }
+
+    #[cfg(feature = "channel")]
+    #[test]
+    fn a_refusal_is_wrong_use_or_a_state_or_the_end() {
+        use crate::channel::ClientError;
+        use crate::request::{Code, Refused};
+        let code = |code| {
+            CliError::Client(ClientError::Refused(Refused { code, text: String::new(), waited: None }))
+                .exit_code()
+        };
+        assert_eq!(code(Code::NO_SYNC), 1);
+        assert_eq!(code(Code::UNMAPPED), 2);
+        assert_eq!(code(Code::SHUTTING_DOWN), 3);
+        assert_eq!(CliError::Client(ClientError::EmulatorGone { instance: "x".into() }).exit_code(), 3);
+    }
+}

@@ -1,0 +1,161 @@
+//! Starting an emulator in this process: what `run` and `with` have in common.
+
+use super::error::CliError;
+use super::output;
+use crate::devices;
+use crate::plant::PlantConfig;
+use crate::runtime::{Clock, Emulator, Options};
+use clap::ValueEnum;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::time::Duration;
+
+/// How long a signal that comes during the start waits for its end. Then there is no good order to end in.
+const START_PATIENCE: Duration = Duration::from_secs(1);
+
+/// How an emulator is to run.
+#[derive(clap::Args)]
+pub(crate) struct Settings {
+    /// What drives the emulated time
+    #[arg(long, value_enum, default_value_t = ClockArg::Realtime)]
+    clock: ClockArg,
+    /// Emulated time per real time, 0.001 to 1000 (real-time clock only)
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    speed: f64,
+    /// Poll the registers instead of sleeping: faster answers, but it takes a whole processor core
+    #[arg(long)]
+    busy: bool,
+    /// Keep the NOVRAM of each PLC in this directory, which no other emulator may use; without it, it is forgotten at
+    /// the end
+    #[arg(long, value_name = "DIR")]
+    novram: Option<PathBuf>,
+    /// Start only if this program was built from the layout in this directory
+    #[arg(long, value_name = "DIR")]
+    layout: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ClockArg {
+    /// The wall clock
+    Realtime,
+    /// `commram step`, `commram wait` and other clients of the channel; time stands still in between
+    Stepped,
+}
+
+impl Settings {
+    /// The clock that is meant.
+    ///
+    /// # Errors
+    /// A speed where there can be none.
+    pub(crate) fn clock(&self) -> Result<Clock, CliError> {
+        match self.clock {
+            ClockArg::Stepped if self.speed != 1.0 => {
+                let right = "in stepped mode time passes on request, there is no speed".to_owned();
+                Err(CliError::Argument { text: format!("--speed {}", self.speed), right })
+            }
+            ClockArg::Stepped => Ok(Clock::Stepped),
+            ClockArg::Realtime => Ok(Clock::RealTime { speed: self.speed }),
+        }
+    }
+
+    /// Starts an emulator with this plant, or the built-in one, and says what it had to take over. From here on `signals`
+    /// has the signals that ask for an end.
+    ///
+    /// # Errors
+    /// It does not start.
+    pub(crate) fn start(
+        &self,
+        plant: Option<&Path>,
+        instance: &str,
+        signals: SignalsTaken,
+    ) -> Result<(Emulator, Sender<OnSignal>), CliError> {
+        let options = Options {
+            instance: instance.to_owned(),
+            clock: self.clock()?,
+            busy: self.busy,
+            novram: self.novram.clone(),
+        };
+        if let Some(dir) = &self.layout {
+            check_layout(dir)?;
+        }
+        log_to_stderr();
+        let config = match plant {
+            Some(path) => PlantConfig::load(path)?,
+            None => PlantConfig::built_in()?,
+        };
+        let (started, starting) = mpsc::channel();
+        std::thread::spawn(move || signals.pass_on(&starting));
+        crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
+        let emulator = Emulator::start(&config, options)?;
+        report_takeover(&emulator);
+        Ok((emulator, started))
+    }
+}
+
+/// What is done about a signal.
+pub(crate) type OnSignal = Box<dyn FnMut(i32) + Send>;
+
+/// The signals that ask for an end, which do not end this process any more.
+pub(crate) struct SignalsTaken(Signals);
+
+impl SignalsTaken {
+    /// Takes them.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub(crate) fn take() -> Result<Self, CliError> {
+        let signals = Signals::new([SIGINT, SIGTERM, SIGHUP]);
+        signals.map(Self).map_err(|reason| CliError::Signals { reason })
+    }
+
+    /// Hands them over to what the start comes to; one that comes before waits for its end, unless it hangs.
+    fn pass_on(mut self, starting: &Receiver<OnSignal>) {
+        let mut pending = self.0.forever();
+        let Some(first) = pending.next() else { return };
+        match starting.recv_timeout(START_PATIENCE) {
+            Ok(mut act) => {
+                act(first);
+                pending.for_each(act);
+            }
+            Err(RecvTimeoutError::Timeout) => end_by(first),
+            // The start has failed, the process is about to end.
+            Err(RecvTimeoutError::Disconnected) => {}
+        }
+    }
+}
+
+/// Ends this process as if the signal had never been caught.
+pub(crate) fn end_by(signal: i32) {
+    let _ = signal_hook::low_level::emulate_default_handler(signal);
+}
+
+fn check_layout(dir: &Path) -> Result<(), CliError> {
+    let found = commram_layoutc::compile(dir)?.layout_hash;
+    if devices::of_hash(found).is_some() {
+        return Ok(());
+    }
+    let hash = |known: &devices::Registered| format!("16#{:016X}", known.layout.layout_hash);
+    let built = devices::all().iter().copied().map(hash).collect::<Vec<_>>().join(" and ");
+    Err(CliError::OtherLayout { dir: dir.to_owned(), found, built })
+}
+
+fn report_takeover(emulator: &Emulator) {
+    for image in emulator.images() {
+        if let Some(pid) = image.taken_over() {
+            let path = image.path().display();
+            output::note(&format!("took over {path}, which a killed emulator (process {pid}) had left"));
+        }
+    }
+}
+
+fn log_to_stderr() {
+    tracing_subscriber::fmt()
+        .with_max_level(tracing::Level::WARN)
+        .with_writer(std::io::stderr)
+        .with_ansi(false)
+        .with_target(false)
+        .without_time()
+        .init();
+}

@@ -1,0 +1,136 @@
+//! The exit codes of all commands: docs/command-line.md.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, commram, finish, run, unique_name, wait_for};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+/// Commands that need an instance, each with arguments that are right. DUMP is a file with an empty dump.
+const AT_AN_INSTANCE: [&[&str]; 24] = [
+    &["stop"],
+    &["stop", "--clean"],
+    &["peek", "node2.w_CPU_CONTROL"],
+    &["poke", "node2.w_CPU_CONTROL=0"],
+    &["force"],
+    &["force", "node2.w_CPU_CONTROL=0"],
+    &["unforce", "--all"],
+    &["wait", "node2.w_CPU_CONTROL==0"],
+    &["step", "1ms"],
+    &["step", "--to-sync"],
+    &["dump"],
+    &["diff", "DUMP"],
+    &["watch"],
+    &["fault", "list"],
+    &["fault", "add", "crc_error", "bus=drives"],
+    &["fault", "clear", "1"],
+    &["trace"],
+    &["trace", "--follow"],
+    &["check"],
+    &["board", "get"],
+    &["board", "set", "start=cold"],
+    &["bus", "list"],
+    &["bus", "open", "drives", "slcan-pty"],
+    &["bus", "close", "drives"],
+];
+
+/// The commands that `commram help` lists.
+fn commands() -> Vec<String> {
+    let help = run(&["help"]);
+    let list = help.ok().split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let names = list.lines().filter_map(|line| line.strip_prefix("  ")?.split_ascii_whitespace().next());
+    let names: Vec<_> = names.filter(|name| *name != "help").map(str::to_owned).collect();
+    assert!(names.len() > 20, "{names:?}");
+    names
+}
+
+#[test]
+fn wrong_use_is_2_of_every_command() {
+    for command in commands() {
+        let outcome = run(&[&command, "--no-such-option"]);
+        assert!(outcome.fails(2).contains("--no-such-option"), "{command}: {}", outcome.err);
+    }
+}
+
+#[test]
+fn an_instance_that_is_not_there_or_has_gone_is_3_of_every_command() {
+    for command in commands() {
+        let needs = run(&[&command, "--help"]).ok().contains("--connect-timeout");
+        let known = AT_AN_INSTANCE.iter().any(|args| args[0] == command);
+        assert!(known || !needs, "the list lacks {command}");
+    }
+    let dump = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(dump.path(), "[]").unwrap();
+    let mut killed = Emulator::stepped();
+    killed.kill();
+    for args in AT_AN_INSTANCE {
+        let args: Vec<_> =
+            args.iter().map(|arg| if *arg == "DUMP" { dump.path().to_str().unwrap() } else { arg }).collect();
+        let nobody = unique_name();
+        let outcome = run(&[&args[..], &["-i", &nobody]].concat());
+        assert!(outcome.fails(3).contains(&nobody), "{args:?}: {}", outcome.err);
+        let reads = ["peek", "dump", "diff"].contains(&args[0]) || args[..] == ["board", "get"];
+        if !reads && args[..] != ["stop", "--clean"] {
+            let outcome = run(&[&args[..], &["-i", &killed.name]].concat());
+            assert!(outcome.fails(3).contains("was killed"), "{args:?}: {}", outcome.err);
+        }
+    }
+    assert!(run(&["map", "-i", "nobody-has-this-name"]).fails(3).contains("nobody-has-this-name"));
+    let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/28-one-answer.rhai");
+    run(&["test", scenario, "--attach", "nobody-has-this-name"]).fails(3);
+}
+
+#[test]
+fn an_expectation_that_fails_is_1() {
+    let emulator = Emulator::stepped();
+    let fails = |command: &str, args: &[&str]| emulator.run(command, args).code;
+    assert_eq!(fails("wait", &["node2.w_OPTION_STATUS==7", "--within", "1ms"]), Some(1));
+    assert_eq!(fails("step", &["--to-sync"]), Some(1), "nobody sends SYNC");
+    assert_eq!(fails("board", &["set", "start=cold"]), Some(1), "there is no program");
+    assert_eq!(fails("check", &[]), Some(0));
+    let before = emulator.run("dump", &["--all", "--format", "json"]);
+    let dump = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(dump.path(), before.ok()).unwrap();
+    assert_eq!(fails("diff", &[dump.path().to_str().unwrap()]), Some(0));
+    emulator.poke(&["node2.w_OPTION_STATUS=7"]);
+    assert_eq!(fails("diff", &[dump.path().to_str().unwrap()]), Some(1));
+    emulator.step(&["1ms"]);
+    assert_eq!(fails("check", &[]), Some(1), "the status belongs to the firmware");
+    emulator.breaks(&["owner"]);
+}
+
+#[test]
+fn ctrl_c_is_130_of_all_that_go_on_until_then() {
+    let emulator = Emulator::stepped();
+    emulator.poke(&["node2.w_CPU_CONTROL=1"]);
+    emulator.step(&["1ms"]);
+    for (args, is_silent) in [
+        (&["run", "--clock", "stepped"][..], false),
+        (&["trace", "--follow", "-i", &emulator.name], false),
+        (&["watch", "node2.w_OPTION_STATUS", "-i", &emulator.name], true),
+    ] {
+        let mut command = commram();
+        command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let own = unique_name();
+        if args[0] == "run" {
+            command.args(["-i", &own]);
+        }
+        let mut child = command.spawn().unwrap();
+        // What it says first tells that it has taken the signal over; `watch` says so beside its output.
+        let (out, err) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
+        let (mut out, mut err) = (BufReader::new(out), BufReader::new(err));
+        let mut line = String::new();
+        let said = if is_silent { err.read_line(&mut line) } else { out.read_line(&mut line) };
+        assert!(said.unwrap() > 0, "{args:?}");
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        let status = wait_for(&mut child, args[0]);
+        assert_eq!(status.code(), Some(130), "{args:?}: {status}");
+    }
+}
+
+/// What was judged before the output was closed is not said, but that nobody reads is no failure.
+#[test]
+fn a_reader_that_goes_is_no_error() {
+    let script = format!("'{}' map --all | head -1", env!("CARGO_BIN_EXE_commram"));
+    let outcome = finish(Command::new("bash").args(["-c", &format!("set -o pipefail; {script}")]));
+    assert_eq!((outcome.code, outcome.err.as_str()), (Some(0), ""));
+}

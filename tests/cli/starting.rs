@@ -1,0 +1,213 @@
+//! Ways to start an emulator: `run --detach`, `with`, and clients that come while it is just starting.
+
+use crate::common::{
+    Outcome, commram, eventually, files_of, finish, remove_remains, run, unique_name, wait_for,
+};
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+/// An instance that a test starts in the background. It is ended, and what it leaves is removed, when this value is
+/// dropped.
+struct Background(String);
+
+impl Background {
+    fn new() -> Self {
+        Self(unique_name())
+    }
+
+    fn run(&self, command: &str, args: &[&str]) -> Outcome {
+        finish(commram().arg(command).args(args).args(["-i", &self.0]))
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        let _ = commram().args(["stop", "-i", &self.0]).output();
+        remove_remains(&self.0);
+    }
+}
+
+fn program() -> &'static str {
+    env!("CARGO_BIN_EXE_commram")
+}
+
+#[test]
+fn a_detached_emulator_is_ready_when_the_command_returns() {
+    let instance = Background::new();
+    let name = &instance.0;
+    let outcome = instance.run("run", &["--detach", "--clock", "stepped"]);
+    let (ready, rest) = outcome.ok().split_once('\n').unwrap();
+    assert!(ready.starts_with(&format!("commram: instance '{name}' ready: ")), "{ready}");
+    let told = rest.strip_prefix("commram: process ").unwrap();
+    let (pid, told) = told.split_once(' ').unwrap();
+    assert_eq!(told, format!("goes on in the background; end it with `commram stop -i {name}`\n"));
+    assert!(PathBuf::from(format!("/proc/{pid}")).exists());
+    assert_eq!(instance.run("peek", &["--raw", "node2.w_OPTION_STATUS"]).ok(), "16#0001\n");
+    instance.run("stop", &[]).ok();
+    assert_eq!(files_of(name), Vec::<PathBuf>::new());
+}
+
+/// Whoever started it may close terminal and outputs.
+#[test]
+fn a_detached_emulator_has_left_its_terminal_and_outputs() {
+    let instance = Background::new();
+    let outcome = instance.run("run", &["--detach"]);
+    let pid = outcome.ok().split("process ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
+    let session = stat.rsplit(')').next().unwrap().split_ascii_whitespace().nth(3).unwrap();
+    assert_eq!(session, pid, "it leads a session of its own");
+    for output in ["0", "1", "2"] {
+        let file = std::fs::read_link(format!("/proc/{pid}/fd/{output}")).unwrap();
+        assert_eq!(file, PathBuf::from("/dev/null"));
+    }
+}
+
+#[test]
+fn what_a_detached_emulator_says_later_goes_to_its_log() {
+    let instance = Background::new();
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log");
+    instance.run("run", &["--detach", "--log", log.to_str().unwrap()]).ok();
+    let image = format!("/dev/shm/commram.{}.line", instance.0);
+    std::fs::OpenOptions::new().write(true).open(image).unwrap().set_len(0).unwrap();
+    let said = || std::fs::read_to_string(&log).unwrap_or_default();
+    assert!(eventually(|| said().contains("another program has shortened it")), "{}", said());
+    let alone = run(&["run", "--log", "x"]);
+    assert!(alone.fails(2).contains("--detach"), "{}", alone.err);
+}
+
+#[test]
+fn a_start_that_fails_says_why_in_the_foreground_as_in_the_background() {
+    let instance = Background::new();
+    instance.run("run", &["--detach"]).ok();
+    for args in [&[][..], &["no-such-plant.toml"], &["--speed", "0"], &["--clock", "stepped", "--speed", "2"]]
+    {
+        let here = instance.run("run", args);
+        let behind = instance.run("run", &[&["--detach"], args].concat());
+        assert_ne!(here.code, Some(0));
+        assert_eq!((here.code, &here.out, &here.err), (behind.code, &behind.out, &behind.err), "{args:?}");
+    }
+}
+
+#[cfg(feature = "channel")]
+#[test]
+fn clients_wait_for_an_emulator_that_is_just_starting() {
+    for (command, args) in [
+        ("peek", &["node2.w_OPTION_STATUS"][..]),
+        ("poke", &["node2.w_CPU_CONTROL=0"]),
+        ("wait", &["node2.w_OPTION_STATUS==1"]),
+    ] {
+        let instance = Background::new();
+        let mut client = commram();
+        client.arg(command).args(args).args(["-i", &instance.0, "--connect-timeout", "1min"]);
+        let client = client.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        instance.run("run", &["--detach"]).ok();
+        let output = client.wait_with_output().unwrap();
+        assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
+/// The line that newcomers type.
+#[cfg(feature = "channel")]
+#[test]
+fn behind_an_ampersand_the_next_command_just_works() {
+    let instance = Background::new();
+    let script = format!("'{0}' run >/dev/null 2>&1 & '{0}' peek --raw node2.w_OPTION_STATUS", program());
+    let mut shell = Command::new("sh");
+    // The default, but for machines that are busy with tests.
+    shell.args(["-c", &script]).env("COMMRAM_INSTANCE", &instance.0).env("COMMRAM_CONNECT_TIMEOUT", "1min");
+    assert_eq!(finish(&mut shell).ok(), "16#0001\n");
+}
+
+/// What a killed one has left is not mistaken for the one that is about to take its place.
+#[cfg(feature = "channel")]
+#[test]
+fn clients_wait_for_the_successor_of_a_killed_one() {
+    let instance = Background::new();
+    let started = instance.run("run", &["--detach", "--clock", "stepped"]);
+    let pid = started.ok().split("process ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
+    assert!(Command::new("kill").args(["-KILL", &pid]).status().unwrap().success());
+    assert!(eventually(|| instance.run("step", &["1ms"]).code == Some(3)));
+    let mut client = commram();
+    client.args(["step", "1ms", "-i", &instance.0, "--connect-timeout", "1min"]).stdout(Stdio::piped());
+    let client = client.spawn().unwrap();
+    let again = instance.run("run", &["--detach", "--clock", "stepped"]);
+    assert_eq!(again.code, Some(0), "{}", again.err);
+    assert!(again.err.contains("took over"), "{}", again.err);
+    assert_eq!(client.wait_with_output().unwrap().stdout, b"0.001000 s\n");
+}
+
+fn with(args: &[&str], script: &str) -> Outcome {
+    finish(commram().arg("with").args(args).args(["--", "sh", "-c", script]).env("COMMRAM", program()))
+}
+
+#[test]
+fn with_gives_a_command_an_emulator_and_ends_with_its_exit_code() {
+    let outcome = with(
+        &["--clock", "stepped"],
+        "$COMMRAM peek --raw node2.w_OPTION_STATUS; echo $COMMRAM_INSTANCE; exit 42",
+    );
+    assert_eq!((outcome.code, outcome.err.as_str()), (Some(42), ""));
+    let (value, name) = outcome.out.split_once('\n').unwrap();
+    assert_eq!(value, "16#0001");
+    assert!(name.starts_with("with-"), "{name}");
+    assert_eq!(files_of(name.trim_end()), Vec::<PathBuf>::new());
+    assert_eq!(with(&[], "true").ok(), "");
+    assert_eq!(with(&[], "kill -KILL $$").code, Some(128 + 9));
+}
+
+#[test]
+fn with_takes_plant_and_name_and_hands_the_name_on() {
+    let name = unique_name();
+    let plant = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/examples/plant.toml");
+    let outcome =
+        with(&[plant, "-i", &name], "echo $COMMRAM_INSTANCE; ls /dev/shm/commram.$COMMRAM_INSTANCE.cell");
+    assert_eq!(outcome.ok(), format!("{name}\n/dev/shm/commram.{name}.cell\n"));
+}
+
+/// Neither a name in the environment nor another one of its kind is in the way.
+#[test]
+fn with_within_with_has_a_name_of_its_own() {
+    let outcome = with(&[], "echo $COMMRAM_INSTANCE; $COMMRAM with -- sh -c 'echo $COMMRAM_INSTANCE'");
+    let names: Vec<_> = outcome.ok().lines().collect();
+    assert_eq!(names.len(), 2);
+    assert_ne!(names[0], names[1]);
+}
+
+#[test]
+fn with_says_what_is_wrong() {
+    let nowhere = finish(commram().args(["with", "--", "./no-such-program"]));
+    assert!(nowhere.fails(127).contains("cannot run ./no-such-program"), "{}", nowhere.err);
+    let folder = finish(commram().args(["with", "--", "/"]));
+    assert!(folder.fails(126).contains("cannot run /"), "{}", folder.err);
+    assert!(with(&["no-such-plant.toml"], "true").fails(2).contains("no-such-plant.toml"));
+    assert!(run(&["with"]).fails(2).contains("COMMAND"));
+    let taken = unique_name();
+    let outcome = with(&["-i", &taken], &format!("$COMMRAM with -i {taken} -- true"));
+    assert!(outcome.fails(1).contains("is already running"), "{}", outcome.err);
+}
+
+#[test]
+fn with_passes_signals_on_and_cleans_up() {
+    for (signal, code) in [("-TERM", 43), ("-INT", 44), ("-HUP", 45)] {
+        let script = "trap 'exit 43' TERM; trap 'exit 44' INT; trap 'exit 45' HUP; echo $COMMRAM_INSTANCE; \
+                      while :; do sleep 0.01; done";
+        let mut command = commram();
+        command.args(["with", "--", "sh", "-c", script]).stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let name = lines.next().unwrap().unwrap();
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        assert_eq!(wait_for(&mut child, "with").code(), Some(code), "{signal}");
+        assert_eq!(files_of(&name), Vec::<PathBuf>::new());
+    }
+}
+
+#[cfg(feature = "channel")]
+#[test]
+fn with_waits_for_its_command_although_the_emulator_was_ended() {
+    let outcome = with(&[], "$COMMRAM stop -i $COMMRAM_INSTANCE && exit 7");
+    assert_eq!(outcome.code, Some(7));
+    assert!(outcome.err.contains("has ended before the command"), "{}", outcome.err);
+}

@@ -1,0 +1,56 @@
+//! A shell as its user has it who types what the documentation says.
+
+use crate::common::{Outcome, finish, remove_remains, unique_name};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// Stands for cargo, which would look at the whole project each time.
+const CARGO: &str = "#!/bin/sh\n[ \"$1 $2\" = 'run --example' ] || exit 2\nexample=$3\nshift 3\n[ $# = 0 ] || shift\n\
+    exec \"$EXAMPLES/$example\" \"$@\"\n";
+
+/// A shell in a directory of its own, in which what is named of the project lies, with the built programs in its path and an
+/// instance of its own, which is gone when this value is dropped.
+pub(crate) struct Shell {
+    name: String,
+    directory: TempDir,
+}
+
+impl Shell {
+    /// With these directories of the project in its own one.
+    pub(crate) fn new(of_project: &[&str]) -> Self {
+        let directory = tempfile::tempdir().unwrap();
+        for name in of_project {
+            let target = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+            std::os::unix::fs::symlink(target, directory.path().join(name)).unwrap();
+        }
+        let cargo = directory.path().join("bin/cargo");
+        std::fs::create_dir(cargo.parent().unwrap()).unwrap();
+        std::fs::write(&cargo, CARGO).unwrap();
+        std::fs::set_permissions(&cargo, PermissionsExt::from_mode(0o755)).unwrap();
+        Self { name: unique_name(), directory }
+    }
+
+    /// Runs a command or a script, which ends at its first failure.
+    pub(crate) fn run(&self, script: &str) -> Outcome {
+        let programs = Path::new(env!("CARGO_BIN_EXE_commram")).parent().unwrap();
+        let own = self.directory.path().join("bin");
+        let path = std::env::var("PATH").unwrap_or_default();
+        let mut shell = Command::new("sh");
+        shell.args(["-e", "-c", script]).current_dir(self.directory.path());
+        shell.env("PATH", format!("{}:{}:{path}", own.display(), programs.display()));
+        shell.env("EXAMPLES", programs.join("examples")).env("COMMRAM_INSTANCE", &self.name);
+        // A machine that tests much is slow.
+        finish(shell.env("COMMRAM_CONNECT_TIMEOUT", "1min").env_remove("COMMRAM_EXAMPLE"))
+    }
+}
+
+impl Drop for Shell {
+    fn drop(&mut self) {
+        let mut stop = crate::common::commram();
+        // It has stopped already, unless the test fails.
+        let _ = stop.args(["stop", "-i", &self.name]).output();
+        remove_remains(&self.name);
+    }
+}
