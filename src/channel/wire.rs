@@ -22,6 +22,7 @@ mod tests;
 pub use reply::{DecodeError, ReplyBuffer, decode};
 
 use crate::can::Frame;
+use crate::layout::{Compare, Test};
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
 use crate::request::{MAX_OPS, MAX_RANGE, Op};
@@ -47,7 +48,7 @@ pub struct WireOp {
     pub plc: u16,
     /// Access width in bytes: 1, 2 or 4.
     pub width: u16,
-    /// Number of the port.
+    /// Number of the port, or how a condition compares.
     pub node: u16,
     /// Byte in the image, or which setting of a board.
     pub offset: u32,
@@ -95,6 +96,8 @@ pub mod kind {
     pub const JOURNAL: u16 = 10;
     pub const ADVANCE_TO_EVENT: u16 = 11;
     pub const TIME: u16 = 12;
+    pub const CONDITION: u16 = 13;
+    pub const WAIT_FOR: u16 = 14;
     pub const FORCE: u16 = 30;
     pub const UNFORCE: u16 = 31;
     pub const FORCES: u16 = 32;
@@ -175,6 +178,14 @@ impl From<&Op> for WireOp {
             Op::Wait { plc, offset, width, mask, value, within_us } => {
                 WireOp { value, second: mask, time_us: within_us, ..register(kind::WAIT, plc, offset, width) }
             }
+            Op::Condition { plc, offset, width, test } => {
+                let Test { mask, value, .. } = test;
+                let node = compare_code(test);
+                WireOp { value, second: mask, node, ..register(kind::CONDITION, plc, offset, width) }
+            }
+            Op::WaitFor { any, within_us } => {
+                WireOp { kind: kind::WAIT_FOR, value: any.into(), time_us: within_us, ..WireOp::default() }
+            }
             Op::Advance { us } => WireOp { kind: kind::ADVANCE, time_us: us, ..WireOp::default() },
             Op::AdvanceToSync { plc, node } => {
                 WireOp { kind: kind::ADVANCE_TO_SYNC, plc, node: node.into(), ..WireOp::default() }
@@ -234,6 +245,13 @@ impl TryFrom<WireOp> for Op {
             }
             kind::READ_RANGE => Op::ReadRange { plc, offset, len: value },
             kind::WAIT => Op::Wait { plc, offset, width: width()?, mask: second, value, within_us: time_us },
+            kind::CONDITION => {
+                let compare = Compare::ALL.get(usize::from(wire.node % SIGNED)).copied();
+                let compare = compare.ok_or(BadField::new("the comparison", wire.node))?;
+                let test = Test { mask: second, compare, is_signed: wire.node >= SIGNED, value };
+                Op::Condition { plc, offset, width: width()?, test }
+            }
+            kind::WAIT_FOR => Op::WaitFor { any: value != 0, within_us: time_us },
             kind::ADVANCE => Op::Advance { us: time_us },
             kind::ADVANCE_TO_SYNC => Op::AdvanceToSync {
                 plc,
@@ -284,6 +302,15 @@ impl TryFrom<WireOp> for Op {
         }
         Ok(op)
     }
+}
+
+/// Added to the number of a comparison of numbers with a sign.
+const SIGNED: u16 = 256;
+
+/// A comparison on the wire.
+fn compare_code(test: Test) -> u16 {
+    let number = Compare::ALL.iter().position(|compare| *compare == test.compare).unwrap_or_default();
+    number as u16 + if test.is_signed { SIGNED } else { 0 }
 }
 
 /// The width on the wire: its length in bytes.

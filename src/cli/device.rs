@@ -34,7 +34,9 @@ pub(crate) fn on_any_device<T>(look_up: impl Fn(&Fitted) -> Result<T, LayoutErro
         match on_any_fit(known.layout, &look_up) {
             Ok(found) => return Ok(found),
             Err(other) => {
-                let has_area = |refusal: &LayoutError| !matches!(refusal, LayoutError::UnknownArea { .. });
+                let has_area = |refusal: &LayoutError| {
+                    !matches!(refusal, LayoutError::UnknownArea { .. } | LayoutError::UnknownName { .. })
+                };
                 if refusal.as_ref().is_none_or(|refusal| has_area(&other) && !has_area(refusal)) {
                     refusal = Some(other);
                 }
@@ -79,7 +81,8 @@ pub(crate) fn of_any_device_but_told_by(instance: &Instance) -> impl Fn(&str) ->
     |text| of_any_device(text).or_else(|refusal| told_by(instance, refusal, |session| session.place(text)))
 }
 
-/// What `ask` gets from the instance, if it runs and `refusal` is that no device has such an area.
+/// What `ask` gets from the instance, if it runs and `refusal` is that no device has such an area, or several registers are
+/// called so: of a modular PLC perhaps one of them is fitted.
 ///
 /// # Errors
 /// What `ask` is refused with, else `refusal`.
@@ -88,9 +91,18 @@ pub(crate) fn told_by<T>(
     refusal: CliError,
     ask: impl Fn(&Session) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    use LayoutError::{UnknownArea, UnknownVariable};
-    match (&refusal, Session::open_for_reading(&Instance::running(instance.name()))) {
-        (CliError::Layout(UnknownArea { .. } | UnknownVariable { .. }), Ok(session)) => ask(&session),
-        _ => Err(refusal),
+    use LayoutError::{Ambiguous, NoMatch, UnknownArea, UnknownName, UnknownVariable};
+    let may_know = matches!(
+        refusal,
+        CliError::Layout(
+            Ambiguous { .. } | NoMatch { .. } | UnknownArea { .. } | UnknownName { .. } | UnknownVariable { .. }
+        )
+    );
+    if !may_know {
+        return Err(refusal);
+    }
+    match Session::open_for_reading(&Instance::running(instance.name())) {
+        Ok(session) => ask(&session),
+        Err(_) => Err(refusal),
     }
 }

@@ -4,12 +4,12 @@ use super::Instance;
 use super::device::on_any_device;
 use super::error::CliError;
 use super::peek::{Holding, number};
-use super::place::{is_live, live_by, status_of, without_twins};
+use super::place::{is_live, live_by, meaning_in, status_of, without_twins};
 use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
 use crate::layout::{
-    Address, Area, Fit, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value, split_plc,
+    Address, Area, Fit, Fitted, LayoutError, Live, Named, RegType, RegisterRef, Width, format_value, split_plc,
 };
 use core::ops::Range;
 
@@ -27,10 +27,12 @@ Examples:
   commram dump
   commram dump node2
   commram dump 'node2.a_RD_BMARRAY[3]' --all
+  commram dump 'node*.*STATUS*'
   commram dump retain
   commram dump line2:node1 --format csv")]
 pub(crate) struct Args {
-    /// Blocks, arrays, registers or addresses, `retain` for the retain flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
+    /// Blocks, arrays, registers, patterns ('node2.*STATUS*', 'node2.a_STAT_SL[0..3]') or addresses, `retain` for the retain
+    /// flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
     #[arg(value_name = "BLOCK")]
     blocks: Vec<String>,
     /// Also registers that hold their reset value
@@ -150,14 +152,25 @@ impl Blocks {
     /// # Errors
     /// The emulator has gone.
     pub(crate) fn read(&self, session: &Session) -> Result<Dump, CliError> {
-        let reads: Vec<_> = self.0.iter().flat_map(Part::reads).collect();
+        let reads = self.reads();
         let snapshot = session.read(&reads)?;
-        let views = views(session, &self.0, &snapshot);
+        let views = views(session, &self.0, &snapshot, &snapshot.data);
         Ok(Dump {
             time_us: snapshot.time_us,
             rows: views.iter().flat_map(View::rows).collect(),
             is_live: views.iter().any(View::has_live_registers),
         })
+    }
+
+    /// What is read for them.
+    pub(crate) fn reads(&self) -> Vec<Read> {
+        self.0.iter().flat_map(Part::reads).collect()
+    }
+
+    /// What the registers hold, whether they are live or not, of which there are `data` in a snapshot.
+    pub(crate) fn holdings(&self, session: &Session, snapshot: &Snapshot, data: &[Vec<u8>]) -> Vec<Holding> {
+        let views = views(session, &self.0, snapshot, data);
+        views.iter().flat_map(View::rows_or_dead_ones).map(|row| row.holding).collect()
     }
 }
 
@@ -179,13 +192,18 @@ fn select(fitted: &Fitted, name: &str) -> Result<Vec<Selection>, LayoutError> {
         }
     } else if let Some(retain) = device.retain.filter(|retain| retain.area.name == name) {
         Selection::whole(&retain.area)
-    } else if name.contains('.') {
-        let registers = fitted.registers(name)?;
-        let area = registers.first().map(|register| register.area);
-        let area = area.map_or_else(|| device.area(name), Ok)?;
-        Selection { area, registers: Some(registers), place: None }
     } else {
-        Selection::whole(device.area(name)?)
+        match fitted.area_or_registers(name)? {
+            Named::Area(area) => Selection::whole(area),
+            Named::Registers(registers) => {
+                let same_area = |one: &RegisterRef, other: &RegisterRef| core::ptr::eq(one.area, other.area);
+                let areas = registers.chunk_by(same_area).filter_map(|registers| {
+                    let area = registers.first()?.area;
+                    Some(Selection { area, registers: Some(registers.to_vec()), place: None })
+                });
+                return Ok(areas.collect());
+            }
+        }
     };
     Ok(vec![selection])
 }
@@ -223,8 +241,13 @@ impl Part {
     }
 }
 
-fn views<'a>(session: &Session, parts: &'a [Part], snapshot: &'a Snapshot) -> Vec<View<'a>> {
-    let mut blocks = snapshot.data.iter();
+fn views<'a>(
+    session: &Session,
+    parts: &'a [Part],
+    snapshot: &'a Snapshot,
+    data: &[Vec<u8>],
+) -> Vec<View<'a>> {
+    let mut blocks = data.iter();
     let view = |part: &'a Part| View {
         selection: &part.selection,
         first: part.bytes.start,
@@ -288,11 +311,20 @@ impl View<'_> {
         if self.area().structures.is_empty() {
             return self.plain();
         }
-        let row = |register: RegisterRef| {
-            let value = self.value(register.offset(), register.width());
-            DumpRow { holding: self.holding(&register, value), differs: value != register.reset() }
-        };
-        self.registers().into_iter().map(row).collect()
+        self.registers().iter().map(|register| self.row(register)).collect()
+    }
+
+    /// The rows, if none of the selected registers is live those that are not.
+    fn rows_or_dead_ones(&self) -> Vec<DumpRow> {
+        match (self.rows(), &self.selection.registers) {
+            (rows, Some(registers)) if rows.is_empty() => registers.iter().map(|it| self.row(it)).collect(),
+            (rows, _) => rows,
+        }
+    }
+
+    fn row(&self, register: &RegisterRef) -> DumpRow {
+        let value = self.value(register.offset(), register.width());
+        DumpRow { holding: self.holding(register, value), differs: value != register.reset() }
     }
 
     fn holding(&self, register: &RegisterRef, value: u32) -> Holding {
@@ -304,7 +336,7 @@ impl View<'_> {
             ty: register.ty().name(),
             value: register.ty().number(value),
             hex: register.format_value(value),
-            meaning: register.decode(value),
+            meaning: meaning_in(register, self.live(), value),
             forced: self.forced(register.offset(), register.width()),
         }
     }

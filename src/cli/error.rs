@@ -119,19 +119,42 @@ pub(crate) enum CliError {
         /// The command.
         command: &'static str,
     },
+    /// Nothing like this is in the register map.
+    #[error("nothing in the register map of {device} has `{text}` in its name, meaning or values{hint}")]
+    NotFound {
+        /// What was looked for.
+        text: String,
+        /// The device.
+        device: &'static str,
+        /// Names that may be meant.
+        hint: String,
+    },
     /// A register did not become what was awaited.
-    #[error("{place} did not become {wanted} within {}; at {} it holds {found}", time::short(*.within_us), time::seconds(*.time_us))]
+    #[cfg(feature = "channel")]
+    #[error("{} did not become {} within {}; at {} it holds {}", .unmet.place, .unmet.wanted, time::short(*.within_us), time::seconds(*.time_us), .unmet.found)]
     NotMet {
-        /// Name and address of the register.
-        place: String,
-        /// What was awaited.
-        wanted: String,
+        /// The register.
+        unmet: super::wait::Unmet,
         /// How long, in emulated microseconds.
         within_us: u64,
         /// Emulated time at the end.
         time_us: u64,
-        /// The last value with its meaning.
-        found: String,
+    },
+    /// Several conditions did not come to hold at one moment, or none of them did.
+    #[cfg(feature = "channel")]
+    #[error(
+        "{} within {}; at {}:{}", if *.any { "none of these came to hold" } else { "these did not come to hold together" },
+        time::short(*.within_us), time::seconds(*.time_us), lines(.conditions)
+    )]
+    NoneMet {
+        /// The conditions.
+        conditions: Vec<super::wait::Unmet>,
+        /// Whether one of them would have been enough.
+        any: bool,
+        /// How long, in emulated microseconds.
+        within_us: u64,
+        /// Emulated time at the end.
+        time_us: u64,
     },
     /// The emulator was asked to end and did not.
     #[error(
@@ -257,6 +280,17 @@ pub(crate) enum CliError {
     /// Nobody reads the standard output any more.
     #[error("nobody reads the output")]
     BrokenPipe,
+}
+
+/// A line for each condition: what its register holds, and what it should.
+#[cfg(feature = "channel")]
+fn lines(conditions: &[super::wait::Unmet]) -> String {
+    let line = |it: &super::wait::Unmet| {
+        let state = if it.holds { "as awaited" } else { "awaited:" };
+        let wanted = if it.holds { String::new() } else { format!(" {}", it.wanted) };
+        format!("\n  {} holds {}; {state}{wanted}", it.place, it.found)
+    };
+    conditions.iter().map(line).collect()
 }
 
 impl CliError {

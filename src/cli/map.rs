@@ -1,7 +1,7 @@
 //! `commram map`: the register map, which needs no emulator.
 
 mod detail;
-mod entry;
+pub(in crate::cli) mod entry;
 
 use super::device::DeviceArg;
 use super::error::CliError;
@@ -10,7 +10,7 @@ use super::place::without_twins;
 use super::session::Session;
 use super::table::{self, Format, FormatArg};
 use super::{Instance, instance_name};
-use crate::layout::{Address, Area, Fit, Fitted, Placed, Role, Width, split_plc};
+use crate::layout::{Address, Area, Fit, Fitted, Named, Placed, Role, Width, split_plc};
 use entry::Entry;
 
 /// Show the register map: types, owners, meanings, and where each fact comes from.
@@ -20,6 +20,7 @@ Examples:
   commram map
   commram map node2
   commram map node2.w_OPTION_STATUS
+  commram map 'node2.*STATUS*'
   commram map %MB3.200012
   commram map --all --format csv > map.csv
   commram map maxx:slotG -i press-1
@@ -28,7 +29,7 @@ Provenance: facts marked `manual` are stated in the manual, or with a name behin
 library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from.
 Names of blocks (node1, node2, ...) are ours (D-220).")]
 pub(crate) struct Args {
-    /// A register, an array, an address or a block [default: everything]
+    /// A register, an array, a pattern ('node2.*STATUS*'), an address or a block [default: everything]
     #[arg(value_name = "NAME|ADDRESS|BLOCK")]
     what: Option<String>,
     /// Also registers that the manual reserves
@@ -59,19 +60,20 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let (entries, single) = match what {
         "" => (device.named_areas().flat_map(of_area).collect::<Vec<_>>(), false),
         address if address.starts_with('%') => (at_address(&fitted, device.address(address)?)?, true),
-        name if name.contains('.') => {
-            let entries = entry::of_registers(&fitted.registers(name)?);
-            // Who asks for a reserved register gets it.
-            let single = entries.len() == 1;
-            (entries, single)
-        }
-        name => {
-            let area = device.area(name)?;
-            if fitted.area(area) == Fit::Empty {
-                fitted.registers_at(fitted.device().at(Width::Byte, area.first), None)?;
+        name => match fitted.area_or_registers(name)? {
+            Named::Area(area) => {
+                if fitted.area(area) == Fit::Empty {
+                    fitted.registers_at(fitted.device().at(Width::Byte, area.first), None)?;
+                }
+                (of_area(area), false)
             }
-            (of_area(area), false)
-        }
+            Named::Registers(registers) => {
+                let entries = entry::of_registers(&registers);
+                // Who asks for a reserved register gets it.
+                let single = entries.len() == 1;
+                (entries, single)
+            }
+        },
     };
     let entries: Vec<_> = entries.into_iter().filter(|entry| args.all || single || !entry.reserved).collect();
     if single && args.format.format == Format::Text {

@@ -15,6 +15,7 @@ mod error;
 mod exit;
 mod export;
 mod fault;
+mod find;
 mod force;
 mod instance;
 mod layout;
@@ -67,7 +68,11 @@ fn after_help() -> String {
 const REGISTERS: &str = "\
 Registers:
   node2.w_CPU_CONTROL          by name: block, register
+  w_COMMAND_REG                without the block, where only one has such a register
+  _CANsync_CTRL_MA.w_CPU_CONTROL   with the variable that the manual declares there
   'node2.a_RD_BMARRAY[3][0]'   an element of an array; the quotes are for the shell
+  node2.w_CANsync_STATUS.2     one bit
+  'node2.*STATUS*', 'node2.a_STAT_SL[0..3]'   several, for commands that read
   %MW3.200000                  by address: %MB3, %MW3, %MD3, %MX3 (one bit)
   line2:node2.w_CPU_CONTROL    with the PLC, where the instance has several
   maxx:slotG.w_CPU_CONTROL     of a module in a slot of a modular PLC
@@ -89,6 +94,7 @@ enum Command {
     List(list::Args),
     Stop(stop::Args),
     Map(map::Args),
+    Find(find::Args),
     Export(export::Args),
     Layout(layout::Args),
     Peek(peek::Args),
@@ -142,6 +148,7 @@ impl Command {
             Command::List(args) => list::run(&args),
             Command::Stop(args) => stop::run(&args),
             Command::Map(args) => map::run(&args),
+            Command::Find(args) => find::run(&args),
             Command::Export(args) => export::run(&args),
             Command::Layout(args) => layout::run(&args),
             Command::Peek(args) => peek::run(&args),

@@ -1,26 +1,31 @@
 //! `commram peek`: what registers hold.
 
-use super::device::of_any_device_but_told_by;
+use super::device::{of_any_device_but_told_by, told_by};
+use super::dump::{self, Blocks};
 use super::error::CliError;
 use super::place::{Place, live_by};
-use super::session::{Read, Session};
+use super::session::{Read, Session, Snapshot};
 use super::table::{self, FormatArg, Row};
 use super::{Instance, output};
-use crate::layout::Live;
+use crate::layout::{Live, is_pattern};
 use serde::Serialize;
 
 /// Read registers and say what they mean.
 ///
-/// All registers are read at one moment of emulated time. Reading changes nothing.
+/// All registers are read at one moment of emulated time. Reading changes nothing. Where the parts of a pattern are
+/// registers of structures that overlay each other, those of the live one are shown, if it has any.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram peek node2.w_OPTION_STATUS
   commram peek 'node2.a_STAT_SL[1]' 'node2.a_STAT_SL[2]' 'node2.a_STAT_SL[3]'
+  commram peek 'node2.a_STAT_SL[1..3]' 'node2.*STATUS*'
+  commram peek node2.w_CANsync_STATUS.2            a single bit
+  commram peek _CANsync_CTRL_MA.w_CPU_CONTROL      as the manual calls it
   commram peek --raw %MW3.200002
   commram peek line2:node1.w_OPTION_STATUS --format json")]
 pub(crate) struct Args {
-    /// Registers by name or address
+    /// Registers by name or address, or patterns: * for anything, [0..3] for a range, [*] for all
     #[arg(value_name = "REG", required = true)]
     registers: Vec<String>,
     /// Print nothing but the numbers, one per line
@@ -86,10 +91,17 @@ impl Row for Holding {
 /// Reads the registers and prints them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let check = of_any_device_but_told_by(&args.instance);
-    args.registers.iter().try_for_each(|text| check(text).map(drop))?;
+    for text in &args.registers {
+        if is_pattern(text) {
+            dump::check(core::slice::from_ref(text))
+                .or_else(|refusal| told_by(&args.instance, refusal, |session| Wanted::find(session, text).map(drop)))?;
+        } else {
+            check(text)?;
+        }
+    }
     let session = Session::open_for_reading(&args.instance)?;
-    let places = args.registers.iter().map(|text| session.place(text)).collect::<Result<Vec<_>, _>>()?;
-    let holdings = read(&session, &places)?;
+    let wanted = args.registers.iter().map(|text| Wanted::find(&session, text));
+    let holdings = read(&session, &wanted.collect::<Result<Vec<_>, _>>()?)?;
     if args.raw {
         return output::print(
             &holdings.iter().map(|holding| format!("{}\n", holding.hex)).collect::<String>(),
@@ -98,30 +110,67 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     table::print(args.format.format, &holdings, |holdings| holdings.iter().map(line).collect())
 }
 
-/// What the places hold, all at one moment.
+/// What an argument stands for.
+pub(crate) enum Wanted {
+    /// A register or an address.
+    One(u16, Place),
+    /// What a pattern matches.
+    Several(Blocks),
+}
+
+impl Wanted {
+    /// What `text` stands for at an instance.
+    ///
+    /// # Errors
+    /// There is no such PLC, register or address.
+    fn find(session: &Session, text: &str) -> Result<Self, CliError> {
+        if is_pattern(text) {
+            return Ok(Self::Several(Blocks::find(session, &[text.to_owned()])?));
+        }
+        let place = session.place(text)?;
+        Ok(Self::One(session.plc_of(&place)?, place))
+    }
+
+    fn reads(&self) -> Vec<Read> {
+        match self {
+            // Which of two overlaid structures is live follows from a register, read at the same moment.
+            Self::One(plc, place) => {
+                let status = place.status().map(|status| Read::register(*plc, &status));
+                [Read::place(*plc, place)].into_iter().chain(status).collect()
+            }
+            Self::Several(blocks) => blocks.reads(),
+        }
+    }
+
+    fn holdings(&self, session: &Session, snapshot: &Snapshot, data: &[Vec<u8>]) -> Vec<Holding> {
+        match self {
+            Self::One(plc, place) => {
+                let value = |index: usize| data.get(index).map(|bytes| number(bytes));
+                let live = value(1).map_or(Live::Cyclic, live_by);
+                let forced = snapshot.is_forced(*plc, place.offset(), place.width().bytes());
+                let value = value(0).unwrap_or_default();
+                vec![Holding { forced, ..holding(session, place, *plc, live, value, snapshot.time_us) }]
+            }
+            Self::Several(blocks) => blocks.holdings(session, snapshot, data),
+        }
+    }
+}
+
+/// What registers hold, all at one moment.
 ///
 /// # Errors
-/// A PLC that does not exist or is missing, or the emulator has gone.
-pub(crate) fn read(session: &Session, places: &[Place]) -> Result<Vec<Holding>, CliError> {
-    let plcs = places.iter().map(|place| session.plc_of(place)).collect::<Result<Vec<_>, _>>()?;
-    let mut reads: Vec<_> = places.iter().zip(&plcs).map(|(place, &plc)| Read::place(plc, place)).collect();
-    // Which of two overlaid structures is live follows from a register, read at the same moment.
-    let statuses = places.iter().zip(&plcs).map(|(place, &plc)| {
-        place.status().map(|status| {
-            reads.push(Read::register(plc, &status));
-            reads.len() - 1
-        })
-    });
-    let statuses: Vec<_> = statuses.collect();
-    let snapshot = session.read(&reads)?;
-    let value = |index: usize| snapshot.data.get(index).map_or(0, |bytes| number(bytes));
-    let holdings =
-        places.iter().zip(plcs).zip(statuses).enumerate().map(|(index, ((place, plc), status))| {
-            let live = status.map_or(Live::Cyclic, |index| live_by(value(index)));
-            let forced = snapshot.is_forced(plc, place.offset(), place.width().bytes());
-            Holding { forced, ..holding(session, place, plc, live, value(index), snapshot.time_us) }
-        });
-    Ok(holdings.collect())
+/// A PLC is missing, or the emulator has gone.
+pub(crate) fn read(session: &Session, wanted: &[Wanted]) -> Result<Vec<Holding>, CliError> {
+    let reads: Vec<_> = wanted.iter().map(Wanted::reads).collect();
+    let snapshot = session.read(&reads.concat())?;
+    let mut rest = snapshot.data.as_slice();
+    let mut holdings = Vec::new();
+    for (wanted, reads) in wanted.iter().zip(&reads) {
+        let (data, behind) = rest.split_at(reads.len().min(rest.len()));
+        holdings.extend(wanted.holdings(session, &snapshot, data));
+        rest = behind;
+    }
+    Ok(holdings)
 }
 
 /// What a place of PLC `plc` holds, in phase `live`, at an emulated time.

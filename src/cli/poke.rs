@@ -8,13 +8,15 @@ use super::place::Place;
 /// Write registers.
 ///
 /// All writes go to the emulator in one message and are done in the given order, with nothing in between.
-/// Values are decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103) or binary
-/// (2#100_0011). A register that belongs to the firmware can be written too, as in the real RAM; the
+/// Values are decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103), binary
+/// (2#100_0011), or what `commram map REG` calls them (restart, start-synchronous). A register that belongs to the firmware can be written too, as in the real RAM; the
 /// firmware overwrites it when it next writes it.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram poke node2.w_CPU_CONTROL=16#0001
+  commram poke node2.w_CPU_CONTROL=handshake
+  commram poke 'node2.w_CPU_CONTROL := 16#0001;'
   commram poke 'node2.a_WR_VALUE[0]=-1000' node2.b_CTRLREG_WRC1=16#05
   commram poke %MW3.200000=0x20
   commram poke line2:node2.w_CPU_CONTROL=0")]
@@ -40,6 +42,11 @@ pub(crate) fn parse(
     if value.starts_with('=') {
         return Err(wrong("one `=` writes; a comparison is for `commram wait`"));
     }
+    // As in structured text, with or without its `;`.
+    let register = register.trim_end();
+    let register = register.strip_suffix(':').unwrap_or(register);
+    let value = value.trim_end();
+    let value = value.strip_suffix(';').unwrap_or(value);
     let place = place(register.trim())?;
     if place.bit().is_some() {
         return Err(wrong("a single bit cannot be written, only its whole register"));
@@ -64,7 +71,18 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         Ok(Op::Poke { plc: session.plc_of(place)?, offset, width, value: *value })
     };
     let ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
-    session.request(&ops).map(drop)
+    session.request(&ops)?;
+    writes.iter().for_each(|(place, _)| note_if_not_whole(place));
+    Ok(())
+}
+
+/// Says so if a write was none of one register.
+#[cfg(feature = "channel")]
+fn note_if_not_whole(place: &Place) {
+    if !place.is_whole() {
+        let (address, what) = (place.address(), place.meaning(crate::layout::Live::Cyclic, 0));
+        super::output::note(&format!("{address} is no register of its own: {what}; it was written all the same"));
+    }
 }
 
 /// Checks the arguments and says that there is no channel.
@@ -84,6 +102,15 @@ mod tests {
     fn a_write_is_a_register_and_a_value() {
         let (place, value) = parse("line2:node2.w_CPU_CONTROL=16#0020", of_any_device).unwrap();
         assert_eq!((place.plc.as_deref(), place.offset(), value), (Some("line2"), 200_000, 0x20));
+    }
+
+    #[test]
+    fn structured_text_and_names_of_values_are_understood() {
+        let value = |text| parse(text, of_any_device).unwrap().1;
+        assert_eq!(value("node2.w_CPU_CONTROL := 16#20;"), 0x20);
+        assert_eq!(value("line2:node2.w_CPU_CONTROL:=16#20"), 0x20);
+        assert_eq!(value("node2.w_CPU_CONTROL=start-synchronous"), 0x20);
+        assert_eq!(value("_CANsync_CTRL_MA.w_CPU_CONTROL=RESTART"), 0);
     }
 
     #[test]

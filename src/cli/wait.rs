@@ -1,27 +1,33 @@
-//! `commram wait`: wait for a register.
+//! `commram wait`: wait for registers.
 
 use super::Instance;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
 use super::time;
+use crate::layout::{Condition, ConditionError};
 
-/// Wait until a register holds a value.
+/// Wait until registers hold what they should.
 ///
-/// In stepped mode the emulated time passes meanwhile, event by event, and stands still again at the moment
-/// of the match.
+/// Of several conditions all must hold at one moment, with --any one of them is enough. In stepped mode the emulated time
+/// passes meanwhile, event by event, and stands still again at the moment of the match.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  commram wait 'node2.w_OPTION_STATUS==16#0043' --within 10ms
+  commram wait node2.w_OPTION_STATUS==16#0043 --within 10ms
+  commram wait node2.w_OPTION_STATUS==master-active node2.w_CANsync_STATUS.7==0
   commram wait 'node2.a_STAT_SL[1]&2==2' --within 2s
+  commram wait 'node2.a_RD_VALUE[1][0] < -1000' 'node2.w_OPTION_STATUS != 16#80' --any
   commram wait %MX3.200004.2==1
 
-Exit code 1 if the register does not hold the value in time; the message says what it held.")]
+Exit code 1 if the conditions do not come to hold in time; the message says what the registers held.")]
 pub(crate) struct Args {
-    /// REG==VALUE, or REG&MASK==VALUE if only some bits count
-    #[arg(value_name = "CONDITION")]
-    condition: String,
+    /// REG==VALUE, or REG&MASK==VALUE if only some bits count; also !=, <, <=, >, >=
+    #[arg(value_name = "CONDITION", required = true)]
+    conditions: Vec<String>,
+    /// One of the conditions is enough
+    #[arg(long)]
+    any: bool,
     /// Longest wait in emulated time
     #[arg(long, value_name = "TIME", default_value = "1s", value_parser = time::parse)]
     within: u64,
@@ -29,82 +35,88 @@ pub(crate) struct Args {
     instance: Instance,
 }
 
-struct Condition {
-    place: Place,
-    /// The bits that count.
-    mask: u32,
-    value: u32,
-    /// As given behind the register, for messages.
-    wanted: String,
+/// A condition that did not come to hold in time, or not together with the others.
+#[cfg(feature = "channel")]
+#[derive(Debug)]
+pub(crate) struct Unmet {
+    /// Name and address of the register.
+    pub place: String,
+    /// What was awaited.
+    pub wanted: String,
+    /// What the register holds in the end, with its meaning.
+    pub found: String,
+    /// Whether this one holds.
+    pub holds: bool,
 }
 
 /// The condition, with the register that `place` looks up.
 fn parse(text: &str, place: impl Fn(&str) -> Result<Place, CliError>) -> Result<Condition, CliError> {
-    let wrong = |right: &str| CliError::Argument { text: text.to_owned(), right: right.to_owned() };
-    let example = "write REG==VALUE or REG&MASK==VALUE, for example node2.w_OPTION_STATUS==16#0043";
-    let (left, value) = text.split_once("==").ok_or_else(|| wrong(example))?;
-    let (register, mask) = match left.split_once('&') {
-        Some((register, mask)) => (register, Some(mask)),
-        None => (left, None),
-    };
-    let place = place(register.trim())?;
-    let given = place.parse_value(value)?;
-    let (mask, value, wanted) = match (place.bit(), mask) {
-        (Some(_), Some(_)) => return Err(wrong("a single bit needs no mask")),
-        (Some(bit), None) => (1 << bit, given << bit, given.to_string()),
-        (None, Some(mask)) => {
-            let mask = place.parse_value(mask)?;
-            (mask, given, format!("{} under mask {}", shown(&place, given), shown(&place, mask)))
-        }
-        (None, None) => (place.width().max_value(), given, shown(&place, given)),
-    };
-    if value & !mask != 0 {
-        return Err(wrong("the value has bits outside the mask, so this can never be"));
-    }
-    Ok(Condition { place, mask, value, wanted })
+    Condition::parse(text, place).map_err(|error| match error {
+        ConditionError::Register(error) => error,
+        ConditionError::Value(error) => error.into(),
+        ConditionError::Notation { text, right } => CliError::Argument { text, right: right.to_owned() },
+    })
 }
 
-fn shown(place: &Place, value: u32) -> String {
-    place.format(crate::layout::Live::Cyclic, value)
+/// Checks the arguments as far as this can be done without an instance.
+fn check(args: &Args) -> Result<(), CliError> {
+    let place = of_any_device_but_told_by(&args.instance);
+    args.conditions.iter().try_for_each(|text| parse(text, &place).map(drop))
 }
 
-/// Waits and prints the register.
+/// Waits and prints the registers whose conditions hold.
 #[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    use super::session::{Read, Session};
-    use super::{output, peek, place::live_by};
+    use super::peek::{self, Holding, Wanted};
+    use super::{output, session::Session};
     use crate::channel::ClientError;
-    use crate::layout::Live;
     use crate::request::{Op, Refused, Waited};
 
-    parse(&args.condition, of_any_device_but_told_by(&args.instance))?;
+    check(args)?;
     let session = Session::open(&args.instance, args.within)?;
-    let Condition { place, mask, value, wanted } = parse(&args.condition, |name| session.place(name))?;
-    let (plc, offset, width) = (session.plc_of(&place)?, place.offset(), place.width());
-    let within_us = args.within;
-    let wait = Op::Wait { plc, offset, width, mask, value, within_us };
-    let outcome = session.ask(wait);
-    // What the value means depends on which of two overlaid structures is live.
-    let live = match place.status() {
-        Some(status) => {
-            let snapshot = session.read(&[Read::register(plc, &status)])?;
-            live_by(snapshot.data.first().map_or(0, |bytes| peek::number(bytes)))
-        }
-        None => Live::Cyclic,
+    let conditions = args.conditions.iter().map(|text| parse(text, |name| session.place(name)));
+    let conditions = conditions.collect::<Result<Vec<_>, _>>()?;
+    let op = |condition: &Condition| {
+        let Condition { place, test, .. } = condition;
+        let (offset, width) = (place.offset(), place.width());
+        Ok(Op::Condition { plc: session.plc_of(place)?, offset, width, test: *test })
     };
+    let mut ops = conditions.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    let within_us = args.within;
+    ops.push(Op::WaitFor { any: args.any, within_us });
+    let outcome = session.request(&ops);
+    let wanted = conditions.iter().map(|it| Ok(Wanted::One(session.plc_of(&it.place)?, it.place.clone())));
+    let wanted = wanted.collect::<Result<Vec<_>, CliError>>()?;
+    let holds = |held: u32, bit: usize| held >> bit & 1 != 0;
     match outcome {
-        Ok(reply) => {
-            let Waited { time_us, value } = reply.waited()?;
-            let holding = peek::holding(&session, &place, plc, live, value, time_us);
-            output::print(&format!("{}  at {}\n", peek::line(&holding).trim_end(), time::seconds(time_us)))
+        Ok(mut replies) => {
+            let Waited { time_us, value: held } = replies.pop().ok_or(crate::request::WrongReply)?.waited()?;
+            let holdings = peek::read(&session, &wanted)?;
+            let line = |(bit, holding): (usize, &Holding)| {
+                let line = peek::line(holding);
+                holds(held, bit).then(|| format!("{}  at {}\n", line.trim_end(), time::seconds(time_us)))
+            };
+            output::print(&holdings.iter().enumerate().filter_map(line).collect::<String>())
         }
         Err(CliError::Client(ClientError::Refused(Refused {
-            waited: Some(Waited { time_us, value: last }),
+            waited: Some(Waited { time_us, value: held }),
             ..
         }))) => {
-            let label = session.prefix(plc) + &place.label(live);
-            let found = format!("{}, {}", place.format(live, last), place.meaning(live, last));
-            Err(CliError::NotMet { place: label, wanted, within_us, time_us, found })
+            let holdings = peek::read(&session, &wanted)?;
+            let unmet = conditions.into_iter().zip(holdings).enumerate().map(|(bit, (condition, holding))| {
+                let Holding { register, address, hex, meaning, .. } = holding;
+                let place = if register == address { register } else { format!("{register} ({address})") };
+                let found = format!("{hex}, {meaning}");
+                Unmet { place, wanted: condition.wanted, found, holds: holds(held, bit) }
+            });
+            let mut unmet: Vec<_> = unmet.collect();
+            Err(match unmet.pop() {
+                Some(unmet_one) if unmet.is_empty() => CliError::NotMet { unmet: unmet_one, within_us, time_us },
+                last => {
+                    unmet.extend(last);
+                    CliError::NoneMet { conditions: unmet, any: args.any, within_us, time_us }
+                }
+            })
         }
         Err(error) => Err(error),
     }
@@ -113,7 +125,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    parse(&args.condition, of_any_device_but_told_by(&args.instance))?;
+    check(args)?;
     Err(CliError::NoChannel { command: "wait" })
 }
 
@@ -123,22 +135,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn conditions() {
-        let parsed =
-            |text| parse(text, of_any_device).map(|condition| (condition.mask, condition.value)).unwrap();
-        assert_eq!(parsed("node2.w_OPTION_STATUS==16#0043"), (0xFFFF, 0x43));
-        assert_eq!(parsed("node2.w_OPTION_STATUS & 16#80 == 16#80"), (0x80, 0x80));
-        assert_eq!(parsed("%MX3.200004.2==1"), (4, 4));
-        assert_eq!(parsed("%MX3.200004.2==0"), (4, 0));
-        assert_eq!(parsed("node2.a_RD_BMARRAY[1][0]==-1"), (0xFFFF_FFFF, 0xFFFF_FFFF));
+    fn a_condition_knows_its_register() {
+        let condition = parse("line2:node2.w_OPTION_STATUS==master-active", of_any_device).unwrap();
+        assert_eq!((condition.place.plc.as_deref(), condition.test.value), (Some("line2"), 0x80));
     }
 
     #[test]
     fn mistakes_are_explained() {
         let message = |text| parse(text, of_any_device).err().unwrap().to_string();
         assert!(message("node2.w_OPTION_STATUS=1").contains("write REG==VALUE"));
-        assert!(message("node2.w_OPTION_STATUS&1==2").contains("can never be"));
-        assert!(message("%MX3.200004.2&1==1").contains("needs no mask"));
-        assert!(message("node2.w_OPTION_STATUS===1").contains("is no number"));
+        assert!(message("node2.w_OPTION_STAT==1").contains("did you mean w_OPTION_STATUS?"));
+        assert!(message("node2.*STATUS*==1").contains("can mean several registers"));
     }
 }

@@ -51,6 +51,12 @@ impl Address {
         self.bit
     }
 
+    /// Bit `bit` of what lies here.
+    pub(super) const fn of_bit(self, bit: u32) -> Self {
+        let Self { offset, space, .. } = self;
+        Self { offset: offset + bit / 8, width: Width::Byte, bit: Some((bit % 8) as u8), space }
+    }
+
     fn key(self) -> (u32, Width, Option<u8>) {
         (self.offset, self.width, self.bit)
     }

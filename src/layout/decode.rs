@@ -2,6 +2,9 @@
 
 use super::descriptor::{BitField, Meaning, Provenance, RegType, ValueMeaning};
 
+/// What a value means that the manual does not list; it stands behind the value.
+const NO_MEANING: &str = "no meaning";
+
 /// `value` in IEC notation with all digits of the type: `16#0043` for a WORD.
 #[must_use]
 pub fn format_value(ty: RegType, value: u32) -> String {
@@ -19,7 +22,7 @@ pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32)
         return known.told(value);
     }
     if meaning.bits.is_empty() {
-        return format!("{} has no meaning", format_value(ty, value));
+        return NO_MEANING.to_owned();
     }
     let mut text = Text::default();
     let mut described = 0;
@@ -32,6 +35,17 @@ pub(super) fn decode(ty: RegType, meaning: Option<&'static Meaning>, value: u32)
     if rest != 0 {
         text.add(&format!("bits {} have no meaning", format_value(ty, rest)), false, None);
     }
+    text.finish()
+}
+
+/// What bit `bit` alone means; empty if that is not known.
+pub(super) fn decode_bit(meaning: Option<&'static Meaning>, bit: u32, is_set: bool) -> String {
+    let fields = meaning.map_or(&[][..], |meaning| meaning.bits);
+    let single = |field: &&BitField| field.first == field.last && u32::from(field.first) == bit;
+    let Some(field) = fields.iter().find(single) else { return String::new() };
+    let (part, source) = describe(field, u32::from(is_set) << bit);
+    let mut text = Text::default();
+    text.add(&part, false, source.decision());
     text.finish()
 }
 
@@ -105,12 +119,21 @@ mod tests {
         let status = "node2.w_OPTION_STATUS";
         assert_eq!(decode(status, 0x0043), "synchronous operation of the master is being set up");
         assert_eq!(decode(status, 0x0020), "synchronous operation of the slave is active");
-        assert_eq!(decode(status, 0x0044), "16#0044 has no meaning");
+        assert_eq!(decode(status, 0x0044), "no meaning");
         let command = "node2.w_CPU_CONTROL";
         assert_eq!(decode(command, 0x0020), "start synchronous operation");
         assert_eq!(decode(command, 0x0040), "enable active operation");
         assert_eq!(decode(command, 0x00C0), "enable active operation, reset CAN controller");
         assert_eq!(decode(command, 0x0041), "enable active operation, bits 16#0001 have no meaning");
+    }
+
+    #[test]
+    fn a_bit_alone_has_its_meaning_too() {
+        let bit = |name: &str, bit, is_set| DEVICE.register(name).unwrap().decode_bit(bit, is_set);
+        assert_eq!(bit("node2.w_CANsync_STATUS", 2, true), "send buffer free");
+        assert_eq!(bit("node2.w_CANsync_STATUS", 2, false), "");
+        assert_eq!(bit("node2.w_CANsync_STATUS", 0, true), "reserved bits 0 set");
+        assert_eq!(bit("node2.w_OPTION_STATUS", 2, true), "", "only the whole has a meaning");
     }
 
     #[test]

@@ -82,12 +82,14 @@ pub enum LayoutError {
         title: &'static str,
     },
     /// An area that the device does not have.
-    #[error("unknown area `{area}`; the areas are {known}")]
+    #[error("unknown area `{area}`; the areas are {known}{hint}")]
     UnknownArea {
         /// As given.
         area: String,
         /// All areas.
         known: String,
+        /// Which may be meant.
+        hint: String,
     },
     /// A port that the device does not have.
     #[error("unknown port `{port}`; the ports are {known}")]
@@ -106,12 +108,14 @@ pub enum LayoutError {
         right: String,
     },
     /// A variable that the device does not have.
-    #[error("unknown variable `{variable}`; the variables are {known}")]
+    #[error("unknown variable `{variable}`; the variables are {known}{hint}")]
     UnknownVariable {
         /// As given.
         variable: String,
         /// All variables.
         known: String,
+        /// Which may be meant.
+        hint: String,
     },
     /// What the port is decides where the register lies, and it is not known.
     #[error("`{name}` is ambiguous: {names}")]
@@ -140,8 +144,34 @@ pub enum LayoutError {
         area: &'static str,
         /// As given.
         name: String,
-        /// The nearest names.
+        /// Which may be meant.
         hint: String,
+    },
+    /// A name without an area in front, which no area has.
+    #[error("no area has a register `{name}`{hint}")]
+    UnknownName {
+        /// As given.
+        name: String,
+        /// Which may be meant.
+        hint: String,
+    },
+    /// An area or a variable where a register was expected.
+    #[error("`{name}` is a block of registers, not one register; `commram dump {name}` shows what they hold, `commram map {name}` what they are")]
+    NotOneRegister {
+        /// As given.
+        name: String,
+    },
+    /// A pattern that no register matches.
+    #[error("no register matches `{pattern}`; `commram find` looks for names and meanings")]
+    NoMatch {
+        /// As given.
+        pattern: String,
+    },
+    /// A pattern where one register is wanted.
+    #[error("`{pattern}` can mean several registers; name one of them")]
+    Several {
+        /// As given.
+        pattern: String,
     },
     /// A sub-structure where a register was expected.
     #[error("`{name}` is a sub-structure, not a register; its registers are {registers}")]

@@ -146,7 +146,8 @@ impl Fitted {
         if found.is_empty() { Err(self.no_register(area, address)) } else { Ok(found) }
     }
 
-    /// What `text` stands for: an address or a name, each perhaps with a PLC in front.
+    /// What `text` stands for: an address or a name, each perhaps with a PLC in front. Behind a name may stand the number of
+    /// a bit: `node2.w_CANsync_STATUS.2`, or `.%X2` (IEC 61131-3, 6.5.2.4).
     ///
     /// # Errors
     /// What is wrong with it, and what would be right. An address in plain RAM is no error.
@@ -162,8 +163,16 @@ impl Fitted {
             };
             return Ok(Target { plc, address, area, registers });
         }
-        let register = self.register(rest)?;
-        let (address, area) = (register.address(), register.area);
+        let (name, bit) = split_bit(rest);
+        let register = self.register(name)?;
+        let address = match bit {
+            None => register.address(),
+            Some(bit) => register.bit_address(bit).ok_or_else(|| {
+                let (of, last) = (register.ty().name(), 8 * register.width() - 1);
+                LayoutError::BadBit { text: rest.to_owned(), bit, of, last }
+            })?,
+        };
+        let area = register.area;
         Ok(Target { plc, address, area, registers: vec![register] })
     }
 
@@ -179,6 +188,17 @@ impl Fitted {
         };
         LayoutError::NoRegister { address: self.device().told(address).to_string(), area: area.name, hint }
     }
+}
+
+/// Splits off the number of a bit.
+fn split_bit(name: &str) -> (&str, Option<u32>) {
+    let split = name.rsplit_once('.').and_then(|(name, bit)| {
+        let bit = bit.strip_prefix("%X").unwrap_or(bit);
+        let is_number = !bit.is_empty() && bit.bytes().all(|digit| digit.is_ascii_digit());
+        // A number too large for any register is one that no register has.
+        is_number.then(|| (name, Some(bit.parse().unwrap_or(u32::MAX))))
+    });
+    split.unwrap_or((name, None))
 }
 
 #[cfg(test)]
@@ -236,6 +256,21 @@ mod tests {
         assert!(error("%MB3.232767").contains("the last register is `a_STAT_SL[31]` at %MB3.203995"));
         let padding = error("%MW3.202894");
         assert!(padding.ends_with("(padding between `b_CTRL_REG_BC1` and `d_SL_MASK_BC1`)"), "{padding}");
+    }
+
+    #[test]
+    fn a_bit_stands_behind_the_name_of_its_register() {
+        let address = |text: &str| DEVICE.target(text).map(|target| target.address.to_string());
+        assert_eq!(address("node2.w_CANsync_STATUS.2"), address("%MX3.200004.2"));
+        assert_eq!(address("line2:node2.w_CANsync_STATUS.%X9"), address("%MX3.200005.1"));
+        assert_eq!(address("node2.a_RD_BMARRAY[3][0].31"), address("%MX3.201027.7"));
+        let error = |text: &str| address(text).unwrap_err().to_string();
+        assert_eq!(
+            error("node2.w_CANsync_STATUS.16"),
+            "node2.w_CANsync_STATUS.16: a WORD has bits 0 to 15, not 16"
+        );
+        assert!(error("node2.w_CANsync_STATUS.99999999999").contains("bits 0 to 15"));
+        assert!(error("node2.2").contains("`node2` is a block of registers"));
     }
 
     #[test]

@@ -14,6 +14,7 @@
 //! ```
 
 mod address;
+mod condition;
 mod decode;
 mod descriptor;
 mod error;
@@ -25,6 +26,7 @@ mod lookup;
 mod name;
 mod nearest;
 pub mod object;
+mod pattern;
 pub mod place;
 mod register;
 mod space;
@@ -34,6 +36,7 @@ pub mod value;
 mod width;
 
 pub use address::Address;
+pub use condition::{Compare, Condition, ConditionError, Test};
 pub use decode::format_value;
 pub use descriptor::{
     Area, BitField, Device, Dim, Live, Meaning, Owner, Placed, Port, Provenance, RegType, Register, Role,
@@ -45,8 +48,10 @@ pub use front::{FrontWord, shown_text};
 pub use gsd::Gsd;
 pub use iter::Registers;
 pub use lookup::Target;
-pub use name::{plc_prefix, split_plc};
+pub use name::{Named, plc_prefix, split_plc};
+pub use nearest::{did_you_mean, nearest};
 pub use object::Object;
+pub use pattern::is_pattern;
 pub use place::Place;
 pub use register::RegisterRef;
 pub use space::{Retain, Space, Unit};

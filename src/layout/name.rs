@@ -1,12 +1,18 @@
 //! Register names: `[plc:]area.register[i][j]` and `[plc:]area.group[i].register`; in front may also stand the variable that
-//! the manual declares there, as in `_CTRL_MA.w_CPU_CONTROL`.
+//! the manual declares there, as in `_CTRL_MA.w_CPU_CONTROL`, or nothing where only one area has such a register.
+
+mod unqualified;
+
+pub use unqualified::Named;
 
 use super::descriptor::{Area, Device, Placed, Register};
 use super::error::LayoutError;
 use super::fitted::{Fit, Fitted};
-use super::nearest;
+use super::nearest::did_you_mean;
+use super::pattern::Pattern;
 use super::register::RegisterRef;
 use std::collections::BTreeSet;
+use unqualified::Split;
 
 /// Splits off the name of a PLC: `line2:node2.w_CPU_CONTROL`.
 #[must_use]
@@ -95,7 +101,8 @@ impl Device {
             return Err(LayoutError::WrongCase { given: name.to_owned(), right: area.name.to_owned() });
         }
         let known: Vec<_> = self.named_areas().map(|area| area.name).collect();
-        Err(LayoutError::UnknownArea { area: name.to_owned(), known: known.join(", ") })
+        let hint = did_you_mean(name, known.iter().copied());
+        Err(LayoutError::UnknownArea { area: name.to_owned(), known: known.join(", "), hint })
     }
 
     /// The register called `name`, with nothing known of the ports: [`Fitted::register`].
@@ -123,34 +130,49 @@ impl Fitted {
     /// What is wrong with the name, and what would be right; [`LayoutError::Ambiguous`] if what the port is decides
     /// where the register lies, and is not known.
     pub fn register(&self, name: &str) -> Result<RegisterRef, LayoutError> {
-        let Found { block, placed, register, path } = self.named(name)?;
-        let mut given = path.group.iter().flat_map(|group| group.index.iter()).collect::<Vec<_>>();
-        let group_given = given.len();
-        given.extend(&path.register.index);
-        if group_given != register.group_dims || given.len() != register.dims.len() {
-            return Err(index_count(register, path.text));
+        if Pattern::is_one(name) {
+            return Err(LayoutError::Several { pattern: name.to_owned() });
         }
-        let mut index = [0; 2];
-        for ((slot, dim), given) in index.iter_mut().zip(register.dims).zip(given) {
-            *slot = u16::try_from(*given).ok().filter(|i| *i < dim.count).ok_or_else(|| {
-                let of = if register.group_dims > 0 { register.group } else { register.name };
-                LayoutError::IndexRange { name: path.text.to_owned(), index: *given, of, last: dim.count - 1 }
-            })?;
-        }
-        Ok(RegisterRef { area: block.area, placed, register, index, role: block.fit.role() })
+        let found = match Split::of(self, name)? {
+            Split::Block(block, path) => self.named(&block, path, name)?,
+            Split::Unqualified => return self.only(name, |block| self.named(block, name, name)?.register()),
+        };
+        found.register()
     }
 
     /// All registers that `name` stands for, in address order: an area or a variable alone, an array without indices,
-    /// a sub-structure, or a single register. If the place depends on what the port is, and that is not known, those of
-    /// every role.
+    /// a sub-structure, a single register, or all that match a pattern ([`is_pattern`](super::is_pattern)): `*` stands for
+    /// anything, `[0..3]` for a range of indices. If the place depends on what the port is, and that is not known, those
+    /// of every role.
     ///
     /// # Errors
-    /// As [`Fitted::register`].
+    /// As [`Fitted::register`]; [`LayoutError::NoMatch`] if no register matches the pattern.
     pub fn registers(&self, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
-        let Some((front, path)) = name.split_once('.') else {
-            return Ok(self.block(name)?.by_address(|_| true));
-        };
-        let block = self.block(front)?;
+        if Pattern::is_one(name) {
+            return self.matching(name);
+        }
+        if !name.contains('.')
+            && let Ok(block) = self.block(name)
+        {
+            return Ok(block.by_address(|_| true));
+        }
+        match Split::of(self, name)? {
+            Split::Block(block, path) => self.all_named(&block, path, name),
+            Split::Unqualified => self.only(name, |block| self.all_named(block, name, name)),
+        }
+    }
+
+    /// The registers of an area that `wanted` accepts, each once, in ascending order.
+    pub(super) fn registers_where(
+        &self,
+        area: &'static Area,
+        wanted: impl Fn(&RegisterRef) -> bool,
+    ) -> Vec<RegisterRef> {
+        Block { area, fit: self.area(area), only: None }.by_address(wanted)
+    }
+
+    /// All registers of a block that `path` stands for.
+    fn all_named(&self, block: &Block, path: &str, name: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let parsed = Path::parse(path)?;
         if parsed.group.is_none() && parsed.register.index.is_empty() {
             let wanted = parsed.register.name;
@@ -162,9 +184,9 @@ impl Fitted {
                 return Ok(all);
             }
         }
-        match self.register(name) {
-            Err(LayoutError::IndexCount { .. } | LayoutError::Ambiguous { .. }) => {}
-            other => return other.map(|one| vec![one]),
+        let one = self.named(block, path, name).and_then(Found::register);
+        if !matches!(one, Err(LayoutError::IndexCount { .. } | LayoutError::Ambiguous { .. })) {
+            return one.map(|one| vec![one]);
         }
         let matches = |given: &[u32], index: &[u16]| {
             given.iter().zip(index).all(|(given, index)| *given == u32::from(*index))
@@ -174,16 +196,12 @@ impl Fitted {
             let group_index = parsed.group.as_ref().map_or(&[][..], |group| &group.index);
             parsed.is(found.register) && matches(group_index, group) && matches(&parsed.register.index, own)
         });
-        if all.is_empty() { self.register(name).map(|one| vec![one]) } else { Ok(all) }
+        if all.is_empty() { one.map(|one| vec![one]) } else { Ok(all) }
     }
 
-    /// Place and descriptor of `name`, whose indices are not yet checked.
-    fn named<'a>(&self, name: &'a str) -> Result<Found<'a>, LayoutError> {
-        let Some((front, path)) = name.split_once('.') else {
-            let reason = "no area in front";
-            return Err(LayoutError::BadName { text: name.to_owned(), reason });
-        };
-        let block = self.block(front)?;
+    /// Place and descriptor of the register called `path` in a block, whose indices are not yet checked. `name` is all
+    /// that was given.
+    fn named<'a>(&self, block: &Block, path: &'a str, name: &str) -> Result<Found<'a>, LayoutError> {
         let path = Path::parse(path)?;
         let mut found: Vec<(&'static Placed, &'static Register)> = Vec::new();
         for placed in block.placed() {
@@ -199,14 +217,14 @@ impl Fitted {
                 let names = names.collect::<Vec<_>>().join(" or ");
                 return Err(LayoutError::Ambiguous { name: name.to_owned(), names });
             }
-            return Ok(Found { block, placed, register, path });
+            return Ok(Found { block: block.clone(), placed, register, path });
         }
         let mut registers = block.placed().flat_map(|placed| placed.structure.registers);
         match registers.find(|register| path.is_but_for_case(register)) {
             Some(register) => {
                 Err(LayoutError::WrongCase { given: path.text.to_owned(), right: register.pattern() })
             }
-            None => Err(unknown(&block, &path)),
+            None => Err(unknown(block, &path)),
         }
     }
 
@@ -234,7 +252,8 @@ impl Fitted {
                     return Err(LayoutError::WrongCase { given: front.to_owned(), right: right.to_owned() });
                 }
                 let known = names().collect::<Vec<_>>().join(", ");
-                Err(LayoutError::UnknownVariable { variable: front.to_owned(), known })
+                let hint = did_you_mean(front, names());
+                Err(LayoutError::UnknownVariable { variable: front.to_owned(), known, hint })
             }
             Err(error) => Err(error),
         }
@@ -242,6 +261,7 @@ impl Fitted {
 }
 
 /// What stands in front of a register's name.
+#[derive(Clone)]
 struct Block {
     area: &'static Area,
     fit: Fit,
@@ -288,7 +308,33 @@ struct Found<'a> {
     path: Path<'a>,
 }
 
+impl Found<'_> {
+    /// The register, if its indices are those that it needs.
+    fn register(self) -> Result<RegisterRef, LayoutError> {
+        let Found { block, placed, register, path } = self;
+        let mut given = path.group.iter().flat_map(|group| group.index.iter()).collect::<Vec<_>>();
+        let group_given = given.len();
+        given.extend(&path.register.index);
+        if group_given != register.group_dims || given.len() != register.dims.len() {
+            return Err(index_count(register, path.text));
+        }
+        let mut index = [0; 2];
+        for ((slot, dim), given) in index.iter_mut().zip(register.dims).zip(given) {
+            *slot = u16::try_from(*given).ok().filter(|i| *i < dim.count).ok_or_else(|| {
+                let of = if register.group_dims > 0 { register.group } else { register.name };
+                LayoutError::IndexRange { name: path.text.to_owned(), index: *given, of, last: dim.count - 1 }
+            })?;
+        }
+        Ok(RegisterRef { area: block.area, placed, register, index, role: block.fit.role() })
+    }
+}
+
 impl Register {
+    /// The name with that of the sub-structure in front, without indices: `a_DATA_PARAMETER.w_PAR_NR`.
+    fn full_name(&self) -> String {
+        full_name(self.group, self.name)
+    }
+
     /// The name with the ranges of its indices: `a_RD_BMARRAY[0..31][0..15]`.
     #[must_use]
     pub fn pattern(&self) -> String {
@@ -298,6 +344,10 @@ impl Register {
         let dot = if self.group.is_empty() { "" } else { "." };
         format!("{}{group}{dot}{}{own}", self.group, self.name)
     }
+}
+
+fn full_name(group: &str, name: &str) -> String {
+    if group.is_empty() { name.to_owned() } else { format!("{group}.{name}") }
 }
 
 fn index_count(register: &Register, text: &str) -> LayoutError {
@@ -318,15 +368,12 @@ fn unknown(block: &Block, path: &Path<'_>) -> LayoutError {
             return LayoutError::NotARegister { name: path.text.to_owned(), registers: members.join(", ") };
         }
     }
-    let full =
-        |group: &str, name: &str| if group.is_empty() { name.to_owned() } else { format!("{group}.{name}") };
-    let wanted = full(path.group_name(), path.register.name);
-    let names: BTreeSet<String> = registers().map(|register| full(register.group, register.name)).collect();
-    let near = nearest::nearest(&wanted, names.iter().map(String::as_str));
-    let hint = match near.as_slice() {
-        _ if names.is_empty() => ": it is plain RAM, use an address".to_owned(),
-        [] => String::new(),
-        near => format!("; nearest: {}", near.join(", ")),
+    let wanted = full_name(path.group_name(), path.register.name);
+    let names: BTreeSet<String> = registers().map(Register::full_name).collect();
+    let hint = if names.is_empty() {
+        ": it is plain RAM, use an address".to_owned()
+    } else {
+        did_you_mean(&wanted, names.iter().map(String::as_str))
     };
     LayoutError::UnknownRegister { area: block.area.name, name: wanted, hint }
 }

@@ -1,50 +1,72 @@
 //! Suggestions for misspelt names.
 
-/// Up to three of `names` that differ least from `wanted`; none that differ in more than a third.
-pub(super) fn nearest<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
+/// Most names that are suggested.
+const MOST: usize = 3;
+/// Longest text that can be a misspelt name.
+const LONGEST: usize = 120;
+
+/// Up to three of `names` that `wanted` may stand for, the most likely one first: those it is a part of, then those that
+/// differ in no more than a third of its letters. Case does not count, and `-` is as good as `_`.
+#[must_use]
+pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    if wanted.len() > LONGEST {
+        return Vec::new();
+    }
+    let wanted = folded(wanted);
     let limit = (wanted.len() / 3).max(2);
-    let mut near: Vec<_> =
-        names.map(|name| (distance(wanted, name), name)).filter(|(d, _)| *d <= limit).collect();
-    near.sort();
-    near.into_iter().take(3).map(|(_, name)| name).collect()
+    let rated = names.into_iter().filter_map(|name| {
+        let folded = folded(name);
+        if wanted.len() > 2 && folded.contains(&wanted) {
+            return Some(((false, folded.len() - wanted.len()), name));
+        }
+        let distance = strsim::osa_distance(&wanted, &folded);
+        (distance <= limit).then_some(((true, distance), name))
+    });
+    let mut rated: Vec<_> = rated.collect();
+    rated.sort();
+    rated.dedup();
+    rated.into_iter().take(MOST).map(|(_, name)| name).collect()
 }
 
-/// Edits (insert, delete, replace) that turn `a` into `b`; case does not count.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<u8> = b.bytes().map(|c| c.to_ascii_lowercase()).collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, a) in a.bytes().map(|c| c.to_ascii_lowercase()).enumerate() {
-        let mut left_above = i;
-        let mut left = i + 1;
-        for (above, b) in row.iter_mut().skip(1).zip(&b) {
-            let here = (left_above + usize::from(a != *b)).min(left + 1).min(*above + 1);
-            left_above = *above;
-            *above = here;
-            left = here;
-        }
-        if let Some(first) = row.first_mut() {
-            *first = i + 1;
-        }
+/// `; did you mean w_CPU_CONTROL?`, for the end of a complaint; nothing if no name is near.
+#[must_use]
+pub fn did_you_mean<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> String {
+    match nearest(wanted, names).as_slice() {
+        [] => String::new(),
+        [all @ .., last] if !all.is_empty() => format!("; did you mean {} or {last}?", all.join(", ")),
+        [one, ..] => format!("; did you mean {one}?"),
     }
-    row.last().copied().unwrap_or(0)
+}
+
+fn folded(name: &str) -> String {
+    name.to_ascii_lowercase().replace('-', "_")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn distance_counts_edits() {
-        assert_eq!(distance("w_CPU_CONTROL", "w_cpu_control"), 0);
-        assert_eq!(distance("kitten", "sitting"), 3);
-        assert_eq!(distance("", "abc"), 3);
-        assert_eq!(distance("abc", ""), 3);
-    }
+    const NAMES: [&str; 3] = ["w_CPU_CONTROL", "w_CONTROLWORD", "b_AC"];
 
     #[test]
     fn only_similar_names_are_suggested() {
-        let names = ["w_CPU_CONTROL", "w_CONTROLWORD", "b_AC"];
-        assert_eq!(nearest("w_CPU_CONTRL", names.into_iter()), ["w_CPU_CONTROL"]);
-        assert!(nearest("zzzz", names.into_iter()).is_empty());
+        assert_eq!(nearest("w_CPU_CONTRL", NAMES), ["w_CPU_CONTROL"]);
+        assert_eq!(nearest("w-cpu-cotnrol", NAMES), ["w_CPU_CONTROL"]);
+        assert!(nearest("zzzz", NAMES).is_empty());
+    }
+
+    #[test]
+    fn a_part_of_a_name_suggests_it_the_shortest_first() {
+        assert_eq!(nearest("control", NAMES), ["w_CPU_CONTROL", "w_CONTROLWORD"]);
+        assert_eq!(nearest("control", ["w_CONTROLWORD_OLD", "w_CONTROL"]), ["w_CONTROL", "w_CONTROLWORD_OLD"]);
+        assert!(nearest("ro", NAMES).is_empty(), "two letters are a part of too much");
+    }
+
+    #[test]
+    fn a_complaint_ends_with_a_question_or_with_nothing() {
+        assert_eq!(did_you_mean("w_CPU_CONTRL", NAMES), "; did you mean w_CPU_CONTROL?");
+        assert_eq!(did_you_mean("control", NAMES), "; did you mean w_CPU_CONTROL or w_CONTROLWORD?");
+        assert_eq!(did_you_mean("zzzz", NAMES), "");
+        assert_eq!(did_you_mean(&"w_CPU_CONTROL".repeat(1_000_000), NAMES), "");
     }
 }

@@ -94,31 +94,54 @@ impl Place {
         }
     }
 
-    /// The register's name, else the address.
+    /// The register's name, with the number of the bit if it was given that way, else the address.
     pub fn name(&self, live: Live) -> String {
+        if let Some((register, bit)) = self.named_bit() {
+            return format!("{register}.{bit}");
+        }
         self.exact(live).map_or_else(|| self.address.to_string(), |register| register.name())
+    }
+
+    /// The register and its bit, if it was given by the register's name.
+    fn named_bit(&self) -> Option<(&RegisterRef, u32)> {
+        let register = self.registers.first().filter(|_| !self.text.starts_with('%'))?;
+        Some((register, self.bit_of(register)?))
+    }
+
+    /// The number that the bit has in `register`.
+    fn bit_of(&self, register: &RegisterRef) -> Option<u32> {
+        Some(u32::from(self.bit()?) + 8 * (self.offset() - register.offset()))
     }
 
     /// Name and address for messages: `node2.w_CPU_CONTROL (%MW3.200000)`.
     pub fn label(&self, live: Live) -> String {
-        match self.exact(live) {
-            Some(register) => format!("{register} ({})", self.address),
-            None => self.address.to_string(),
+        match self.name(live) {
+            name if name.starts_with('%') || name == self.address.to_string() => name,
+            name => format!("{name} ({})", self.address),
         }
     }
 
-    /// Parses a value for this place.
+    /// Parses a value for this place: a number, or what the register's values or bits are called ([`value::named`]).
     ///
     /// # Errors
     /// [`BadValue`] with the register.
     pub fn parse_value(&self, text: &str) -> Result<u32, BadValue> {
         // Which structure is live is not known here, but types at one address differ in name only.
         let ty = self.ty(Live::Cyclic);
-        let value = value::parse(text, ty).and_then(|value| match self.bit() {
+        let named = |error| match (self.bit(), self.exact(Live::Cyclic)) {
+            (None, Some(register)) => value::named(text, register.register.meaning, error),
+            _ => Err(error),
+        };
+        let value = value::parse(text, ty).or_else(named).and_then(|value| match self.bit() {
             Some(_) if value > 1 => Err(ValueError::Notation { text: text.to_owned() }),
             _ => Ok(value),
         });
         value.map_err(|source| BadValue { place: self.label(Live::Cyclic), source })
+    }
+
+    /// Whether this is one register, or plain RAM, and not a part of a register or several of them.
+    pub fn is_whole(&self) -> bool {
+        self.registers.is_empty() || self.exact(Live::Cyclic).is_some()
     }
 
     /// The value in IEC notation; of a single bit 0 or 1.
@@ -135,19 +158,23 @@ impl Place {
             return "nothing is plugged in".to_owned();
         }
         if let Some(register) = self.exact(live) {
-            return match live_name(&register, live) {
-                None => register.decode(value),
-                Some(structure) => format!("{} ({structure}, not live)", register.decode(value)),
-            };
+            return meaning_in(&register, live, value);
         }
         let live_ones = || self.registers.iter().filter(|found| is_live(found, live));
         let parts = without_twins(live_ones().copied().collect());
         let names: Vec<_> = parts.iter().map(RegisterRef::name).collect();
         match (names.as_slice(), self.bit()) {
             ([], _) => "no register".to_owned(),
-            ([one], Some(bit)) => {
-                let inside = parts.first().map_or(0, |register| self.offset() - register.offset());
-                format!("bit {} of {one}", u32::from(bit) + 8 * inside)
+            ([one], Some(own)) => {
+                let is_set = value >> own & 1 != 0;
+                let bit = parts.first().and_then(|register| Some((register, self.bit_of(register)?)));
+                let (number, meaning) =
+                    bit.map_or((0, String::new()), |(register, bit)| (bit, register.decode_bit(bit, is_set)));
+                match (meaning.as_str(), self.named_bit()) {
+                    ("", _) => format!("bit {number} of {one}"),
+                    (meaning, Some(_)) => meaning.to_owned(),
+                    (meaning, None) => format!("bit {number} of {one}: {meaning}"),
+                }
             }
             ([one], None) => format!("part of {one}"),
             (several, _) => several.join(", "),
@@ -191,6 +218,15 @@ pub fn without_twins(registers: Vec<RegisterRef>) -> Vec<RegisterRef> {
         }
     }
     kept
+}
+
+/// What `value` means in a register; with a mark if its structure is not live.
+pub fn meaning_in(register: &RegisterRef, live: Live, value: u32) -> String {
+    let meaning = register.decode(value);
+    match live_name(register, live) {
+        None => meaning,
+        Some(structure) => format!("{meaning} ({structure}, not live)"),
+    }
 }
 
 /// The register's structure if it is not live.
@@ -240,6 +276,29 @@ mod tests {
         assert_eq!(bit.meaning(Live::Cyclic, 2), "bit 9 of node2.w_OPTION_STATUS");
         assert_eq!((bit.format(Live::Cyclic, 2), bit.format(Live::Cyclic, 1)), ("1".into(), "0".into()));
         assert_eq!(place("%MD3.1000000").meaning(Live::Cyclic, 0), "no register");
+    }
+
+    #[test]
+    fn a_bit_given_by_name_keeps_it_and_has_its_meaning() {
+        let bit = place("node2.w_CANsync_STATUS.10");
+        assert_eq!(bit.name(Live::Cyclic), "node2.w_CANsync_STATUS.10");
+        assert_eq!(bit.label(Live::Cyclic), "node2.w_CANsync_STATUS.10 (%MX3.200005.2)");
+        assert_eq!(place("node2.w_CANsync_STATUS.2").meaning(Live::Cyclic, 4), "send buffer free");
+        assert_eq!(place("node2.w_CANsync_STATUS.2").meaning(Live::Cyclic, 0), "bit 2 of node2.w_CANsync_STATUS");
+        assert_eq!(
+            place("%MX3.200004.2").meaning(Live::Cyclic, 4),
+            "bit 2 of node2.w_CANsync_STATUS: send buffer free"
+        );
+    }
+
+    #[test]
+    fn parts_of_registers_and_several_at_once_are_not_whole() {
+        for whole in ["node2.w_CPU_CONTROL", "%MW3.200000", "%MD3.1000000", "%MB3.200012"] {
+            assert!(place(whole).is_whole(), "{whole}");
+        }
+        for not in ["%MD3.200000", "%MB3.200001", "%MX3.200000.0", "node2.w_CPU_CONTROL.0"] {
+            assert!(!place(not).is_whole(), "{not}");
+        }
     }
 
     #[test]

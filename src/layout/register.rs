@@ -76,6 +76,22 @@ impl RegisterRef {
         Address::new(Some(self.area.space), Width::of(self.register.ty), self.offset())
     }
 
+    /// Address of bit `bit` of the register; `None` if it has not that many.
+    #[must_use]
+    pub fn bit_address(&self, bit: u32) -> Option<Address> {
+        (bit < 8 * self.width()).then(|| self.address().of_bit(bit))
+    }
+
+    /// What it means that bit `bit` is 0 or 1, with the decision behind it that it follows from; empty if that is not known,
+    /// or the bit has a meaning only together with others.
+    #[must_use]
+    pub fn decode_bit(&self, bit: u32, is_set: bool) -> String {
+        if self.is_reserved() {
+            return "reserved".to_owned();
+        }
+        decode::decode_bit(self.register.meaning, bit, is_set)
+    }
+
     /// Data type.
     #[must_use]
     pub const fn ty(&self) -> RegType {

@@ -1,6 +1,7 @@
 //! Register values as text.
 
-use super::RegType;
+use super::nearest::nearest;
+use super::{Meaning, RegType};
 use thiserror::Error;
 
 /// A text that is no value of a register.
@@ -13,6 +14,24 @@ pub enum ValueError {
     Notation {
         /// As given.
         text: String,
+    },
+    /// Neither a number nor what a value of the register is called.
+    #[error("`{text}` is no number and no value of this register; its values are {known}{hint}")]
+    Unknown {
+        /// As given.
+        text: String,
+        /// What its values are called.
+        known: String,
+        /// Which may be meant.
+        hint: String,
+    },
+    /// What several values of the register are called.
+    #[error("`{text}` is more than one value of this register: {values}; write the number")]
+    Ambiguous {
+        /// As given.
+        text: String,
+        /// The numbers.
+        values: String,
     },
     /// A number that the data type does not have.
     #[error("`{text}` is out of range, {} {ty} holds {least} to {most} (16#0 to 16#{mask:X})", article(*.ty))]
@@ -56,6 +75,64 @@ pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
     if allowed.contains(&number) { Ok(number as u32 & ty.mask()) } else { Err(range()) }
 }
 
+/// The value that is called `text` in a register with this meaning: by its name in the layout (`restart`,
+/// `START_SYNCHRONOUS`), by its text ("start synchronous operation"), or by the name of a bit that alone shall be set
+/// (`enable`). Case does not count, and blanks, `-` and `_` are one.
+///
+/// # Errors
+/// `otherwise` if nothing in the register has a name or `text` was meant as a number, [`ValueError::Unknown`] if something
+/// else has, [`ValueError::Ambiguous`].
+pub fn named(text: &str, meaning: Option<&'static Meaning>, otherwise: ValueError) -> Result<u32, ValueError> {
+    let names = meaning.map(names).unwrap_or_default();
+    let is_word = text.trim().starts_with(|letter: char| letter.is_ascii_alphabetic());
+    if names.is_empty() || !is_word || !matches!(otherwise, ValueError::Notation { .. }) {
+        return Err(otherwise);
+    }
+    let wanted = folded(text);
+    let mut found: Vec<u32> =
+        names.iter().filter(|(name, _)| folded(name) == wanted).map(|(_, value)| *value).collect();
+    found.sort_unstable();
+    found.dedup();
+    match found.as_slice() {
+        [value] => Ok(*value),
+        [] => {
+            let all = || names.iter().map(|(name, _)| name.as_str());
+            let near = nearest(text, all());
+            let hint = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
+            let known = all().filter(|name| !name.contains(' ')).collect::<Vec<_>>();
+            let known = if known.is_empty() { all().collect() } else { known };
+            Err(ValueError::Unknown { text: text.to_owned(), known: known.join(", "), hint })
+        }
+        several => {
+            let values = several.iter().map(|value| format!("16#{value:X}")).collect::<Vec<_>>();
+            Err(ValueError::Ambiguous { text: text.to_owned(), values: values.join(", ") })
+        }
+    }
+}
+
+/// What values and single bits are called, each with its bit pattern.
+#[must_use]
+pub fn names(meaning: &'static Meaning) -> Vec<(String, u32)> {
+    let singles = meaning.values.iter().filter(|value| value.first == value.last && !value.reserved);
+    let values = singles.flat_map(|value| [value.id, value.text].map(|name| (name, value.first)));
+    let bits = meaning.bits.iter().filter(|field| field.first == field.last && !field.reserved);
+    let bits = bits.flat_map(|field| [field.id, field.name].map(|name| (name, 1 << field.first)));
+    let named = values.chain(bits).filter(|(name, _)| !name.is_empty());
+    let mut names: Vec<_> = named.map(|(name, value)| (name.to_ascii_lowercase(), value)).collect();
+    let mut seen = Vec::new();
+    names.retain(|(name, value)| {
+        let key = (folded(name), *value);
+        let is_new = !seen.contains(&key);
+        seen.push(key);
+        is_new
+    });
+    names
+}
+
+fn folded(name: &str) -> String {
+    name.trim().to_ascii_lowercase().replace(['-', ' '], "_")
+}
+
 fn split_base(text: &str) -> (u32, &str) {
     let bases = [("16#", 16), ("8#", 8), ("2#", 2), ("0x", 16), ("0X", 16), ("10#", 10)];
     let found = bases.iter().find_map(|(prefix, base)| Some((*base, text.strip_prefix(prefix)?)));
@@ -71,7 +148,7 @@ fn without_separators(digits: &str) -> Option<String> {
 fn limits(ty: RegType) -> [i64; 2] {
     let mask = i64::from(ty.mask());
     match ty {
-        RegType::Sint | RegType::Int | RegType::Dint => [-(mask / 2) - 1, mask / 2],
+        signed if signed.is_signed() => [-(mask / 2) - 1, mask / 2],
         _ => [0, mask],
     }
 }
@@ -83,6 +160,7 @@ fn article(ty: RegType) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::samples::tables::NODES as DEVICE;
 
     #[test]
     fn bases_and_separators() {
@@ -117,6 +195,29 @@ mod tests {
         );
         assert!(message("16#10000", RegType::Word).contains("a WORD holds 0 to 65535"));
         assert!(message("99999999999999999999999", RegType::Dword).contains("out of range"));
+    }
+
+    fn of_register(register: &str, text: &str) -> Result<u32, String> {
+        let meaning = DEVICE.register(register).unwrap().register.meaning;
+        named(text, meaning, ValueError::Notation { text: text.to_owned() }).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn values_have_names() {
+        for (name, value) in [("restart", 0), ("START_SYNCHRONOUS", 0x20), ("start-synchronous", 0x20)] {
+            assert_eq!(of_register("node2.w_CPU_CONTROL", name), Ok(value), "{name}");
+        }
+        assert_eq!(of_register("node2.w_CPU_CONTROL", "start synchronous operation"), Ok(0x20));
+        assert_eq!(of_register("node2.w_CPU_CONTROL", "enable"), Ok(0x40), "a bit alone");
+        assert_eq!(of_register("node2.b_BT_0", "250 kbit/s"), Err("`250 kbit/s` is no number; write it decimal (67), hexadecimal (16#43 or 0x43) or binary (2#100_0011)".to_owned()));
+    }
+
+    #[test]
+    fn unknown_names_are_told_which_there_are() {
+        let message = of_register("node2.w_CPU_CONTROL", "restrt").unwrap_err();
+        assert!(message.starts_with("`restrt` is no number and no value of this register; its values are restart, handshake, "), "{message}");
+        assert!(message.ends_with("; did you mean restart?"), "{message}");
+        assert!(of_register("node2.a_WR_VALUE[0]", "restart").unwrap_err().contains("is no number; write it"));
     }
 
     #[test]

@@ -2,9 +2,9 @@
 
 use super::doors;
 use super::register::{Register, device_of, known_plc};
-use super::{Code, Host, MAX_ADVANCE_US, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
+use super::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
-use crate::layout::Width;
+use crate::layout::{Compare, Test, Width};
 use crate::memory::header::BoardSetting;
 use crate::plant::Forced;
 
@@ -19,6 +19,8 @@ const SLICE_US: u64 = 100_000;
 pub struct Execution {
     /// End of the wait under way, in emulated microseconds.
     deadline: Option<u64>,
+    /// What the wait to come waits for.
+    conditions: Vec<(Register, Test)>,
 }
 
 impl Execution {
@@ -52,14 +54,32 @@ impl Execution {
             Op::ReadRange { plc, offset, len } => Reply::Bytes(read_range(host, plc, offset, len)?),
             Op::Wait { plc, offset, width, mask, value, within_us } => {
                 let register = Register::check(host, plc, offset, width)?;
-                register.fits(mask)?;
-                register.fits(value)?;
-                register.can_match(mask, value)?;
-                match self.wait(host, register, mask, value, within_us)? {
+                let test = Test { mask, compare: Compare::Equal, is_signed: false, value };
+                register.can_match(test)?;
+                let look = |host: &dyn Host| {
+                    let value = register.load(host)?;
+                    Ok((test.holds(width, value), value))
+                };
+                match self.wait(host, within_us, look, |waited| register.not_in_time(waited))? {
                     Some(waited) => Reply::Waited(waited),
                     None => return Ok(None),
                 }
             }
+            Op::Condition { plc, offset, width, test } => {
+                let register = Register::check(host, plc, offset, width)?;
+                register.can_match(test)?;
+                register.load(host)?;
+                if self.conditions.len() == MAX_CONDITIONS {
+                    let text = format_args!("one wait can have {MAX_CONDITIONS} conditions at most");
+                    return Err(Refused::new(Code::CONDITIONS, text));
+                }
+                self.conditions.push((register, test));
+                Reply::Written
+            }
+            Op::WaitFor { any, within_us } => match self.wait_for(host, any, within_us)? {
+                Some(waited) => Reply::Waited(waited),
+                None => return Ok(None),
+            },
             Op::Advance { us } => {
                 stepped(host)?;
                 limit(us)?;
@@ -144,25 +164,59 @@ impl Execution {
         self.deadline.is_some()
     }
 
+    fn wait_for(
+        &mut self,
+        host: &mut dyn Host,
+        any: bool,
+        within_us: u64,
+    ) -> Result<Option<Waited>, Refused> {
+        if self.conditions.is_empty() {
+            let text = "a wait needs conditions in front of it";
+            return Err(Refused::new(Code::CONDITIONS, text));
+        }
+        let conditions = core::mem::take(&mut self.conditions);
+        let all = u32::MAX >> (MAX_CONDITIONS - conditions.len());
+        let look = |host: &dyn Host| {
+            let mut held = 0;
+            for (bit, (register, test)) in conditions.iter().enumerate() {
+                held |= u32::from(test.holds(register.address.width(), register.load(host)?)) << bit;
+            }
+            Ok((if any { held != 0 } else { held == all }, held))
+        };
+        let not_in_time = |waited: Waited| {
+            let (count, held, time_us) = (conditions.len(), waited.value.count_ones(), waited.time_us);
+            let text = format_args!(
+                "the conditions did not come to hold in time; at {time_us} us {held} of {count} hold"
+            );
+            Refused { waited: Some(waited), ..Refused::new(Code::NOT_IN_TIME, text) }
+        };
+        let outcome = self.wait(host, within_us, look, not_in_time);
+        if let Ok(None) = outcome {
+            self.conditions = conditions;
+        }
+        outcome
+    }
+
+    /// Waits until `look` finds what is awaited; it also tells a value for the answer.
     fn wait(
         &mut self,
         host: &mut dyn Host,
-        register: Register,
-        mask: u32,
-        value: u32,
         within_us: u64,
+        look: impl Fn(&dyn Host) -> Result<(bool, u32), Refused>,
+        not_in_time: impl FnOnce(Waited) -> Refused,
     ) -> Result<Option<Waited>, Refused> {
         limit(within_us)?;
         let begin = host.plant().now();
         let deadline = *self.deadline.get_or_insert(begin.saturating_add(within_us));
         loop {
-            let waited = Waited { time_us: host.plant().now(), value: register.load(host)? };
-            if waited.value & mask == value {
+            let (is_met, value) = look(host)?;
+            let waited = Waited { time_us: host.plant().now(), value };
+            if is_met {
                 self.deadline = None;
                 return Ok(Some(waited));
             }
             if waited.time_us >= deadline {
-                return Err(register.not_in_time(waited));
+                return Err(not_in_time(waited));
             }
             if host.should_stop() {
                 return Err(Refused::shutting_down());

@@ -20,6 +20,6 @@ pub(crate) mod testing;
 
 pub use exec::Execution;
 pub use host::Host;
-pub use op::{MAX_ADVANCE_US, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
+pub use op::{MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
 pub use refused::{Code, Refused};
 pub use reply::{BusState, InstanceInfo, Reply, Station, Waited, WrongReply};

@@ -3,6 +3,7 @@
 use crate::can::Frame;
 use crate::door::DoorSpec;
 use crate::fault::Fault;
+use crate::layout::Test;
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
 use core::num::NonZeroU16;
@@ -13,6 +14,8 @@ pub const MAX_OPS: usize = 256;
 pub const MAX_RANGE: u32 = 65_536;
 /// Most records one [`Op::Journal`] is answered with.
 pub const MAX_RECORDS: u32 = 1024;
+/// Most [`Op::Condition`]s that one [`Op::WaitFor`] may wait for: as many as its answer has bits.
+pub const MAX_CONDITIONS: usize = 32;
 /// Longest time one operation may let pass: 24 h of emulated time, in microseconds.
 pub const MAX_ADVANCE_US: u64 = 24 * 3_600_000_000;
 
@@ -78,6 +81,27 @@ pub enum Op {
         mask: u32,
         /// What those bits shall be; no bit outside the mask.
         value: u32,
+        /// Longest wait in emulated microseconds, at most [`MAX_ADVANCE_US`].
+        within_us: u64,
+    },
+    /// Adds a condition to those that the next [`Op::WaitFor`] of the request waits for, at most [`MAX_CONDITIONS`].
+    /// Answered by [`Reply::Written`](super::Reply::Written).
+    Condition {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the register.
+        offset: u32,
+        /// Its width.
+        width: Width,
+        /// What shall hold of it; mask and value must fit the width.
+        test: Test,
+    },
+    /// Waits until all conditions in front of it hold at one moment, or any of them. In stepped mode it lets the time pass,
+    /// event by event. Answered by [`Reply::Waited`](super::Reply::Waited), whose value has bit n set if condition n (from 0)
+    /// holds, or refused with [`Code::NOT_IN_TIME`](super::Code::NOT_IN_TIME) and the same.
+    WaitFor {
+        /// Whether one of them is enough.
+        any: bool,
         /// Longest wait in emulated microseconds, at most [`MAX_ADVANCE_US`].
         within_us: u64,
     },
@@ -194,7 +218,7 @@ impl Op {
     /// The emulated time this operation may take at most because it waits, in microseconds.
     pub fn waits_us(&self) -> u64 {
         match self {
-            Op::Wait { within_us, .. } => (*within_us).min(MAX_ADVANCE_US),
+            Op::Wait { within_us, .. } | Op::WaitFor { within_us, .. } => (*within_us).min(MAX_ADVANCE_US),
             _ => 0,
         }
     }

@@ -67,6 +67,9 @@ impl Code {
     /// The bus does not take the frame.
     pub const FRAME: Self = Self(38);
 
+    /// A wait for conditions has too many of them, or none.
+    pub const CONDITIONS: Self = Self(40);
+
     /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
     pub fn is_wrong_use(self) -> bool {
         ![Self::NOT_IN_TIME, Self::NO_SYNC, Self::START_REFUSED, Self::SHUTTING_DOWN].contains(&self)

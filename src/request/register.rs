@@ -1,11 +1,11 @@
 //! The register that an operation names, and what it can be refused for.
 
 use super::{Code, Host, Refused, Waited};
-use crate::layout::{Address, Device, Owner, Width};
+use crate::layout::{Address, Device, Owner, Test, Width};
 use crate::plant::ForceError;
 
 /// A register whose PLC exists and whose address suits its width.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Register {
     pub plc: usize,
     device: &'static Device,
@@ -35,8 +35,12 @@ impl Register {
         Err(Refused::new(Code::VALUE_TOO_WIDE, text))
     }
 
-    pub(crate) fn can_match(self, mask: u32, value: u32) -> Result<(), Refused> {
-        if value & !mask == 0 {
+    /// What is awaited of the register can come about, and need not hold whatever it holds.
+    pub(crate) fn can_match(self, test: Test) -> Result<(), Refused> {
+        let Test { mask, value, .. } = test;
+        self.fits(mask)?;
+        self.fits(value)?;
+        if !test.is_decided() {
             return Ok(());
         }
         let text = format_args!(

@@ -83,9 +83,9 @@ impl TestHost {
     /// Executes operations up to the first that is refused. None of them may wait.
     pub(crate) fn request(&mut self, ops: &[Op]) -> Vec<Reply> {
         self.begin_request();
-        let mut replies = Vec::new();
+        let (mut replies, mut execution) = (Vec::new(), Execution::default());
         for op in ops {
-            match Execution::default().run(self, op) {
+            match execution.run(self, op) {
                 Ok(reply) => replies.push(reply.expect("it does not wait")),
                 Err(refused) => {
                     replies.push(Reply::Error(refused));

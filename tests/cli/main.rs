@@ -22,6 +22,7 @@ mod hostile_scenarios;
 mod instances;
 mod killed;
 mod layout;
+mod names;
 mod no_channel;
 mod novram;
 mod offline;

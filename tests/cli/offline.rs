@@ -115,7 +115,7 @@ fn the_map_in_the_formats_of_programs() {
 #[test]
 fn the_map_refuses_what_does_not_exist() {
     assert!(run(&["map", "node9"]).fails(2).contains("unknown area `node9`; the areas are baps, node1"));
-    assert!(run(&["map", "node2.w_CPU_CONTRL"]).fails(2).contains("nearest: w_CPU_CONTROL"));
+    assert!(run(&["map", "node2.w_CPU_CONTRL"]).fails(2).contains("did you mean w_CPU_CONTROL?"));
     assert!(run(&["map", "%MB3.1000000"]).fails(2).contains("plain RAM"));
     assert!(run(&["map", "%MX3.200000.8"]).fails(2).contains("bits 0 to 7"));
 }

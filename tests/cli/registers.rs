@@ -308,7 +308,7 @@ fn a_wait_in_real_time_is_met_by_the_running_clock() {
 #[test]
 fn what_does_not_exist_is_wrong_use_before_any_emulator_is_asked() {
     let fails = |args: &[&str]| run(args).fails(2).to_owned();
-    assert!(fails(&["peek", "node2.w_CPU_CONTRL"]).contains("nearest: w_CPU_CONTROL"));
+    assert!(fails(&["peek", "node2.w_CPU_CONTRL"]).contains("did you mean w_CPU_CONTROL?"));
     assert!(fails(&["peek", "node3.w_CPU_CONTROL"]).contains("node1, ethernet_config, node2"));
     assert!(fails(&["peek", "node2.w_cpu_control"]).contains("is spelled `w_CPU_CONTROL`"));
     assert_eq!(fails(&["peek", "%MW3.200001"]), "commram: %MW3.200001: a WORD needs an even address\n");

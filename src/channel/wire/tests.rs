@@ -34,6 +34,13 @@ fn op() -> impl Strategy<Value = Op> {
                 Op::Wait { plc, offset, width, mask, value, within_us }
             }
         ),
+        (register(), any::<(u32, u32, bool)>(), 0..Compare::ALL.len()).prop_map(
+            |((plc, offset, width), (mask, value, is_signed), compare)| {
+                let test = Test { mask, compare: Compare::ALL[compare], is_signed, value };
+                Op::Condition { plc, offset, width, test }
+            }
+        ),
+        any::<(bool, u64)>().prop_map(|(any, within_us)| Op::WaitFor { any, within_us }),
         any::<u64>().prop_map(|us| Op::Advance { us }),
         any::<(u16, u8)>().prop_map(|(plc, node)| Op::AdvanceToSync { plc, node }),
         any::<u64>().prop_map(|within_us| Op::AdvanceToEvent { within_us }),

@@ -41,6 +41,8 @@ pub(crate) struct Entry {
     pub values: Vec<Value>,
     /// Bits with a meaning.
     pub bits: Vec<Bit>,
+    /// What the manual calls the variable there; empty in plain RAM.
+    pub variable: &'static str,
     /// The area itself.
     #[serde(skip)]
     pub area_ref: &'static Area,
@@ -205,6 +207,7 @@ fn of_array(first: &RegisterRef) -> Entry {
         name: format!("{}.{}", first.front(), register.pattern()),
         area: area.name,
         structure: first.structure().name,
+        variable: first.placed.variable,
         used: used(register),
         address: first.address().to_string(),
         cpu_address: area.cpu_address(first.offset()),
@@ -232,6 +235,7 @@ fn plain(area: &'static Area) -> Entry {
         name: area.name.to_owned(),
         area: area.name,
         structure: "",
+        variable: "",
         used: String::new(),
         address: area.begin(),
         cpu_address: area.cpu_address(area.first),

@@ -19,6 +19,8 @@ pub struct Meaning {
 /// A value, or a range of values, with its meaning.
 #[derive(Debug)]
 pub struct ValueMeaning {
+    /// Name in the layout files, as in generated code: `START_SYNCHRONOUS`; empty if it has none.
+    pub id: &'static str,
     /// First value.
     pub first: u32,
     /// Last value; equal to `first` for a single one.
@@ -58,6 +60,8 @@ impl ValueMeaning {
 /// A bit, or a field of bits.
 #[derive(Debug)]
 pub struct BitField {
+    /// Name in the layout files, as in generated code: `ENABLE_ACTIVE`; empty if it has none.
+    pub id: &'static str,
     /// Lowest bit.
     pub first: u8,
     /// Highest bit; equal to `first` for a single one.

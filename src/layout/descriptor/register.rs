@@ -152,6 +152,12 @@ impl RegType {
         }
     }
 
+    /// Whether it has negative numbers.
+    #[must_use]
+    pub const fn is_signed(self) -> bool {
+        matches!(self, RegType::Sint | RegType::Int | RegType::Dint)
+    }
+
     /// Largest value as a bit pattern.
     #[must_use]
     pub const fn mask(self) -> u32 {

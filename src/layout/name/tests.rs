@@ -2,7 +2,7 @@
 
 use crate::devices::samples::tables::NODES as DEVICE;
 use crate::devices::samples::tables::SLOTS;
-use crate::layout::{Fit, Fitted, LayoutError, Role, split_plc};
+use crate::layout::{Fit, Fitted, LayoutError, Named, Role, split_plc};
 
 fn error(name: &str) -> String {
     DEVICE.register(name).unwrap_err().to_string()
@@ -46,7 +46,7 @@ fn wrong_names_are_answered_with_the_right_ones() {
     let areas: Vec<_> = DEVICE.areas.iter().map(|area| area.name).collect();
     assert_eq!(
         error("node3.w_CPU_CONTROL"),
-        format!("unknown area `node3`; the areas are {}", areas.join(", "))
+        format!("unknown area `node3`; the areas are {}; did you mean node1 or node2?", areas.join(", "))
     );
     assert_eq!(error("Node2.w_CPU_CONTROL"), "`Node2` is spelled `node2`");
     assert_eq!(error("node2.w_cpu_control"), "`w_cpu_control` is spelled `w_CPU_CONTROL`");
@@ -56,7 +56,7 @@ fn wrong_names_are_answered_with_the_right_ones() {
     );
     assert_eq!(
         error("node2.w_CPU_CONTRL"),
-        "area `node2` has no register `w_CPU_CONTRL`; nearest: w_CPU_CONTROL"
+        "area `node2` has no register `w_CPU_CONTRL`; did you mean w_CPU_CONTROL?"
     );
     assert_eq!(
         error("node1.a_WR_VALUE[0]").split(';').next(),
@@ -68,6 +68,35 @@ fn wrong_names_are_answered_with_the_right_ones() {
         "`a_DATA_PARAMETER` is a sub-structure, not a register; its registers are d_PAR_VALUE, w_PAR_NR, \
          w_SUBSL_ADR"
     );
+}
+
+#[test]
+fn without_an_area_the_only_register_of_that_name_is_meant() {
+    let name = |text: &str| DEVICE.register(text).unwrap().name();
+    assert_eq!(name("a_RD_BMARRAY[3][0]"), "node2.a_RD_BMARRAY[3][0]");
+    assert_eq!(name("a_DATA_PARAMETER[1].w_PAR_NR"), "node2.a_DATA_PARAMETER[1].w_PAR_NR");
+    assert_eq!(DEVICE.registers("a_RD_BMARRAY[3]").unwrap().len(), 16);
+    assert_eq!(
+        error("w_CPU_CONTROL"),
+        "`w_CPU_CONTROL` is ambiguous: node1.w_CPU_CONTROL or node2.w_CPU_CONTROL"
+    );
+    assert_eq!(error("w_CPU_CONTRL"), "no area has a register `w_CPU_CONTRL`; did you mean w_CPU_CONTROL?");
+    assert_eq!(error("a_rd_bmarray[0][0]"), "`a_rd_bmarray[0][0]` is spelled `a_RD_BMARRAY[0..31][0..15]`");
+    assert!(error("a_RD_BMARRAY[32][0]").contains("index 32 is out of range"));
+    assert!(error("a_RD_BMARRAY").contains("needs indices"));
+}
+
+#[test]
+fn a_block_or_a_pattern_is_not_one_register() {
+    assert!(error("node2").starts_with("`node2` is a block of registers, not one register; `commram dump node2`"));
+    assert!(error("_CANsync_CTRL_MA").contains("is a block of registers"));
+    assert!(error("node2.a_STAT_SL[0..3]").contains("can mean several registers"));
+    let named = |name: &str| Fitted::unknown(&DEVICE).area_or_registers(name);
+    assert!(matches!(named("node2"), Ok(Named::Area(area)) if area.name == "node2"));
+    assert!(matches!(named("node2.a_STAT_SL"), Ok(Named::Registers(all)) if all.len() == 32));
+    assert!(matches!(named("a_RD_BMARRAY"), Ok(Named::Registers(all)) if all.len() == 512));
+    assert!(matches!(named("node7"), Err(LayoutError::UnknownArea { .. })));
+    assert!(matches!(named("w_CPU_CONTRL"), Err(LayoutError::UnknownName { .. })));
 }
 
 #[test]
@@ -92,7 +121,6 @@ fn wrong_indices_are_answered_with_the_ranges() {
 #[test]
 fn malformed_names_are_refused_with_the_reason() {
     for (name, reason) in [
-        ("w_CPU_CONTROL", "no area in front"),
         ("node2.", "an empty part"),
         ("node2..x", "an empty part"),
         ("node2.a[", "a `[` without `]`"),

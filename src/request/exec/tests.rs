@@ -21,6 +21,58 @@ fn wait(mask: u32, value: u32, within_us: u64) -> Op {
     Op::Wait { plc: 0, offset: REG, width: Width::Word, mask, value, within_us }
 }
 
+fn condition(offset: u32, compare: Compare, value: u32) -> Op {
+    let test = Test { mask: 0xFFFF, compare, is_signed: false, value };
+    Op::Condition { plc: 0, offset, width: Width::Word, test }
+}
+
+#[test]
+fn a_wait_for_conditions_ends_when_all_hold_at_once() {
+    let conditions = [condition(REG, Compare::Equal, 1), condition(REG + 2, Compare::Greater, 4)];
+    let outcome = |any| {
+        let mut host = TestHost::new(true);
+        // The first alone, the second alone, both.
+        host.script.extend([(1_000, REG, 1), (2_000, REG, 0), (2_000, REG + 2, 5), (3_000, REG, 1)]);
+        let wait = Op::WaitFor { any, within_us: 10_000 };
+        host.request(&[conditions[0], conditions[1], wait]).pop()
+    };
+    assert_eq!(outcome(false), Some(Reply::Waited(Waited { time_us: 3_000, value: 0b11 })));
+    assert_eq!(outcome(true), Some(Reply::Waited(Waited { time_us: 1_000, value: 0b01 })));
+}
+
+#[test]
+fn conditions_that_do_not_come_to_hold_tell_which_do() {
+    let mut host = TestHost::new(true);
+    let ops = [
+        poke(REG, Width::Word, 7),
+        condition(REG, Compare::LessOrEqual, 7),
+        condition(REG, Compare::NotEqual, 7),
+        Op::WaitFor { any: false, within_us: 2_000 },
+    ];
+    let replies = host.request(&ops);
+    let Some(Reply::Error(refused)) = replies.last() else { panic!("{replies:?}") };
+    assert_eq!((refused.code, refused.waited), (Code::NOT_IN_TIME, Some(Waited { time_us: 2_000, value: 0b01 })));
+    assert!(refused.text.ends_with("at 2000 us 1 of 2 hold"), "{refused}");
+}
+
+#[test]
+fn a_wait_has_one_condition_at_least_and_32_at_most_and_each_can_hold() {
+    let mut host = TestHost::new(true);
+    let wait = Op::WaitFor { any: true, within_us: 0 };
+    assert_eq!(host.refusal(wait).0, Code::CONDITIONS);
+    let mut ops = vec![condition(REG, Compare::Equal, 0); MAX_CONDITIONS];
+    let last = |host: &mut TestHost, ops: &[Op]| host.request(ops).pop().unwrap();
+    let mut all = ops.clone();
+    all.push(Op::WaitFor { any: false, within_us: 0 });
+    assert_eq!(last(&mut host, &all), Reply::Waited(Waited { time_us: 0, value: u32::MAX }));
+    ops.push(condition(REG, Compare::Equal, 0));
+    assert!(matches!(last(&mut host, &ops), Reply::Error(refused) if refused.code == Code::CONDITIONS));
+    let never = Test { mask: 1, compare: Compare::Equal, is_signed: false, value: 2 };
+    let never = Op::Condition { plc: 0, offset: REG, width: Width::Word, test: never };
+    assert_eq!(host.refusal(never).0, Code::NEVER_MATCHES);
+    assert_eq!(host.refusal(condition(0, Compare::Equal, 0)).0, Code::UNMAPPED);
+}
+
 /// Writes a register of PLC 0 by its name.
 fn set(name: &str, value: u32) -> Op {
     let place = Place::parse(&Fitted::unknown(&DEVICE), name).unwrap();

@@ -385,9 +385,10 @@ fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
     );
     for bit in &meaning.bits {
         let Bit { first, last, name, zero, one, text, joined, reserved, .. } = bit;
+        let id = bit.id.as_deref().unwrap_or_default();
         let _ = writeln!(
             out,
-            "        BitField {{ first: {first}, last: {last}, name: {name:?}, zero: {zero:?}, one: {one:?}, \
+            "        BitField {{ id: {id:?}, first: {first}, last: {last}, name: {name:?}, zero: {zero:?}, one: {one:?}, \
              text: {text:?}, values: {}, joined: {joined}, reserved: {reserved}, source: {} }},",
             values(&bit.values),
             provenance(&bit.source),
@@ -399,9 +400,9 @@ fn emit_meaning(out: &mut String, device: &Device, meaning: &Meaning) {
 fn values(values: &[model::Value]) -> String {
     let items: Vec<String> = values
         .iter()
-        .map(|model::Value { first, last, text, reserved, source, .. }| {
-            let source = provenance(source);
-            format!("ValueMeaning {{ first: {first}, last: {last}, text: {text:?}, reserved: {reserved}, source: {source} }}")
+        .map(|model::Value { id, first, last, text, reserved, source, .. }| {
+            let (id, source) = (id.as_deref().unwrap_or_default(), provenance(source));
+            format!("ValueMeaning {{ id: {id:?}, first: {first}, last: {last}, text: {text:?}, reserved: {reserved}, source: {source} }}")
         })
         .collect();
     format!("&[{}]", items.join(", "))

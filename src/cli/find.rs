@@ -1,0 +1,134 @@
+//! `commram find`: registers by what is known about them, which needs no emulator.
+
+use super::device::DeviceArg;
+use super::error::CliError;
+
+use super::map::entry::{self, Entry};
+use super::session::Session;
+use super::table::{self, FormatArg};
+use super::{Instance, instance_name};
+use crate::layout::{Fit, Fitted, did_you_mean};
+
+/// Find registers by name, meaning, values, bits or address.
+///
+/// Of several words all must occur, each anywhere; case does not count. What is found by its name comes first.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram find status
+  commram find SYNC time
+  commram find \"bus-off\"
+  commram find --device bm4-o-plc-01 ethernet
+  commram find control --format json
+  commram find status -i press-1
+
+Exit code 1 if nothing is found.")]
+pub(crate) struct Args {
+    /// Words to look for
+    #[arg(value_name = "TEXT", required = true)]
+    text: Vec<String>,
+    /// Also registers that the manual reserves
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    device: DeviceArg,
+    /// In the PLCs of this instance, as they are fitted
+    #[arg(short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
+    instance: Option<String>,
+    #[command(flatten)]
+    format: FormatArg,
+}
+
+/// Looks and prints.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let devices = match &args.instance {
+        None => vec![Fitted::unknown(args.device.device)],
+        Some(instance) => {
+            let session = Session::open_for_reading(&Instance::starting(instance))?;
+            let mut all = Vec::new();
+            for plc in 0..u16::try_from(session.plcs().len()).unwrap_or(u16::MAX) {
+                let fitted = session.fitted(plc);
+                if !all.contains(&fitted) {
+                    all.push(fitted);
+                }
+            }
+            all
+        }
+    };
+    let words: Vec<_> = args.text.iter().flat_map(|text| text.split_whitespace()).map(folded).collect();
+    let candidates = devices.iter().flat_map(entries).filter(|entry| args.all || !entry.reserved);
+    let mut found: Vec<_> = candidates.filter_map(|entry| Some((rank(&entry, &words)?, entry))).collect();
+    if found.is_empty() {
+        let names: Vec<_> = devices.iter().flat_map(entries).map(|entry| entry.name).collect();
+        // Without the area and the indices, which nobody spells wrong.
+        let bare = |name: &String| {
+            let name = name.split('[').next().unwrap_or_default();
+            name.split_once('.').map_or(name, |(_, register)| register).to_owned()
+        };
+        let names: Vec<_> = names.iter().map(bare).collect();
+        let text = args.text.join(" ");
+        let hint = did_you_mean(&text, names.iter().map(String::as_str));
+        let device = devices.first().map_or("", |fitted| fitted.device().title);
+        return Err(CliError::NotFound { text, device, hint });
+    }
+    // In the order of the map where nothing speaks for one of them.
+    found.sort_by_key(|(rank, _)| *rank);
+    let found: Vec<_> = found.into_iter().map(|(_, entry)| entry).collect();
+    table::print(args.format.format, &found, |found| text(found, &words))
+}
+
+fn entries(fitted: &Fitted) -> impl Iterator<Item = Entry> + use<> {
+    let fitted = *fitted;
+    let areas = fitted.device().named_areas().filter(move |area| fitted.area(area) != Fit::Empty);
+    areas.flat_map(move |area| entry::of_area(&fitted, area))
+}
+
+/// Blanks and the signs that stand for them are one.
+fn folded(text: &str) -> String {
+    text.to_lowercase().replace(['-', '_'], " ")
+}
+
+/// Where the words occur, the smaller the better: in the name, in the name and the meaning, with values and bits;
+/// `None` if one of them occurs nowhere.
+fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
+    let name = folded(&format!("{} {} {} {}", entry.name, entry.address, entry.structure, entry.variable));
+    let meaning = format!("{name} {}", folded(entry.meaning));
+    let all = format!("{meaning} {}", folded(&told(entry).map(|(what, text)| what + " " + &text + " ").collect::<String>()));
+    let texts = [name, meaning, all];
+    let holds_all = |text: &String| words.iter().all(|word| text.contains(word.as_str()));
+    texts.iter().position(holds_all).map(|rank| rank as u8)
+}
+
+/// Values and bits, with what they mean.
+fn told(entry: &Entry) -> impl Iterator<Item = (String, String)> {
+    let values = entry.values.iter().map(|value| (value.hex.clone(), value.meaning.clone()));
+    let bits = entry.bits.iter().map(|bit| {
+        let which = if bit.first == bit.last {
+            format!("bit {}", bit.first)
+        } else {
+            format!("bits {}-{}", bit.first, bit.last)
+        };
+        (format!("{which} {}", bit.name), bit.meaning.clone())
+    });
+    values.chain(bits)
+}
+
+/// A line per register, and those of its values and bits that were looked for.
+fn text(found: &[Entry], words: &[String]) -> String {
+    let cells = |entry: &Entry| [&entry.name, &entry.address, &entry.ty, &entry.owner].map(Clone::clone).to_vec();
+    let line = |entry: &Entry| cells(entry).into_iter().chain([entry.meaning.to_owned()]).collect();
+    let lines = table::columns(&found.iter().map(line).collect::<Vec<_>>());
+    let mut text = String::new();
+    for (entry, line) in found.iter().zip(lines.lines()) {
+        text.push_str(line);
+        text.push('\n');
+        let hit = |(what, meaning): &(String, String)| {
+            let both = folded(&format!("{what} {meaning}"));
+            words.iter().any(|word| both.contains(word.as_str()))
+        };
+        for (what, meaning) in told(entry).filter(hit) {
+            text.push_str(&format!("    {what}  {meaning}\n"));
+        }
+    }
+    text
+}

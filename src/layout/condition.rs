@@ -1,0 +1,254 @@
+//! Conditions on registers: `node2.w_OPTION_STATUS==16#0043`, `node2.a_STAT_SL[1] & 2 != 0`, `node2.a_RD_VALUE[1][0] < -5`.
+
+use super::place::{BadValue, Place};
+use super::{Live, Width};
+use thiserror::Error;
+
+/// How what a register holds is compared with a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Compare {
+    /// `==`
+    Equal,
+    /// `!=`
+    NotEqual,
+    /// `<`
+    Less,
+    /// `<=`
+    LessOrEqual,
+    /// `>`
+    Greater,
+    /// `>=`
+    GreaterOrEqual,
+}
+
+impl Compare {
+    /// All of them; their places here are their numbers on the channel.
+    pub const ALL: [Self; 6] =
+        [Self::Equal, Self::NotEqual, Self::Less, Self::LessOrEqual, Self::Greater, Self::GreaterOrEqual];
+
+    /// As it is written; the longer ones first.
+    const WRITTEN: [(&'static str, Self); 7] = [
+        ("==", Self::Equal),
+        ("!=", Self::NotEqual),
+        ("<>", Self::NotEqual),
+        ("<=", Self::LessOrEqual),
+        (">=", Self::GreaterOrEqual),
+        ("<", Self::Less),
+        (">", Self::Greater),
+    ];
+
+    /// `other than `, `less than ` ..., to be put in front of the value; nothing for equality.
+    #[must_use]
+    pub const fn than(self) -> &'static str {
+        match self {
+            Self::Equal => "",
+            Self::NotEqual => "other than ",
+            Self::Less => "less than ",
+            Self::LessOrEqual => "at most ",
+            Self::Greater => "greater than ",
+            Self::GreaterOrEqual => "at least ",
+        }
+    }
+}
+
+/// What shall hold of a register's content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Test {
+    /// The bits that count.
+    pub mask: u32,
+    /// How they are compared.
+    pub compare: Compare,
+    /// Whether they are the two's complement of a number with a sign.
+    pub is_signed: bool,
+    /// What with.
+    pub value: u32,
+}
+
+impl Test {
+    /// That all bits of a register equal `value`.
+    #[must_use]
+    pub const fn equal(width: Width, value: u32) -> Self {
+        Self { mask: width.max_value(), compare: Compare::Equal, is_signed: false, value }
+    }
+
+    /// Whether it holds of a register of this width that holds `found`.
+    #[must_use]
+    pub fn holds(self, width: Width, found: u32) -> bool {
+        let unused = 32 - 8 * width.bytes();
+        // Shifted up, the sign of the register's width is that of the i32.
+        let number = |bits: u32| match self.is_signed {
+            true => i64::from((bits << unused) as i32),
+            false => i64::from(bits),
+        };
+        let (found, value) = (number(found & self.mask), number(self.value));
+        match self.compare {
+            Compare::Equal => found == value,
+            Compare::NotEqual => found != value,
+            Compare::Less => found < value,
+            Compare::LessOrEqual => found <= value,
+            Compare::Greater => found > value,
+            Compare::GreaterOrEqual => found >= value,
+        }
+    }
+
+    /// Whether it can never hold, or never fail, because of bits outside the mask.
+    #[must_use]
+    pub const fn is_decided(self) -> bool {
+        matches!(self.compare, Compare::Equal | Compare::NotEqual) && self.value & !self.mask != 0
+    }
+}
+
+/// A register and what shall hold of it.
+#[derive(Clone, Debug)]
+pub struct Condition {
+    /// The register.
+    pub place: Place,
+    /// What shall hold.
+    pub test: Test,
+    /// What is awaited, in words that fit behind "did not become": `less than 16#05`, `16#80 under mask 16#80`.
+    pub wanted: String,
+}
+
+/// What is wrong with a condition; `E` is what is wrong with the register in it.
+#[derive(Debug, Error, PartialEq, Eq)]
+pub enum ConditionError<E> {
+    /// No such register.
+    #[error(transparent)]
+    Register(E),
+    /// The register cannot hold the value.
+    #[error(transparent)]
+    Value(#[from] BadValue),
+    /// Not the notation of a condition, or one that says nothing.
+    #[error("`{text}`: {right}")]
+    Notation {
+        /// As given.
+        text: String,
+        /// What would be right.
+        right: &'static str,
+    },
+}
+
+impl Condition {
+    /// Parses `REG==VALUE` or `REG&MASK==VALUE`, where `!=` (or `<>`), `<`, `<=`, `>` and `>=` may stand for `==`; `place`
+    /// looks the register up. Numbers of types with a sign are compared as such, unless there is a mask.
+    ///
+    /// # Errors
+    /// What is wrong with notation, register or value.
+    pub fn parse<E>(
+        text: &str,
+        place: impl FnOnce(&str) -> Result<Place, E>,
+    ) -> Result<Self, ConditionError<E>> {
+        let wrong = |right| ConditionError::Notation { text: text.to_owned(), right };
+        let example = "write REG==VALUE or REG&MASK==VALUE, for example node2.w_OPTION_STATUS==16#0043; there are also \
+                       !=, <, <=, > and >=";
+        let at = text.find(['=', '!', '<', '>']).ok_or_else(|| wrong(example))?;
+        let (left, right) = text.split_at(at);
+        let found = Compare::WRITTEN.iter().find_map(|(sign, it)| Some((*it, right.strip_prefix(sign)?)));
+        let (compare, value) = found.ok_or_else(|| wrong(example))?;
+        let (register, mask) = match left.split_once('&') {
+            Some((register, mask)) => (register, Some(mask)),
+            None => (left, None),
+        };
+        let place = place(register.trim()).map_err(ConditionError::Register)?;
+        let given = place.parse_value(value)?;
+        let shown = |value| format!("{}{}", compare.than(), place.format(Live::Cyclic, value));
+        let is_order = !matches!(compare, Compare::Equal | Compare::NotEqual);
+        let (mask, is_signed, value, wanted) = match (place.bit(), mask) {
+            (Some(_), _) if is_order => {
+                return Err(wrong("a single bit is 0 or 1; it can be == or != to one of them"));
+            }
+            (Some(_), Some(_)) => return Err(wrong("a single bit needs no mask")),
+            (Some(bit), None) => (1 << bit, false, given << bit, format!("{}{given}", compare.than())),
+            (None, Some(mask)) => {
+                let mask = place.parse_value(mask)?;
+                let under = place.format(Live::Cyclic, mask);
+                (mask, false, given, format!("{} under mask {under}", shown(given)))
+            }
+            (None, None) => {
+                (place.width().max_value(), place.ty(Live::Cyclic).is_signed(), given, shown(given))
+            }
+        };
+        let test = Test { mask, compare, is_signed, value };
+        if test.is_decided() {
+            return Err(wrong(match compare {
+                Compare::NotEqual => "the value has bits outside the mask, so this always holds",
+                _ => "the value has bits outside the mask, so this can never be",
+            }));
+        }
+        Ok(Self { place, test, wanted })
+    }
+
+    /// Whether it holds of a register that holds `found`.
+    #[must_use]
+    pub fn holds(&self, found: u32) -> bool {
+        self.test.holds(self.place.width(), found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::samples::tables::NODES as DEVICE;
+    use crate::layout::{Fitted, LayoutError};
+
+    fn parse(text: &str) -> Result<Condition, ConditionError<LayoutError>> {
+        Condition::parse(text, |name| Place::parse(&Fitted::unknown(&DEVICE), name))
+    }
+
+    #[test]
+    fn a_condition_is_a_register_a_sign_and_a_value() {
+        let parsed = |text| parse(text).map(|it| (it.test.mask, it.test.compare, it.test.value)).unwrap();
+        assert_eq!(parsed("node2.w_OPTION_STATUS==16#0043"), (0xFFFF, Compare::Equal, 0x43));
+        assert_eq!(parsed("node2.w_OPTION_STATUS & 16#80 != 16#80"), (0x80, Compare::NotEqual, 0x80));
+        assert_eq!(parsed("node2.w_OPTION_STATUS <> MASTER_ACTIVE"), (0xFFFF, Compare::NotEqual, 0x80));
+        assert_eq!(parsed("%MX3.200004.2==1"), (4, Compare::Equal, 4));
+        assert_eq!(parsed("node2.w_CANsync_STATUS.2==0"), (4, Compare::Equal, 0));
+        assert_eq!(parsed("node2.w_CANsync_STATUS.10!=0"), (4, Compare::NotEqual, 0));
+        for (sign, compare) in
+            [("<", Compare::Less), ("<=", Compare::LessOrEqual), (">", Compare::Greater), (">=", Compare::GreaterOrEqual)]
+        {
+            assert_eq!(parsed(&format!("node2.w_OPTION_STATUS{sign}5")), (0xFFFF, compare, 5));
+        }
+    }
+
+    #[test]
+    fn numbers_with_a_sign_are_compared_as_such() {
+        let less = parse("node2.a_RD_BMARRAY[1][0] < -1").unwrap();
+        assert_eq!([0xFFFF_FFFE, 0xFFFF_FFFF, 0, 0x7FFF_FFFF].map(|it| less.holds(it)), [true, false, false, false]);
+        let word = parse("node2.w_OPTION_STATUS > 16#7FFF").unwrap();
+        assert_eq!([0x7FFF, 0x8000, 0xFFFF].map(|it| word.holds(it)), [false, true, true]);
+        let short = Test { mask: 0xFF, compare: Compare::GreaterOrEqual, is_signed: true, value: 0xFE };
+        assert_eq!([0x80, 0xFD, 0xFE, 0xFF, 0, 0x7F].map(|it| short.holds(Width::Byte, it)), [false, false, true, true, true, true]);
+    }
+
+    #[test]
+    fn only_the_bits_of_the_mask_count() {
+        let set = parse("node2.w_OPTION_STATUS&3==2").unwrap();
+        assert_eq!([2, 6, 3, 0].map(|it| set.holds(it)), [true, true, false, false]);
+        let not = parse("node2.w_OPTION_STATUS&3!=2").unwrap();
+        assert_eq!([2, 6, 3, 0].map(|it| not.holds(it)), [false, false, true, true]);
+    }
+
+    #[test]
+    fn what_is_awaited_reads_well_behind_did_not_become() {
+        let wanted = |text| parse(text).unwrap().wanted;
+        assert_eq!(wanted("node2.w_OPTION_STATUS==16#43"), "16#0043");
+        assert_eq!(wanted("node2.w_OPTION_STATUS!=16#43"), "other than 16#0043");
+        assert_eq!(wanted("node2.w_OPTION_STATUS&3<=2"), "at most 16#0002 under mask 16#0003");
+        assert_eq!(wanted("%MX3.200004.2!=1"), "other than 1");
+    }
+
+    #[test]
+    fn mistakes_are_explained() {
+        let message = |text| parse(text).err().unwrap().to_string();
+        assert!(message("node2.w_OPTION_STATUS=1").contains("write REG==VALUE"));
+        assert!(message("node2.w_OPTION_STATUS").contains("write REG==VALUE"));
+        assert!(message("node2.w_OPTION_STATUS&1==2").contains("can never be"));
+        assert!(message("node2.w_OPTION_STATUS&1!=2").contains("always holds"));
+        assert!(message("%MX3.200004.2&1==1").contains("needs no mask"));
+        assert!(message("%MX3.200004.2<1").contains("0 or 1"));
+        assert!(message("node2.w_OPTION_STATUS===1").contains("is no number"));
+        assert!(message("node2.w_OPTION_STATUS==SLAVE_ACTIV").contains("did you mean slave_active?"));
+        assert!(message("node2.w_OPTION_STAT==1").contains("did you mean w_OPTION_STATUS?"));
+    }
+}

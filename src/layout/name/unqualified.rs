@@ -1,0 +1,116 @@
+//! Names with nothing in front that says where the register lies.
+
+use super::super::nearest::did_you_mean;
+use super::{Area, Block, Fit, Fitted, LayoutError, RegisterRef};
+use std::collections::BTreeSet;
+
+/// Most names that are told where one is ambiguous.
+const MOST_TOLD: usize = 6;
+
+/// A name in its parts.
+pub(super) enum Split<'a> {
+    /// What stands in front of the first dot, and what behind it.
+    Block(Block, &'a str),
+    /// Nothing that we know stands in front: it may be a register's name alone.
+    Unqualified,
+}
+
+impl<'a> Split<'a> {
+    pub(super) fn of(fitted: &Fitted, name: &'a str) -> Result<Self, LayoutError> {
+        let Some((front, path)) = name.split_once('.') else {
+            return match fitted.block(name) {
+                Ok(_) => Err(LayoutError::NotOneRegister { name: name.to_owned() }),
+                Err(wrong_case @ LayoutError::WrongCase { .. }) => Err(wrong_case),
+                Err(_) => Ok(Self::Unqualified),
+            };
+        };
+        match fitted.block(front) {
+            Ok(block) => Ok(Self::Block(block, path)),
+            Err(unknown @ (LayoutError::UnknownArea { .. } | LayoutError::UnknownVariable { .. })) => {
+                // A sub-structure may be what stands in front.
+                let group = front.split('[').next().unwrap_or_default();
+                let areas = fitted.device().named_areas();
+                let mut registers = areas
+                    .flat_map(|area| fitted.placed(area))
+                    .flat_map(|placed| placed.structure.registers);
+                if registers.any(|register| !group.is_empty() && register.group == group) {
+                    Ok(Self::Unqualified)
+                } else {
+                    Err(unknown)
+                }
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// What a text stands for that may name a whole area.
+#[derive(Debug)]
+pub enum Named {
+    /// The area.
+    Area(&'static Area),
+    /// Registers, as [`Fitted::registers`] finds them.
+    Registers(Vec<RegisterRef>),
+}
+
+impl Fitted {
+    /// The area or the registers that `name` stands for.
+    ///
+    /// # Errors
+    /// As [`Fitted::registers`]; [`LayoutError::UnknownArea`] if `name` looks rather like an area's.
+    pub fn area_or_registers(&self, name: &str) -> Result<Named, LayoutError> {
+        let area = match self.device().area(name) {
+            Ok(area) => return Ok(Named::Area(area)),
+            Err(refusal) => refusal,
+        };
+        self.registers(name).map(Named::Registers).map_err(|refusal| match (&area, &refusal) {
+            (LayoutError::UnknownArea { hint, .. }, LayoutError::UnknownName { hint: other, .. })
+                if !hint.is_empty() || other.is_empty() =>
+            {
+                area
+            }
+            _ => refusal,
+        })
+    }
+
+    /// What `look` finds in the only area in which it finds anything.
+    pub(super) fn only<T>(
+        &self,
+        name: &str,
+        look: impl Fn(&Block) -> Result<T, LayoutError>,
+    ) -> Result<T, LayoutError> {
+        let mut found = Vec::new();
+        // An index that is out of range tells more than that the other areas have no such register.
+        let mut refusal = None;
+        for area in self.device().named_areas().filter(|area| self.area(area) != Fit::Empty) {
+            match look(&Block { area, fit: self.area(area), only: None }) {
+                Ok(one) => found.push((area, one)),
+                Err(LayoutError::UnknownRegister { .. }) => {}
+                Err(other) => {
+                    refusal.get_or_insert(other);
+                }
+            }
+        }
+        if found.len() > 1 {
+            let mut names: Vec<_> = found.iter().map(|(area, _)| format!("{}.{name}", area.name)).collect();
+            if names.len() > MOST_TOLD {
+                names.truncate(MOST_TOLD);
+                names.push("...".to_owned());
+            }
+            return Err(LayoutError::Ambiguous { name: name.to_owned(), names: names.join(" or ") });
+        }
+        let nowhere = || refusal.unwrap_or_else(|| self.unknown_everywhere(name));
+        found.pop().map(|(_, one)| one).ok_or_else(nowhere)
+    }
+
+    /// That no area has a register of this name.
+    fn unknown_everywhere(&self, name: &str) -> LayoutError {
+        let areas = || self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
+        let placed = areas().flat_map(|area| self.placed(area));
+        let registers = placed.flat_map(|placed| placed.structure.registers);
+        let names: BTreeSet<_> = registers.map(super::Register::full_name).collect();
+        let plain = name.split('[').next().unwrap_or_default();
+        let hint = did_you_mean(plain, areas().map(|area| area.name).chain(names.iter().map(String::as_str)));
+        LayoutError::UnknownName { name: name.to_owned(), hint }
+    }
+}

@@ -1,0 +1,185 @@
+//! Patterns of register names: `node2.*STATUS*`, `node2.a_STAT_SL[0..3]`, `node2.a_RD_BMARRAY[*][0]`.
+
+use super::error::LayoutError;
+use super::fitted::{Fit, Fitted};
+use super::register::RegisterRef;
+
+/// A piece of a pattern.
+#[derive(Debug, PartialEq, Eq)]
+enum Token {
+    /// A letter as it is, whatever its case.
+    Letter(u8),
+    /// `*`: whatever is there.
+    Any,
+    /// `[0..3]`, `[*]`: one index from the first to the last, both included.
+    Index(u32, u32),
+}
+
+/// A pattern of register names.
+///
+/// It matches names that it describes from the beginning (with the area or the variable in front, or without), up to the
+/// end or up to where indices or registers of a sub-structure follow: an array without indices means all its elements.
+#[derive(Debug)]
+pub(super) struct Pattern(Vec<Token>);
+
+impl Pattern {
+    /// Whether the text is a pattern and not the name of one register.
+    pub(super) fn is_one(text: &str) -> bool {
+        text.contains('*') || text.contains("..")
+    }
+
+    pub(super) fn parse(text: &str) -> Result<Self, LayoutError> {
+        let wrong = || LayoutError::BadName {
+            text: text.to_owned(),
+            reason: "a range is written [0..3], from the lower index to the higher one, and all of them [*]",
+        };
+        let mut tokens = Vec::new();
+        let mut rest = text;
+        while let Some(letter) = rest.chars().next() {
+            if let Some((inner, behind)) = rest.strip_prefix('[').and_then(|inner| inner.split_once(']')) {
+                let index = |text: &str| text.trim().parse::<u32>().map_err(|_| wrong());
+                let (first, last) = match inner.split_once("..") {
+                    _ if inner.trim() == "*" => (0, u32::MAX),
+                    Some((first, last)) => (index(first)?, index(last)?),
+                    None => (index(inner)?, index(inner)?),
+                };
+                if first > last {
+                    return Err(wrong());
+                }
+                tokens.push(Token::Index(first, last));
+                rest = behind;
+                continue;
+            }
+            if rest.starts_with("..") || matches!(letter, '[' | ']') {
+                return Err(wrong());
+            }
+            let (letters, behind) = rest.split_at(letter.len_utf8());
+            match letter {
+                '*' => tokens.push(Token::Any),
+                _ => tokens.extend(letters.bytes().map(Token::Letter)),
+            }
+            rest = behind;
+        }
+        Ok(Self(tokens))
+    }
+
+    /// Whether the name of a register is one of those meant.
+    fn matches(&self, name: &str) -> bool {
+        let (mut token, mut rest) = (0, name);
+        // Where to go on if what stands behind the last `*` does not fit here: one letter later.
+        let mut retry: Option<(usize, &str)> = None;
+        loop {
+            let fits = match self.0.get(token) {
+                None if rest.is_empty() || rest.starts_with(['[', '.']) => return true,
+                None => None,
+                Some(Token::Any) => {
+                    retry = Some((token + 1, rest));
+                    Some(0)
+                }
+                Some(Token::Letter(letter)) => {
+                    rest.bytes().next().filter(|it| it.eq_ignore_ascii_case(letter)).map(|_| 1)
+                }
+                Some(Token::Index(first, last)) => index_at(rest, *first, *last),
+            };
+            if let Some(len) = fits {
+                token += 1;
+                rest = rest.get(len..).unwrap_or_default();
+                continue;
+            }
+            let Some((behind, from)) = retry else { return false };
+            let Some(later) = from.get(1..) else { return false };
+            retry = Some((behind, later));
+            (token, rest) = (behind, later);
+        }
+    }
+
+    fn means(&self, register: &RegisterRef) -> bool {
+        let path = register.path();
+        self.matches(&path)
+            || [register.area.name, register.placed.variable]
+                .iter()
+                .any(|front| self.matches(&format!("{front}.{path}")))
+    }
+}
+
+/// The length of the index that `text` begins with, if it is one from `first` to `last`.
+fn index_at(text: &str, first: u32, last: u32) -> Option<usize> {
+    let (number, _) = text.strip_prefix('[')?.split_once(']')?;
+    let index: u32 = number.parse().ok()?;
+    (first..=last).contains(&index).then_some(number.len() + 2)
+}
+
+impl Fitted {
+    /// The registers that a pattern means, area by area in address order.
+    pub(super) fn matching(&self, text: &str) -> Result<Vec<RegisterRef>, LayoutError> {
+        let pattern = Pattern::parse(text)?;
+        let areas = self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
+        let found: Vec<_> = areas.flat_map(|area| self.registers_where(area, |it| pattern.means(it))).collect();
+        if found.is_empty() { Err(LayoutError::NoMatch { pattern: text.to_owned() }) } else { Ok(found) }
+    }
+}
+
+/// Whether `text` stands for several registers by a pattern, with or without a PLC in front.
+#[must_use]
+pub fn is_pattern(text: &str) -> bool {
+    Pattern::is_one(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::samples::tables::NODES as DEVICE;
+
+    fn names(pattern: &str) -> Vec<String> {
+        DEVICE.registers(pattern).unwrap().iter().map(RegisterRef::name).collect()
+    }
+
+    fn matches(pattern: &str, name: &str) -> bool {
+        Pattern::parse(pattern).unwrap().matches(name)
+    }
+
+    #[test]
+    fn a_star_stands_for_whatever_is_there() {
+        assert!(matches("node2.*STATUS*", "node2.w_OPTION_STATUS"));
+        assert!(matches("*status", "node2.w_OPTION_STATUS"));
+        assert!(!matches("*status", "node2.w_OPTION_STATUS_OLD"));
+        assert!(matches("a*b*c", "a1b2b3c"), "the last b is the one behind which a c comes");
+        assert!(!matches("a*b*c", "a1c2b3"));
+        assert!(!matches(&"a*".repeat(60), &"a".repeat(59)), "this ends in a moment");
+    }
+
+    #[test]
+    fn an_index_is_a_number_of_a_range() {
+        assert!(matches("a[2..10]", "a[10]") && !matches("a[2..10]", "a[11]") && !matches("a[2..10]", "a[1]"));
+        assert!(matches("a[*][0]", "a[17][0]") && !matches("a[*][0]", "a[17][1]"));
+        assert!(matches("a[ 1 .. 2 ]", "a[1]"));
+    }
+
+    #[test]
+    fn an_array_without_its_indices_is_all_of_it() {
+        assert!(matches("*.a_RD", "node2.a_RD[1][2]") && matches("*.a_RD[0..1]", "node2.a_RD[1][2]"));
+        assert!(matches("node*", "node2.a_RD[1][2]") && !matches("*.a_R", "node2.a_RD[1][2]"));
+    }
+
+    #[test]
+    fn patterns_find_registers_in_the_order_of_their_addresses() {
+        let elements = ["node2.a_STAT_SL[0]", "node2.a_STAT_SL[1]"];
+        assert_eq!(names("node2.a_STAT_SL[0..1]"), elements);
+        assert_eq!(names("_CANsync_CTRL_MA.a_STAT_SL[0..1]"), elements, "by the manual's variable too");
+        let status = names("node*.w_OPTION_STATUS");
+        assert_eq!(status, ["node1.w_OPTION_STATUS", "node2.w_OPTION_STATUS"]);
+        assert_eq!(names("w_OPTION_*"), status);
+        assert_eq!(names("node2.a_RD_BMARRAY[*][0]").len(), 32);
+        assert_eq!(names("node2.a_RD_BMARRAY[0..31][0..15]").len(), 512, "as `pattern` writes it");
+    }
+
+    #[test]
+    fn what_is_no_pattern_or_matches_nothing_is_refused() {
+        let message = |text| DEVICE.registers(text).unwrap_err().to_string();
+        for text in ["node2.a[0..]", "node2.a[3..1]", "node2.a[x..1]", "node2..x*", "node2.*]", "node2.*["] {
+            assert!(message(text).contains("a range is written [0..3]"), "{text}");
+        }
+        assert!(message("node2.*größe*").contains("no register matches `node2.*größe*`"));
+        assert!(message("node2.a_STAT_SL[32..40]").contains("no register matches"));
+    }
+}
