@@ -95,7 +95,11 @@ pub(crate) fn told_by<T>(
     let may_know = matches!(
         refusal,
         CliError::Layout(
-            Ambiguous { .. } | NoMatch { .. } | UnknownArea { .. } | UnknownName { .. } | UnknownVariable { .. }
+            Ambiguous { .. }
+                | NoMatch { .. }
+                | UnknownArea { .. }
+                | UnknownName { .. }
+                | UnknownVariable { .. }
         )
     );
     if !may_know {

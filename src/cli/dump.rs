@@ -9,7 +9,8 @@ use super::session::{Read, Session, Snapshot};
 use super::table::{self, Format, FormatArg};
 use super::time;
 use crate::layout::{
-    Address, Area, Fit, Fitted, LayoutError, Live, Named, RegType, RegisterRef, Width, format_value, split_plc,
+    Address, Area, Fit, Fitted, LayoutError, Live, Named, RegType, RegisterRef, Width, format_value,
+    split_plc,
 };
 use core::ops::Range;
 

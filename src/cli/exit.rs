@@ -86,7 +86,7 @@ impl CliError {
             Self::Import(_)
             | Self::Reported
             | Self::Ended { .. }
-            | Self::NotMet { .. }
+            | Self::NotFound { .. }
             | Self::StillThere { .. }
             | Self::Demo(_)
             | Self::Runtime(_)
@@ -94,7 +94,7 @@ impl CliError {
                 Exit::Failed
             }
             #[cfg(feature = "channel")]
-            Self::Scenario(_) => Exit::Failed,
+            Self::NotMet { .. } | Self::NoneMet { .. } | Self::Scenario(_) => Exit::Failed,
             Self::NotRunning { .. }
             | Self::NoImages { .. }
             | Self::NoDirectory { .. }

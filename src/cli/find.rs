@@ -2,7 +2,6 @@
 
 use super::device::DeviceArg;
 use super::error::CliError;
-
 use super::map::entry::{self, Entry};
 use super::session::Session;
 use super::table::{self, FormatArg};
@@ -93,7 +92,10 @@ fn folded(text: &str) -> String {
 fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     let name = folded(&format!("{} {} {} {}", entry.name, entry.address, entry.structure, entry.variable));
     let meaning = format!("{name} {}", folded(entry.meaning));
-    let all = format!("{meaning} {}", folded(&told(entry).map(|(what, text)| what + " " + &text + " ").collect::<String>()));
+    let all = format!(
+        "{meaning} {}",
+        folded(&told(entry).map(|(what, text)| what + " " + &text + " ").collect::<String>())
+    );
     let texts = [name, meaning, all];
     let holds_all = |text: &String| words.iter().all(|word| text.contains(word.as_str()));
     texts.iter().position(holds_all).map(|rank| rank as u8)
@@ -115,7 +117,8 @@ fn told(entry: &Entry) -> impl Iterator<Item = (String, String)> {
 
 /// A line per register, and those of its values and bits that were looked for.
 fn text(found: &[Entry], words: &[String]) -> String {
-    let cells = |entry: &Entry| [&entry.name, &entry.address, &entry.ty, &entry.owner].map(Clone::clone).to_vec();
+    let cells =
+        |entry: &Entry| [&entry.name, &entry.address, &entry.ty, &entry.owner].map(Clone::clone).to_vec();
     let line = |entry: &Entry| cells(entry).into_iter().chain([entry.meaning.to_owned()]).collect();
     let lines = table::columns(&found.iter().map(line).collect::<Vec<_>>());
     let mut text = String::new();

@@ -93,8 +93,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let check = of_any_device_but_told_by(&args.instance);
     for text in &args.registers {
         if is_pattern(text) {
-            dump::check(core::slice::from_ref(text))
-                .or_else(|refusal| told_by(&args.instance, refusal, |session| Wanted::find(session, text).map(drop)))?;
+            dump::check(core::slice::from_ref(text)).or_else(|refusal| {
+                told_by(&args.instance, refusal, |session| Wanted::find(session, text).map(drop))
+            })?;
         } else {
             check(text)?;
         }

@@ -81,7 +81,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 fn note_if_not_whole(place: &Place) {
     if !place.is_whole() {
         let (address, what) = (place.address(), place.meaning(crate::layout::Live::Cyclic, 0));
-        super::output::note(&format!("{address} is no register of its own: {what}; it was written all the same"));
+        super::output::note(&format!(
+            "{address} is no register of its own: {what}; it was written all the same"
+        ));
     }
 }
 

@@ -90,7 +90,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let holds = |held: u32, bit: usize| held >> bit & 1 != 0;
     match outcome {
         Ok(mut replies) => {
-            let Waited { time_us, value: held } = replies.pop().ok_or(crate::request::WrongReply)?.waited()?;
+            let Waited { time_us, value: held } =
+                replies.pop().ok_or(crate::request::WrongReply)?.waited()?;
             let holdings = peek::read(&session, &wanted)?;
             let line = |(bit, holding): (usize, &Holding)| {
                 let line = peek::line(holding);
@@ -103,15 +104,19 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             ..
         }))) => {
             let holdings = peek::read(&session, &wanted)?;
-            let unmet = conditions.into_iter().zip(holdings).enumerate().map(|(bit, (condition, holding))| {
-                let Holding { register, address, hex, meaning, .. } = holding;
-                let place = if register == address { register } else { format!("{register} ({address})") };
-                let found = format!("{hex}, {meaning}");
-                Unmet { place, wanted: condition.wanted, found, holds: holds(held, bit) }
-            });
+            let unmet =
+                conditions.into_iter().zip(holdings).enumerate().map(|(bit, (condition, holding))| {
+                    let Holding { register, address, hex, meaning, .. } = holding;
+                    let place =
+                        if register == address { register } else { format!("{register} ({address})") };
+                    let found = format!("{hex}, {meaning}");
+                    Unmet { place, wanted: condition.wanted, found, holds: holds(held, bit) }
+                });
             let mut unmet: Vec<_> = unmet.collect();
             Err(match unmet.pop() {
-                Some(unmet_one) if unmet.is_empty() => CliError::NotMet { unmet: unmet_one, within_us, time_us },
+                Some(unmet_one) if unmet.is_empty() => {
+                    CliError::NotMet { unmet: unmet_one, within_us, time_us }
+                }
                 last => {
                     unmet.extend(last);
                     CliError::NoneMet { conditions: unmet, any: args.any, within_us, time_us }

@@ -197,16 +197,19 @@ mod tests {
 
     #[test]
     fn a_condition_is_a_register_a_sign_and_a_value() {
-        let parsed = |text| parse(text).map(|it| (it.test.mask, it.test.compare, it.test.value)).unwrap();
+        let parsed = |text: &str| parse(text).map(|it| (it.test.mask, it.test.compare, it.test.value)).unwrap();
         assert_eq!(parsed("node2.w_OPTION_STATUS==16#0043"), (0xFFFF, Compare::Equal, 0x43));
         assert_eq!(parsed("node2.w_OPTION_STATUS & 16#80 != 16#80"), (0x80, Compare::NotEqual, 0x80));
         assert_eq!(parsed("node2.w_OPTION_STATUS <> MASTER_ACTIVE"), (0xFFFF, Compare::NotEqual, 0x80));
         assert_eq!(parsed("%MX3.200004.2==1"), (4, Compare::Equal, 4));
         assert_eq!(parsed("node2.w_CANsync_STATUS.2==0"), (4, Compare::Equal, 0));
         assert_eq!(parsed("node2.w_CANsync_STATUS.10!=0"), (4, Compare::NotEqual, 0));
-        for (sign, compare) in
-            [("<", Compare::Less), ("<=", Compare::LessOrEqual), (">", Compare::Greater), (">=", Compare::GreaterOrEqual)]
-        {
+        for (sign, compare) in [
+            ("<", Compare::Less),
+            ("<=", Compare::LessOrEqual),
+            (">", Compare::Greater),
+            (">=", Compare::GreaterOrEqual),
+        ] {
             assert_eq!(parsed(&format!("node2.w_OPTION_STATUS{sign}5")), (0xFFFF, compare, 5));
         }
     }
@@ -214,11 +217,17 @@ mod tests {
     #[test]
     fn numbers_with_a_sign_are_compared_as_such() {
         let less = parse("node2.a_RD_BMARRAY[1][0] < -1").unwrap();
-        assert_eq!([0xFFFF_FFFE, 0xFFFF_FFFF, 0, 0x7FFF_FFFF].map(|it| less.holds(it)), [true, false, false, false]);
+        assert_eq!(
+            [0xFFFF_FFFE, 0xFFFF_FFFF, 0, 0x7FFF_FFFF].map(|it| less.holds(it)),
+            [true, false, false, false]
+        );
         let word = parse("node2.w_OPTION_STATUS > 16#7FFF").unwrap();
         assert_eq!([0x7FFF, 0x8000, 0xFFFF].map(|it| word.holds(it)), [false, true, true]);
         let short = Test { mask: 0xFF, compare: Compare::GreaterOrEqual, is_signed: true, value: 0xFE };
-        assert_eq!([0x80, 0xFD, 0xFE, 0xFF, 0, 0x7F].map(|it| short.holds(Width::Byte, it)), [false, false, true, true, true, true]);
+        assert_eq!(
+            [0x80, 0xFD, 0xFE, 0xFF, 0, 0x7F].map(|it| short.holds(Width::Byte, it)),
+            [false, false, true, true, true, true]
+        );
     }
 
     #[test]

@@ -156,7 +156,9 @@ pub enum LayoutError {
         hint: String,
     },
     /// An area or a variable where a register was expected.
-    #[error("`{name}` is a block of registers, not one register; `commram dump {name}` shows what they hold, `commram map {name}` what they are")]
+    #[error(
+        "`{name}` is a block of registers, not one register; `commram dump {name}` shows what they hold, `commram map {name}` what they are"
+    )]
     NotOneRegister {
         /// As given.
         name: String,

@@ -57,15 +57,18 @@ mod tests {
 
     #[test]
     fn a_part_of_a_name_suggests_it_the_shortest_first() {
-        assert_eq!(nearest("control", NAMES), ["w_CPU_CONTROL", "w_CONTROLWORD"]);
-        assert_eq!(nearest("control", ["w_CONTROLWORD_OLD", "w_CONTROL"]), ["w_CONTROL", "w_CONTROLWORD_OLD"]);
+        assert_eq!(nearest("control", NAMES), ["w_CONTROLWORD", "w_CPU_CONTROL"]);
+        assert_eq!(
+            nearest("control", ["w_CONTROLWORD_OLD", "w_CONTROL"]),
+            ["w_CONTROL", "w_CONTROLWORD_OLD"]
+        );
         assert!(nearest("ro", NAMES).is_empty(), "two letters are a part of too much");
     }
 
     #[test]
     fn a_complaint_ends_with_a_question_or_with_nothing() {
         assert_eq!(did_you_mean("w_CPU_CONTRL", NAMES), "; did you mean w_CPU_CONTROL?");
-        assert_eq!(did_you_mean("control", NAMES), "; did you mean w_CPU_CONTROL or w_CONTROLWORD?");
+        assert_eq!(did_you_mean("control", NAMES), "; did you mean w_CONTROLWORD or w_CPU_CONTROL?");
         assert_eq!(did_you_mean("zzzz", NAMES), "");
         assert_eq!(did_you_mean(&"w_CPU_CONTROL".repeat(1_000_000), NAMES), "");
     }

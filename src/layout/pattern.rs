@@ -25,7 +25,8 @@ pub(super) struct Pattern(Vec<Token>);
 impl Pattern {
     /// Whether the text is a pattern and not the name of one register.
     pub(super) fn is_one(text: &str) -> bool {
-        text.contains('*') || text.contains("..")
+        let indices = text.split('[').skip(1).filter_map(|behind| behind.split(']').next());
+        text.contains('*') || indices.into_iter().any(|index| index.contains(".."))
     }
 
     pub(super) fn parse(text: &str) -> Result<Self, LayoutError> {
@@ -114,7 +115,8 @@ impl Fitted {
     pub(super) fn matching(&self, text: &str) -> Result<Vec<RegisterRef>, LayoutError> {
         let pattern = Pattern::parse(text)?;
         let areas = self.device().named_areas().filter(|area| self.area(area) != Fit::Empty);
-        let found: Vec<_> = areas.flat_map(|area| self.registers_where(area, |it| pattern.means(it))).collect();
+        let found: Vec<_> =
+            areas.flat_map(|area| self.registers_where(area, |it| pattern.means(it))).collect();
         if found.is_empty() { Err(LayoutError::NoMatch { pattern: text.to_owned() }) } else { Ok(found) }
     }
 }
@@ -150,7 +152,9 @@ mod tests {
 
     #[test]
     fn an_index_is_a_number_of_a_range() {
-        assert!(matches("a[2..10]", "a[10]") && !matches("a[2..10]", "a[11]") && !matches("a[2..10]", "a[1]"));
+        assert!(
+            matches("a[2..10]", "a[10]") && !matches("a[2..10]", "a[11]") && !matches("a[2..10]", "a[1]")
+        );
         assert!(matches("a[*][0]", "a[17][0]") && !matches("a[*][0]", "a[17][1]"));
         assert!(matches("a[ 1 .. 2 ]", "a[1]"));
     }

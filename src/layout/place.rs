@@ -284,7 +284,10 @@ mod tests {
         assert_eq!(bit.name(Live::Cyclic), "node2.w_CANsync_STATUS.10");
         assert_eq!(bit.label(Live::Cyclic), "node2.w_CANsync_STATUS.10 (%MX3.200005.2)");
         assert_eq!(place("node2.w_CANsync_STATUS.2").meaning(Live::Cyclic, 4), "send buffer free");
-        assert_eq!(place("node2.w_CANsync_STATUS.2").meaning(Live::Cyclic, 0), "bit 2 of node2.w_CANsync_STATUS");
+        assert_eq!(
+            place("node2.w_CANsync_STATUS.2").meaning(Live::Cyclic, 0),
+            "bit 2 of node2.w_CANsync_STATUS"
+        );
         assert_eq!(
             place("%MX3.200004.2").meaning(Live::Cyclic, 4),
             "bit 2 of node2.w_CANsync_STATUS: send buffer free"

@@ -82,7 +82,11 @@ pub fn parse(text: &str, ty: RegType) -> Result<u32, ValueError> {
 /// # Errors
 /// `otherwise` if nothing in the register has a name or `text` was meant as a number, [`ValueError::Unknown`] if something
 /// else has, [`ValueError::Ambiguous`].
-pub fn named(text: &str, meaning: Option<&'static Meaning>, otherwise: ValueError) -> Result<u32, ValueError> {
+pub fn named(
+    text: &str,
+    meaning: Option<&'static Meaning>,
+    otherwise: ValueError,
+) -> Result<u32, ValueError> {
     let names = meaning.map(names).unwrap_or_default();
     let is_word = text.trim().starts_with(|letter: char| letter.is_ascii_alphabetic());
     if names.is_empty() || !is_word || !matches!(otherwise, ValueError::Notation { .. }) {
@@ -98,7 +102,11 @@ pub fn named(text: &str, meaning: Option<&'static Meaning>, otherwise: ValueErro
         [] => {
             let all = || names.iter().map(|(name, _)| name.as_str());
             let near = nearest(text, all());
-            let hint = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
+            let hint = if near.is_empty() {
+                String::new()
+            } else {
+                format!("; did you mean {}?", near.join(" or "))
+            };
             let known = all().filter(|name| !name.contains(' ')).collect::<Vec<_>>();
             let known = if known.is_empty() { all().collect() } else { known };
             Err(ValueError::Unknown { text: text.to_owned(), known: known.join(", "), hint })
@@ -199,7 +207,8 @@ mod tests {
 
     fn of_register(register: &str, text: &str) -> Result<u32, String> {
         let meaning = DEVICE.register(register).unwrap().register.meaning;
-        named(text, meaning, ValueError::Notation { text: text.to_owned() }).map_err(|error| error.to_string())
+        named(text, meaning, ValueError::Notation { text: text.to_owned() })
+            .map_err(|error| error.to_string())
     }
 
     #[test]
@@ -215,9 +224,16 @@ mod tests {
     #[test]
     fn unknown_names_are_told_which_there_are() {
         let message = of_register("node2.w_CPU_CONTROL", "restrt").unwrap_err();
-        assert!(message.starts_with("`restrt` is no number and no value of this register; its values are restart, handshake, "), "{message}");
-        assert!(message.ends_with("; did you mean restart?"), "{message}");
-        assert!(of_register("node2.a_WR_VALUE[0]", "restart").unwrap_err().contains("is no number; write it"));
+        assert!(
+            message.starts_with(
+                "`restrt` is no number and no value of this register; its values are restart, handshake, "
+            ),
+            "{message}"
+        );
+        assert!(message.ends_with("; did you mean restart or reset?"), "{message}");
+        assert!(
+            of_register("node2.a_WR_VALUE[0]", "restart").unwrap_err().contains("is no number; write it")
+        );
     }
 
     #[test]

@@ -8,8 +8,12 @@ fn registers_are_found_by_what_is_known_about_them() {
     let found = run(&["find", "bus-off"]);
     assert!(found.ok().starts_with("node1.w_CANsync_STATUS  %MW3.100004  WORD  firmware  "), "{}", found.out);
     assert!(found.out.contains("    bit 7 BUS-off  1: node deactivated (BUS-off)\n"), "{}", found.out);
-    let json: serde_json::Value = serde_json::from_str(run(&["find", "%mw3.200002", "--format", "json"]).ok()).unwrap();
-    assert_eq!((json[0]["name"].as_str(), json.as_array().unwrap().len()), (Some("node2.w_OPTION_STATUS"), 1));
+    let json: serde_json::Value =
+        serde_json::from_str(run(&["find", "%mw3.200002", "--format", "json"]).ok()).unwrap();
+    assert_eq!(
+        (json[0]["name"].as_str(), json.as_array().unwrap().len()),
+        (Some("node2.w_OPTION_STATUS"), 1)
+    );
     let by_name = run(&["find", "option", "status"]);
     assert!(by_name.ok().starts_with("node1.w_OPTION_STATUS "), "what has it in its name comes first");
     let nothing = run(&["find", "w_CPU_CONTRL"]);
@@ -24,7 +28,10 @@ fn peek_reads_patterns_bits_and_names_without_an_area() {
     emulator.run("wait", &["a_STAT_SL[1]==3", "a_STAT_SL[2]==3", "a_STAT_SL[3]==3", "--within", "2s"]).ok();
     let states = emulator.run("peek", &["node2.a_STAT_SL[1..3]", "--raw"]);
     assert_eq!(states.ok(), "16#03\n16#03\n16#03\n");
-    let all = emulator.run("peek", &["node2.w_CANsync_STATUS.7", "_CANsync_CTRL_MA.w_OPTION_STATUS", "node2.*OPTION_STATUS"]);
+    let all = emulator.run(
+        "peek",
+        &["node2.w_CANsync_STATUS.7", "_CANsync_CTRL_MA.w_OPTION_STATUS", "node2.*OPTION_STATUS"],
+    );
     assert_eq!(
         all.ok(),
         "node2.w_CANsync_STATUS.7 = 0  bit 7 of node2.w_CANsync_STATUS\n\
@@ -32,7 +39,11 @@ fn peek_reads_patterns_bits_and_names_without_an_area() {
          node2.w_OPTION_STATUS = 16#0043  synchronous operation of the master is being set up\n"
     );
     let dead = emulator.run("peek", &["node2.b_BT_*"]);
-    assert!(dead.ok().lines().all(|line| line.ends_with("(CANsync_INIT_BMSTRUCT, not live)")), "{}", dead.out);
+    assert!(
+        dead.ok().lines().all(|line| line.ends_with("(CANsync_INIT_BMSTRUCT, not live)")),
+        "{}",
+        dead.out
+    );
     assert!(emulator.run("peek", &["node2"]).fails(2).contains("`commram dump node2`"));
     let many = emulator.run("peek", &["*", "--raw"]);
     assert!(many.ok().lines().count() > 3_000, "more than one message takes one by one");
@@ -71,7 +82,8 @@ fn several_conditions_hold_together_or_any_of_them() {
     let any = ["node2.w_OPTION_STATUS==16#80", "node2.w_CPU_CONTROL > 0", "--any"];
     let outcome = emulator.run("wait", &any);
     assert_eq!(outcome.ok(), "node2.w_CPU_CONTROL = 16#0001  handshake  at 0.000500 s\n");
-    let outcome = emulator.run("wait", &["node2.w_OPTION_STATUS==16#80", "node2.w_CPU_CONTROL==1", "--within", "1ms"]);
+    let outcome =
+        emulator.run("wait", &["node2.w_OPTION_STATUS==16#80", "node2.w_CPU_CONTROL==1", "--within", "1ms"]);
     assert_eq!(
         outcome.fails(1),
         "commram: these did not come to hold together within 1 ms; at 0.001500 s:\n  \

@@ -30,9 +30,8 @@ impl<'a> Split<'a> {
                 // A sub-structure may be what stands in front.
                 let group = front.split('[').next().unwrap_or_default();
                 let areas = fitted.device().named_areas();
-                let mut registers = areas
-                    .flat_map(|area| fitted.placed(area))
-                    .flat_map(|placed| placed.structure.registers);
+                let mut registers =
+                    areas.flat_map(|area| fitted.placed(area)).flat_map(|placed| placed.structure.registers);
                 if registers.any(|register| !group.is_empty() && register.group == group) {
                     Ok(Self::Unqualified)
                 } else {

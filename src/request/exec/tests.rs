@@ -51,7 +51,10 @@ fn conditions_that_do_not_come_to_hold_tell_which_do() {
     ];
     let replies = host.request(&ops);
     let Some(Reply::Error(refused)) = replies.last() else { panic!("{replies:?}") };
-    assert_eq!((refused.code, refused.waited), (Code::NOT_IN_TIME, Some(Waited { time_us: 2_000, value: 0b01 })));
+    assert_eq!(
+        (refused.code, refused.waited),
+        (Code::NOT_IN_TIME, Some(Waited { time_us: 2_000, value: 0b01 }))
+    );
     assert!(refused.text.ends_with("at 2000 us 1 of 2 hold"), "{refused}");
 }
 
