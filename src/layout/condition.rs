@@ -197,7 +197,8 @@ mod tests {
 
     #[test]
     fn a_condition_is_a_register_a_sign_and_a_value() {
-        let parsed = |text: &str| parse(text).map(|it| (it.test.mask, it.test.compare, it.test.value)).unwrap();
+        let parsed =
+            |text: &str| parse(text).map(|it| (it.test.mask, it.test.compare, it.test.value)).unwrap();
         assert_eq!(parsed("node2.w_OPTION_STATUS==16#0043"), (0xFFFF, Compare::Equal, 0x43));
         assert_eq!(parsed("node2.w_OPTION_STATUS & 16#80 != 16#80"), (0x80, Compare::NotEqual, 0x80));
         assert_eq!(parsed("node2.w_OPTION_STATUS <> MASTER_ACTIVE"), (0xFFFF, Compare::NotEqual, 0x80));
