@@ -46,7 +46,7 @@ fn peek_reads_patterns_bits_and_names_without_an_area() {
     );
     assert!(emulator.run("peek", &["node2"]).fails(2).contains("`commram dump node2`"));
     let many = emulator.run("peek", &["*", "--raw"]);
-    assert!(many.ok().lines().count() > 3_000, "more than one message takes one by one");
+    assert!(many.ok().lines().count() > 1_000, "more than one message takes one by one");
 }
 
 #[test]
@@ -58,6 +58,7 @@ fn values_are_written_by_name_and_as_in_structured_text() {
     assert_eq!(emulator.peek(&["node2.w_CPU_CONTROL"]), "16#0002");
     let unknown = emulator.run("poke", &["node2.w_CPU_CONTROL=handshak"]);
     assert!(unknown.fails(2).ends_with("did you mean handshake?\n"), "{}", unknown.err);
+    emulator.breaks(&["owner"]);
     let across = emulator.run("poke", &["%MD3.200000=1"]);
     assert_eq!(
         (across.code, across.err.as_str()),
