@@ -18,6 +18,7 @@ Examples:
   commram export st --elementary --block node2
   commram export st --matiec --output commram.st
   commram export matiec --main --output main.c
+  commram export openplc --main --output hardware_layer.cpp
   commram export md > registers.md
   commram export dbc --plant plant.toml --bus open --output open.dbc
 
@@ -38,7 +39,7 @@ pub(crate) struct Args {
     /// With `st`: a file that matiec compiles, with `program.st` in it and its configuration
     #[arg(long = "matiec")]
     for_matiec: bool,
-    /// With `matiec`: the C program around the compiled one instead of the header
+    /// With `matiec`: the C program around the compiled one instead of the header; with `openplc`: its hardware layer
     #[arg(long)]
     main: bool,
     /// With `dbc`: the plant whose messages are meant
@@ -113,10 +114,12 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
             return Err(wrong(format!("{other} --matiec"), "only `st` has a form for matiec"));
         }
         Format::Matiec if args.main => Format::MatiecMain,
+        Format::OpenPlc if args.main => Format::OpenPlcLayer,
         other => other,
     };
-    if args.main && format != Format::MatiecMain {
-        return Err(wrong(format!("{format} --main"), "only `matiec` has a program around the compiled one"));
+    if args.main && !matches!(format, Format::MatiecMain | Format::OpenPlcLayer) {
+        let right = "only `matiec` and `openplc` have something around the compiled program";
+        return Err(wrong(format!("{format} --main"), right));
     }
     Ok(export::export(args.device.device, format, args.block.as_deref())?)
 }

@@ -1,6 +1,6 @@
 //! Glue for IEC 61131-3 programs compiled by matiec: binds their located variables to an image, in every space of
-//! addresses that the device has. The C header comes first, then what `LOCATED_VARIABLES.h` is checked against, then
-//! `matiec/glue.h`. The program around it is `matiec/main.c`.
+//! addresses that the device has. The C header comes first, then tables of the device, then the templates in `matiec/`. The
+//! program around it is `matiec/main.c`.
 
 use super::c;
 use super::scope::Scope;
@@ -8,14 +8,52 @@ use super::text;
 use crate::layout::{Area, Fitted, Space, Unit};
 use std::fmt::Write;
 
+const RULES: &str = include_str!("matiec/rules.h");
+const STORAGE: &str = include_str!("matiec/storage.h");
 const GLUE: &str = include_str!("matiec/glue.h");
+const ACCESS: &str = include_str!("matiec/access.h");
+const NAMES: &str = include_str!("matiec/names.h");
 const MAIN: &str = include_str!("matiec/main.c");
+/// A multiple of every page size: what is mapped over the storage of variables is whole pages.
+const ALIGNMENT: usize = 0x10000;
 
 pub(crate) fn generate(scope: &Scope) -> String {
-    // matiec makes types of the same structures, with their names in capitals; some are nothing but capitals here, too.
-    let mut out = c::header(scope, "matiec", "commram_");
-    out.push_str(
-        "\n#ifndef COMMRAM_MATIEC_H\n#define COMMRAM_MATIEC_H\n\n#define COMMRAM_NO_NUMBER 0xFFFFFFFFu\n\n",
+    let mut out = header(scope, "matiec");
+    out.push_str("\n#ifndef COMMRAM_MATIEC_H\n#define COMMRAM_MATIEC_H\n\n");
+    out.push_str(&tables(scope));
+    for part in [RULES, STORAGE, GLUE] {
+        out.push_str(part);
+    }
+    let _ = write!(
+        out,
+        "#if defined(COMMRAM_MATIEC_ACCESS) || defined(COMMRAM_MATIEC_BY_NAME)\n{ACCESS}#endif\n\n\
+         #ifdef COMMRAM_MATIEC_BY_NAME\n{NAMES}#endif\n\n#endif\n"
+    );
+    out
+}
+
+/// The C header. matiec makes types of the same structures, with their names in capitals; some are nothing but capitals here,
+/// too.
+pub(crate) fn header(scope: &Scope, format: &str) -> String {
+    c::header(scope, format, "commram_")
+}
+
+/// What maps an image under located variables, behind [`header`] and [`tables`].
+pub(crate) fn storage() -> &'static str {
+    STORAGE
+}
+
+/// How generated C reaches located variables where nobody lists them, behind [`tables`]; it includes nothing of the system.
+pub(crate) fn by_name() -> String {
+    format!("{RULES}{ACCESS}{NAMES}")
+}
+
+/// The device, as macros.
+pub(crate) fn tables(scope: &Scope) -> String {
+    let bytes = scope.device.segment_size().next_multiple_of(ALIGNMENT);
+    let mut out = format!(
+        "/* What located variables take in memory: whole pages, however large those are. */\n\
+         #define COMMRAM_MATIEC_BYTES {bytes}u\n#define COMMRAM_NO_NUMBER 0xFFFFFFFFu\n\n"
     );
     let spaces = || scope.device.spaces.iter().filter(|space| !scope.device.is_front(space.offset));
     out.push_str(
@@ -58,15 +96,12 @@ pub(crate) fn generate(scope: &Scope) -> String {
         let _ = write!(out, " \\\n    || ((n) == {}u && (bytes) == {}u)", area.first, placed.structure.bytes);
     }
     out.push_str(")\n\n");
-    out.push_str(GLUE);
     out
 }
 
 /// The C program around a program that matiec compiled with the glue.
 pub(crate) fn main(scope: &Scope) -> String {
-    let lines = text::banner(scope, "matiec --main");
-    let head = lines.iter().take(2).map(|line| format!(" * {line}\n")).collect::<String>();
-    format!("/*\n{head}{MAIN}")
+    text::template(scope, "matiec --main", MAIN)
 }
 
 /// Whether an address with the numbers `a` and `b` is meant to be one of this space, in C. Behind the number of a segment

@@ -14,6 +14,7 @@ mod json;
 mod matiec;
 mod md;
 mod members;
+mod openplc;
 mod python;
 mod rows;
 mod scope;
@@ -43,6 +44,10 @@ pub enum Format {
     Matiec,
     /// The C program that runs a program compiled by matiec.
     MatiecMain,
+    /// The header by which programs of OpenPLC reach an image.
+    OpenPlc,
+    /// OpenPLC's hardware layer.
+    OpenPlcLayer,
     /// IEC 61131-3 declarations.
     St(StForm),
     /// A Python module.
@@ -65,9 +70,10 @@ pub enum Format {
 
 impl Format {
     /// One of each name.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::C,
         Self::Matiec,
+        Self::OpenPlc,
         Self::St(StForm { elementary: false, matiec: false }),
         Self::Python,
         Self::Svd,
@@ -85,6 +91,7 @@ impl Format {
         match self {
             Self::C => "c",
             Self::Matiec | Self::MatiecMain => "matiec",
+            Self::OpenPlc | Self::OpenPlcLayer => "openplc",
             Self::St(_) => "st",
             Self::Python => "python",
             Self::Svd => "svd",
@@ -104,6 +111,8 @@ impl Format {
             Self::C => "C header with structures, constants and functions to attach; also for C++",
             Self::Matiec => "C header that binds located variables of programs compiled by matiec",
             Self::MatiecMain => "C program that runs a program compiled by matiec",
+            Self::OpenPlc => "C++ header that binds located variables of OpenPLC's programs",
+            Self::OpenPlcLayer => "hardware layer for OpenPLC",
             Self::St(_) => "IEC 61131-3 types and variables, as in the manual",
             Self::Python => "Python module without dependencies",
             Self::Svd => "CMSIS-SVD for debuggers and viewers",
@@ -150,11 +159,11 @@ pub enum ExportError {
 /// The register map of `device` in `format`; with `block` only that area.
 ///
 /// # Errors
-/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or or if the device is not what it is about:
+/// [`ExportError`] if there is no area of that name, if the format has no addresses for it, or if the device is not what it is about:
 /// without an object dictionary, no PROFIBUS-DP slave.
 pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> Result<String, ExportError> {
     let mut scope = Scope::new(device, block)?;
-    if matches!(format, Format::Matiec | Format::St(_) | Format::Svd) {
+    if matches!(format, Format::Matiec | Format::OpenPlc | Format::St(_) | Format::Svd) {
         scope = scope.without_front();
         if let (true, Some(block)) = (scope.areas.is_empty(), scope.block) {
             return Err(ExportError::NoAddresses { device: device.name, block, format });
@@ -167,6 +176,8 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
         Format::C => c::generate(&scope),
         Format::Matiec => matiec::generate(&scope),
         Format::MatiecMain => matiec::main(&scope),
+        Format::OpenPlc => openplc::generate(&scope),
+        Format::OpenPlcLayer => openplc::hardware_layer(&scope),
         Format::St(form) => st::generate(&scope, form),
         Format::Python => python::generate(&scope),
         Format::Svd => svd::generate(&scope),

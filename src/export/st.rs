@@ -46,12 +46,13 @@ pub(crate) fn generate(scope: &Scope, form: StForm) -> String {
 }
 
 /// What matiec compiles: the program between types and variables, since it takes an include only in front of a configuration.
+/// Configuration and resource have the names that OpenPLC builds.
 fn whole(variables: &str) -> String {
     format!(
         "{{#include \"program.st\"}}\n\n\
          (* Tasks and programs as yours are; a register that a program uses stands in its VAR_EXTERNAL. *)\n\
-         CONFIGURATION config\n{variables}\n\
-         RESOURCE resource1 ON PLC\n    TASK scan(INTERVAL := T#2ms, PRIORITY := 0);\n    \
+         CONFIGURATION Config0\n{variables}\n\
+         RESOURCE Res0 ON PLC\n    TASK scan(INTERVAL := T#2ms, PRIORITY := 0);\n    \
          PROGRAM instance1 WITH scan : MAIN;\nEND_RESOURCE\nEND_CONFIGURATION\n"
     )
 }

@@ -31,6 +31,13 @@ pub(crate) fn banner(scope: &Scope, format: &str) -> Vec<String> {
     banner
 }
 
+/// A file that says for which device it was made, and is the same for all of them otherwise: C or C++, of whose first comment
+/// `rest` has the rest.
+pub(crate) fn template(scope: &Scope, format: &str, rest: &str) -> String {
+    let head = banner(scope, format).iter().take(2).map(|line| format!(" * {line}\n")).collect::<String>();
+    format!("/*\n{head}{rest}")
+}
+
 /// The command that makes the export.
 pub(crate) fn command(scope: &Scope, format: &str) -> String {
     let block = scope.block.map_or_else(String::new, |block| format!(" --block {block}"));

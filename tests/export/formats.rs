@@ -5,7 +5,8 @@ use serde_json::Value;
 
 /// The devices that commram has.
 const DEVICES: [&str; 5] = ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"];
-const FORMATS: [&str; 9] = ["c", "matiec", "st", "python", "svd", "systemrdl", "json", "csv", "md"];
+const FORMATS: [&str; 10] =
+    ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl", "json", "csv", "md"];
 
 #[test]
 fn the_register_references_are_up_to_date() {
@@ -59,7 +60,7 @@ fn every_device_is_exported_in_every_format() {
 /// What the Omega Drive-Line II's manual is silent about is not said of another device.
 #[test]
 fn the_head_of_an_export_speaks_of_its_own_device() {
-    for format in ["c", "matiec", "st", "python", "svd", "systemrdl"] {
+    for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl"] {
         let export = run(&["export", format, "--device", "bm4-plc"]);
         assert!(export.ok().contains("nor how long a slot's area is"), "{format}");
         assert!(export.out.contains("are ours (D-297)"), "{format}");
@@ -84,7 +85,7 @@ fn matiec_gets_declarations_of_its_own() {
     assert!(elementary.ok().contains("    node2_b_CTRLREG_WRC1 AT %MB3.200012.0 : BYTE;"));
     for (args, why) in [
         (["c", "--matiec"], "only `st` has a form for matiec"),
-        (["st", "--main"], "only `matiec` has a program around the compiled one"),
+        (["st", "--main"], "only `matiec` and `openplc` have something around the compiled program"),
     ] {
         assert!(run(&["export", args[0], args[1]]).fails(2).contains(why), "{args:?}");
     }
@@ -164,7 +165,7 @@ fn the_json_keeps_its_schema() {
 /// file, at its structure and at itself.
 #[test]
 fn exports_tell_what_is_inferred() {
-    for format in ["c", "matiec", "st", "python", "svd", "systemrdl"] {
+    for format in ["c", "matiec", "openplc", "st", "python", "svd", "systemrdl"] {
         let export = run(&["export", format]);
         let text = export.ok();
         assert!(text.contains("Each fact that it does not state names the decision (D-nn)"), "{format}");

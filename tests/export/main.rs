@@ -7,4 +7,5 @@ mod c;
 mod formats;
 mod layout_moves;
 mod matiec;
+mod openplc;
 mod tools;

@@ -24,7 +24,7 @@ fn exported(directory: &Path) {
 /// Exports, and puts the stand-ins beside it.
 fn prepare(directory: &Path) {
     exported(directory);
-    for name in ["accessor.h", "iec_std_lib.h", "POUS.h", "config.c", "LOCATED_VARIABLES.h"] {
+    for name in ["accessor.h", "iec_std_lib.h", "iec_types.h", "POUS.h", "config.c", "LOCATED_VARIABLES.h"] {
         fs::copy(Path::new(SOURCES).join(name), directory.join(name)).unwrap();
     }
 }
@@ -195,7 +195,7 @@ fn matiec_compiles_what_is_exported_for_it() {
     filter(directory);
     let library = format!("-I{}", matiec.join("lib/C").display());
     for level in ["-O0", "-O2"] {
-        compile(directory, &[level, &library], &["main.c", "config.c", "resource1.c"]).ok();
+        compile(directory, &[level, &library], &["main.c", "Config0.c", "Res0.c"]).ok();
         let emulator = Emulator::start(&["--speed", "20"]);
         let plc = Plc::start(&directory.join("plc"), &emulator, &[]);
         assert!(eventually(

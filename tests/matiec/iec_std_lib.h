@@ -10,7 +10,8 @@
 #include <string.h>
 #include <time.h>
 
-typedef uint8_t IEC_BYTE;
+#include "iec_types.h"
+
 typedef uint8_t BOOL;
 typedef uint8_t BYTE;
 typedef uint8_t USINT;
@@ -19,10 +20,8 @@ typedef uint16_t UINT;
 typedef int16_t INT;
 typedef int32_t DINT;
 typedef uint32_t DWORD;
-typedef struct {
-    long int tv_sec;
-    long int tv_nsec;
-} TIME;
+typedef IEC_TIMESPEC TIME;
+#define __IEC_RETAIN_FLAG 0x04
 
 #define __DECLARE_COMPLEX_STRUCT(type)                                                                           \
     typedef struct { type *value; IEC_BYTE flags; type fvalue; } __IEC_##type##_p;                               \
@@ -43,5 +42,7 @@ __DECLARE_COMPLEX_STRUCT(DINT)
 
 extern TIME __CURRENT_TIME;
 extern BOOL __DEBUG;
+
+#include "accessor.h"
 
 #endif

@@ -48,14 +48,6 @@ static int failed(const char *what, commram_result result)
     return 1;
 }
 
-/* Variables with their initial values; none of those reaches a register, since the image is not there meanwhile. */
-static commram_result initialize(commram *ram, const char *image)
-{
-    commram_matiec_detach(ram);
-    config_init__();
-    return commram_matiec_attach(ram, image);
-}
-
 /* Sleeps until it is time for the scan at `due`, in which a signal is noticed, and counts `due` on. */
 static void sleep_until(struct timespec *due)
 {
@@ -71,7 +63,7 @@ static commram_result begin(commram_plc *plc, const char *image, const char *eve
 {
     commram_result result;
     commram_tell(plc, COMMRAM_PROGRAM_STATE_INITIALIZING);
-    result = initialize(plc->ram, image);
+    result = commram_matiec_start(plc->ram, image, config_init__);
     if (result == COMMRAM_DONE && par1) {
         result = commram_intr_set(plc->ram, (uint32_t)strtoul(event, NULL, 0), 1,
                                   (uint16_t)strtoul(par1, NULL, 0), ANSWER_MS);
@@ -107,9 +99,7 @@ static commram_result obey(commram_plc *plc, const char *image, const char *even
 
 static void scan(commram *ram, unsigned long tick)
 {
-    uint64_t now = COMMRAM_LOAD(ram->header->virtual_time_us);
-    __CURRENT_TIME.tv_sec = (long)(now / 1000000u);
-    __CURRENT_TIME.tv_nsec = (long)(now % 1000000u) * 1000;
+    COMMRAM_MATIEC_TIME(ram, __CURRENT_TIME);
     config_run__(tick);
     commram_ring(ram);
 }
@@ -139,8 +129,7 @@ int main(int argc, char **argv)
 
     memset(&task, 0, sizeof task);
     memset(&ram, 0, sizeof ram);
-    ram.file = -1;
-    result = initialize(&ram, image);
+    result = commram_matiec_start(&ram, image, config_init__);
     if (result != COMMRAM_DONE) {
         failed(image, result);
         return 2;
