@@ -22,6 +22,7 @@ mod tests;
 pub use reply::{DecodeError, ReplyBuffer, decode};
 
 use crate::can::Frame;
+use crate::journal::Keep;
 use crate::layout::{Compare, Test};
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
@@ -112,6 +113,8 @@ pub mod kind {
     pub const DOOR_OPEN: u16 = 61;
     pub const DOOR_CLOSE: u16 = 62;
     pub const BUS_SEND: u16 = 63;
+    pub const FOLLOW: u16 = 70;
+    pub const CHANGES: u16 = 71;
 }
 
 /// Values of [`Block::kind`].
@@ -137,6 +140,7 @@ pub mod reply_kind {
     pub const BUSES: u16 = 60;
     pub const DOOR_OPENED: u16 = 61;
     pub const DOORS_CLOSED: u16 = 62;
+    pub const CHANGES: u16 = 71;
 }
 
 /// A field of an operation without meaning, and its content.
@@ -196,6 +200,16 @@ impl From<&Op> for WireOp {
             Op::Time => WireOp { kind: kind::TIME, ..WireOp::default() },
             Op::Journal { from, max } => {
                 WireOp { kind: kind::JOURNAL, value: max, time_us: from, ..WireOp::default() }
+            }
+            Op::Follow { plc, offset, len, keep } => {
+                let node = match keep {
+                    Keep::InJournal => 0,
+                    Keep::ForOnlookers => 1,
+                };
+                WireOp { kind: kind::FOLLOW, plc, node, offset, value: len, ..WireOp::default() }
+            }
+            Op::Changes { from, max } => {
+                WireOp { kind: kind::CHANGES, value: max, time_us: from, ..WireOp::default() }
             }
             Op::Force { plc, offset, width, value } => {
                 WireOp { value, ..register(kind::FORCE, plc, offset, width) }
@@ -260,6 +274,15 @@ impl TryFrom<WireOp> for Op {
             kind::ADVANCE_TO_EVENT => Op::AdvanceToEvent { within_us: time_us },
             kind::TIME => Op::Time,
             kind::JOURNAL => Op::Journal { from: time_us, max: value },
+            kind::FOLLOW => {
+                let keep = match wire.node {
+                    0 => Keep::InJournal,
+                    1 => Keep::ForOnlookers,
+                    other => return Err(BadField::new("the node", other)),
+                };
+                Op::Follow { plc, offset, len: value, keep }
+            }
+            kind::CHANGES => Op::Changes { from: time_us, max: value },
             kind::FORCE => Op::Force { plc, offset, width: width()?, value },
             kind::UNFORCE => Op::Unforce { plc, offset, width: width()? },
             kind::FORCES => Op::Forces,

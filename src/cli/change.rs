@@ -66,12 +66,16 @@ impl Row for Change {
 
 /// Lines for people: `node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  waiting for ...`.
 pub(crate) fn text(changes: &[Change]) -> String {
-    let value = |value: &Option<String>| value.clone().unwrap_or_else(|| ABSENT.to_owned());
     let cells = |change: &Change| {
-        let values = format!("{} -> {}", value(&change.before), value(&change.after));
-        vec![change.register.clone(), change.address.clone(), values, change.meaning.clone()]
+        vec![change.register.clone(), change.address.clone(), values(change), change.meaning.clone()]
     };
     table::columns(&changes.iter().map(cells).collect::<Vec<_>>())
+}
+
+/// `16#0001 -> 16#0002`
+pub(crate) fn values(change: &Change) -> String {
+    let value = |value: &Option<String>| value.clone().unwrap_or_else(|| ABSENT.to_owned());
+    format!("{} -> {}", value(&change.before), value(&change.after))
 }
 
 /// Registers by PLC and name.

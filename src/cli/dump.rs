@@ -148,6 +148,34 @@ impl Blocks {
         Ok(Blocks(parts))
     }
 
+    /// Asks the emulator to keep their changes from now on; returns the number of the first of them.
+    ///
+    /// # Errors
+    /// The emulator has gone, or too many registers are followed.
+    #[cfg(feature = "channel")]
+    pub(crate) fn follow(&self, session: &Session) -> Result<u64, CliError> {
+        use crate::journal::Keep;
+        use crate::request::{MAX_OPS, Op};
+
+        let follow = |part: &Part| {
+            let plc = part.plc;
+            let op = move |(offset, len)| Op::Follow { plc, offset, len, keep: Keep::ForOnlookers };
+            part.stretches().into_iter().map(op).collect::<Vec<_>>()
+        };
+        let ops: Vec<_> = self.0.iter().flat_map(follow).collect();
+        for some in ops.chunks(MAX_OPS) {
+            session.request(some)?.into_iter().try_for_each(|reply| reply.written())?;
+        }
+        Ok(session.ask(Op::Changes { from: 0, max: 0 })?.changes()?.1)
+    }
+
+    /// Whether a change is one of theirs.
+    #[cfg(feature = "channel")]
+    pub(crate) fn have(&self, change: &crate::journal::Changed) -> bool {
+        let has = |(first, len): (u32, u32)| (first..first + len).contains(&change.offset);
+        self.0.iter().any(|part| part.plc == change.plc && part.stretches().into_iter().any(has))
+    }
+
     /// Reads all of them at one moment.
     ///
     /// # Errors
@@ -235,6 +263,19 @@ impl Selection {
 }
 
 impl Part {
+    /// The bytes that are of interest, as offsets and lengths: single registers, or all.
+    #[cfg(feature = "channel")]
+    fn stretches(&self) -> Vec<(u32, u32)> {
+        match &self.selection.registers {
+            Some(registers) => registers.iter().map(|it| (it.offset(), it.width())).collect(),
+            None => {
+                let Range { start, end } = self.bytes;
+                let stretch = |first: u32| (first, MAX_BLOCK.min(end - first));
+                (start..end).step_by(MAX_BLOCK as usize).map(stretch).collect()
+            }
+        }
+    }
+
     fn reads(&self) -> Vec<Read> {
         let Range { start, end } = self.bytes;
         let block = |offset: u32| Read::Block { plc: self.plc, offset, len: MAX_BLOCK.min(end - offset) };

@@ -5,12 +5,13 @@ use super::catalogue::Catalogue;
 use super::coded::{Coded, Words};
 use super::event::{Keeping, Source};
 use super::fields::Fields;
+use super::history::Stored;
 use super::reader::Reader;
 use crate::can::Frame;
 use core::fmt;
 
 /// Number of rings.
-pub(super) const RINGS: usize = 4;
+pub(super) const RINGS: usize = 5;
 
 /// Which ring of the journal keeps an event. Those that come often must not push out those that come rarely.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +24,8 @@ pub enum Ring {
     Missed,
     /// Everything that is rare in a good run.
     Rare,
+    /// Changes of registers that somebody follows.
+    History,
 }
 
 /// What the journal can tell. The fields, number and name come from `coded!`.
@@ -47,6 +50,12 @@ pub trait Told: Coded {
 
     /// The frame, if one has arrived.
     fn frame(&self) -> Option<Carried> {
+        None
+    }
+
+    /// The register that the firmware has written, if that is what it tells.
+    #[inline]
+    fn stored(&self) -> Option<Stored> {
         None
     }
 }

@@ -19,12 +19,14 @@
 
 pub mod candump;
 mod catalogue;
+mod changed;
 mod coded;
 mod event;
 mod fields;
 mod finding;
 mod findings;
 mod fingerprint;
+mod history;
 pub mod jsonl;
 mod kind;
 mod names;
@@ -45,11 +47,14 @@ mod tests;
 pub mod text;
 
 pub use catalogue::{Catalogue, FaultName};
+pub use changed::{By, Changed, How};
 pub use coded::{Coded, Packer, Part, Place, Unpacker, Words};
 pub use event::{Event, Keeping, Origin, Source};
 pub use fields::Fields;
 pub use finding::{Finding, Found};
 pub use findings::{Entry, Findings, MAX_ENTRIES};
+pub(crate) use history::Rams;
+pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
 pub use kind::{Carried, Kind, Ring, Told};
 pub use names::Names;
 pub use printer::{Printer, Selection};
@@ -60,8 +65,10 @@ pub use ring::Records;
 pub use rule::{Rule, Severity};
 
 use fingerprint::Fingerprint;
+use history::History;
 use requests::Requests;
 use ring::Rings;
+use crate::layout::Width;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
 /// What can happen in any device.
@@ -73,6 +80,7 @@ pub static KINDS: &[&Kind] = &[
     Force::KIND,
     Unforce::KIND,
     Found::KIND,
+    Changed::KIND,
 ];
 
 /// Writes records one after the other in some format: text, or bytes.
@@ -102,6 +110,7 @@ pub struct Journal {
     next_look: u64,
     written: u64,
     fingerprint: Fingerprint,
+    history: History,
 }
 
 impl Journal {
@@ -119,12 +128,18 @@ impl Journal {
             next_look: LONGEST_PERIOD_US,
             written: 0,
             fingerprint: Fingerprint::new(),
+            history: History::new(),
         }
     }
 
     /// Writes an event. Times must not decrease.
     #[inline]
     pub fn push<T: Told>(&mut self, time_us: u64, told: T) {
+        if let Some(stored) = told.stored()
+            && self.follows()
+        {
+            self.stored(time_us, stored);
+        }
         let event = self.witness(time_us, told);
         match told.keeping() {
             Keeping::Noted => self.ring.note(Record::single(time_us, event)),
@@ -143,6 +158,38 @@ impl Journal {
             }
             Keeping::State { plc, command } => self.note_state(time_us, event, plc, command),
         }
+    }
+
+    /// Whether any register is followed: else nothing needs to be compared.
+    #[inline]
+    pub(crate) fn follows(&self) -> bool {
+        !self.history.is_empty()
+    }
+
+    /// Follows a register from now on, from what it holds; `false` if too many are.
+    pub(crate) fn follow(&mut self, plc: u16, offset: u32, width: Width, keep: Keep, rams: &impl Rams) -> bool {
+        self.history.follow(plc, offset, width, keep, rams)
+    }
+
+    /// Compares the registers that are followed with what they held.
+    #[cold]
+    pub(crate) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams) {
+        let mut noted = Vec::new();
+        self.history.compare(time_us, by, rams, |change| noted.push(change));
+        noted.into_iter().for_each(|change| self.push(time_us, change));
+    }
+
+    #[cold]
+    fn stored(&mut self, time_us: u64, stored: Stored) {
+        let mut noted = Vec::new();
+        self.history.stored(time_us, stored, |change| noted.push(change));
+        noted.into_iter().for_each(|change| self.push(time_us, change));
+    }
+
+    /// At most `max` changes of registers that are followed for onlookers, from number `from` on, and the number
+    /// that the next one will have.
+    pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
+        self.history.read(from, max)
     }
 
     /// Writes that the access checker has found something.

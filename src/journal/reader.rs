@@ -56,9 +56,15 @@ impl Reader {
 
     /// The register that begins at `offset` of the device's RAM.
     fn register(&mut self, plc: u16, offset: u32) -> Option<RegisterRef> {
+        let device = self.names.device(plc);
+        let live = self.live(plc, device.area_at(device.at(Width::Byte, offset)).ok()?);
+        self.valid_register(plc, offset, live)
+    }
+
+    /// The register that begins there while `live` is valid.
+    fn valid_register(&mut self, plc: u16, offset: u32, live: Live) -> Option<RegisterRef> {
         let fitted = self.names.fitted(plc);
         let address = fitted.device().at(Width::Byte, offset);
-        let live = self.live(plc, fitted.device().area_at(address).ok()?);
         *self.registers.entry((plc, offset, live)).or_insert_with(|| {
             let found = fitted.registers_at(address, Some(live)).ok()?;
             found.into_iter().find(|register| register.offset() == offset)
@@ -67,7 +73,18 @@ impl Reader {
 
     /// The register that an access of `width` bytes at `offset` means, if it is just one.
     pub(super) fn accessed(&mut self, plc: u16, offset: u32, width: u8) -> Place {
-        let register = self.register(plc, offset).filter(|register| register.width() == u32::from(width));
+        let register = self.register(plc, offset);
+        self.place(register, plc, offset, width)
+    }
+
+    /// The register of this width that was there while `live` was valid.
+    pub(super) fn followed(&mut self, plc: u16, offset: u32, width: Width, live: Live) -> Place {
+        let register = self.valid_register(plc, offset, live);
+        self.place(register, plc, offset, width.bytes() as u8)
+    }
+
+    fn place(&self, register: Option<RegisterRef>, plc: u16, offset: u32, width: u8) -> Place {
+        let register = register.filter(|register| register.width() == u32::from(width));
         let (ty, width) = match width {
             1 => (RegType::Byte, Width::Byte),
             2 => (RegType::Word, Width::Word),

@@ -2,6 +2,7 @@
 
 use super::event::Keeping;
 use super::fields::Fields;
+use super::history::Stored;
 use super::kind::Told;
 use super::reader::{Place, Reader};
 use crate::coded;
@@ -82,6 +83,11 @@ impl Told for State {
         Keeping::State { plc: self.origin.plc, command: self.command }
     }
 
+    #[inline]
+    fn stored(&self) -> Option<Stored> {
+        Some(Stored { plc: self.origin.plc, offset: self.offset, found: None, now: self.to.into() })
+    }
+
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.whole(self.origin.plc, self.offset);
         let [from, to] = [self.from, self.to].map(|value| place.value(value.into()));
@@ -107,6 +113,12 @@ impl Told for Handshake {
         }
     }
 
+    #[inline]
+    fn stored(&self) -> Option<Stored> {
+        let (found, now) = (Some(self.request.into()), self.answer.into());
+        Some(Stored { plc: self.origin.plc, offset: self.offset, found, now })
+    }
+
     fn text(&self, reader: &mut Reader) -> String {
         let place = reader.whole(self.origin.plc, self.offset);
         let [request, answer] = [self.request, self.answer].map(|value| place.value(value.into()));
@@ -123,6 +135,11 @@ impl Told for Register {
     #[inline]
     fn keeping(&self) -> Keeping {
         Keeping::Counted
+    }
+
+    #[inline]
+    fn stored(&self) -> Option<Stored> {
+        Some(Stored { plc: self.origin.plc, offset: self.offset, found: None, now: self.to })
     }
 
     fn text(&self, reader: &mut Reader) -> String {

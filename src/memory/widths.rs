@@ -159,6 +159,34 @@ impl RegisterWidths {
         Ok(Ok(seen))
     }
 
+    /// The registers that `len` bytes from `offset` on meet, each as offset and width, in ascending order. Plain RAM
+    /// counts as doublewords, or as one place if the whole range is one.
+    ///
+    /// # Errors
+    /// No register area covers one of the bytes.
+    pub fn registers(&self, segment: &Segment, offset: u32, len: u32) -> Result<Vec<(u32, Width)>, Unmapped> {
+        let area = self.area(segment, offset, len)?;
+        let end = offset + len;
+        let mut found = Vec::new();
+        let mut at = offset;
+        while at < end {
+            let plain = if len < 4 && end.is_multiple_of(len) { len } else { 4 };
+            let register = area.register(at).unwrap_or_else(|| {
+                let is_plain = (at..at + plain).all(|byte| byte < end && area.register(byte).is_none());
+                let width = match plain {
+                    _ if !at.is_multiple_of(plain) || !is_plain => Width::Byte,
+                    1 => Width::Byte,
+                    2 => Width::Word,
+                    _ => Width::Dword,
+                };
+                (at, width)
+            });
+            at = register.0 + register.1.bytes();
+            found.push(register);
+        }
+        Ok(found)
+    }
+
     /// Copies bytes out of one area.
     ///
     /// # Errors
@@ -172,18 +200,27 @@ impl RegisterWidths {
 }
 
 impl AreaWidths {
-    fn part(&self, at: u32, end: u32, offset: u32, width: Width) -> Part {
+    /// Offset and width of the register that the byte is in; `None` in plain RAM.
+    fn register(&self, at: u32) -> Option<(u32, Width)> {
         let byte = self.bytes.get((at - self.first) as usize).copied().unwrap_or(0);
-        let register_width = match byte & 0x0F {
+        let width = match byte & 0x0F {
             1 => Width::Byte,
             2 => Width::Word,
             4 => Width::Dword,
-            // Plain RAM has no registers: the access's own width is the right one.
-            _ => return Part { offset: at, bytes: end - at, register: (offset, width) },
+            _ => return None,
         };
-        let place = u32::from(byte >> 4);
-        let bytes = (register_width.bytes() - place).min(end - at);
-        Part { offset: at, bytes, register: (at - place, register_width) }
+        Some((at - u32::from(byte >> 4), width))
+    }
+
+    fn part(&self, at: u32, end: u32, offset: u32, width: Width) -> Part {
+        match self.register(at) {
+            Some((first, width)) => {
+                let bytes = (first + width.bytes() - at).min(end - at);
+                Part { offset: at, bytes, register: (first, width) }
+            }
+            // Plain RAM has no registers: the access's own width is the right one.
+            None => Part { offset: at, bytes: end - at, register: (offset, width) },
+        }
     }
 }
 

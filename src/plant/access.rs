@@ -1,6 +1,7 @@
 //! Accesses from outside by address: any width, whatever registers they meet.
 
 use super::Plant;
+use crate::journal::By;
 use crate::memory::{RegisterWidths, Segment, Unmapped, Width};
 
 impl Plant {
@@ -18,6 +19,7 @@ impl Plant {
     /// # Errors
     /// As [`Plant::load`].
     pub fn store(&mut self, plc: usize, offset: u32, width: Width, value: u32) -> Result<(), Unmapped> {
+        self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         widths.store(ram, offset, width, value)?;
         self.written(plc, offset, width, value);
@@ -36,6 +38,7 @@ impl Plant {
         current: u32,
         new: u32,
     ) -> Result<Result<u32, u32>, Unmapped> {
+        self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let outcome = widths.compare_exchange(ram, offset, width, current, new)?;
         if outcome.is_ok() {
@@ -53,7 +56,7 @@ impl Plant {
         widths.read_range(ram, offset, to)
     }
 
-    fn ram(&self, plc: usize, offset: u32) -> Result<(&RegisterWidths, &Segment), Unmapped> {
+    pub(super) fn ram(&self, plc: usize, offset: u32) -> Result<(&RegisterWidths, &Segment), Unmapped> {
         let device = self.devices.get(plc).zip(self.widths.get(plc)).ok_or(Unmapped { offset })?;
         Ok((device.1, device.0.segment()))
     }

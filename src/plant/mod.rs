@@ -8,6 +8,7 @@ mod boards;
 mod config;
 mod force;
 mod guests;
+mod history;
 mod injection;
 mod ports;
 mod writes;
@@ -15,11 +16,12 @@ mod writes;
 pub use crate::devices::Power;
 pub use config::{PlantConfig, PlantError};
 pub use force::{ForceError, Forced};
+pub use history::FollowError;
 
 use crate::check::DeviceWatch;
 use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};
 use crate::fault::Faults;
-use crate::journal::{Journal, Names, Origin};
+use crate::journal::{By, Journal, Names, Origin};
 use crate::layout::Device as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
@@ -164,6 +166,9 @@ impl Plant {
                 break;
             }
             self.now = due;
+            if has_run {
+                self.keep_changes(By::Program);
+            }
             has_run = true;
             match which {
                 Due::Cycle => {
@@ -182,6 +187,7 @@ impl Plant {
                     self.forces.apply(&self.devices);
                 }
             }
+            self.keep_changes(By::Firmware);
             stopped = self.watching && self.take_stop();
         }
         self.pass_to(if stopped { self.now } else { time });

@@ -2,13 +2,14 @@
 
 use super::Plant;
 use crate::devices::Context;
-use crate::journal::{ChannelWrite, Origin};
+use crate::journal::{By, ChannelWrite, Origin};
 
 impl Plant {
     /// What others have written since the firmware last ran is judged before it runs again: device by device, then what
     /// belongs to its ports.
     #[inline]
     pub(super) fn look_for_writes(&mut self) {
+        self.keep_changes(By::Program);
         let Plant { now, media, ports, journal, watches, .. } = self;
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.look(*now, journal);
@@ -21,6 +22,7 @@ impl Plant {
     /// The firmware has run: from now on, others write.
     #[inline]
     pub(super) fn leave(&mut self) {
+        self.keep_changes(By::Firmware);
         let Plant { media, ports, watches, .. } = self;
         for (watch, ports) in watches.iter_mut().zip(ports.of_devices()) {
             watch.leave();
@@ -33,6 +35,7 @@ impl Plant {
     /// Notes a register write that came through the channel.
     pub fn note_channel_write(&mut self, plc: usize, offset: u32, width: u8, value: u32) {
         self.forces.apply(&self.devices);
+        self.keep_changes(By::Channel);
         self.journal.push(self.now, ChannelWrite { plc: plc as u16, offset, width, value });
         if self.devices.get(plc).is_some_and(|device| device.answers_write(offset)) {
             self.look_for_writes();

@@ -5,8 +5,9 @@ use super::register::{Register, device_of, known_plc};
 use super::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
 use crate::layout::{Compare, Test, Width};
+use crate::memory::Unmapped;
 use crate::memory::header::BoardSetting;
-use crate::plant::Forced;
+use crate::plant::{FollowError, Forced};
 
 /// Longest advance between two looks at [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
@@ -104,6 +105,16 @@ impl Execution {
             }
             Op::Time => Reply::Time(host.plant().now()),
             Op::Journal { from, max } => journal(host, from, max.min(MAX_RECORDS) as usize),
+            Op::Follow { plc, offset, len, keep } => {
+                let plc = ranged(host, plc, offset, len)?;
+                let followed = host.plant_mut().follow_registers(plc, offset, len, keep);
+                followed.map_err(|error| not_followed(host, plc, offset, len, error))?;
+                Reply::Written
+            }
+            Op::Changes { from, max } => {
+                let (changes, end) = host.plant_mut().changes(from, max.min(MAX_RECORDS) as usize);
+                Reply::Changes { changes, end }
+            }
             Op::Force { plc, offset, width, value } => {
                 let register = Register::check(host, plc, offset, width)?;
                 register.writable()?;
@@ -262,22 +273,36 @@ fn limit(us: u64) -> Result<(), Refused> {
 }
 
 fn read_range(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<Vec<u8>, Refused> {
-    let plc = known_plc(host, plc)?;
-    let byte = |offset| device_of(host, plc).at(Width::Byte, offset);
-    let begin = byte(offset);
-    if len > MAX_RANGE {
-        let text =
-            format_args!("{begin}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation");
-        return Err(Refused::new(Code::RANGE_TOO_LONG, text));
-    }
+    let plc = ranged(host, plc, offset, len)?;
     let mut bytes = vec![0; len as usize];
-    host.plant().read_range(plc, offset, &mut bytes).map_err(|hole| {
-        let hole = byte(hole.offset);
-        let text =
-            format_args!("{begin}, {len} bytes: no register area covers {hole}; read each area for itself");
-        Refused::new(Code::RANGE_UNMAPPED, text)
-    })?;
+    let read = host.plant().read_range(plc, offset, &mut bytes);
+    read.map_err(|hole| hole_in_range(host, plc, offset, len, hole))?;
     Ok(bytes)
+}
+
+/// The PLC of a range that is not too long.
+fn ranged(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<usize, Refused> {
+    let plc = known_plc(host, plc)?;
+    if len <= MAX_RANGE {
+        return Ok(plc);
+    }
+    let begin = device_of(host, plc).at(Width::Byte, offset);
+    let text = format_args!("{begin}: a range of {len} bytes is too long, at most {MAX_RANGE} per operation");
+    Err(Refused::new(Code::RANGE_TOO_LONG, text))
+}
+
+fn hole_in_range(host: &dyn Host, plc: usize, offset: u32, len: u32, hole: Unmapped) -> Refused {
+    let byte = |offset| device_of(host, plc).at(Width::Byte, offset);
+    let (begin, hole) = (byte(offset), byte(hole.offset));
+    let text = format_args!("{begin}, {len} bytes: no register area covers {hole}; read each area for itself");
+    Refused::new(Code::RANGE_UNMAPPED, text)
+}
+
+fn not_followed(host: &dyn Host, plc: usize, offset: u32, len: u32, error: FollowError) -> Refused {
+    match error {
+        FollowError::Unmapped(hole) => hole_in_range(host, plc, offset, len, hole),
+        FollowError::TooMany => Refused::new(Code::TOO_MANY_FOLLOWED, format_args!("{error}")),
+    }
 }
 
 /// `max` records at most. If they reach the end, those that are still being counted follow.

@@ -3,6 +3,7 @@
 use crate::can::Frame;
 use crate::door::DoorSpec;
 use crate::fault::Fault;
+use crate::journal::Keep;
 use crate::layout::Test;
 use crate::memory::Width;
 use crate::memory::header::BoardSetting;
@@ -12,7 +13,7 @@ use core::num::NonZeroU16;
 pub const MAX_OPS: usize = 256;
 /// Longest [`Op::ReadRange`] in bytes.
 pub const MAX_RANGE: u32 = 65_536;
-/// Most records one [`Op::Journal`] is answered with.
+/// Most records one [`Op::Journal`] is answered with, and most changes one [`Op::Changes`] is.
 pub const MAX_RECORDS: u32 = 1024;
 /// Most [`Op::Condition`]s that one [`Op::WaitFor`] may wait for: as many as its answer has bits.
 pub const MAX_CONDITIONS: usize = 32;
@@ -129,6 +130,26 @@ pub enum Op {
         /// Number of the first record wanted; what is no longer kept is left out.
         from: u64,
         /// Most records wanted; more than [`MAX_RECORDS`] are never sent.
+        max: u32,
+    },
+    /// Keeps all changes from now on of the registers that a range meets. The plant goes as it would without. Answered by
+    /// [`Reply::Written`](super::Reply::Written).
+    Follow {
+        /// Number of the PLC.
+        plc: u16,
+        /// Byte offset of the first byte.
+        offset: u32,
+        /// Number of bytes, at most [`MAX_RANGE`].
+        len: u32,
+        /// Where the changes go.
+        keep: Keep,
+    },
+    /// Reads the changes that are kept for onlookers, from number `from` on. Whoever has not asked for ten seconds of real
+    /// time is not looked out for any more. Answered by [`Reply::Changes`](super::Reply::Changes).
+    Changes {
+        /// Number of the first change wanted; what is no longer kept is left out.
+        from: u64,
+        /// Most changes wanted; more than [`MAX_RECORDS`] are never sent.
         max: u32,
     },
     /// Forces a register: it keeps the value against firmware and PLC. Answered by [`Reply::Written`](super::Reply::Written).

@@ -49,6 +49,8 @@ impl Code {
     pub const NOT_WHOLE: Self = Self(30);
     /// Too many registers are forced.
     pub const TOO_MANY_FORCES: Self = Self(31);
+    /// Too many registers are followed.
+    pub const TOO_MANY_FOLLOWED: Self = Self(41);
     /// The register is not forced.
     pub const NOT_FORCED: Self = Self(32);
     /// No program can be started or stopped on that PLC now.

@@ -3,7 +3,7 @@
 use super::Refused;
 use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
-use crate::journal::{Entry, Names, Record};
+use crate::journal::{Change, Entry, Names, Record};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,13 @@ pub enum Reply {
         /// follow ([`Record::is_pending`]).
         records: Vec<Record>,
         /// The number that the next record will have.
+        end: u64,
+    },
+    /// Changes of registers that are followed.
+    Changes {
+        /// In the order of their numbers.
+        changes: Vec<Change>,
+        /// The number that the next change will have.
         end: u64,
     },
     /// The forced registers, in the order of PLCs and addresses.
@@ -176,6 +183,8 @@ contents! {
     time: Reply::Time(time_us) => time_us, u64;
     /// Records of the journal, and the number that the next one will have.
     journal: Reply::Journal { records, end } => (records, end), (Vec<Record>, u64);
+    /// Changes of registers, and the number that the next one will have.
+    changes: Reply::Changes { changes, end } => (changes, end), (Vec<Change>, u64);
     /// The forced registers.
     forces: Reply::Forces(forces) => forces, Vec<Forced>;
     /// The number of a fault that was added.

@@ -5,6 +5,7 @@ mod board;
 mod expect;
 mod findings;
 mod frames;
+mod history;
 mod interfere;
 mod memory;
 mod register;
@@ -13,6 +14,7 @@ mod tests;
 mod time;
 
 pub use frames::SeenFrame;
+pub use history::PastChange;
 pub use memory::{Change, MemoryCopy};
 
 use super::carrier::Carrier;

@@ -3,6 +3,7 @@
 mod arguments;
 mod block;
 mod board;
+mod history;
 mod traffic;
 
 use super::{Bench, Failure, MemoryCopy, ScenarioError};
@@ -138,6 +139,7 @@ pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, 
     verbs.registers();
     verbs.time();
     verbs.expectations();
+    verbs.history();
     verbs.traffic();
     verbs.blocks();
     verbs.board();

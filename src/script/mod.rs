@@ -21,7 +21,7 @@ mod report;
 mod run;
 mod value;
 
-pub use bench::{Bench, Change, MemoryCopy, SeenFrame};
+pub use bench::{Bench, Change, MemoryCopy, PastChange, SeenFrame};
 pub use engine::verbs;
 pub use error::ScenarioError;
 pub use failure::{Failure, FailureKind, JournalLine, Numbers, Place};

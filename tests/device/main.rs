@@ -14,6 +14,7 @@ mod clusters;
 mod determinism;
 mod faults;
 mod forces;
+mod history;
 mod jobs;
 mod journal;
 mod slave_any;

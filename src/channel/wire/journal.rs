@@ -1,7 +1,7 @@
 //! Records of the journal on the wire.
 
 use crate::devices;
-use crate::journal::Record;
+use crate::journal::{Change, Changed, Coded, Record};
 use core::num::NonZeroU32;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,28 @@ impl WireRecord {
         let &WireRecord { seq, time_us, count, period_us, latency_us, event } = self;
         let event = devices::catalogue().event(event)?;
         Some(Record { seq, time_us, event, count: count.get(), period_us, latency_us })
+    }
+}
+
+/// A change of a register that is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct WireChange {
+    seq: u64,
+    time_us: u64,
+    what: [u64; 3],
+}
+
+impl From<&Change> for WireChange {
+    fn from(&Change { seq, time_us, what }: &Change) -> Self {
+        WireChange { seq, time_us, what: what.words() }
+    }
+}
+
+impl WireChange {
+    /// The way back; `None` for what no server of this version can have sent.
+    pub(crate) fn change(&self) -> Option<Change> {
+        let what = Changed::read(self.what).filter(|what| what.words() == self.what)?;
+        Some(Change { seq: self.seq, time_us: self.time_us, what })
     }
 }
 

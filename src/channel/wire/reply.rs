@@ -2,10 +2,10 @@
 
 use super::fault::WireStatus;
 use super::findings::WireEntry;
-use super::journal::WireRecord;
+use super::journal::{WireChange, WireRecord};
 use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, own, reply_kind};
 use crate::fault::FaultStatus;
-use crate::journal::{Entry, Record};
+use crate::journal::{Change, Entry, Record};
 use crate::memory::header::BoardState;
 use crate::request::{Code, Refused, Reply, Waited};
 use zerocopy::{FromBytes, IntoBytes};
@@ -58,6 +58,10 @@ impl ReplyBuffer {
             Reply::Journal { records, end } => {
                 let records: Vec<_> = records.iter().map(WireRecord::from).collect();
                 self.append((reply_kind::JOURNAL, 0, *end), &own::encode(&records))
+            }
+            Reply::Changes { changes, end } => {
+                let changes: Vec<_> = changes.iter().map(WireChange::from).collect();
+                self.append((reply_kind::CHANGES, 0, *end), &own::encode(&changes))
             }
             Reply::Forces(forced) => self.append(only(reply_kind::FORCES), &forces::encode(forced)),
             Reply::FaultAdded { id } => self.append((reply_kind::FAULT_ADDED, 0, u64::from(*id)), &[]),
@@ -158,6 +162,7 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         }
         reply_kind::TIME => Reply::Time(value),
         reply_kind::JOURNAL => Reply::Journal { records: journal_records(data)?, end: value },
+        reply_kind::CHANGES => Reply::Changes { changes: changes(data)?, end: value },
         reply_kind::FORCES => Reply::Forces(forces::decode(data)?),
         reply_kind::FAULT_ADDED => Reply::FaultAdded { id: value.try_into().ok()? },
         reply_kind::FAULTS => Reply::Faults(faults(data)?),
@@ -183,6 +188,10 @@ fn error(code: Code, time_us: u64, data: &[u8]) -> Option<Refused> {
 
 fn journal_records(data: &[u8]) -> Option<Vec<Record>> {
     own::decode::<Vec<WireRecord>>(data)?.iter().map(WireRecord::record).collect()
+}
+
+fn changes(data: &[u8]) -> Option<Vec<Change>> {
+    own::decode::<Vec<WireChange>>(data)?.iter().map(WireChange::change).collect()
 }
 
 fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {

@@ -4,8 +4,8 @@ use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
-use crate::journal::Names;
-use crate::layout::{Fit, Fitted, Role};
+use crate::journal::{By, Change, Changed, How, Keep, Names};
+use crate::layout::{Fit, Fitted, Live, Role};
 use crate::plant::Forced;
 use crate::request::{BusState, Code, InstanceInfo, Refused, Reply, Station, Waited};
 use proptest::prelude::*;
@@ -61,6 +61,11 @@ fn op() -> impl Strategy<Value = Op> {
         (any::<u16>(), 1..=7u32, 0..40u32).prop_filter_map("a setting", |(plc, which, value)| {
             Some(Op::SetBoard { plc, setting: BoardSetting::from_numbers(which, value)? })
         }),
+        (any::<(u16, u32, u32)>(), any::<bool>()).prop_map(|((plc, offset, len), looks_on)| {
+            let keep = if looks_on { Keep::ForOnlookers } else { Keep::InJournal };
+            Op::Follow { plc, offset, len, keep }
+        }),
+        any::<(u64, u32)>().prop_map(|(from, max)| Op::Changes { from, max }),
         Just(Op::Buses),
         (any::<u16>(), door()).prop_map(|(bus, door)| Op::DoorOpen { bus, door }),
         (any::<u16>(), proptest::option::of(door())).prop_map(|(bus, door)| Op::DoorClose { bus, door }),
@@ -176,6 +181,17 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
     })
 }
 
+fn changes() -> impl Strategy<Value = Vec<Change>> {
+    let by = proptest::sample::select(vec![By::Firmware, By::Program, By::Channel, By::Force]);
+    let live = proptest::sample::select(vec![Live::Always, Live::Init, Live::Cyclic]);
+    let how = (width(), by, live).prop_map(|(width, by, live)| How { width, by, live });
+    let change = (any::<(u64, u64)>(), any::<(u16, u32, u32, u32)>(), how).prop_map(|(numbers, words, how)| {
+        let ((seq, time_us), (plc, offset, from, to)) = (numbers, words);
+        Change { seq, time_us, what: Changed { plc, offset, how, from, to } }
+    });
+    proptest::collection::vec(change, 0..5)
+}
+
 fn reply() -> impl Strategy<Value = Reply> {
     prop_oneof![
         any::<u32>().prop_map(Reply::Value),
@@ -194,6 +210,7 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<u16>().prop_map(|count| Reply::DoorsClosed { count }),
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
+        (changes(), any::<u64>()).prop_map(|(changes, end)| Reply::Changes { changes, end }),
         Just(Reply::Stopping),
         error().prop_map(Reply::Error),
     ]
@@ -290,7 +307,7 @@ fn the_largest_request_of_small_operations_fits_its_reply() {
     }
 }
 
-/// The operations that `docs/channel.md` lists are those that exist, but for the four that it names in a sentence.
+/// The operations that `docs/channel.md` lists are those that exist, but for the five that it names in a sentence.
 #[test]
 fn the_channels_page_lists_every_operation() {
     let page = include_str!("../../../docs/channel.md");
@@ -299,8 +316,8 @@ fn the_channels_page_lists_every_operation() {
     let cells = table.lines().skip(2).filter_map(|row| row.split('|').nth(1));
     let mut documented: Vec<u16> =
         cells.flat_map(|cell| cell.split(',')).map(|number| number.trim().parse().unwrap()).collect();
-    assert!(sentence.starts_with("10 reads the journal, 20 to 22 are faults."), "{sentence}");
-    documented.extend([kind::JOURNAL, kind::FAULT_ADD, kind::FAULT_LIST, kind::FAULT_CLEAR]);
+    assert!(sentence.starts_with("10 reads the journal, 71 changes of registers that are followed, 20 to 22 are faults."), "{sentence}");
+    documented.extend([kind::JOURNAL, kind::FAULT_ADD, kind::FAULT_LIST, kind::FAULT_CLEAR, kind::CHANGES]);
     documented.sort_unstable();
     let exists = |kind: &u16| {
         let op = WireOp { kind: *kind, width: 2, ..WireOp::default() };

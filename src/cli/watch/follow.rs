@@ -1,0 +1,136 @@
+//! Asking for changes until the end.
+
+use super::{Args, FormatArg};
+use crate::cli::change::{self, Change};
+use crate::cli::dump::{self, Blocks};
+use crate::cli::error::CliError;
+use crate::cli::exit::Exit;
+use crate::cli::output;
+use crate::cli::pause::{Look, Pause, Wake};
+use crate::cli::session::Session;
+use crate::cli::table;
+use crate::cli::time;
+use crate::journal;
+use crate::layout::{RegType, Width, format_value};
+use crate::request::{MAX_RECORDS, Op};
+use serde::Serialize;
+
+/// A change in words.
+#[derive(Serialize)]
+struct Told {
+    /// Emulated time, in microseconds.
+    time_us: u64,
+    #[serde(flatten)]
+    change: Change,
+    /// Who it was.
+    by: &'static str,
+}
+
+/// Shows changes until the end.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    dump::check(&args.blocks)?;
+    let session = Session::open(&args.instance, 0)?;
+    let blocks = Blocks::find(&session, &args.blocks)?;
+    let mut pause = Pause::new()?;
+    let mut from = blocks.follow(&session)?;
+    let first = blocks.read(&session)?;
+    let (registers, begin) = (first.rows.len(), time::seconds(first.time_us));
+    output::note(&format!("watching {registers} registers from {begin} on; Ctrl-C ends"));
+    let mut left = args.count;
+    loop {
+        match pause.wait()? {
+            Wake::Time => {}
+            Wake::Signal => return Err(CliError::Ended { code: Exit::Interrupted.code() }),
+            Wake::NobodyReads => return Err(CliError::BrokenPipe),
+        }
+        let mut changes = match Look::of(read(&session, &mut from), args.instance.name())? {
+            Look::Seen(changes) => changes,
+            Look::Later => continue,
+            Look::Ended => return Ok(()),
+        };
+        changes.retain(|change| blocks.have(&change.what));
+        if let Some(left) = &mut left {
+            changes.truncate(usize::try_from(*left).unwrap_or(usize::MAX));
+            *left -= changes.len() as u64;
+        }
+        print(args.format, &session, &changes)?;
+        if left == Some(0) {
+            return Ok(());
+        }
+    }
+}
+
+/// All changes from number `from` on, which goes on behind the last of them.
+fn read(session: &Session, from: &mut u64) -> Result<Vec<journal::Change>, CliError> {
+    let mut all = Vec::new();
+    loop {
+        let (changes, end) = session.ask(Op::Changes { from: *from, max: MAX_RECORDS })?.changes()?;
+        if let Some(lost) = changes.first().map(|first| first.seq.saturating_sub(*from)).filter(|lost| *lost > 0) {
+            output::note(&format!("{lost} changes are lost: more came than are kept"));
+        }
+        *from = changes.last().map_or(end, |last| last.seq + 1);
+        let is_last = changes.is_empty() || *from >= end;
+        all.extend(changes);
+        if is_last {
+            return Ok(all);
+        }
+    }
+}
+
+fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> Result<(), CliError> {
+    if changes.is_empty() {
+        return Ok(());
+    }
+    let told: Vec<_> = changes.iter().map(|change| told(session, change)).collect();
+    output::print(&match format {
+        FormatArg::Text => text(&told),
+        FormatArg::Jsonl => {
+            let line = |told| serde_json::to_string(told).map(|line| line + "\n");
+            let lines = told.iter().map(line).collect::<Result<String, _>>();
+            lines.map_err(|error| CliError::Output { reason: error.into() })?
+        }
+    })
+}
+
+/// `0.001000 s  node2.w_OPTION_STATUS  %MW3.200002  16#0001 -> 16#0002  firmware  waiting for ...`
+fn text(told: &[Told]) -> String {
+    let cells = |Told { change, by, .. }: &Told| {
+        let values = change::values(change);
+        let [register, address, meaning] = [&change.register, &change.address, &change.meaning].map(Clone::clone);
+        vec![register, address, values, (*by).to_owned(), meaning]
+    };
+    let columns = table::columns(&told.iter().map(cells).collect::<Vec<_>>());
+    let line = |(it, line): (&Told, &str)| format!("{}  {line}\n", time::seconds(it.time_us));
+    told.iter().zip(columns.lines()).map(line).collect()
+}
+
+/// The change in words: the register has the name that it had then.
+fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> Told {
+    let fitted = session.fitted(what.plc);
+    let address = fitted.device().at(what.how.width, what.offset);
+    let found = fitted.registers_at(address, Some(what.how.live)).unwrap_or_default();
+    let register = found.into_iter().find(|register| register.address() == address);
+    let (ty, name) = match &register {
+        Some(register) => (register.ty(), register.to_string()),
+        None => (plain(what.how.width), address.to_string()),
+    };
+    let value = |bits| Some(format_value(ty, bits));
+    let change = Change {
+        plc: session.plcs().get(usize::from(what.plc)).cloned().unwrap_or_default(),
+        register: format!("{}{name}", session.prefix(what.plc)),
+        address: address.to_string(),
+        before: value(what.from),
+        after: value(what.to),
+        meaning: register.map(|register| register.decode(what.to)).unwrap_or_default(),
+    };
+    Told { time_us, change, by: what.how.by.name() }
+}
+
+/// What plain RAM is shown as.
+const fn plain(width: Width) -> RegType {
+    match width {
+        Width::Byte => RegType::Byte,
+        Width::Word => RegType::Word,
+        Width::Dword => RegType::Dword,
+    }
+}

@@ -1,0 +1,108 @@
+//! A register that is followed has changed.
+
+use super::coded::{Packer, Part, Unpacker};
+use super::fields::Fields;
+use super::kind::Told;
+use super::reader::Reader;
+use crate::coded;
+use crate::layout::{Live, Width};
+
+coded! {
+    /// A register that is followed holds something else.
+    Changed = 41, "changed", History, at plc {
+        /// Offset of the register.
+        offset: u32,
+        /// Its width, who has changed it, and what it was then.
+        how: How,
+        /// Value before.
+        from: u32,
+        /// Value now.
+        to: u32,
+    }
+}
+
+/// Who has changed a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum By {
+    /// The firmware.
+    Firmware,
+    /// A program that has mapped the RAM.
+    Program,
+    /// Somebody through the channel, or a verb of a scenario.
+    Channel,
+    /// A force.
+    Force,
+}
+
+impl By {
+    const ALL: [By; 4] = [By::Firmware, By::Program, By::Channel, By::Force];
+
+    /// Its name in JSON Lines.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            By::Firmware => "firmware",
+            By::Program => "program",
+            By::Channel => "channel",
+            By::Force => "force",
+        }
+    }
+}
+
+/// What there is to know of a change beside the values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct How {
+    /// The register's width.
+    pub width: Width,
+    /// Who it was.
+    pub by: By,
+    /// Which of the structures that overlay each other was valid: it gives the register its name.
+    pub live: Live,
+}
+
+impl Part for How {
+    #[inline]
+    fn put(self, packer: &mut Packer) {
+        let live = match self.live {
+            Live::Always => 0,
+            Live::Init => 1,
+            Live::Cyclic => 2,
+        };
+        packer.put(self.width.bytes() | (self.by as u32) << 8 | live << 16);
+    }
+
+    #[inline]
+    fn take(unpacker: &mut Unpacker) -> Option<Self> {
+        let [width, by, live, rest] = unpacker.take().to_le_bytes();
+        let width = match width {
+            1 => Width::Byte,
+            2 => Width::Word,
+            4 => Width::Dword,
+            _ => return None,
+        };
+        let live = match live {
+            0 => Live::Always,
+            1 => Live::Init,
+            2 => Live::Cyclic,
+            _ => return None,
+        };
+        let by = By::ALL.get(usize::from(by)).copied()?;
+        (rest == 0).then_some(How { width, by, live })
+    }
+}
+
+impl Told for Changed {
+    fn text(&self, reader: &mut Reader) -> String {
+        let place = reader.followed(self.plc, self.offset, self.how.width, self.how.live);
+        let meaning = place.meaning(self.to).map(|meaning| format!(", {meaning}")).unwrap_or_default();
+        let [from, to] = [self.from, self.to].map(|value| place.value(value));
+        format!("{} {from} -> {to} by the {}{meaning}", place.label(), self.how.by.name())
+    }
+
+    fn fields(&self, reader: &mut Reader) -> Fields {
+        let place = reader.followed(self.plc, self.offset, self.how.width, self.how.live);
+        let fields = Fields::new().with("register", place.name()).with("address", place.address());
+        let fields = fields.with("width", self.how.width.bytes()).with("from", self.from).with("to", self.to);
+        fields.with("by", self.how.by.name()).with_any("text", place.meaning(self.to))
+    }
+}

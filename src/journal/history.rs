@@ -1,0 +1,340 @@
+//! How registers change: what is kept of those that somebody wants to follow.
+//!
+//! Plain RAM cannot trap accesses, so registers are compared with what they held: before the firmware looks (then a
+//! program has written them), behind each of its events (then it has), and behind a write through the channel. What the
+//! firmware itself reports of a register is taken as well, so that a request that came and was answered between two
+//! comparisons is not missed. Of registers that a program has written between two looks of the firmware, the order is
+//! not known; they are told in that of their addresses.
+//!
+//! A comparison changes nothing in the plant. Those changes that are to be in the journal become records
+//! ([`Changed`](super::Changed)); for the others there is a bounded list with numbers of its own, so that whoever only
+//! looks on leaves the journal as it is.
+
+use super::changed::{By, Changed, How};
+use crate::layout::{Live, Width};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// Most registers followed at a time.
+pub const MAX_FOLLOWED: usize = 65_536;
+/// How many changes are kept for those who look on.
+pub const KEPT_CHANGES: usize = 65_536;
+/// Who looks on and asks for no changes for so long, in real time, has gone.
+const GONE: Duration = Duration::from_secs(10);
+/// So many comparisons pass between two looks at the clock.
+const LOOKS: u32 = 4096;
+
+/// Where changes go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Keep {
+    /// Into the journal, until the end.
+    InJournal,
+    /// Into the list for those who look on, as long as any of them asks for changes.
+    ForOnlookers,
+}
+
+/// A change of a register, and its number in the list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// Its number; where numbers jump, changes are no longer kept.
+    pub seq: u64,
+    /// Emulated time in microseconds: of the comparison, or of the firmware's report.
+    pub time_us: u64,
+    /// What has changed.
+    pub what: Changed,
+}
+
+/// What the firmware reports of a register that it has written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stored {
+    /// Index of the device.
+    pub plc: u16,
+    /// Offset of the register.
+    pub offset: u32,
+    /// What the firmware has found there, if it looked.
+    pub found: Option<u32>,
+    /// What it has written.
+    pub now: u32,
+}
+
+/// The device's RAM, as comparisons need it.
+pub(crate) trait Rams {
+    /// What a register of device `plc` holds.
+    fn load(&self, plc: u16, offset: u32, width: Width) -> Option<u32>;
+
+    /// Which of the structures that overlay each other is valid there.
+    fn live(&self, plc: u16, offset: u32) -> Live;
+
+    /// Whether the register is forced.
+    fn is_forced(&self, plc: u16, offset: u32) -> bool;
+}
+
+/// A register that is followed.
+struct Followed {
+    plc: u16,
+    offset: u32,
+    width: Width,
+    /// What it held when it was looked at last.
+    held: u32,
+    /// Which structure was valid when it changed last.
+    live: Live,
+    in_journal: bool,
+    for_onlookers: bool,
+}
+
+/// The registers that are followed, and what became of them.
+pub(super) struct History {
+    /// In the order of PLCs and addresses.
+    followed: Vec<Followed>,
+    changes: VecDeque<Change>,
+    /// The number of the next change.
+    end: u64,
+    /// When changes were asked for last.
+    asked: Instant,
+    looks: u32,
+}
+
+impl History {
+    pub(super) fn new() -> Self {
+        History {
+            followed: Vec::new(),
+            changes: VecDeque::new(),
+            end: 0,
+            asked: Instant::now(),
+            looks: 0,
+        }
+    }
+
+    /// Whether no register is followed.
+    #[inline]
+    pub(super) fn is_empty(&self) -> bool {
+        self.followed.is_empty()
+    }
+
+    /// Follows a register from now on; `false` if too many are.
+    pub(super) fn follow(&mut self, plc: u16, offset: u32, width: Width, keep: Keep, rams: &impl Rams) -> bool {
+        self.asked = Instant::now();
+        let at = match self.find(plc, offset) {
+            Ok(at) => at,
+            Err(_) if self.followed.len() >= MAX_FOLLOWED => return false,
+            Err(at) => {
+                let held = rams.load(plc, offset, width).unwrap_or(0);
+                let live = rams.live(plc, offset);
+                let register = Followed {
+                    plc,
+                    offset,
+                    width,
+                    held,
+                    live,
+                    in_journal: false,
+                    for_onlookers: false,
+                };
+                self.followed.insert(at, register);
+                at
+            }
+        };
+        if let Some(register) = self.followed.get_mut(at) {
+            match keep {
+                Keep::InJournal => register.in_journal = true,
+                Keep::ForOnlookers => register.for_onlookers = true,
+            }
+        }
+        true
+    }
+
+    /// Compares all registers with what they held; those that are to be in the journal are handed to `note`.
+    pub(super) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams, mut note: impl FnMut(Changed)) {
+        self.forget_those_who_have_gone();
+        let History { followed, changes, end, .. } = self;
+        for register in followed {
+            let Some(now) = rams.load(register.plc, register.offset, register.width) else { continue };
+            if now == register.held {
+                continue;
+            }
+            register.live = rams.live(register.plc, register.offset);
+            let by = if rams.is_forced(register.plc, register.offset) { By::Force } else { by };
+            let change = register.change(now, by);
+            if register.for_onlookers {
+                keep(changes, end, time_us, change);
+            }
+            if register.in_journal {
+                note(change);
+            }
+        }
+    }
+
+    /// Takes what the firmware reports of a register.
+    pub(super) fn stored(&mut self, time_us: u64, stored: Stored, mut note: impl FnMut(Changed)) {
+        let Ok(at) = self.find(stored.plc, stored.offset) else { return };
+        let History { followed, changes, end, .. } = self;
+        let Some(register) = followed.get_mut(at) else { return };
+        let found = stored.found.map(|found| (found, By::Program));
+        for (now, by) in found.into_iter().chain([(stored.now, By::Firmware)]) {
+            if now == register.held {
+                continue;
+            }
+            let change = register.change(now, by);
+            if register.for_onlookers {
+                keep(changes, end, time_us, change);
+            }
+            if register.in_journal {
+                note(change);
+            }
+        }
+    }
+
+    /// At most `max` changes from number `from` on, and the number that the next one will have. Asking tells that
+    /// somebody still looks on.
+    pub(super) fn read(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
+        self.asked = Instant::now();
+        let first = self.changes.partition_point(|change| change.seq < from);
+        (self.changes.iter().skip(first).take(max).copied().collect(), self.end)
+    }
+
+    #[inline]
+    fn find(&self, plc: u16, offset: u32) -> Result<usize, usize> {
+        self.followed.binary_search_by_key(&(plc, offset), |register| (register.plc, register.offset))
+    }
+
+    /// The clock is not the plant's: this only decides how long somebody is looked out for.
+    fn forget_those_who_have_gone(&mut self) {
+        self.looks = self.looks.wrapping_add(1);
+        if self.looks.is_multiple_of(LOOKS) && self.asked.elapsed() > GONE {
+            self.followed.iter_mut().for_each(|register| register.for_onlookers = false);
+            self.followed.retain(|register| register.in_journal);
+            self.changes = VecDeque::new();
+        }
+    }
+}
+
+impl Followed {
+    fn change(&mut self, to: u32, by: By) -> Changed {
+        let &mut Followed { plc, offset, width, held: from, live, .. } = self;
+        self.held = to;
+        Changed { plc, offset, how: How { width, by, live }, from, to }
+    }
+}
+
+fn keep(changes: &mut VecDeque<Change>, end: &mut u64, time_us: u64, what: Changed) {
+    if changes.len() == KEPT_CHANGES {
+        changes.pop_front();
+    }
+    changes.push_back(Change { seq: *end, time_us, what });
+    *end += 1;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+    use std::collections::HashMap;
+
+    /// Registers without a device.
+    #[derive(Default)]
+    struct Loose {
+        held: RefCell<HashMap<u32, u32>>,
+        forced: Option<u32>,
+    }
+
+    impl Loose {
+        fn store(&self, offset: u32, value: u32) {
+            self.held.borrow_mut().insert(offset, value);
+        }
+    }
+
+    impl Rams for Loose {
+        fn load(&self, _: u16, offset: u32, _: Width) -> Option<u32> {
+            Some(self.held.borrow().get(&offset).copied().unwrap_or(0))
+        }
+
+        fn live(&self, _: u16, _: u32) -> Live {
+            Live::Always
+        }
+
+        fn is_forced(&self, _: u16, offset: u32) -> bool {
+            self.forced == Some(offset)
+        }
+    }
+
+    fn told(history: &mut History) -> Vec<(u32, u32, u32, By)> {
+        let (changes, _) = history.read(0, usize::MAX);
+        changes.iter().map(|it| (it.what.offset, it.what.from, it.what.to, it.what.how.by)).collect()
+    }
+
+    #[test]
+    fn what_differs_is_told_once_with_who_it_was() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        rams.store(4, 9);
+        assert!(history.follow(0, 4, Width::Word, Keep::ForOnlookers, &rams));
+        assert!(history.follow(0, 2, Width::Byte, Keep::ForOnlookers, &rams));
+        rams.store(4, 5);
+        rams.store(2, 1);
+        rams.store(8, 1);
+        history.compare(1, By::Program, &rams, |_| panic!("nobody wants it in the journal"));
+        history.compare(2, By::Firmware, &rams, |_| panic!("nothing has changed"));
+        assert_eq!(told(&mut history), [(2, 0, 1, By::Program), (4, 9, 5, By::Program)]);
+    }
+
+    #[test]
+    fn a_request_that_was_answered_between_two_comparisons_is_told_with_its_answer() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        history.follow(0, 12, Width::Byte, Keep::InJournal, &rams);
+        rams.store(12, 4);
+        history.compare(1, By::Firmware, &rams, drop);
+        let mut noted = Vec::new();
+        let stored = Stored { plc: 0, offset: 12, found: Some(5), now: 4 };
+        history.stored(7, stored, |change| noted.push((change.from, change.to, change.how.by)));
+        history.compare(7, By::Firmware, &rams, |_| panic!("told by then"));
+        assert_eq!(noted, [(4, 5, By::Program), (5, 4, By::Firmware)]);
+        assert!(told(&mut history).is_empty());
+    }
+
+    #[test]
+    fn a_forced_register_changes_by_its_force() {
+        let mut rams = Loose::default();
+        let mut history = History::new();
+        history.follow(0, 2, Width::Word, Keep::ForOnlookers, &rams);
+        rams.forced = Some(2);
+        rams.store(2, 7);
+        history.compare(1, By::Firmware, &rams, drop);
+        assert_eq!(told(&mut history), [(2, 0, 7, By::Force)]);
+    }
+
+    #[test]
+    fn what_is_no_longer_kept_shows_by_its_number() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        history.follow(0, 2, Width::Dword, Keep::ForOnlookers, &rams);
+        let many = KEPT_CHANGES as u32 + 3;
+        for value in 1..=many {
+            rams.store(2, value);
+            history.compare(value.into(), By::Firmware, &rams, drop);
+        }
+        let (changes, end) = history.read(0, 2);
+        assert_eq!(changes.iter().map(|it| (it.seq, it.what.to)).collect::<Vec<_>>(), [(3, 4), (4, 5)]);
+        assert_eq!(end, u64::from(many));
+        assert_eq!(history.read(end, 9).0, []);
+    }
+
+    #[test]
+    fn nobody_is_looked_out_for_for_ever() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        history.follow(0, 2, Width::Dword, Keep::ForOnlookers, &rams);
+        history.follow(0, 6, Width::Dword, Keep::InJournal, &rams);
+        let compare = |history: &mut History| (0..LOOKS).for_each(|_| history.compare(1, By::Firmware, &rams, drop));
+        compare(&mut history);
+        assert_eq!(history.followed.len(), 2);
+        history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();
+        compare(&mut history);
+        assert_eq!(history.followed.iter().map(|it| it.offset).collect::<Vec<_>>(), [6]);
+    }
+
+    #[test]
+    fn there_is_a_bound() {
+        let (rams, mut history) = (Loose::default(), History::new());
+        for offset in 0..MAX_FOLLOWED as u32 {
+            assert!(history.follow(0, offset, Width::Byte, Keep::ForOnlookers, &rams));
+        }
+        assert!(history.follow(0, 3, Width::Byte, Keep::InJournal, &rams));
+        assert!(!history.follow(1, 0, Width::Byte, Keep::InJournal, &rams));
+    }
+}

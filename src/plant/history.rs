@@ -1,0 +1,84 @@
+//! Registers that somebody follows: the plant compares them whenever the firmware is about to look, and whenever it has
+//! run.
+
+use super::Plant;
+use super::force::Forces;
+use crate::devices::Device;
+use crate::journal::{By, Change, Keep, MAX_FOLLOWED, Rams};
+use crate::layout::Live;
+use crate::layout::place::{live_by, status_of};
+use crate::memory::{Unmapped, Width};
+
+/// Why registers cannot be followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FollowError {
+    /// No register area covers them all.
+    #[error("no register area covers byte {}", .0.offset)]
+    Unmapped(Unmapped),
+    /// Enough are followed.
+    #[error("{MAX_FOLLOWED} registers are followed, which is all that can be")]
+    TooMany,
+}
+
+impl From<Unmapped> for FollowError {
+    fn from(unmapped: Unmapped) -> Self {
+        FollowError::Unmapped(unmapped)
+    }
+}
+
+impl Plant {
+    /// Keeps all changes from now on of the registers that `len` bytes from `offset` on of PLC `plc` meet. The plant goes
+    /// as it would without.
+    ///
+    /// # Errors
+    /// [`FollowError`]; those in front of the one that is too many are followed.
+    pub fn follow_registers(&mut self, plc: usize, offset: u32, len: u32, keep: Keep) -> Result<(), FollowError> {
+        // What was written before is no news.
+        self.keep_changes(By::Program);
+        let (widths, ram) = self.ram(plc, offset)?;
+        let registers = widths.registers(ram, offset, len)?;
+        let Plant { devices, forces, journal, .. } = self;
+        let rams = Compared { devices, forces };
+        let follows = |&(offset, width): &(u32, Width)| journal.follow(plc as u16, offset, width, keep, &rams);
+        if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
+    }
+
+    /// At most `max` changes of registers that are followed for onlookers, from number `from` on, and the number that
+    /// the next one will have.
+    pub fn changes(&mut self, from: u64, max: usize) -> (Vec<Change>, u64) {
+        self.journal.changes(from, max)
+    }
+
+    /// Compares the registers that are followed; what differs was `by` somebody.
+    #[inline]
+    pub(super) fn keep_changes(&mut self, by: By) {
+        if self.journal.follows() {
+            let Plant { now, devices, forces, journal, .. } = self;
+            journal.compare(*now, by, &Compared { devices, forces });
+        }
+    }
+}
+
+struct Compared<'a> {
+    devices: &'a [Box<dyn Device>],
+    forces: &'a Forces,
+}
+
+impl Rams for Compared<'_> {
+    fn load(&self, plc: u16, offset: u32, width: Width) -> Option<u32> {
+        self.devices.get(usize::from(plc))?.segment().load(offset, width).ok()
+    }
+
+    fn live(&self, plc: u16, offset: u32) -> Live {
+        let status = self.devices.get(usize::from(plc)).and_then(|device| {
+            let layout = device.layout();
+            let status = status_of(layout.area_at(layout.at(Width::Byte, offset)).ok()?)?;
+            device.segment().load(status.offset(), status.address().width()).ok()
+        });
+        status.map_or(Live::Cyclic, live_by)
+    }
+
+    fn is_forced(&self, plc: u16, offset: u32) -> bool {
+        self.forces.list().iter().any(|forced| (forced.plc, forced.offset) == (plc, offset))
+    }
+}

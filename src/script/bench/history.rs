@@ -1,0 +1,94 @@
+//! Verbs for the history of registers.
+
+use super::Bench;
+use super::ask::Spot;
+use crate::journal::{By, Changed, Keep};
+use crate::request::Op;
+use crate::script::{ScenarioError, Value};
+use core::panic::Location;
+
+/// A change of a register that is recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PastChange {
+    /// Emulated time of the change in microseconds.
+    pub time_us: u64,
+    /// What it held before, as a number of its type.
+    pub from: i64,
+    /// What it held from then on.
+    pub to: i64,
+    /// Who it was.
+    pub by: By,
+}
+
+impl Bench {
+    /// Keeps every change from now on of a register, or of all registers of an area, in the journal. The plant goes as it
+    /// would without.
+    ///
+    /// # Errors
+    /// There is no such register or area, it is a single bit, or too many are recorded.
+    pub fn record(&mut self, text: &str) -> Result<(), ScenarioError> {
+        let (plc, offset, len) = match self.area(text) {
+            Ok((plc, area)) => {
+                (plc, area.first, area.structures.iter().map(|it| it.structure.bytes).max().unwrap_or(0))
+            }
+            Err(_) => {
+                let Spot { plc, offset, width } = self.whole_register(text)?.spot;
+                (plc, offset, width.bytes())
+            }
+        };
+        Ok(self.ask(Op::Follow { plc, offset, len, keep: Keep::InJournal })?.written()?)
+    }
+
+    /// The changes of a register since [`Bench::record`], as far as the journal still keeps them.
+    ///
+    /// # Errors
+    /// There is no such register, or it is a single bit.
+    pub fn history(&mut self, text: &str) -> Result<Vec<PastChange>, ScenarioError> {
+        let register = self.whole_register(text)?;
+        let Spot { plc, offset, .. } = register.spot;
+        let (records, _) = self.records(0)?;
+        let mut past = Vec::new();
+        for record in records {
+            let Some(change) = record.event.get::<Changed>() else { continue };
+            if (change.plc, change.offset) == (plc, offset) {
+                let [from, to] = [change.from, change.to].map(|value| register.number(change.how.live, value));
+                past.push(PastChange { time_us: record.time_us, from, to, by: change.how.by });
+            }
+        }
+        Ok(past)
+    }
+
+    /// Expects that since [`Bench::record`] a register has held exactly these values, one after the other, behind the one
+    /// that it held then.
+    ///
+    /// # Errors
+    /// It has held others; there is no such register, it is a single bit, or it cannot hold one of the values.
+    #[track_caller]
+    pub fn expect_history<V: Into<Value>>(
+        &mut self,
+        text: &str,
+        values: impl IntoIterator<Item = V>,
+    ) -> Result<(), ScenarioError> {
+        let at = Location::caller();
+        let register = self.whole_register(text)?;
+        let live = self.live(&register)?;
+        let bits = |value: V| value.into().bits(&register.place);
+        let wanted = values.into_iter().map(bits).collect::<Result<Vec<_>, _>>()?;
+        let held: Vec<_> = self.history(text)?.iter().map(|change| change.to).collect();
+        let numbers: Vec<_> = wanted.iter().map(|value| register.number(live, *value)).collect();
+        if held == numbers {
+            return Ok(());
+        }
+        let mut failure = self.failure(format!("{} has another history", register.name(live)), at)?;
+        let list = |values: &mut dyn Iterator<Item = u32>| {
+            let values: Vec<_> = values.map(|value| register.place.format(live, value)).collect();
+            if values.is_empty() { "no change".to_owned() } else { values.join(", ") }
+        };
+        let mask = register.spot.width.max_value();
+        failure.register = Some(register.name(live));
+        failure.address = Some(register.place.address().to_string());
+        failure.expected = Some(list(&mut wanted.into_iter()));
+        failure.actual = Some(list(&mut held.into_iter().map(|value| value as u32 & mask)));
+        Err(failure.into())
+    }
+}
