@@ -5,9 +5,10 @@ use super::device::on_any_device;
 use super::error::CliError;
 use super::peek::{Holding, number};
 use super::place::{is_live, live_by, meaning_in, status_of, without_twins};
-use super::session::{Read, Session, Snapshot};
+use super::session::{Read, Session, Snapshot, number_of_plc};
 use super::table::{self, Format, FormatArg};
 use super::time;
+use crate::journal::Names;
 use crate::layout::{
     Address, Area, Fit, Fitted, LayoutError, Live, Named, RegType, RegisterRef, Width, format_value,
     split_plc,
@@ -235,6 +236,26 @@ fn select(fitted: &Fitted, name: &str) -> Result<Vec<Selection>, LayoutError> {
         }
     };
     Ok(vec![selection])
+}
+
+/// The bytes that names mean in a plant that is about to run: number of the PLC, first byte in the image, number of bytes.
+///
+/// # Errors
+/// There is no such PLC, block or register.
+pub(crate) fn stretches(instance: &str, names: &Names, text: &str) -> Result<Vec<(u16, u32, u32)>, CliError> {
+    let (plc, name) = split_plc(text);
+    let plc = number_of_plc(instance, &names.plcs, plc, name)?;
+    let mut found = Vec::new();
+    for selection in select(&names.fitted(plc), name)? {
+        let area = selection.area;
+        let described = area.structures.iter().map(|placed| placed.structure.bytes).max();
+        match (&selection.registers, selection.place) {
+            (Some(registers), _) => found.extend(registers.iter().map(|it| (plc, it.offset(), it.width()))),
+            (None, Some(place)) => found.push((plc, place.offset(), place.width().bytes())),
+            (None, None) => found.push((plc, area.first, described.unwrap_or(area.bytes))),
+        }
+    }
+    Ok(found)
 }
 
 /// A selection on one PLC.

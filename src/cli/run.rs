@@ -27,6 +27,7 @@ Examples:
   commram run --clock stepped -i test-1
   commram run plant.toml --speed 10
   commram run --novram ~/.local/state/commram
+  commram run --watch node2.w_CPU_CONTROL,node1   # every change in the journal
   commram run --layout layouts/DEVICE")]
 pub(crate) struct Args {
     /// The plant: PLCs, buses, drives

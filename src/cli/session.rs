@@ -139,25 +139,7 @@ impl Session {
     /// # Errors
     /// No such PLC, or none given and several there.
     pub(crate) fn plc(&self, plc: Option<&str>, text: &str) -> Result<u16, CliError> {
-        let plcs = || self.plcs.join(", ");
-        let instance = || self.instance.clone();
-        let Some(plc) = plc else {
-            return match self.plcs.as_slice() {
-                [_] => Ok(0),
-                several => Err(CliError::WhichPlc {
-                    text: text.to_owned(),
-                    instance: instance(),
-                    plcs: plcs(),
-                    example: several.first().cloned().unwrap_or_default(),
-                }),
-            };
-        };
-        let number = self.plcs.iter().position(|name| name == plc);
-        number.and_then(|number| u16::try_from(number).ok()).ok_or_else(|| CliError::UnknownPlc {
-            plc: plc.to_owned(),
-            instance: instance(),
-            plcs: plcs(),
-        })
+        number_of_plc(&self.instance, &self.plcs, plc, text)
     }
 
     /// What PLC `plc` is.
@@ -280,6 +262,36 @@ impl Session {
         let plcs = images.iter().map(|image| image.plc.clone()).collect();
         Ok(Self { instance: instance.to_owned(), plcs, fitted, door: Door::Images(attached) })
     }
+}
+
+/// Number of the PLC of an instance that the user means by `plc` in front of `text`.
+///
+/// # Errors
+/// No such PLC, or none given and several there.
+pub(crate) fn number_of_plc(
+    instance: &str,
+    plcs: &[String],
+    plc: Option<&str>,
+    text: &str,
+) -> Result<u16, CliError> {
+    let instance = || instance.to_owned();
+    let Some(plc) = plc else {
+        return match plcs {
+            [_] => Ok(0),
+            several => Err(CliError::WhichPlc {
+                text: text.to_owned(),
+                instance: instance(),
+                plcs: plcs.join(", "),
+                example: several.first().cloned().unwrap_or_default(),
+            }),
+        };
+    };
+    let number = plcs.iter().position(|name| name == plc);
+    number.and_then(|number| u16::try_from(number).ok()).ok_or_else(|| CliError::UnknownPlc {
+        plc: plc.to_owned(),
+        instance: instance(),
+        plcs: plcs.join(", "),
+    })
 }
 
 /// The images of an instance; one at least, and all of them usable.

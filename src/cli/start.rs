@@ -1,7 +1,7 @@
 //! Starting an emulator in this process: what `run` and `with` have in common.
 
 use super::error::CliError;
-use super::output;
+use super::{dump, output};
 use crate::devices;
 use crate::plant::PlantConfig;
 use crate::runtime::{Clock, Emulator, Options};
@@ -31,6 +31,9 @@ pub(crate) struct Settings {
     /// the end
     #[arg(long, value_name = "DIR")]
     novram: Option<PathBuf>,
+    /// Keep every change of these registers and blocks in the journal
+    #[arg(long, value_name = "REG", value_delimiter = ',')]
+    watch: Vec<String>,
     /// Start only if this program was built from the layout in this directory
     #[arg(long, value_name = "DIR")]
     layout: Option<PathBuf>,
@@ -88,9 +91,26 @@ impl Settings {
         let (started, starting) = mpsc::channel();
         std::thread::spawn(move || signals.pass_on(&starting));
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
-        let emulator = Emulator::start(&config, options)?;
+        let mut emulator = Emulator::start(&config, options)?;
+        self.keep_changes(&mut emulator, instance)?;
         report_takeover(&emulator);
         Ok((emulator, started))
+    }
+}
+
+impl Settings {
+    /// Registers whose changes are to be in the journal.
+    fn keep_changes(&self, emulator: &mut Emulator, instance: &str) -> Result<(), CliError> {
+        let names = emulator.plant().names();
+        for text in &self.watch {
+            for (plc, offset, len) in dump::stretches(instance, &names, text)? {
+                emulator.keep_changes(plc, offset, len).map_err(|error| CliError::Argument {
+                    text: format!("--watch {text}"),
+                    right: error.to_string(),
+                })?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -96,13 +96,7 @@ pub(super) struct History {
 
 impl History {
     pub(super) fn new() -> Self {
-        History {
-            followed: Vec::new(),
-            changes: VecDeque::new(),
-            end: 0,
-            asked: Instant::now(),
-            looks: 0,
-        }
+        History { followed: Vec::new(), changes: VecDeque::new(), end: 0, asked: Instant::now(), looks: 0 }
     }
 
     /// Whether no register is followed.
@@ -112,7 +106,14 @@ impl History {
     }
 
     /// Follows a register from now on; `false` if too many are.
-    pub(super) fn follow(&mut self, plc: u16, offset: u32, width: Width, keep: Keep, rams: &impl Rams) -> bool {
+    pub(super) fn follow(
+        &mut self,
+        plc: u16,
+        offset: u32,
+        width: Width,
+        keep: Keep,
+        rams: &impl Rams,
+    ) -> bool {
         self.asked = Instant::now();
         let at = match self.find(plc, offset) {
             Ok(at) => at,
@@ -120,15 +121,8 @@ impl History {
             Err(at) => {
                 let held = rams.load(plc, offset, width).unwrap_or(0);
                 let live = rams.live(plc, offset);
-                let register = Followed {
-                    plc,
-                    offset,
-                    width,
-                    held,
-                    live,
-                    in_journal: false,
-                    for_onlookers: false,
-                };
+                let register =
+                    Followed { plc, offset, width, held, live, in_journal: false, for_onlookers: false };
                 self.followed.insert(at, register);
                 at
             }
@@ -320,7 +314,8 @@ mod tests {
         let (rams, mut history) = (Loose::default(), History::new());
         history.follow(0, 2, Width::Dword, Keep::ForOnlookers, &rams);
         history.follow(0, 6, Width::Dword, Keep::InJournal, &rams);
-        let compare = |history: &mut History| (0..LOOKS).for_each(|_| history.compare(1, By::Firmware, &rams, drop));
+        let compare =
+            |history: &mut History| (0..LOOKS).for_each(|_| history.compare(1, By::Firmware, &rams, drop));
         compare(&mut history);
         assert_eq!(history.followed.len(), 2);
         history.asked = Instant::now().checked_sub(GONE + Duration::from_secs(1)).unwrap();

@@ -28,6 +28,22 @@ pub enum Ring {
     History,
 }
 
+impl Ring {
+    #[cfg(test)]
+    pub(super) const ALL: [Ring; RINGS] =
+        [Ring::Traffic, Ring::Registers, Ring::Missed, Ring::Rare, Ring::History];
+
+    /// How many records it keeps if the others keep `capacity`.
+    #[inline]
+    pub(super) fn share(self, capacity: usize) -> usize {
+        match self {
+            // Nobody has it unless he asks for it, and then it is on top of all others.
+            Ring::History => (capacity / 2).max(1),
+            _ => capacity,
+        }
+    }
+}
+
 /// What the journal can tell. The fields, number and name come from `coded!`.
 pub trait Told: Coded {
     /// How the journal keeps it.

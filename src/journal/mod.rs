@@ -64,11 +64,11 @@ pub use registers::{ChannelWrite, Force, Handshake, Register, State, Unforce};
 pub use ring::Records;
 pub use rule::{Rule, Severity};
 
+use crate::layout::Width;
 use fingerprint::Fingerprint;
 use history::History;
 use requests::Requests;
 use ring::Rings;
-use crate::layout::Width;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
 /// What can happen in any device.
@@ -167,7 +167,14 @@ impl Journal {
     }
 
     /// Follows a register from now on, from what it holds; `false` if too many are.
-    pub(crate) fn follow(&mut self, plc: u16, offset: u32, width: Width, keep: Keep, rams: &impl Rams) -> bool {
+    pub(crate) fn follow(
+        &mut self,
+        plc: u16,
+        offset: u32,
+        width: Width,
+        keep: Keep,
+        rams: &impl Rams,
+    ) -> bool {
         self.history.follow(plc, offset, width, keep, rams)
     }
 

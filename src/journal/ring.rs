@@ -22,8 +22,9 @@ impl Rings {
     pub(crate) fn note(&mut self, mut record: Record) {
         record.seq = self.end;
         self.end += 1;
-        let lane = &mut self.lanes[record.event.kind().ring() as usize];
-        if lane.len() == self.capacity {
+        let ring = record.event.kind().ring();
+        let lane = &mut self.lanes[ring as usize];
+        if lane.len() >= ring.share(self.capacity) {
             lane.pop_front();
         }
         lane.push_back(record);
@@ -95,6 +96,7 @@ impl ExactSizeIterator for Records<'_> {}
 
 #[cfg(test)]
 mod tests {
+    use super::super::kind::Ring;
     use super::super::testing::Packet;
     use super::*;
 
@@ -107,6 +109,7 @@ mod tests {
         }
         let [traffic, ..] = &rings.lanes;
         assert_eq!(traffic.len(), super::super::Journal::DEFAULT_CAPACITY);
-        assert!(traffic.capacity() * size_of::<Record>() * RINGS < 20_000_000, "{}", traffic.capacity());
+        let others = Ring::ALL.iter().map(|ring| ring.share(traffic.capacity())).sum::<usize>();
+        assert!(others * size_of::<Record>() < 20_000_000, "{others}");
     }
 }

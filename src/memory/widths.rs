@@ -286,6 +286,20 @@ mod tests {
     }
 
     #[test]
+    fn a_range_is_whole_registers_and_plain_ram_is_doublewords_or_one_place() {
+        let (widths, ram) = (RegisterWidths::of(&Fitted::unknown(&DEVICE)), Segment::of(&DEVICE));
+        let of = |offset, len| widths.registers(&ram, offset, len).unwrap();
+        assert_eq!(of(200_001, 3), [(200_000, Width::Word), (200_002, Width::Word)]);
+        assert_eq!(of(200_012, 2), [(200_012, Width::Byte), (200_013, Width::Byte)]);
+        assert_eq!(of(1_000_000, 1), [(1_000_000, Width::Byte)]);
+        assert_eq!(of(1_000_002, 2), [(1_000_002, Width::Word)]);
+        assert_eq!(of(1_000_000, 8), [(1_000_000, Width::Dword), (1_000_004, Width::Dword)]);
+        let odd = [1_000_001, 1_000_002, 1_000_003].map(|byte| (byte, Width::Byte));
+        assert_eq!(of(1_000_001, 3), odd);
+        assert!(widths.registers(&ram, 0, 4).is_err());
+    }
+
+    #[test]
     fn a_narrow_access_lies_within_its_register() {
         let part = Part { offset: 200_003, bytes: 1, register: (200_002, Width::Word) };
         assert_eq!(parts(200_003, Width::Byte), [part]);

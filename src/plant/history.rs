@@ -32,14 +32,21 @@ impl Plant {
     ///
     /// # Errors
     /// [`FollowError`]; those in front of the one that is too many are followed.
-    pub fn follow_registers(&mut self, plc: usize, offset: u32, len: u32, keep: Keep) -> Result<(), FollowError> {
+    pub fn follow_registers(
+        &mut self,
+        plc: usize,
+        offset: u32,
+        len: u32,
+        keep: Keep,
+    ) -> Result<(), FollowError> {
         // What was written before is no news.
         self.keep_changes(By::Program);
         let (widths, ram) = self.ram(plc, offset)?;
         let registers = widths.registers(ram, offset, len)?;
         let Plant { devices, forces, journal, .. } = self;
         let rams = Compared { devices, forces };
-        let follows = |&(offset, width): &(u32, Width)| journal.follow(plc as u16, offset, width, keep, &rams);
+        let follows =
+            |&(offset, width): &(u32, Width)| journal.follow(plc as u16, offset, width, keep, &rams);
         if registers.iter().all(follows) { Ok(()) } else { Err(FollowError::TooMany) }
     }
 

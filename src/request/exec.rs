@@ -294,7 +294,8 @@ fn ranged(host: &dyn Host, plc: u16, offset: u32, len: u32) -> Result<usize, Ref
 fn hole_in_range(host: &dyn Host, plc: usize, offset: u32, len: u32, hole: Unmapped) -> Refused {
     let byte = |offset| device_of(host, plc).at(Width::Byte, offset);
     let (begin, hole) = (byte(offset), byte(hole.offset));
-    let text = format_args!("{begin}, {len} bytes: no register area covers {hole}; read each area for itself");
+    let text =
+        format_args!("{begin}, {len} bytes: no register area covers {hole}; read each area for itself");
     Refused::new(Code::RANGE_UNMAPPED, text)
 }
 

@@ -14,8 +14,9 @@ use super::novram::{Directory, Found, Keeper, Novram, NovramError};
 
 use super::watch::Watch;
 use crate::door::{DoorError, DoorSpec};
+use crate::journal::Keep;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell, room};
-use crate::plant::{Plant, PlantConfig, PlantError};
+use crate::plant::{FollowError, Plant, PlantConfig, PlantError};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -224,6 +225,14 @@ impl Emulator {
     /// The plant.
     pub fn plant(&self) -> &Plant {
         &self.plant
+    }
+
+    /// Keeps every change from now on of the registers that `len` bytes from `offset` on of PLC `plc` meet, in the journal.
+    ///
+    /// # Errors
+    /// As [`Plant::follow_registers`].
+    pub fn keep_changes(&mut self, plc: u16, offset: u32, len: u32) -> Result<(), FollowError> {
+        self.plant.follow_registers(plc.into(), offset, len, Keep::InJournal)
     }
 
     /// A handle to end the emulator with.

@@ -180,3 +180,15 @@ fn watching_leaves_the_journal_as_it_is() {
     };
     assert_eq!(journal(true), journal(false));
 }
+
+#[test]
+fn changes_of_watched_registers_stand_in_the_journal() {
+    let emulator = Emulator::start(&["--clock", "stepped", "--watch", "node2.w_CPU_CONTROL,node1"]);
+    handshake(&emulator);
+    let told = emulator.run("trace", &["--kind", "changed"]);
+    let told = told.ok();
+    assert!(told.contains("w_CPU_CONTROL (%MW3.200000) 16#0000 -> 16#0001 by the channel"), "{told}");
+    assert!(!told.contains("w_OPTION_STATUS"), "only what was asked for: {told}");
+    let wrong = run(&["run", "-i", "changes-wrong-name", "--watch", "node2.w_CPU_KONTROL"]);
+    assert!(wrong.fails(2).contains("w_CPU_KONTROL"));
+}

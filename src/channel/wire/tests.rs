@@ -185,10 +185,11 @@ fn changes() -> impl Strategy<Value = Vec<Change>> {
     let by = proptest::sample::select(vec![By::Firmware, By::Program, By::Channel, By::Force]);
     let live = proptest::sample::select(vec![Live::Always, Live::Init, Live::Cyclic]);
     let how = (width(), by, live).prop_map(|(width, by, live)| How { width, by, live });
-    let change = (any::<(u64, u64)>(), any::<(u16, u32, u32, u32)>(), how).prop_map(|(numbers, words, how)| {
-        let ((seq, time_us), (plc, offset, from, to)) = (numbers, words);
-        Change { seq, time_us, what: Changed { plc, offset, how, from, to } }
-    });
+    let change =
+        (any::<(u64, u64)>(), any::<(u16, u32, u32, u32)>(), how).prop_map(|(numbers, words, how)| {
+            let ((seq, time_us), (plc, offset, from, to)) = (numbers, words);
+            Change { seq, time_us, what: Changed { plc, offset, how, from, to } }
+        });
     proptest::collection::vec(change, 0..5)
 }
 
@@ -316,7 +317,12 @@ fn the_channels_page_lists_every_operation() {
     let cells = table.lines().skip(2).filter_map(|row| row.split('|').nth(1));
     let mut documented: Vec<u16> =
         cells.flat_map(|cell| cell.split(',')).map(|number| number.trim().parse().unwrap()).collect();
-    assert!(sentence.starts_with("10 reads the journal, 71 changes of registers that are followed, 20 to 22 are faults."), "{sentence}");
+    assert!(
+        sentence.starts_with(
+            "10 reads the journal, 71 changes of registers that are followed, 20 to 22 are faults."
+        ),
+        "{sentence}"
+    );
     documented.extend([kind::JOURNAL, kind::FAULT_ADD, kind::FAULT_LIST, kind::FAULT_CLEAR, kind::CHANGES]);
     documented.sort_unstable();
     let exists = |kind: &u16| {

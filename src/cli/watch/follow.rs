@@ -65,7 +65,9 @@ fn read(session: &Session, from: &mut u64) -> Result<Vec<journal::Change>, CliEr
     let mut all = Vec::new();
     loop {
         let (changes, end) = session.ask(Op::Changes { from: *from, max: MAX_RECORDS })?.changes()?;
-        if let Some(lost) = changes.first().map(|first| first.seq.saturating_sub(*from)).filter(|lost| *lost > 0) {
+        if let Some(lost) =
+            changes.first().map(|first| first.seq.saturating_sub(*from)).filter(|lost| *lost > 0)
+        {
             output::note(&format!("{lost} changes are lost: more came than are kept"));
         }
         *from = changes.last().map_or(end, |last| last.seq + 1);
@@ -96,7 +98,8 @@ fn print(format: FormatArg, session: &Session, changes: &[journal::Change]) -> R
 fn text(told: &[Told]) -> String {
     let cells = |Told { change, by, .. }: &Told| {
         let values = change::values(change);
-        let [register, address, meaning] = [&change.register, &change.address, &change.meaning].map(Clone::clone);
+        let [register, address, meaning] =
+            [&change.register, &change.address, &change.meaning].map(Clone::clone);
         vec![register, address, values, (*by).to_owned(), meaning]
     };
     let columns = table::columns(&told.iter().map(cells).collect::<Vec<_>>());

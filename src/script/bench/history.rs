@@ -51,7 +51,8 @@ impl Bench {
         for record in records {
             let Some(change) = record.event.get::<Changed>() else { continue };
             if (change.plc, change.offset) == (plc, offset) {
-                let [from, to] = [change.from, change.to].map(|value| register.number(change.how.live, value));
+                let [from, to] =
+                    [change.from, change.to].map(|value| register.number(change.how.live, value));
                 past.push(PastChange { time_us: record.time_us, from, to, by: change.how.by });
             }
         }

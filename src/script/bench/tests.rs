@@ -170,3 +170,24 @@ fn a_fault_of_the_plant_file_can_be_required() -> Result<(), ScenarioError> {
     assert_eq!(failure(plant(true)?.expect_required_faults()).what, "fault 2 has never struck: lose_sync");
     plant(false)?.expect_required_faults()
 }
+
+#[test]
+fn what_a_recorded_register_has_held_in_between_is_known() -> Result<(), ScenarioError> {
+    let mut bench = Bench::built_in()?;
+    bench.record("node2")?;
+    bench.record("node2.w_OPTION_STATUS")?;
+    assert!(bench.history("node2.w_CPU_CONTROL")?.is_empty());
+    bench.poke("node2.w_CPU_CONTROL", 1)?;
+    bench.step("1ms")?;
+    bench.poke("node2.w_CPU_CONTROL", 7)?;
+    bench.poke("node2.w_CPU_CONTROL", 1)?;
+    bench.expect_history("node2.w_CPU_CONTROL", [1, 7, 1])?;
+    bench.expect_history("node2.w_OPTION_STATUS", ["16#0002"])?;
+    let [change] = bench.history("node2.w_OPTION_STATUS")?[..] else { panic!("one change") };
+    assert_eq!((change.from, change.to, change.by.name()), (1, 2, "firmware"));
+    let failure = bench.expect_history("node2.w_OPTION_STATUS", [2, 3]).unwrap_err().to_string();
+    assert!(failure.contains("16#0002, 16#0003"), "{failure}");
+    let unknown = bench.record("node2.w_OPTION_STATE").unwrap_err().to_string();
+    assert!(unknown.contains("w_OPTION_STATE"), "{unknown}");
+    Ok(())
+}
