@@ -77,12 +77,14 @@ enum FormatArg {
     Candump,
     /// The log format of Wireshark, with one interface for each bus; only frames
     Pcapng,
+    /// Waveforms for GTKWave, Surfer and the like: registers, SYNC, frames, states; without --follow and --last
+    Vcd,
 }
 
 /// The wanted kinds that the format has lines for.
 fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
     match args.format {
-        FormatArg::Text | FormatArg::Jsonl => Ok(args.kind.clone()),
+        FormatArg::Text | FormatArg::Jsonl | FormatArg::Vcd => Ok(args.kind.clone()),
         FormatArg::Candump | FormatArg::Pcapng => {
             let frames = |kind: &&Kind| kind.ring() == Ring::Traffic;
             let wanted = |kind: &&Kind| args.kind.is_empty() || args.kind.contains(kind);
@@ -110,6 +112,11 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.format == FormatArg::Pcapng && std::io::stdout().is_terminal() {
         let right = "it is no text; send it into a file or a program, as by `>open.pcapng`".to_owned();
         return Err(CliError::Argument { text: "--format pcapng".to_owned(), right });
+    }
+    if args.format == FormatArg::Vcd && (args.follow || args.last.is_some()) {
+        let right =
+            "waveforms begin with a list of all that they have; leave out --follow and --last".to_owned();
+        return Err(CliError::Argument { text: "--format vcd".to_owned(), right });
     }
     let session = Session::open(&args.instance, 0)?;
     let InstanceInfo { name: instance, names, .. } = session.ask(Op::Info)?.info()?;

@@ -2,6 +2,7 @@
 
 use super::coded::{Coded, Words};
 use super::fields::Fields;
+use super::history::Stored;
 use super::kind::{Carried, Kind, Told};
 use super::reader::Reader;
 use core::fmt;
@@ -141,6 +142,11 @@ impl Event {
     /// What happened, for programs.
     pub(super) fn fields(&self, reader: &mut Reader) -> Fields {
         self.kind.fields(self.words, reader)
+    }
+
+    /// The register that the firmware has written, if that is what it tells.
+    pub(super) fn stored(&self) -> Option<Stored> {
+        self.kind.stored(self.words)
     }
 
     /// The frame, if one has arrived.

@@ -100,6 +100,7 @@ struct Reads {
     text: fn(Words, &mut Reader) -> Option<String>,
     fields: fn(Words, &mut Reader) -> Option<Fields>,
     frame: fn(Words) -> Option<Carried>,
+    stored: fn(Words) -> Option<Stored>,
     #[cfg(test)]
     push: fn(Words, &mut super::Journal, u64),
 }
@@ -116,6 +117,7 @@ impl Kind {
             text: |words, reader| T::read(words).map(|told| told.text(reader)),
             fields: |words, reader| T::read(words).map(|told| told.fields(reader)),
             frame: |words| T::read(words).and_then(|told| told.frame()),
+            stored: |words| T::read(words).and_then(|told| told.stored()),
             #[cfg(test)]
             push: |words, journal, time_us| journal.push(time_us, T::read(words).unwrap()),
         };
@@ -158,6 +160,10 @@ impl Kind {
 
     pub(super) fn frame(&self, words: Words) -> Option<Carried> {
         (self.reads.frame)(words)
+    }
+
+    pub(super) fn stored(&self, words: Words) -> Option<Stored> {
+        (self.reads.stored)(words)
     }
 
     #[cfg(test)]

@@ -15,7 +15,7 @@
 //! any device, in the families of devices what only they know. Each kind is a structure that [`Told`] reads; the
 //! [`Catalogue`] is the sum of them all.
 //!
-//! [`text`], [`jsonl`], [`candump`] and [`pcapng`] write records for people and programs; `docs/journal.md` describes the formats.
+//! [`text`], [`jsonl`], [`candump`], [`pcapng`] and [`vcd`] write records for people and programs; `docs/journal.md` describes the formats.
 
 pub mod candump;
 mod catalogue;
@@ -45,6 +45,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 pub mod text;
+pub mod vcd;
 
 pub use catalogue::{Catalogue, FaultName};
 pub use changed::{By, Changed, How};

@@ -160,6 +160,11 @@ impl Place {
         self.register.map(|register| register.name())
     }
 
+    /// Its width.
+    pub(super) fn width(&self) -> Width {
+        self.address.width()
+    }
+
     /// Its address.
     pub(super) fn address(&self) -> String {
         self.address.to_string()

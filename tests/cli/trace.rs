@@ -1,7 +1,7 @@
 //! `commram trace` on a running emulator, and its candump format in the hands of the tools it is made for.
 #![cfg(feature = "channel")]
 
-use crate::common::{Emulator, Follower, eventually, finish, is_there, run, wait_for};
+use crate::common::{Emulator, Follower, eventually, finish, is_there, python, run, wait_for};
 use serde_json::Value;
 use std::fs;
 use std::process::Command;
@@ -358,4 +358,44 @@ fn following_frames_can_be_piped_into_the_tools() {
     let mut follower = child;
     assert_eq!(wait_for(&mut follower, "commram trace").code(), Some(0));
     reader.join().unwrap();
+}
+
+#[test]
+fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
+    let emulator = in_operation();
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run.vcd");
+    let mut command = emulator.command("trace", &["--format", "vcd"]);
+    assert!(command.stdout(fs::File::create(&path).unwrap()).status().unwrap().success());
+    let refused = emulator.run("trace", &["--format", "vcd", "--follow"]);
+    assert!(refused.fails(2).contains("leave out --follow"));
+    let Some(mut python) = python(&["pywellen"]) else { return };
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_vcd.py");
+    let (status, text) = ("line.node2.w_OPTION_STATUS", "line.node2.w_OPTION_STATUS_text");
+    let told = output_of(python.arg(script).arg(&path).args([
+        "line.node2.w_CPU_CONTROL",
+        status,
+        text,
+        "line.node2.b_CTRLREG_WRC1",
+        "drives.sync",
+        "drives.id",
+        "drives.data",
+    ]));
+    let lines: Vec<_> = told.lines().collect();
+    assert_eq!(lines[0], "timescale 1 us");
+    assert!(lines[1].starts_with("line.node2.w_CPU_CONTROL Reg 0:"), "{}", lines[1]);
+    assert!(lines[2].contains(" 1000:2 "), "{}", lines[2]);
+    assert!(lines[3].contains(" 1000:waiting_for_"), "{}", lines[3]);
+    assert!(lines[4].ends_with(":4"), "16#05 is answered by 16#04: {}", lines[4]);
+    // Every edge and every frame, those that were counted in one record too.
+    let edges = |line: &str| line.split_whitespace().skip(2).map(str::to_owned).collect::<Vec<_>>();
+    let syncs = edges(lines[5]);
+    assert!(syncs.len() > 500, "{}", syncs.len());
+    let (_, frames) = candump_file(&emulator);
+    let ids: Vec<_> = edges(lines[6])
+        .into_iter()
+        .filter(|id| id.starts_with(|c: char| c.is_ascii_digit()) && !id.contains('x'))
+        .collect();
+    assert!(!ids.is_empty() && ids.len() <= frames.len(), "an identifier that comes again is no change");
+    assert!(lines[7].starts_with("drives.data String 0:"), "{}", lines[7]);
 }

@@ -12,6 +12,7 @@ use crate::journal::candump::Candump;
 use crate::journal::jsonl::Jsonl;
 use crate::journal::pcapng::Pcapng;
 use crate::journal::text::Text;
+use crate::journal::vcd;
 use crate::journal::{Format, Names, Printer, Record, Selection};
 use crate::request::{MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
@@ -30,8 +31,41 @@ pub(crate) fn print(
         FormatArg::Pcapng => {
             return print_as::<Vec<u8>>(args, session, selection, Box::new(Pcapng::new(&names)));
         }
+        FormatArg::Vcd => return print_waveforms(args, session, &selection, names),
     };
     print_as(args, session, selection, text)
+}
+
+/// Prints what there is as waveforms, which begin with a list of all that they have.
+fn print_waveforms(
+    args: &Args,
+    session: &Session,
+    selection: &Selection,
+    names: Names,
+) -> Result<(), CliError> {
+    let (mut records, mut next) = (Vec::new(), args.from);
+    loop {
+        let (some, end) = session.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
+        let last = some.iter().rfind(|record| !record.is_pending()).map(|last| last.seq);
+        let is_last = some.is_empty() || last.is_none_or(|last| last + 1 >= end);
+        next = last.map_or(end, |last| last + 1);
+        records.extend(some);
+        if is_last {
+            break;
+        }
+    }
+    let mut numbered = records.iter().filter(|record| !record.is_pending());
+    let kept = numbered.clone().count() as u64;
+    if let Some(first) = numbered.next() {
+        let lost = (next - first.seq).saturating_sub(kept) + first.seq.saturating_sub(args.from);
+        if lost > 0 {
+            output::note(&format!("{lost} records are lost: more came than are kept"));
+        }
+    }
+    let mut bytes = Vec::new();
+    vcd::write(&records, selection, names, devices::catalogue(), &mut bytes)
+        .map_err(|reason| CliError::Output { reason })?;
+    output::write(&bytes)
 }
 
 /// Prints in this format: text, or bytes.
