@@ -3,6 +3,7 @@
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
+use crate::devices;
 use crate::export::{self, Format, StForm};
 use crate::plant::PlantConfig;
 use clap::ValueEnum;
@@ -17,6 +18,7 @@ Examples:
   commram export python --output commram.py
   commram export st --elementary --block node2
   commram export st --matiec --output commram.st
+  commram export st --blocks --output commram.st
   commram export matiec --main --output main.c
   commram export openplc --main --output hardware_layer.cpp
   commram export md > registers.md
@@ -39,6 +41,9 @@ pub(crate) struct Args {
     /// With `st`: a file that matiec compiles, with `program.st` in it and its configuration
     #[arg(long = "matiec")]
     for_matiec: bool,
+    /// With `st`: the file for matiec, and in it the device's function blocks in Structured Text
+    #[arg(long)]
+    blocks: bool,
     /// With `matiec`: the C program around the compiled one instead of the header; with `openplc`: its hardware layer
     #[arg(long)]
     main: bool,
@@ -105,6 +110,9 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     if args.plant.is_some() || args.bus.is_some() {
         return Err(wrong(format!("{format} --plant --bus"), "only `dbc` is about a plant and its bus"));
     }
+    if args.blocks {
+        return with_blocks(args, format);
+    }
     let format = match format {
         Format::St(_) => Format::St(StForm { elementary: args.elementary, matiec: args.for_matiec }),
         other if args.elementary => {
@@ -124,9 +132,32 @@ fn of_map(args: &Args, format: Format) -> Result<String, CliError> {
     Ok(export::export(args.device.device, format, args.block.as_deref())?)
 }
 
+/// The blocks reach into structures, and into those of several areas.
+fn with_blocks(args: &Args, format: Format) -> Result<String, CliError> {
+    if !matches!(format, Format::St(_)) || args.main {
+        return Err(wrong(format!("{format} --blocks"), "only `st` has function blocks"));
+    }
+    if args.elementary || args.block.is_some() {
+        let right = "function blocks work on the structures of all areas; leave --elementary and --block out";
+        return Err(wrong("st --blocks", right));
+    }
+    let device = args.device.device;
+    let known = devices::all();
+    let Some(found) = known.iter().find(|it| it.layout.name == device.name && !it.st.is_empty()) else {
+        let with = known.iter().filter(|it| !it.st.is_empty()).map(|it| it.layout.name).collect::<Vec<_>>();
+        let right = format!("devices with function blocks in Structured Text are: {}", with.join(", "));
+        return Err(wrong(format!("st --blocks --device {}", device.name), right));
+    };
+    let parts = found.st.iter().map(|part| part.written_out()).collect::<Vec<_>>();
+    Ok(export::st_with_blocks(device, &(parts.join("\n") + "\n")))
+}
+
 fn of_bus(args: &Args) -> Result<String, CliError> {
-    if args.elementary || args.for_matiec || args.main || args.block.is_some() {
-        return Err(wrong("dbc --block --elementary --matiec --main", "a CAN database has no registers"));
+    if args.elementary || args.for_matiec || args.blocks || args.main || args.block.is_some() {
+        return Err(wrong(
+            "dbc --block --elementary --matiec --blocks --main",
+            "a CAN database has no registers",
+        ));
     }
     let path = args.plant.as_deref().ok_or_else(|| wrong("dbc", "give the plant, --plant plant.toml"))?;
     let plant = PlantConfig::load(path)?;

@@ -12,7 +12,7 @@ use crate::journal::{Kind, Rule};
 use crate::layout::Device as Layout;
 use crate::memory::{AttachMode, Attached, Image, MemoryError, header};
 #[cfg(feature = "plc")]
-use crate::plc::BlockKind;
+use crate::plc::{BlockKind, StPart};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// A device that commram knows.
@@ -25,6 +25,9 @@ pub struct Registered {
     /// The function blocks that its programs use.
     #[cfg(feature = "plc")]
     pub blocks: &'static [BlockKind],
+    /// The same in IEC Structured Text, in the order in which a compiler wants them; none if nobody has written them.
+    #[cfg(feature = "plc")]
+    pub st: &'static [StPart],
     /// Reads its section of a plant file; none if only its registers are known.
     #[cfg(feature = "emulator")]
     pub read: Option<Read<dyn DeviceConfig>>,
@@ -55,6 +58,8 @@ impl Registered {
             board: &["power", "restarts"],
             #[cfg(feature = "plc")]
             blocks: &[],
+            #[cfg(feature = "plc")]
+            st: &[],
             #[cfg(feature = "emulator")]
             read: None,
             #[cfg(feature = "emulator")]
@@ -78,6 +83,8 @@ static BUILT_IN: [Registered; 5] = [
         board: &header::BoardWords::NAMES,
         #[cfg(feature = "plc")]
         blocks: omega_drive_line_2::blocks::BLOCKS,
+        #[cfg(feature = "plc")]
+        st: omega_drive_line_2::blocks::ST,
         #[cfg(feature = "emulator")]
         read: Some(omega_drive_line_2::PlcConfig::read),
         #[cfg(feature = "emulator")]
@@ -96,6 +103,8 @@ static BUILT_IN: [Registered; 5] = [
         board: &["power", "restarts", "program", "start"],
         #[cfg(feature = "plc")]
         blocks: bm4_o_can_06::blocks::BLOCKS,
+        #[cfg(feature = "plc")]
+        st: bm4_o_can_06::blocks::ST,
         #[cfg(feature = "emulator")]
         read: Some(bm4_o_can_06::Bm4Config::read),
         #[cfg(feature = "emulator")]

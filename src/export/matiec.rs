@@ -13,6 +13,9 @@ const STORAGE: &str = include_str!("matiec/storage.h");
 const GLUE: &str = include_str!("matiec/glue.h");
 const ACCESS: &str = include_str!("matiec/access.h");
 const NAMES: &str = include_str!("matiec/names.h");
+const REFERENCES: &str = include_str!("matiec/references.h");
+/// What function blocks in Structured Text ask the board.
+const BLOCKS: &str = include_str!("matiec/blocks.h");
 const MAIN: &str = include_str!("matiec/main.c");
 /// A multiple of every page size: what is mapped over the storage of variables is whole pages.
 const ALIGNMENT: usize = 0x10000;
@@ -27,6 +30,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     let _ = write!(
         out,
         "#if defined(COMMRAM_MATIEC_ACCESS) || defined(COMMRAM_MATIEC_BY_NAME)\n{ACCESS}#endif\n\n\
+         #ifdef COMMRAM_MATIEC_ACCESS\n{REFERENCES}{BLOCKS}#endif\n\n\
          #ifdef COMMRAM_MATIEC_BY_NAME\n{NAMES}#endif\n\n#endif\n"
     );
     out

@@ -178,7 +178,7 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
         Format::MatiecMain => matiec::main(&scope),
         Format::OpenPlc => openplc::generate(&scope),
         Format::OpenPlcLayer => openplc::hardware_layer(&scope),
-        Format::St(form) => st::generate(&scope, form),
+        Format::St(form) => st::generate(&scope, form, None),
         Format::Python => python::generate(&scope),
         Format::Svd => svd::generate(&scope),
         Format::SystemRdl => systemrdl::generate(&scope),
@@ -191,4 +191,12 @@ pub fn export(device: &'static Device, format: Format, block: Option<&str>) -> R
         }
         Format::Md => md::generate(&scope),
     })
+}
+
+/// A whole file for matiec, as [`StForm::matiec`], that has these function blocks in Structured Text between types and
+/// program.
+#[must_use]
+pub fn st_with_blocks(device: &'static Device, blocks: &str) -> String {
+    let scope = Scope { device, areas: device.named_areas().collect(), block: None }.without_front();
+    st::generate(&scope, StForm { elementary: false, matiec: true }, Some(blocks))
 }

@@ -32,13 +32,14 @@ impl StForm {
     }
 }
 
-/// The declarations.
-pub(crate) fn generate(scope: &Scope, form: StForm) -> String {
-    let mut out = head(scope, form);
+/// The declarations, and behind the types these function blocks.
+pub(crate) fn generate(scope: &Scope, form: StForm, blocks: Option<&str>) -> String {
+    let mut out = head(scope, form, blocks.map_or(form.command(), |_| "st --blocks"));
     let variables = if form.elementary {
         elementary(scope)
     } else {
         out += &types(scope, form);
+        out += blocks.unwrap_or_default();
         structures(scope, form)
     };
     let variables = format!("VAR_GLOBAL\n{variables}END_VAR\n");
@@ -121,8 +122,8 @@ fn elementary(scope: &Scope) -> String {
     out
 }
 
-fn head(scope: &Scope, form: StForm) -> String {
-    let mut lines = text::banner(scope, form.command());
+fn head(scope: &Scope, form: StForm, command: &str) -> String {
+    let mut lines = text::banner(scope, command);
     if form.matiec || form.elementary {
         lines.push(
             "Each spelling of an address stands once: of two names the second has a level of 0 behind it."

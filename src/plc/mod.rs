@@ -11,6 +11,7 @@
 mod block;
 mod pin;
 mod ram;
+mod structured_text;
 mod tasks;
 
 pub use block::{BlockKind, FunctionBlock, Place, Placed, Shared, Variables, Wire};
@@ -18,4 +19,5 @@ pub(crate) use block::{block_kinds, function_block};
 pub use pin::{Direction, Pin, PinError, PinType, PinValue};
 pub use ram::{Base, Like, Ram};
 pub(crate) use ram::{Viewed, Watch};
+pub use structured_text::StPart;
 pub use tasks::{Program, Progress, RunError, Tasks};

@@ -8,4 +8,5 @@ mod formats;
 mod layout_moves;
 mod matiec;
 mod openplc;
+mod st_blocks;
 mod tools;

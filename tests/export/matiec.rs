@@ -9,13 +9,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/matiec");
+pub(crate) const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/matiec");
 /// How docs/export.md makes a header of what matiec writes down.
 const FILTER: &str = "grep -o '__LOCATED_VAR([^)]*)' LOCATED_VARIABLES.h | sort -u > commram_located.h";
 const ACCESS: [&str; 3] = ["-DCOMMRAM_MATIEC_ACCESS", "-include", "commram_matiec.h"];
 
 /// Exports the glue and the program around it.
-fn exported(directory: &Path) {
+pub(crate) fn exported(directory: &Path) {
     let path = |name: &str| directory.join(name).to_str().unwrap().to_owned();
     run(&["export", "matiec", "--output", &path("commram_matiec.h")]).ok();
     run(&["export", "matiec", "--main", "--output", &path("main.c")]).ok();
@@ -48,20 +48,28 @@ fn built(directory: &Path) -> PathBuf {
 }
 
 fn image(emulator: &Emulator) -> String {
-    format!("/dev/shm/commram.{}.line", emulator.name)
+    image_of(emulator, "line")
+}
+
+fn image_of(emulator: &Emulator, plc: &str) -> String {
+    format!("/dev/shm/commram.{}.{plc}", emulator.name)
 }
 
 /// A PLC program that runs until it is told to end.
-struct Plc(Child);
+pub(crate) struct Plc(Child);
 
 impl Plc {
     fn start(program: &Path, emulator: &Emulator, args: &[&str]) -> Self {
+        Self::start_at(program, emulator, "line", args)
+    }
+
+    pub(crate) fn start_at(program: &Path, emulator: &Emulator, plc: &str, args: &[&str]) -> Self {
         let mut command = Command::new(program);
-        command.arg(image(emulator)).args(args).stdin(Stdio::null());
+        command.arg(image_of(emulator, plc)).args(args).stdin(Stdio::null());
         Plc(command.spawn().unwrap())
     }
 
-    fn end(mut self) -> Option<i32> {
+    pub(crate) fn end(mut self) -> Option<i32> {
         let pid = self.0.id().to_string();
         assert!(Command::new("kill").args(["-TERM", &pid]).status().unwrap().success());
         wait_for(&mut self.0, "the PLC program").code()
@@ -158,6 +166,25 @@ fn addresses_that_are_no_registers_are_refused_by_the_compiler() {
     }
 }
 
+fn iec2c(matiec: &Path, directory: &Path, options: &[&str]) {
+    let mut command = Command::new(matiec.join("iec2c"));
+    command.current_dir(directory).args(options).arg("-I").arg(matiec.join("lib")).arg("commram.st");
+    finish(&mut command).ok();
+}
+
+/// Compiles what matiec has made.
+fn compile_made(matiec: &Path, directory: &Path, level: &str) {
+    filter(directory);
+    let library = format!("-I{}", matiec.join("lib/C").display());
+    compile(directory, &[level, &library], &["main.c", "Config0.c", "Res0.c"]).ok();
+}
+
+/// Compiles a program that has function blocks in it.
+pub(crate) fn compile_program(matiec: &Path, directory: &Path, level: &str) {
+    iec2c(matiec, directory, &["-r"]);
+    compile_made(matiec, directory, level);
+}
+
 /// matiec itself, and what it makes of everything that is exported for it.
 #[test]
 fn matiec_compiles_what_is_exported_for_it() {
@@ -165,10 +192,7 @@ fn matiec_compiles_what_is_exported_for_it() {
         skipped("matiec", "COMMRAM_MATIEC names no directory with iec2c and lib");
         return;
     };
-    let iec2c = |directory: &Path| {
-        let mut command = Command::new(matiec.join("iec2c"));
-        finish(command.current_dir(directory).arg("-I").arg(matiec.join("lib")).arg("commram.st")).ok();
-    };
+    let iec2c = |directory: &Path| iec2c(&matiec, directory, &[]);
     // Every block, also as one variable per register.
     let empty = "PROGRAM MAIN\nVAR N : INT; END_VAR\nN := N + 1;\nEND_PROGRAM\n";
     for device in ["omega-drive-line-2", "bm4-plc", "cs0015", "cr201x", "can-dp2"] {
@@ -192,10 +216,8 @@ fn matiec_compiles_what_is_exported_for_it() {
     let whole = whole.ok().replace("\nRESOURCE", &format!("\n{own}")).replace("END_RESOURCE", second);
     fs::write(directory.join("commram.st"), whole).unwrap();
     iec2c(directory);
-    filter(directory);
-    let library = format!("-I{}", matiec.join("lib/C").display());
     for level in ["-O0", "-O2"] {
-        compile(directory, &[level, &library], &["main.c", "Config0.c", "Res0.c"]).ok();
+        compile_made(&matiec, directory, level);
         let emulator = Emulator::start(&["--speed", "20"]);
         let plc = Plc::start(&directory.join("plc"), &emulator, &[]);
         assert!(eventually(

@@ -1,11 +1,19 @@
 """Parses exported Structured Text."""
 
+import re
 import sys
 
 from blark.parse import parse_source_code
 
 with open(sys.argv[1], encoding="utf-8") as file:
-    result = parse_source_code(file.read())
+    text = file.read()
+# blark knows the language of one vendor. It knows neither of these, of which each has a place in the standard or is a
+# compiler's: a configuration behind the program, pragmas, references of the third edition, presets of named arrays.
+text = text.split("\nCONFIGURATION ")[0]
+text = re.sub(r"\{\{.*?\}\}|\{#include[^}]*\}", lambda pragma: ";" if ";" in pragma[0] else "", text, flags=re.DOTALL)
+text = text.replace(": REF_TO ", ": POINTER TO ")
+text = re.sub(r" := \[.*?\];", ";", text)
+result = parse_source_code(text)
 if result.exception:
     sys.exit(str(result.exception))
 print("parsed", len(result.transform().items), "declarations")

@@ -16,6 +16,12 @@
  * in between, as in Beremiz, it is -DCOMMRAM_MATIEC_BY_NAME -include commram_matiec.h, and commram_located.h is left out.
  */
 
+/* unistd.h has macros of these names for access(); x_OK is a pin of most function blocks, which matiec writes in capitals. */
+#undef F_OK
+#undef R_OK
+#undef W_OK
+#undef X_OK
+
 /* Without a letter for the size, %M3.200012, an address is that of a bit; matiec calls that size S. */
 #define COMMRAM_SIZE_S 1u
 #define COMMRAM_SIZE_X 1u

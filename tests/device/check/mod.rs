@@ -9,7 +9,7 @@ use commram::devices::cansync;
 use commram::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use commram::devices::omega_drive_line_2::registers::BAPS;
 use commram::journal::{Entry, Rule};
-use commram::memory::Width;
+use commram::memory::{Cell8, Width};
 use core::mem::offset_of;
 
 fn findings(rig: &Rig) -> Vec<Entry> {
@@ -68,6 +68,27 @@ fn every_rule_has_a_case() {
         })
         .collect();
     assert_eq!(without, Vec::<&Rule>::new());
+}
+
+/// What becomes of a program that has a structure as VAR_IN_OUT of a function block, which is copied in and out: what the
+/// firmware has written meanwhile is overwritten.
+#[test]
+fn a_structure_that_is_written_back_as_a_whole_is_found() {
+    for rate in FASTEST {
+        let mut rig = Rig::new(Memory::Heap, rate);
+        rig.expect_errors(&[&rules::OWNER]);
+        rig.master.w_CPU_CONTROL.store(0x0001);
+        let segment = rig.plant.devices()[rig.master_at.plc].segment();
+        let cells =
+            segment.view::<[Cell8; size_of::<CANsync_MA_CTRL_BMSTRUCT>()]>(rig.master_at.base).unwrap();
+        let copy = cells.each_ref().map(|cell| cell.load());
+        rig.step(1000);
+        assert_eq!(rig.master.w_OPTION_STATUS.load(), 0x0002);
+        cells.iter().zip(copy).for_each(|(cell, byte)| cell.store(byte));
+        rig.step(1000);
+        let status = rate.kind.named("MASTER.w_OPTION_STATUS");
+        assert!(names(&rig).contains(&(rules::OWNER.id(), Some(status))), "{:?}", names(&rig));
+    }
 }
 
 #[test]

@@ -8,7 +8,8 @@
 
 mod cansync;
 
-use crate::plc::{BlockKind, block_kinds};
+use crate::devices::cansync::blocks::st::st;
+use crate::plc::{BlockKind, StPart, block_kinds};
 
 pub use crate::devices::cansync::blocks::*;
 pub use crate::devices::intr_set::INTR_SET;
@@ -27,3 +28,12 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
     "CANsync_PLC_INIT_BMSTRUCT": CANsync_INIT;
     -: CANsync_SL_TYP_INIT INTR_SET;
 };
+
+/// The same in IEC Structured Text, in the order in which a compiler wants them.
+pub static ST: &[StPart] = st!(
+    "CANsync_PLC_INIT_BMSTRUCT",
+    "CANsync_PLC_MA_BMSTRUCT",
+    "CANsync_PLC_SL_BMSTRUCT",
+    include_str!("st/cansync.st"),
+    []
+);

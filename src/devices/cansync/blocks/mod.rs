@@ -19,6 +19,7 @@ pub(crate) mod pd_comm_sl;
 mod process_data;
 mod registers;
 mod sl_typ_init;
+pub(crate) mod st;
 mod updownload;
 pub(crate) mod updownload_ma;
 mod updownload_sl;

@@ -6,7 +6,8 @@ mod baps;
 mod board;
 mod cansync;
 
-use crate::plc::{BlockKind, block_kinds};
+use crate::devices::cansync::blocks::st::st;
+use crate::plc::{BlockKind, StPart, block_kinds};
 
 pub use crate::devices::cansync::blocks::*;
 pub use crate::devices::intr_set::INTR_SET;
@@ -31,3 +32,17 @@ pub static BLOCKS: &[BlockKind] = block_kinds! {
         BAPS_SD_CONTROL;
     -: LED INTR_SET OPT_INIT TIME_MEASURE_START TIME_MEASURE_END;
 };
+
+/// The same in IEC Structured Text, in the order in which a compiler wants them.
+pub static ST: &[StPart] = st!(
+    "CANsync_INIT_BMSTRUCT",
+    "CANsync_MA_CTRL_BMSTRUCT",
+    "CANsync_SL_CTRL_BMSTRUCT",
+    include_str!("st/cansync.st"),
+    [
+        include_str!("st/board.st"),
+        include_str!("st/baps_init.st"),
+        include_str!("st/baps_pd.st"),
+        include_str!("st/baps_sd.st")
+    ]
+);

@@ -1,0 +1,105 @@
+
+/*
+ * What function blocks in Structured Text cannot do with registers (commram export st --blocks): they ask the board in the
+ * header page, as the blocks on the device call its firmware. Until an image is mapped they ask memory of this process.
+ */
+static inline commram_header *commram_matiec_header(void)
+{
+    return (commram_header *)(void *)commram_matiec_ram;
+}
+
+/* 16#0000 was stored in w_CPU_CONTROL of the node whose structure is there (D-29). */
+static inline void commram_matiec_restarted(const volatile void *node)
+{
+    commram_header *header = commram_matiec_header();
+    size_t i, offset = (size_t)((const volatile unsigned char *)node - commram_matiec_ram);
+    for (i = 0; i < sizeof header->ports / sizeof header->ports[0]; i++) {
+        if (COMMRAM_LOAD(header->ports[i].file_offset) == offset) {
+            COMMRAM_ADD(header->ports[i].restarts_written, 1);
+            return;
+        }
+    }
+}
+
+/* How often the board was reset or supplied; whatever was asked before is forgotten. */
+static inline uint32_t commram_matiec_restarts(void)
+{
+    return COMMRAM_LOAD(commram_matiec_header()->program.restarts);
+}
+
+/* 0: the request is not answered, 1: done, 2: refused. */
+static inline uint32_t commram_matiec_answer(uint32_t answered, uint32_t request, uint32_t result)
+{
+    return answered != request ? 0 : result == 0 ? 1 : 2;
+}
+
+/* INTR_SET: asks, and returns what the request is known by. `event` is 0 to 15. */
+static inline uint32_t commram_matiec_intr_ask(int8_t event, int16_t par1, uint8_t enable)
+{
+    commram_header *header = commram_matiec_header();
+    commram_interrupt *slot = &header->interrupts[event & 15];
+    uint32_t number = ((COMMRAM_LOAD(slot->answer) >> 1) + 1u) & 0x7FFFu;
+    uint32_t request = (uint32_t)(uint16_t)par1 << 16 | number << 1 | (enable ? 1u : 0u);
+    COMMRAM_STORE(slot->request, request);
+    COMMRAM_ADD(header->board_requests, 1);
+    return request;
+}
+
+static inline uint32_t commram_matiec_intr_answer(int8_t event, uint32_t request)
+{
+    commram_interrupt *slot = &commram_matiec_header()->interrupts[event & 15];
+    uint32_t answered = COMMRAM_LOAD(slot->answer);
+    return commram_matiec_answer(answered, request, COMMRAM_LOAD(slot->result));
+}
+
+/* OPT_INIT: its inputs, then the request. */
+static inline void commram_matiec_opt_trigger(unsigned trigger, uint8_t mode)
+{
+    COMMRAM_STORE(commram_matiec_header()->opt_init.triggers[trigger], mode);
+}
+
+static inline void commram_matiec_opt_timer(unsigned timer, uint16_t divider, uint8_t enable, uint32_t cfg_mode)
+{
+    commram_timer_setup *setup = &commram_matiec_header()->opt_init.timers[timer];
+    COMMRAM_STORE(setup->divider, divider);
+    COMMRAM_STORE(setup->enable, enable ? 1u : 0u);
+    COMMRAM_STORE(setup->cfg_mode, cfg_mode);
+}
+
+static inline uint32_t commram_matiec_opt_ask(void)
+{
+    commram_header *header = commram_matiec_header();
+    uint32_t request = COMMRAM_LOAD(header->opt_init.answer) + 1u;
+    COMMRAM_STORE(header->opt_init.request, request);
+    COMMRAM_ADD(header->board_requests, 1);
+    return request;
+}
+
+static inline uint32_t commram_matiec_opt_answer(uint32_t request)
+{
+    commram_opt_init *slot = &commram_matiec_header()->opt_init;
+    uint32_t answered = COMMRAM_LOAD(slot->answer);
+    return commram_matiec_answer(answered, request, COMMRAM_LOAD(slot->result));
+}
+
+static inline void commram_matiec_leds(uint8_t leds)
+{
+    COMMRAM_STORE(commram_matiec_header()->board.leds, leds & 0x0Fu);
+}
+
+/* Emulated time in microseconds at this moment: in real time it goes on between two things the firmware does. */
+static inline uint32_t commram_matiec_exact_us(void)
+{
+    commram_header *header = commram_matiec_header();
+    uint64_t us = COMMRAM_LOAD(header->virtual_time_us), epoch = COMMRAM_LOAD(header->real_epoch_ns);
+    if (epoch) {
+        struct timespec now;
+        uint64_t ns, exact, speed = COMMRAM_LOAD(header->speed);
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        ns = (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+        ns = ns > epoch ? ns - epoch : 0;
+        exact = ns / 1000000u * speed + ns % 1000000u * speed / 1000000u;
+        us = exact > us ? exact : us;
+    }
+    return (uint32_t)us;
+}

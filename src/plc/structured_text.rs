@@ -1,0 +1,31 @@
+//! Function blocks in IEC Structured Text: texts that several devices share, with words for what differs.
+
+/// A part of a device's function blocks in Structured Text.
+#[derive(Clone, Copy, Debug)]
+pub struct StPart {
+    /// The text, in which `@WORD@` stands for what differs between devices or blocks.
+    pub text: &'static str,
+    /// What each word stands for.
+    pub words: &'static [(&'static str, &'static str)],
+}
+
+impl StPart {
+    /// The text with everything that its words stand for.
+    #[must_use]
+    pub fn written_out(&self) -> String {
+        let put_in =
+            |text: String, (word, meaning): &(&str, &str)| text.replace(&format!("@{word}@"), meaning);
+        self.words.iter().fold(self.text.to_owned(), put_in)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_word_is_put_in() {
+        let part = StPart { text: "A_@ROLE@ : @BASE@; B_@ROLE@", words: &[("ROLE", "MA"), ("BASE", "NODE")] };
+        assert_eq!(part.written_out(), "A_MA : NODE; B_MA");
+    }
+}
