@@ -75,6 +75,29 @@ fn every_link_leads_somewhere() {
     assert!(checked > 20, "{checked}");
 }
 
+/// Whoever reads the book has nothing else: its pages name files of the repository, they do not link to them. The first
+/// one is README.md, whose links to `docs/x.md` the book leads on to `x.md`.
+#[test]
+fn no_link_leads_out_of_the_book() {
+    let docs = root().join("docs");
+    for page in pages().iter().filter(|page| page.parent() == Some(docs.as_path())) {
+        for link in links(&std::fs::read_to_string(page).unwrap()) {
+            assert!(!link.starts_with("../"), "{}: {link}", page.display());
+        }
+    }
+    let read = |name: &str| std::fs::read_to_string(root().join(name)).unwrap();
+    assert_eq!(read("docs/introduction.md"), "{{#include ../README.md}}\n");
+    let book = read("docs/book.toml");
+    for link in links(&read("README.md")).iter().filter(|link| !link.contains("://")) {
+        let page = link.strip_prefix("docs/").and_then(|link| link.strip_suffix(".md"));
+        let page = page.unwrap_or_else(|| panic!("README.md: {link} leads out of the book"));
+        assert!(
+            book.contains(&format!("\"/docs/{page}.html\" = \"../{page}.html\"\n")),
+            "{link} in book.toml"
+        );
+    }
+}
+
 /// A blank line in a table ends it; what follows is then no table but text with bars.
 #[test]
 fn no_decision_stands_outside_a_table() {
