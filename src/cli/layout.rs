@@ -4,20 +4,23 @@ use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use super::table::{self, FormatArg, Row};
+use crate::devices;
 use clap::{Subcommand, ValueEnum};
 use commram_layoutc::declaration::{Alignment, Declarations};
 use commram_layoutc::import::{Called, Import, ImportError, Row as ImportRow, Verdict};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Take the true offsets of the registers over into the layout files.
+/// Judge layout files, and take the true offsets of the registers over into them.
 #[derive(clap::Args)]
 #[command(
     arg_required_else_help = true,
     after_help = "\
 Examples:
+  commram layout check
   commram layout import BM_TYPES.st --check
-  commram layout import BM_TYPES.st && cargo build --release"
+  commram layout import BM_TYPES.st && cargo build --release
+  commram layout schema > layout.schema.json"
 )]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -26,7 +29,34 @@ pub(crate) struct Args {
 
 #[derive(Subcommand)]
 enum Command {
+    Check(CheckArgs),
     Import(ImportArgs),
+    /// Print the JSON schema of layout files, for editors and validators
+    #[command(after_help = "Examples:\n  commram layout schema > layout.schema.json")]
+    Schema,
+}
+
+/// Judge layouts, as the build would.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram layout check
+  commram layout check layouts/DEVICE --format json
+
+Verdicts:
+  built in  this commram was built from it
+  other     it is a layout, but commram must be built again to have it
+  wrong     a build would stop with this message
+
+Exit codes:
+  0  all are layouts
+  2  one is wrong")]
+struct CheckArgs {
+    /// Directories with a device.toml [default: those in `layouts`]
+    #[arg(value_name = "DIR")]
+    layouts: Vec<PathBuf>,
+    #[command(flatten)]
+    format: FormatArg,
 }
 
 /// Take the offsets over from declarations of IEC 61131-3 that the vendor's library was exported to.
@@ -118,7 +148,70 @@ fn pair(text: &str) -> Result<(String, String), String> {
 /// Runs the subcommand.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     match &args.command {
+        Command::Check(args) => check(args),
         Command::Import(args) => import(args),
+        Command::Schema => output::print(commram_layoutc::SCHEMA),
+    }
+}
+
+fn check(args: &CheckArgs) -> Result<(), CliError> {
+    let all = if args.layouts.is_empty() { layouts_here()? } else { args.layouts.clone() };
+    let rows: Vec<_> = all.iter().map(|dir| Judged::of(dir)).collect();
+    table::print(args.format.format, &rows, table::aligned)?;
+    let is_wrong = rows.iter().any(|row| row.verdict == "wrong");
+    if is_wrong { Err(CliError::ReportedWrongUse) } else { Ok(()) }
+}
+
+/// The layouts of devices in a checkout.
+fn layouts_here() -> Result<Vec<PathBuf>, CliError> {
+    let wrong = |right: String| CliError::Argument { text: "layouts".to_owned(), right };
+    let entries = Path::new("layouts").read_dir().map_err(|reason| {
+        wrong(format!("{reason}; go to a checkout of commram, or name directories with layouts"))
+    })?;
+    let mut all: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    all.retain(|dir| dir.join("device.toml").is_file());
+    all.sort();
+    if all.is_empty() {
+        Err(wrong("there is no directory with a device.toml in it".to_owned()))
+    } else {
+        Ok(all)
+    }
+}
+
+/// What is to be said about a layout.
+#[derive(Serialize)]
+struct Judged {
+    layout: String,
+    verdict: &'static str,
+    /// The hash of its register map.
+    register_map: Option<String>,
+    message: Option<String>,
+}
+
+impl Judged {
+    fn of(dir: &Path) -> Self {
+        let layout = dir.display().to_string();
+        match commram_layoutc::compile(dir) {
+            Ok(compiled) => {
+                let known = devices::of_hash(compiled.layout_hash).is_some();
+                let verdict = if known { "built in" } else { "other" };
+                let register_map = Some(format!("16#{:016X}", compiled.layout_hash));
+                Self { layout, verdict, register_map, message: None }
+            }
+            Err(error) => {
+                Self { layout, verdict: "wrong", register_map: None, message: Some(error.to_string()) }
+            }
+        }
+    }
+}
+
+impl Row for Judged {
+    const COLUMNS: &'static [&'static str] = &["layout", "verdict", "register_map", "message"];
+
+    fn cells(&self) -> Vec<String> {
+        let Self { layout, verdict, register_map, message } = self;
+        let [register_map, message] = [register_map, message].map(|text| text.clone().unwrap_or_default());
+        vec![layout.clone(), (*verdict).to_owned(), register_map, message]
     }
 }
 

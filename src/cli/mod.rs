@@ -18,6 +18,7 @@ mod fault;
 mod find;
 mod force;
 mod instance;
+mod judge;
 mod layout;
 mod list;
 mod map;
@@ -25,6 +26,7 @@ mod output;
 #[cfg(feature = "channel")]
 mod pause;
 mod peek;
+mod plant;
 mod poke;
 mod run;
 mod session;
@@ -97,6 +99,7 @@ enum Command {
     Find(find::Args),
     Export(export::Args),
     Layout(layout::Args),
+    Plant(plant::Args),
     Peek(peek::Args),
     Poke(poke::Args),
     Force(force::Args),
@@ -151,6 +154,7 @@ impl Command {
             Command::Find(args) => find::run(&args),
             Command::Export(args) => export::run(&args),
             Command::Layout(args) => layout::run(&args),
+            Command::Plant(args) => plant::run(&args),
             Command::Peek(args) => peek::run(&args),
             Command::Poke(args) => poke::run(&args),
             Command::Force(args) => force::run(&args),

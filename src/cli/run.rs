@@ -5,7 +5,8 @@ use super::detach::{self, Detached};
 use super::error::CliError;
 use super::exit::Exit;
 use super::start::{Settings, SignalsTaken, end_by};
-use super::{InstanceName, output};
+use super::table::Format;
+use super::{InstanceName, judge, output};
 use crate::runtime::{Clock, Emulator};
 use signal_hook::consts::SIGINT;
 use std::path::PathBuf;
@@ -26,6 +27,7 @@ Examples:
   commram run --detach
   commram run --clock stepped -i test-1
   commram run plant.toml --speed 10
+  commram run --check plant.toml
   commram run --novram ~/.local/state/commram
   commram run --watch node2.w_CPU_CONTROL,node1   # every change in the journal
   commram run --layout layouts/DEVICE")]
@@ -33,6 +35,12 @@ pub(crate) struct Args {
     /// The plant: PLCs, buses, drives
     #[arg(value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
+    /// Judge the plant and start nothing
+    #[arg(long)]
+    check: bool,
+    /// Output format of --check
+    #[arg(long, value_enum, value_name = "FORMAT", requires = "check")]
+    format: Option<Format>,
     /// Return when it is ready; it goes on in the background until `commram stop`
     #[arg(long)]
     detach: bool,
@@ -53,6 +61,9 @@ pub(crate) struct Args {
 
 /// Runs the emulator.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    if args.check {
+        return judge::run(args.plant.as_deref(), args.format.unwrap_or(Format::Text));
+    }
     let name = &args.instance.name;
     if args.detach && !args.detached {
         return detach::start(name);

@@ -12,7 +12,7 @@ use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
-use crate::script::{Limits, Outcome, Report, junit};
+use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit};
 use found::Shard;
 use line::{Line, Listed, summary};
 use process::Setting;
@@ -34,6 +34,7 @@ Examples:
   commram test . --shard 1/3
   commram test . --watch
   commram test master.rhai --attach default
+  commram test --definitions
 
 Exit codes:
   0  all scenarios passed
@@ -43,7 +44,7 @@ Exit codes:
 pub(crate) struct Args {
     /// Scripts; of a directory and its subdirectories all files that end in .rhai, in the order of their names, but not
     /// those that others import and that only define functions
-    #[arg(value_name = "FILE", required = true)]
+    #[arg(value_name = "FILE", required_unless_present = "definitions")]
     files: Vec<PathBuf>,
     /// Only scenarios whose path contains this text or, with * and ? in it, whose path or name is of this form; can be
     /// given several times
@@ -73,6 +74,15 @@ pub(crate) struct Args {
     /// Run on this running instance, one scenario after the other, instead of on plants of their own
     #[arg(long, value_name = "NAME", conflicts_with = "jobs", value_parser = super::instance_name)]
     attach: Option<String>,
+    /// Run nothing, write the definitions of the verbs for editors that know Rhai into this directory
+    #[arg(
+        long,
+        value_name = "DIR",
+        num_args = 0..=1,
+        default_missing_value = ".rhai/definitions",
+        conflicts_with_all = ["files", "junit", "watch", "list"]
+    )]
+    definitions: Option<PathBuf>,
     #[command(flatten)]
     limits: LimitArgs,
     #[command(flatten)]
@@ -98,6 +108,9 @@ pub(crate) struct LimitArgs {
 
 /// Runs the scenarios and reports.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    if let Some(directory) = &args.definitions {
+        return define(directory);
+    }
     let interrupts = Interrupts::catch()?;
     let files = found::scenarios(&args.files, &args.filter, args.shard)?;
     if args.list {
@@ -117,6 +130,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, &reports));
     shown.and(written)?;
     if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
+}
+
+fn define(directory: &Path) -> Result<(), CliError> {
+    let path = directory.join("commram.d.rhai");
+    let written = std::fs::create_dir_all(directory).and_then(|()| std::fs::write(&path, DEFINITIONS));
+    written.map_err(|reason| CliError::File { path: path.clone(), reason })?;
+    output::print(&format!("{}\n", path.display()))
 }
 
 fn list(format: Format, files: &[PathBuf]) -> Result<(), CliError> {

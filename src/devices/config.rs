@@ -138,6 +138,9 @@ pub struct MediumKind {
     pub fits: fn(&Fault) -> Result<(), String>,
     /// Reads a `[[bus]]` of this kind.
     pub read: Read<dyn MediumConfig>,
+    /// JSON schema of the keys of that section, but for `kind`; `#/definitions/name` is the schema of names. What it defines
+    /// itself is there for devices, too.
+    pub schema: &'static str,
     /// What goes through doors to it.
     pub speech: Speech,
     /// What a frame says there, for people; nothing if that is its users' affair.

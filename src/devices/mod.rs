@@ -85,6 +85,7 @@ pub static MEDIA: &[MediumKind] = &[
     MediumKind {
         name: cansync::medium::FAMILY,
         read: cansync::medium::BusConfig::read,
+        schema: include_str!("cansync/medium/plant.schema.json"),
         records: cansync::records::KINDS,
         rules: cansync::rules::ALL,
         faults: cansync::faults::KINDS,
@@ -96,6 +97,7 @@ pub static MEDIA: &[MediumKind] = &[
     MediumKind {
         name: can_bus::FAMILY,
         read: can_bus::CanBusConfig::read,
+        schema: include_str!("can_bus/plant.schema.json"),
         records: can_bus::records::KINDS,
         rules: &[],
         faults: can_faults::OF_CAN,
@@ -107,6 +109,7 @@ pub static MEDIA: &[MediumKind] = &[
     MediumKind {
         name: profibus_bus::FAMILY,
         read: profibus_bus::ProfibusConfig::read,
+        schema: include_str!("profibus_bus/plant.schema.json"),
         records: profibus_bus::records::KINDS,
         rules: &[],
         faults: &[],

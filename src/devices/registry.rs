@@ -31,6 +31,12 @@ pub struct Registered {
     /// Reads its section of a plant file; none if only its registers are known.
     #[cfg(feature = "emulator")]
     pub read: Option<Read<dyn DeviceConfig>>,
+    /// JSON schema of the keys of that section, but for `kind`; `#/definitions/name` is the schema of names.
+    #[cfg(feature = "emulator")]
+    pub schema: Option<&'static str>,
+    /// A plant with such a device to begin with, its first one, in which every key is shown.
+    #[cfg(feature = "emulator")]
+    pub template: Option<&'static str>,
     /// What only its firmware has to tell the journal.
     #[cfg(feature = "emulator")]
     pub records: &'static [&'static Kind],
@@ -63,6 +69,10 @@ impl Registered {
             #[cfg(feature = "emulator")]
             read: None,
             #[cfg(feature = "emulator")]
+            schema: None,
+            #[cfg(feature = "emulator")]
+            template: None,
+            #[cfg(feature = "emulator")]
             records: &[],
             #[cfg(feature = "emulator")]
             rules: &[],
@@ -88,6 +98,10 @@ static BUILT_IN: [Registered; 5] = [
         #[cfg(feature = "emulator")]
         read: Some(omega_drive_line_2::PlcConfig::read),
         #[cfg(feature = "emulator")]
+        schema: Some(include_str!("omega_drive_line_2/plant.schema.json")),
+        #[cfg(feature = "emulator")]
+        template: Some(include_str!("omega_drive_line_2/plant.toml")),
+        #[cfg(feature = "emulator")]
         records: &[],
         #[cfg(feature = "emulator")]
         rules: omega_drive_line_2::rules::ALL,
@@ -108,6 +122,10 @@ static BUILT_IN: [Registered; 5] = [
         #[cfg(feature = "emulator")]
         read: Some(bm4_o_can_06::Bm4Config::read),
         #[cfg(feature = "emulator")]
+        schema: Some(include_str!("bm4_o_can_06/plant.schema.json")),
+        #[cfg(feature = "emulator")]
+        template: Some(include_str!("bm4_o_can_06/plant.toml")),
+        #[cfg(feature = "emulator")]
         module: Some(bm4_o_can_06::read_module),
         #[cfg(feature = "emulator")]
         demo: Some(&bm4_o_can_06::demo::DEMO),
@@ -119,6 +137,10 @@ static BUILT_IN: [Registered; 5] = [
         blocks: cs0015::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
         read: Some(cs0015::Cs0015Config::read),
+        #[cfg(feature = "emulator")]
+        schema: Some(include_str!("cs0015/plant.schema.json")),
+        #[cfg(feature = "emulator")]
+        template: Some(include_str!("cs0015/plant.toml")),
         #[cfg(feature = "emulator")]
         records: cs0015::records::KINDS,
         #[cfg(feature = "emulator")]
@@ -133,6 +155,10 @@ static BUILT_IN: [Registered; 5] = [
         #[cfg(feature = "emulator")]
         read: Some(cr201x::Cr201xConfig::read),
         #[cfg(feature = "emulator")]
+        schema: Some(include_str!("cr201x/plant.schema.json")),
+        #[cfg(feature = "emulator")]
+        template: Some(include_str!("cr201x/plant.toml")),
+        #[cfg(feature = "emulator")]
         records: canopen::records::KINDS,
         ..Registered::new(&cr201x::registers::DEVICE)
     },
@@ -141,6 +167,10 @@ static BUILT_IN: [Registered; 5] = [
         blocks: can_dp2::blocks::BLOCKS,
         #[cfg(feature = "emulator")]
         read: Some(can_dp2::CanDp2Config::read),
+        #[cfg(feature = "emulator")]
+        schema: Some(include_str!("can_dp2/plant.schema.json")),
+        #[cfg(feature = "emulator")]
+        template: Some(include_str!("can_dp2/plant.toml")),
         #[cfg(feature = "emulator")]
         records: can_dp2::records::KINDS,
         #[cfg(feature = "emulator")]

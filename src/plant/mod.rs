@@ -11,12 +11,14 @@ mod guests;
 mod history;
 mod injection;
 mod ports;
+mod schema;
 mod writes;
 
 pub use crate::devices::Power;
 pub use config::{PlantConfig, PlantError};
 pub use force::{ForceError, Forced};
 pub use history::FollowError;
+pub use schema::schema;
 
 use crate::check::DeviceWatch;
 use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};

@@ -5,7 +5,9 @@ mod block;
 mod board;
 mod history;
 mod traffic;
+mod wrong;
 
+use super::caught::{self, Caught};
 use super::{Bench, Failure, MemoryCopy, ScenarioError};
 use crate::journal::Entry;
 use crate::journal::text::Text;
@@ -125,27 +127,13 @@ impl Stage {
     }
 }
 
-/// Names of all verbs with their numbers of arguments, in alphabetical order.
-pub fn verbs() -> Vec<(&'static str, usize)> {
-    let stage = Stage::new(None, PathBuf::new(), Bench::LIMIT_US);
-    let mut names = engine(&Rc::new(RefCell::new(stage))).1;
-    names.sort_unstable();
-    names
-}
-
-/// An engine whose verbs act on the stage, and the verbs' names with their numbers of arguments.
-pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> (Engine, Vec<(&'static str, usize)>) {
+/// An engine whose verbs act on the stage.
+pub(super) fn engine(stage: &Rc<RefCell<Stage>>) -> Engine {
     let mut verbs = Verbs { engine: Engine::new(), stage: Shared(Rc::clone(stage)), names: Vec::new() };
-    verbs.registers();
-    verbs.time();
-    verbs.expectations();
-    verbs.history();
-    verbs.traffic();
-    verbs.blocks();
-    verbs.board();
-    verbs.faults();
-    verbs.findings();
-    (verbs.engine, verbs.names)
+    verbs.all();
+    verbs.refuse_others();
+    caught::register(&mut verbs.engine);
+    verbs.engine
 }
 
 /// The stage as all verbs have it.
@@ -155,7 +143,7 @@ struct Shared(Rc<RefCell<Stage>>);
 impl Shared {
     fn with<T>(&self, act: impl FnOnce(&mut Stage) -> Result<T, ScenarioError>) -> Fallible<T> {
         let mut stage = self.0.try_borrow_mut().map_err(|_| "a verb cannot be used inside another one")?;
-        act(&mut stage).map_err(thrown)
+        act(&mut stage).map_err(Caught::thrown)
     }
 
     fn act<T>(&self, act: impl FnOnce(&mut Bench) -> Result<T, ScenarioError>) -> Fallible<T> {
@@ -174,10 +162,23 @@ impl Shared {
 struct Verbs {
     engine: Engine,
     stage: Shared,
+    /// Their names with their numbers of arguments.
     names: Vec<(&'static str, usize)>,
 }
 
 impl Verbs {
+    fn all(&mut self) {
+        self.registers();
+        self.time();
+        self.expectations();
+        self.history();
+        self.traffic();
+        self.blocks();
+        self.board();
+        self.faults();
+        self.findings();
+    }
+
     /// Registers a verb, made from the stage.
     fn on<A: 'static, const N: usize, const X: bool, R: Clone + 'static, const F: bool, V>(
         &mut self,
@@ -206,6 +207,7 @@ impl Verbs {
             move |register: &str, kept: Dynamic| stage.act(|bench| bench.force(register, value(&kept)?))
         });
         self.on("unforce", |stage| move |register: &str| stage.act(|bench| bench.unforce(register)));
+        self.engine.register_type_with_name::<MemoryCopy>("Snapshot");
         self.on("snapshot", |stage| move |area: &str| stage.act(|bench| bench.snapshot(area)));
         self.on("changes", |stage| {
             move |since: MemoryCopy| {
@@ -349,34 +351,37 @@ fn int(number: u64) -> INT {
     INT::try_from(number).unwrap_or(INT::MAX)
 }
 
-/// The error as the script sees it.
-fn thrown(error: ScenarioError) -> Box<EvalAltResult> {
-    EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), rhai::Position::NONE).into()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::verbs;
+    use super::*;
+    use crate::script::verb::{Verb, verbs};
 
-    /// Verbs with their numbers of arguments, as the tables of the reference have them in their first column.
-    fn documented() -> Vec<(String, usize)> {
+    /// Signatures of verbs, as the tables of the reference have them in their first column.
+    fn documented() -> Vec<String> {
         let rows =
             include_str!("../../docs/scenarios.md").lines().filter_map(|line| line.strip_prefix("| `"));
         let cells = rows.filter_map(|row| row.split_once(" | ")).map(|(cell, _)| cell);
-        let calls = cells.flat_map(|cell| cell.split("`, `")).filter_map(|call| call.split_once('('));
-        let mut all: Vec<_> = calls
-            .map(|(name, rest)| {
-                let arguments = rest.trim_end_matches(['`', ')', ' ']);
-                (name.to_owned(), if arguments.is_empty() { 0 } else { arguments.split(", ").count() })
-            })
-            .collect();
+        let calls = cells.flat_map(|cell| cell.split("`, `")).filter(|call| call.contains('('));
+        let mut all: Vec<_> = calls.map(|call| call.trim_end_matches(['`', ' ']).to_owned()).collect();
         all.sort();
         all
     }
 
     #[test]
     fn the_reference_lists_exactly_the_verbs() {
-        let registered: Vec<_> = verbs().into_iter().map(|(name, count)| (name.to_owned(), count)).collect();
-        assert_eq!(documented(), registered);
+        let mut defined: Vec<_> = verbs().iter().map(Verb::signature).collect();
+        defined.sort();
+        assert_eq!(documented(), defined);
+    }
+
+    #[test]
+    fn the_definition_file_defines_exactly_the_verbs() {
+        let stage = Rc::new(RefCell::new(Stage::new(None, PathBuf::new(), Bench::LIMIT_US)));
+        let mut all = Verbs { engine: Engine::new(), stage: Shared(stage), names: Vec::new() };
+        all.all();
+        all.names.sort_unstable();
+        let mut defined: Vec<_> = verbs().iter().map(|verb| (verb.name, verb.parameters.len())).collect();
+        defined.sort_unstable();
+        assert_eq!(all.names, defined);
     }
 }

@@ -1,10 +1,11 @@
 //! Finds imported scripts, and refuses imports that never end.
 
 use super::ScenarioError;
+use super::caught::Caught;
 use crate::handed_in;
 use core::cell::RefCell;
 use rhai::module_resolvers::FileModuleResolver;
-use rhai::{Dynamic, Engine, EvalAltResult, Module, ModuleResolver, Position};
+use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -91,7 +92,7 @@ impl ModuleResolver for Imports {
         }
         drop(imported);
         self.begin(Import { from, line: position.line(), to: to.clone() }, path)
-            .map_err(|error| EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), position))?;
+            .map_err(|error| at(error, position))?;
         // The resolver reads whatever stands there to its end, which some files do not have.
         let module = match handed_in::read(&to, handed_in::LONGEST_SCRIPT) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(unreadable(path, &error, position)),
@@ -103,8 +104,13 @@ impl ModuleResolver for Imports {
 }
 
 fn unreadable(path: &str, error: &std::io::Error, position: Position) -> Box<EvalAltResult> {
-    let error = ScenarioError::argument(path, &error.to_string());
-    EvalAltResult::ErrorRuntime(Dynamic::from(Rc::new(error)), position).into()
+    at(ScenarioError::argument(path, &error.to_string()), position)
+}
+
+fn at(error: ScenarioError, position: Position) -> Box<EvalAltResult> {
+    let mut error = Caught::thrown(error);
+    error.set_position(position);
+    error
 }
 
 /// Whether two paths name the same file, by whatever way.

@@ -7,6 +7,8 @@
 
 mod bench;
 mod carrier;
+mod caught;
+mod complaint;
 mod engine;
 mod error;
 mod failure;
@@ -20,9 +22,9 @@ mod remote;
 mod report;
 mod run;
 mod value;
+mod verb;
 
 pub use bench::{Bench, Change, MemoryCopy, PastChange, SeenFrame};
-pub use engine::verbs;
 pub use error::ScenarioError;
 pub use failure::{Failure, FailureKind, JournalLine, Numbers, Place};
 pub use junit::junit;
@@ -30,3 +32,4 @@ pub use part::{is_part, needs};
 pub use report::{Mistake, Outcome, Report};
 pub use run::{Limits, run_file};
 pub use value::{Span, Value};
+pub use verb::{DEFINITIONS, Verb, verbs};

@@ -1,5 +1,7 @@
 //! Runs scenario scripts.
 
+use super::caught::Caught;
+use super::complaint::{complaint, cut, with_underscores};
 use super::engine::{Stage, engine};
 use super::failure::{Failure, FailureKind, Place};
 use super::imports::{Imports, module_file};
@@ -20,6 +22,11 @@ const OPERATIONS_PER_LOOK: u64 = 8;
 const MOST_CALLS: usize = 64;
 /// Deepest nesting of expressions in a script and in its functions.
 const DEEPEST_EXPRESSION: usize = 64;
+
+/// Longest text of a message, in characters; more of it came from a script.
+const LONGEST_TEXT: usize = 2000;
+/// Longest line of a script that is told.
+const LONGEST_SOURCE: usize = 200;
 
 /// What a scenario may use up before it counts as endless.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +60,7 @@ pub fn run_file(
     let imported = Rc::default();
     let outcome = match handed_in::read(file, handed_in::LONGEST_SCRIPT) {
         Ok(text) => {
-            let (mut engine, _) = engine(&stage);
+            let mut engine = engine(&stage);
             limit(&mut engine, limits, start);
             engine.set_module_resolver(Imports::new(file, &directory, Rc::clone(&imported)));
             let printing = Rc::clone(&printed);
@@ -90,7 +97,9 @@ fn run_text(
     let ast = match engine.compile(text) {
         Ok(ast) => ast,
         Err(ParseError(reason, position)) => {
-            return broken(&reason, place(file, position.line()));
+            let place = place(file, position.line());
+            let hint = with_underscores(place.source.as_deref().unwrap_or_default());
+            return broken(&format!("{reason}{hint}"), place);
         }
     };
     let mut scope = Scope::new();
@@ -128,8 +137,8 @@ fn ended(
 ) -> Outcome {
     let place = innermost(error, file, directory);
     match error.unwrap_inner() {
-        EvalAltResult::ErrorRuntime(thrown, _) => match thrown.clone().try_cast::<Rc<ScenarioError>>() {
-            Some(error) => judge(&error, place, stage),
+        EvalAltResult::ErrorRuntime(thrown, _) => match thrown.clone().try_cast::<Caught>() {
+            Some(Caught(error)) => judge(&error, place, stage),
             None => failed(FailureKind::Throw, &format!("the script throws {thrown}"), place, stage),
         },
         EvalAltResult::ErrorTooManyOperations(_) => {
@@ -147,21 +156,15 @@ fn ended(
             failed(FailureKind::Endless, &text, place, stage)
         }
         other => {
-            let mut other = other.to_string();
-            // The position is told in our own way.
-            if let Some(end) = other.rfind(" (line ") {
-                other.truncate(end);
-            }
-            broken(&other, place)
+            let what = complaint(other, place.source.as_deref().unwrap_or_default());
+            broken(&what, place)
         }
     }
 }
 
 fn judge(error: &ScenarioError, place: Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match (error, error.failure_kind()) {
-        (ScenarioError::Failed(failure), _) => {
-            Outcome::Failed(Box::new(Failure { location: Some(place), ..(**failure).clone() }))
-        }
+        (ScenarioError::Failed(failure), _) => failure_at((**failure).clone(), place),
         (error, Some(kind)) => failed(kind, &error.to_string(), place, stage),
         (error, None) => broken(error, place),
     }
@@ -170,14 +173,21 @@ fn judge(error: &ScenarioError, place: Place, stage: &Rc<RefCell<Stage>>) -> Out
 /// A failure without expectation.
 fn failed(kind: FailureKind, what: &str, place: Place, stage: &Rc<RefCell<Stage>>) -> Outcome {
     match stage.borrow_mut().failure(what) {
-        Some(failure) => Outcome::Failed(Box::new(Failure { kind, location: Some(place), ..failure })),
+        Some(failure) => failure_at(Failure { kind, ..failure }, place),
         None => broken(&what, place),
     }
 }
 
+/// A failure in a line of a script, its texts no longer than anybody reads.
+fn failure_at(failure: Failure, place: Place) -> Outcome {
+    let what = cut(failure.what, LONGEST_TEXT);
+    let section = failure.section.map(|section| cut(section, LONGEST_SOURCE));
+    Outcome::Failed(Box::new(Failure { what, section, location: Some(place), ..failure }))
+}
+
 /// The script is wrong.
 fn broken(why: &dyn core::fmt::Display, location: Place) -> Outcome {
-    Outcome::Broken(Box::new(Mistake { what: why.to_string(), location }))
+    Outcome::Broken(Box::new(Mistake { what: cut(why.to_string(), LONGEST_TEXT), location }))
 }
 
 /// A line of a script.
@@ -190,7 +200,7 @@ fn place(file: &Path, line: Option<usize>) -> Place {
         file: file.display().to_string(),
         line: line.and_then(|line| u32::try_from(line).ok()),
         column: None,
-        source: line.and_then(text),
+        source: line.and_then(text).map(|text| cut(text, LONGEST_SOURCE)),
     }
 }
 

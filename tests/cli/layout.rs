@@ -182,3 +182,25 @@ fn what_another_build_has_left_is_not_taken_over() {
     emulator.run("stop", &["--clean"]).ok();
     assert_eq!(emulator.files(), Vec::<PathBuf>::new());
 }
+
+#[test]
+fn layouts_are_judged_as_the_build_would() {
+    let checkout = Checkout::new(VENDOR);
+    let check =
+        |args: &[&str]| finish(commram().args(["layout", "check"]).args(args).current_dir(checkout.0.path()));
+    let json = |outcome: &Outcome| serde_json::from_str::<serde_json::Value>(&outcome.out).unwrap();
+    let fine = json(&check(&["--format", "json"]));
+    assert_eq!(fine[0]["layout"], "layouts/omega-drive-line-2");
+    assert_eq!((&fine[0]["verdict"], fine.as_array().unwrap().len()), (&"built in".into(), 1));
+    assert_eq!(fine[0]["register_map"], format!("16#{LAYOUT_HASH:016X}"));
+    checkout.import(&[]);
+    assert_eq!(json(&check(&["layouts/omega-drive-line-2", "--format", "json"]))[0]["verdict"], "other");
+    let device = checkout.layout().join("device.toml");
+    let text = fs::read_to_string(&device).unwrap();
+    fs::write(&device, text.replacen("title", "titel", 1)).unwrap();
+    let wrong = check(&[]);
+    assert_eq!(wrong.code, Some(2));
+    assert!(wrong.out.contains("wrong") && wrong.out.contains("titel"), "{}", wrong.out);
+    let nowhere = finish(commram().args(["layout", "check"]).current_dir(checkout.layout()));
+    assert!(nowhere.fails(2).contains("go to a checkout of commram"), "{}", nowhere.err);
+}

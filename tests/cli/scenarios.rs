@@ -238,7 +238,19 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("plant(\"missing.toml\")", "missing.toml: No such file"),
         ("plant(`[[plc]]\nname = \"a b\"`)", "PLC name 'a b': use 1 to 31 characters"),
         ("step(0); plant(`[[plc]]\nname = \"a\"`)", "`plant`: this must be the first verb"),
-        ("no_such_verb(1)", "Function not found: no_such_verb"),
+        ("no_such_verb(1)", "there is no verb or function `no_such_verb` of an integer"),
+        (
+            "expct(\"node2.b_BT_0\", 1)",
+            "there is no verb or function `expct` of a text, an integer; did you mean expect",
+        ),
+        ("wait(\"node2.b_BT_0\", 1)", "`wait`: 2 arguments are given; write wait(register, value, within)"),
+        ("peek(5)", "`peek`: `register` is a text, here it is an integer; write peek(register)"),
+        ("wait-until(|| true, 5)", "; the verb is `wait_until`, with `_`"),
+        ("expect-that(true, \"so\")", "there is no variable `expect`; the verb is `expect_that`, with `_`"),
+        ("wait_until(|| 5, 5)", "here is an integer, where a bool is needed"),
+        ("let n = 1 + (); n", "`+` does not go with an integer and nothing"),
+        ("changes(1)", "`snapshot` is a snapshot, here it is an integer"),
+        ("let s = snapshot(\"node2\"); peek(s)", "`register` is a text, here it is a snapshot"),
         ("import \"nothing\" as nothing", "nothing"),
         ("wait_until(|| wait_until(1, 2), 3)", "wait_until"),
         ("fn deep(n) { deep(n + 1) } deep(0)", "Stack overflow"),
@@ -247,7 +259,60 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         let report = run_one(script, 2);
         assert!(report.starts_with("broken  one.rhai"), "{script}\n{report}");
         assert!(report.contains(expected), "{script}\n{report}\nlacks: {expected}");
+        for ours in ["i64", "&str", "::", "alloc", "Rc<"] {
+            let told = report.split("line      ").next().unwrap().replace("start::", "");
+            assert!(!told.contains(ours), "{script}\n{report}\ntells {ours}");
+        }
     }
+}
+
+#[test]
+fn what_is_caught_tells_what_went_wrong_and_can_be_thrown_again() {
+    let script = r#"
+        try { expect("node2.w_OPTION_STATUS", 2); } catch (error) {
+            print(`${error}: ${error.kind} ${error.register} ${error.expected} ${error.actual} ${error.time}`);
+        }
+        try { peek("node2.nothing"); } catch (error) { print(error.kind + " " + error.register.type_of()); }
+        try { wait(1); } catch (error) { print(error.message); }
+        try { expect("node2.w_OPTION_STATUS", 3); } catch (error) { throw error; }
+    "#;
+    let report = run_one(script, 1);
+    for expected in [
+        "node2.w_OPTION_STATUS (%MW3.200002) is 16#0001, not 16#0003\n    expected  16#0003",
+        "  | node2.w_OPTION_STATUS (%MW3.200002) is 16#0001, not 16#0002: expectation node2.w_OPTION_STATUS 2 1 0\n",
+        "  | wrong_use ()\n",
+        "  | `wait`: 1 arguments are given; write wait(register, value, within)\n",
+    ] {
+        assert!(report.contains(expected), "{report}\nlacks: {expected}");
+    }
+}
+
+#[test]
+fn long_texts_of_a_script_are_cut() {
+    let long = "let text = \"x\"; text.pad(1000000, \"x\");";
+    for end in
+        ["throw text", "peek(text)", "expect_that(false, text)", "section(text); expect_that(false, \"no\")"]
+    {
+        let scripts = Scripts::new(&[("long.rhai", &format!("{long} {end}"))]);
+        let outcome = scripts.run(&["long.rhai", "--junit", "report.xml"]);
+        assert!(outcome.out.contains(" more characters)"), "{end}: {}", outcome.out.len());
+        assert!(
+            outcome.out.len() + scripts.read("report.xml").len() < 20_000,
+            "{end}: {}",
+            outcome.out.len()
+        );
+    }
+}
+
+#[test]
+fn definitions_for_editors_are_written_where_they_look_for_them() {
+    let scripts = Scripts::new(&[]);
+    assert_eq!(scripts.run(&["--definitions"]).ok(), ".rhai/definitions/commram.d.rhai\n");
+    assert!(
+        scripts
+            .read(".rhai/definitions/commram.d.rhai")
+            .contains("\nfn expect(register: String, value: ?);\n")
+    );
 }
 
 #[test]

@@ -4,6 +4,7 @@
 mod common;
 
 mod architecture;
+mod ci;
 mod features;
 mod heads;
 mod pages;

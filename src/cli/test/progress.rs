@@ -64,7 +64,9 @@ impl Drop for Progress {
 }
 
 fn show(line: &str) {
-    let width = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(80, |size| usize::from(size.ws_col));
+    let width = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
+    // Some terminals do not know how wide they are.
+    let width = if width == 0 { 80 } else { width };
     let line: String = line.chars().take(width.saturating_sub(1)).collect();
     let mut err = std::io::stderr().lock();
     // Nobody is left to be told if this fails.

@@ -71,6 +71,34 @@ pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count()
 }
 
+impl PlantError {
+    /// The line, from 1, in the text of the plant file that it is about; none if it stands nowhere.
+    #[must_use]
+    pub fn line(&self, text: &str) -> Option<usize> {
+        match self {
+            Self::At { line, .. } | Self::NoSection { line, .. } | Self::Kind { line, .. } => Some(*line),
+            Self::Syntax { source, .. } => source.span().map(|span| line_of(text, span.start)),
+            _ => None,
+        }
+    }
+
+    /// What is wrong, without file and line.
+    #[must_use]
+    pub fn message(&self) -> String {
+        let whole = match self {
+            Self::At { source, .. } => return source.to_string(),
+            Self::Syntax { source, .. } => return source.message().to_owned(),
+            other => other.to_string(),
+        };
+        match self {
+            Self::NoSection { file, line, .. } | Self::Kind { file, line, .. } => {
+                whole.strip_prefix(&format!("{file}: line {line}: ")).map_or(whole.clone(), str::to_owned)
+            }
+            _ => whole,
+        }
+    }
+}
+
 impl Source<'_> {
     fn syntax(&self, mut error: Error) -> PlantError {
         error.set_input(Some(self.text));

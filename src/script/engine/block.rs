@@ -1,10 +1,11 @@
 //! The verbs of function blocks.
 
 use super::arguments::span;
-use super::{Fallible, Verbs, int, thrown};
+use super::{Fallible, Verbs, int};
 use crate::devices::{self, Registered};
 use crate::layout::Area;
 use crate::plc::{BlockKind, PinError, PinValue, Place, Placed, Variables};
+use crate::script::caught::Caught;
 use crate::script::{Bench, ScenarioError};
 use core::cell::RefCell;
 use core::fmt::Write;
@@ -204,8 +205,9 @@ impl Verbs {
                 })
             }
         });
-        let get = |block: &mut Block, pin: &str| block.get(pin).map_err(thrown);
-        let set = |block: &mut Block, pin: &str, value: Dynamic| block.set(pin, &value).map_err(thrown);
+        let get = |block: &mut Block, pin: &str| block.get(pin).map_err(Caught::thrown);
+        let set =
+            |block: &mut Block, pin: &str, value: Dynamic| block.set(pin, &value).map_err(Caught::thrown);
         self.engine
             .register_type_with_name::<Block>("Block")
             .register_indexer_get(get)

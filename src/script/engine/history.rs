@@ -18,7 +18,7 @@ impl Verbs {
         });
         self.on("expect_history", |stage| {
             move |register: &str, values: Array| {
-                stage.act(|bench| {
+                stage.expect(|bench| {
                     let values = values.iter().map(value).collect::<Result<Vec<_>, _>>()?;
                     bench.expect_history(register, values)
                 })

@@ -10,7 +10,7 @@ use toml::Spanned;
 /// The file as written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+pub(crate) struct File {
     page: String,
     key: Vec<Spanned<RawKey>>,
     parameters: RawParameters,
@@ -21,7 +21,7 @@ struct File {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawKey {
+pub(crate) struct RawKey {
     name: String,
     is: Value,
     /// A text without quotation marks.
@@ -40,7 +40,7 @@ pub(crate) enum Value {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawParameters {
+pub(crate) struct RawParameters {
     area: Spanned<String>,
     first: Spanned<String>,
     constants: Vec<u8>,
@@ -49,7 +49,7 @@ struct RawParameters {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawParameter {
+pub(crate) struct RawParameter {
     register: Spanned<String>,
     bit: Option<u8>,
     #[serde(default)]
@@ -62,7 +62,7 @@ struct RawParameter {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawDiagnosis {
+pub(crate) struct RawDiagnosis {
     area: Spanned<String>,
     header: Spanned<String>,
     register: Spanned<String>,
@@ -71,7 +71,7 @@ struct RawDiagnosis {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawModule {
+pub(crate) struct RawModule {
     name: String,
     octets: Vec<u8>,
     page: String,

@@ -16,9 +16,11 @@ mod model;
 mod objects;
 pub mod parameters;
 mod raw;
+mod schema;
 mod source;
 
 pub use error::{Error, Location, Reason};
+pub use schema::SCHEMA;
 
 use std::path::{Path, PathBuf};
 

@@ -9,13 +9,13 @@ use toml::Spanned;
 /// The file as written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+pub(crate) struct File {
     object: Vec<Spanned<Row>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Row {
+pub(crate) struct Row {
     index: u16,
     sub: u8,
     name: String,

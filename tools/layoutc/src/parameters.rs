@@ -14,14 +14,14 @@ const LAST_NUMBER: u16 = 4095;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Table {
+pub(crate) struct Table {
     drive: String,
     parameter: Vec<Row>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Row {
+pub(crate) struct Row {
     number: Spanned<u16>,
     id: Spanned<String>,
     name: String,

@@ -1,0 +1,206 @@
+//! The JSON schema of plant files, put together of those of devices and media and of the table of faults.
+
+use crate::devices::{self, MEDIA};
+use crate::fault::{Field, Form, Kind};
+use serde_json::{Map, Value, json};
+
+/// The schema, draft 7, as editors and validators take it. What devices of other crates have in their sections it leaves open.
+///
+/// # Panics
+/// A schema in this crate is no JSON, which a test rules out.
+#[must_use]
+pub fn schema() -> Value {
+    let mut definitions = Map::new();
+    definitions.insert("name".to_owned(), name());
+    let mut first = None;
+    let devices: Vec<_> = devices::all()
+        .iter()
+        .filter(|device| device.read.is_some())
+        .map(|device| {
+            let section = device.schema.map_or_else(open, |schema| section(schema, &mut definitions));
+            first.get_or_insert_with(|| section.clone());
+            of_kind(section, device.layout.name, true)
+        })
+        .collect();
+    let media: Vec<_> = MEDIA
+        .iter()
+        .enumerate()
+        .map(|(index, medium)| of_kind(section(medium.schema, &mut definitions), medium.name, index > 0))
+        .collect();
+    let faults: Vec<_> = devices::fault_kinds().iter().map(|kind| fault(kind)).collect();
+    let sections =
+        |about: &str, items: Value| json!({ "type": "array", "description": about, "items": items });
+    json!({
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "Plant file of commram",
+        "type": "object",
+        "additionalProperties": false,
+        "properties": {
+            "processor_cycle_us": {
+                "type": "integer", "minimum": 10, "maximum": 10_000, "default": 500,
+                "description": "How often the firmware looks at registers that nobody rang for, in emulated us (D-22)",
+            },
+            "plc": sections("PLCs", first.unwrap_or_else(open)),
+            "device": sections("Devices", json!({ "anyOf": devices })),
+            "bus": sections("Buses", json!({ "anyOf": media })),
+            "fault": sections("Faults from power-on or a time on", json!({ "anyOf": faults })),
+        },
+        "definitions": definitions,
+    })
+}
+
+/// Names of devices, buses and drives.
+fn name() -> Value {
+    json!({
+        "type": "string",
+        "pattern": "^[A-Za-z0-9_-]{1,31}$",
+        "description": "Its name, unique in the plant: 1 to 31 characters of A-Z a-z 0-9 _ -",
+    })
+}
+
+/// A section with any keys.
+fn open() -> Value {
+    json!({ "type": "object", "required": ["name"], "properties": { "name": name() } })
+}
+
+/// The schema of a section; what it defines comes to the definitions of all.
+fn section(text: &str, definitions: &mut Map<String, Value>) -> Value {
+    let mut schema: Value = serde_json::from_str(text).expect("our own schemas are JSON");
+    if let Some(Value::Object(own)) = schema.as_object_mut().and_then(|schema| schema.remove("definitions")) {
+        definitions.extend(own);
+    }
+    schema
+}
+
+/// The section with its `kind`.
+fn of_kind(mut section: Value, kind: &str, needed: bool) -> Value {
+    section["properties"]["kind"] = json!({ "const": kind });
+    if needed && let Some(required) = section["required"].as_array_mut() {
+        required.push("kind".into());
+    }
+    section
+}
+
+/// A `[[fault]]` of this kind.
+fn fault(kind: &'static Kind) -> Value {
+    let mut properties = Map::new();
+    for field in kind.all_fields() {
+        for name in [Some(field.name()), field.other_name()].into_iter().flatten() {
+            properties.insert(name.to_owned(), value_of(field));
+        }
+    }
+    properties.insert("kind".to_owned(), json!({ "const": kind.name() }));
+    let about = "Of a scenario: it fails unless this fault strikes";
+    properties.insert("required".to_owned(), json!({ "type": "boolean", "description": about }));
+    json!({
+        "type": "object",
+        "description": kind.about(),
+        "additionalProperties": false,
+        "required": ["kind"],
+        "properties": properties,
+    })
+}
+
+/// What a field of a fault may hold; numbers and times may be texts as on the command line.
+fn value_of(field: &Field) -> Value {
+    let (least, most) = field.range();
+    let about = format!("{}: {}", field.about(), field.range_text());
+    match field.form() {
+        Form::Name => json!({ "type": "string", "description": about }),
+        Form::Port => json!({ "type": ["string", "integer"], "description": about }),
+        Form::Word(words) => json!({ "enum": words, "description": about }),
+        Form::Number { .. } | Form::Hex { .. } | Form::Time { .. } => json!({
+            "type": ["integer", "string"], "minimum": least, "maximum": most, "description": about,
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::PlantConfig;
+    use std::collections::BTreeSet;
+
+    /// The schema itself, or the one that it refers to.
+    fn resolved<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
+        let reference = schema.get("$ref").or_else(|| schema["allOf"][0].get("$ref"));
+        match reference.and_then(Value::as_str) {
+            Some(reference) => &root["definitions"][reference.trim_start_matches("#/definitions/")],
+            None => schema,
+        }
+    }
+
+    /// The keys that the parser names when it is given one that it does not know, in a plant made by `plant`.
+    fn keys_of_the_parser(plant: &dyn Fn(&str) -> String) -> BTreeSet<String> {
+        let text = plant("{ no_such_key = 1 }");
+        let refusal = PlantConfig::parse("plant", &text).unwrap_err().to_string();
+        let (_, known) =
+            refusal.split_once("`no_such_key`, expected ").unwrap_or_else(|| panic!("{text}: {refusal}"));
+        known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    }
+
+    /// Holds the keys of a table, and of tables in it, against those of the parser. Returns how many tables there were.
+    fn compare(root: &Value, schema: &Value, plant: &dyn Fn(&str) -> String, added: &[&str]) -> usize {
+        let properties = schema["properties"].as_object().unwrap();
+        let keys = properties.keys().filter(|key| !added.contains(&key.as_str()));
+        assert_eq!(keys.cloned().collect::<BTreeSet<_>>(), keys_of_the_parser(plant), "{}", plant("..."));
+        assert_eq!(schema["additionalProperties"], false);
+        let mut tables = 1;
+        for (key, property) in properties {
+            let property = resolved(root, property);
+            let items = property.get("items").map(|items| resolved(root, items));
+            if property.get("properties").is_some() {
+                tables += compare(root, property, &|inner| plant(&format!("{{ {key} = {inner} }}")), &[]);
+            } else if let Some(items) = items.filter(|items| items.get("properties").is_some()) {
+                tables += compare(root, items, &|inner| plant(&format!("{{ {key} = [{inner}] }}")), &[]);
+            }
+        }
+        tables
+    }
+
+    #[test]
+    fn the_schema_has_the_keys_of_the_parser() {
+        let root = schema();
+        let mut tables = 0;
+        for (array, with_kind) in [("plc", false), ("device", true), ("bus", true)] {
+            let items = &root["properties"][array]["items"];
+            let sections = items["anyOf"].as_array().cloned().unwrap_or_else(|| vec![items.clone()]);
+            assert!(!sections.is_empty());
+            for section in sections {
+                let kind = section["properties"]["kind"]["const"].as_str().unwrap_or_default().to_owned();
+                let plant = |inner: &str| match with_kind {
+                    true => format!("{array} = [{{ kind = '{kind}', {}]\n", inner.trim_start_matches('{')),
+                    false => format!("{array} = [{inner}]\n"),
+                };
+                tables += compare(&root, &section, &plant, &["kind"]);
+            }
+        }
+        assert!(tables > 25, "{tables}");
+        let top = keys_of_the_parser(&|_| "no_such_key = 1".to_owned());
+        let keys: BTreeSet<_> = root["properties"].as_object().unwrap().keys().cloned().collect();
+        assert_eq!(keys, top);
+    }
+
+    #[test]
+    fn templates_are_plants_that_show_every_key_of_their_device() {
+        let root = schema();
+        for device in devices::all().iter().filter(|device| device.read.is_some()) {
+            let template =
+                device.template.unwrap_or_else(|| panic!("{} has no template", device.layout.name));
+            let plant = PlantConfig::parse("template", template).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(plant.devices[0].layout().name, device.layout.name);
+            let sections = root["properties"]["device"]["items"]["anyOf"].as_array().unwrap();
+            let kind = json!(device.layout.name);
+            let section = sections.iter().find(|section| section["properties"]["kind"]["const"] == kind);
+            for key in section.unwrap()["properties"].as_object().unwrap().keys().filter(|key| *key != "kind")
+            {
+                // Set, or a table of its own.
+                let shows = |line: &str| {
+                    line.trim_start_matches("# ").starts_with(&format!("{key} = "))
+                        || line.contains(&format!(".{key}]"))
+                };
+                assert!(template.lines().any(shows), "{}: {key}", device.layout.name);
+            }
+        }
+    }
+}

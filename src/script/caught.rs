@@ -1,0 +1,55 @@
+//! Errors of verbs as scripts catch them.
+
+use super::ScenarioError;
+use rhai::{Dynamic, Engine, EvalAltResult, INT};
+use std::rc::Rc;
+
+/// What `catch (err)` gets of a verb. Thrown again, it is the error that it was.
+#[derive(Clone)]
+pub(super) struct Caught(pub Rc<ScenarioError>);
+
+impl Caught {
+    /// The error on its way into the script.
+    pub(super) fn thrown(error: ScenarioError) -> Box<EvalAltResult> {
+        EvalAltResult::ErrorRuntime(Dynamic::from(Self(Rc::new(error))), rhai::Position::NONE).into()
+    }
+
+    /// What is wrong, in one line.
+    fn message(&self) -> String {
+        match &*self.0 {
+            ScenarioError::Failed(failure) => failure.what.clone(),
+            other => other.to_string(),
+        }
+    }
+
+    /// The kind of the failure; of what is no failure `wrong_use`.
+    fn kind(&self) -> &'static str {
+        self.0.failure_kind().map_or("wrong_use", |kind| kind.name())
+    }
+
+    /// A property that only failures have, and not all of them.
+    fn of_failure<T: Into<Dynamic>>(&self, get: impl FnOnce(&super::Failure) -> Option<T>) -> Dynamic {
+        match &*self.0 {
+            ScenarioError::Failed(failure) => get(failure).map_or(Dynamic::UNIT, Into::into),
+            _ => Dynamic::UNIT,
+        }
+    }
+}
+
+/// Lets scripts look at errors.
+pub(super) fn register(engine: &mut Engine) {
+    engine
+        .register_type_with_name::<Caught>("Error")
+        .register_fn("to_string", |error: &mut Caught| error.message())
+        .register_fn("to_debug", |error: &mut Caught| error.message())
+        .register_get("message", |error: &mut Caught| error.message())
+        .register_get("kind", |error: &mut Caught| error.kind())
+        .register_get("register", |error: &mut Caught| error.of_failure(|it| it.register.clone()))
+        .register_get("address", |error: &mut Caught| error.of_failure(|it| it.address.clone()))
+        .register_get("expected", |error: &mut Caught| error.of_failure(|it| Some(it.numbers?.expected)))
+        .register_get("actual", |error: &mut Caught| error.of_failure(|it| Some(it.numbers?.actual)))
+        .register_get("section", |error: &mut Caught| error.of_failure(|it| it.section.clone()))
+        .register_get("time", |error: &mut Caught| {
+            error.of_failure(|it| Some(INT::try_from(it.time_us).unwrap_or(INT::MAX)))
+        });
+}

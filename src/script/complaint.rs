@@ -1,0 +1,112 @@
+//! What the engine complains about, in words of the scenarios' language.
+
+use super::verb::verbs;
+use crate::layout::did_you_mean;
+use rhai::EvalAltResult;
+
+/// Types as the engine names them, and what they are.
+const TYPES: [(&str, &str); 12] = [
+    ("&str | ImmutableString | String", "a text"),
+    ("string", "a text"),
+    ("i64", "an integer"),
+    ("f64", "a number with decimals"),
+    ("bool", "a bool"),
+    ("char", "a character"),
+    ("array", "an array"),
+    ("map", "a map"),
+    ("Fn", "a function"),
+    ("()", "nothing"),
+    ("Block", "a function block"),
+    ("Snapshot", "a snapshot"),
+];
+
+/// What a type of the engine is called; others as they are.
+pub(super) fn kind(name: &str) -> &str {
+    TYPES.iter().find(|(known, _)| *known == name).map_or(name, |(_, kind)| kind)
+}
+
+/// What is wrong, without its place; `line` is the text of the script's line.
+pub(super) fn complaint(error: &EvalAltResult, line: &str) -> String {
+    match error {
+        EvalAltResult::ErrorFunctionNotFound(signature, _) => no_function(signature),
+        EvalAltResult::ErrorVariableNotFound(name, _) => {
+            format!("there is no variable `{name}`{}", with_underscores(line))
+        }
+        EvalAltResult::ErrorModuleNotFound(name, _) => format!("there is no script `{name}` to import"),
+        EvalAltResult::ErrorMismatchDataType(wanted, given, _)
+        | EvalAltResult::ErrorMismatchOutputType(wanted, given, _)
+            if !wanted.is_empty() && !given.is_empty() =>
+        {
+            format!("here is {}, where {} is needed", kind(given), kind(wanted))
+        }
+        other => {
+            let mut text = other.to_string();
+            // The position is told in our own way.
+            if let Some(end) = text.rfind(" (line ") {
+                text.truncate(end);
+            }
+            text
+        }
+    }
+}
+
+/// Nothing has this signature, `name (type, type)`.
+fn no_function(signature: &str) -> String {
+    let (name, types) = signature.split_once(" (").unwrap_or((signature, ""));
+    let types = types.strip_suffix(')').unwrap_or(types);
+    let given: Vec<_> = types.split(", ").filter(|ty| !ty.is_empty()).map(kind).collect();
+    let is_name =
+        |name: &str| name.chars().all(|letter| letter.is_alphanumeric() || letter == '_' || letter == ':');
+    if !is_name(name) {
+        return format!("`{name}` does not go with {}", given.join(" and "));
+    }
+    let verbs = verbs();
+    let near = did_you_mean(name, verbs.iter().map(|verb| verb.name));
+    match given.as_slice() {
+        [] => format!("there is no verb or function `{name}`{near}"),
+        given => format!("there is no verb or function `{name}` of {}{near}", given.join(", ")),
+    }
+}
+
+/// What is meant by a line with `expect-that`, which is read as a subtraction, or `wait-until`, in which `until` is a word of
+/// the language; nothing without one.
+pub(super) fn with_underscores(line: &str) -> String {
+    let meant = verbs()
+        .into_iter()
+        .map(|verb| verb.name)
+        .find(|name| name.contains('_') && line.contains(&name.replace('_', "-")));
+    meant.map_or_else(String::new, |name| format!("; the verb is `{name}`, with `_`"))
+}
+
+/// The beginning of a text that may be as long as somebody likes, in characters.
+pub(super) fn cut(text: String, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        None => text,
+        Some((end, _)) => {
+            let more = text[end..].chars().count();
+            format!("{}... ({more} more characters)", &text[..end])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_texts_are_cut_between_characters() {
+        assert_eq!(cut("äöü".to_owned(), 3), "äöü");
+        assert_eq!(cut("äöüß!".to_owned(), 3), "äöü... (2 more characters)");
+    }
+
+    #[test]
+    fn types_are_named_in_words() {
+        assert_eq!(no_function("+ (i64, ())"), "`+` does not go with an integer and nothing");
+        assert_eq!(no_function("a::b ()"), "there is no verb or function `a::b`");
+        let told = no_function("expct (&str | ImmutableString | String, Block)");
+        assert!(
+            told.starts_with("there is no verb or function `expct` of a text, a function block"),
+            "{told}"
+        );
+    }
+}

@@ -1,0 +1,115 @@
+//! Calls of verbs with arguments of another number or kind.
+
+use super::{Fallible, Verbs};
+use crate::script::ScenarioError;
+use crate::script::caught::Caught;
+use crate::script::complaint::kind;
+use crate::script::verb::{self, Verb};
+use rhai::Dynamic;
+use std::collections::BTreeSet;
+
+/// Registers a function of any arguments under the name of a verb, one for each number of them, unless a verb takes all there.
+macro_rules! refuse {
+    ($verbs:ident, $name:ident, $of:ident: $($count:literal ($($argument:ident)*))*) => {$(
+        if !takes_all(&$of, $count) {
+            $verbs.engine.register_fn($name, move |$($argument: Dynamic),*| -> Fallible<()> {
+                Err(Caught::thrown(wrong_call($name, &[$($argument),*])))
+            });
+        }
+    )*};
+}
+
+impl Verbs {
+    /// Lets calls of verbs with wrong arguments say what would be right. A verb whose parameters fit goes first.
+    pub(super) fn refuse_others(&mut self) {
+        let names: BTreeSet<_> = self.names.iter().map(|(name, _)| *name).collect();
+        for name in names {
+            let of = verb::called(name);
+            refuse!(self, name, of: 0 () 1 (a) 2 (a b) 3 (a b c) 4 (a b c d) 5 (a b c d e) 6 (a b c d e f));
+        }
+    }
+}
+
+/// Whether there is a verb that takes so many arguments of any kind.
+fn takes_all(verbs: &[Verb], count: usize) -> bool {
+    let any = |verb: &Verb| verb.parameters.iter().all(|(_, ty)| *ty == "?");
+    verbs.iter().any(|verb| verb.parameters.len() == count && any(verb))
+}
+
+/// What would be right.
+fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
+    let verbs = verb::called(name);
+    let signatures = verbs.iter().map(Verb::signature).collect::<Vec<_>>().join(" or ");
+    let of_so_many = verbs.iter().filter(|verb| verb.parameters.len() == given.len());
+    // Of several with so many arguments, the one that fits up to the last of them is meant.
+    let misfits = of_so_many.filter_map(|verb| {
+        let pairs = verb.parameters.iter().zip(given).enumerate();
+        pairs.into_iter().find(|(_, ((_, ty), given))| !fits(ty, given)).map(|(index, pair)| (index, pair))
+    });
+    let right = match misfits.max_by_key(|(index, _)| *index) {
+        Some((_, ((parameter, ty), given))) => {
+            let (given, wanted) = (kind(short_name(given)), wanted(ty));
+            format!("`{parameter}` is {wanted}, here it is {given}; write {signatures}")
+        }
+        None => format!("{} arguments are given; write {signatures}", given.len()),
+    };
+    ScenarioError::argument(name, &right)
+}
+
+fn short_name(given: &Dynamic) -> &'static str {
+    match given.type_name() {
+        name if name.ends_with("::Block") => "Block",
+        name if name.ends_with("::MemoryCopy") => "Snapshot",
+        name if name.ends_with("::Caught") => "an error",
+        name => name,
+    }
+}
+
+/// Whether an argument is of a type of the definition file.
+fn fits(ty: &str, given: &Dynamic) -> bool {
+    match ty {
+        "String" => given.is_string(),
+        "int" => given.is_int(),
+        "bool" => given.is_bool(),
+        "Array" => given.is_array(),
+        "FnPtr" => given.is_fnptr(),
+        "Block" | "Snapshot" => short_name(given) == ty,
+        _ => true,
+    }
+}
+
+fn wanted(ty: &str) -> &str {
+    match ty {
+        "String" => "a text",
+        "int" => "an integer",
+        "bool" => "a bool",
+        "Array" => "an array",
+        "FnPtr" => "a function such as `|| now() > 5`",
+        other => kind(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_be_right_is_told() {
+        let told = |name, given: &[Dynamic]| wrong_call(name, given).to_string();
+        assert_eq!(
+            told("wait", &["node2.b_BT_0".into(), 2_i64.into()]),
+            "`wait`: 2 arguments are given; write wait(register, value, within)"
+        );
+        assert_eq!(
+            told("wait", &[5_i64.into(), 2_i64.into(), "1ms".into()]),
+            "`wait`: `register` is a text, here it is an integer; write wait(register, value, within)"
+        );
+        let five = ["open".into(), 1_i64.into(), "*".into(), "1ms".into(), 1_i64.into()];
+        assert!(
+            told("expect_frame", &five)
+                .contains("`extended` is a bool, here it is an integer; write expect_frame(")
+        );
+        assert!(takes_all(&verb::called("step"), 1) && takes_all(&verb::called("now"), 0));
+        assert!(!takes_all(&verb::called("step"), 2) && !takes_all(&verb::called("poke"), 2));
+    }
+}

@@ -1,0 +1,63 @@
+//! The verbs as their definition file has them: one table for editors, for messages and for who reads the reference.
+
+/// The verbs for editors that know Rhai's definition files: names, parameters, types, what they do.
+pub const DEFINITIONS: &str = include_str!("verbs.d.rhai");
+
+/// A verb of scenarios. One of several numbers of arguments is there once for each.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Verb {
+    /// Its name.
+    pub name: &'static str,
+    /// Names and types of its parameters. `?` is a value, a time or data, which are given as one of several types.
+    pub parameters: Vec<(&'static str, &'static str)>,
+}
+
+impl Verb {
+    /// `wait(register, value, within)`
+    pub fn signature(&self) -> String {
+        let names: Vec<_> = self.parameters.iter().map(|(name, _)| *name).collect();
+        format!("{}({})", self.name, names.join(", "))
+    }
+}
+
+/// All verbs, in the order of the definition file.
+pub fn verbs() -> Vec<Verb> {
+    DEFINITIONS.lines().filter_map(verb).collect()
+}
+
+/// Those of this name.
+pub(super) fn called(name: &str) -> Vec<Verb> {
+    verbs().into_iter().filter(|verb| verb.name == name).collect()
+}
+
+/// The verb of a line `fn wait(register: String, value: ?, within: ?) -> int;`.
+fn verb(line: &'static str) -> Option<Verb> {
+    let (name, rest) = line.strip_prefix("fn ")?.split_once('(')?;
+    let (parameters, _) = rest.split_once(')')?;
+    let parameters = parameters.split(", ").filter_map(|parameter| parameter.split_once(": ")).collect();
+    Some(Verb { name, parameters })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_file_is_read_with_names_and_types() {
+        let wait = called("wait");
+        let parameters = vec![("register", "String"), ("value", "?"), ("within", "?")];
+        assert_eq!(wait, [Verb { name: "wait", parameters }]);
+        assert_eq!(wait[0].signature(), "wait(register, value, within)");
+        assert_eq!(called("now")[0].signature(), "now()");
+        let definitions = DEFINITIONS.lines().filter(|line| line.starts_with("fn ")).count();
+        assert_eq!(verbs().len(), definitions);
+    }
+
+    #[test]
+    fn every_definition_says_what_it_does() {
+        let lines: Vec<_> = DEFINITIONS.lines().collect();
+        for pair in lines.windows(2).filter(|pair| pair[1].starts_with("fn ")) {
+            assert!(pair[0].starts_with("/// ") && pair[0].ends_with(['.', '`']), "{pair:?}");
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Plant files before they run: `run --check` and `plant new`.
+
+use crate::common::{Outcome, commram, finish};
+use std::path::Path;
+use tempfile::TempDir;
+
+fn run_in(directory: &Path, args: &[&str]) -> Outcome {
+    finish(commram().args(args).current_dir(directory))
+}
+
+#[test]
+fn a_plant_is_judged_without_being_started() {
+    let directory = TempDir::new().unwrap();
+    let judge = |text: &str, args: &[&str]| {
+        std::fs::write(directory.path().join("plant.toml"), text).unwrap();
+        run_in(directory.path(), &[&["run", "--check", "plant.toml"], args].concat())
+    };
+    let fine = "[[plc]]\nname = \"line\"\nnode2 = \"drives\"\n[[bus]]\nname = \"drives\"\n";
+    assert_eq!(judge(fine, &[]).ok(), "plant.toml: fine: 1 device, 1 bus with 0 drives, 0 faults\n");
+    let json: serde_json::Value = serde_json::from_str(judge(fine, &["--format", "json"]).ok()).unwrap();
+    assert_eq!(
+        (&json[0]["fine"], &json[0]["devices"][0]["ports"][1]["bus"]),
+        (&true.into(), &"drives".into())
+    );
+    for (text, line, message) in [
+        ("[[plc]]\nname = \"line\"\ndip = 32\n", 3, "dip of 'line' is 32; it must be 0 to 31"),
+        ("[[plc]]\nname = \"line\"\nnode = 3\n", 3, "unknown field `node`"),
+        ("[[bus]]\nname = \"b\"\nkind = \"lan\"\n", 3, "there is no bus of kind 'lan'; kinds are: "),
+        ("bus = 5\n", 1, "[[bus]] begins a section; there can be several"),
+    ] {
+        assert!(judge(text, &[]).fails(2).contains(message), "{text}");
+        let refused = judge(text, &["--format", "json"]);
+        let json: serde_json::Value = serde_json::from_str(&refused.out).unwrap();
+        assert_eq!(
+            (refused.code, &json[0]["fine"], &json[0]["line"]),
+            (Some(2), &false.into(), &line.into())
+        );
+        assert!(json[0]["message"].as_str().unwrap().starts_with(message), "{json}");
+    }
+    assert!(run_in(directory.path(), &["run", "--format", "json"]).fails(2).contains("--check"));
+}
+
+#[test]
+fn a_new_plant_names_its_schema_and_nothing_is_overwritten() {
+    let directory = TempDir::new().unwrap();
+    let new = || run_in(directory.path(), &["plant", "new", "plant.toml"]);
+    assert_eq!(new().ok(), "plant.toml\nplant.schema.json\n");
+    let text = std::fs::read_to_string(directory.path().join("plant.toml")).unwrap();
+    assert!(text.starts_with("#:schema ./plant.schema.json\n"), "{text}");
+    run_in(directory.path(), &["run", "--check", "plant.toml"]).ok();
+    assert!(new().fails(1).contains("plant.toml"));
+    let printed = run_in(directory.path(), &["plant", "new", "--device", "can-dp2"]);
+    assert!(printed.ok().contains("kind = \"can-dp2\""), "{}", printed.out);
+}
