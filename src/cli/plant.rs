@@ -6,7 +6,7 @@ use crate::devices;
 use clap::Subcommand;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::fs::OpenOptions;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// The schema's file, beside the plants.
@@ -87,5 +87,11 @@ fn new(args: &NewArgs) -> Result<(), CliError> {
 fn write_new(path: &Path, text: &str) -> Result<(), CliError> {
     let file = OpenOptions::new().write(true).create_new(true).open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|reason| CliError::File { path: path.to_owned(), reason })
+    written.map_err(|reason| match reason.kind() {
+        ErrorKind::AlreadyExists => CliError::Argument {
+            text: path.display().to_string(),
+            right: "this file is there already, and nothing is overwritten; name another".to_owned(),
+        },
+        _ => CliError::File { path: path.to_owned(), reason },
+    })
 }
