@@ -43,8 +43,8 @@ fn wrong_call(name: &str, given: &[Dynamic]) -> ScenarioError {
     let of_so_many = verbs.iter().filter(|verb| verb.parameters.len() == given.len());
     // Of several with so many arguments, the one that fits up to the last of them is meant.
     let misfits = of_so_many.filter_map(|verb| {
-        let pairs = verb.parameters.iter().zip(given).enumerate();
-        pairs.into_iter().find(|(_, ((_, ty), given))| !fits(ty, given)).map(|(index, pair)| (index, pair))
+        let mut pairs = verb.parameters.iter().zip(given).enumerate();
+        pairs.find(|(_, ((_, ty), given))| !fits(ty, given))
     });
     let right = match misfits.max_by_key(|(index, _)| *index) {
         Some((_, ((parameter, ty), given))) => {
