@@ -25,7 +25,7 @@ Examples:
   commram peek --raw %MW3.200002
   commram peek line2:node1.w_OPTION_STATUS --format json")]
 pub(crate) struct Args {
-    /// Registers by name or address, or patterns: * for anything, [0..3] for a range, [*] for all
+    /// Registers by name or address, or patterns: * for anything, `[0..3]` for a range, `[*]` for all
     #[arg(value_name = "REG", required = true)]
     registers: Vec<String>,
     /// Print nothing but the numbers, one per line

@@ -7,7 +7,7 @@
 //! not known; they are told in that of their addresses.
 //!
 //! A comparison changes nothing in the plant. Those changes that are to be in the journal become records
-//! ([`Changed`](super::Changed)); for the others there is a bounded list with numbers of its own, so that whoever only
+//! ([`Changed`]); for the others there is a bounded list with numbers of its own, so that whoever only
 //! looks on leaves the journal as it is.
 
 use super::changed::{By, Changed, How};

@@ -85,7 +85,7 @@ def decode(meaning: str, value: int, width: int) -> str:
     if known is not None:
         return _told(*known)
     if not bits:
-        return f"{_hex(value, width)} has no meaning"
+        return "no meaning"
     text, described, decision = "", 0, None
     for first, last, zero, one, field_text, field_values, joined, reserved, source in bits:
         mask = (1 << (last - first + 1)) - 1
