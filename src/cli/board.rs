@@ -1,6 +1,7 @@
 //! `commram board`: front, supply and program start of a PLC.
 
 use super::Instance;
+use super::complete;
 use super::error::CliError;
 use super::table::{self, FormatArg, Row};
 use crate::devices;
@@ -38,6 +39,7 @@ enum Command {
     /// Show the board of each PLC, or of one
     Get {
         /// Name of the PLC
+        #[arg(add = complete::plcs())]
         plc: Option<String>,
         #[command(flatten)]
         format: FormatArg,
@@ -48,7 +50,7 @@ enum Command {
     /// hot, stop), project (none, boot, sent); of a module: slotH.dip; whatever else a device has at its front
     Set {
         /// What to set, with the PLC in front if there are several
-        #[arg(value_name = "NAME=VALUE", required = true)]
+        #[arg(add = complete::settings(), value_name = "NAME=VALUE", required = true)]
         settings: Vec<String>,
         #[command(flatten)]
         instance: Instance,
@@ -56,6 +58,7 @@ enum Command {
     /// Press RESET and release it; the switch then stands at STOP
     Reset {
         /// Name of the PLC
+        #[arg(add = complete::plcs())]
         plc: Option<String>,
         #[command(flatten)]
         instance: Instance,
@@ -63,6 +66,7 @@ enum Command {
     /// Switch the supply off and on
     PowerCycle {
         /// Name of the PLC
+        #[arg(add = complete::plcs())]
         plc: Option<String>,
         #[command(flatten)]
         instance: Instance,
@@ -207,9 +211,9 @@ impl Row for Entry {
         "switch",
         "power",
         "dip",
-        "dip latched",
+        "dip_latched",
         "program",
-        "last start",
+        "start",
         "restarts",
         "project",
     ];
@@ -299,10 +303,48 @@ fn set(instance: &Instance, words: &[BoardWord<'_>]) -> Result<(), CliError> {
     let session = Session::open(instance, 0)?;
     let op = |word: &BoardWord<'_>| {
         let plc = session.plc(word.plc, word.text)?;
-        Ok(Op::SetBoard { plc, setting: word.at(session.device(plc))? })
+        let setting = word.at(session.device(plc))?;
+        // All is checked before anything is set.
+        has_switch(&session, plc, setting)?;
+        Ok(Op::SetBoard { plc, setting })
     };
     let ops = words.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
-    session.request(&ops).map(drop)
+    session.request(&ops).map(drop).inspect_err(|_| {
+        // A start depends on what stands in front of it, so it can be refused once that is set.
+        let is_start = |op: &Op| matches!(op, Op::SetBoard { setting: BoardSetting::Start(_), .. });
+        let done = ops.iter().position(is_start).and_then(|count| words.get(..count)).unwrap_or_default();
+        if !done.is_empty() {
+            let done: Vec<_> = done.iter().map(|word| word.text).collect();
+            super::output::note(&format!("set before that: {}", done.join(" ")));
+        }
+    })
+}
+
+/// Refuses a switch that the PLC, or the module in the slot, does not have.
+#[cfg(feature = "channel")]
+fn has_switch(session: &super::session::Session, plc: u16, setting: BoardSetting) -> Result<(), CliError> {
+    use crate::channel::ClientError;
+    use crate::request::Refused;
+    let device = session.device(plc);
+    let has = match setting {
+        BoardSetting::ModuleDip { port, .. } => {
+            let named = device.port_numbered(port).map_or("", |port| port.name);
+            let modules = session.modules(plc)?.unwrap_or_default();
+            modules
+                .iter()
+                .any(|(slot, front)| *slot == named && front.switches.iter().any(|(name, _)| *name == "dip"))
+        }
+        BoardSetting::Front { .. }
+        | BoardSetting::Power(_)
+        | BoardSetting::Reset
+        | BoardSetting::PowerCycle => true,
+        _ => devices::board_of(device).contains(&setting.name()),
+    };
+    if has {
+        return Ok(());
+    }
+    let name = session.plcs().get(usize::from(plc)).map_or("", String::as_str);
+    Err(ClientError::Refused(Refused::no_such_switch(name, device, setting)).into())
 }
 
 /// Says that there is no channel.

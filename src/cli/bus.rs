@@ -63,6 +63,7 @@ Examples:
   commram bus open dp profibus-tcp:127.0.0.1:0")]
 struct Open {
     /// Name of the bus
+    #[arg(add = super::complete::buses())]
     bus: String,
     /// The door
     door: DoorSpec,
@@ -78,6 +79,7 @@ Examples:
   commram bus close open                              all of them")]
 struct Close {
     /// Name of the bus
+    #[arg(add = super::complete::buses())]
     bus: String,
     /// The door, as `list` prints it; without it all doors of the bus
     door: Option<DoorSpec>,
@@ -201,7 +203,7 @@ mod by_channel {
     }
 
     impl Row for Entry {
-        const COLUMNS: &'static [&'static str] = &["bus", "kind", "kbit/s", "doors", "guests", "errors"];
+        const COLUMNS: &'static [&'static str] = &["bus", "kind", "kbit_s", "doors", "guests", "stations"];
 
         fn cells(&self) -> Vec<String> {
             let listed = |texts: Vec<String>| if texts.is_empty() { "-".to_owned() } else { texts.join(" ") };

@@ -131,7 +131,7 @@ impl FindingRow {
 
 impl Row for FindingRow {
     const COLUMNS: &'static [&'static str] =
-        &["severity", "rule", "register", "address", "value", "count", "first", "last", "late"];
+        &["severity", "rule", "register", "address", "value", "count", "first_us", "last_us", "late_us"];
 
     fn cells(&self) -> Vec<String> {
         let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
@@ -142,10 +142,20 @@ impl Row for FindingRow {
             or_dash(&self.address),
             self.value_text.clone(),
             self.count.to_string(),
-            time::seconds(self.first_us),
-            time::seconds(self.last_us),
-            or_dash(&self.late_us.map(|late| format!("{late} us"))),
+            self.first_us.to_string(),
+            self.last_us.to_string(),
+            or_dash(&self.late_us.map(|late| late.to_string())),
         ]
+    }
+
+    fn text_cells(&self) -> Vec<String> {
+        let mut cells = self.cells();
+        let times = [time::seconds(self.first_us), time::seconds(self.last_us)];
+        let late = self.late_us.map(|late| format!("{late} us"));
+        let told = times.into_iter().chain([late.unwrap_or_else(|| "-".to_owned())]);
+        cells.truncate(cells.len() - 3);
+        cells.extend(told);
+        cells
     }
 }
 

@@ -1,6 +1,7 @@
 //! `commram dump`: registers with their meaning.
 
 use super::Instance;
+use super::complete;
 use super::device::on_any_device;
 use super::error::CliError;
 use super::peek::{Holding, number};
@@ -35,7 +36,7 @@ Examples:
 pub(crate) struct Args {
     /// Blocks, arrays, registers, patterns ('node2.*STATUS*', 'node2.a_STAT_SL[0..3]') or addresses, `retain` for the retain
     /// flags; a PLC with a colon alone means all blocks of that PLC [default: everything]
-    #[arg(value_name = "BLOCK")]
+    #[arg(add = complete::blocks(), value_name = "BLOCK")]
     blocks: Vec<String>,
     /// Also registers that hold their reset value
     #[arg(long)]

@@ -46,7 +46,7 @@ struct Add {
     #[arg(value_parser = KindParser, hide_possible_values = true)]
     kind: String,
     /// Its fields
-    #[arg(value_name = "FIELD=VALUE")]
+    #[arg(add = super::complete::fault_fields(), value_name = "FIELD=VALUE")]
     fields: Vec<String>,
     #[command(flatten)]
     instance: Instance,

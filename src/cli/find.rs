@@ -32,7 +32,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     device: DeviceArg,
     /// In the PLCs of this instance, as they are fitted
-    #[arg(short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
+    #[arg(add = super::complete::instances(), short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
     instance: Option<String>,
     #[command(flatten)]
     format: FormatArg,
@@ -120,9 +120,9 @@ fn text(found: &[Entry], words: &[String]) -> String {
     let cells =
         |entry: &Entry| [&entry.name, &entry.address, &entry.ty, &entry.owner].map(Clone::clone).to_vec();
     let line = |entry: &Entry| cells(entry).into_iter().chain([entry.meaning.to_owned()]).collect();
-    let lines = table::columns(&found.iter().map(line).collect::<Vec<_>>());
+    let lines = table::rows(&found.iter().map(line).collect::<Vec<_>>());
     let mut text = String::new();
-    for (entry, line) in found.iter().zip(lines.lines()) {
+    for (entry, line) in found.iter().zip(&lines) {
         text.push_str(line);
         text.push('\n');
         let hit = |(what, meaning): &(String, String)| {

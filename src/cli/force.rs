@@ -1,6 +1,7 @@
 //! `commram force` and `commram unforce`: registers that keep their value.
 
 use super::Instance;
+use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 #[cfg(feature = "channel")]
@@ -21,7 +22,7 @@ Examples:
   commram force --format json")]
 pub(crate) struct Args {
     /// Registers by name or address, and the values they keep; none: list the forced registers
-    #[arg(value_name = "REG=VALUE")]
+    #[arg(add = complete::writes(), value_name = "REG=VALUE")]
     writes: Vec<String>,
     #[command(flatten)]
     format: FormatArg,
@@ -39,7 +40,7 @@ Examples:
   commram unforce --all")]
 pub(crate) struct UnforceArgs {
     /// Registers by name or address
-    #[arg(value_name = "REG", required_unless_present = "all")]
+    #[arg(add = complete::registers(), value_name = "REG", required_unless_present = "all")]
     registers: Vec<String>,
     /// All forced registers
     #[arg(long, conflicts_with = "registers")]

@@ -16,6 +16,7 @@ const STARTING: &str = "2s";
 pub(crate) struct InstanceName {
     /// Name of the instance
     #[arg(
+        add = super::complete::instances(),
         short = 'i',
         long = "instance",
         value_name = "NAME",

@@ -28,11 +28,13 @@ struct Entry {
     pid: Option<u32>,
     clock: Option<String>,
     time_us: Option<u64>,
-    state: String,
+    state: &'static str,
+    /// Why it cannot be used.
+    reason: Option<String>,
 }
 
 impl Row for Entry {
-    const COLUMNS: &'static [&'static str] = &["name", "plcs", "pid", "clock", "time", "state"];
+    const COLUMNS: &'static [&'static str] = &["name", "plcs", "pid", "clock", "time_us", "state", "reason"];
 
     fn cells(&self) -> Vec<String> {
         let text = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
@@ -41,9 +43,20 @@ impl Row for Entry {
             self.plcs.join(" "),
             text(self.pid.map(|pid| pid.to_string())),
             text(self.clock.clone()),
-            text(self.time_us.map(time::seconds)),
-            self.state.clone(),
+            text(self.time_us.map(|us| us.to_string())),
+            self.state.to_owned(),
+            self.reason.clone().unwrap_or_default(),
         ]
+    }
+
+    fn text_cells(&self) -> Vec<String> {
+        let mut cells = self.cells();
+        // Reasons stand below the table.
+        cells.pop();
+        if let (Some(cell), Some(us)) = (cells.get_mut(4), self.time_us) {
+            *cell = time::seconds(us);
+        }
+        cells
     }
 }
 
@@ -52,8 +65,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let entries = entries(crate::memory::list()?);
     table::print(args.format.format, &entries, |entries| match entries {
         [] => "no instance is running; start one with `commram run`\n".to_owned(),
-        entries => table::aligned(entries),
+        entries => text(entries),
     })
+}
+
+fn text(entries: &[Entry]) -> String {
+    let reason = |entry: &Entry| Some(format!("{}: {}\n", entry.name, entry.reason.as_ref()?));
+    table::aligned(entries) + &entries.iter().filter_map(reason).collect::<String>()
 }
 
 /// One entry per emulator; after a restart with fewer PLCs, images of the one before may be left.
@@ -61,8 +79,10 @@ fn entries(images: Vec<ImageInfo>) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     for image in images {
         let new = entry(image);
-        let same =
-            |known: &&mut Entry| (&known.name, known.pid, &known.state) == (&new.name, new.pid, &new.state);
+        let same = |known: &&mut Entry| {
+            (&known.name, known.pid, known.state, &known.reason)
+                == (&new.name, new.pid, new.state, &new.reason)
+        };
         match entries.iter_mut().find(same) {
             Some(known) => known.plcs.extend(new.plcs),
             None => entries.push(new),
@@ -72,13 +92,13 @@ fn entries(images: Vec<ImageInfo>) -> Vec<Entry> {
 }
 
 fn entry(image: ImageInfo) -> Entry {
-    let (summary, state) = match image.condition {
+    let (summary, state, reason) = match image.condition {
         Condition::Alive(summary) => {
             let state = state_name(summary.state);
-            (Some(summary), state.to_owned())
+            (Some(summary), state, None)
         }
-        Condition::Dead(summary) => (Some(summary), "dead".to_owned()),
-        Condition::Unusable(reason) => (None, format!("unusable: {reason}")),
+        Condition::Dead(summary) => (Some(summary), "dead", None),
+        Condition::Unusable(reason) => (None, "unusable", Some(reason.to_string())),
     };
     Entry {
         name: image.instance,
@@ -87,6 +107,7 @@ fn entry(image: ImageInfo) -> Entry {
         clock: summary.as_ref().map(clock_name),
         time_us: summary.map(|summary| summary.virtual_time_us),
         state,
+        reason,
     }
 }
 
@@ -143,8 +164,9 @@ mod tests {
 NAME  PLCS       PID  CLOCK            TIME        STATE
 a     saw press  42   stepped          0.002500 s  ready
 b     line       42   real time x 2.5  0.002500 s  dead
-z     p          -    -                -           unusable: /dev/shm/commram.z.p is no regular file; it is left alone, remove it yourself
+z     p          -    -                -           unusable
+z: /dev/shm/commram.z.p is no regular file; it is left alone, remove it yourself
 ";
-        assert_eq!(table::aligned(&entries), text);
+        assert_eq!(super::text(&entries), text);
     }
 }

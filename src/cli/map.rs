@@ -3,11 +3,13 @@
 mod detail;
 pub(in crate::cli) mod entry;
 
+use super::complete;
 use super::device::DeviceArg;
 use super::error::CliError;
 use super::output;
 use super::place::without_twins;
 use super::session::Session;
+use super::style;
 use super::table::{self, Format, FormatArg};
 use super::{Instance, instance_name};
 use crate::layout::{Address, Area, Fit, Fitted, Named, Placed, Role, Width, split_plc};
@@ -25,12 +27,12 @@ Examples:
   commram map --all --format csv > map.csv
   commram map maxx:slotG -i press-1
 
-Provenance: facts marked `manual` are stated in the manual, or with a name behind it in the vendor's
-library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from.
+Provenance: facts marked `manual` are stated in the manual, or with a name behind it in the vendor's \
+library of that name. Where both are silent, the decision (D-nn) is named that the fact follows from. \
 Names of blocks (node1, node2, ...) are ours (D-220).")]
 pub(crate) struct Args {
     /// A register, an array, a pattern ('node2.*STATUS*'), an address or a block [default: everything]
-    #[arg(value_name = "NAME|ADDRESS|BLOCK")]
+    #[arg(add = complete::blocks(), value_name = "NAME|ADDRESS|BLOCK")]
     what: Option<String>,
     /// Also registers that the manual reserves
     #[arg(long)]
@@ -38,7 +40,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     device: DeviceArg,
     /// The PLC of this instance, as it is fitted: what lies in a slot depends on the module there
-    #[arg(short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
+    #[arg(add = super::complete::instances(), short, long, value_name = "NAME", value_parser = instance_name, conflicts_with = "device")]
     instance: Option<String>,
     #[command(flatten)]
     format: FormatArg,
@@ -93,16 +95,17 @@ fn at_address(fitted: &Fitted, address: Address) -> Result<Vec<Entry>, CliError>
 /// A head line per block, then its registers in columns.
 fn text(entries: &[Entry]) -> String {
     let lines: Vec<_> = entries.iter().map(Entry::text_cells).collect();
-    let columns = table::columns(&lines);
+    let rows = table::rows(&lines);
     let mut text = String::new();
     let mut last: Option<(&Area, &str)> = None;
-    for (entry, line) in entries.iter().zip(columns.lines()) {
+    for (entry, line) in entries.iter().zip(&rows) {
         let block = (entry.area_ref, entry.structure);
         if last.is_none_or(|(area, structure)| !core::ptr::eq(area, block.0) || structure != block.1) {
             if !text.is_empty() {
                 text.push('\n');
             }
-            text.push_str(&head(block.0, block.1));
+            text.push_str(&style::head(&head(block.0, block.1)));
+            text.push('\n');
             last = Some(block);
         }
         // Plain RAM has no registers, its head says it all.
@@ -124,7 +127,7 @@ fn head(area: &Area, structure: &str) -> String {
         }
         None => ("plain RAM".to_owned(), *page),
     };
-    format!("{name}  {}-{}  {doc}. {content} (p. {page})\n", area.begin(), area.numbers().end())
+    format!("{name}  {}-{}  {doc}. {content} (p. {page})", area.begin(), area.numbers().end())
 }
 
 /// The role that a structure is for, if for others another one lies there.

@@ -4,6 +4,7 @@ mod board;
 mod bus;
 mod change;
 mod check;
+mod complete;
 mod completions;
 mod demo;
 mod detach;
@@ -21,6 +22,7 @@ mod instance;
 mod judge;
 mod layout;
 mod list;
+mod man;
 mod map;
 mod output;
 #[cfg(feature = "channel")]
@@ -33,6 +35,7 @@ mod session;
 mod start;
 mod step;
 mod stop;
+mod style;
 mod table;
 mod test;
 mod trace;
@@ -57,6 +60,9 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(name = "commram", version, color = ColorChoice::Never, max_term_width = 100, after_help = after_help())]
 struct Cli {
+    /// Colours: on a terminal (unless NO_COLOR is set), always, never
+    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = style::When::Auto, hide_possible_values = true)]
+    color: style::When,
     #[command(subcommand)]
     command: Command,
 }
@@ -121,11 +127,14 @@ enum Command {
     Board(board::Args),
     Bus(bus::Args),
     Completions(completions::Args),
+    Man(man::Args),
 }
 
 /// Parses the command line, runs the command and returns what the process is to end with. The whole program, for a
 /// `main` that has registered devices of its own before ([`devices::register`](crate::devices::register)).
 pub fn main() -> ExitCode {
+    completions::answer();
+    style::set(std::env::args_os());
     let result = match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
         Err(error) => return refuse(&error),
@@ -174,15 +183,20 @@ impl Command {
             Command::Board(args) => board::run(&args),
             Command::Bus(args) => bus::run(&args),
             Command::Completions(args) => completions::run(&args),
+            Command::Man(args) => man::run(&args),
         }
     }
 }
 
 /// Shows help and version as asked for, and complaints about the command line like all others.
 fn refuse(error: &clap::Error) -> ExitCode {
+    let shown = |stream_has_colours: bool| {
+        let text = error.render();
+        if stream_has_colours { text.ansi().to_string() } else { text.to_string() }
+    };
     let text = error.render().to_string();
     if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        output::print_help(&text);
+        output::print_help(&shown(style::is_on(&std::io::stderr())));
         return ExitCode::from(Exit::WrongUse.code());
     }
     if error.use_stderr() {
@@ -190,7 +204,7 @@ fn refuse(error: &clap::Error) -> ExitCode {
         return ExitCode::from(Exit::WrongUse.code());
     }
     // Nothing can be done if help cannot be shown.
-    let _ = output::print(&text);
+    let _ = output::print(&shown(style::is_on(&std::io::stdout())));
     ExitCode::SUCCESS
 }
 
@@ -202,6 +216,21 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    /// On a narrow terminal clap breaks long lines; a paragraph that is broken by hand as well falls to pieces.
+    #[test]
+    fn no_paragraph_below_the_help_is_broken_by_hand() {
+        let mut commands = vec![Cli::command()];
+        while let Some(command) = commands.pop() {
+            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            for (line, next) in text.lines().zip(text.lines().skip(1)) {
+                let is_text = |line: &str| !line.is_empty() && !line.starts_with(' ') && !line.ends_with(':');
+                let name = command.get_name();
+                assert!(line.len() < 60 || !is_text(line) || !is_text(next), "{name}: {line}");
+            }
+            commands.extend(command.get_subcommands().cloned());
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Writing to the terminal, or to whatever stands in for it.
 
-use super::error::CliError;
+use super::{error::CliError, style};
 use std::io::{self, Write};
 
 /// Writes `text` to the standard output and flushes it.
@@ -23,9 +23,15 @@ pub(crate) fn write(bytes: &[u8]) -> Result<(), CliError> {
     })
 }
 
-/// Writes a complaint to the standard error output. If even that fails, nobody is left to be told.
+/// Longest word of a message, in characters.
+const LONGEST_WORD: usize = 160;
+/// Longest message, in characters.
+const LONGEST: usize = 8_000;
+
+/// Writes a complaint to the standard error output; what somebody has handed in stands in it shortened. If even that
+/// fails, nobody is left to be told.
 pub(crate) fn complain(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "commram: {text}");
+    let _ = writeln!(io::stderr().lock(), "{} {}", style::error("commram:"), shortened(text));
 }
 
 /// Passes on what another process has said on its standard error output.
@@ -41,4 +47,37 @@ pub(crate) fn note(text: &str) {
 /// Shows help to somebody who has not asked for it.
 pub(crate) fn print_help(text: &str) {
     let _ = write!(io::stderr().lock(), "{text}");
+}
+
+/// The text with words and a whole that somebody wants to read.
+fn shortened(text: &str) -> String {
+    let words = text.split_inclusive([' ', '\n']).map(|word| cut(word, LONGEST_WORD));
+    cut(&words.collect::<String>(), LONGEST)
+}
+
+/// Begin and end of a text that is longer than this, and how long it was.
+fn cut(text: &str, most: usize) -> String {
+    let count = text.chars().count();
+    if count <= most {
+        return text.to_owned();
+    }
+    let part = |from: usize, len: usize| text.chars().skip(from).take(len).collect::<String>();
+    let (head, tail) = (most * 3 / 4, most / 8);
+    format!("{}... ({count} characters) ...{}", part(0, head), part(count - tail, tail))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_handed_in_is_cut() {
+        let long = format!("`{}`: no such register; did you mean x?", "x".repeat(5_000_000));
+        let text = shortened(&long);
+        assert!(text.len() < 300, "{text}");
+        assert!(text.starts_with("`xxx") && text.contains("... (5000004 characters) ..."), "{text}");
+        assert!(text.ends_with("xxx`: no such register; did you mean x?"), "{text}");
+        assert_eq!(shortened("unknown `w`\n  and more"), "unknown `w`\n  and more");
+        assert!(shortened(&"größe ".repeat(1_000_000)).chars().count() < 8_100);
+    }
 }

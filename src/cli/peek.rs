@@ -1,5 +1,6 @@
 //! `commram peek`: what registers hold.
 
+use super::complete;
 use super::device::{of_any_device_but_told_by, told_by};
 use super::dump::{self, Blocks};
 use super::error::CliError;
@@ -26,7 +27,7 @@ Examples:
   commram peek line2:node1.w_OPTION_STATUS --format json")]
 pub(crate) struct Args {
     /// Registers by name or address, or patterns: * for anything, `[0..3]` for a range, `[*]` for all
-    #[arg(value_name = "REG", required = true)]
+    #[arg(add = complete::registers(), value_name = "REG", required = true)]
     registers: Vec<String>,
     /// Print nothing but the numbers, one per line
     #[arg(long, conflicts_with = "format")]

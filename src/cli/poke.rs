@@ -1,6 +1,7 @@
 //! `commram poke`: write registers.
 
 use super::Instance;
+use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
@@ -22,7 +23,7 @@ Examples:
   commram poke line2:node2.w_CPU_CONTROL=0")]
 pub(crate) struct Args {
     /// Registers by name or address, and their new values
-    #[arg(value_name = "REG=VALUE", required = true)]
+    #[arg(add = complete::writes(), value_name = "REG=VALUE", required = true)]
     writes: Vec<String>,
     #[command(flatten)]
     instance: Instance,

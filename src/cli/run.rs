@@ -33,7 +33,7 @@ Examples:
   commram run --layout layouts/DEVICE")]
 pub(crate) struct Args {
     /// The plant: PLCs, buses, drives
-    #[arg(value_name = "PLANT.toml")]
+    #[arg(add = super::complete::files(&["toml"]), value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
     /// Judge the plant and start nothing
     #[arg(long)]

@@ -91,8 +91,16 @@ impl Settings {
         let (started, starting) = mpsc::channel();
         std::thread::spawn(move || signals.pass_on(&starting));
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
+        let new = self.novram.as_deref().filter(|directory| !directory.exists());
         let mut emulator = Emulator::start(&config, options)?;
         self.keep_changes(&mut emulator, instance)?;
+        // A name that was mistyped would have flags and parameters begin anew.
+        if let Some(new) = new.filter(|directory| directory.exists()) {
+            super::output::note(&format!(
+                "NOVRAM directory {} was not there; it is new and empty",
+                new.display()
+            ));
+        }
         report_takeover(&emulator);
         Ok((emulator, started))
     }

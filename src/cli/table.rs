@@ -1,6 +1,6 @@
 //! Tables in the formats that people and programs read.
 
-use super::{error::CliError, output};
+use super::{error::CliError, output, style};
 use crate::export::{csv_line, md_table};
 use clap::ValueEnum;
 use serde::Serialize;
@@ -28,11 +28,16 @@ pub(crate) struct FormatArg {
 
 /// A row of a table. JSON gets its fields, the other formats get its cells.
 pub(crate) trait Row: Serialize {
-    /// Heads of the columns, also the names in CSV.
+    /// The columns as CSV and JSON call them; people see them without the unit.
     const COLUMNS: &'static [&'static str];
 
     /// One text per column.
     fn cells(&self) -> Vec<String>;
+
+    /// The same for people, whose table may leave out the last columns.
+    fn text_cells(&self) -> Vec<String> {
+        self.cells()
+    }
 }
 
 /// Prints the rows; `text` makes the text format.
@@ -54,13 +59,37 @@ pub(crate) fn print<R: Row>(
 
 /// The rows in columns as wide as needed, under a head line.
 pub(crate) fn aligned<R: Row>(rows: &[R]) -> String {
-    let head = R::COLUMNS.iter().map(|column| column.to_uppercase()).collect();
-    let lines: Vec<_> = std::iter::once(head).chain(rows.iter().map(Row::cells)).collect();
-    columns(&lines)
+    let lines: Vec<_> = rows.iter().map(Row::text_cells).collect();
+    let count = lines.first().map_or(R::COLUMNS.len(), Vec::len);
+    let head = |column: &&str| column.strip_suffix("_us").unwrap_or(column).replace('_', " ").to_uppercase();
+    let head = R::COLUMNS.iter().take(count).map(head).collect();
+    with_head(head, lines)
+}
+
+/// Lines of cells in columns under a head line.
+pub(crate) fn with_head(head: Vec<String>, lines: Vec<Vec<String>>) -> String {
+    let lines: Vec<_> = std::iter::once(head).chain(lines).collect();
+    let mut rows = rows(&lines).into_iter();
+    let head = rows.next().map(|head| style::head(&head) + "\n").unwrap_or_default();
+    head + &rows.map(|row| row + "\n").collect::<String>()
 }
 
 /// Lines of cells in columns as wide as needed, two blanks between them.
 pub(crate) fn columns(lines: &[Vec<String>]) -> String {
+    rows(lines).into_iter().map(|row| row + "\n").collect()
+}
+
+/// The same, row by row. On a terminal a row that is too long goes on in further lines.
+pub(crate) fn rows(lines: &[Vec<String>]) -> Vec<String> {
+    within(lines, style::width())
+}
+
+/// Least width of a last column that is broken where it stands.
+const NARROW: usize = 24;
+/// How far further lines of a row are moved in.
+const INDENT: usize = 4;
+
+fn within(lines: &[Vec<String>], most: Option<usize>) -> Vec<String> {
     let mut widths: Vec<usize> = Vec::new();
     for line in lines {
         widths.resize(widths.len().max(line.len()), 0);
@@ -68,14 +97,50 @@ pub(crate) fn columns(lines: &[Vec<String>]) -> String {
             *width = (*width).max(cell.chars().count());
         }
     }
-    let mut text = String::new();
-    for line in lines {
+    let padded = |line: &[String]| {
         let padded = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}"));
-        let padded = padded.collect::<Vec<_>>().join("  ");
-        text.push_str(padded.trim_end());
-        text.push('\n');
+        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    let end_of = |count: usize| widths.iter().take(count).sum::<usize>() + 2 * count.saturating_sub(1);
+    let Some(most) = most.filter(|most| end_of(widths.len()) > *most) else {
+        return lines.iter().map(|line| padded(line)).collect();
+    };
+    let (before_last, last) = (widths.len().saturating_sub(1), end_of(widths.len() - 1) + 2);
+    if before_last > 0 && last + NARROW <= most {
+        let row = |line: &Vec<String>| {
+            let (front, text) = line.split_at(before_last.min(line.len()));
+            let text = wrapped(text.first().map_or("", String::as_str), most - last);
+            let front = padded(front);
+            let joined = text.join(&format!("\n{:last$}", ""));
+            if joined.is_empty() { front } else { format!("{front:width$}{joined}", width = last) }
+        };
+        return lines.iter().map(row).collect();
     }
-    text
+    // As many columns as fit; what is left stands below them.
+    let fitting = (1..=widths.len()).rev().find(|count| end_of(*count) <= most).unwrap_or(1);
+    let row = |line: &Vec<String>| {
+        let (front, rest) = line.split_at(fitting.min(line.len()));
+        let rest: Vec<_> = rest.iter().map(String::as_str).filter(|cell| !cell.is_empty()).collect();
+        let below = wrapped(&rest.join("; "), most.saturating_sub(INDENT).max(NARROW));
+        let below = below.into_iter().map(|text| format!("\n{:INDENT$}{text}", ""));
+        padded(front) + &below.collect::<String>()
+    };
+    lines.iter().map(row).collect()
+}
+
+/// A text in lines that have this many characters at most, or one word.
+fn wrapped(text: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= most => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 fn json<R: Row>(rows: &[R]) -> Result<String, CliError> {
@@ -112,6 +177,29 @@ mod tests {
     fn columns_are_as_wide_as_their_widest_cell_and_lines_end_without_blanks() {
         let text = aligned(&[Pair("größer", "a"), Pair("b", "")]);
         assert_eq!(text, "NAME    TEXT\ngrößer  a\nb\n");
+    }
+
+    fn lines(text: &[&[&str]]) -> Vec<Vec<String>> {
+        text.iter().map(|line| line.iter().map(|cell| (*cell).to_owned()).collect()).collect()
+    }
+
+    #[test]
+    fn on_a_terminal_the_last_column_is_broken_where_it_stands() {
+        let table = lines(&[&["name", "one two three four five six seven"], &["n", ""]]);
+        assert_eq!(within(&table, Some(80)).join("\n"), "name  one two three four five six seven\nn");
+        assert_eq!(within(&table, Some(30)).join("\n"), "name  one two three four five\n      six seven\nn");
+    }
+
+    #[test]
+    fn what_does_not_fit_beside_stands_below() {
+        let table = lines(&[&["a_long_name", "WORD", "p. 149", "", "one two three four five six"]]);
+        assert_eq!(
+            within(&table, Some(20)).join("\n"),
+            "a_long_name  WORD\n    p. 149; one two three\n    four five six"
+        );
+        for width in [10, 20, 40] {
+            assert!(within(&lines(&[&["a_very_long_name_indeed"]]), Some(width)).len() == 1);
+        }
     }
 
     #[test]

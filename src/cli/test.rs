@@ -44,7 +44,7 @@ Exit codes:
 pub(crate) struct Args {
     /// Scripts; of a directory and its subdirectories all files that end in .rhai, in the order of their names, but not
     /// those that others import and that only define functions
-    #[arg(value_name = "FILE", required_unless_present = "definitions")]
+    #[arg(add = super::complete::files(&["rhai"]), value_name = "FILE", required_unless_present = "definitions")]
     files: Vec<PathBuf>,
     /// Only scenarios whose path contains this text or, with * and ? in it, whose path or name is of this form; can be
     /// given several times

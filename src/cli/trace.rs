@@ -28,7 +28,7 @@ Examples:
   commram trace --bus drives --format candump | log2asc drives
   commram trace --format pcapng | wireshark -k -i -
 
---follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more.
+--follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more. \
 What happens in the last 50 ms of the emulator may be missing. docs/journal.md describes the formats.")]
 pub(crate) struct Args {
     /// Wait for more and show it as it comes
@@ -48,10 +48,10 @@ pub(crate) struct Args {
     )]
     kind: Vec<&'static Kind>,
     /// Only what happens on this bus; may be given several times
-    #[arg(long, value_name = "NAME")]
+    #[arg(add = super::complete::buses(), long, value_name = "NAME")]
     bus: Vec<String>,
     /// Only what happens to this PLC and its nodes; may be given several times, with --bus both are shown
-    #[arg(long, value_name = "NAME")]
+    #[arg(add = super::complete::plcs(), long, value_name = "NAME")]
     plc: Vec<String>,
     /// Only from this emulated time on
     #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]

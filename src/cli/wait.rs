@@ -1,6 +1,7 @@
 //! `commram wait`: wait for registers.
 
 use super::Instance;
+use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
@@ -23,7 +24,7 @@ Examples:
 Exit code 1 if the conditions do not come to hold in time; the message says what the registers held.")]
 pub(crate) struct Args {
     /// REG==VALUE, or REG&MASK==VALUE if only some bits count; also !=, <, <=, >, >=
-    #[arg(value_name = "CONDITION", required = true)]
+    #[arg(add = complete::conditions(), value_name = "CONDITION", required = true)]
     conditions: Vec<String>,
     /// One of the conditions is enough
     #[arg(long)]

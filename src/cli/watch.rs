@@ -21,7 +21,7 @@ Examples:
   commram watch node2 --count 1       # until something changes")]
 pub(crate) struct Args {
     /// Blocks, arrays or registers; a PLC with a colon alone means all blocks of that PLC [default: everything]
-    #[arg(value_name = "BLOCK")]
+    #[arg(add = super::complete::blocks(), value_name = "BLOCK")]
     blocks: Vec<String>,
     /// End after so many changes
     #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]

@@ -34,11 +34,11 @@ Examples:
   commram with plant.toml --clock stepped -- ./run-tests.sh
   commram with -- sh -c './soft_plc /dev/shm/commram.$COMMRAM_INSTANCE.line'
 
-Exit codes: that of COMMAND, 128 + n if signal n has ended it; 126 if it cannot be started, 127 if there is no such
+Exit codes: that of COMMAND, 128 + n if signal n has ended it; 126 if it cannot be started, 127 if there is no such \
 command. If the emulator does not start, as all commands; 1 also if it could not end in good order.")]
 pub(crate) struct Args {
     /// The plant: PLCs, buses, drives [default: the built-in one]
-    #[arg(value_name = "PLANT.toml")]
+    #[arg(add = super::complete::files(&["toml"]), value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
     /// Name of the instance [default: one of its own]
     #[arg(short, long, value_name = "NAME", value_parser = instance_name)]

@@ -123,10 +123,12 @@ pub enum Refusal {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum FaultError {
     /// A kind that does not exist.
-    #[error("kind = \"{kind}\": there is no such fault; the kinds are: {known}")]
+    #[error("kind = \"{kind}\": there is no such fault{hint}; the kinds are: {known}")]
     UnknownKind {
         /// As given.
         kind: String,
+        /// Which may be meant.
+        hint: String,
         /// The kinds there are.
         known: String,
     },

@@ -6,7 +6,7 @@ use super::{
     Draft, Fault, FaultError, FaultSpec, Field, Form, Given, Kind, MAX_FIELDS, Place, Refusal, Target,
 };
 use crate::journal::Names;
-use crate::layout::{Device, Port};
+use crate::layout::{Device, Port, did_you_mean};
 
 impl FaultSpec {
     /// The fault this describes in an installation with these names, one of these kinds.
@@ -15,11 +15,18 @@ impl FaultSpec {
     /// [`FaultError`] names the field and what would be right. Whether the slave or port is there only the
     /// installation can tell: [`Sites::owner`](super::Sites::owner).
     pub fn resolve(&self, kinds: &[&'static Kind], names: &Names) -> Result<Fault, FaultError> {
-        let Some(&kind) = kinds.iter().find(|kind| kind.name() == self.kind) else {
-            return Err(FaultError::UnknownKind { kind: self.kind.clone(), known: kind_list(kinds) });
+        let Some(kind) = named(&self.kind, kinds) else {
+            let hint = did_you_mean(&self.kind, kinds.iter().map(|kind| kind.name()));
+            return Err(FaultError::UnknownKind { kind: self.kind.clone(), hint, known: kind_list(kinds) });
         };
         Reader::new(self, kind, kinds, names)?.fault()
     }
+}
+
+/// The kind that is called so; `-` is as good as `_`.
+pub(super) fn named(name: &str, kinds: &[&'static Kind]) -> Option<&'static Kind> {
+    let name = name.replace('-', "_");
+    kinds.iter().copied().find(|kind| kind.name() == name)
 }
 
 /// A description while it is read.

@@ -1,8 +1,9 @@
 //! A fault in words, as on the command line: `kind field=value ...`.
 
 use super::given::REQUIRED;
+use super::spec::named;
 use super::{FaultSpec, Field, Form, Given, Kind};
-use crate::layout::{RegType, value};
+use crate::layout::{RegType, did_you_mean, value};
 use crate::time;
 use thiserror::Error;
 
@@ -40,6 +41,7 @@ impl FaultSpec {
             let (name, given) = text
                 .split_once('=')
                 .ok_or_else(|| wrong("write a field as name=value, for example count=3".to_owned()))?;
+            let name = &name.replace('-', "_");
             let (field, with_unit) = field(&known, name).ok_or_else(|| wrong(unknown(&known, name)))?;
             if spec.fields.iter().any(|(seen, _)| seen == field.name()) {
                 return Err(wrong(format!("{field} is given twice")));
@@ -67,7 +69,7 @@ fn known(kind: &str, kinds: &[&'static Kind]) -> Vec<&'static Field> {
     let (names, numbers): (Vec<_>, Vec<_>) =
         place.partition(|field| !matches!(field.form(), Form::Number { .. }));
     let own = kinds.iter().flat_map(|kind| kind.fields());
-    let meant = kinds.iter().find(|known| known.name() == kind);
+    let meant = named(kind, kinds);
     let mut known: Vec<&'static Field> = Vec::new();
     for field in names.into_iter().chain(numbers).chain(own).chain(Kind::COMMON) {
         if !known.contains(&field) {
@@ -88,7 +90,8 @@ fn field(known: &[&'static Field], name: &str) -> Option<(&'static Field, bool)>
 
 fn unknown(known: &[&Field], name: &str) -> String {
     let names: Vec<_> = known.iter().map(|field| field.name().trim_end_matches("_us")).collect();
-    format!("there is no field `{name}`; the fields are: {}", names.join(", "))
+    let hint = did_you_mean(name, names.iter().copied());
+    format!("there is no field `{name}`{hint}; the fields are: {}", names.join(", "))
 }
 
 /// A number in the notations of register values.

@@ -38,7 +38,7 @@ impl Execution {
             Op::Poke { plc, offset, width, value } => {
                 let register = Register::check(host, plc, offset, width)?;
                 register.writable()?;
-                register.fits(value)?;
+                register.fits(host, value)?;
                 let stored = host.plant_mut().store(register.plc, offset, width, value);
                 stored.map_err(|_| register.unmapped())?;
                 Reply::Written
@@ -46,8 +46,8 @@ impl Execution {
             Op::CompareExchange { plc, offset, width, current, new } => {
                 let register = Register::check(host, plc, offset, width)?;
                 register.writable()?;
-                register.fits(current)?;
-                register.fits(new)?;
+                register.fits(host, current)?;
+                register.fits(host, new)?;
                 let outcome = host.plant_mut().compare_exchange(register.plc, offset, width, current, new);
                 let outcome = outcome.map_err(|_| register.unmapped())?;
                 Reply::Exchanged { ok: outcome.is_ok(), found: outcome.unwrap_or_else(|found| found) }
@@ -56,19 +56,19 @@ impl Execution {
             Op::Wait { plc, offset, width, mask, value, within_us } => {
                 let register = Register::check(host, plc, offset, width)?;
                 let test = Test { mask, compare: Compare::Equal, is_signed: false, value };
-                register.can_match(test)?;
+                register.can_match(host, test)?;
                 let look = |host: &dyn Host| {
                     let value = register.load(host)?;
                     Ok((test.holds(width, value), value))
                 };
-                match self.wait(host, within_us, look, |waited| register.not_in_time(waited))? {
+                match self.wait(host, within_us, look, |host, waited| register.not_in_time(host, waited))? {
                     Some(waited) => Reply::Waited(waited),
                     None => return Ok(None),
                 }
             }
             Op::Condition { plc, offset, width, test } => {
                 let register = Register::check(host, plc, offset, width)?;
-                register.can_match(test)?;
+                register.can_match(host, test)?;
                 register.load(host)?;
                 if self.conditions.len() == MAX_CONDITIONS {
                     let text = format_args!("one wait can have {MAX_CONDITIONS} conditions at most");
@@ -123,9 +123,10 @@ impl Execution {
                 Reply::Written
             }
             Op::Unforce { plc, offset, width } => {
-                let Register { address, .. } = Register::check(host, plc, offset, width)?;
+                let register = Register::check(host, plc, offset, width)?;
                 if !host.plant_mut().unforce(plc, offset) {
-                    return Err(Refused::new(Code::NOT_FORCED, format_args!("{address} is not forced")));
+                    let text = format_args!("{} is not forced", register.label(host));
+                    return Err(Refused::new(Code::NOT_FORCED, text));
                 }
                 Reply::Written
             }
@@ -194,7 +195,7 @@ impl Execution {
             }
             Ok((if any { held != 0 } else { held == all }, held))
         };
-        let not_in_time = |waited: Waited| {
+        let not_in_time = |_: &dyn Host, waited: Waited| {
             let (count, held, time_us) = (conditions.len(), waited.value.count_ones(), waited.time_us);
             let text = format_args!(
                 "the conditions did not come to hold in time; at {time_us} us {held} of {count} hold"
@@ -214,7 +215,7 @@ impl Execution {
         host: &mut dyn Host,
         within_us: u64,
         look: impl Fn(&dyn Host) -> Result<(bool, u32), Refused>,
-        not_in_time: impl FnOnce(Waited) -> Refused,
+        not_in_time: impl FnOnce(&dyn Host, Waited) -> Refused,
     ) -> Result<Option<Waited>, Refused> {
         limit(within_us)?;
         let begin = host.plant().now();
@@ -227,7 +228,7 @@ impl Execution {
                 return Ok(Some(waited));
             }
             if waited.time_us >= deadline {
-                return Err(not_in_time(waited));
+                return Err(not_in_time(host, waited));
             }
             if host.should_stop() {
                 return Err(Refused::shutting_down());
@@ -317,7 +318,7 @@ fn journal(host: &dyn Host, from: u64, max: usize) -> Reply {
 fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(), Refused> {
     let number = known_plc(host, plc)?;
     if !host.plant_mut().set_board(number, setting) {
-        return Err(Refused::new(Code::NO_SUCH_SWITCH, no_such_switch(host, plc, setting)));
+        return Err(Refused::no_such_switch(plc_name(host, plc), device_of(host, number), setting));
     }
     let takes_starts =
         || host.plant().devices().get(number).is_some_and(|device| device.board().takes_starts());
@@ -329,17 +330,6 @@ fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(),
         plc_name(host, plc)
     );
     Err(Refused::new(Code::START_REFUSED, text))
-}
-
-fn no_such_switch(host: &dyn Host, plc: u16, setting: BoardSetting) -> String {
-    let name = plc_name(host, plc);
-    let layout = host.plant().devices().get(usize::from(plc)).map(|device| device.layout());
-    let BoardSetting::ModuleDip { port, .. } = setting else {
-        let title = layout.map_or("", |layout| layout.title);
-        return format!("PLC '{name}' has no '{}' to be set, it is a {title}", setting.name());
-    };
-    let port = layout.and_then(|layout| layout.port_numbered(port)).map_or("that port", |port| port.name);
-    format!("PLC '{name}': there is no module with DIP switches in {port}")
 }
 
 /// Goes to the next event, at the latest to time `latest`, which is not past.

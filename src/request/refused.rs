@@ -2,6 +2,8 @@
 
 use super::Waited;
 use crate::fault;
+use crate::layout::Device;
+use crate::memory::header::BoardSetting;
 use core::fmt;
 
 /// Which refusal it is; `docs/channel.md` lists them. An emulator of a later version may have others.
@@ -94,6 +96,18 @@ impl Refused {
     /// A refusal with its text.
     pub(crate) fn new(code: Code, text: impl fmt::Display) -> Self {
         Self { code, text: text.to_string(), waited: None }
+    }
+
+    /// A PLC of this name, which is this device, cannot be set so.
+    pub(crate) fn no_such_switch(plc: &str, device: &Device, setting: BoardSetting) -> Self {
+        let text = match setting {
+            BoardSetting::ModuleDip { port, .. } => {
+                let port = device.port_numbered(port).map_or("that port", |port| port.name);
+                format!("PLC '{plc}': there is no module with DIP switches in {port}")
+            }
+            _ => format!("PLC '{plc}' has no '{}' to be set, it is a {}", setting.name(), device.title),
+        };
+        Self::new(Code::NO_SUCH_SWITCH, text)
     }
 
     /// The emulator ends before the operation is done.

@@ -1,7 +1,8 @@
 //! The register that an operation names, and what it can be refused for.
 
 use super::{Code, Host, Refused, Waited};
-use crate::layout::{Address, Device, Owner, Test, Width};
+use crate::layout::place::live_by;
+use crate::layout::{Address, Device, Live, Owner, Place, Test, Width, plc_prefix};
 use crate::plant::ForceError;
 
 /// A register whose PLC exists and whose address suits its width.
@@ -24,28 +25,43 @@ impl Register {
         Ok(Self { plc, device, address })
     }
 
-    pub(crate) fn fits(self, value: u32) -> Result<(), Refused> {
+    /// Name and address for messages, with the PLC if there are several: `saw:node2.w_CPU_CONTROL (%MW3.200000)`.
+    pub(crate) fn label(self, host: &dyn Host) -> String {
+        let names = host.plant().names();
+        let plc = self.plc as u16;
+        let prefix = plc_prefix(&names.plcs, plc);
+        let Ok(place) = Place::parse(&names.fitted(plc), &self.address.to_string()) else {
+            return format!("{prefix}{}", self.address);
+        };
+        let status =
+            place.status().and_then(|it| host.plant().load(self.plc, it.offset(), Width::of(it.ty())).ok());
+        format!("{prefix}{}", place.label(status.map_or(Live::Cyclic, live_by)))
+    }
+
+    pub(crate) fn fits(self, host: &dyn Host, value: u32) -> Result<(), Refused> {
         let width = self.address.width();
         if value <= width.max_value() {
             return Ok(());
         }
         let most = width.max_value();
-        let text =
-            format_args!("{}: 16#{value:X} does not fit, a {width} holds at most 16#{most:X}", self.address);
+        let text = format_args!(
+            "{}: 16#{value:X} does not fit, a {width} holds at most 16#{most:X}",
+            self.label(host)
+        );
         Err(Refused::new(Code::VALUE_TOO_WIDE, text))
     }
 
     /// What is awaited of the register can come about, and need not hold whatever it holds.
-    pub(crate) fn can_match(self, test: Test) -> Result<(), Refused> {
+    pub(crate) fn can_match(self, host: &dyn Host, test: Test) -> Result<(), Refused> {
         let Test { mask, value, .. } = test;
-        self.fits(mask)?;
-        self.fits(value)?;
+        self.fits(host, mask)?;
+        self.fits(host, value)?;
         if !test.is_decided() {
             return Ok(());
         }
         let text = format_args!(
             "{}: 16#{value:X} can never match under the mask 16#{mask:X}; clear the bits outside the mask",
-            self.address
+            self.label(host)
         );
         Err(Refused::new(Code::NEVER_MATCHES, text))
     }
@@ -82,12 +98,12 @@ impl Register {
         )
     }
 
-    pub(crate) fn not_in_time(self, waited: Waited) -> Refused {
+    pub(crate) fn not_in_time(self, host: &dyn Host, waited: Waited) -> Refused {
         let Waited { time_us, value } = waited;
         let digits = self.address.width().bytes() as usize * 2;
         let text = format_args!(
             "{} did not become the awaited value in time; at {time_us} us it is 16#{value:0digits$X}",
-            self.address
+            self.label(host)
         );
         Refused { waited: Some(waited), ..Refused::new(Code::NOT_IN_TIME, text) }
     }

@@ -9,6 +9,7 @@ mod board;
 mod can_dp2;
 mod changes;
 mod check;
+mod completion;
 mod cs0015;
 mod damaged;
 mod demo;

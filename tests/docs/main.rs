@@ -5,6 +5,7 @@ mod common;
 
 mod architecture;
 mod ci;
+mod commands;
 mod features;
 mod heads;
 mod pages;

@@ -15,6 +15,7 @@ use toml::de::{Error, ValueDeserializer};
 
 /// What a module is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(expecting = "a kind of module, as a word")]
 pub enum ModuleKind {
     /// BM4-O-CAN-06: the master of its bus.
     #[serde(rename = "can-06")]
@@ -55,6 +56,7 @@ pub struct Bm4Config {
 /// The section as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a b maXX PLC: a table with its settings")]
 struct Section {
     name: String,
     sync_source: Option<Spanned<String>>,
@@ -64,6 +66,7 @@ struct Section {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a module: a table with its settings")]
 struct ModuleSection {
     slot: Spanned<String>,
     kind: ModuleKind,

@@ -24,6 +24,7 @@ pub struct CanBusConfig {
 /// The section as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a CAN bus: a table with its settings")]
 struct Section {
     name: String,
     kbit_s: Spanned<f64>,

@@ -37,6 +37,7 @@ pub fn read<D: CanDevice>(value: ValueDeserializer<'_>) -> Result<Arc<dyn Device
 /// The section as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a device at a CAN bus: a table with its settings")]
 struct Section {
     name: String,
     bus: Option<String>,

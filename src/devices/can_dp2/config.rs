@@ -33,6 +33,7 @@ pub struct CanDp2Config {
 /// The section as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a CAN-DP/2: a table with its settings")]
 struct Section {
     name: String,
     profibus: Option<String>,

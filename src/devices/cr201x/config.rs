@@ -32,6 +32,7 @@ pub struct Cr201xConfig {
 /// The section as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "an I/O module: a table with its settings")]
 struct Section {
     name: String,
     bus: Option<String>,

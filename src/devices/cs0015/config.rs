@@ -42,6 +42,7 @@ pub struct Cs0015Config {
 /// The section as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a CS0015: a table with its settings")]
 struct Section {
     name: String,
     bus: Option<String>,
@@ -64,6 +65,7 @@ struct Section {
 /// What a program hands to `PDO_TX_CONFIG` or `PDO_RX_CONFIG` (p. 47-50).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a PDO: a table with its settings")]
 struct PdoSection {
     pdo: u64,
     id: Option<u64>,
@@ -74,6 +76,7 @@ struct PdoSection {
 /// What a program hands to `NMS_GUARDING_CONFIG` (p. 46).
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "node guarding: a table with its settings")]
 struct GuardingSection {
     guard_time_ms: Option<Spanned<u16>>,
     life_time: Option<Spanned<u8>>,

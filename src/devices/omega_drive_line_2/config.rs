@@ -18,6 +18,7 @@ use toml::de::{Error, ValueDeserializer};
 /// A PLC of the plant file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a PLC: a table with its settings")]
 pub struct PlcConfig {
     /// Name, unique among the PLCs: 1 to 31 characters of `A-Z a-z 0-9 _ -`.
     pub name: String,
@@ -53,6 +54,7 @@ pub struct PlcConfig {
 /// Which project a PLC has at the first power-on (manual p. 37).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[serde(expecting = "a project, as a word")]
 pub enum ProjectConfig {
     /// None, until a program loads one.
     #[default]

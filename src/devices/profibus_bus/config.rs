@@ -29,6 +29,7 @@ const MAX_SLOT_FACTOR: u32 = 10_000;
 /// The section as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a PROFIBUS: a table with its settings")]
 struct Section {
     name: String,
     kbit_s: Option<Spanned<f64>>,

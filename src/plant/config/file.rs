@@ -12,6 +12,7 @@ use toml::de::{DeArray, DeTable, DeValue, Deserializer, Error, ValueDeserializer
 /// What is the plant's own, and the names of the rest for messages.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a plant: tables with what it has")]
 struct Rest {
     #[serde(default = "default_cycle")]
     processor_cycle_us: u32,

@@ -64,6 +64,7 @@ impl Frame {
 /// any case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[serde(expecting = "a length of frames, as a word")]
 pub enum FrameLength {
     /// Eight data bytes; words that are not in use are 0.
     #[default]

@@ -27,6 +27,7 @@ const TRIGGERED_US: u64 = 100_000;
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[serde(expecting = "a drive: a table with its settings")]
 pub struct BuiltInDriveConfig {
     /// Version of the drive software, 309 for 000309: from there on it can be re-initialized while process data
     /// run, and it exchanges four actual values in the same cycle (manual 5.00005.03a p. 90, 104).

@@ -8,6 +8,7 @@ const RATES: [(u16, u16); 4] = [(1000, 1000), (500, 2000), (250, 4000), (125, 80
 /// "Function option card 1" in the type key of a drive (p. 10).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
+#[serde(expecting = "the number of a function of the card")]
 pub enum CardFunction {
     /// 00, not for new applications: 125 to 1000 kbit/s. ZK 26 has no effect. A reference value from another slave's
     /// actual value frame needs that frame requested in every interval.

@@ -33,6 +33,7 @@ use std::num::NonZeroU32;
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a slave: a table with its settings")]
 pub struct DriveConfig {
     /// Name in reports and traces.
     pub name: String,
@@ -73,6 +74,7 @@ pub struct DriveConfig {
 /// not at hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[serde(expecting = "a table with the numbers of parameters")]
 pub struct ParameterNumbers {
     /// Speed reference value, signed, in increments of the drive's own speed format.
     pub speed_reference: u16,

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// In which state a drive comes up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[serde(expecting = "how the drive is enabled, as a word")]
 pub enum Enable {
     /// "Operation enabled", as if the control word were 16#000F: the first reference value moves the
     /// drive.

@@ -16,6 +16,7 @@ pub(super) mod fault {
 /// What a drive does beside reporting the error (5.00005.03a p. 135: quick stop, inhibit, ...).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[serde(expecting = "a reaction of the drive, as a word")]
 pub enum Reaction {
     /// Nothing: a warning, which goes when its cause does.
     #[default]
@@ -29,6 +30,7 @@ pub enum Reaction {
 /// One thing that is monitored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[serde(expecting = "a table that says what is watched")]
 pub struct Watch {
     /// How long it must have been away until the error is reported, in us, at most one hour. SYNC counts from the loss of
     /// the lock, reference values from the moment at which ZK 26 stops the exchange, cyclic data from the last exchange.
@@ -43,6 +45,7 @@ pub struct Watch {
 /// Table `[bus.drive.monitoring]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[serde(expecting = "a table with what the card watches")]
 pub struct CardMonitoring {
     /// The SYNC signal.
     pub sync: Watch,
@@ -53,6 +56,7 @@ pub struct CardMonitoring {
 /// Table `[plc.drive.monitoring]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[serde(expecting = "a table with what the BAPS watches")]
 pub struct BapsMonitoring {
     /// The signal of the trigger controller.
     pub sync: Watch,

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Width of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[serde(expecting = "the format of a parameter, as a word")]
 pub enum ParamFormat {
     /// 16 bits.
     Word,
@@ -35,6 +36,7 @@ impl ParamFormat {
 /// One parameter of a drive in the plant file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a parameter: a table with its settings")]
 pub struct ParameterSpec {
     /// Parameter number, 0 to 4095.
     pub number: u16,

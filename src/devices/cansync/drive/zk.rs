@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// The card's parameters as they stand in the drive. What is left out is 0: nothing mapped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[serde(expecting = "a table with the numbers of parameters")]
 pub struct ZkParameters {
     /// Number of the parameter that reference value 1 is written to.
     pub zk_0: u16,

@@ -13,6 +13,7 @@ use toml::de::{Error, ValueDeserializer};
 /// A bus of the plant file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[serde(expecting = "a bus: a table with its settings")]
 pub struct BusConfig {
     /// Name, unique among the buses.
     pub name: String,

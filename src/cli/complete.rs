@@ -1,0 +1,339 @@
+//! What shells complete that only register map and running emulators know: registers, values, instances, PLCs, buses,
+//! faults.
+//!
+//! A completer gets the word under the cursor alone; what stands in front of it is read from the arguments of this process,
+//! which a shell calls as `commram -- WORDS`. Bash breaks words at `:` and `=`, the others do not.
+
+use super::session::Session;
+use crate::devices;
+use crate::fault::{Field, Form, Kind};
+use crate::layout::{Device, Fit, Fitted, Named, RegisterRef, split_plc, value};
+use clap_complete::engine::CompletionCandidate as Candidate;
+use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+
+/// What commands complete; each is a value for `#[arg(add = ...)]`.
+fn of(list: fn(&str) -> Vec<Candidate>) -> ArgValueCompleter {
+    ArgValueCompleter::new(move |current: &OsStr| current.to_str().map(list).unwrap_or_default())
+}
+
+/// Registers.
+pub(crate) fn registers() -> ArgValueCompleter {
+    of(|current| registers_with(current, ""))
+}
+
+/// Registers, and blocks of them.
+pub(crate) fn blocks() -> ArgValueCompleter {
+    of(|current| {
+        let mut all = registers_with(current, "");
+        all.extend(areas(current, "").into_iter().map(|(name, help)| candidate(name, help)));
+        all
+    })
+}
+
+/// `REG=VALUE`.
+pub(crate) fn writes() -> ArgValueCompleter {
+    of(|current| values_of(current, &["="]).unwrap_or_else(|| registers_with(current, "=")))
+}
+
+/// `REG==VALUE`.
+pub(crate) fn conditions() -> ArgValueCompleter {
+    of(|current| values_of(current, &["==", "!="]).unwrap_or_else(|| registers_with(current, "==")))
+}
+
+/// Running instances, and those that were killed.
+pub(crate) fn instances() -> ArgValueCompleter {
+    of(|current| {
+        let images = crate::memory::list().unwrap_or_default();
+        let mut names: Vec<_> = images.into_iter().map(|image| image.instance).collect();
+        names.dedup();
+        starting(current, names.into_iter().map(|name| (name, String::new())))
+    })
+}
+
+/// PLCs of the instance.
+pub(crate) fn plcs() -> ArgValueCompleter {
+    of(|current| starting(current, Scene::look().plcs.into_iter().map(|(name, _)| (name, String::new()))))
+}
+
+/// Buses of the instance.
+pub(crate) fn buses() -> ArgValueCompleter {
+    of(|current| starting(current, known_buses().into_iter().map(|name| (name, String::new()))))
+}
+
+/// Settings of a board: `NAME=`, with the PLC in front if there are several.
+pub(crate) fn settings() -> ArgValueCompleter {
+    of(|current| {
+        let words = [
+            ("dip=", "DIP switch, 0 to 31"),
+            ("leds=", "LEDs, 0 to 15"),
+            ("switch=run", "switch at RUN"),
+            ("switch=stop", "switch at STOP"),
+            ("switch=reset", "switch at RESET"),
+            ("power=on", "supply on"),
+            ("power=off", "supply off"),
+            ("start=cold", "cold start of the program"),
+            ("start=warm", "warm start of the program"),
+            ("start=hot", "hot start of the program"),
+            ("start=stop", "stop of the program"),
+            ("project=none", "no project"),
+            ("project=boot", "boot project"),
+            ("project=sent", "project that was sent"),
+        ];
+        let scene = Scene::look();
+        let own = scene.plcs.iter().flat_map(|(_, fitted)| fitted.device().front.iter());
+        let own = own.map(|word| (format!("{}=", word.name), "switch of the front".to_owned()));
+        let all: Vec<_> =
+            words.map(|(word, help)| (word.to_owned(), help.to_owned())).into_iter().chain(own).collect();
+        let prefixes = scene.prefixes(current);
+        let named = prefixes
+            .iter()
+            .flat_map(|plc| all.iter().map(move |(word, help)| (format!("{plc}{word}"), help.clone())));
+        starting(current, named)
+    })
+}
+
+/// Fields of the kind of fault that stands in front, with those of their values that are known.
+pub(crate) fn fault_fields() -> ArgValueCompleter {
+    of(|current| {
+        let kind = words().into_iter().find_map(|word| {
+            devices::fault_kinds()
+                .iter()
+                .copied()
+                .find(|kind: &&'static Kind| kind.name() == word.replace('-', "_"))
+        });
+        let Some(kind) = kind else { return Vec::new() };
+        let field_of = |name: &str| {
+            kind.all_fields().find(|field| field.name() == name || field.other_name() == Some(name))
+        };
+        let (given, begun) = before(&["="]);
+        match (current.split_once('='), begun.and_then(|name| field_of(&name))) {
+            (Some((name, _)), _) => {
+                let values = field_of(name).map(values_of_field).unwrap_or_default();
+                starting(current, values.into_iter().map(|value| (format!("{name}={value}"), String::new())))
+            }
+            (None, Some(field)) => {
+                starting(current, values_of_field(field).into_iter().map(|value| (value, String::new())))
+            }
+            (None, None) => {
+                let left = kind.all_fields().filter(|field| !given.contains(&field.name().to_owned()));
+                starting(current, left.map(|field| (format!("{}=", field.name()), field.about().to_owned())))
+            }
+        }
+    })
+}
+
+/// Files with one of these endings, and directories.
+pub(crate) fn files(endings: &'static [&'static str]) -> ArgValueCompleter {
+    let has_ending = move |path: &std::path::Path| {
+        path.extension().is_some_and(|found| endings.iter().any(|ending| found == *ending))
+    };
+    ArgValueCompleter::new(move |current: &OsStr| PathCompleter::any().filter(has_ending).complete(current))
+}
+
+/// What a field can hold, as far as it is a matter of names.
+fn values_of_field(field: &Field) -> Vec<String> {
+    match field.form() {
+        Form::Word(words) => words.iter().map(|word| (*word).to_owned()).collect(),
+        Form::Name if field.name() == "bus" => known_buses(),
+        Form::Name => Scene::look().plcs.into_iter().map(|(name, _)| name).collect(),
+        Form::Port => {
+            let scene = Scene::look();
+            let mut ports: Vec<_> = scene
+                .plcs
+                .iter()
+                .flat_map(|(_, fitted)| fitted.device().ports)
+                .map(|port| port.name.to_owned())
+                .collect();
+            ports.dedup();
+            ports
+        }
+        _ => Vec::new(),
+    }
+}
+
+fn candidate(name: String, help: String) -> Candidate {
+    let first = help.lines().next().unwrap_or_default();
+    Candidate::new(name).help((!first.is_empty()).then(|| first.to_owned().into()))
+}
+
+fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> Vec<Candidate> {
+    all.into_iter()
+        .filter(|(name, _)| name.starts_with(current))
+        .map(|(name, help)| candidate(name, help))
+        .collect()
+}
+
+/// The words of the command line; those that shells break at `:` and `=` are still broken.
+fn words() -> Vec<String> {
+    std::env::args().skip_while(|word| word != "--").skip(1).collect()
+}
+
+/// The words in front of the cursor, and the word whose value begins there: what stands in front of one of these signs.
+/// Bash leaves the sign out of the words if nothing stands behind it.
+fn before(signs: &[&str]) -> (Vec<String>, Option<String>) {
+    let words = words();
+    let index = std::env::var("_CLAP_COMPLETE_INDEX").ok().and_then(|index| index.parse().ok());
+    let index = index.unwrap_or(words.len().saturating_sub(1)).min(words.len());
+    let words = words.get(..index).unwrap_or_default().to_vec();
+    let begun = match words.as_slice() {
+        [.., name, sign] if signs.contains(&sign.as_str()) => Some(name.clone()),
+        _ => None,
+    };
+    (words, begun)
+}
+
+/// The instance that the command line names, else the usual one.
+fn instance() -> String {
+    let words = words();
+    let mut words = words.iter().map(String::as_str);
+    while let Some(word) = words.next() {
+        let given = match word {
+            "-i" | "--instance" => words.find(|word| *word != "="),
+            _ => word.strip_prefix("--instance=").or(word.strip_prefix("-i").filter(|name| !name.is_empty())),
+        };
+        if let Some(name) = given {
+            return name.to_owned();
+        }
+    }
+    std::env::var("COMMRAM_INSTANCE").unwrap_or_else(|_| "default".to_owned())
+}
+
+#[cfg(feature = "channel")]
+fn known_buses() -> Vec<String> {
+    let session = Session::open(&super::Instance::running(&instance()), 0);
+    let info = session.and_then(Session::into_client).ok().and_then(|client| client.info().ok());
+    info.map(|info| info.names.buses).unwrap_or_default()
+}
+
+#[cfg(not(feature = "channel"))]
+fn known_buses() -> Vec<String> {
+    Vec::new()
+}
+
+/// What is there to be named.
+struct Scene {
+    /// The PLCs of the instance; without one the device that is meant if none is named.
+    plcs: Vec<(String, Fitted)>,
+}
+
+impl Scene {
+    fn look() -> Self {
+        if let Some(session) = Session::glance(&instance()) {
+            let plcs = (0..).zip(session.plcs()).map(|(number, name)| (name.clone(), session.fitted(number)));
+            return Self { plcs: plcs.collect() };
+        }
+        let mut words = words().into_iter();
+        let named = words.find(|word| word == "--device").and_then(|_| words.find(|word| word != "="));
+        let device: &'static Device =
+            named.and_then(|name| devices::find(&name)).unwrap_or_else(devices::default).layout;
+        Self { plcs: vec![(String::new(), Fitted::unknown(device))] }
+    }
+
+    /// What can stand in front of a name: nothing with one PLC, else each of them.
+    fn prefixes(&self, current: &str) -> Vec<String> {
+        match self.plcs.as_slice() {
+            [(name, _)] => vec![if current.contains(':') { format!("{name}:") } else { String::new() }],
+            several => {
+                // Bash has taken off what stands in front of a colon.
+                let plain = before(&[":"]).1.map(|_| String::new());
+                plain.into_iter().chain(several.iter().map(|(name, _)| format!("{name}:"))).collect()
+            }
+        }
+    }
+
+    /// The PLCs that `current` may be about, with what stands in front of their names.
+    fn each(&self, current: &str) -> Vec<(String, Fitted)> {
+        let named = split_plc(current).0.map(str::to_owned).or_else(|| before(&[":"]).1);
+        let prefix = split_plc(current).0.map(|plc| format!("{plc}:")).unwrap_or_default();
+        if let Some((_, fitted)) = self.plcs.iter().find(|(name, _)| Some(name) == named.as_ref()) {
+            return vec![(prefix, *fitted)];
+        }
+        match self.plcs.as_slice() {
+            [(_, fitted)] => vec![(prefix, *fitted)],
+            several => several.iter().map(|(name, fitted)| (format!("{name}:"), *fitted)).collect(),
+        }
+    }
+}
+
+/// Areas, and the variables that are declared there if one is begun, with what stands in front and `behind`.
+fn areas(current: &str, behind: &str) -> Vec<(String, String)> {
+    let mut all = Vec::new();
+    for (prefix, fitted) in Scene::look().each(current) {
+        for area in fitted.device().named_areas().filter(|area| fitted.area(area) != Fit::Empty) {
+            let mut add = |name: &str| all.push((format!("{prefix}{name}{behind}"), area.doc.to_owned()));
+            add(area.name);
+            if split_plc(current).1.starts_with('_') {
+                fitted.placed(area).for_each(|placed| add(placed.variable));
+            }
+        }
+    }
+    all.retain(|(name, _)| name.starts_with(current));
+    all
+}
+
+/// Registers whose names begin so: first the area, then the register, then each index. `behind` follows a whole name.
+fn registers_with(current: &str, behind: &str) -> Vec<Candidate> {
+    let (_, name) = split_plc(current);
+    let Some((front, _)) = name.split_once('.') else {
+        return areas(current, ".").into_iter().map(|(name, help)| candidate(name, help)).collect();
+    };
+    // In the order of the map.
+    let mut names: Vec<String> = Vec::new();
+    let mut known: BTreeMap<String, String> = BTreeMap::new();
+    for (prefix, fitted) in Scene::look().each(current) {
+        for register in registers_of(&fitted, front) {
+            let full = format!("{prefix}{front}.{}", register.path());
+            let Some(rest) = full.strip_prefix(current) else { continue };
+            // One more index at a time.
+            let end = rest.find('[').map(|at| at + 1).filter(|_| !current.ends_with('['));
+            let end = end.or_else(|| rest.find(']').map(|at| at + 1));
+            let name = match end {
+                Some(end) if current.len() + end < full.len() || full.ends_with('[') => {
+                    full[..current.len() + end].to_owned()
+                }
+                _ => full + behind,
+            };
+            if !known.contains_key(&name) {
+                known.insert(name.clone(), register.register.doc.to_owned());
+                names.push(name);
+            }
+        }
+    }
+    names
+        .into_iter()
+        .map(|name| (known.remove(&name).unwrap_or_default(), name))
+        .map(|(help, name)| candidate(name, help))
+        .collect()
+}
+
+fn registers_of(fitted: &Fitted, front: &str) -> Vec<RegisterRef> {
+    match fitted.area_or_registers(front) {
+        Ok(Named::Area(area)) => fitted.placed(area).flat_map(|placed| area.registers_of(placed)).collect(),
+        Ok(Named::Registers(registers)) => registers,
+        Err(_) => Vec::new(),
+    }
+}
+
+/// What the values of a register are called, if one of these signs stands between it and the cursor.
+fn values_of(current: &str, signs: &[&str]) -> Option<Vec<Candidate>> {
+    let whole = signs.iter().find_map(|sign| {
+        let (register, _) = current.split_once(sign)?;
+        Some((register.to_owned(), format!("{register}{sign}")))
+    });
+    let (register, front) = whole.or_else(|| {
+        let (words, begun) = before(signs);
+        let last = words.last().filter(|last| current.is_empty() && last.contains('.'));
+        Some((begun.or_else(|| last.cloned())?, String::new()))
+    })?;
+    let (_, name) = split_plc(&register);
+    let found = Scene::look()
+        .each(&register)
+        .into_iter()
+        .find_map(|(_, fitted)| fitted.register(name.trim()).ok())?;
+    let meaning = found.register.meaning?;
+    let named = value::names(meaning).into_iter().filter(|(name, _)| !name.contains(' '));
+    let all = named.map(|(name, value)| (format!("{front}{name}"), found.decode(value)));
+    Some(starting(current, all))
+}

@@ -1,0 +1,40 @@
+//! `commram man`: manual pages for `man`.
+
+use super::{Cli, error::CliError};
+use clap::CommandFactory;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Write manual pages for `man`, one for each command, into a directory.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram man ~/.local/share/man/man1
+  commram man target/man && man target/man/commram-wait.1")]
+pub(crate) struct Args {
+    /// The directory; it is made if it is not there
+    #[arg(value_name = "DIR")]
+    directory: PathBuf,
+}
+
+/// Writes the pages.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |reason| CliError::File { path, reason }
+    };
+    fs::create_dir_all(&args.directory).map_err(failed(&args.directory))?;
+    let mut all = Cli::command().disable_help_subcommand(true);
+    all.build();
+    let mut commands = vec![(all.get_name().to_owned(), all)];
+    while let Some((name, command)) = commands.pop() {
+        let inner = command.get_subcommands().filter(|inner| !inner.is_hide_set());
+        commands.extend(inner.map(|inner| (format!("{name}-{}", inner.get_name()), inner.clone())));
+        let path = args.directory.join(format!("{name}.1"));
+        let mut page = Vec::new();
+        let man = clap_mangen::Man::new(command.name(name).version(env!("CARGO_PKG_VERSION")));
+        man.render(&mut page).map_err(failed(&path))?;
+        fs::write(&path, page).map_err(failed(&path))?;
+    }
+    Ok(())
+}

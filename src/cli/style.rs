@@ -1,0 +1,65 @@
+//! Colours on a terminal, and how wide it is.
+
+use anstream::stream::RawStream;
+use anstream::{AutoStream, ColorChoice};
+use anstyle::{AnsiColor, Style};
+use clap::ValueEnum;
+use std::ffi::OsString;
+use std::io;
+
+/// When there are colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum When {
+    /// On a terminal, unless NO_COLOR is set
+    Auto,
+    /// Whatever the output is
+    Always,
+    /// Never
+    Never,
+}
+
+/// Sets when there are colours, as the arguments say, before anything is parsed: what is wrong with them may have to be
+/// told in colour.
+pub(crate) fn set(arguments: impl Iterator<Item = OsString>) {
+    let mut arguments = arguments.take_while(|argument| argument != "--");
+    let mut when = None;
+    while let Some(argument) = arguments.next() {
+        let Some(argument) = argument.to_str() else { continue };
+        let value = match argument.strip_prefix("--color") {
+            Some("") => arguments.next().and_then(|value| value.into_string().ok()),
+            Some(value) => value.strip_prefix('=').map(str::to_owned),
+            None => None,
+        };
+        when = value.and_then(|value| When::from_str(&value, false).ok()).or(when);
+    }
+    match when {
+        Some(When::Always) => ColorChoice::Always.write_global(),
+        Some(When::Never) => ColorChoice::Never.write_global(),
+        Some(When::Auto) | None => {}
+    }
+}
+
+/// Whether a stream gets colours.
+pub(crate) fn is_on(stream: &impl RawStream) -> bool {
+    AutoStream::choice(stream) != ColorChoice::Never
+}
+
+/// The begin of a complaint.
+pub(crate) fn error(text: &str) -> String {
+    paint(AnsiColor::Red.on_default().bold(), text, &io::stderr())
+}
+
+/// The head of a table or a block.
+pub(crate) fn head(text: &str) -> String {
+    paint(Style::new().bold(), text, &io::stdout())
+}
+
+fn paint(style: Style, text: &str, stream: &impl RawStream) -> String {
+    if is_on(stream) && !text.is_empty() { format!("{style}{text}{style:#}") } else { text.to_owned() }
+}
+
+/// How many characters a line of the terminal has; `None` if the output goes elsewhere.
+pub(crate) fn width() -> Option<usize> {
+    let size = rustix::termios::tcgetwinsize(io::stdout()).ok()?;
+    Some(usize::from(size.ws_col)).filter(|width| *width > 0)
+}

@@ -1,0 +1,124 @@
+//! What shells complete, asked as they ask, and in the shells themselves.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, commram, finish, run, skipped};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// The candidates for the last of these words.
+fn completed(words: &[&str]) -> Vec<String> {
+    let mut command = commram();
+    let index = words.len().to_string();
+    command.env("COMMRAM_COMPLETE", "bash").env("_CLAP_COMPLETE_INDEX", &index).env("_CLAP_IFS", "\n");
+    let outcome = finish(command.args(["--", "commram"]).args(words));
+    outcome.ok().lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn registers_are_completed_area_by_area_and_index_by_index() {
+    assert_eq!(completed(&["peek", "nod"]), ["node1.", "node2."]);
+    assert_eq!(completed(&["peek", "node2.w_OPT"]), ["node2.w_OPTION_STATUS"]);
+    assert_eq!(completed(&["peek", "node2.a_STAT"]), ["node2.a_STAT_SL["]);
+    let elements = completed(&["peek", "node2.a_STAT_SL["]);
+    assert_eq!((elements.len(), elements[31].as_str()), (32, "node2.a_STAT_SL[31]"));
+    assert_eq!(completed(&["peek", "_CANsync_CTRL_MA.w_CPU"]), ["_CANsync_CTRL_MA.w_CPU_CONTROL"]);
+    assert_eq!(completed(&["poke", "node2.w_CPU"]), ["node2.w_CPU_CONTROL="]);
+    assert_eq!(completed(&["wait", "node2.w_OPT"]), ["node2.w_OPTION_STATUS=="]);
+}
+
+#[test]
+fn values_are_completed_by_their_names_however_the_shell_breaks_words() {
+    assert_eq!(completed(&["poke", "node2.w_CPU_CONTROL=rest"]), ["node2.w_CPU_CONTROL=restart"]);
+    assert_eq!(completed(&["poke", "node2.w_CPU_CONTROL", "=", "rest"]), ["restart"]);
+    assert!(completed(&["poke", "node2.w_CPU_CONTROL", ""]).contains(&"handshake".to_owned()));
+    assert_eq!(completed(&["wait", "node2.w_OPTION_STATUS", "==", "master_a"]), ["master_active"]);
+}
+
+#[test]
+fn faults_are_completed_with_their_fields_and_words() {
+    assert!(completed(&["fault", "add", "lose"]).contains(&"lose_frame".to_owned()));
+    assert!(completed(&["fault", "add", "lose_frame", "sl"]).iter().any(|field| field == "slot="));
+    assert!(completed(&["fault", "add", "lose_frame", "slot", "=", "WR"]).contains(&"WRC1".to_owned()));
+    assert!(completed(&["fault", "add", "supply", "what=d"]).contains(&"what=drop".to_owned()));
+}
+
+#[test]
+fn running_instances_their_plcs_and_buses_are_completed() {
+    let emulator = Emulator::stepped();
+    let name = emulator.name.as_str();
+    assert!(completed(&["peek", "-i", &name[..2]]).contains(&name.to_owned()));
+    assert_eq!(completed(&["board", "get", "-i", name, "li"]), ["line"]);
+    assert_eq!(completed(&["bus", "open", "-i", name, "dr"]), ["drives"]);
+    assert_eq!(completed(&["fault", "add", "lose_frame", "-i", name, "bus="]), ["bus=drives"]);
+}
+
+#[test]
+fn scenarios_and_plants_are_looked_for() {
+    let scenarios = completed(&["test", "tests/scenarios/01"]);
+    assert_eq!(scenarios, ["tests/scenarios/01-start-of-the-master.rhai"]);
+    assert!(completed(&["run", "tools/plants/cs"]).contains(&"tools/plants/cs0015.toml".to_owned()));
+}
+
+/// The output of a shell that has the program in its path.
+fn in_shell(shell: &str, script: &str) -> Option<String> {
+    let program = commram();
+    let directory = Path::new(program.get_program()).parent().unwrap();
+    let path = format!("{}:{}", directory.display(), std::env::var("PATH").unwrap_or_default());
+    let mut command = Command::new(shell);
+    command.args(["-c", script]).env("PATH", path).env_remove("COMMRAM_INSTANCE").stdin(Stdio::null());
+    if Command::new(shell).args(["-c", "true"]).status().is_err() {
+        skipped(shell, "it is not there");
+        return None;
+    }
+    Some(finish(&mut command).ok().to_owned())
+}
+
+#[test]
+fn bash_completes() {
+    let script = "source <(commram completions bash)
+        COMP_WORDS=(commram poke node2.w_CPU); COMP_CWORD=2
+        _clap_complete_commram commram node2.w_CPU poke; echo \"${COMPREPLY[@]}\"
+        COMP_WORDS=(commram poke node2.w_CPU_CONTROL = rest); COMP_CWORD=4
+        _clap_complete_commram commram rest =; echo \"${COMPREPLY[@]}\"";
+    if let Some(out) = in_shell("bash", script) {
+        assert_eq!(out, "node2.w_CPU_CONTROL=\nrestart\n");
+    }
+}
+
+#[test]
+fn fish_completes() {
+    let script = "commram completions fish | source
+        complete -C 'commram peek node2.w_OPT' | string split -f1 \\t
+        complete -C 'commram poke node2.w_CPU_CONTROL=rest' | string split -f1 \\t";
+    if let Some(out) = in_shell("fish", script) {
+        assert_eq!(out, "node2.w_OPTION_STATUS\nnode2.w_CPU_CONTROL=restart\n");
+    }
+}
+
+/// Without a terminal zsh has no line to be completed, but it can be asked what it would offer.
+#[test]
+fn zsh_completes() {
+    let script = "autoload -Uz compinit; compinit -u -d /dev/null
+        source <(commram completions zsh)
+        _describe() { print -l -- ${(P)3} }
+        words=(commram peek node2.w_OPT); CURRENT=3; _clap_dynamic_completer_commram
+        words=(commram peek nod); _clap_dynamic_completer_commram";
+    if let Some(out) = in_shell("zsh", script) {
+        let names: Vec<_> = out.lines().map(|line| line.split(':').next().unwrap_or_default()).collect();
+        assert_eq!(names, ["node2.w_OPTION_STATUS", "node1.", "node2."]);
+    }
+}
+
+#[test]
+fn every_command_has_a_page_of_the_manual() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("man1");
+    run(&["man", path.to_str().unwrap()]).ok();
+    let page = std::fs::read_to_string(path.join("commram-wait.1")).unwrap();
+    assert!(page.starts_with(".ie") && page.contains(".TH commram-wait 1"), "{page}");
+    assert!(page.contains("\\-\\-within") && page.contains("Wait until registers hold"), "{page}");
+    for name in ["commram", "commram-fault-add", "commram-man"] {
+        assert!(path.join(format!("{name}.1")).exists(), "{name}");
+    }
+    assert!(!path.join("commram-demo-plc.1").exists(), "what is hidden has none");
+}

@@ -1,0 +1,123 @@
+//! Every command that a page shows is run as it stands there: at the built-in plant, or at one that has what it names.
+#![cfg(feature = "channel")]
+
+use crate::shell::Shell;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What commands name that the built-in plant does not have, and what the plant has instead of the built-in one.
+const OTHERS: &str = "\
+[[plc]]
+name = 'line'
+[[plc]]
+name = 'line2'
+[[device]]
+kind = 'bm4-plc'
+name = 'maxx'
+[[device.module]]
+slot = 'G'
+kind = 'can-06'
+bus = 'fast'
+[[device.module]]
+slot = 'H'
+kind = 'can-05'
+bus = 'upper'
+[[device]]
+kind = 'cs0015'
+name = 'panel'
+bus = 'open'
+node_id = 32
+kbit_s = 125
+[[bus]]
+name = 'fast'
+kbit_s = 1000
+[[bus]]
+name = 'upper'
+[[bus]]
+name = 'open'
+kind = 'can'
+kbit_s = 125
+";
+
+/// A command with one of these in it is meant for that plant.
+const OF_OTHERS: &[&str] = &["line:", "line2", "maxx", "panel", "open"];
+
+/// Commands that begin so, or have this in them, are not run here, and why.
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("--follow", "it ends with the emulator; tests/cli/trace.rs follows"),
+    (" | ", "other programs read along; .ci/tools says which of them CI has"),
+    ("commram layout import", "it wants declarations of one's own; tests/cli/layout.rs imports"),
+    ("commram test ", "it wants scenarios of one's own; tests/cli/scenarios.rs runs those of the project"),
+    ("matiec/iec2c", "tests/export/matiec.rs compiles"),
+    ("cc ", "tests/export/c.rs compiles"),
+];
+
+/// Pages whose sessions are typed in as a whole by a test of their own, and which.
+const SESSIONS: &[(&str, &str)] = &[
+    ("README.md", "pages.rs"),
+    ("command-line.md", "pages.rs"),
+    ("getting-started.md", "pages.rs"),
+    ("can-dp2.md", "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it"),
+    ("architecture.md", "it shows no commands, but how one goes its way"),
+];
+
+/// The commands of the blocks for a shell; those of a console stand behind a `$`.
+fn commands(page: &str) -> Vec<String> {
+    let mut commands = Vec::new();
+    for (language, is_console) in [("```console\n", true), ("```sh\n", false)] {
+        let blocks = page.split(language).skip(1).filter_map(|rest| rest.split("```").next());
+        let text: String = blocks.collect::<String>().replace("\\\n", " ");
+        let lines =
+            text.lines().filter_map(|line| if is_console { line.strip_prefix("$ ") } else { Some(line) });
+        commands.extend(lines.filter(|line| line.starts_with("commram ")).map(str::to_owned));
+    }
+    commands
+}
+
+#[test]
+fn every_command_of_the_pages_works() {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let pages = std::fs::read_dir(docs).unwrap().map(|entry| entry.unwrap().path());
+    let mut pages: BTreeMap<_, _> = pages
+        .filter(|path| path.extension().is_some_and(|it| it == "md"))
+        .map(|path| {
+            (
+                path.file_name().unwrap().to_str().unwrap().to_owned(),
+                commands(&std::fs::read_to_string(&path).unwrap()),
+            )
+        })
+        .collect();
+    pages.retain(|name, commands| {
+        !commands.is_empty() && !SESSIONS.iter().any(|(session, _)| session == name)
+    });
+    let (built_in, others) = (Shell::new(&[]), Shell::new(&[]));
+    built_in.run("commram run --clock stepped --detach").ok();
+    others
+        .run(&format!(
+            "cat > plant.toml <<'END'\n{OTHERS}END\ncommram run plant.toml --clock stepped --detach"
+        ))
+        .ok();
+    // Logs to be played and compared, as a page before has them written.
+    others.run("commram trace --bus open --format candump > open.log && commram trace --format pcapng > open.pcapng").ok();
+    let (mut run, mut failed) = (0, Vec::new());
+    for (page, commands) in &pages {
+        for command in commands {
+            if ELSEWHERE.iter().any(|(part, _)| {
+                command.starts_with(part) || part.starts_with([' ', '-']) && command.contains(part)
+            }) {
+                continue;
+            }
+            let is_of_others = OF_OTHERS.iter().any(|name| command.contains(name));
+            let outcome = if is_of_others { &others } else { &built_in }.run(command);
+            if outcome.code != Some(0) {
+                failed.push(format!("{page}: {command}\n  {}", outcome.err));
+            }
+            run += 1;
+        }
+    }
+    for shell in [&built_in, &others] {
+        shell.run("commram stop").ok();
+    }
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
+    assert!(run > 60, "only {run} commands of {:?}", pages.keys());
+}
