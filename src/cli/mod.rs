@@ -47,7 +47,8 @@ mod with;
 
 use crate::layout::place;
 use crate::time;
-use clap::{ColorChoice, Parser, Subcommand};
+use clap::builder::Resettable;
+use clap::{ColorChoice, CommandFactory, Parser, Subcommand};
 use error::CliError;
 use exit::Exit;
 use instance::{Instance, InstanceName, instance_name};
@@ -137,7 +138,7 @@ pub fn main() -> ExitCode {
     style::set(std::env::args_os());
     let result = match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
-        Err(error) => return refuse(&error),
+        Err(error) => return refuse(&told_without_environment(error)),
     };
     match result {
         Ok(()) => ExitCode::from(Exit::Done.code()),
@@ -188,6 +189,19 @@ impl Command {
     }
 }
 
+/// The same mistake as if no variable of the environment stood for an option: usage would show those as if they had to be
+/// given.
+fn told_without_environment(error: clap::Error) -> clap::Error {
+    fn bare(command: clap::Command) -> clap::Command {
+        command.mut_args(|arg| arg.env(Resettable::Reset)).mut_subcommands(bare)
+    }
+    if !error.use_stderr() {
+        return error;
+    }
+    // A mistake in the environment itself is gone then.
+    bare(Cli::command()).try_get_matches().err().filter(|other| other.kind() == error.kind()).unwrap_or(error)
+}
+
 /// Shows help and version as asked for, and complaints about the command line like all others.
 fn refuse(error: &clap::Error) -> ExitCode {
     let shown = |stream_has_colours: bool| {
@@ -211,7 +225,6 @@ fn refuse(error: &clap::Error) -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {
