@@ -17,7 +17,6 @@ Examples:
   commram find status
   commram find SYNC time
   commram find \"bus-off\"
-  commram find --device bm4-o-plc-01 ethernet
   commram find control --format json
   commram find status -i press-1
 

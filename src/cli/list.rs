@@ -30,6 +30,7 @@ struct Entry {
     time_us: Option<u64>,
     state: &'static str,
     /// Why it cannot be used.
+    #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
 }
 

@@ -78,9 +78,9 @@ const REGISTERS: &str = "\
 Registers:
   node2.w_CPU_CONTROL          by name: block, register
   w_COMMAND_REG                without the block, where only one has such a register
-  _CANsync_CTRL_MA.w_CPU_CONTROL   with the variable that the manual declares there
+  VARIABLE.w_CPU_CONTROL       with the variable that the manual declares there
   'node2.a_RD_BMARRAY[3][0]'   an element of an array; the quotes are for the shell
-  node2.w_CANsync_STATUS.2     one bit
+  node2.w_CPU_CONTROL.7        one bit
   'node2.*STATUS*', 'node2.a_STAT_SL[0..3]'   several, for commands that read
   %MW3.200000                  by address: %MB3, %MW3, %MD3, %MX3 (one bit)
   line2:node2.w_CPU_CONTROL    with the PLC, where the instance has several

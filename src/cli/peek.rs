@@ -21,8 +21,7 @@ Examples:
   commram peek node2.w_OPTION_STATUS
   commram peek 'node2.a_STAT_SL[1]' 'node2.a_STAT_SL[2]' 'node2.a_STAT_SL[3]'
   commram peek 'node2.a_STAT_SL[1..3]' 'node2.*STATUS*'
-  commram peek node2.w_CANsync_STATUS.2            a single bit
-  commram peek _CANsync_CTRL_MA.w_CPU_CONTROL      as the manual calls it
+  commram peek node2.w_CPU_CONTROL.7               a single bit
   commram peek --raw %MW3.200002
   commram peek line2:node1.w_OPTION_STATUS --format json")]
 pub(crate) struct Args {

@@ -113,7 +113,6 @@ mod tests {
         assert_eq!(value("node2.w_CPU_CONTROL := 16#20;"), 0x20);
         assert_eq!(value("line2:node2.w_CPU_CONTROL:=16#20"), 0x20);
         assert_eq!(value("node2.w_CPU_CONTROL=start-synchronous"), 0x20);
-        assert_eq!(value("_CANsync_CTRL_MA.w_CPU_CONTROL=RESTART"), 0);
     }
 
     #[test]

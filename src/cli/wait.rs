@@ -16,7 +16,7 @@ use crate::layout::{Condition, ConditionError};
 #[command(after_help = "\
 Examples:
   commram wait node2.w_OPTION_STATUS==16#0043 --within 10ms
-  commram wait node2.w_OPTION_STATUS==master-active node2.w_CANsync_STATUS.7==0
+  commram wait node2.w_OPTION_STATUS==master-active node2.w_CPU_CONTROL.7==0
   commram wait 'node2.a_STAT_SL[1]&2==2' --within 2s
   commram wait 'node2.a_RD_VALUE[1][0] < -1000' 'node2.w_OPTION_STATUS != 16#80' --any
   commram wait %MX3.200004.2==1

@@ -203,8 +203,8 @@ mod tests {
         assert_eq!(parsed("node2.w_OPTION_STATUS & 16#80 != 16#80"), (0x80, Compare::NotEqual, 0x80));
         assert_eq!(parsed("node2.w_OPTION_STATUS <> MASTER_ACTIVE"), (0xFFFF, Compare::NotEqual, 0x80));
         assert_eq!(parsed("%MX3.200004.2==1"), (4, Compare::Equal, 4));
-        assert_eq!(parsed("node2.w_CANsync_STATUS.2==0"), (4, Compare::Equal, 0));
-        assert_eq!(parsed("node2.w_CANsync_STATUS.10!=0"), (4, Compare::NotEqual, 0));
+        assert_eq!(parsed("node2.w_CPU_CONTROL.2==0"), (4, Compare::Equal, 0));
+        assert_eq!(parsed("node2.w_CPU_CONTROL.10!=0"), (4, Compare::NotEqual, 0));
         for (sign, compare) in [
             ("<", Compare::Less),
             ("<=", Compare::LessOrEqual),

@@ -130,9 +130,8 @@ mod tests {
     #[test]
     fn a_bit_alone_has_its_meaning_too() {
         let bit = |name: &str, bit, is_set| DEVICE.register(name).unwrap().decode_bit(bit, is_set);
-        assert_eq!(bit("node2.w_CANsync_STATUS", 2, true), "send buffer free");
-        assert_eq!(bit("node2.w_CANsync_STATUS", 2, false), "");
-        assert_eq!(bit("node2.w_CANsync_STATUS", 0, true), "reserved bits 0 set");
+        assert_eq!(bit("node2.w_CPU_CONTROL", 7, true), "reset CAN controller");
+        assert_eq!(bit("node2.w_CPU_CONTROL", 7, false), "");
         assert_eq!(bit("node2.w_OPTION_STATUS", 2, true), "", "only the whole has a meaning");
     }
 

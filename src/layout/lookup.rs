@@ -147,7 +147,7 @@ impl Fitted {
     }
 
     /// What `text` stands for: an address or a name, each perhaps with a PLC in front. Behind a name may stand the number of
-    /// a bit: `node2.w_CANsync_STATUS.2`, or `.%X2` (IEC 61131-3, 6.5.2.4).
+    /// a bit: `node2.w_CPU_CONTROL.2`, or `.%X2` (IEC 61131-3, 6.5.2.4).
     ///
     /// # Errors
     /// What is wrong with it, and what would be right. An address in plain RAM is no error.
@@ -261,15 +261,15 @@ mod tests {
     #[test]
     fn a_bit_stands_behind_the_name_of_its_register() {
         let address = |text: &str| DEVICE.target(text).map(|target| target.address.to_string());
-        assert_eq!(address("node2.w_CANsync_STATUS.2"), address("%MX3.200004.2"));
-        assert_eq!(address("line2:node2.w_CANsync_STATUS.%X9"), address("%MX3.200005.1"));
+        assert_eq!(address("node2.w_CPU_CONTROL.2"), address("%MX3.200000.2"));
+        assert_eq!(address("line2:node2.w_CPU_CONTROL.%X9"), address("%MX3.200001.1"));
         assert_eq!(address("node2.a_RD_BMARRAY[3][0].31"), address("%MX3.201027.7"));
         let error = |text: &str| address(text).unwrap_err().to_string();
         assert_eq!(
-            error("node2.w_CANsync_STATUS.16"),
-            "node2.w_CANsync_STATUS.16: a WORD has bits 0 to 15, not 16"
+            error("node2.w_CPU_CONTROL.16"),
+            "node2.w_CPU_CONTROL.16: a WORD has bits 0 to 15, not 16"
         );
-        assert!(error("node2.w_CANsync_STATUS.99999999999").contains("bits 0 to 15"));
+        assert!(error("node2.w_CPU_CONTROL.99999999999").contains("bits 0 to 15"));
         assert!(error("node2.2").contains("`node2` is a block of registers"));
     }
 

@@ -280,18 +280,14 @@ mod tests {
 
     #[test]
     fn a_bit_given_by_name_keeps_it_and_has_its_meaning() {
-        let bit = place("node2.w_CANsync_STATUS.10");
-        assert_eq!(bit.name(Live::Cyclic), "node2.w_CANsync_STATUS.10");
-        assert_eq!(bit.label(Live::Cyclic), "node2.w_CANsync_STATUS.10 (%MX3.200005.2)");
-        assert_eq!(place("node2.w_CANsync_STATUS.2").meaning(Live::Cyclic, 4), "send buffer free");
-        assert_eq!(
-            place("node2.w_CANsync_STATUS.2").meaning(Live::Cyclic, 0),
-            "bit 2 of node2.w_CANsync_STATUS"
-        );
-        assert_eq!(
-            place("%MX3.200004.2").meaning(Live::Cyclic, 4),
-            "bit 2 of node2.w_CANsync_STATUS: send buffer free"
-        );
+        let bit = place("node2.w_CPU_CONTROL.10");
+        assert_eq!(bit.name(Live::Cyclic), "node2.w_CPU_CONTROL.10");
+        assert_eq!(bit.label(Live::Cyclic), "node2.w_CPU_CONTROL.10 (%MX3.200001.2)");
+        let named = place("node2.w_CPU_CONTROL.7");
+        assert_eq!(named.meaning(Live::Cyclic, 0x80), "reset CAN controller");
+        assert_eq!(named.meaning(Live::Cyclic, 0), "bit 7 of node2.w_CPU_CONTROL");
+        let by_address = place("%MX3.200000.7").meaning(Live::Cyclic, 0x80);
+        assert_eq!(by_address, "bit 7 of node2.w_CPU_CONTROL: reset CAN controller");
     }
 
     #[test]

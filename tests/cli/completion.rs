@@ -18,7 +18,7 @@ fn completed(words: &[&str]) -> Vec<String> {
 fn registers_are_completed_area_by_area_and_index_by_index() {
     assert_eq!(completed(&["peek", "nod"]), ["node1.", "node2."]);
     assert_eq!(completed(&["peek", "node2.w_OPT"]), ["node2.w_OPTION_STATUS"]);
-    assert_eq!(completed(&["peek", "node2.a_STAT"]), ["node2.a_STAT_SL["]);
+    assert_eq!(completed(&["peek", "node2.a_STAT_S"]), ["node2.a_STAT_SL["]);
     let elements = completed(&["peek", "node2.a_STAT_SL["]);
     assert_eq!((elements.len(), elements[31].as_str()), (32, "node2.a_STAT_SL[31]"));
     assert_eq!(completed(&["peek", "_CANsync_CTRL_MA.w_CPU"]), ["_CANsync_CTRL_MA.w_CPU_CONTROL"]);
@@ -102,7 +102,7 @@ fn zsh_completes() {
         source <(commram completions zsh)
         _describe() { print -l -- ${(P)3} }
         words=(commram peek node2.w_OPT); CURRENT=3; _clap_dynamic_completer_commram
-        words=(commram peek nod); _clap_dynamic_completer_commram";
+        words=(commram peek nod); _clap_dynamic_completer_commram; true";
     if let Some(out) = in_shell("zsh", script) {
         let names: Vec<_> = out.lines().map(|line| line.split(':').next().unwrap_or_default()).collect();
         assert_eq!(names, ["node2.w_OPTION_STATUS", "node1.", "node2."]);

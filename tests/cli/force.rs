@@ -38,7 +38,10 @@ fn a_forced_register_keeps_its_value_and_is_marked_everywhere() {
 fn mistakes_are_explained() {
     let emulator = Emulator::stepped();
     let complaint = |command, args: &[&str]| emulator.run(command, args).fails(2).to_owned();
-    assert!(complaint("unforce", &["node2.w_OPTION_STATUS"]).contains("%MW3.200002 is not forced"));
+    assert!(
+        complaint("unforce", &["node2.w_OPTION_STATUS"])
+            .contains("node2.w_OPTION_STATUS (%MW3.200002) is not forced")
+    );
     let part = complaint("force", &["%MB3.200003=1"]);
     assert!(part.contains("%MB3.200003: only a whole register can be forced, here %MW3.200002"), "{part}");
     emulator.run("unforce", &[]).fails(2);

@@ -183,8 +183,8 @@ fn list_shows_what_runs() {
         })
     );
     let csv = run(&["list", "--format", "csv"]);
-    assert!(csv.ok().starts_with("name,plcs,pid,clock,time,state\n"));
-    assert!(csv.out.contains(&format!("{name},press saw,{pid},stepped,0.003000 s,ready\n")), "{}", csv.out);
+    assert!(csv.ok().starts_with("name,plcs,pid,clock,time_us,state,reason\n"));
+    assert!(csv.out.contains(&format!("{name},press saw,{pid},stepped,3000,ready,\n")), "{}", csv.out);
 }
 
 #[test]

@@ -50,6 +50,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("commram test ", "it wants scenarios of one's own; tests/cli/scenarios.rs runs those of the project"),
     ("matiec/iec2c", "tests/export/matiec.rs compiles"),
     ("cc ", "tests/export/c.rs compiles"),
+    ("commram run", "an emulator runs already; tests/cli/instances.rs starts them"),
 ];
 
 /// Pages whose sessions are typed in as a whole by a test of their own, and which.
@@ -58,6 +59,7 @@ const SESSIONS: &[(&str, &str)] = &[
     ("command-line.md", "pages.rs"),
     ("getting-started.md", "pages.rs"),
     ("can-dp2.md", "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it"),
+    ("openplc.md", "it is typed in beside OpenPLC's own sources"),
     ("architecture.md", "it shows no commands, but how one goes its way"),
 ];
 

@@ -91,8 +91,8 @@ fn a_block_or_a_pattern_is_not_one_register() {
     assert!(
         error("node2").starts_with("`node2` is a block of registers, not one register; `commram dump node2`")
     );
-    let variable = DEVICE.areas.iter().flat_map(|area| area.structures).find_map(|placed| placed.variable);
-    assert!(error(variable.unwrap()).contains("is a block of registers"));
+    let variable = DEVICE.area("node2").unwrap().structures.last().unwrap().variable;
+    assert!(error(variable).contains("is a block of registers"));
     assert!(error("node2.a_STAT_SL[0..3]").contains("can mean several registers"));
     let named = |name: &str| Fitted::unknown(&DEVICE).area_or_registers(name);
     assert!(matches!(named("node2"), Ok(Named::Area(area)) if area.name == "node2"));

@@ -199,12 +199,12 @@ fn memory_errors_name_the_address_and_what_would_be_right() {
     refused(poke(998, Width::Word, 1), Code::UNMAPPED, nothing);
     let misaligned = "%MD3.1000102: a DWORD needs an address divisible by 4";
     refused(peek(REG + 2, Width::Dword), Code::MISALIGNED, misaligned);
-    let wide = "%MW3.1000100: 16#10000 does not fit, a WORD holds at most 16#FFFF";
+    let wide = "press:%MW3.1000100: 16#10000 does not fit, a WORD holds at most 16#FFFF";
     refused(poke(REG, Width::Word, 0x1_0000), Code::VALUE_TOO_WIDE, wide);
     let plc = Op::Peek { plc: 2, offset: REG, width: Width::Word };
     refused(plc, Code::UNKNOWN_PLC, "PLC 2 does not exist; the instance has 2, numbered from 0");
     let exchange = Op::CompareExchange { plc: 0, offset: REG, width: Width::Byte, current: 256, new: 0 };
-    let wide = "%MB3.1000100: 16#100 does not fit, a BYTE holds at most 16#FF";
+    let wide = "press:%MB3.1000100: 16#100 does not fit, a BYTE holds at most 16#FF";
     refused(exchange, Code::VALUE_TOO_WIDE, wide);
     let last = "byte 4294967295 of the image: no register area of the device covers this BYTE";
     refused(peek(u32::MAX, Width::Byte), Code::UNMAPPED, last);
@@ -233,7 +233,7 @@ fn forces_are_set_listed_and_ended() {
     let forced = Forced { plc, offset, width, value: 7 };
     let expected = [Reply::Written, Reply::Forces(vec![forced]), Reply::Written, Reply::Forces(Vec::new())];
     assert_eq!(host.request(&ops), expected);
-    assert_eq!(host.refusal(unforce), (Code::NOT_FORCED, "%MW3.1000100 is not forced".to_owned()));
+    assert_eq!(host.refusal(unforce), (Code::NOT_FORCED, "press:%MW3.1000100 is not forced".to_owned()));
     let half = Op::Force { plc, offset: 200_000, width: Width::Byte, value: 7 };
     assert_eq!(host.refusal(half).0, Code::NOT_WHOLE);
     let wide = Op::Force { plc, offset, width, value: 0x1_0000 };
@@ -256,7 +256,7 @@ fn a_stepped_wait_that_fails_ends_exactly_on_time_with_the_last_value() {
     let refused = host.refused(wait(0xFFFF, 0x44, 2_300));
     assert_eq!(refused.code, Code::NOT_IN_TIME);
     assert_eq!(refused.waited, Some(Waited { time_us: 2_300, value: 0x41 }));
-    let expected = "%MW3.1000100 did not become the awaited value in time; at 2300 us it is 16#0041";
+    let expected = "press:%MW3.1000100 did not become the awaited value in time; at 2300 us it is 16#0041";
     assert_eq!(refused.text, expected);
     assert_eq!(host.plant.now(), 2_300);
 }
