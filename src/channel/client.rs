@@ -54,13 +54,13 @@ impl Default for Patience {
     }
 }
 
-/// A connection to an emulator. Not `Send`: make it on the thread that uses it.
+/// A connection to an emulator.
 pub struct Client {
     port: Port,
     service: Service<Threads>,
     // After the ports, which belong to its node.
     guest: Guest,
-    bells: Box<dyn Bells>,
+    bells: Box<dyn Bells + Send>,
     patience: Patience,
     instance: String,
 }
@@ -73,7 +73,7 @@ impl Client {
     pub fn connect(
         instance: &str,
         root: &Path,
-        bells: Box<dyn Bells>,
+        bells: Box<dyn Bells + Send>,
         patience: Patience,
     ) -> Result<Self, ClientError> {
         let start = Instant::now();

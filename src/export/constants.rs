@@ -1,5 +1,6 @@
 //! Names for the values and bits of registers, made from what they mean (decision D-221).
 
+use super::Scope;
 use crate::layout::{BitField, Meaning, ValueMeaning};
 
 /// A named number.
@@ -19,6 +20,39 @@ impl Constant {
     fn new(name: String, value: u32, text: impl Into<String>) -> Self {
         Self { name, value, text: text.into(), is_shift: false }
     }
+}
+
+/// Named numbers of the registers with one meaning, for languages that have enumerations.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Enumeration {
+    /// `OPTION_STATUS`.
+    pub name: String,
+    /// Whether there are bits, so that its members can be added up.
+    pub is_flags: bool,
+    /// Names without that of the enumeration, values, and what they mean.
+    pub members: Vec<(String, u32, String)>,
+    /// Full names of the lowest bits' numbers of fields, which are no members.
+    pub shifts: Vec<(String, u32)>,
+}
+
+impl Enumeration {
+    /// The one of a meaning.
+    pub(crate) fn of(meaning: &Meaning) -> Self {
+        let name = upper(meaning.name);
+        let (shifts, members): (Vec<_>, Vec<_>) = of(meaning).into_iter().partition(|it| it.is_shift);
+        let member = |it: Constant| (own_name(&name, &it.name), it.value, it.text);
+        Self {
+            members: members.into_iter().map(member).collect(),
+            shifts: shifts.into_iter().map(|it| (it.name, it.value)).collect(),
+            is_flags: !meaning.bits.is_empty(),
+            name,
+        }
+    }
+}
+
+/// The enumerations of all registers in a scope, in the order of the registers.
+pub fn enumerations(scope: &Scope) -> Vec<Enumeration> {
+    scope.meanings().iter().map(|(meaning, _)| Enumeration::of(meaning)).collect()
 }
 
 /// The constants of a meaning: of its values first, then of its bits. Reserved values and bits have none.

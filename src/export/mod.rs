@@ -28,6 +28,7 @@ use crate::layout::{Device, LayoutError};
 use std::fmt;
 use thiserror::Error;
 
+pub use constants::{Enumeration, enumerations};
 pub use csv::line as csv_line;
 #[cfg(feature = "emulator")]
 pub use dbc::dbc;

@@ -1,6 +1,6 @@
 //! One Python module without dependencies: the tables here, what works with them in `python/attach.py`.
 
-use super::constants;
+use super::constants::{self, Enumeration};
 use super::rows;
 use super::scope::Scope;
 use super::text;
@@ -15,6 +15,7 @@ import enum
 import fcntl
 import itertools
 import mmap
+import operator
 import os
 import re
 import stat
@@ -42,7 +43,7 @@ pub(crate) fn generate(scope: &Scope) -> String {
     );
     contract::structures().into_iter().for_each(|of| header_struct(&mut out, of));
     out.push_str("}\n");
-    scope.meanings().iter().for_each(|(meaning, _)| enumeration(&mut out, meaning));
+    constants::enumerations(scope).iter().for_each(|of| enumeration(&mut out, of));
     areas(&mut out, scope);
     structures(&mut out, scope);
     out.push_str("\n# Values: first, last, text, decision. Bits: first, last, zero, one, text, values, joined, reserved, decision.\n\
@@ -76,23 +77,19 @@ fn header_struct(out: &mut String, of: &HeaderStruct) {
 }
 
 /// An enumeration of the values, or flags if there are bits. Numbers of lowest bits are no members of it.
-fn enumeration(out: &mut String, meaning: &Meaning) {
-    let constants = constants::of(meaning);
-    let class = constants::upper(meaning.name);
-    let (shifts, members): (Vec<_>, Vec<_>) = constants.iter().partition(|constant| constant.is_shift);
-    if !members.is_empty() {
-        let base = if meaning.bits.is_empty() { "IntEnum" } else { "IntFlag" };
-        let _ = writeln!(out, "\n\nclass {class}(enum.{base}):");
-        for constant in members {
-            let name = constants::own_name(&class, &constant.name);
-            let _ = writeln!(out, "    {name} = 0x{:X}  # {}", constant.value, constant.text);
+fn enumeration(out: &mut String, of: &Enumeration) {
+    if !of.members.is_empty() {
+        let base = if of.is_flags { "IntFlag" } else { "IntEnum" };
+        let _ = writeln!(out, "\n\nclass {}(enum.{base}):", of.name);
+        for (name, value, text) in &of.members {
+            let _ = writeln!(out, "    {name} = 0x{value:X}  # {text}");
         }
     }
-    if !shifts.is_empty() {
+    if !of.shifts.is_empty() {
         out.push_str("\n\n");
     }
-    for constant in shifts {
-        let _ = writeln!(out, "{} = {}", constant.name, constant.value);
+    for (name, value) in &of.shifts {
+        let _ = writeln!(out, "{name} = {value}");
     }
 }
 

@@ -99,8 +99,11 @@ impl Segment {
         self.backing.size
     }
 
-    /// Where the memory is mapped.
-    pub(super) fn base(&self) -> *const u8 {
+    /// Where the memory lies in this process, for programs in other languages that look at it themselves. It stays there
+    /// for as long as a handle on the segment lives. Accesses are those of [`super::cell`]: a register at its own width, and
+    /// nobody assumes that it keeps its value; a read-only segment is not written.
+    #[must_use]
+    pub fn base(&self) -> *const u8 {
         self.backing.base.as_ptr()
     }
 

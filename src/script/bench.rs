@@ -16,6 +16,7 @@ mod time;
 pub use frames::SeenFrame;
 pub use history::PastChange;
 pub use memory::{Change, MemoryCopy};
+pub use register::Register;
 
 use super::carrier::Carrier;
 use super::failure::{FailureKind, JournalLine};
@@ -24,6 +25,8 @@ use super::{Failure, ScenarioError, Value};
 use crate::devices;
 use crate::journal::text::Text;
 use crate::journal::{Format, Names, Record};
+use crate::layout::Live;
+use crate::memory::Segment;
 use crate::plant::PlantConfig;
 use crate::plc::Ram;
 use crate::request::{InstanceInfo, Op};
@@ -65,6 +68,8 @@ pub struct Bench {
     limit_us: u64,
     /// Faults that must strike: their numbers, and what they are.
     required: Vec<(u16, String)>,
+    /// Asked now and then while time passes: whether to end the verb.
+    interrupt: Option<Box<dyn FnMut() -> bool + Send>>,
 }
 
 impl Bench {
@@ -126,12 +131,19 @@ impl Bench {
             started_us,
             limit_us: Self::LIMIT_US,
             required: Vec::new(),
+            interrupt: None,
         })
     }
 
     /// Sets the longest emulated time from the beginning, in microseconds.
     pub fn set_limit(&mut self, us: u64) {
         self.limit_us = us;
+    }
+
+    /// Lets `interrupt` be asked now and then while a verb lets time pass, after every 100 ms of emulated time at the
+    /// latest; if it returns true, the verb ends with [`ScenarioError::Interrupted`].
+    pub fn set_interrupt(&mut self, interrupt: impl FnMut() -> bool + Send + 'static) {
+        self.interrupt = Some(Box::new(interrupt));
     }
 
     /// Names of the PLCs and buses.
@@ -165,10 +177,28 @@ impl Bench {
     /// # Errors
     /// There is no such register.
     pub fn peek(&mut self, register: &str) -> Result<i64, ScenarioError> {
-        let register = self.register(register)?;
+        self.peek_at(&self.find(register)?)
+    }
+
+    /// As [`Bench::peek`] for a register that was found before.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn peek_at(&mut self, register: &Register) -> Result<i64, ScenarioError> {
+        let value = self.load(register.spot)?;
+        let live = if register.is_same_number() { Live::Cyclic } else { self.live(register)? };
+        Ok(register.number(live, value))
+    }
+
+    /// What the register holds, in words: `waiting for "take over initialization data"`.
+    ///
+    /// # Errors
+    /// There is no such register.
+    pub fn meaning(&mut self, register: &str) -> Result<String, ScenarioError> {
+        let register = self.find(register)?;
         let value = self.load(register.spot)?;
         let live = self.live(&register)?;
-        Ok(register.number(live, value))
+        Ok(register.place.meaning(live, value))
     }
 
     /// The register with its value and what it means: `node2.w_OPTION_STATUS = 16#0043  synchronous ...`.
@@ -176,7 +206,7 @@ impl Bench {
     /// # Errors
     /// There is no such register.
     pub fn describe(&mut self, register: &str) -> Result<String, ScenarioError> {
-        let register = self.register(register)?;
+        let register = self.find(register)?;
         let value = self.load(register.spot)?;
         let live = self.live(&register)?;
         let forced = self.is_forced(&register)?;
@@ -188,7 +218,15 @@ impl Bench {
     /// # Errors
     /// There is no such register, it cannot hold the value, or it is a single bit.
     pub fn poke(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
-        let register = self.whole_register(register)?;
+        self.poke_at(&self.find(register)?, value)
+    }
+
+    /// As [`Bench::poke`] for a register that was found before.
+    ///
+    /// # Errors
+    /// It cannot hold the value, or it is a single bit.
+    pub fn poke_at(&mut self, register: &Register, value: impl Into<Value>) -> Result<(), ScenarioError> {
+        register.is_whole()?;
         let bits = value.into().bits(&register.place)?;
         self.store(register.spot, bits)
     }
@@ -218,6 +256,15 @@ impl Bench {
         self.ram_of(plc)
     }
 
+    /// The memory of a PLC, as a program on it has it; `""` is the only PLC.
+    ///
+    /// # Errors
+    /// There is no such PLC, or its RAM cannot be mapped.
+    pub fn segment(&mut self, plc: &str) -> Result<Segment, ScenarioError> {
+        let plc = self.only_plc(plc)?;
+        self.carrier.segment(plc)
+    }
+
     /// A block was called: what it has asked of its board is answered.
     pub(super) fn answer_boards(&mut self) -> Result<(), ScenarioError> {
         // With a stepped clock that is done before any request.
@@ -244,17 +291,20 @@ impl Bench {
             within_us: None,
             time_us: self.now()?,
             section: self.section.clone(),
-            journal: self.last_entries()?,
+            journal: self.last_entries(LAST_ENTRIES)?,
             location: Some(at.into()),
         })
     }
 
-    /// The last records of the journal.
-    fn last_entries(&mut self) -> Result<Vec<JournalLine>, ScenarioError> {
-        let from = self.journal_end()?.saturating_sub(LOOK_BACK);
+    /// The last records of the journal, at most `count`, oldest first.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn last_entries(&mut self, count: usize) -> Result<Vec<JournalLine>, ScenarioError> {
+        let from = self.journal_end()?.saturating_sub(LOOK_BACK.max(count as u64));
         let (records, _) = self.records(from)?;
         let mut text = Text::new(self.names.clone(), devices::catalogue());
-        let (before, last) = records.split_at(records.len().saturating_sub(LAST_ENTRIES));
+        let (before, last) = records.split_at(records.len().saturating_sub(count));
         before.iter().for_each(|record| text.skip(record));
         let line = |record: &Record| {
             let mut line = String::new();

@@ -4,8 +4,8 @@ use super::ScenarioError;
 use crate::memory::Segment;
 use crate::request::{Op, Reply};
 
-/// A way to a plant that scenarios run on.
-pub(super) trait Carrier {
+/// A way to a plant that scenarios run on. It goes with its bench from thread to thread.
+pub(super) trait Carrier: Send {
     /// Brings an operation there and its reply back.
     ///
     /// # Errors

@@ -29,6 +29,9 @@ pub enum ScenarioError {
         /// The limit.
         limit_us: u64,
     },
+    /// Whoever runs the scenario has ended the verb: [`Bench::set_interrupt`](super::Bench::set_interrupt).
+    #[error("interrupted")]
+    Interrupted,
     /// A register or address that does not exist.
     #[error(transparent)]
     Layout(#[from] LayoutError),

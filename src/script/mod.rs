@@ -24,7 +24,7 @@ mod run;
 mod value;
 mod verb;
 
-pub use bench::{Bench, Change, MemoryCopy, PastChange, SeenFrame};
+pub use bench::{Bench, Change, MemoryCopy, PastChange, Register, SeenFrame};
 pub use error::ScenarioError;
 pub use failure::{Failure, FailureKind, JournalLine, Numbers, Place};
 pub use junit::junit;

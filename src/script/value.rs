@@ -2,7 +2,7 @@
 
 use super::ScenarioError;
 use crate::layout::place::BadValue;
-use crate::layout::{Live, Place};
+use crate::layout::{Live, Place, RegType};
 use crate::time;
 use std::time::Duration;
 
@@ -20,9 +20,12 @@ impl Value {
     ///
     /// # Errors
     /// The register cannot hold it.
-    pub(super) fn bits(&self, place: &Place) -> Result<u32, BadValue> {
+    pub fn bits(&self, place: &Place) -> Result<u32, BadValue> {
         match self {
             Value::Text(text) => place.parse_value(text),
+            Value::Number(number) if place.bit().is_none() && is_of(place.ty(Live::Cyclic), *number) => {
+                Ok(*number as u32 & place.ty(Live::Cyclic).mask())
+            }
             Value::Number(number) => place.parse_value(&number.to_string()).or_else(|error| {
                 // 16#FFFF is no number of an INT, but a pattern of its bits.
                 let pattern = u32::try_from(*number).ok();
@@ -31,6 +34,11 @@ impl Value {
             }),
         }
     }
+}
+
+/// Whether a type has this number.
+fn is_of(ty: RegType, number: i64) -> bool {
+    ty.number(number as u32) == number
 }
 
 macro_rules! value_from {
@@ -65,7 +73,7 @@ impl Span {
     ///
     /// # Errors
     /// The text is no time.
-    pub(super) fn us(&self) -> Result<u64, ScenarioError> {
+    pub fn us(&self) -> Result<u64, ScenarioError> {
         match self {
             Span::Us(us) => Ok(*us),
             Span::Text(text) => {

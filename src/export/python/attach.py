@@ -1,5 +1,14 @@
 
 
+def __getattr__(name: str):
+    if name in ("Emulator", "connect"):
+        raise AttributeError(
+            f"{__file__} is the module that `commram export python` writes; '{name}' is in the package of the same name, "
+            "which this file hides: rename it, the package has all that is here (docs/python.md)"
+        )
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
 class Error(Exception):
     """Anything that goes wrong with an image."""
 
@@ -59,6 +68,15 @@ _ADDRESS = re.compile(r"%([IQM])([BWD])((?:\d+\.)?)(\d+)", re.IGNORECASE)
 
 def _mask(width: int) -> int:
     return (1 << (8 * width)) - 1
+
+
+def _integer(name: str, value: int) -> int:
+    if isinstance(value, bool):
+        raise TypeError(f"{name}: {value} is a bool; a register takes an integer")
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name}: {value!r} is a {type(value).__name__}; a register takes an integer") from None
 
 
 def _known_value(values, value: int):
@@ -258,7 +276,7 @@ class Ram:
         return self._views[code][offset // _WIDTHS[code]]
 
     def _store(self, name: str, offset: int, code: str, value: int):
-        width = _WIDTHS[code]
+        value, width = _integer(name, value), _WIDTHS[code]
         if not -(1 << (8 * width - 1)) <= value <= _mask(width):
             raise ValueError(f"{name}: {value} does not fit into {width} bytes")
         # A signed register takes bit patterns, an unsigned one negative numbers.
@@ -272,7 +290,7 @@ class Ram:
     def write(self, name: str, value: int):
         """Stores to a register. The firmware sees it at its next look, at the latest after a processor cycle."""
         found = register(name)
-        self._store(name, found.address, found.code, int(value))
+        self._store(name, found.address, found.code, value)
 
     __getitem__ = read
     __setitem__ = write
@@ -288,7 +306,7 @@ class Ram:
     def write_header(self, path: str, value: int):
         """Stores to a field of the header page that the attach contract gives to clients."""
         offset, code = _header_field(path)
-        self._store(path, offset, code, int(value))
+        self._store(path, offset, code, value)
 
     def check(self):
         """Raises Gone or NotAttached unless the emulator that was attached to runs and is ready."""
@@ -325,7 +343,7 @@ class Ram:
         `timeout` is in seconds of real time. In stepped mode somebody else has to move the time on.
         """
         found = register(name)
-        expected = None if callable(wanted) else int(wanted) & _mask(found.width)
+        expected = None if callable(wanted) else _integer(name, wanted) & _mask(found.width)
         end = time.monotonic() + timeout
         next_check = 0.0
         while True:

@@ -9,6 +9,8 @@ use crate::request::{MAX_ADVANCE_US, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::script::ScenarioError;
 use std::time::Duration;
 
+/// Emulated time after which a verb that can be interrupted looks whether it is, in microseconds.
+const SLICE_US: u64 = 100_000;
 /// Pause between two looks at a clock that runs by itself.
 const PAUSE: Duration = Duration::from_micros(500);
 
@@ -46,18 +48,32 @@ impl Bench {
 
     /// Lets the time pass.
     pub(super) fn advance(&mut self, mut us: u64) -> Result<(), ScenarioError> {
-        while us > MAX_ADVANCE_US {
-            self.ask(Op::Advance { us: MAX_ADVANCE_US })?.time()?;
-            us -= MAX_ADVANCE_US;
+        let most = self.slice_us();
+        while us > most {
+            self.ask(Op::Advance { us: most })?.time()?;
+            us -= most;
+            self.go_on()?;
         }
         self.ask(Op::Advance { us })?.time()?;
         Ok(())
     }
 
+    /// The longest time that passes in one operation.
+    fn slice_us(&self) -> u64 {
+        if self.interrupt.is_some() { SLICE_US } else { MAX_ADVANCE_US }
+    }
+
+    /// Whether the verb may go on.
+    pub(super) fn go_on(&mut self) -> Result<(), ScenarioError> {
+        let ends = self.interrupt.as_mut().is_some_and(|interrupt| interrupt());
+        if ends { Err(ScenarioError::Interrupted) } else { Ok(()) }
+    }
+
     /// Lets the time pass up to the next event, at most for `within_us`. On a clock that runs by itself a moment passes.
     pub(super) fn advance_to_event(&mut self, within_us: u64) -> Result<(), ScenarioError> {
+        self.go_on()?;
         if self.is_stepped {
-            self.ask(Op::AdvanceToEvent { within_us: within_us.min(MAX_ADVANCE_US) })?.time()?;
+            self.ask(Op::AdvanceToEvent { within_us: within_us.min(self.slice_us()) })?.time()?;
         } else {
             std::thread::sleep(PAUSE);
         }
@@ -75,13 +91,14 @@ impl Bench {
     ) -> Result<Result<(), u32>, ScenarioError> {
         let Spot { plc, offset, width } = spot;
         loop {
-            let part = within_us.min(MAX_ADVANCE_US);
+            let part = within_us.min(self.slice_us());
             match self.ask(Op::Wait { plc, offset, width, mask, value, within_us: part }) {
                 Err(ScenarioError::Refused(Refused { waited: Some(Waited { value: last, .. }), .. })) => {
                     within_us -= part;
                     if within_us == 0 {
                         return Ok(Err(last));
                     }
+                    self.go_on()?;
                 }
                 reply => {
                     reply?.waited()?;

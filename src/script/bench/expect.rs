@@ -20,7 +20,7 @@ impl Bench {
         within: impl Into<Span>,
     ) -> Result<u64, ScenarioError> {
         let at = Location::caller();
-        let register = self.register(register)?;
+        let register = self.find(register)?;
         let (mask, value) = register.pattern(value.into().bits(&register.place)?);
         self.wait_for(&register, mask, value, within.into(), at)
     }
@@ -61,8 +61,11 @@ impl Bench {
         Ok(self.now()? - start)
     }
 
-    /// Lets a little time pass on the way to the end of a wait, or fails if that is reached.
-    pub(in crate::script) fn pass_or_fail(
+    /// Lets a little time pass on the way to the end of a wait that began at `start_us`, or fails if that is reached.
+    ///
+    /// # Errors
+    /// It is reached, or the instance has gone.
+    pub fn pass_or_fail(
         &mut self,
         start_us: u64,
         within_us: u64,
@@ -94,7 +97,7 @@ impl Bench {
     #[track_caller]
     pub fn expect(&mut self, register: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
         let at = Location::caller();
-        let register = self.register(register)?;
+        let register = self.find(register)?;
         let (mask, value) = register.pattern(value.into().bits(&register.place)?);
         self.expect_pattern(&register, mask, value, at)
     }
@@ -127,7 +130,7 @@ impl Bench {
         tolerance: u32,
     ) -> Result<(), ScenarioError> {
         let at = Location::caller();
-        let register = self.register(register)?;
+        let register = self.find(register)?;
         let bits = value.into().bits(&register.place)?;
         let found = self.load(register.spot)?;
         let live = self.live(&register)?;

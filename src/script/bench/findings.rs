@@ -51,7 +51,7 @@ impl Bench {
     }
 
     /// The register of a finding, with the PLC in front if there are several; its address if it has no name.
-    pub(in crate::script) fn finding_place(&self, entry: &Entry) -> String {
+    pub fn finding_place(&self, entry: &Entry) -> String {
         let fitted = self.names.fitted(entry.last.plc);
         let address = || entry.last.address(fitted).map(|address| address.to_string());
         let name = entry.last.name(fitted).or_else(address).unwrap_or_default();

@@ -73,7 +73,7 @@ impl Bench {
         if self.required.is_empty() {
             return Ok(());
         }
-        let there = self.ask(Op::FaultList)?.faults()?;
+        let there = self.faults()?;
         let (records, _) = self.records(0)?;
         let over: Vec<FaultNews> = records.iter().filter_map(|record| record.event.get()).collect();
         // One that does not come in hits has struck once it has acted.
@@ -91,6 +91,14 @@ impl Bench {
         failure.expected = Some("a hit, as the fault is required".to_owned());
         failure.actual = Some("none".to_owned());
         Err(failure.into())
+    }
+
+    /// The faults that wait or act, in the order in which they were added.
+    ///
+    /// # Errors
+    /// The instance has gone.
+    pub fn faults(&mut self) -> Result<Vec<FaultStatus>, ScenarioError> {
+        Ok(self.ask(Op::FaultList)?.faults()?)
     }
 
     /// Clears the fault of this number. What it has done stays done.

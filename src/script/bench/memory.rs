@@ -2,7 +2,7 @@
 
 use super::Bench;
 use crate::layout::place::{live_by, status_of, without_twins};
-use crate::layout::{Area, Device, Live, RegisterRef, split_plc};
+use crate::layout::{Area, Device, Fitted, Live, RegisterRef, split_plc};
 use crate::request::Op;
 use crate::script::ScenarioError;
 use core::panic::Location;
@@ -11,6 +11,9 @@ use core::panic::Location;
 #[derive(Clone, Debug)]
 pub struct MemoryCopy {
     plc: u16,
+    /// What stands in front of names: the PLC, if there are several.
+    prefix: String,
+    fitted: Fitted,
     area: &'static Area,
     bytes: Vec<u8>,
 }
@@ -31,6 +34,66 @@ pub struct Change {
 }
 
 impl MemoryCopy {
+    /// Copies the registers of an area of PLC number `plc`; `read` reads so many bytes from a byte of its image on.
+    ///
+    /// # Errors
+    /// What `read` fails with.
+    pub fn read<E>(
+        (plc, prefix): (u16, String),
+        fitted: Fitted,
+        area: &'static Area,
+        read: impl FnOnce(u32, u32) -> Result<Vec<u8>, E>,
+    ) -> Result<Self, E> {
+        let len = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
+        Ok(Self { plc, prefix, fitted, area, bytes: read(area.first, len)? })
+    }
+
+    /// Name of the area, with the PLC in front if there are several.
+    pub fn area(&self) -> String {
+        format!("{}{}", self.prefix, self.area.name)
+    }
+
+    /// Whether both are of the same area of the same device.
+    pub fn is_of_area_of(&self, other: &Self) -> bool {
+        (self.plc, &self.prefix, self.fitted.device()) == (other.plc, &other.prefix, other.fitted.device())
+            && core::ptr::eq(self.area, other.area)
+    }
+
+    /// The registers with the numbers that they held, in the order of their addresses; of overlaid structures those that
+    /// were live.
+    pub fn registers(&self) -> Vec<(String, i64)> {
+        let number = |register: &RegisterRef| register.ty().number(self.value(register));
+        let registers = self.live_registers(self.live(), |_| true);
+        registers.iter().map(|register| (format!("{}{register}", self.prefix), number(register))).collect()
+    }
+
+    /// What has changed from this copy to `now`, in the order of the addresses. Of overlaid structures those count that
+    /// are live in `now`. Both must be of the same area.
+    pub fn changes(&self, now: &Self) -> Vec<Change> {
+        let is_other = |register: &RegisterRef| self.value(register) != now.value(register);
+        let changed = now.live_registers(now.live(), is_other);
+        let change = |register: &RegisterRef| {
+            let [before, after] = [self, now].map(|copy| copy.value(register));
+            let [was, is] = [before, after]
+                .map(|value| format!("{} {}", register.format_value(value), register.decode(value)));
+            Change {
+                register: format!("{}{register}", now.prefix),
+                address: register.address().to_string(),
+                before,
+                after,
+                text: format!("{} -> {}", was.trim_end(), is.trim_end()),
+            }
+        };
+        changed.iter().map(change).collect()
+    }
+
+    fn live_registers(&self, live: Live, wanted: impl Fn(&RegisterRef) -> bool) -> Vec<RegisterRef> {
+        let all = self.fitted.registers_in(self.area, live);
+        let mut found = without_twins(all.filter(wanted).collect());
+        found.sort_by_key(RegisterRef::offset);
+        found
+    }
+
     fn value(&self, register: &RegisterRef) -> u32 {
         let start = (register.offset() - self.area.first) as usize;
         let bytes = self.bytes.get(start..start + register.width() as usize).unwrap_or_default();
@@ -63,9 +126,10 @@ impl Bench {
     }
 
     fn copy(&mut self, plc: u16, area: &'static Area) -> Result<MemoryCopy, ScenarioError> {
-        let len = area.structures.iter().map(|placed| placed.structure.bytes).max().unwrap_or(0);
-        let bytes = self.ask(Op::ReadRange { plc, offset: area.first, len })?.bytes()?;
-        Ok(MemoryCopy { plc, area, bytes })
+        let (of, fitted) = ((plc, self.prefix(plc)), self.names.fitted(plc));
+        MemoryCopy::read(of, fitted, area, |offset, len| {
+            Ok(self.ask(Op::ReadRange { plc, offset, len })?.bytes()?)
+        })
     }
 
     /// The registers that have changed since the snapshot, in the order of their addresses.
@@ -74,25 +138,7 @@ impl Bench {
     /// The instance has gone.
     pub fn changes(&mut self, since: &MemoryCopy) -> Result<Vec<Change>, ScenarioError> {
         let now = self.copy(since.plc, since.area)?;
-        let (live, prefix) = (now.live(), self.prefix(since.plc));
-        let live_ones = self.names.fitted(since.plc).registers_in(since.area, live);
-        let changed = live_ones.filter(|register| since.value(register) != now.value(register)).collect();
-        let change = |register: RegisterRef| {
-            let [before, after] = [since, &now].map(|copy| copy.value(&register));
-            let [was, is] = [before, after]
-                .map(|value| format!("{} {}", register.format_value(value), register.decode(value)));
-            Change {
-                register: format!("{prefix}{register}"),
-                address: register.address().to_string(),
-                before,
-                after,
-                text: format!("{} -> {}", was.trim_end(), is.trim_end()),
-            }
-        };
-        let mut changes: Vec<_> =
-            without_twins(changed).into_iter().map(|r| (r.offset(), change(r))).collect();
-        changes.sort_by_key(|(offset, _)| *offset);
-        Ok(changes.into_iter().map(|(_, change)| change).collect())
+        Ok(since.changes(&now))
     }
 
     /// Expects that exactly these registers have changed since the snapshot, in any order.
@@ -104,7 +150,7 @@ impl Bench {
         let at = Location::caller();
         let mut wanted = Vec::with_capacity(registers.len());
         for text in registers {
-            let register = self.register(text)?;
+            let register = self.find(text)?;
             let live = self.live(&register)?;
             wanted.push(register.name(live));
         }
@@ -118,11 +164,7 @@ impl Bench {
         if wrong.is_empty() {
             return Ok(());
         }
-        let what = format!(
-            "other registers of {}{} have changed than expected",
-            self.prefix(since.plc),
-            since.area.name
-        );
+        let what = format!("other registers of {} have changed than expected", since.area());
         let mut failure = self.failure(what, at)?;
         failure.expected = Some(if wanted.is_empty() { "no change".to_owned() } else { wanted.join(", ") });
         failure.actual = Some(wrong.join("\n            "));

@@ -6,8 +6,9 @@ use crate::layout::place::live_by;
 use crate::layout::{Area, Live, Place, plc_prefix, split_plc};
 use crate::script::ScenarioError;
 
-/// A register of the plant.
-pub(super) struct Register {
+/// A register of a plant, found once and used often: [`Bench::find`].
+#[derive(Clone, Debug)]
+pub struct Register {
     pub(super) place: Place,
     pub(super) spot: Spot,
     /// With the PLC in front, if there are several.
@@ -15,6 +16,27 @@ pub(super) struct Register {
 }
 
 impl Register {
+    /// Where it is.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+
+    /// Number of its PLC in the plant.
+    pub fn plc(&self) -> u16 {
+        self.spot.plc
+    }
+
+    /// It can be written.
+    pub(super) fn is_whole(&self) -> Result<(), ScenarioError> {
+        match self.place.bit() {
+            None => Ok(()),
+            Some(_) => Err(ScenarioError::argument(
+                self.place.text(),
+                "a single bit cannot be written; name the whole register",
+            )),
+        }
+    }
+
     /// `node2.w_CPU_CONTROL`, with the PLC in front where there are several.
     pub(super) fn name(&self, live: Live) -> String {
         format!("{}{}", self.prefix, self.place.name(live))
@@ -38,6 +60,12 @@ impl Register {
             Some(bit) => i64::from(value >> bit & 1),
             None => self.place.ty(live).number(value),
         }
+    }
+
+    /// Whether its bits are the same number whichever of overlaid structures is live.
+    pub(super) fn is_same_number(&self) -> bool {
+        let [init, cyclic] = [Live::Init, Live::Cyclic].map(|live| self.place.ty(live).number(u32::MAX));
+        init == cyclic
     }
 
     /// The bits that count, and what `value` makes of them.
@@ -68,7 +96,11 @@ impl Bench {
         Ok((plc, memory::register_area(self.names.device(plc), name)?))
     }
 
-    pub(super) fn register(&self, text: &str) -> Result<Register, ScenarioError> {
+    /// The register that a name or an address means.
+    ///
+    /// # Errors
+    /// There is no such register.
+    pub fn find(&self, text: &str) -> Result<Register, ScenarioError> {
         let (plc, name) = split_plc(text);
         let plc = self.plc(plc, name)?;
         let place = Place::parse(&self.names.fitted(plc), text)?;
@@ -77,13 +109,8 @@ impl Bench {
     }
 
     pub(super) fn whole_register(&self, text: &str) -> Result<Register, ScenarioError> {
-        let register = self.register(text)?;
-        if register.place.bit().is_some() {
-            return Err(ScenarioError::argument(
-                text,
-                "a single bit cannot be written; name the whole register",
-            ));
-        }
+        let register = self.find(text)?;
+        register.is_whole()?;
         Ok(register)
     }
 

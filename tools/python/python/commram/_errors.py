@@ -1,0 +1,50 @@
+"""What can go wrong. Wrong types are TypeError; values that a register cannot hold, and texts that mean nothing, ValueError."""
+
+from __future__ import annotations
+
+
+class Error(Exception):
+    """Anything that goes wrong with a plant, an instance or an image."""
+
+
+class NotAttached(Error):
+    """The instance or its image is not there, or not what it should be."""
+
+
+class Gone(Error):
+    """The emulator has ended, was killed, or has been replaced."""
+
+
+class Refused(Error):
+    """The plant did not do what it was asked for; `code` is that of docs/channel.md."""
+
+    code: int = 0
+
+
+class UnknownName(Error, KeyError):
+    """There is no such register, area, PLC, bus or rule."""
+
+    def __str__(self) -> str:
+        # KeyError would show the text in quotes.
+        return str(self.args[0]) if self.args else ""
+
+
+class PlantError(Error, ValueError):
+    """The plant file cannot be read, or the plant is refused."""
+
+
+class Failed(Error, AssertionError):
+    """An expectation is not met."""
+
+    what: str = ""
+    register: str | None = None
+    address: str | None = None
+    expected: str | None = None
+    actual: str | None = None
+    time: int = 0
+    section: str | None = None
+    journal: list[str] = []
+
+
+class Timeout(Failed, TimeoutError):
+    """What was awaited did not come in time."""

@@ -1,0 +1,551 @@
+//! A plant in this process or a running instance, with the verbs of scenarios.
+
+use crate::errors;
+use crate::given::{Data, Given, Plant, Time};
+use crate::handle::Handle;
+use crate::instance;
+use crate::records::{Change, Fault, Finding, Frame, Record, frame, records};
+use crate::register::{Array, Register, places, register_of};
+use crate::snapshot::Snapshot;
+use crate::tables::Memory;
+use commram::devices;
+use commram::layout::Fit;
+use commram::plant::PlantConfig;
+use commram::script::{Bench, Register as Found, ScenarioError, Span};
+use core::time::Duration;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
+use pyo3::types::PyDict;
+use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard};
+
+/// Emulated time from which on a step lets other threads run, in microseconds: letting them costs more than a shorter step.
+const LONG_US: u64 = 10_000;
+
+/// What is closed is `None`.
+struct State {
+    bench: Option<Bench>,
+    /// What names were found to mean. They go on meaning it: plants are not rebuilt.
+    found: HashMap<String, Found>,
+}
+
+impl State {
+    fn open(&mut self) -> PyResult<&mut Bench> {
+        self.bench.as_mut().ok_or_else(closed)
+    }
+
+    fn found(&mut self, name: &str) -> PyResult<(&mut Bench, &Found)> {
+        let bench = self.bench.as_mut().ok_or_else(closed)?;
+        if !self.found.contains_key(name) {
+            let found = bench.find(name).map_err(errors::of)?;
+            self.found.insert(name.to_owned(), found);
+        }
+        self.found.get(name).map(|found| (bench, found)).ok_or_else(closed)
+    }
+}
+
+fn closed() -> PyErr {
+    errors::of_class("Error", "this is closed; make a new one")
+}
+
+/// A plant or a running instance. Every thread may use it: what several ask for is done one after the other.
+#[pyclass(name = "Bench", module = "commram._native", subclass, frozen)]
+pub(crate) struct PyBench {
+    state: Mutex<State>,
+    /// Whether requests go to another process, which takes its time.
+    is_remote: bool,
+}
+
+impl PyBench {
+    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, State>> {
+        let lost = "a verb has panicked; this cannot be used any more";
+        self.state.lock_py_attached(py).map_err(|_| PyRuntimeError::new_err(lost))
+    }
+
+    /// Does what takes no time.
+    pub(crate) fn act<R>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut Bench) -> Result<R, ScenarioError> + Send,
+    ) -> PyResult<R>
+    where
+        R: Send,
+    {
+        if self.is_remote {
+            return self.take(py, act, errors::of);
+        }
+        act(self.lock(py)?.open()?).map_err(errors::of)
+    }
+
+    /// Does what may take time, while other threads run.
+    fn take<R: Send>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut Bench) -> Result<R, ScenarioError> + Send,
+        error: fn(ScenarioError) -> PyErr,
+    ) -> PyResult<R> {
+        let mut state = self.lock(py)?;
+        let bench = state.open()?;
+        py.detach(|| act(bench)).map_err(error)
+    }
+
+    pub(crate) fn peek_at(&self, py: Python<'_>, found: &Found) -> PyResult<i64> {
+        self.act(py, |bench| bench.peek_at(found))
+    }
+
+    pub(crate) fn poke_at(&self, py: Python<'_>, found: &Found, value: Given) -> PyResult<()> {
+        self.act(py, |bench| bench.poke_at(found, value.0))
+    }
+}
+
+#[pymethods]
+impl PyBench {
+    #[new]
+    #[pyo3(signature = (plant = None, instance = None, timeout = 0.0))]
+    fn new(py: Python<'_>, plant: Option<Plant>, instance: Option<String>, timeout: f64) -> PyResult<Self> {
+        let is_remote = instance.is_some();
+        let bench = py.detach(|| match instance {
+            None => own(plant.unwrap_or(Plant::BuiltIn)).map_err(errors::of),
+            Some(instance) => {
+                let patience = Duration::try_from_secs_f64(timeout)
+                    .map_err(|_| PyValueError::new_err(format!("{timeout}: a timeout is not negative")))?;
+                let client = instance::connect(&instance, patience)?;
+                Bench::attach(client).map_err(errors::of)
+            }
+        });
+        let mut bench = bench?;
+        // A test ends by itself, or its runner ends it.
+        bench.set_limit(u64::MAX);
+        bench.set_interrupt(errors::is_interrupted);
+        let state = State { bench: Some(bench), found: HashMap::new() };
+        Ok(Self { state: Mutex::new(state), is_remote })
+    }
+
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let bench = self.lock(py)?.bench.take();
+        py.detach(|| drop(bench));
+        Ok(())
+    }
+
+    #[getter]
+    fn closed(&self, py: Python<'_>) -> PyResult<bool> {
+        Ok(self.lock(py)?.bench.is_none())
+    }
+
+    #[getter]
+    fn plcs(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        Ok(self.lock(py)?.open()?.names().plcs.clone())
+    }
+
+    #[getter]
+    fn buses(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        Ok(self.lock(py)?.open()?.names().buses.clone())
+    }
+
+    /// The names of all registers, or of those of one area.
+    #[pyo3(signature = (area = None))]
+    fn names(&self, py: Python<'_>, area: Option<&str>) -> PyResult<Vec<String>> {
+        let mut state = self.lock(py)?;
+        let names = state.open()?.names();
+        let mut all = Vec::new();
+        for (plc, fitted) in names.devices.iter().enumerate() {
+            let prefix = prefix(&names.plcs, plc);
+            let own = |place: &str| format!("{prefix}{place}");
+            all.extend(
+                places(*fitted, |place| area.is_none_or(|area| own(place) == area))
+                    .into_iter()
+                    .map(|name| own(&name)),
+            );
+        }
+        Ok(all)
+    }
+
+    /// What is known of a register.
+    fn register(&self, py: Python<'_>, name: &str) -> PyResult<Register> {
+        let mut state = self.lock(py)?;
+        let (bench, found) = state.found(name)?;
+        let fitted = bench.names().fitted(found.plc());
+        register_of(fitted, found.place().clone(), name)
+    }
+
+    fn handle(slf: Py<Self>, py: Python<'_>, name: &str) -> PyResult<Handle> {
+        let found = slf.get().lock(py)?.found(name)?.1.clone();
+        Ok(Handle::new(slf, found, name))
+    }
+
+    fn peek(&self, py: Python<'_>, register: &str) -> PyResult<i64> {
+        let mut state = self.lock(py)?;
+        let (bench, found) = state.found(register)?;
+        if self.is_remote {
+            return py.detach(|| bench.peek_at(found)).map_err(errors::of);
+        }
+        bench.peek_at(found).map_err(errors::of)
+    }
+
+    fn poke(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+        let mut state = self.lock(py)?;
+        let (bench, found) = state.found(register)?;
+        if self.is_remote {
+            return py.detach(|| bench.poke_at(found, value.0)).map_err(errors::of);
+        }
+        bench.poke_at(found, value.0).map_err(errors::of)
+    }
+
+    fn __getitem__(&self, py: Python<'_>, register: &str) -> PyResult<i64> {
+        self.peek(py, register)
+    }
+
+    fn __setitem__(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+        self.poke(py, register, value)
+    }
+
+    fn compare_exchange(
+        &self,
+        py: Python<'_>,
+        register: &str,
+        expected: Given,
+        new: Given,
+    ) -> PyResult<bool> {
+        self.act(py, |bench| bench.compare_exchange(register, expected.0, new.0))
+    }
+
+    fn force(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+        self.act(py, |bench| bench.force(register, value.0))
+    }
+
+    fn unforce(&self, py: Python<'_>, register: &str) -> PyResult<()> {
+        self.act(py, |bench| bench.unforce(register))
+    }
+
+    fn describe(&self, py: Python<'_>, register: &str) -> PyResult<String> {
+        self.act(py, |bench| bench.describe(register))
+    }
+
+    fn text(&self, py: Python<'_>, register: &str) -> PyResult<String> {
+        self.act(py, |bench| bench.meaning(register))
+    }
+
+    #[pyo3(signature = (area = None))]
+    fn snapshot(&self, py: Python<'_>, area: Option<&str>) -> PyResult<Snapshot> {
+        self.act(py, |bench| {
+            let areas = area.map_or_else(|| areas(bench), |area| vec![area.to_owned()]);
+            let copies = areas.iter().map(|area| bench.snapshot(area)).collect::<Result<_, _>>()?;
+            Ok(Snapshot::new(bench.now()?, copies))
+        })
+    }
+
+    /// What has changed since a snapshot.
+    fn changes(&self, py: Python<'_>, since: &Snapshot) -> PyResult<Vec<Change>> {
+        self.act(py, |bench| {
+            let mut all = Vec::new();
+            for copy in since.copies() {
+                all.extend(bench.changes(copy)?.into_iter().map(Change::from));
+            }
+            Ok(all)
+        })
+    }
+
+    fn expect_changes(&self, py: Python<'_>, since: &Snapshot, registers: Vec<String>) -> PyResult<()> {
+        let [copy] = since.copies() else {
+            return Err(PyValueError::new_err("take the snapshot of one area, as snapshot(\"node2\")"));
+        };
+        let names: Vec<_> = registers.iter().map(String::as_str).collect();
+        self.act(py, |bench| bench.expect_changes(copy, &names))
+    }
+
+    fn now(&self, py: Python<'_>) -> PyResult<u64> {
+        self.act(py, Bench::now)
+    }
+
+    fn step(&self, py: Python<'_>, time: Time) -> PyResult<()> {
+        match time.0 {
+            Span::Us(us) if us < LONG_US && !self.is_remote => self.act(py, |bench| bench.step(us)),
+            span => self.take(py, |bench| bench.step(span), errors::of),
+        }
+    }
+
+    #[pyo3(signature = (port = ""))]
+    fn step_to_sync(&self, py: Python<'_>, port: &str) -> PyResult<()> {
+        self.take(py, |bench| bench.step_to_sync(port), errors::of)
+    }
+
+    fn wait(&self, py: Python<'_>, register: &str, value: Given, within: Time) -> PyResult<u64> {
+        self.take(py, |bench| bench.wait(register, value.0, within.0), errors::of_wait)
+    }
+
+    fn wait_bits(
+        &self,
+        py: Python<'_>,
+        register: &str,
+        mask: Given,
+        value: Given,
+        within: Time,
+    ) -> PyResult<u64> {
+        self.take(py, |bench| bench.wait_bits(register, mask.0, value.0, within.0), errors::of_wait)
+    }
+
+    /// A moment of a wait that began at `start`, for conditions in Python.
+    fn pass_or_fail(&self, py: Python<'_>, start: u64, within: u64) -> PyResult<()> {
+        let here = core::panic::Location::caller();
+        self.take(py, |bench| bench.pass_or_fail(start, within, here), errors::of_wait)
+    }
+
+    fn expect(&self, py: Python<'_>, register: &str, value: Given) -> PyResult<()> {
+        self.act(py, |bench| bench.expect(register, value.0))
+    }
+
+    fn expect_near(&self, py: Python<'_>, register: &str, value: Given, tolerance: u32) -> PyResult<()> {
+        self.act(py, |bench| bench.expect_near(register, value.0, tolerance))
+    }
+
+    fn expect_bits(&self, py: Python<'_>, register: &str, mask: Given, value: Given) -> PyResult<()> {
+        self.act(py, |bench| bench.expect_bits(register, mask.0, value.0))
+    }
+
+    fn expect_that(&self, py: Python<'_>, condition: bool, text: &str) -> PyResult<()> {
+        self.act(py, |bench| bench.expect_that(condition, text))
+    }
+
+    fn section(&self, py: Python<'_>, text: &str) -> PyResult<()> {
+        self.lock(py)?.open()?.section(text);
+        Ok(())
+    }
+
+    #[pyo3(signature = (plc = ""))]
+    fn board<'py>(&self, py: Python<'py>, plc: &str) -> PyResult<Bound<'py, PyDict>> {
+        let (state, words) = self.act(py, |bench| bench.board(plc))?;
+        let board = PyDict::new(py);
+        let texts = [
+            ("display", words.display),
+            ("run_switch", words.switch),
+            ("power", Some(words.power)),
+            ("program", words.program),
+            ("start", words.start),
+            ("project", words.project),
+        ];
+        let numbers = [
+            ("leds", words.leds.map(|_| state.leds)),
+            ("dip", words.dip),
+            ("dip_latched", words.dip_latched),
+            ("restarts", Some(words.restarts)),
+        ];
+        for (name, text) in texts {
+            text.map(|text| board.set_item(name, text.to_string())).transpose()?;
+        }
+        for (name, number) in numbers {
+            number.map(|number| board.set_item(name, number)).transpose()?;
+        }
+        Ok(board)
+    }
+
+    fn set_board(&self, py: Python<'_>, words: &str) -> PyResult<()> {
+        self.act(py, |bench| bench.set_board(words))
+    }
+
+    #[pyo3(signature = (plc = ""))]
+    fn reset(&self, py: Python<'_>, plc: &str) -> PyResult<()> {
+        self.act(py, |bench| bench.reset(plc))
+    }
+
+    #[pyo3(signature = (plc = ""))]
+    fn power_cycle(&self, py: Python<'_>, plc: &str) -> PyResult<()> {
+        self.act(py, |bench| bench.power_cycle(plc))
+    }
+
+    fn initial_flag(&self, py: Python<'_>, address: &str, value: Given) -> PyResult<()> {
+        self.take(py, |bench| bench.initial_flag(address, value.0), errors::of)
+    }
+
+    #[pyo3(signature = (event, plc = ""))]
+    fn event_count(&self, py: Python<'_>, event: usize, plc: &str) -> PyResult<u32> {
+        self.act(py, |bench| bench.event_count(plc, event))
+    }
+
+    #[pyo3(signature = (trigger, plc = ""))]
+    fn trigger_count(&self, py: Python<'_>, trigger: usize, plc: &str) -> PyResult<u32> {
+        self.act(py, |bench| bench.trigger_count(plc, trigger))
+    }
+
+    fn fault(&self, py: Python<'_>, words: &str) -> PyResult<u16> {
+        self.act(py, |bench| bench.fault(words))
+    }
+
+    fn faults(&self, py: Python<'_>) -> PyResult<Vec<Fault>> {
+        self.act(py, |bench| {
+            let faults = bench.faults()?;
+            Ok(faults.iter().map(|status| Fault::new(status, bench.names())).collect())
+        })
+    }
+
+    fn clear_fault(&self, py: Python<'_>, number: u16) -> PyResult<()> {
+        self.act(py, |bench| bench.clear_fault(number))
+    }
+
+    fn clear_faults(&self, py: Python<'_>) -> PyResult<()> {
+        self.act(py, Bench::clear_faults)
+    }
+
+    fn expect_required_faults(&self, py: Python<'_>) -> PyResult<()> {
+        self.act(py, Bench::expect_required_faults)
+    }
+
+    fn findings(&self, py: Python<'_>) -> PyResult<Vec<Finding>> {
+        self.act(py, |bench| {
+            let found = bench.findings()?;
+            Ok(found.iter().map(|entry| Finding::new(entry, bench)).collect())
+        })
+    }
+
+    fn clear_findings(&self, py: Python<'_>) -> PyResult<()> {
+        self.act(py, Bench::clear_findings)
+    }
+
+    #[pyo3(signature = (rules = Vec::new()))]
+    fn expect_no_findings(&self, py: Python<'_>, rules: Vec<String>) -> PyResult<()> {
+        let rules: Vec<_> = rules.iter().map(String::as_str).collect();
+        self.act(py, |bench| bench.expect_no_findings(&rules))
+    }
+
+    #[pyo3(signature = (bus, identifier, data, extended = false))]
+    fn send_frame(
+        &self,
+        py: Python<'_>,
+        bus: &str,
+        identifier: u32,
+        data: Data,
+        extended: bool,
+    ) -> PyResult<()> {
+        self.act(py, |bench| bench.send_frame(bus, identifier, extended, &data.0))
+    }
+
+    #[pyo3(signature = (bus, identifier, extended = false))]
+    fn rtr(&self, py: Python<'_>, bus: &str, identifier: u32, extended: bool) -> PyResult<()> {
+        self.act(py, |bench| bench.rtr(bus, identifier, extended))
+    }
+
+    #[pyo3(signature = (bus, identifier, data, within, extended = false, mask = None))]
+    #[expect(clippy::too_many_arguments, reason = "as many as the verb has")]
+    fn expect_frame(
+        &self,
+        py: Python<'_>,
+        bus: &str,
+        identifier: u32,
+        data: Data,
+        within: Time,
+        extended: bool,
+        mask: Option<u16>,
+    ) -> PyResult<Frame> {
+        let seen = match standard(identifier, extended, mask)? {
+            None => self.take(
+                py,
+                |bench| bench.expect_extended_frame(bus, identifier, &data.0, within.0),
+                errors::of_wait,
+            ),
+            Some((id, mask)) => self.take(
+                py,
+                |bench| bench.expect_masked_frame(bus, id, mask, &data.0, within.0),
+                errors::of_wait,
+            ),
+        };
+        seen.map(|seen| frame(&seen))
+    }
+
+    #[pyo3(signature = (bus, identifier, within, extended = false, mask = None))]
+    fn expect_no_frame(
+        &self,
+        py: Python<'_>,
+        bus: &str,
+        identifier: u32,
+        within: Time,
+        extended: bool,
+        mask: Option<u16>,
+    ) -> PyResult<()> {
+        match standard(identifier, extended, mask)? {
+            None => {
+                self.take(py, |bench| bench.expect_no_extended_frame(bus, identifier, within.0), errors::of)
+            }
+            Some((id, mask)) => {
+                self.take(py, |bench| bench.expect_no_frame(bus, id, mask, within.0), errors::of)
+            }
+        }
+    }
+
+    #[pyo3(signature = (bus, since = 0))]
+    fn frames(&self, py: Python<'_>, bus: &str, since: u64) -> PyResult<Vec<Frame>> {
+        self.take(py, |bench| Ok(bench.frames(bus, since)?.iter().map(frame).collect()), errors::of)
+    }
+
+    #[pyo3(signature = (since = 0))]
+    fn journal(&self, py: Python<'_>, since: u64) -> PyResult<Vec<Record>> {
+        self.take(py, |bench| records(bench, since), errors::of)
+    }
+
+    #[pyo3(signature = (count = 40))]
+    fn journal_lines(&self, py: Python<'_>, count: usize) -> PyResult<Vec<String>> {
+        let lines = self.take(py, |bench| bench.last_entries(count), errors::of)?;
+        Ok(lines.into_iter().map(|line| line.text).collect())
+    }
+
+    /// The memory of a PLC in this process, for views of it.
+    fn memory(&self, py: Python<'_>, plc: &str) -> PyResult<Memory> {
+        self.act(py, |bench| bench.segment(plc)).map(Memory::of)
+    }
+
+    /// Name of the PLC, and where an array lies in its memory.
+    fn array_of(&self, py: Python<'_>, name: &str) -> PyResult<(String, Array)> {
+        let mut state = self.lock(py)?;
+        let names = state.open()?.names();
+        let (plc, _) = commram::layout::split_plc(name);
+        let number = plc.map_or(Some(0), |plc| names.plcs.iter().position(|known| known == plc));
+        let number = number.and_then(|number| u16::try_from(number).ok()).unwrap_or(u16::MAX);
+        let plc = names.plcs.get(usize::from(number)).cloned().unwrap_or_default();
+        Ok((plc, Array::find(names.fitted(number), name)?))
+    }
+
+    /// The names of the rules that the access checker knows.
+    #[staticmethod]
+    fn rules() -> Vec<String> {
+        devices::catalogue().rules.iter().map(|rule| rule.id().to_owned()).collect()
+    }
+}
+
+fn own(plant: Plant) -> Result<Bench, ScenarioError> {
+    match plant {
+        Plant::BuiltIn => Bench::built_in(),
+        Plant::Text(toml) => Bench::new(&PlantConfig::parse("plant", &toml)?),
+        Plant::File(path) => Bench::plant_file(path),
+    }
+}
+
+/// What stands in front of names of a PLC: nothing, if it is the only one.
+fn prefix(plcs: &[String], plc: usize) -> String {
+    commram::layout::plc_prefix(plcs, u16::try_from(plc).unwrap_or(u16::MAX))
+}
+
+/// All areas with registers, of all PLCs.
+fn areas(bench: &Bench) -> Vec<String> {
+    let names = bench.names();
+    let mut all = Vec::new();
+    for (plc, fitted) in names.devices.iter().enumerate() {
+        let areas = fitted.device().named_areas();
+        let areas = areas.filter(|area| !area.structures.is_empty() && fitted.area(area) != Fit::Empty);
+        all.extend(areas.map(|area| format!("{}{}", prefix(&names.plcs, plc), area.name)));
+    }
+    all
+}
+
+/// Identifier and mask of 11 bits; `None` if it has 29.
+fn standard(identifier: u32, extended: bool, mask: Option<u16>) -> PyResult<Option<(u16, u16)>> {
+    match (extended, mask, u16::try_from(identifier)) {
+        (true, None, _) => Ok(None),
+        (true, Some(_), _) => Err(PyValueError::new_err("masks are for identifiers of 11 bits")),
+        (false, mask, Ok(id)) => Ok(Some((id, mask.unwrap_or(0x7FF)))),
+        (false, _, Err(_)) => {
+            let text = format!(
+                "16#{identifier:X}: identifiers have 11 bits, 0 to 16#7FF; those with more are extended"
+            );
+            Err(PyValueError::new_err(text))
+        }
+    }
+}

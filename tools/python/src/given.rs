@@ -1,0 +1,99 @@
+//! Arguments as Python gives them.
+
+use crate::errors::wrong_type;
+use commram::script::{Span, Value};
+use pyo3::exceptions::{PyOverflowError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyBytes, PyString};
+use std::path::PathBuf;
+
+/// An integer, and nothing that only can be made one: no bool, no float.
+fn integer(given: &Bound<'_, PyAny>, right: &str) -> PyResult<i64> {
+    if given.is_instance_of::<PyBool>() {
+        return Err(wrong_type(given, right));
+    }
+    given.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(given.py()) {
+        true => PyValueError::new_err(format!("{given} is out of range, {right}")),
+        false => wrong_type(given, right),
+    })
+}
+
+/// A value for a register: an integer or a text such as `16#0040`.
+pub(crate) struct Given(pub Value);
+
+impl<'py> FromPyObject<'_, 'py> for Given {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(text) = given.cast::<PyString>() {
+            return Ok(Given(Value::Text(text.to_str()?.to_owned())));
+        }
+        let right = "a register takes an integer such as 0x0040 or a text such as \"16#0040\"";
+        integer(&given, right).map(|number| Given(Value::Number(number)))
+    }
+}
+
+/// A time: a text with a unit, or an integer of microseconds.
+pub(crate) struct Time(pub Span);
+
+impl<'py> FromPyObject<'_, 'py> for Time {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(text) = given.cast::<PyString>() {
+            return Ok(Time(Span::Text(text.to_str()?.to_owned())));
+        }
+        let right = "a time is a text with a unit such as \"2ms\", or an integer of microseconds";
+        let us = integer(&given, right)?;
+        match u64::try_from(us) {
+            Ok(us) => Ok(Time(Span::Us(us))),
+            Err(_) => Err(PyValueError::new_err(format!("{us}: a time is not negative"))),
+        }
+    }
+}
+
+/// Data of a frame: `44 33 .. 11`, or bytes.
+pub(crate) struct Data(pub String);
+
+impl<'py> FromPyObject<'_, 'py> for Data {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(text) = given.cast::<PyString>() {
+            return Ok(Data(text.to_str()?.to_owned()));
+        }
+        if let Ok(bytes) = given.cast::<PyBytes>() {
+            let hex: Vec<_> = bytes.as_bytes().iter().map(|byte| format!("{byte:02X}")).collect();
+            return Ok(Data(hex.join(" ")));
+        }
+        let right = "data are bytes or a text such as \"44 33 .. 11\"";
+        match given.extract::<Vec<u8>>() {
+            Ok(bytes) => {
+                Ok(Data(bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")))
+            }
+            Err(_) => Err(wrong_type(&given, right)),
+        }
+    }
+}
+
+/// A plant: the built-in one, the text of a plant file, or its path.
+pub(crate) enum Plant {
+    BuiltIn,
+    Text(String),
+    File(PathBuf),
+}
+
+impl<'py> FromPyObject<'_, 'py> for Plant {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(text) = given.cast::<PyString>() {
+            let text = text.to_str()?;
+            // As scenarios tell them apart.
+            let is_path = !text.contains(['\n', '=', '[']);
+            return Ok(if is_path { Plant::File(text.into()) } else { Plant::Text(text.to_owned()) });
+        }
+        let right = "a plant is the path of a plant file, its text, or None for the built-in one";
+        given.extract().map(Plant::File).map_err(|_| wrong_type(&given, right))
+    }
+}

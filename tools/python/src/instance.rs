@@ -1,0 +1,70 @@
+//! Running instances: which there are, and the way in through their channel.
+
+use crate::errors;
+use commram::channel::client::Patience;
+use commram::channel::{Client, HeaderBells};
+use commram::devices;
+use commram::memory::names::channel_root;
+use commram::memory::{AttachMode, Condition, MemoryError, list};
+use core::time::Duration;
+use pyo3::prelude::*;
+use std::time::Instant;
+
+/// Pause between two looks whether an instance has started.
+const PAUSE: Duration = Duration::from_millis(10);
+/// How long a reply may take. A verb asks for 100 ms of emulated time at most at once, which in slow motion last longer.
+const REPLY: Duration = Duration::from_secs(60);
+
+/// Connects to an instance; waits so long for one that is not there yet.
+///
+/// # Errors
+/// It is not there, cannot be entered, or a signal's handler has raised something.
+pub(crate) fn connect(instance: &str, patience: Duration) -> PyResult<Client> {
+    let start = Instant::now();
+    loop {
+        match enter(instance) {
+            Err(error) if start.elapsed() >= patience => return Err(error),
+            Err(_) if errors::is_interrupted() => return Err(errors::interrupt()),
+            Err(_) => std::thread::sleep(PAUSE),
+            client => return client,
+        }
+    }
+}
+
+fn enter(instance: &str) -> PyResult<Client> {
+    let plc = plcs(instance)?.into_iter().next().unwrap_or_default();
+    let (attached, _) =
+        devices::attach(instance, &plc, AttachMode::ReadWrite).map_err(|e| errors::memory(&e))?;
+    let bells = HeaderBells::of_client(attached).map_err(|error| errors::memory(&error))?;
+    let root = channel_root(instance).map_err(|error| errors::memory(&error))?;
+    let patience = Patience { reply: REPLY, ..Patience::default() };
+    Client::connect(instance, &root, Box::new(bells), patience).map_err(|error| errors::client(&error))
+}
+
+/// The PLCs of an instance, one at least: those that are served, or those that a dead emulator has left.
+///
+/// # Errors
+/// Nothing of this name runs, with what does.
+pub(crate) fn plcs(instance: &str) -> PyResult<Vec<String>> {
+    commram::memory::names::check_instance(instance).map_err(|error| errors::memory(&error))?;
+    let images = list().map_err(|error: MemoryError| errors::memory(&error))?;
+    let is_alive = |condition: &Condition| matches!(condition, Condition::Alive(_));
+    let mut own: Vec<_> = images.iter().filter(|image| image.instance == instance).collect();
+    if own.iter().any(|image| is_alive(&image.condition)) {
+        own.retain(|image| is_alive(&image.condition));
+    }
+    if !own.is_empty() {
+        return Ok(own.iter().map(|image| image.plc.clone()).collect());
+    }
+    let mut running: Vec<_> = images
+        .iter()
+        .filter(|image| is_alive(&image.condition))
+        .map(|image| image.instance.as_str())
+        .collect();
+    running.dedup();
+    let running =
+        if running.is_empty() { String::new() } else { format!(" (running: {})", running.join(", ")) };
+    let text =
+        format!("no instance '{instance}' is running{running}; start it with `commram run -i {instance}`");
+    Err(errors::of_class("NotAttached", text))
+}

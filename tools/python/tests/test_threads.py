@@ -1,0 +1,94 @@
+"""Threads, the interpreter's lock, Ctrl-C."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import commram
+import pytest
+
+
+def test_every_thread_may_use_a_plant(emulator):
+    errors, rounds = [], 500
+
+    def work(register):
+        try:
+            for value in range(rounds):
+                emulator.poke(register, value & 0xFF)
+                assert emulator.peek(register) == value & 0xFF
+                emulator.step(10)
+        except BaseException as error:
+            errors.append(error)
+
+    registers = [f"node2.a_SL_TYP[{number}]" for number in range(4)]
+    threads = [threading.Thread(target=work, args=(register,)) for register in registers]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert errors == [] and emulator.now() == 4 * rounds * 10
+
+
+def test_other_threads_run_while_time_passes(emulator):
+    counted, stop = [0], threading.Event()
+
+    def count():
+        while not stop.is_set():
+            counted[0] += 1
+            time.sleep(0)
+
+    thread = threading.Thread(target=count)
+    before = sys.getswitchinterval()
+    try:
+        thread.start()
+        # From here on threads change only where one lets others in by itself.
+        sys.setswitchinterval(3600)
+        seen = counted[0]
+        emulator.step("10s")
+        assert counted[0] > seen
+    finally:
+        sys.setswitchinterval(before)
+        stop.set()
+        thread.join()
+
+
+INTERRUPTED = """
+import signal, commram
+{make}
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+try:
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    {wait}
+except KeyboardInterrupt:
+    print("interrupted")
+print(plant.peek("node2.w_OPTION_STATUS"))
+"""
+LONG_US = 36_000_000_000_000
+
+
+def interrupted(make, wait):
+    code = INTERRUPTED.format(make=make, wait=wait)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "interrupted\n1\n", done.stderr
+
+
+@pytest.mark.parametrize(
+    "wait",
+    [
+        f"plant.step({LONG_US})",
+        f"plant.wait('node2.w_OPTION_STATUS', 0x0080, {LONG_US})",
+        f"plant.wait_until(lambda: False, {LONG_US})",
+        f"plant.expect_frame('drives', 0x010, '*', {LONG_US})",
+    ],
+)
+def test_ctrl_c_ends_a_wait(wait):
+    interrupted("plant = commram.Emulator()", wait)
+
+
+def test_ctrl_c_ends_a_wait_on_running_instances(start):
+    name = start()
+    attach, connect = f"plant = commram.attach({name!r})", f"plant = commram.connect({name!r})"
+    interrupted(attach, "plant.wait('node2.w_OPTION_STATUS', 2, timeout=3600)")
+    interrupted(attach, "plant.wait('node2.w_OPTION_STATUS', lambda value: False, timeout=3600)")
+    interrupted(connect, "plant.wait('node2.w_OPTION_STATUS', 2, 3_600_000_000)")
