@@ -30,7 +30,7 @@ registers:
 
 # All benchmarks; docs/performance.md tells what they measure.
 bench:
-    cargo bench --bench intervals --bench clusters --bench can_bus --bench latency --bench sync_edge
+    cargo bench --bench intervals --bench clusters --bench can_bus --bench latency --bench sync_edge --bench cycles
 
 # Instructions of an interval with 3 and with 32 drives, counted by valgrind's callgrind.
 instructions:

@@ -1,0 +1,52 @@
+"""What docs/python.md shows works as it stands there."""
+
+import pathlib
+import re
+import subprocess
+import sys
+
+import pytest
+
+PAGE = (pathlib.Path(__file__).parents[3] / "docs/python.md").read_text()
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_the_way_to_an_actual_value(pytester):
+    (test,) = [block for block in blocks("python") if block.startswith("# test_drive.py")]
+    pytester.makepyfile(test_drive=test)
+    pytester.runpytest_subprocess("-p", "no:cacheprovider", "test_drive.py").assert_outcomes(passed=1)
+
+
+def test_the_examples_run(tmp_path, start):
+    name = start()
+    scripts = [block for block in blocks("python") if block.startswith("import commram\n")]
+    assert len(scripts) == 3
+    shown = []
+    for script in scripts:
+        script = script.replace('attach("default")', f"attach({name!r})")
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        shown.append(done.stdout)
+        # Comments tell what is printed.
+        said = re.findall(r"print\(.*\)  # ([^:\n]*)", script)
+        assert done.stdout.splitlines()[: len(said)] == said
+    assert "node2.b_BT_1" in shown[1] and shown[2].startswith("waiting for")
+
+
+def test_the_marks_of_the_plugin(pytester):
+    (test,) = [block for block in blocks("python") if "def test_winder" in block]
+    pytester.makepyfile(test_winder=test)
+    pytester.path.joinpath("winder.toml").write_text('[[plc]]\nname = "line"\n[[bus]]\nname = "b"\n')
+    pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
+
+
+def test_the_suite_of_robot(tmp_path):
+    pytest.importorskip("robot")
+    (suite,) = blocks("robotframework")
+    (tmp_path / "it.robot").write_text(suite)
+    command = [sys.executable, "-m", "robot", "--log", "NONE", "--report", "NONE", "--output", "NONE", "it.robot"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout
