@@ -46,7 +46,7 @@ fn main() -> Result<(), ScenarioError> {
         times.sort_by(f64::total_cmp);
         let [first, median, last] =
             [0, ROUNDS / 2, ROUNDS - 1].map(|at| times.get(at).copied().unwrap_or(0.0));
-        println!("{name:<12} {median:.3f} us ({first:.3f} to {last:.3f})");
+        println!("{name:<12} {median:.3} us ({first:.3} to {last:.3})");
     }
     Ok(())
 }
