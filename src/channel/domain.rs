@@ -15,7 +15,8 @@ use crate::memory::MemoryError;
 use crate::memory::names::CHANNEL_PREFIX;
 use crate::memory::private::{Held, PrivateDir};
 use crate::memory::process::ProcessId;
-use iceoryx2::node::NodeCreationFailure;
+use iceoryx2::identifiers::UniqueNodeId;
+use iceoryx2::node::{NodeCreationFailure, NodeView};
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::request_response::Builder;
 use std::io;
@@ -273,6 +274,19 @@ impl Domain {
         }
         let config = self.config.clone();
         limit::on_a_thread(limit::SHORT, move || has_living_node(&config)).unwrap_or(false)
+    }
+
+    /// The nodes of processes that have died and not left. It may take for ever, if somebody has damaged the channel.
+    pub(crate) fn dead_nodes(&self) -> Vec<UniqueNodeId> {
+        let mut dead = Vec::new();
+        // What cannot be listed is left to the next time.
+        let _ = Node::<Ipc>::list(&self.config, |node| {
+            if let NodeState::Dead(node) = &node {
+                dead.push(*node.id());
+            }
+            CallbackProgression::Continue
+        });
+        dead
     }
 
     /// Removes everything of the domain. Only for the owner of the instance: whoever is still connected is

@@ -16,6 +16,7 @@
 
 pub mod bells;
 pub mod client;
+mod departed;
 mod domain;
 pub mod events;
 mod guest;

@@ -8,7 +8,7 @@ use crate::request::{Code, Execution, Host, MAX_OPS, Op, Refused};
 pub(crate) enum Progress {
     /// All operations are answered, or one of them by an error.
     Done,
-    /// A wait goes on; try again after the next firmware step.
+    /// A wait goes on, or an operation pauses; try again after the next firmware step.
     Waiting,
 }
 
@@ -40,9 +40,18 @@ impl Run {
             self.replies.error(&Refused::new(Code::TOO_MANY_OPERATIONS, text));
             return Progress::Done;
         }
-        if self.next == 0 && !self.execution.is_waiting() {
+        if self.next == 0 && !self.execution.is_under_way() {
             host.begin_request();
         }
+        self.go_on(host, ops)
+    }
+
+    /// Executes operations that only look, while another request is under way. The host need not know.
+    pub(crate) fn look(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
+        self.go_on(host, ops)
+    }
+
+    fn go_on(&mut self, host: &mut dyn Host, ops: &[WireOp]) -> Progress {
         while let Some(wire) = ops.get(self.next) {
             match self.execute(host, *wire) {
                 Ok(Progress::Done) => self.next += 1,
@@ -59,6 +68,11 @@ impl Run {
     /// Ends a request that waits, because the emulator ends.
     pub(crate) fn abort(&mut self) {
         self.replies.error(&Refused::shutting_down());
+    }
+
+    /// Whether all operations only look at the plant.
+    pub(crate) fn only_looks(ops: &[WireOp]) -> bool {
+        ops.len() <= MAX_OPS && ops.iter().all(|op| Op::try_from(*op).is_ok_and(|op| op.only_looks()))
     }
 
     fn execute(&mut self, host: &mut dyn Host, wire: WireOp) -> Result<Progress, Refused> {

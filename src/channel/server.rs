@@ -6,6 +6,7 @@
 
 pub use super::domain::{MAX_CLIENTS, RootError};
 
+use super::departed::Departed;
 use super::domain::{Domain, Ipc, Service};
 use super::run::{Progress, Run};
 use super::wire::{Block, MAX_REPLY_BLOCKS, WireOp};
@@ -13,8 +14,9 @@ use super::{Bells, EventNotifier, limit, shm};
 use crate::memory::room;
 use crate::request::Host;
 use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::identifiers::{UniqueClientId, UniqueNodeId};
 use iceoryx2::node::NodeCreationFailure;
-use iceoryx2::prelude::{BackpressureStrategy, Node};
+use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, Node, PortFactory};
 use iceoryx2::service::builder::request_response::{
     RequestResponseCreateError as CreateError, RequestResponseOpenError as OpenError,
     RequestResponseOpenOrCreateError as OpenOrCreateError,
@@ -101,8 +103,10 @@ pub fn remove_remains(instance: &str, root: &Path) -> Result<(), ServerError> {
 
 /// The emulator's end of the channel. Not `Send`: make it on the thread that polls it.
 pub struct Server {
-    /// Requests that wait in real time. Before the port, which they refer to.
+    /// Requests that wait in real time. With a stepped clock, the one under way and those behind it, in the order in which
+    /// they came. Before the port, which they refer to.
     waiting: Vec<(Request, Run)>,
+    departed: Departed,
     /// `None` only while it is being dropped.
     port: Option<Port>,
     service: Option<Service<Ipc>>,
@@ -151,6 +155,7 @@ impl Server {
         };
         let server = Self {
             waiting: Vec::new(),
+            departed: Departed::default(),
             port: Some(port),
             service: Some(service),
             node: Some(node),
@@ -177,35 +182,83 @@ impl Server {
         ChannelWatch { objects: self.domain.lengths().into(), damaged: Arc::default() }
     }
 
-    /// Number of requests that wait in real time. While it is not zero, poll after every firmware step.
+    /// Number of requests that wait or pause. While it is not zero, poll after every firmware step; with a stepped clock
+    /// at once.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Tries waiting requests again, then receives and executes new ones, and answers those that are done.
-    /// Never blocks, except for the emulated time that a request lets pass.
+    /// Goes on with requests under way, then receives and executes new ones, and answers those that are done. With a stepped
+    /// clock one request at a time lets the time pass and changes the plant, those behind it wait for its end; but what
+    /// only looks is answered meanwhile ([`Op::only_looks`](crate::request::Op::only_looks)).
+    ///
+    /// Never blocks, except for the emulated time that a request lets pass until it pauses.
     ///
     /// Returns the number of requests answered. If it is not zero, more may have arrived meanwhile.
     pub fn poll(&mut self, host: &mut dyn Host) -> usize {
-        let answered = self.retry(host);
+        self.forget_the_departed();
+        let answered = if host.is_stepped() { self.go_on(host) } else { self.retry(host) };
         answered + self.receive(host)
     }
 
-    /// Tries the waiting requests again; forgets those whose client has given up.
+    /// Forgets requests whose clients have given up or died.
+    fn forget_the_departed(&mut self) {
+        if self.waiting.is_empty() {
+            return;
+        }
+        let dead = self.departed.look(&self.domain);
+        let clients = (!dead.is_empty()).then(|| self.clients_of(&dead)).unwrap_or_default();
+        let (spare, mut at) = (&mut self.spare, 0);
+        while let Some((request, _)) = self.waiting.get(at) {
+            if request.is_connected() && !clients.contains(&request.origin()) {
+                at += 1;
+            } else {
+                spare.push(self.waiting.remove(at).1);
+            }
+        }
+    }
+
+    /// The clients with these nodes.
+    fn clients_of(&self, nodes: &[UniqueNodeId]) -> Vec<UniqueClientId> {
+        let mut clients = Vec::new();
+        if let Some(service) = &self.service {
+            service.dynamic_config().list_clients(|client| {
+                if nodes.contains(&client.node_id) {
+                    clients.push(client.client_id);
+                }
+                CallbackProgression::Continue
+            });
+        }
+        clients
+    }
+
+    /// With a stepped clock: goes on with the first request until it pauses again, then with those behind it.
+    fn go_on(&mut self, host: &mut dyn Host) -> usize {
+        let mut answered = 0;
+        while let Some((request, run)) = self.waiting.first_mut() {
+            if run.go(host, request.payload()) == Progress::Waiting {
+                break;
+            }
+            let (request, run) = self.waiting.remove(0);
+            answer(request, &run, &*self.bells);
+            self.spare.push(run);
+            answered += 1;
+        }
+        answered
+    }
+
+    /// In real time: tries the waiting requests again.
     fn retry(&mut self, host: &mut dyn Host) -> usize {
         let mut answered = 0;
         let mut at = 0;
         while let Some((request, run)) = self.waiting.get_mut(at) {
-            let connected = request.is_connected();
-            if connected && run.go(host, request.payload()) == Progress::Waiting {
+            if run.go(host, request.payload()) == Progress::Waiting {
                 at += 1;
                 continue;
             }
             let (request, run) = self.waiting.swap_remove(at);
-            if connected {
-                answer(request, &run, &*self.bells);
-                answered += 1;
-            }
+            answer(request, &run, &*self.bells);
+            answered += 1;
             self.spare.push(run);
         }
         answered
@@ -217,7 +270,14 @@ impl Server {
             let Some(request) = self.next_request() else { break };
             let mut run = self.spare.pop().unwrap_or_default();
             run.reset();
-            match run.go(host, request.payload()) {
+            let progress = if !host.is_stepped() || self.waiting.is_empty() {
+                run.go(host, request.payload())
+            } else if Run::only_looks(request.payload()) {
+                run.look(host, request.payload())
+            } else {
+                Progress::Waiting
+            };
+            match progress {
                 Progress::Done => {
                     answer(request, &run, &*self.bells);
                     self.spare.push(run);

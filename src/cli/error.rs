@@ -156,6 +156,22 @@ pub(crate) enum CliError {
         /// Emulated time at the end.
         time_us: u64,
     },
+    /// The emulator lets time pass for another client.
+    #[error(
+        "instance '{instance}' did not come to this within {after_ms} ms: it lets time pass for another command and is at {}{}",
+        time::seconds(*.time_us), .waits_for.as_ref().map_or_else(String::new, |who| format!(", where it waits for {who}"))
+    )]
+    #[cfg(feature = "channel")]
+    Busy {
+        /// The instance.
+        instance: String,
+        /// How long it was waited for.
+        after_ms: u128,
+        /// Emulated time.
+        time_us: u64,
+        /// For whom emulated time waits, if it does.
+        waits_for: Option<String>,
+    },
     /// The emulator was asked to end and did not.
     #[error(
         "instance '{instance}'{} has not ended within {seconds} s; kill it and remove what it leaves with \

@@ -109,7 +109,7 @@ impl CliError {
             #[cfg(feature = "channel")]
             Self::Client(error) => of_client(error),
             #[cfg(feature = "channel")]
-            Self::Server(_) | Self::WrongReply(_) => Exit::NotThere,
+            Self::Server(_) | Self::WrongReply(_) | Self::Busy { .. } => Exit::NotThere,
             Self::Interrupted => Exit::Interrupted,
             // Whoever reads our output has enough of it, as in `commram map | head`.
             Self::BrokenPipe => Exit::Done,

@@ -95,6 +95,11 @@ impl Instance {
             CliError::NotRunning { .. } | CliError::NoImages { .. } | CliError::Dead { .. } => true,
             CliError::Memory(NotReady { state, .. }) => *state == Some(State::Starting),
             CliError::Memory(NotThere { .. }) => true,
+            // The channel was found before it was complete.
+            #[cfg(feature = "channel")]
+            CliError::Client(
+                crate::channel::ClientError::Unanswered { .. } | crate::channel::ClientError::Connect { .. },
+            ) => true,
             _ => false,
         }
     }

@@ -30,6 +30,8 @@ mod pause;
 mod peek;
 mod plant;
 mod poke;
+#[cfg(feature = "channel")]
+mod progress;
 mod run;
 mod session;
 mod start;

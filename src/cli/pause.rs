@@ -33,7 +33,7 @@ impl<T> Look<T> {
     pub(crate) fn of(result: Result<T, CliError>, instance: &str) -> Result<Self, CliError> {
         match result {
             Ok(seen) => Ok(Look::Seen(seen)),
-            Err(CliError::Client(ClientError::Timeout { .. })) => Ok(Look::Later),
+            Err(CliError::Client(ClientError::Timeout { .. }) | CliError::Busy { .. }) => Ok(Look::Later),
             Err(CliError::Client(error)) if has_ended(&error) => {
                 output::note(&format!("instance '{instance}' has ended"));
                 Ok(Look::Ended)

@@ -4,7 +4,8 @@ use super::error::CliError;
 use super::session::{alive, dead, images_of, is_alive};
 use super::{InstanceName, output};
 use crate::memory::names::channel_root;
-use crate::memory::{EmulatorProcess, InstanceLock};
+use crate::memory::{Condition, EmulatorProcess, ImageInfo, InstanceLock};
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 /// End an emulator and wait until it has cleaned up.
@@ -13,11 +14,15 @@ use std::time::{Duration, Instant};
 Examples:
   commram stop
   commram stop -i test-3
+  commram stop --all
   commram stop --clean -i test-3")]
 pub(crate) struct Args {
     /// If the emulator was killed, remove what it left
     #[arg(long)]
     clean: bool,
+    /// End all emulators of yours
+    #[arg(long)]
+    all: bool,
     #[command(flatten)]
     instance: InstanceName,
 }
@@ -28,16 +33,46 @@ const PATIENCE: Duration = Duration::from_secs(10);
 #[cfg(feature = "channel")]
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// Ends the emulator.
+/// Ends the emulator, or all of them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    let name = &args.instance.name;
+    if args.all { end_all(args.clean) } else { end(&args.instance.name, args.clean) }
+}
+
+/// Ends all; what cannot be ended does not keep the others.
+fn end_all(clean: bool) -> Result<(), CliError> {
+    let is_meant = |image: &ImageInfo| match image.condition {
+        Condition::Alive(_) => true,
+        Condition::Dead(_) => clean,
+        Condition::Unusable(_) => false,
+    };
+    let images = crate::memory::list()?.into_iter().filter(is_meant);
+    let names: BTreeSet<_> = images.map(|image| image.instance).collect();
+    if names.is_empty() {
+        return output::print("no instance is running\n");
+    }
+    let mut failed = None;
+    for name in &names {
+        match end(name, clean) {
+            // It has ended by itself meanwhile.
+            Ok(()) | Err(CliError::NotRunning { .. }) => {}
+            Err(error) => {
+                if let Some(before) = failed.replace(error) {
+                    output::complain(&before.to_string());
+                }
+            }
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+fn end(name: &str, clean: bool) -> Result<(), CliError> {
     let process = match InstanceLock::holder(name)? {
         // Somebody has removed the directory or the lock in it: the images tell who it is.
         None => serving(name).map(Some),
         holder => holder,
     };
     let Some(process) = process else {
-        if args.clean && remove_remains(name)? {
+        if clean && remove_remains(name)? {
             return output::print(&format!("instance '{name}' was dead, what it left is removed\n"));
         }
         return Err(why_not(name)?);
@@ -113,7 +148,7 @@ fn ask(name: &str) -> Result<(), CliError> {
     use crate::channel::client::Patience;
     use crate::channel::{Client, ClientError, HeaderBells};
     use crate::memory::{AttachMode, Image, MemoryError, State};
-    use crate::request::Code;
+    use crate::request::{Op, Reply, WrongReply};
     let images = images_of(name)?;
     let Some(image) = images.iter().find(|image| is_alive(image)) else {
         return Err(why_not(name)?);
@@ -125,10 +160,21 @@ fn ask(name: &str) -> Result<(), CliError> {
     let bells = Box::new(HeaderBells::of_client(attached)?);
     let patience = Patience { enter: ANSWER, reply: ANSWER, ..Patience::default() };
     // The client is gone at the end of this, so that the emulator can sweep its channel.
-    match Client::connect(name, &channel_root(name)?, bells, patience)?.stop() {
+    let client = Client::connect(name, &channel_root(name)?, bells, patience)?;
+    match client.request(&[Op::Info, Op::Stop]) {
+        Ok(replies) => {
+            if let Some(Reply::Info(info)) = replies.first()
+                && let Some(who) = &info.waits_for
+            {
+                output::note(&format!("instance '{name}' waited for {who}"));
+            }
+            match replies.into_iter().next_back() {
+                Some(Reply::Stopping | Reply::NotExecuted) => Ok(()),
+                _ => Err(WrongReply.into()),
+            }
+        }
         Err(ClientError::EmulatorGone { .. }) => Ok(()),
-        Err(ClientError::Refused(refused)) if refused.code == Code::SHUTTING_DOWN => Ok(()),
-        other => Ok(other?),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -11,21 +11,28 @@ use crate::plant::{FollowError, Forced};
 
 /// Longest advance between two looks at [`Host::should_stop`]: 100 ms of emulated time.
 const SLICE_US: u64 = 100_000;
+/// How many events a wait passes between two looks at [`Host::should_pause`], which may cost as much as an event.
+const EVENTS: u32 = 32;
 
 /// An operation under way.
 ///
-/// With a stepped clock an operation always comes to its end, letting the time pass where it asks for that. In real
-/// time a wait cannot do so: it has no reply yet, and whoever executes it tries again after every firmware step.
+/// With a stepped clock an operation lets the time pass where it asks for that, and has no reply while it pauses
+/// ([`Host::should_pause`]): whoever executes it goes on with it soon. In real time a wait cannot let it pass: it has no reply
+/// yet, and whoever executes it tries again after every firmware step.
 #[derive(Debug, Default)]
 pub struct Execution {
-    /// End of the wait under way, in emulated microseconds.
-    deadline: Option<u64>,
+    /// Where the operation under way ends at the latest, in emulated microseconds.
+    end: Option<u64>,
+    /// Where the part of it ends that has begun: all parts are the same, wherever the operation pauses.
+    part: Option<u64>,
+    /// Events that a wait has passed.
+    events: u32,
     /// What the wait to come waits for.
     conditions: Vec<(Register, Test)>,
 }
 
 impl Execution {
-    /// Executes the operation, or tries it again; `None` while it waits.
+    /// Executes the operation, or goes on with it; `None` while it waits or pauses.
     ///
     /// # Errors
     /// [`Refused`].
@@ -84,23 +91,36 @@ impl Execution {
             Op::Advance { us } => {
                 stepped(host)?;
                 limit(us)?;
-                let target = host.plant().now().saturating_add(us);
-                advance(host, target)?;
+                let end = self.end.unwrap_or_else(|| host.plant().now().saturating_add(us));
+                if !self.advance(host, end)? {
+                    return Ok(None);
+                }
                 Reply::Time(host.plant().now())
             }
             Op::AdvanceToSync { plc, node } => {
                 stepped(host)?;
                 let number = known_plc(host, plc)?;
-                let sync = host.plant().next_sync(number, node).ok_or_else(|| no_sync(host, plc, node))?;
+                let sync = match self.end {
+                    Some(sync) => sync,
+                    None => host.plant().next_sync(number, node).ok_or_else(|| no_sync(host, plc, node))?,
+                };
                 limit(sync.saturating_sub(host.plant().now()))?;
-                advance(host, sync)?;
+                if !self.advance(host, sync)? {
+                    return Ok(None);
+                }
                 Reply::Time(host.plant().now())
             }
             Op::AdvanceToEvent { within_us } => {
                 stepped(host)?;
                 limit(within_us)?;
-                let latest = host.plant().now().saturating_add(within_us);
-                advance_to_event(host, latest);
+                let now = host.plant().now();
+                let event = || host.next_event().max(now).min(now.saturating_add(within_us));
+                let event = self.end.unwrap_or_else(event);
+                self.end = Some(event);
+                if !self.go_to(host, event) {
+                    return Ok(None);
+                }
+                self.end = None;
                 Reply::Time(host.plant().now())
             }
             Op::Time => Reply::Time(host.plant().now()),
@@ -171,9 +191,38 @@ impl Execution {
         Ok(Some(reply))
     }
 
-    /// Whether the operation waits.
-    pub fn is_waiting(&self) -> bool {
-        self.deadline.is_some()
+    /// Whether the operation has begun and waits or pauses.
+    pub fn is_under_way(&self) -> bool {
+        self.end.is_some()
+    }
+
+    /// Goes on to time `part`, at which the present part ends. `false`: it pauses on the way, or is to stop.
+    fn go_to(&mut self, host: &mut dyn Host, part: u64) -> bool {
+        let has_arrived = host.advance_to(part);
+        self.part = (!has_arrived).then_some(part);
+        has_arrived
+    }
+
+    /// Goes to time `end` in parts, so that an hour of emulated time does not make the emulator deaf. `false`: it pauses.
+    fn advance(&mut self, host: &mut dyn Host, end: u64) -> Result<bool, Refused> {
+        self.end = Some(end);
+        loop {
+            let now = host.plant().now();
+            if now >= end && self.part.is_none() {
+                self.end = None;
+                return Ok(true);
+            }
+            if host.should_stop() {
+                return Err(Refused::shutting_down());
+            }
+            if host.should_pause() {
+                return Ok(false);
+            }
+            let part = self.part.unwrap_or_else(|| end.min(now.saturating_add(SLICE_US)));
+            if !self.go_to(host, part) {
+                return Ok(false);
+            }
+        }
     }
 
     fn wait_for(
@@ -219,12 +268,19 @@ impl Execution {
     ) -> Result<Option<Waited>, Refused> {
         limit(within_us)?;
         let begin = host.plant().now();
-        let deadline = *self.deadline.get_or_insert(begin.saturating_add(within_us));
+        let deadline = *self.end.get_or_insert(begin.saturating_add(within_us));
         loop {
+            // What is awaited is looked at between two parts only, wherever the wait pauses.
+            if let Some(part) = self.part
+                && !host.should_stop()
+                && !self.go_to(host, part)
+            {
+                return Ok(None);
+            }
             let (is_met, value) = look(host)?;
             let waited = Waited { time_us: host.plant().now(), value };
             if is_met {
-                self.deadline = None;
+                self.end = None;
                 return Ok(Some(waited));
             }
             if waited.time_us >= deadline {
@@ -236,7 +292,12 @@ impl Execution {
             if !host.is_stepped() {
                 return Ok(None);
             }
-            advance_to_event(host, deadline.min(waited.time_us.saturating_add(SLICE_US)));
+            let latest = deadline.min(waited.time_us.saturating_add(SLICE_US));
+            let event = host.next_event().max(waited.time_us).min(latest);
+            self.events = self.events.wrapping_add(1);
+            if !self.go_to(host, event) || self.events.is_multiple_of(EVENTS) && host.should_pause() {
+                return Ok(None);
+            }
         }
     }
 }
@@ -330,26 +391,6 @@ fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(),
         plc_name(host, plc)
     );
     Err(Refused::new(Code::START_REFUSED, text))
-}
-
-/// Goes to the next event, at the latest to time `latest`, which is not past.
-fn advance_to_event(host: &mut dyn Host, latest: u64) {
-    let event = host.next_event().max(host.plant().now());
-    host.advance_to(event.min(latest));
-}
-
-/// Goes to time `target` in slices, so that an hour of emulated time does not make the emulator deaf.
-fn advance(host: &mut dyn Host, target: u64) -> Result<(), Refused> {
-    loop {
-        let now = host.plant().now();
-        if now >= target {
-            return Ok(());
-        }
-        if host.should_stop() {
-            return Err(Refused::shutting_down());
-        }
-        host.advance_to(target.min(now.saturating_add(SLICE_US)));
-    }
 }
 
 #[cfg(test)]

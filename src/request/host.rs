@@ -25,8 +25,15 @@ pub trait Host {
     fn next_event(&self) -> u64;
 
     /// Stepped mode: runs everything up to and including time `t`. Going there in several calls has the
-    /// same outcome as going there in one.
-    fn advance_to(&mut self, t: u64);
+    /// same outcome as going there in one. `false`: the host is to stop, or somebody has a turn for whom the time waits;
+    /// then it is called again with the same `t`.
+    fn advance_to(&mut self, t: u64) -> bool;
+
+    /// Asked between the parts of an operation that lets time pass: whether it is to pause, so that others are heard
+    /// meanwhile. Whoever executes it goes on with it then. Where it pauses makes no difference to the plant.
+    fn should_pause(&self) -> bool {
+        false
+    }
 
     /// The doors to its buses; `None` if there cannot be any.
     fn doors(&mut self) -> Option<&mut Doors> {

@@ -236,6 +236,43 @@ pub enum Op {
 }
 
 impl Op {
+    /// Whether the operation changes nothing in the plant, so that it makes no difference when it is executed.
+    pub fn only_looks(&self) -> bool {
+        match self {
+            Op::Peek { .. }
+            | Op::ReadRange { .. }
+            | Op::Journal { .. }
+            | Op::Changes { .. }
+            | Op::Forces
+            | Op::FaultList
+            | Op::Board { .. }
+            | Op::Findings
+            | Op::Time
+            | Op::Info
+            | Op::Stop => true,
+            Op::Poke { .. }
+            | Op::CompareExchange { .. }
+            | Op::Wait { .. }
+            | Op::Condition { .. }
+            | Op::WaitFor { .. }
+            | Op::Follow { .. }
+            | Op::Advance { .. }
+            | Op::AdvanceToSync { .. }
+            | Op::AdvanceToEvent { .. }
+            | Op::Force { .. }
+            | Op::Unforce { .. }
+            | Op::FaultAdd { .. }
+            | Op::FaultClear { .. }
+            | Op::SetBoard { .. }
+            | Op::ClearFindings
+            // The emulator looks after its guests.
+            | Op::Buses
+            | Op::DoorOpen { .. }
+            | Op::DoorClose { .. }
+            | Op::BusSend { .. } => false,
+        }
+    }
+
     /// The emulated time this operation may take at most because it waits, in microseconds.
     pub fn waits_us(&self) -> u64 {
         match self {

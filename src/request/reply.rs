@@ -129,6 +129,8 @@ pub struct InstanceInfo {
     pub abi_version: u32,
     /// Version of the program, as in `commram --version`.
     pub version: String,
+    /// For whom the emulated time waits now, if it does: a task in lockstep that has its turn.
+    pub waits_for: Option<String>,
     /// What its PLCs and buses are called, in the order of their numbers, and what the PLCs are.
     #[serde(with = "super::naming")]
     pub names: Names,

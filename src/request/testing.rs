@@ -3,6 +3,7 @@
 use super::{Code, Execution, Host, InstanceInfo, Op, Refused, Reply};
 use crate::memory::{Segment, Width};
 use crate::plant::{Plant, PlantConfig, PlantError};
+use core::cell::Cell;
 use core::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -41,6 +42,12 @@ pub(crate) struct TestHost {
     pub requests: usize,
     /// Raises `stop` at this time.
     pub stop_at: u64,
+    /// Whether operations pause wherever they can, and then go on for a part.
+    pub pauses: bool,
+    /// Whether one has paused.
+    has_paused: Cell<bool>,
+    /// How often somebody is asked for whom the time waits until his turn has ended.
+    pub turn_left: usize,
     /// Whether the real-time clock of the test server stands still.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub is_frozen: bool,
@@ -57,6 +64,9 @@ impl TestHost {
             steps: 0,
             requests: 0,
             stop_at: u64::MAX,
+            pauses: false,
+            has_paused: Cell::default(),
+            turn_left: 0,
             is_frozen: false,
         }
     }
@@ -144,9 +154,18 @@ impl Host for TestHost {
         ahead.fold(self.plant.next_event(), u64::min)
     }
 
-    fn advance_to(&mut self, t: u64) {
+    fn advance_to(&mut self, t: u64) -> bool {
         assert!(self.is_stepped, "only the stepped clock may be advanced");
+        self.turn_left = self.turn_left.saturating_sub(1);
+        if self.turn_left > 0 {
+            return false;
+        }
         self.run_to(t);
+        true
+    }
+
+    fn should_pause(&self) -> bool {
+        self.pauses && !self.has_paused.replace(!self.has_paused.get())
     }
 
     fn info(&self) -> InstanceInfo {
@@ -159,6 +178,7 @@ impl Host for TestHost {
             pid: std::process::id(),
             abi_version: 1,
             version: env!("CARGO_PKG_VERSION").into(),
+            waits_for: None,
             names: self.plant.names(),
         }
     }

@@ -17,10 +17,11 @@ use crate::door::{DoorError, DoorSpec};
 use crate::journal::Keep;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell, room};
 use crate::plant::{FollowError, Plant, PlantConfig, PlantError};
+use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use thiserror::Error;
 
 /// Longest sleep; a bound for everything that does not ring.
@@ -112,6 +113,8 @@ pub struct Emulator {
     _lock: InstanceLock,
     /// Rings of each PLC's doorbell as last noted.
     rings: Vec<u32>,
+    /// When the channel was first asked in this round whether it is to pause.
+    pub(super) slice: Cell<Option<Instant>>,
     /// Before the server, on whose node it is.
     #[cfg(feature = "channel")]
     events: Option<crate::channel::EventNotifier>,
@@ -192,6 +195,7 @@ impl Emulator {
         .map_err(|reason| RuntimeError::Thread { reason })?;
         Ok(Emulator {
             rings,
+            slice: Cell::default(),
             lockstep,
             guests,
             novram,
@@ -303,7 +307,7 @@ impl Emulator {
             self.save_novram(false);
             if self.serve_channel() {
                 self.announce();
-            } else if !self.options.busy {
+            } else if !self.options.busy && !self.is_time_passing() {
                 self.sleep(LONGEST_SLEEP);
             }
         }
@@ -404,6 +408,10 @@ impl Emulator {
 #[cfg(not(feature = "channel"))]
 impl Emulator {
     fn serve_channel(&mut self) -> bool {
+        false
+    }
+
+    fn is_time_passing(&self) -> bool {
         false
     }
 

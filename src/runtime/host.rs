@@ -5,6 +5,10 @@ use crate::door::Doors;
 use crate::plant::Plant;
 use crate::request::{Host, InstanceInfo};
 use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// How long an operation may really take before others are heard.
+const SLICE: Duration = Duration::from_millis(5);
 
 impl Host for Emulator {
     fn plant(&self) -> &Plant {
@@ -29,9 +33,16 @@ impl Host for Emulator {
         self.plant.next_event().min(self.lockstep.next_turn()).min(self.guests.next_turn())
     }
 
-    fn advance_to(&mut self, t: u64) {
-        self.step_to(t);
+    fn advance_to(&mut self, t: u64) -> bool {
+        let has_arrived = self.step_to(t);
         self.tell_events();
+        has_arrived
+    }
+
+    fn should_pause(&self) -> bool {
+        let begin = self.slice.get().unwrap_or_else(Instant::now);
+        self.slice.set(Some(begin));
+        begin.elapsed() >= SLICE
     }
 
     fn doors(&mut self) -> Option<&mut Doors> {
@@ -50,6 +61,7 @@ impl Host for Emulator {
             pid: header.firmware_pid.load(),
             abi_version: header.abi_version.load(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            waits_for: self.lockstep.waits_for(&self.plant),
             names: self.plant.names(),
         }
     }

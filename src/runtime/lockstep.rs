@@ -35,8 +35,29 @@ impl Task {
     }
 }
 
+/// A turn that has not ended yet.
+struct Turn {
+    /// Whose it is.
+    index: usize,
+    /// Turns that the task had ended before.
+    done: u32,
+    since: Instant,
+}
+
+/// How a look at a turn came out.
+enum Look {
+    /// It has ended, and the task claims run time.
+    Ended,
+    /// It goes on, and somebody else wants something.
+    GoesOn,
+    /// The task is gone, or has taken too long.
+    Lost,
+}
+
 /// All tasks that take part.
 pub(super) struct Lockstep {
+    /// The turn that the time waits for.
+    turn: Option<Turn>,
     headers: Vec<View<Header>>,
     /// Requests of each PLC as last seen.
     requests: Vec<u32>,
@@ -48,11 +69,15 @@ pub(super) struct Lockstep {
 impl Lockstep {
     pub(crate) fn new(headers: Vec<View<Header>>, stepped: bool) -> Self {
         let requests = vec![0; headers.len()];
-        Lockstep { headers, requests, tasks: Vec::new(), stepped }
+        Lockstep { turn: None, headers, requests, tasks: Vec::new(), stepped }
     }
 
     /// Seats those that ask for it and forgets those that have left; tells whether there was anything.
     pub(crate) fn look(&mut self, plant: &mut Plant) -> bool {
+        // Who comes or leaves during a turn does so behind it.
+        if self.turn.is_some() {
+            return false;
+        }
         let mut changed = false;
         for plc in 0..self.headers.len() {
             let requests = self.headers[plc].board_requests.load();
@@ -109,7 +134,7 @@ impl Lockstep {
     }
 
     /// Lets emulated time pass until `target`, with a turn for each task whenever it is due. Returns early if `stop`
-    /// says so while a task has its turn.
+    /// says so, and while a task has its turn and somebody rings: then it is to be called again with the same target.
     pub(crate) fn advance(&mut self, plant: &mut Plant, target: u64, stop: impl Fn() -> bool) {
         self.look(plant);
         loop {
@@ -125,21 +150,43 @@ impl Lockstep {
         }
     }
 
+    /// Whether the time waits for a task.
+    pub(crate) fn is_in_turn(&self) -> bool {
+        self.turn.is_some()
+    }
+
+    /// For whom the time waits, for people.
+    pub(crate) fn waits_for(&self, plant: &Plant) -> Option<String> {
+        let task = self.tasks.get(self.turn.as_ref()?.index)?;
+        let (plc, process) = (plant.devices().get(task.plc)?.name(), task.seat.owner.load());
+        Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
+    }
+
     /// When the first of the tasks that run has its next turn; `u64::MAX` if none runs.
     pub(crate) fn next_turn(&self) -> u64 {
         self.tasks.iter().filter_map(|task| task.until).fold(u64::MAX, u64::min)
     }
 
-    /// Turns for all tasks that are due now. `false`: told to stop.
+    /// Turns for all tasks that are due now. `false`: told to stop, or a turn goes on.
     fn give_turns(&mut self, plant: &mut Plant, stop: &impl Fn() -> bool) -> bool {
-        while let Some(index) = self.due(plant.now()) {
-            if stop() {
-                return false;
+        loop {
+            if let Some(turn) = self.turn.take() {
+                match self.await_end(&turn, plant) {
+                    Look::Ended => self.claim(turn.index, plant),
+                    Look::Lost => self.give_up(turn.index, plant),
+                    Look::GoesOn => {
+                        self.turn = Some(turn);
+                        return false;
+                    }
+                }
+                self.look(plant);
             }
-            self.give_turn(index, plant, stop);
-            self.look(plant);
+            match self.due(plant.now()) {
+                Some(_) if stop() => return false,
+                Some(index) => self.give_turn(index, plant),
+                None => return true,
+            }
         }
-        true
     }
 
     /// The task that is to run now: the highest level first.
@@ -168,24 +215,25 @@ impl Lockstep {
             .any(|other| other.plc == task.plc && other.until.is_some() && other.level >= task.level)
     }
 
-    fn give_turn(&mut self, index: usize, plant: &mut Plant, stop: &impl Fn() -> bool) {
+    fn give_turn(&mut self, index: usize, plant: &Plant) {
         let (now, rings) = (plant.now(), self.rings(&self.tasks[index]));
         let task = &mut self.tasks[index];
         if task.until.take().is_none() {
             task.seen = rings;
         }
-        let done = task.seat.done.rings();
+        self.turn = Some(Turn { index, done: task.seat.done.rings(), since: Instant::now() });
         task.seat.time_us.store(now);
         task.seat.turn.ring();
-        if !self.await_end(index, done, plant, stop) {
-            return;
-        }
+    }
+
+    /// The turn has ended; its task runs on for as long as it claims.
+    fn claim(&mut self, index: usize, plant: &Plant) {
         let task = &mut self.tasks[index];
         let run_us = u64::from(task.seat.run_us.load());
         if run_us == 0 {
             return;
         }
-        task.until = Some(now + run_us);
+        task.until = Some(plant.now() + run_us);
         // It takes the processor from those below it.
         let (plc, level) = (task.plc, task.level);
         for other in self.tasks.iter_mut().filter(|other| other.plc == plc && other.level < level) {
@@ -193,38 +241,29 @@ impl Lockstep {
         }
     }
 
-    /// Waits for the end of a turn. Meanwhile the boards answer, so that the task can ask them. `false`: the task is
-    /// gone, or the emulator is to stop.
-    fn await_end(&mut self, index: usize, done: u32, plant: &mut Plant, stop: &impl Fn() -> bool) -> bool {
-        let (plc, seat) = (self.tasks[index].plc, self.tasks[index].seat.clone());
+    /// Waits for the end of a turn, but not while somebody else rings. Meanwhile the boards answer, so that the task can ask
+    /// them.
+    fn await_end(&self, turn: &Turn, plant: &mut Plant) -> Look {
+        let task = &self.tasks[turn.index];
+        let (header, seat) = (&self.headers[task.plc], &task.seat);
         let patience = match seat.patience_ms.load() {
             0 => Duration::MAX,
             ms => Duration::from_millis(ms.into()),
         };
-        let start = Instant::now();
-        loop {
-            let header = &self.headers[plc];
-            let rings = header.doorbell.rings();
-            if plant.look_at_boards() {
-                header.answer.ring();
-            }
-            if seat.done.rings() != done {
-                return true;
-            }
-            if stop() {
-                return false;
-            }
-            let slice = LIVENESS.min(patience.saturating_sub(start.elapsed()));
-            let rung = bell::wait_any(&[(&seat.done, done), (&header.doorbell, rings)], Some(slice));
-            if rung == Some(0) {
-                return true;
-            }
-            if !self.tasks[index].has_seat()
-                || rung.is_none() && (self.tasks[index].gone() || start.elapsed() >= patience)
-            {
-                self.give_up(index, plant);
-                return false;
-            }
+        let rings = header.doorbell.rings();
+        if plant.look_at_boards() {
+            header.answer.ring();
+        }
+        if seat.done.rings() != turn.done {
+            return Look::Ended;
+        }
+        let slice = LIVENESS.min(patience.saturating_sub(turn.since.elapsed()));
+        let rung = bell::wait_any(&[(&seat.done, turn.done), (&header.doorbell, rings)], Some(slice));
+        match rung {
+            Some(0) => Look::Ended,
+            _ if !task.has_seat() => Look::Lost,
+            None if task.gone() || turn.since.elapsed() >= patience => Look::Lost,
+            _ => Look::GoesOn,
         }
     }
 

@@ -15,20 +15,26 @@ const LOOK: Duration = Duration::from_millis(20);
 const PATIENCE: Duration = Duration::from_secs(5);
 
 impl Emulator {
-    /// Lets emulated time pass until `target`, or until the emulator is to stop.
-    pub(super) fn step_to(&mut self, target: u64) {
-        self.guests.enter(&mut self.plant, true);
+    /// Lets emulated time pass until `target`. `false`: the emulator is to stop, or a task has its turn and somebody is to be
+    /// heard meanwhile; then it is to be called again with the same target.
+    pub(super) fn step_to(&mut self, target: u64) -> bool {
+        if !self.lockstep.is_in_turn() {
+            self.guests.enter(&mut self.plant, true);
+        }
         loop {
-            if !self.give_turns() {
-                return;
+            if !self.lockstep.is_in_turn() && !self.give_turns() {
+                return false;
             }
             let until = if self.guests.have_seats() { self.next_event().min(target) } else { target };
             let stop = &self.stop;
             self.lockstep.advance(&mut self.plant, until, || stop.load(Ordering::Acquire));
             self.guests.tell(&self.plant);
+            if self.lockstep.is_in_turn() || self.stop.load(Ordering::Acquire) {
+                return false;
+            }
             let is_due = self.guests.next_turn() <= self.plant.now();
-            if self.stop.load(Ordering::Acquire) || self.plant.now() >= target && !is_due {
-                return;
+            if self.plant.now() >= target && !is_due {
+                return true;
             }
         }
     }

@@ -29,7 +29,7 @@ impl Carrier for Local {
         self.begin_request();
         let mut execution = Execution::default();
         loop {
-            // With a stepped clock the first try is the last one.
+            // Nobody else is to be heard here: the first try is the last one.
             if let Some(reply) = execution.run(self, &op)? {
                 return Ok(reply);
             }
@@ -67,8 +67,9 @@ impl Host for Local {
         self.plant.next_event()
     }
 
-    fn advance_to(&mut self, t: u64) {
+    fn advance_to(&mut self, t: u64) -> bool {
         self.plant.advance_to(t);
+        true
     }
 
     fn info(&self) -> InstanceInfo {
@@ -81,6 +82,7 @@ impl Host for Local {
             pid: std::process::id(),
             abi_version: ABI_VERSION,
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            waits_for: None,
             names: self.plant.names(),
         }
     }

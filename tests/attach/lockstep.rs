@@ -278,7 +278,7 @@ fn the_emulator_ends_during_a_turn() {
     emulator.wait();
 }
 
-/// The clock waits for a task that lives and does nothing, so the channel is not served.
+/// The clock waits for a task that lives and does nothing; others are heard meanwhile, and told for whom.
 #[test]
 fn stop_ends_the_emulator_during_a_turn() {
     let mut emulator = active();
@@ -288,7 +288,13 @@ fn stop_ends_the_emulator_during_a_turn() {
     std::thread::scope(|scope| {
         let step = scope.spawn(|| emulator.run("step", &["10ms"]));
         task.next_event(LONG).unwrap();
-        promised(Duration::from_secs(2), || emulator.run("stop", &[])).ok();
+        assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0080");
+        let outcome = promised(Duration::from_secs(2), || emulator.run("stop", &[]));
+        let (name, pid) = (&emulator.name, std::process::id());
+        let waited = format!(
+            "commram: note: instance '{name}' waited for the task of event {SYNC} of PLC 'line' (process {pid})\n"
+        );
+        assert_eq!((outcome.code, outcome.err), (Some(0), waited));
         assert_eq!(step.join().unwrap().code, Some(3));
     });
     assert_eq!(promised(Duration::from_secs(2), || emulator.wait()).code(), Some(0));

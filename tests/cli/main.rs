@@ -6,6 +6,7 @@ mod common;
 mod baps;
 mod bm4;
 mod board;
+mod busy;
 mod can_dp2;
 mod changes;
 mod check;

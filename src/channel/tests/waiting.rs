@@ -121,3 +121,63 @@ fn closing_answers_those_who_wait() {
         assert_eq!(refused.code, Code::SHUTTING_DOWN);
     });
 }
+
+/// A host whose operations pause wherever they can.
+fn pausing() -> TestHost {
+    let mut host = TestHost::new(true);
+    host.pauses = true;
+    host
+}
+
+/// Emulated time that nobody can wait for.
+const DAY: Op = Op::Advance { us: MAX_ADVANCE_US };
+
+#[test]
+fn others_look_and_stop_while_time_passes() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start_with(&place, pausing());
+    std::thread::scope(|scope| {
+        let stepper = scope.spawn(|| place.client().request(&[DAY]));
+        let client = place.client();
+        let now = || client.info().unwrap().time_us;
+        while now() == 0 {}
+        let before = now();
+        while now() == before {}
+        assert_eq!(client.peek(0, REG, Width::Word).unwrap(), 0);
+        client.stop().unwrap();
+        let replies = stepper.join().unwrap().unwrap();
+        let [Reply::Error(refused)] = &replies[..] else { panic!("{replies:?}") };
+        assert_eq!(refused.code, Code::SHUTTING_DOWN);
+    });
+}
+
+/// What changes the plant waits for its turn: in between it would come at a moment that nobody has chosen.
+#[test]
+fn who_changes_the_plant_waits_for_the_end_of_what_is_under_way() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start_with(&place, pausing());
+    let step = Op::Advance { us: 3_000_000 };
+    let peek = Op::Peek { plc: 0, offset: REG, width: Width::Word };
+    std::thread::scope(|scope| {
+        let stepper = scope.spawn(|| place.client().request(&[step, peek]).unwrap());
+        let client = place.client();
+        while client.info().unwrap().time_us == 0 {}
+        client.poke(0, REG, Width::Word, 7).unwrap();
+        assert_eq!(client.info().unwrap().time_us, 3_000_000);
+        assert_eq!(stepper.join().unwrap(), [Reply::Time(3_000_000), Reply::Value(0)]);
+    });
+}
+
+#[test]
+fn the_operation_of_a_client_that_gives_up_ends() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start_with(&place, pausing());
+    let impatient = Patience { connect: LONG, reply: Duration::from_millis(50), ..Patience::default() };
+    let late = place.connect(impatient).unwrap().request(&[DAY]).unwrap_err();
+    assert!(matches!(late, ClientError::Timeout { .. }), "{late}");
+    let client = place.client();
+    client.poke(0, REG, Width::Word, 7).unwrap();
+    let ended = client.info().unwrap().time_us;
+    assert!(ended < MAX_ADVANCE_US);
+    assert_eq!(client.advance(1).unwrap(), ended + 1);
+}

@@ -177,7 +177,19 @@ fn information() -> impl Strategy<Value = InstanceInfo> {
     let numbers = any::<(u32, u64, u32, u32, u32)>();
     (any::<bool>(), numbers, (".*", ".*"), names).prop_map(|(is_stepped, numbers, (name, version), names)| {
         let (speed, time_us, generation, pid, abi_version) = numbers;
-        InstanceInfo { name, is_stepped, speed, time_us, generation, pid, abi_version, version, names }
+        let waits_for = is_stepped.then(|| version.clone());
+        InstanceInfo {
+            name,
+            is_stepped,
+            speed,
+            time_us,
+            generation,
+            pid,
+            abi_version,
+            version,
+            waits_for,
+            names,
+        }
     })
 }
 

@@ -3,6 +3,7 @@
 use super::*;
 use crate::channel::client::Patience;
 use crate::channel::{Client, ClientError, HeaderBells};
+use crate::cli::progress;
 use crate::journal::Names;
 use crate::memory::names::channel_root;
 use crate::request::{Op, Reply, WrongReply};
@@ -54,10 +55,25 @@ impl Session {
         let Door::Channel(client) = &self.door else {
             return Err(no_channel(&self.instance));
         };
-        let replies = client.request(ops)?;
+        let plc = self.plcs.first().map_or("", String::as_str);
+        let replies = progress::shown(&self.instance, plc, || client.request(ops));
+        let replies = replies.map_err(|error| self.explain(error, client, ops))?;
         match replies.iter().find(|reply| matches!(reply, Reply::Error(_))) {
             Some(Reply::Error(refused)) => Err(ClientError::Refused(refused.clone()).into()),
             _ => Ok(replies),
+        }
+    }
+
+    /// Why there is no reply. An emulator that is busy with another client tells with what.
+    fn explain(&self, error: ClientError, client: &Client, ops: &[Op]) -> CliError {
+        let ClientError::Timeout { after, .. } = error else { return error.into() };
+        let is_busy = ops.iter().any(|op| !op.only_looks());
+        let Some(info) = is_busy.then(|| client.info().ok()).flatten() else { return error.into() };
+        CliError::Busy {
+            instance: self.instance.clone(),
+            after_ms: after.as_millis(),
+            time_us: info.time_us,
+            waits_for: info.waits_for,
         }
     }
 

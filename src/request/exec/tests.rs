@@ -414,3 +414,47 @@ fn a_switch_that_is_not_there_is_refused_by_name() {
     assert_eq!(code, Code::NO_SUCH_SWITCH);
     assert_eq!(text, "PLC 'saw': there is no module with DIP switches in node2");
 }
+
+/// Where an operation pauses makes no difference: not to what is answered, nor to a single record of the journal, nor to
+/// the moments up to which the plant goes in one part.
+#[test]
+fn an_operation_that_pauses_does_the_same() {
+    let ops = [
+        Op::Advance { us: 250_000 },
+        wait(0xFFFF, 0x44, 1_000_000),
+        wait(0xFFFF, 0x45, 130_000),
+        Op::AdvanceToSync { plc: 0, node: 2 },
+        Op::AdvanceToEvent { within_us: 5_000 },
+        Op::Advance { us: 99_999 },
+        Op::Time,
+    ];
+    let outcome = |pauses: bool, turn_left: usize| {
+        let mut host = with_sync();
+        host.script.push((400_000, REG, 0x44));
+        (host.pauses, host.turn_left) = (pauses, turn_left);
+        let (parts, mut pauses) = (host.steps, 0);
+        let mut run = |op: &Op| {
+            let mut execution = Execution::default();
+            loop {
+                match execution.run(&mut host, op) {
+                    Ok(None) => assert!(execution.is_under_way(), "{op:?}"),
+                    Ok(Some(reply)) => return Ok(reply),
+                    Err(refused) => return Err(refused),
+                }
+                pauses += 1;
+            }
+        };
+        let replies: Vec<_> = ops.iter().map(&mut run).collect();
+        let records: Vec<_> = host.plant.journal().records().copied().collect();
+        ((replies, records, host.steps - parts), pauses)
+    };
+    let (whole, pauses) = outcome(false, 0);
+    assert_eq!(pauses, 0);
+    assert!(matches!(whole.0[..], [Ok(_), Ok(_), Err(_), Ok(_), Ok(_), Ok(_), Ok(_)]), "{:?}", whole.0);
+    assert!(whole.1.len() > 100, "{}", whole.1.len());
+    for (pause, turn_left) in [(true, 0), (false, 7), (true, 7)] {
+        let (sliced, pauses) = outcome(pause, turn_left);
+        assert!(pauses > 5, "{pauses}");
+        assert!(sliced == whole, "in slices it is different: {:?}", sliced.0);
+    }
+}

@@ -23,9 +23,15 @@ impl Emulator {
         }
         // Taken out for the call, because the channel needs the rest of the emulator.
         let Some(mut server) = self.server.take() else { return false };
+        self.slice.set(None);
         let served = catch_unwind(AssertUnwindSafe(|| server.poll(self)));
         self.server = Some(server);
         served.map_or_else(|panic| self.judge(panic), |served| served > 0)
+    }
+
+    /// With a stepped clock: whether an operation has paused that lets time pass.
+    pub(super) fn is_time_passing(&self) -> bool {
+        self.server.as_ref().is_some_and(|server| server.waiting() > 0)
     }
 
     /// Tells listeners of the event services what has occurred.

@@ -1,0 +1,81 @@
+//! A stepped emulator that lets much time pass answers all the same.
+#![cfg(feature = "channel")]
+
+use crate::common::{Emulator, eventually, finish, promised, run, wait_for};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// A command under way that lets a day pass. It is killed when this value is dropped.
+struct Busy(Child);
+
+impl Busy {
+    fn start(emulator: &Emulator, command: &str, args: &[&str]) -> Self {
+        let mut command = emulator.command(command, args);
+        let busy = Self(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+        assert!(eventually(|| time(emulator) > 0));
+        busy
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Emulated time as the emulator answers it.
+fn time(emulator: &Emulator) -> u64 {
+    let outcome = emulator.run("dump", &["node2", "--format", "text"]);
+    let seconds = outcome.ok().split(" at ").nth(1).unwrap().split(" s").next().unwrap();
+    seconds.replace('.', "").parse().unwrap()
+}
+
+#[test]
+fn others_look_and_stop_while_a_day_passes() {
+    for (command, args) in
+        [("step", &["24h"][..]), ("wait", &["node2.w_OPTION_STATUS==7", "--within", "20h"])]
+    {
+        let mut emulator = Emulator::stepped();
+        let mut busy = Busy::start(&emulator, command, args);
+        assert_eq!(emulator.peek(&["node2.w_OPTION_STATUS"]), "16#0001");
+        assert!(run(&["list"]).ok().contains(&emulator.name));
+        promised(Duration::from_secs(2), || emulator.run("stop", &[])).ok();
+        assert_eq!(emulator.wait().code(), Some(0));
+        assert_eq!(wait_for(&mut busy.0, command).code(), Some(3), "{command}");
+    }
+}
+
+#[test]
+fn the_operation_of_a_killed_client_ends() {
+    let emulator = Emulator::stepped();
+    let mut busy = Busy::start(&emulator, "step", &["24h"]);
+    busy.0.kill().unwrap();
+    busy.0.wait().unwrap();
+    // What changes the plant waits for the end of what is under way; it would be a day.
+    emulator.poke(&["%MB3.1000000=1"]);
+    let ended = time(&emulator);
+    assert!(ended < 24 * 3_600 * 1_000_000, "{ended}");
+    emulator.step(&["1us"]);
+    assert_eq!(time(&emulator), ended + 1);
+}
+
+/// In a `/dev/shm` of its own, since it ends all there are.
+#[test]
+fn all_emulators_can_be_ended_at_once() {
+    let script = "mount -t tmpfs tmpfs /dev/shm || exit 77
+        for name in one two killed; do $COMMRAM run --detach -i $name >/dev/null || exit 1; done
+        kill -KILL $($COMMRAM list --format csv | sed -n 's/^killed,[^,]*,\\([0-9]*\\),.*/\\1/p')
+        $COMMRAM stop --all; echo $?; $COMMRAM list | wc -l
+        $COMMRAM stop --all --clean; $COMMRAM stop --all; ls /dev/shm";
+    let mut shell = Command::new("unshare");
+    shell.args(["--mount", "sh", "-c", script]).env("COMMRAM", env!("CARGO_BIN_EXE_commram"));
+    let outcome = finish(shell.env_remove("COMMRAM_INSTANCE"));
+    if outcome.code == Some(77) || outcome.err.contains("unshare") {
+        eprintln!("SKIPPED: no mount namespace: {}", outcome.err);
+        return;
+    }
+    let expected = "instance 'one' has stopped\ninstance 'two' has stopped\n0\n2\n\
+                    instance 'killed' was dead, what it left is removed\nno instance is running\n";
+    assert_eq!(outcome.ok(), expected);
+}
