@@ -207,7 +207,7 @@ impl Server {
             return;
         }
         let dead = self.departed.look(&self.domain);
-        let clients = (!dead.is_empty()).then(|| self.clients_of(&dead)).unwrap_or_default();
+        let clients = if dead.is_empty() { Default::default() } else { self.clients_of(&dead) };
         let (spare, mut at) = (&mut self.spare, 0);
         while let Some((request, _)) = self.waiting.get(at) {
             if request.is_connected() && !clients.contains(&request.origin()) {
