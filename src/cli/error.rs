@@ -1,5 +1,6 @@
 //! What a command can end with instead of success.
 
+#[cfg(feature = "channel")]
 use super::time;
 use crate::devices::demo::DemoError;
 use crate::export::ExportError;
