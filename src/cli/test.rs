@@ -17,6 +17,7 @@ use found::Shard;
 use line::{Line, Listed, summary};
 use process::Setting;
 use round::Round;
+use std::io;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use watch::Watched;
@@ -210,9 +211,9 @@ fn reachable(instance: Option<&str>) -> Result<(), CliError> {
 }
 
 fn write_junit(path: &Path, reports: &[Report]) -> Result<(), CliError> {
-    let wrong = |right: String| CliError::Argument { text: path.display().to_string(), right };
-    let text = junit(reports).map_err(|reason| wrong(reason.to_string()))?;
-    std::fs::write(path, text).map_err(|reason| wrong(reason.to_string()))
+    let file = |reason| CliError::File { path: path.to_owned(), reason };
+    let text = junit(reports).map_err(|reason| file(io::Error::other(reason)))?;
+    std::fs::write(path, text).map_err(file)
 }
 
 /// What the exit code says.

@@ -362,8 +362,8 @@ fn what_is_missing_is_wrong_use_and_the_others_run() {
     assert!(empty.run(&["."]).fails(2).contains("this directory has no files that end in .rhai"));
     assert!(empty.run(&[]).fails(2).contains("FILE"));
     let absent = scripts.run(&["good.rhai", "--junit", "no/such/directory.xml"]);
-    assert_eq!(absent.code, Some(2));
-    assert!(absent.err.contains("`no/such/directory.xml`: No such file"), "{}", absent.err);
+    assert_eq!(absent.code, Some(3));
+    assert!(absent.err.contains("cannot write no/such/directory.xml: No such file"), "{}", absent.err);
 }
 
 const MIXED: [(&str, &str); 3] = [
