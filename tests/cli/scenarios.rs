@@ -197,7 +197,7 @@ fn wrong_use_of_a_verb_says_what_would_be_right() {
         ("snapshot(\"node3\")", "there is no area 'node3'; there are: "),
         ("force(\"%MX3.200000.1\", 1)", "a single bit cannot be written"),
         ("force(\"%MB3.200000\", 1)", "only a whole register can be forced, here %MW3.200000"),
-        ("unforce(\"node2.b_BT_0\")", "`node2.b_BT_0`: %MB3.200015 is not forced"),
+        ("unforce(\"node2.b_BT_0\")", "`node2.b_BT_0`: node2.b_BT_0 (%MB3.200015) is not forced"),
         (
             "block(\"CANsync_INI\", \"node2\")",
             "there is no function block 'CANsync_INI'; there are: CANsync_BC_MA0",

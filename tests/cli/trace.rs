@@ -384,8 +384,8 @@ fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
     let lines: Vec<_> = told.lines().collect();
     assert_eq!(lines[0], "timescale 1 us");
     assert!(lines[1].starts_with("line.node2.w_CPU_CONTROL Reg 0:"), "{}", lines[1]);
-    assert!(lines[2].contains(" 1000:2 "), "{}", lines[2]);
-    assert!(lines[3].contains(" 1000:waiting_for_"), "{}", lines[3]);
+    assert!(lines[2].contains(" 500:2 "), "{}", lines[2]);
+    assert!(lines[3].contains(" 500:waiting_for_"), "{}", lines[3]);
     assert!(lines[4].ends_with(":4"), "16#05 is answered by 16#04: {}", lines[4]);
     // Every edge and every frame, those that were counted in one record too.
     let edges = |line: &str| line.split_whitespace().skip(2).map(str::to_owned).collect::<Vec<_>>();
