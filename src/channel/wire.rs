@@ -343,10 +343,5 @@ pub(super) const fn width_code(width: Width) -> u16 {
 
 /// The way back from [`width_code`].
 pub(super) const fn width_from_code(code: u16) -> Option<Width> {
-    match code {
-        1 => Some(Width::Byte),
-        2 => Some(Width::Word),
-        4 => Some(Width::Dword),
-        _ => None,
-    }
+    Width::of_bytes(code as u32)
 }

@@ -11,8 +11,7 @@ use super::table::{self, Format, FormatArg};
 use super::time;
 use crate::journal::Names;
 use crate::layout::{
-    Address, Area, Fit, Fitted, LayoutError, Live, Named, RegType, RegisterRef, Width, format_value,
-    split_plc,
+    Address, Area, Fit, Fitted, LayoutError, Live, Named, RegisterRef, Width, format_value, split_plc,
 };
 use core::ops::Range;
 
@@ -159,23 +158,24 @@ impl Blocks {
         use crate::journal::Keep;
         use crate::request::{MAX_OPS, Op};
 
-        let follow = |part: &Part| {
-            let plc = part.plc;
-            let op = move |(offset, len)| Op::Follow { plc, offset, len, keep: Keep::ForOnlookers };
-            part.stretches().into_iter().map(op).collect::<Vec<_>>()
-        };
-        let ops: Vec<_> = self.0.iter().flat_map(follow).collect();
+        let follow =
+            |&(plc, offset, len): &(u16, u32, u32)| Op::Follow { plc, offset, len, keep: Keep::ForOnlookers };
+        let stretches = self.stretches();
+        let ops: Vec<_> = stretches.iter().map(follow).collect();
         for some in ops.chunks(MAX_OPS) {
             session.request(some)?.into_iter().try_for_each(|reply| reply.written())?;
         }
         Ok(session.ask(Op::Changes { from: 0, max: 0 })?.changes()?.1)
     }
 
-    /// Whether a change is one of theirs.
+    /// The bytes that are of interest: number of the PLC, first byte in the image, number of bytes.
     #[cfg(feature = "channel")]
-    pub(crate) fn have(&self, change: &crate::journal::Changed) -> bool {
-        let has = |(first, len): (u32, u32)| (first..first + len).contains(&change.offset);
-        self.0.iter().any(|part| part.plc == change.plc && part.stretches().into_iter().any(has))
+    pub(crate) fn stretches(&self) -> Vec<(u16, u32, u32)> {
+        let of_plc = |part: &Part| {
+            let plc = part.plc;
+            part.stretches().into_iter().map(move |(offset, len)| (plc, offset, len)).collect::<Vec<_>>()
+        };
+        self.0.iter().flat_map(of_plc).collect()
     }
 
     /// Reads all of them at one moment.
@@ -408,11 +408,7 @@ impl View<'_> {
     /// Plain RAM, as doublewords, or a single place of it.
     fn plain(&self) -> Vec<DumpRow> {
         let width = self.selection.place.map_or(Width::Dword, Address::width);
-        let ty = match width {
-            Width::Byte => RegType::Byte,
-            Width::Word => RegType::Word,
-            Width::Dword => RegType::Dword,
-        };
+        let ty = width.bits();
         let offsets = (self.first..).step_by(width.bytes() as usize);
         let row = |offset| {
             let value = self.value(offset, width.bytes());

@@ -1,6 +1,6 @@
 //! A register that is followed has changed.
 
-use super::coded::{Packer, Part, Unpacker};
+use super::coded::{Packer, Part, Unpacker, live_number, live_of};
 use super::fields::Fields;
 use super::kind::Told;
 use super::reader::Reader;
@@ -63,29 +63,13 @@ pub struct How {
 impl Part for How {
     #[inline]
     fn put(self, packer: &mut Packer) {
-        let live = match self.live {
-            Live::Always => 0,
-            Live::Init => 1,
-            Live::Cyclic => 2,
-        };
-        packer.put(self.width.bytes() | (self.by as u32) << 8 | live << 16);
+        packer.put(self.width.bytes() | (self.by as u32) << 8 | live_number(self.live) << 16);
     }
 
     #[inline]
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
         let [width, by, live, rest] = unpacker.take().to_le_bytes();
-        let width = match width {
-            1 => Width::Byte,
-            2 => Width::Word,
-            4 => Width::Dword,
-            _ => return None,
-        };
-        let live = match live {
-            0 => Live::Always,
-            1 => Live::Init,
-            2 => Live::Cyclic,
-            _ => return None,
-        };
+        let (width, live) = (Width::of_bytes(width.into())?, live_of(live.into())?);
         let by = By::ALL.get(usize::from(by)).copied()?;
         (rest == 0).then_some(How { width, by, live })
     }

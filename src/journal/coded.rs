@@ -168,21 +168,31 @@ impl Part for Origin {
 impl Part for Live {
     #[inline]
     fn put(self, packer: &mut Packer) {
-        packer.put(match self {
-            Live::Always => 0,
-            Live::Init => 1,
-            Live::Cyclic => 2,
-        });
+        packer.put(live_number(self));
     }
 
     #[inline]
     fn take(unpacker: &mut Unpacker) -> Option<Self> {
-        match unpacker.take() {
-            0 => Some(Live::Always),
-            1 => Some(Live::Init),
-            2 => Some(Live::Cyclic),
-            _ => None,
-        }
+        live_of(unpacker.take())
+    }
+}
+
+/// The number of a phase in words.
+pub(super) const fn live_number(live: Live) -> u32 {
+    match live {
+        Live::Always => 0,
+        Live::Init => 1,
+        Live::Cyclic => 2,
+    }
+}
+
+/// The way back.
+pub(super) const fn live_of(number: u32) -> Option<Live> {
+    match number {
+        0 => Some(Live::Always),
+        1 => Some(Live::Init),
+        2 => Some(Live::Cyclic),
+        _ => None,
     }
 }
 

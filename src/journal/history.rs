@@ -147,13 +147,7 @@ impl History {
             }
             register.live = rams.live(register.plc, register.offset);
             let by = if rams.is_forced(register.plc, register.offset) { By::Force } else { by };
-            let change = register.change(now, by);
-            if register.for_onlookers {
-                keep(changes, end, time_us, change);
-            }
-            if register.in_journal {
-                note(change);
-            }
+            register.tell(now, by, |change| keep(changes, end, time_us, change), &mut note);
         }
     }
 
@@ -167,13 +161,7 @@ impl History {
             if now == register.held {
                 continue;
             }
-            let change = register.change(now, by);
-            if register.for_onlookers {
-                keep(changes, end, time_us, change);
-            }
-            if register.in_journal {
-                note(change);
-            }
+            register.tell(now, by, |change| keep(changes, end, time_us, change), &mut note);
         }
     }
 
@@ -202,10 +190,17 @@ impl History {
 }
 
 impl Followed {
-    fn change(&mut self, to: u32, by: By) -> Changed {
+    /// It holds `to` from now on: told to those who want to know.
+    fn tell(&mut self, to: u32, by: By, keep: impl FnOnce(Changed), note: &mut impl FnMut(Changed)) {
         let &mut Followed { plc, offset, width, held: from, live, .. } = self;
         self.held = to;
-        Changed { plc, offset, how: How { width, by, live }, from, to }
+        let change = Changed { plc, offset, how: How { width, by, live }, from, to };
+        if self.for_onlookers {
+            keep(change);
+        }
+        if self.in_journal {
+            note(change);
+        }
     }
 }
 

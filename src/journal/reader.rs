@@ -85,14 +85,10 @@ impl Reader {
 
     fn place(&self, register: Option<RegisterRef>, plc: u16, offset: u32, width: u8) -> Place {
         let register = register.filter(|register| register.width() == u32::from(width));
-        let (ty, width) = match width {
-            1 => (RegType::Byte, Width::Byte),
-            2 => (RegType::Word, Width::Word),
-            _ => (RegType::Dword, Width::Dword),
-        };
+        let width = Width::of_bytes(width.into()).unwrap_or(Width::Dword);
         let device = self.names.device(plc);
         let address = device.aligned(width, offset).unwrap_or(device.at(Width::Byte, offset));
-        Place { register, address, ty }
+        Place { register, address, ty: width.bits() }
     }
 
     /// The register at `offset`, whatever its width.

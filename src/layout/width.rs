@@ -48,6 +48,26 @@ impl Width {
         }
     }
 
+    /// The width of so many bytes, if there is one.
+    pub(crate) const fn of_bytes(bytes: u32) -> Option<Self> {
+        match bytes {
+            1 => Some(Width::Byte),
+            2 => Some(Width::Word),
+            4 => Some(Width::Dword),
+            _ => None,
+        }
+    }
+
+    /// The type of a register about which no more is known than its width.
+    #[cfg(feature = "emulator")]
+    pub(crate) const fn bits(self) -> RegType {
+        match self {
+            Width::Byte => RegType::Byte,
+            Width::Word => RegType::Word,
+            Width::Dword => RegType::Dword,
+        }
+    }
+
     /// The access that a register of this type needs.
     #[must_use]
     pub const fn of(ty: RegType) -> Self {

@@ -173,13 +173,8 @@ impl RegisterWidths {
             let plain = if len < 4 && end.is_multiple_of(len) { len } else { 4 };
             let register = area.register(at).unwrap_or_else(|| {
                 let is_plain = (at..at + plain).all(|byte| byte < end && area.register(byte).is_none());
-                let width = match plain {
-                    _ if !at.is_multiple_of(plain) || !is_plain => Width::Byte,
-                    1 => Width::Byte,
-                    2 => Width::Word,
-                    _ => Width::Dword,
-                };
-                (at, width)
+                let whole = Width::of_bytes(plain).filter(|_| at.is_multiple_of(plain) && is_plain);
+                (at, whole.unwrap_or(Width::Byte))
             });
             at = register.0 + register.1.bytes();
             found.push(register);
@@ -203,13 +198,7 @@ impl AreaWidths {
     /// Offset and width of the register that the byte is in; `None` in plain RAM.
     fn register(&self, at: u32) -> Option<(u32, Width)> {
         let byte = self.bytes.get((at - self.first) as usize).copied().unwrap_or(0);
-        let width = match byte & 0x0F {
-            1 => Width::Byte,
-            2 => Width::Word,
-            4 => Width::Dword,
-            _ => return None,
-        };
-        Some((at - u32::from(byte >> 4), width))
+        Some((at - u32::from(byte >> 4), Width::of_bytes(u32::from(byte & 0x0F))?))
     }
 
     fn part(&self, at: u32, end: u32, offset: u32, width: Width) -> Part {

@@ -11,7 +11,7 @@ use crate::cli::session::Session;
 use crate::cli::table;
 use crate::cli::time;
 use crate::journal;
-use crate::layout::{RegType, Width, format_value};
+use crate::layout::format_value;
 use crate::request::{MAX_RECORDS, Op};
 use serde::Serialize;
 
@@ -33,6 +33,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let blocks = Blocks::find(&session, &args.blocks)?;
     let mut pause = Pause::new()?;
     let mut from = blocks.follow(&session)?;
+    let stretches = blocks.stretches();
     let first = blocks.read(&session)?;
     let (registers, begin) = (first.rows.len(), time::seconds(first.time_us));
     output::note(&format!("watching {registers} registers from {begin} on; Ctrl-C ends"));
@@ -48,7 +49,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             Look::Later => continue,
             Look::Ended => return Ok(()),
         };
-        changes.retain(|change| blocks.have(&change.what));
+        changes.retain(|change| is_watched(&stretches, &change.what));
         if let Some(left) = &mut left {
             changes.truncate(usize::try_from(*left).unwrap_or(usize::MAX));
             *left -= changes.len() as u64;
@@ -58,6 +59,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             return Ok(());
         }
     }
+}
+
+/// Others may watch other registers.
+fn is_watched(stretches: &[(u16, u32, u32)], what: &journal::Changed) -> bool {
+    let has =
+        |&(plc, first, len): &(u16, u32, u32)| plc == what.plc && (first..first + len).contains(&what.offset);
+    stretches.iter().any(has)
 }
 
 /// All changes from number `from` on, which goes on behind the last of them.
@@ -115,7 +123,7 @@ fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Cha
     let register = found.into_iter().find(|register| register.address() == address);
     let (ty, name) = match &register {
         Some(register) => (register.ty(), register.to_string()),
-        None => (plain(what.how.width), address.to_string()),
+        None => (what.how.width.bits(), address.to_string()),
     };
     let value = |bits| Some(format_value(ty, bits));
     let change = Change {
@@ -127,13 +135,4 @@ fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Cha
         meaning: register.map(|register| register.decode(what.to)).unwrap_or_default(),
     };
     Told { time_us, change, by: what.how.by.name() }
-}
-
-/// What plain RAM is shown as.
-const fn plain(width: Width) -> RegType {
-    match width {
-        Width::Byte => RegType::Byte,
-        Width::Word => RegType::Word,
-        Width::Dword => RegType::Dword,
-    }
 }
