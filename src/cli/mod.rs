@@ -1,5 +1,7 @@
 //! The `commram` command line: one file per subcommand, each nothing but presentation.
 
+#[cfg(not(feature = "studio"))]
+mod absent;
 mod board;
 mod bus;
 mod change;
@@ -140,6 +142,11 @@ pub fn main() -> ExitCode {
     style::set(std::env::args_os());
     let result = match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
+        #[cfg(not(feature = "studio"))]
+        Err(error) if absent::is_meant(&error) => {
+            output::complain(absent::TEXT);
+            return ExitCode::from(Exit::WrongUse.code());
+        }
         Err(error) => return refuse(&told_without_environment(error)),
     };
     match result {
