@@ -7,11 +7,11 @@ mod tools;
 pub(crate) use tools::{is_there, python, skipped};
 
 use std::io::{BufRead, BufReader, Lines, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, Once, mpsc};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// No step of a test takes longer than this, however slow the machine.
 const WATCHDOG: Duration = Duration::from_secs(60);
@@ -41,11 +41,16 @@ pub(crate) fn commram() -> Command {
     command
 }
 
-/// The path of an example program. `cargo test` builds examples only if it is not told which test to run; building
-/// them here does nothing if they are there.
+/// The path of an example program. `cargo test` builds examples only if it is not told which test to run; so they are built
+/// here unless those that lie there are of these sources. Not in any case: a build of the workspace has them with other features of
+/// dependencies, and cargo would compile everything again.
 pub(crate) fn example(name: &str) -> PathBuf {
     static BUILT: Once = Once::new();
+    let example = PathBuf::from(PROGRAM).with_file_name("examples").join(name);
     BUILT.call_once(|| {
+        if changed(&example).is_some_and(|built| built > newest_source()) {
+            return;
+        }
         let mut cargo = Command::new(env!("CARGO"));
         cargo.args(["build", "--quiet", "--examples"]);
         if !cfg!(feature = "channel") {
@@ -56,8 +61,27 @@ pub(crate) fn example(name: &str) -> PathBuf {
         }
         assert!(cargo.status().unwrap().success());
     });
-    let programs = PathBuf::from(PROGRAM);
-    programs.with_file_name("examples").join(name)
+    example
+}
+
+/// When a file was changed last, if it is there.
+fn changed(file: &Path) -> Option<SystemTime> {
+    file.metadata().and_then(|data| data.modified()).ok()
+}
+
+/// When the last change was of what an example is built from.
+fn newest_source() -> SystemTime {
+    let sources =
+        ["Cargo.lock", "Cargo.toml", "build.rs", "layouts", "src", "tools/examples", "tools/layoutc"];
+    let mut waiting = sources.map(PathBuf::from).to_vec();
+    let mut newest = SystemTime::UNIX_EPOCH;
+    while let Some(path) = waiting.pop() {
+        newest = newest.max(changed(&path).unwrap());
+        if path.is_dir() {
+            waiting.extend(path.read_dir().unwrap().map(|entry| entry.unwrap().path()));
+        }
+    }
+    newest
 }
 
 /// What a command has said and how it ended.
