@@ -18,6 +18,7 @@
 //! | [`check`] | the access checker: what a PLC program does against the manual |
 //! | [`journal`] | what happened, when |
 //! | [`request`] | the operations that an emulator is asked for, their replies, and the one function between them |
+//! | `plot` | registers over time as SVG or PNG (feature `studio`) |
 //! | [`script`] | scenarios: Rust tests and Rhai scripts with the same verbs |
 //! | [`runtime`] | a plant on image files, in real time or stepped |
 //! | [`channel`] | the request-response door for tools and tests |
@@ -77,6 +78,8 @@ pub mod memory;
 pub mod plant;
 #[cfg(feature = "plc")]
 pub mod plc;
+#[cfg(feature = "studio")]
+pub mod plot;
 #[cfg(feature = "emulator")]
 pub mod profibus;
 #[cfg(feature = "emulator")]

@@ -31,6 +31,8 @@ mod output;
 mod pause;
 mod peek;
 mod plant;
+#[cfg(feature = "studio")]
+mod plot;
 mod poke;
 #[cfg(feature = "channel")]
 mod progress;
@@ -111,6 +113,8 @@ enum Command {
     Export(export::Args),
     Layout(layout::Args),
     Plant(plant::Args),
+    #[cfg(feature = "studio")]
+    Plot(plot::Args),
     Peek(peek::Args),
     Poke(poke::Args),
     Force(force::Args),
@@ -174,6 +178,8 @@ impl Command {
             Command::Export(args) => export::run(&args),
             Command::Layout(args) => layout::run(&args),
             Command::Plant(args) => plant::run(&args),
+            #[cfg(feature = "studio")]
+            Command::Plot(args) => plot::run(&args),
             Command::Peek(args) => peek::run(&args),
             Command::Poke(args) => poke::run(&args),
             Command::Force(args) => force::run(&args),

@@ -1,6 +1,7 @@
 //! `commram test`: run scenario scripts.
 
 mod found;
+mod html;
 mod line;
 mod process;
 mod progress;
@@ -31,6 +32,7 @@ use watch::Watched;
 Examples:
   commram test master.rhai
   commram test tests/scenarios --jobs 4 --junit report.xml
+  commram test tests/scenarios --report html=report.html
   commram test . --filter '*baps*' --list
   commram test . --shard 1/3
   commram test . --watch
@@ -66,6 +68,9 @@ pub(crate) struct Args {
     /// Write a JUnit report for CI servers to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
+    /// Write a report for people, a page that needs nothing else: html, into commram-report.html or into this file
+    #[arg(long, value_name = "html[=FILE]", value_parser = page_file, conflicts_with_all = ["list", "watch"])]
+    report: Option<PathBuf>,
     /// How many scenarios run at the same time [default: one per processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZero<usize>>,
@@ -127,9 +132,10 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             (reports, Err(error))
         }
     };
-    // Whatever else goes wrong, this report is written.
+    // Whatever else goes wrong, these reports are written.
     let written = args.junit.as_ref().map_or(Ok(()), |path| write_junit(path, &reports));
-    shown.and(written)?;
+    let page = args.report.as_ref().map_or(Ok(()), |path| write(path, &html::page(&reports)));
+    shown.and(written).and(page)?;
     if interrupts.any() { Err(CliError::Interrupted) } else { verdict(&reports) }
 }
 
@@ -165,7 +171,7 @@ fn play(
         }
         reports.push(report);
         // Without a reader and without another report nobody would know.
-        shown.is_ok() || args.junit.is_some()
+        shown.is_ok() || args.junit.is_some() || args.report.is_some()
     })?;
     let last = || match args.format.format {
         Format::Text => output::print(&summary(&reports)),
@@ -211,9 +217,20 @@ fn reachable(instance: Option<&str>) -> Result<(), CliError> {
 }
 
 fn write_junit(path: &Path, reports: &[Report]) -> Result<(), CliError> {
-    let file = |reason| CliError::File { path: path.to_owned(), reason };
-    let text = junit(reports).map_err(|reason| file(io::Error::other(reason)))?;
-    std::fs::write(path, text).map_err(file)
+    let failed = |reason| CliError::File { path: path.to_owned(), reason: io::Error::other(reason) };
+    write(path, &junit(reports).map_err(failed)?)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), CliError> {
+    std::fs::write(path, text).map_err(|reason| CliError::File { path: path.to_owned(), reason })
+}
+
+/// The file of a report for people.
+fn page_file(text: &str) -> Result<PathBuf, String> {
+    match text.split_once('=').unwrap_or((text, "commram-report.html")) {
+        ("html", file) if !file.is_empty() => Ok(file.into()),
+        _ => Err("write html, or html=FILE; for CI servers there is --junit".to_owned()),
+    }
 }
 
 /// What the exit code says.

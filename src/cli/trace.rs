@@ -16,7 +16,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 /// All times are emulated time since power-on. The emulator keeps the last 65536 records each of frames, of SYNC
 /// edges and register traffic, of missed deadlines, and of everything else. Events that repeat at equal distances
 /// are one record with their number and distance; frames are all there. Where records are lost the output says
-/// how many; candump and pcapng have no place for it, there it is said on the standard error output.
+/// how many; candump, pcapng, vcd and fst have no place for it, there it is said on the standard error output.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -27,6 +27,7 @@ Examples:
   commram trace --bus drives --format candump >drives.log    # wireshark drives.log
   commram trace --bus drives --format candump | log2asc drives
   commram trace --format pcapng | wireshark -k -i -
+  commram trace --format fst >run.fst                        # gtkwave run.fst
 
 --follow asks the emulator every 50 ms of real time and ends with it, by Ctrl-C, or when nobody reads any more. \
 What happens in the last 50 ms of the emulator may be missing. docs/journal.md describes the formats.")]
@@ -79,12 +80,32 @@ enum FormatArg {
     Pcapng,
     /// Waveforms for GTKWave, Surfer and the like: registers, SYNC, frames, states; without --follow and --last
     Vcd,
+    /// The same waveforms in less space, for GTKWave and Surfer
+    Fst,
+}
+
+impl FormatArg {
+    /// As the user has it.
+    fn option(self) -> String {
+        let value = self.to_possible_value();
+        format!("--format {}", value.as_ref().map_or("", |value| value.get_name()))
+    }
+
+    /// Whether it is no text.
+    fn is_binary(self) -> bool {
+        matches!(self, FormatArg::Pcapng | FormatArg::Fst)
+    }
+
+    /// Whether it begins with a list of all that it has.
+    fn is_waveform(self) -> bool {
+        matches!(self, FormatArg::Vcd | FormatArg::Fst)
+    }
 }
 
 /// The wanted kinds that the format has lines for.
 fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
     match args.format {
-        FormatArg::Text | FormatArg::Jsonl | FormatArg::Vcd => Ok(args.kind.clone()),
+        FormatArg::Text | FormatArg::Jsonl | FormatArg::Vcd | FormatArg::Fst => Ok(args.kind.clone()),
         FormatArg::Candump | FormatArg::Pcapng => {
             let frames = |kind: &&Kind| kind.ring() == Ring::Traffic;
             let wanted = |kind: &&Kind| args.kind.is_empty() || args.kind.contains(kind);
@@ -94,9 +115,7 @@ fn kinds(args: &Args) -> Result<Vec<&'static Kind>, CliError> {
                 return Ok(kinds);
             }
             let right = "there are only frames in this format; take text or jsonl for all else".to_owned();
-            let format =
-                args.format.to_possible_value().map_or_else(String::new, |it| it.get_name().to_owned());
-            Err(CliError::Argument { text: format!("--format {format}"), right })
+            Err(CliError::Argument { text: args.format.option(), right })
         }
     }
 }
@@ -109,14 +128,13 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use std::io::IsTerminal;
 
     let kinds = kinds(args)?;
-    if args.format == FormatArg::Pcapng && std::io::stdout().is_terminal() {
-        let right = "it is no text; send it into a file or a program, as by `>open.pcapng`".to_owned();
-        return Err(CliError::Argument { text: "--format pcapng".to_owned(), right });
+    let refused = |right: &str| CliError::Argument { text: args.format.option(), right: right.to_owned() };
+    if args.format.is_binary() && std::io::stdout().is_terminal() {
+        return Err(refused("it is no text; send it into a file or a program, as by `>run.out`"));
     }
-    if args.format == FormatArg::Vcd && (args.follow || args.last.is_some()) {
-        let right =
-            "waveforms begin with a list of all that they have; leave out --follow and --last".to_owned();
-        return Err(CliError::Argument { text: "--format vcd".to_owned(), right });
+    if args.format.is_waveform() && (args.follow || args.last.is_some()) {
+        let right = "waveforms begin with a list of all that they have; leave out --follow and --last";
+        return Err(refused(right));
     }
     let session = Session::open(&args.instance, 0)?;
     let InstanceInfo { name: instance, names, .. } = session.ask(Op::Info)?.info()?;

@@ -3,7 +3,7 @@
 use super::coded::{Coded, Words};
 use super::fields::Fields;
 use super::history::Stored;
-use super::kind::{Carried, Kind, Told};
+use super::kind::{Carried, Kind, Octets, Told};
 use super::reader::Reader;
 use core::fmt;
 
@@ -145,8 +145,18 @@ impl Event {
     }
 
     /// The register that the firmware has written, if that is what it tells.
-    pub(super) fn stored(&self) -> Option<Stored> {
+    pub(crate) fn stored(&self) -> Option<Stored> {
         self.kind.stored(self.words)
+    }
+
+    /// The telegram, if one was on the line.
+    pub(super) fn telegram(&self) -> Option<Octets> {
+        self.kind.telegram(self.words)
+    }
+
+    /// The time slot of the bus that a frame was in.
+    pub(super) fn slot(&self) -> Option<&'static str> {
+        self.kind.slot(self.words)
     }
 
     /// The frame, if one has arrived.

@@ -69,6 +69,16 @@ pub trait Told: Coded {
         None
     }
 
+    /// The octets, if it is a telegram that was on the line.
+    fn telegram(&self) -> Option<Octets> {
+        None
+    }
+
+    /// The time slot of the bus that the frame was in, if it has such and this is a frame.
+    fn slot(&self) -> Option<&'static str> {
+        None
+    }
+
     /// The register that the firmware has written, if that is what it tells.
     #[inline]
     fn stored(&self) -> Option<Stored> {
@@ -83,6 +93,15 @@ pub struct Carried {
     pub frame: Frame,
     /// The guest whose it is, if it is one's.
     pub guest: Option<u8>,
+}
+
+/// A telegram as far as the journal has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Octets {
+    /// Its octets from the first one on.
+    pub known: Vec<u8>,
+    /// How many there were.
+    pub length: usize,
 }
 
 /// What kind of event it is. Kinds are equal if their numbers are.
@@ -100,6 +119,8 @@ struct Reads {
     text: fn(Words, &mut Reader) -> Option<String>,
     fields: fn(Words, &mut Reader) -> Option<Fields>,
     frame: fn(Words) -> Option<Carried>,
+    telegram: fn(Words) -> Option<Octets>,
+    slot: fn(Words) -> Option<&'static str>,
     stored: fn(Words) -> Option<Stored>,
     #[cfg(test)]
     push: fn(Words, &mut super::Journal, u64),
@@ -117,6 +138,8 @@ impl Kind {
             text: |words, reader| T::read(words).map(|told| told.text(reader)),
             fields: |words, reader| T::read(words).map(|told| told.fields(reader)),
             frame: |words| T::read(words).and_then(|told| told.frame()),
+            telegram: |words| T::read(words).and_then(|told| told.telegram()),
+            slot: |words| T::read(words).and_then(|told| told.slot()),
             stored: |words| T::read(words).and_then(|told| told.stored()),
             #[cfg(test)]
             push: |words, journal, time_us| journal.push(time_us, T::read(words).unwrap()),
@@ -160,6 +183,14 @@ impl Kind {
 
     pub(super) fn frame(&self, words: Words) -> Option<Carried> {
         (self.reads.frame)(words)
+    }
+
+    pub(super) fn telegram(&self, words: Words) -> Option<Octets> {
+        (self.reads.telegram)(words)
+    }
+
+    pub(super) fn slot(&self, words: Words) -> Option<&'static str> {
+        (self.reads.slot)(words)
     }
 
     pub(super) fn stored(&self, words: Words) -> Option<Stored> {

@@ -15,7 +15,7 @@
 //! any device, in the families of devices what only they know. Each kind is a structure that [`Told`] reads; the
 //! [`Catalogue`] is the sum of them all.
 //!
-//! [`text`], [`jsonl`], [`candump`], [`pcapng`] and [`vcd`] write records for people and programs; `docs/journal.md` describes the formats.
+//! [`text`], [`jsonl`], [`candump`], [`pcapng`] write records for people and programs, [`vcd`] and `fst` (feature `studio`) the [`Waves`] that they are as signals; `docs/journal.md` describes the formats.
 
 pub mod candump;
 mod catalogue;
@@ -26,6 +26,8 @@ mod fields;
 mod finding;
 mod findings;
 mod fingerprint;
+#[cfg(feature = "studio")]
+pub mod fst;
 mod history;
 pub mod jsonl;
 mod kind;
@@ -46,6 +48,7 @@ mod testing;
 mod tests;
 pub mod text;
 pub mod vcd;
+mod waves;
 
 pub use catalogue::{Catalogue, FaultName};
 pub use changed::{By, Changed, How};
@@ -56,7 +59,7 @@ pub use finding::{Finding, Found};
 pub use findings::{Entry, Findings, MAX_ENTRIES};
 pub(crate) use history::Rams;
 pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
-pub use kind::{Carried, Kind, Ring, Told};
+pub use kind::{Carried, Kind, Octets, Ring, Told};
 pub use names::Names;
 pub use printer::{Printer, Selection};
 pub use reader::Reader;
@@ -64,6 +67,7 @@ pub use record::Record;
 pub use registers::{ChannelWrite, Force, Handshake, Register, State, Unforce};
 pub use ring::Records;
 pub use rule::{Rule, Severity};
+pub use waves::{Past, Waves};
 
 use crate::layout::Width;
 use fingerprint::Fingerprint;

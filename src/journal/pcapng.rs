@@ -1,5 +1,5 @@
-//! Logs in pcapng, which Wireshark and its tools read and write. Only frames; times are emulated time since power-on. Each bus is
-//! an interface of the link type CAN_SOCKETCAN.
+//! Logs in pcapng, which Wireshark and its tools read and write. Only frames and telegrams; times are emulated time since
+//! power-on. Each bus is an interface of the link type CAN_SOCKETCAN, or PROFIBUS_DL.
 //!
 //! Blocks of three kinds are all there is to it: section, interface, packet.
 
@@ -21,6 +21,17 @@ const TIMELESS_PACKET: u32 = 3;
 const BYTE_ORDER: u32 = 0x1A2B_3C4D;
 /// LINKTYPE_CAN_SOCKETCAN.
 const SOCKETCAN: u16 = 227;
+/// LINKTYPE_PROFIBUS_DL: from the start delimiter to the end delimiter.
+const PROFIBUS_DL: u16 = 257;
+
+/// What is on a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// Frames of CAN.
+    Can,
+    /// Telegrams of PROFIBUS.
+    Profibus,
+}
 
 /// Options of an interface: its name, the unit of its times, and what to add to them in seconds.
 const NAME: u16 = 2;

@@ -1,7 +1,9 @@
 //! Registers and addresses as people name them.
 
 use super::value::{self, ValueError};
-use super::{Address, Area, Fit, Fitted, LayoutError, Live, RegType, RegisterRef, Width, format_value};
+use super::{
+    Address, Area, Fit, Fitted, LayoutError, Live, Meaning, RegType, RegisterRef, Width, format_value,
+};
 use thiserror::Error;
 
 /// A value that the register cannot hold.
@@ -92,6 +94,17 @@ impl Place {
             (None, Width::Word) => RegType::Word,
             (None, Width::Dword) => RegType::Dword,
         }
+    }
+
+    /// What its values mean, if the layout tells: of one register.
+    pub fn meanings(&self, live: Live) -> Option<&'static Meaning> {
+        self.exact(live).and_then(|register| register.register.meaning)
+    }
+
+    /// The register that a single bit belongs to, and the bit's number in it.
+    pub fn bit_in(&self) -> Option<(RegisterRef, u32)> {
+        let register = self.registers.first()?;
+        Some((*register, self.bit_of(register)?))
     }
 
     /// The register's name, with the number of the bit if it was given that way, else the address.

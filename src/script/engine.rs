@@ -4,11 +4,12 @@ mod arguments;
 mod block;
 mod board;
 mod history;
+mod plot;
 mod traffic;
 mod wrong;
 
 use super::caught::{self, Caught};
-use super::{Bench, Failure, MemoryCopy, ScenarioError};
+use super::{Bench, Drawn, Failure, FoundLine, MemoryCopy, ScenarioError, Step};
 use crate::journal::Entry;
 use crate::journal::text::Text;
 use crate::journal::{Format, Record};
@@ -36,14 +37,25 @@ pub(super) struct Stage {
     expectations: u64,
     /// The file of the plant, if it comes from one.
     plant_file: Option<PathBuf>,
+    /// The sections so far, with what comes before the first, and how many expectations there were at their beginnings.
+    steps: Vec<Step>,
+    plots: Vec<Drawn>,
 }
 
 impl Stage {
     /// For a script in `directory`; without a bench it makes its own.
     pub(crate) fn new(bench: Option<Bench>, directory: PathBuf, limit_us: u64) -> Self {
         let attached = bench.is_some();
-        let mut stage =
-            Self { attached, bench: None, directory, limit_us, expectations: 0, plant_file: None };
+        let mut stage = Self {
+            attached,
+            bench: None,
+            directory,
+            limit_us,
+            expectations: 0,
+            plant_file: None,
+            steps: Vec::new(),
+            plots: Vec::new(),
+        };
         stage.bench = bench.map(|bench| stage.limited(bench));
         stage
     }
@@ -61,6 +73,48 @@ impl Stage {
     /// The file of the plant, if it was to come from one.
     pub(crate) fn plant_file(&mut self) -> Option<PathBuf> {
         self.plant_file.take()
+    }
+
+    /// The verb `section`.
+    fn section(&mut self, text: &str) -> Result<(), ScenarioError> {
+        let (from_us, expectations) = (self.bench()?.now()?, self.expectations);
+        self.steps.push(Step { name: Some(text.to_owned()), from_us, expectations });
+        self.bench()?.section(text);
+        Ok(())
+    }
+
+    /// The sections, each with its own expectations.
+    pub(crate) fn steps(&mut self) -> Vec<Step> {
+        let from_us = self.bench.as_ref().map_or(0, Bench::started_us);
+        let mut steps = vec![Step { name: None, from_us, expectations: 0 }];
+        steps.append(&mut self.steps);
+        let ends: Vec<_> =
+            steps.iter().skip(1).map(|next| next.expectations).chain([self.expectations]).collect();
+        steps.iter_mut().zip(ends).for_each(|(step, end)| step.expectations = end - step.expectations);
+        // Nothing stands before a section that a scenario begins with.
+        steps.retain(|step| step.name.is_some() || step.expectations > 0);
+        steps
+    }
+
+    /// What the access checker has found; nothing if nobody can be asked any more.
+    pub(crate) fn found(&mut self) -> Vec<FoundLine> {
+        let Some(bench) = &mut self.bench else { return Vec::new() };
+        let found = bench.findings().unwrap_or_default();
+        let line = |entry: &Entry| FoundLine {
+            first_us: entry.first_us,
+            severity: entry.last.rule.severity().name().to_owned(),
+            rule: entry.last.rule.id().to_owned(),
+            register: bench.finding_place(entry),
+            count: entry.count,
+            text: entry.last.rule.text().to_owned(),
+            page: entry.last.rule.source().to_owned(),
+        };
+        found.iter().map(line).collect()
+    }
+
+    /// The plots that it has drawn.
+    pub(crate) fn plots(&mut self) -> Vec<Drawn> {
+        core::mem::take(&mut self.plots)
     }
 
     /// What there is to be expected at the end of a scenario.
@@ -172,6 +226,7 @@ impl Verbs {
         self.time();
         self.expectations();
         self.history();
+        self.plots();
         self.traffic();
         self.blocks();
         self.board();
@@ -253,14 +308,7 @@ impl Verbs {
 /// Expectations and what scenarios are told apart by.
 impl Verbs {
     fn expectations(&mut self) {
-        self.on("section", |stage| {
-            move |text: &str| {
-                stage.act(|bench| {
-                    bench.section(text);
-                    Ok(())
-                })
-            }
-        });
+        self.on("section", |stage| move |text: &str| stage.with(|stage| stage.section(text)));
         self.on("expect", |stage| {
             move |register: &str, wanted: Dynamic| {
                 stage.expect(|bench| bench.expect(register, value(&wanted)?))

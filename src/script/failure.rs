@@ -1,5 +1,6 @@
 //! An expectation that is not met, and where it stands.
 
+use crate::journal::{By, Changed, ChannelWrite, Found, Handshake, Record, Register, Ring, State};
 use crate::time::seconds;
 use core::fmt;
 use serde::{Deserialize, Serialize};
@@ -58,8 +59,55 @@ pub struct Failure {
     pub section: Option<String>,
     /// The last records of the journal, oldest first.
     pub journal: Vec<JournalLine>,
+    /// The last steps of what program, firmware and bus have exchanged, oldest first.
+    pub exchange: Vec<Exchanged>,
     /// Where the expectation stands.
     pub location: Option<Place>,
+}
+
+/// A step of a handshake, or a frame.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Exchanged {
+    /// From whom to whom.
+    pub way: Way,
+    /// The record of the journal.
+    pub line: JournalLine,
+}
+
+/// From whom to whom something goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Way {
+    /// The PLC's program writes a register.
+    Program,
+    /// The firmware writes one.
+    Firmware,
+    /// Something is on a bus.
+    Bus,
+    /// Something is wrong.
+    Wrong,
+}
+
+impl Way {
+    /// What a record tells, if it belongs to a handshake.
+    pub(super) fn of(record: &Record) -> Option<Self> {
+        let event = record.event;
+        if let Some(Changed { how, .. }) = event.get() {
+            return Some(match how.by {
+                By::Firmware => Way::Firmware,
+                By::Program | By::Channel | By::Force => Way::Program,
+            });
+        }
+        if event.is::<ChannelWrite>() {
+            return Some(Way::Program);
+        }
+        if event.is::<Found>() || event.kind().ring() == Ring::Missed {
+            return Some(Way::Wrong);
+        }
+        if event.is::<State>() || event.is::<Handshake>() || event.is::<Register>() {
+            return Some(Way::Firmware);
+        }
+        (event.kind().ring() == Ring::Traffic).then_some(Way::Bus)
+    }
 }
 
 /// What a register should have held and did hold, as numbers of its type.

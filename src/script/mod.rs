@@ -26,10 +26,10 @@ mod verb;
 
 pub use bench::{Bench, Change, MemoryCopy, PastChange, Register, SeenFrame};
 pub use error::ScenarioError;
-pub use failure::{Failure, FailureKind, JournalLine, Numbers, Place};
+pub use failure::{Exchanged, Failure, FailureKind, JournalLine, Numbers, Place, Way};
 pub use junit::junit;
 pub use part::{is_part, needs};
-pub use report::{Mistake, Outcome, Report};
+pub use report::{Drawn, FoundLine, Mistake, Outcome, Report, Step};
 pub use run::{Limits, run_file};
 pub use value::{Span, Value};
 pub use verb::{DEFINITIONS, Verb, verbs};

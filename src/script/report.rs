@@ -56,6 +56,45 @@ impl fmt::Display for Mistake {
     }
 }
 
+/// A section of a scenario.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Step {
+    /// Its name; none before the first section.
+    pub name: Option<String>,
+    /// Emulated time at its beginning, in microseconds.
+    pub from_us: u64,
+    /// How many expectations it has come to.
+    pub expectations: u64,
+}
+
+/// Something that the access checker has found.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FoundLine {
+    /// Emulated time when it came first, in microseconds.
+    pub first_us: u64,
+    /// `error`, `warning` or `note`.
+    pub severity: String,
+    /// The name of its rule.
+    pub rule: String,
+    /// The register.
+    pub register: String,
+    /// How often it came.
+    pub count: u64,
+    /// What is wrong, and what would be right.
+    pub text: String,
+    /// Pages of the manuals.
+    pub page: String,
+}
+
+/// A plot that a scenario has drawn.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Drawn {
+    /// The name of its file.
+    pub name: String,
+    /// The plot as SVG, whatever the file is.
+    pub svg: String,
+}
+
 /// What has become of a scenario.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Report {
@@ -75,6 +114,12 @@ pub struct Report {
     /// What it printed, up to 1 MiB; who gets the report from another process has had it already.
     #[serde(skip)]
     pub printed: String,
+    /// Its sections, with what comes before the first of them.
+    pub steps: Vec<Step>,
+    /// What the access checker has found.
+    pub findings: Vec<FoundLine>,
+    /// The plots that it has drawn.
+    pub plots: Vec<Drawn>,
     /// The files that it has read beside itself: imports and the plant, whether they are there or not.
     pub reads: Vec<PathBuf>,
 }
@@ -90,6 +135,9 @@ impl Report {
             started: SystemTime::now(),
             took: Duration::ZERO,
             printed: String::new(),
+            steps: Vec::new(),
+            findings: Vec::new(),
+            plots: Vec::new(),
             reads: Vec::new(),
         }
     }
@@ -118,6 +166,7 @@ impl Report {
             time_us: self.emulated_us.unwrap_or_default(),
             section: None,
             journal: Vec::new(),
+            exchange: Vec::new(),
             location: Some(Place { file, line: None, column: None, source: None }),
         }));
     }

@@ -82,6 +82,9 @@ pub fn run_file(
         started,
         took: start.elapsed(),
         printed: printed.borrow_mut().take(),
+        steps: stage.steps(),
+        findings: stage.found(),
+        plots: stage.plots(),
         reads,
     }
 }

@@ -1,6 +1,6 @@
 //! The CAN-DP/2 by the built program: its plant, its demonstration.
 
-use crate::common::{Emulator, run};
+use crate::common::{Emulator, finish, is_there, run};
 
 const PLANT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tools/plants/can-dp2.toml");
 
@@ -16,6 +16,40 @@ fn a_shell_plays_the_dp_master() {
     emulator.run("board", &["power-cycle", "gw"]).ok();
     emulator.step(&["1ms"]);
     assert_eq!(emulator.peek(&["gw:front.address"]), "16#00000007");
+}
+
+#[test]
+fn wireshark_has_an_interface_for_each_bus_with_what_is_on_it() {
+    if !is_there("tshark") {
+        return;
+    }
+    let emulator = Emulator::start(&[PLANT, "--clock", "stepped"]);
+    emulator.poke(&["gw:mst.mst_dsap=60", "gw:mst.mst_control=16#05"]);
+    emulator.run("wait", &["gw:mst.mst_control==16#04"]).ok();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(&file, "(0.000000) open 123#AA\n").unwrap();
+    emulator.run("bus", &["play", file.path().to_str().unwrap()]).ok();
+    emulator.step(&["10ms"]);
+    let mut trace = emulator.command("trace", &["--format", "pcapng"]);
+    assert!(trace.stdout(std::fs::File::create(&file).unwrap()).status().unwrap().success());
+    let mut tshark = std::process::Command::new("tshark");
+    tshark.arg("-r").arg(file.path()).args(["-T", "fields"]);
+    for field in ["frame.interface_name", "frame.len", "frame.cap_len", "can.id"] {
+        tshark.args(["-e", field]);
+    }
+    let told = finish(&mut tshark);
+    assert_eq!(told.code, Some(0), "{}", told.err);
+    let lines: Vec<Vec<_>> = told.out.lines().map(|line| line.split('\t').collect()).collect();
+    let on = |bus| lines.iter().filter(move |line| line[0] == bus);
+    // The request without data, and its answer of six octets, of which the journal has four.
+    let telegrams: Vec<_> = on("dp").map(|line| (line[1], line[2], line[3])).collect();
+    assert_eq!(telegrams.last(), Some(&("17", "13", "")), "{}", told.out);
+    assert_eq!(telegrams[0], ("11", "11", ""), "{}", told.out);
+    assert!(on("open").count() > 0 && on("open").all(|line| !line[3].is_empty()), "{}", told.out);
+    assert_eq!(on("dp").count() + on("open").count(), lines.len());
+    // What is no frame does not keep the frames from being read.
+    let compared = emulator.run("bus", &["compare", file.path().to_str().unwrap()]);
+    assert!(compared.ok().contains("no difference"), "{}", compared.out);
 }
 
 #[test]

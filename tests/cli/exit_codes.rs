@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
 /// Commands that need an instance, each with arguments that are right. DUMP is a file with an empty dump.
-const AT_AN_INSTANCE: [&[&str]; 24] = [
+const AT_AN_INSTANCE: &[&[&str]] = &[
     &["stop"],
     &["stop", "--clean"],
     &["peek", "node2.w_CPU_CONTROL"],
@@ -31,6 +31,8 @@ const AT_AN_INSTANCE: [&[&str]; 24] = [
     &["bus", "list"],
     &["bus", "open", "drives", "slcan-pty"],
     &["bus", "close", "drives"],
+    #[cfg(feature = "studio")]
+    &["plot", "node2.w_CPU_CONTROL", "-o", "never.svg"],
 ];
 
 /// The commands that `commram help` lists.

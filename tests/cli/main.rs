@@ -30,6 +30,7 @@ mod novram;
 mod offline;
 mod one_answer;
 mod other_users;
+mod pictures;
 mod plants;
 mod profibus_door;
 mod registers;

@@ -370,7 +370,7 @@ fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
     let refused = emulator.run("trace", &["--format", "vcd", "--follow"]);
     assert!(refused.fails(2).contains("leave out --follow"));
     let Some(mut python) = python(&["pywellen"]) else { return };
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_vcd.py");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_waves.py");
     let (status, text) = ("line.node2.w_OPTION_STATUS", "line.node2.w_OPTION_STATUS_text");
     let told = output_of(python.arg(script).arg(&path).args([
         "line.node2.w_CPU_CONTROL",
@@ -380,6 +380,8 @@ fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
         "drives.sync",
         "drives.id",
         "drives.data",
+        "drives.slot",
+        "drives.frame_end",
     ]));
     let lines: Vec<_> = told.lines().collect();
     assert_eq!(lines[0], "timescale 1 us");
@@ -397,5 +399,27 @@ fn waveforms_have_registers_frames_and_sync_for_a_reader_that_is_not_ours() {
         .filter(|id| id.starts_with(|c: char| c.is_ascii_digit()) && !id.contains('x'))
         .collect();
     assert!(!ids.is_empty() && ids.len() <= frames.len(), "an identifier that comes again is no change");
-    assert!(lines[7].starts_with("drives.data String 0:"), "{}", lines[7]);
+    let (first, data) = candump_file(&emulator).1.remove(0);
+    assert_eq!((first, data.len()), (0x010, 16));
+    let bits = u64::from_str_radix(&data, 16).unwrap();
+    assert!(
+        lines[7].starts_with("drives.data Reg ") && lines[7].contains(&format!(":{bits} ")),
+        "{}",
+        lines[7]
+    );
+    for slot in ["CC", "RC", "WRC1"] {
+        assert!(lines[8].contains(&format!(":{slot}")), "{}", lines[8]);
+    }
+    assert_eq!(edges(lines[9]).len(), frames.len(), "each frame, be it like the one before");
+    #[cfg(feature = "studio")]
+    {
+        let same = directory.path().join("run.fst");
+        let mut command = emulator.command("trace", &["--format", "fst"]);
+        assert!(command.stdout(fs::File::create(&same).unwrap()).status().unwrap().success());
+        let told =
+            output_of(Command::new(python.get_program()).arg(script).arg(&path).arg("--same").arg(&same));
+        let signals: usize = told.lines().last().unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!(signals > 20 && told.ends_with(" signals are the same\n"), "{told}");
+        assert!(fs::metadata(&same).unwrap().len() < fs::metadata(&path).unwrap().len() / 2);
+    }
 }

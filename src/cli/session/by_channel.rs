@@ -4,9 +4,11 @@ use super::*;
 use crate::channel::client::Patience;
 use crate::channel::{Client, ClientError, HeaderBells};
 use crate::cli::progress;
-use crate::journal::Names;
+use crate::journal::{Names, Record};
 use crate::memory::names::channel_root;
-use crate::request::{Op, Reply, WrongReply};
+#[cfg(feature = "studio")]
+use crate::request::InstanceInfo;
+use crate::request::{MAX_RECORDS, Op, Reply, WrongReply};
 use std::time::Duration;
 
 impl Session {
@@ -83,6 +85,42 @@ impl Session {
     /// It was refused, or no reply.
     pub(crate) fn ask(&self, op: Op) -> Result<Reply, CliError> {
         Ok(self.request(&[op])?.pop().ok_or(WrongReply)?)
+    }
+
+    /// What there is to know of the instance.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    #[cfg(feature = "studio")]
+    pub(crate) fn info(&self) -> Result<InstanceInfo, CliError> {
+        Ok(self.ask(Op::Info)?.info()?)
+    }
+
+    /// The journal from record number `from` on, what is still being counted last. Says how many records are lost.
+    ///
+    /// # Errors
+    /// The emulator has gone.
+    pub(crate) fn records(&self, from: u64) -> Result<Vec<Record>, CliError> {
+        let (mut records, mut next) = (Vec::new(), from);
+        loop {
+            let (some, end) = self.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
+            let last = some.iter().rfind(|record| !record.is_pending()).map(|last| last.seq);
+            let is_last = some.is_empty() || last.is_none_or(|last| last + 1 >= end);
+            next = last.map_or(end, |last| last + 1);
+            records.extend(some);
+            if is_last {
+                break;
+            }
+        }
+        let mut numbered = records.iter().filter(|record| !record.is_pending());
+        let kept = numbered.clone().count() as u64;
+        if let Some(first) = numbered.next() {
+            let lost = (next - first.seq).saturating_sub(kept) + first.seq.saturating_sub(from);
+            if lost > 0 {
+                output::note(&format!("{lost} records are lost: more came than are kept"));
+            }
+        }
+        Ok(records)
     }
 
     pub(super) fn boards_by_channel(&self) -> Result<Vec<BoardState>, CliError> {

@@ -1,6 +1,8 @@
 //! Reading the journal to its end, and on from there.
 
 use super::{Args, FormatArg};
+#[cfg(not(feature = "studio"))]
+use crate::cli::absent;
 use crate::cli::error::CliError;
 use crate::cli::exit::Exit;
 use crate::cli::output;
@@ -8,13 +10,14 @@ use crate::cli::pause::{Look, Pause, Wake};
 use crate::cli::session::Session;
 use crate::cli::time;
 use crate::devices;
+use crate::door::Speech;
 use crate::journal::candump::Candump;
 use crate::journal::jsonl::Jsonl;
-use crate::journal::pcapng::Pcapng;
+use crate::journal::pcapng::{Link, Pcapng};
 use crate::journal::text::Text;
 use crate::journal::vcd;
-use crate::journal::{Format, Names, Printer, Record, Selection};
-use crate::request::{MAX_RECORDS, Op, WrongReply};
+use crate::journal::{Format, Names, Printer, Record, Selection, Waves};
+use crate::request::{BusState, MAX_RECORDS, Op, WrongReply};
 use std::collections::VecDeque;
 
 /// Prints what there is, and what comes if asked for.
@@ -29,11 +32,24 @@ pub(crate) fn print(
         FormatArg::Jsonl => Box::new(Jsonl::new(names, devices::catalogue())),
         FormatArg::Candump => Box::new(Candump::new(&names)),
         FormatArg::Pcapng => {
-            return print_as::<Vec<u8>>(args, session, selection, Box::new(Pcapng::new(&names)));
+            return print_as::<Vec<u8>>(args, session, selection, Box::new(Pcapng::new(links(session)?)));
         }
-        FormatArg::Vcd => return print_waveforms(args, session, &selection, names),
+        FormatArg::Vcd | FormatArg::Fst => return print_waveforms(args, session, &selection, names),
     };
     print_as(args, session, selection, text)
+}
+
+/// The buses, and what is on them.
+fn links(session: &Session) -> Result<Vec<(String, Link)>, CliError> {
+    let link = |bus: BusState| {
+        let kind = devices::MEDIA.iter().find(|kind| kind.name == bus.kind);
+        let link = match kind.map(|kind| kind.speech) {
+            Some(Speech::Telegrams) => Link::Profibus,
+            Some(Speech::Frames) | None => Link::Can,
+        };
+        (bus.name, link)
+    };
+    Ok(session.ask(Op::Buses)?.buses()?.into_iter().map(link).collect())
 }
 
 /// Prints what there is as waveforms, which begin with a list of all that they have.
@@ -43,29 +59,25 @@ fn print_waveforms(
     selection: &Selection,
     names: Names,
 ) -> Result<(), CliError> {
-    let (mut records, mut next) = (Vec::new(), args.from);
-    loop {
-        let (some, end) = session.ask(Op::Journal { from: next, max: MAX_RECORDS })?.journal()?;
-        let last = some.iter().rfind(|record| !record.is_pending()).map(|last| last.seq);
-        let is_last = some.is_empty() || last.is_none_or(|last| last + 1 >= end);
-        next = last.map_or(end, |last| last + 1);
-        records.extend(some);
-        if is_last {
-            break;
-        }
-    }
-    let mut numbered = records.iter().filter(|record| !record.is_pending());
-    let kept = numbered.clone().count() as u64;
-    if let Some(first) = numbered.next() {
-        let lost = (next - first.seq).saturating_sub(kept) + first.seq.saturating_sub(args.from);
-        if lost > 0 {
-            output::note(&format!("{lost} records are lost: more came than are kept"));
-        }
-    }
+    let records = session.records(args.from)?;
+    let waves = Waves::of(&records, selection, names, devices::catalogue());
     let mut bytes = Vec::new();
-    vcd::write(&records, selection, names, devices::catalogue(), &mut bytes)
-        .map_err(|reason| CliError::Output { reason })?;
+    match args.format {
+        FormatArg::Fst => bytes = fst(&waves)?,
+        _ => vcd::write(&waves, &mut bytes).map_err(|reason| CliError::Output { reason })?,
+    }
     output::write(&bytes)
+}
+
+#[cfg(feature = "studio")]
+fn fst(waves: &Waves) -> Result<Vec<u8>, CliError> {
+    let failed = |error| CliError::Output { reason: std::io::Error::other(error) };
+    crate::journal::fst::write(waves).map_err(failed)
+}
+
+#[cfg(not(feature = "studio"))]
+fn fst(_: &Waves) -> Result<Vec<u8>, CliError> {
+    Err(CliError::Argument { text: "--format fst".to_owned(), right: absent::TEXT.to_owned() })
 }
 
 /// Prints in this format: text, or bytes.

@@ -1,7 +1,7 @@
 //! What the journal tells about CANsync: its bus and its nodes.
 
-use super::bus::Frame;
 use super::bus::codec;
+use super::bus::{Frame, FrameKind};
 use super::firmware::InitFault;
 use crate::can;
 use crate::can::Id;
@@ -222,6 +222,10 @@ impl Told for Transmitted {
 
     fn frame(&self) -> Option<Carried> {
         Some(Carried { frame: self.frame.into(), guest: None })
+    }
+
+    fn slot(&self) -> Option<&'static str> {
+        self.frame.kind().map(FrameKind::slot)
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the journal tells about PROFIBUS: its telegrams.
 
 use crate::coded;
-use crate::journal::{Coded, Fields, Kind, Origin, Reader, Told};
+use crate::journal::{Coded, Fields, Kind, Octets, Origin, Reader, Told};
 use crate::profibus::{Frame, Telegram};
 
 /// All kinds.
@@ -98,6 +98,21 @@ impl Told for DpTelegram {
         format!("{sa}{here} to {da}{there}, 16#{fc:02X}, {octets} octets{}{more} from {from}", self.data(" "))
     }
 
+    fn telegram(&self) -> Option<Octets> {
+        let [da, sa, fc, _] = self.head.to_le_bytes();
+        let [dsap, ssap] = self.saps();
+        let mut data: Vec<_> = self.first.to_le_bytes().into_iter().take(self.octets()).collect();
+        let unknown = self.octets() - data.len();
+        data.resize(self.octets(), 0);
+        let mut known = Telegram::Frame(Frame { da, sa, fc, dsap, ssap, data }).octets().ok()?;
+        let length = known.len();
+        if unknown > 0 {
+            // Behind the data there are the checksum and the end delimiter.
+            known.truncate(length - unknown - 2);
+        }
+        Some(Octets { known, length })
+    }
+
     fn fields(&self, reader: &mut Reader) -> Fields {
         let [da, sa, fc, _] = self.head.to_le_bytes();
         let [dsap, ssap] = self.saps();
@@ -124,6 +139,12 @@ impl Told for DpShort {
             Some((da, sa)) => format!("token from {sa} to {da}, from {from}"),
             None => format!("receipt from {from}"),
         }
+    }
+
+    fn telegram(&self) -> Option<Octets> {
+        let telegram = self.stations().map_or(Telegram::ShortAck, |(da, sa)| Telegram::Token { da, sa });
+        let known = telegram.octets().ok()?;
+        Some(Octets { length: known.len(), known })
     }
 
     fn fields(&self, reader: &mut Reader) -> Fields {
@@ -157,6 +178,13 @@ mod tests {
             ([Some(61), None], 5, " 01 02 03 04")
         );
         assert_eq!(DpTelegram::read(told.words()), Some(told));
+        let Octets { known, length } = told.telegram().unwrap();
+        let octets = Telegram::Frame(frame.clone()).octets().unwrap();
+        assert_eq!((known.as_slice(), length), (&octets[..12], octets.len()), "the fifth octet is not there");
+        let short = Frame { data: vec![1, 2, 3, 4], ..frame.clone() };
+        let whole = DpTelegram::new(0, Origin { plc: 0, node: 1 }, &short).telegram().unwrap();
+        let octets = Telegram::Frame(short).octets().unwrap();
+        assert_eq!(whole, Octets { length: octets.len(), known: octets });
         let other = Frame { data: vec![1, 2, 3, 4, 6], ..frame };
         assert_ne!(DpTelegram::new(0, Origin { plc: 0, node: 1 }, &other), told);
     }

@@ -1,8 +1,8 @@
 //! Reading.
 
 use super::{
-    BYTE_ORDER, ERROR, EXTENDED, INTERFACE, NAME, OFFSET, OLD_PACKET, PACKET, REMOTE, RESOLUTION, SECTION,
-    SOCKETCAN, TIMELESS_PACKET,
+    BYTE_ORDER, ERROR, EXTENDED, INTERFACE, NAME, OFFSET, OLD_PACKET, PACKET, PROFIBUS_DL, REMOTE,
+    RESOLUTION, SECTION, SOCKETCAN, TIMELESS_PACKET,
 };
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use crate::journal::candump::Logged;
@@ -25,7 +25,7 @@ pub fn is_one(log: &[u8]) -> bool {
     log.starts_with(&SECTION.to_be_bytes())
 }
 
-/// Reads the frames of a log. Blocks of other kinds, as names and statistics, are passed over.
+/// Reads the frames of a log. Blocks of other kinds, as names and statistics, are passed over, as are packets of PROFIBUS.
 ///
 /// # Errors
 /// [`BadLog`]: it is cut off or no pcapng, its packets are not of CAN, or frames that Classical CAN does not have.
@@ -106,7 +106,7 @@ impl Section {
                 self.interfaces.push(interface);
                 Ok(None)
             }
-            PACKET => self.packet(body).map(Some),
+            PACKET => self.packet(body),
             OLD_PACKET | TIMELESS_PACKET => {
                 Err("a packet of an old kind; Wireshark and its `editcap` write the log anew".to_owned())
             }
@@ -135,13 +135,16 @@ impl Section {
         Some(interface)
     }
 
-    fn packet(&self, body: &[u8]) -> Result<Logged, String> {
+    fn packet(&self, body: &[u8]) -> Result<Option<Logged>, String> {
         const CUT_OFF: &str = "the packet is cut off";
         let word = |at| self.word(body, at).ok_or(CUT_OFF);
         let number = word(0)? as usize;
         let interface =
             self.interfaces.get(number).ok_or("a packet of an interface that was not named before")?;
         let name = interface.name.clone().unwrap_or_else(|| format!("can{number}"));
+        if interface.link == PROFIBUS_DL {
+            return Ok(None);
+        }
         if interface.link != SOCKETCAN {
             let link = interface.link;
             return Err(format!(
@@ -151,7 +154,7 @@ impl Section {
         let ticks = u64::from(word(4)?) << 32 | u64::from(word(8)?);
         let time_us = interface.time_us(ticks).ok_or("there is no such time")?;
         let data = body.get(20..).and_then(|rest| rest.get(..word(12).ok()? as usize)).ok_or(CUT_OFF)?;
-        Ok(Logged { time_us, interface: name, frame: frame(data)? })
+        Ok(Some(Logged { time_us, interface: name, frame: frame(data)? }))
     }
 }
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::can::{ExtendedId, Frame, Payload, StandardId};
+use crate::journal::Format;
 use crate::journal::candump::{Logged, Shown};
-use crate::journal::{Format, Names};
 use proptest::prelude::*;
 
 /// A block in the order of bytes asked for.
@@ -78,6 +78,7 @@ fn what_is_no_frame_of_ours_is_refused() {
     }
     let told = refused(1, &[(NAME, b"eth0")], &FRAME);
     assert!(told.starts_with("byte ") && told.contains("'eth0' has link type 1"), "{told}");
+    assert_eq!(read(&log(false, PROFIBUS_DL, &[], 0, &[0xE5])), Ok(vec![]), "these are no frames");
     assert!(refused(SOCKETCAN, &[(RESOLUTION, &[127])], &FRAME).contains("no such time"));
     assert!(refused(SOCKETCAN, &[(OFFSET, &(-1_i64).to_le_bytes())], &FRAME).contains("no such time"));
     for (log, text) in [(&b"hello"[..], "no section"), (&[0x0A, 0x0D, 0x0D, 0x0A, 28, 0], "no section")] {
@@ -90,11 +91,13 @@ fn what_is_no_frame_of_ours_is_refused() {
 
 #[test]
 fn each_bus_is_an_interface() {
-    let names =
-        Names { buses: vec!["open".into(), "a name of more than 15 characters".into()], ..Names::default() };
+    let buses =
+        vec![("open".into(), Link::Can), ("a name of more than 15 characters".into(), Link::Profibus)];
     let mut out = Vec::new();
-    Pcapng::new(&names).begin(&mut out);
+    Pcapng::new(buses).begin(&mut out);
     assert!(is_one(&out) && read(&out) == Ok(vec![]));
+    let links = [28 + 8, 28 + 40 + 8].map(|at| u16::from_le_bytes([out[at], out[at + 1]]));
+    assert_eq!(links, [SOCKETCAN, PROFIBUS_DL]);
     let blocks = [28, 12 + 8 + 8 + 8 + 4, 12 + 8 + 4 + 36 + 8 + 4];
     assert_eq!(out.len(), blocks.iter().sum::<usize>());
 }

@@ -1,21 +1,23 @@
 //! Writing.
 
-use super::{BYTE_ORDER, EXTENDED, INTERFACE, NAME, PACKET, REMOTE, RESOLUTION, SECTION, SOCKETCAN};
+use super::{
+    BYTE_ORDER, EXTENDED, INTERFACE, Link, NAME, PACKET, PROFIBUS_DL, REMOTE, RESOLUTION, SECTION, SOCKETCAN,
+};
 use crate::can::{Frame, Id};
-use crate::journal::{Format, Names, Record, Source};
+use crate::journal::{Format, Octets, Record, Source};
 
 /// Microseconds: the negative power of ten.
 const MICROSECONDS: u8 = 6;
 
-/// Writes frames as packets.
+/// Writes frames and telegrams as packets.
 pub struct Pcapng {
-    buses: Vec<String>,
+    buses: Vec<(String, Link)>,
 }
 
 impl Pcapng {
-    /// A writer with these names: one interface for each bus.
-    pub fn new(names: &Names) -> Self {
-        Pcapng { buses: names.buses.clone() }
+    /// A writer for these buses, in the order of the plant: one interface for each.
+    pub fn new(buses: Vec<(String, Link)>) -> Self {
+        Pcapng { buses }
     }
 }
 
@@ -68,9 +70,13 @@ impl Format<Vec<u8>> for Pcapng {
         section.extend(0_u16.to_le_bytes());
         section.extend(u64::MAX.to_le_bytes());
         block(SECTION, &section, out);
-        for bus in &self.buses {
+        for (bus, link) in &self.buses {
             let mut interface = Vec::new();
-            interface.extend(SOCKETCAN.to_le_bytes());
+            let link = match link {
+                Link::Can => SOCKETCAN,
+                Link::Profibus => PROFIBUS_DL,
+            };
+            interface.extend(link.to_le_bytes());
             // Reserved; no limit to the length of packets.
             interface.extend([0; 6]);
             option(NAME, bus.as_bytes(), &mut interface);
@@ -81,13 +87,17 @@ impl Format<Vec<u8>> for Pcapng {
     }
 
     fn record(&mut self, record: &Record, out: &mut Vec<u8>) {
-        let (Some(carried), Source::Bus(bus)) = (record.event.frame(), record.event.source()) else { return };
-        let packet = packet(&carried.frame);
+        let Source::Bus(bus) = record.event.source() else { return };
+        let frame = record.event.frame().map(|carried| {
+            let known = packet(&carried.frame).to_vec();
+            Octets { length: known.len(), known }
+        });
+        let Some(Octets { mut known, length }) = frame.or_else(|| record.event.telegram()) else { return };
         let (high, low) = ((record.time_us >> 32) as u32, record.time_us as u32);
-        let length = packet.len() as u32;
-        let mut body = Vec::new();
-        [u32::from(bus), high, low, length, length].iter().for_each(|word| body.extend(word.to_le_bytes()));
-        body.extend(packet);
+        let words = [u32::from(bus), high, low, known.len() as u32, length as u32];
+        let mut body: Vec<_> = words.into_iter().flat_map(u32::to_le_bytes).collect();
+        known.resize(known.len().next_multiple_of(4), 0);
+        body.extend(known);
         block(PACKET, &body, out);
     }
 

@@ -74,6 +74,19 @@ impl FrameKind {
         }
     }
 
+    /// The time slot of the interval that such a frame is sent in (manual 5.00005.03a p. 124-126).
+    #[inline]
+    pub const fn slot(self) -> &'static str {
+        match self {
+            FrameKind::ReferenceValue(Channel::One, _) => "WRC1",
+            FrameKind::ReferenceValue(Channel::Two, _) => "WRC2",
+            FrameKind::ActualValue(Channel::One, _) => "RDC1",
+            FrameKind::ActualValue(Channel::Two, _) => "RDC2",
+            FrameKind::Action | FrameKind::Job(_) => "CC",
+            FrameKind::Response(_) => "RC",
+        }
+    }
+
     /// The identifier, 0..=16#5FF.
     #[inline]
     pub const fn id(self) -> u16 {

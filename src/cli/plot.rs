@@ -1,0 +1,118 @@
+//! `commram plot`: registers over time, as a picture.
+
+mod file;
+
+use super::complete;
+use super::device::of_any_device;
+use super::error::CliError;
+use super::place::Place;
+use super::session::Session;
+use super::time;
+use super::{Instance, output};
+use crate::devices;
+use crate::journal::{Selection, Waves};
+use crate::plot::{Picture, Plot, Row, address_of};
+use file::Told;
+use std::path::{Path, PathBuf};
+
+/// Most registers in a plot.
+const MOST: usize = 64;
+
+/// Draw what registers held as SVG or PNG.
+///
+/// Codes are steps, numbers are lines, handshakes are spans from 16#05 to their answer, over the SYNC edges. The journal
+/// tells what registers held: every change of those that the emulator records (`commram run --watch`), of others only what
+/// was written through the channel and what the firmware has answered.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram plot node2.b_CTRLREG_WRC1 'node2.a_WR_VALUE[0]' -o reference.svg
+  commram plot node2.w_OPTION_STATUS --from 1.5s --to 1.6s -o start.png
+  commram trace --format jsonl >run.jsonl
+  commram plot node2.w_OPTION_STATUS --journal run.jsonl -o start.svg")]
+pub(crate) struct Args {
+    /// Registers by name or address, also single bits
+    #[arg(add = complete::registers(), value_name = "REG", required = true)]
+    registers: Vec<String>,
+    /// Where the plot begins, in emulated time
+    #[arg(long, value_name = "TIME", value_parser = time::parse, default_value = "0s", hide_default_value = true)]
+    from: u64,
+    /// Where it ends [default: now, or at the end of the journal]
+    #[arg(long, value_name = "TIME", value_parser = time::parse)]
+    to: Option<u64>,
+    /// The file, whose name ends in .svg or .png
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Take a journal that `commram trace --format jsonl` has written, instead of that of an instance
+    #[arg(add = complete::files(&["jsonl"]), long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Draws the plot.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let wrong = |text: &Path, right: &dyn std::fmt::Display| CliError::Argument {
+        text: text.display().to_string(),
+        right: right.to_string(),
+    };
+    let picture = Picture::of(&args.output)
+        .map_err(|_| wrong(&args.output, &"the name of the file ends in .svg or .png"))?;
+    if args.registers.len() > MOST {
+        let right = format!("a plot has at most {MOST} registers");
+        return Err(CliError::Argument { text: format!("{} registers", args.registers.len()), right });
+    }
+    if args.to.is_some_and(|to| to <= args.from) {
+        let right = "it must be later than --from".to_owned();
+        return Err(CliError::Argument { text: "--to".to_owned(), right });
+    }
+    let plot = match &args.journal {
+        Some(path) => of_file(args, &Told::read(path)?)?,
+        None => of_instance(args)?,
+    };
+    let bytes = plot.render(picture).map_err(|error| wrong(&args.output, &error))?;
+    std::fs::write(&args.output, bytes)
+        .map_err(|reason| CliError::File { path: args.output.clone(), reason })?;
+    for row in plot.rows.iter().filter_map(|row| row.note.as_ref().map(|note| (&row.name, note))) {
+        output::note(&format!("{}: {} (run --watch, record)", row.0, row.1));
+    }
+    Ok(())
+}
+
+fn of_instance(args: &Args) -> Result<Plot, CliError> {
+    for text in &args.registers {
+        super::device::of_any_device_but_told_by(&args.instance)(text)?;
+    }
+    let session = Session::open(&args.instance, 0)?;
+    let places = args.registers.iter().map(|text| {
+        let place = whole(session.place(text)?)?;
+        Ok((session.plc_of(&place)?, place))
+    });
+    let places = places.collect::<Result<Vec<_>, CliError>>()?;
+    let info = session.info()?;
+    let waves = Waves::of(&session.records(0)?, &Selection::default(), info.names, devices::catalogue());
+    let rows = places.iter().map(|(plc, place)| {
+        let name = format!("{}{}", session.prefix(*plc), place.name(crate::layout::Live::Cyclic));
+        Row::of(name, place, &waves.register(*plc, address_of(place).offset()))
+    });
+    Ok(Plot::new(args.from, args.to.unwrap_or(info.time_us), waves.edges(), rows.collect()))
+}
+
+fn of_file(args: &Args, told: &Told) -> Result<Plot, CliError> {
+    let rows = args.registers.iter().map(|text| {
+        let place = whole(of_any_device(text)?)?;
+        let past = told.register(place.plc.as_deref(), &address_of(&place).to_string(), text)?;
+        Ok(Row::of(text.clone(), &place, &past))
+    });
+    let rows = rows.collect::<Result<Vec<_>, CliError>>()?;
+    Ok(Plot::new(args.from, args.to.unwrap_or(told.end_us), told.edges.clone(), rows))
+}
+
+/// A register, or a bit of one.
+fn whole(place: Place) -> Result<Place, CliError> {
+    if place.is_whole() || place.bit_in().is_some() {
+        return Ok(place);
+    }
+    let right = "that is a part of a register, or several; name one register".to_owned();
+    Err(CliError::Argument { text: place.text().to_owned(), right })
+}

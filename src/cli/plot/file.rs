@@ -1,0 +1,172 @@
+//! A journal that `commram trace --format jsonl` has written.
+
+use crate::cli::error::CliError;
+use crate::handed_in;
+use crate::journal::Past;
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::Path;
+
+/// Most events that one line may stand for: a counted record ends after a second at the latest.
+const MOST_TIMES: u64 = 1_000_000;
+
+/// What it tells of registers.
+pub(super) struct Told {
+    /// SYNC edges, ascending.
+    pub edges: Vec<u64>,
+    /// The last time in it, in microseconds.
+    pub end_us: u64,
+    /// By PLC and address.
+    registers: BTreeMap<(String, String), Past>,
+}
+
+/// The fields of a line that count here; those of other kinds of records are others.
+#[derive(Deserialize)]
+struct Line {
+    v: u64,
+    kind: String,
+    #[serde(default)]
+    time_us: u64,
+    count: Option<u64>,
+    period_us: Option<u64>,
+    plc: Option<String>,
+    address: Option<String>,
+    to: Option<serde_json::Value>,
+    value: Option<serde_json::Value>,
+    answer: Option<serde_json::Value>,
+}
+
+impl Line {
+    /// What the register holds from then on, and whether every change of it is told.
+    fn value(&self) -> Option<(u32, bool)> {
+        let (value, is_recorded) = match self.kind.as_str() {
+            "changed" => (&self.to, true),
+            "register" => (&self.to, false),
+            "channel_write" => (&self.value, false),
+            "handshake" => (&self.answer, false),
+            _ => return None,
+        };
+        let number = value.as_ref()?.as_u64()?;
+        Some((u32::try_from(number).ok()?, is_recorded))
+    }
+
+    /// Times of all events that it stands for.
+    fn times(&self) -> impl Iterator<Item = u64> + use<> {
+        let (count, period) = (self.count.unwrap_or(1).min(MOST_TIMES), self.period_us.unwrap_or(0));
+        let last = self.time_us;
+        (0..count).rev().map(move |back| last.saturating_sub(back.saturating_mul(period)))
+    }
+}
+
+impl Told {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// It cannot be read, or is no such journal.
+    pub(super) fn read(path: &Path) -> Result<Self, CliError> {
+        let wrong = |reason| CliError::File { path: path.to_owned(), reason };
+        let text = handed_in::read(path, handed_in::LONGEST).map_err(wrong)?;
+        Self::parse(&text).map_err(|right| wrong(io::Error::new(io::ErrorKind::InvalidData, right)))
+    }
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut told = Told { edges: Vec::new(), end_us: 0, registers: BTreeMap::new() };
+        let mut recorded = BTreeSet::new();
+        let mut reported: Vec<((String, String), u64, u32, bool)> = Vec::new();
+        for (number, line) in (1..).zip(text.lines()) {
+            let wrong = |right: &dyn std::fmt::Display| {
+                format!("line {number}: {right}; such a journal is written by `commram trace --format jsonl`")
+            };
+            let line: Line = serde_json::from_str(line).map_err(|error| wrong(&error))?;
+            if line.v != 1 {
+                return Err(wrong(&format!("version {} of the format, here 1 is read", line.v)));
+            }
+            told.end_us = told.end_us.max(line.time_us);
+            if line.kind == "sync" {
+                told.edges.extend(line.times());
+            }
+            if let (Some(plc), Some(address), Some((value, is_recorded))) =
+                (&line.plc, &line.address, line.value())
+            {
+                let register = (plc.clone(), address.clone());
+                if is_recorded {
+                    recorded.insert(register.clone());
+                }
+                reported.extend(line.times().map(|time| (register.clone(), time, value, is_recorded)));
+            }
+        }
+        told.edges.sort_unstable();
+        told.edges.dedup();
+        // A counted record comes when its count ends.
+        reported.sort_by_key(|(_, time, ..)| *time);
+        for (register, time, value, is_recorded) in reported {
+            if is_recorded == recorded.contains(&register) {
+                let past = told.registers.entry(register).or_default();
+                past.is_recorded = is_recorded;
+                if past.values.last().is_none_or(|(_, before)| *before != value) {
+                    past.values.push((time, value));
+                }
+            }
+        }
+        Ok(told)
+    }
+
+    /// What it tells of a register, nothing at all if it has none.
+    ///
+    /// # Errors
+    /// Registers of several PLCs have this address, and none was named.
+    pub(super) fn register(&self, plc: Option<&str>, address: &str, text: &str) -> Result<Past, CliError> {
+        let is_it = |(of, at): &(String, String)| at == address && plc.is_none_or(|plc| plc == of);
+        let mut found = self.registers.iter().filter(|(register, _)| is_it(register));
+        match (found.next(), found.next()) {
+            (None, _) => Ok(Past::default()),
+            (Some((_, past)), None) => Ok(past.clone()),
+            (Some(((one, _), _)), Some(((other, _), _))) => {
+                let right =
+                    format!("the journal has it of several PLCs; write {one}:{text} or {other}:{text}");
+                Err(CliError::Argument { text: text.to_owned(), right })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LINES: &str = r#"{"v":1,"seq":0,"time_us":0,"kind":"board","plc":"line","what":"up","text":"up"}
+{"v":1,"seq":1,"time_us":100,"kind":"channel_write","plc":"line","register":"a","address":"%MB3.5","width":1,"value":5}
+{"v":1,"seq":2,"time_us":900,"kind":"handshake","plc":"line","node":2,"address":"%MB3.5","request":5,"answer":4,"count":3,"period_us":200,"first_us":500}
+{"v":1,"seq":3,"time_us":50,"kind":"changed","plc":"line","address":"%MB3.6","from":0,"to":7}
+{"v":1,"seq":4,"time_us":60,"kind":"channel_write","plc":"line","address":"%MB3.6","value":7}
+{"v":1,"kind":"gap","lost":868}
+{"v":1,"seq":900,"time_us":4000,"kind":"sync","bus":"drives","count":2,"period_us":2000,"first_us":2000}
+{"v":1,"seq":901,"time_us":4100,"kind":"changed","plc":"other","address":"%MB3.6","from":0,"to":9}
+"#;
+
+    #[test]
+    fn a_journal_is_read_with_what_it_counts() {
+        let told = Told::parse(LINES).unwrap();
+        assert_eq!((told.edges.as_slice(), told.end_us), (&[2000, 4000][..], 4100));
+        let five = told.register(None, "%MB3.5", "a").unwrap();
+        assert_eq!(five.values, [(100, 5), (500, 4)]);
+        assert!(!five.is_recorded);
+        let six = told.register(Some("line"), "%MB3.6", "a").unwrap();
+        assert_eq!((six.values.as_slice(), six.is_recorded), (&[(50, 7)][..], true));
+        assert!(told.register(None, "%MB3.6", "a").unwrap_err().to_string().contains("line:a or other:a"));
+        assert_eq!(told.register(None, "%MB3.7", "a").unwrap(), Past::default());
+    }
+
+    #[test]
+    fn what_is_no_journal_is_refused_by_its_line() {
+        for (text, told) in [
+            ("hello", "line 1: "),
+            ("{\"v\":1,\"kind\":\"x\"}\n{}", "line 2: "),
+            ("{\"v\":2,\"kind\":\"x\"}", "version 2"),
+        ] {
+            let error = Told::parse(text).err().unwrap();
+            assert!(error.contains(told) && error.contains("--format jsonl"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! The report as one page: it needs no other file and no network, runs no program, and follows the reader's light or dark.
+//! Whatever a scenario is called or prints is text in it, never markup.
+
+mod sequence;
+
+use super::line::summary;
+use crate::script::{Drawn, Failure, FoundLine, Outcome, Place, Report, Step};
+use crate::time::seconds;
+use chrono::{DateTime, SecondsFormat, Utc};
+use std::fmt::{self, Display};
+
+const STYLE: &str = include_str!("html/style.css");
+
+/// What a page shows may come from anybody: nothing is loaded and nothing runs.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:";
+
+/// The page.
+pub(crate) fn page(reports: &[Report]) -> String {
+    let all_passed = reports.iter().all(|report| report.outcome.is_passed());
+    let (sign, word) = if all_passed { ("passed", "passed") } else { ("failed", "not all passed") };
+    let rows: String = reports.iter().enumerate().map(|(number, report)| row(number, report)).collect();
+    let details: String =
+        reports.iter().enumerate().map(|(number, report)| scenario(number, report)).collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <link rel=\"icon\" href=\"data:,\">\n\
+         <title>commram: {word}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <h1>Scenarios <span class=\"badge {sign}\">{word}</span></h1>\n<p>{}</p>\n\
+         <table>\n<thead><tr><th>Scenario</th><th>Outcome</th><th class=\"n\">Expectations</th><th class=\"n\">Emulated</th><th class=\"n\">Real</th>\
+         </tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n{details}\
+         <footer>commram {}</footer>\n</body>\n</html>\n",
+        Text(summary(reports).trim()),
+        env!("CARGO_PKG_VERSION"),
+    )
+}
+
+/// Text, with all that would be markup written so that it is none.
+struct Text<T>(T);
+
+impl<T: Display> Display for Text<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for letter in self.0.to_string().chars() {
+            match letter {
+                '&' => f.write_str("&amp;")?,
+                '<' => f.write_str("&lt;")?,
+                '>' => f.write_str("&gt;")?,
+                '"' => f.write_str("&quot;")?,
+                '\'' => f.write_str("&#39;")?,
+                // What a page must not have, or what turns the order of letters around.
+                '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}' => f.write_str("\u{FFFD}")?,
+                control if control.is_control() && control != '\n' && control != '\t' => {
+                    f.write_str("\u{FFFD}")?
+                }
+                other => write!(f, "{other}")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+fn class(outcome: &Outcome) -> &'static str {
+    match outcome {
+        Outcome::Passed => "passed",
+        Outcome::NotRun(_) => "skipped",
+        Outcome::Failed(_) | Outcome::Broken(_) | Outcome::Died(_) => "failed",
+    }
+}
+
+fn badge(outcome: &Outcome) -> String {
+    format!("<span class=\"badge {}\">{}</span>", class(outcome), outcome.name())
+}
+
+/// The line of a scenario in the table.
+fn row(number: usize, report: &Report) -> String {
+    let emulated = report.emulated_us.map(seconds).unwrap_or_default();
+    format!(
+        "<tr><td><a href=\"#s{number}\">{}</a></td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{emulated}</td>\
+         <td class=\"n\">{} ms</td></tr>\n",
+        Text(report.file.display()),
+        badge(&report.outcome),
+        report.expectations,
+        report.took.as_millis(),
+    )
+}
+
+/// All about a scenario; that of one that has passed is closed.
+fn scenario(number: usize, report: &Report) -> String {
+    let is_open = if report.outcome.is_passed() && report.plots.is_empty() { "" } else { " open" };
+    let started = DateTime::<Utc>::from(report.started).to_rfc3339_opts(SecondsFormat::Secs, true);
+    let why = match &report.outcome {
+        Outcome::Passed => String::new(),
+        Outcome::Failed(failure) => failed(failure),
+        Outcome::Broken(mistake) => format!("<p>{}</p>\n{}", Text(&mistake.what), place(&mistake.location)),
+        Outcome::Died(why) | Outcome::NotRun(why) => format!("<pre>{}</pre>\n", Text(why)),
+    };
+    format!(
+        "<details id=\"s{number}\"{is_open}>\n<summary><h2>{} {}</h2></summary>\n\
+         <p class=\"faint\">{}, begun {started}</p>\n{why}{}{}{}{}</details>\n",
+        Text(report.name()),
+        badge(&report.outcome),
+        Text(report.file.display()),
+        steps(report),
+        findings(&report.findings),
+        report.plots.iter().map(plot).collect::<String>(),
+        printed(&report.printed),
+    )
+}
+
+fn failed(failure: &Failure) -> String {
+    let Failure { what, expected, actual, section, time_us, journal, exchange, location, .. } = failure;
+    let rows = [("expected", expected), ("actual", actual), ("section", section)];
+    let rows: String = rows
+        .into_iter()
+        .filter_map(|(name, text)| Some(format!("<dt>{name}</dt><dd>{}</dd>\n", Text(text.as_ref()?))))
+        .collect();
+    let journal: String = journal.iter().map(|line| format!("{}\n", Text(&line.text))).collect();
+    let picture = if exchange.is_empty() {
+        String::new()
+    } else {
+        let svg = sequence::picture(exchange, *time_us);
+        format!("<h3>Handshakes before the failure</h3>\n<div class=\"scroll\">{svg}</div>\n")
+    };
+    format!(
+        "<p><strong>{}</strong></p>\n<dl>\n{rows}<dt>time</dt><dd>{} emulated</dd>\n</dl>\n{}{picture}\
+         <h3>Journal, last entries</h3>\n<pre>{journal}</pre>\n",
+        Text(what),
+        seconds(*time_us),
+        location.as_ref().map(place).unwrap_or_default(),
+    )
+}
+
+fn place(place: &Place) -> String {
+    let line = place.line.map(|line| format!(":{line}")).unwrap_or_default();
+    let source = place.source.as_deref().unwrap_or_default();
+    format!("<p>{}{line}</p>\n<pre>{}</pre>\n", Text(&place.file), Text(source))
+}
+
+/// The sections; the last one of a scenario that has not passed is where it ended.
+fn steps(report: &Report) -> String {
+    let last = report.steps.len().saturating_sub(1);
+    let step = |(number, step): (usize, &Step)| {
+        let outcome = if number == last { &report.outcome } else { &Outcome::Passed };
+        let name = step.name.as_deref().unwrap_or("beginning");
+        format!(
+            "<tr><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>\n",
+            Text(name),
+            badge(outcome),
+            seconds(step.from_us),
+            step.expectations
+        )
+    };
+    let rows: String = report.steps.iter().enumerate().map(step).collect();
+    if rows.is_empty() {
+        return rows;
+    }
+    format!(
+        "<h3>Steps</h3>\n<table>\n<thead><tr><th>Section</th><th>Outcome</th><th class=\"n\">From</th><th class=\"n\">Expectations</th></tr>\
+         </thead>\n<tbody>\n{rows}</tbody>\n</table>\n"
+    )
+}
+
+fn findings(findings: &[FoundLine]) -> String {
+    let row = |found: &FoundLine| {
+        format!(
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{} ({})</td></tr>\n",
+            Text(&found.severity),
+            Text(&found.rule),
+            Text(&found.register),
+            found.count,
+            seconds(found.first_us),
+            Text(&found.text),
+            Text(&found.page)
+        )
+    };
+    if findings.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<h3>Findings of the access checker: {}</h3>\n<table>\n<thead><tr><th>Severity</th><th>Rule</th><th>Register</th>\
+         <th class=\"n\">Count</th><th class=\"n\">First</th><th>What</th></tr></thead>\n<tbody>\n{}</tbody>\n</table>\n",
+        findings.len(),
+        findings.iter().map(row).collect::<String>()
+    )
+}
+
+/// A plot, as a picture of its own: what is in it stays in it.
+fn plot(plot: &Drawn) -> String {
+    format!(
+        "<figure><img alt=\"plot {0}\" src=\"data:image/svg+xml,{1}\"><figcaption>{0}</figcaption></figure>\n",
+        Text(&plot.name),
+        percent(&plot.svg)
+    )
+}
+
+/// As it stands in an address.
+fn percent(text: &str) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.~!*()/:;=,' ".contains(&byte);
+    let byte = |byte: u8| match byte {
+        b'\'' => "%27".to_owned(),
+        plainly if plain(plainly) => char::from(plainly).to_string(),
+        other => format!("%{other:02X}"),
+    };
+    text.bytes().map(byte).collect()
+}
+
+fn printed(printed: &str) -> String {
+    if printed.is_empty() {
+        return String::new();
+    }
+    format!("<h3>Printed</h3>\n<pre>{}</pre>\n", Text(printed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::{Exchanged, FailureKind, JournalLine, Way};
+
+    const HOSTILE: &str = "<script>alert('1')</script><img src=x onerror=\"x()\">&\u{202E}\u{1}";
+
+    fn hostile() -> String {
+        HOSTILE.to_owned()
+    }
+
+    fn report() -> Report {
+        let line = JournalLine { time_us: 5, kind: hostile(), text: format!("0.000005 s  line  {HOSTILE}") };
+        let exchange = [Way::Program, Way::Firmware, Way::Bus, Way::Wrong];
+        let failure = Failure {
+            kind: FailureKind::Expectation,
+            what: hostile(),
+            register: Some(hostile()),
+            address: Some(hostile()),
+            expected: Some(hostile()),
+            actual: Some(hostile()),
+            numbers: None,
+            within_us: None,
+            time_us: 5,
+            section: Some(hostile()),
+            journal: vec![line.clone()],
+            exchange: exchange.map(|way| Exchanged { way, line: line.clone() }).to_vec(),
+            location: Some(Place { file: hostile(), line: Some(1), column: None, source: Some(hostile()) }),
+        };
+        let found = FoundLine {
+            first_us: 5,
+            severity: hostile(),
+            rule: hostile(),
+            register: hostile(),
+            count: 2,
+            text: hostile(),
+            page: hostile(),
+        };
+        Report {
+            printed: hostile(),
+            steps: vec![Step { name: Some(hostile()), from_us: 0, expectations: 3 }],
+            findings: vec![found],
+            plots: vec![Drawn { name: hostile(), svg: format!("<svg>{HOSTILE}</svg>") }],
+            ..Report::bare(format!("{HOSTILE}.rhai").into(), Outcome::Failed(Box::new(failure)))
+        }
+    }
+
+    #[test]
+    fn nothing_that_a_scenario_says_is_markup() {
+        let mut reports = vec![report()];
+        reports.push(Report::bare("b".into(), Outcome::Died(hostile())));
+        reports.push(Report::bare("c".into(), Outcome::NotRun(hostile())));
+        let page = page(&reports);
+        for wrong in ["<script", "<img src=x", "onerror=\"", "\u{202E}", "\u{1}", "alert('1')"] {
+            assert!(!page.contains(wrong), "{wrong}\n{page}");
+        }
+        assert!(page.contains("&lt;script&gt;alert(&#39;1&#39;)&lt;/script&gt;"), "{page}");
+        assert!(page.contains("%3Csvg%3E%3Cscript%3Ealert(%271%27)"), "{page}");
+        // What the page itself has of quotes comes in pairs, and each tag is closed.
+        assert_eq!(page.matches("<details").count(), page.matches("</details>").count());
+        assert_eq!(page.matches("<svg").count(), page.matches("</svg>").count());
+    }
+
+    #[test]
+    fn each_scenario_is_there_with_its_outcome() {
+        let reports = [report(), Report::bare("tests/start.rhai".into(), Outcome::Passed)];
+        let page = page(&reports);
+        assert!(page.contains("<title>commram: not all passed</title>"));
+        assert!(page.contains("Findings of the access checker: 1<"), "{page}");
+        assert!(
+            page.contains(
+                "<details id=\"s1\">\n<summary><h2>start <span class=\"badge passed\">passed</span>"
+            )
+        );
+        assert!(super::page(&reports[1..]).contains("<title>commram: passed</title>"));
+        for outside in ["http://", "https://", "<script", "@import", "url("] {
+            let own = page.replace("http://www.w3.org/2000/svg", "");
+            assert!(!own.contains(outside), "{outside}");
+        }
+    }
+}

@@ -1,0 +1,291 @@
+//! The journal as signals over time: what every format of waveforms writes, and what plots show.
+//!
+//! A scope for each bus has its SYNC edges as events and its frames; a scope for each PLC has a scope for each area with its
+//! registers. A register that has a meaning has it as text beside its value. What else happens is text under the name of
+//! its kind. A signal has no value until the journal tells one.
+
+use super::reader::Place;
+use super::{Catalogue, Changed, ChannelWrite, Names, Reader, Record, Ring, Selection, Source};
+use crate::can::{Frame, Id};
+use crate::layout::Width;
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+/// Bits of the longest data of a frame.
+const DATA_BITS: u32 = 64;
+/// Bits of the longest identifier.
+const ID_BITS: u32 = 29;
+
+/// What the records of a journal tell, as signals.
+pub struct Waves {
+    /// By their paths: scopes, and the name.
+    pub(super) paths: BTreeMap<Vec<String>, usize>,
+    pub(super) signals: Vec<Signal>,
+    /// In the order of their times.
+    pub(super) changes: Vec<Change>,
+    recorded: HashSet<(u16, u32)>,
+}
+
+/// What a journal tells of a register.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Past {
+    /// Times in microseconds, ascending, and what the register held from then on.
+    pub values: Vec<(u64, u32)>,
+    /// Whether that is every change, from the first one that the journal tells on.
+    pub is_recorded: bool,
+}
+
+/// A signal.
+pub(super) struct Signal {
+    pub shape: Shape,
+    of: Of,
+}
+
+/// What a signal is of.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Of {
+    /// The value of a register: index of the device, and offset.
+    Register(u16, u32),
+    /// The SYNC signal of a bus, or the like.
+    Edge,
+    /// Something else.
+    Other,
+}
+
+/// What a signal can show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shape {
+    /// A number of so many bits.
+    Bits(u32),
+    /// Texts.
+    Text,
+    /// It just happens.
+    Event,
+}
+
+/// What a signal shows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Content {
+    /// So many bits, their values, and those that are known.
+    Bits { width: u32, value: u64, known: u64 },
+    /// A text, a single word.
+    Text(String),
+    /// It happens.
+    Event,
+}
+
+impl Content {
+    fn number(width: u32, value: u64) -> Self {
+        Content::Bits { width, value, known: u64::MAX }
+    }
+
+    /// The data of a frame, its first byte on top; bytes that it does not have are not known.
+    fn data(frame: &Frame) -> Self {
+        let payload = frame.payload();
+        let data = if frame.arbitration().is_remote() { &[][..] } else { payload.data() };
+        let (mut value, mut known) = (0, 0);
+        for (byte, shift) in data.iter().zip((0..DATA_BITS).step_by(8).rev()) {
+            value |= u64::from(*byte) << shift;
+            known |= 0xFF << shift;
+        }
+        Content::Bits { width: DATA_BITS, value, known }
+    }
+
+    fn shape(&self) -> Shape {
+        match self {
+            Content::Bits { width, .. } => Shape::Bits(*width),
+            Content::Text(_) => Shape::Text,
+            Content::Event => Shape::Event,
+        }
+    }
+}
+
+/// What comes next where signals are declared.
+pub(super) enum Step<'a> {
+    /// Into a scope.
+    Into(&'a str),
+    /// A signal with this number and name.
+    Signal(usize, &'a str),
+    /// Out of the scope.
+    Out,
+}
+
+/// A signal shows something from a time on.
+pub(super) struct Change {
+    pub time_us: u64,
+    pub signal: usize,
+    pub content: Content,
+}
+
+impl Waves {
+    /// What those records tell that are wanted; what the others tell about the state counts for them.
+    pub fn of(records: &[Record], wanted: &Selection, names: Names, catalogue: &'static Catalogue) -> Self {
+        let changed = records.iter().filter_map(|record| record.event.get::<Changed>());
+        let mut taking = Taking {
+            reader: Reader::new(names, catalogue),
+            waves: Waves {
+                paths: BTreeMap::new(),
+                signals: Vec::new(),
+                changes: Vec::new(),
+                recorded: changed.map(|change| (change.plc, change.offset)).collect(),
+            },
+        };
+        for record in records {
+            taking.reader.observe(record);
+            if wanted.takes(record) {
+                taking.take(record);
+            }
+        }
+        let mut waves = taking.waves;
+        // A counted record comes when its count ends.
+        waves.changes.sort_by_key(|change| change.time_us);
+        waves.drop_repetitions();
+        waves
+    }
+
+    /// What the journal tells of a register.
+    pub fn register(&self, plc: u16, offset: u32) -> Past {
+        let number = |change: &Change| match change.content {
+            // Registers have 32 bits at most.
+            Content::Bits { value, .. } => Some((change.time_us, value as u32)),
+            _ => None,
+        };
+        let values = self.changes_of(Of::Register(plc, offset)).filter_map(number).collect();
+        Past { values, is_recorded: self.is_recorded(plc, offset) }
+    }
+
+    fn is_recorded(&self, plc: u16, offset: u32) -> bool {
+        self.recorded.contains(&(plc, offset))
+    }
+
+    /// The times of the SYNC edges on all buses, in microseconds, in their order.
+    pub fn edges(&self) -> Vec<u64> {
+        let mut edges: Vec<_> = self.changes_of(Of::Edge).map(|change| change.time_us).collect();
+        edges.dedup();
+        edges
+    }
+
+    /// Scopes and signals in the order in which a file declares them.
+    pub(super) fn outline(&self) -> Vec<Step<'_>> {
+        let mut steps = Vec::new();
+        let mut open: &[String] = &[];
+        for (path, signal) in &self.paths {
+            let Some((name, scopes)) = path.split_last() else { continue };
+            let common = open.iter().zip(scopes).take_while(|(one, other)| one == other).count();
+            steps.extend(open[common..].iter().map(|_| Step::Out));
+            steps.extend(scopes[common..].iter().map(|scope| Step::Into(scope)));
+            steps.push(Step::Signal(*signal, name));
+            open = scopes;
+        }
+        steps.extend(open.iter().map(|_| Step::Out));
+        steps
+    }
+
+    fn changes_of(&self, what: Of) -> impl Iterator<Item = &Change> {
+        let is_it = move |change: &&Change| self.signals.get(change.signal).is_some_and(|it| it.of == what);
+        self.changes.iter().filter(is_it)
+    }
+
+    /// What is the same as before is no change; what happens, happens again.
+    fn drop_repetitions(&mut self) {
+        let mut shown: HashMap<usize, Content> = HashMap::new();
+        self.changes.retain(|Change { signal, content, .. }| {
+            *content == Content::Event || shown.insert(*signal, content.clone()).as_ref() != Some(content)
+        });
+    }
+}
+
+struct Taking {
+    reader: Reader,
+    waves: Waves,
+}
+
+impl Taking {
+    fn take(&mut self, record: &Record) {
+        let event = record.event;
+        let scopes = self.scopes(event.source());
+        if let Some(Changed { plc, offset, how, to, .. }) = event.get() {
+            let place = self.reader.followed(plc, offset, how.width, how.live);
+            self.register(record, &scopes, (plc, offset), &place, how.width, to);
+        } else if let Some(ChannelWrite { plc, offset, width, value }) = event.get() {
+            if !self.waves.is_recorded(plc, offset) {
+                let place = self.reader.accessed(plc, offset, width);
+                let width = place.width();
+                self.register(record, &scopes, (plc, offset), &place, width, value);
+            }
+        } else if let Some(stored) = event.stored() {
+            if !self.waves.is_recorded(stored.plc, stored.offset) {
+                let place = self.reader.whole(stored.plc, stored.offset);
+                let width = place.width();
+                self.register(record, &scopes[..1], (stored.plc, stored.offset), &place, width, stored.now);
+            }
+        } else if let Some(carried) = event.frame() {
+            let id = match carried.frame.arbitration().id() {
+                Id::Standard(id) => id.as_raw().into(),
+                Id::Extended(id) => id.as_raw(),
+            };
+            self.note(record, &scopes, "frame_end", Of::Other, Content::Event);
+            self.note(record, &scopes, "id", Of::Other, Content::number(ID_BITS, id.into()));
+            self.note(record, &scopes, "data", Of::Other, Content::data(&carried.frame));
+            if let Some(slot) = event.slot() {
+                self.note(record, &scopes, "slot", Of::Other, Content::Text(slot.to_owned()));
+            }
+            let text = event.text(&mut self.reader);
+            self.note(record, &scopes, "frame", Of::Other, Content::Text(text));
+        } else if event.kind().ring() == Ring::Registers {
+            self.note(record, &scopes, event.kind().name(), Of::Edge, Content::Event);
+        } else {
+            let text = event.text(&mut self.reader);
+            self.note(record, &scopes, event.kind().name(), Of::Other, Content::Text(text));
+        }
+    }
+
+    /// Bus, or PLC and port.
+    fn scopes(&self, source: Source) -> Vec<String> {
+        self.reader.names.source(source).split(':').map(str::to_owned).collect()
+    }
+
+    fn register(
+        &mut self,
+        record: &Record,
+        scopes: &[String],
+        (plc, offset): (u16, u32),
+        place: &Place,
+        width: Width,
+        value: u32,
+    ) {
+        let name = place.name().unwrap_or_else(|| place.address());
+        let (areas, name) = match name.split_once('.') {
+            Some((area, name)) if !name.is_empty() && !area.starts_with('%') => (vec![area.to_owned()], name),
+            _ => (Vec::new(), name.as_str()),
+        };
+        let scopes = [scopes, &areas].concat();
+        let content = Content::number(8 * width.bytes(), value.into());
+        self.note(record, &scopes, name, Of::Register(plc, offset), content);
+        if let Some(meaning) = place.meaning(value) {
+            self.note(record, &scopes, &format!("{name}_text"), Of::Other, Content::Text(meaning));
+        }
+    }
+
+    fn note(&mut self, record: &Record, scopes: &[String], name: &str, of: Of, content: Content) {
+        let content = match content {
+            Content::Text(text) => Content::Text(word(&text)),
+            other => other,
+        };
+        let path = scopes.iter().map(String::as_str).chain([name]).map(word).collect();
+        let Waves { paths, signals, changes, .. } = &mut self.waves;
+        let signal = *paths.entry(path).or_insert(signals.len());
+        if signal == signals.len() {
+            signals.push(Signal { shape: content.shape(), of });
+        }
+        for time_us in record.times() {
+            changes.push(Change { time_us, signal, content: content.clone() });
+        }
+    }
+}
+
+/// As names and texts stand in waveforms: without blanks, and without brackets, which would mean bits.
+fn word(text: &str) -> String {
+    let allowed = text.trim().replace("][", "_").replace(']', "").replace('[', "_");
+    let allowed = allowed.replace(|c: char| c.is_control() && !c.is_whitespace(), "_");
+    allowed.split_whitespace().collect::<Vec<_>>().join("_")
+}

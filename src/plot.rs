@@ -1,0 +1,33 @@
+//! Plots: registers over emulated time, as SVG or PNG.
+//!
+//! A [`Row`] for each register, one below the other, over the SYNC edges. Nothing is drawn that the journal does not tell: a
+//! register's line begins with the first value that is known, and holds each value until the next one.
+
+mod draw;
+mod render;
+mod row;
+
+pub use render::{Picture, PlotError};
+pub use row::{Row, Style, address_of};
+
+/// What a plot shows.
+pub struct Plot {
+    /// Where it begins, in emulated microseconds since power-on.
+    pub from_us: u64,
+    /// Where it ends, later than that.
+    pub to_us: u64,
+    /// SYNC edges in it, ascending.
+    pub edges: Vec<u64>,
+    /// The registers.
+    pub rows: Vec<Row>,
+}
+
+impl Plot {
+    /// A plot of these rows; of values and edges only those are kept that can be seen.
+    pub fn new(from_us: u64, to_us: u64, mut edges: Vec<u64>, mut rows: Vec<Row>) -> Self {
+        let to_us = to_us.max(from_us + 1);
+        rows.iter_mut().for_each(|row| row.cut(from_us, to_us, &edges));
+        edges.retain(|edge| (from_us..=to_us).contains(edge));
+        Self { from_us, to_us, edges, rows }
+    }
+}

@@ -1,0 +1,108 @@
+//! Plots as files. The font is part of the program: neither the machine that draws nor the test that looks has to have any.
+
+use super::{Plot, draw};
+use plotters::backend::{BitMapBackend, SVGBackend};
+use plotters::drawing::IntoDrawingArea;
+use plotters::style::{FontStyle, register_font};
+use std::path::Path;
+use std::sync::Once;
+use thiserror::Error;
+
+/// The name that the font has for who draws, and that of a font like it for who shows an SVG.
+pub(super) const FONT: &str = "monospace";
+
+/// Why there is no plot.
+#[derive(Debug, Error)]
+pub enum PlotError {
+    /// A file that is neither SVG nor PNG.
+    #[error("`{0}`: the name of a plot ends in .svg or .png")]
+    Name(String),
+    /// It could not be drawn.
+    #[error("the plot cannot be drawn: {0}")]
+    Drawing(String),
+    /// The picture could not be encoded.
+    #[error("the plot cannot be encoded: {0}")]
+    Encoding(String),
+}
+
+/// In which format a plot is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Picture {
+    /// Scalable Vector Graphics.
+    Svg,
+    /// Portable Network Graphics.
+    Png,
+}
+
+impl Picture {
+    /// What a file of this name holds.
+    ///
+    /// # Errors
+    /// Its name ends in something else.
+    pub fn of(file: &Path) -> Result<Self, PlotError> {
+        match file.extension().and_then(|ending| ending.to_str()) {
+            Some("svg") => Ok(Picture::Svg),
+            Some("png") => Ok(Picture::Png),
+            _ => Err(PlotError::Name(file.display().to_string())),
+        }
+    }
+}
+
+impl Plot {
+    /// The plot as the contents of a file.
+    ///
+    /// # Errors
+    /// [`PlotError`] if it cannot be drawn or encoded.
+    pub fn render(&self, picture: Picture) -> Result<Vec<u8>, PlotError> {
+        match picture {
+            Picture::Svg => self.svg().map(String::into_bytes),
+            Picture::Png => self.png(),
+        }
+    }
+
+    /// The plot as SVG.
+    ///
+    /// # Errors
+    /// [`PlotError::Drawing`].
+    pub fn svg(&self) -> Result<String, PlotError> {
+        register();
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, draw::size(self)).into_drawing_area();
+        draw::draw(self, &area).and_then(|()| area.present()).map_err(drawing)?;
+        drop(area);
+        Ok(text)
+    }
+
+    /// The plot as PNG.
+    ///
+    /// # Errors
+    /// [`PlotError::Drawing`], [`PlotError::Encoding`].
+    pub fn png(&self) -> Result<Vec<u8>, PlotError> {
+        register();
+        let (width, height) = draw::size(self);
+        let mut pixels = vec![0; 3 * width as usize * height as usize];
+        let area = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
+        draw::draw(self, &area).and_then(|()| area.present()).map_err(drawing)?;
+        drop(area);
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
+        written.map_err(|error| PlotError::Encoding(error.to_string()))?;
+        Ok(file)
+    }
+}
+
+fn drawing(error: impl std::fmt::Display) -> PlotError {
+    PlotError::Drawing(error.to_string())
+}
+
+/// Tells who draws which font there is.
+fn register() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // A font that is part of the program and cannot be read would fail every test of plots.
+        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::HACK_REGULAR);
+    });
+}

@@ -1,0 +1,164 @@
+//! One register of a plot.
+
+use crate::journal::Past;
+use crate::layout::place::Place;
+use crate::layout::{Address, Live, Meaning, RegType};
+
+/// What a handshake register holds while the firmware has yet to answer, and when it has.
+const REQUEST: u32 = 0x05;
+const ANSWER: u32 = 0x04;
+
+/// How a register is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// Codes and bits: each value holds until the next.
+    Steps,
+    /// A number that moves, from each value to the next.
+    Line,
+    /// Spans from 16#05 to its answer.
+    Handshake,
+}
+
+/// One register of a plot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Row {
+    /// The register's name.
+    pub name: String,
+    /// How it is drawn.
+    pub style: Style,
+    /// Times in microseconds, ascending, and what the register held from then on: as a number of its type.
+    pub points: Vec<(u64, i64)>,
+    /// The values as text, of the same length.
+    pub texts: Vec<String>,
+    /// What else there is to say about it.
+    pub note: Option<String>,
+}
+
+impl Row {
+    /// The register at `place`, with all that a journal tells of it: of a single bit its register's past.
+    pub fn of(name: String, place: &Place, past: &Past) -> Self {
+        // Types and meanings of registers that overlay each other are told apart by what the firmware does; here those
+        // of the cyclic structure stand for both.
+        let live = Live::Cyclic;
+        let bit = place.bit_in();
+        let number = |value: u32| match bit {
+            Some((_, bit)) => i64::from(value >> bit & 1),
+            None => place.ty(live).number(value),
+        };
+        let text = |value: u32| match bit {
+            Some((_, bit)) => (value >> bit & 1).to_string(),
+            None => place.format(live, value),
+        };
+        let points: Vec<_> = past.values.iter().map(|(time, value)| (*time, number(*value))).collect();
+        let texts = past.values.iter().map(|(_, value)| text(*value)).collect();
+        let note = match (past.values.is_empty(), past.is_recorded) {
+            (true, _) => Some("nothing in the journal".to_owned()),
+            (false, false) => Some("not recorded: what the journal tells".to_owned()),
+            (false, true) => None,
+        };
+        let meaning = place.meanings(live).filter(|_| bit.is_none());
+        let ty = bit.map_or(place.ty(live), |_| RegType::Byte);
+        Self { name, style: style(ty, meaning), points, texts, note }
+    }
+
+    /// Keeps what can be seen from `from_us` to `to_us`, with the value that holds at the beginning.
+    pub(super) fn cut(&mut self, from_us: u64, to_us: u64, edges: &[u64]) {
+        let first = self.points.partition_point(|(time, _)| *time <= from_us).saturating_sub(1);
+        let end = self.points.partition_point(|(time, _)| *time <= to_us);
+        self.points.truncate(end);
+        self.texts.truncate(end);
+        self.points.drain(..first.min(end));
+        self.texts.drain(..first.min(end));
+        if self.style == Style::Line {
+            self.hold(edges);
+        }
+        if let Some((time, _)) = self.points.first_mut() {
+            *time = (*time).max(from_us);
+        }
+    }
+
+    /// A number moves in the interval in which it changes; before that it holds.
+    fn hold(&mut self, edges: &[u64]) {
+        let mut held: Vec<(u64, i64)> = Vec::with_capacity(2 * self.points.len());
+        let mut texts = Vec::with_capacity(2 * self.points.len());
+        for ((time, value), text) in self.points.iter().zip(&self.texts) {
+            if let Some((before, value)) = held.last().copied() {
+                // The last edge before the change; without SYNC nobody knows when it began to move.
+                let at =
+                    edges.partition_point(|edge| edge < time).checked_sub(1).map_or(*time, |at| edges[at]);
+                if at > before {
+                    held.push((at, value));
+                    texts.push(String::new());
+                }
+            }
+            held.push((*time, *value));
+            texts.push(text.clone());
+        }
+        (self.points, self.texts) = (held, texts);
+    }
+
+    /// Of a handshake: begin and end of each span, and whether it has been answered.
+    pub(super) fn spans(&self, to_us: u64) -> Vec<(u64, u64, bool)> {
+        let ends = self.points.iter().skip(1).map(|(time, value)| (*time, *value == i64::from(ANSWER)));
+        let ends = ends.chain([(to_us, false)]);
+        let spans = self.points.iter().zip(ends).filter(|((_, value), _)| *value == i64::from(REQUEST));
+        spans.map(|((begin, _), (end, is_answered))| (*begin, end, is_answered)).collect()
+    }
+}
+
+/// The address whose past a row at `place` shows.
+pub fn address_of(place: &Place) -> Address {
+    place.bit_in().map_or(place.address(), |(register, _)| register.address())
+}
+
+/// How a register of this type and meaning is drawn.
+fn style(ty: RegType, meaning: Option<&'static Meaning>) -> Style {
+    let Some(meaning) = meaning else {
+        return match ty {
+            RegType::Byte | RegType::Word | RegType::Dword => Style::Steps,
+            RegType::Sint | RegType::Int | RegType::Dint => Style::Line,
+            RegType::Usint | RegType::Uint | RegType::Udint => Style::Line,
+        };
+    };
+    let has = |value| meaning.value(value).is_some_and(|it| it.first == it.last);
+    if has(REQUEST) && has(ANSWER) { Style::Handshake } else { Style::Steps }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(style: Style, points: &[(u64, i64)]) -> Row {
+        let texts = points.iter().map(|(_, value)| value.to_string()).collect();
+        Row { name: "r".to_owned(), style, points: points.to_vec(), texts, note: None }
+    }
+
+    #[test]
+    fn what_held_at_the_beginning_is_kept_and_what_cannot_be_seen_is_not() {
+        let mut cut = row(Style::Steps, &[(0, 1), (10, 2), (20, 3), (30, 4)]);
+        cut.cut(15, 25, &[]);
+        assert_eq!((cut.points, cut.texts), (vec![(15, 2), (20, 3)], vec!["2".to_owned(), "3".to_owned()]));
+        let mut unknown = row(Style::Steps, &[(30, 4)]);
+        unknown.cut(15, 25, &[]);
+        assert_eq!(unknown.points, []);
+        let mut later = row(Style::Steps, &[(20, 4)]);
+        later.cut(15, 25, &[]);
+        assert_eq!(later.points, [(20, 4)], "before it nothing is known");
+    }
+
+    #[test]
+    fn a_number_holds_until_the_interval_in_which_it_changes() {
+        let mut line = row(Style::Line, &[(100, 0), (2500, 5), (10_400, 9)]);
+        line.cut(0, 20_000, &[0, 2000, 4000, 6000, 8000, 10_000, 12_000]);
+        assert_eq!(line.points, [(100, 0), (2000, 0), (2500, 5), (10_000, 5), (10_400, 9)]);
+        let mut without = row(Style::Line, &[(100, 0), (2500, 5)]);
+        without.cut(0, 20_000, &[]);
+        assert_eq!(without.points, [(100, 0), (2500, 0), (2500, 5)]);
+    }
+
+    #[test]
+    fn spans_go_from_the_request_to_what_comes_next() {
+        let spans = row(Style::Handshake, &[(0, 0), (5, 5), (9, 4), (12, 5), (13, 1), (20, 5)]).spans(30);
+        assert_eq!(spans, [(5, 9, true), (12, 13, false), (20, 30, false)]);
+    }
+}

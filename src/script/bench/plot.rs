@@ -1,0 +1,34 @@
+//! Plots of registers.
+
+use super::Bench;
+use crate::devices;
+use crate::journal::{Selection, Waves};
+use crate::layout::Live;
+use crate::plot::{Plot, Row, address_of};
+use crate::script::ScenarioError;
+
+/// Most registers in a plot.
+const MOST: usize = 64;
+
+impl Bench {
+    /// What these registers have held from time `from_us` (microseconds) to now, as far as the journal tells: every change of
+    /// those that are recorded ([`Bench::record`]).
+    ///
+    /// # Errors
+    /// There is no such register, or there are more than 64.
+    pub fn plot(&mut self, registers: &[&str], from_us: u64) -> Result<Plot, ScenarioError> {
+        if registers.len() > MOST {
+            let right = format!("a plot has at most {MOST} registers");
+            return Err(ScenarioError::argument(&format!("{} registers", registers.len()), &right));
+        }
+        let found = registers.iter().map(|text| self.find(text)).collect::<Result<Vec<_>, _>>()?;
+        let (records, _) = self.records(0)?;
+        let waves = Waves::of(&records, &Selection::default(), self.names.clone(), devices::catalogue());
+        let rows = found.iter().map(|register| {
+            let past = waves.register(register.plc(), address_of(register.place()).offset());
+            Row::of(register.name(Live::Cyclic), register.place(), &past)
+        });
+        let rows = rows.collect();
+        Ok(Plot::new(from_us, self.now()?, waves.edges(), rows))
+    }
+}

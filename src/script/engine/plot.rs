@@ -1,0 +1,79 @@
+//! The verb for plots.
+
+use super::arguments::{names, number};
+use super::{Stage, Verbs};
+use crate::script::ScenarioError;
+use rhai::{Array, INT};
+
+impl Verbs {
+    pub(super) fn plots(&mut self) {
+        self.on("plot", |stage| {
+            move |file: &str, registers: Array| stage.with(|stage| stage.plot(file, &registers, None))
+        });
+        self.on("plot", |stage| {
+            move |file: &str, registers: Array, since: INT| {
+                stage.with(|stage| stage.plot(file, &registers, Some(number(since, "time")?)))
+            }
+        });
+    }
+}
+
+#[cfg(feature = "studio")]
+impl Stage {
+    /// Draws registers into a file beside the scenario, and for the report.
+    fn plot(&mut self, file: &str, registers: &Array, since: Option<u64>) -> Result<(), ScenarioError> {
+        use crate::plot::Picture;
+        use crate::script::Drawn;
+        use std::path::{Component, Path};
+
+        /// Most plots that a report has, and the most bytes of all together.
+        const MOST: usize = 256;
+        const LARGEST: usize = 8 << 20;
+
+        let wrong = |error: &dyn core::fmt::Display| ScenarioError::argument(file, &error.to_string());
+        let parts: Vec<_> = Path::new(file).components().collect();
+        if !matches!(parts.as_slice(), [Component::Normal(_)]) {
+            return Err(wrong(&"a plot stands beside the scenario, so its name has no directories"));
+        }
+        let picture =
+            Picture::of(file.as_ref()).map_err(|_| wrong(&"the name of a plot ends in .svg or .png"))?;
+        let registers = names(registers, "register")?;
+        let registers: Vec<_> = registers.iter().map(String::as_str).collect();
+        let started_us = self.bench()?.started_us();
+        let plot = self.bench()?.plot(&registers, since.unwrap_or(started_us))?;
+        let bytes = plot.render(picture).map_err(|error| wrong(&error))?;
+        let svg = plot.svg().map_err(|error| wrong(&error))?;
+        let size: usize = self.plots.iter().map(|plot| plot.svg.len()).sum();
+        if self.plots.len() == MOST || size + svg.len() > LARGEST {
+            let right = format!("a scenario draws at most {MOST} plots, of {} MiB together", LARGEST >> 20);
+            return Err(wrong(&right));
+        }
+        write_anew(&self.directory.join(file), &bytes).map_err(|error| wrong(&error))?;
+        self.plots.push(Drawn { name: file.to_owned(), svg });
+        Ok(())
+    }
+}
+
+/// Puts a new file in the place of whatever stands there, and follows no link.
+#[cfg(feature = "studio")]
+fn write_anew(path: &std::path::Path, bytes: &[u8]) -> std::io::Result<()> {
+    use std::io::Write;
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = path.with_file_name(name);
+    let mut file = std::fs::File::create_new(&temporary)?;
+    let written = file.write_all(bytes).and_then(|()| std::fs::rename(&temporary, path));
+    written.inspect_err(|_| {
+        // What is left of it helps nobody.
+        let _ = std::fs::remove_file(&temporary);
+    })
+}
+
+#[cfg(not(feature = "studio"))]
+impl Stage {
+    /// Says that there are no plots.
+    fn plot(&mut self, file: &str, registers: &Array, _: Option<u64>) -> Result<(), ScenarioError> {
+        names(registers, "register")?;
+        Err(ScenarioError::argument(file, "this commram was built without plots (feature `studio`)"))
+    }
+}

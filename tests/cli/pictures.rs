@@ -1,0 +1,158 @@
+//! Plots and pages: what `commram plot`, the verb `plot` and `commram test --report html` draw.
+#![cfg(feature = "channel")]
+
+#[cfg(feature = "studio")]
+use crate::common::Emulator;
+use crate::common::{finish, is_there, python};
+use crate::scenarios::Scripts;
+use serde_json::{Value, json};
+use std::process::Command;
+
+/// A master in set-up mode whose registers are recorded, and the times of its first two handshakes.
+#[cfg(feature = "studio")]
+fn recorded() -> Emulator {
+    let emulator = Emulator::start(&["--clock", "stepped", "--watch", "node2"]);
+    emulator.poke(&["node2.w_CPU_CONTROL=16#0001"]);
+    emulator.step(&["1ms"]);
+    let data = ["node2.b_BT_1=16#1C", "node2.b_TIME_PATTERN=2", "node2.b_AC=16#FF", "node2.b_AM=16#FF"];
+    emulator.poke(&[&data[..], &["node2.w_CPU_CONTROL=16#0002"]].concat());
+    emulator.step(&["1ms"]);
+    emulator
+}
+
+#[cfg(feature = "studio")]
+#[test]
+fn an_instance_and_its_journal_give_the_same_plot() {
+    let emulator = recorded();
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let registers = ["node2.w_CPU_CONTROL", "node2.w_OPTION_STATUS", "node2.w_OPTION_STATUS.1"];
+    let (live, past, png) = (path("live.svg"), path("past.svg"), path("live.png"));
+    let plot = |more: &[&str]| emulator.run("plot", &[&registers, more].concat());
+    assert_eq!(plot(&["-o", &live, "--to", "2ms"]).ok(), "");
+    std::fs::write(path("run.jsonl"), emulator.run("trace", &["--format", "jsonl"]).ok()).unwrap();
+    // The file needs no instance.
+    let mut of_file = crate::common::commram();
+    of_file.arg("plot").args(registers).args(["--to", "2ms", "--journal", &path("run.jsonl"), "-o", &past]);
+    // Nor any font of the machine.
+    of_file
+        .env("FONTCONFIG_FILE", "/dev/null")
+        .env("HOME", "/nonexistent")
+        .env("XDG_DATA_DIRS", "/nonexistent");
+    assert_eq!(finish(&mut of_file).ok(), "");
+    let svg = std::fs::read_to_string(&live).unwrap();
+    assert_eq!(svg, std::fs::read_to_string(&past).unwrap());
+    for text in ["node2.w_OPTION_STATUS", "16#0002", "500 us", "2 ms"] {
+        assert!(svg.contains(text), "{text}\n{svg}");
+    }
+    plot(&["-o", &png]).ok();
+    assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG\r\n"));
+    // Of what nothing is known, nothing is drawn, and that is said.
+    let unknown = emulator.run("plot", &["node1.w_CPU_CONTROL", "-o", &live]);
+    let said = "node1.w_CPU_CONTROL: nothing in the journal";
+    assert!(unknown.code == Some(0) && unknown.err.contains(said), "{}", unknown.err);
+    for (args, told) in [
+        (&["node2.w_CPU_CONTROL", "-o", "x.gif"][..], "ends in .svg or .png"),
+        (&["node2.w_CPU_CONTROL", "-o", "x.svg", "--from", "2ms", "--to", "1ms"], "later than --from"),
+        (&["%MB3.200001", "-o", "x.svg"], "a part of a register"),
+        (&["node2.w_NO", "-o", "x.svg"], "w_NO"),
+    ] {
+        assert!(emulator.run("plot", args).fails(2).contains(told), "{told}");
+    }
+}
+
+/// A scenario with a plot that fails, and one with a hostile name that passes.
+fn scripts() -> Scripts {
+    let plot = if cfg!(feature = "studio") {
+        "plot(\"start.svg\", [\"node2.w_OPTION_STATUS\"]);\nplot(\"late.png\", [\"node2.w_CPU_CONTROL\"], 500);"
+    } else {
+        ""
+    };
+    let failing = format!(
+        "record(\"node2\");\nsection(\"start\");\npoke(\"node2.w_CPU_CONTROL\", 1);\n\
+         wait(\"node2.w_OPTION_STATUS\", 2, \"1ms\");\npoke(\"node2.b_AM\", 3);\n{plot}\nsection(\"<i>wrong</i>\");\n\
+         expect(\"node2.w_OPTION_STATUS\", 3);"
+    );
+    Scripts::new(&[
+        ("fails.rhai", &failing),
+        ("<b onclick=x>'&amp;.rhai", "expect(\"node2.w_CPU_CONTROL\", 0);"),
+    ])
+}
+
+#[test]
+fn a_report_opens_in_a_browser_without_a_complaint() {
+    let scripts = scripts();
+    let files = ["fails.rhai", "<b onclick=x>'&amp;.rhai"];
+    let outcome = scripts.run(&[&files[..], &["--report", "html=report.html"]].concat());
+    assert_eq!(outcome.code, Some(1), "{}{}", outcome.out, outcome.err);
+    let page = scripts.read("report.html");
+    for text in ["&lt;b onclick=x&gt;&#39;&amp;amp;", "&lt;i&gt;wrong&lt;/i&gt;", "16#0002", "fails.rhai:"] {
+        assert!(page.contains(text), "{text}\n{page}");
+    }
+    let plots = if cfg!(feature = "studio") { 2 } else { 0 };
+    assert_eq!(page.matches("<figure>").count(), plots);
+    if plots > 0 {
+        assert!(scripts.read("start.svg").starts_with("<svg"));
+        assert!(std::fs::read(scripts.0.path().join("late.png")).unwrap().starts_with(b"\x89PNG"));
+    }
+    let refused = scripts.run(&["fails.rhai", "--report", "pdf"]);
+    assert!(refused.fails(2).contains("write html, or html=FILE"), "{}", refused.err);
+    if !is_there("chromium") {
+        return;
+    }
+    let Some(python) = python(&["websocket"]) else { return };
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_page.py");
+    let mut browser = Command::new(python.get_program());
+    let told = finish(browser.arg(script).arg("chromium").arg(scripts.0.path().join("report.html")));
+    let shown: Value = serde_json::from_str(told.ok()).unwrap();
+    let wanted = json!({
+        "title": "commram: not all passed",
+        "scripts": 0,
+        "names": ["fails failed", "<b onclick=x>'&amp; passed"],
+        "badges": ["failed", "passed", "passed", "failed", "passed"],
+        "sequences": [true],
+        "plots": vec![true; plots],
+        "wide": false,
+    });
+    assert_eq!(shown, wanted);
+}
+
+#[cfg(feature = "studio")]
+#[test]
+fn a_plot_stands_beside_its_scenario_and_nowhere_else() {
+    for name in ["../x.svg", "/tmp/x.svg", "a/b.svg", "x.txt", ".svg", ""] {
+        let script = format!("plot(\"{name}\", [\"node2.w_CPU_CONTROL\"]);");
+        let scripts = Scripts::new(&[("one.rhai", &script)]);
+        let outcome = scripts.run(&["one.rhai", "--allow-empty"]);
+        assert_eq!(outcome.code, Some(2), "{name}: {}", outcome.out);
+        assert!(
+            outcome.out.contains("beside the scenario") || outcome.out.contains(".svg or .png"),
+            "{}",
+            outcome.out
+        );
+    }
+    // A link there is replaced, not followed.
+    let scripts =
+        Scripts::new(&[("one.rhai", "plot(\"x.svg\", [\"node2.w_CPU_CONTROL\"]);"), ("mine", "mine")]);
+    std::os::unix::fs::symlink(scripts.0.path().join("mine"), scripts.0.path().join("x.svg")).unwrap();
+    scripts.run(&["one.rhai", "--allow-empty"]).ok();
+    assert_eq!(scripts.read("mine"), "mine");
+    assert!(scripts.read("x.svg").starts_with("<svg"));
+}
+
+/// What docs/debugging.md finds in the program, and what mends it.
+#[test]
+fn the_drive_of_the_wrong_order_stands_still_and_that_of_the_right_order_turns() {
+    let wrong = include_str!("../../tools/examples/wrong-order.rhai");
+    let (control, word) = (
+        "    poke(\"node2.a_STEUREG_CONTROLWORD[1]\", 0x05);\n",
+        "    poke(\"node2.a_CONTROLWORD_SL[1]\", word);\n",
+    );
+    let right = wrong.replacen(control, "?", 1).replacen(word, control, 1).replacen('?', word, 1);
+    assert!(wrong.find(control) < wrong.find(word) && right.find(control) > right.find(word), "{right}");
+    let plant = include_str!("../../tools/examples/wrong-order.toml");
+    let scripts = Scripts::new(&[("wrong.rhai", wrong), ("right.rhai", &right), ("wrong-order.toml", plant)]);
+    let stands = scripts.run(&["wrong.rhai"]);
+    assert!(stands.code == Some(1) && stands.out.contains("node2.a_RD_BMARRAY[1][0]"), "{}", stands.out);
+    scripts.run(&["right.rhai"]).ok();
+}
