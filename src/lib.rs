@@ -61,6 +61,8 @@ pub mod channel;
 pub mod check;
 #[cfg(feature = "cli")]
 pub mod cli;
+#[cfg(any(feature = "script", feature = "cli"))]
+mod counted;
 pub mod devices;
 #[cfg(feature = "emulator")]
 pub mod door;

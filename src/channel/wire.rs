@@ -109,6 +109,9 @@ pub mod kind {
     pub const SET_BOARD: u16 = 41;
     pub const FINDINGS: u16 = 50;
     pub const CLEAR_FINDINGS: u16 = 51;
+    pub const DRIVES: u16 = 80;
+    pub const DRIVE: u16 = 81;
+    pub const SET_PARAMETER: u16 = 82;
     pub const BUSES: u16 = 60;
     pub const DOOR_OPEN: u16 = 61;
     pub const DOOR_CLOSE: u16 = 62;
@@ -137,6 +140,8 @@ pub mod reply_kind {
     pub const BOARD: u16 = 40;
     pub const FINDINGS: u16 = 50;
     pub const CLEARED: u16 = 51;
+    pub const DRIVES: u16 = 80;
+    pub const DRIVE: u16 = 81;
     pub const BUSES: u16 = 60;
     pub const DOOR_OPENED: u16 = 61;
     pub const DOORS_CLOSED: u16 = 62;
@@ -230,6 +235,15 @@ impl From<&Op> for WireOp {
             Op::Findings => WireOp { kind: kind::FINDINGS, ..WireOp::default() },
             Op::ClearFindings => WireOp { kind: kind::CLEAR_FINDINGS, ..WireOp::default() },
             Op::Buses => WireOp { kind: kind::BUSES, ..WireOp::default() },
+            Op::Drives => WireOp { kind: kind::DRIVES, ..WireOp::default() },
+            Op::Drive { drive } => WireOp { kind: kind::DRIVE, plc: drive, ..WireOp::default() },
+            Op::SetParameter { drive, number, value } => WireOp {
+                kind: kind::SET_PARAMETER,
+                plc: drive,
+                node: number,
+                time_us: value as u64,
+                ..WireOp::default()
+            },
             Op::DoorOpen { bus, door } => {
                 WireOp { kind: kind::DOOR_OPEN, plc: bus, ..door::encode(Some(door)) }
             }
@@ -304,6 +318,9 @@ impl TryFrom<WireOp> for Op {
             kind::FINDINGS => Op::Findings,
             kind::CLEAR_FINDINGS => Op::ClearFindings,
             kind::BUSES => Op::Buses,
+            kind::DRIVES => Op::Drives,
+            kind::DRIVE => Op::Drive { drive: plc },
+            kind::SET_PARAMETER => Op::SetParameter { drive: plc, number: wire.node, value: time_us as i64 },
             kind::DOOR_OPEN => {
                 let door = door::decode(&wire)?.ok_or(BadField::new("the door", wire.width))?;
                 Op::DoorOpen { bus: plc, door }

@@ -4,7 +4,7 @@ use crate::rules;
 
 rules! {
     OWNER: 0, "owner", Error, "the register's page; D-17",
-        "A register that only the firmware writes was written; the firmware will overwrite it. Only read it; whoever copies whole structures (VAR_IN_OUT of IEC programs, memcpy) writes such registers back.";
+        "A register that only the firmware writes was written; what was written stands there until the firmware writes it the next time, which may be never, and the firmware does not look at it. Only read it; whoever copies whole structures (VAR_IN_OUT of IEC programs, memcpy) writes such registers back.";
     RESERVED_REGISTER: 1, "reserved-register", Error, "the register's page; D-91",
         "A reserved register was written. Leave it at 0.";
     RESERVED_BIT: 2, "reserved-bit", Error, "the register's page",

@@ -36,8 +36,9 @@ enum Command {
 
 /// List the buses, the doors to them and the guests there.
 ///
-/// `seat`: it has asked for emulated time, which waits for it if the clock is stepped. `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `errors`
-/// are the stations whose controllers have counted any, with transmit and receive errors.
+/// `seat`: it has asked for emulated time, which waits for it if the clock is stepped. `dropped` counts the frames that a guest did not take in time, `refused` those of its own that the bus did not take. `stations`
+/// are those whose controllers have counted any, with transmit and receive errors. `other_rates` are those that are set
+/// to another rate, in kbit/s, and hear nothing; while a bus waits for its master, its rate is the one of the plant file.
 #[derive(ClapArgs)]
 #[command(after_help = "\
 Examples:
@@ -99,12 +100,15 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 }
 
 #[cfg(feature = "channel")]
+pub(crate) use by_channel::Rate;
+
+#[cfg(feature = "channel")]
 mod by_channel {
     use super::super::session::Session;
     use super::super::table::{self, Format, Row};
     use super::super::{Instance, error::CliError, output};
     use crate::door::{DoorSpec, GuestState};
-    use crate::request::{BusState, Op, Station};
+    use crate::request::{self, BusState, Op, Station};
     use serde::Serialize;
 
     /// A bus of the list.
@@ -116,18 +120,36 @@ mod by_channel {
         doors: Vec<String>,
         guests: Vec<Guest>,
         stations: Vec<Station>,
+        other_rates: Vec<Stranger>,
+    }
+
+    /// Who is set to another rate.
+    #[derive(Serialize)]
+    struct Stranger {
+        name: String,
+        kbit_s: Rate,
+    }
+
+    impl Stranger {
+        fn of(state: &request::Stranger) -> Self {
+            Stranger { name: state.name.clone(), kbit_s: Rate::of(state.bit_s) }
+        }
+
+        fn text(&self) -> String {
+            format!("{} ({})", self.name, self.kbit_s.text())
+        }
     }
 
     /// In kbit/s; a whole number where it is one.
     #[derive(Clone, Copy, Serialize)]
     #[serde(untagged)]
-    enum Rate {
+    pub(crate) enum Rate {
         Whole(u32),
         Broken(f64),
     }
 
     impl Rate {
-        fn of(bit_s: u32) -> Self {
+        pub(crate) fn of(bit_s: u32) -> Self {
             if bit_s.is_multiple_of(1000) {
                 Rate::Whole(bit_s / 1000)
             } else {
@@ -135,7 +157,7 @@ mod by_channel {
             }
         }
 
-        fn text(self) -> String {
+        pub(crate) fn text(self) -> String {
             match self {
                 Rate::Whole(kbit_s) => kbit_s.to_string(),
                 Rate::Broken(kbit_s) => kbit_s.to_string(),
@@ -191,6 +213,7 @@ mod by_channel {
                 doors: state.doors.iter().map(|door| door.door.to_string()).collect(),
                 guests: state.doors.iter().flat_map(|door| &door.guests).map(Guest::of).collect(),
                 stations: state.stations.clone(),
+                other_rates: state.strangers.iter().map(Stranger::of).collect(),
             }
         }
     }
@@ -203,7 +226,8 @@ mod by_channel {
     }
 
     impl Row for Entry {
-        const COLUMNS: &'static [&'static str] = &["bus", "kind", "kbit_s", "doors", "guests", "stations"];
+        const COLUMNS: &'static [&'static str] =
+            &["bus", "kind", "kbit_s", "doors", "guests", "stations", "other_rates"];
 
         fn cells(&self) -> Vec<String> {
             let listed = |texts: Vec<String>| if texts.is_empty() { "-".to_owned() } else { texts.join(" ") };
@@ -214,6 +238,7 @@ mod by_channel {
                 listed(self.doors.clone()),
                 listed(self.guests.iter().map(Guest::text).collect()),
                 listed(self.stations.iter().filter_map(trouble).collect()),
+                listed(self.other_rates.iter().map(Stranger::text).collect()),
             ]
         }
     }

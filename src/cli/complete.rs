@@ -2,7 +2,7 @@
 //! faults.
 //!
 //! A completer gets the word under the cursor alone; what stands in front of it is read from the arguments of this process,
-//! which a shell calls as `commram -- WORDS`. Bash breaks words at `:` and `=`, the others do not.
+//! which a shell calls as `commram -- WORDS`. Bash breaks words at `:` and `=`, the others do not: [`whole`] mends them.
 
 use super::session::Session;
 use crate::devices;
@@ -11,7 +11,7 @@ use crate::layout::{Device, Fit, Fitted, Named, RegisterRef, split_plc, value};
 use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 
 /// What commands complete; each is a value for `#[arg(add = ...)]`.
 fn of(list: fn(&str) -> Vec<Candidate>) -> ArgValueCompleter {
@@ -62,6 +62,21 @@ pub(crate) fn buses() -> ArgValueCompleter {
     of(|current| starting(current, known_buses().into_iter().map(|name| (name, String::new()))))
 }
 
+/// Drives of the instance.
+pub(crate) fn drives() -> ArgValueCompleter {
+    of(|current| starting(current, known_drives()))
+}
+
+/// Parameters of the drive that stands in front: `P167=`.
+pub(crate) fn parameters() -> ArgValueCompleter {
+    of(|current| {
+        let words = words();
+        let drive = (0..).zip(known_drives()).find(|(_, (name, _))| words.contains(name));
+        let parameters = drive.map(|(number, _)| known_parameters(number)).unwrap_or_default();
+        starting(current, parameters.into_iter().map(|(name, help)| (format!("{name}="), help)))
+    })
+}
+
 /// Settings of a board: `NAME=`, with the PLC in front if there are several.
 pub(crate) fn settings() -> ArgValueCompleter {
     of(|current| {
@@ -107,20 +122,30 @@ pub(crate) fn fault_fields() -> ArgValueCompleter {
         let field_of = |name: &str| {
             kind.all_fields().find(|field| field.name() == name || field.other_name() == Some(name))
         };
-        let (given, begun) = before(&["="]);
-        match (current.split_once('='), begun.and_then(|name| field_of(&name))) {
-            (Some((name, _)), _) => {
+        match current.split_once('=') {
+            Some((name, _)) => {
                 let values = field_of(name).map(values_of_field).unwrap_or_default();
                 starting(current, values.into_iter().map(|value| (format!("{name}={value}"), String::new())))
             }
-            (None, Some(field)) => {
-                starting(current, values_of_field(field).into_iter().map(|value| (value, String::new())))
-            }
-            (None, None) => {
-                let left = kind.all_fields().filter(|field| !given.contains(&field.name().to_owned()));
+            None => {
+                let words = words();
+                let given = |field: &Field| {
+                    let is_it = |name: &str| field.name() == name || field.other_name() == Some(name);
+                    words.iter().any(|word| word.split_once('=').is_some_and(|(name, _)| is_it(name)))
+                };
+                let left = kind.all_fields().filter(|field| !given(field));
                 starting(current, left.map(|field| (format!("{}=", field.name()), field.about().to_owned())))
             }
         }
+    })
+}
+
+/// Numbers of the faults that wait or act.
+pub(crate) fn fault_numbers() -> ArgValueCompleter {
+    of(|current| {
+        let words = words();
+        let left = known_faults().into_iter().filter(|(number, _)| !words.contains(number));
+        starting(current, left)
     })
 }
 
@@ -165,39 +190,63 @@ fn starting(current: &str, all: impl IntoIterator<Item = (String, String)>) -> V
         .collect()
 }
 
-/// The words of the command line; those that shells break at `:` and `=` are still broken.
-fn words() -> Vec<String> {
-    std::env::args().skip_while(|word| word != "--").skip(1).collect()
+/// Whether bash has broken a word here.
+fn is_sign(word: &OsStr) -> bool {
+    word.to_str().is_some_and(|word| !word.is_empty() && word.bytes().all(|byte| matches!(byte, b'=' | b':')))
 }
 
-/// The words in front of the cursor, and the word whose value begins there: what stands in front of one of these signs.
-/// Bash leaves the sign out of the words if nothing stands behind it.
-fn before(signs: &[&str]) -> (Vec<String>, Option<String>) {
-    let words = words();
-    let index = std::env::var("_CLAP_COMPLETE_INDEX").ok().and_then(|index| index.parse().ok());
-    let index = index.unwrap_or(words.len().saturating_sub(1)).min(words.len());
-    let words = words.get(..index).unwrap_or_default().to_vec();
-    let begun = match words.as_slice() {
-        [.., name, sign] if signs.contains(&sign.as_str()) => Some(name.clone()),
-        _ => None,
+/// The words of a command line as they were typed. Bash breaks them at `=` and `:`, which are words of their own then.
+pub(super) fn whole(words: &[OsString]) -> Vec<OsString> {
+    let mut all: Vec<OsString> = Vec::new();
+    let mut goes_on = false;
+    for word in words {
+        match all.last_mut() {
+            Some(last) if goes_on || is_sign(word) => last.push(word),
+            _ => all.push(word.clone()),
+        }
+        goes_on = is_sign(word);
+    }
+    all
+}
+
+/// What of the last of these words bash leaves as it is: all that stands in front of the part under the cursor.
+pub(super) fn front_of_last(words: &[OsString]) -> OsString {
+    let end = match words.split_last() {
+        Some((last, rest)) if !is_sign(last) && rest.last().is_some_and(|word| is_sign(word)) => rest,
+        Some((last, _)) if is_sign(last) => words,
+        _ => return OsString::new(),
     };
-    (words, begun)
+    whole(end).pop().unwrap_or_default()
+}
+
+/// The words of the command line.
+fn words() -> Vec<String> {
+    let words: Vec<_> = std::env::args_os().skip_while(|word| word != "--").skip(1).collect();
+    whole(&words).into_iter().map(|word| word.to_string_lossy().into_owned()).collect()
+}
+
+/// What the command line gives for an option that is called so, or so.
+fn option(names: &[&str]) -> Option<String> {
+    let words = words();
+    let mut words = words.iter().map(String::as_str);
+    while let Some(word) = words.next() {
+        for name in names {
+            let given = match word.strip_prefix(name) {
+                Some("") => words.next(),
+                Some(value) if name.starts_with("--") => value.strip_prefix('='),
+                other => other,
+            };
+            if let Some(given) = given {
+                return Some(given.to_owned());
+            }
+        }
+    }
+    None
 }
 
 /// The instance that the command line names, else the usual one.
 fn instance() -> String {
-    let words = words();
-    let mut words = words.iter().map(String::as_str);
-    while let Some(word) = words.next() {
-        let given = match word {
-            "-i" | "--instance" => words.find(|word| *word != "="),
-            _ => word.strip_prefix("--instance=").or(word.strip_prefix("-i").filter(|name| !name.is_empty())),
-        };
-        if let Some(name) = given {
-            return name.to_owned();
-        }
-    }
-    std::env::var("COMMRAM_INSTANCE").unwrap_or_else(|_| "default".to_owned())
+    option(&["-i", "--instance"]).unwrap_or_else(super::InstanceName::usual)
 }
 
 #[cfg(feature = "channel")]
@@ -207,8 +256,54 @@ fn known_buses() -> Vec<String> {
     info.map(|info| info.names.buses).unwrap_or_default()
 }
 
+#[cfg(feature = "channel")]
+fn known_faults() -> Vec<(String, String)> {
+    use crate::request::Op;
+    let Ok(session) = Session::open(&super::Instance::running(&instance()), 0) else { return Vec::new() };
+    let (Ok(info), Ok(faults)) = (session.ask(Op::Info), session.ask(Op::FaultList)) else {
+        return Vec::new();
+    };
+    let names = info.info().map(|info| info.names).unwrap_or_default();
+    let faults = faults.faults().unwrap_or_default().into_iter();
+    faults.map(|it| (it.id.to_string(), it.fault.text(&names))).collect()
+}
+
+/// The drives with their states.
+#[cfg(feature = "channel")]
+fn known_drives() -> Vec<(String, String)> {
+    use crate::request::Op;
+    let session = Session::open(&super::Instance::running(&instance()), 0);
+    let drives = session.and_then(|session| Ok(session.ask(Op::Drives)?.drives()?)).unwrap_or_default();
+    drives.into_iter().map(|drive| (drive.name, drive.state.state)).collect()
+}
+
+/// The parameters of a drive that can be set, with what they are.
+#[cfg(feature = "channel")]
+fn known_parameters(drive: u16) -> Vec<(String, String)> {
+    use crate::request::Op;
+    let session = Session::open(&super::Instance::running(&instance()), 0);
+    let details = session.and_then(|session| Ok(session.ask(Op::Drive { drive })?.drive()?));
+    let parameters = details.map(|details| details.parameters).unwrap_or_default().into_iter();
+    parameters.filter(|it| !it.read_only).map(|it| (format!("P{}", it.number), it.name)).collect()
+}
+
+#[cfg(not(feature = "channel"))]
+fn known_drives() -> Vec<(String, String)> {
+    Vec::new()
+}
+
+#[cfg(not(feature = "channel"))]
+fn known_parameters(_: u16) -> Vec<(String, String)> {
+    Vec::new()
+}
+
 #[cfg(not(feature = "channel"))]
 fn known_buses() -> Vec<String> {
+    Vec::new()
+}
+
+#[cfg(not(feature = "channel"))]
+fn known_faults() -> Vec<(String, String)> {
     Vec::new()
 }
 
@@ -224,8 +319,7 @@ impl Scene {
             let plcs = (0..).zip(session.plcs()).map(|(number, name)| (name.clone(), session.fitted(number)));
             return Self { plcs: plcs.collect() };
         }
-        let mut words = words().into_iter();
-        let named = words.find(|word| word == "--device").and_then(|_| words.find(|word| word != "="));
+        let named = option(&["--device"]);
         let device: &'static Device =
             named.and_then(|name| devices::find(&name)).unwrap_or_else(devices::default).layout;
         Self { plcs: vec![(String::new(), Fitted::unknown(device))] }
@@ -235,19 +329,15 @@ impl Scene {
     fn prefixes(&self, current: &str) -> Vec<String> {
         match self.plcs.as_slice() {
             [(name, _)] => vec![if current.contains(':') { format!("{name}:") } else { String::new() }],
-            several => {
-                // Bash has taken off what stands in front of a colon.
-                let plain = before(&[":"]).1.map(|_| String::new());
-                plain.into_iter().chain(several.iter().map(|(name, _)| format!("{name}:"))).collect()
-            }
+            several => several.iter().map(|(name, _)| format!("{name}:")).collect(),
         }
     }
 
     /// The PLCs that `current` may be about, with what stands in front of their names.
     fn each(&self, current: &str) -> Vec<(String, Fitted)> {
-        let named = split_plc(current).0.map(str::to_owned).or_else(|| before(&[":"]).1);
-        let prefix = split_plc(current).0.map(|plc| format!("{plc}:")).unwrap_or_default();
-        if let Some((_, fitted)) = self.plcs.iter().find(|(name, _)| Some(name) == named.as_ref()) {
+        let named = split_plc(current).0;
+        let prefix = named.map(|plc| format!("{plc}:")).unwrap_or_default();
+        if let Some((_, fitted)) = self.plcs.iter().find(|(name, _)| Some(name.as_str()) == named) {
             return vec![(prefix, *fitted)];
         }
         match self.plcs.as_slice() {
@@ -318,22 +408,39 @@ fn registers_of(fitted: &Fitted, front: &str) -> Vec<RegisterRef> {
 
 /// What the values of a register are called, if one of these signs stands between it and the cursor.
 fn values_of(current: &str, signs: &[&str]) -> Option<Vec<Candidate>> {
-    let whole = signs.iter().find_map(|sign| {
+    let (register, front) = signs.iter().find_map(|sign| {
         let (register, _) = current.split_once(sign)?;
-        Some((register.to_owned(), format!("{register}{sign}")))
-    });
-    let (register, front) = whole.or_else(|| {
-        let (words, begun) = before(signs);
-        let last = words.last().filter(|last| current.is_empty() && last.contains('.'));
-        Some((begun.or_else(|| last.cloned())?, String::new()))
+        Some((register, format!("{register}{sign}")))
     })?;
-    let (_, name) = split_plc(&register);
-    let found = Scene::look()
-        .each(&register)
-        .into_iter()
-        .find_map(|(_, fitted)| fitted.register(name.trim()).ok())?;
-    let meaning = found.register.meaning?;
-    let named = value::names(meaning).into_iter().filter(|(name, _)| !name.contains(' '));
-    let all = named.map(|(name, value)| (format!("{front}{name}"), found.decode(value)));
-    Some(starting(current, all))
+    let (_, name) = split_plc(register);
+    let found = Scene::look().each(register).into_iter();
+    let found = found.filter_map(|(_, fitted)| fitted.register(name.trim()).ok()).next();
+    let names = found.and_then(|found| Some((found.register.meaning?, found)));
+    let named = names.into_iter().flat_map(|(meaning, found)| {
+        let names = value::names(meaning).into_iter().filter(|(name, _)| !name.contains(' '));
+        names.map(move |(name, value)| (name, found.decode(value)))
+    });
+    Some(starting(current, named.map(|(name, help)| (format!("{front}{name}"), help))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_that_bash_has_broken_are_whole_again() {
+        let of = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
+        for (broken, typed, front) in [
+            (&["poke", "a.b", "=", "re"][..], &["poke", "a.b=re"][..], "a.b="),
+            (&["poke", "a.b", "="], &["poke", "a.b="], "a.b="),
+            (&["wait", "line", ":", "a.b", "==", "7"], &["wait", "line:a.b==7"], "line:a.b=="),
+            (&["poke", "line", ":"], &["poke", "line:"], "line:"),
+            (&["poke", "a=1", ""], &["poke", "a=1", ""], ""),
+            (&["poke", "a", "=", "1", "b"], &["poke", "a=1", "b"], ""),
+            (&["poke", "a.b=re"], &["poke", "a.b=re"], ""),
+        ] {
+            assert_eq!(whole(&of(broken)), of(typed), "{broken:?}");
+            assert_eq!(front_of_last(&of(broken)), front, "{broken:?}");
+        }
+    }
 }

@@ -1,9 +1,12 @@
 //! `commram completions`: scripts that make shells ask this program what can follow.
 
-use super::{Cli, error::CliError, output};
+use super::{Cli, complete, error::CliError, output};
 use clap::{CommandFactory, ValueEnum};
 use clap_complete::CompleteEnv;
-use clap_complete::env::{Bash, Elvish, EnvCompleter, Fish, Zsh};
+use clap_complete::env::{Bash, Elvish, EnvCompleter, Fish, Shells, Zsh};
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::path::Path;
 
 /// Set by the scripts when they ask.
 const VARIABLE: &str = "COMMRAM_COMPLETE";
@@ -39,7 +42,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 
 fn script(shell: Shell) -> Result<String, CliError> {
     let known: &dyn EnvCompleter = match shell {
-        Shell::Bash => &Bash,
+        Shell::Bash => &WholeWords,
         Shell::Elvish => &Elvish,
         Shell::Fish => &Fish,
         Shell::Zsh => &Zsh,
@@ -51,7 +54,12 @@ fn script(shell: Shell) -> Result<String, CliError> {
     let script = String::from_utf8_lossy(&script).into_owned();
     Ok(match shell {
         // No blank behind what goes on: an area, an index.
-        Shell::Bash => script.replacen("[=/:]$", "[=/:.[]$", 1),
+        Shell::Bash => script.replacen("[=/:]$", "[=/:.[]$", 1).replacen(
+            // What stands behind the sign, nothing, is the word that bash completes; the sign must not get lost.
+            "        words[COMP_CWORD]=\"$2\"",
+            "        [[ ${words[COMP_CWORD]} == [=:]* ]] || words[COMP_CWORD]=\"$2\"",
+            1,
+        ),
         Shell::Zsh => script
             .replacen("local -a other=()\n", "local -a other=()\n        local -a begun=()\n", 1)
             .replacen(
@@ -68,9 +76,53 @@ fn script(shell: Shell) -> Result<String, CliError> {
     })
 }
 
+/// Bash, which breaks words at `=` and `:` and replaces only what stands behind.
+struct WholeWords;
+
+impl EnvCompleter for WholeWords {
+    fn name(&self) -> &'static str {
+        Bash.name()
+    }
+
+    fn is(&self, name: &str) -> bool {
+        Bash.is(name)
+    }
+
+    fn write_registration(
+        &self,
+        var: &str,
+        name: &str,
+        bin: &str,
+        completer: &str,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        Bash.write_registration(var, name, bin, completer, out)
+    }
+
+    fn write_complete(
+        &self,
+        command: &mut clap::Command,
+        args: Vec<OsString>,
+        directory: Option<&Path>,
+        out: &mut dyn Write,
+    ) -> io::Result<()> {
+        let index = std::env::var("_CLAP_COMPLETE_INDEX").ok().and_then(|index| index.parse().ok());
+        let index: usize = index.unwrap_or(args.len().saturating_sub(1));
+        let until = args.get(..=index).unwrap_or(&args);
+        let (words, front) = (complete::whole(until), complete::front_of_last(until));
+        let (last, front) = (words.len().saturating_sub(1), front.to_string_lossy());
+        let separator = std::env::var("_CLAP_IFS").unwrap_or_else(|_| "\n".to_owned());
+        let found = clap_complete::engine::complete(command, words, last, directory)?;
+        let found =
+            found.iter().filter_map(|it| Some(it.get_value().to_str()?.strip_prefix(&*front)?.to_owned()));
+        write!(out, "{}", found.collect::<Vec<_>>().join(&separator))
+    }
+}
+
 /// Answers a shell that asks, and ends then.
 pub(crate) fn answer() {
-    CompleteEnv::with_factory(Cli::command).var(VARIABLE).complete();
+    let shells = Shells(&[&WholeWords, &Elvish, &Fish, &Zsh]);
+    CompleteEnv::with_factory(Cli::command).var(VARIABLE).shells(shells).complete();
 }
 
 #[cfg(test)]
@@ -80,7 +132,8 @@ mod tests {
     /// What is put into the scripts of the library is still where it was looked for.
     #[test]
     fn scripts_leave_no_blank_behind_what_goes_on() {
-        assert!(script(Shell::Bash).ok().unwrap().contains("[=/:.[]$"));
+        let bash = script(Shell::Bash).ok().unwrap();
+        assert!(bash.contains("[=/:.[]$") && bash.contains("== [=:]* ]] || words[COMP_CWORD]="), "{bash}");
         let zsh = script(Shell::Zsh).ok().unwrap();
         for part in ["local -a begun=()", "begun+=(", "_describe -V 'values' begun -S ''"] {
             assert!(zsh.contains(part), "{part}\n{zsh}");

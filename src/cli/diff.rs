@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 fn read(path: &Path) -> Result<Vec<Held>, CliError> {
     let name = path.display().to_string();
     let text = handed_in::read(path, handed_in::LONGEST)
-        .map_err(|error| CliError::NoDump { name: name.clone(), reason: error.to_string() })?;
+        .map_err(|error| CliError::Argument { text: name.clone(), right: error.to_string() })?;
     change::parse(&name, &text)
 }
 

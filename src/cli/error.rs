@@ -80,6 +80,14 @@ pub(crate) enum CliError {
         /// What does run.
         running: String,
     },
+    /// Nothing runs under the name of what is to be ended.
+    #[error("instance '{instance}' is not running, so there is nothing to end{running}")]
+    NothingToEnd {
+        /// The instance.
+        instance: String,
+        /// What does run.
+        running: String,
+    },
     /// An emulator runs, but somebody has removed its images.
     #[error(
         "instance '{instance}' runs{}, but its images were removed: nobody can attach any more; end it with \

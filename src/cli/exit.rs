@@ -96,6 +96,7 @@ impl CliError {
             #[cfg(feature = "channel")]
             Self::NotMet { .. } | Self::NoneMet { .. } | Self::Scenario(_) => Exit::Failed,
             Self::NotRunning { .. }
+            | Self::NothingToEnd { .. }
             | Self::NoImages { .. }
             | Self::NoDirectory { .. }
             | Self::Dead { .. }

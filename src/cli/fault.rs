@@ -119,7 +119,7 @@ Examples:
   commram fault clear --all")]
 struct Clear {
     /// Numbers of the faults, as `add` and `list` print them
-    #[arg(value_name = "NUMBER", required_unless_present = "all")]
+    #[arg(add = super::complete::fault_numbers(), value_name = "NUMBER", required_unless_present = "all")]
     numbers: Vec<NonZeroU16>,
     /// All faults
     #[arg(long, conflicts_with = "numbers")]

@@ -11,6 +11,11 @@ const LOOK: Duration = Duration::from_millis(5);
 /// How long commands wait for an emulator that is just starting, unless told otherwise.
 const STARTING: &str = "2s";
 
+/// Names the instance that is meant if none is given.
+const VARIABLE: &str = "COMMRAM_INSTANCE";
+/// The one that is meant if nothing names any.
+const USUAL: &str = "default";
+
 /// The name of an emulator.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct InstanceName {
@@ -20,12 +25,19 @@ pub(crate) struct InstanceName {
         short = 'i',
         long = "instance",
         value_name = "NAME",
-        env = "COMMRAM_INSTANCE",
+        env = VARIABLE,
         hide_env_values = true,
-        default_value = "default",
+        default_value = USUAL,
         value_parser = instance_name
     )]
     pub name: String,
+}
+
+impl InstanceName {
+    /// The one that is meant if none is given.
+    pub(crate) fn usual() -> String {
+        std::env::var(VARIABLE).unwrap_or_else(|_| USUAL.to_owned())
+    }
 }
 
 /// Parses the name of an instance.

@@ -1,7 +1,9 @@
 //! `commram run --check`: judge a plant file, start nothing.
 
 use super::error::CliError;
+use super::output;
 use super::table::{self, Format, Row};
+use crate::counted::{counted, counted_of};
 use crate::handed_in;
 use crate::plant::{PlantConfig, PlantError};
 use serde::Serialize;
@@ -15,9 +17,30 @@ struct Judged {
     /// Where something is wrong, as far as it stands in a line.
     line: Option<usize>,
     message: Option<String>,
+    /// What is allowed and can hardly be meant.
+    warnings: Vec<Warning>,
     devices: Vec<Device>,
     buses: Vec<Bus>,
     faults: usize,
+}
+
+#[derive(Serialize)]
+struct Warning {
+    line: Option<usize>,
+    message: String,
+}
+
+impl Warning {
+    fn all(config: &PlantConfig, text: &str) -> Vec<Self> {
+        let doubts = config.doubts(text).into_iter();
+        doubts.map(|(line, doubt)| Self { line, message: doubt.text }).collect()
+    }
+
+    /// `plant.toml: line 7: warning: ...`
+    fn text(&self, file: &str) -> String {
+        let line = self.line.map_or_else(String::new, |line| format!("line {line}: "));
+        format!("{file}: {line}warning: {}", self.message)
+    }
 }
 
 #[derive(Serialize)]
@@ -48,12 +71,19 @@ struct Drive {
 }
 
 impl Row for Judged {
-    const COLUMNS: &'static [&'static str] = &["file", "fine", "line", "message"];
+    const COLUMNS: &'static [&'static str] = &["file", "fine", "line", "message", "warnings"];
 
     fn cells(&self) -> Vec<String> {
         let line = self.line.map(|line| line.to_string());
         let message = self.message.clone();
-        vec![self.file.clone(), self.fine.to_string(), line.unwrap_or_default(), message.unwrap_or_default()]
+        let warnings = self.warnings.iter().map(|warning| warning.text(&self.file));
+        vec![
+            self.file.clone(),
+            self.fine.to_string(),
+            line.unwrap_or_default(),
+            message.unwrap_or_default(),
+            warnings.collect::<Vec<_>>().join("\n"),
+        ]
     }
 }
 
@@ -63,40 +93,55 @@ impl Row for Judged {
 /// It is refused: the error itself, or, where a table has told it, that it was told.
 pub(crate) fn run(path: Option<&Path>, format: Format) -> Result<(), CliError> {
     let read = path.map_or_else(PlantConfig::built_in, PlantConfig::load);
-    let file = path.map_or_else(|| "built-in plant".to_owned(), |path| path.display().to_string());
+    let file = called(path);
     match read {
-        Ok(config) => table::print(format, &[Judged::fine(file, &config)], text),
+        Ok(config) => table::print(format, &[Judged::fine(file, &config, &written(path))], text),
         Err(error) if format == Format::Text => Err(error.into()),
         Err(error) => {
-            let read = path.and_then(|path| handed_in::read(path, handed_in::LONGEST_PLANT).ok());
-            table::print(format, &[Judged::refused(file, &error, &read.unwrap_or_default())], text)?;
+            table::print(format, &[Judged::refused(file, &error)], text)?;
             Err(CliError::ReportedWrongUse)
         }
     }
 }
 
+/// Warns of what is allowed in a plant and can hardly be meant.
+pub(crate) fn warn(path: Option<&Path>, config: &PlantConfig) {
+    for warning in Warning::all(config, &written(path)) {
+        output::complain(&warning.text(&called(path)));
+    }
+}
+
+fn called(path: Option<&Path>) -> String {
+    path.map_or_else(|| "built-in plant".to_owned(), |path| path.display().to_string())
+}
+
+/// The text of the file, for lines in it.
+fn written(path: Option<&Path>) -> String {
+    path.and_then(|path| handed_in::read(path, handed_in::LONGEST_PLANT).ok()).unwrap_or_default()
+}
+
 /// `plant.toml: fine: 2 devices, 2 buses with 3 drives, 1 fault`
 fn text(rows: &[Judged]) -> String {
-    let count = |count: usize, what: &str, several: &str| match count {
-        1 => format!("1 {what}"),
-        count => format!("{count} {several}"),
-    };
     let line = |judged: &Judged| {
-        let drives = judged.buses.iter().map(|bus| bus.drives.len()).sum();
+        let drives: usize = judged.buses.iter().map(|bus| bus.drives.len()).sum();
+        let buses = match judged.buses.len() {
+            1 => "1 bus".to_owned(),
+            count => format!("{count} buses"),
+        };
         format!(
             "{}: fine: {}, {} with {}, {}\n",
             judged.file,
-            count(judged.devices.len(), "device", "devices"),
-            count(judged.buses.len(), "bus", "buses"),
-            count(drives, "drive", "drives"),
-            count(judged.faults, "fault", "faults")
-        )
+            counted_of(&judged.devices, "device"),
+            buses,
+            counted(drives as u64, "drive"),
+            counted(judged.faults as u64, "fault")
+        ) + &judged.warnings.iter().map(|it| it.text(&judged.file) + "\n").collect::<String>()
     };
     rows.iter().map(line).collect()
 }
 
 impl Judged {
-    fn fine(file: String, config: &PlantConfig) -> Self {
+    fn fine(file: String, config: &PlantConfig, text: &str) -> Self {
         let device = |device: &dyn crate::devices::DeviceConfig| Device {
             name: device.name().to_owned(),
             kind: device.layout().name,
@@ -121,18 +166,20 @@ impl Judged {
             fine: true,
             line: None,
             message: None,
+            warnings: Warning::all(config, text),
             devices: config.devices.iter().map(|it| device(&**it)).collect(),
             buses: config.media.iter().map(|it| bus(&**it)).collect(),
             faults: config.faults.len(),
         }
     }
 
-    fn refused(file: String, error: &PlantError, text: &str) -> Self {
+    fn refused(file: String, error: &PlantError) -> Self {
         Self {
             file,
             fine: false,
-            line: error.line(text),
+            line: error.line(),
             message: Some(error.message()),
+            warnings: Vec::new(),
             devices: Vec::new(),
             buses: Vec::new(),
             faults: 0,

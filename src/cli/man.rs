@@ -1,7 +1,7 @@
 //! `commram man`: manual pages for `man`.
 
 use super::{Cli, error::CliError};
-use clap::CommandFactory;
+use clap::{Command, CommandFactory};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -32,9 +32,16 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         commands.extend(inner.map(|inner| (format!("{name}-{}", inner.get_name()), inner.clone())));
         let path = args.directory.join(format!("{name}.1"));
         let mut page = Vec::new();
-        let man = clap_mangen::Man::new(command.name(name).version(env!("CARGO_PKG_VERSION")));
+        let command = with_usage(command).name(name).version(env!("CARGO_PKG_VERSION"));
+        let man = clap_mangen::Man::new(command);
         man.render(&mut page).map_err(failed(&path))?;
         fs::write(&path, page).map_err(failed(&path))?;
     }
     Ok(())
+}
+
+/// The command with the synopsis that its help has: the one that is made for pages does not tell what can be repeated.
+fn with_usage(mut command: Command) -> Command {
+    let usage = command.render_usage().to_string();
+    command.override_usage(usage.strip_prefix("Usage: ").unwrap_or(&usage).to_owned())
 }

@@ -12,6 +12,7 @@ mod demo;
 mod detach;
 mod device;
 mod diff;
+mod drive;
 mod dump;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "most of it can only happen with a channel"))]
 mod error;
@@ -39,6 +40,7 @@ mod progress;
 mod run;
 mod session;
 mod start;
+mod status;
 mod step;
 mod stop;
 mod style;
@@ -107,6 +109,7 @@ enum Command {
     Run(run::Args),
     With(with::Args),
     List(list::Args),
+    Status(status::Args),
     Stop(stop::Args),
     Map(map::Args),
     Find(find::Args),
@@ -135,6 +138,7 @@ enum Command {
     DemoPlc(demo::plc::Args),
     Board(board::Args),
     Bus(bus::Args),
+    Drive(drive::Args),
     Completions(completions::Args),
     Man(man::Args),
 }
@@ -172,6 +176,7 @@ impl Command {
             Command::Run(args) => run::run(&args),
             Command::With(args) => with::run(&args),
             Command::List(args) => list::run(&args),
+            Command::Status(args) => status::run(&args),
             Command::Stop(args) => stop::run(&args),
             Command::Map(args) => map::run(&args),
             Command::Find(args) => find::run(&args),
@@ -198,6 +203,7 @@ impl Command {
             Command::DemoPlc(args) => demo::plc::run(&args),
             Command::Board(args) => board::run(&args),
             Command::Bus(args) => bus::run(&args),
+            Command::Drive(args) => drive::run(&args),
             Command::Completions(args) => completions::run(&args),
             Command::Man(args) => man::run(&args),
         }

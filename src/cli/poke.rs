@@ -10,8 +10,8 @@ use super::place::Place;
 ///
 /// All writes go to the emulator in one message and are done in the given order, with nothing in between.
 /// Values are decimal (67, for signed types also -5), hexadecimal (16#43, 0x43), octal (8#103), binary
-/// (2#100_0011), or what `commram map REG` calls them (restart, start-synchronous). A register that belongs to the firmware can be written too, as in the real RAM; the
-/// firmware overwrites it when it next writes it.
+/// (2#100_0011), or what `commram map REG` calls them (restart, start-synchronous). A register that only the firmware writes can be written too, as in the real RAM, and a
+/// note says so: the firmware does not look at it, and what was written stands there until it writes the register the next time.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -74,6 +74,31 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let ops = writes.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
     session.request(&ops)?;
     writes.iter().for_each(|(place, _)| note_if_not_whole(place));
+    writes.iter().try_for_each(|(place, _)| note_if_firmwares(&session, place))
+}
+
+/// Says so if only the firmware writes a register.
+#[cfg(feature = "channel")]
+fn note_if_firmwares(session: &super::session::Session, place: &Place) -> Result<(), CliError> {
+    use super::place::live_by;
+    use super::session::Read;
+    use crate::layout::{Live, Owner};
+
+    let live = match place.status() {
+        Some(status) => {
+            let read = session.read(&[Read::register(session.plc_of(place)?, &status)])?;
+            let bytes = read.data.first().map(Vec::as_slice).unwrap_or_default();
+            live_by(bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)))
+        }
+        None => Live::Cyclic,
+    };
+    if place.owner(live) == Some(Owner::Firmware) {
+        let place = place.label(live);
+        super::output::note(&format!(
+            "only the firmware writes {place}: it was written all the same, and keeps the value until the firmware writes it \
+             the next time"
+        ));
+    }
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! Starting an emulator in this process: what `run` and `with` have in common.
 
 use super::error::CliError;
-use super::{dump, output};
+use super::{dump, judge, output};
 use crate::devices;
 use crate::plant::PlantConfig;
 use crate::runtime::{Clock, Emulator, Options};
@@ -88,6 +88,7 @@ impl Settings {
             Some(path) => PlantConfig::load(path)?,
             None => PlantConfig::built_in()?,
         };
+        judge::warn(plant, &config);
         let (started, starting) = mpsc::channel();
         std::thread::spawn(move || signals.pass_on(&starting));
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;

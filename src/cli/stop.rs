@@ -35,7 +35,19 @@ const ANSWER: Duration = Duration::from_millis(500);
 
 /// Ends the emulator, or all of them.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
-    if args.all { end_all(args.clean) } else { end(&args.instance.name, args.clean) }
+    let name = &args.instance.name;
+    if args.all {
+        // Whether it was given cannot be seen if it is the usual one.
+        if *name != InstanceName::usual() {
+            let right = "ends all instances; leave out either this or --all".to_owned();
+            return Err(CliError::Argument { text: format!("--all -i {name}"), right });
+        }
+        return end_all(args.clean);
+    }
+    end(name, args.clean).map_err(|error| match error {
+        CliError::NotRunning { instance, running } => CliError::NothingToEnd { instance, running },
+        other => other,
+    })
 }
 
 /// Ends all; what cannot be ended does not keep the others.
@@ -45,8 +57,15 @@ fn end_all(clean: bool) -> Result<(), CliError> {
         Condition::Dead(_) => clean,
         Condition::Unusable(_) => false,
     };
-    let images = crate::memory::list()?.into_iter().filter(is_meant);
-    let names: BTreeSet<_> = images.map(|image| image.instance).collect();
+    let images = crate::memory::list()?;
+    let killed = |image: &&ImageInfo| !clean && matches!(image.condition, Condition::Dead(_));
+    let killed: BTreeSet<_> = images.iter().filter(killed).map(|image| image.instance.clone()).collect();
+    let names: BTreeSet<_> = images.into_iter().filter(is_meant).map(|image| image.instance).collect();
+    for name in killed.difference(&names) {
+        output::note(&format!(
+            "instance '{name}' was killed; `commram stop --all --clean` removes what it left"
+        ));
+    }
     if names.is_empty() {
         return output::print("no instance is running\n");
     }

@@ -13,6 +13,7 @@ use super::demo::Interrupts;
 use super::error::CliError;
 use super::table::{self, Format, FormatArg};
 use super::{output, time};
+use crate::counted::counted;
 use crate::script::{DEFINITIONS, Limits, Outcome, Report, junit};
 use found::Shard;
 use line::{Line, Listed, summary};
@@ -72,7 +73,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "html[=FILE]", value_parser = page_file, conflicts_with_all = ["list", "watch"])]
     report: Option<PathBuf>,
     /// How many scenarios run at the same time [default: one per processor]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZero<usize>>,
     /// Afterwards run again what has changed: scripts, what they import, their plant files. Until Ctrl-C
     #[arg(long, conflicts_with = "junit")]
@@ -110,6 +111,12 @@ pub(crate) struct LimitArgs {
     /// Memory that a scenario may take, in MiB
     #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = clap::value_parser!(u64).range(64..1 << 20))]
     max_memory: u64,
+}
+
+/// How many scenarios run at the same time.
+fn jobs(text: &str) -> Result<NonZero<usize>, String> {
+    let number = text.parse().map_err(|_| "write how many, for example 4".to_owned())?;
+    NonZero::new(number).ok_or_else(|| "at least 1 scenario must run".to_owned())
 }
 
 /// Runs the scenarios and reports.
@@ -192,7 +199,8 @@ fn watch(args: &Args, mut files: Vec<PathBuf>, interrupts: &Interrupts) -> Resul
             let (reports, shown) = play(args, &changed, interrupts)?;
             shown?;
             reports.iter().for_each(|report| watched.ended(report));
-            output::note(&format!("watching {} files; Ctrl-C ends it", watched.files()));
+            let files = counted(watched.files() as u64, "file");
+            output::note(&format!("watching {files}; Ctrl-C ends it"));
         }
         if interrupts.any() {
             return Err(CliError::Interrupted);

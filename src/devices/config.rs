@@ -34,6 +34,12 @@ pub trait DeviceConfig: fmt::Debug + Send + Sync {
         Vec::new()
     }
 
+    /// The rates that it can run at one of its ports, in kbit/s; empty if it takes any, or the medium has none.
+    fn kbit_s(&self, port: u8) -> Vec<u16> {
+        let _ = port;
+        Vec::new()
+    }
+
     /// What frames it sends and receives at one of its ports with what it is delivered with, as far as that is known before it
     /// runs.
     fn messages(&self, port: u8) -> Vec<Message> {
@@ -78,6 +84,26 @@ impl<'a> PortConfig<'a> {
     }
 }
 
+/// A medium's master as the plant file describes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MasterConfig {
+    /// Device and port: `line:node2`.
+    pub name: String,
+    /// The rates that it can run at, in kbit/s; empty: any.
+    pub kbit_s: Vec<u16>,
+}
+
+/// Something in a plant file that can hardly be meant. It is allowed: there are plants with faults on purpose.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Doubt {
+    /// Name in the section that it stands in.
+    pub section: String,
+    /// The key, if it stands there.
+    pub key: &'static str,
+    /// What is doubtful, and what would be right.
+    pub text: String,
+}
+
 /// A medium as the plant file describes it.
 pub trait MediumConfig: fmt::Debug + Send + Sync {
     /// Its name, unique among the media.
@@ -89,6 +115,12 @@ pub trait MediumConfig: fmt::Debug + Send + Sync {
     /// [`BuildError::Setting`] names the key and what would be right, [`BuildError::Own`] the participant.
     fn check(&self) -> Result<(), BuildError> {
         Ok(())
+    }
+
+    /// What is allowed and can hardly be meant, with these masters.
+    fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
+        let _ = masters;
+        Vec::new()
     }
 
     /// Its kind, one of [`MEDIA`](super::MEDIA).

@@ -1,7 +1,8 @@
 //! What a plant knows of a device: an image with firmware behind it, and ports that media end at.
 
-use super::{Context, Events, World};
+use super::{Context, DriveDetails, Events, ParameterRefusal, World};
 use crate::fault::{Effect, Faults, Hit, Target};
+use crate::journal::Journal;
 use crate::layout::{self, Fitted};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, Width};
@@ -143,6 +144,26 @@ pub trait Device: Any + Send {
     fn strike(&mut self, now: u64, target: Target, effect: &Effect) -> Option<Hit> {
         let _ = (now, target, effect);
         None
+    }
+
+    /// The drive that it is built into, if it is, with all that is to be seen of it.
+    fn drive(&self) -> Option<DriveDetails> {
+        None
+    }
+
+    /// Sets a parameter of that drive, as somebody does who stands in front of it.
+    ///
+    /// # Errors
+    /// [`ParameterRefusal`].
+    fn set_parameter(
+        &mut self,
+        number: u16,
+        value: i64,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), ParameterRefusal> {
+        let _ = (number, value, now, journal);
+        Err(ParameterRefusal::NotThere)
     }
 
     /// Interrupt level of an event: a task of a higher one interrupts one of a lower one. `None`: there is no such event.

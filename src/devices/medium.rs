@@ -1,10 +1,10 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
-use super::{BuildError, Context, Device, GuestRefusal};
-use crate::can::{ErrorCounters, ErrorState};
+use super::{BuildError, Context, Device, DriveDetails, DriveState, GuestRefusal, ParameterRefusal};
+use crate::can::{self, BitRate, ErrorCounters, ErrorState};
 use crate::door::{Guest, Said};
 use crate::fault::{Effect, Faults, Hit, Target};
-use crate::journal::{Journal, Origin};
+use crate::journal::{Event, Journal, Origin};
 use core::any::Any;
 use std::sync::Arc;
 
@@ -48,6 +48,24 @@ pub struct StationState {
     pub origin: Origin,
     /// Its error counters.
     pub errors: ErrorCounters,
+}
+
+/// Somebody on a medium whose rate is another, so that it does not take part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stranger {
+    /// Who it is.
+    pub whose: Whose,
+    /// The rate that it is set to, in bit/s.
+    pub bit_s: u32,
+}
+
+/// Who on a medium is meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Whose {
+    /// A port of a device.
+    Port(Origin),
+    /// A participant of the medium's own, by its name.
+    Own(String),
 }
 
 /// A medium of a plant. It runs the firmware of the ports that are attached to it, so that an event meets everybody whom
@@ -106,9 +124,48 @@ pub trait Medium: Any + Send {
     /// The rate that it runs at now, in bit/s.
     fn bit_s(&self) -> u32;
 
+    /// Who is set to another rate than that and takes no part for that reason.
+    fn strangers(&self) -> Vec<Stranger> {
+        Vec::new()
+    }
+
     /// The stations that have power, with the errors that they have counted; none where stations do not count any.
     fn stations(&self) -> Vec<StationState> {
         Vec::new()
+    }
+
+    /// The drives on it, in the order of the plant file: names and how they stand.
+    fn drives(&self) -> Vec<(&str, DriveState)> {
+        Vec::new()
+    }
+
+    /// All that is to be seen of the drive at this place in [`Medium::drives`].
+    fn drive(&self, drive: usize) -> Option<DriveDetails> {
+        let _ = drive;
+        None
+    }
+
+    /// Sets a parameter of such a drive, as somebody does who stands in front of it.
+    ///
+    /// # Errors
+    /// [`ParameterRefusal`].
+    fn set_parameter(
+        &mut self,
+        drive: usize,
+        number: u16,
+        value: i64,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), ParameterRefusal> {
+        let _ = (drive, number, value, now, journal);
+        Err(ParameterRefusal::NotThere)
+    }
+
+    /// How long something that the journal tells of this medium has kept the wire busy, in nanoseconds: a frame.
+    fn busy_ns(&self, event: &Event) -> u64 {
+        let rate = BitRate::new(self.bit_s());
+        let taken = event.frame().zip(rate).map(|(carried, rate)| can::wire::airtime(&carried.frame, rate));
+        taken.map_or(0, |airtime| airtime.occupation_ns)
     }
 
     /// A guest takes part from now on. Guests have numbers, one each; number 0 is whoever asks by requests. Tells whether that

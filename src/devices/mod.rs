@@ -22,6 +22,8 @@ pub mod demo;
 #[cfg(feature = "emulator")]
 mod device;
 #[cfg(feature = "emulator")]
+mod drive;
+#[cfg(feature = "emulator")]
 mod events;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
@@ -57,17 +59,19 @@ mod supply;
 #[cfg(feature = "emulator")]
 pub use catalogue::{catalogue, door_fits, fault_kinds, faults_of_device, medium_site};
 #[cfg(feature = "emulator")]
-pub use config::{DeviceConfig, MediumConfig, MediumKind, PortConfig, Read};
+pub use config::{DeviceConfig, Doubt, MasterConfig, MediumConfig, MediumKind, PortConfig, Read};
 #[cfg(feature = "emulator")]
 pub use context::Context;
 #[cfg(feature = "emulator")]
 pub use device::{Device, Look, Power};
 #[cfg(feature = "emulator")]
+pub use drive::{DriveDetails, DriveState, ParameterRefusal, ParameterState};
+#[cfg(feature = "emulator")]
 pub use events::Events;
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]
-pub use medium::{Medium, Plug, StationState, SyncSignal, World};
+pub use medium::{Medium, Plug, StationState, Stranger, SyncSignal, Whose, World};
 #[cfg(feature = "emulator")]
 pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]

@@ -42,9 +42,18 @@ pub enum BuildError {
     Own {
         /// Name of the owner, as the plant file has it.
         name: String,
+        /// Where in its section that stands: `zk.zk_0`; empty if nowhere in particular.
+        at: String,
         /// What is wrong, and what would be right.
         reason: String,
     },
+}
+
+impl BuildError {
+    /// What only `name` can judge, and where in its section that stands.
+    pub(crate) fn own(name: &str, at: &str, reason: String) -> Self {
+        Self::Own { name: name.to_owned(), at: at.to_owned(), reason }
+    }
 }
 
 /// Checks that `value` is `allowed`, which `right` says in words.

@@ -10,6 +10,9 @@ use crate::coded;
 use crate::layout::{Address, Fitted, Live, RegType, RegisterRef, Width, format_value};
 use crate::memory::{HEADER_SIZE, header};
 
+/// At a bus: behind the numbers of guests those of participants.
+const PARTICIPANTS: u32 = 0x100;
+
 /// A rule was broken at a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Finding {
@@ -17,7 +20,7 @@ pub struct Finding {
     pub rule: &'static Rule,
     /// Index of the device in the plant; or of a bus, see [`Finding::at_bus`].
     pub plc: u16,
-    /// Offset of the register in the device's RAM; at a bus the number of the guest.
+    /// Offset of the register in the device's RAM; at a bus the number of the guest, or that of the participant and 256.
     pub offset: u32,
     /// Which of the structures that overlay each other the register belongs to.
     pub live: Live,
@@ -96,6 +99,14 @@ impl Finding {
         Finding { rule, plc, offset, live: Live::Always, value, late_us: 0 }
     }
 
+    /// That something is wrong with participant `number` of bus number `bus`; such a finding has no register either, and its
+    /// value is read as a number.
+    #[must_use]
+    pub const fn at_participant(rule: &'static Rule, bus: u16, number: u8, value: u32) -> Self {
+        let (plc, offset) = (Source::BUSES | bus, PARTICIPANTS | number as u32);
+        Finding { rule, plc, offset, live: Live::Always, value, late_us: 0 }
+    }
+
     /// What it was found at: a device or a bus.
     #[must_use]
     pub const fn source(&self) -> Source {
@@ -114,10 +125,12 @@ impl Finding {
         found.into_iter().find(|register| register.offset() == self.offset)
     }
 
-    /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`; of the guest: `guest1`.
+    /// Name of the register or of the field in the header page: `node2.w_OPTION_STATUS`, `header.magic`; of the guest or
+    /// participant: `guest1`, `slave3`.
     #[must_use]
     pub fn name(&self, fitted: impl Into<Fitted>) -> Option<String> {
         match self.register(fitted) {
+            _ if self.is_at_participant() => Some(format!("slave{}", self.offset ^ PARTICIPANTS)),
             _ if self.is_at_bus() => Some(format!("guest{}", self.offset)),
             Some(register) => Some(register.name()),
             None if self.is_in_header() => {
@@ -141,8 +154,15 @@ impl Finding {
     /// The value as the register writes it: `16#0043`.
     #[must_use]
     pub fn value_text(&self, fitted: impl Into<Fitted>) -> String {
+        if self.is_at_participant() {
+            return self.value.to_string();
+        }
         let plain = if self.is_in_header() || self.is_at_bus() { RegType::Dword } else { RegType::Byte };
         format_value(self.register(fitted).map_or(plain, |register| register.ty()), self.value)
+    }
+
+    const fn is_at_participant(&self) -> bool {
+        self.is_at_bus() && self.offset & PARTICIPANTS != 0
     }
 
     const fn is_at_bus(&self) -> bool {

@@ -2,7 +2,7 @@
 
 use super::value::{self, ValueError};
 use super::{
-    Address, Area, Fit, Fitted, LayoutError, Live, Meaning, RegType, RegisterRef, Width, format_value,
+    Address, Area, Fit, Fitted, LayoutError, Live, Meaning, Owner, RegType, RegisterRef, Width, format_value,
 };
 use thiserror::Error;
 
@@ -155,6 +155,11 @@ impl Place {
     /// Whether this is one register, or plain RAM, and not a part of a register or several of them.
     pub fn is_whole(&self) -> bool {
         self.registers.is_empty() || self.exact(Live::Cyclic).is_some()
+    }
+
+    /// Who writes the register that is exactly here in phase `live`.
+    pub fn owner(&self, live: Live) -> Option<Owner> {
+        self.exact(live).map(|register| register.owner())
     }
 
     /// The value in IEC notation; of a single bit 0 or 1.

@@ -1,5 +1,6 @@
 //! The plant file: which PLCs, buses and drives there are.
 
+mod doubts;
 mod file;
 mod places;
 #[cfg(test)]
@@ -52,21 +53,23 @@ pub enum PlantError {
         /// Why.
         source: std::io::Error,
     },
-    /// The file is no plant file. The text names line and column.
-    #[error("{file}: {source}")]
+    /// The file is no plant file.
+    #[error("{file}: {}{what}", in_line(*.line))]
     Syntax {
         /// The file.
         file: String,
-        /// Where and what.
-        source: Box<toml::de::Error>,
+        /// The line, from 1, if it is known.
+        line: Option<usize>,
+        /// What is wrong there, in one line.
+        what: String,
     },
     /// Something is wrong that stands in a plant file.
-    #[error("{file}: line {line}: {source}")]
+    #[error("{file}: {}{source}", in_line(*.line))]
     At {
         /// The file.
         file: String,
-        /// The line, from 1.
-        line: usize,
+        /// The line, from 1; none if what is wrong stands in none, because it is missing.
+        line: Option<usize>,
         /// What.
         source: Box<PlantError>,
     },
@@ -228,10 +231,8 @@ impl PlantConfig {
                 PlantError::Fault { number, .. } => faults.get(number - 1).copied(),
                 other => places::offset_of(other, text),
             };
-            match offset.map(|offset| file::line_of(text, offset)) {
-                Some(line) => PlantError::At { file: file.to_owned(), line, source: Box::new(error) },
-                None => error,
-            }
+            let line = offset.map(|offset| file::line_of(text, offset));
+            PlantError::At { file: file.to_owned(), line, source: Box::new(error) }
         })?;
         Ok(config)
     }
@@ -264,7 +265,7 @@ impl PlantConfig {
             medium.check()?;
             for door in medium.doors() {
                 devices::door_fits(medium.family(), *door)
-                    .map_err(|reason| BuildError::Own { name: medium.name().to_owned(), reason })?;
+                    .map_err(|reason| BuildError::own(medium.name(), "doors", reason))?;
             }
         }
         let ports = self.ports_of_media();
@@ -408,6 +409,11 @@ fn numbers_on<'a>(
 ) -> impl Iterator<Item = (&'a str, u8)> {
     let ports = ports.iter().filter_map(|(name, port)| port.address.map(|number| (*name, number)));
     ports.chain(medium.participants())
+}
+
+/// `line 3: `, if it is known.
+fn in_line(line: Option<usize>) -> String {
+    line.map_or_else(String::new, |line| format!("line {line}: "))
 }
 
 fn check_medium(medium: &dyn MediumConfig, ports: &[PortOf<'_>]) -> Result<(), PlantError> {

@@ -6,16 +6,19 @@
 mod access;
 mod boards;
 mod config;
+mod drives;
 mod force;
 mod guests;
 mod history;
 mod injection;
+mod load;
 mod ports;
 mod schema;
 mod writes;
 
 pub use crate::devices::Power;
 pub use config::{PlantConfig, PlantError};
+pub use drives::PlantDrive;
 pub use force::{ForceError, Forced};
 pub use history::FollowError;
 pub use schema::schema;

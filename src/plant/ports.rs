@@ -55,6 +55,15 @@ impl Ports {
         Ok(())
     }
 
+    /// Device and number of each port at a medium.
+    pub(super) fn at(&self, medium: usize) -> impl Iterator<Item = Origin> {
+        let of_device = move |(plc, ports): (usize, &Vec<Port>)| {
+            let at = ports.iter().filter(move |port| port.medium == medium);
+            at.map(move |port| Origin { plc: plc as u16, node: port.number }).collect::<Vec<_>>()
+        };
+        self.of_device.iter().enumerate().flat_map(of_device)
+    }
+
     /// The port with this number.
     pub(super) fn find(&self, device: usize, number: u8) -> Option<&Port> {
         self.of_device.get(device)?.iter().find(|port| port.number == number)
@@ -67,6 +76,11 @@ impl Ports {
 }
 
 impl Plant {
+    /// The ports that are plugged in at bus number `bus`.
+    pub fn ports_at(&self, bus: usize) -> Vec<Origin> {
+        self.ports.at(bus).collect()
+    }
+
     /// Device `index` starts, and its ports after it.
     pub(super) fn start(&mut self, index: usize) {
         let Plant { now, devices, media, ports, journal, .. } = self;

@@ -1,19 +1,18 @@
 //! Buses and the doors to them.
 
-use super::{BusState, Code, Host, Refused, Reply, Station};
+use super::{BusState, Code, Host, Refused, Reply, Station, Stranger};
 use crate::can::Frame;
 use crate::devices;
-use crate::devices::{GuestRefusal, Medium, StationState};
+use crate::devices::{GuestRefusal, Medium, StationState, Whose};
 use crate::door::{DoorSpec, Doors};
 use crate::journal::Source;
 
+/// What the load of a bus is measured over, in emulated microseconds.
+const LOAD_US: u64 = 100_000;
+
 /// The buses, with the doors there are.
-pub(super) fn buses(host: &mut dyn Host) -> Reply {
-    let doors: Vec<_> = {
-        let count = host.plant().media().len();
-        let doors = host.doors();
-        (0..count).map(|bus| doors.as_ref().map_or_else(Vec::new, |doors| doors.of_bus(bus as u16))).collect()
-    };
+pub(super) fn buses(host: &dyn Host) -> Reply {
+    let doors = |bus| host.doors_seen().map_or_else(Vec::new, |doors| doors.of_bus(bus));
     let names = host.plant().names();
     let station = |it: StationState| Station {
         name: names.source(Source::Node(it.origin)),
@@ -21,15 +20,26 @@ pub(super) fn buses(host: &mut dyn Host) -> Reply {
         transmit_errors: it.errors.transmit(),
         receive_errors: it.errors.receive(),
     };
-    let state = |medium: &dyn Medium, doors| BusState {
+    let stranger = |it: devices::Stranger| {
+        let name = match it.whose {
+            Whose::Port(origin) => names.source(Source::Node(origin)),
+            Whose::Own(name) => name,
+        };
+        Stranger { name, bit_s: it.bit_s }
+    };
+    let port = |origin| names.source(Source::Node(origin));
+    let state = |bus: usize, medium: &dyn Medium| BusState {
         name: medium.name().to_owned(),
         kind: medium.family().to_owned(),
         bit_s: medium.bit_s(),
-        doors,
+        load_permille: host.plant().bus_load(bus, LOAD_US),
+        ports: host.plant().ports_at(bus).into_iter().map(port).collect(),
+        doors: doors(bus as u16),
         stations: medium.stations().into_iter().map(station).collect(),
+        strangers: medium.strangers().into_iter().map(stranger).collect(),
     };
-    let media = host.plant().media().iter().zip(doors);
-    Reply::Buses(media.map(|(medium, doors)| state(&**medium, doors)).collect())
+    let media = host.plant().media().iter().enumerate();
+    Reply::Buses(media.map(|(bus, medium)| state(bus, &**medium)).collect())
 }
 
 /// Opens a door.

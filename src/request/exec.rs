@@ -1,6 +1,7 @@
 //! Executes operations: the one place that tells what each of them does.
 
 use super::doors;
+use super::drives;
 use super::register::{Register, device_of, known_plc};
 use super::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
@@ -179,6 +180,9 @@ impl Execution {
                 Reply::Cleared
             }
             Op::Buses => doors::buses(host),
+            Op::Drives => drives::drives(host),
+            Op::Drive { drive } => drives::drive(host, drive)?,
+            Op::SetParameter { drive, number, value } => drives::set(host, drive, number, value)?,
             Op::DoorOpen { bus, door } => doors::open(host, bus, door)?,
             Op::DoorClose { bus, door } => doors::close(host, bus, door)?,
             Op::BusSend { bus, frame } => doors::send(host, bus, frame)?,

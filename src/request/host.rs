@@ -17,8 +17,8 @@ pub trait Host {
     /// Whether the time only passes on request.
     fn is_stepped(&self) -> bool;
 
-    /// A request has come. With a stepped clock, what the boards were asked for before it is answered first: whoever
-    /// asks of them and then sends a request always sees the same.
+    /// A request has come, and nothing else is under way. What guests at doors want is learned first; with a stepped clock, what
+    /// the boards were asked for before it is answered, too: whoever asks of them and then sends a request always sees the same.
     fn begin_request(&mut self);
 
     /// Time of the next event; `u64::MAX` if there is none. Once [`Host::advance_to`] has gone there it is later.
@@ -35,8 +35,13 @@ pub trait Host {
         false
     }
 
-    /// The doors to its buses; `None` if there cannot be any.
+    /// The doors to its buses, to do something to them; `None` if there cannot be any.
     fn doors(&mut self) -> Option<&mut Doors> {
+        None
+    }
+
+    /// The doors as they are.
+    fn doors_seen(&self) -> Option<&Doors> {
         None
     }
 

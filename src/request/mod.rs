@@ -8,6 +8,7 @@
 //! boards were asked for before the request is answered first ([`Host::begin_request`]).
 
 mod doors;
+mod drives;
 mod exec;
 mod host;
 mod naming;
@@ -22,4 +23,4 @@ pub use exec::Execution;
 pub use host::Host;
 pub use op::{MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
 pub use refused::{Code, Refused};
-pub use reply::{BusState, InstanceInfo, Reply, Station, Waited, WrongReply};
+pub use reply::{BusState, DriveEntry, InstanceInfo, Reply, Station, Stranger, Waited, WrongReply};

@@ -205,6 +205,23 @@ pub enum Op {
     ClearFindings,
     /// Asks for the buses, their doors and the guests there. Answered by [`Reply::Buses`](super::Reply::Buses).
     Buses,
+    /// Asks for the drives and how they stand. Answered by [`Reply::Drives`](super::Reply::Drives).
+    Drives,
+    /// Asks for all that is to be seen of a drive. Answered by [`Reply::Drive`](super::Reply::Drive).
+    Drive {
+        /// Its place in the answer to [`Op::Drives`].
+        drive: u16,
+    },
+    /// Sets a parameter of a drive, as somebody does who stands in front of it. Answered by
+    /// [`Reply::Written`](super::Reply::Written).
+    SetParameter {
+        /// Its place in the answer to [`Op::Drives`].
+        drive: u16,
+        /// Number of the parameter.
+        number: u16,
+        /// Its new value.
+        value: i64,
+    },
     /// Opens a door to a bus. Answered by [`Reply::DoorOpened`](super::Reply::DoorOpened).
     DoorOpen {
         /// Number of the bus.
@@ -247,6 +264,9 @@ impl Op {
             | Op::FaultList
             | Op::Board { .. }
             | Op::Findings
+            | Op::Buses
+            | Op::Drives
+            | Op::Drive { .. }
             | Op::Time
             | Op::Info
             | Op::Stop => true,
@@ -265,8 +285,7 @@ impl Op {
             | Op::FaultClear { .. }
             | Op::SetBoard { .. }
             | Op::ClearFindings
-            // The emulator looks after its guests.
-            | Op::Buses
+            | Op::SetParameter { .. }
             | Op::DoorOpen { .. }
             | Op::DoorClose { .. }
             | Op::BusSend { .. } => false,

@@ -74,9 +74,17 @@ impl Code {
     /// A wait for conditions has too many of them, or none.
     pub const CONDITIONS: Self = Self(40);
 
+    /// The instance has no drive of that number.
+    pub const UNKNOWN_DRIVE: Self = Self(42);
+    /// The drive does not take the parameter, or not this value.
+    pub const PARAMETER: Self = Self(43);
+    /// The drive cannot take a parameter now: it has no supply, or recalculates it.
+    pub const NOT_NOW: Self = Self(44);
+
     /// Whether the operation asks for what cannot be. If not, it is the plant that is not in the state for it.
     pub fn is_wrong_use(self) -> bool {
-        ![Self::NOT_IN_TIME, Self::NO_SYNC, Self::START_REFUSED, Self::SHUTTING_DOWN].contains(&self)
+        ![Self::NOT_IN_TIME, Self::NO_SYNC, Self::START_REFUSED, Self::NOT_NOW, Self::SHUTTING_DOWN]
+            .contains(&self)
     }
 }
 

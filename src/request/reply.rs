@@ -1,6 +1,7 @@
 //! The replies.
 
 use super::Refused;
+use crate::devices::{DriveDetails, DriveState};
 use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
 use crate::journal::{Change, Entry, Names, Record};
@@ -65,6 +66,10 @@ pub enum Reply {
     Cleared,
     /// The buses, in the order of their numbers.
     Buses(Vec<BusState>),
+    /// The drives: those on buses, in the order of the plant file, then those that devices are built into.
+    Drives(Vec<DriveEntry>),
+    /// All that is to be seen of a drive.
+    Drive(Box<DriveDetails>),
     /// A door is open.
     DoorOpened(DoorSpec),
     /// Doors were closed.
@@ -82,6 +87,17 @@ pub enum Reply {
     NotExecuted,
 }
 
+/// A drive of the plant.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DriveEntry {
+    /// `winder`; of the drive that a PLC is built into `line:drive`.
+    pub name: String,
+    /// Its bus, if it is on one.
+    pub bus: Option<String>,
+    /// How it stands.
+    pub state: DriveState,
+}
+
 /// What there is to know of a bus.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BusState {
@@ -91,10 +107,25 @@ pub struct BusState {
     pub kind: String,
     /// The rate that it runs at now, in bit/s.
     pub bit_s: u32,
+    /// How busy its wire was in the last 100 ms of emulated time, in thousandths, as far as the journal still knows.
+    pub load_permille: Option<u16>,
+    /// The ports that are plugged in: `line:node2`.
+    pub ports: Vec<String>,
     /// The doors to it, in the order in which they were opened.
     pub doors: Vec<DoorState>,
     /// Its stations that have power, if they count errors.
     pub stations: Vec<Station>,
+    /// Who is set to another rate and takes no part for that reason.
+    pub strangers: Vec<Stranger>,
+}
+
+/// Somebody whose rate is not that of the bus.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stranger {
+    /// Device and port, or the drive: `line:node1`, `winder`.
+    pub name: String,
+    /// The rate that it is set to, in bit/s.
+    pub bit_s: u32,
 }
 
 /// A station of a bus.
@@ -193,6 +224,10 @@ contents! {
     fault_added: Reply::FaultAdded { id } => id, u16;
     /// The faults.
     faults: Reply::Faults(faults) => faults, Vec<FaultStatus>;
+    /// The drives.
+    drives: Reply::Drives(drives) => drives, Vec<DriveEntry>;
+    /// All that is to be seen of a drive.
+    drive: Reply::Drive(drive) => *drive, DriveDetails;
     /// How many faults were cleared.
     faults_cleared: Reply::FaultsCleared { count } => count, u16;
     /// A board.

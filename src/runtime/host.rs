@@ -24,6 +24,7 @@ impl Host for Emulator {
     }
 
     fn begin_request(&mut self) {
+        self.guests.look(&mut self.plant);
         if self.options.clock.is_stepped() {
             self.look_at_rings();
         }
@@ -48,6 +49,10 @@ impl Host for Emulator {
     fn doors(&mut self) -> Option<&mut Doors> {
         self.guests.look(&mut self.plant);
         Some(self.guests.doors())
+    }
+
+    fn doors_seen(&self) -> Option<&Doors> {
+        Some(self.guests.doors_seen())
     }
 
     fn info(&self) -> InstanceInfo {

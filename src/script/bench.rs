@@ -23,7 +23,7 @@ pub use register::Register;
 use super::carrier::Carrier;
 use super::failure::{Exchanged, FailureKind, JournalLine, Way};
 use super::local::Local;
-use super::{Failure, ScenarioError, Value};
+use super::{Failure, Place, ScenarioError, Value};
 use crate::devices;
 use crate::journal::text::Text;
 use crate::journal::{Changed, ChannelWrite, Format, Names, Record};
@@ -41,6 +41,8 @@ use std::path::Path;
 const LAST_ENTRIES: usize = 8;
 /// How many steps of handshakes it keeps for a picture.
 const LAST_EXCHANGES: usize = 24;
+/// How many findings a failure shows.
+const FIRST_FINDINGS: usize = 3;
 /// How far back the journal is read for them.
 const LOOK_BACK: u64 = 512;
 
@@ -72,9 +74,18 @@ pub struct Bench {
     /// Longest time from there.
     limit_us: u64,
     /// Faults that must strike: their numbers, and what they are.
-    required: Vec<(u16, String)>,
+    required: Vec<Required>,
     /// Asked now and then while time passes: whether to end the verb.
     interrupt: Option<Box<dyn FnMut() -> bool + Send>>,
+}
+
+/// A fault that must strike.
+struct Required {
+    number: u16,
+    /// What it is.
+    text: String,
+    /// The line of a script that wants it.
+    place: Option<Place>,
 }
 
 impl Bench {
@@ -113,7 +124,9 @@ impl Bench {
         let mut bench = Self::on(Box::new(Local::new(config)?))?;
         // The plant numbers its faults in the order of the file.
         let required = (1..).zip(&config.faults).filter(|(_, spec)| spec.required);
-        bench.required = required.map(|(number, spec)| (number, spec.kind.clone())).collect();
+        let required =
+            required.map(|(number, spec)| Required { number, text: spec.kind.clone(), place: None });
+        bench.required = required.collect();
         Ok(bench)
     }
 
@@ -290,6 +303,9 @@ impl Bench {
 
     /// A failure at the present moment.
     pub(super) fn failure(&mut self, what: String, at: &Location<'_>) -> Result<Failure, ScenarioError> {
+        let found = self.findings()?;
+        let first = found.iter().take(FIRST_FINDINGS).map(|entry| self.finding_line(entry));
+        let (findings, first_findings) = (found.len() as u64, first.collect());
         Ok(Failure {
             kind: FailureKind::Expectation,
             what,
@@ -301,6 +317,8 @@ impl Bench {
             within_us: None,
             time_us: self.now()?,
             section: self.section.clone(),
+            findings,
+            first_findings,
             journal: self.last_entries(LAST_ENTRIES)?,
             exchange: self.last_exchanges()?,
             location: Some(at.into()),

@@ -9,7 +9,7 @@ mod traffic;
 mod wrong;
 
 use super::caught::{self, Caught};
-use super::{Bench, Drawn, Failure, FoundLine, MemoryCopy, ScenarioError, Step};
+use super::{Bench, Drawn, Failure, FoundLine, MemoryCopy, Place, ScenarioError, Step};
 use crate::journal::Entry;
 use crate::journal::text::Text;
 use crate::journal::{Format, Record};
@@ -144,7 +144,7 @@ impl Stage {
     }
 
     /// The verb `plant`.
-    fn plant(&mut self, text: &str) -> Result<(), ScenarioError> {
+    fn plant(&mut self, text: &str, place: &Place) -> Result<(), ScenarioError> {
         let config = if text.contains(['\n', '=', '[']) {
             PlantConfig::parse("plant", text)?
         } else {
@@ -174,7 +174,9 @@ impl Stage {
                 "this must be the first verb; there is a plant already, the built-in one if none was named",
             )),
             None => {
-                self.bench = Some(self.limited(Bench::new(&config)?));
+                let mut bench = self.limited(Bench::new(&config)?);
+                bench.plant_is_of(place);
+                self.bench = Some(bench);
                 Ok(())
             }
         }
@@ -247,7 +249,12 @@ impl Verbs {
     }
 
     fn registers(&mut self) {
-        self.on("plant", |stage| move |text: &str| stage.with(|stage| stage.plant(text)));
+        self.on("plant", |stage| {
+            move |context: NativeCallContext, text: &str| {
+                let place = place_of(&context);
+                stage.with(|stage| stage.plant(text, &place))
+            }
+        });
         self.on("peek", |stage| move |register: &str| stage.act(|bench| bench.peek(register)));
         self.on("describe", |stage| move |register: &str| stage.act(|bench| bench.describe(register)));
         self.on("poke", |stage| {
@@ -340,7 +347,12 @@ impl Verbs {
     }
 
     fn faults(&mut self) {
-        self.on("fault", |stage| move |words: &str| stage.act(|bench| bench.fault(words).map(INT::from)));
+        self.on("fault", |stage| {
+            move |context: NativeCallContext, words: &str| {
+                let place = place_of(&context);
+                stage.act(|bench| bench.fault_at(words, Some(place)).map(INT::from))
+            }
+        });
         self.on("clear_fault", |stage| {
             move |fault: INT| stage.act(|bench| bench.clear_fault(number(fault, "fault's number")?))
         });
@@ -367,6 +379,12 @@ impl Verbs {
         });
         self.on("clear_findings", |stage| move || stage.act(Bench::clear_findings));
     }
+}
+
+/// The line of a verb: the script as the engine names it, nothing for the scenario itself.
+fn place_of(context: &NativeCallContext) -> Place {
+    let line = context.call_position().line().and_then(|line| u32::try_from(line).ok());
+    Place { file: context.call_source().unwrap_or_default().to_owned(), line, column: None, source: None }
 }
 
 /// `#{severity, rule, register, value, count, time, text}`

@@ -1,5 +1,6 @@
 //! An expectation that is not met, and where it stands.
 
+use crate::counted::counted;
 use crate::journal::{By, Changed, ChannelWrite, Found, Handshake, Record, Register, Ring, State};
 use crate::time::seconds;
 use core::fmt;
@@ -57,6 +58,10 @@ pub struct Failure {
     pub time_us: u64,
     /// The section of the scenario.
     pub section: Option<String>,
+    /// How many findings the access checker had.
+    pub findings: u64,
+    /// The first of them, a line each.
+    pub first_findings: Vec<String>,
     /// The last records of the journal, oldest first.
     pub journal: Vec<JournalLine>,
     /// The last steps of what program, firmware and bus have exchanged, oldest first.
@@ -186,6 +191,13 @@ impl fmt::Display for Failure {
             }
         }
         write!(f, "\n  {:<8}  {} emulated", "time", seconds(self.time_us))?;
+        if self.findings > 0 {
+            write!(f, "\n  access checker: {}", counted(self.findings, "finding"))?;
+            if self.findings > self.first_findings.len() as u64 {
+                f.write_str(", the first of them")?;
+            }
+        }
+        self.first_findings.iter().try_for_each(|line| write!(f, "\n    {line}"))?;
         if !self.journal.is_empty() {
             f.write_str("\n  journal, last entries:")?;
         }

@@ -165,6 +165,8 @@ impl Report {
             within_us: None,
             time_us: self.emulated_us.unwrap_or_default(),
             section: None,
+            findings: 0,
+            first_findings: Vec::new(),
             journal: Vec::new(),
             exchange: Vec::new(),
             location: Some(Place { file, line: None, column: None, source: None }),

@@ -111,7 +111,10 @@ fn run_text(
     match engine.run_ast_with_scope(&mut scope, &ast) {
         Ok(()) => {
             let end = stage.borrow_mut().end();
-            end.map_or_else(|error| judge(&error, place(file, None), stage), |()| Outcome::Passed)
+            end.map_or_else(
+                |error| judge(&error, wanted_at(&error, file, directory), stage),
+                |()| Outcome::Passed,
+            )
         }
         Err(error) => ended(&error, file, directory, stage, limits),
     }
@@ -204,6 +207,21 @@ fn place(file: &Path, line: Option<usize>) -> Place {
         line: line.and_then(|line| u32::try_from(line).ok()),
         column: None,
         source: line.and_then(text).map(|text| cut(text, LONGEST_SOURCE)),
+    }
+}
+
+/// The line of a script that wants what has not come about at its end.
+fn wanted_at(error: &ScenarioError, file: &Path, directory: &Path) -> Place {
+    let at = match error {
+        // A line in Rust has a column.
+        ScenarioError::Failed(failure) => failure.location.as_ref().filter(|at| at.column.is_none()),
+        _ => None,
+    };
+    let line = |at: &Place| at.line.map(|line| line as usize);
+    match at {
+        Some(at) if at.file.is_empty() => place(file, line(at)),
+        Some(at) => place(&module_file(&at.file, directory), line(at)),
+        None => place(file, None),
     }
 }
 

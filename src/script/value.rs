@@ -2,6 +2,7 @@
 
 use super::ScenarioError;
 use crate::layout::place::BadValue;
+use crate::layout::value::ValueError;
 use crate::layout::{Live, Place, RegType};
 use crate::time;
 use std::time::Duration;
@@ -30,9 +31,22 @@ impl Value {
                 // 16#FFFF is no number of an INT, but a pattern of its bits.
                 let pattern = u32::try_from(*number).ok();
                 let pattern = pattern.filter(|_| place.bit().is_none());
-                pattern.filter(|bits| *bits <= place.ty(Live::Cyclic).mask()).ok_or(error)
+                pattern
+                    .filter(|bits| *bits <= place.ty(Live::Cyclic).mask())
+                    .ok_or_else(|| both(error, *number))
             }),
         }
+    }
+}
+
+/// A script may have written the number the one way or the other.
+fn both(error: BadValue, number: i64) -> BadValue {
+    match error.source {
+        ValueError::Range { ty, least, most, mask, .. } if number > 9 => {
+            let text = format!("{number} (16#{number:X})");
+            BadValue { source: ValueError::Range { text, ty, least, most, mask }, ..error }
+        }
+        _ => error,
     }
 }
 
@@ -121,7 +135,7 @@ mod tests {
         assert_eq!(bits("node2.a_WR_VALUE[0]", -1), Ok(0xFFFF_FFFF));
         assert_eq!(bits("node2.a_WR_VALUE[0]", 0xFFFF_FFFE_u32), Ok(0xFFFF_FFFE));
         let refused = bits("node2.w_CPU_CONTROL", 0x1_0000).unwrap_err();
-        assert!(refused.contains("`65536` is out of range, a WORD holds 0 to 65535"), "{refused}");
+        assert!(refused.contains("`65536 (16#10000)` is out of range, a WORD holds 0 to 65535"), "{refused}");
         assert!(bits("node2.w_CPU_CONTROL", -1).is_err());
         assert!(bits("node2.a_WR_VALUE[0]", 1_i64 << 32).is_err());
     }

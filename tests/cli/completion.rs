@@ -30,7 +30,12 @@ fn registers_are_completed_area_by_area_and_index_by_index() {
 fn values_are_completed_by_their_names_however_the_shell_breaks_words() {
     assert_eq!(completed(&["poke", "node2.w_CPU_CONTROL=rest"]), ["node2.w_CPU_CONTROL=restart"]);
     assert_eq!(completed(&["poke", "node2.w_CPU_CONTROL", "=", "rest"]), ["restart"]);
-    assert!(completed(&["poke", "node2.w_CPU_CONTROL", ""]).contains(&"handshake".to_owned()));
+    let names = completed(&["poke", "node2.w_CPU_CONTROL", "="]);
+    assert!(
+        names.contains(&"handshake".to_owned()) && !names.iter().any(|it| it.starts_with('-')),
+        "{names:?}"
+    );
+    assert_eq!(completed(&["poke", "node2.a_WR_VALUE[0]", "="]), [""; 0], "no names, and no options instead");
     assert_eq!(completed(&["wait", "node2.w_OPTION_STATUS", "==", "master_a"]), ["master_active"]);
 }
 
@@ -39,6 +44,10 @@ fn faults_are_completed_with_their_fields_and_words() {
     assert!(completed(&["fault", "add", "lose"]).contains(&"lose_frame".to_owned()));
     assert!(completed(&["fault", "add", "lose_frame", "sl"]).iter().any(|field| field == "slot="));
     assert!(completed(&["fault", "add", "lose_frame", "slot", "=", "WR"]).contains(&"WRC1".to_owned()));
+    let slots = completed(&["fault", "add", "lose_frame", "slot", "="]);
+    assert!(slots.contains(&"WRC1".to_owned()) && !slots.iter().any(|it| it.ends_with('=')), "{slots:?}");
+    let fields = completed(&["fault", "add", "lose_frame", "slot", "=", "WRC1", ""]);
+    assert!(fields.contains(&"count=".to_owned()) && !fields.contains(&"slot=".to_owned()), "{fields:?}");
     assert!(completed(&["fault", "add", "supply", "what=d"]).contains(&"what=drop".to_owned()));
 }
 
@@ -50,6 +59,12 @@ fn running_instances_their_plcs_and_buses_are_completed() {
     assert_eq!(completed(&["board", "get", "-i", name, "li"]), ["line"]);
     assert_eq!(completed(&["bus", "open", "-i", name, "dr"]), ["drives"]);
     assert_eq!(completed(&["fault", "add", "lose_frame", "-i", name, "bus="]), ["bus=drives"]);
+    assert_eq!(completed(&["drive", "show", "-i", name, "dr"]), ["drive1", "drive2", "drive3"]);
+    assert_eq!(completed(&["drive", "set", "-i", name, "drive1", "P16"]), ["P167=", "P168="]);
+    for slot in ["slot=WRC1", "slot=RDC1"] {
+        run(&["fault", "add", "lose_frame", "-i", name, slot]).ok();
+    }
+    assert_eq!(completed(&["fault", "clear", "-i", name, "1", ""])[..1], ["2"]);
 }
 
 #[test]
@@ -79,9 +94,11 @@ fn bash_completes() {
         COMP_WORDS=(commram poke node2.w_CPU); COMP_CWORD=2
         _clap_complete_commram commram node2.w_CPU poke; echo \"${COMPREPLY[@]}\"
         COMP_WORDS=(commram poke node2.w_CPU_CONTROL = rest); COMP_CWORD=4
-        _clap_complete_commram commram rest =; echo \"${COMPREPLY[@]}\"";
+        _clap_complete_commram commram rest =; echo \"${COMPREPLY[@]}\"
+        COMP_WORDS=(commram fault add supply what =); COMP_CWORD=5
+        _clap_complete_commram commram '' what; echo \"${COMPREPLY[@]}\"";
     if let Some(out) = in_shell("bash", script) {
-        assert_eq!(out, "node2.w_CPU_CONTROL=\nrestart\n");
+        assert_eq!(out, "node2.w_CPU_CONTROL=\nrestart\nunder over drop\n");
     }
 }
 
@@ -89,9 +106,13 @@ fn bash_completes() {
 fn fish_completes() {
     let script = "commram completions fish | source
         complete -C 'commram peek node2.w_OPT' | string split -f1 \\t
-        complete -C 'commram poke node2.w_CPU_CONTROL=rest' | string split -f1 \\t";
+        complete -C 'commram poke node2.w_CPU_CONTROL=rest' | string split -f1 \\t
+        complete -C 'commram fault add supply what='";
     if let Some(out) = in_shell("fish", script) {
-        assert_eq!(out, "node2.w_OPTION_STATUS\nnode2.w_CPU_CONTROL=restart\n");
+        assert_eq!(
+            out,
+            "node2.w_OPTION_STATUS\nnode2.w_CPU_CONTROL=restart\nwhat=under\nwhat=over\nwhat=drop\n"
+        );
     }
 }
 
@@ -102,10 +123,14 @@ fn zsh_completes() {
         source <(commram completions zsh)
         _describe() { print -l -- ${(P)3} }
         words=(commram peek node2.w_OPT); CURRENT=3; _clap_dynamic_completer_commram
-        words=(commram peek nod); _clap_dynamic_completer_commram; true";
+        words=(commram peek nod); _clap_dynamic_completer_commram
+        words=(commram fault add supply what=); CURRENT=5; _clap_dynamic_completer_commram; true";
     if let Some(out) = in_shell("zsh", script) {
         let names: Vec<_> = out.lines().map(|line| line.split(':').next().unwrap_or_default()).collect();
-        assert_eq!(names, ["node2.w_OPTION_STATUS", "node1.", "node2."]);
+        assert_eq!(
+            names,
+            ["node2.w_OPTION_STATUS", "node1.", "node2.", "what=under", "what=over", "what=drop"]
+        );
     }
 }
 
@@ -117,6 +142,8 @@ fn every_command_has_a_page_of_the_manual() {
     let page = std::fs::read_to_string(path.join("commram-wait.1")).unwrap();
     assert!(page.starts_with(".ie") && page.contains(".TH commram-wait 1"), "{page}");
     assert!(page.contains("\\-\\-within") && page.contains("Wait until registers hold"), "{page}");
+    let page = std::fs::read_to_string(path.join("commram-fault-add.1")).unwrap();
+    assert!(page.contains("[OPTIONS] <KIND> [FIELD=VALUE]..."), "{page}");
     for name in ["commram", "commram-fault-add", "commram-man"] {
         assert!(path.join(format!("{name}.1")).exists(), "{name}");
     }

@@ -428,7 +428,7 @@ fn doors_open_and_close_while_the_plant_runs() {
     let emulator = start(&OPEN.replace("doors", "# doors"), &[]);
     assert_eq!(
         emulator.run("bus", &["list"]).ok(),
-        "BUS   KIND  KBIT S  DOORS  GUESTS  STATIONS\nopen  can   125     -      -       -\n"
+        "BUS   KIND  KBIT S  DOORS  GUESTS  STATIONS  OTHER RATES\nopen  can   125     -      -       -         -\n"
     );
     let door = emulator.run("bus", &["open", "open", "slcan-tcp:127.0.0.1:0"]).ok().trim_end().to_owned();
     let port = port(&emulator);

@@ -31,6 +31,10 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
     &["bus", "list"],
     &["bus", "open", "drives", "slcan-pty"],
     &["bus", "close", "drives"],
+    &["drive", "list"],
+    &["drive", "show", "drive1"],
+    &["drive", "set", "drive1", "P300=1"],
+    &["status"],
     #[cfg(feature = "studio")]
     &["plot", "node2.w_CPU_CONTROL", "-o", "never.svg"],
 ];
@@ -60,6 +64,8 @@ fn an_instance_that_is_not_there_or_has_gone_is_3_of_every_command() {
         let known = AT_AN_INSTANCE.iter().any(|args| args[0] == command);
         assert!(known || !needs, "the list lacks {command}");
     }
+    let outcome = run(&["diff", "no-such-file.json"]);
+    assert!(outcome.fails(2).contains("`no-such-file.json`: No such file"), "{}", outcome.err);
     let dump = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(dump.path(), "[]").unwrap();
     let mut killed = Emulator::stepped();

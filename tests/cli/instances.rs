@@ -151,12 +151,21 @@ fn an_instance_that_is_not_there_is_named_with_those_that_are() {
         &["stop", "--clean"],
     ] {
         let outcome = run(&[args, &["-i", &name]].concat());
-        let expected =
-            format!("commram: instance '{name}' is not running; start it with `commram run -i {name}`");
+        let right = match args[0] {
+            "stop" => ", so there is nothing to end".to_owned(),
+            _ => format!("; start it with `commram run -i {name}`"),
+        };
+        let expected = format!("commram: instance '{name}' is not running{right}");
         let message = outcome.fails(3);
         assert!(message.starts_with(&expected), "{message}");
         assert!(message.contains(&emulator.name), "{message}");
     }
+}
+
+#[test]
+fn all_and_one_cannot_be_meant_at_once() {
+    let outcome = run(&["stop", "--all", "-i", &unique_name()]);
+    assert!(outcome.fails(2).contains("leave out either this or --all"), "{}", outcome.err);
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod cs0015;
 mod damaged;
 mod demo;
 mod doors;
+mod drives;
 mod exit_codes;
 mod faults;
 mod footprint;

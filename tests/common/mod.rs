@@ -289,9 +289,12 @@ impl Emulator {
         outcome.ok().lines().collect::<Vec<_>>().join(" ")
     }
 
+    /// Registers of the firmware among them are noted.
     #[track_caller]
     pub(crate) fn poke(&self, writes: &[&str]) {
-        self.run("poke", writes).ok();
+        let outcome = self.run("poke", writes);
+        let is_note = |line: &str| line.starts_with("commram: note: only the firmware writes ");
+        assert!(outcome.code == Some(0) && outcome.err.lines().all(is_note), "{}", outcome.err);
     }
 
     #[track_caller]

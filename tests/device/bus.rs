@@ -185,7 +185,7 @@ fn automatic_requests_end_at_slave_31() {
 fn another_baud_rate_is_deaf() {
     for rate in FASTEST {
         let mut rig = Rig::of(Memory::Heap, rate, DRIVES);
-        rig.expect_errors(&[&cansync::rules::BUS_BAUD_RATE]);
+        rig.expect_errors(&[&cansync::rules::DRIVE_BAUD_RATE, &cansync::rules::BUS_BAUD_RATE]);
         rig.rate = rate.slower();
         rig.initialize_master();
         rig.rate = rate;
@@ -236,4 +236,32 @@ fn a_cluster_forwards_the_sync_signal() {
         );
         assert!(drives(plant.media()).all(|drive| drive.is_synchronized()));
     }
+}
+
+/// Of each frame counts the time that its bits take, with what must follow it.
+#[test]
+fn the_load_of_a_bus_is_what_its_frames_take() {
+    for rate in FASTEST {
+        let mut rig = with_drives(Memory::Heap, rate);
+        assert_eq!(rig.plant.bus_load(9, 1000), None, "there is no such bus");
+        let span_us = 20 * rate.interval_us;
+        let begin = rig.plant.now();
+        for _ in 0..20 {
+            rig.send_wrc1();
+        }
+        rig.step(begin + span_us - rig.plant.now());
+        let taken: u64 = rig
+            .frames()
+            .iter()
+            .filter(|(end, _)| *end > begin)
+            .map(|(_, frame)| u64::from(wire::airtime(frame, rate.kbit_s.into()).occupation_us))
+            .sum();
+        let load = u64::from(rig.plant.bus_load(0, span_us).unwrap());
+        let expected = taken * 1000 / span_us;
+        assert!(expected > 100, "{expected}");
+        // Whole microseconds there, nanoseconds here.
+        assert!(load.abs_diff(expected) <= 10, "{load}, {expected}");
+    }
+    let idle = Rig::new(Memory::Heap, RATES[0]);
+    assert_eq!(idle.plant.bus_load(0, 1000), None, "no time has passed");
 }

@@ -1,6 +1,7 @@
 use super::rig::{Emulator, LONG, Place};
 use crate::channel::client::Patience;
 use crate::channel::{Bells, ClientError};
+use crate::layout::{Compare, Test};
 use crate::memory::Width;
 use crate::request::testing::{RAM, TestHost};
 use crate::request::{Code, MAX_ADVANCE_US, Op, Reply, Waited};
@@ -147,6 +148,30 @@ fn others_look_and_stop_while_time_passes() {
         client.stop().unwrap();
         let replies = stepper.join().unwrap().unwrap();
         let [Reply::Error(refused)] = &replies[..] else { panic!("{replies:?}") };
+        assert_eq!(refused.code, Code::SHUTTING_DOWN);
+    });
+}
+
+/// A wait for several conditions pauses as an advance does, and what looks at buses and drives is no exception.
+#[test]
+fn others_look_while_somebody_waits_for_conditions() {
+    let place = Arc::new(Place::new());
+    let _emulator = Emulator::start_with(&place, pausing());
+    let test = Test { mask: 0xFFFF, compare: Compare::Equal, is_signed: false, value: 7 };
+    let condition = Op::Condition { plc: 0, offset: REG, width: Width::Word, test };
+    let never = Op::WaitFor { any: false, within_us: MAX_ADVANCE_US };
+    std::thread::scope(|scope| {
+        let waiter = scope.spawn(|| place.client().request(&[condition, never]));
+        let client = place.client();
+        let now = || client.info().unwrap().time_us;
+        while now() == 0 {}
+        let before = now();
+        assert!(client.request(&[Op::Buses]).unwrap().remove(0).buses().is_ok());
+        assert!(client.request(&[Op::Drives]).unwrap().remove(0).drives().is_ok());
+        while now() == before {}
+        client.stop().unwrap();
+        let replies = waiter.join().unwrap().unwrap();
+        let [Reply::Written, Reply::Error(refused)] = &replies[..] else { panic!("{replies:?}") };
         assert_eq!(refused.code, Code::SHUTTING_DOWN);
     });
 }

@@ -79,6 +79,8 @@ impl ReplyBuffer {
             }
             Reply::Cleared => self.append(only(reply_kind::CLEARED), &[]),
             Reply::Buses(buses) => self.append(only(reply_kind::BUSES), &own::encode(buses)),
+            Reply::Drives(drives) => self.append(only(reply_kind::DRIVES), &own::encode(drives)),
+            Reply::Drive(drive) => self.append(only(reply_kind::DRIVE), &own::encode(&**drive)),
             Reply::DoorOpened(door) => self.append(only(reply_kind::DOOR_OPENED), &own::encode(door)),
             Reply::DoorsClosed { count } => {
                 self.append((reply_kind::DOORS_CLOSED, 0, u64::from(*count)), &[])
@@ -171,6 +173,8 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::FINDINGS => Reply::Findings(entries(data)?),
         reply_kind::CLEARED => Reply::Cleared,
         reply_kind::BUSES => Reply::Buses(own::decode(data)?),
+        reply_kind::DRIVES => Reply::Drives(own::decode(data)?),
+        reply_kind::DRIVE => Reply::Drive(Box::new(own::decode(data)?)),
         reply_kind::DOOR_OPENED => Reply::DoorOpened(own::decode(data)?),
         reply_kind::DOORS_CLOSED => Reply::DoorsClosed { count: value.try_into().ok()? },
         reply_kind::INFO => Reply::Info(Box::new(own::decode(data)?)),

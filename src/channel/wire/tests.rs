@@ -1,5 +1,6 @@
 use super::*;
 use crate::devices;
+use crate::devices::{DriveDetails, DriveState, ParameterState};
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
@@ -7,7 +8,7 @@ use crate::fault::{
 use crate::journal::{By, Change, Changed, How, Keep, Names};
 use crate::layout::{Fit, Fitted, Live, Role};
 use crate::plant::Forced;
-use crate::request::{BusState, Code, InstanceInfo, Refused, Reply, Station, Waited};
+use crate::request::{BusState, Code, DriveEntry, InstanceInfo, Refused, Reply, Station, Stranger, Waited};
 use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -67,6 +68,9 @@ fn op() -> impl Strategy<Value = Op> {
         }),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Changes { from, max }),
         Just(Op::Buses),
+        Just(Op::Drives),
+        any::<u16>().prop_map(|drive| Op::Drive { drive }),
+        any::<(u16, u16, i64)>().prop_map(|(drive, number, value)| Op::SetParameter { drive, number, value }),
         (any::<u16>(), door()).prop_map(|(bus, door)| Op::DoorOpen { bus, door }),
         (any::<u16>(), proptest::option::of(door())).prop_map(|(bus, door)| Op::DoorClose { bus, door }),
         (any::<u16>(), proptest::option::of(frame())).prop_map(|(bus, frame)| Op::BusSend { bus, frame }),
@@ -108,15 +112,58 @@ fn buses() -> impl Strategy<Value = Vec<BusState>> {
         (".*", ".*", any::<(u16, u16)>()).prop_map(|(name, state, (transmit_errors, receive_errors))| {
             Station { name, state, transmit_errors, receive_errors }
         });
-    let lists = (proptest::collection::vec(door, 0..3), proptest::collection::vec(station, 0..3));
-    let bus = (".*", ".*", any::<u32>(), lists).prop_map(|(name, kind, bit_s, (doors, stations))| BusState {
-        name,
-        kind,
-        bit_s,
-        doors,
-        stations,
+    let load = any::<Option<u16>>();
+    let stranger = (".*", any::<u32>()).prop_map(|(name, bit_s)| Stranger { name, bit_s });
+    let lists = (
+        proptest::collection::vec(door, 0..3),
+        proptest::collection::vec(station, 0..3),
+        proptest::collection::vec(stranger, 0..3),
+    );
+    let ports = proptest::collection::vec(".*", 0..3);
+    let bus = (".*", ".*", any::<u32>(), load, ports, lists);
+    let bus = bus.prop_map(|(name, kind, bit_s, load_permille, ports, (doors, stations, strangers))| {
+        BusState { name, kind, bit_s, load_permille, ports, doors, stations, strangers }
     });
     proptest::collection::vec(bus, 0..3)
+}
+
+fn drive_state() -> impl Strategy<Value = DriveState> {
+    let connection = any::<(Option<u8>, Option<u16>, u64, bool)>();
+    (".*", connection, any::<(u16, bool, i32, i32, u32)>()).prop_map(
+        |(state, (number, kbit_s, lost_references, is_stopped), it)| DriveState {
+            number,
+            kbit_s,
+            state,
+            status_word: it.0,
+            is_synchronized: it.1,
+            speed_reference: it.2,
+            speed_actual: it.3,
+            fault: it.4,
+            lost_references,
+            is_stopped,
+        },
+    )
+}
+
+fn drive_entry() -> impl Strategy<Value = DriveEntry> {
+    (".*", any::<Option<String>>(), drive_state()).prop_map(|(name, bus, state)| DriveEntry {
+        name,
+        bus,
+        state,
+    })
+}
+
+fn parameter() -> impl Strategy<Value = ParameterState> {
+    (".*", ".*", any::<(u16, u8, i64, i64, i64, bool)>()).prop_map(|(name, unit, it)| ParameterState {
+        number: it.0,
+        name,
+        unit,
+        bytes: it.1,
+        value: it.2,
+        min: it.3,
+        max: it.4,
+        read_only: it.5,
+    })
 }
 
 fn error() -> impl Strategy<Value = Refused> {
@@ -219,6 +266,10 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<[u32; 10]>().prop_map(|numbers| Reply::Board(zerocopy::transmute!(numbers))),
         Just(Reply::Cleared),
         buses().prop_map(Reply::Buses),
+        proptest::collection::vec(drive_entry(), 0..3).prop_map(Reply::Drives),
+        (drive_state(), proptest::collection::vec(parameter(), 0..3), any::<Vec<(u8, u16)>>()).prop_map(
+            |(state, parameters, card)| Reply::Drive(Box::new(DriveDetails { state, parameters, card }))
+        ),
         door().prop_map(Reply::DoorOpened),
         any::<u16>().prop_map(|count| Reply::DoorsClosed { count }),
         information().prop_map(|information| Reply::Info(Box::new(information))),

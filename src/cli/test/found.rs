@@ -24,11 +24,13 @@ impl Shard {
     /// # Errors
     /// It is not written so, or there is no such shard.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
-        let number = |text: &str| text.parse::<NonZero<usize>>().ok();
-        match text.split_once('/').map(|(index, count)| (number(index), number(count))) {
-            Some((Some(index), Some(count))) if index <= count => Ok(Self { index: index.get(), count }),
-            Some((Some(_), Some(count))) => Err(format!("shards are counted from 1, here up to {count}")),
-            _ => Err("write which one and of how many, for example 1/3".to_owned()),
+        let number = |text: &str| text.parse::<usize>().ok();
+        let numbers = text.split_once('/').and_then(|(index, count)| Some((number(index)?, number(count)?)));
+        match numbers.map(|(index, count)| (index, NonZero::new(count))) {
+            Some((index, Some(count))) if (1..=count.get()).contains(&index) => Ok(Self { index, count }),
+            Some((_, Some(count))) => Err(format!("shards are counted from 1, here up to {count}")),
+            Some((_, None)) => Err("there is at least one shard, 1/1".to_owned()),
+            None => Err("write which one and of how many, for example 1/3".to_owned()),
         }
     }
 
@@ -183,6 +185,7 @@ mod tests {
         for wrong in ["", "1", "0/2", "3/2", "1/0", "-1/2", "a/b", "1/2/3"] {
             assert!(Shard::parse(wrong).is_err(), "{wrong}");
         }
+        assert_eq!(Shard::parse("0/2").unwrap_err(), "shards are counted from 1, here up to 2");
     }
 
     #[test]

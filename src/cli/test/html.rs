@@ -238,6 +238,8 @@ mod tests {
             within_us: None,
             time_us: 5,
             section: Some(hostile()),
+            findings: 0,
+            first_findings: Vec::new(),
             journal: vec![line.clone()],
             exchange: exchange.map(|way| Exchanged { way, line: line.clone() }).to_vec(),
             location: Some(Place { file: hostile(), line: Some(1), column: None, source: Some(hostile()) }),

@@ -85,6 +85,9 @@ struct Details {
     within_us: Option<u64>,
     time_us: u64,
     section: Option<String>,
+    /// How many there are of the access checker.
+    findings: u64,
+    first_findings: Vec<String>,
     journal: Vec<JournalLine>,
 }
 
@@ -134,6 +137,8 @@ impl Details {
             within_us,
             time_us: failure.time_us,
             section: failure.section.clone(),
+            findings: failure.findings,
+            first_findings: failure.first_findings.clone(),
             journal: failure.journal.clone(),
         }
     }

@@ -1,7 +1,7 @@
 //! A b maXX PLC with its option modules as the plant file describes it.
 
 use super::Bm4Plc;
-use super::registers::DEVICE;
+use super::registers::{BAUD_RATES, DEVICE};
 use crate::devices::settings::{range, refused_at, time};
 use crate::devices::{BuildError, Device, DeviceConfig, Plug, PortConfig};
 use crate::layout;
@@ -207,6 +207,10 @@ impl DeviceConfig for Bm4Config {
             address: (module.kind == ModuleKind::Can05).then_some(module.dip),
         };
         self.modules.iter().map(port).collect()
+    }
+
+    fn kbit_s(&self, _: u8) -> Vec<u16> {
+        BAUD_RATES.iter().map(|rate| rate.kbit_per_s).collect()
     }
 
     /// The manual of the modules tells of none.

@@ -15,6 +15,7 @@ mod guests;
 mod own_clock;
 mod ports;
 mod process;
+mod rates;
 mod slots;
 #[cfg(test)]
 mod tests;
@@ -82,8 +83,8 @@ pub struct SimBus {
     drives: Vec<Drive>,
     /// The drives as they are at power-on.
     fresh: Vec<Drive>,
-    /// Baud rate that the drives' DIP switches are set to.
-    drives_kbit_s: u16,
+    /// Baud rate that the plant file gives, in kbit/s: that of its drives, as far as they have none of their own.
+    kbit_s: u16,
     frame_length: FrameLength,
     running: Option<Running>,
     agenda: Agenda,
@@ -134,7 +135,7 @@ impl SimBus {
             stations: [Station::Nobody; 32],
             drives: Vec::new(),
             fresh: Vec::new(),
-            drives_kbit_s: config.kbit_s,
+            kbit_s: config.kbit_s,
             frame_length: config.frame_length,
             running: None,
             agenda: Agenda::empty(),
@@ -278,15 +279,16 @@ impl Run<'_> {
 
     /// The drive at `index`, if it is set to the bus's baud rate; otherwise it hears nothing.
     fn drive(&mut self, index: usize) -> Option<&mut Drive> {
-        if self.bus.drives_kbit_s == self.timing.kbit_per_s { self.bus.drives.get_mut(index) } else { None }
+        let kbit_s = self.timing.kbit_per_s;
+        self.bus.drives.get_mut(index).filter(|drive| drive.kbit_s() == kbit_s)
     }
 
-    /// The drives, if they are set to the bus's baud rate, but for those that are off.
+    /// The drives that are set to the bus's baud rate, but for those that are off.
     fn drives(&mut self) -> impl Iterator<Item = &mut Drive> {
-        let hear = self.bus.drives_kbit_s == self.timing.kbit_per_s;
-        let drives = if hear { &mut self.bus.drives[..] } else { &mut [] };
-        let disturbance = &self.bus.disturbance;
-        drives.iter_mut().filter(|drive| !disturbance.is_off(drive.slave_number()))
+        let (kbit_s, disturbance) = (self.timing.kbit_per_s, &self.bus.disturbance);
+        let hears =
+            move |drive: &&mut Drive| drive.kbit_s() == kbit_s && !disturbance.is_off(drive.slave_number());
+        self.bus.drives.iter_mut().filter(hears)
     }
 }
 

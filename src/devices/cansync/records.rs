@@ -18,6 +18,9 @@ pub static KINDS: &[&Kind] = &[
     SlaveStatus::KIND,
     BaudRateMismatch::KIND,
     ForeignFrame::KIND,
+    DriveBaudRateMismatch::KIND,
+    DriveSet::KIND,
+    OwnDriveSet::KIND,
 ];
 
 coded! {
@@ -66,6 +69,34 @@ coded! {
         bus_kbit_s: u16,
         /// It passes on the SYNC signal of that bus, and no slave of its own synchronizes; else it hears nothing.
         passes_on: bool,
+    }
+
+    /// A drive is set to another baud rate than its bus runs at: it hears nothing (decision D-540).
+    DriveBaudRateMismatch = 13, "drive_baud_rate_mismatch", Rare, at bus {
+        /// Slave number.
+        slave: u8,
+        /// The drive's baud rate in kbit/s.
+        drive_kbit_s: u16,
+        /// The bus's baud rate in kbit/s.
+        bus_kbit_s: u16,
+    }
+
+    /// Somebody has set a parameter of a drive on a bus, not through the bus.
+    DriveSet = 14, "drive_set", Rare, at bus {
+        /// Slave number.
+        slave: u8,
+        /// Number of the parameter.
+        number: u16,
+        /// The bits of its new value.
+        value: u32,
+    }
+
+    /// Somebody has set a parameter of the drive of a PLC, not through the PLC.
+    OwnDriveSet = 15, "own_drive_set", Rare, at plc {
+        /// Number of the parameter.
+        number: u16,
+        /// The bits of its new value.
+        value: u32,
     }
 
     /// A frame of a guest, which is outside of all slots; the time is its end (decision D-315).
@@ -301,6 +332,40 @@ impl Told for SlaveStatus {
         let register = reader.of_port(self.origin, &format!("a_STAT_SL[{}]", self.slave));
         let text = register.meaning(self.status.into());
         Fields::new().with("slave", self.slave).with("status", self.status).with("text", text)
+    }
+}
+
+impl Told for DriveSet {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("drive {}: P{} set to {} by hand", self.slave, self.number, self.value as i32)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("slave", self.slave).with("number", self.number).with("value", self.value)
+    }
+}
+
+impl Told for OwnDriveSet {
+    fn text(&self, _: &mut Reader) -> String {
+        format!("drive: P{} set to {} by hand", self.number, self.value as i32)
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        Fields::new().with("number", self.number).with("value", self.value)
+    }
+}
+
+impl Told for DriveBaudRateMismatch {
+    fn text(&self, _: &mut Reader) -> String {
+        let DriveBaudRateMismatch { slave, drive_kbit_s, bus_kbit_s, .. } = self;
+        format!(
+            "drive {slave} is set to {drive_kbit_s} kbit/s, the bus runs at {bus_kbit_s}: it hears nothing"
+        )
+    }
+
+    fn fields(&self, _: &mut Reader) -> Fields {
+        let DriveBaudRateMismatch { slave, drive_kbit_s, bus_kbit_s, .. } = *self;
+        Fields::new().with("slave", slave).with("drive_kbit_s", drive_kbit_s).with("bus_kbit_s", bus_kbit_s)
     }
 }
 

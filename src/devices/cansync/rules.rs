@@ -70,6 +70,10 @@ rules! {
     DRIVE_PWM: 32, "drive-pwm", Warning, "5.00005.03a p. 74 (inferred); D-292",
         "The PWM frequency (P103) of a drive is none of the two that the table of the masks over P258 knows. Set it to 4 or \
          8 kHz.";
+    DRIVE_BAUD_RATE: 33, "drive-baud-rate", Error, "5.01010.01 p. 10, 13; D-540",
+        "A drive is set to another baud rate than its bus runs at and hears nothing; the value is its own rate in kbit/s. Set \
+         switches 1 and 2 of S20 on its card (kbit_s in the plant file) to the rate that the master is initialized with, \
+         and P167 with them.";
     FOREIGN_FRAME: 61, "foreign-frame", Warning, "D-315",
         "A program at a door has sent a frame into a CANsync bus, where only master and slaves send, each in its slot. Only \
          listen there.";

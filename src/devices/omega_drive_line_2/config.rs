@@ -4,7 +4,7 @@ use super::Plc;
 use super::plc::{MASTER, SLAVE};
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig, Watch};
 use crate::devices::omega_drive_line_2::registers::{
-    DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
+    BAUD_RATES, DEVICE, ETHERNET_CONFIG, RETAIN_BYTES, RETAIN_DEFAULT_BYTES,
 };
 use crate::devices::settings::{range, time, time_or_none};
 use crate::devices::{BuildError, DeviceConfig, Plug, PortConfig, SettingError};
@@ -142,6 +142,10 @@ impl DeviceConfig for PlcConfig {
             PortConfig { number: SLAVE, name: "node1", medium: node1, address: Some(self.dip) },
             PortConfig { number: MASTER, name: "node2", medium: node2, address: None },
         ]
+    }
+
+    fn kbit_s(&self, _: u8) -> Vec<u16> {
+        BAUD_RATES.iter().map(|rate| rate.kbit_per_s).collect()
     }
 
     fn retain_bytes(&self) -> u32 {

@@ -7,14 +7,17 @@ use crate::devices::cansync::bus::SyncLock;
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::cansync::firmware::{Seat, note_restarts};
 use crate::devices::cansync::medium::{Socket, SocketRole};
+use crate::devices::cansync::records::OwnDriveSet;
 use crate::devices::omega_drive_line_2::baps::Baps;
 use crate::devices::omega_drive_line_2::board::{Board, level};
 use crate::devices::omega_drive_line_2::ethernet::Ethernet;
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAUD_RATES, DEVICE, ETHERNET_CONFIG};
 use crate::devices::records::{BoardEvent, OnBoard};
-use crate::devices::{BuildError, Context, Device, Events, Look, Plug, Power, World};
+use crate::devices::{
+    BuildError, Context, Device, DriveDetails, Events, Look, ParameterRefusal, Plug, Power, World,
+};
 use crate::fault::{self, Hit, Target};
-use crate::journal::Origin;
+use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::memory::header::BoardSetting;
 use crate::memory::{Header, Segment, View};
@@ -251,6 +254,29 @@ impl Device for Plc {
             }
             Effect::Silent | Effect::Slow(_) => None,
         }
+    }
+
+    fn drive(&self) -> Option<DriveDetails> {
+        let mut details = self.baps.drive().details();
+        if !self.board.has_supply() {
+            details.state.state = "off".to_owned();
+        }
+        Some(details)
+    }
+
+    fn set_parameter(
+        &mut self,
+        number: u16,
+        value: i64,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), ParameterRefusal> {
+        if !self.board.has_supply() {
+            return Err(ParameterRefusal::Off);
+        }
+        self.baps.set_parameter(now, number, value)?;
+        journal.push(now, OwnDriveSet { plc: self.index, number, value: value as u32 });
+        Ok(())
     }
 
     fn event_level(&self, event: usize) -> Option<u8> {

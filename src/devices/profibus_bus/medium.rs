@@ -6,14 +6,14 @@
 use super::FAMILY;
 use super::config::ProfibusConfig;
 use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
-use super::records::{DpGarbled, DpTelegram, short};
+use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use super::visitors;
 use super::visitors::Visitors;
 use crate::check::OwnedWatch;
 use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
 use crate::door::{Guest, Said};
 use crate::fault::{Effect, Hit, Target};
-use crate::journal::{Journal, Origin};
+use crate::journal::{Event, Journal, Origin};
 use crate::profibus::{BusRate, FunctionCode, Line, Request, SYN_BITS, Sending, Telegram};
 use core::any::Any;
 use std::sync::Arc;
@@ -283,6 +283,12 @@ impl Medium for ProfibusBus {
 
     fn bit_s(&self) -> u32 {
         self.rate.bit_s()
+    }
+
+    fn busy_ns(&self, event: &Event) -> u64 {
+        let octets = event.get::<DpTelegram>().map(|it| it.octets_on_line());
+        let octets = octets.or_else(|| event.get::<DpShort>().map(|it| it.octets_on_line()));
+        Telegram::bits(octets.unwrap_or(0)) * 1_000_000_000 / u64::from(self.rate.bit_s().max(1))
     }
 
     fn guest_joins(&mut self, guest: u8, _: u64) -> bool {

@@ -65,6 +65,14 @@ impl DpTelegram {
         (self.unit >> 16) as usize
     }
 
+    /// With all that is around the data on the line, which is less where there are none.
+    pub(super) fn octets_on_line(&self) -> usize {
+        match self.octets() + self.saps().into_iter().flatten().count() {
+            0 => 6,
+            octets => octets + 9,
+        }
+    }
+
     /// The first octets, as people read them.
     fn data(&self, before: &str) -> String {
         let shown = self.first.to_le_bytes().into_iter().take(self.octets());
@@ -126,6 +134,11 @@ impl Told for DpTelegram {
 }
 
 impl DpShort {
+    /// A token has three octets, a receipt one.
+    pub(super) fn octets_on_line(&self) -> usize {
+        if self.token == RECEIPT { 1 } else { 3 }
+    }
+
     fn stations(&self) -> Option<(u8, u8)> {
         let [da, sa, ..] = self.token.to_le_bytes();
         (self.token != RECEIPT).then_some((da, sa))

@@ -39,11 +39,11 @@ struct Source<'a> {
 /// Reads a plant file. Returns where its faults begin, too: what is wrong with them only the whole plant can tell.
 pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), PlantError> {
     let source = Source { file, text };
-    let mut table = DeTable::parse(text).map_err(|error| source.syntax(error))?;
+    let mut table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
     let plcs = source.sections(table.get_mut(), "plc")?;
     let others = source.sections(table.get_mut(), "device")?;
     let buses = source.sections(table.get_mut(), "bus")?;
-    let rest = Rest::deserialize(Deserializer::from(table)).map_err(|error| source.syntax(error))?;
+    let rest = Rest::deserialize(Deserializer::from(table)).map_err(|error| source.syntax(&error))?;
 
     let mut devices: Vec<Arc<dyn DeviceConfig>> = Vec::with_capacity(plcs.len() + others.len());
     let kinds: Vec<_> =
@@ -73,12 +73,12 @@ pub(super) fn line_of(text: &str, offset: usize) -> usize {
 }
 
 impl PlantError {
-    /// The line, from 1, in the text of the plant file that it is about; none if it stands nowhere.
+    /// The line, from 1, of the plant file that it is about; none if it stands nowhere.
     #[must_use]
-    pub fn line(&self, text: &str) -> Option<usize> {
+    pub fn line(&self) -> Option<usize> {
         match self {
-            Self::At { line, .. } | Self::NoSection { line, .. } | Self::Kind { line, .. } => Some(*line),
-            Self::Syntax { source, .. } => source.span().map(|span| line_of(text, span.start)),
+            Self::At { line, .. } | Self::Syntax { line, .. } => *line,
+            Self::NoSection { line, .. } | Self::Kind { line, .. } => Some(*line),
             _ => None,
         }
     }
@@ -88,7 +88,7 @@ impl PlantError {
     pub fn message(&self) -> String {
         let whole = match self {
             Self::At { source, .. } => return source.to_string(),
-            Self::Syntax { source, .. } => return source.message().to_owned(),
+            Self::Syntax { what, .. } => return what.clone(),
             other => other.to_string(),
         };
         match self {
@@ -101,9 +101,11 @@ impl PlantError {
 }
 
 impl Source<'_> {
-    fn syntax(&self, mut error: Error) -> PlantError {
-        error.set_input(Some(self.text));
-        PlantError::Syntax { file: self.file.to_owned(), source: Box::new(error) }
+    fn syntax(&self, error: &Error) -> PlantError {
+        let line = error.span().map(|span| self.line_of(span.start));
+        // What would have been right stands in a line of its own.
+        let what = error.message().lines().collect::<Vec<_>>().join(", ");
+        PlantError::Syntax { file: self.file.to_owned(), line, what }
     }
 
     fn line_of(&self, offset: usize) -> usize {
@@ -146,6 +148,6 @@ impl Source<'_> {
     }
 
     fn read<T: ?Sized>(&self, section: Spanned<DeValue<'_>>, read: Read<T>) -> Result<Arc<T>, PlantError> {
-        read(ValueDeserializer::from(section)).map_err(|error| self.syntax(error))
+        read(ValueDeserializer::from(section)).map_err(|error| self.syntax(&error))
     }
 }

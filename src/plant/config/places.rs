@@ -18,7 +18,9 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
     let root = table.get_ref();
     let found = match error {
         PlantError::Build(BuildError::Setting(error)) => setting(root, error),
-        PlantError::Build(BuildError::Own { name, .. }) => named(root, name).last(),
+        PlantError::Build(BuildError::Own { name, at, .. }) => {
+            named(root, name).last().map(|it| inside(it, at))
+        }
         PlantError::Name { name, .. } => named(root, name).last(),
         PlantError::Duplicate { what, name } => {
             sections_of(root, what).filter(|it| is_named(it, name)).last()
@@ -34,6 +36,20 @@ pub(super) fn offset_of(error: &PlantError, text: &str) -> Option<usize> {
         _ => None,
     };
     found.map(|value| value.span().start)
+}
+
+/// Offset of a key in the section of this name, or of the section where it does not stand there.
+pub(super) fn offset_of_key(section: &str, key: &str, text: &str) -> Option<usize> {
+    let table = DeTable::parse(text).ok()?;
+    let section = named(table.get_ref(), section).last()?;
+    Some(section.get_ref().get(key).unwrap_or(section).span().start)
+}
+
+/// What stands at a path in a section, or in the table `drive` in it; the section itself if nothing does.
+fn inside<'a, 't>(section: &'a Value<'t>, path: &str) -> &'a Value<'t> {
+    let at = |section: &'a Value<'t>| path.split('.').try_fold(section, |it, key| it.get_ref().get(key));
+    let own_drive = || section.get_ref().get("drive").and_then(at);
+    at(section).or_else(own_drive).unwrap_or(section)
 }
 
 /// The value that is out of its range.

@@ -93,11 +93,11 @@ fn each_mistake_is_named() {
         ),
         (
             format!("{plc}[[device]]\nkind = '{kind}'\nname = 'd'\ncolour = 1\n"),
-            "test.toml: TOML parse error at line 6, column 1",
+            "test.toml: line 6: unknown field `colour`",
         ),
         (format!("{plc}[[device]]\nkind = '{kind}'\nname = 'p'\n"), "there are two PLCs named 'p'"),
         (format!("bus = 1\n{plc}"), "test.toml: line 1: [[bus]]"),
-        (format!("{plc}colour = 1\n"), "test.toml: TOML parse error at line 3, column 1"),
+        (format!("{plc}colour = 1\n"), "test.toml: line 3: unknown field `colour`"),
     ];
     for (text, expected) in cases {
         let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
@@ -140,12 +140,40 @@ fn each_mistake_is_told_with_its_line() {
             format!(
                 "{plc}{bus}[[bus.drive]]\nname = 'd'\nslave_number = 1\nzk = {{ zk_0 = 120, zk_4 = 65 }}\n"
             ),
-            5,
+            8,
         ),
-        (format!("{bus}{plc}drive = {{ parameters = [{{ number = 5000, format = 'word' }}] }}\n"), 3),
+        (format!("{bus}{plc}drive = {{ parameters = [{{ number = 5000, format = 'word' }}] }}\n"), 5),
+        (format!("{plc}{bus}doors = ['profibus-tcp:127.0.0.1:0']\n"), 5),
+        (format!("{plc}[[fault]]\nkind = 'lose_frames'\n"), 3),
         (format!("\nprocessor_cycle_us = 5\n{plc}"), 2),
     ] {
         let message = PlantConfig::parse("test.toml", &text).unwrap_err().to_string();
         assert!(message.starts_with(&format!("test.toml: line {line}: ")), "{text}\n{message}");
     }
+}
+
+/// D-541: plants with faults on purpose stay possible, and nobody has one unawares.
+#[test]
+fn rates_at_which_drives_hear_nothing_are_doubted() {
+    let plant = |bus: &str, drive: &str| {
+        let text = format!(
+            "[[plc]]\nname = 'a'\nnode2 = 'b'\n[[bus]]\nname = 'b'\n{bus}\n\
+             [[bus.drive]]\nname = 'd'\nslave_number = 1\ncard_function = 0\n{drive}\n"
+        );
+        let doubts = PlantConfig::parse("p.toml", &text).unwrap().doubts(&text);
+        doubts.into_iter().map(|(line, doubt)| (line, doubt.text)).collect::<Vec<_>>()
+    };
+    assert_eq!(plant("", ""), []);
+    assert_eq!(plant("kbit_s = 250", "kbit_s = 250"), []);
+    let others = "drive 'd' is set to 250 kbit/s and will hear nothing: its bus 'b' is at 500 kbit/s, and a bus has one \
+                  rate, that of its master";
+    assert_eq!(plant("", "kbit_s = 250"), [(Some(11), others.to_owned())]);
+    let too_fast = "drives on bus 'b' are set to 1000 kbit/s and will hear nothing: the master of bus 'b', a:node2, runs \
+                    at 500, 250, 125 kbit/s only";
+    assert_eq!(plant("kbit_s = 1000", ""), [(Some(6), too_fast.to_owned())]);
+    let one = plant("", "kbit_s = 1000");
+    assert!(
+        one[0].1.starts_with("drive 'd' is set to 1000 kbit/s and will hear nothing: the master"),
+        "{one:?}"
+    );
 }

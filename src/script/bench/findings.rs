@@ -1,6 +1,7 @@
 //! What the access checker has found.
 
 use super::Bench;
+use crate::counted::{counted, counted_of};
 use crate::devices;
 use crate::journal::{Entry, Source};
 use crate::request::Op;
@@ -44,7 +45,10 @@ impl Bench {
             return Ok(());
         }
         let lines: Vec<_> = found.iter().map(|entry| self.finding_text(entry)).collect();
-        let mut failure = self.failure(format!("the access checker has {} findings", found.len()), at)?;
+        let what = format!("the access checker has {}", counted_of(&found, "finding"));
+        let mut failure = self.failure(what, at)?;
+        // They are all there already.
+        (failure.findings, failure.first_findings) = (0, Vec::new());
         failure.expected = Some("no findings".to_owned());
         failure.actual = Some(lines.join("\n            "));
         Err(failure.into())
@@ -66,17 +70,22 @@ impl Bench {
 
     /// `error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0003, 2 times since 0.001000 s: ...`
     fn finding_text(&self, entry: &Entry) -> String {
+        format!("{}: {}", self.finding_line(entry), entry.last.rule.text())
+    }
+
+    /// The same without what would be right.
+    pub(super) fn finding_line(&self, entry: &Entry) -> String {
         let Entry { last, count, first_us, .. } = entry;
         let fitted = self.names.fitted(last.plc);
         let address = last.address(fitted).map_or_else(String::new, |address| format!(" ({address})"));
         format!(
-            "{}: {}: {}{address} := {}, {count} times since {}: {}",
+            "{}: {}: {}{address} := {}, {} since {}",
             last.rule.severity(),
             last.rule.id(),
             self.finding_place(entry),
             last.value_text(fitted),
+            counted(*count, "time"),
             seconds(*first_us),
-            last.rule.text()
         )
     }
 }

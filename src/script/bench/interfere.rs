@@ -1,13 +1,13 @@
 //! Verbs that interfere with the plant: forced registers and faults.
 
-use super::Bench;
 use super::ask::Spot;
 use super::register::Register;
+use super::{Bench, Required};
 use crate::devices;
 use crate::fault::{FaultNews, FaultSpec, FaultStatus, News, Refusal};
 use crate::plant::Forced;
 use crate::request::{Code, Op, Refused};
-use crate::script::{ScenarioError, Value};
+use crate::script::{Place, ScenarioError, Value};
 use core::num::NonZeroU16;
 use core::panic::Location;
 
@@ -44,6 +44,15 @@ impl Bench {
     /// # Errors
     /// The fault does not exist, has a wrong field, or concerns something that the plant does not have.
     pub fn fault(&mut self, words: &str) -> Result<u16, ScenarioError> {
+        self.fault_at(words, None)
+    }
+
+    /// As [`Bench::fault`], in this line of a script.
+    pub(in crate::script) fn fault_at(
+        &mut self,
+        words: &str,
+        place: Option<Place>,
+    ) -> Result<u16, ScenarioError> {
         let text = words;
         let mut words = words.split_whitespace();
         let kind = words.next().unwrap_or_default();
@@ -52,9 +61,14 @@ impl Bench {
         let fault = spec.resolve(kinds, &self.names)?;
         let number = self.ask(Op::FaultAdd { fault })?.fault_added()?;
         if spec.required {
-            self.required.push((number, text.to_owned()));
+            self.required.push(Required { number, text: text.to_owned(), place });
         }
         Ok(number)
+    }
+
+    /// The faults of the plant that must strike are wanted by this line of a script.
+    pub(in crate::script) fn plant_is_of(&mut self, place: &Place) {
+        self.required.iter_mut().for_each(|it| it.place = Some(place.clone()));
     }
 
     /// How many faults there are that must strike.
@@ -85,9 +99,11 @@ impl Bench {
             there.iter().any(|it| it.id == id && has_acted(it))
                 || over.iter().any(|it| it.id == id && tells(it))
         };
-        let Some((number, text)) = self.required.iter().find(|(id, _)| !struck(*id)) else { return Ok(()) };
-        let what = format!("fault {number} has never struck: {text}");
+        let Some(missed) = self.required.iter().find(|it| !struck(it.number)) else { return Ok(()) };
+        let Required { number, text, place } = missed;
+        let (what, place) = (format!("fault {number} has never struck: {text}"), place.clone());
         let mut failure = self.failure(what, at)?;
+        failure.location = place.or(failure.location);
         failure.expected = Some("a hit, as the fault is required".to_owned());
         failure.actual = Some("none".to_owned());
         Err(failure.into())

@@ -3,7 +3,7 @@
 use super::arguments::span;
 use super::{Fallible, Verbs, int};
 use crate::devices::{self, Registered};
-use crate::layout::Area;
+use crate::layout::{Area, did_you_mean};
 use crate::plc::{BlockKind, PinError, PinValue, Place, Placed, Variables};
 use crate::script::caught::Caught;
 use crate::script::{Bench, ScenarioError};
@@ -30,16 +30,23 @@ fn find(blocks: &'static [BlockKind], name: &str) -> Option<&'static BlockKind> 
     blocks.iter().find(|kind| kind.name == name)
 }
 
-fn unknown(name: &str, blocks: impl Iterator<Item = &'static BlockKind>) -> ScenarioError {
-    // Devices have blocks of the same names.
-    let mut known = Vec::new();
-    for kind in blocks {
-        if !known.contains(&kind.name) {
-            known.push(kind.name);
-        }
-    }
-    let known = known.join(", ");
-    ScenarioError::Unknown { what: "function block", name: name.to_owned(), known }
+fn unknown(name: &str, device: &Registered) -> ScenarioError {
+    let names = || device.blocks.iter().map(|kind| kind.name);
+    let title = device.layout.title;
+    let known = match device.blocks {
+        [] => "no function blocks".to_owned(),
+        _ => names().collect::<Vec<_>>().join(", "),
+    };
+    // A question, or nothing.
+    let near = did_you_mean(name, names());
+    let end = if near.is_empty() { ";" } else { "" };
+    ScenarioError::argument(name, &format!("no such function block{near}{end} {title} has {known}"))
+}
+
+/// What stands at the PLC of a place.
+fn device_of(bench: &mut Bench, plc: u16) -> Result<&'static Registered, ScenarioError> {
+    let hash = bench.ram_of(plc)?.header().layout_hash.load();
+    Ok(devices::of_hash(hash).unwrap_or(devices::default()))
 }
 
 impl Block {
@@ -51,15 +58,17 @@ impl Block {
     ) -> Result<Self, ScenarioError> {
         // Whether it lies in an area is the same at all devices that have it; what the device is, the place tells.
         let of_any = devices::all().iter().find_map(|device| find(device.blocks, name));
-        let of_any =
-            of_any.ok_or_else(|| unknown(name, devices::all().iter().flat_map(|device| device.blocks)))?;
+        let Some(of_any) = of_any else {
+            let plc = bench.area(place).map(|(plc, _)| plc).or_else(|_| bench.only_plc(place))?;
+            return Err(unknown(name, device_of(bench, plc)?));
+        };
         let (plc, area) = match of_any.structure {
             Some(_) => bench.area(place).map(|(plc, area)| (plc, Some(area)))?,
             None => (bench.only_plc(place)?, None),
         };
+        let device = device_of(bench, plc)?;
         let ram = bench.ram_of(plc)?;
-        let device = devices::of_hash(ram.header().layout_hash.load()).unwrap_or(devices::default());
-        let kind = find(device.blocks, name).ok_or_else(|| unknown(name, device.blocks.iter()))?;
+        let kind = find(device.blocks, name).ok_or_else(|| unknown(name, device))?;
         if let (Some(structure), Some(area)) = (kind.structure, area) {
             check_area(device, kind, structure, area, place)?;
         }

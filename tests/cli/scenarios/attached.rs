@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::common::{Emulator, unique_name};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const START: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenarios/01-start-of-the-master.rhai");

@@ -46,6 +46,8 @@ fn subfolders_filters_and_shards_say_which_scenarios_run() {
     assert!(
         scripts.run(&[".", "--shard", "3/2"]).fails(2).contains("shards are counted from 1, here up to 2")
     );
+    let none = scripts.run(&[".", "--jobs", "0"]);
+    assert!(none.fails(2).contains("at least 1 scenario must run"), "{}", none.err);
     let part = scripts.run(&["common"]);
     assert_eq!(part.code, Some(1), "nobody there imports it: {}", part.out);
 }

@@ -39,6 +39,10 @@ pub struct DriveConfig {
     pub name: String,
     /// DIP switches S20, 6 to 10: slave number on the bus, 0 to 31.
     pub slave_number: u8,
+    /// DIP switches S20, 1 and 2: baud rate in kbit/s, 1000, 500, 250 or 125 (manual 5.01010.01 p. 13). Left out: that of
+    /// its bus in the plant file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kbit_s: Option<u16>,
     /// Function of the CANsync card, 0 or 1 (default).
     #[serde(default)]
     pub card_function: CardFunction,
@@ -100,6 +104,7 @@ impl DriveConfig {
         DriveConfig {
             name: name.into(),
             slave_number,
+            kbit_s: None,
             card_function: CardFunction::default(),
             zk: None,
             lock_time_us: default_lock_time_us(),
@@ -168,7 +173,7 @@ pub enum DriveError {
         drive: String,
         /// Function of its card.
         function: CardFunction,
-        /// Baud rate that its bus is set to.
+        /// Baud rate that its switches are set to.
         kbit_s: u16,
     },
     /// A parameter is defined wrongly.
@@ -201,7 +206,13 @@ impl From<DriveError> for BuildError {
         | DriveError::Rate { drive, .. }
         | DriveError::Parameter { drive, .. }
         | DriveError::Zk { drive, .. }) = &error;
-        BuildError::Own { name: drive.clone(), reason: error.to_string() }
+        let at = match &error {
+            DriveError::SlaveNumber { .. } => "slave_number".to_owned(),
+            DriveError::Rate { .. } => "card_function".to_owned(),
+            DriveError::Parameter { .. } => "parameters".to_owned(),
+            DriveError::Zk { zk, .. } => format!("zk.zk_{zk}"),
+        };
+        BuildError::own(drive, &at, error.to_string())
     }
 }
 

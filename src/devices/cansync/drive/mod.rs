@@ -22,6 +22,7 @@ mod card;
 mod card_function;
 mod config;
 mod drivecom;
+mod look;
 mod monitoring;
 mod motion;
 mod parameters;
@@ -79,6 +80,7 @@ pub(crate) fn pwm_objection(khz: u32) -> Option<Objection> {
 pub struct Drive {
     name: String,
     slave_number: u8,
+    kbit_s: u16,
     sync: SyncLock,
     /// The present interval began without its edge.
     edge_is_missing: bool,
@@ -86,12 +88,15 @@ pub struct Drive {
     objected: Option<Settings>,
     /// SYNC and reference values.
     monitors: [Monitor; 2],
+    /// The card's parameters.
+    zk: ZkParameters,
     card: Card,
     regler: VRegler,
 }
 
 impl Drive {
-    /// Builds the drive that the plant file describes, as it is after power-on, on a bus that is set to `kbit_s`.
+    /// Builds the drive that the plant file describes, as it is after power-on. It is set to `kbit_s` unless the file says
+    /// otherwise.
     ///
     /// # Errors
     /// [`DriveError`] names the drive and the parameter or card parameter at fault.
@@ -101,6 +106,7 @@ impl Drive {
             return Err(DriveError::SlaveNumber { drive: drive(), number: cfg.slave_number });
         }
         let function = cfg.card_function;
+        let kbit_s = cfg.kbit_s.unwrap_or(kbit_s);
         let sync_slot_us = function.sync_slot_us(kbit_s).ok_or_else(|| DriveError::Rate {
             drive: drive(),
             function,
@@ -115,11 +121,13 @@ impl Drive {
             software: None,
             sync_slot_us: Some(sync_slot_us),
         })?;
-        let card = Card::new(&cfg.mapping(), function, cfg.slave_number, &regler.store)
+        let zk = cfg.mapping();
+        let card = Card::new(&zk, function, cfg.slave_number, &regler.store)
             .map_err(|(zk, value, reason)| DriveError::Zk { drive: drive(), zk, value, reason })?;
         Ok(Drive {
             name: drive(),
             slave_number: cfg.slave_number,
+            kbit_s,
             sync: SyncLock::new(cfg.lock_time_us, cfg.sync_loss_us),
             edge_is_missing: false,
             objected: None,
@@ -127,6 +135,7 @@ impl Drive {
                 Monitor::new(&cfg.monitoring.sync, fault::SYNC),
                 Monitor::new(&cfg.monitoring.reference_values, fault::REFERENCE_VALUES),
             ],
+            zk,
             card,
             regler,
         })
@@ -141,6 +150,12 @@ impl Drive {
     #[inline]
     pub fn slave_number(&self) -> u8 {
         self.slave_number
+    }
+
+    /// Baud rate that its switches are set to, in kbit/s.
+    #[inline]
+    pub fn kbit_s(&self) -> u16 {
+        self.kbit_s
     }
 
     /// Falling SYNC edge at `now_us`: an interval of `interval_us` begins.

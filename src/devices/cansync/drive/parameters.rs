@@ -88,17 +88,28 @@ impl ParameterSpec {
         (self.min.map_or(lowest, bits), self.max.map_or(highest, bits))
     }
 
+    /// Lowest and highest value as numbers.
+    pub(super) fn range(&self) -> (i64, i64) {
+        let (lowest, highest) = self.limits();
+        (self.number_of(lowest), self.number_of(highest))
+    }
+
+    /// The number that these bits are.
+    pub(super) fn number_of(&self, bits: u32) -> i64 {
+        match (self.is_signed(), self.format) {
+            (false, _) => i64::from(bits),
+            (true, ParamFormat::Word) => i64::from(bits as u16 as i16),
+            (true, ParamFormat::Doubleword) => i64::from(bits as i32),
+        }
+    }
+
     fn is_signed(&self) -> bool {
         self.min.is_some_and(|min| min < 0)
     }
 
     /// Refusal of a value: its error number (16#FFFE or 16#FFFD).
     fn check(&self, value: u32) -> Result<(), u16> {
-        let value = match (self.is_signed(), self.format) {
-            (false, _) => i64::from(value),
-            (true, ParamFormat::Word) => i64::from(value as u16 as i16),
-            (true, ParamFormat::Doubleword) => i64::from(value as i32),
-        };
+        let value = self.number_of(value);
         if self.min.is_some_and(|min| value < min) {
             return Err(par_error::BELOW_MINIMUM);
         }
@@ -213,6 +224,16 @@ impl ParameterStore {
     /// Where parameter `number` is.
     pub(crate) fn slot(&self, number: u16) -> Option<Slot> {
         self.specs.binary_search_by_key(&number, |spec| spec.number).ok().map(Slot)
+    }
+
+    /// All parameters.
+    pub(super) fn slots(&self) -> impl Iterator<Item = Slot> {
+        (0..self.specs.len()).map(Slot)
+    }
+
+    /// What a parameter is.
+    pub(super) fn spec(&self, slot: Slot) -> &ParameterSpec {
+        &self.specs[slot.0]
     }
 
     /// Width of a parameter.

@@ -6,7 +6,7 @@ use super::drivecom::{Enable, State, StateMachine};
 use super::monitoring::{Monitor, Reaction};
 use super::motion::Motion;
 use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterStore, Slot};
-use super::table::{PARAMETERS, number};
+use super::table::{PARAMETERS, ParameterRow, number};
 use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
 use crate::devices::cansync::registers::values::{drive_status, par_element, par_error};
 use std::num::NonZeroU32;
@@ -36,6 +36,7 @@ pub(super) struct Setup<'a> {
 struct Slots {
     speed_reference: Slot,
     speed_actual: Slot,
+    additional_reference: Slot,
     angle_reference: Slot,
     angle_actual: Slot,
     mode: Slot,
@@ -110,6 +111,7 @@ impl VRegler {
         let slots = Slots {
             speed_reference: slot(numbers.speed_reference)?,
             speed_actual: slot(numbers.speed_actual)?,
+            additional_reference: slot(numbers.additional_reference)?,
             angle_reference: slot(number::ANGLE_REFERENCE)?,
             angle_actual: slot(number::ANGLE_ACTUAL)?,
             mode: slot(number::OPERATING_MODE)?,
@@ -321,6 +323,34 @@ impl VRegler {
                 self.store.set(self.slots.fault, reported.into());
             }
         }
+    }
+
+    /// Speed reference value, speed and number of the fault.
+    pub(super) fn shown(&self) -> [u32; 3] {
+        [self.slots.speed_reference, self.slots.speed_actual, self.slots.fault]
+            .map(|slot| self.store.get(slot))
+    }
+
+    /// Bit 15 of the status word.
+    pub(super) fn is_synchronized(&self) -> bool {
+        self.synchronized
+    }
+
+    /// What the table says of a parameter; nothing, if the plant file has added it.
+    pub(super) fn row_of(&self, number: u16) -> Option<&'static ParameterRow> {
+        let renamed = [
+            (self.slots.speed_reference, number::SPEED_REFERENCE),
+            (self.slots.speed_actual, number::SPEED_ACTUAL),
+            (self.slots.additional_reference, number::ADDITIONAL_REFERENCE),
+        ];
+        let slot = self.store.slot(number)?;
+        let named = match renamed.iter().find(|(own, _)| *own == slot) {
+            Some((_, named)) => *named,
+            // Only the one that has taken its place is called so.
+            None if renamed.iter().any(|(_, named)| *named == number) => return None,
+            None => number,
+        };
+        PARAMETERS.iter().find(|row| row.number == named)
     }
 
     /// Sets or clears the warning bit of the status word.

@@ -4,7 +4,7 @@ use super::{FAMILY, SimBus};
 use crate::devices::cansync::bus::FrameLength;
 use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::settings::{range, time, time_or_none};
-use crate::devices::{BuildError, Medium, MediumConfig, SettingError};
+use crate::devices::{BuildError, Doubt, MasterConfig, Medium, MediumConfig, SettingError};
 use crate::door::DoorSpec;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -17,8 +17,8 @@ use toml::de::{Error, ValueDeserializer};
 pub struct BusConfig {
     /// Name, unique among the buses.
     pub name: String,
-    /// Baud rate that the drives on it are set to: 1000, 500, 250 or 125 kbit/s (default 500). The bus itself
-    /// runs at the rate that its master is initialized with.
+    /// Baud rate that the drives on it are set to, unless they say otherwise: 1000, 500, 250 or 125 kbit/s (default 500). The
+    /// bus itself runs at the rate that its master is initialized with.
     #[serde(default = "default_kbit_s")]
     pub kbit_s: u16,
     /// Length of its process data frames: `"fixed"` (default) or `"variable"` (decision D-10).
@@ -62,17 +62,51 @@ impl MediumConfig for BusConfig {
     }
 
     fn check(&self) -> Result<(), BuildError> {
-        if ![1000, 500, 250, 125].contains(&self.kbit_s) {
-            let (name, value) = (self.name.clone(), self.kbit_s.into());
-            let right = "1000, 500, 250 or 125";
-            return Err(SettingError { what: "kbit_s", name, value, right }.into());
-        }
+        check_rate(&self.name, self.kbit_s)?;
         for drive in &self.drives {
             check_drive(drive)?;
             // What only the drive itself knows.
             Drive::new(drive, self.kbit_s)?;
         }
         Ok(())
+    }
+
+    /// Whoever is set to a rate that the bus cannot have, or that others on it have not, hears nothing (decision D-541).
+    fn doubts(&self, masters: &[MasterConfig]) -> Vec<Doubt> {
+        let bus = &self.name;
+        let has = |master: &MasterConfig, kbit_s| master.kbit_s.is_empty() || master.kbit_s.contains(&kbit_s);
+        let deaf = |kbit_s: u16| {
+            let master = masters.iter().find(|master| !has(master, kbit_s))?;
+            let rates: Vec<_> = master.kbit_s.iter().map(u16::to_string).collect();
+            Some(format!(
+                "the master of bus '{bus}', {}, runs at {} kbit/s only",
+                master.name,
+                rates.join(", ")
+            ))
+        };
+        let mut doubts = Vec::new();
+        if self.drives.iter().any(|drive| drive.kbit_s.is_none())
+            && let Some(why) = deaf(self.kbit_s)
+        {
+            let text = format!(
+                "drives on bus '{bus}' are set to {} kbit/s and will hear nothing: {why}",
+                self.kbit_s
+            );
+            doubts.push(Doubt { section: bus.clone(), key: "kbit_s", text });
+        }
+        for drive in &self.drives {
+            let Some(kbit_s) = drive.kbit_s.filter(|kbit_s| *kbit_s != self.kbit_s) else { continue };
+            let why = deaf(kbit_s).unwrap_or_else(|| {
+                format!(
+                    "its bus '{bus}' is at {} kbit/s, and a bus has one rate, that of its master",
+                    self.kbit_s
+                )
+            });
+            let text =
+                format!("drive '{}' is set to {kbit_s} kbit/s and will hear nothing: {why}", drive.name);
+            doubts.push(Doubt { section: drive.name.clone(), key: "kbit_s", text });
+        }
+        doubts
     }
 
     fn family(&self) -> &'static str {
@@ -96,8 +130,17 @@ impl MediumConfig for BusConfig {
     }
 }
 
+fn check_rate(name: &str, kbit_s: u16) -> Result<(), SettingError> {
+    if [1000, 500, 250, 125].contains(&kbit_s) {
+        return Ok(());
+    }
+    let right = "1000, 500, 250 or 125";
+    Err(SettingError { what: "kbit_s", name: name.to_owned(), value: kbit_s.into(), right })
+}
+
 fn check_drive(drive: &DriveConfig) -> Result<(), SettingError> {
     let name = drive.name.as_str();
+    drive.kbit_s.map_or(Ok(()), |kbit_s| check_rate(name, kbit_s))?;
     range("slave_number", name, drive.slave_number.into(), 0..=31, "0 to 31")?;
     time("lock_time_us", name, drive.lock_time_us)?;
     time_or_none("sync_loss_us", name, drive.sync_loss_us)?;

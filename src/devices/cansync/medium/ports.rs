@@ -2,20 +2,20 @@
 
 use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
+use super::rates::report_mismatch;
 use super::{FAMILY, Sender, SimBus, Station};
 use crate::devices::can_faults;
+use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::faults::Effect;
-use crate::devices::cansync::firmware::{Change, Slave};
-use crate::devices::cansync::records::BaudRateMismatch;
-use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
-use crate::devices::cansync::rules;
-use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
+use crate::devices::cansync::firmware::Change;
+use crate::devices::cansync::records::DriveSet;
+use crate::devices::{
+    BuildError, DriveDetails, DriveState, GuestRefusal, Medium, ParameterRefusal, Stranger, SyncSignal, World,
+};
 use crate::door::Said;
 use crate::fault::{self, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
-use crate::layout::Live;
 use core::any::Any;
-use core::mem::offset_of;
 
 impl Medium for SimBus {
     fn name(&self) -> &str {
@@ -145,8 +145,45 @@ impl Medium for SimBus {
     }
 
     fn bit_s(&self) -> u32 {
-        let kbit_s = self.running.as_ref().map_or(self.drives_kbit_s, |running| running.timing.kbit_per_s);
-        u32::from(kbit_s) * 1000
+        u32::from(self.present_kbit_s()) * 1000
+    }
+
+    fn strangers(&self) -> Vec<Stranger> {
+        self.of_other_rates()
+    }
+
+    fn drives(&self) -> Vec<(&str, DriveState)> {
+        let look = |drive: &Drive| match self.disturbance.is_off(drive.slave_number()) {
+            true => DriveState { state: "off".to_owned(), ..drive.look() },
+            false => drive.look(),
+        };
+        self.drives.iter().map(|drive| (drive.name(), look(drive))).collect()
+    }
+
+    fn drive(&self, drive: usize) -> Option<DriveDetails> {
+        let (_, state) = Medium::drives(self).into_iter().nth(drive)?;
+        Some(DriveDetails { state, ..self.drives.get(drive)?.details() })
+    }
+
+    fn set_parameter(
+        &mut self,
+        drive: usize,
+        number: u16,
+        value: i64,
+        now: u64,
+        journal: &mut Journal,
+    ) -> Result<(), ParameterRefusal> {
+        let bus = self.index;
+        let drive = self.drives.get_mut(drive).ok_or(ParameterRefusal::NotThere)?;
+        let slave = drive.slave_number();
+        if self.disturbance.is_off(slave) {
+            return Err(ParameterRefusal::Off);
+        }
+        drive.set_parameter(number, value)?;
+        journal.push(now, DriveSet { bus, slave, number, value: value as u32 });
+        // It may move now, also without SYNC.
+        self.wake_drives(now);
+        Ok(())
     }
 
     fn guest_sends(
@@ -262,17 +299,6 @@ impl SimBus {
         }
     }
 
-    /// The bus has started at this rate.
-    fn report_mismatches(&mut self, now: u64, kbit_s: u16, journal: &mut Journal) {
-        // Without a wire nobody misses anything.
-        if self.running.is_none() {
-            return;
-        }
-        for end in self.slaves.iter_mut().filter(|end| end.firmware.is_on_bus()) {
-            end.run(now, journal, |slave, ctx| report_mismatch(slave, ctx, kbit_s));
-        }
-    }
-
     /// What the controller of a node is doing: `Some(true)` sending, `Some(false)` receiving.
     fn on_wire(&self, now: u64, place: Place) -> Option<bool> {
         let wire = self.on_wire.iter().flatten().find(|wire| (wire.from..wire.until).contains(&now))?;
@@ -290,17 +316,5 @@ impl SimBus {
     fn is_off(&self, index: usize) -> bool {
         let number = self.stations.iter().position(|station| *station == Station::Node(index));
         number.is_some_and(|number| self.disturbance.is_off(number as u8)) // at most 31
-    }
-}
-
-/// A slave that is on a bus which runs at another rate hears nothing: said when the later of the two starts.
-fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: u16) {
-    if let Some(timing) = slave.timing()
-        && timing.kbit_per_s != bus_kbit_s
-    {
-        let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
-        ctx.report(BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, passes_on: false });
-        let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
-        ctx.find(&rules::BUS_BAUD_RATE, Live::Init, offset, timing.b_BT_0.into());
     }
 }

@@ -4,17 +4,18 @@ use super::agenda::Slot;
 use super::{BusConfig, SimBus, Socket, SocketRole};
 use crate::devices::bm4_o_can_06::registers::{BAUD_RATES as FOUR, DEVICE};
 use crate::devices::cansync::bus::{Channel, FrameKind, SyncLock, wire};
+use crate::devices::cansync::drive::{Drive, DriveConfig};
 use crate::devices::cansync::firmware::Seat;
-use crate::devices::cansync::records::{BaudRateMismatch, Transmitted};
+use crate::devices::cansync::records::{BaudRateMismatch, DriveBaudRateMismatch, Transmitted};
 use crate::devices::cansync::registers::{
     CANsync_INIT_BMSTRUCT as Init, CANsync_MA_CTRL_BMSTRUCT as MasterRegisters,
     CANsync_SL_CTRL_BMSTRUCT as SlaveRegisters,
 };
 use crate::devices::cansync::{BaudRate, rules};
 use crate::devices::omega_drive_line_2::registers::BAUD_RATES as THREE;
-use crate::devices::{Medium, World};
+use crate::devices::{Medium, Stranger, Whose, World};
 use crate::fault::Faults;
-use crate::journal::{Journal, Origin};
+use crate::journal::{Finding, Journal, Origin};
 use crate::memory::{Cell8, Segment, View};
 
 const MASTER: usize = 0;
@@ -258,6 +259,34 @@ fn a_slave_of_another_rate_hears_nothing_and_is_told() {
         assert_eq!(bench.deaf(), [(500, 1000)], "slave first: {slave_first}");
         assert_eq!(bench.journal.findings().errors(), [&rules::BUS_BAUD_RATE]);
     }
+}
+
+/// D-540; manual 5.01010.01 p. 13: the rate is set at each drive's card.
+#[test]
+fn a_drive_of_another_rate_hears_nothing_and_is_told() {
+    let [_, fast, slow, ..] = &FOUR;
+    let mut bench = Bench::new(slow.kbit_per_s, &FOUR, &FOUR);
+    let one: DriveConfig = toml::from_str("name = 'e'\nslave_number = 3\nkbit_s = 500").unwrap();
+    let config =
+        BusConfig { drives: vec![one, DriveConfig::demo("f", 4)], kbit_s: 250, ..BusConfig::default() };
+    let with_own = SimBus::new(0, &config).unwrap();
+    assert_eq!(with_own.drives().iter().map(Drive::kbit_s).collect::<Vec<_>>(), [500, 250]);
+
+    bench.set_up(MASTER, fast);
+    bench.run_to(20 * interval_us(fast));
+    let told = bench.journal.records().filter_map(|it| it.event.get::<DriveBaudRateMismatch>());
+    let told: Vec<_> = told.map(|it| (it.bus, it.slave, it.drive_kbit_s, it.bus_kbit_s)).collect();
+    assert_eq!(told, [(0, DRIVE, 250, 500)], "once for each start");
+    let found: Vec<_> = bench.journal.findings().iter().map(|entry| entry.last).collect();
+    assert_eq!(found, [Finding::at_participant(&rules::DRIVE_BAUD_RATE, 0, DRIVE, 250)]);
+    assert_eq!(found[0].name(&DEVICE).as_deref(), Some("slave1"));
+    assert_eq!((found[0].value_text(&DEVICE), found[0].address(&DEVICE)), ("250".to_owned(), None));
+    let stranger = Stranger { whose: Whose::Own("d".to_owned()), bit_s: 250_000 };
+    assert_eq!((bench.bus.bit_s(), bench.bus.strangers()), (500_000, vec![stranger]));
+    assert_eq!(bench.last(FrameKind::Response(DRIVE), fast), None);
+
+    let right = Bench::started(fast);
+    assert_eq!((right.bus.strangers(), right.journal.findings().len()), (vec![], 0));
 }
 
 #[test]

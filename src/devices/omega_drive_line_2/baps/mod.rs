@@ -14,11 +14,11 @@ mod service;
 pub use cycle::{Cycle, Method, SLICE_US};
 pub use hold::Pace;
 
-use crate::devices::Context;
 use crate::devices::cansync::drive::{BuiltInDrive, BuiltInDriveConfig};
 use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_semaphore, baps_status_reg};
 use crate::devices::omega_drive_line_2::registers::{BAPS, BAPS_CTRL_BMSTRUCT};
 use crate::devices::shown::Shown;
+use crate::devices::{Context, ParameterRefusal};
 use crate::journal::Journal;
 use crate::memory::{MemoryError, Segment, View};
 use core::mem::offset_of;
@@ -210,6 +210,23 @@ impl Baps {
             }
             self.next = self.slice_from(now);
         }
+    }
+
+    /// Sets a parameter of the drive, as somebody does who stands in front of it.
+    ///
+    /// # Errors
+    /// [`ParameterRefusal`].
+    pub(crate) fn set_parameter(
+        &mut self,
+        now: u64,
+        number: u16,
+        value: i64,
+    ) -> Result<(), ParameterRefusal> {
+        self.drive.set_parameter(number, value)?;
+        if self.next == Self::NEVER {
+            self.wake(now);
+        }
+        Ok(())
     }
 
     /// Brings fault number `fault` upon the drive, as [`Drive::trip`](crate::devices::cansync::drive::Drive::trip) does.

@@ -18,6 +18,13 @@ pub(crate) const CASES: &[Case] = &[
         right: |rig| set_up_with_drive(rig, &[], 167, rig.rate.interval_us as u16),
     },
     Case {
+        rule: &cansync::rules::DRIVE_BAUD_RATE,
+        register: "slave1",
+        value: |rate| rate.slower().kbit_s.into(),
+        wrong: |rig| drive_at(rig, &[&cansync::rules::DRIVE_BAUD_RATE], rig.rate.slower().kbit_s),
+        right: |rig| drive_at(rig, &[], rig.rate.kbit_s),
+    },
+    Case {
         rule: &cansync::rules::DRIVE_PWM,
         register: "MASTER.a_DATA_PARAMETER[1].d_PAR_VALUE",
         value: |_| 5,
@@ -140,6 +147,14 @@ fn cluster(rig: &mut Rig, rate: Rate) {
     let node = Node::at(rig.plant.devices()[1].segment(), kind.master.base, rate.timing, Mode::SyncIn);
     rig.bring_up(&[&node], ..=Stage::SetUp);
     rig.step(10_000);
+}
+
+/// The same plant with a drive whose card is set to this rate, its master in set-up mode.
+fn drive_at(rig: &mut Rig, expected: &[&'static Rule], kbit_s: u16) {
+    let drive = format!("[[bus.drive]]\nname = 'd'\nslave_number = 1\nkbit_s = {kbit_s}\n");
+    replace(rig, expected, &rig.rate.plant(&drive));
+    rig.set_up();
+    rig.step(60_000);
 }
 
 /// The same plant with a drive that has this value in a parameter, its master in set-up mode.

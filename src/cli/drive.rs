@@ -1,0 +1,323 @@
+//! `commram drive`: the drives of an instance, their states and parameters.
+
+use super::error::CliError;
+use super::table::FormatArg;
+use super::{Instance, complete};
+use clap::{Args as ClapArgs, Subcommand};
+
+/// Show the drives with their states and parameters, set parameters.
+///
+/// Drives are those on buses, by their names in the plant file, and those that PLCs are built into, `line:drive`.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram drive list
+  commram drive show drive1
+  commram drive set drive1 P167=2000
+  commram drive set line:drive P304=1 P300=-1000")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    List(List),
+    Show(Show),
+    Set(Set),
+}
+
+/// List the drives and how they stand.
+///
+/// `reference` and `speed` are in increments of the drive's speed format, `fault` is P308. A drive that is not synchronized
+/// takes no reference values.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram drive list
+  commram drive list --format json")]
+struct List {
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Show a drive: state, speed, parameters, and the ZK parameters of its card.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram drive show drive1
+  commram drive show line:drive --format json")]
+struct Show {
+    /// The drive, as `list` names it
+    #[arg(add = complete::drives())]
+    drive: String,
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Set parameters of a drive, as somebody does who stands in front of it.
+///
+/// All are set in one message, in the given order, up to the first that the drive refuses. ZK parameters cannot be set while
+/// the drive has power; the plant file has them.
+#[derive(ClapArgs)]
+#[command(after_help = "\
+Examples:
+  commram drive set drive1 P167=2000
+  commram drive set drive1 P120=16#0006 P120=16#0007 P120=16#000F")]
+struct Set {
+    /// The drive, as `list` names it
+    #[arg(add = complete::drives())]
+    drive: String,
+    /// Numbers of parameters, with or without P, and their new values
+    #[arg(add = complete::parameters(), value_name = "PARAMETER=VALUE", required = true, value_parser = setting)]
+    settings: Vec<(u16, i64)>,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// `P167=2000`
+fn setting(text: &str) -> Result<(u16, i64), String> {
+    use crate::layout::{RegType, value};
+    let (number, new) = text.split_once('=').ok_or("write NUMBER=VALUE, for example P167=2000")?;
+    let number = number.trim().trim_start_matches(['P', 'p']);
+    let number = number.parse().map_err(|_| format!("`{number}` is no number of a parameter, 0 to 4095"))?;
+    let signed = |_| value::parse(new, RegType::Dint).map(|bits| i64::from(bits as i32));
+    let value = value::parse(new, RegType::Dword).map(i64::from).or_else(signed);
+    value.map(|value| (number, value)).map_err(|error| error.to_string())
+}
+
+/// Lists, shows or sets.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    match &args.command {
+        Command::List(args) => by_channel::list(args.format.format, &args.instance),
+        Command::Show(args) => by_channel::show(&args.drive, args.format.format, &args.instance),
+        Command::Set(args) => by_channel::set(&args.drive, &args.settings, &args.instance),
+    }
+}
+
+#[cfg(feature = "channel")]
+pub(crate) use by_channel::Line;
+
+#[cfg(feature = "channel")]
+mod by_channel {
+    use super::super::session::Session;
+    use super::super::table::{self, Format, Row};
+    use super::super::{Instance, error::CliError};
+    use crate::devices::{DriveDetails, DriveState, ParameterState};
+    use crate::layout::did_you_mean;
+    use crate::request::{DriveEntry, Op};
+    use serde::Serialize;
+    use std::collections::BTreeMap;
+
+    /// A drive of the list.
+    #[derive(Serialize)]
+    pub(crate) struct Line {
+        drive: String,
+        bus: Option<String>,
+        number: Option<u8>,
+        state: String,
+        synchronized: bool,
+        reference: i32,
+        speed: i32,
+        fault: u32,
+        status_word: u16,
+        kbit_s: Option<u16>,
+        lost_references: u64,
+        stopped: bool,
+    }
+
+    impl Line {
+        pub(crate) fn new(name: String, bus: Option<String>, state: DriveState) -> Self {
+            Line {
+                drive: name,
+                bus,
+                number: state.number,
+                kbit_s: state.kbit_s,
+                state: state.state,
+                status_word: state.status_word,
+                synchronized: state.is_synchronized,
+                reference: state.speed_reference,
+                speed: state.speed_actual,
+                fault: state.fault,
+                lost_references: state.lost_references,
+                stopped: state.is_stopped,
+            }
+        }
+
+        pub(crate) fn of(DriveEntry { name, bus, state }: DriveEntry) -> Self {
+            Self::new(name, bus, state)
+        }
+    }
+
+    impl Row for Line {
+        const COLUMNS: &'static [&'static str] = &[
+            "drive",
+            "bus",
+            "number",
+            "state",
+            "synchronized",
+            "reference",
+            "speed",
+            "fault",
+            "status_word",
+            "kbit_s",
+            "lost_references",
+            "stopped",
+        ];
+
+        fn cells(&self) -> Vec<String> {
+            let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+            vec![
+                self.drive.clone(),
+                or_dash(self.bus.clone()),
+                or_dash(self.number.map(|number| number.to_string())),
+                self.state.clone(),
+                self.synchronized.to_string(),
+                self.reference.to_string(),
+                self.speed.to_string(),
+                self.fault.to_string(),
+                format!("16#{:04X}", self.status_word),
+                or_dash(self.kbit_s.map(|rate| rate.to_string())),
+                self.lost_references.to_string(),
+                self.stopped.to_string(),
+            ]
+        }
+
+        fn text_cells(&self) -> Vec<String> {
+            let mut cells = self.cells();
+            // So that the table fits a terminal; `show` has the rest.
+            cells.truncate(8);
+            cells
+        }
+    }
+
+    pub(super) fn list(format: Format, instance: &Instance) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let lines: Vec<_> = session.ask(Op::Drives)?.drives()?.into_iter().map(Line::of).collect();
+        table::print(format, &lines, |lines| match lines {
+            [] => "the plant has no drive\n".to_owned(),
+            lines => table::aligned(lines),
+        })
+    }
+
+    /// The number of the drive that the user means, and what it is.
+    fn find(session: &Session, name: &str, instance: &Instance) -> Result<(u16, DriveEntry), CliError> {
+        let mut drives = session.ask(Op::Drives)?.drives()?;
+        match drives.iter().position(|drive| drive.name == name) {
+            Some(index) => Ok((index as u16, drives.swap_remove(index))),
+            None => {
+                let names = || drives.iter().map(|drive| drive.name.as_str());
+                let (near, known) = (did_you_mean(name, names()), names().collect::<Vec<_>>().join(", "));
+                let known = if known.is_empty() { "none".to_owned() } else { known };
+                let instance = instance.name();
+                let right = format!("instance '{instance}' has no such drive{near}; its drives are: {known}");
+                Err(CliError::Argument { text: name.to_owned(), right })
+            }
+        }
+    }
+
+    /// A drive with all that can be seen of it.
+    #[derive(Serialize)]
+    struct Shown {
+        #[serde(flatten)]
+        line: Line,
+        zk: BTreeMap<u8, u16>,
+        parameters: Vec<ParameterState>,
+    }
+
+    impl Row for Shown {
+        const COLUMNS: &'static [&'static str] = Line::COLUMNS;
+
+        fn cells(&self) -> Vec<String> {
+            self.line.cells()
+        }
+    }
+
+    impl Row for ParameterState {
+        const COLUMNS: &'static [&'static str] =
+            &["parameter", "value", "unit", "min", "max", "read_only", "name"];
+
+        fn cells(&self) -> Vec<String> {
+            let or_dash = |text: &str| if text.is_empty() { "-".to_owned() } else { text.to_owned() };
+            vec![
+                format!("P{}", self.number),
+                self.value.to_string(),
+                or_dash(&self.unit),
+                self.min.to_string(),
+                self.max.to_string(),
+                self.read_only.to_string(),
+                or_dash(&self.name),
+            ]
+        }
+    }
+
+    pub(super) fn show(name: &str, format: Format, instance: &Instance) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let (drive, entry) = find(&session, name, instance)?;
+        let DriveDetails { state, parameters, card } = session.ask(Op::Drive { drive })?.drive()?;
+        let line = Line::new(entry.name, entry.bus, state);
+        let shown = Shown { line, zk: card.into_iter().collect(), parameters };
+        table::print(format, &[shown], |shown| shown.iter().map(text).collect())
+    }
+
+    fn text(shown: &Shown) -> String {
+        let head = Line::COLUMNS.iter().map(|name| name.replace('_', " "));
+        let lines: Vec<_> = head.zip(shown.line.cells()).map(|(name, cell)| vec![name, cell]).collect();
+        let mut text = table::columns(&lines) + "\n" + &table::aligned(&shown.parameters);
+        if !shown.zk.is_empty() {
+            let zk = shown.zk.iter().map(|(number, value)| {
+                vec![format!("ZK {number}"), format!("{value}"), format!("16#{value:04X}")]
+            });
+            let head = ["CARD", "VALUE", ""].map(str::to_owned).to_vec();
+            text += "\n";
+            text += &table::with_head(head, zk.collect());
+        }
+        text
+    }
+
+    pub(super) fn set(name: &str, settings: &[(u16, i64)], instance: &Instance) -> Result<(), CliError> {
+        let session = Session::open(instance, 0)?;
+        let (drive, _) = find(&session, name, instance)?;
+        let op = |&(number, value): &(u16, i64)| Op::SetParameter { drive, number, value };
+        session.request(&settings.iter().map(op).collect::<Vec<_>>()).map(drop)
+    }
+}
+
+#[cfg(not(feature = "channel"))]
+mod by_channel {
+    use super::super::{Instance, error::CliError, table::Format};
+
+    const NO_CHANNEL: CliError = CliError::NoChannel { command: "drive" };
+
+    pub(super) fn list(_: Format, _: &Instance) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+
+    pub(super) fn show(_: &str, _: Format, _: &Instance) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+
+    pub(super) fn set(_: &str, _: &[(u16, i64)], _: &Instance) -> Result<(), CliError> {
+        Err(NO_CHANNEL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_is_a_number_and_a_value() {
+        assert_eq!(setting("P167=2000"), Ok((167, 2000)));
+        assert_eq!(setting("300=-1000"), Ok((300, -1000)));
+        assert_eq!(setting("p120=16#000F"), Ok((120, 15)));
+        assert_eq!(setting("P300=4294967295"), Ok((300, 4_294_967_295)));
+        assert!(setting("P167").unwrap_err().contains("for example P167=2000"));
+        assert!(setting("ZK0=1").unwrap_err().contains("no number of a parameter"));
+        assert!(setting("P167=x").unwrap_err().contains("is no number"));
+    }
+}

@@ -1,0 +1,279 @@
+//! `commram status`: the plant as it stands.
+
+use super::Instance;
+use super::error::CliError;
+use super::table::FormatArg;
+
+/// Show the plant as it stands: clock, PLCs, nodes, buses, drives.
+///
+/// `state` of a node is what its firmware says of itself. `load` is how busy the wire of a bus was in the last 100 ms of
+/// emulated time, in percent. Findings are those of `commram check`, faults those of `commram fault list`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram status
+  commram status -i test-3 --format json")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    format: FormatArg,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Shows it.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    by_channel::show(args.format.format, &args.instance)
+}
+
+#[cfg(not(feature = "channel"))]
+mod by_channel {
+    use super::super::{Instance, error::CliError, table::Format};
+
+    pub(super) fn show(_: Format, _: &Instance) -> Result<(), CliError> {
+        Err(CliError::NoChannel { command: "status" })
+    }
+}
+
+#[cfg(feature = "channel")]
+mod by_channel {
+    use super::super::bus::Rate;
+    use super::super::drive::Line;
+    use super::super::place::status_of;
+    use super::super::session::{Read, Session};
+    use super::super::table::{self, Format, Row};
+    use super::super::{Instance, error::CliError, run, time};
+    use crate::counted::counted;
+    use crate::devices;
+    use crate::journal::Severity;
+    use crate::layout::{RegisterRef, format_value};
+    use crate::request::{BusState, InstanceInfo, Op};
+    use serde::Serialize;
+
+    pub(super) fn show(format: Format, instance: &Instance) -> Result<(), CliError> {
+        let status = Status::of(instance)?;
+        table::print(format, &[status], |status| status.iter().map(Status::text).collect())
+    }
+
+    /// The plant as it stands.
+    #[derive(Serialize)]
+    struct Status {
+        instance: String,
+        clock: &'static str,
+        /// Emulated time per real time; none with a stepped clock.
+        speed: Option<f64>,
+        time_us: u64,
+        pid: u32,
+        version: String,
+        /// For whom the time waits.
+        waits_for: Option<String>,
+        plcs: Vec<Plc>,
+        nodes: Vec<Node>,
+        buses: Vec<Bus>,
+        drives: Vec<Line>,
+        faults: usize,
+        forced: usize,
+        errors: u64,
+        warnings: u64,
+    }
+
+    #[derive(Serialize)]
+    struct Plc {
+        plc: String,
+        device: &'static str,
+        power: String,
+        switch: Option<String>,
+        program: Option<String>,
+    }
+
+    impl Row for Plc {
+        const COLUMNS: &'static [&'static str] = &["plc", "device", "power", "switch", "program"];
+
+        fn cells(&self) -> Vec<String> {
+            let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
+            let device = self.device.to_owned();
+            vec![self.plc.clone(), device, self.power.clone(), or_dash(&self.switch), or_dash(&self.program)]
+        }
+    }
+
+    #[derive(Serialize)]
+    struct Node {
+        node: String,
+        bus: Option<String>,
+        /// What its firmware says of itself, where it has a register for that.
+        state: Option<u32>,
+        text: Option<String>,
+        #[serde(skip)]
+        shown: String,
+    }
+
+    impl Row for Node {
+        const COLUMNS: &'static [&'static str] = &["node", "bus", "state"];
+
+        fn cells(&self) -> Vec<String> {
+            vec![self.node.clone(), self.bus.clone().unwrap_or_else(|| "-".to_owned()), self.shown.clone()]
+        }
+    }
+
+    #[derive(Serialize)]
+    struct Bus {
+        bus: String,
+        kind: String,
+        kbit_s: Rate,
+        load_percent: Option<f64>,
+        other_rates: Vec<String>,
+    }
+
+    impl Bus {
+        fn of(state: &BusState) -> Self {
+            let stranger =
+                |it: &crate::request::Stranger| format!("{} ({})", it.name, Rate::of(it.bit_s).text());
+            Bus {
+                bus: state.name.clone(),
+                kind: state.kind.clone(),
+                kbit_s: Rate::of(state.bit_s),
+                load_percent: state.load_permille.map(|load| f64::from(load) / 10.0),
+                other_rates: state.strangers.iter().map(stranger).collect(),
+            }
+        }
+    }
+
+    impl Row for Bus {
+        const COLUMNS: &'static [&'static str] = &["bus", "kind", "kbit_s", "load_percent", "other_rates"];
+
+        fn cells(&self) -> Vec<String> {
+            let load = self.load_percent.map_or_else(|| "-".to_owned(), |load| format!("{load:.1}"));
+            let others = self.other_rates.join(" ");
+            let others = if others.is_empty() { "-".to_owned() } else { others };
+            vec![self.bus.clone(), self.kind.clone(), self.kbit_s.text(), load, others]
+        }
+    }
+
+    impl Status {
+        /// Asks the instance, all in one message.
+        fn of(instance: &Instance) -> Result<Self, CliError> {
+            let session = Session::open(instance, 0)?;
+            let ops = [Op::Info, Op::Buses, Op::Drives, Op::FaultList, Op::Forces, Op::Findings];
+            let mut replies = session.request(&ops)?.into_iter();
+            let mut next = || replies.next().ok_or(crate::request::WrongReply);
+            let info = next()?.info()?;
+            let buses = next()?.buses()?;
+            let drives = next()?.drives()?;
+            let (faults, forced) = (next()?.faults()?.len(), next()?.forces()?.len());
+            let found = next()?.findings()?;
+            let of_severity =
+                |severity| found.iter().filter(|it| it.last.rule.severity() == severity).count() as u64;
+            let boards = session.boards()?;
+            let plcs = (0..).zip(&boards).map(|(number, (name, state))| {
+                let device = session.device(number);
+                let words = state.words(devices::board_of(device));
+                let (plc, device) = (name.clone(), device.name);
+                Plc { plc, device, power: words.power, switch: words.switch, program: words.program }
+            });
+            let InstanceInfo { name, is_stepped, speed, time_us, pid, version, waits_for, .. } = info;
+            Ok(Self {
+                instance: name,
+                clock: if is_stepped { "stepped" } else { "realtime" },
+                speed: (!is_stepped).then(|| f64::from(speed) / 1000.0),
+                time_us,
+                pid,
+                version,
+                waits_for,
+                plcs: plcs.collect(),
+                nodes: nodes(&session, &buses)?,
+                buses: buses.iter().map(Bus::of).collect(),
+                drives: drives.into_iter().map(Line::of).collect(),
+                faults,
+                forced,
+                errors: of_severity(Severity::Error),
+                warnings: of_severity(Severity::Warning),
+            })
+        }
+
+        fn text(&self) -> String {
+            let clock = match self.speed {
+                None => "stepped".to_owned(),
+                Some(speed) => run::real_time_name(speed),
+            };
+            let waits =
+                self.waits_for.as_ref().map_or_else(String::new, |who| format!(", it waits for {who}"));
+            let mut text = format!(
+                "instance '{}' (process {}, commram {}) at {}, clock {clock}{waits}\n",
+                self.instance,
+                self.pid,
+                self.version,
+                time::seconds(self.time_us)
+            );
+            text += &format!(
+                "access checker: {}, {}; {}; {}\n",
+                counted(self.errors, "error"),
+                counted(self.warnings, "warning"),
+                counted(self.faults as u64, "fault"),
+                counted(self.forced as u64, "forced register")
+            );
+            let tables = [
+                (self.plcs.is_empty(), table::aligned(&self.plcs)),
+                (self.nodes.is_empty(), table::aligned(&self.nodes)),
+                (self.buses.is_empty(), table::aligned(&self.buses)),
+                (self.drives.is_empty(), table::aligned(&self.drives)),
+            ];
+            tables.iter().filter(|(is_empty, _)| !is_empty).for_each(|(_, table)| {
+                text += "\n";
+                text += table;
+            });
+            text
+        }
+    }
+
+    impl Row for Status {
+        const COLUMNS: &'static [&'static str] = &[
+            "instance", "clock", "time_us", "pid", "plcs", "buses", "drives", "faults", "forced", "errors",
+            "warnings",
+        ];
+
+        fn cells(&self) -> Vec<String> {
+            let names = |names: Vec<&str>| names.join(" ");
+            vec![
+                self.instance.clone(),
+                self.clock.to_owned(),
+                self.time_us.to_string(),
+                self.pid.to_string(),
+                names(self.plcs.iter().map(|it| it.plc.as_str()).collect()),
+                names(self.buses.iter().map(|it| it.bus.as_str()).collect()),
+                self.drives.len().to_string(),
+                self.faults.to_string(),
+                self.forced.to_string(),
+                self.errors.to_string(),
+                self.warnings.to_string(),
+            ]
+        }
+    }
+
+    /// The nodes of all PLCs, with what their firmware says of itself.
+    fn nodes(session: &Session, buses: &[BusState]) -> Result<Vec<Node>, CliError> {
+        let mut ports: Vec<(String, Option<(u16, RegisterRef)>)> = Vec::new();
+        for (plc, name) in (0..).zip(session.plcs()) {
+            for port in session.device(plc).ports {
+                let register = status_of(port.area).map(|register| (plc, register));
+                ports.push((format!("{name}:{}", port.name), register));
+            }
+        }
+        let reads: Vec<_> = ports
+            .iter()
+            .filter_map(|(_, it)| it.map(|(plc, register)| Read::register(plc, &register)))
+            .collect();
+        let mut data = session.read(&reads)?.data.into_iter();
+        let node = |(node, register): (String, Option<(u16, RegisterRef)>)| {
+            let bus = buses.iter().find(|bus| bus.ports.contains(&node)).map(|bus| bus.name.clone());
+            let value = register.and_then(|_| data.next());
+            let value =
+                value.map(|bytes| bytes.iter().rev().fold(0, |value, byte| value << 8 | u32::from(*byte)));
+            let told = register
+                .zip(value)
+                .map(|((_, register), value)| (format_value(register.ty(), value), register.decode(value)));
+            let shown =
+                told.as_ref().map_or_else(|| "-".to_owned(), |(value, text)| format!("{value}  {text}"));
+            Node { node, bus, state: value, text: told.map(|(_, text)| text), shown }
+        };
+        Ok(ports.into_iter().map(node).collect())
+    }
+}

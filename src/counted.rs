@@ -1,0 +1,27 @@
+//! How many of what, as people write it.
+
+use core::fmt::Display;
+
+/// `1 finding`, `2 findings`, `0 findings`.
+pub(crate) fn counted(count: impl Into<u64>, what: impl Display) -> String {
+    match count.into() {
+        1 => format!("1 {what}"),
+        count => format!("{count} {what}s"),
+    }
+}
+
+/// Of a list: `1 device`, `3 devices`.
+pub(crate) fn counted_of<T>(list: &[T], what: impl Display) -> String {
+    counted(list.len() as u64, what)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_is_no_plural() {
+        assert_eq!([0_u32, 1, 2].map(|count| counted(count, "hit")), ["0 hits", "1 hit", "2 hits"]);
+        assert_eq!(counted_of(&["a"], "device"), "1 device");
+    }
+}

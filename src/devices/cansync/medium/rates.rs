@@ -1,0 +1,59 @@
+//! Who is set to another baud rate than the bus, and therefore hears nothing (decisions D-540).
+
+use super::SimBus;
+use crate::devices::cansync::firmware::Slave;
+use crate::devices::cansync::records::{BaudRateMismatch, DriveBaudRateMismatch};
+use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
+use crate::devices::cansync::rules;
+use crate::devices::{Context, Stranger, Whose};
+use crate::journal::{Finding, Journal};
+use crate::layout::Live;
+use core::mem::offset_of;
+
+impl SimBus {
+    /// The rate that the bus runs at; while nobody runs it, the one of the plant file.
+    pub(super) fn present_kbit_s(&self) -> u16 {
+        self.running.as_ref().map_or(self.kbit_s, |running| running.timing.kbit_per_s)
+    }
+
+    /// The bus has started at this rate.
+    pub(super) fn report_mismatches(&mut self, now: u64, kbit_s: u16, journal: &mut Journal) {
+        // Without a wire nobody misses anything.
+        if self.running.is_none() {
+            return;
+        }
+        for end in self.slaves.iter_mut().filter(|end| end.firmware.is_on_bus()) {
+            end.run(now, journal, |slave, ctx| report_mismatch(slave, ctx, kbit_s));
+        }
+        for drive in self.drives.iter().filter(|drive| drive.kbit_s() != kbit_s) {
+            let (bus, slave, drive_kbit_s) = (self.index, drive.slave_number(), drive.kbit_s());
+            journal.push(now, DriveBaudRateMismatch { bus, slave, drive_kbit_s, bus_kbit_s: kbit_s });
+            journal
+                .find(now, Finding::at_participant(&rules::DRIVE_BAUD_RATE, bus, slave, drive_kbit_s.into()));
+        }
+    }
+
+    /// Drives and slave nodes that are set to another rate.
+    pub(super) fn of_other_rates(&self) -> Vec<Stranger> {
+        let present = self.present_kbit_s();
+        let stranger = |whose, kbit_s: u16| Stranger { whose, bit_s: u32::from(kbit_s) * 1000 };
+        let drives = self.drives.iter().filter(|drive| drive.kbit_s() != present);
+        let drives = drives.map(|drive| stranger(Whose::Own(drive.name().to_owned()), drive.kbit_s()));
+        let nodes = self.slaves.iter().filter(|end| self.is_wired && end.firmware.is_on_bus());
+        let nodes = nodes.filter_map(|end| Some((end.origin, end.firmware.timing()?.kbit_per_s)));
+        let nodes = nodes.filter(|(_, kbit_s)| *kbit_s != present);
+        drives.chain(nodes.map(|(origin, kbit_s)| stranger(Whose::Port(origin), kbit_s))).collect()
+    }
+}
+
+/// A slave that is on a bus which runs at another rate hears nothing: said when the later of the two starts.
+pub(super) fn report_mismatch(slave: &Slave, ctx: &mut Context, bus_kbit_s: u16) {
+    if let Some(timing) = slave.timing()
+        && timing.kbit_per_s != bus_kbit_s
+    {
+        let (origin, node_kbit_s) = (ctx.origin, timing.kbit_per_s);
+        ctx.report(BaudRateMismatch { origin, node_kbit_s, bus_kbit_s, passes_on: false });
+        let offset = offset_of!(CANsync_INIT_BMSTRUCT, b_BT_0);
+        ctx.find(&rules::BUS_BAUD_RATE, Live::Init, offset, timing.b_BT_0.into());
+    }
+}

@@ -1,0 +1,85 @@
+//! What there is to be seen and set of a drive, whatever it is connected by.
+
+use serde::{Deserialize, Serialize};
+
+/// A drive as it stands.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DriveState {
+    /// Its number on its bus, if it is on one.
+    pub number: Option<u8>,
+    /// The rate that its interface is set to in kbit/s, if it is on a bus.
+    pub kbit_s: Option<u16>,
+    /// State of its state machine: `operation_enabled`; `off` without supply.
+    pub state: String,
+    /// Its status word.
+    pub status_word: u16,
+    /// Whether it runs in step with its SYNC signal.
+    pub is_synchronized: bool,
+    /// What its speed is to be, in increments of its speed format.
+    pub speed_reference: i32,
+    /// Its speed, in the same.
+    pub speed_actual: i32,
+    /// Number of its fault; 0: none.
+    pub fault: u32,
+    /// Reference value frames missed so far.
+    pub lost_references: u64,
+    /// Whether it takes no reference values any more, since too many were lost.
+    pub is_stopped: bool,
+}
+
+/// A parameter of a drive.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ParameterState {
+    /// Its number.
+    pub number: u16,
+    /// What it is; empty for what the plant file has added.
+    pub name: String,
+    /// Its unit; empty if it has none.
+    pub unit: String,
+    /// Its width in bytes, 2 or 4.
+    pub bytes: u8,
+    /// Its value.
+    pub value: i64,
+    /// Lowest value.
+    pub min: i64,
+    /// Highest value.
+    pub max: i64,
+    /// Only the drive itself writes it.
+    pub read_only: bool,
+}
+
+/// A drive with all that can be seen of it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DriveDetails {
+    /// How it stands.
+    pub state: DriveState,
+    /// Its parameters, in the order of their numbers.
+    pub parameters: Vec<ParameterState>,
+    /// The parameters of its interface card, by their numbers: ZK 0, 1, 4 ...; empty without one.
+    pub card: Vec<(u8, u16)>,
+}
+
+/// Why a parameter was not set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ParameterRefusal {
+    /// The drive has no parameter of that number.
+    #[error("it has no such parameter")]
+    NotThere,
+    /// Only the drive itself writes it.
+    #[error("only the drive itself writes it")]
+    ReadOnly,
+    /// It is being recalculated.
+    #[error("the drive is recalculating it; try again when some emulated time has passed")]
+    NotNow,
+    /// The value lies outside of its limits.
+    #[error("it takes {min} to {max}")]
+    Range {
+        /// Lowest value.
+        min: i64,
+        /// Highest value.
+        max: i64,
+    },
+    /// The drive has no supply.
+    #[error("the drive has no supply")]
+    Off,
+}

@@ -1,0 +1,81 @@
+//! The drives of a plant, whatever they are connected by.
+
+use super::Plant;
+use crate::devices::{DriveDetails, DriveState, ParameterRefusal};
+
+/// Where a drive is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum At {
+    /// On a bus, at this place of [`Medium::drives`](crate::devices::Medium::drives).
+    Bus(usize, usize),
+    /// The one that a device is built into.
+    Device(usize),
+}
+
+/// A drive of the plant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlantDrive {
+    /// `winder`; of the drive that a PLC is built into `line:drive`.
+    pub name: String,
+    /// Its bus, if it is on one.
+    pub bus: Option<String>,
+    /// How it stands.
+    pub state: DriveState,
+}
+
+impl Plant {
+    /// The drives: those on buses in the order of the plant file, then those of devices. Their places here are their
+    /// numbers.
+    pub fn drives(&self) -> Vec<PlantDrive> {
+        let on_bus = self.media().iter().flat_map(|medium| {
+            let drive = |(name, state): (&str, _)| PlantDrive {
+                name: name.to_owned(),
+                bus: Some(medium.name().to_owned()),
+                state,
+            };
+            medium.drives().into_iter().map(drive).collect::<Vec<_>>()
+        });
+        let own = self.devices.iter().filter_map(|device| {
+            let state = device.drive()?.state;
+            Some(PlantDrive { name: format!("{}:drive", device.name()), bus: None, state })
+        });
+        on_bus.chain(own).collect()
+    }
+
+    fn drive_at(&self, number: usize) -> Option<At> {
+        let media = self.media().iter().enumerate();
+        let on_bus =
+            media.flat_map(|(bus, medium)| (0..medium.drives().len()).map(move |drive| At::Bus(bus, drive)));
+        let devices = self.devices.iter().enumerate();
+        let own = devices.filter(|(_, device)| device.drive().is_some()).map(|(index, _)| At::Device(index));
+        on_bus.chain(own).nth(number)
+    }
+
+    /// All that is to be seen of drive `number`; `None` if there is none.
+    pub fn drive(&self, number: usize) -> Option<DriveDetails> {
+        match self.drive_at(number)? {
+            At::Bus(bus, drive) => self.media().get(bus)?.drive(drive),
+            At::Device(index) => self.devices.get(index)?.drive(),
+        }
+    }
+
+    /// Sets a parameter of drive `number`, as somebody does who stands in front of it; `None` if there is no such drive.
+    ///
+    /// # Errors
+    /// [`ParameterRefusal`].
+    pub fn set_parameter(
+        &mut self,
+        number: usize,
+        parameter: u16,
+        value: i64,
+    ) -> Option<Result<(), ParameterRefusal>> {
+        let at = self.drive_at(number)?;
+        let Plant { now, media, devices, journal, .. } = self;
+        let done = match at {
+            At::Bus(bus, drive) => media.get_mut(bus)?.set_parameter(drive, parameter, value, *now, journal),
+            At::Device(index) => devices.get_mut(index)?.set_parameter(parameter, value, *now, journal),
+        };
+        self.find_next_device();
+        Some(done)
+    }
+}

@@ -1,0 +1,30 @@
+//! How busy the wires of a plant are.
+
+use super::Plant;
+use crate::journal::Source;
+
+/// How late the journal may note what it counts together, in emulated microseconds.
+const LATE_US: u64 = 2_000_000;
+
+impl Plant {
+    /// How much of the last `span_us` of emulated time, or of the time since power-on if that is less, the wire of bus `bus`
+    /// was busy with frames that have arrived, in thousandths; `None` if no time has passed. It is made of what the journal
+    /// still has.
+    pub fn bus_load(&self, bus: usize, span_us: u64) -> Option<u16> {
+        let medium = self.media().get(bus)?;
+        let begin = self.now().saturating_sub(span_us);
+        let mut busy_ns = 0;
+        for record in self.journal().records().rev() {
+            if record.time_us > begin {
+                if record.event.source() == Source::Bus(bus as u16) {
+                    busy_ns += medium.busy_ns(&record.event);
+                }
+            } else if record.time_us + LATE_US < begin {
+                break;
+            }
+        }
+        let passed_us = self.now() - begin;
+        // Nanoseconds by microseconds are thousandths. A frame whose end lies in the time may have begun before.
+        (passed_us > 0).then(|| (busy_ns / passed_us).min(1000) as u16)
+    }
+}

@@ -1,0 +1,62 @@
+//! The scenarios of the tutorial, and what failures tell beside the expectation that is not met.
+
+use super::Scripts;
+use crate::common::run;
+use std::path::Path;
+
+/// What scenarios of the tutorial do against the manual on purpose.
+const ABOUT_FINDINGS: [(&str, &[&str]); 4] = [
+    ("04-deadlines.rhai", &["late-reference"]),
+    ("11-restart-of-the-master.rhai", &["left-behind"]),
+    // Of a register of the firmware that was forced.
+    ("12-forced-registers.rhai", &["owner"]),
+    ("21-ip-address.rhai", &["ip-address"]),
+];
+
+/// And as a tutorial shows what is right, the access checker has found nothing at their ends.
+#[test]
+fn every_scenario_of_the_tutorial_passes_without_findings() {
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenarios");
+    let directory = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink(from.join("common"), directory.path().join("common")).unwrap();
+    let mut scripts = 0;
+    for entry in from.read_dir().unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "rhai") {
+            continue;
+        }
+        let name = path.file_name().unwrap().to_str().unwrap();
+        let allowed =
+            ABOUT_FINDINGS.iter().find(|(about, _)| *about == name).map_or(&[][..], |(_, rules)| rules);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let text = format!("{text}\nexpect_no_findings({allowed:?});\n");
+        std::fs::write(directory.path().join(name), text).unwrap();
+        scripts += 1;
+    }
+    let outcome = run(&["test", directory.path().to_str().unwrap()]);
+    let passed = outcome.ok().lines().filter(|line| line.starts_with("passed ")).count();
+    assert_eq!(passed, scripts, "{}", outcome.out);
+    let summary = outcome.out.lines().last().unwrap();
+    assert!(summary.starts_with(&format!("{passed} passed, 0 failed, 0 broken; ")), "{summary}");
+}
+
+#[test]
+fn failures_tell_findings_the_line_of_a_required_fault_and_blocks_that_are_near() {
+    let scripts = Scripts::new(&[
+        ("fault.rhai", "step(\"1ms\");\nfault(\"lose_frame slot=WRC1 required\");\nstep(\"1ms\");\n"),
+        (
+            "finding.rhai",
+            "poke(\"node2.w_OPTION_STATUS\", 5);\nstep(\"1ms\");\nexpect(\"node2.w_CPU_CONTROL\", 9);\n",
+        ),
+        ("block.rhai", "block(\"CANsync_INI\", \"node2\");\n"),
+    ]);
+    let outcome = scripts.run(&["."]);
+    for part in [
+        "fault.rhai:2: fault(\"lose_frame slot=WRC1 required\");",
+        "  access checker: 1 finding\n      error: owner: node2.w_OPTION_STATUS (%MW3.200002) := 16#0005, 1 time since",
+        "`CANsync_INI`: no such function block; did you mean CANsync_INIT",
+    ] {
+        assert!(outcome.out.contains(part), "{part}\n{}", outcome.out);
+    }
+    assert!(!outcome.out.contains("NMT"), "blocks of other devices: {}", outcome.out);
+}
