@@ -38,5 +38,6 @@ mod registers;
 mod scenarios;
 mod schemas;
 mod shm;
+mod soak;
 mod starting;
 mod trace;
