@@ -39,7 +39,6 @@ mod poke;
 mod progress;
 mod run;
 mod session;
-mod soak;
 mod start;
 mod status;
 mod step;
@@ -133,7 +132,6 @@ enum Command {
     Test(test::Args),
     #[command(hide = true)]
     TestScenario(test::scenario::Args),
-    Soak(soak::Args),
     Check(check::Args),
     Demo(demo::Args),
     #[command(hide = true)]
@@ -200,7 +198,6 @@ impl Command {
             Command::Trace(args) => trace::run(&args),
             Command::Test(args) => test::run(&args),
             Command::TestScenario(args) => test::scenario::run(&args),
-            Command::Soak(args) => soak::run(&args),
             Command::Check(args) => check::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),

@@ -6,11 +6,12 @@ use super::complete;
 use super::device::of_any_device;
 use super::error::CliError;
 use super::place::Place;
-use super::session::Session;
+use super::session::{Read, Session};
 use super::time;
 use super::{Instance, output};
 use crate::devices;
 use crate::journal::{Selection, Waves};
+use crate::layout::Live;
 use crate::plot::{Picture, Plot, Row, address_of};
 use file::Told;
 use std::path::{Path, PathBuf};
@@ -91,9 +92,14 @@ fn of_instance(args: &Args) -> Result<Plot, CliError> {
     let places = places.collect::<Result<Vec<_>, CliError>>()?;
     let info = session.info()?;
     let waves = Waves::of(&session.records(0)?, &Selection::default(), info.names, devices::catalogue());
-    let rows = places.iter().map(|(plc, place)| {
-        let name = format!("{}{}", session.prefix(*plc), place.name(crate::layout::Live::Cyclic));
-        Row::of(name, place, &waves.register(*plc, address_of(place).offset()))
+    let reads: Vec<_> = places.iter().map(|(plc, place)| Read::place(*plc, place)).collect();
+    let held = session.read(&reads)?.data;
+    let rows = places.iter().zip(held).map(|((plc, place), held)| {
+        let name = format!("{}{}", session.prefix(*plc), place.name(Live::Cyclic));
+        let row = Row::of(name, place, &waves.register(*plc, address_of(place).offset()));
+        let mut word = [0; 4];
+        word.iter_mut().zip(held).for_each(|(to, from)| *to = from);
+        row.or_holds(&place.format(Live::Cyclic, u32::from_le_bytes(word)))
     });
     Ok(Plot::new(args.from, args.to.unwrap_or(info.time_us), waves.edges(), rows.collect()))
 }

@@ -92,11 +92,13 @@ impl FormatArg {
     }
 
     /// Whether it is no text.
+    #[cfg(feature = "channel")]
     fn is_binary(self) -> bool {
         matches!(self, FormatArg::Pcapng | FormatArg::Fst)
     }
 
     /// Whether it begins with a list of all that it has.
+    #[cfg(feature = "channel")]
     fn is_waveform(self) -> bool {
         matches!(self, FormatArg::Vcd | FormatArg::Fst)
     }

@@ -25,8 +25,6 @@ mod device;
 mod drive;
 #[cfg(feature = "emulator")]
 mod events;
-#[cfg(feature = "emulator")]
-mod exercise;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
 #[cfg(feature = "emulator")]
@@ -70,8 +68,6 @@ pub use device::{Device, Look, Power};
 pub use drive::{DriveDetails, DriveState, ParameterRefusal, ParameterState};
 #[cfg(feature = "emulator")]
 pub use events::Events;
-#[cfg(feature = "emulator")]
-pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]

@@ -289,3 +289,6 @@ fn word(text: &str) -> String {
     let allowed = allowed.replace(|c: char| c.is_control() && !c.is_whitespace(), "_");
     allowed.split_whitespace().collect::<Vec<_>>().join("_")
 }
+
+#[cfg(test)]
+mod tests;

@@ -61,6 +61,14 @@ impl Row {
         Self { name, style: style(ty, meaning), points, texts, note }
     }
 
+    /// The same of a register that nothing is told of, with what it holds at the end of the plot.
+    pub fn or_holds(mut self, text: &str) -> Self {
+        if self.points.is_empty() {
+            self.note = Some(format!("no change told, holds {text} now"));
+        }
+        self
+    }
+
     /// Keeps what can be seen from `from_us` to `to_us`, with the value that holds at the beginning.
     pub(super) fn cut(&mut self, from_us: u64, to_us: u64, edges: &[u64]) {
         let first = self.points.partition_point(|(time, _)| *time <= from_us).saturating_sub(1);

@@ -44,10 +44,6 @@ impl Carrier for Local {
             known: self.plant.names().plcs.join(", "),
         })
     }
-
-    fn journal_hash(&self) -> Option<u64> {
-        Some(self.plant.journal().hash())
-    }
 }
 
 impl Host for Local {

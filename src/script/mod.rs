@@ -21,7 +21,6 @@ mod printed;
 mod remote;
 mod report;
 mod run;
-pub mod soak;
 mod value;
 mod verb;
 

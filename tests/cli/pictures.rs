@@ -49,7 +49,7 @@ fn an_instance_and_its_journal_give_the_same_plot() {
     assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG\r\n"));
     // Of what nothing is known, nothing is drawn, and that is said.
     let unknown = emulator.run("plot", &["node1.w_CPU_CONTROL", "-o", &live]);
-    let said = "node1.w_CPU_CONTROL: nothing in the journal";
+    let said = "node1.w_CPU_CONTROL: no change told, holds 16#0000";
     assert!(unknown.code == Some(0) && unknown.err.contains(said), "{}", unknown.err);
     for (args, told) in [
         (&["node2.w_CPU_CONTROL", "-o", "x.gif"][..], "ends in .svg or .png"),

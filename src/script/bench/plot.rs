@@ -24,11 +24,13 @@ impl Bench {
         let found = registers.iter().map(|text| self.find(text)).collect::<Result<Vec<_>, _>>()?;
         let (records, _) = self.records(0)?;
         let waves = Waves::of(&records, &Selection::default(), self.names.clone(), devices::catalogue());
-        let rows = found.iter().map(|register| {
+        let mut rows = Vec::with_capacity(found.len());
+        for register in &found {
             let past = waves.register(register.plc(), address_of(register.place()).offset());
-            Row::of(register.name(Live::Cyclic), register.place(), &past)
-        });
-        let rows = rows.collect();
+            let row = Row::of(register.name(Live::Cyclic), register.place(), &past);
+            let held = self.load(register.spot)?;
+            rows.push(row.or_holds(&register.place().format(Live::Cyclic, held)));
+        }
         Ok(Plot::new(from_us, self.now()?, waves.edges(), rows))
     }
 }

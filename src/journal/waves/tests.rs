@@ -1,0 +1,64 @@
+use super::super::testing::{Edge, Packet, catalogue};
+use super::*;
+use crate::journal::{By, Event, How};
+use crate::layout::Live;
+
+fn record(seq: u64, time_us: u64, event: impl Into<Event>) -> Record {
+    Record { seq, time_us, event: event.into(), count: 1, period_us: 0, latency_us: None }
+}
+
+fn changed(offset: u32, from: u32, to: u32) -> Changed {
+    let how = How { width: Width::Byte, by: By::Program, live: Live::Always };
+    Changed { plc: 0, offset, how, from, to }
+}
+
+fn waves(records: &[Record]) -> Waves {
+    let names = Names { plcs: vec!["line".into()], buses: vec!["a bus[1]".into()], ..Names::default() };
+    Waves::of(records, &Selection::default(), names, catalogue())
+}
+
+#[test]
+fn what_is_counted_stands_at_all_its_times_and_what_repeats_is_no_change() {
+    let edges = Record { count: 3, period_us: 10, ..record(0, 120, Edge { bus: 0 }) };
+    let packets = [105, 115, 125].map(|time| record(time, time, Packet { bus: 0, data: 7 }));
+    let waves = waves(&[packets[0], packets[1], edges, packets[2]]);
+    assert_eq!(waves.edges(), [100, 110, 120]);
+    let times = |name: &str| {
+        let path = vec!["a_bus_1".to_owned(), name.to_owned()];
+        let signal = waves.paths[&path];
+        let changes = waves.changes.iter().filter(|change| change.signal == signal);
+        changes.map(|change| change.time_us).collect::<Vec<_>>()
+    };
+    assert_eq!(
+        (times("frame_end"), times("data"), times("frame")),
+        (vec![105, 115, 125], vec![105], vec![105])
+    );
+}
+
+#[test]
+fn data_stand_on_top_and_bytes_that_are_not_there_are_not_known() {
+    let frame = crate::can::Frame::standard(1, crate::can::Payload::new(&[0xAB, 0xCD]).unwrap());
+    let (value, known) = (0xABCD_0000_0000_0000, 0xFFFF_0000_0000_0000);
+    assert_eq!(Content::data(&frame), Content::Bits { width: 64, value, known });
+    let remote = crate::can::Frame::remote(crate::can::StandardId::ZERO, 8).unwrap();
+    assert_eq!(Content::data(&remote), Content::Bits { width: 64, value: 0, known: 0 });
+}
+
+#[test]
+fn of_a_register_that_is_recorded_only_the_changes_count() {
+    let write = |offset, value| ChannelWrite { plc: 0, offset, width: 1, value };
+    let waves = waves(&[
+        record(0, 5, write(1, 9)),
+        record(1, 6, changed(1, 0, 5)),
+        record(2, 7, changed(1, 5, 4)),
+        record(3, 8, write(2, 3)),
+    ]);
+    assert_eq!(waves.register(0, 1), Past { values: vec![(6, 5), (7, 4)], is_recorded: true });
+    assert_eq!(waves.register(0, 2), Past { values: vec![(8, 3)], is_recorded: false });
+    assert_eq!(waves.register(1, 1), Past::default());
+}
+
+#[test]
+fn words_have_neither_blanks_nor_brackets() {
+    assert_eq!(word(" a_STAT[1][2] is\t5\u{1} "), "a_STAT_1_2_is_5_");
+}
