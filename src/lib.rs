@@ -90,6 +90,8 @@ pub mod request;
 pub mod runtime;
 #[cfg(feature = "script")]
 pub mod script;
+#[cfg(feature = "emulator")]
+pub mod state;
 pub mod time;
 
 /// The examples of the README are tests.

@@ -1,12 +1,13 @@
 //! The arbitration field: identifier, format, and whether a frame has data or asks for some.
 
 use embedded_can::{ExtendedId, Id, StandardId};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// What decides who may send, as it goes over the wire behind the start bit, left-aligned in 32 bits: 11 bits of
 /// identifier, then in the standard format RTR and IDE (0), in the extended format SRR (1), IDE (1), the other 18 bits of
 /// the identifier and RTR. A 0 is dominant, so the smaller field wins.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Arbitration(u32);
 
 const BASE: u32 = 21;

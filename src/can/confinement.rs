@@ -4,9 +4,10 @@
 //! disturbs the others by its error flags, and in the end leaves the bus.
 
 use super::BitRate;
+use serde::{Deserialize, Serialize};
 
 /// What a controller may still do on its bus.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum ErrorState {
     /// It takes part, and its error flags are dominant.
     #[default]
@@ -38,7 +39,7 @@ impl ErrorState {
 }
 
 /// The two error counters of a controller.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ErrorCounters {
     transmit: u16,
     receive: u16,
@@ -122,7 +123,7 @@ const RUN: u32 = 11;
 
 /// The way back from BUS-off: 128 times eleven recessive bits in a row. An idle bus has them one after the other, one with
 /// frames has one behind each frame at least.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Recovery {
     left: u32,
     from_ns: u64,

@@ -2,9 +2,10 @@
 
 use super::{Arbitration, Frame};
 use embedded_can::Id;
+use serde::{Deserialize, Serialize};
 
 /// A filter as CAN controllers have them: a code, and a mask of those bits of the arbitration field that must agree with it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Filter {
     code: Arbitration,
     mask: u32,

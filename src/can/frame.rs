@@ -2,6 +2,7 @@
 
 use super::{Arbitration, Payload};
 use embedded_can::{ExtendedId, Id, StandardId};
+use serde::{Deserialize, Serialize};
 
 /// Marks beside an identifier, as SocketCAN has them: 29 bits, and a remote frame.
 const EXTENDED: u32 = 1 << 31;
@@ -9,7 +10,7 @@ const REMOTE: u32 = 1 << 30;
 
 /// A frame of the standard (11 bits of identifier) or the extended format (29 bits), with up to eight data bytes or, as a
 /// remote frame, with the number of those it asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Frame {
     arbitration: Arbitration,
     /// A remote frame's is as long as the data it asks for, and all 0.

@@ -6,6 +6,8 @@
 
 use super::wire::{self, ERROR_DELIMITER, ERROR_FLAG, INTERMISSION, SUSPENSION};
 use super::{BitRate, Frame};
+use crate::state;
+use serde::{Deserialize, Serialize};
 
 /// Whoever sits at a medium, in the order of attachment: the first has number 0.
 pub trait Participants {
@@ -21,7 +23,7 @@ pub trait Participants {
 }
 
 /// What becomes of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Fate {
     /// It arrives.
     Arrives,
@@ -36,7 +38,7 @@ pub enum Fate {
 }
 
 /// A frame on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OnWire {
     /// Who sends it.
     pub sender: usize,
@@ -63,7 +65,7 @@ pub enum Event {
     Failed(OnWire),
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum State {
     /// Nothing is on it. A passive station that has sent the last frame may not begin before a time.
     Idle { suspended: Option<(usize, u64)> },
@@ -82,7 +84,19 @@ pub struct Medium {
     quiet_ns: u64,
 }
 
+state!(Medium { values: state, quiet_ns; built: rate });
+
 impl Medium {
+    /// Whether whoever is named in it is one of `count`.
+    pub(crate) fn is_among(&self, count: usize) -> bool {
+        let who = match self.state {
+            State::Idle { suspended } => suspended.map(|(who, _)| who),
+            State::Busy(frame) => Some(frame.sender),
+            State::Closing { sender, .. } => sender,
+        };
+        who.is_none_or(|who| who < count)
+    }
+
     /// An idle medium at this rate.
     pub const fn new(rate: BitRate) -> Self {
         Medium { rate, state: State::Idle { suspended: None }, quiet_ns: 0 }

@@ -8,6 +8,7 @@ mod arbitration;
 mod confinement;
 mod filter;
 mod frame;
+pub(crate) mod kept;
 mod medium;
 mod message;
 mod payload;

@@ -1,10 +1,25 @@
 //! The data field of a CAN frame.
 
+use serde::{Deserialize, Serialize};
+
 /// 0 to 8 data bytes. Bytes behind the length are always 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(from = "(u8, [u8; 8])", into = "(u8, [u8; 8])")]
 pub struct Payload {
     len: u8,
     bytes: [u8; 8],
+}
+
+impl From<(u8, [u8; 8])> for Payload {
+    fn from((len, bytes): (u8, [u8; 8])) -> Self {
+        Payload::from_padded(bytes, len.into())
+    }
+}
+
+impl From<Payload> for (u8, [u8; 8]) {
+    fn from(payload: Payload) -> Self {
+        (payload.len, payload.bytes)
+    }
 }
 
 impl Payload {

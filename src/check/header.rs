@@ -5,6 +5,7 @@ use crate::journal::{Finding, Journal};
 use crate::layout::Live;
 use crate::memory::header::{EVENT_SLOTS, EventSlot, Header};
 use crate::memory::{Bell, Cell64, MemoryError, Segment, View};
+use crate::state::{Damaged, Saved, Saving, State};
 use core::mem::offset_of;
 
 const WORD: usize = size_of::<u64>();
@@ -51,6 +52,22 @@ pub(super) struct HeaderWatch {
     plc: u16,
     now: View<[Cell64; WORDS]>,
     left: [u64; WORDS],
+}
+
+impl State for HeaderWatch {
+    fn save(&self, to: &mut Saving) {
+        let Self { plc: _, now, left } = self;
+        let rows = left.iter().zip(&**now).zip(&WATCHED);
+        to.sparse(rows.map(|((left, now), watched)| (left ^ now.load()) & watched));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        let differences = from.sparse::<WORDS>()?;
+        for ((left, now), difference) in self.left.iter_mut().zip(&*self.now).zip(differences.iter()) {
+            *left = now.load() ^ difference;
+        }
+        Ok(())
+    }
 }
 
 impl HeaderWatch {

@@ -11,6 +11,8 @@
 //!
 //! Nothing here changes a register, and nothing here knows a device.
 
+use crate::state;
+
 mod header;
 mod owned;
 pub mod rules;
@@ -31,6 +33,8 @@ pub struct DeviceWatch {
     header: HeaderWatch,
     owned: OwnedWatch,
 }
+
+state!(DeviceWatch { parts: header, owned });
 
 impl DeviceWatch {
     /// The watch over device number `plc` of the plant, whose registers are as the firmware left them.

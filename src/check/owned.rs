@@ -4,6 +4,7 @@ use super::{rules, word};
 use crate::journal::{Finding, Journal};
 use crate::layout::{Area, Device, Fitted, Live, Owner, RegisterRef};
 use crate::memory::{Cell64, MemoryError, Segment, View};
+use crate::state::{Damaged, Saved, Saving, State};
 
 const WORD: u32 = word::WORD as u32;
 
@@ -39,6 +40,21 @@ pub(crate) struct OwnedWatch {
     plc: u16,
     registers: Box<[RegisterRef]>,
     words: Box<[Word]>,
+}
+
+impl State for OwnedWatch {
+    fn save(&self, to: &mut Saving) {
+        let Self { plc: _, registers: _, words } = self;
+        to.sparse(words.iter().map(|word| (word.left ^ word.now.load()) & word.watched));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.leave();
+        for (index, difference) in from.value::<Vec<(usize, u64)>>()? {
+            self.words.get_mut(index).ok_or_else(|| from.no("word"))?.left ^= difference;
+        }
+        Ok(())
+    }
 }
 
 impl OwnedWatch {

@@ -6,6 +6,7 @@ use crate::journal::Journal;
 use crate::layout::{self, Fitted};
 use crate::memory::header::{BoardSetting, BoardState};
 use crate::memory::{Header, Segment, Width};
+use crate::state::State;
 use core::any::Any;
 
 /// What takes a device down or brings it up.
@@ -39,7 +40,7 @@ pub enum Look {
 /// A device of a plant. Its ports are firmware of the medium that they belong to; the plant tells the device what of
 /// them concerns it, and the ports what of it concerns them. What a device does not have, it does not implement; one with
 /// nothing in front but its supply is a [`Plain`](super::Plain) one.
-pub trait Device: Any + Send {
+pub trait Device: Any + Send + State {
     /// Its name in the plant.
     fn name(&self) -> &str;
 

@@ -5,6 +5,7 @@ use super::Context;
 use super::records::{BoardEvent, OnBoard};
 use crate::memory::Header;
 use crate::memory::header::InterruptResult;
+use crate::state::{Damaged, Saved, Saving, State};
 
 /// Enabled events and what has become of them. Bit n stands for event n.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,6 +20,20 @@ pub struct Events {
     pub watched: u16,
     /// Whether a watched one has occurred.
     pub stop: bool,
+}
+
+/// Who is waited for in lockstep is no part of the plant.
+impl State for Events {
+    fn save(&self, to: &mut Saving) {
+        let Self { enabled, held, fired, watched: _, stop: _ } = self;
+        to.value(&(enabled, held, fired));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        (self.enabled, self.held, self.fired) = from.value()?;
+        self.stop = false;
+        Ok(())
+    }
 }
 
 impl Events {

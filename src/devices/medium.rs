@@ -5,7 +5,9 @@ use crate::can::{self, BitRate, ErrorCounters, ErrorState};
 use crate::door::{Guest, Said};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Event, Journal, Origin};
+use crate::state::State;
 use core::any::Any;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What an event may touch besides the device or medium that it is due at.
@@ -21,7 +23,7 @@ pub struct World<'a> {
 }
 
 /// A SYNC signal, as far as those must know it who take it over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SyncSignal {
     /// Time from one edge to the next in us.
     pub interval_us: u32,
@@ -70,7 +72,7 @@ pub enum Whose {
 
 /// A medium of a plant. It runs the firmware of the ports that are attached to it, so that an event meets everybody whom
 /// it concerns without asking a device.
-pub trait Medium: Any + Send {
+pub trait Medium: Any + Send + State {
     /// Its name in the plant.
     fn name(&self) -> &str;
 

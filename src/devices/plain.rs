@@ -7,9 +7,11 @@ use crate::layout;
 use crate::layout::{Area, Fitted};
 use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
+use crate::state::State;
+use crate::state;
 
 /// The firmware of a [`Plain`] device, as far as it does not run at its ports. Whoever has none takes `()`.
-pub trait Firmware: Send + 'static {
+pub trait Firmware: State + Send + 'static {
     /// Power-on or end of a reset.
     fn start(&mut self, ctx: &mut Context) {
         let _ = ctx;
@@ -88,6 +90,8 @@ pub struct Plain<F> {
     pub firmware: F,
     supply: Supply,
 }
+
+state!(where [F: Firmware] Plain<F> { parts: firmware, supply; built: index, name, layout, segment, header });
 
 impl<F: Firmware> Plain<F> {
     /// Device number `index` of the plant, called `name`, in this image.

@@ -5,6 +5,7 @@ use super::records::{BoardEvent, OnBoard};
 use super::{Context, Look, Power};
 use crate::memory::Header;
 use crate::memory::header;
+use crate::state;
 
 /// Supply and whether the device is up.
 pub(super) struct Supply {
@@ -17,6 +18,8 @@ pub(super) struct Supply {
     /// The switch, as last seen.
     seen: u32,
 }
+
+state!(Supply { values: is_powered, is_fed, is_up, is_used, seen });
 
 impl Supply {
     /// On, and the device not started yet.

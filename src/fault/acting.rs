@@ -1,7 +1,12 @@
 //! The faults of an installation: which wait, which act, how often they have hit.
 
-use super::{Effect, Fault, FaultNews, FaultStatus, Hit, Limit, MAX_FAULTS, News, Owner, Refusal, Target};
+use super::{
+    Draft, Effect, Fault, FaultNews, FaultStatus, Hit, Kind, Limit, MAX_FAULTS, News, Owner, Refusal, Sites, Target,
+    Values,
+};
 use crate::journal::Journal;
+use crate::state::{Damaged, Saved, Saving};
+use serde::{Deserialize, Serialize};
 
 /// Time at which nothing is ever due.
 const NEVER: u64 = u64::MAX;
@@ -28,6 +33,60 @@ impl Entry {
     }
 }
 
+/// A fault as a snapshot has it: its kind by its number, and of what it does only what cannot be told from that.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    id: u16,
+    kind: u8,
+    index: u16,
+    number: u8,
+    values: Values,
+    at_us: u64,
+    limit: Limit,
+    acting: bool,
+    hits: u32,
+    begins: u64,
+    ends: u64,
+}
+
+impl Kept {
+    fn of(entry: &Entry) -> Self {
+        // What a fault does and who lets it act follows from the fault; none is over between two events.
+        let Entry { status, owner: _, effect: _, begins, ends, done: _ } = entry;
+        let FaultStatus { id, fault, acting, hits } = *status;
+        let (index, number) = fault.target().numbers();
+        Kept {
+            id,
+            kind: fault.kind().number(),
+            index,
+            number,
+            values: fault.values(),
+            at_us: fault.at_us(),
+            limit: fault.limit(),
+            acting,
+            hits,
+            begins: *begins,
+            ends: *ends,
+        }
+    }
+
+    fn entry(&self, kinds: &'static [&'static Kind], sites: &Sites) -> Option<Entry> {
+        let kind = kinds.iter().find(|kind| kind.number() == self.kind)?;
+        let target = Target::of_numbers(kind.place(), self.index, self.number);
+        let values = self.values.map(|value| value.map(u64::from));
+        let (count, duration_us) = match self.limit {
+            Limit::UntilCleared => (None, None),
+            Limit::Count(hits) => (Some(hits.into()), None),
+            Limit::Duration(us) => (None, Some(us.into())),
+        };
+        let fault = Draft { kind, target, values, at_us: self.at_us, count, duration_us }.check().ok()?;
+        let owner = sites.owner(&fault).ok()?;
+        let status = FaultStatus { id: self.id, fault, acting: self.acting, hits: self.hits };
+        let Kept { begins, ends, .. } = *self;
+        Some(Entry { status, owner, effect: fault.effect(), begins, ends, done: false })
+    }
+}
+
 /// The list of faults. While it is empty, it costs one look at [`Faults::is_empty`].
 #[derive(Default)]
 pub struct Faults {
@@ -38,6 +97,30 @@ pub struct Faults {
 }
 
 impl Faults {
+    /// Saves those that wait or act.
+    pub(crate) fn save(&self, to: &mut Saving) {
+        // When the next one is due follows from them.
+        let Faults { entries, last_id, next: _ } = self;
+        to.value(&(entries.iter().map(Kept::of).collect::<Vec<_>>(), last_id));
+    }
+
+    /// Takes over those of a snapshot, which must be such as an installation with these `sites` can have. What they have
+    /// done to media and devices is in the state of these.
+    pub(crate) fn restore(
+        &mut self,
+        from: &mut Saved<'_>,
+        kinds: &'static [&'static Kind],
+        sites: &Sites,
+    ) -> Result<(), Damaged> {
+        let (kept, last_id): (Vec<Kept>, u16) = from.value()?;
+        from.check(kept.len() <= MAX_FAULTS, "list of faults")?;
+        let entries = kept.iter().map(|kept| kept.entry(kinds, sites)).collect::<Option<_>>();
+        self.entries = entries.ok_or_else(|| from.no("fault that the plant can have"))?;
+        self.last_id = last_id;
+        self.schedule();
+        Ok(())
+    }
+
     /// Whether there is none.
     #[inline]
     pub fn is_empty(&self) -> bool {

@@ -82,6 +82,18 @@ impl Findings {
         }
     }
 
+    /// What it consists of: entries of single registers, how many records each has been worth, further entries.
+    pub(super) fn parts(&self) -> (&[Entry], &[u8], &[Entry]) {
+        let Findings { entries, records, further } = self;
+        (entries, records, further)
+    }
+
+    /// A table of such parts; none if they do not belong together.
+    pub(super) fn of_parts(entries: Vec<Entry>, records: Vec<u8>, further: Vec<Entry>) -> Option<Self> {
+        let fits = entries.len() == records.len() && entries.len() <= MAX_ENTRIES;
+        fits.then_some(Findings { entries, records, further })
+    }
+
     /// The entries in the order of their first findings, those that stand for several registers last.
     pub fn iter(&self) -> impl Iterator<Item = &Entry> + Clone {
         self.entries.iter().chain(&self.further)

@@ -3,30 +3,69 @@
 //! It must tell apart runs that differ in a bit here and a bit there, as one wrong step of an emulator leaves them.
 //! Hashes made for tables are linear enough that two such differences cancel; XXH3 takes blocks of the stream through
 //! multiplications of unlike halves, and the same events give the same value on every machine and in every build.
+//!
+//! The stream is taken in blocks, the value of each being the seed of the next one: so what must be known to go on from the
+//! middle of it, as a snapshot does, is one value and the events of one block.
 
 use super::Words;
-use std::hash::Hasher;
+use crate::state::{Damaged, Saved, Saving, State};
 use twox_hash::XxHash3_64;
 
+/// Events of a block.
+const EVENTS: usize = 16;
+/// Bytes of an event.
+const EVENT: usize = 32;
+
 /// Hash over a stream of events with their times.
-pub(super) struct Fingerprint(XxHash3_64);
+pub(super) struct Fingerprint {
+    /// Of all blocks before this one.
+    before: u64,
+    block: [u8; EVENTS * EVENT],
+    /// Bytes of the block that there are; there is always room for one more event.
+    len: usize,
+}
 
 impl Fingerprint {
     /// Of no event yet.
     pub(super) fn new() -> Self {
-        Fingerprint(XxHash3_64::with_seed(0))
+        Fingerprint { before: 0, block: [0; EVENTS * EVENT], len: 0 }
     }
 
     /// Takes in one more event.
     #[inline]
     pub(super) fn add(&mut self, time_us: u64, words: Words) {
         let [first, second, third] = words;
-        self.0.write(bytemuck::bytes_of(&[time_us, first, second, third].map(u64::to_le)));
+        let event = [time_us, first, second, third].map(u64::to_le);
+        if let Some(room) = self.block.get_mut(self.len..self.len + EVENT) {
+            room.copy_from_slice(bytemuck::bytes_of(&event));
+        }
+        self.len += EVENT;
+        if self.len == self.block.len() {
+            self.before = self.get();
+            self.len = 0;
+        }
     }
 
     /// The hash of all events up to here.
     pub(super) fn get(&self) -> u64 {
-        self.0.finish()
+        XxHash3_64::oneshot_with_seed(self.before, self.block.get(..self.len).unwrap_or_default())
+    }
+}
+
+impl State for Fingerprint {
+    fn save(&self, to: &mut Saving) {
+        let Self { before, block, len } = self;
+        to.value(&(before, &block[..*len]));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        let events: Vec<u8>;
+        (self.before, events) = from.value()?;
+        self.len = events.len();
+        let is_block = self.len.is_multiple_of(EVENT) && self.len < self.block.len();
+        from.check(is_block, "block of events")?;
+        self.block[..self.len].copy_from_slice(&events);
+        Ok(())
     }
 }
 

@@ -12,6 +12,7 @@
 
 use super::changed::{By, Changed, How};
 use crate::layout::{Live, Width};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -70,7 +71,8 @@ pub(crate) trait Rams {
 }
 
 /// A register that is followed.
-struct Followed {
+#[derive(Serialize, Deserialize)]
+pub(super) struct Followed {
     plc: u16,
     offset: u32,
     width: Width,
@@ -97,6 +99,32 @@ pub(super) struct History {
 impl History {
     pub(super) fn new() -> Self {
         History { followed: Vec::new(), changes: VecDeque::new(), end: 0, asked: Instant::now(), looks: 0 }
+    }
+
+    /// Those whose changes are in the journal.
+    pub(super) fn in_journal(&self) -> impl Iterator<Item = &Followed> {
+        self.followed.iter().filter(|register| register.in_journal)
+    }
+
+    /// These are the ones whose changes are in the journal. Onlookers go on looking at theirs.
+    pub(super) fn restore_in_journal(&mut self, followed: Vec<Followed>) {
+        self.followed.retain_mut(|register| {
+            register.in_journal = false;
+            register.for_onlookers
+        });
+        for mut register in followed.into_iter().take(MAX_FOLLOWED) {
+            register.in_journal = true;
+            match self.find(register.plc, register.offset) {
+                Ok(at) => {
+                    register.for_onlookers = true;
+                    self.followed[at] = register;
+                }
+                Err(at) => {
+                    register.for_onlookers = false;
+                    self.followed.insert(at, register);
+                }
+            }
+        }
     }
 
     /// Whether no register is followed.

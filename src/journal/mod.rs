@@ -30,6 +30,7 @@ mod fingerprint;
 pub mod fst;
 mod history;
 pub mod jsonl;
+mod kept;
 mod kind;
 mod names;
 pub mod pcapng;
@@ -116,6 +117,7 @@ pub struct Journal {
     written: u64,
     fingerprint: Fingerprint,
     history: History,
+    epoch: u32,
 }
 
 impl Journal {
@@ -134,6 +136,7 @@ impl Journal {
             written: 0,
             fingerprint: Fingerprint::new(),
             history: History::new(),
+            epoch: 0,
         }
     }
 

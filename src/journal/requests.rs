@@ -1,9 +1,12 @@
 //! Requests of handshakes that came through the channel, until they are answered.
 
+use crate::state::{Damaged, Saved, Saving, State};
+use serde::{Deserialize, Serialize};
+
 /// Requests remembered; more than a client can have under way in one node.
 const PLACES: usize = 64;
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 struct Request {
     plc: u16,
     offset: u32,
@@ -21,6 +24,21 @@ impl Request {
 pub(super) struct Requests {
     places: [Option<Request>; PLACES],
     open: u32,
+}
+
+impl State for Requests {
+    fn save(&self, to: &mut Saving) {
+        let Self { places, open: _ } = self;
+        to.value(&places.iter().flatten().collect::<Vec<_>>());
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        *self = Self::new();
+        for Request { plc, offset, value, time_us } in from.value::<Vec<_>>()? {
+            self.written(time_us, plc, offset, value);
+        }
+        Ok(())
+    }
 }
 
 impl Requests {

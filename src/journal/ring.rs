@@ -30,6 +30,14 @@ impl Rings {
         lane.push_back(record);
     }
 
+    /// The next record gets the number `end`. Those before it stay if they are of the same run.
+    pub(crate) fn begin_at(&mut self, end: u64, is_same_run: bool) {
+        self.end = end;
+        for lane in &mut self.lanes {
+            lane.truncate(if is_same_run { lane.partition_point(|record| record.seq < end) } else { 0 });
+        }
+    }
+
     /// The number of the next record.
     pub(crate) fn end(&self) -> u64 {
         self.end

@@ -4,8 +4,11 @@
 //! counted, until one is missing, comes early, or a second is full. First time, distance and number tell the
 //! time of each of them, so that nothing is lost.
 
+use super::catalogue::Catalogue;
 use super::coded::Words;
+use super::kept::event_of;
 use super::{Event, Record};
+use crate::state::{Damaged, Saved, Saving};
 
 /// Longest distance at which equal events count as repetition: 100 ms of emulated time.
 pub(super) const LONGEST_PERIOD_US: u64 = 100_000;
@@ -14,6 +17,8 @@ const LONGEST_TALLY_US: u64 = 1_000_000;
 
 /// Number of different events that can be watched; a power of two.
 const PLACES: usize = 128;
+// Their number is kept in a byte.
+const _: () = assert!(PLACES <= u8::MAX as usize);
 /// Places where one event may be.
 const WAYS: usize = 4;
 
@@ -62,6 +67,35 @@ pub(super) struct Tally {
 impl Tally {
     pub(crate) fn new() -> Self {
         Tally { places: vec![None; PLACES], is_quiet: true }
+    }
+
+    /// Saves what has been seen and counted.
+    pub(crate) fn save(&self, to: &mut Saving) {
+        let Tally { places, is_quiet } = self;
+        to.value(is_quiet);
+        to.value(&(places.iter().flatten().count() as u8));
+        for (place, watched) in (0u8..).zip(places) {
+            if let Some(Watched { event, last, period, count }) = watched {
+                to.value(&(place, event.words(), last, period, count));
+            }
+        }
+    }
+
+    /// Takes over what [`Tally::save`] has saved.
+    pub(crate) fn restore(
+        &mut self,
+        from: &mut Saved<'_>,
+        catalogue: &'static Catalogue,
+    ) -> Result<(), Damaged> {
+        *self = Tally::new();
+        self.is_quiet = from.value()?;
+        for _ in 0..from.value::<u8>()? {
+            let (place, words, last, period, count): (u8, Words, u64, u32, u32) = from.value()?;
+            let event = event_of(words, catalogue, from)?;
+            let place = self.places.get_mut(usize::from(place)).ok_or_else(|| from.no("place"))?;
+            *place = Some(Watched { event, last, period, count });
+        }
+        Ok(())
     }
 
     /// Sees an event.

@@ -240,6 +240,7 @@ pub struct Placed {
 
 /// When a structure is valid: what initializes a node may overlay what it works with afterwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
 pub enum Live {
     /// Always.
     Always,

@@ -5,6 +5,7 @@ use core::fmt;
 
 /// The width of one register access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
 pub enum Width {
     /// 8 bits: BYTE, SINT, USINT, `%MB`.
     Byte,

@@ -16,6 +16,8 @@ mod guard;
 pub mod header;
 mod image;
 mod instance;
+#[cfg(feature = "emulator")]
+mod kept;
 mod list;
 pub mod names;
 pub(crate) mod private;

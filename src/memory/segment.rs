@@ -289,7 +289,7 @@ impl Segment {
     }
 
     /// The block lies in bounds (checked by the callers).
-    fn copy_bytes(&self, offset: usize, into: &mut [u8]) {
+    pub(super) fn copy_bytes(&self, offset: usize, into: &mut [u8]) {
         let first_word = offset & !3;
         let skip = offset - first_word;
         let (head, rest) = into.split_at_mut(into.len().min((4 - skip) % 4));

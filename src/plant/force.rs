@@ -9,9 +9,11 @@ use crate::devices::Device;
 use crate::journal::{Force, Unforce};
 use crate::layout::{Device as Layout, LayoutError};
 use crate::memory::{Address, MemoryError, Width};
+use crate::state::{Damaged, Saved, Saving, State};
+use serde::{Deserialize, Serialize};
 
 /// A register with a forced value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Forced {
     /// Index of the PLC in the plant.
     pub plc: u16,
@@ -125,6 +127,18 @@ impl Forced {
 #[derive(Default)]
 pub(super) struct Forces {
     list: Vec<Forced>,
+}
+
+impl State for Forces {
+    fn save(&self, to: &mut Saving) {
+        let Self { list } = self;
+        to.value(list);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.list = from.value()?;
+        from.check(self.list.is_sorted_by_key(|forced| (forced.plc, forced.offset)), "list of forces")
+    }
 }
 
 impl Forces {

@@ -56,7 +56,7 @@ impl Plant {
     }
 
     /// What faults can concern.
-    fn sites(&self) -> Sites {
+    pub(super) fn sites(&self) -> Sites {
         let media = self.media().iter();
         let media = media.map(|medium| devices::medium_site(medium.family(), medium.participants()));
         let devices = self.devices.iter().zip(self.ports.of_devices()).map(|(device, ports)| {

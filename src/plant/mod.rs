@@ -14,6 +14,7 @@ mod injection;
 mod load;
 mod ports;
 mod schema;
+mod snapshot;
 mod writes;
 
 pub use crate::devices::Power;
@@ -22,6 +23,7 @@ pub use drives::PlantDrive;
 pub use force::{ForceError, Forced};
 pub use history::FollowError;
 pub use schema::schema;
+pub use snapshot::{Snapshot, SnapshotError};
 
 use crate::check::DeviceWatch;
 use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};

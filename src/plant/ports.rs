@@ -3,6 +3,7 @@
 use super::Plant;
 use crate::devices::{BuildError, Context, Device, Look, MEDIA, Medium, Plug, SyncSignal};
 use crate::journal::Origin;
+use crate::state;
 
 /// A port of a device, plugged in.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +16,9 @@ pub(super) struct Port {
     pub(super) place: usize,
     takes_part: bool,
 }
+
+state!(Port { values: takes_part; built: number, medium, place });
+state!(Ports { parts: of_device; built: ways });
 
 /// The ports of all devices.
 #[derive(Default)]

@@ -1,6 +1,7 @@
 //! Telegrams as octets.
 
 use super::OCTET_BITS;
+use serde::{Deserialize, Serialize};
 
 /// Octets of data that a telegram carries at most, service access points included.
 pub const MAX_DATA: usize = 246;
@@ -28,7 +29,7 @@ const SC: u8 = 0xE5;
 const EXTENDED: u8 = 0x80;
 
 /// What somebody says on the line.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Telegram {
     /// A request or an answer.
     Frame(Frame),
@@ -44,7 +45,7 @@ pub enum Telegram {
 }
 
 /// A request or an answer.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Frame {
     /// For whom, 0 to 127.
     pub da: u8,

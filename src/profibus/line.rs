@@ -1,9 +1,10 @@
 //! The line that all stations share: what is on it, and since when it is idle.
 
 use super::Telegram;
+use serde::{Deserialize, Serialize};
 
 /// Somebody is sending.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sending {
     /// Who, by the number that the user of the line knows.
     pub sender: usize,
@@ -18,7 +19,7 @@ pub struct Sending {
 }
 
 /// The line.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Line {
     /// In the order of their ends.
     sendings: Vec<Sending>,
@@ -55,6 +56,11 @@ impl Line {
     /// What `sender` has on the line is cut off: nobody understands it.
     pub fn cut_off(&mut self, sender: usize) {
         self.sendings.iter_mut().filter(|it| it.sender == sender).for_each(|it| it.is_garbled = true);
+    }
+
+    /// Who is sending.
+    pub(crate) fn senders(&self) -> impl Iterator<Item = usize> {
+        self.sendings.iter().map(|sending| sending.sender)
     }
 
     /// Since when it is idle, in bit times; none while somebody sends.

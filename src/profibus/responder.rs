@@ -1,6 +1,8 @@
 //! The data link layer of a station that only answers: whose requests concern it, and which of them it has answered already.
 
 use super::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
+use crate::state;
+use serde::{Deserialize, Serialize};
 
 /// What a request is for the user of the station.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,12 +18,14 @@ pub enum Reaction {
 }
 
 /// A station that answers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Responder {
     address: u8,
     /// Who has asked last, with which frame count bit, and what the answer was.
     last: Option<(u8, bool, Telegram)>,
 }
+
+state!(Responder { values: last; built: address });
 
 impl Responder {
     /// The station with this address, 0 to 126.

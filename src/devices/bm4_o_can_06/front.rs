@@ -7,6 +7,8 @@ use crate::devices::supply::Supply;
 use crate::devices::{Context, Look, Power};
 use crate::memory::header::{InterruptResult, ProgramState, Start};
 use crate::memory::{Header, View};
+use crate::state;
+use serde::{Deserialize, Serialize};
 
 /// The one event there is: SYNC signal 1 of an option module.
 const SYNC_EVENT: usize = 11;
@@ -20,7 +22,7 @@ pub(super) struct Front {
     seen: Seen,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Seen {
     requests: u32,
     program: u32,
@@ -32,6 +34,8 @@ impl Seen {
         Seen { requests: header.board_requests.load(), program: header.program.state.load() }
     }
 }
+
+state!(Front { values: seen; parts: events, supply; built: header });
 
 impl Front {
     pub(crate) fn new(header: View<Header>) -> Self {

@@ -14,6 +14,7 @@ use crate::journal::Origin;
 use crate::layout::{self, Fit, Fitted, Port, Role};
 use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
+use crate::state;
 
 /// A module, seen from the PLC.
 struct Module {
@@ -27,6 +28,8 @@ struct Module {
     /// The last edge of its SYNC signal, and the time from the one before.
     edge: Option<(u64, u64)>,
 }
+
+state!(Module { values: dip, takes_part, edge; built: number, kind, regs });
 
 impl Module {
     fn new(config: &ModuleConfig, segment: &Segment) -> Result<Self, MemoryError> {
@@ -75,6 +78,11 @@ pub struct Bm4Plc {
     /// Ports whose SYNC signal another one can pass on.
     sync_ways: Vec<(u8, u8)>,
 }
+
+state!(Bm4Plc {
+    parts: front, modules;
+    built: index, name, segment, header, sync_source, sync_ways
+});
 
 impl Bm4Plc {
     /// Device number `index` of the plant, and its ports, which are still to be plugged in.

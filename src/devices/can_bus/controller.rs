@@ -1,6 +1,7 @@
 //! A CAN controller, as its firmware has it in hands.
 
 use crate::can::{ErrorCounters, ErrorState, Filter, Frame};
+use crate::state;
 use std::collections::VecDeque;
 
 /// There is no room in a controller's queue.
@@ -24,6 +25,8 @@ pub struct Controller {
     /// Present emulated time in us, when firmware runs.
     pub(super) now: u64,
 }
+
+state!(Controller { values: queue, filters, has_new_filters, bit_s, errors, restarts, now });
 
 impl Controller {
     /// Frames that the queue has room for.

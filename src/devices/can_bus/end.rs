@@ -7,6 +7,7 @@ use crate::can::ErrorState;
 use crate::check::OwnedWatch;
 use crate::devices::{BuildError, Context};
 use crate::journal::{Journal, Origin};
+use crate::state;
 
 /// A port at the bus, or a guest.
 pub(super) struct End {
@@ -39,6 +40,13 @@ pub(super) struct End {
     /// The journal has its frame, which nobody acknowledges, already.
     pub(super) is_unheard: bool,
 }
+
+state!(End {
+    values: on_since_ns, member_since_ns, is_leaving, is_waiting, is_troubled, told, held_until_ns, is_delayed, copies,
+        is_copy, is_unheard;
+    parts: port, controller, watch;
+    built: origin, base
+});
 
 impl End {
     fn new(origin: Origin, base: usize, port: Box<dyn CanPort>, watch: Option<OwnedWatch>) -> Self {

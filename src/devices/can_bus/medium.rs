@@ -17,6 +17,7 @@ use crate::devices::{BuildError, GuestRefusal, Medium, StationState, SyncSignal,
 use crate::door::Said;
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Journal, Origin};
+use crate::state::{Damaged, Saved, Saving, State};
 use core::any::Any;
 
 /// A CAN bus with the ports at it.
@@ -80,6 +81,37 @@ impl CanBus {
             next = now;
         }
         self.next = next.max(now);
+    }
+}
+
+impl State for CanBus {
+    fn save(&self, to: &mut Saving) {
+        let Self {
+            index: _,
+            name: _,
+            wire,
+            stations,
+            leaving,
+            sender_gone,
+            is_lost,
+            has_news,
+            // Empty between two events.
+            takers: _,
+            next,
+        } = self;
+        wire.save(to);
+        stations.save(to);
+        to.value(&(leaving, sender_gone, is_lost, has_news, next));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.wire.restore(from)?;
+        self.stations.restore(from)?;
+        let count = self.stations.all().len();
+        from.check(self.wire.as_ref().is_none_or(|wire| wire.is_among(count)), "sender")?;
+        (self.leaving, self.sender_gone, self.is_lost, self.has_news, self.next) = from.value()?;
+        let leaving = self.stations.all().iter().filter(|end| end.is_leaving).count();
+        from.check(self.leaving == leaving, "number of guests that leave")
     }
 }
 

@@ -7,10 +7,11 @@ use crate::fault::{Effect, Hit};
 use crate::journal::Origin;
 use crate::layout::Device;
 use crate::memory::Segment;
+use crate::state::State;
 
 /// The firmware of a device's port at a CAN bus. It is called at whole microseconds of emulated time, with the controller
 /// that is its own.
-pub trait CanPort: Send {
+pub trait CanPort: Send + State {
     /// The device starts; `address` is the port's number at its switches
     /// ([`Device::address`](crate::devices::Device::address)). The controller is empty and without filters.
     fn power_on(&mut self, ctx: &mut Context, controller: &mut Controller, address: u8) {

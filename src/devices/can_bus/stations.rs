@@ -5,8 +5,11 @@ use super::acceptance::Acceptance;
 use super::agenda::{Agenda, NEVER};
 use super::end::End;
 use crate::can::{Arbitration, BitRate, ErrorState, Frame, Participants, Recovery};
+use crate::state::{Damaged, Saved, Saving, State};
+use serde::{Deserialize, Serialize};
 
 /// Somebody with a frame to send.
+#[derive(Serialize, Deserialize)]
 struct Waiting {
     field: Arbitration,
     who: usize,
@@ -237,6 +240,54 @@ impl Stations {
     /// It is not on its way back from BUS-off any longer.
     pub(super) fn end_recovery(&mut self, who: usize) {
         self.recovering.retain(|(other, _)| *other != who);
+    }
+}
+
+impl State for Stations {
+    fn save(&self, to: &mut Saving) {
+        let Self {
+            ends,
+            rate: _,
+            waiting,
+            // When they are due they tell again, and so they do which frames they accept.
+            due: _,
+            acceptance: _,
+            members,
+            last_came_ns,
+            troubled,
+            recovering,
+            has_changed,
+            has_held,
+        } = self;
+        // Guests stay stations when they have gone; ports were there before them.
+        let guests: Vec<u8> = ends.iter().filter_map(|end| end.origin.guest()).collect();
+        to.value(&guests);
+        ends.save(to);
+        to.value(&(waiting, members, last_came_ns, troubled, recovering, has_changed, has_held));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        let guests: Vec<u8> = from.value()?;
+        let (mut ends, rate) = (core::mem::take(&mut self.ends), self.rate);
+        ends.retain(|end| end.origin.guest().is_none());
+        *self = Stations::new(rate);
+        for end in ends.into_iter().chain(guests.into_iter().map(End::guest)) {
+            self.add(end);
+        }
+        self.ends.restore(from)?;
+        let Self { waiting, members, last_came_ns, troubled, recovering, has_changed, has_held, .. } = self;
+        (*waiting, *members, *last_came_ns, *troubled, *recovering, *has_changed, *has_held) = from.value()?;
+        let is_there = |who: usize| who < self.ends.len();
+        let has_frame = |it: &Waiting| is_there(it.who) && self.ends[it.who].controller.front().is_some();
+        from.check(self.waiting.iter().all(has_frame), "station that waits")?;
+        from.check(self.troubled.iter().all(|who| is_there(*who)), "station with errors")?;
+        from.check(self.recovering.iter().all(|(who, _)| is_there(*who)), "station that recovers")?;
+        let members = self.ends.iter().filter(|end| end.member_since_ns.is_some()).count();
+        from.check(self.members == members, "number of stations that take part")?;
+        for (who, end) in self.ends.iter().enumerate() {
+            self.due.set(who, if end.on_since_ns.is_some() { end.port.next_time() } else { NEVER });
+        }
+        Ok(())
     }
 }
 

@@ -8,6 +8,7 @@ use crate::devices::{Context, Medium, StationState, World};
 use crate::fault::{Effect, Faults, Hit, Target};
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment};
+use crate::state;
 use embedded_can::StandardId;
 use std::sync::{Arc, Mutex};
 
@@ -33,6 +34,8 @@ impl Scripted {
         self.log.lock().unwrap().push((self.who, now, what, frame.payload().data()[0]));
     }
 }
+
+state!(Scripted { built: who, log, filters, script });
 
 impl CanPort for Scripted {
     fn power_on(&mut self, _: &mut Context, controller: &mut Controller, _: u8) {

@@ -8,6 +8,7 @@ use super::{Shared, lock};
 use crate::can::{ErrorState, Frame};
 use crate::devices::Context;
 use crate::devices::can_bus::{CanPort, Controller};
+use crate::state::{Damaged, Saved, Saving, State};
 
 /// A bit rate that no bus has: before data exchange the device takes no part in CAN (p. 12).
 const NO_RATE: u32 = 0;
@@ -49,6 +50,21 @@ impl CanSide {
         if core::mem::replace(&mut self.told, state) != state {
             ctx.report(CanState { plc: ctx.origin.plc, to: state });
         }
+    }
+}
+
+/// The gateway is kept here, and not with the other port that has it in common.
+impl State for CanSide {
+    fn save(&self, to: &mut Saving) {
+        let Self { registers: _, gateway, told } = self;
+        lock(gateway).save(to);
+        to.value(told);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        lock(&self.gateway).restore(from)?;
+        self.told = from.value()?;
+        Ok(())
     }
 }
 

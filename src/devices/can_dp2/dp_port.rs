@@ -13,6 +13,7 @@ use crate::devices::profibus_bus::{ProfibusPort, Station};
 use crate::journal::{Finding, Rule};
 use crate::layout::Live;
 use crate::profibus::Telegram;
+use crate::state;
 
 /// Addresses that the switches can give it (p. 9).
 const FIRST_ADDRESS: u32 = 3;
@@ -24,6 +25,8 @@ pub(super) struct DpPort {
     gateway: Shared,
     slave: Option<Slave>,
 }
+
+state!(DpPort { values: slave; built: registers, gateway });
 
 impl DpPort {
     pub(super) fn new(registers: Registers, gateway: Shared) -> Self {

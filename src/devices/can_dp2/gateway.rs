@@ -11,7 +11,9 @@ use super::registers::values::{bus_state, can_state, page_state};
 use super::window::{Order, Window};
 use crate::can::{ExtendedId, Filter, Frame, Id, Payload, StandardId};
 use crate::devices::canopen::nmt::Command;
+use crate::state;
 use embedded_can::Frame as _;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// The identifier of SYNC objects (p. 87); a slave adds its number to it for its start (p. 29).
@@ -24,6 +26,7 @@ mod paging;
 mod start;
 
 /// What was taken over when data exchange began.
+#[derive(Serialize, Deserialize)]
 struct Setup {
     parameters: Parameters,
     configuration: Configuration,
@@ -58,6 +61,12 @@ pub(super) struct Gateway {
     /// The diagnosis has changed since the DP slave last looked.
     has_news: bool,
 }
+
+state!(Gateway {
+    values: on_since, setup, state, is_exchanging, wake_at, sync_at, window, pages, frames, is_new, bus, irq_lost, msg_lost,
+        has_news;
+    built: registers
+});
 
 impl Gateway {
     pub(super) fn new(registers: Registers) -> Self {

@@ -9,7 +9,9 @@ use crate::devices::profibus_bus::{ProfibusPort, Station};
 use crate::layout::Live;
 use crate::memory::{Header, MemoryError, Segment, View};
 use crate::profibus::{Answer, BROADCAST, Frame, FunctionCode, Request, Telegram};
+use crate::state;
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// The service access point of a DP master.
 const MASTER_SAP: u8 = 62;
@@ -21,6 +23,7 @@ const TRIES: u8 = 2;
 const OCTETS: usize = 244;
 
 /// A request under way.
+#[derive(Serialize, Deserialize)]
 struct Pending {
     frame: Frame,
     /// How often it has been sent.
@@ -37,6 +40,8 @@ pub(super) struct Master {
     /// Frame count bit of the last request; none: the next one is the first.
     fcb: Option<bool>,
 }
+
+state!(Master { values: pending, fcb; built: registers, header });
 
 impl Master {
     pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {

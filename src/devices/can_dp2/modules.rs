@@ -4,6 +4,7 @@ use super::page;
 use super::parameters::Parameters;
 use super::registers::gsd;
 use crate::can::{ExtendedId, Id, StandardId};
+use serde::{Deserialize, Serialize};
 
 /// Modules that a station has at most (p. 23).
 pub(super) const MODULES: usize = gsd::MAX_MODULE as usize;
@@ -23,7 +24,7 @@ const DUMMY_ID: u16 = 0x07F8;
 pub(super) const EXTENDED: u32 = 1 << 29;
 
 /// What is wrong with a module (p. 21; D-377).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum CfgError {
     /// Neither input nor output.
     Type = 1,
@@ -40,18 +41,19 @@ pub(super) enum CfgError {
 }
 
 /// Which module is wrong, from 0, and how.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct CfgFault {
     pub module: u8,
     pub error: CfgError,
 }
 
 /// What a module is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Kind {
     /// What comes with this identifier; `is_frozen` if a later module has the same (p. 35).
     Input {
         /// Which frames.
+        #[serde(with = "crate::can::kept")]
         id: Id,
         /// A later one has it.
         is_frozen: bool,
@@ -59,6 +61,7 @@ pub(super) enum Kind {
     /// What goes out with this identifier, again after so many ms if that is not 0.
     Output {
         /// Which frames.
+        #[serde(with = "crate::can::kept")]
         id: Id,
         /// The time in ms.
         cycle_ms: u16,
@@ -76,7 +79,7 @@ pub(super) enum Kind {
 }
 
 /// A module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Module {
     pub kind: Kind,
     /// Octets in the process image, a counter included.
@@ -99,7 +102,7 @@ impl Module {
 }
 
 /// A good configuration.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Configuration {
     /// As it came.
     pub octets: Vec<u8>,

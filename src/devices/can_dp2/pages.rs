@@ -6,6 +6,7 @@ use super::page::{COUNTER, END, HEAD, MARK, MORE, RECORD, RESULT, divide, number
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use core::ops::Range;
 use embedded_can::Frame as _;
+use serde::{Deserialize, Serialize};
 
 /// What has become of a page (D-467).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +24,7 @@ enum Outcome {
 }
 
 /// How far a gateway in page mode is: `page_state`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) enum Phase {
     /// Nobody has sent page 0.
     #[default]
@@ -37,8 +38,9 @@ pub(super) enum Phase {
 }
 
 /// An identifier that is sent.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Tx {
+    #[serde(with = "crate::can::kept")]
     id: Id,
     form: u8,
     length: usize,
@@ -48,8 +50,9 @@ struct Tx {
 }
 
 /// An identifier that is received.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Rx {
+    #[serde(with = "crate::can::kept")]
     id: Id,
     form: u8,
     length: usize,
@@ -60,7 +63,7 @@ struct Rx {
 }
 
 /// A gateway in page mode.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Pages {
     /// The segments, one behind the other from the first output and the first input on.
     outputs: Vec<Range<usize>>,

@@ -2,6 +2,7 @@
 
 use super::registers::gsd;
 use super::registers::values::{flags_1, flags_2, prm_station_status as status, wakeup_time};
+use serde::{Deserialize, Serialize};
 
 /// Octets of a good Set_Prm (p. 10, 22).
 pub(super) const LENGTH: usize = 16;
@@ -27,7 +28,7 @@ const DEFAULTS: [u8; LENGTH] = {
 const SYNC_STORED: u16 = 0xFFFF;
 
 /// What is wrong with an octet of Set_Prm (p. 20-21).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct PrmFault {
     /// Its number, from 0 over the telegram (D-374).
     pub number: u8,
@@ -49,7 +50,7 @@ pub(super) enum Role {
 }
 
 /// Good parameters.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Parameters {
     /// As they came.
     pub octets: [u8; LENGTH],

@@ -12,6 +12,7 @@ use super::rules;
 use crate::journal::Rule;
 use crate::profibus::{Answer, BROADCAST, Frame, MIN_TSDR_BITS, Reaction, Responder, Telegram};
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// The bit of Global_Control that clears outputs.
 const CLEAR_DATA: u8 = 0x02;
@@ -30,6 +31,7 @@ pub(super) enum News {
 }
 
 /// The slave.
+#[derive(Serialize, Deserialize)]
 pub(super) struct Slave {
     responder: Responder,
     state: u8,
@@ -46,6 +48,8 @@ pub(super) struct Slave {
     heard_at: u64,
     /// The master is to ask for the diagnosis.
     has_diagnosis: bool,
+    /// Told before the port is left.
+    #[serde(skip)]
     news: Vec<News>,
 }
 

@@ -4,6 +4,7 @@ use super::registers::{CAN_DP2_STORED, DEVICE, STORED};
 use crate::devices::{Context, Firmware};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
+use crate::state::{Damaged, Saved, Saving, State};
 use zerocopy::IntoBytes;
 
 /// Their length.
@@ -25,6 +26,20 @@ pub(super) struct Stored {
 impl Stored {
     pub(super) fn new(segment: &Segment) -> Result<Self, MemoryError> {
         Ok(Stored { registers: segment.view(STORED)?, stored: [0; BYTES], generation: 0 })
+    }
+}
+
+impl State for Stored {
+    fn save(&self, to: &mut Saving) {
+        let Self { registers: _, stored, generation } = self;
+        to.raw(stored);
+        to.value(generation);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.stored.copy_from_slice(from.raw(BYTES)?);
+        self.generation = from.value()?;
+        Ok(())
     }
 }
 

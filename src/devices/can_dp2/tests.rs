@@ -26,6 +26,7 @@ use crate::devices::{Context, Device, Medium, Power, World};
 use crate::fault::Faults;
 use crate::journal::{Journal, Origin};
 use crate::memory::{HEADER_SIZE, Segment, View};
+use crate::state;
 use embedded_can::Frame as _;
 use std::sync::{Arc, Mutex};
 use toml::de::ValueDeserializer;
@@ -44,6 +45,8 @@ struct Wires {
 }
 
 struct Station(Arc<Mutex<Wires>>);
+
+state!(Station { built: 0 });
 
 impl CanPort for Station {
     fn look(&mut self, _: &mut Context, controller: &mut Controller) {

@@ -3,6 +3,7 @@
 use super::modules::WINDOW;
 use crate::can::{ExtendedId, Frame, Id, Payload, StandardId};
 use embedded_can::Frame as _;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Frames that the FIFO holds (p. 43).
@@ -37,8 +38,9 @@ pub(super) enum Order {
 }
 
 /// A Communication Window.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Window {
+    #[serde(with = "crate::can::kept")]
     enabled: Vec<Id>,
     fifo: VecDeque<Frame>,
     /// The loop counter of the last order.

@@ -1,7 +1,9 @@
 //! Emergencies: each error is told once when it appears and once when it has gone.
 
+use serde::{Deserialize, Serialize};
+
 /// An error that a device can have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cause {
     /// Emergency error code.
     pub code: u16,
@@ -10,14 +12,14 @@ pub struct Cause {
 }
 
 /// An error that is there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Present {
     cause: Cause,
     data: [u8; 5],
 }
 
 /// What a device has to tell of its errors.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Errors {
     present: Vec<Present>,
     /// Those that have been told, in the order in which they were.

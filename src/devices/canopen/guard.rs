@@ -3,9 +3,10 @@
 
 use super::nmt::State;
 use super::supervision::Supervision;
+use serde::{Deserialize, Serialize};
 
 /// The guarded end.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Guarded {
     toggle: bool,
     /// Whether the master goes on asking.

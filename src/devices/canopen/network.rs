@@ -1,6 +1,7 @@
 //! The master's end of network management: it asks its nodes for their states and resets those that do not answer.
 
 use super::nmt::{Command, State};
+use serde::{Deserialize, Serialize};
 
 /// What a master is to send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,7 +13,7 @@ pub enum Order {
 }
 
 /// A node as its master sees it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Guarded {
     node: u8,
     guard_us: u64,
@@ -38,7 +39,7 @@ pub struct Answered {
 }
 
 /// The nodes of a master.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Network {
     nodes: Vec<Guarded>,
     /// The missing node that was shown last.

@@ -1,7 +1,9 @@
 //! Network management: the states of a node, and the commands that change them.
 
+use serde::{Deserialize, Serialize};
+
 /// State of a node, with its number in guarding telegrams.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum State {
     /// It is no CANopen node yet, or starts anew.

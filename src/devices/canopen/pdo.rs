@@ -1,7 +1,9 @@
 //! Process data objects: when they are sent and taken over.
 
+use serde::{Deserialize, Serialize};
+
 /// When a PDO is sent or taken over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Transmission {
     /// At a SYNC object, if there is something new.
     SynchronousAcyclic,
@@ -40,7 +42,7 @@ impl Transmission {
 }
 
 /// Counts SYNC objects for a PDO.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Count(u8);
 
 impl Count {
@@ -62,7 +64,7 @@ impl Count {
 }
 
 /// A PDO that is sent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Transmit {
     /// What counts as known to the others.
     known: [u8; 8],
@@ -113,7 +115,7 @@ impl Transmit {
 }
 
 /// A PDO that is received.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receive {
     waiting: Option<[u8; 8]>,
     count: Count,

@@ -8,12 +8,13 @@ mod tests;
 
 pub use abort::Abort;
 pub use client::{Client, Step};
+use serde::{Deserialize, Serialize};
 
 /// Data of an SDO frame.
 pub type Data = [u8; 8];
 
 /// How long the value of an entry is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Length {
     /// So many bytes.
     Exactly(usize),
@@ -22,7 +23,7 @@ pub enum Length {
 }
 
 /// Place of an entry: index and sub-index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct At {
     /// Index.
     pub index: u16,
@@ -52,7 +53,7 @@ pub trait Dictionary {
 }
 
 /// A transfer under way.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 enum Transfer {
     #[default]
     None,
@@ -63,7 +64,7 @@ enum Transfer {
 }
 
 /// A server: one transfer at a time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Server {
     transfer: Transfer,
 }

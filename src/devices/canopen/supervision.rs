@@ -1,7 +1,9 @@
 //! What must come again and again within a time: guarding, SYNC.
 
+use serde::{Deserialize, Serialize};
+
 /// Supervision of something that must come within a time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Supervision {
     /// In us; 0 is off.
     period_us: u64,

@@ -12,6 +12,7 @@ mod disturbance;
 mod end;
 mod fault;
 mod guests;
+mod kept;
 mod own_clock;
 mod ports;
 mod process;
@@ -35,13 +36,14 @@ use agenda::{Agenda, Slot};
 use disturbance::Disturbance;
 use end::{End, Place};
 use own_clock::OwnClock;
+use serde::{Deserialize, Serialize};
 use slots::{OnWire, PLACES};
 
 /// What media of this kind are called.
 pub(crate) const FAMILY: &str = "cansync";
 
 /// Who is connected under a slave number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Station {
     Nobody,
     /// Index into the bus's drives.
@@ -51,7 +53,7 @@ enum Station {
 }
 
 /// Who sends the frame that is on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Sender {
     Master,
     Slave(u8),

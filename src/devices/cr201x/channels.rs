@@ -1,6 +1,7 @@
 //! What the connectors of a module are (p. 77, 81), and which of its PDOs carry what (D-451).
 
 use super::registers::values::channel;
+use serde::{Deserialize, Serialize};
 
 /// Connectors of a module.
 pub const CHANNELS: usize = 8;
@@ -8,7 +9,7 @@ pub const CHANNELS: usize = 8;
 const PWM_HZ: core::ops::RangeInclusive<u8> = 20..=200;
 
 /// Which module it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Model {
     /// Inputs at connectors 1, 3, 5 and 7, inputs or outputs at the others.
     Cr2010,
@@ -52,7 +53,7 @@ impl Model {
 }
 
 /// What the connectors are, and how fast PWM is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channels {
     /// Which module it is.
     pub model: Model,

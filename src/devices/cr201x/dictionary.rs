@@ -5,16 +5,17 @@ use super::registers::DEVICE;
 use crate::devices::canopen::sdo::{Abort, At, Dictionary, Length};
 use crate::layout::Object;
 use crate::layout::object::{Access, Type};
+use serde::{Deserialize, Serialize};
 
 /// What a master can set besides the connectors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Guarding {
     pub guard_ms: u16,
     pub life: u8,
 }
 
 /// What its PDOs carry: bits of all connectors, and four words.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Values {
     pub bits: u8,
     pub words: [u16; 4],

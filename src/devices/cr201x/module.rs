@@ -15,6 +15,7 @@ use crate::devices::canopen::nmt::{Command, State};
 use crate::devices::canopen::records::NodeState;
 use crate::devices::canopen::sdo::Server;
 use crate::memory::{Header, MemoryError, Segment, View};
+use crate::state;
 use embedded_can::{Frame as _, Id, StandardId};
 
 /// Errors that it tells of: an open line, as p. 44 has it of a CS0015, and no guarding.
@@ -58,6 +59,11 @@ pub(super) struct Module {
     outputs: Values,
     out: Vec<Frame>,
 }
+
+state!(Module {
+    values: written, channels, is_on, state, told_state, guarding, guarded, server, errors, told, waiting, outputs, out;
+    built: node, registers, header
+});
 
 impl Module {
     /// A module that is delivered with this.

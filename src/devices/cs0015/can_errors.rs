@@ -5,9 +5,10 @@ use super::registers::values::bool;
 use crate::can::ErrorState;
 use crate::devices::can_bus::Controller;
 use crate::memory::Cell8;
+use serde::{Deserialize, Serialize};
 
 /// What has been seen of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct CanErrors {
     /// Receive errors, as last counted by the controller.
     received: u16,

@@ -4,7 +4,9 @@
 use super::ram::Registers;
 use super::registers::DEVICE;
 use crate::devices::canopen::pdo::Transmission;
+use crate::state;
 use embedded_can::StandardId;
+use serde::{Deserialize, Serialize};
 
 /// PDOs of each direction.
 pub(super) const PDOS: usize = 8;
@@ -36,7 +38,7 @@ impl Way {
 }
 
 /// What a program has asked for with `PDO_RX_CONFIG` or `PDO_TX_CONFIG` (p. 47-50).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PdoConfig {
     /// Its identifier, from 380h on; none keeps the one that it has.
     pub id: Option<u16>,
@@ -47,7 +49,7 @@ pub struct PdoConfig {
 }
 
 /// What holds of a PDO.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Pdo {
     /// None follows from the Node-ID, or is the factory's.
     cob_id: Option<u32>,
@@ -71,14 +73,21 @@ pub(super) struct Factory {
 }
 
 /// The identifiers in force; none where the COB-ID says that there is none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Identifiers {
+    #[serde(with = "crate::can::kept")]
     pub sync: Option<StandardId>,
+    #[serde(with = "crate::can::kept")]
     pub guarding: Option<StandardId>,
+    #[serde(with = "crate::can::kept")]
     pub emergency: Option<StandardId>,
+    #[serde(with = "crate::can::kept")]
     pub sdo_request: Option<StandardId>,
+    #[serde(with = "crate::can::kept")]
     pub sdo_answer: Option<StandardId>,
+    #[serde(with = "crate::can::kept")]
     pub receive: [Option<StandardId>; PDOS],
+    #[serde(with = "crate::can::kept")]
     pub transmit: [Option<StandardId>; PDOS],
     /// Transmit PDOs that are sent on request.
     pub on_request: [bool; PDOS],
@@ -96,6 +105,8 @@ pub(super) struct Communication {
     /// 20F0h to 20F3h as last written.
     entered: [u8; 4],
 }
+
+state!(Communication { values: node, sdo, receive, transmit, asked, entered; built: factory });
 
 impl Communication {
     pub(super) fn new(factory: Factory) -> Self {

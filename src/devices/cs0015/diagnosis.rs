@@ -2,6 +2,7 @@
 
 use super::hardware::Defects;
 use crate::devices::canopen::emergency::Cause;
+use serde::{Deserialize, Serialize};
 
 /// Errors of the hardware with their bits of the error register (p. 44).
 const WIRE_BREAK: Cause = Cause { code: 0x2100, register: 1 << 1 };
@@ -10,7 +11,7 @@ const VOLTAGE: Cause = Cause { code: 0x3200, register: 1 << 2 };
 const TEMPERATURE: Cause = Cause { code: 0x4000, register: 1 << 3 };
 
 /// What was found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Diagnosis {
     /// Outputs that have switched themselves off, bit n for output n.
     pub short_circuits: u16,

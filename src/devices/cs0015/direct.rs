@@ -2,13 +2,16 @@
 
 use crate::can::{Frame, StandardId};
 use embedded_can::{Frame as _, Id};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Messages that a queue holds (p. 22).
 const DEPTH: usize = 30;
 
 /// The messages of an identifier.
+#[derive(Serialize, Deserialize)]
 struct Queue {
+    #[serde(with = "crate::can::kept")]
     id: StandardId,
     messages: VecDeque<Vec<u8>>,
     /// At least one was lost.
@@ -27,7 +30,7 @@ pub(super) struct Found {
 }
 
 /// All queues.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct Direct {
     queues: Vec<Queue>,
 }

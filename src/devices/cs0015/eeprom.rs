@@ -1,6 +1,7 @@
 //! The serial EEPROM: flags %MW128 to %MW511 as a block, which `E2WRITE` saves and `E2READ` loads (p. 107-110).
 
 use super::ram::Registers;
+use serde::{Deserialize, Serialize};
 
 /// How long it takes to write 768 bytes, 16 at a time, and to read them, in us (D-474).
 const WRITE_US: u64 = 480_000;
@@ -12,7 +13,7 @@ const FINISHED: u32 = 1;
 const WORKING: u32 = 2;
 
 /// Which function it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Access {
     /// `E2WRITE`.
     Write,
@@ -21,7 +22,7 @@ pub(super) enum Access {
 }
 
 /// A function at work.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Work {
     access: Access,
     until: u64,
@@ -30,7 +31,7 @@ struct Work {
 }
 
 /// The EEPROM.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Eeprom {
     work: Option<Work>,
     /// The function that has ended and is still enabled.

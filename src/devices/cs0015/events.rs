@@ -28,6 +28,16 @@ impl Pulses {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) |= 1 << event;
     }
 
+    /// Those under way.
+    pub(super) fn waiting(&self) -> u16 {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Others are under way instead.
+    pub(super) fn replace(&self, pulses: u16) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = pulses;
+    }
+
     /// What has occurred since the last call.
     pub(super) fn pass_to(&self, events: &mut Events) {
         let fired = core::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner));

@@ -1,5 +1,7 @@
 //! Fast inputs: signals at inputs 0 to 3, and what `FREQUENCY`, `CYCLE` and `INC_ENCODER` make of them (p. 96-99).
 
+use serde::{Deserialize, Serialize};
+
 /// Inputs that are fast.
 pub(super) const INPUTS: usize = 4;
 /// Encoders: channels A and B at inputs 0 and 1, 2 and 3.
@@ -10,7 +12,7 @@ const PERIOD: u64 = 1_000_000_000;
 const MOST_MS: u64 = 65_535;
 
 /// A square wave from some time on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Wave {
     mhz: u32,
     since: u64,
@@ -32,7 +34,7 @@ impl Wave {
 }
 
 /// The signal at an input. It goes on where it is when its frequency changes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Signal {
     wave: Wave,
     /// As it was before its last change.
@@ -67,7 +69,7 @@ impl Signal {
 }
 
 /// `CYCLE` at an input.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Cycle {
     /// Edges when it was initialised; none if it has not been.
     from: Option<u64>,
@@ -75,7 +77,7 @@ struct Cycle {
 }
 
 /// `INC_ENCODER` at a pair of inputs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Encoder {
     /// Edges of channel A when they were last counted; none if it has not been initialised.
     from: Option<u64>,
@@ -94,7 +96,7 @@ pub(super) struct Counted {
 }
 
 /// The fast inputs of a controller: inputs 0 to 3, encoders 0 and 1.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct FastInputs {
     pub signals: [Signal; INPUTS],
     /// Encoders that turn backwards: B is ahead of A.

@@ -9,10 +9,12 @@ use crate::devices::{Context, Events, Firmware};
 use crate::fault::{self, Faults, Hit, Owner};
 use crate::layout::Area;
 use crate::memory::{Header, MemoryError, Segment, View};
+use crate::state::{Damaged, Saved, Saving, State};
+use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the firmware at the port finds wrong with the hardware.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Defects {
     /// Outputs with a short circuit, bit n for output n.
     pub short_circuits: u16,
@@ -72,6 +74,23 @@ impl Hardware {
     /// Whether there is an operating system at work that can find anything.
     fn is_at_work(&self) -> bool {
         matches!(self.header.front[FRONT_STATE].load(), state::RESET | state::RUN | state::STOP)
+    }
+}
+
+impl State for Hardware {
+    fn save(&self, to: &mut Saving) {
+        let Self { retained, shared, flags: _, header: _, pulses, events } = self;
+        retained.save(to);
+        to.value(&(shared.defects(), pulses.waiting()));
+        events.save(to);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.retained.restore(from)?;
+        let (defects, pulses) = from.value()?;
+        self.shared.change(|now| *now = defects);
+        self.pulses.replace(pulses);
+        self.events.restore(from)
     }
 }
 

@@ -3,6 +3,7 @@
 use super::events::{INTERRUPT, Pulses};
 use super::peripherals::Peripherals;
 use super::ram::Registers;
+use serde::{Deserialize, Serialize};
 
 /// Its period in us.
 const PERIOD_US: u64 = 1_000;
@@ -10,7 +11,7 @@ const PERIOD_US: u64 = 1_000;
 const OWN: u16 = 0x00FF;
 
 /// When it runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Interrupt {
     next: Option<u64>,
 }

@@ -3,6 +3,7 @@
 use super::ram::Registers;
 use crate::devices::canopen::sdo::At;
 use crate::devices::cr201x::{CHANNELS, Channels, Model, Role};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Numbers of modules whose words have a place in the flags (p. 71).
@@ -14,14 +15,14 @@ const CONNECTORS: u16 = 0x2000;
 const PWM: At = At { index: 0x2001, sub: 0 };
 
 /// What goes to a module: a bit for each connector, and four words; none of what it does not have.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Sent {
     pub bits: Option<u8>,
     pub words: Option<[u16; 4]>,
 }
 
 /// A module whose configuration has been read.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Slave {
     pub node: u8,
     pub channels: Channels,
@@ -65,7 +66,7 @@ impl Slave {
 }
 
 /// One transfer of a configuration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Transfer {
     /// Writes a byte.
     Write(At, u8),
@@ -74,7 +75,7 @@ pub(super) enum Transfer {
 }
 
 /// A configuration under way, for a place of the job block.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Configuring {
     place: usize,
     to_do: VecDeque<Transfer>,
@@ -117,7 +118,7 @@ impl Configuring {
 }
 
 /// What a master knows of its I/O modules.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct IoSlaves {
     pub slaves: Vec<Slave>,
     configuring: Vec<Configuring>,

@@ -13,6 +13,7 @@ use super::registers::values::{job_control, job_error};
 use super::slave_jobs;
 use crate::devices::Context;
 use crate::devices::can_bus::Controller;
+use serde::{Deserialize, Serialize};
 
 /// Places for orders.
 const PLACES: usize = 16;
@@ -96,7 +97,7 @@ pub(super) struct Desk<'a> {
 }
 
 /// Orders that have been begun: their places and numbers.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct UnderWay(Vec<(usize, u32)>);
 
 impl UnderWay {

@@ -1,5 +1,7 @@
 //! The display: five digits of 7 segments, three letters of 14, decimal points, eight fixed texts (p. 12, 100-105).
 
+use serde::{Deserialize, Serialize};
+
 /// Digits and letters together.
 pub(super) const PLACES: usize = 8;
 /// Digits, which come first.
@@ -41,7 +43,7 @@ const READABLE: [(u8, u8); 25] = [
 const SEGMENTS: u8 = !(1 << 5);
 
 /// What the display shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Lcd {
     /// A character at each place, ASCII; 0 and blank are dark.
     pub text: [u8; PLACES],

@@ -4,12 +4,13 @@
 use super::nmt::{Nmt, Restart};
 use super::node::Node;
 use crate::devices::canopen::nmt::{Command, State};
+use serde::{Deserialize, Serialize};
 
 /// How long it waits for its nodes before it starts the network, in us (D-432).
 const BOOT_UP_US: u64 = 2_000_000;
 
 /// What the program of a master is told.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MasterConfig {
     /// Its nodes.
     pub nodes: Vec<u8>,
@@ -22,6 +23,7 @@ pub struct MasterConfig {
 }
 
 /// A master at work.
+#[derive(Serialize, Deserialize)]
 pub(super) struct Master {
     config: MasterConfig,
     /// When it gives up to wait for its nodes; none once it has started them.

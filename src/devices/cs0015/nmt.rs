@@ -5,6 +5,7 @@ use super::node::Node;
 use super::sdo_client::{Finished, SdoClient};
 use crate::devices::canopen::network::{Network, Order};
 use crate::devices::canopen::nmt::{Command, State};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// First identifiers of the predefined connection set (p. 38): emergencies, PDOs of I/O modules, answers of SDO servers, guarding.
@@ -17,7 +18,7 @@ const GUARDING: u16 = 0x700;
 const EMERGENCIES: usize = 30;
 
 /// When a node that has told its state is started.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Restart {
     /// Never.
     #[default]
@@ -29,7 +30,7 @@ pub(super) enum Restart {
 }
 
 /// The emergency of a node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Emergency {
     pub node: u8,
     pub code: u16,
@@ -38,7 +39,7 @@ pub(super) struct Emergency {
 }
 
 /// The master of the network.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct Nmt {
     pub network: Network,
     pub restart: Restart,

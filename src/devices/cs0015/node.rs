@@ -15,6 +15,7 @@ use crate::devices::canopen::nmt::State;
 use crate::devices::canopen::pdo::{Receive, Transmit};
 use crate::devices::canopen::sdo::Server;
 use crate::devices::canopen::supervision::Supervision;
+use crate::state;
 use embedded_can::{Frame as _, Id, StandardId};
 
 /// Errors that it tells of, and their bits of the error register (p. 44).
@@ -74,6 +75,13 @@ pub(super) struct Node {
     /// Frames to be sent.
     out: Vec<Frame>,
 }
+
+state!(Node {
+    values: direct, identifiers, state, guarded, sync, server, errors, receive, transmit, has_sync, has_moved,
+        has_can_error, is_open, out;
+    parts: communication;
+    built: registers, boot_up
+});
 
 impl Node {
     pub(super) fn new(registers: Registers, factory: Factory, boot_up: BootUp) -> Self {

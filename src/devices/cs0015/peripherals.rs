@@ -12,6 +12,7 @@ use super::registers::{
 };
 use super::serial::Serial;
 use super::watch::{Found, Watch};
+use crate::state;
 
 const MHZ: [usize; INPUTS] = [FRONT_MHZ_0, FRONT_MHZ_1, FRONT_MHZ_2, FRONT_MHZ_3];
 const TURN: [usize; ENCODERS] = [FRONT_TURN_0, FRONT_TURN_1];
@@ -33,6 +34,13 @@ pub(super) struct Peripherals {
     /// What registers and display show.
     shown: Option<(Pwm, Lcd, bool)>,
 }
+
+state!(Peripherals {
+    values: pwm, fast_inputs, lcd, serial, eeprom, on_since, shown;
+    parts: watch;
+    // Told before the port is left.
+    built: findings
+});
 
 impl Peripherals {
     /// Power-on.

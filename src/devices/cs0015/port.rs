@@ -87,6 +87,14 @@ pub(super) struct Firmware {
     pulses: Pulses,
 }
 
+crate::state!(Firmware {
+    values: state, told, is_stopped, end_at, nmt, master, under_way, cycles, outputs, diagnosis, interrupt, can_errors,
+        has_been_erased;
+    parts: node, peripherals;
+    // What the device itself knows it keeps itself.
+    built: program, shared, pulses
+});
+
 impl Firmware {
     pub(super) fn new(node: Node, program: Program, shared: Shared, pulses: Pulses) -> Self {
         Firmware {

@@ -1,5 +1,7 @@
 //! PWM: outputs 0 to 7 in two groups of four, each of which is digital or PWM as a whole (p. 86-95).
 
+use serde::{Deserialize, Serialize};
+
 /// Channels that there are; channel n is output n.
 pub(super) const CHANNELS: usize = 8;
 /// Channels of a group.
@@ -53,7 +55,7 @@ impl Group {
 }
 
 /// How the counter of a channel runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Clock {
     reload: u16,
     is_divided: bool,
@@ -103,7 +105,7 @@ impl Clock {
 }
 
 /// Which function has initialised a channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Function {
     Pwm,
     Pwm100,
@@ -121,7 +123,7 @@ pub(super) struct Misuse {
 }
 
 /// The PWM of a controller. Channels are 0 to 7.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Pwm {
     down: [Option<Clock>; GROUP],
     up: Option<(Function, Clock)>,

@@ -3,6 +3,7 @@
 use super::registers::{CS0015_PARAMETERS, DEVICE, PARAMETERS};
 use crate::layout::Area;
 use crate::memory::{MemoryError, Segment, View};
+use crate::state::{Damaged, Saved, Saving, State};
 use zerocopy::IntoBytes;
 
 /// Its length.
@@ -22,6 +23,20 @@ pub(super) struct Retained {
     stored: [u8; BYTES],
     /// Counts changes of `stored`.
     generation: u32,
+}
+
+impl State for Retained {
+    fn save(&self, to: &mut Saving) {
+        let Self { parameters: _, segment: _, stored, generation } = self;
+        to.raw(stored);
+        to.value(generation);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.stored.copy_from_slice(from.raw(BYTES)?);
+        self.generation = from.value()?;
+        Ok(())
+    }
 }
 
 impl Retained {

@@ -1,6 +1,7 @@
 //! SDOs of a master: one at a time, each for a place of the job block (p. 69-70).
 
 use crate::devices::canopen::sdo::{Abort, At, Client, Data, Step};
+use serde::{Deserialize, Serialize};
 
 /// How long an answer may take, in us (D-442).
 const PATIENCE_US: u64 = 1_000_000;
@@ -9,6 +10,7 @@ const PATIENCE_US: u64 = 1_000_000;
 pub(super) type Finished = Result<Vec<u8>, u32>;
 
 /// A transfer under way.
+#[derive(Serialize, Deserialize)]
 struct Transfer {
     place: usize,
     node: u8,
@@ -17,7 +19,7 @@ struct Transfer {
 }
 
 /// The master's end of SDOs.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct SdoClient {
     transfer: Option<Transfer>,
     /// Of the place that waits for it.

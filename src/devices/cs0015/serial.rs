@@ -1,6 +1,7 @@
 //! The RS 232 interface, while it is the program's (`SERIAL_MODE`): bytes in their order, at 9600 baud (p. 7, 112-114).
 
 use super::registers::CS0015_PERIPHERALS;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Received bytes that there is room for (p. 113), and bytes to send (D-475).
@@ -20,7 +21,7 @@ pub(super) struct Taken {
 }
 
 /// One way of the line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Line {
     /// Bytes that have passed, wrapping.
     count: u32,
@@ -29,7 +30,7 @@ struct Line {
 }
 
 /// The interface.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Serial {
     received: VecDeque<u8>,
     has_overflowed: bool,

@@ -4,6 +4,7 @@ use super::ram::{Registers, UNNAMED};
 use super::registers::OUTPUTS;
 use super::rules;
 use crate::journal::Rule;
+use crate::state::{Damaged, Saved, Saving, State};
 
 /// A rule that was broken: where, and the value.
 pub(super) type Found = (&'static Rule, u32, u32);
@@ -17,6 +18,18 @@ pub(super) struct Watch {
 impl Default for Watch {
     fn default() -> Self {
         Watch { unnamed: [0; UNNAMED] }
+    }
+}
+
+impl State for Watch {
+    fn save(&self, to: &mut Saving) {
+        let Self { unnamed } = self;
+        to.raw(unnamed);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.unnamed.copy_from_slice(from.raw(UNNAMED)?);
+        Ok(())
     }
 }
 

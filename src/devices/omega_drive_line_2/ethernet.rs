@@ -13,6 +13,7 @@ use crate::devices::omega_drive_line_2::rules;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
+use crate::state;
 use core::mem::offset_of;
 use std::net::Ipv4Addr;
 use zerocopy::{FromBytes, IntoBytes};
@@ -50,6 +51,8 @@ pub struct Ethernet {
     /// Counts changes of `stored`.
     generation: u32,
 }
+
+state!(Ethernet { values: dip, stored, seen, generation; built: config, diagnose, speed });
 
 impl Ethernet {
     /// The interface with a link of `speed` Mbit/s; 0 is no link.

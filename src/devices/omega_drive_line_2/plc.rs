@@ -21,6 +21,7 @@ use crate::journal::{Journal, Origin};
 use crate::layout;
 use crate::memory::header::BoardSetting;
 use crate::memory::{Header, Segment, View};
+use crate::state;
 
 /// Numbers of the two ports.
 pub(super) const SLAVE: u8 = 1;
@@ -45,6 +46,8 @@ pub struct Plc {
     /// Node 1 is in set-up mode or active operation.
     slave_is_on_bus: bool,
 }
+
+state!(Plc { values: slave_is_on_bus; parts: baps, board, ethernet; built: index, name, segment, header });
 
 impl Plc {
     /// Device number `index` of the plant, and its ports, which are still to be plugged in.

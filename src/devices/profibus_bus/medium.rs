@@ -8,14 +8,17 @@ use super::config::ProfibusConfig;
 use super::port::{Intent, ProfibusPort, ProfibusSocket, Station};
 use super::records::{DpGarbled, DpShort, DpTelegram, short};
 use super::visitors;
-use super::visitors::Visitors;
+use super::visitors::{Visitors, guest_of};
 use crate::check::OwnedWatch;
 use crate::devices::{BuildError, Context, GuestRefusal, Medium, SyncSignal, World};
 use crate::door::{Guest, Said};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Event, Journal, Origin};
 use crate::profibus::{BusRate, FunctionCode, Line, Request, SYN_BITS, Sending, Telegram};
+use crate::state::{Damaged, Saved, Saving, State};
+use crate::state;
 use core::any::Any;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Nothing is due.
@@ -30,6 +33,8 @@ struct End {
     watch: OwnedWatch,
     is_on: bool,
 }
+
+state!(End { values: is_on; parts: port, station, watch; built: origin, base });
 
 impl End {
     /// Runs its firmware at this bit time.
@@ -47,7 +52,7 @@ impl End {
 }
 
 /// Somebody has asked, and the line is kept for the answer.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 struct Asked {
     sender: usize,
     /// Until this bit time nobody else asks.
@@ -214,6 +219,25 @@ impl ProfibusBus {
 /// Whether somebody is to answer a telegram with this function code.
 fn wants_answer(fc: u8) -> bool {
     matches!(FunctionCode::parse(fc), FunctionCode::Request { request, .. } if request != Request::Sdn)
+}
+
+impl State for ProfibusBus {
+    fn save(&self, to: &mut Saving) {
+        let Self { index: _, name: _, rate: _, slot_bits: _, is_plugged: _, line, ends, visitors, asked, next } =
+            self;
+        ends.save(to);
+        visitors.save(to);
+        to.value(&(line, asked, next));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.ends.restore(from)?;
+        self.visitors.restore(from)?;
+        (self.line, self.asked, self.next) = from.value()?;
+        let is_there = |sender: usize| sender < self.ends.len() || guest_of(sender).is_some();
+        from.check(self.line.senders().all(is_there), "sender")?;
+        from.check(self.asked.is_none_or(|asked| is_there(asked.sender)), "who was asked")
+    }
 }
 
 impl Medium for ProfibusBus {

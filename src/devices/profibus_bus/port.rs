@@ -6,10 +6,13 @@ use crate::journal::Origin;
 use crate::layout::Device;
 use crate::memory::Segment;
 use crate::profibus::{BusRate, Telegram};
+use crate::state::State;
+use crate::state;
+use serde::{Deserialize, Serialize};
 
 /// The firmware of a device's port at PROFIBUS. What happens on the line it is told at once, with the bit time in its
 /// [`Station`]; its own times are microseconds of emulated time.
-pub trait ProfibusPort: Send {
+pub trait ProfibusPort: Send + State {
     /// The device starts.
     fn power_on(&mut self, ctx: &mut Context, station: &mut Station) {
         let _ = (ctx, station);
@@ -69,7 +72,7 @@ pub struct ProfibusSocket {
 }
 
 /// What a station is about to send.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Intent {
     /// At this bit time, whatever is on the line.
     At(u64, Vec<u8>),
@@ -95,6 +98,8 @@ pub struct Station {
     pub(super) intent: Option<Intent>,
     pub(super) alarm: Option<u64>,
 }
+
+state!(Station { values: now, intent, alarm; built: rate, slot_bits });
 
 impl Station {
     pub(super) fn new(rate: BusRate, slot_bits: u64) -> Self {

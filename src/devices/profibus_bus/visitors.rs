@@ -7,6 +7,8 @@ use crate::devices::GuestRefusal;
 use crate::door::{Guest, Said};
 use crate::journal::Origin;
 use crate::profibus::{Burst, FunctionCode, MIN_TSDR_BITS, SYN_BITS, Sending, Telegram};
+use crate::state::{Damaged, Saved, Saving, State};
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -27,6 +29,7 @@ pub(super) fn sender_of(number: u8) -> usize {
 }
 
 /// Something that a guest has to say.
+#[derive(Serialize, Deserialize)]
 struct Waiting {
     /// Not before this bit time.
     from: u64,
@@ -47,6 +50,20 @@ struct Visitor {
 /// The guests of a segment.
 #[derive(Default)]
 pub(super) struct Visitors(Vec<Visitor>);
+
+impl State for Visitors {
+    fn save(&self, to: &mut Saving) {
+        let visitors = self.0.iter().map(|Visitor { number, ear: _, is_leaving, to_say }| (number, is_leaving, to_say));
+        to.value(&visitors.collect::<Vec<_>>());
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        let visitors: Vec<(u8, bool, VecDeque<Waiting>)> = from.value()?;
+        let visitor = |(number, is_leaving, to_say)| Visitor { number, ear: None, is_leaving, to_say };
+        self.0 = visitors.into_iter().map(visitor).collect();
+        Ok(())
+    }
+}
 
 impl Visitors {
     fn get(&mut self, number: u8) -> Option<&mut Visitor> {

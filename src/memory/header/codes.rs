@@ -5,6 +5,7 @@ macro_rules! codes {
     ($(#[$doc:meta])* $name:ident { $($(#[doc = $vdoc:literal])* $variant:ident = $value:tt,)* }) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern)]
+        #[cfg_attr(feature = "emulator", derive(serde::Serialize, serde::Deserialize))]
         #[repr(u32)]
         pub enum $name { $($(#[doc = $vdoc])* $variant = $value,)* }
 

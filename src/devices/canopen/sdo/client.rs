@@ -1,6 +1,7 @@
 //! The client's end: reads or writes one entry of a server, expedited or in segments.
 
 use super::{Abort, At, Data, EXPEDITED, SIZED, TOGGLE, first};
+use serde::{Deserialize, Serialize};
 
 /// What comes of an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,7 +19,7 @@ pub enum Step {
 }
 
 /// What is under way.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Transfer {
     /// The first answer to a read is awaited.
     Read,
@@ -31,7 +32,7 @@ enum Transfer {
 }
 
 /// A transfer as its client sees it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Client {
     at: At,
     /// Most bytes that can be read.

@@ -4,11 +4,11 @@ use super::ident::FrameKind;
 use crate::can;
 use crate::can::Payload;
 use embedded_can::{Id, StandardId};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// A data frame on the simulated bus. Remote frames and identifiers of 29 bits do not occur in CANsync, so this is smaller
 /// than a [`can::Frame`], which it can become: journals hold many.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Frame {
     id: u16,
     payload: Payload,

@@ -1,7 +1,9 @@
 //! The 11-bit identifiers of CANsync (manual 5.00005.03a p. 136-143).
 
+use serde::{Deserialize, Serialize};
+
 /// Reference and actual values travel in two channels: WRC1/RDC1 and WRC2/RDC2.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Channel {
     /// WRC1 and RDC1.
     One,

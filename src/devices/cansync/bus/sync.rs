@@ -4,6 +4,8 @@
 //! that of the trigger controller. It takes an unbroken sequence of edges to lock (decision D-07). Once locked, a slave
 //! runs on by its own clock through intervals whose edge is missing, until the signal has been gone for a settable time.
 
+use crate::state;
+
 /// A slave's lock to its SYNC signal.
 #[derive(Clone, Copy, Debug)]
 pub struct SyncLock {
@@ -18,6 +20,8 @@ pub struct SyncLock {
     last: u64,
     interval_us: u64,
 }
+
+state!(SyncLock { values: wanted, locked, since, last, interval_us; built: lock_time_us, loss_us });
 
 impl SyncLock {
     /// A lock that is reached after `lock_time_us` of SYNC signal without a gap and lost after `loss_us` without SYNC;

@@ -4,6 +4,8 @@
 //! slope if no new one comes (manual 5.00005.03a p. 74, 5.01010.01 p. 22). A proportional loop with speed
 //! feed-forward follows that set point (decision D-163).
 
+use serde::{Deserialize, Serialize};
+
 /// Bits of the angle reference value that take effect (table of manual 5.00005.03a p. 74).
 ///
 /// The drive's control interval is half a PWM period: 125 us at 4 kHz. The slot must be divided into equal whole
@@ -19,7 +21,7 @@ pub const fn mask(sync_slot_us: u16, pwm_khz: u16) -> u32 {
 }
 
 /// The set point between two reference values.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SetPoint {
     /// Where the present slope begins.
     from: u32,

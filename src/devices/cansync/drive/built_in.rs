@@ -6,6 +6,7 @@ use super::monitoring::{BapsMonitoring, Monitor, fault};
 use super::parameters::ParameterSpec;
 use super::regler::{Setup, VRegler};
 use crate::devices::cansync::bus::SyncLock;
+use crate::state;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
@@ -79,6 +80,8 @@ pub struct BuiltInDrive {
     sync_monitor: Monitor,
     cyclic_data: Option<Monitor>,
 }
+
+state!(BuiltInDrive { values: last_edge; parts: regler, sync, sync_monitor, cyclic_data });
 
 impl BuiltInDrive {
     /// The drive of PLC `plc` as it is after power-on.

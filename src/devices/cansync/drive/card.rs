@@ -12,6 +12,8 @@ use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
 use crate::devices::cansync::registers::values::drive_status;
+use crate::state::{Damaged, Saved, Saving, State};
+use crate::state;
 
 /// The longest delay of ZK 24 plus the interval being received.
 const DELAY_LINE: usize = 4;
@@ -71,6 +73,39 @@ pub(super) struct Card {
     sampled_status: Option<u16>,
     frames: [u64; 2],
     lens: [usize; 2],
+}
+
+state!(ReferenceSlot {
+    values: came_before, received, delayed;
+    built: source, channel, format, shift, end, target, needs_every
+});
+state!(Losses { values: expected, seen, in_succession, total; built: allowed, wanted });
+
+impl State for Card {
+    fn save(&self, to: &mut Saving) {
+        let Self {
+            references,
+            actuals: _,
+            delay: _,
+            turn,
+            underway,
+            losses,
+            stopped,
+            sampled_status,
+            frames,
+            lens: _,
+        } = self;
+        to.value(&(turn, underway, stopped, sampled_status, frames));
+        references.save(to);
+        losses.save(to);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        (self.turn, self.underway, self.stopped, self.sampled_status, self.frames) = from.value()?;
+        from.check(self.turn < DELAY_LINE, "place in the delay line")?;
+        self.references.restore(from)?;
+        self.losses.restore(from)
+    }
 }
 
 type Fault = (u8, u16, ZkError);

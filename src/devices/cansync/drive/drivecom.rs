@@ -22,7 +22,7 @@ pub enum Enable {
 }
 
 /// States of the profile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum State {
     /// Power stage locked.
     SwitchOnDisabled,
@@ -57,7 +57,7 @@ impl State {
 }
 
 /// State, control word and warning of one drive.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct StateMachine {
     state: State,
     control_word: u16,

@@ -49,12 +49,14 @@ use crate::devices::cansync::bus::codec::{
 };
 use crate::devices::cansync::bus::{Channel, Frame, SyncLock};
 use crate::devices::cansync::registers::values::{par_error, updown_error};
+use crate::state;
 use card::Card;
 use monitoring::{Monitor, fault};
 use regler::{Setup, VRegler};
+use serde::{Deserialize, Serialize};
 
 /// Parameters that must fit each other, and the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Settings {
     slot_us: u32,
     pwm_khz: u32,
@@ -93,6 +95,12 @@ pub struct Drive {
     card: Card,
     regler: VRegler,
 }
+
+state!(Drive {
+    values: edge_is_missing, objected;
+    parts: sync, monitors, card, regler;
+    built: name, slave_number
+});
 
 impl Drive {
     /// Builds the drive that the plant file describes, as it is after power-on. It is set to `kbit_s` unless the file says

@@ -1,8 +1,10 @@
 //! How the drive moves: the speed follows its target, at once or along a ramp, and the angle follows the speed.
 
+use serde::{Deserialize, Serialize};
+
 /// Speed of the drive in increments per millisecond, and the angle it has come to in increments. An increment is
 /// the 2^32nd part of a revolution, so that the angle wraps around once per revolution (decision D-162).
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Motion {
     speed: i32,
     angle: u32,

@@ -2,6 +2,7 @@
 
 use crate::devices::cansync::bus::codec::parameter::MAX_NUMBER;
 use crate::devices::cansync::registers::values::par_error;
+use crate::state::{Damaged, Saved, Saving, State};
 use serde::{Deserialize, Serialize};
 
 /// Width of a parameter.
@@ -143,7 +144,7 @@ pub enum ParameterError {
 }
 
 /// Place of a parameter in the store of the drive that gave it away.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Slot(usize);
 
 /// All parameters of one drive, in the order of their numbers.
@@ -157,6 +158,18 @@ pub(super) struct ParameterStore {
     written: bool,
     /// Parameters that are being recalculated, with the time left in us.
     settling: Vec<(Slot, u32)>,
+}
+
+impl State for ParameterStore {
+    fn save(&self, to: &mut Saving) {
+        let Self { specs: _, values, changed, watched: _, written, settling } = self;
+        to.value(&(values, changed, written, settling));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        (self.values, self.changed, self.written, self.settling) = from.value()?;
+        from.check(self.values.len() == self.specs.len(), "number of parameters")
+    }
 }
 
 impl ParameterStore {

@@ -9,6 +9,7 @@ use super::parameters::{ParamFormat, ParameterError, ParameterSpec, ParameterSto
 use super::table::{PARAMETERS, ParameterRow, number};
 use crate::devices::cansync::bus::codec::parameter::{MAX_NUMBER, VALUE_ELEMENT};
 use crate::devices::cansync::registers::values::{drive_status, par_element, par_error};
+use crate::state;
 use std::num::NonZeroU32;
 
 /// Element of a parameter that is its lowest value (decision D-160).
@@ -65,6 +66,12 @@ pub(crate) struct VRegler {
 
 /// What a parameter job did: the value and format read, or nothing.
 pub(crate) type Read = (ParamFormat, u32);
+
+state!(VRegler {
+    values: machine, motion, set_point, synchronized, error;
+    parts: store;
+    built: slots
+});
 
 impl VRegler {
     /// The drive as it is after power-on.

@@ -2,9 +2,10 @@
 
 use crate::devices::cansync::bus::LAST_SLAVE;
 use crate::devices::cansync::registers::values::request;
+use serde::{Deserialize, Serialize};
 
 /// A counter behind a register that takes a slave number or 16#80.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counter(Option<u8>);
 
 impl Counter {

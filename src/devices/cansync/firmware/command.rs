@@ -13,16 +13,17 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::Frame;
 use crate::devices::cansync::bus::codec::{ParameterJob, UpDownJob};
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
+use serde::{Deserialize, Serialize};
 
 /// A job whose answer is due.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Asked {
     Parameter(ParameterJob),
     UpDown(UpDownJob),
 }
 
 /// Scheduler of the command channel.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct CommandChannel {
     // Automatic slave numbers, one for each configuration register (decision D-08).
     control_word: Counter,

@@ -1,5 +1,7 @@
 //! The CAN controller of a node, as far as it can fail (manual 5.00005.03a p. 147-149, 173-174).
 
+use serde::{Deserialize, Serialize};
+
 /// Bits that must have been recessive before a controller comes back from BUS-off: 128 times 11 (ISO 11898-1).
 const RECOVERY_BITS: u64 = 128 * 11;
 
@@ -12,7 +14,7 @@ mod cut {
 }
 
 /// State of a CAN controller.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Controller {
     /// Bits of [`cut`].
     cut: u8,

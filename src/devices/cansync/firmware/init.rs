@@ -3,10 +3,11 @@
 use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::registers::CANsync_INIT_BMSTRUCT;
 use crate::devices::cansync::registers::values::ma_sl_mode;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// Where a master's SYNC signal comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SyncSource {
     /// The master makes its own (`b_MA_SL_MODE` = 16#00).
     Own,
@@ -30,7 +31,7 @@ pub struct InitData {
 }
 
 /// Why initialization data were refused. The node stays in 16#0002 (decision D-05).
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum InitFault {
     /// `b_MA_SL_MODE` does not fit the node.
@@ -44,6 +45,23 @@ pub enum InitFault {
     /// `b_TIME_PATTERN` does not belong to the baud rate.
     #[error("b_TIME_PATTERN must be 1 ms at 1000 kbit/s, 2 ms at 500, 4 ms at 250 and 8 ms at 125")]
     TimePattern = 3,
+}
+
+/// [`InitData`] as a snapshot has it: the row of its rate among those of the device, and the rest.
+pub(super) type Kept = (usize, SyncSource, u32, [u8; 2]);
+
+impl InitData {
+    /// For a snapshot; `rates` are those of the device.
+    pub(super) fn kept(&self, rates: &'static [BaudRate]) -> Kept {
+        let row = rates.iter().position(|rate| rate == self.timing).unwrap_or(rates.len());
+        (row, self.sync, self.expected, [self.acceptance_code, self.acceptance_mask])
+    }
+
+    /// Those of a snapshot; none if the device has no such rate.
+    pub(super) fn of_kept(kept: Kept, rates: &'static [BaudRate]) -> Option<Self> {
+        let (row, sync, expected, [acceptance_code, acceptance_mask]) = kept;
+        Some(InitData { timing: rates.get(row)?, sync, expected, acceptance_code, acceptance_mask })
+    }
 }
 
 impl InitFault {

@@ -19,7 +19,9 @@ use crate::devices::cansync::watch::Facts;
 use crate::devices::{Context, SyncSignal};
 use crate::journal::Handshake;
 use crate::memory::{Cell8, MemoryError, Segment, View};
+use crate::state;
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// Where the cyclic area begins, behind the general registers.
 const CYCLIC_AREA: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
@@ -29,7 +31,7 @@ const CYCLIC_AREA: usize = offset_of!(CANsync_MA_CTRL_BMSTRUCT, b_CTRLREG_WRC1);
 const NOBODY: u8 = 0x7F;
 
 /// A reference value frame that was built and waits for its slot.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Built {
     /// The frame, identifier included.
     pub frame: Frame,
@@ -51,6 +53,12 @@ pub struct Master {
     /// Deadlines of the two reference value frames.
     punctual: [Punctual; 2],
 }
+
+state!(Master {
+    values: polling, commands, request, config, interval_is_active, punctual;
+    parts: node;
+    built: regs
+});
 
 impl Master {
     /// The master at `seat` of `segment`.

@@ -3,7 +3,7 @@
 //! decision D-05).
 
 use super::controller::Controller;
-use super::init::{InitData, InitFault};
+use super::init::{InitData, InitFault, Kept};
 use super::orders::{Order, Orders};
 use super::punctual::Punctual;
 use crate::devices::cansync::records::{BaudRateMismatch, Command, CommandIgnored, InitRefused};
@@ -14,10 +14,13 @@ use crate::devices::cansync::registers::values::{
 use crate::devices::cansync::watch::Facts;
 use crate::devices::cansync::{BaudRate, rules};
 use crate::devices::{Context, SyncSignal};
-use crate::journal::{Handshake, Register, State};
+use crate::journal;
+use crate::journal::{Handshake, Register};
 use crate::layout::{Live, Port};
 use crate::memory::{MemoryError, Segment, View};
+use crate::state::{Damaged, Saved, Saving, State};
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// The bits of `w_CANsync_STATUS` that change with every frame.
 const TRAFFIC: u16 = cansync_status::SEND_BUFFER_FREE
@@ -60,7 +63,7 @@ impl Seat {
 }
 
 /// The state a node shows in `w_OPTION_STATUS`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum NodeState {
     /// 16#0001.
     StartUp,
@@ -103,6 +106,26 @@ pub(super) struct Node {
     pub(super) controller: Controller,
     /// The SYNC signal that this node passes on has another interval than its bus (decision D-282).
     sync_is_unlike: bool,
+}
+
+impl State for Node {
+    fn save(&self, to: &mut Saving) {
+        let Self { role: _, regs: _, rates, state, init, refused, orders, controller, sync_is_unlike } = self;
+        to.value(&(state, refused, controller, sync_is_unlike));
+        to.value(&init.as_ref().map(|init| init.kept(rates)));
+        orders.save(to);
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        (self.state, self.refused, self.controller, self.sync_is_unlike) = from.value()?;
+        self.init = match from.value::<Option<Kept>>()? {
+            Some(kept) => {
+                Some(InitData::of_kept(kept, self.rates).ok_or_else(|| from.no("rate of the device"))?)
+            }
+            None => None,
+        };
+        self.orders.restore(from)
+    }
 }
 
 impl Node {
@@ -385,7 +408,7 @@ impl Node {
         let origin = ctx.origin;
         let offset = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_OPTION_STATUS));
         let command = ctx.at(offset_of!(CANsync_INIT_BMSTRUCT, w_CPU_CONTROL));
-        ctx.report(State { origin, offset, command, from, to, live: self.live() });
+        ctx.report(journal::State { origin, offset, command, from, to, live: self.live() });
     }
 
     fn code(&self, state: NodeState) -> u16 {

@@ -3,6 +3,7 @@
 use super::Seat;
 use crate::devices::cansync::registers::values::cpu_control;
 use crate::memory::{Cell16, Header, MemoryError, Segment, View, Width};
+use crate::state::{Damaged, Saved, Saving, State};
 
 /// What the PLC has ordered, as far as the register tells.
 pub(super) struct Orders {
@@ -26,6 +27,21 @@ pub(super) struct Order {
     pub is_new: bool,
     /// Bit 7 was set, and is cleared now.
     pub with_reset: bool,
+}
+
+impl State for Orders {
+    fn save(&self, to: &mut Saving) {
+        let Self { header: _, node: _, seen, left_behind, restarts } = self;
+        // The header page goes on counting whatever is restored, so what is kept is how many have not been seen.
+        to.value(&(seen, left_behind, self.restarts_written().wrapping_sub(*restarts)));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        let unseen: u32;
+        (self.seen, self.left_behind, unseen) = from.value()?;
+        self.restarts = self.restarts_written().wrapping_sub(unseen);
+        Ok(())
+    }
 }
 
 impl Orders {

@@ -14,6 +14,7 @@ use crate::devices::cansync::bus::codec::parameter::{
 use crate::devices::cansync::records::SlaveStatus;
 use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{drive_status, stat_sl};
+use serde::{Deserialize, Serialize};
 
 /// Parameter number of the status word (manual 5.01010.01 p. 14; decision D-06).
 pub(super) const STATUS_WORD: u16 = 121;
@@ -24,13 +25,14 @@ const STATUS_WORD_JOB: ParameterJob = match ParameterJob::new(STATUS_WORD, Acces
     Err(_) => panic!("121 is a parameter number"),
 };
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Next {
     SyncModeOn,
     StatusWordOf(u8),
 }
 
 /// The polling sequence of set-up mode.
+#[derive(Serialize, Deserialize)]
 pub(super) struct Polling {
     next: Next,
     asked: Option<u8>,

@@ -1,8 +1,10 @@
 //! Which frames missed their deadline although they went out in the interval before: a program that releases its
 //! values every interval and was late this time. One that does not release any misses nothing.
 
+use serde::{Deserialize, Serialize};
+
 /// What is remembered about one frame.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Punctual {
     /// The frame of the last interval was released in time.
     served: bool,

@@ -26,6 +26,7 @@ use crate::devices::cansync::registers::values::{drive_status, receive, send};
 use crate::devices::cansync::watch::Facts;
 use crate::devices::shown::Shown;
 use crate::memory::{MemoryError, Segment, View};
+use crate::state;
 use core::mem::offset_of;
 use jobs::Jobs;
 
@@ -52,6 +53,12 @@ pub struct Slave {
     /// Deadlines of the two actual value frames.
     punctual: [Punctual; 2],
 }
+
+state!(Slave {
+    values: number, config, ready, interval_is_active, has_edge, interval_ends, interval_us, punctual;
+    parts: node, lock, jobs;
+    built: regs
+});
 
 impl Slave {
     /// The slave at `seat` of `segment` with slave number `number`, which synchronizes by `lock`.

@@ -16,9 +16,10 @@ use crate::devices::cansync::registers::CANsync_MA_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{base_adr, updown_error, updown_master};
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// What the PLC has entered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Order {
     slave: u8,
     direction: Direction,
@@ -57,14 +58,14 @@ impl Order {
 }
 
 /// How far a transfer is: what the next frame does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Phase {
     Init,
     /// The block at this offset.
     Block(u16),
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Transfer {
     order: Order,
     phase: Phase,
@@ -73,7 +74,7 @@ struct Transfer {
 }
 
 /// The up-/download job of block 1.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct BlockJob {
     transfer: Option<Transfer>,
 }

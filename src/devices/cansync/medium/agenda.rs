@@ -1,5 +1,7 @@
 //! What happens next on a bus.
 
+use serde::{Deserialize, Serialize};
+
 /// Points of a CANsync interval, in the order in which simultaneous ones are handled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -58,7 +60,7 @@ const ALL: [Slot; 16] = [
 ];
 
 /// Due times of all slots of one bus; each slot is due at most once at a time.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Agenda {
     due: [u64; ALL.len()],
 }

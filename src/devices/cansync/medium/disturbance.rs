@@ -4,9 +4,10 @@ use super::agenda::Slot;
 use super::slots::OnWire;
 use super::{Sender, SimBus, Station};
 use crate::devices::cansync::bus::{Frame, FrameKind};
+use serde::{Deserialize, Serialize};
 
 /// What faults have done to a bus.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct Disturbance {
     /// Slaves that are off, bit n for slave n.
     off: u32,
@@ -36,6 +37,7 @@ pub(super) enum Fate {
 }
 
 /// A frame that arrives outside of its slot.
+#[derive(Serialize, Deserialize)]
 pub(super) struct Stray {
     pub(super) end: u64,
     pub(super) frame: Frame,

@@ -7,6 +7,8 @@ use crate::devices::cansync::watch::NodeWatch;
 use crate::journal::{Journal, Origin};
 use crate::layout::{Area, Role};
 use crate::memory::{Header, MemoryError, Segment, View};
+use crate::state::State;
+use crate::state;
 
 /// A CANsync port, as a device hands it over.
 pub struct Socket {
@@ -53,6 +55,8 @@ pub(super) enum Place {
     Master(usize),
     Slave(usize),
 }
+
+state!(where [F: State] End<F> { parts: firmware, watch; built: origin, header, segment, seat, role });
 
 impl<F> End<F> {
     fn new(socket: &Socket, firmware: F) -> Result<Self, MemoryError> {

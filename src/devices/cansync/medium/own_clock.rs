@@ -7,9 +7,10 @@
 use super::SimBus;
 use super::agenda::Slot;
 use crate::devices::cansync::drive::Drive;
+use serde::{Deserialize, Serialize};
 
 /// The drives' own clock.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct OwnClock {
     /// When the next interval without edge begins.
     next: u64,

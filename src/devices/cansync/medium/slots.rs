@@ -5,12 +5,13 @@ use super::disturbance::Fate;
 use super::{Run, Sender};
 use crate::devices::cansync::bus::{Frame, wire};
 use crate::devices::cansync::records::Transmitted;
+use serde::{Deserialize, Serialize};
 
 /// How many frames an interval has.
 pub(super) const PLACES: usize = 6;
 
 /// A frame on the wire or about to be, for the status registers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct OnWire {
     pub(super) from: u64,
     pub(super) until: u64,

@@ -12,6 +12,8 @@ use crate::devices::cansync::rules;
 use crate::journal::Journal;
 use crate::layout::{Area, Live, Role};
 use crate::memory::{Cell64, MemoryError, Segment, View};
+use crate::state::{Damaged, Saved, Saving, State};
+use crate::state;
 use std::sync::Arc;
 
 /// 64-bit words that hold the longest structure.
@@ -110,6 +112,18 @@ fn byte(word: u64, offset: usize) -> u8 {
     (word >> (8 * (offset % WORD))) as u8
 }
 
+impl State for Registers {
+    fn save(&self, to: &mut Saving) {
+        to.sparse(self.left.iter().zip(&*self.now).map(|(left, now)| left ^ now.load()));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.left = from.sparse()?;
+        self.left.iter_mut().zip(&*self.now).for_each(|(left, now)| *left ^= now.load());
+        Ok(())
+    }
+}
+
 /// The watch over a node.
 pub(in crate::devices::cansync) struct NodeWatch {
     plc: u16,
@@ -123,6 +137,8 @@ pub(in crate::devices::cansync) struct NodeWatch {
     /// The mapping was changed and is judged when the firmware takes it over.
     unsettled: bool,
 }
+
+state!(NodeWatch { values: live, unsettled; parts: registers; built: plc, base, maps, changed });
 
 impl NodeWatch {
     /// The watch over the node in `area` of PLC `plc`, whose registers are as the firmware left them.

@@ -3,9 +3,10 @@
 use crate::devices::cansync::drive::BuiltInDrive;
 use crate::devices::omega_drive_line_2::registers::BAPS_CTRL_BMSTRUCT;
 use crate::devices::omega_drive_line_2::registers::values::baps_quit;
+use serde::{Deserialize, Serialize};
 
 /// Parameter numbers of up to eight reference and eight actual values; 0: none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Numbers {
     pub writes: [u16; 8],
     pub reads: [u16; 8],

@@ -4,6 +4,7 @@ use crate::devices::omega_drive_line_2::registers::values::baps_command_reg::{
     METHOD, NUMBER, SAME_CYCLE, SLICES, TIME_SLICE,
 };
 use core::ops::Range;
+use serde::{Deserialize, Serialize};
 
 /// Time slice of the drive for the BAPS, in us.
 pub const SLICE_US: u64 = 500;
@@ -13,7 +14,7 @@ const SAME_CYCLE_WRITES: usize = 2;
 pub(super) const FOUR_ACTUAL_VALUES: u32 = 309;
 
 /// Selection of reference and actual values, bits 2-1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Method {
     /// Time-slice method: one of up to eight values in each communication, value x half as often as value x-1.
     TimeSlice,
@@ -22,7 +23,7 @@ pub enum Method {
 }
 
 /// The cycle times that a value of `w_COMMAND_REG` stands for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cycle {
     method: Method,
     period: u64,

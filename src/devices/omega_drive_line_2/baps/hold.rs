@@ -1,5 +1,7 @@
 //! When the drive does what it has to do at the BAPS: at once, unless a fault makes it slow or silent.
 
+use serde::{Deserialize, Serialize};
+
 /// How the drive takes a thing that it has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
@@ -12,7 +14,7 @@ pub enum Pace {
 }
 
 /// Whether a thing waits.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Hold {
     until: Option<u64>,
 }

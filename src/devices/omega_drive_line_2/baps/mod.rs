@@ -21,6 +21,7 @@ use crate::devices::shown::Shown;
 use crate::devices::{Context, ParameterRefusal};
 use crate::journal::Journal;
 use crate::memory::{MemoryError, Segment, View};
+use crate::state;
 use core::mem::offset_of;
 use hold::Hold;
 use process::Process;
@@ -46,6 +47,12 @@ pub struct Baps {
     /// Where slices lie: at this time after multiples of 500 us.
     phase: u64,
 }
+
+state!(Baps {
+    values: process_hold, service_hold, is_up, next, last, phase;
+    parts: drive, process, service;
+    built: regs, powered_on
+});
 
 impl Baps {
     /// Time at which nothing is due.

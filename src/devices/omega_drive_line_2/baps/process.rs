@@ -11,13 +11,15 @@ use crate::devices::omega_drive_line_2::registers::values::{baps_command, baps_q
 use crate::devices::omega_drive_line_2::rules;
 use crate::devices::shown::Shown;
 use crate::memory::{Header, MemoryError, Segment, View};
+use crate::state;
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// Communications in which a re-initialization is active: one for each number (decision D-157).
 const RE_INITIALIZATION: u8 = 6;
 
 /// A configuration in force.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Configured {
     cycle: Cycle,
     numbers: Numbers,
@@ -35,7 +37,7 @@ struct Configured {
 }
 
 /// Where a re-initialization is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum ReInit {
     /// None, or its result was read.
     Idle,
@@ -52,6 +54,8 @@ pub(super) struct Process {
     /// Communications, each of which is an event "BAPS process data".
     events: u64,
 }
+
+state!(Process { values: configured, events; built: header });
 
 impl Process {
     /// Not configured.

@@ -15,10 +15,12 @@ use crate::devices::omega_drive_line_2::registers::values::{
     baps_format, baps_job, baps_result, baps_semaphore,
 };
 use crate::devices::shown::Shown;
+use crate::state;
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// A job as the PLC entered it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Job {
     code: u8,
     number: u16,
@@ -45,7 +47,7 @@ impl Job {
     }
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 enum Phase {
     #[default]
     Idle,
@@ -60,6 +62,8 @@ pub(super) struct Service {
     phase: Phase,
     time_us: u64,
 }
+
+state!(Service { values: phase; built: time_us });
 
 impl Service {
     /// A job takes `time_us` of emulated time.

@@ -3,6 +3,7 @@
 use crate::devices::omega_drive_line_2::registers::{RETAIN, RETAIN_BYTES};
 use crate::memory::header::{InitialFlag, InitialFlagResult};
 use crate::memory::{MemoryError, Segment, Width};
+use crate::state::{Damaged, Saved, Saving, State};
 
 /// Where the first flag lies.
 const FIRST: u32 = RETAIN as u32;
@@ -13,6 +14,22 @@ pub(super) struct Flags {
     segment: Segment,
     /// Byte by byte; 0 where nobody has said anything.
     initial: Box<[u8]>,
+}
+
+impl State for Flags {
+    fn save(&self, to: &mut Saving) {
+        let Self { segment: _, initial } = self;
+        to.sparse(initial.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes).into()));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.initial.fill(0);
+        for (index, word) in from.value::<Vec<(usize, u64)>>()? {
+            let flags = self.initial.as_chunks_mut().0.get_mut(index).ok_or_else(|| from.no("flag"))?;
+            *flags = (word as u32).to_le_bytes();
+        }
+        Ok(())
+    }
 }
 
 impl Flags {

@@ -8,6 +8,8 @@ use crate::devices::records::BoardEvent;
 use crate::devices::{Context, Look, Power};
 use crate::memory::Header;
 use crate::memory::header::{self, ProgramState, Project, RunSwitch, Start};
+use crate::state;
+use serde::{Deserialize, Serialize};
 
 /// Half the time in which the display blinks while a boot project is copied.
 const BLINK_US: u64 = 500_000;
@@ -36,7 +38,7 @@ pub(super) struct Front {
 }
 
 /// Cells that clients turn, as they stood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Seen {
     switch: u32,
     power: u32,
@@ -53,6 +55,11 @@ impl Seen {
         }
     }
 }
+
+state!(Front {
+    values: seen, switch, powered, program, up, dip, projects, is_used, halted, released, started;
+    parts: flags
+});
 
 impl Front {
     pub(crate) fn new(header: &Header, flags: Flags, project: Project) -> Self {

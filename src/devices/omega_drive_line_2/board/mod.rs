@@ -4,6 +4,8 @@
 //! It lives in the header page of the image: the function blocks `INTR_SET` and `OPT_INIT` are calls into the
 //! device's firmware, not registers, so a soft-PLC puts their inputs there (decision D-180).
 
+use crate::state;
+
 mod flags;
 mod front;
 mod interrupts;
@@ -37,6 +39,8 @@ pub struct Board {
     /// Period of the SYNC signal of a simulated option card, in us.
     option_sync_us: Option<u32>,
 }
+
+state!(Board { values: requests, triggers, timers; parts: events, front; built: header, option_sync_us });
 
 impl Board {
     /// The board whose header page is in `segment`, with the `project` that it has at the first power-on;

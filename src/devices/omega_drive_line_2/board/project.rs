@@ -1,9 +1,10 @@
 //! The project on the board: what is loaded, and what the flash memory has (manual 5.00005.03a p. 37, 40).
 
 use crate::memory::header::Project;
+use serde::{Deserialize, Serialize};
 
 /// What the flash memory has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Flash {
     Empty,
     /// A boot project.
@@ -13,7 +14,7 @@ enum Flash {
 }
 
 /// What is loaded, and what comes back after power-off and reset.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Projects {
     loaded: Project,
     flash: Flash,

@@ -1,6 +1,8 @@
 //! The timers of a board: CPU timers in steps of 50 us, board timers from a divided 5 MHz clock, the SYNC signal of
 //! an option card.
 
+use serde::{Deserialize, Serialize};
+
 /// Periods are counted in fifths of a microsecond, the clock of 5 MHz, so that no rounding adds up.
 pub(super) const PER_US: u64 = 5;
 /// Step of the CPU timers, 50 us (manual 5.00005.03a p. 48).
@@ -24,7 +26,7 @@ pub(super) enum Timer {
 const COUNT: usize = 5;
 const NEVER: u64 = u64::MAX;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Clock {
     /// In [`PER_US`].
     period: u64,
@@ -35,7 +37,7 @@ struct Clock {
 }
 
 /// All timers of a board.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Timers {
     clocks: [Clock; COUNT],
     next_time: u64,

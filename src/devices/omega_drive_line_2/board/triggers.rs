@@ -3,9 +3,10 @@
 use super::timers::{Timer, Timers};
 use crate::memory::Header;
 use crate::memory::header::{OptInitResult, TRIGGERS, TimerSetup, Trigger};
+use serde::{Deserialize, Serialize};
 
 /// A source of trigger pulses that this emulator has. Interrupts of option cards can be chosen and never pulse.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Source {
     /// SYNC signal of an option card.
     SyncOption,
@@ -19,7 +20,7 @@ pub(super) enum Source {
 const MIN_DIVIDER: u32 = 124;
 
 /// The routes of one PLC.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Triggers {
     routes: [Option<Source>; TRIGGERS],
     /// `OPT_INIT` has been run.

@@ -10,6 +10,7 @@ use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::registers::descriptor;
 use crate::devices::cansync::registers::values::par_element;
 use crate::layout::Meaning;
+use serde::{Deserialize, Serialize};
 
 /// Highest parameter number.
 pub const MAX_NUMBER: u16 = 4095;
@@ -27,7 +28,7 @@ pub(super) fn application_error(errors: &'static Meaning, number: u16) -> &'stat
 }
 
 /// What a parameter job wants.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Access {
     /// Read; the answer tells the format.
     Read,
@@ -38,7 +39,7 @@ pub enum Access {
 }
 
 /// A parameter job of the master.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ParameterJob {
     number: u16,
     element: u8,
@@ -157,7 +158,7 @@ impl ParameterJob {
 }
 
 /// How a slave answers a parameter job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ParameterResult {
     /// Read: the value, a word.
     Word(u16),
@@ -172,7 +173,7 @@ pub enum ParameterResult {
 }
 
 /// The answer of a slave to a parameter job; [`ParameterJob::answer`] makes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ParameterResponse {
     number: u16,
     sub_slave: u16,

@@ -5,6 +5,7 @@
 
 use crate::can::Payload;
 use crate::devices::cansync::registers::values::{cfg_word, cfg_wrc_master};
+use serde::{Deserialize, Serialize};
 
 /// Lowest bit of the value number.
 const NUMBER_AT: u32 = cfg_word::NUMBER.trailing_zeros();
@@ -48,7 +49,7 @@ impl WordConfig {
 }
 
 /// The configuration bytes of words 0 to 3 of one frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct FrameConfig {
     words: [u8; 4],
     /// The bits of the value number.

@@ -10,6 +10,7 @@ use crate::can::Payload;
 use crate::devices::cansync::bus::{Frame, FrameKind};
 use crate::devices::cansync::registers::descriptor;
 use crate::devices::cansync::registers::values::updown_error;
+use serde::{Deserialize, Serialize};
 
 /// Data bytes of one frame.
 pub const BLOCK: usize = 6;
@@ -31,7 +32,7 @@ pub fn error_text(number: u16) -> &'static str {
 }
 
 /// Direction of a transfer as the master sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Direction {
     /// Slave to master.
     Upload,
@@ -40,7 +41,7 @@ pub enum Direction {
 }
 
 /// What a job frame does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum UpDownStep {
     /// MODE 01: begins a transfer (or ends it, see [`UpDownJob::cancel`]).
     Init {
@@ -66,7 +67,7 @@ pub enum UpDownStep {
 }
 
 /// An up-/download job of the master.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct UpDownJob {
     offset: u16,
     step: UpDownStep,
@@ -207,7 +208,7 @@ const fn mode(last: bool) -> u8 {
 }
 
 /// How a slave answers an up-/download job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum UpDownResult {
     /// Init or download block accepted.
     Done,
@@ -220,7 +221,7 @@ pub enum UpDownResult {
 }
 
 /// The answer of a slave to an up-/download job; [`UpDownJob::answer`] makes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct UpDownResponse {
     offset: u16,
     result: UpDownResult,

@@ -8,9 +8,10 @@ use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::updown_error;
 use crate::memory::{Cell16, Cell32};
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// Which of the two areas a transfer uses, from its init frame to its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Place {
     Block1,
     Single,

@@ -12,9 +12,11 @@ use crate::devices::cansync::bus::codec::{
 use crate::devices::cansync::firmware::polling::STATUS_WORD;
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{par_error, updown_error};
+use crate::state;
+use serde::{Deserialize, Serialize};
 
 /// Who answers the last job.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Due {
     /// The firmware, with this frame.
     Firmware(Frame),
@@ -33,6 +35,8 @@ pub(super) struct Jobs {
     /// Whose answer is on the wire.
     sending: Option<Due>,
 }
+
+state!(Jobs { values: number, parameter, due, sending; parts: updown });
 
 impl Jobs {
     pub(super) fn new(number: u8, has_single_frame_area: bool) -> Self {

@@ -14,9 +14,10 @@ use crate::devices::cansync::registers::values::{
 };
 use crate::devices::shown::Shown;
 use core::mem::offset_of;
+use serde::{Deserialize, Serialize};
 
 /// A slave node's side of parameter jobs.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct ParameterServer {
     /// Job in the registers, until its answer has gone out.
     entered: Option<ParameterJob>,

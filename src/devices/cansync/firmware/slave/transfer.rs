@@ -11,12 +11,13 @@ use crate::devices::cansync::registers::values::{
     updown_error,
     updown_slave::{ACTIVE, BUSY, CHANGED, DOWNLOAD, ERROR, MODE, MODE_END, MODE_INIT, MODE_TRANSFER, RESET},
 };
+use serde::{Deserialize, Serialize};
 
 /// Data bytes of one frame.
 const STEP: u16 = BLOCK as u16;
 
 /// What the master has changed a transfer to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Successor {
     /// Another transfer.
     Init(UpDownJob),
@@ -25,7 +26,7 @@ pub(super) enum Successor {
 }
 
 /// A transfer under way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Transfer {
     place: Place,
     init: UpDownJob,

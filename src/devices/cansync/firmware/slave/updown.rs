@@ -7,9 +7,11 @@ use crate::devices::Context;
 use crate::devices::cansync::bus::codec::{Direction, UpDownJob, UpDownResponse, UpDownResult, UpDownStep};
 use crate::devices::cansync::registers::CANsync_SL_CTRL_BMSTRUCT;
 use crate::devices::cansync::registers::values::{base_adr, updown_error};
+use crate::state;
+use serde::{Deserialize, Serialize};
 
 /// What an answer does to the transfer once it has left the bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Effect {
     None,
     /// The frame is done.
@@ -19,7 +21,7 @@ enum Effect {
 }
 
 /// The answer to the last job.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Due {
     Answer(UpDownResponse, Effect),
     /// Whatever the application has come to by then.
@@ -37,6 +39,8 @@ pub(super) struct UpDownServer {
     /// The frame accepted last and its answer, which may have been lost.
     accepted: Option<(UpDownJob, UpDownResponse)>,
 }
+
+state!(UpDownServer { values: transfer, due, sending, accepted; built: has_single_frame_area });
 
 impl UpDownServer {
     pub(super) fn new(has_single_frame_area: bool) -> Self {

@@ -1,0 +1,66 @@
+//! What a snapshot holds of a bus.
+
+use super::{Running, SimBus, Station};
+use crate::state::{Damaged, Saved, Saving, State};
+
+impl State for SimBus {
+    fn save(&self, to: &mut Saving) {
+        let Self {
+            index: _,
+            name: _,
+            is_wired: _,
+            places: _,
+            masters,
+            slaves,
+            stations,
+            drives,
+            fresh: _,
+            drives_kbit_s: _,
+            frame_length: _,
+            running,
+            agenda,
+            next,
+            on_wire,
+            reference,
+            actual,
+            command,
+            asked,
+            drive_answer,
+            response,
+            disturbance,
+            own_clock,
+        } = self;
+        masters.save(to);
+        slaves.save(to);
+        drives.save(to);
+        to.value(stations);
+        // The rate is the master's, who has started the bus.
+        to.value(&running.as_ref().map(|it| (it.own_sync, it.signal, it.start)));
+        to.value(&(agenda, next, on_wire, reference, actual, command));
+        to.value(&(asked, drive_answer, response, disturbance, own_clock));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        self.masters.restore(from)?;
+        self.slaves.restore(from)?;
+        self.drives.restore(from)?;
+        self.stations = from.value()?;
+        let is_there = |station: &Station| match *station {
+            Station::Nobody => true,
+            Station::Drive(index) => index < self.drives.len(),
+            Station::Node(index) => index < self.slaves.len(),
+        };
+        from.check(self.stations.iter().all(is_there), "station of the bus")?;
+        self.running = match from.value()? {
+            None => None,
+            Some((own_sync, signal, start)) => {
+                let timing = self.masters.first().and_then(|master| master.firmware.timing());
+                let timing = timing.ok_or_else(|| from.no("master that runs the bus"))?;
+                Some(Running { timing, own_sync, signal, start })
+            }
+        };
+        (self.agenda, self.next, self.on_wire, self.reference, self.actual, self.command) = from.value()?;
+        (self.asked, self.drive_answer, self.response, self.disturbance, self.own_clock) = from.value()?;
+        from.check(self.next == self.agenda.next_time(), "time of the next slot")
+    }
+}

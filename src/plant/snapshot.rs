@@ -1,0 +1,228 @@
+//! Snapshots: the state of a whole plant at a moment, and the way back to it.
+//!
+//! Whoever goes on from a snapshot leaves the same journal as whoever did not stop. Not in it are the records of the journal,
+//! and what belongs to processes outside: who waits, who takes part in lockstep, bells and what they count.
+
+use super::Plant;
+use crate::devices::{self, Device};
+use crate::journal::By;
+use crate::layout::Device as Layout;
+use crate::state::{Damaged, Saved, Saving, State};
+use core::ops::Range;
+
+/// The state of a plant at a moment, for that plant or one of the same plant file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Snapshot {
+    time_us: u64,
+    layouts: Vec<(String, u64)>,
+    media: Vec<String>,
+    state: Vec<u8>,
+}
+
+/// Why a plant cannot take over a snapshot.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SnapshotError {
+    /// It has other devices or buses.
+    #[error("it is of another plant: it has {theirs}, here there are {ours}")]
+    OtherPlant {
+        /// Its devices and buses.
+        theirs: String,
+        /// Those that are here.
+        ours: String,
+    },
+    /// The registers of a device are elsewhere.
+    #[error(
+        "the registers of PLC '{plc}' lie elsewhere in it: its layout is 16#{found:016X}, here it is 16#{expected:016X}; \
+         take it back to the version of commram and of the layout that it was made with"
+    )]
+    OtherLayout {
+        /// The device.
+        plc: String,
+        /// Hash of its layout in the snapshot.
+        found: u64,
+        /// Hash of its layout here.
+        expected: u64,
+    },
+    /// Its bytes are no state of this plant.
+    #[error("it is damaged, or was made with other settings or another version of commram: {0}")]
+    Damaged(#[from] Damaged),
+}
+
+impl Snapshot {
+    /// Emulated time at which it was taken, in microseconds since power-on.
+    #[must_use]
+    pub fn time_us(&self) -> u64 {
+        self.time_us
+    }
+
+    /// Bytes of memory that it takes.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        let names = self.layouts.iter().map(|(name, _)| name).chain(&self.media);
+        size_of::<Self>() + self.state.capacity() + names.map(String::capacity).sum::<usize>()
+    }
+
+    /// As a file has it.
+    pub(super) fn save(&self, to: &mut Saving) {
+        let Snapshot { time_us, layouts, media, state } = self;
+        to.value(&(time_us, layouts, media, state));
+    }
+
+    pub(super) fn of_saved(from: &mut Saved<'_>) -> Result<Self, Damaged> {
+        let (time_us, layouts, media, state) = from.value()?;
+        Ok(Snapshot { time_us, layouts, media, state })
+    }
+}
+
+impl Plant {
+    /// The state of the plant now. Nothing changes by that.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        self.snapshot_reusing(Vec::new())
+    }
+
+    /// As [`Plant::snapshot`], in the memory of bytes that are no longer needed.
+    pub(super) fn snapshot_reusing(&self, bytes: Vec<u8>) -> Snapshot {
+        let mut to = Saving::reusing(bytes);
+        self.save(&mut to);
+        let (layouts, media) = self.shape();
+        Snapshot { time_us: self.now, layouts, media, state: to.into_bytes() }
+    }
+
+    /// Goes to a snapshot of this plant, or of one of the same plant file. Records of the journal are not in it: none stays, and
+    /// [`Journal::epoch`](crate::journal::Journal::epoch) tells its readers.
+    ///
+    /// # Errors
+    /// [`SnapshotError`]; the plant is then as it was before.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        self.take_over(snapshot, false)
+    }
+
+    /// Goes back to a snapshot that this plant has been at: the records of the journal up to there stay.
+    ///
+    /// # Errors
+    /// As [`Plant::restore`].
+    pub fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        self.take_over(snapshot, true)
+    }
+
+    fn take_over(&mut self, snapshot: &Snapshot, goes_back: bool) -> Result<(), SnapshotError> {
+        self.fits(snapshot)?;
+        let mut before = Saving::default();
+        self.save(&mut before);
+        let mut from = Saved::new(&snapshot.state);
+        let taken = self.read(&mut from, goes_back).and_then(|()| from.end());
+        if let Err(damaged) = taken {
+            // What this plant has saved a moment ago it can read.
+            let _ = self.read(&mut Saved::new(before.bytes()), true);
+            return Err(damaged.into());
+        }
+        // Those who look on are told what is otherwise now.
+        self.keep_changes(By::Channel);
+        Ok(())
+    }
+
+    fn fits(&self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        let (layouts, media) = self.shape();
+        let names = |layouts: &[(String, u64)], media: &[String]| {
+            let plcs: Vec<_> = layouts.iter().map(|(name, _)| name.as_str()).collect();
+            format!("PLCs {} and buses {}", listed(plcs), listed(media.iter().map(String::as_str).collect()))
+        };
+        let (theirs, ours) = (names(&snapshot.layouts, &snapshot.media), names(&layouts, &media));
+        if theirs != ours {
+            return Err(SnapshotError::OtherPlant { theirs, ours });
+        }
+        let layouts = snapshot.layouts.iter().zip(&layouts);
+        match layouts.into_iter().find(|((_, found), (_, expected))| found != expected) {
+            None => Ok(()),
+            Some(((plc, found), (_, expected))) => {
+                Err(SnapshotError::OtherLayout { plc: plc.clone(), found: *found, expected: *expected })
+            }
+        }
+    }
+
+    /// Names and layouts of the devices, names and kinds of the media.
+    fn shape(&self) -> (Vec<(String, u64)>, Vec<String>) {
+        let devices = self.devices.iter();
+        let layouts = devices.map(|device| (device.name().to_owned(), device.layout().layout_hash));
+        let media = self.media().iter().map(|medium| format!("{} ({})", medium.name(), medium.family()));
+        (layouts.collect(), media.collect())
+    }
+
+    fn save(&self, to: &mut Saving) {
+        let Plant {
+            now,
+            next_cycle,
+            next_device,
+            cycle_us: _,
+            // Somebody outside waits for an event.
+            watching: _,
+            devices,
+            media,
+            named_media: _,
+            ports,
+            journal,
+            forces,
+            faults,
+            watches,
+            // Empty between events.
+            edges: _,
+            widths: _,
+        } = self;
+        to.value(&(now, next_cycle, next_device));
+        for device in devices {
+            device.segment().save_registers(&registers_of(&**device), to);
+            device.header().save(to);
+        }
+        devices.save(to);
+        media.save(to);
+        ports.save(to);
+        forces.save(to);
+        faults.save(to);
+        journal.save(to);
+        watches.save(to);
+    }
+
+    fn read(&mut self, from: &mut Saved<'_>, goes_back: bool) -> Result<(), Damaged> {
+        (self.now, self.next_cycle, self.next_device) = from.value()?;
+        let is_next = self.next_cycle > self.now && self.next_cycle - self.now <= self.cycle_us;
+        from.check(is_next, "time of the next processor cycle")?;
+        for device in &self.devices {
+            device.segment().restore_registers(&registers_of(&**device), from)?;
+            device.header().restore(from)?;
+            device.show_time(self.now);
+        }
+        self.devices.restore(from)?;
+        self.media.restore(from)?;
+        self.ports.restore(from)?;
+        self.forces.restore(from)?;
+        let forces = self.forces.list();
+        let is_right = |forced: &super::Forced| {
+            let device = self.devices.get(usize::from(forced.plc));
+            device.is_some_and(|device| forced.check(device.layout()).is_ok())
+        };
+        from.check(forces.iter().all(is_right), "register that can be forced")?;
+        let sites = self.sites();
+        self.faults.restore(from, devices::fault_kinds(), &sites)?;
+        self.journal.restore(from, devices::catalogue(), goes_back)?;
+        self.watches.restore(from)?;
+        from.check(self.next_event() >= self.now, "time of the next event")
+    }
+}
+
+/// Where registers lie that can hold something, in ascending order.
+fn registers_of(device: &dyn Device) -> Vec<Range<usize>> {
+    let layout: &'static Layout = device.layout();
+    let areas = layout.areas.iter().map(|area| area.first as usize..area.last() as usize + 1);
+    let retain = layout.retain.map(|retain| {
+        let first = retain.area.first as usize;
+        first..first + device.header().retain_size.load() as usize
+    });
+    let mut ranges: Vec<_> = areas.chain(retain).collect();
+    ranges.sort_by_key(|range| range.start);
+    ranges
+}
+
+fn listed(names: Vec<&str>) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}

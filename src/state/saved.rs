@@ -1,0 +1,165 @@
+//! The bytes of a state, as they are written and read.
+
+use postcard::ser_flavors::Flavor;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// Bytes that are no state of the structure they are read into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no {what} at byte {at} of the state")]
+pub struct Damaged {
+    /// What should be there.
+    pub what: &'static str,
+    /// Where, counted from the beginning of the state.
+    pub at: usize,
+}
+
+/// The state of something while it is being saved.
+#[derive(Debug, Default)]
+pub struct Saving {
+    bytes: Vec<u8>,
+}
+
+/// Appends to bytes what postcard writes.
+struct Appended<'a>(&'a mut Vec<u8>);
+
+impl Flavor for Appended<'_> {
+    type Output = ();
+
+    #[inline]
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        self.0.push(byte);
+        Ok(())
+    }
+
+    #[inline]
+    fn try_extend(&mut self, bytes: &[u8]) -> postcard::Result<()> {
+        self.0.extend_from_slice(bytes);
+        Ok(())
+    }
+
+    fn finalize(self) -> postcard::Result<()> {
+        Ok(())
+    }
+}
+
+impl Saving {
+    /// Nothing, with the memory of bytes that are no longer needed.
+    #[must_use]
+    pub fn reusing(mut bytes: Vec<u8>) -> Self {
+        bytes.clear();
+        Saving { bytes }
+    }
+
+    /// Appends a value. Of values without a length known beforehand (iterators that serde cannot count) there are none.
+    #[inline]
+    pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
+        let written = postcard::serialize_with_flavor(value, Appended(&mut self.bytes));
+        debug_assert!(written.is_ok(), "{written:?}");
+    }
+
+    /// Appends bytes whose number the reader knows.
+    pub fn raw(&mut self, bytes: &[u8]) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    /// Appends words most of which are 0.
+    pub fn sparse(&mut self, words: impl Iterator<Item = u64>) {
+        let words: Vec<(usize, u64)> = words.enumerate().filter(|(_, word)| *word != 0).collect();
+        self.value(&words);
+    }
+
+    /// What has been written.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// What has been written.
+    #[must_use]
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+}
+
+/// The state of something while it is being restored.
+#[derive(Debug)]
+pub struct Saved<'a> {
+    all: &'a [u8],
+    rest: &'a [u8],
+}
+
+impl<'a> Saved<'a> {
+    /// What [`Saving`] has written.
+    #[must_use]
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Saved { all: bytes, rest: bytes }
+    }
+
+    /// The next value.
+    ///
+    /// # Errors
+    /// [`Damaged`]: there is no such value.
+    #[inline]
+    pub fn value<T: DeserializeOwned>(&mut self) -> Result<T, Damaged> {
+        match postcard::take_from_bytes(self.rest) {
+            Ok((value, rest)) => {
+                self.rest = rest;
+                Ok(value)
+            }
+            Err(_) => Err(self.no(core::any::type_name::<T>())),
+        }
+    }
+
+    /// The next `count` bytes.
+    ///
+    /// # Errors
+    /// [`Damaged`]: so many are not left.
+    pub fn raw(&mut self, count: usize) -> Result<&'a [u8], Damaged> {
+        let (bytes, rest) = self.rest.split_at_checked(count).ok_or_else(|| self.no("byte"))?;
+        self.rest = rest;
+        Ok(bytes)
+    }
+
+    /// Words that [`Saving::sparse`] has written.
+    ///
+    /// # Errors
+    /// [`Damaged`]: there is no such word.
+    pub fn sparse<const N: usize>(&mut self) -> Result<Box<[u64; N]>, Damaged> {
+        let mut words = Box::new([0; N]);
+        for (index, word) in self.value::<Vec<(usize, u64)>>()? {
+            *words.get_mut(index).ok_or_else(|| self.no("word"))? = word;
+        }
+        Ok(words)
+    }
+
+    /// A value that must be this one.
+    ///
+    /// # Errors
+    /// [`Damaged`]: it is another one.
+    pub fn expect(&mut self, right: usize, what: &'static str) -> Result<(), Damaged> {
+        if self.value::<usize>()? == right { Ok(()) } else { Err(self.no(what)) }
+    }
+
+    /// That what has been read cannot be.
+    ///
+    /// # Errors
+    /// [`Damaged`] unless `holds`.
+    pub fn check(&self, holds: bool, what: &'static str) -> Result<(), Damaged> {
+        if holds { Ok(()) } else { Err(self.no(what)) }
+    }
+
+    /// That there is none such here.
+    #[must_use]
+    pub fn no(&self, what: &'static str) -> Damaged {
+        Damaged { what, at: self.all.len() - self.rest.len() }
+    }
+
+    /// That nothing is left over.
+    ///
+    /// # Errors
+    /// [`Damaged`]: something is.
+    pub fn end(&self) -> Result<(), Damaged> {
+        self.check(self.rest.is_empty(), "end")
+    }
+}
