@@ -23,6 +23,8 @@ impl HeaderBells {
     /// # Errors
     /// The image is attached read-only: a client that cannot ring cannot be heard.
     pub fn of_client(attached: Attached) -> Result<Self, MemoryError> {
+        // Who asks by requests has no registers mapped.
+        let attached = attached.only_header()?;
         Ok(HeaderBells { headers: vec![attached.header()?.clone()], attached: Some(attached) })
     }
 }

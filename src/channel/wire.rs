@@ -118,6 +118,14 @@ pub mod kind {
     pub const BUS_SEND: u16 = 63;
     pub const FOLLOW: u16 = 70;
     pub const CHANGES: u16 = 71;
+    pub const SAVE: u16 = 72;
+    pub const FORGET: u16 = 73;
+    pub const READ_SAVED: u16 = 74;
+    pub const BRING_SAVED: u16 = 75;
+    pub const RESTORE: u16 = 76;
+    pub const BACK_TO: u16 = 77;
+    pub const BACK: u16 = 78;
+    pub const BACK_UNTIL: u16 = 79;
 }
 
 /// Values of [`Block::kind`].
@@ -253,6 +261,32 @@ impl From<&Op> for WireOp {
                 let (width, node) = (u16::from(frame.is_some()), length.into());
                 WireOp { kind: kind::BUS_SEND, plc: bus, width, node, offset, time_us, ..WireOp::default() }
             }
+            Op::Save => WireOp { kind: kind::SAVE, ..WireOp::default() },
+            Op::Forget { number } => WireOp { kind: kind::FORGET, value: number, ..WireOp::default() },
+            Op::ReadSaved { number, from } => {
+                WireOp { kind: kind::READ_SAVED, value: number, offset: from, ..WireOp::default() }
+            }
+            Op::BringSaved { at, count, bytes } => {
+                let (value, second, time_us) = words_of(bytes);
+                let wire =
+                    WireOp { kind: kind::BRING_SAVED, node: count.into(), offset: at, ..WireOp::default() };
+                WireOp { value, second, time_us, ..wire }
+            }
+            Op::Restore { detached } => {
+                WireOp { kind: kind::RESTORE, node: detached.into(), ..WireOp::default() }
+            }
+            Op::BackTo { number, detached } => {
+                WireOp { kind: kind::BACK_TO, node: detached.into(), value: number, ..WireOp::default() }
+            }
+            Op::Back { us, detached } => {
+                WireOp { kind: kind::BACK, node: detached.into(), time_us: us, ..WireOp::default() }
+            }
+            Op::BackUntil { any, detached } => WireOp {
+                kind: kind::BACK_UNTIL,
+                node: detached.into(),
+                value: any.into(),
+                ..WireOp::default()
+            },
             Op::Info => WireOp { kind: kind::INFO, ..WireOp::default() },
             Op::Stop => WireOp { kind: kind::STOP, ..WireOp::default() },
         }
@@ -332,6 +366,22 @@ impl TryFrom<WireOp> for Op {
                 let frame = frame.ok_or(BadField::new("the length", wire.node))?;
                 Op::BusSend { bus: plc, frame: (wire.width != 0).then_some(frame) }
             }
+            kind::SAVE => Op::Save,
+            kind::FORGET => Op::Forget { number: value },
+            kind::READ_SAVED => Op::ReadSaved { number: value, from: offset },
+            kind::BRING_SAVED => {
+                let bytes = bytes_of(value, second, time_us);
+                let count = u8::try_from(wire.node).ok().filter(|count| usize::from(*count) <= bytes.len());
+                let count = count.ok_or(BadField::new("the node", wire.node))?;
+                if bytes.iter().skip(count.into()).any(|byte| *byte != 0) {
+                    return Err(BadField::new("an unused field", kind));
+                }
+                Op::BringSaved { at: offset, count, bytes }
+            }
+            kind::RESTORE => Op::Restore { detached: wire.node != 0 },
+            kind::BACK_TO => Op::BackTo { number: value, detached: wire.node != 0 },
+            kind::BACK => Op::Back { us: time_us, detached: wire.node != 0 },
+            kind::BACK_UNTIL => Op::BackUntil { any: value != 0, detached: wire.node != 0 },
             kind::INFO => Op::Info,
             kind::STOP => Op::Stop,
             _ => return Err(BadField::new("the kind", kind)),
@@ -342,6 +392,21 @@ impl TryFrom<WireOp> for Op {
         }
         Ok(op)
     }
+}
+
+/// 16 bytes as they lie behind each other in an operation.
+fn words_of(bytes: [u8; 16]) -> (u32, u32, u64) {
+    let [value, second] = [0, 4].map(|at| bytes[at..at + 4].try_into().map_or(0, u32::from_ne_bytes));
+    (value, second, bytes[8..].try_into().map_or(0, u64::from_ne_bytes))
+}
+
+/// The way back.
+fn bytes_of(value: u32, second: u32, time_us: u64) -> [u8; 16] {
+    let mut bytes = [0; 16];
+    bytes[..4].copy_from_slice(&value.to_ne_bytes());
+    bytes[4..8].copy_from_slice(&second.to_ne_bytes());
+    bytes[8..].copy_from_slice(&time_us.to_ne_bytes());
+    bytes
 }
 
 /// Added to the number of a comparison of numbers with a sign.

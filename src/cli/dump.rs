@@ -149,12 +149,13 @@ impl Blocks {
         Ok(Blocks(parts))
     }
 
-    /// Asks the emulator to keep their changes from now on; returns the number of the first of them.
+    /// Asks the emulator to keep their changes from now on; returns the number of the first of them, and of the history that they
+    /// are of.
     ///
     /// # Errors
     /// The emulator has gone, or too many registers are followed.
     #[cfg(feature = "channel")]
-    pub(crate) fn follow(&self, session: &Session) -> Result<u64, CliError> {
+    pub(crate) fn follow(&self, session: &Session) -> Result<(u64, u16), CliError> {
         use crate::journal::Keep;
         use crate::request::{MAX_OPS, Op};
 
@@ -165,7 +166,8 @@ impl Blocks {
         for some in ops.chunks(MAX_OPS) {
             session.request(some)?.into_iter().try_for_each(|reply| reply.written())?;
         }
-        Ok(session.ask(Op::Changes { from: 0, max: 0 })?.changes()?.1)
+        let (_, end, turn) = session.ask(Op::Changes { from: 0, max: 0 })?.turned_changes()?;
+        Ok((end, turn.number))
     }
 
     /// The bytes that are of interest: number of the PLC, first byte in the image, number of bytes.

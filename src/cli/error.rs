@@ -36,6 +36,14 @@ pub(crate) enum CliError {
         /// What would be right.
         right: String,
     },
+    /// A file with a snapshot that cannot be read or written, or is none.
+    #[error("{}: {reason}", .path.display())]
+    Snapshot {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// A text that is no setting of a board.
     #[error(transparent)]
     Board(#[from] BoardWordError),

@@ -64,6 +64,7 @@ impl CliError {
             | Self::ReportedWrongUse
             | Self::FaultWord(_)
             | Self::NoDump { .. }
+            | Self::Snapshot { .. }
             | Self::NoDemo { .. }
             | Self::LayoutFiles(_)
             | Self::OtherLayout { .. }

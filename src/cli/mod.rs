@@ -39,6 +39,8 @@ mod poke;
 mod progress;
 mod run;
 mod session;
+mod snapshot;
+mod soak;
 mod start;
 mod status;
 mod step;
@@ -124,6 +126,8 @@ enum Command {
     Unforce(force::UnforceArgs),
     Wait(wait::Args),
     Step(step::Args),
+    Snapshot(snapshot::Args),
+    Restore(snapshot::RestoreArgs),
     Dump(dump::Args),
     Diff(diff::Args),
     Watch(watch::Args),
@@ -191,6 +195,8 @@ impl Command {
             Command::Unforce(args) => force::unforce(&args),
             Command::Wait(args) => wait::run(&args),
             Command::Step(args) => step::run(&args),
+            Command::Snapshot(args) => snapshot::run(&args),
+            Command::Restore(args) => snapshot::restore(&args),
             Command::Dump(args) => dump::run(&args),
             Command::Diff(args) => diff::run(&args),
             Command::Watch(args) => watch::run(&args),

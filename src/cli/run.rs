@@ -4,7 +4,7 @@ use super::demo::end_with;
 use super::detach::{self, Detached};
 use super::error::CliError;
 use super::exit::Exit;
-use super::start::{Settings, SignalsTaken, end_by};
+use super::start::{Begin, Settings, SignalsTaken, end_by};
 use super::table::Format;
 use super::{InstanceName, judge, output};
 use crate::runtime::{Clock, Emulator};
@@ -29,12 +29,16 @@ Examples:
   commram run plant.toml --speed 10
   commram run --check plant.toml
   commram run --novram ~/.local/state/commram
+  commram run --from active.snap --clock stepped
   commram run --watch node2.w_CPU_CONTROL,node1   # every change in the journal
   commram run --layout layouts/DEVICE")]
 pub(crate) struct Args {
     /// The plant: PLCs, buses, drives
     #[arg(add = super::complete::files(&["toml"]), value_name = "PLANT.toml")]
     plant: Option<PathBuf>,
+    /// Start with the plant and at the moment that this snapshot has, see `commram snapshot`
+    #[arg(add = super::complete::files(&["snap"]), long, value_name = "FILE", conflicts_with_all = ["plant", "check"])]
+    from: Option<PathBuf>,
     /// Judge the plant and start nothing
     #[arg(long)]
     check: bool,
@@ -59,6 +63,16 @@ pub(crate) struct Args {
     instance: InstanceName,
 }
 
+impl Args {
+    fn begin(&self) -> Begin<'_> {
+        match (&self.from, &self.plant) {
+            (Some(snapshot), _) => Begin::Snapshot(snapshot),
+            (None, Some(plant)) => Begin::Plant(plant),
+            (None, None) => Begin::BuiltIn,
+        }
+    }
+}
+
 /// Runs the emulator.
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if args.check {
@@ -75,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     if let Some(parent) = args.parent {
         end_with(parent)?;
     }
-    let (mut emulator, started) = args.settings.start(args.plant.as_deref(), name, signals)?;
+    let (mut emulator, started) = args.settings.start(args.begin(), name, signals)?;
     // A reader that has gone away is no reason to end.
     let _ = output::print(&ready_line(name, &emulator, clock));
     if let Some(detached) = detached {

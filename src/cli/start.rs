@@ -1,7 +1,7 @@
 //! Starting an emulator in this process: what `run` and `with` have in common.
 
 use super::error::CliError;
-use super::{dump, judge, output};
+use super::{dump, judge, output, snapshot};
 use crate::devices;
 use crate::plant::PlantConfig;
 use crate::runtime::{Clock, Emulator, Options};
@@ -31,12 +31,26 @@ pub(crate) struct Settings {
     /// the end
     #[arg(long, value_name = "DIR")]
     novram: Option<PathBuf>,
+    /// How many MiB of states a stepped instance keeps to go back to, see `commram step --back`; 0: none [default: 8]
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(..=4096))]
+    keep_states: Option<u32>,
     /// Keep every change of these registers and blocks in the journal
     #[arg(long, value_name = "REG", value_delimiter = ',')]
     watch: Vec<String>,
     /// Start only if this program was built from the layout in this directory
     #[arg(long, value_name = "DIR")]
     layout: Option<PathBuf>,
+}
+
+/// What an emulator begins with.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Begin<'a> {
+    /// The built-in plant, at power-on.
+    BuiltIn,
+    /// A plant file, at power-on.
+    Plant(&'a Path),
+    /// A snapshot, with its plant.
+    Snapshot(&'a Path),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -63,14 +77,14 @@ impl Settings {
         }
     }
 
-    /// Starts an emulator with this plant, or the built-in one, and says what it had to take over. From here on `signals`
+    /// Starts an emulator with this plant and says what it had to take over. From here on `signals`
     /// has the signals that ask for an end.
     ///
     /// # Errors
     /// It does not start.
     pub(crate) fn start(
         &self,
-        plant: Option<&Path>,
+        begin: Begin<'_>,
         instance: &str,
         signals: SignalsTaken,
     ) -> Result<(Emulator, Sender<OnSignal>), CliError> {
@@ -84,16 +98,23 @@ impl Settings {
             check_layout(dir)?;
         }
         log_to_stderr();
-        let config = match plant {
-            Some(path) => PlantConfig::load(path)?,
-            None => PlantConfig::built_in()?,
+        let (config, snapshot) = match begin {
+            Begin::BuiltIn => (PlantConfig::built_in()?, None),
+            Begin::Plant(path) => (PlantConfig::load(path)?, None),
+            Begin::Snapshot(path) => {
+                let file = snapshot::load(path)?;
+                (file.config(&path.display().to_string())?, Some(file.snapshot))
+            }
         };
         judge::warn(plant, &config);
         let (started, starting) = mpsc::channel();
         std::thread::spawn(move || signals.pass_on(&starting));
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
         let new = self.novram.as_deref().filter(|directory| !directory.exists());
-        let mut emulator = Emulator::start(&config, options)?;
+        let mut emulator = Emulator::start_from(&config, options, snapshot.as_ref())?;
+        if let Some(mib) = self.keep_states {
+            emulator.keep_states((mib as usize) << 20);
+        }
         self.keep_changes(&mut emulator, instance)?;
         // A name that was mistyped would have flags and parameters begin anew.
         if let Some(new) = new.filter(|directory| directory.exists()) {

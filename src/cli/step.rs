@@ -5,23 +5,37 @@ use super::error::CliError;
 use super::{Instance, time};
 use crate::layout::split_plc;
 
-/// Let the emulated time pass (stepped mode only).
+/// Let the emulated time pass, or go back (stepped mode only).
 ///
-/// Prints the new emulated time.
+/// Prints the new emulated time. Going back, the plant is as it was then, and what was done since is gone; a stepped instance
+/// keeps what it needs for that, as long as there is room (`commram run --keep-states`). It is refused while a task in
+/// lockstep, a program that has mapped the registers or a guest at a door takes part, which cannot go back.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   commram step 2ms
   commram step 500us
   commram step --to-sync
-  commram step --to-sync line2:node1")]
+  commram step --to-sync line2:node1
+  commram step --back 10ms
+  commram step --back-to node2.w_OPTION_STATUS==16#0043")]
 pub(crate) struct Args {
     /// How long (us, ms, s, min, h)
-    #[arg(value_name = "TIME", value_parser = time::parse, required_unless_present = "to_sync")]
+    #[arg(value_name = "TIME", value_parser = time::parse, required_unless_present_any = ["to_sync", "back", "back_to"])]
     time: Option<u64>,
     /// Up to the next SYNC on the bus of a port, with the PLC in front if there are several [default: the device's first master]
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "", conflicts_with = "time")]
     to_sync: Option<String>,
+    /// Go back by this time (us, ms, s, min, h)
+    #[arg(long, value_name = "TIME", value_parser = time::parse, conflicts_with_all = ["time", "to_sync"])]
+    back: Option<u64>,
+    /// Go back to the last moment before now at which this came to hold: REG==VALUE, as `commram wait` has conditions; of several
+    /// all must hold
+    #[arg(add = super::complete::conditions(), long, value_name = "CONDITION", conflicts_with_all = ["time", "to_sync", "back"])]
+    back_to: Vec<String>,
+    /// Go back also if somebody outside takes part
+    #[arg(long)]
+    detached: bool,
     #[command(flatten)]
     instance: Instance,
 }
@@ -37,15 +51,23 @@ fn check(text: &str) -> Result<(), CliError> {
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     use super::output;
     use super::session::Session;
-    use crate::request::Op;
+    use super::wait::conditions_of;
+    use crate::request::{Op, WrongReply};
 
     args.to_sync.as_deref().map_or(Ok(()), check)?;
     let session = Session::open(&args.instance, args.time.unwrap_or(0))?;
+    if !args.back_to.is_empty() {
+        let mut ops = conditions_of(&session, &args.back_to)?;
+        ops.push(Op::BackUntil { any: false, detached: args.detached });
+        let found = session.request(&ops)?.pop().ok_or(WrongReply)?.waited()?;
+        return output::print(&format!("{}\n", time::seconds(found.time_us)));
+    }
     let op = match &args.to_sync {
         Some(text) => {
             let (plc, node) = session.port(text)?;
             Op::AdvanceToSync { plc, node }
         }
+        None if args.back.is_some() => Op::Back { us: args.back.unwrap_or(0), detached: args.detached },
         None => Op::Advance { us: args.time.unwrap_or(0) },
     };
     let time_us = session.ask(op)?.time()?;
@@ -55,6 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
 /// Checks the arguments and says that there is no channel.
 #[cfg(not(feature = "channel"))]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let _ = (args.back, &args.back_to, args.detached);
     args.to_sync.as_deref().map_or(Ok(()), check)?;
     Err(CliError::NoChannel { command: "step" })
 }

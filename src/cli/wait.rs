@@ -5,8 +5,12 @@ use super::complete;
 use super::device::of_any_device_but_told_by;
 use super::error::CliError;
 use super::place::Place;
+#[cfg(feature = "channel")]
+use super::session::Session;
 use super::time;
 use crate::layout::{Condition, ConditionError};
+#[cfg(feature = "channel")]
+use crate::request::Op;
 
 /// Wait until registers hold what they should.
 ///
@@ -65,24 +69,38 @@ fn check(args: &Args) -> Result<(), CliError> {
     args.conditions.iter().try_for_each(|text| parse(text, &place).map(drop))
 }
 
+/// The operations that tell an instance of these conditions.
+///
+/// # Errors
+/// One is none, or is about a register that the instance does not have.
+#[cfg(feature = "channel")]
+pub(crate) fn conditions_of(session: &Session, texts: &[String]) -> Result<Vec<Op>, CliError> {
+    let parsed = texts.iter().map(|text| parse(text, |name| session.place(name)));
+    parsed.map(|condition| op_of(session, &condition?)).collect()
+}
+
+/// The operation for one.
+#[cfg(feature = "channel")]
+fn op_of(session: &Session, condition: &Condition) -> Result<Op, CliError> {
+    let Condition { place, test, .. } = condition;
+    let (offset, width) = (place.offset(), place.width());
+    Ok(Op::Condition { plc: session.plc_of(place)?, offset, width, test: *test })
+}
+
 /// Waits and prints the registers whose conditions hold.
 #[cfg(feature = "channel")]
 pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    use super::output;
     use super::peek::{self, Holding, Wanted};
-    use super::{output, session::Session};
     use crate::channel::ClientError;
-    use crate::request::{Op, Refused, Waited};
+    use crate::request::{Refused, Waited};
 
     check(args)?;
     let session = Session::open(&args.instance, args.within)?;
     let conditions = args.conditions.iter().map(|text| parse(text, |name| session.place(name)));
     let conditions = conditions.collect::<Result<Vec<_>, _>>()?;
-    let op = |condition: &Condition| {
-        let Condition { place, test, .. } = condition;
-        let (offset, width) = (place.offset(), place.width());
-        Ok(Op::Condition { plc: session.plc_of(place)?, offset, width, test: *test })
-    };
-    let mut ops = conditions.iter().map(op).collect::<Result<Vec<_>, CliError>>()?;
+    let ops = conditions.iter().map(|condition| op_of(&session, condition));
+    let mut ops = ops.collect::<Result<Vec<_>, CliError>>()?;
     let within_us = args.within;
     ops.push(Op::WaitFor { any: args.any, within_us });
     let outcome = session.request(&ops);

@@ -3,7 +3,7 @@
 use super::error::CliError;
 use super::instance::instance_name;
 use super::output;
-use super::start::{OnSignal, Settings, SignalsTaken};
+use super::start::{Begin, OnSignal, Settings, SignalsTaken};
 use rustix::process::{Pid, PidfdFlags, Signal};
 use signal_hook::consts::SIGINT;
 use std::ffi::OsString;
@@ -57,7 +57,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let mut command = Command::new(program);
     command.args(arguments).env("COMMRAM_INSTANCE", &name);
     let signals = SignalsTaken::take()?;
-    let (mut emulator, started) = args.settings.start(args.plant.as_deref(), &name, signals)?;
+    let (mut emulator, started) =
+        args.settings.start(args.plant.as_deref().map_or(Begin::BuiltIn, Begin::Plant), &name, signals)?;
     let stop = emulator.stop_handle();
     // As long as it is there, a signal waits for its end; what cannot be started ends the emulator at once.
     let child = command.spawn();

@@ -7,8 +7,8 @@ use crate::layout;
 use crate::layout::{Area, Fitted};
 use crate::memory::header::BoardSetting;
 use crate::memory::{Header, MemoryError, Segment, View};
-use crate::state::State;
 use crate::state;
+use crate::state::State;
 
 /// The firmware of a [`Plain`] device, as far as it does not run at its ports. Whoever has none takes `()`.
 pub trait Firmware: State + Send + 'static {

@@ -1,8 +1,8 @@
 //! The faults of an installation: which wait, which act, how often they have hit.
 
 use super::{
-    Draft, Effect, Fault, FaultNews, FaultStatus, Hit, Kind, Limit, MAX_FAULTS, News, Owner, Refusal, Sites, Target,
-    Values,
+    Draft, Effect, Fault, FaultNews, FaultStatus, Hit, Kind, Limit, MAX_FAULTS, News, Owner, Refusal, Sites,
+    Target, Values,
 };
 use crate::journal::Journal;
 use crate::state::{Damaged, Saved, Saving};

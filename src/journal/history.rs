@@ -94,11 +94,20 @@ pub(super) struct History {
     /// When changes were asked for last.
     asked: Instant,
     looks: u32,
+    /// Somebody looks for a moment that was: what is seen on the way is no news for those who look on.
+    pub(super) is_searching: bool,
 }
 
 impl History {
     pub(super) fn new() -> Self {
-        History { followed: Vec::new(), changes: VecDeque::new(), end: 0, asked: Instant::now(), looks: 0 }
+        History {
+            followed: Vec::new(),
+            changes: VecDeque::new(),
+            end: 0,
+            asked: Instant::now(),
+            looks: 0,
+            is_searching: false,
+        }
     }
 
     /// Those whose changes are in the journal.
@@ -167,29 +176,33 @@ impl History {
     /// Compares all registers with what they held; those that are to be in the journal are handed to `note`.
     pub(super) fn compare(&mut self, time_us: u64, by: By, rams: &impl Rams, mut note: impl FnMut(Changed)) {
         self.forget_those_who_have_gone();
-        let History { followed, changes, end, .. } = self;
-        for register in followed {
+        let History { followed, changes, end, is_searching, .. } = self;
+        for register in followed.iter_mut().filter(|register| register.in_journal || !*is_searching) {
             let Some(now) = rams.load(register.plc, register.offset, register.width) else { continue };
             if now == register.held {
                 continue;
             }
             register.live = rams.live(register.plc, register.offset);
             let by = if rams.is_forced(register.plc, register.offset) { By::Force } else { by };
-            register.tell(now, by, |change| keep(changes, end, time_us, change), &mut note);
+            let keep = |change| keep(changes, end, time_us, change);
+            register.tell(now, by, (!*is_searching).then_some(keep), &mut note);
         }
     }
 
     /// Takes what the firmware reports of a register.
     pub(super) fn stored(&mut self, time_us: u64, stored: Stored, mut note: impl FnMut(Changed)) {
         let Ok(at) = self.find(stored.plc, stored.offset) else { return };
-        let History { followed, changes, end, .. } = self;
-        let Some(register) = followed.get_mut(at) else { return };
+        let History { followed, changes, end, is_searching, .. } = self;
+        let Some(register) = followed.get_mut(at).filter(|it| it.in_journal || !*is_searching) else {
+            return;
+        };
         let found = stored.found.map(|found| (found, By::Program));
         for (now, by) in found.into_iter().chain([(stored.now, By::Firmware)]) {
             if now == register.held {
                 continue;
             }
-            register.tell(now, by, |change| keep(changes, end, time_us, change), &mut note);
+            let keep = |change| keep(changes, end, time_us, change);
+            register.tell(now, by, (!*is_searching).then_some(keep), &mut note);
         }
     }
 
@@ -219,11 +232,11 @@ impl History {
 
 impl Followed {
     /// It holds `to` from now on: told to those who want to know.
-    fn tell(&mut self, to: u32, by: By, keep: impl FnOnce(Changed), note: &mut impl FnMut(Changed)) {
+    fn tell(&mut self, to: u32, by: By, keep: Option<impl FnOnce(Changed)>, note: &mut impl FnMut(Changed)) {
         let &mut Followed { plc, offset, width, held: from, live, .. } = self;
         self.held = to;
         let change = Changed { plc, offset, how: How { width, by, live }, from, to };
-        if self.for_onlookers {
+        if let Some(keep) = keep.filter(|_| self.for_onlookers) {
             keep(change);
         }
         if self.in_journal {

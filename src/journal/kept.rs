@@ -2,9 +2,19 @@
 
 use super::findings::Findings;
 use super::history::Followed;
+use super::ring::Rings;
 use super::{Catalogue, Coded, Entry, Event, Finding, Found, Journal, Words};
 use crate::state::{Damaged, Saved, Saving, State};
 use serde::{Deserialize, Serialize};
+
+/// A history: numbers and times of records are comparable within one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Turn {
+    /// How often the plant has gone back, or to a snapshot; what is behind 65535 begins anew.
+    pub number: u16,
+    /// The first record behind that. Those in front of it were there before.
+    pub begin: u64,
+}
 
 /// An [`Entry`], with its finding as the journal has it.
 #[derive(Serialize, Deserialize)]
@@ -33,7 +43,8 @@ impl KeptEntry {
 impl Journal {
     /// Saves its position, its hash, what is being counted and what was found. The records themselves are not kept.
     pub(crate) fn save(&self, to: &mut Saving) {
-        let Journal { ring, tally, requests, findings, next_look, written, fingerprint, history, epoch: _ } = self;
+        let Journal { ring, tally, requests, findings, next_look, written, fingerprint, history, turn: _ } =
+            self;
         to.value(&(ring.end(), next_look, written));
         tally.save(to);
         requests.save(to);
@@ -45,7 +56,7 @@ impl Journal {
     }
 
     /// Takes over the position of a snapshot. `goes_back`: this journal has been there, so its records up to there stay;
-    /// otherwise they are another plant's, and none stays. Whoever reads it is told by [`Journal::epoch`] that it is another
+    /// otherwise they are another plant's, and none stays. Whoever reads it is told by [`Journal::turn`] that it is another
     /// one from now on.
     pub(crate) fn restore(
         &mut self,
@@ -55,29 +66,48 @@ impl Journal {
     ) -> Result<(), Damaged> {
         let end;
         (end, self.next_look, self.written) = from.value()?;
-        self.epoch = self.epoch.wrapping_add(1);
+        self.turn = Turn { number: self.turn.number.wrapping_add(1), begin: end };
         self.ring.begin_at(end, goes_back);
         self.tally.restore(from, catalogue)?;
         self.requests.restore(from)?;
         let (single, records, further): (Vec<KeptEntry>, Vec<u8>, Vec<KeptEntry>) = from.value()?;
-        let entries = |kept: Vec<KeptEntry>| kept.iter().map(|entry| entry.entry(catalogue)).collect::<Option<_>>();
+        let entries =
+            |kept: Vec<KeptEntry>| kept.iter().map(|entry| entry.entry(catalogue)).collect::<Option<_>>();
         let findings = entries(single).zip(entries(further));
         let (single, further) = findings.ok_or_else(|| from.no("finding"))?;
-        self.findings = Findings::of_parts(single, records, further).ok_or_else(|| from.no("table of findings"))?;
+        self.findings =
+            Findings::of_parts(single, records, further).ok_or_else(|| from.no("table of findings"))?;
         self.fingerprint.restore(from)?;
         self.history.restore_in_journal(from.value()?);
         Ok(())
     }
 
-    /// How often its records were replaced by those of a snapshot. Numbers and times of records are comparable within one
-    /// epoch only.
+    /// Which history its records are of.
     #[must_use]
-    pub fn epoch(&self) -> u32 {
-        self.epoch
+    pub fn turn(&self) -> Turn {
+        self.turn
+    }
+
+    /// Takes the records out before somebody looks for a moment on the way here and comes by others that are not to be kept.
+    pub(crate) fn lay_aside(&mut self) -> Rings {
+        self.history.is_searching = true;
+        self.ring.lay_aside()
+    }
+
+    /// That has come to its end: those of them up to here are the journal's again.
+    pub(crate) fn put_back(&mut self, mut records: Rings) {
+        self.history.is_searching = false;
+        records.begin_at(self.ring.end(), true);
+        self.ring = records;
+        self.turn.begin = self.ring.end();
     }
 }
 
 /// The event with these words, if there is one.
-pub(super) fn event_of(words: Words, catalogue: &'static Catalogue, from: &Saved<'_>) -> Result<Event, Damaged> {
+pub(super) fn event_of(
+    words: Words,
+    catalogue: &'static Catalogue,
+    from: &Saved<'_>,
+) -> Result<Event, Damaged> {
     catalogue.event(words).ok_or_else(|| from.no("event"))
 }

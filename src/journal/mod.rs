@@ -60,6 +60,7 @@ pub use finding::{Finding, Found};
 pub use findings::{Entry, Findings, MAX_ENTRIES};
 pub(crate) use history::Rams;
 pub use history::{Change, KEPT_CHANGES, Keep, MAX_FOLLOWED, Stored};
+pub use kept::Turn;
 pub use kind::{Carried, Kind, Octets, Ring, Told};
 pub use names::Names;
 pub use printer::{Printer, Selection};
@@ -67,6 +68,7 @@ pub use reader::Reader;
 pub use record::Record;
 pub use registers::{ChannelWrite, Force, Handshake, Register, State, Unforce};
 pub use ring::Records;
+pub(crate) use ring::Rings;
 pub use rule::{Rule, Severity};
 pub use waves::{Past, Waves};
 
@@ -74,7 +76,6 @@ use crate::layout::Width;
 use fingerprint::Fingerprint;
 use history::History;
 use requests::Requests;
-use ring::Rings;
 use tally::{LONGEST_PERIOD_US, Outcome, Tally};
 
 /// What can happen in any device.
@@ -117,7 +118,7 @@ pub struct Journal {
     written: u64,
     fingerprint: Fingerprint,
     history: History,
-    epoch: u32,
+    turn: Turn,
 }
 
 impl Journal {
@@ -136,7 +137,7 @@ impl Journal {
             written: 0,
             fingerprint: Fingerprint::new(),
             history: History::new(),
-            epoch: 0,
+            turn: Turn::default(),
         }
     }
 

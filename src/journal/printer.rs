@@ -70,6 +70,15 @@ impl<Out> Printer<Out> {
         self.next
     }
 
+    /// Goes on with record number `from` of another history, of whose state nothing is known.
+    pub fn turn_to(&mut self, from: u64)
+    where
+        Out: Default,
+    {
+        self.format.gap(0, &mut Out::default());
+        (self.next, self.lost) = (from, 0);
+    }
+
     /// Appends the record to `out` if it is wanted, behind a note on what is missing in front of it. Returns
     /// how many records are missing there if the format has no place for such a note, else 0.
     ///

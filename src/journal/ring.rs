@@ -5,7 +5,7 @@ use super::kind::RINGS;
 use std::collections::VecDeque;
 
 /// The records that are kept.
-pub(super) struct Rings {
+pub(crate) struct Rings {
     lanes: [VecDeque<Record>; RINGS],
     capacity: usize,
     end: u64,
@@ -36,6 +36,12 @@ impl Rings {
         for lane in &mut self.lanes {
             lane.truncate(if is_same_run { lane.partition_point(|record| record.seq < end) } else { 0 });
         }
+    }
+
+    /// The records, while others come here.
+    pub(crate) fn lay_aside(&mut self) -> Self {
+        let new = Rings { end: self.end, ..Rings::new(self.capacity) };
+        core::mem::replace(self, new)
     }
 
     /// The number of the next record.

@@ -95,6 +95,30 @@ impl Attached {
         Ok(Attached { file, segment, header, generation })
     }
 
+    /// The same with nothing but the header page mapped: for those who only ring and wait.
+    ///
+    /// # Errors
+    /// The system refuses.
+    #[cfg(feature = "channel")]
+    pub(crate) fn only_header(self) -> Result<Attached, MemoryError> {
+        let Attached { file, segment, generation, .. } = self;
+        let writable = segment.is_writable();
+        drop(segment);
+        let mut options = MmapOptions::new();
+        options.len(super::HEADER_SIZE);
+        let map = if writable { options.map_raw(&file.file) } else { options.map_raw_read_only(&file.file) };
+        let map = map.map_err(|error| file.failed("map", error))?;
+        let Some(segment) = Segment::mapped(map, super::HEADER_SIZE, writable) else {
+            return Err(MemoryError::TooShort {
+                path: file.path,
+                size: 0,
+                expected: super::HEADER_SIZE as u32,
+            });
+        };
+        let header = if writable { Some(segment.header()?) } else { None };
+        Ok(Attached { file, segment, header, generation })
+    }
+
     /// The emulated RAM.
     pub fn segment(&self) -> &Segment {
         &self.segment

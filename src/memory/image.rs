@@ -195,6 +195,12 @@ impl Image {
         self.header.announce();
     }
 
+    /// The other processes that have its registers mapped for writing, for people.
+    #[cfg(feature = "emulator")]
+    pub(crate) fn writers(&self) -> Vec<String> {
+        super::mapped::writers_of(&self.file.path)
+    }
+
     /// The emulated RAM.
     pub fn segment(&self) -> &Segment {
         &self.segment

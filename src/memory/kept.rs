@@ -113,7 +113,8 @@ impl Header {
         let flag = [&flag.flag, &flag.width, &flag.value, &flag.request, &flag.answer, &flag.result];
         let interrupts = self.interrupts.iter().flat_map(|it| [&it.request, &it.answer, &it.result]);
         let timers = opt_init.timers.iter().flat_map(|it| [&it.divider, &it.enable, &it.cfg_mode]);
-        let opt_init = opt_init.triggers.iter().chain([&opt_init.request, &opt_init.answer, &opt_init.result]);
+        let opt_init =
+            opt_init.triggers.iter().chain([&opt_init.request, &opt_init.answer, &opt_init.result]);
         let ports = self.ports.iter().flat_map(|port| [&port.dip, &port.leds]);
         let front = board.into_iter().chain(program).chain(flag).chain(interrupts).chain(timers);
         front.chain(opt_init).chain(ports).chain([&self.board_requests]).chain(&self.front)
@@ -157,7 +158,7 @@ mod tests {
         store(5120, 8);
         let mut saving = Saving::default();
         segment.save_registers(&ranges, &mut saving);
-        assert_eq!(saving.bytes().len(), 2 * (2 + LINE) + 5);
+        assert_eq!(saving.bytes().len(), 2 * (1 + LINE) + 5);
         store(4100, 0);
         store(4160, 9);
         store(5120, 1);

@@ -19,6 +19,8 @@ mod instance;
 #[cfg(feature = "emulator")]
 mod kept;
 mod list;
+#[cfg(feature = "emulator")]
+mod mapped;
 pub mod names;
 pub(crate) mod private;
 pub(crate) mod process;

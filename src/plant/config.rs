@@ -21,6 +21,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
+use twox_hash::XxHash3_64;
 
 /// PLCs, and buses: the journal's records have 16 bits for them.
 const MOST: usize = u16::MAX as usize;
@@ -40,6 +41,8 @@ pub struct PlantConfig {
     pub media: Vec<Arc<dyn MediumConfig>>,
     /// Faults that are injected from power-on or from a time on; see `docs/faults.md`.
     pub faults: Vec<FaultSpec>,
+    /// The text that all of this was made of.
+    text: Arc<str>,
 }
 
 /// What can be wrong with a plant file.
@@ -235,6 +238,18 @@ impl PlantConfig {
             PlantError::At { file: file.to_owned(), line, source: Box::new(error) }
         })?;
         Ok(config)
+    }
+
+    /// The text that it was made of.
+    pub(super) fn text(&self) -> &Arc<str> {
+        &self.text
+    }
+
+    /// A number that tells plants apart whose devices and media are set otherwise, within one version of commram. Faults are
+    /// no settings.
+    pub(super) fn settings(&self) -> u64 {
+        let PlantConfig { processor_cycle_us, devices, media, faults: _, text: _ } = self;
+        XxHash3_64::oneshot(format!("{processor_cycle_us} {devices:?} {media:?}").as_bytes())
     }
 
     /// Checks everything that a plant file can get wrong.

@@ -24,6 +24,15 @@ impl Plant {
         self.journal.push(now, GuestNews { bus, guest, news });
     }
 
+    /// The guests that take part in buses whose stations are known, but for whoever asks by requests: bus and number.
+    pub(crate) fn guests(&self) -> Vec<(u16, u8)> {
+        let of = |(bus, medium): (u16, &Box<dyn Medium>)| {
+            let guests = medium.stations().into_iter().filter_map(|it| it.origin.guest());
+            guests.filter(|guest| *guest != 0).map(|guest| (bus, guest)).collect::<Vec<_>>()
+        };
+        (0..).zip(self.media()).flat_map(of).collect()
+    }
+
     /// It does so no longer. What it has given to its controller is still sent.
     pub fn guest_leaves(&mut self, bus: u16, guest: u8) {
         let now = self.now;

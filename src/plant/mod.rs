@@ -23,7 +23,7 @@ pub use drives::PlantDrive;
 pub use force::{ForceError, Forced};
 pub use history::FollowError;
 pub use schema::schema;
-pub use snapshot::{Snapshot, SnapshotError};
+pub use snapshot::{Snapshot, SnapshotError, SnapshotFile, SnapshotFileError};
 
 use crate::check::DeviceWatch;
 use crate::devices::{BuildError, Context, Device, Events, MEDIA, Medium, World};
@@ -33,6 +33,7 @@ use crate::layout::Device as Layout;
 use crate::memory::{MemoryError, RegisterWidths, Segment};
 use force::Forces;
 use ports::Ports;
+use std::sync::Arc;
 
 /// Nothing is due.
 const NEVER: u64 = u64::MAX;
@@ -61,6 +62,9 @@ pub struct Plant {
     edges: Vec<Origin>,
     /// Of each device, for accesses from outside.
     widths: Vec<RegisterWidths>,
+    /// The text of the plant file, and a number that stands for its settings.
+    text: Arc<str>,
+    settings: u64,
 }
 
 impl Plant {
@@ -114,6 +118,8 @@ impl Plant {
             forces: Forces::default(),
             faults: Faults::default(),
             edges: Vec::new(),
+            text: Arc::clone(config.text()),
+            settings: config.settings(),
         };
         (0..plant.devices.len()).for_each(|index| plant.start(index));
         plant.find_next_device();

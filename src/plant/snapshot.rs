@@ -3,9 +3,15 @@
 //! Whoever goes on from a snapshot leaves the same journal as whoever did not stop. Not in it are the records of the journal,
 //! and what belongs to processes outside: who waits, who takes part in lockstep, bells and what they count.
 
+mod file;
+#[cfg(test)]
+mod tests;
+
+pub use file::{SnapshotFile, SnapshotFileError};
+
 use super::Plant;
 use crate::devices::{self, Device};
-use crate::journal::By;
+use crate::journal::{By, Rings};
 use crate::layout::Device as Layout;
 use crate::state::{Damaged, Saved, Saving, State};
 use core::ops::Range;
@@ -16,8 +22,12 @@ pub struct Snapshot {
     time_us: u64,
     layouts: Vec<(String, u64)>,
     media: Vec<String>,
+    settings: u64,
     state: Vec<u8>,
 }
+
+/// A search for a moment of the way, while which the journal's records are laid aside.
+pub(crate) struct Search(Rings);
 
 /// Why a plant cannot take over a snapshot.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -43,8 +53,13 @@ pub enum SnapshotError {
         /// Hash of its layout here.
         expected: u64,
     },
+    /// Its devices and buses have other settings.
+    #[error(
+        "it is of a plant whose devices, buses or drives are set otherwise; start one by `commram run --from`"
+    )]
+    OtherSettings,
     /// Its bytes are no state of this plant.
-    #[error("it is damaged, or was made with other settings or another version of commram: {0}")]
+    #[error("it is damaged, or was made by another build of commram: {0}")]
     Damaged(#[from] Damaged),
 }
 
@@ -62,15 +77,20 @@ impl Snapshot {
         size_of::<Self>() + self.state.capacity() + names.map(String::capacity).sum::<usize>()
     }
 
-    /// As a file has it.
-    pub(super) fn save(&self, to: &mut Saving) {
-        let Snapshot { time_us, layouts, media, state } = self;
-        to.value(&(time_us, layouts, media, state));
+    /// Its memory, for another one.
+    pub(crate) fn into_state(self) -> Vec<u8> {
+        self.state
     }
 
-    pub(super) fn of_saved(from: &mut Saved<'_>) -> Result<Self, Damaged> {
-        let (time_us, layouts, media, state) = from.value()?;
-        Ok(Snapshot { time_us, layouts, media, state })
+    /// As a file has it.
+    fn save(&self, to: &mut Saving) {
+        let Snapshot { time_us, layouts, media, settings, state } = self;
+        to.value(&(time_us, layouts, media, settings, state));
+    }
+
+    fn of_saved(from: &mut Saved<'_>) -> Result<Self, Damaged> {
+        let (time_us, layouts, media, settings, state) = from.value()?;
+        Ok(Snapshot { time_us, layouts, media, settings, state })
     }
 }
 
@@ -81,16 +101,27 @@ impl Plant {
         self.snapshot_reusing(Vec::new())
     }
 
+    /// The same as a file, which has the text of the plant file in it.
+    #[must_use]
+    pub fn snapshot_file(&self) -> SnapshotFile {
+        self.file_of(self.snapshot())
+    }
+
+    /// A snapshot of this plant as a file.
+    pub(crate) fn file_of(&self, snapshot: Snapshot) -> SnapshotFile {
+        SnapshotFile { plant: self.text.as_ref().to_owned(), snapshot }
+    }
+
     /// As [`Plant::snapshot`], in the memory of bytes that are no longer needed.
-    pub(super) fn snapshot_reusing(&self, bytes: Vec<u8>) -> Snapshot {
+    pub(crate) fn snapshot_reusing(&self, bytes: Vec<u8>) -> Snapshot {
         let mut to = Saving::reusing(bytes);
         self.save(&mut to);
         let (layouts, media) = self.shape();
-        Snapshot { time_us: self.now, layouts, media, state: to.into_bytes() }
+        Snapshot { time_us: self.now, layouts, media, settings: self.settings, state: to.into_bytes() }
     }
 
     /// Goes to a snapshot of this plant, or of one of the same plant file. Records of the journal are not in it: none stays, and
-    /// [`Journal::epoch`](crate::journal::Journal::epoch) tells its readers.
+    /// [`Journal::turn`](crate::journal::Journal::turn) tells its readers.
     ///
     /// # Errors
     /// [`SnapshotError`]; the plant is then as it was before.
@@ -104,6 +135,17 @@ impl Plant {
     /// As [`Plant::restore`].
     pub fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         self.take_over(snapshot, true)
+    }
+
+    /// Does something that goes to moments of the way here and ends at one of them: the journal's records up to there stay.
+    pub(crate) fn search(&mut self) -> Search {
+        Search(self.journal.lay_aside())
+    }
+
+    /// The search has come to its end.
+    pub(crate) fn end_search(&mut self, search: Search) {
+        self.journal.put_back(search.0);
+        self.keep_changes(By::Channel);
     }
 
     fn take_over(&mut self, snapshot: &Snapshot, goes_back: bool) -> Result<(), SnapshotError> {
@@ -134,6 +176,7 @@ impl Plant {
         }
         let layouts = snapshot.layouts.iter().zip(&layouts);
         match layouts.into_iter().find(|((_, found), (_, expected))| found != expected) {
+            None if snapshot.settings != self.settings => Err(SnapshotError::OtherSettings),
             None => Ok(()),
             Some(((plc, found), (_, expected))) => {
                 Err(SnapshotError::OtherLayout { plc: plc.clone(), found: *found, expected: *expected })
@@ -168,6 +211,8 @@ impl Plant {
             // Empty between events.
             edges: _,
             widths: _,
+            text: _,
+            settings: _,
         } = self;
         to.value(&(now, next_cycle, next_device));
         for device in devices {

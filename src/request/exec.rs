@@ -3,6 +3,7 @@
 use super::doors;
 use super::drives;
 use super::register::{Register, device_of, known_plc};
+use super::travel;
 use super::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
 use crate::layout::{Compare, Test, Width};
@@ -26,6 +27,8 @@ pub struct Execution {
     end: Option<u64>,
     /// Where the part of it ends that has begun: all parts are the same, wherever the operation pauses.
     part: Option<u64>,
+    /// It has let time pass.
+    has_set_out: bool,
     /// Events that a wait has passed.
     events: u32,
     /// What the wait to come waits for.
@@ -38,6 +41,9 @@ impl Execution {
     /// # Errors
     /// [`Refused`].
     pub fn run(&mut self, host: &mut dyn Host, op: &Op) -> Result<Option<Reply>, Refused> {
+        if op.acts() {
+            host.plant_and_travel().1.touch();
+        }
         let reply = match *op {
             Op::Peek { plc, offset, width } => {
                 let register = Register::check(host, plc, offset, width)?;
@@ -134,7 +140,7 @@ impl Execution {
             }
             Op::Changes { from, max } => {
                 let (changes, end) = host.plant_mut().changes(from, max.min(MAX_RECORDS) as usize);
-                Reply::Changes { changes, end }
+                Reply::Changes { changes, end, turn: host.plant().journal().turn() }
             }
             Op::Force { plc, offset, width, value } => {
                 let register = Register::check(host, plc, offset, width)?;
@@ -186,12 +192,49 @@ impl Execution {
             Op::DoorOpen { bus, door } => doors::open(host, bus, door)?,
             Op::DoorClose { bus, door } => doors::close(host, bus, door)?,
             Op::BusSend { bus, frame } => doors::send(host, bus, frame)?,
+            Op::Save => Reply::Value(travel::save(host)?),
+            Op::Forget { number } => {
+                travel::forget(host, number)?;
+                Reply::Written
+            }
+            Op::ReadSaved { number, from } => {
+                Reply::Bytes(travel::read(host, number, from, MAX_RANGE as usize)?)
+            }
+            Op::BringSaved { at, count, bytes } => {
+                travel::take_in(host, at, bytes.get(..count.into()).unwrap_or(&bytes))?;
+                Reply::Written
+            }
+            Op::Restore { detached } => {
+                travel::restore(host, detached)?;
+                Reply::Time(host.plant().now())
+            }
+            Op::BackTo { number, detached } => {
+                travel::back_to(host, number, detached)?;
+                Reply::Time(host.plant().now())
+            }
+            Op::Back { us, detached } => {
+                travel::back(host, us, detached)?;
+                Reply::Time(host.plant().now())
+            }
+            Op::BackUntil { any, detached } => {
+                let conditions = core::mem::take(&mut self.conditions);
+                let look = |host: &dyn Host| {
+                    let (is_met, held) = look_at(host, any, &conditions)?;
+                    Ok(is_met.then_some(held))
+                };
+                if conditions.is_empty() {
+                    return Err(no_conditions());
+                }
+                let value = travel::back_until(host, detached, look)?;
+                Reply::Waited(Waited { time_us: host.plant().now(), value })
+            }
             Op::Info => Reply::Info(Box::new(host.info())),
             Op::Stop => {
                 host.request_stop();
                 Reply::Stopping
             }
         };
+        self.has_set_out = false;
         Ok(Some(reply))
     }
 
@@ -202,8 +245,14 @@ impl Execution {
 
     /// Goes on to time `part`, at which the present part ends. `false`: it pauses on the way, or is to stop.
     fn go_to(&mut self, host: &mut dyn Host, part: u64) -> bool {
+        if self.part.is_none() {
+            travel::set_out(host, !core::mem::replace(&mut self.has_set_out, true));
+        }
         let has_arrived = host.advance_to(part);
         self.part = (!has_arrived).then_some(part);
+        if has_arrived {
+            travel::arrived(host);
+        }
         has_arrived
     }
 
@@ -236,18 +285,10 @@ impl Execution {
         within_us: u64,
     ) -> Result<Option<Waited>, Refused> {
         if self.conditions.is_empty() {
-            let text = "a wait needs conditions in front of it";
-            return Err(Refused::new(Code::CONDITIONS, text));
+            return Err(no_conditions());
         }
         let conditions = core::mem::take(&mut self.conditions);
-        let all = u32::MAX >> (MAX_CONDITIONS - conditions.len());
-        let look = |host: &dyn Host| {
-            let mut held = 0;
-            for (bit, (register, test)) in conditions.iter().enumerate() {
-                held |= u32::from(test.holds(register.address.width(), register.load(host)?)) << bit;
-            }
-            Ok((if any { held != 0 } else { held == all }, held))
-        };
+        let look = |host: &dyn Host| look_at(host, any, &conditions);
         let not_in_time = |_: &dyn Host, waited: Waited| {
             let (count, held, time_us) = (conditions.len(), waited.value.count_ones(), waited.time_us);
             let text = format_args!(
@@ -306,6 +347,20 @@ impl Execution {
     }
 }
 
+/// Whether the conditions hold, any or all of them, and which do, bit n for number n.
+fn look_at(host: &dyn Host, any: bool, conditions: &[(Register, Test)]) -> Result<(bool, u32), Refused> {
+    let all = u32::MAX >> (MAX_CONDITIONS - conditions.len());
+    let mut held = 0;
+    for (bit, (register, test)) in conditions.iter().enumerate() {
+        held |= u32::from(test.holds(register.address.width(), register.load(host)?)) << bit;
+    }
+    Ok((if any { held != 0 } else { held == all }, held))
+}
+
+fn no_conditions() -> Refused {
+    Refused::new(Code::CONDITIONS, "it needs conditions in front of it")
+}
+
 fn plc_name(host: &dyn Host, plc: u16) -> &str {
     host.plant().devices().get(usize::from(plc)).map_or("", |device| device.name())
 }
@@ -319,7 +374,7 @@ fn no_sync(host: &dyn Host, plc: u16, node: u8) -> Refused {
     Refused::new(Code::NO_SYNC, text)
 }
 
-fn stepped(host: &dyn Host) -> Result<(), Refused> {
+pub(super) fn stepped(host: &dyn Host) -> Result<(), Refused> {
     if host.is_stepped() {
         return Ok(());
     }
@@ -377,7 +432,8 @@ fn journal(host: &dyn Host, from: u64, max: usize) -> Reply {
     let journal = host.plant().journal();
     let records = journal.read(from);
     let pending = if records.len() <= max { journal.pending() } else { Vec::new() };
-    Reply::Journal { records: records.take(max).copied().chain(pending).collect(), end: journal.end() }
+    let records = records.take(max).copied().chain(pending).collect();
+    Reply::Journal { records, end: journal.end(), turn: journal.turn() }
 }
 
 fn set_board(host: &mut dyn Host, plc: u16, setting: BoardSetting) -> Result<(), Refused> {

@@ -1,6 +1,7 @@
 //! Who runs a plant.
 
 use super::InstanceInfo;
+use super::travel::Travel;
 use crate::door::Doors;
 use crate::plant::Plant;
 
@@ -44,6 +45,17 @@ pub trait Host {
     fn doors_seen(&self) -> Option<&Doors> {
         None
     }
+
+    /// The plant, and what is kept for going back with it.
+    fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel);
+
+    /// Who takes part from outside, if anybody does: he cannot go back when the plant does.
+    fn outsiders(&mut self) -> Option<String> {
+        None
+    }
+
+    /// The plant is somewhere else on its way.
+    fn has_travelled(&mut self) {}
 
     /// What the instance says about itself.
     fn info(&self) -> InstanceInfo;

@@ -18,9 +18,11 @@ mod register;
 mod reply;
 #[cfg(test)]
 pub(crate) mod testing;
+mod travel;
 
 pub use exec::Execution;
 pub use host::Host;
 pub use op::{MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
 pub use refused::{Code, Refused};
 pub use reply::{BusState, DriveEntry, InstanceInfo, Reply, Station, Stranger, Waited, WrongReply};
+pub use travel::Travel;

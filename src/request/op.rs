@@ -244,6 +244,60 @@ pub enum Op {
         /// The frame.
         frame: Option<Frame>,
     },
+    /// Keeps a snapshot of the plant. Answered by [`Reply::Value`](super::Reply::Value): its number. Stepped clock only, as for
+    /// all of these.
+    Save,
+    /// Forgets a snapshot. Answered by [`Reply::Written`](super::Reply::Written).
+    Forget {
+        /// Its number.
+        number: u32,
+    },
+    /// Reads a part of a snapshot as a file, at most [`MAX_RANGE`] bytes. Answered by [`Reply::Bytes`](super::Reply::Bytes): fewer
+    /// at the end.
+    ReadSaved {
+        /// Its number.
+        number: u32,
+        /// The first byte of the part.
+        from: u32,
+    },
+    /// Brings a part of a snapshot file, in the order of its bytes; byte 0 begins a new file. Answered by
+    /// [`Reply::Written`](super::Reply::Written).
+    BringSaved {
+        /// The first byte of the part.
+        at: u32,
+        /// How many bytes it has, up to 16.
+        count: u8,
+        /// The bytes; those behind `count` are 0.
+        bytes: [u8; 16],
+    },
+    /// Goes to the snapshot in the file that was brought. Answered by [`Reply::Time`](super::Reply::Time), as the next two.
+    /// `detached`, here and below: also if somebody outside takes part who cannot go back.
+    Restore {
+        /// See above.
+        detached: bool,
+    },
+    /// Goes back to a snapshot that is kept.
+    BackTo {
+        /// Its number.
+        number: u32,
+        /// See [`Op::Restore`].
+        detached: bool,
+    },
+    /// Goes back in time.
+    Back {
+        /// By how much, in microseconds.
+        us: u64,
+        /// See [`Op::Restore`].
+        detached: bool,
+    },
+    /// Goes back to the last moment before now at which the conditions in front of it came to hold. Answered by
+    /// [`Reply::Waited`](super::Reply::Waited).
+    BackUntil {
+        /// One is enough.
+        any: bool,
+        /// See [`Op::Restore`].
+        detached: bool,
+    },
     /// Asks for the emulated time. Answered by [`Reply::Time`](super::Reply::Time).
     Time,
     /// Asks who answers. Answered by [`Reply::Info`](super::Reply::Info).
@@ -286,10 +340,35 @@ impl Op {
             | Op::SetBoard { .. }
             | Op::ClearFindings
             | Op::SetParameter { .. }
+            | Op::Save
+            | Op::Forget { .. }
+            | Op::ReadSaved { .. }
+            | Op::BringSaved { .. }
+            | Op::Restore { .. }
+            | Op::BackTo { .. }
+            | Op::Back { .. }
+            | Op::BackUntil { .. }
             | Op::DoorOpen { .. }
             | Op::DoorClose { .. }
             | Op::BusSend { .. } => false,
         }
+    }
+
+    /// Whether it does something to the plant but letting time pass.
+    pub(super) fn acts(&self) -> bool {
+        matches!(
+            self,
+            Op::Poke { .. }
+                | Op::CompareExchange { .. }
+                | Op::Follow { .. }
+                | Op::Force { .. }
+                | Op::Unforce { .. }
+                | Op::FaultAdd { .. }
+                | Op::FaultClear { .. }
+                | Op::SetBoard { .. }
+                | Op::ClearFindings
+                | Op::BusSend { .. }
+        )
     }
 
     /// The emulated time this operation may take at most because it waits, in microseconds.

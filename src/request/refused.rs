@@ -73,6 +73,10 @@ impl Code {
 
     /// A wait for conditions has too many of them, or none.
     pub const CONDITIONS: Self = Self(40);
+    /// A snapshot cannot be kept, read or gone to.
+    pub const SNAPSHOT: Self = Self(50);
+    /// Somebody outside takes part who cannot go back with the plant.
+    pub const NOT_ALONE: Self = Self(51);
 
     /// The instance has no drive of that number.
     pub const UNKNOWN_DRIVE: Self = Self(42);

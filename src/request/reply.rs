@@ -4,7 +4,7 @@ use super::Refused;
 use crate::devices::{DriveDetails, DriveState};
 use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
-use crate::journal::{Change, Entry, Names, Record};
+use crate::journal::{Change, Entry, Names, Record, Turn};
 use crate::memory::header::BoardState;
 use crate::plant::Forced;
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,8 @@ pub enum Reply {
         records: Vec<Record>,
         /// The number that the next record will have.
         end: u64,
+        /// Which history they are of.
+        turn: Turn,
     },
     /// Changes of registers that are followed.
     Changes {
@@ -43,6 +45,8 @@ pub enum Reply {
         changes: Vec<Change>,
         /// The number that the next change will have.
         end: u64,
+        /// Which history they are of.
+        turn: Turn,
     },
     /// The forced registers, in the order of PLCs and addresses.
     Forces(Vec<Forced>),
@@ -215,9 +219,13 @@ contents! {
     /// Emulated time, in microseconds.
     time: Reply::Time(time_us) => time_us, u64;
     /// Records of the journal, and the number that the next one will have.
-    journal: Reply::Journal { records, end } => (records, end), (Vec<Record>, u64);
+    journal: Reply::Journal { records, end, .. } => (records, end), (Vec<Record>, u64);
     /// Changes of registers, and the number that the next one will have.
-    changes: Reply::Changes { changes, end } => (changes, end), (Vec<Change>, u64);
+    changes: Reply::Changes { changes, end, .. } => (changes, end), (Vec<Change>, u64);
+    /// What is read of the journal: records, the number of the next one, which history they are of.
+    turned_journal: Reply::Journal { records, end, turn } => (records, end, turn), (Vec<Record>, u64, Turn);
+    /// Changes of registers, the number of the next one, which history they are of.
+    turned_changes: Reply::Changes { changes, end, turn } => (changes, end, turn), (Vec<Change>, u64, Turn);
     /// The forced registers.
     forces: Reply::Forces(forces) => forces, Vec<Forced>;
     /// The number of a fault that was added.

@@ -1,6 +1,6 @@
 //! A host for tests: a plant with a clock that does what the test says.
 
-use super::{Code, Execution, Host, InstanceInfo, Op, Refused, Reply};
+use super::{Code, Execution, Host, InstanceInfo, Op, Refused, Reply, Travel};
 use crate::memory::{Segment, Width};
 use crate::plant::{Plant, PlantConfig, PlantError};
 use core::cell::Cell;
@@ -51,6 +51,9 @@ pub(crate) struct TestHost {
     /// Whether the real-time clock of the test server stands still.
     #[cfg_attr(not(feature = "channel"), expect(dead_code, reason = "for the tests of the channel"))]
     pub is_frozen: bool,
+    travel: Travel,
+    /// Who takes part from outside.
+    pub outsiders: Option<String>,
 }
 
 impl TestHost {
@@ -68,6 +71,8 @@ impl TestHost {
             has_paused: Cell::default(),
             turn_left: 0,
             is_frozen: false,
+            travel: Travel::default(),
+            outsiders: None,
         }
     }
 
@@ -139,6 +144,14 @@ impl Host for TestHost {
 
     fn plant_mut(&mut self) -> &mut Plant {
         &mut self.plant
+    }
+
+    fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel) {
+        (&mut self.plant, &mut self.travel)
+    }
+
+    fn outsiders(&mut self) -> Option<String> {
+        self.outsiders.clone()
     }
 
     fn is_stepped(&self) -> bool {

@@ -16,7 +16,8 @@ use super::watch::Watch;
 use crate::door::{DoorError, DoorSpec};
 use crate::journal::Keep;
 use crate::memory::{Header, Image, ImageSpec, InstanceLock, MemoryError, View, bell, room};
-use crate::plant::{FollowError, Plant, PlantConfig, PlantError};
+use crate::plant::{FollowError, Plant, PlantConfig, PlantError, Snapshot, SnapshotError};
+use crate::request::Travel;
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -58,6 +59,9 @@ pub enum RuntimeError {
     /// A NOVRAM file cannot be used.
     #[error(transparent)]
     Novram(#[from] NovramError),
+    /// The snapshot to start from is refused.
+    #[error(transparent)]
+    Snapshot(#[from] SnapshotError),
     /// A door does not open.
     #[error(transparent)]
     Door(#[from] DoorError),
@@ -100,6 +104,7 @@ impl StopHandle {
 /// A plant on image files.
 pub struct Emulator {
     pub(super) plant: Plant,
+    pub(super) travel: Travel,
     pub(super) options: Options,
     pub(super) stop: Arc<AtomicBool>,
     pub(super) lockstep: Lockstep,
@@ -132,6 +137,18 @@ impl Emulator {
     /// # Errors
     /// [`RuntimeError`]: another emulator has the instance, a file is in the way, the plant is refused.
     pub fn start(config: &PlantConfig, options: Options) -> Result<Self, RuntimeError> {
+        Self::start_from(config, options, None)
+    }
+
+    /// As [`Emulator::start`], at a snapshot of this plant if there is one. What it says of NOVRAM counts, whatever a file has.
+    ///
+    /// # Errors
+    /// As [`Emulator::start`], or the snapshot is refused.
+    pub fn start_from(
+        config: &PlantConfig,
+        options: Options,
+        snapshot: Option<&Snapshot>,
+    ) -> Result<Self, RuntimeError> {
         if let Clock::RealTime { speed } = options.clock
             && !(Clock::SLOWEST..=Clock::FASTEST).contains(&speed)
         {
@@ -143,7 +160,7 @@ impl Emulator {
         let mut images = Vec::with_capacity(config.devices.len());
         let mut directory = None;
         let mut novram = Vec::new();
-        let plant = Plant::new(config, |plc, device| {
+        let mut plant = Plant::new(config, |plc, device| {
             let spec = ImageSpec {
                 device,
                 clock_mode: options.clock.mode(),
@@ -167,6 +184,9 @@ impl Emulator {
             }
             Ok::<_, RuntimeError>(segment)
         })?;
+        if let Some(snapshot) = snapshot {
+            plant.restore(snapshot)?;
+        }
         #[cfg(feature = "channel")]
         let server = Self::open_channel(&options.instance, &images);
         #[cfg(feature = "channel")]
@@ -200,6 +220,7 @@ impl Emulator {
             guests,
             novram,
             plant,
+            travel: Travel::default(),
             options,
             stop: stop.stop,
             _watch: watch,
@@ -226,6 +247,11 @@ impl Emulator {
         media.flat_map(|(bus, medium)| of_bus(bus).map(|door| (medium.name(), door.door))).collect()
     }
 
+    /// Keeps so many bytes of snapshots of the way, with a stepped clock; 0: none.
+    pub fn keep_states(&mut self, bytes: usize) {
+        self.travel = Travel::new(bytes);
+    }
+
     /// The plant.
     pub fn plant(&self) -> &Plant {
         &self.plant
@@ -248,6 +274,12 @@ impl Emulator {
     pub(super) fn header(&self) -> &View<Header> {
         // `Plant::new` refuses a plant without a PLC.
         self.images[0].header()
+    }
+
+    /// Another process that can write to registers, for people.
+    pub(super) fn mapped_client(&self) -> Option<String> {
+        let writer = self.images.iter().find_map(|image| image.writers().into_iter().next())?;
+        Some(format!("{writer}, which has mapped the registers,"))
     }
 
     /// Whether the emulator was asked to end.
@@ -360,6 +392,7 @@ impl Emulator {
             self.guests.look(&mut self.plant);
             let (boards, tasks) = (self.plant.look_at_boards(), self.lockstep.look(&mut self.plant));
             if boards || tasks {
+                self.travel.touch();
                 self.announce();
             }
         }

@@ -116,6 +116,28 @@ impl Guests {
         bring_in_all(&mut self.present, |it| it.has_seat, plant, true);
     }
 
+    /// A guest that takes part, for people.
+    pub(super) fn present_one(&self, plant: &Plant) -> Option<String> {
+        let it = self.present.iter().find(|it| it.is_in || it.has_seat)?;
+        let bus = plant.media().get(usize::from(it.guest.bus)).map_or("", |medium| medium.name());
+        Some(format!("guest{} at door {} of bus '{bus}'", it.guest.number, it.guest.door))
+    }
+
+    /// The plant has gone to another moment, at which others took part than are here: those who are here come in again, and what
+    /// the journal told before is no news.
+    pub(super) fn come_again(&mut self, plant: &mut Plant) {
+        for (bus, guest) in plant.guests() {
+            if !self.present.iter().any(|it| it.is_in && (it.guest.bus, it.guest.number) == (bus, guest)) {
+                plant.guest_leaves(bus, guest);
+            }
+        }
+        for it in self.present.iter().filter(|it| it.is_in) {
+            plant.guest_joins(it.guest.bus, it.guest.number, true);
+            plant.guest_hears(it.guest.bus, it.guest.number, &it.guest);
+        }
+        self.next = plant.journal().end();
+    }
+
     /// Whether emulated time waits for anybody.
     #[inline]
     pub(super) fn have_seats(&self) -> bool {

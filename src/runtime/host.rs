@@ -3,7 +3,7 @@
 use super::emulator::Emulator;
 use crate::door::Doors;
 use crate::plant::Plant;
-use crate::request::{Host, InstanceInfo};
+use crate::request::{Host, InstanceInfo, Travel};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -17,6 +17,22 @@ impl Host for Emulator {
 
     fn plant_mut(&mut self) -> &mut Plant {
         &mut self.plant
+    }
+
+    fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel) {
+        (&mut self.plant, &mut self.travel)
+    }
+
+    fn outsiders(&mut self) -> Option<String> {
+        self.guests.look(&mut self.plant);
+        let task = self.lockstep.present(&self.plant);
+        task.or_else(|| self.guests.present_one(&self.plant)).or_else(|| self.mapped_client())
+    }
+
+    fn has_travelled(&mut self) {
+        self.guests.come_again(&mut self.plant);
+        // Who waits for a register looks again.
+        self.announce();
     }
 
     fn is_stepped(&self) -> bool {

@@ -162,6 +162,16 @@ impl Lockstep {
         Some(format!("the task of event {} of PLC '{plc}' (process {process})", task.event))
     }
 
+    /// A task that takes part, for people.
+    pub(crate) fn present(&self, plant: &Plant) -> Option<String> {
+        let task = self.tasks.first()?;
+        let (plc, process) = (plant.devices().get(task.plc)?.name(), task.seat.owner.load());
+        Some(format!(
+            "the task of event {} of PLC '{plc}' (process {process}), which takes part in lockstep,",
+            task.event
+        ))
+    }
+
     /// When the first of the tasks that run has its next turn; `u64::MAX` if none runs.
     pub(crate) fn next_turn(&self) -> u64 {
         self.tasks.iter().filter_map(|task| task.until).fold(u64::MAX, u64::min)

@@ -5,11 +5,13 @@ use super::carrier::Carrier;
 use crate::memory::Segment;
 use crate::memory::header::ABI_VERSION;
 use crate::plant::{Plant, PlantConfig};
-use crate::request::{Execution, Host, InstanceInfo, Op, Reply};
+use crate::request::{Execution, Host, InstanceInfo, Op, Reply, Travel};
 
 /// A plant of its own.
 pub(super) struct Local {
     plant: Plant,
+    /// Scripts keep what they want to go back to themselves.
+    travel: Travel,
     is_stopping: bool,
 }
 
@@ -20,7 +22,7 @@ impl Local {
     /// The plant is refused.
     pub(crate) fn new(config: &PlantConfig) -> Result<Self, ScenarioError> {
         let plant = Plant::new(config, |_plc, device| Ok::<_, ScenarioError>(Segment::of(device)))?;
-        Ok(Self { plant, is_stopping: false })
+        Ok(Self { plant, travel: Travel::new(0), is_stopping: false })
     }
 }
 
@@ -53,6 +55,10 @@ impl Host for Local {
 
     fn plant_mut(&mut self) -> &mut Plant {
         &mut self.plant
+    }
+
+    fn plant_and_travel(&mut self) -> (&mut Plant, &mut Travel) {
+        (&mut self.plant, &mut self.travel)
     }
 
     fn is_stepped(&self) -> bool {

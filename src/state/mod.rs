@@ -4,7 +4,7 @@
 //! snapshot holds the latter only. It is read into a structure that was built of the same plant file, so that what was
 //! made of it stays as it is.
 //!
-//! [`state!`](crate::state) names **each** field of a structure and says whether it is kept: who adds a field and does not
+//! [`state!`](macro@crate::state) names **each** field of a structure and says whether it is kept: who adds a field and does not
 //! say so gets an error of the compiler instead of a snapshot in which something is missing.
 //!
 //! Bytes may come from a file that somebody else has made. Whatever is in them, reading ends with a value or with

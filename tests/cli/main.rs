@@ -40,3 +40,4 @@ mod schemas;
 mod shm;
 mod starting;
 mod trace;
+mod travel;

@@ -22,5 +22,6 @@ mod slave_jobs;
 mod slave_on_bus;
 mod slave_updown;
 mod slots;
+mod snapshots;
 mod states;
 mod vectors;

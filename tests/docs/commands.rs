@@ -61,6 +61,7 @@ const SESSIONS: &[(&str, &str)] = &[
     ("README.md", "pages.rs"),
     ("command-line.md", "pages.rs"),
     ("getting-started.md", "pages.rs"),
+    ("snapshots.md", "pages.rs"),
     ("can-dp2.md", "tests/cli/can_dp2.rs and tests/cli/profibus_door.rs: each line needs those before it"),
     ("openplc.md", "it is typed in beside OpenPLC's own sources"),
     ("architecture.md", "it shows no commands, but how one goes its way"),

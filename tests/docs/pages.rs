@@ -186,3 +186,8 @@ fn the_session_of_getting_started_works_as_printed() {
     steps.retain(|(command, _)| !elsewhere.iter().any(|other| command.starts_with(other)));
     type_in(&steps);
 }
+
+#[test]
+fn the_session_of_snapshots_works_as_printed() {
+    type_in(&session(include_str!("../../docs/snapshots.md")));
+}

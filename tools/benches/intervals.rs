@@ -46,5 +46,18 @@ fn intervals(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, intervals);
+/// A snapshot of a plant at work and the way back to it.
+fn snapshots(criterion: &mut Criterion) {
+    let (mut plant, master) = active_plant(3);
+    release(&master, 1);
+    plant.advance_to(plant.now() + 10 * INTERVAL_US);
+    let snapshot = plant.snapshot();
+    assert!(snapshot.size() < 64 * 1024, "{} bytes", snapshot.size());
+    let mut group = criterion.benchmark_group("snapshots");
+    group.bench_function("save, 3 drives", |bencher| bencher.iter(|| plant.snapshot()));
+    group.bench_function("go back, 3 drives", |bencher| bencher.iter(|| plant.go_back(&snapshot).unwrap()));
+    group.finish();
+}
+
+criterion_group!(benches, intervals, snapshots);
 criterion_main!(benches);

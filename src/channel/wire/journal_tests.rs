@@ -1,7 +1,7 @@
 use super::*;
 use crate::channel::wire::{Block, ReplyBuffer, decode, own};
 use crate::devices::samples::event;
-use crate::journal::{Journal, Unforce};
+use crate::journal::{Journal, Turn, Unforce};
 use crate::request::Reply;
 use proptest::prelude::*;
 
@@ -24,7 +24,7 @@ proptest! {
 
     #[test]
     fn records_come_back_as_they_were(records in proptest::collection::vec(record(), 0..60), end in any::<u64>()) {
-        let sent = Reply::Journal { records, end };
+        let sent = Reply::Journal { records, end, turn: Turn { number: 2, begin: 5 } };
         let mut buffer = ReplyBuffer::default();
         buffer.push(&sent).unwrap();
         let mut replies = Vec::new();
@@ -58,7 +58,7 @@ fn a_record_cut_short_is_refused() {
     journal.push(1, Unforce { plc: 0, offset: 4 });
     let mut buffer = ReplyBuffer::default();
     let records = journal.read(0).copied().collect();
-    buffer.push(&Reply::Journal { records, end: 0 }).unwrap();
+    buffer.push(&Reply::Journal { records, end: 0, turn: Turn::default() }).unwrap();
     let mut blocks: Vec<Block> = buffer.blocks().to_vec();
     blocks[0].data_len -= 1;
     assert!(decode(&blocks, &mut Vec::new()).is_err());

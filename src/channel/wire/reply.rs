@@ -5,7 +5,7 @@ use super::findings::WireEntry;
 use super::journal::{WireChange, WireRecord};
 use super::{Block, MAX_REPLY_BLOCKS, MAX_REPLY_BYTES, forces, own, reply_kind};
 use crate::fault::FaultStatus;
-use crate::journal::{Change, Entry, Record};
+use crate::journal::{Change, Entry, Record, Turn};
 use crate::memory::header::BoardState;
 use crate::request::{Code, Refused, Reply, Waited};
 use zerocopy::{FromBytes, IntoBytes};
@@ -55,13 +55,13 @@ impl ReplyBuffer {
                 self.append((reply_kind::WAITED, 0, *time_us), value.as_bytes())
             }
             Reply::Time(time_us) => self.append((reply_kind::TIME, 0, *time_us), &[]),
-            Reply::Journal { records, end } => {
+            Reply::Journal { records, end, turn } => {
                 let records: Vec<_> = records.iter().map(WireRecord::from).collect();
-                self.append((reply_kind::JOURNAL, 0, *end), &own::encode(&records))
+                self.append((reply_kind::JOURNAL, turn.number, *end), &own::encode(&(turn.begin, records)))
             }
-            Reply::Changes { changes, end } => {
+            Reply::Changes { changes, end, turn } => {
                 let changes: Vec<_> = changes.iter().map(WireChange::from).collect();
-                self.append((reply_kind::CHANGES, 0, *end), &own::encode(&changes))
+                self.append((reply_kind::CHANGES, turn.number, *end), &own::encode(&(turn.begin, changes)))
             }
             Reply::Forces(forced) => self.append(only(reply_kind::FORCES), &forces::encode(forced)),
             Reply::FaultAdded { id } => self.append((reply_kind::FAULT_ADDED, 0, u64::from(*id)), &[]),
@@ -163,8 +163,14 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
             Reply::Waited(Waited { time_us: value, value: u32::read_from_bytes(data).ok()? })
         }
         reply_kind::TIME => Reply::Time(value),
-        reply_kind::JOURNAL => Reply::Journal { records: journal_records(data)?, end: value },
-        reply_kind::CHANGES => Reply::Changes { changes: changes(data)?, end: value },
+        reply_kind::JOURNAL => {
+            let (begin, records) = journal_records(data)?;
+            Reply::Journal { records, end: value, turn: Turn { number: head.code, begin } }
+        }
+        reply_kind::CHANGES => {
+            let (begin, changes) = changes(data)?;
+            Reply::Changes { changes, end: value, turn: Turn { number: head.code, begin } }
+        }
         reply_kind::FORCES => Reply::Forces(forces::decode(data)?),
         reply_kind::FAULT_ADDED => Reply::FaultAdded { id: value.try_into().ok()? },
         reply_kind::FAULTS => Reply::Faults(faults(data)?),
@@ -190,12 +196,14 @@ fn error(code: Code, time_us: u64, data: &[u8]) -> Option<Refused> {
     Some(Refused { code, text: str::from_utf8(text).ok()?.to_owned(), waited })
 }
 
-fn journal_records(data: &[u8]) -> Option<Vec<Record>> {
-    own::decode::<Vec<WireRecord>>(data)?.iter().map(WireRecord::record).collect()
+fn journal_records(data: &[u8]) -> Option<(u64, Vec<Record>)> {
+    let (begin, records): (u64, Vec<WireRecord>) = own::decode(data)?;
+    Some((begin, records.iter().map(WireRecord::record).collect::<Option<_>>()?))
 }
 
-fn changes(data: &[u8]) -> Option<Vec<Change>> {
-    own::decode::<Vec<WireChange>>(data)?.iter().map(WireChange::change).collect()
+fn changes(data: &[u8]) -> Option<(u64, Vec<Change>)> {
+    let (begin, changes): (u64, Vec<WireChange>) = own::decode(data)?;
+    Some((begin, changes.iter().map(WireChange::change).collect::<Option<_>>()?))
 }
 
 fn faults(data: &[u8]) -> Option<Vec<FaultStatus>> {

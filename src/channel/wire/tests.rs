@@ -5,7 +5,7 @@ use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
 };
-use crate::journal::{By, Change, Changed, How, Keep, Names};
+use crate::journal::{By, Change, Changed, How, Keep, Names, Turn};
 use crate::layout::{Fit, Fitted, Live, Role};
 use crate::plant::Forced;
 use crate::request::{BusState, Code, DriveEntry, InstanceInfo, Refused, Reply, Station, Stranger, Waited};
@@ -76,6 +76,17 @@ fn op() -> impl Strategy<Value = Op> {
         (any::<u16>(), proptest::option::of(frame())).prop_map(|(bus, frame)| Op::BusSend { bus, frame }),
         Just(Op::Findings),
         Just(Op::ClearFindings),
+        Just(Op::Save),
+        any::<u32>().prop_map(|number| Op::Forget { number }),
+        any::<(u32, u32)>().prop_map(|(number, from)| Op::ReadSaved { number, from }),
+        (any::<u32>(), 0..=16u8, any::<[u8; 16]>()).prop_map(|(at, count, mut bytes)| {
+            bytes[usize::from(count)..].fill(0);
+            Op::BringSaved { at, count, bytes }
+        }),
+        any::<bool>().prop_map(|detached| Op::Restore { detached }),
+        any::<(u32, bool)>().prop_map(|(number, detached)| Op::BackTo { number, detached }),
+        any::<(u64, bool)>().prop_map(|(us, detached)| Op::Back { us, detached }),
+        any::<(bool, bool)>().prop_map(|(any, detached)| Op::BackUntil { any, detached }),
         Just(Op::Info),
         Just(Op::Stop),
     ]
@@ -274,7 +285,9 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<u16>().prop_map(|count| Reply::DoorsClosed { count }),
         information().prop_map(|information| Reply::Info(Box::new(information))),
         proptest::collection::vec(forced(), 0..5).prop_map(Reply::Forces),
-        (changes(), any::<u64>()).prop_map(|(changes, end)| Reply::Changes { changes, end }),
+        (changes(), any::<u64>()).prop_map(|(changes, end)| {
+            Reply::Changes { changes, end, turn: Turn { number: 3, begin: 7 } }
+        }),
         Just(Reply::Stopping),
         error().prop_map(Reply::Error),
     ]
@@ -337,7 +350,7 @@ proptest! {
 fn fields_without_meaning_are_named() {
     let peek = WireOp::from(&Op::Peek { plc: 0, offset: 200_000, width: Width::Word });
     let bad = |wire: WireOp| Op::try_from(wire).unwrap_err().to_string();
-    assert_eq!(bad(WireOp { kind: 77, ..peek }), "the kind is 16#4D");
+    assert_eq!(bad(WireOp { kind: 99, ..peek }), "the kind is 16#63");
     assert_eq!(bad(WireOp { width: 3, ..peek }), "the width is 16#3");
     assert_eq!(bad(WireOp { reserved: 1, ..peek }), "an unused field is 16#1");
     assert_eq!(bad(WireOp { time_us: 1, ..peek }), "an unused field is 16#1");

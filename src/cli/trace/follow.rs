@@ -92,6 +92,7 @@ fn print_as<T: Default + AsRef<[u8]>>(
         printer: Printer::new(format, selection, args.from),
         out: Out { lines: VecDeque::new(), keep: args.last },
         counting: Vec::new(),
+        turn: None,
     };
     trace.begin()?;
     if !args.follow {
@@ -122,6 +123,8 @@ struct Trace<'a, T> {
     out: Out<T>,
     /// What was still being counted at the last look.
     counting: Vec<Record>,
+    /// Which history was read last.
+    turn: Option<u16>,
 }
 
 impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
@@ -136,8 +139,18 @@ impl<T: Default + AsRef<[u8]>> Trace<'_, T> {
     fn read(&mut self) -> Result<(), CliError> {
         loop {
             let from = self.printer.next();
-            let (records, end) = self.session.ask(Op::Journal { from, max: MAX_RECORDS })?.journal()?;
+            let reply = self.session.ask(Op::Journal { from, max: MAX_RECORDS })?;
+            let (records, end, turn) = reply.turned_journal()?;
             self.counting.clear();
+            if self.turn.replace(turn.number).is_some_and(|known| known != turn.number) {
+                self.out.flush()?;
+                output::note(&format!(
+                    "the instance has gone back; another history goes on behind record {}",
+                    turn.begin
+                ));
+                self.printer.turn_to(turn.begin.min(from));
+                continue;
+            }
             self.printer.begin_part();
             for record in records {
                 if record.is_pending() {

@@ -32,7 +32,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
     let session = Session::open(&args.instance, 0)?;
     let blocks = Blocks::find(&session, &args.blocks)?;
     let mut pause = Pause::new()?;
-    let mut from = blocks.follow(&session)?;
+    let (mut from, mut turn) = blocks.follow(&session)?;
     let stretches = blocks.stretches();
     let first = blocks.read(&session)?;
     let (registers, begin) = (first.rows.len(), time::seconds(first.time_us));
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
             Wake::Signal => return Err(CliError::Ended { code: Exit::Interrupted.code() }),
             Wake::NobodyReads => return Err(CliError::BrokenPipe),
         }
-        let mut changes = match Look::of(read(&session, &mut from), args.instance.name())? {
+        let mut changes = match Look::of(read(&session, &mut from, &mut turn), args.instance.name())? {
             Look::Seen(changes) => changes,
             Look::Later => continue,
             Look::Ended => return Ok(()),
@@ -69,10 +69,16 @@ fn is_watched(stretches: &[(u16, u32, u32)], what: &journal::Changed) -> bool {
 }
 
 /// All changes from number `from` on, which goes on behind the last of them.
-fn read(session: &Session, from: &mut u64) -> Result<Vec<journal::Change>, CliError> {
+fn read(session: &Session, from: &mut u64, turn: &mut u16) -> Result<Vec<journal::Change>, CliError> {
     let mut all = Vec::new();
     loop {
-        let (changes, end) = session.ask(Op::Changes { from: *from, max: MAX_RECORDS })?.changes()?;
+        let reply = session.ask(Op::Changes { from: *from, max: MAX_RECORDS })?;
+        let (changes, end, now) = reply.turned_changes()?;
+        if core::mem::replace(turn, now.number) != now.number {
+            output::note(
+                "the instance has gone back; what is otherwise now is shown as changed by the channel",
+            );
+        }
         if let Some(lost) =
             changes.first().map(|first| first.seq.saturating_sub(*from)).filter(|lost| *lost > 0)
         {

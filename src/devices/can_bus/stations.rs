@@ -276,7 +276,8 @@ impl State for Stations {
         }
         self.ends.restore(from)?;
         let Self { waiting, members, last_came_ns, troubled, recovering, has_changed, has_held, .. } = self;
-        (*waiting, *members, *last_came_ns, *troubled, *recovering, *has_changed, *has_held) = from.value()?;
+        (*waiting, *members, *last_came_ns, *troubled, *recovering, *has_changed, *has_held) =
+            from.value()?;
         let is_there = |who: usize| who < self.ends.len();
         let has_frame = |it: &Waiting| is_there(it.who) && self.ends[it.who].controller.front().is_some();
         from.check(self.waiting.iter().all(has_frame), "station that waits")?;

@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 /// State of a node, with its number in guarding telegrams.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, bytemuck::CheckedBitPattern, Serialize, Deserialize,
+)]
 #[repr(u8)]
 pub enum State {
     /// It is no CANopen node yet, or starts anew.

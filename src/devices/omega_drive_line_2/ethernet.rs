@@ -13,7 +13,7 @@ use crate::devices::omega_drive_line_2::rules;
 use crate::devices::records::{BoardEvent, OnBoard};
 use crate::layout::Live;
 use crate::memory::{MemoryError, Segment, View};
-use crate::state;
+use crate::state::{Damaged, Saved, Saving, State};
 use core::mem::offset_of;
 use std::net::Ipv4Addr;
 use zerocopy::{FromBytes, IntoBytes};
@@ -52,7 +52,21 @@ pub struct Ethernet {
     generation: u32,
 }
 
-state!(Ethernet { values: dip, stored, seen, generation; built: config, diagnose, speed });
+impl State for Ethernet {
+    fn save(&self, to: &mut Saving) {
+        let Self { config: _, diagnose: _, speed: _, dip, stored, seen, generation: _ } = self;
+        to.value(&(dip, stored, seen));
+    }
+
+    fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Damaged> {
+        let stored: Stored;
+        (self.dip, stored, self.seen) = from.value()?;
+        // Its number goes on: the file of NOVRAM has what was there before.
+        self.generation = self.generation.wrapping_add((self.stored != stored).into());
+        self.stored = stored;
+        Ok(())
+    }
+}
 
 impl Ethernet {
     /// The interface with a link of `speed` Mbit/s; 0 is no link.

@@ -15,8 +15,8 @@ use crate::door::{Guest, Said};
 use crate::fault::{Effect, Hit, Target};
 use crate::journal::{Event, Journal, Origin};
 use crate::profibus::{BusRate, FunctionCode, Line, Request, SYN_BITS, Sending, Telegram};
-use crate::state::{Damaged, Saved, Saving, State};
 use crate::state;
+use crate::state::{Damaged, Saved, Saving, State};
 use core::any::Any;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -223,8 +223,18 @@ fn wants_answer(fc: u8) -> bool {
 
 impl State for ProfibusBus {
     fn save(&self, to: &mut Saving) {
-        let Self { index: _, name: _, rate: _, slot_bits: _, is_plugged: _, line, ends, visitors, asked, next } =
-            self;
+        let Self {
+            index: _,
+            name: _,
+            rate: _,
+            slot_bits: _,
+            is_plugged: _,
+            line,
+            ends,
+            visitors,
+            asked,
+            next,
+        } = self;
         ends.save(to);
         visitors.save(to);
         to.value(&(line, asked, next));

@@ -6,8 +6,8 @@ use crate::journal::Origin;
 use crate::layout::Device;
 use crate::memory::Segment;
 use crate::profibus::{BusRate, Telegram};
-use crate::state::State;
 use crate::state;
+use crate::state::State;
 use serde::{Deserialize, Serialize};
 
 /// The firmware of a device's port at PROFIBUS. What happens on the line it is told at once, with the bit time in its

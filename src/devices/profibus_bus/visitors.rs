@@ -53,7 +53,8 @@ pub(super) struct Visitors(Vec<Visitor>);
 
 impl State for Visitors {
     fn save(&self, to: &mut Saving) {
-        let visitors = self.0.iter().map(|Visitor { number, ear: _, is_leaving, to_say }| (number, is_leaving, to_say));
+        let visitors =
+            self.0.iter().map(|Visitor { number, ear: _, is_leaving, to_say }| (number, is_leaving, to_say));
         to.value(&visitors.collect::<Vec<_>>());
     }
 

@@ -64,7 +64,7 @@ pub(super) fn read(file: &str, text: &str) -> Result<(PlantConfig, Vec<usize>), 
     let Rest { processor_cycle_us, fault: faults, .. } = rest;
     let places = faults.iter().map(|fault| fault.span().start).collect();
     let faults = faults.into_iter().map(Spanned::into_inner).collect();
-    Ok((PlantConfig { processor_cycle_us, devices, media, faults }, places))
+    Ok((PlantConfig { processor_cycle_us, devices, media, faults, text: text.into() }, places))
 }
 
 /// The line, from 1, in which an offset lies. It counts from the beginning, so it is for what goes wrong once.

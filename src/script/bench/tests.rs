@@ -191,3 +191,20 @@ fn what_a_recorded_register_has_held_in_between_is_known() -> Result<(), Scenari
     assert!(unknown.contains("w_OPTION_STATE"), "{unknown}");
     Ok(())
 }
+
+#[test]
+fn back_to_what_was_saved_as_often_as_one_likes() {
+    let mut bench = Bench::built_in().unwrap();
+    bench.poke("node2.w_CPU_CONTROL", 0x0001).unwrap();
+    bench.wait("node2.w_OPTION_STATUS", 0x0002, "1ms").unwrap();
+    let (saved, at) = (bench.save().unwrap(), bench.now().unwrap());
+    for value in [0x0000, 0x0080] {
+        bench.poke("node2.w_CPU_CONTROL", value).unwrap();
+        bench.step("2ms").unwrap();
+        bench.back_to(saved).unwrap();
+        bench.expect("node2.w_OPTION_STATUS", 0x0002).unwrap();
+        assert_eq!(bench.now().unwrap(), at);
+    }
+    let wrong = bench.back_to(saved + 1).unwrap_err().to_string();
+    assert!(wrong.contains("no snapshot 2 is kept"), "{wrong}");
+}

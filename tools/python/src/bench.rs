@@ -265,6 +265,14 @@ impl PyBench {
         }
     }
 
+    fn save(&self, py: Python<'_>) -> PyResult<u32> {
+        self.act(py, Bench::save)
+    }
+
+    fn back_to(&self, py: Python<'_>, saved: u32) -> PyResult<()> {
+        self.act(py, |bench| bench.back_to(saved))
+    }
+
     #[pyo3(signature = (port = ""))]
     fn step_to_sync(&self, py: Python<'_>, port: &str) -> PyResult<()> {
         self.take(py, |bench| bench.step_to_sync(port), errors::of)

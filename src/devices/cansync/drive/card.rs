@@ -12,8 +12,8 @@ use super::zk::{ActualMapping, ReferenceMapping, Source, ZkParameters};
 use crate::can::Payload;
 use crate::devices::cansync::bus::Channel;
 use crate::devices::cansync::registers::values::drive_status;
-use crate::state::{Damaged, Saved, Saving, State};
 use crate::state;
+use crate::state::{Damaged, Saved, Saving, State};
 
 /// The longest delay of ZK 24 plus the interval being received.
 const DELAY_LINE: usize = 4;

@@ -7,8 +7,8 @@ use crate::devices::cansync::watch::NodeWatch;
 use crate::journal::{Journal, Origin};
 use crate::layout::{Area, Role};
 use crate::memory::{Header, MemoryError, Segment, View};
-use crate::state::State;
 use crate::state;
+use crate::state::State;
 
 /// A CANsync port, as a device hands it over.
 pub struct Socket {

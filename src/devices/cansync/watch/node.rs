@@ -12,8 +12,8 @@ use crate::devices::cansync::rules;
 use crate::journal::Journal;
 use crate::layout::{Area, Live, Role};
 use crate::memory::{Cell64, MemoryError, Segment, View};
-use crate::state::{Damaged, Saved, Saving, State};
 use crate::state;
+use crate::state::{Damaged, Saved, Saving, State};
 use std::sync::Arc;
 
 /// 64-bit words that hold the longest structure.

@@ -22,6 +22,8 @@ _VERBS = (
     "changes",
     "now",
     "step",
+    "save",
+    "back_to",
     "step_to_sync",
     "wait",
     "wait_bits",
@@ -59,6 +61,7 @@ _TYPES = {
     "since": int,
     "tolerance": int,
     "number": int,
+    "saved": int,
     "event": int,
     "trigger": int,
 }

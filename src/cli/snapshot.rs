@@ -1,0 +1,128 @@
+//! `commram snapshot` and `commram restore`: keep the state of an instance in a file, and go to it.
+
+use super::Instance;
+use super::error::CliError;
+use crate::handed_in;
+use crate::plant::SnapshotFile;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Keep the state of a stepped instance in a file.
+///
+/// Everything is in it that the emulated plant consists of: registers, firmware, buses, drives, faults, forces, findings and
+/// the clock; not the records of the journal, and no process outside. `commram restore` goes to it, `commram run --from`
+/// starts there.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram snapshot before.snap
+  commram snapshot -i test-1 active.snap")]
+pub(crate) struct Args {
+    /// The file; one that is there is replaced
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Go to the state in a file of `commram snapshot`.
+///
+/// The instance must have the same plant. Its journal begins anew there. Refused while a task in lockstep, a program that has
+/// mapped the registers or a guest at a door takes part, which cannot go back.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram restore before.snap
+  commram restore before.snap --detached")]
+pub(crate) struct RestoreArgs {
+    /// The file
+    #[arg(add = super::complete::files(&["snap"]), value_name = "FILE")]
+    file: PathBuf,
+    /// Go there also if somebody outside takes part
+    #[arg(long)]
+    detached: bool,
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// Reads a snapshot.
+///
+/// # Errors
+/// It cannot be read, or is none.
+pub(crate) fn load(path: &Path) -> Result<SnapshotFile, CliError> {
+    let failed = |reason: io::Error| CliError::Snapshot { path: path.to_owned(), reason: reason.to_string() };
+    let bytes = handed_in::read_bytes(path, SnapshotFile::LONGEST).map_err(failed)?;
+    SnapshotFile::of_bytes(&bytes)
+        .map_err(|error| CliError::Snapshot { path: path.to_owned(), reason: error.to_string() })
+}
+
+/// Writes the snapshot.
+#[cfg(feature = "channel")]
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    use super::session::Session;
+    use super::{output, time};
+    use crate::request::{MAX_RANGE, Op};
+    use std::fs;
+
+    let session = Session::open(&args.instance, 0)?;
+    let number = session.ask(Op::Save)?.value()?;
+    let mut bytes = Vec::new();
+    loop {
+        let part = session.ask(Op::ReadSaved { number, from: bytes.len() as u32 })?.bytes()?;
+        bytes.extend_from_slice(&part);
+        if part.len() < MAX_RANGE as usize {
+            break;
+        }
+    }
+    session.ask(Op::Forget { number })?.written()?;
+    // Nobody finds half a snapshot under the name.
+    let begun = args.file.with_added_extension(format!("{}.part", std::process::id()));
+    let written = fs::write(&begun, &bytes).and_then(|()| fs::rename(&begun, &args.file));
+    written.map_err(|reason| {
+        let _ = fs::remove_file(&begun);
+        CliError::Snapshot { path: args.file.clone(), reason: reason.to_string() }
+    })?;
+    let time_us = SnapshotFile::of_bytes(&bytes).map(|file| file.snapshot.time_us()).unwrap_or_default();
+    let (file, at) = (args.file.display(), time::seconds(time_us));
+    output::print(&format!("{file}: the state at {at}, {} bytes\n", bytes.len()))
+}
+
+/// Goes there.
+#[cfg(feature = "channel")]
+pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
+    use super::session::Session;
+    use super::{output, time};
+    use crate::request::{MAX_OPS, Op};
+
+    let session = Session::open(&args.instance, 0)?;
+    let bytes = load(&args.file)?.to_bytes();
+    let mut ops = Vec::with_capacity(MAX_OPS);
+    for (index, part) in bytes.chunks(16).enumerate() {
+        let mut room = [0; 16];
+        room.iter_mut().zip(part).for_each(|(to, from)| *to = *from);
+        ops.push(Op::BringSaved { at: (16 * index) as u32, count: part.len() as u8, bytes: room });
+        if ops.len() == MAX_OPS {
+            session.request(&ops)?;
+            ops.clear();
+        }
+    }
+    if !ops.is_empty() {
+        session.request(&ops)?;
+    }
+    let time_us = session.ask(Op::Restore { detached: args.detached })?.time()?;
+    output::print(&format!("{}\n", time::seconds(time_us)))
+}
+
+/// Says that there is no channel.
+#[cfg(not(feature = "channel"))]
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let _ = (&args.file, &args.instance);
+    Err(CliError::NoChannel { command: "snapshot" })
+}
+
+/// Checks the file and says that there is no channel.
+#[cfg(not(feature = "channel"))]
+pub(crate) fn restore(args: &RestoreArgs) -> Result<(), CliError> {
+    let _ = (load(&args.file)?, args.detached, &args.instance);
+    Err(CliError::NoChannel { command: "restore" })
+}

@@ -1,0 +1,57 @@
+//! Which other processes can write to the registers of an image.
+
+use super::HEADER_SIZE;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+/// The other processes that have the registers of this file mapped for writing, as `NAME (process NUMBER)`; those of other users
+/// cannot be looked into, and nobody but the user himself can open an image. Who has mapped nothing but the header page
+/// (clients of the channel) is none of them.
+pub(crate) fn writers_of(file: &Path) -> Vec<String> {
+    let Ok(file) = fs::metadata(file) else { return Vec::new() };
+    let Ok(processes) = fs::read_dir("/proc") else { return Vec::new() };
+    let numbers = processes.flatten().filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    let others = numbers.filter(|number| *number != std::process::id());
+    let has_mapped = |number: &u32| {
+        let maps = fs::read_to_string(format!("/proc/{number}/maps")).unwrap_or_default();
+        let device = (rustix::fs::major(file.dev()), rustix::fs::minor(file.dev()));
+        maps.lines().any(|line| is_of(line, device, file.ino()).unwrap_or(false))
+    };
+    others.filter(has_mapped).map(named).collect()
+}
+
+fn named(number: u32) -> String {
+    let name = fs::read_to_string(format!("/proc/{number}/comm")).unwrap_or_default();
+    format!("{} (process {number})", name.trim_end())
+}
+
+/// Whether a line of `/proc/PID/maps` is of this file, for writing, and more than its header page.
+fn is_of(line: &str, (major, minor): (u32, u32), inode: u64) -> Option<bool> {
+    let mut fields = line.split_ascii_whitespace();
+    let (begin, end) = fields.next()?.split_once('-')?;
+    let length = u64::from_str_radix(end, 16).ok()?.checked_sub(u64::from_str_radix(begin, 16).ok()?)?;
+    let is_written = fields.next()?.as_bytes().get(1) == Some(&b'w');
+    let (found_major, found_minor) = fields.nth(1)?.split_once(':')?;
+    let found = (u32::from_str_radix(found_major, 16).ok()?, u32::from_str_radix(found_minor, 16).ok()?);
+    let is_file = found == (major, minor) && fields.next()?.parse() == Ok(inode);
+    Some(is_file && is_written && length > HEADER_SIZE as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_tell_length_rights_device_and_file() {
+        let line =
+            |range, rights, place| format!("{range} {rights} 00000000 {place}    /dev/shm/commram.a.b");
+        let of = |line: String| is_of(&line, (0, 0x1a), 4711);
+        assert_eq!(of(line("7f0000000000-7f0000002000", "rw-s", "00:1a 4711")), Some(true));
+        assert_eq!(of(line("7f0000000000-7f0000001000", "rw-s", "00:1a 4711")), Some(false));
+        assert_eq!(of(line("7f0000000000-7f0000002000", "r--s", "00:1a 4711")), Some(false));
+        assert_eq!(of(line("7f0000000000-7f0000002000", "rw-s", "00:1b 4711")), Some(false));
+        assert_eq!(of(line("7f0000000000-7f0000002000", "rw-s", "00:1a 471")), Some(false));
+        assert_eq!(is_of("", (0, 0), 0), None);
+    }
+}

@@ -1,0 +1,96 @@
+//! A snapshot as a file: with the text of the plant file, so that it can be started from.
+
+use super::Snapshot;
+use crate::plant::{PlantConfig, PlantError};
+use crate::state::{Damaged, Saved, Saving};
+use twox_hash::XxHash3_64;
+
+/// What such a file begins with.
+const MAGIC: [u8; 8] = *b"cmrmsnap";
+/// Number of the format behind it. Whoever changes what a snapshot holds counts it up.
+const FORMAT: u16 = 1;
+const CHECKSUM: usize = size_of::<u64>();
+
+/// A snapshot with the plant that it is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SnapshotFile {
+    /// The text of the plant file.
+    pub plant: String,
+    /// The snapshot.
+    pub snapshot: Snapshot,
+}
+
+/// Why bytes are no snapshot that can be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SnapshotFileError {
+    /// They are something else.
+    #[error("it is no snapshot of commram; `commram snapshot FILE` writes one")]
+    NoSnapshot,
+    /// Another version has made it.
+    #[error(
+        "it was made by commram {found} (format {format}), this is commram {ours} (format {FORMAT}); use that version",
+        ours = env!("CARGO_PKG_VERSION")
+    )]
+    OtherVersion {
+        /// The version that has made it.
+        found: String,
+        /// The format of the file.
+        format: u16,
+    },
+    /// Bytes are missing, or others than were written.
+    #[error("it is damaged: its checksum is wrong, or its end is missing")]
+    Checksum,
+    /// Its content makes no sense.
+    #[error("it is damaged: {0}")]
+    Damaged(#[from] Damaged),
+}
+
+impl SnapshotFile {
+    /// Longest file that is read, in bytes.
+    pub const LONGEST: u64 = 64 << 20;
+
+    /// The content of the file.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut to = Saving::default();
+        to.raw(&MAGIC);
+        to.raw(&FORMAT.to_le_bytes());
+        to.value(env!("CARGO_PKG_VERSION"));
+        to.value(&self.plant);
+        self.snapshot.save(&mut to);
+        let sum = XxHash3_64::oneshot(to.bytes());
+        to.raw(&sum.to_le_bytes());
+        to.into_bytes()
+    }
+
+    /// A file's content.
+    ///
+    /// # Errors
+    /// [`SnapshotFileError`].
+    pub fn of_bytes(bytes: &[u8]) -> Result<Self, SnapshotFileError> {
+        let content = bytes.strip_prefix(&MAGIC).ok_or(SnapshotFileError::NoSnapshot)?;
+        let mut from = Saved::new(content);
+        let format = from.raw(size_of::<u16>())?.try_into().map_or(0, u16::from_le_bytes);
+        let found: String = from.value()?;
+        // Who has another version has another checksum, perhaps.
+        if (format, found.as_str()) != (FORMAT, env!("CARGO_PKG_VERSION")) {
+            return Err(SnapshotFileError::OtherVersion { found, format });
+        }
+        let (written, sum) = bytes.split_at(bytes.len().saturating_sub(CHECKSUM));
+        if *sum != XxHash3_64::oneshot(written).to_le_bytes() {
+            return Err(SnapshotFileError::Checksum);
+        }
+        let (plant, snapshot) = (from.value()?, Snapshot::of_saved(&mut from)?);
+        let _checksum = from.raw(CHECKSUM)?;
+        from.end()?;
+        Ok(SnapshotFile { plant, snapshot })
+    }
+
+    /// The plant that it is of; `file` is what messages call it.
+    ///
+    /// # Errors
+    /// The text is no plant file.
+    pub fn config(&self, file: &str) -> Result<PlantConfig, PlantError> {
+        PlantConfig::parse(file, &self.plant)
+    }
+}

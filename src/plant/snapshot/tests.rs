@@ -1,0 +1,69 @@
+//! Whatever is in a file, reading it ends with a snapshot or with an error, and a plant that has taken one over goes on.
+
+use super::*;
+use crate::memory::Segment;
+use crate::plant::PlantConfig;
+
+fn plant(text: &str) -> Plant {
+    let config = PlantConfig::parse("plant", text).unwrap();
+    Plant::new(&config, |_, device| Ok::<_, Box<dyn std::error::Error>>(Segment::of(device))).unwrap()
+}
+
+/// A plant of each device.
+fn templates() -> impl Iterator<Item = &'static str> {
+    devices::all().iter().filter_map(|device| device.template)
+}
+
+#[test]
+fn a_file_comes_back_and_anything_else_is_refused() {
+    let mut plant = plant(templates().next().unwrap());
+    plant.advance_to(3_000);
+    let file = plant.snapshot_file();
+    let bytes = file.to_bytes();
+    assert_eq!(SnapshotFile::of_bytes(&bytes), Ok(file));
+    assert_eq!(SnapshotFile::of_bytes(b"{}"), Err(SnapshotFileError::NoSnapshot));
+    for len in 0..bytes.len() {
+        assert!(SnapshotFile::of_bytes(&bytes[..len]).is_err(), "cut off at {len}");
+    }
+    for at in (0..bytes.len()).step_by(7) {
+        let mut bytes = bytes.clone();
+        bytes[at] ^= 1 << (at % 8);
+        assert!(SnapshotFile::of_bytes(&bytes).is_err(), "flipped at {at}");
+    }
+    let mut other = bytes.clone();
+    other[8] += 1;
+    let error = SnapshotFile::of_bytes(&other).unwrap_err().to_string();
+    assert!(error.starts_with("it was made by commram ") && error.contains("(format 2)"), "{error}");
+}
+
+/// Behind a right checksum.
+#[test]
+fn a_state_that_makes_no_sense_is_refused_or_runs() {
+    let mut random = fastrand::Rng::with_seed(16);
+    for text in templates() {
+        let mut plant = plant(text);
+        plant.advance_to(400_000);
+        let good = plant.snapshot();
+        let mut refused = 0;
+        for _ in 0..80 {
+            let mut bad = good.clone();
+            for _ in 0..random.usize(1..4) {
+                let at = random.usize(..bad.state.len());
+                bad.state[at] = random.u8(..);
+            }
+            if random.u8(..8) == 0 {
+                bad.state.truncate(random.usize(..bad.state.len()));
+            }
+            match plant.restore(&bad) {
+                Ok(()) => plant.advance_to(plant.now() + 3_000),
+                Err(_) => {
+                    refused += 1;
+                    assert!(plant.restore(&good).is_ok());
+                }
+            }
+        }
+        assert!(refused > 0);
+        plant.restore(&good).unwrap();
+        assert!(plant.snapshot() == good);
+    }
+}

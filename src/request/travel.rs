@@ -1,0 +1,389 @@
+//! Going back: what is kept of the plant on its way, and how it gets to where it was.
+//!
+//! With a stepped clock nothing but the passing of time happens between two moments at which somebody does something, and
+//! whoever does something does it before time passes on. So a snapshot is enough when time is about to pass behind something
+//! that was done: to any moment behind it the plant goes by itself, as it did the first time. Only what a program stores through the
+//! map while time passes comes by no request; who goes back over such a stretch is told.
+
+#[cfg(test)]
+mod tests;
+
+use super::{Code, Host, Refused};
+use crate::plant::{Plant, Snapshot, SnapshotFile};
+use std::collections::{BTreeMap, VecDeque};
+
+/// Most snapshots that clients keep at a time.
+const MAX_SAVED: usize = 64;
+/// Emulated time between two snapshots while it passes in one go: so long it takes to get there again at most.
+const STRETCH_US: u64 = 10_000_000;
+/// Emulated time between two snapshots if nobody does anything by an operation, but programs may do so through the map.
+const PAUSE_US: u64 = 20_000;
+
+/// What is kept for going back.
+#[derive(Debug)]
+pub struct Travel {
+    /// Snapshots that clients have asked for, by their numbers.
+    saved: BTreeMap<u32, Saved>,
+    last: u32,
+    /// A snapshot as a file, which is being read.
+    leaving: (u32, Vec<u8>),
+    /// A file that comes in.
+    coming: Vec<u8>,
+    /// Of the way here, the oldest first.
+    history: VecDeque<Stretch>,
+    /// Bytes that it takes, and may take.
+    size: usize,
+    most: usize,
+    /// Somebody has done something since the last snapshot of the way.
+    is_touched: bool,
+}
+
+#[derive(Debug)]
+struct Saved {
+    snapshot: Snapshot,
+    /// How many events the journal had then.
+    written: u64,
+    /// The plant has come here from there.
+    is_behind: bool,
+}
+
+/// A stretch of time in which nobody asked for anything.
+#[derive(Debug)]
+struct Stretch {
+    /// Its beginning.
+    begin: Snapshot,
+    /// How far it went without a break, and the journal's hash there.
+    end: (u64, u64),
+}
+
+impl Default for Travel {
+    fn default() -> Self {
+        Self::new(Self::DEFAULT_BYTES)
+    }
+}
+
+impl Travel {
+    /// Bytes that snapshots of the way may take unless somebody says otherwise.
+    pub const DEFAULT_BYTES: usize = 8 << 20;
+
+    /// Nothing yet; snapshots of the way may take so many bytes, 0: none is kept.
+    #[must_use]
+    pub fn new(most: usize) -> Self {
+        Travel {
+            saved: BTreeMap::new(),
+            last: 0,
+            leaving: (0, Vec::new()),
+            coming: Vec::new(),
+            history: VecDeque::new(),
+            size: 0,
+            most,
+            is_touched: false,
+        }
+    }
+
+    /// Emulated time of the earliest moment that one can go back to, in microseconds; `None` if there is none.
+    #[must_use]
+    pub fn earliest(&self) -> Option<u64> {
+        self.history.front().map(|stretch| stretch.begin.time_us())
+    }
+
+    /// Somebody does something to the plant, or has done it.
+    pub fn touch(&mut self) {
+        self.is_touched = true;
+    }
+
+    /// Whether nothing was kept for so long that it should be.
+    fn is_overdue(&self, now: u64, after_us: u64) -> bool {
+        self.history.back().is_none_or(|last| last.begin.time_us() + after_us <= now)
+    }
+
+    /// Keeps where the plant is.
+    fn note(&mut self, plant: &Plant) {
+        let now = plant.now();
+        self.is_touched = false;
+        let mut room = Vec::new();
+        // What was done at one moment is all in the last snapshot of it.
+        while let Some(last) = self.history.pop_back_if(|last| last.begin.time_us() >= now) {
+            self.size -= last.begin.size();
+            room = last.begin.into_state();
+        }
+        let begin = plant.snapshot_reusing(room);
+        self.size += begin.size();
+        self.history.push_back(Stretch { begin, end: (now, plant.journal().hash()) });
+        while self.size > self.most && self.history.len() > 1 {
+            self.size -= self.history.pop_front().map_or(0, |oldest| oldest.begin.size());
+        }
+    }
+
+    /// The plant is where it is now: what was kept of later moments is no part of its way.
+    fn is_at(&mut self, plant: &Plant) {
+        let (now, written) = (plant.now(), plant.journal().written());
+        while let Some(later) = self.history.pop_back_if(|it| it.begin.time_us() > now) {
+            self.size -= later.begin.size();
+        }
+        self.saved.values_mut().for_each(|saved| saved.is_behind &= saved.written <= written);
+    }
+
+    /// Nothing that is kept is of the plant's way.
+    fn is_elsewhere(&mut self) {
+        self.history.clear();
+        self.size = 0;
+        self.saved.values_mut().for_each(|saved| saved.is_behind = false);
+    }
+
+    /// The stretch in which this moment lies, if it is kept.
+    fn stretch_of(&self, time_us: u64) -> Option<usize> {
+        self.history.partition_point(|it| it.begin.time_us() <= time_us).checked_sub(1)
+    }
+}
+
+/// Time is about to pass with a stepped clock; `is_first`: by an operation that has just begun.
+pub(super) fn set_out(host: &mut dyn Host, is_first: bool) {
+    if host.is_stepped() {
+        let (plant, travel) = host.plant_and_travel();
+        let after_us = if is_first { PAUSE_US } else { STRETCH_US };
+        if travel.most > 0 && (travel.is_touched || travel.is_overdue(plant.now(), after_us)) {
+            travel.note(plant);
+        }
+    }
+}
+
+/// Time has passed, and nobody has asked for anything.
+pub(super) fn arrived(host: &mut dyn Host) {
+    let (plant, travel) = host.plant_and_travel();
+    if let Some(stretch) = travel.history.back_mut() {
+        stretch.end = (plant.now(), plant.journal().hash());
+    }
+}
+
+/// Keeps a snapshot. Returns its number.
+pub(super) fn save(host: &mut dyn Host) -> Result<u32, Refused> {
+    super::exec::stepped(host)?;
+    let (plant, travel) = host.plant_and_travel();
+    if travel.saved.len() >= MAX_SAVED {
+        let text = format_args!("{MAX_SAVED} snapshots are kept, which is all that can be; forget one first");
+        return Err(Refused::new(Code::SNAPSHOT, text));
+    }
+    travel.last = travel.last.wrapping_add(1).max(1);
+    let (snapshot, written) = (plant.snapshot(), plant.journal().written());
+    travel.saved.insert(travel.last, Saved { snapshot, written, is_behind: true });
+    Ok(travel.last)
+}
+
+/// Forgets one.
+pub(super) fn forget(host: &mut dyn Host, number: u32) -> Result<(), Refused> {
+    let (_, travel) = host.plant_and_travel();
+    travel.saved.remove(&number).map(drop).ok_or_else(|| unknown(number))
+}
+
+/// A part of one as a file, at most `most` bytes from byte `from` on; none behind its end.
+pub(super) fn read(host: &mut dyn Host, number: u32, from: u32, most: usize) -> Result<Vec<u8>, Refused> {
+    let (plant, travel) = host.plant_and_travel();
+    if travel.leaving.0 != number || from == 0 {
+        let saved = travel.saved.get(&number).ok_or_else(|| unknown(number))?;
+        travel.leaving = (number, plant.file_of(saved.snapshot.clone()).to_bytes());
+    }
+    let rest = travel.leaving.1.get(from as usize..).unwrap_or_default();
+    let part = rest.get(..most).unwrap_or(rest).to_vec();
+    if part.len() < most {
+        travel.leaving = (0, Vec::new());
+    }
+    Ok(part)
+}
+
+/// A part of a file comes in, from its byte `at` on.
+pub(super) fn take_in(host: &mut dyn Host, at: u32, bytes: &[u8]) -> Result<(), Refused> {
+    let (_, travel) = host.plant_and_travel();
+    if at == 0 {
+        travel.coming = Vec::new();
+    }
+    let come = travel.coming.len();
+    if at as usize != come || come + bytes.len() > SnapshotFile::LONGEST as usize {
+        let text = format_args!("byte {at} of a snapshot does not come next, byte {come} does");
+        return Err(Refused::new(Code::SNAPSHOT, text));
+    }
+    travel.coming.extend_from_slice(bytes);
+    Ok(())
+}
+
+/// Goes to the snapshot in the file that has come in.
+pub(super) fn restore(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
+    alone(host, detached)?;
+    let (_, travel) = host.plant_and_travel();
+    let file = SnapshotFile::of_bytes(&core::mem::take(&mut travel.coming));
+    let file = file.map_err(|error| Refused::new(Code::SNAPSHOT, error))?;
+    go_to(host, &file.snapshot, false)?;
+    host.plant_and_travel().1.is_elsewhere();
+    host.has_travelled();
+    Ok(())
+}
+
+/// Goes back to a snapshot that is kept.
+pub(super) fn back_to(host: &mut dyn Host, number: u32, detached: bool) -> Result<(), Refused> {
+    alone(host, detached)?;
+    let (_, travel) = host.plant_and_travel();
+    let saved = travel.saved.get(&number).ok_or_else(|| unknown(number))?;
+    let (snapshot, is_behind) = (saved.snapshot.clone(), saved.is_behind);
+    go_to(host, &snapshot, is_behind)?;
+    let (plant, travel) = host.plant_and_travel();
+    if is_behind {
+        travel.is_at(plant)
+    } else {
+        travel.is_elsewhere()
+    }
+    if let Some(saved) = travel.saved.get_mut(&number) {
+        saved.is_behind = true;
+    }
+    host.has_travelled();
+    Ok(())
+}
+
+/// Goes back by so many microseconds.
+pub(super) fn back(host: &mut dyn Host, us: u64, detached: bool) -> Result<(), Refused> {
+    alone(host, detached)?;
+    let now = host.plant().now();
+    let target = now.checked_sub(us);
+    let earliest = host.plant_and_travel().1.earliest();
+    let Some(target) = target.filter(|target| earliest.is_some_and(|earliest| earliest <= *target)) else {
+        let text = earliest.map_or_else(
+            || NOTHING.to_owned(),
+            |earliest| format!("{us} us are too far: one can go back to {earliest} us, it is {now} us now"),
+        );
+        return Err(Refused::new(Code::SNAPSHOT, text));
+    };
+    let here = host.plant().snapshot();
+    let search = host.plant_mut().search();
+    let outcome = arrive(host, target, &here, detached);
+    host.plant_mut().end_search(search);
+    host.has_travelled();
+    outcome
+}
+
+/// Goes back to the last moment before now at which `look` came to find something. What it finds there is returned.
+pub(super) fn back_until<T>(
+    host: &mut dyn Host,
+    detached: bool,
+    look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+) -> Result<T, Refused> {
+    alone(host, detached)?;
+    let search = host.plant_mut().search();
+    let outcome = find_back(host, detached, look);
+    host.plant_mut().end_search(search);
+    host.has_travelled();
+    outcome
+}
+
+fn find_back<T>(
+    host: &mut dyn Host,
+    detached: bool,
+    look: impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+) -> Result<T, Refused> {
+    let here = host.plant().snapshot();
+    // Behind a stretch: when the next one begins, and whether it is found there.
+    let mut behind = (here.time_us(), false);
+    for place in (0..host.plant_and_travel().1.history.len()).rev() {
+        let found = last_in(host, place, behind, &look);
+        let (found, first) = found.inspect_err(|_| return_to(host, &here))?;
+        let is_first = place == 0 && first.1;
+        if let Some(target) = found.or(is_first.then_some(first.0)) {
+            arrive(host, target, &here, detached)?;
+            let none = || Refused::new(Code::SNAPSHOT, "what was found is not found again");
+            return look(host)?.ok_or_else(none);
+        }
+        behind = first;
+    }
+    return_to(host, &here);
+    let earliest = host.plant_and_travel().1.earliest();
+    let text = earliest.map_or_else(
+        || NOTHING.to_owned(),
+        |earliest| {
+            format!(
+                "the conditions did not come to hold since {earliest} us, which is how far one can go back"
+            )
+        },
+    );
+    Err(Refused::new(Code::SNAPSHOT, text))
+}
+
+/// When `look` came to find something last in a stretch or at the beginning of the next one, and when this stretch begins and
+/// whether it is found there.
+fn last_in<T>(
+    host: &mut dyn Host,
+    place: usize,
+    (end, is_behind): (u64, bool),
+    look: &impl Fn(&dyn Host) -> Result<Option<T>, Refused>,
+) -> Result<(Option<u64>, (u64, bool)), Refused> {
+    let begin = host.plant_and_travel().1.history[place].begin.clone();
+    go_to(host, &begin, true)?;
+    let first = (begin.time_us(), look(host)?.is_some());
+    let (mut is_found, mut last) = (first.1, None);
+    loop {
+        let next = host.plant().next_event();
+        if next >= end {
+            break;
+        }
+        host.plant_mut().advance_to(next);
+        if !core::mem::replace(&mut is_found, look(host)?.is_some()) && is_found {
+            last = Some(next);
+        }
+    }
+    Ok(((is_behind && !is_found).then_some(end).or(last), first))
+}
+
+/// Goes to a moment of the way, from wherever the plant is; `here` is where it was when somebody asked for that, and where it
+/// is again if it is refused.
+fn arrive(host: &mut dyn Host, target: u64, here: &Snapshot, detached: bool) -> Result<(), Refused> {
+    let (_, travel) = host.plant_and_travel();
+    let place = travel.stretch_of(target).ok_or_else(|| Refused::new(Code::SNAPSHOT, NOTHING))?;
+    let Stretch { begin, end: (end, hash) } = &travel.history[place];
+    let (begin, end, hash) = (begin.clone(), *end, *hash);
+    if target > begin.time_us() && !detached {
+        go_to(host, &begin, true)?;
+        host.plant_mut().advance_to(end);
+        if host.plant().journal().hash() != hash {
+            return_to(host, here);
+            let text = format_args!(
+                "between {} us and {end} us a program has stored what it had mapped, which cannot be repeated; go back to \
+                 {} us, or give --detached to go without what it has stored",
+                begin.time_us(),
+                begin.time_us()
+            );
+            return Err(Refused::new(Code::SNAPSHOT, text));
+        }
+    }
+    go_to(host, &begin, true)?;
+    host.plant_mut().advance_to(target);
+    let (plant, travel) = host.plant_and_travel();
+    travel.is_at(plant);
+    Ok(())
+}
+
+const NOTHING: &str =
+    "nothing is kept to go back to: no time has passed since the start, or --keep-states is 0";
+
+fn go_to(host: &mut dyn Host, snapshot: &Snapshot, is_behind: bool) -> Result<(), Refused> {
+    let plant = host.plant_mut();
+    let gone = if is_behind { plant.go_back(snapshot) } else { plant.restore(snapshot) };
+    gone.map_err(|error| Refused::new(Code::SNAPSHOT, error))
+}
+
+/// To where the plant was when somebody asked for something that is refused. It was there a moment ago.
+fn return_to(host: &mut dyn Host, here: &Snapshot) {
+    let _ = go_to(host, here, true);
+}
+
+/// Refuses while the clock runs by itself, and while somebody outside takes part who cannot go back.
+fn alone(host: &mut dyn Host, detached: bool) -> Result<(), Refused> {
+    super::exec::stepped(host)?;
+    match host.outsiders().filter(|_| !detached) {
+        None => Ok(()),
+        Some(who) => {
+            let text = format_args!("{who} cannot go back with the plant; let it end, or give --detached");
+            Err(Refused::new(Code::NOT_ALONE, text))
+        }
+    }
+}
+
+fn unknown(number: u32) -> Refused {
+    Refused::new(Code::SNAPSHOT, format_args!("no snapshot {number} is kept"))
+}

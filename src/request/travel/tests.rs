@@ -1,0 +1,183 @@
+//! Going back by operations.
+
+use super::*;
+use crate::layout::{Compare, Test, Width};
+use crate::request::testing::{RAM, TestHost};
+use crate::request::{MAX_RANGE, Op, Reply, Waited};
+
+const WORD: Width = Width::Word;
+
+fn poke(value: u32) -> Op {
+    Op::Poke { plc: 0, offset: RAM.start, width: WORD, value }
+}
+
+fn held(host: &mut TestHost) -> Reply {
+    host.request(&[Op::Peek { plc: 0, offset: RAM.start, width: WORD }]).remove(0)
+}
+
+/// 1 from 2 ms on, 2 from 5 ms on; it is 9 ms.
+fn host() -> TestHost {
+    let mut host = TestHost::new(true);
+    host.request(&[
+        Op::Advance { us: 2_000 },
+        poke(1),
+        Op::Advance { us: 3_000 },
+        poke(2),
+        Op::Advance { us: 4_000 },
+    ]);
+    host
+}
+
+fn back(us: u64) -> Op {
+    Op::Back { us, detached: false }
+}
+
+fn until(value: u32) -> [Op; 2] {
+    let test = Test { mask: 0xFFFF, compare: Compare::Equal, is_signed: false, value };
+    [
+        Op::Condition { plc: 0, offset: RAM.start, width: WORD, test },
+        Op::BackUntil { any: false, detached: false },
+    ]
+}
+
+#[test]
+fn back_by_a_time_all_is_as_it_was_and_goes_on_anew() {
+    let mut host = host();
+    let (hash, end) = (host.plant.journal().hash(), host.plant.journal().end());
+    let records: Vec<_> = host.plant.journal().records().copied().collect();
+    assert_eq!(host.request(&[back(5_500)]), [Reply::Time(3_500)]);
+    assert_eq!(held(&mut host), Reply::Value(1));
+    let kept: Vec<_> = host.plant.journal().records().copied().collect();
+    assert!(kept.len() < records.len() && records.starts_with(&kept), "{kept:?}");
+    // What was done then is done again: the same journal.
+    host.request(&[Op::Advance { us: 1_500 }, poke(2), Op::Advance { us: 4_000 }]);
+    assert_eq!((host.plant.journal().hash(), host.plant.journal().end()), (hash, end));
+    // Whoever reads it is told that it is another history.
+    let turn = host.plant.journal().turn();
+    assert!(turn.number > 0 && turn.begin == kept.last().map_or(0, |last| last.seq + 1), "{turn:?}");
+}
+
+#[test]
+fn back_to_when_a_condition_came_to_hold() {
+    let mut host = host();
+    let replies = host.request(&until(2));
+    assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 5_000, value: 1 })));
+    assert_eq!(held(&mut host), Reply::Value(2));
+    let replies = host.request(&until(1));
+    assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 2_000, value: 1 })));
+    // It holds since before anything was kept.
+    let replies = host.request(&until(0));
+    assert_eq!(replies.last(), Some(&Reply::Waited(Waited { time_us: 0, value: 1 })));
+}
+
+#[test]
+fn what_never_held_leaves_the_plant_where_it_is() {
+    let mut host = host();
+    let (before, records) = (host.plant.snapshot(), host.plant.journal().records().count());
+    let replies = host.request(&until(7));
+    let Some(Reply::Error(Refused { code: Code::SNAPSHOT, text, .. })) = replies.last() else {
+        panic!("{replies:?}")
+    };
+    assert_eq!(text, "the conditions did not come to hold since 0 us, which is how far one can go back");
+    assert!(host.plant.snapshot() == before);
+    assert_eq!(host.plant.journal().records().count(), records);
+}
+
+#[test]
+fn one_can_go_back_as_far_as_is_kept_and_only_alone_with_a_stepped_clock() {
+    let mut host = host();
+    let (code, text) = host.refusal(back(9_001));
+    assert_eq!(code, Code::SNAPSHOT);
+    assert_eq!(text, "9001 us are too far: one can go back to 0 us, it is 9000 us now");
+    host.outsiders = Some("soft_plc (process 7), which has mapped the registers,".to_owned());
+    let (code, text) = host.refusal(back(1_000));
+    assert_eq!(code, Code::NOT_ALONE);
+    assert_eq!(
+        text,
+        "soft_plc (process 7), which has mapped the registers, cannot go back with the plant; let it end, or give --detached"
+    );
+    assert_eq!(host.request(&[Op::Back { us: 1_000, detached: true }]), [Reply::Time(8_000)]);
+    let mut host = TestHost::new(false);
+    assert_eq!(host.refusal(Op::Save).0, Code::CLOCK_IS_REAL_TIME);
+    assert_eq!(host.refusal(back(1)).0, Code::CLOCK_IS_REAL_TIME);
+}
+
+#[test]
+fn stores_through_the_map_while_time_passes_cannot_be_repeated_and_that_is_told() {
+    let mut host = TestHost::new(true);
+    // A command to the master: its journal differs by that.
+    host.script = vec![(4_500, 200_000, 1)];
+    // Event by event, and so the store is in the middle.
+    let within_us = 9_000;
+    host.request(&[Op::Wait { plc: 0, offset: RAM.start, width: WORD, mask: 1, value: 1, within_us }]);
+    host.request(&[Op::Advance { us: 1_000 }]);
+    let in_between = host.plant.journal().written();
+    assert!(in_between > 0, "the store shows in the journal");
+    let before = host.plant.snapshot();
+    let (code, text) = host.refusal(back(5_000));
+    assert_eq!(code, Code::SNAPSHOT);
+    assert!(text.starts_with("between 0 us and 10000 us a program has stored what it had mapped"), "{text}");
+    assert!(host.plant.snapshot() == before);
+    assert_eq!(host.request(&[Op::Back { us: 5_000, detached: true }]), [Reply::Time(5_000)]);
+}
+
+#[test]
+fn snapshots_have_numbers_and_come_and_go_in_parts() {
+    let mut host = host();
+    let Reply::Value(number) = host.request(&[Op::Save]).remove(0) else { panic!("a number") };
+    let saved = host.plant.snapshot();
+    let mut bytes = Vec::new();
+    loop {
+        let read = Op::ReadSaved { number, from: bytes.len() as u32 };
+        let Reply::Bytes(part) = host.request(&[read]).remove(0) else { panic!("bytes") };
+        bytes.extend_from_slice(&part);
+        if part.len() < MAX_RANGE as usize {
+            break;
+        }
+    }
+    host.request(&[poke(3), Op::Advance { us: 700 }]);
+    assert_eq!(host.request(&[Op::BackTo { number, detached: false }]), [Reply::Time(9_000)]);
+    assert!(host.plant.snapshot() == saved);
+    // Another instance of the same plant.
+    let mut other = TestHost::new(true);
+    for (index, part) in bytes.chunks(16).enumerate() {
+        let mut room = [0; 16];
+        room[..part.len()].copy_from_slice(part);
+        let bring = Op::BringSaved { at: 16 * index as u32, count: part.len() as u8, bytes: room };
+        assert_eq!(other.request(&[bring]), [Reply::Written]);
+    }
+    assert_eq!(other.request(&[Op::Restore { detached: false }]), [Reply::Time(9_000)]);
+    assert!(other.plant.snapshot() == saved);
+    assert_eq!(other.refusal(back(1)).0, Code::SNAPSHOT, "its way begins here");
+    assert_eq!(other.refusal(Op::Restore { detached: false }).0, Code::SNAPSHOT, "nothing was brought");
+    assert_eq!(other.refusal(Op::BringSaved { at: 16, count: 0, bytes: [0; 16] }).0, Code::SNAPSHOT);
+    host.request(&[Op::Forget { number }]);
+    assert_eq!(host.refusal(Op::BackTo { number, detached: false }).0, Code::SNAPSHOT);
+}
+
+#[test]
+fn one_can_go_forth_to_what_was_saved_on_a_way_that_was_left() {
+    let mut host = host();
+    let Reply::Value(number) = host.request(&[Op::Save]).remove(0) else { panic!("a number") };
+    let saved = host.plant.snapshot();
+    host.request(&[back(8_000), poke(9), Op::Advance { us: 20_000 }]);
+    assert_eq!(host.request(&[Op::BackTo { number, detached: false }]), [Reply::Time(9_000)]);
+    assert!(host.plant.snapshot() == saved);
+    assert_eq!(host.plant.journal().records().count(), 0, "those of another history are gone");
+}
+
+#[test]
+fn what_is_kept_is_bounded() {
+    let mut host = TestHost::new(true);
+    let size = host.plant.snapshot().size();
+    *host.plant_and_travel().1 = Travel::new(10 * size);
+    for _ in 0..30 {
+        host.request(&[poke(1), Op::Advance { us: 1_000 }]);
+    }
+    let earliest = host.plant_and_travel().1.earliest().unwrap();
+    assert!((18_000..29_000).contains(&earliest), "{earliest}");
+    for _ in 0..MAX_SAVED {
+        assert!(matches!(host.request(&[Op::Save])[..], [Reply::Value(_)]));
+    }
+    assert_eq!(host.refusal(Op::Save).0, Code::SNAPSHOT);
+}
