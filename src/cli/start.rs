@@ -106,7 +106,7 @@ impl Settings {
                 (file.config(&path.display().to_string())?, Some(file.snapshot))
             }
         };
-        judge::warn(plant, &config);
+        judge::warn(begin.path(), &config);
         let (started, starting) = mpsc::channel();
         std::thread::spawn(move || signals.pass_on(&starting));
         crate::memory::survive_shortened_files().map_err(|reason| CliError::Signals { reason })?;
@@ -141,6 +141,16 @@ impl Settings {
             }
         }
         Ok(())
+    }
+}
+
+impl<'a> Begin<'a> {
+    /// The file that it comes from, if there is one.
+    fn path(self) -> Option<&'a Path> {
+        match self {
+            Begin::BuiltIn => None,
+            Begin::Plant(path) | Begin::Snapshot(path) => Some(path),
+        }
     }
 }
 

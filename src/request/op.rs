@@ -367,6 +367,7 @@ impl Op {
                 | Op::FaultClear { .. }
                 | Op::SetBoard { .. }
                 | Op::ClearFindings
+                | Op::SetParameter { .. }
                 | Op::BusSend { .. }
         )
     }

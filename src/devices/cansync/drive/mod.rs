@@ -99,7 +99,7 @@ pub struct Drive {
 state!(Drive {
     values: edge_is_missing, objected;
     parts: sync, monitors, card, regler;
-    built: name, slave_number
+    built: name, slave_number, kbit_s, zk
 });
 
 impl Drive {

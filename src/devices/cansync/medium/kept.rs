@@ -15,7 +15,7 @@ impl State for SimBus {
             stations,
             drives,
             fresh: _,
-            drives_kbit_s: _,
+            kbit_s: _,
             frame_length: _,
             running,
             agenda,
