@@ -40,7 +40,6 @@ mod progress;
 mod run;
 mod session;
 mod snapshot;
-mod soak;
 mod start;
 mod status;
 mod step;
