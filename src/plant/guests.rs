@@ -26,11 +26,12 @@ impl Plant {
 
     /// The guests that take part in buses whose stations are known, but for whoever asks by requests: bus and number.
     pub(crate) fn guests(&self) -> Vec<(u16, u8)> {
-        let of = |(bus, medium): (u16, &Box<dyn Medium>)| {
+        let mut found = Vec::new();
+        for (bus, medium) in (0..).zip(self.media()) {
             let guests = medium.stations().into_iter().filter_map(|it| it.origin.guest());
-            guests.filter(|guest| *guest != 0).map(|guest| (bus, guest)).collect::<Vec<_>>()
-        };
-        (0..).zip(self.media()).flat_map(of).collect()
+            found.extend(guests.filter(|guest| *guest != 0).map(|guest| (bus, guest)));
+        }
+        found
     }
 
     /// It does so no longer. What it has given to its controller is still sent.
