@@ -232,8 +232,8 @@ fn take(plant: &mut Plant, act: &Act) {
             plant.guest_leaves(bus, 3);
         }
         Act::Telegram(which) => {
-            let is_gateway = |device: &&Box<dyn commram::devices::Device>| device.layout().name == "can-dp2";
-            let Some(gateway) = plant.devices().iter().find(is_gateway) else { return };
+            let mut devices = plant.devices().iter();
+            let Some(gateway) = devices.find(|device| device.layout().name == "can-dp2") else { return };
             let mst = gateway.segment().view::<CAN_DP2_MST>(MST).unwrap();
             let (dsap, octets) = TELEGRAMS[which];
             mst.mst_dsap.store(dsap);
