@@ -40,6 +40,7 @@ mod progress;
 mod run;
 mod session;
 mod snapshot;
+mod soak;
 mod start;
 mod status;
 mod step;
@@ -135,6 +136,7 @@ enum Command {
     Test(test::Args),
     #[command(hide = true)]
     TestScenario(test::scenario::Args),
+    Soak(soak::Args),
     Check(check::Args),
     Demo(demo::Args),
     #[command(hide = true)]
@@ -203,6 +205,7 @@ impl Command {
             Command::Trace(args) => trace::run(&args),
             Command::Test(args) => test::run(&args),
             Command::TestScenario(args) => test::scenario::run(&args),
+            Command::Soak(args) => soak::run(&args),
             Command::Check(args) => check::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::DemoPlc(args) => demo::plc::run(&args),

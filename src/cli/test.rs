@@ -3,7 +3,7 @@
 mod found;
 mod html;
 mod line;
-mod process;
+pub(crate) mod process;
 mod progress;
 mod round;
 pub(crate) mod scenario;

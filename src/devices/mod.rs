@@ -25,6 +25,8 @@ mod device;
 mod drive;
 #[cfg(feature = "emulator")]
 mod events;
+#[cfg(feature = "emulator")]
+mod exercise;
 #[cfg(all(test, feature = "emulator"))]
 mod fault_tests;
 #[cfg(feature = "emulator")]
@@ -68,6 +70,8 @@ pub use device::{Device, Look, Power};
 pub use drive::{DriveDetails, DriveState, ParameterRefusal, ParameterState};
 #[cfg(feature = "emulator")]
 pub use events::Events;
+#[cfg(feature = "emulator")]
+pub use exercise::{Exercise, Move, Wrong};
 #[cfg(feature = "emulator")]
 pub use guest::{Attendance, GuestNews, GuestRefusal};
 #[cfg(feature = "emulator")]

@@ -3,6 +3,8 @@
 #[cfg(feature = "emulator")]
 use super::demo::Demo;
 #[cfg(feature = "emulator")]
+use super::exercise::Exercise;
+#[cfg(feature = "emulator")]
 use super::{DeviceConfig, Read, ReadModule, canopen, catalogue};
 use super::{bm4_o_can_06, can_dp2, cr201x, cs0015, omega_drive_line_2};
 #[cfg(feature = "emulator")]
@@ -52,6 +54,9 @@ pub struct Registered {
     /// What `commram demo` shows of it; none if nobody has written a demonstration.
     #[cfg(feature = "emulator")]
     pub demo: Option<&'static Demo>,
+    /// What `commram soak` puts it through.
+    #[cfg(feature = "emulator")]
+    pub exercises: &'static [&'static Exercise],
 }
 
 impl Registered {
@@ -82,6 +87,8 @@ impl Registered {
             module: None,
             #[cfg(feature = "emulator")]
             demo: None,
+            #[cfg(feature = "emulator")]
+            exercises: &[],
         }
     }
 }
@@ -111,6 +118,8 @@ static BUILT_IN: [Registered; 5] = [
         module: None,
         #[cfg(feature = "emulator")]
         demo: Some(&omega_drive_line_2::demo::DEMO),
+        #[cfg(feature = "emulator")]
+        exercises: &omega_drive_line_2::exercise::EXERCISES,
     },
     Registered {
         // The rest is not described (decision D-366).
@@ -129,6 +138,8 @@ static BUILT_IN: [Registered; 5] = [
         module: Some(bm4_o_can_06::read_module),
         #[cfg(feature = "emulator")]
         demo: Some(&bm4_o_can_06::demo::DEMO),
+        #[cfg(feature = "emulator")]
+        exercises: &bm4_o_can_06::exercise::EXERCISES,
         ..Registered::new(&bm4_o_can_06::registers::DEVICE)
     },
     Registered {
@@ -149,6 +160,8 @@ static BUILT_IN: [Registered; 5] = [
         faults: cs0015::faults::KINDS,
         #[cfg(feature = "emulator")]
         demo: Some(&cs0015::demo::DEMO),
+        #[cfg(feature = "emulator")]
+        exercises: &cs0015::exercise::EXERCISES,
         ..Registered::new(&cs0015::registers::DEVICE)
     },
     Registered {
@@ -177,6 +190,8 @@ static BUILT_IN: [Registered; 5] = [
         rules: can_dp2::rules::ALL,
         #[cfg(feature = "emulator")]
         demo: Some(&can_dp2::demo::DEMO),
+        #[cfg(feature = "emulator")]
+        exercises: &can_dp2::exercise::EXERCISES,
         ..Registered::new(&can_dp2::registers::DEVICE)
     },
 ];

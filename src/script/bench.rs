@@ -130,6 +130,12 @@ impl Bench {
         Ok(bench)
     }
 
+    /// Hash over what the journal has been told since power-on, equal for equal runs ([`Journal::hash`](crate::journal::Journal::hash));
+    /// none of a running instance, whose journal began before.
+    pub fn journal_hash(&self) -> Option<u64> {
+        self.carrier.journal_hash()
+    }
+
     /// A running instance, through its channel. Its clock should be a stepped one.
     ///
     /// # Errors

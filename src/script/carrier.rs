@@ -17,4 +17,9 @@ pub(super) trait Carrier: Send {
     /// # Errors
     /// There is no such PLC, or its RAM cannot be mapped.
     fn segment(&mut self, plc: u16) -> Result<Segment, ScenarioError>;
+
+    /// Hash over what the journal has been told since power-on; `None` if it is somebody else's plant.
+    fn journal_hash(&self) -> Option<u64> {
+        None
+    }
 }

@@ -65,6 +65,11 @@ impl Stage {
         self.bench.as_mut().and_then(|bench| bench.elapsed().ok()).unwrap_or(0)
     }
 
+    /// Hash over what the journal of a plant of its own has been told.
+    pub(crate) fn journal_hash(&self) -> Option<u64> {
+        self.bench.as_ref().and_then(Bench::journal_hash)
+    }
+
     /// How many expectations there were.
     pub(crate) fn expectations(&self) -> u64 {
         self.expectations

@@ -46,6 +46,10 @@ impl Carrier for Local {
             known: self.plant.names().plcs.join(", "),
         })
     }
+
+    fn journal_hash(&self) -> Option<u64> {
+        Some(self.plant.journal().hash())
+    }
 }
 
 impl Host for Local {

@@ -21,6 +21,7 @@ mod printed;
 mod remote;
 mod report;
 mod run;
+pub mod soak;
 mod value;
 mod verb;
 

@@ -107,6 +107,8 @@ pub struct Report {
     pub expectations: u64,
     /// Emulated time that it took, in microseconds; nobody knows it of a scenario that died.
     pub emulated_us: Option<u64>,
+    /// Hash over what the journal has been told, the same in every run; nobody knows it of a running instance.
+    pub journal_hash: Option<u64>,
     /// When it began.
     pub started: SystemTime,
     /// Real time that it took.
@@ -132,6 +134,7 @@ impl Report {
             outcome,
             expectations: 0,
             emulated_us: None,
+            journal_hash: None,
             started: SystemTime::now(),
             took: Duration::ZERO,
             printed: String::new(),

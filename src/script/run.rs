@@ -79,6 +79,7 @@ pub fn run_file(
         outcome,
         expectations: stage.expectations(),
         emulated_us: Some(stage.elapsed_us()),
+        journal_hash: stage.journal_hash(),
         started,
         took: start.elapsed(),
         printed: printed.borrow_mut().take(),

@@ -38,6 +38,7 @@ mod registers;
 mod scenarios;
 mod schemas;
 mod shm;
+mod soak;
 mod starting;
 mod trace;
 mod travel;

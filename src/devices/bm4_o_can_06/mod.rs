@@ -8,6 +8,8 @@ mod config;
 #[cfg(feature = "emulator")]
 pub(super) mod demo;
 #[cfg(feature = "emulator")]
+pub(super) mod exercise;
+#[cfg(feature = "emulator")]
 mod front;
 #[cfg(feature = "emulator")]
 mod leds;

@@ -11,6 +11,8 @@ pub(super) mod demo;
 #[cfg(feature = "emulator")]
 mod dp_port;
 #[cfg(feature = "emulator")]
+pub(super) mod exercise;
+#[cfg(feature = "emulator")]
 mod form;
 #[cfg(feature = "emulator")]
 mod gateway;

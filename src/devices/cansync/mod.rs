@@ -9,6 +9,8 @@ pub(crate) mod demo;
 #[cfg(feature = "emulator")]
 pub mod drive;
 #[cfg(feature = "emulator")]
+pub(in crate::devices) mod exercise;
+#[cfg(feature = "emulator")]
 pub mod faults;
 #[cfg(feature = "emulator")]
 pub mod firmware;

@@ -26,6 +26,8 @@ mod eeprom;
 #[cfg(feature = "emulator")]
 mod events;
 #[cfg(feature = "emulator")]
+pub(super) mod exercise;
+#[cfg(feature = "emulator")]
 mod fast_inputs;
 #[cfg(feature = "emulator")]
 pub mod faults;

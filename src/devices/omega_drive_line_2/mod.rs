@@ -14,6 +14,8 @@ pub(super) mod demo;
 #[cfg(feature = "emulator")]
 pub mod ethernet;
 #[cfg(feature = "emulator")]
+pub(super) mod exercise;
+#[cfg(feature = "emulator")]
 pub mod faults;
 #[cfg(feature = "emulator")]
 mod plc;

@@ -1,0 +1,201 @@
+//! `commram soak`: scenarios drawn by lot, for as long as one likes.
+
+mod judge;
+mod row;
+
+use super::demo::Interrupts;
+use super::error::CliError;
+use super::output;
+use super::table::{self, Format, FormatArg};
+use super::test::LimitArgs;
+use crate::devices::Exercise;
+use crate::script::soak::exercises;
+use judge::{Judge, Judged};
+use row::Row;
+use std::num::NonZero;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError, mpsc};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Real time between two lines about how far it is.
+const TOLD_EVERY: Duration = Duration::from_secs(10);
+
+/// Run programs drawn by lot on all devices, and see that everything goes as it must.
+///
+/// Each round is a scenario: a plant, a program that uses its device rightly, and among what it does faults, stores to any register, or
+/// one thing that must not be done. It runs twice, the second time in other slices of time, and both must leave the same journal. What fails
+/// is made as short as possible and written as a scenario that fails alone. The same seed draws the same rounds.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram soak
+  commram soak --seed 7 --hours 8 --jobs 2
+  commram soak --rounds 100 --exercise NAME
+  commram soak --list
+  commram test soak-7.rhai
+
+Exit codes:
+  0  every round went as it must
+  1  one did not; its scenario is written
+  2  wrong use")]
+pub(crate) struct Args {
+    /// What decides the rounds [default: drawn by lot, and told]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Real time in hours, such as 8 or 0.5 [default: until Ctrl-C]
+    #[arg(long, value_name = "H", value_parser = hours)]
+    hours: Option<Duration>,
+    /// End after so many rounds
+    #[arg(long, value_name = "N")]
+    rounds: Option<u64>,
+    /// How many rounds run at the same time [default: one per processor]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZero<usize>>,
+    /// Only this exercise; can be given several times
+    #[arg(long = "exercise", value_name = "NAME", value_parser = exercise, add = names())]
+    chosen: Vec<&'static Exercise>,
+    /// Directory for the scenario of a round that fails
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    keep: PathBuf,
+    /// Run nothing, list the exercises
+    #[arg(long)]
+    list: bool,
+    #[command(flatten)]
+    limits: LimitArgs,
+    #[command(flatten)]
+    format: FormatArg,
+}
+
+fn hours(text: &str) -> Result<Duration, String> {
+    let hours = text.parse().ok().filter(|hours: &f64| *hours > 0.0);
+    let time = hours.and_then(|hours| Duration::try_from_secs_f64(hours * 3600.0).ok());
+    time.ok_or_else(|| "give hours as a number above 0, for example 0.5".to_owned())
+}
+
+fn exercise(name: &str) -> Result<&'static Exercise, String> {
+    exercises().find(|exercise| exercise.name == name).ok_or_else(|| {
+        let known: Vec<_> = exercises().map(|exercise| exercise.name).collect();
+        format!("there are {}", known.join(", "))
+    })
+}
+
+fn names() -> clap_complete::engine::ArgValueCandidates {
+    clap_complete::engine::ArgValueCandidates::new(|| {
+        exercises().map(|exercise| clap_complete::CompletionCandidate::new(exercise.name)).collect()
+    })
+}
+
+/// Runs rounds until the end or the first that fails.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    let exercises: Vec<_> = if args.chosen.is_empty() { exercises().collect() } else { args.chosen.clone() };
+    if args.list {
+        return list(args.format.format, &exercises);
+    }
+    let interrupts = Interrupts::catch()?;
+    let seed = args.seed.unwrap_or_else(|| {
+        let seed = any_seed();
+        output::note(&format!("seed {seed}"));
+        seed
+    });
+    let judge = Judge::new(exercises, &args.keep, args.limits)?;
+    let mut rows: Vec<Row> = judge.exercises().iter().map(|exercise| Row::of(exercise.name)).collect();
+    let failure = play(args, seed, &judge, &interrupts, &mut rows)?;
+    let all = Row::sum(&rows);
+    if args.format.format == Format::Text {
+        rows.push(all);
+    }
+    table::print(args.format.format, &rows, table::aligned)?;
+    match failure {
+        Some(text) => {
+            output::complain(&text);
+            Err(CliError::Reported)
+        }
+        // Who has asked for no end ends it so.
+        None if interrupts.any() && (args.hours.is_some() || args.rounds.is_some()) => {
+            Err(CliError::Interrupted)
+        }
+        None => Ok(()),
+    }
+}
+
+/// Runs rounds; what is to be told of the first that fails.
+fn play(
+    args: &Args,
+    seed: u64,
+    judge: &Judge,
+    interrupts: &Interrupts,
+    rows: &mut [Row],
+) -> Result<Option<String>, CliError> {
+    let begun = Instant::now();
+    let (next, over) = (AtomicU64::new(0), AtomicBool::new(false));
+    let is_over = || {
+        let late = args.hours.is_some_and(|hours| begun.elapsed() >= hours);
+        over.load(Ordering::Relaxed) || late || interrupts.any()
+    };
+    let failure = Mutex::new(None);
+    let jobs = args.jobs.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    let (send, receive) = mpsc::channel::<Judged>();
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            let (send, next, over, is_over, failure) = (send.clone(), &next, &over, &is_over, &failure);
+            let work = move || {
+                while !is_over() {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if args.rounds.is_some_and(|rounds| number >= rounds) {
+                        break;
+                    }
+                    let judged = match judge.round(seed.wrapping_add(number), is_over) {
+                        Ok(judged) => judged,
+                        Err(error) => return end_with(failure, over, || Err(error)),
+                    };
+                    if let Some(fails) = &judged.failure {
+                        end_with(failure, over, || judge.keep(fails, &|| interrupts.any()));
+                    }
+                    // The receiver lives until all have been received.
+                    let _ = send.send(judged);
+                }
+            };
+            std::thread::Builder::new()
+                .spawn_scoped(scope, work)
+                .map_err(|reason| CliError::Process { reason })?;
+        }
+        drop(send);
+        let mut told = Instant::now();
+        for judged in receive {
+            if let Some(row) = rows.iter_mut().find(|row| row.is_of(&judged)) {
+                row.add(&judged);
+            }
+            if told.elapsed() >= TOLD_EVERY {
+                told = Instant::now();
+                let all = Row::sum(rows);
+                output::note(&format!("{} s: {}", begun.elapsed().as_secs(), all.sentence()));
+            }
+        }
+        Ok::<(), CliError>(())
+    })?;
+    failure.into_inner().unwrap_or_else(PoisonError::into_inner).transpose()
+}
+
+/// Ends it all; what is told is the first that ends it.
+fn end_with(
+    first: &Mutex<Option<Result<String, CliError>>>,
+    over: &AtomicBool,
+    told: impl FnOnce() -> Result<String, CliError>,
+) {
+    over.store(true, Ordering::Relaxed);
+    let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
+    if first.is_none() {
+        *first = Some(told());
+    }
+}
+
+fn list(format: Format, exercises: &[&'static Exercise]) -> Result<(), CliError> {
+    let rows: Vec<_> = exercises.iter().map(|exercise| row::Listed::of(exercise)).collect();
+    table::print(format, &rows, table::aligned)
+}
+
+/// A seed that is another one each time, and short enough to be typed.
+fn any_seed() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(1, |time| time.as_secs() % 1_000_000)
+}

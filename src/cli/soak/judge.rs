@@ -1,0 +1,142 @@
+//! Runs rounds, and shortens what fails.
+
+use crate::cli::error::CliError;
+use crate::cli::test::LimitArgs;
+use crate::cli::test::process::{self, Setting};
+use crate::devices::Exercise;
+use crate::script::soak::{Round, shrink};
+use crate::script::{Outcome, Report};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often a round that fails is run to make it shorter.
+const TRIES: usize = 200;
+
+/// Who runs rounds. Its files go with it.
+pub(super) struct Judge {
+    exercises: Vec<&'static Exercise>,
+    keep: PathBuf,
+    directory: PathBuf,
+    setting: Setting,
+    files: AtomicU64,
+}
+
+/// What has become of a round.
+pub(super) struct Judged {
+    /// Its exercise.
+    pub exercise: &'static str,
+    /// Emulated time in microseconds, the second run not counted.
+    pub emulated_us: u64,
+    /// Real time of both runs.
+    pub took: Duration,
+    /// The round and why it is not as it must be.
+    pub failure: Option<(Round, String)>,
+}
+
+impl Judge {
+    /// For rounds of these exercises.
+    ///
+    /// # Errors
+    /// There cannot be a directory for files.
+    pub(super) fn new(
+        exercises: Vec<&'static Exercise>,
+        keep: &Path,
+        limits: LimitArgs,
+    ) -> Result<Self, CliError> {
+        let directory = std::env::temp_dir().join(format!("commram-soak-{}", std::process::id()));
+        std::fs::create_dir(&directory)
+            .map_err(|reason| CliError::File { path: directory.clone(), reason })?;
+        let setting = Setting { attach: None, limits, allow_empty: true };
+        Ok(Self { exercises, keep: keep.to_owned(), directory, setting, files: AtomicU64::new(0) })
+    }
+
+    /// Its exercises.
+    pub(super) fn exercises(&self) -> &[&'static Exercise] {
+        &self.exercises
+    }
+
+    /// Runs the round of this seed, unless told to `stop`.
+    ///
+    /// # Errors
+    /// It cannot be drawn.
+    pub(super) fn round(&self, seed: u64, stop: impl Fn() -> bool) -> Result<Judged, CliError> {
+        let begun = Instant::now();
+        let round = Round::draw(seed, &self.exercises)?;
+        let (emulated_us, why) = self.run(&round, &stop);
+        let (exercise, took) = (round.exercise.name, begun.elapsed());
+        // Who is told to stop has not failed.
+        let failure = why.filter(|_| !stop()).map(|why| (round, why));
+        Ok(Judged { exercise, emulated_us, took, failure })
+    }
+
+    /// Runs it twice: emulated time, and what is not as it must be.
+    fn run(&self, round: &Round, stop: &impl Fn() -> bool) -> (u64, Option<String>) {
+        let [one, other] = [false, true].map(|in_slices| self.play(&round.text(in_slices), stop));
+        let emulated_us = one.emulated_us.unwrap_or_default();
+        let why =
+            wrong(&one).or_else(|| wrong(&other).map(|why| format!("in slices: {why}"))).or_else(|| {
+                let (one, other) = (one.journal_hash, other.journal_hash);
+                (one != other).then(|| "two runs in other slices of time leave different journals".to_owned())
+            });
+        (emulated_us, why)
+    }
+
+    fn play(&self, text: &str, stop: &impl Fn() -> bool) -> Report {
+        let file = self.directory.join(format!("{}.rhai", self.files.fetch_add(1, Ordering::Relaxed)));
+        let report = match std::fs::write(&file, text) {
+            Ok(()) => process::run(&file, &self.setting, stop),
+            Err(reason) => process::died(&file, &reason.to_string()),
+        };
+        // It goes with the directory at the latest.
+        let _ = std::fs::remove_file(&file);
+        report
+    }
+
+    /// Makes a round that fails as short as it gets and writes it; what is to be told of it.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn keep(
+        &self,
+        (round, why): &(Round, String),
+        stop: &impl Fn() -> bool,
+    ) -> Result<String, CliError> {
+        let fails = |moves: &[String]| {
+            let round = round.with(moves.to_vec());
+            !stop() && self.run(&round, stop).1.is_some()
+        };
+        let moves = shrink(&round.moves, TRIES, fails);
+        let short = round.with(moves);
+        let why = self.run(&short, stop).1.unwrap_or_else(|| why.clone());
+        let path = self.keep.join(format!("soak-{}.rhai", round.seed));
+        let written =
+            std::fs::create_dir_all(&self.keep).and_then(|()| std::fs::write(&path, short.text(false)));
+        written.map_err(|reason| CliError::File { path: path.clone(), reason })?;
+        let (left, of) = (short.moves.len(), round.moves.len());
+        Ok(format!(
+            "seed {}, {}, {}: {why}\n{left} of its {of} moves are enough; try `commram test {}`",
+            round.seed,
+            round.exercise.name,
+            round.kind.name(),
+            path.display()
+        ))
+    }
+}
+
+impl Drop for Judge {
+    fn drop(&mut self) {
+        // In the worst case files stay in the directory for such files.
+        let _ = std::fs::remove_dir_all(&self.directory);
+    }
+}
+
+/// What a scenario that has not passed says.
+fn wrong(report: &Report) -> Option<String> {
+    match &report.outcome {
+        Outcome::Passed => None,
+        Outcome::Failed(failure) => Some(failure.what.clone()),
+        Outcome::Broken(mistake) => Some(mistake.what.clone()),
+        Outcome::Died(why) | Outcome::NotRun(why) => Some(why.clone()),
+    }
+}

@@ -1,0 +1,112 @@
+//! Tables of `commram soak`.
+
+use super::judge::Judged;
+use crate::cli::table;
+use crate::devices::Exercise;
+use serde::Serialize;
+
+/// What the rounds of an exercise have come to.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Row {
+    exercise: &'static str,
+    rounds: u64,
+    failed: u64,
+    emulated_us: u64,
+    real_us: u64,
+}
+
+impl Row {
+    /// None yet.
+    pub(super) fn of(exercise: &'static str) -> Self {
+        Self { exercise, rounds: 0, failed: 0, emulated_us: 0, real_us: 0 }
+    }
+
+    /// Whether it counts this round.
+    pub(super) fn is_of(&self, judged: &Judged) -> bool {
+        self.exercise == judged.exercise
+    }
+
+    /// One more.
+    pub(super) fn add(&mut self, judged: &Judged) {
+        self.rounds += 1;
+        self.failed += u64::from(judged.failure.is_some());
+        self.emulated_us += judged.emulated_us;
+        self.real_us += u64::try_from(judged.took.as_micros()).unwrap_or_default();
+    }
+
+    /// All of them.
+    pub(super) fn sum(rows: &[Self]) -> Self {
+        rows.iter().fold(Self::of("all"), |mut all, row| {
+            all.rounds += row.rounds;
+            all.failed += row.failed;
+            all.emulated_us += row.emulated_us;
+            all.real_us += row.real_us;
+            all
+        })
+    }
+
+    /// How many times real time, both runs of a round counted once.
+    fn speed(&self) -> u64 {
+        self.emulated_us / self.real_us.max(1)
+    }
+
+    /// `12 rounds, 340 s emulated, 40 times real time on each processor`
+    pub(super) fn sentence(&self) -> String {
+        format!(
+            "{} rounds, {} emulated, {} times real time on each processor",
+            self.rounds,
+            whole_seconds(self.emulated_us),
+            self.speed()
+        )
+    }
+}
+
+impl table::Row for Row {
+    const COLUMNS: &'static [&'static str] =
+        &["exercise", "rounds", "failed", "emulated_us", "real_us", "speed"];
+
+    fn cells(&self) -> Vec<String> {
+        let numbers = [self.rounds, self.failed, self.emulated_us, self.real_us, self.speed()];
+        [self.exercise.to_owned()].into_iter().chain(numbers.map(|number| number.to_string())).collect()
+    }
+
+    fn text_cells(&self) -> Vec<String> {
+        vec![
+            self.exercise.to_owned(),
+            self.rounds.to_string(),
+            self.failed.to_string(),
+            whole_seconds(self.emulated_us),
+            whole_seconds(self.real_us),
+            self.speed().to_string(),
+        ]
+    }
+}
+
+/// `3 s`: more would only be read past.
+fn whole_seconds(us: u64) -> String {
+    format!("{} s", us / 1_000_000)
+}
+
+/// An exercise.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Listed {
+    exercise: &'static str,
+    moves: Vec<&'static str>,
+    wrongs: usize,
+}
+
+impl Listed {
+    /// In a row.
+    pub(super) fn of(exercise: &Exercise) -> Self {
+        let moves = exercise.moves.iter().map(|it| it.name).collect();
+        Self { exercise: exercise.name, moves, wrongs: exercise.wrongs.len() }
+    }
+}
+
+impl table::Row for Listed {
+    const COLUMNS: &'static [&'static str] = &["exercise", "moves", "wrongs"];
+
+    fn cells(&self) -> Vec<String> {
+        vec![self.exercise.to_owned(), self.moves.join(" "), self.wrongs.to_string()]
+    }
+}

@@ -1,0 +1,163 @@
+//! Scenarios drawn by lot: what `commram soak` runs.
+//!
+//! A round is an [`Exercise`] of a device with moves in an order that its seed decides. Everything about it is in the text of a scenario:
+//! what fails does so again as a file of its own, with `commram test`.
+
+mod lot;
+mod shrink;
+
+pub use shrink::shrink;
+
+use crate::devices::{self, Exercise, Wrong};
+use crate::plant::{PlantConfig, PlantError};
+use core::fmt::Write;
+use fastrand::Rng;
+
+/// The functions that every round has.
+const COMMON: &str = include_str!("common.rhai");
+/// Most moves of a round.
+const MOST_MOVES: usize = 60;
+/// Moves behind a recovery.
+const AFTERWARDS: usize = 4;
+/// Slices in which a second run lets time pass, in microseconds.
+const SLICES: core::ops::RangeInclusive<u64> = 300..=30_000;
+
+/// The exercises of all devices.
+pub fn exercises() -> impl Iterator<Item = &'static Exercise> {
+    devices::all().iter().flat_map(|known| known.exercises.iter().copied())
+}
+
+/// What a round is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A right program: everything goes as the manual says, and the checker finds nothing.
+    Right,
+    /// A right program among faults: afterwards it starts over, and everything goes as the manual says.
+    Disturbed,
+    /// The same among stores to any register as well.
+    Hostile,
+    /// A right program that ends with something that must not be done: the checker finds that.
+    Wrong,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Kind; 4] = [Kind::Right, Kind::Disturbed, Kind::Hostile, Kind::Wrong];
+
+    /// Its name in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kind::Right => "right",
+            Kind::Disturbed => "disturbed",
+            Kind::Hostile => "hostile",
+            Kind::Wrong => "wrong",
+        }
+    }
+}
+
+/// A round.
+#[derive(Clone, Debug)]
+pub struct Round {
+    /// What decides everything about it.
+    pub seed: u64,
+    /// What it is drawn from.
+    pub exercise: &'static Exercise,
+    /// What it is about.
+    pub kind: Kind,
+    /// Lines of the scenario between start and end, each of which can be left out.
+    pub moves: Vec<String>,
+    setting: &'static [(&'static str, &'static str)],
+    wrong: Option<&'static Wrong>,
+    /// Moves after the recovery.
+    afterwards: Vec<String>,
+    slice_us: u64,
+}
+
+impl Round {
+    /// The round of this seed, of these exercises.
+    ///
+    /// # Errors
+    /// The plant of an exercise is refused, which is a mistake in its device.
+    ///
+    /// # Panics
+    /// There are no exercises.
+    pub fn draw(seed: u64, exercises: &[&'static Exercise]) -> Result<Self, PlantError> {
+        let mut rng = Rng::with_seed(seed);
+        let exercise = exercises[rng.usize(..exercises.len())];
+        let setting: &'static [_] = rng.choice(exercise.settings).copied().unwrap_or_default();
+        let kind = match Kind::ALL[rng.usize(..Kind::ALL.len())] {
+            Kind::Wrong if exercise.wrongs.is_empty() => Kind::Right,
+            kind => kind,
+        };
+        let plant = PlantConfig::parse(exercise.name, &filled(exercise.plant, setting))?;
+        let is_right = matches!(kind, Kind::Right | Kind::Wrong);
+        let moves = (0..rng.usize(1..=MOST_MOVES)).map(|_| match kind {
+            Kind::Disturbed if rng.u8(..4) == 0 => lot::fault(&plant, &mut rng),
+            Kind::Hostile if rng.u8(..6) == 0 => lot::fault(&plant, &mut rng),
+            Kind::Hostile if rng.u8(..2) == 0 => lot::store(&plant, &mut rng),
+            _ => lot::made(exercise, is_right, &mut rng),
+        });
+        let moves = moves.collect();
+        let wrong = if kind == Kind::Wrong { rng.choice(exercise.wrongs) } else { None };
+        let afterwards = if is_right { 0 } else { AFTERWARDS };
+        let afterwards = (0..afterwards).map(|_| lot::made(exercise, true, &mut rng)).collect();
+        Ok(Self { seed, exercise, kind, moves, setting, wrong, afterwards, slice_us: rng.u64(SLICES) })
+    }
+
+    /// The same with these moves in place of its own.
+    #[must_use]
+    pub fn with(&self, moves: Vec<String>) -> Self {
+        Self { moves, ..self.clone() }
+    }
+
+    /// The scenario. In slices, time passes in smaller steps, of which nothing may depend.
+    pub fn text(&self, in_slices: bool) -> String {
+        let mut text =
+            format!("// Drawn by lot: {}, {}, seed {}.\n\n", self.exercise.name, self.kind.name(), self.seed);
+        let _ = write!(text, "plant(`\n{}`);\n\n", filled(self.exercise.plant, self.setting));
+        let slice_us = if in_slices { self.slice_us } else { 0 };
+        for (name, value) in self.setting.iter().copied().chain([("SLICE_US", slice_us.to_string().as_str())])
+        {
+            let _ = writeln!(text, "const {name} = {value};");
+        }
+        let _ = write!(
+            text,
+            "\n{COMMON}\n{}\nsection(\"start\");\nstart();\n\nsection(\"moves\");\n",
+            self.exercise.script
+        );
+        for line in &self.moves {
+            text += line;
+            text += "\n";
+        }
+        text += &self.end();
+        text
+    }
+
+    fn end(&self) -> String {
+        let allowed = self.exercise.allowed;
+        match (self.kind, self.wrong) {
+            (Kind::Wrong, Some(wrong)) => format!(
+                "\nsection(\"what must not be done\");\nexpect_no_findings({allowed:?});\n{}\npass(20_000);\n\
+                 let found = findings();\nexpect_that(found.some(|finding| finding.rule == {:?}), `{} among ${{found}}`);\n",
+                wrong.script, wrong.rule, wrong.rule
+            ),
+            (Kind::Right | Kind::Wrong, _) => {
+                format!("\nsection(\"end\");\nexpect_no_findings({allowed:?});\n")
+            }
+            (Kind::Disturbed | Kind::Hostile, _) => {
+                let moves: String = self.afterwards.iter().map(|line| format!("{line}\n")).collect();
+                format!(
+                    "\nsection(\"recovery\");\nundisturbed();\nrecover();\n\nsection(\"afterwards\");\n{moves}"
+                )
+            }
+        }
+    }
+}
+
+/// The text with what the setting has in place of `${NAME}`.
+fn filled(text: &str, setting: &[(&str, &str)]) -> String {
+    setting.iter().fold(text.to_owned(), |text, (name, value)| text.replace(&format!("${{{name}}}"), value))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,76 @@
+//! Rounds are scenarios, and the same seed gives the same.
+
+use super::*;
+use crate::script::{Limits, Outcome, Report, run_file};
+
+/// Runs the text of a round.
+fn run(name: &str, text: &str) -> Report {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join(format!("{name}.rhai"));
+    std::fs::write(&file, text).unwrap();
+    run_file(&file, None, Limits::default(), |_| {})
+}
+
+#[test]
+fn names_of_exercises_are_unique_and_their_plants_are_plants() {
+    let mut names: Vec<_> = exercises().map(|exercise| exercise.name).collect();
+    names.sort_unstable();
+    let all = names.len();
+    names.dedup();
+    assert_eq!(names.len(), all);
+    for exercise in exercises() {
+        for setting in exercise.settings {
+            PlantConfig::parse(exercise.name, &filled(exercise.plant, setting)).unwrap().check().unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_seed_decides_everything() {
+    let all: Vec<_> = exercises().collect();
+    for seed in 0..50 {
+        let [one, other] = [(); 2].map(|()| Round::draw(seed, &all).unwrap());
+        assert_eq!(one.text(false), other.text(false));
+        assert_ne!(one.text(false), Round::draw(seed + 1, &all).unwrap().text(false));
+    }
+}
+
+/// Every move of every exercise, once with the least and once with the largest parameters, and every wrong thing.
+#[test]
+fn every_move_is_right_and_every_wrong_thing_is_found() {
+    for exercise in exercises() {
+        let call = |pick: fn(&core::ops::RangeInclusive<i64>) -> i64| {
+            exercise.moves.iter().map(move |it| {
+                let parameters =
+                    it.parameters.iter().map(|range| format!(", {}", pick(range).clamp(-5_000, 500_000)));
+                format!("{}(true{});", it.name, parameters.collect::<String>())
+            })
+        };
+        let mut round = Round::draw(1, &[exercise]).unwrap();
+        round.moves = call(|range| *range.start()).chain(call(|range| *range.end())).collect();
+        let wrongs = exercise.wrongs.iter().map(|wrong| (Kind::Wrong, Some(wrong)));
+        for (kind, wrong) in wrongs.chain([(Kind::Right, None)]) {
+            let round = Round { kind, wrong, afterwards: Vec::new(), ..round.clone() };
+            let reports = [false, true].map(|in_slices| run(exercise.name, &round.text(in_slices)));
+            for report in &reports {
+                assert!(
+                    matches!(report.outcome, Outcome::Passed),
+                    "{}: {:#?}",
+                    exercise.name,
+                    report.outcome
+                );
+            }
+            assert_eq!(reports[0].journal_hash, reports[1].journal_hash, "{}", exercise.name);
+        }
+    }
+}
+
+/// What a wrong program does not do is not found.
+#[test]
+fn a_round_fails_where_a_device_is_not_as_it_should_be() {
+    let exercise = exercises().find(|exercise| !exercise.wrongs.is_empty()).unwrap();
+    let mut round = Round::draw(1, &[exercise]).unwrap();
+    (round.kind, round.moves) = (Kind::Wrong, Vec::new());
+    round.wrong = Some(&Wrong { script: "", rule: "owner" });
+    assert!(matches!(run("silent", &round.text(false)).outcome, Outcome::Failed(_)));
+}

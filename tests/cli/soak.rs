@@ -1,0 +1,72 @@
+//! `commram soak`: rounds that pass, one that fails, and wrong use.
+
+use crate::common::run;
+use serde_json::Value;
+
+#[test]
+fn the_same_seed_draws_the_same_rounds() {
+    let [one, other] = [(); 2].map(|()| {
+        let args = [
+            "soak",
+            "--seed",
+            "42",
+            "--rounds",
+            "3",
+            "--jobs",
+            "2",
+            "--exercise",
+            "omega-baps",
+            "--format",
+            "json",
+        ];
+        let outcome = run(&args);
+        let rows: Vec<Value> = serde_json::from_str(outcome.ok()).unwrap();
+        let [row] = &rows[..] else { panic!("{rows:?}") };
+        assert_eq!((row["rounds"].as_u64(), row["failed"].as_u64()), (Some(3), Some(0)));
+        row["emulated_us"].as_u64().unwrap()
+    });
+    assert_eq!(one, other);
+    assert!(one > 0);
+}
+
+/// With less time than anything takes every round fails, whatever its moves are.
+#[test]
+fn what_fails_is_written_as_short_as_it_gets_and_fails_alone() {
+    let directory = tempfile::tempdir().unwrap();
+    let keep = directory.path().to_str().unwrap();
+    let args = ["soak", "--seed", "5", "--exercise", "cs0015-slave", "--max-time", "1ms", "--keep", keep];
+    let outcome = run(&args);
+    assert_eq!(outcome.code, Some(1), "{}", outcome.err);
+    assert!(
+        outcome.err.contains("seed 5, cs0015-slave, ") && outcome.err.contains("\n0 of its "),
+        "{}",
+        outcome.err
+    );
+    let file = directory.path().join("soak-5.rhai");
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert!(text.contains("section(\"moves\");\n\nsection("), "no move is left: {text}");
+    let alone = run(&["test", file.to_str().unwrap(), "--max-time", "1ms"]);
+    assert_eq!(alone.code, Some(1), "{}", alone.err);
+    assert!(run(&["test", file.to_str().unwrap()]).ok().contains("1 passed"), "it needs that limit to fail");
+}
+
+#[test]
+fn wrong_use_says_what_would_be_right() {
+    for (args, says) in [
+        (&["soak", "--exercise", "nothing"][..], "there are omega-cansync, omega-baps, "),
+        (&["soak", "--hours", "0"], "a number above 0"),
+        (&["soak", "--jobs", "0"], "0"),
+    ] {
+        let outcome = run(args);
+        assert_eq!(outcome.code, Some(2), "{args:?}");
+        assert!(outcome.err.contains(says), "{args:?}: {}", outcome.err);
+    }
+}
+
+#[test]
+fn exercises_are_listed() {
+    let outcome = run(&["soak", "--list"]);
+    for name in ["omega-cansync", "omega-baps", "bm4-cansync", "cs0015-slave", "cs0015-master", "can-dp2"] {
+        assert!(outcome.ok().contains(name), "{name}: {}", outcome.out);
+    }
+}
