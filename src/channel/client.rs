@@ -92,6 +92,12 @@ impl Client {
         }
     }
 
+    /// Replies may take so long from now on ([`Patience::reply`]).
+    #[cfg(feature = "studio")]
+    pub(crate) fn set_patience(&mut self, reply: Duration) {
+        self.patience.reply = reply;
+    }
+
     /// Sends the operations as one request and awaits their replies, one per operation in the same order.
     ///
     /// An operation that fails is answered by [`Reply::Error`], and those behind it by

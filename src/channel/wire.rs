@@ -126,6 +126,7 @@ pub mod kind {
     pub const BACK_TO: u16 = 77;
     pub const BACK: u16 = 78;
     pub const BACK_UNTIL: u16 = 79;
+    pub const SCENE: u16 = 85;
 }
 
 /// Values of [`Block::kind`].
@@ -154,6 +155,7 @@ pub mod reply_kind {
     pub const DOOR_OPENED: u16 = 61;
     pub const DOORS_CLOSED: u16 = 62;
     pub const CHANGES: u16 = 71;
+    pub const SCENE: u16 = 85;
 }
 
 /// A field of an operation without meaning, and its content.
@@ -243,6 +245,7 @@ impl From<&Op> for WireOp {
             Op::Findings => WireOp { kind: kind::FINDINGS, ..WireOp::default() },
             Op::ClearFindings => WireOp { kind: kind::CLEAR_FINDINGS, ..WireOp::default() },
             Op::Buses => WireOp { kind: kind::BUSES, ..WireOp::default() },
+            Op::Scene => WireOp { kind: kind::SCENE, ..WireOp::default() },
             Op::Drives => WireOp { kind: kind::DRIVES, ..WireOp::default() },
             Op::Drive { drive } => WireOp { kind: kind::DRIVE, plc: drive, ..WireOp::default() },
             Op::SetParameter { drive, number, value } => WireOp {
@@ -352,6 +355,7 @@ impl TryFrom<WireOp> for Op {
             kind::FINDINGS => Op::Findings,
             kind::CLEAR_FINDINGS => Op::ClearFindings,
             kind::BUSES => Op::Buses,
+            kind::SCENE => Op::Scene,
             kind::DRIVES => Op::Drives,
             kind::DRIVE => Op::Drive { drive: plc },
             kind::SET_PARAMETER => Op::SetParameter { drive: plc, number: wire.node, value: time_us as i64 },

@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         return table::print(args.format.format, &rules, rules_text);
     }
     let checked = findings(args)?;
-    let rows: Vec<_> = checked.entries.iter().map(|entry| FindingRow::new(entry, &checked)).collect();
+    let rows: Vec<_> = checked.entries.iter().map(|entry| FindingRow::new(entry, &checked.names)).collect();
     table::print(args.format.format, &rows, |rows| text(rows, &checked))?;
     if checked.entries.iter().any(|entry| entry.last.rule.severity() == Severity::Error) {
         return Err(CliError::Reported);
@@ -83,31 +83,32 @@ fn findings(_args: &Args) -> Result<Checked, CliError> {
 
 /// A rule at a register.
 #[derive(Serialize)]
-struct FindingRow {
-    severity: &'static str,
-    rule: &'static str,
+pub(crate) struct FindingRow {
+    pub severity: &'static str,
+    pub rule: &'static str,
     plc: String,
     /// `None`: all the registers of the rule for which there was no room.
-    register: Option<String>,
+    pub register: Option<String>,
     address: Option<String>,
     value: u32,
     #[serde(skip)]
-    value_text: String,
-    count: u64,
+    pub value_text: String,
+    pub count: u64,
     first_us: u64,
-    last_us: u64,
-    late_us: Option<u32>,
-    text: &'static str,
-    source: &'static str,
+    pub last_us: u64,
+    pub late_us: Option<u32>,
+    pub text: &'static str,
+    pub source: &'static str,
 }
 
 impl FindingRow {
-    fn new(entry: &Entry, checked: &Checked) -> Self {
+    /// What `entry` tells, with these names.
+    pub(crate) fn new(entry: &Entry, names: &Names) -> Self {
         let Entry { last, is_single, count, first_us, last_us, latest_us } = *entry;
-        let (plcs, fitted) = (&checked.names.plcs, checked.names.fitted(last.plc));
+        let (plcs, fitted) = (&names.plcs, names.fitted(last.plc));
         let (plc, prefix) = match last.source() {
             Source::Bus(bus) => {
-                let bus = checked.names.buses.get(usize::from(bus)).cloned().unwrap_or_default();
+                let bus = names.buses.get(usize::from(bus)).cloned().unwrap_or_default();
                 (String::new(), format!("{bus}:"))
             }
             _ => (plcs.get(usize::from(last.plc)).cloned().unwrap_or_default(), plc_prefix(plcs, last.plc)),

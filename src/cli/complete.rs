@@ -10,6 +10,7 @@ use crate::fault::{Field, Form, Kind};
 use crate::layout::{Device, Fit, Fitted, Named, RegisterRef, split_plc, value};
 use clap_complete::engine::CompletionCandidate as Candidate;
 use clap_complete::engine::{ArgValueCompleter, PathCompleter, ValueCompleter};
+use core::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 
@@ -219,8 +220,32 @@ pub(super) fn front_of_last(words: &[OsString]) -> OsString {
     whole(end).pop().unwrap_or_default()
 }
 
+thread_local! {
+    /// The words of a line that this program reads itself, the last one being completed.
+    static LINE: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
+}
+
+/// What `complete` finds for the last of these words of a command line, of which the first one is this program.
+#[cfg(feature = "studio")]
+pub(crate) fn within<T>(words: &[String], complete: impl FnOnce() -> T) -> T {
+    LINE.set(Some(words.to_vec()));
+    let found = complete();
+    LINE.set(None);
+    found
+}
+
+/// Names of registers that begin so, as they can be typed on.
+#[cfg(feature = "studio")]
+pub(crate) fn register_names(current: &str) -> Vec<String> {
+    let name = |candidate: Candidate| candidate.get_value().to_string_lossy().into_owned();
+    registers_with(current, "").into_iter().map(name).collect()
+}
+
 /// The words of the command line.
 fn words() -> Vec<String> {
+    if let Some(words) = LINE.with_borrow(Clone::clone) {
+        return words;
+    }
     let words: Vec<_> = std::env::args_os().skip_while(|word| word != "--").skip(1).collect();
     whole(&words).into_iter().map(|word| word.to_string_lossy().into_owned()).collect()
 }

@@ -269,6 +269,13 @@ pub(crate) enum CliError {
         /// What the system says.
         reason: io::Error,
     },
+    /// There is no terminal to draw on.
+    #[cfg(feature = "studio")]
+    #[error("`{command}` needs a terminal for its input and its output; `commram watch` needs none")]
+    NoTerminal {
+        /// The command.
+        command: &'static str,
+    },
     /// The standard output cannot be written.
     #[error("cannot write the output: {reason}")]
     Output {

@@ -54,6 +54,8 @@ impl CliError {
 
     fn exit(&self) -> Exit {
         match self {
+            #[cfg(feature = "studio")]
+            Self::NoTerminal { .. } => Exit::WrongUse,
             Self::Layout(_)
             | Self::Export(_)
             | Self::Value(_)

@@ -82,13 +82,13 @@ fn entries(fitted: &Fitted) -> impl Iterator<Item = Entry> + use<> {
 }
 
 /// Blanks and the signs that stand for them are one.
-fn folded(text: &str) -> String {
+pub(crate) fn folded(text: &str) -> String {
     text.to_lowercase().replace(['-', '_'], " ")
 }
 
 /// Where the words occur, the smaller the better: in the name, in the name and the meaning, with values and bits;
 /// `None` if one of them occurs nowhere.
-fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
+pub(crate) fn rank(entry: &Entry, words: &[String]) -> Option<u8> {
     let name = folded(&format!("{} {} {} {}", entry.name, entry.address, entry.structure, entry.variable));
     let meaning = format!("{name} {}", folded(entry.meaning));
     let all = format!(

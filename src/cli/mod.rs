@@ -39,6 +39,8 @@ mod poke;
 mod progress;
 mod run;
 mod session;
+#[cfg(feature = "studio")]
+mod shell;
 mod snapshot;
 mod soak;
 mod start;
@@ -49,6 +51,8 @@ mod style;
 mod table;
 mod test;
 mod trace;
+#[cfg(feature = "studio")]
+mod view;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
 mod wait;
 #[cfg_attr(not(feature = "channel"), allow(dead_code, reason = "then it only checks its arguments"))]
@@ -131,6 +135,10 @@ enum Command {
     Dump(dump::Args),
     Diff(diff::Args),
     Watch(watch::Args),
+    #[cfg(feature = "studio")]
+    View(view::Args),
+    #[cfg(feature = "studio")]
+    Shell(shell::Args),
     Fault(fault::Args),
     Trace(trace::Args),
     Test(test::Args),
@@ -201,6 +209,10 @@ impl Command {
             Command::Dump(args) => dump::run(&args),
             Command::Diff(args) => diff::run(&args),
             Command::Watch(args) => watch::run(&args),
+            #[cfg(feature = "studio")]
+            Command::View(args) => view::run(&args),
+            #[cfg(feature = "studio")]
+            Command::Shell(args) => shell::run(&args),
             Command::Fault(args) => fault::run(&args),
             Command::Trace(args) => trace::run(&args),
             Command::Test(args) => test::run(&args),

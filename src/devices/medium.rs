@@ -1,6 +1,8 @@
 //! What a plant knows of a medium: a bus with the ports of devices at it, and whoever else takes part.
 
-use super::{BuildError, Context, Device, DriveDetails, DriveState, GuestRefusal, ParameterRefusal};
+use super::{
+    BuildError, Context, Device, DriveDetails, DriveState, GuestRefusal, Interval, ParameterRefusal,
+};
 use crate::can::{self, BitRate, ErrorCounters, ErrorState};
 use crate::door::{Guest, Said};
 use crate::fault::{Effect, Faults, Hit, Target};
@@ -134,6 +136,14 @@ pub trait Medium: Any + Send + State {
     /// The stations that have power, with the errors that they have counted; none where stations do not count any.
     fn stations(&self) -> Vec<StationState> {
         Vec::new()
+    }
+
+    /// The ports that are attached, in the order in which they were.
+    fn ports(&self) -> Vec<Origin>;
+
+    /// The interval that comes again and again, while it does.
+    fn interval(&self) -> Option<Interval> {
+        None
     }
 
     /// The drives on it, in the order of the plant file: names and how they stand.

@@ -52,6 +52,8 @@ mod registry;
 #[cfg(test)]
 pub(crate) mod samples;
 #[cfg(feature = "emulator")]
+mod scene;
+#[cfg(feature = "emulator")]
 pub mod settings;
 #[cfg(feature = "emulator")]
 mod shown;
@@ -81,6 +83,8 @@ pub use module::{Led, ModuleFront, ReadModule, Switch, modules};
 #[cfg(feature = "emulator")]
 pub use plain::{Firmware, Plain};
 pub use registry::{RegisterError, Registered, all, attach, board_of, default, find, of_hash, register};
+#[cfg(feature = "emulator")]
+pub use scene::{Interval, Slot};
 #[cfg(feature = "emulator")]
 pub use settings::{BuildError, SettingError};
 

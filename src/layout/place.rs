@@ -80,7 +80,7 @@ impl Place {
 
     /// The register at exactly this place in phase `live`; none if the place is a part of a register, or
     /// more than one.
-    fn exact(&self, live: Live) -> Option<RegisterRef> {
+    pub(crate) fn exact(&self, live: Live) -> Option<RegisterRef> {
         let exact = |found: &&RegisterRef| found.address() == self.address;
         let live_ones = || self.registers.iter().filter(|found| is_live(found, live));
         live_ones().find(exact).or(self.registers.iter().find(exact)).copied()

@@ -3,6 +3,7 @@
 use super::doors;
 use super::drives;
 use super::register::{Register, device_of, known_plc};
+use super::scene;
 use super::travel;
 use super::{Code, Host, MAX_ADVANCE_US, MAX_CONDITIONS, MAX_RANGE, MAX_RECORDS, Op, Refused, Reply, Waited};
 use crate::fault::FaultError;
@@ -186,6 +187,7 @@ impl Execution {
                 Reply::Cleared
             }
             Op::Buses => doors::buses(host),
+            Op::Scene => scene::scene(host),
             Op::Drives => drives::drives(host),
             Op::Drive { drive } => drives::drive(host, drive)?,
             Op::SetParameter { drive, number, value } => drives::set(host, drive, number, value)?,

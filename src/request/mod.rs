@@ -16,6 +16,7 @@ mod op;
 mod refused;
 mod register;
 mod reply;
+mod scene;
 #[cfg(test)]
 pub(crate) mod testing;
 mod travel;
@@ -24,5 +25,5 @@ pub use exec::Execution;
 pub use host::Host;
 pub use op::{MAX_ADVANCE_US, MAX_CONDITIONS, MAX_OPS, MAX_RANGE, MAX_RECORDS, Op};
 pub use refused::{Code, Refused};
-pub use reply::{BusState, DriveEntry, InstanceInfo, Reply, Station, Stranger, Waited, WrongReply};
+pub use reply::{BusScene, BusState, DriveEntry, InstanceInfo, Reply, Station, Stranger, Waited, WrongReply};
 pub use travel::Travel;

@@ -222,6 +222,8 @@ pub enum Op {
         /// Its new value.
         value: i64,
     },
+    /// Asks what is going on at the buses: their intervals and ports. Answered by [`Reply::Scene`](super::Reply::Scene).
+    Scene,
     /// Opens a door to a bus. Answered by [`Reply::DoorOpened`](super::Reply::DoorOpened).
     DoorOpen {
         /// Number of the bus.
@@ -321,6 +323,7 @@ impl Op {
             | Op::Buses
             | Op::Drives
             | Op::Drive { .. }
+            | Op::Scene
             | Op::Time
             | Op::Info
             | Op::Stop => true,

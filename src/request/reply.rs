@@ -1,7 +1,7 @@
 //! The replies.
 
 use super::Refused;
-use crate::devices::{DriveDetails, DriveState};
+use crate::devices::{DriveDetails, DriveState, Interval};
 use crate::door::{DoorSpec, DoorState};
 use crate::fault::FaultStatus;
 use crate::journal::{Change, Entry, Names, Record, Turn};
@@ -74,6 +74,8 @@ pub enum Reply {
     Drives(Vec<DriveEntry>),
     /// All that is to be seen of a drive.
     Drive(Box<DriveDetails>),
+    /// What is going on at the buses, in the order of their numbers.
+    Scene(Vec<BusScene>),
     /// A door is open.
     DoorOpened(DoorSpec),
     /// Doors were closed.
@@ -100,6 +102,21 @@ pub struct DriveEntry {
     pub bus: Option<String>,
     /// How it stands.
     pub state: DriveState,
+}
+
+/// What is going on at a bus.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BusScene {
+    /// Its name.
+    pub name: String,
+    /// Its kind, as in the plant file.
+    pub kind: String,
+    /// The rate that it runs at now, in bit/s.
+    pub bit_s: u32,
+    /// The interval that comes again and again, while it does.
+    pub interval: Option<Interval>,
+    /// The ports of PLCs that are plugged in: `line:node2`.
+    pub ports: Vec<String>,
 }
 
 /// What there is to know of a bus.
@@ -246,6 +263,8 @@ contents! {
     cleared: Reply::Cleared => (), ();
     /// The buses.
     buses: Reply::Buses(buses) => buses, Vec<BusState>;
+    /// What is going on at the buses.
+    scene: Reply::Scene(buses) => buses, Vec<BusScene>;
     /// A door that was opened, with its real port or number.
     door_opened: Reply::DoorOpened(door) => door, DoorSpec;
     /// How many doors were closed.

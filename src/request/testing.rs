@@ -58,9 +58,12 @@ pub(crate) struct TestHost {
 
 impl TestHost {
     pub(crate) fn new(is_stepped: bool) -> Self {
-        let config = PlantConfig::parse("test", PLANT).unwrap();
+        Self::of(&PlantConfig::parse("test", PLANT).unwrap(), is_stepped)
+    }
+
+    pub(crate) fn of(config: &PlantConfig, is_stepped: bool) -> Self {
         Self {
-            plant: Plant::new(&config, |_plc, device| Ok::<_, NoPlant>(Segment::of(device))).unwrap(),
+            plant: Plant::new(config, |_plc, device| Ok::<_, NoPlant>(Segment::of(device))).unwrap(),
             is_stepped,
             stop: Arc::default(),
             script: Vec::new(),

@@ -121,7 +121,7 @@ fn run_text(
     }
 }
 
-fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
+pub(super) fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
     engine.set_max_operations(limits.operations);
     engine.on_progress(move |operations| {
         let look = operations.is_multiple_of(OPERATIONS_PER_LOOK);
@@ -135,7 +135,7 @@ fn limit(engine: &mut Engine, limits: Limits, start: Instant) {
 }
 
 /// What an error of the engine says about the scenario.
-fn ended(
+pub(super) fn ended(
     error: &EvalAltResult,
     file: &Path,
     directory: &Path,
@@ -193,12 +193,12 @@ fn failure_at(failure: Failure, place: Place) -> Outcome {
 }
 
 /// The script is wrong.
-fn broken(why: &dyn core::fmt::Display, location: Place) -> Outcome {
+pub(super) fn broken(why: &dyn core::fmt::Display, location: Place) -> Outcome {
     Outcome::Broken(Box::new(Mistake { what: cut(why.to_string(), LONGEST_TEXT), location }))
 }
 
 /// A line of a script.
-fn place(file: &Path, line: Option<usize>) -> Place {
+pub(super) fn place(file: &Path, line: Option<usize>) -> Place {
     let text = |line: usize| {
         let text = handed_in::read(file, handed_in::LONGEST_SCRIPT).ok()?;
         text.lines().nth(line.checked_sub(1)?).map(|text| text.trim().to_owned())

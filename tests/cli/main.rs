@@ -42,3 +42,4 @@ mod soak;
 mod starting;
 mod trace;
 mod travel;
+mod viewers;

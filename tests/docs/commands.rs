@@ -50,6 +50,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("commram test ", "it wants scenarios of one's own; tests/cli/scenarios.rs runs those of the project"),
     ("matiec/iec2c", "tests/export/matiec.rs compiles"),
     ("cc ", "tests/export/c.rs compiles"),
+    ("commram view", "it needs a terminal; src/cli/view/tests has one of its own"),
     ("commram run", "an emulator runs already; tests/cli/instances.rs starts them"),
 ];
 

@@ -79,6 +79,7 @@ impl ReplyBuffer {
             }
             Reply::Cleared => self.append(only(reply_kind::CLEARED), &[]),
             Reply::Buses(buses) => self.append(only(reply_kind::BUSES), &own::encode(buses)),
+            Reply::Scene(buses) => self.append(only(reply_kind::SCENE), &own::encode(buses)),
             Reply::Drives(drives) => self.append(only(reply_kind::DRIVES), &own::encode(drives)),
             Reply::Drive(drive) => self.append(only(reply_kind::DRIVE), &own::encode(&**drive)),
             Reply::DoorOpened(door) => self.append(only(reply_kind::DOOR_OPENED), &own::encode(door)),
@@ -179,6 +180,7 @@ fn decode_one(head: &Block, data: &[u8]) -> Option<Reply> {
         reply_kind::FINDINGS => Reply::Findings(entries(data)?),
         reply_kind::CLEARED => Reply::Cleared,
         reply_kind::BUSES => Reply::Buses(own::decode(data)?),
+        reply_kind::SCENE => Reply::Scene(own::decode(data)?),
         reply_kind::DRIVES => Reply::Drives(own::decode(data)?),
         reply_kind::DRIVE => Reply::Drive(Box::new(own::decode(data)?)),
         reply_kind::DOOR_OPENED => Reply::DoorOpened(own::decode(data)?),

@@ -1,6 +1,6 @@
 use super::*;
 use crate::devices;
-use crate::devices::{DriveDetails, DriveState, ParameterState};
+use crate::devices::{DriveDetails, DriveState, Interval, ParameterState, Slot};
 use crate::door::{DoorSpec, DoorState, GuestState};
 use crate::fault::{
     Draft, Fault, FaultStatus, MAX_AT_US, MAX_DURATION_US, MAX_FIELDS, MAX_PARTICIPANT, Target,
@@ -8,7 +8,9 @@ use crate::fault::{
 use crate::journal::{By, Change, Changed, How, Keep, Names, Turn};
 use crate::layout::{Fit, Fitted, Live, Role};
 use crate::plant::Forced;
-use crate::request::{BusState, Code, DriveEntry, InstanceInfo, Refused, Reply, Station, Stranger, Waited};
+use crate::request::{
+    BusScene, BusState, Code, DriveEntry, InstanceInfo, Refused, Reply, Station, Stranger, Waited,
+};
 use proptest::prelude::*;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -68,6 +70,7 @@ fn op() -> impl Strategy<Value = Op> {
         }),
         any::<(u64, u32)>().prop_map(|(from, max)| Op::Changes { from, max }),
         Just(Op::Buses),
+        Just(Op::Scene),
         Just(Op::Drives),
         any::<u16>().prop_map(|drive| Op::Drive { drive }),
         any::<(u16, u16, i64)>().prop_map(|(drive, number, value)| Op::SetParameter { drive, number, value }),
@@ -103,6 +106,15 @@ fn door() -> impl Strategy<Value = DoorSpec> {
 fn frame() -> impl Strategy<Value = Frame> {
     (any::<u32>(), 0..=8_u8, any::<u64>())
         .prop_filter_map("a frame", |(id, length, data)| Frame::of_numbers(id, length, data))
+}
+
+fn bus_scene() -> impl Strategy<Value = BusScene> {
+    let slot = (".*", any::<u32>()).prop_map(|(name, start_us)| Slot { name, start_us });
+    let interval = (any::<u32>(), proptest::collection::vec(slot, 0..3));
+    let interval = interval.prop_map(|(us, slots)| Interval { us, slots });
+    let ports = proptest::collection::vec(".*", 0..3);
+    let bus = (".*", ".*", any::<u32>(), proptest::option::of(interval), ports);
+    bus.prop_map(|(name, kind, bit_s, interval, ports)| BusScene { name, kind, bit_s, interval, ports })
 }
 
 fn buses() -> impl Strategy<Value = Vec<BusState>> {
@@ -277,6 +289,7 @@ fn reply() -> impl Strategy<Value = Reply> {
         any::<[u32; 10]>().prop_map(|numbers| Reply::Board(zerocopy::transmute!(numbers))),
         Just(Reply::Cleared),
         buses().prop_map(Reply::Buses),
+        proptest::collection::vec(bus_scene(), 0..3).prop_map(Reply::Scene),
         proptest::collection::vec(drive_entry(), 0..3).prop_map(Reply::Drives),
         (drive_state(), proptest::collection::vec(parameter(), 0..3), any::<Vec<(u8, u16)>>()).prop_map(
             |(state, parameters, card)| Reply::Drive(Box::new(DriveDetails { state, parameters, card }))

@@ -154,19 +154,24 @@ pub(crate) fn of_area(fitted: &Fitted, area: &'static Area) -> Vec<Entry> {
     if area.structures.is_empty() {
         return vec![plain(area)];
     }
-    let mut entries: Vec<Entry> = Vec::new();
-    let mut seen: Vec<(&str, u32)> = Vec::new();
+    firsts(fitted, area).iter().map(of_array).collect()
+}
+
+/// The registers of an area, of each array the first one; a register that several of its structures share is given once.
+pub(crate) fn firsts(fitted: &Fitted, area: &'static Area) -> Vec<RegisterRef> {
+    let mut firsts: Vec<RegisterRef> = Vec::new();
     let role = fitted.area(area).role();
     for placed in fitted.placed(area) {
         for register in placed.structure.registers {
-            let key = (register.name, register.offset);
-            if !seen.contains(&key) {
-                seen.push(key);
-                entries.push(of_array(&RegisterRef { area, placed, register, index: [0; 2], role }));
+            let same = |known: &RegisterRef| {
+                (known.register.name, known.register.offset) == (register.name, register.offset)
+            };
+            if !firsts.iter().any(same) {
+                firsts.push(RegisterRef { area, placed, register, index: [0; 2], role });
             }
         }
     }
-    entries
+    firsts
 }
 
 /// The entries of registers; those of a whole array become one.
@@ -201,7 +206,7 @@ pub(crate) fn of_register(register: &RegisterRef) -> Entry {
 }
 
 /// The entry of a register or a whole array, which `first` is the first of.
-fn of_array(first: &RegisterRef) -> Entry {
+pub(crate) fn of_array(first: &RegisterRef) -> Entry {
     let RegisterRef { area, register, .. } = *first;
     Entry {
         name: format!("{}.{}", first.front(), register.pattern()),

@@ -178,6 +178,11 @@ impl Medium for CanBus {
         present.map(|end| StationState { origin: end.origin, errors: end.controller.errors() }).collect()
     }
 
+    fn ports(&self) -> Vec<Origin> {
+        let all = self.stations.all().iter().map(|end| end.origin);
+        all.filter(|origin| origin.guest().is_none()).collect()
+    }
+
     fn bit_s(&self) -> u32 {
         self.wire.as_ref().map_or(0, |wire| wire.rate().bit_s())
     }

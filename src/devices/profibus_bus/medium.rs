@@ -315,6 +315,10 @@ impl Medium for ProfibusBus {
         self.ends[place].watch.written(offset, bytes, now, journal);
     }
 
+    fn ports(&self) -> Vec<Origin> {
+        self.ends.iter().map(|end| end.origin).collect()
+    }
+
     fn bit_s(&self) -> u32 {
         self.rate.bit_s()
     }

@@ -4,13 +4,16 @@ use super::agenda::Slot;
 use super::end::{End, Place, Socket, SocketRole};
 use super::rates::report_mismatch;
 use super::{FAMILY, Sender, SimBus, Station};
+use crate::devices;
 use crate::devices::can_faults;
+use crate::devices::cansync::BaudRate;
 use crate::devices::cansync::drive::Drive;
 use crate::devices::cansync::faults::Effect;
 use crate::devices::cansync::firmware::Change;
 use crate::devices::cansync::records::DriveSet;
 use crate::devices::{
-    BuildError, DriveDetails, DriveState, GuestRefusal, Medium, ParameterRefusal, Stranger, SyncSignal, World,
+    BuildError, DriveDetails, DriveState, GuestRefusal, Interval, Medium, ParameterRefusal, Stranger,
+    SyncSignal, World,
 };
 use crate::door::Said;
 use crate::fault::{self, Faults, Hit, Target};
@@ -142,6 +145,29 @@ impl Medium for SimBus {
 
     fn event(&mut self, world: &mut World) -> Option<SyncSignal> {
         if self.slot_due(world) { self.running.as_ref().map(|running| running.signal) } else { None }
+    }
+
+    fn ports(&self) -> Vec<Origin> {
+        let masters = self.masters.iter().map(|end| end.origin);
+        masters.chain(self.slaves.iter().map(|end| end.origin)).collect()
+    }
+
+    fn interval(&self) -> Option<Interval> {
+        let timing = self.running.as_ref()?.timing;
+        let slot = |(name, start_us): (&str, u32)| devices::Slot::new(name, start_us);
+        let BaudRate { t_RC, t_WRC1, t_RDC1, t_WRC2, t_RDC2, t_CC, .. } = *timing;
+        let all = [
+            ("RC", t_RC),
+            ("WRC1", t_WRC1),
+            ("RDC1", t_RDC1),
+            ("WRC2", t_WRC2),
+            ("RDC2", t_RDC2),
+            ("CC", t_CC),
+        ];
+        Some(Interval {
+            us: u32::from(timing.b_TIME_PATTERN) * 1000,
+            slots: all.into_iter().map(slot).collect(),
+        })
     }
 
     fn bit_s(&self) -> u32 {

@@ -1,0 +1,226 @@
+//! `commram shell`: a prompt for commands and for the language of scenarios.
+
+mod edit;
+mod history;
+mod words;
+
+use super::error::CliError;
+use super::exit::Exit;
+use super::session::Session;
+use super::{Cli, Command, Instance, output};
+use crate::script::{Bench, Lines, Outcome};
+use clap::builder::Resettable;
+use clap::{ArgAction, CommandFactory, FromArgMatches};
+use edit::{Read, Typed};
+use std::io::{self, BufRead, IsTerminal};
+use std::path::Path;
+
+/// How long a verb may let the time pass before the shell stops waiting for its reply: an hour of emulated time.
+const LONGEST_US: u64 = 3_600_000_000;
+
+/// Type commands and verbs of scenarios, one after the other.
+///
+/// A line is a command of this program without its name, about the shell's instance, or a piece of a scenario: verbs,
+/// variables, loops. Tab completes commands, verbs, registers and what their values are called; the arrows go through what was
+/// typed before. Lines that do not come from a terminal are done until one fails, whose number is told and whose exit code the
+/// shell ends with.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  commram shell
+  echo 'peek node2.w_CANsync_STATUS' | commram shell
+  commram shell -i press-1 < bring-up.txt
+
+Lines:
+  poke node2.w_CPU_CONTROL=16#0001
+  wait(\"node2.w_OPTION_STATUS\", 2, \"10ms\")
+  let before = peek(\"node2.a_RD_BMARRAY[1][0]\")")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    instance: Instance,
+}
+
+/// What came of a line.
+enum End {
+    /// Go on.
+    On,
+    /// It failed: the exit code.
+    Failed(u8),
+}
+
+/// Reads lines and does what they say.
+pub(crate) fn run(args: &Args) -> Result<(), CliError> {
+    // Is anybody there?
+    drop(Session::open(&args.instance, 0)?);
+    let mut shell = Shell { instance: args.instance.clone(), lines: None };
+    if io::stdin().is_terminal() { shell.read_terminal() } else { shell.read_pipe() }
+}
+
+struct Shell {
+    instance: Instance,
+    /// Once a verb was used.
+    lines: Option<Lines>,
+}
+
+impl Shell {
+    fn read_pipe(&mut self) -> Result<(), CliError> {
+        let (mut piece, mut begin) = (String::new(), 1);
+        let mut lines = (1..).zip(io::stdin().lock().lines());
+        loop {
+            let next = lines.next();
+            let is_last = next.is_none();
+            if let Some((number, line)) = next {
+                let line = line.map_err(|reason| CliError::Argument {
+                    text: format!("line {number}"),
+                    right: format!("it cannot be read: {reason}"),
+                })?;
+                if piece.is_empty() {
+                    begin = number;
+                }
+                piece += &line;
+                piece.push('\n');
+                if words::is_open(&piece) {
+                    continue;
+                }
+            }
+            if let End::Failed(code) = self.line(&core::mem::take(&mut piece)) {
+                output::complain(&format!("line {begin} failed; what follows was not done"));
+                return Err(CliError::Ended { code });
+            }
+            if is_last {
+                return Ok(());
+            }
+        }
+    }
+
+    fn read_terminal(&mut self) -> Result<(), CliError> {
+        let mut read = Read::new(self.instance.name(), command(self.instance.name()))?;
+        loop {
+            match read.next()? {
+                Typed::Line(line) => {
+                    self.line(&line);
+                }
+                Typed::Nothing => {}
+                Typed::End => return Ok(()),
+            }
+        }
+    }
+
+    /// Does a line, and says what went wrong.
+    fn line(&mut self, line: &str) -> End {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with("//") || line.starts_with('#') {
+            return End::On;
+        }
+        match words::of_command(line, &command(self.instance.name())) {
+            Some(Ok(words)) => self.command(words),
+            Some(Err(why)) => {
+                output::complain(why);
+                End::Failed(Exit::WrongUse.code())
+            }
+            None => self.piece(line),
+        }
+    }
+
+    fn command(&mut self, words: Vec<String>) -> End {
+        let parsed = command(self.instance.name()).try_get_matches_from(words);
+        let parsed = parsed.and_then(|matches| Cli::from_arg_matches(&matches));
+        let outcome = match parsed {
+            Ok(Cli { command: Command::Shell(_), .. }) => {
+                output::complain("this is a shell already");
+                return End::Failed(Exit::WrongUse.code());
+            }
+            Ok(cli) => cli.command.run(),
+            Err(error) if error.use_stderr() => {
+                let text = error.render().to_string();
+                output::complain(text.strip_prefix("error: ").unwrap_or(&text).trim_end());
+                return End::Failed(Exit::WrongUse.code());
+            }
+            Err(help) => output::print(&help.render().to_string()),
+        };
+        match outcome {
+            Ok(()) => End::On,
+            Err(error) => {
+                if !error.is_told() {
+                    output::complain(&error.to_string());
+                }
+                End::Failed(error.exit_code())
+            }
+        }
+    }
+
+    /// A piece of a scenario.
+    fn piece(&mut self, text: &str) -> End {
+        let outcome = match self.lines() {
+            Ok(lines) => lines.run(text),
+            Err(error) => {
+                output::complain(&error.to_string());
+                return End::Failed(error.exit_code());
+            }
+        };
+        let (why, exit) = match outcome {
+            Ok(None) => return End::On,
+            Ok(Some(value)) => match output::print(&format!("{value}\n")) {
+                Ok(()) => return End::On,
+                Err(error) => return End::Failed(error.exit_code()),
+            },
+            Err(outcome) => match *outcome {
+                Outcome::Failed(failure) => (failure.to_string(), Exit::Failed),
+                Outcome::Broken(mistake) => (mistake.what, Exit::WrongUse),
+                other => (other.name().to_owned(), Exit::Failed),
+            },
+        };
+        output::complain(&why);
+        // The emulator may have been replaced; what was declared goes with the connection.
+        if Session::open(&Instance::running(self.instance.name()), 0).is_err() {
+            self.lines = None;
+        }
+        End::Failed(exit.code())
+    }
+
+    fn lines(&mut self) -> Result<&mut Lines, CliError> {
+        let lines = match self.lines.take() {
+            Some(lines) => lines,
+            None => {
+                let client = Session::open(&self.instance, LONGEST_US)?.into_client()?;
+                Lines::new(Bench::attach(client)?, Path::new("."), |line| {
+                    // If nobody reads it, the next line that is shown tells.
+                    let _ = output::print(line);
+                })
+            }
+        };
+        Ok(self.lines.insert(lines))
+    }
+}
+
+/// The program's own command line, without its name, about this instance.
+fn command(instance: &str) -> clap::Command {
+    fn about(command: clap::Command, instance: &str) -> clap::Command {
+        let command = command.mut_args(|arg| {
+            let is_instance = arg.get_long() == Some("instance") && !arg.get_default_values().is_empty();
+            if is_instance { arg.default_value(instance.to_owned()).env(Resettable::Reset) } else { arg }
+        });
+        command.mut_subcommands(|command| about(command, instance))
+    }
+    // `--color` was read before the shell began.
+    about(Cli::command(), instance).no_binary_name(true).mut_args(|arg| match arg.get_action() {
+        ArgAction::Version => arg.hide(true),
+        _ => arg,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_about_the_instance_of_the_shell() {
+        let parse = |words: &[&str]| command("press-1").try_get_matches_from(words).unwrap();
+        let instance = |words: &[&str]| {
+            let matches = parse(words);
+            matches.subcommand().and_then(|(_, own)| own.get_one::<String>("name").cloned())
+        };
+        assert_eq!(instance(&["peek", "node2.w_CPU_CONTROL"]).as_deref(), Some("press-1"));
+        assert_eq!(instance(&["peek", "node2.w_CPU_CONTROL", "-i", "other"]).as_deref(), Some("other"));
+    }
+}

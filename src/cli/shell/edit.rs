@@ -1,0 +1,167 @@
+//! Lines that somebody types at a terminal: edited, completed, kept.
+
+use super::{history, words};
+use crate::cli::complete;
+use crate::cli::error::CliError;
+use crate::script;
+use clap_complete::engine;
+use rustyline::completion::{Completer, Pair};
+use rustyline::error::ReadlineError;
+use rustyline::highlight::Highlighter;
+use rustyline::hint::Hinter;
+use rustyline::history::FileHistory;
+use rustyline::validate::{ValidationContext, ValidationResult, Validator};
+use rustyline::{CompletionType, Config, Context, Editor, Helper};
+use std::ffi::OsString;
+use std::io;
+use std::path::PathBuf;
+
+/// What was typed.
+pub(super) enum Typed {
+    /// A line, or several that belong together.
+    Line(String),
+    /// It was given up.
+    Nothing,
+    /// Nothing more will come.
+    End,
+}
+
+/// Reads from the terminal.
+pub(super) struct Read {
+    editor: Editor<Helping, FileHistory>,
+    prompt: String,
+    history: Option<PathBuf>,
+}
+
+impl Read {
+    /// About an instance; `command` is the command line that is completed.
+    pub(super) fn new(instance: &str, command: clap::Command) -> Result<Self, CliError> {
+        let config = Config::builder().completion_type(CompletionType::List).auto_add_history(false).build();
+        let mut editor = Editor::with_config(config).map_err(failed)?;
+        editor.set_helper(Some(Helping { instance: instance.to_owned(), command }));
+        let history = history::file();
+        if let Some(file) = &history {
+            // Without it there is nothing to go through.
+            let _ = editor.load_history(file);
+        }
+        Ok(Self { editor, prompt: format!("{instance}> "), history })
+    }
+
+    /// The next line.
+    pub(super) fn next(&mut self) -> Result<Typed, CliError> {
+        match self.editor.readline(&self.prompt) {
+            Ok(line) => {
+                if self.editor.add_history_entry(&line).unwrap_or(false)
+                    && let Some(file) = &self.history
+                {
+                    // What cannot be kept is still there as long as the shell is.
+                    let _ = self.editor.append_history(file);
+                }
+                Ok(Typed::Line(line))
+            }
+            Err(ReadlineError::Interrupted) => Ok(Typed::Nothing),
+            Err(ReadlineError::Eof) => Ok(Typed::End),
+            Err(error) => Err(failed(error)),
+        }
+    }
+}
+
+fn failed(error: ReadlineError) -> CliError {
+    CliError::Output { reason: io::Error::other(error) }
+}
+
+struct Helping {
+    instance: String,
+    command: clap::Command,
+}
+
+impl Helper for Helping {}
+
+impl Hinter for Helping {
+    type Hint = String;
+}
+
+impl Highlighter for Helping {}
+
+impl Validator for Helping {
+    fn validate(&self, context: &mut ValidationContext<'_>) -> rustyline::Result<ValidationResult> {
+        let text = context.input();
+        let goes_on = !words::is_command(text, &self.command) && words::is_open(text);
+        Ok(if goes_on { ValidationResult::Incomplete } else { ValidationResult::Valid(None) })
+    }
+}
+
+impl Completer for Helping {
+    type Candidate = Pair;
+
+    fn complete(&self, line: &str, at: usize, _: &Context<'_>) -> rustyline::Result<(usize, Vec<Pair>)> {
+        let before = line.get(..at).unwrap_or(line);
+        let (begin, names) = completed(before, &self.instance, &self.command);
+        let pair = |name: String| Pair { display: name.clone(), replacement: name };
+        Ok((begin, names.into_iter().map(pair).collect()))
+    }
+}
+
+/// What can stand at the end of a line, and where that begins.
+fn completed(before: &str, instance: &str, command: &clap::Command) -> (usize, Vec<String>) {
+    let about = |mut words: Vec<String>| {
+        words.splice(0..0, ["commram", "-i", instance].map(str::to_owned));
+        words
+    };
+    if words::is_command(before, command) && before.contains(char::is_whitespace) {
+        let begin = before.rfind(char::is_whitespace).map_or(0, |at| at + 1);
+        let (Some(mut words), word) = (words::split(&before[..begin]), &before[begin..]) else {
+            return (begin, Vec::new());
+        };
+        let quote = word.starts_with(['\'', '"']);
+        words.push(word.trim_start_matches(['\'', '"']).to_owned());
+        let arguments: Vec<_> = words.iter().map(OsString::from).collect();
+        let index = arguments.len().saturating_sub(1);
+        let find = || engine::complete(&mut command.clone(), arguments, index, None);
+        let found = complete::within(&about(words), find).unwrap_or_default();
+        let names = found.iter().map(|candidate| candidate.get_value().to_string_lossy().into_owned());
+        return (begin + usize::from(quote), names.collect());
+    }
+    if let Some(begin) = words::open_text(before) {
+        let word = &before[begin..];
+        let names = complete::within(&about(vec![word.to_owned()]), || complete::register_names(word));
+        return (begin, names);
+    }
+    let begin = before
+        .rfind(|sign: char| !sign.is_alphanumeric() && !matches!(sign, '_' | '-'))
+        .map_or(0, |at| at + 1);
+    let word = before.get(begin..).unwrap_or_default();
+    let commands = command.get_subcommands().filter(|command| begin == 0 && !command.is_hide_set());
+    let commands = commands.map(|command| command.get_name().to_owned());
+    let verbs = script::verbs().into_iter().map(|verb| format!("{}(", verb.name));
+    let mut names: Vec<_> = commands.chain(verbs).filter(|name| name.starts_with(word)).collect();
+    names.sort();
+    names.dedup();
+    (begin, names)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn complete(before: &str) -> (usize, Vec<String>) {
+        completed(before, "no-such-instance", &super::super::command("no-such-instance"))
+    }
+
+    #[test]
+    fn commands_and_verbs_are_completed_where_they_can_stand() {
+        assert_eq!(complete("pee"), (0, vec!["peek".to_owned(), "peek(".to_owned()]));
+        assert_eq!(complete("let x = pee"), (8, vec!["peek(".to_owned()]));
+    }
+
+    #[test]
+    fn registers_and_values_are_completed_in_commands_and_in_texts() {
+        assert_eq!(complete("peek node2.w_OPTION_S"), (5, vec!["node2.w_OPTION_STATUS".to_owned()]));
+        assert_eq!(complete("peek(\"node2.w_OPTION_S"), (6, vec!["node2.w_OPTION_STATUS".to_owned()]));
+        assert_eq!(
+            complete("poke node2.w_CPU_CONTROL=hand"),
+            (5, vec!["node2.w_CPU_CONTROL=handshake".to_owned()])
+        );
+        assert_eq!(complete("peek --ra"), (5, vec!["--raw".to_owned()]));
+    }
+}

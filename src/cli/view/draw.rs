@@ -1,0 +1,145 @@
+//! The screen: what stands at its top and its bottom, the pane in between, and what lies over it.
+
+use super::actions::{self, Pane};
+use super::model::{Contact, Hot, Model};
+use super::panes;
+use super::prompt::{Asked, Prompt};
+use super::style::{Theme, cut, padded};
+use crate::time;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Clear, Paragraph};
+
+/// Draws everything.
+pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
+    model.hot.clear();
+    let [head, tabs, pane, foot] = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Length(1),
+        Constraint::Min(0),
+        Constraint::Length(1),
+    ])
+    .areas(frame.area());
+    frame.render_widget(Paragraph::new(head_line(model, theme, usize::from(head.width))), head);
+    draw_tabs(frame, model, theme, tabs);
+    panes::draw(frame, model, theme, pane);
+    frame.render_widget(Paragraph::new(foot_line(model, theme)), foot);
+    match &model.prompt {
+        Some(Prompt::Text(asked)) => ask(frame, asked, theme, pane),
+        Some(Prompt::Really(question, _)) => {
+            let lines = vec![Line::from(question.clone() + "?"), Line::styled("y: yes   n: no", theme.dim())];
+            over(frame, " really? ", lines, theme, pane);
+        }
+        Some(Prompt::Find) | None => {}
+    }
+    if model.help {
+        help(frame, theme, frame.area());
+    }
+}
+
+/// Which instance, its clock, how it is.
+fn head_line(model: &Model, theme: Theme, width: usize) -> Line<'static> {
+    let mut left = format!(" commram view  {}", model.instance);
+    if let Some(info) = &model.info {
+        let speed = match info.speed {
+            _ if info.is_stepped => "stepped".to_owned(),
+            1000 => "real time".to_owned(),
+            permille => format!("{}.{:03} times real time", permille / 1000, permille % 1000),
+        };
+        left += &format!("  {}  {speed}", time::seconds(info.time_us));
+        if let Some(whom) = &info.waits_for {
+            left += &format!("  waits for {whom}");
+        }
+    }
+    if model.read_only {
+        left += "  read only";
+    }
+    let (how, style) = match &model.contact {
+        Contact::Connecting => ("connecting ".to_owned(), theme.dim()),
+        Contact::Live => ("live ".to_owned(), theme.good()),
+        Contact::Busy => ("busy with somebody else's time ".to_owned(), theme.warning()),
+        Contact::Absent(_) => ("gone, waiting for it ".to_owned(), theme.bad()),
+    };
+    let left = padded(&left, width.saturating_sub(how.chars().count()));
+    Line::from(vec![Span::styled(left, theme.head()), Span::styled(how, style)])
+}
+
+fn draw_tabs(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
+    let mut x = area.x;
+    for (number, pane) in (1..).zip(Pane::ALL) {
+        let text = format!(" {number} {} ", pane.name());
+        let width = text.len() as u16;
+        let place = Rect { x, width: width.min(area.right().saturating_sub(x)), ..area };
+        let style = if pane == model.pane { theme.chosen() } else { theme.dim() };
+        frame.render_widget(Paragraph::new(Span::styled(text, style)), place);
+        model.hot.push((place, Hot::Tab(pane)));
+        x = x.saturating_add(width);
+    }
+}
+
+/// A word to the user, else the keys that there are.
+fn foot_line(model: &Model, theme: Theme) -> Line<'static> {
+    if let Contact::Absent(why) = &model.contact {
+        return Line::styled(format!(" {why}"), theme.bad());
+    }
+    match &model.message {
+        Some(message) => {
+            let style = if message.is_bad { theme.bad() } else { theme.plain() };
+            Line::styled(format!(" {}", message.text), style)
+        }
+        None => Line::styled(
+            " / find  Space pin  p poke  f force  s step  n SYNC  w wait  ? help  q quit",
+            theme.dim(),
+        ),
+    }
+}
+
+fn ask(frame: &mut Frame, asked: &Asked, theme: Theme, area: Rect) {
+    let mut lines = vec![Line::from(format!("{}\u{2588}", asked.text))];
+    match &asked.wrong {
+        Some(wrong) => lines.push(Line::styled(wrong.clone(), theme.bad())),
+        None => lines.push(Line::styled("Enter: go on   Esc: leave it", theme.dim())),
+    }
+    lines.extend(asked.hints().into_iter().take(8).map(|hint| Line::styled(hint, theme.dim())));
+    over(frame, &format!(" {} ", asked.head), lines, theme, area);
+}
+
+/// All keys, in as many columns as there is room for.
+fn help(frame: &mut Frame, theme: Theme, area: Rect) {
+    let told = actions::told();
+    let keys = told.iter().map(|(keys, ..)| keys.chars().count()).max().unwrap_or(0);
+    let room = usize::from(area.height.saturating_sub(2)).max(1);
+    let columns = told.len().div_ceil(room).max(1);
+    let width = usize::from(area.width.saturating_sub(2)) / columns;
+    let cell = |(key, text, _): &(String, &str, &str)| {
+        vec![
+            Span::styled(format!(" {} ", padded(key, keys)), theme.head()),
+            Span::raw(padded(text, width.saturating_sub(keys + 2))),
+        ]
+    };
+    let lines = (0..room).map(|line| {
+        let cells = told.iter().skip(line).step_by(room);
+        Line::from(cells.flat_map(cell).collect::<Vec<_>>())
+    });
+    let block = Block::bordered().title(" keys; any key ends this ").border_style(theme.dim());
+    frame.render_widget(Clear, area);
+    frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()).block(block), area);
+}
+
+/// A box in the middle.
+fn over(frame: &mut Frame, title: &str, lines: Vec<Line<'static>>, theme: Theme, area: Rect) {
+    let longest = lines.iter().map(Line::width).chain([title.chars().count()]).max().unwrap_or(0);
+    let width = (longest + 4).clamp(24, usize::from(area.width)) as u16;
+    let height = (lines.len() + 2).min(usize::from(area.height)) as u16;
+    let place = Rect {
+        x: area.x + (area.width - width.min(area.width)) / 2,
+        y: area.y + (area.height - height) / 3,
+        width: width.min(area.width),
+        height,
+    };
+    let title = cut(title, usize::from(place.width.saturating_sub(2)));
+    let block = Block::bordered().title(title).border_style(theme.warning());
+    frame.render_widget(Clear, place);
+    frame.render_widget(Paragraph::new(lines).block(block), place);
+}

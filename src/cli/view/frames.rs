@@ -1,0 +1,163 @@
+//! What was on the buses, interval by interval.
+
+use super::list::List;
+use crate::can::wire;
+use crate::devices;
+use crate::journal::text::Text;
+use crate::journal::{Format, Names, Record, Ring, Source};
+use crate::request::{BusScene, InstanceInfo};
+use std::collections::VecDeque;
+
+/// So many frames are kept.
+const KEPT: usize = 8_192;
+/// So many edges of each bus are kept.
+const EDGES: usize = 2_048;
+/// A bus without SYNC is shown in parts of this length, in microseconds.
+const PART_US: u64 = 10_000;
+
+/// A frame, or that there was none.
+#[derive(Clone, Debug)]
+pub(super) struct Wire {
+    /// Number of the bus.
+    bus: usize,
+    /// When it began, in microseconds.
+    pub from_us: u64,
+    /// When its receivers had it.
+    pub until_us: u64,
+    /// What it says.
+    pub text: String,
+    /// Whether it is none: left out, lost, garbled.
+    pub is_bad: bool,
+}
+
+/// A part of the time of a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Window {
+    /// Its begin: the SYNC edge, if there is SYNC.
+    pub begin_us: u64,
+    /// Its length.
+    pub us: u64,
+    /// Whether it begins with an edge.
+    pub is_interval: bool,
+}
+
+/// Frames and SYNC edges of all buses.
+#[derive(Default)]
+pub(super) struct Frames {
+    wires: VecDeque<Wire>,
+    /// Of each bus, the oldest first.
+    edges: Vec<VecDeque<u64>>,
+    text: Option<Text>,
+    /// The bus that is shown.
+    pub bus: usize,
+    /// How many intervals back.
+    pub back: usize,
+    /// Which frame is chosen.
+    pub list: List,
+}
+
+impl Frames {
+    /// Takes what has come into the journal, and what is still being counted.
+    pub(super) fn take(&mut self, records: &[Record], pending: &[Record], names: &Names, scene: &[BusScene]) {
+        self.edges.resize_with(names.buses.len(), VecDeque::new);
+        let mut text = self.text.take().unwrap_or_else(|| Text::new(names.clone(), devices::catalogue()));
+        for record in records {
+            let mut line = String::new();
+            text.record(record, &mut line);
+            self.add(record, &line, names, scene);
+        }
+        self.text = Some(text);
+        pending.iter().for_each(|record| self.add_edges(record));
+        let surplus = self.wires.len().saturating_sub(KEPT);
+        self.wires.drain(..surplus);
+    }
+
+    fn add(&mut self, record: &Record, line: &str, names: &Names, scene: &[BusScene]) {
+        let (event, source) = (record.event, record.event.source());
+        self.add_edges(record);
+        let is_bad = event.kind().ring() == Ring::Missed;
+        if event.kind().ring() != Ring::Traffic && !is_bad {
+            return;
+        }
+        let name = names.source(source);
+        let bus = match source {
+            Source::Bus(bus) => Some(usize::from(bus)),
+            _ => scene.iter().position(|bus| bus.ports.contains(&name)),
+        };
+        let Some(bus) = bus else { return };
+        let bit_s = scene.get(bus).map_or(0, |bus| bus.bit_s);
+        let us = event.frame().filter(|_| bit_s > 0).map_or(0, |carried| {
+            u64::from(wire::bits_to_end_of_frame(&carried.frame)) * 1_000_000 / u64::from(bit_s)
+        });
+        let told = line.split_once(" s  ").map_or(line, |(_, told)| told);
+        let told = told.strip_prefix(name.as_str()).unwrap_or(told).trim();
+        for until_us in record.times() {
+            let from_us = until_us.saturating_sub(us);
+            self.wires.push_back(Wire { bus, from_us, until_us, text: told.to_owned(), is_bad });
+        }
+    }
+
+    fn add_edges(&mut self, record: &Record) {
+        let Source::Bus(bus) = record.event.source() else { return };
+        if record.event.kind().ring() != Ring::Registers {
+            return;
+        }
+        let Some(edges) = self.edges.get_mut(usize::from(bus)) else { return };
+        let last = edges.back().copied();
+        let mut new: Vec<_> = record
+            .times()
+            .rev()
+            .take(EDGES)
+            .take_while(|time| last.is_none_or(|last| *time > last))
+            .collect();
+        new.reverse();
+        edges.extend(new);
+        let surplus = edges.len().saturating_sub(EDGES);
+        edges.drain(..surplus);
+    }
+
+    /// The emulated time has gone back: what was later has not happened.
+    pub(super) fn go_back(&mut self, now_us: u64) {
+        self.wires.retain(|wire| wire.until_us <= now_us);
+        self.edges.iter_mut().for_each(|edges| edges.retain(|edge| *edge <= now_us));
+    }
+
+    /// The part of the time that is to be seen.
+    pub(super) fn window(&self, info: &InstanceInfo, scene: &[BusScene]) -> Window {
+        let edges = self.edges.get(self.bus);
+        let interval = scene.get(self.bus).and_then(|bus| bus.interval.as_ref());
+        // With a running clock the present interval is over before anybody has read it.
+        let back = self.back + usize::from(!info.is_stepped);
+        let place = edges.and_then(|edges| edges.len().checked_sub(1 + back));
+        let begin =
+            edges.zip(place).and_then(|(edges, place)| Some((edges.get(place)?, edges.get(place + 1))));
+        match begin {
+            Some((begin, next)) => {
+                let usual = interval.map_or(PART_US, |interval| u64::from(interval.us));
+                // An edge that was lost does not make the interval longer than it was.
+                let us = next.map_or(usual, |next| next - begin).clamp(1, usual.max(1) * 2);
+                Window { begin_us: *begin, us, is_interval: true }
+            }
+            None => {
+                let part = (info.time_us / PART_US).saturating_sub(self.back as u64);
+                Window { begin_us: part * PART_US, us: PART_US, is_interval: false }
+            }
+        }
+    }
+
+    /// What was on the bus then.
+    pub(super) fn within(&self, window: Window) -> Vec<&Wire> {
+        let Window { begin_us, us, .. } = window;
+        let of_bus = self.wires.iter().filter(|wire| wire.bus == self.bus);
+        let mut found: Vec<_> =
+            of_bus.filter(|wire| wire.until_us > begin_us && wire.from_us < begin_us + us).collect();
+        found.sort_by_key(|wire| (wire.from_us, wire.until_us));
+        found
+    }
+
+    /// An interval further back or forth.
+    pub(super) fn turn(&mut self, back: isize) {
+        self.back = self.back.saturating_add_signed(back).min(EDGES);
+        self.list.chosen = 0;
+    }
+}

@@ -1,0 +1,315 @@
+//! What keys and the mouse do to the model.
+
+use super::actions::{self, Action, Pane};
+use super::link::Order;
+use super::model::{Hot, Model, Which};
+use super::pins::Pins;
+use super::prompt::{Aim, Asked, Prompt};
+use super::tree::Row;
+use super::work::{Task, Work};
+use crate::layout::{Live, Place};
+use crate::request::Op;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
+use ratatui::layout::Position;
+
+/// How many lines the wheel moves.
+const WHEEL: isize = 3;
+
+impl Model {
+    /// A key was pressed.
+    pub(super) fn press(&mut self, key: KeyEvent) {
+        match self.prompt.take() {
+            Some(prompt) => self.answer(prompt, key),
+            None => {
+                if let Some(action) = actions::action_of(key) {
+                    self.act(action);
+                }
+            }
+        }
+    }
+
+    /// The mouse did something.
+    pub(super) fn mouse(&mut self, event: MouseEvent) {
+        let place = Position::new(event.column, event.row);
+        let hit = self.hot.iter().rev().find(|(area, _)| area.contains(place)).copied();
+        let Some((area, hot)) =
+            hit.filter(|_| self.prompt.is_none() || matches!(self.prompt, Some(Prompt::Find)))
+        else {
+            return;
+        };
+        match (event.kind, hot) {
+            (MouseEventKind::Down(MouseButton::Left), Hot::Tab(pane)) => self.act(Action::Show(pane)),
+            (MouseEventKind::Down(MouseButton::Left), Hot::List(which)) => {
+                self.look_at(which);
+                let (list, len) = self.list_of(which);
+                let line = list.top + usize::from(place.y - area.y);
+                let was_chosen = list.chosen;
+                list.stays = false;
+                list.choose(line, len);
+                // Once more on what is chosen already.
+                if line == was_chosen && which == Which::Tree {
+                    self.act(Action::Toggle);
+                }
+            }
+            (MouseEventKind::ScrollUp | MouseEventKind::ScrollDown, Hot::List(which)) => {
+                let lines = if event.kind == MouseEventKind::ScrollUp { -WHEEL } else { WHEEL };
+                self.look_at(which);
+                let (list, len) = self.list_of(which);
+                list.go(lines, len);
+            }
+            _ => {}
+        }
+    }
+
+    fn look_at(&mut self, which: Which) {
+        match which {
+            Which::Tree => self.on_pins = false,
+            Which::Pins => self.on_pins = true,
+            Which::Changes
+            | Which::Frames
+            | Which::Board
+            | Which::Drives
+            | Which::Findings
+            | Which::Plant => {}
+        }
+    }
+
+    /// Does what the user wants.
+    pub(super) fn act(&mut self, action: Action) {
+        if self.help {
+            self.help = false;
+            if action != Action::Quit {
+                return;
+            }
+        }
+        if actions::changes_the_plant(action) && self.read_only {
+            return self.complain("begun with --read-only: nothing in the plant is changed");
+        }
+        self.message = None;
+        match action {
+            Action::Quit => self.quits = true,
+            Action::Help => self.help = true,
+            Action::Show(pane) => self.pane = pane,
+            Action::Next if self.pane == Pane::Registers => self.on_pins = !self.on_pins,
+            Action::Next if self.pane == Pane::Frames => {
+                self.frames.bus = (self.frames.bus + 1) % self.scene.len().max(1);
+                self.frames.turn(isize::MIN);
+            }
+            Action::Next => {}
+            Action::Up => self.go(-1),
+            Action::Down => self.go(1),
+            Action::PageUp => self.page(-1),
+            Action::PageDown => self.page(1),
+            Action::First => self.go(isize::MIN),
+            Action::Last => {
+                let comes_in = self.pane == Pane::Changes;
+                let (list, len) = self.list();
+                list.last(len);
+                list.stays = comes_in;
+            }
+            Action::Open => self.open(Some(true)),
+            Action::Close => self.open(Some(false)),
+            Action::Toggle if self.pane != Pane::Registers => {}
+            Action::Toggle => match self.tree.chosen() {
+                Some(Row::Register(..)) => self.pin(),
+                _ if self.on_pins => self.pin(),
+                _ => self.tree.open(None),
+            },
+            Action::Pin => self.pin(),
+            Action::Find => {
+                self.pane = Pane::Registers;
+                self.on_pins = false;
+                self.tree.seek(Some(String::new()));
+                self.prompt = Some(Prompt::Find);
+            }
+            Action::Cancel => self.cancel(),
+            Action::Poke => self.ask_value(Aim::Poke, "poke"),
+            Action::Force => self.ask_value(Aim::Force, "force"),
+            Action::Unforce => self.unforce(),
+            Action::Step if self.has_stepped_clock() => {
+                let text = self.step.clone();
+                self.prompt = Some(Prompt::Text(Asked::new(Aim::Step, "let pass".to_owned(), &text)));
+            }
+            Action::ToEvent if self.has_stepped_clock() => {
+                let work = Work::Ops(vec![Op::AdvanceToEvent { within_us: 1_000_000 }]);
+                self.order(Task { told: "on to the next event".to_owned(), work });
+            }
+            Action::ToSync if self.has_stepped_clock() => match self.sync_port() {
+                Some((plc, node)) => {
+                    let work = Work::Ops(vec![Op::AdvanceToSync { plc, node }]);
+                    self.order(Task { told: "on to the next SYNC".to_owned(), work });
+                }
+                None => self.complain("no PLC here has a master"),
+            },
+            Action::Step | Action::ToEvent | Action::ToSync => {
+                self.complain(
+                    "the clock runs by itself; `commram run --clock stepped` has one that does not",
+                );
+            }
+            Action::Until => {
+                let text = self.until.clone();
+                let head = "wait until (REG==VALUE and ...)".to_owned();
+                self.prompt = Some(Prompt::Text(Asked::new(Aim::Until, head, &text)));
+            }
+            Action::Clear => {
+                let told = "findings forgotten".to_owned();
+                let work = Work::Ops(vec![Op::ClearFindings]);
+                let question = "forget all findings".to_owned();
+                self.prompt = Some(Prompt::Really(question, Task { told, work }));
+            }
+        }
+    }
+
+    /// Gives the emulator something to do.
+    pub(super) fn order(&mut self, task: Task) {
+        if task.is_long() {
+            self.say(task.going_on());
+        }
+        self.orders.push(Order::Do(task));
+    }
+
+    fn go(&mut self, lines: isize) {
+        let (list, len) = self.list();
+        list.go(lines, len);
+    }
+
+    fn page(&mut self, pages: isize) {
+        let (list, len) = self.list();
+        list.page(pages, len);
+    }
+
+    fn open(&mut self, open: Option<bool>) {
+        if self.pane == Pane::Frames {
+            self.frames.turn(if open == Some(true) { -1 } else { 1 });
+        } else if self.pane == Pane::Registers && !self.on_pins {
+            self.tree.open(open);
+        }
+    }
+
+    fn pin(&mut self) {
+        let Some((plc, place)) = self.chosen() else {
+            return self.complain("choose a register first");
+        };
+        let name = Pins::prefix(&self.names(), plc) + &place.label(Live::Cyclic);
+        let is_pinned = self.pins.toggle(plc, place, self.now_us());
+        self.on_pins &= !self.pins.all.is_empty();
+        self.say(format!("{name} is {}", if is_pinned { "pinned" } else { "no longer pinned" }));
+    }
+
+    fn cancel(&mut self) {
+        self.orders.push(Order::Cancel);
+        if self.tree.sought.is_some() {
+            self.tree.seek(None);
+        }
+    }
+
+    fn ask_value(&mut self, aim: fn(u16, Place) -> Aim, what: &str) {
+        match self.chosen() {
+            Some((_, place)) if place.bit().is_some() => {
+                self.complain("a single bit cannot be written, only its whole register");
+            }
+            Some((plc, place)) => {
+                let name = Pins::prefix(&self.names(), plc) + &place.label(Live::Cyclic);
+                self.prompt = Some(Prompt::Text(Asked::new(aim(plc, place), format!("{what} {name}"), "")));
+            }
+            None => self.complain("choose a register first"),
+        }
+    }
+
+    fn unforce(&mut self) {
+        let Some((plc, place)) = self.chosen() else {
+            return self.complain("choose a register first");
+        };
+        let told = format!("unforce {}{}", Pins::prefix(&self.names(), plc), place.label(Live::Cyclic));
+        let work = Work::Ops(vec![Op::Unforce { plc, offset: place.offset(), width: place.width() }]);
+        self.prompt = Some(Prompt::Really(told.clone(), Task { told, work }));
+    }
+
+    fn has_stepped_clock(&self) -> bool {
+        self.is_stepped()
+    }
+
+    /// The port whose SYNC is meant: the chosen register's, else the first master.
+    fn sync_port(&self) -> Option<(u16, u8)> {
+        let names = self.names();
+        let first =
+            (0..).zip(&names.devices).find_map(|(plc, fitted)| Some((plc, fitted.first_master()?.number)));
+        let of_chosen = self.chosen().and_then(|(plc, place)| {
+            let ports = names.device(plc).ports;
+            Some((plc, ports.iter().find(|port| port.area.contains(place.offset()))?.number))
+        });
+        of_chosen.or(first)
+    }
+
+    /// A key while something is asked.
+    fn answer(&mut self, prompt: Prompt, key: KeyEvent) {
+        if key.modifiers.contains(KeyModifiers::CONTROL) && key.code == KeyCode::Char('c') {
+            self.quits = true;
+            return;
+        }
+        match prompt {
+            Prompt::Really(question, task) => match key.code {
+                KeyCode::Char('y' | 'Y') | KeyCode::Enter => self.order(task),
+                KeyCode::Char('n' | 'N') | KeyCode::Esc => self.say("not done"),
+                _ => self.prompt = Some(Prompt::Really(question, task)),
+            },
+            Prompt::Find => self.find(key),
+            Prompt::Text(mut asked) => {
+                match key.code {
+                    KeyCode::Esc => return,
+                    KeyCode::Enter => match self.given(&asked) {
+                        Ok(next) => {
+                            self.prompt = next;
+                            return;
+                        }
+                        Err(wrong) => asked.wrong = Some(wrong),
+                    },
+                    KeyCode::Tab => {
+                        if let [only] = asked.hints().as_slice() {
+                            asked.text = only.split("  ").next().unwrap_or_default().to_owned();
+                        }
+                    }
+                    _ => {
+                        edit(&mut asked.text, key);
+                        asked.wrong = None;
+                    }
+                }
+                self.prompt = Some(Prompt::Text(asked));
+            }
+        }
+    }
+
+    fn find(&mut self, key: KeyEvent) {
+        let len = self.tree.rows().len();
+        match key.code {
+            KeyCode::Esc => return self.tree.seek(None),
+            KeyCode::Enter => return,
+            KeyCode::Up => self.tree.list.go(-1, len),
+            KeyCode::Down => self.tree.list.go(1, len),
+            KeyCode::PageUp => self.tree.list.page(-1, len),
+            KeyCode::PageDown => self.tree.list.page(1, len),
+            _ => {
+                let mut text = self.tree.sought.clone().unwrap_or_default();
+                if edit(&mut text, key) {
+                    self.tree.seek(Some(text));
+                }
+            }
+        }
+        self.prompt = Some(Prompt::Find);
+    }
+}
+
+/// Changes a text as a key says; whether it did.
+fn edit(text: &mut String, key: KeyEvent) -> bool {
+    match key.code {
+        KeyCode::Char('u') if key.modifiers.contains(KeyModifiers::CONTROL) => text.clear(),
+        KeyCode::Char(letter) if !key.modifiers.intersects(KeyModifiers::CONTROL | KeyModifiers::ALT) => {
+            text.push(letter);
+        }
+        KeyCode::Backspace => {
+            text.pop();
+        }
+        _ => return false,
+    }
+    true
+}

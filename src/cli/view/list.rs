@@ -1,0 +1,89 @@
+//! A list on the screen: which line is chosen, and which ones are to be seen.
+
+/// Which line is chosen and which one is the topmost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct List {
+    /// The chosen line.
+    pub chosen: usize,
+    /// The topmost line on the screen.
+    pub top: usize,
+    /// How many lines there are room for, since the last drawing.
+    pub height: usize,
+    /// Whether it stays at the last line while lines come in.
+    pub stays: bool,
+}
+
+impl List {
+    /// Moves the choice; there are so many lines.
+    pub(super) fn go(&mut self, by: isize, len: usize) {
+        self.stays = false;
+        self.choose(self.chosen.saturating_add_signed(by), len);
+    }
+
+    /// A page up (-1) or down (1).
+    pub(super) fn page(&mut self, pages: isize, len: usize) {
+        let lines = self.height.saturating_sub(1).max(1) as isize;
+        self.go(pages * lines, len);
+    }
+
+    /// Chooses a line, or the last one.
+    pub(super) fn choose(&mut self, line: usize, len: usize) {
+        self.chosen = line.min(len.saturating_sub(1));
+    }
+
+    /// To the last line, and stay there.
+    pub(super) fn last(&mut self, len: usize) {
+        self.choose(usize::MAX, len);
+        self.stays = true;
+    }
+
+    /// There is room for so many of so many lines: returns which ones are to be seen.
+    pub(super) fn fit(&mut self, height: usize, len: usize) -> core::ops::Range<usize> {
+        self.height = height;
+        let line = if self.stays { usize::MAX } else { self.chosen };
+        self.choose(line, len);
+        if height == 0 {
+            return 0..0;
+        }
+        let lowest = (self.chosen + 1).saturating_sub(height);
+        self.top = self.top.clamp(lowest, self.chosen.max(lowest)).min(len.saturating_sub(height));
+        self.top..(self.top + height).min(len)
+    }
+
+    /// The lines that were to be seen last.
+    pub(super) fn seen(&self, len: usize) -> core::ops::Range<usize> {
+        let end = (self.top + self.height).min(len);
+        self.top.min(end)..end
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chosen_line_is_to_be_seen() {
+        let mut list = List::default();
+        assert_eq!(list.fit(3, 10), 0..3);
+        list.go(4, 10);
+        assert_eq!(list.fit(3, 10), 2..5);
+        list.go(-1, 10);
+        assert_eq!(list.fit(3, 10), 2..5);
+        list.page(-1, 10);
+        assert_eq!((list.fit(3, 10), list.chosen), (1..4, 1));
+        list.go(99, 10);
+        assert_eq!((list.fit(3, 10), list.chosen), (7..10, 9));
+        assert_eq!((list.fit(3, 2), list.chosen), (0..2, 1));
+        assert_eq!((list.fit(3, 0), list.chosen), (0..0, 0));
+        assert_eq!(list.fit(0, 5), 0..0);
+    }
+
+    #[test]
+    fn it_stays_at_the_end_if_it_is_told_to() {
+        let mut list = List::default();
+        list.last(5);
+        assert_eq!(list.fit(3, 8), 5..8);
+        list.go(-1, 8);
+        assert_eq!((list.fit(3, 20), list.chosen), (5..8, 6));
+    }
+}

@@ -1,0 +1,311 @@
+//! One look at the emulator: what the screen wants to show, asked by operations that change nothing in the plant.
+
+use super::source::{Haste, Source, Trouble};
+use crate::devices;
+use crate::devices::ModuleFront;
+use crate::journal::{Change, Entry, Keep, Record};
+use crate::layout::{FrontWord, Place, RegisterRef, Width};
+use crate::memory::header::BoardState;
+use crate::plant::Forced;
+use crate::request::{
+    BusScene, BusState, DriveEntry, InstanceInfo, MAX_OPS, MAX_RECORDS, Op, Reply, WrongReply,
+};
+use std::collections::HashSet;
+use std::time::{Duration, Instant};
+
+/// So much of the journal there is to begin with.
+const BACK: u64 = 4096;
+/// Most parts of changes, and of the journal, in one look.
+const PARTS: usize = 4;
+/// An emulator that was not asked for longer may have forgotten what is followed.
+const FORGOTTEN: Duration = Duration::from_secs(5);
+/// The buses are asked for so seldom, since the emulator looks after its guests for that.
+const BUSES: Duration = Duration::from_secs(1);
+
+/// A place in the RAM of a PLC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct Spot {
+    /// Number of the PLC.
+    pub plc: u16,
+    /// Byte in the image.
+    pub offset: u32,
+    /// Width of the access.
+    pub width: Width,
+}
+
+impl Spot {
+    /// Where a register lies.
+    pub(super) fn register(plc: u16, register: &RegisterRef) -> Self {
+        Self { plc, offset: register.offset(), width: Width::of(register.ty()) }
+    }
+
+    /// Where a place lies.
+    pub(super) fn place(plc: u16, place: &Place) -> Self {
+        Self { plc, offset: place.offset(), width: place.width() }
+    }
+}
+
+/// What is wanted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Wish {
+    /// Registers to be read.
+    pub registers: Vec<Spot>,
+    /// Registers whose changes are wanted.
+    pub follow: Vec<Spot>,
+    /// The fronts of the boards.
+    pub fronts: bool,
+    /// What the access checker has found.
+    pub findings: bool,
+    /// What is going on at the buses, and the drives.
+    pub scene: bool,
+    /// The doors of the buses, and their stations.
+    pub buses: bool,
+    /// What comes into the journal.
+    pub journal: bool,
+}
+
+/// The front of a device.
+#[derive(Clone, Debug)]
+pub(super) struct Face {
+    /// What stands in the header page of every device.
+    pub board: BoardState,
+    /// What only this device has.
+    pub front: Vec<(&'static FrontWord, u32)>,
+    /// Its modules by the names of their ports, if it is modular.
+    pub modules: Vec<(&'static str, ModuleFront)>,
+}
+
+/// What there was to see. What was not wanted is empty, or `None`.
+#[derive(Clone, Debug)]
+pub(super) struct Seen {
+    /// The instance.
+    pub info: InstanceInfo,
+    /// The registers that are forced.
+    pub forces: Vec<Forced>,
+    /// What registers hold.
+    pub values: Vec<(Spot, u32)>,
+    /// Changes since the last look.
+    pub changes: Vec<Change>,
+    /// How many changes were no longer kept.
+    pub lost: u64,
+    /// Records of the journal since the last look.
+    pub records: Vec<Record>,
+    /// Those that are still being counted.
+    pub pending: Vec<Record>,
+    /// The fronts of the PLCs.
+    pub faces: Option<Vec<Face>>,
+    /// What the access checker has found.
+    pub findings: Option<Vec<Entry>>,
+    /// What is going on at the buses.
+    pub scene: Option<Vec<BusScene>>,
+    /// The drives.
+    pub drives: Option<Vec<DriveEntry>>,
+    /// The buses, if they were looked at.
+    pub buses: Option<Vec<BusState>>,
+}
+
+/// Who looks again and again knows how far he has read.
+#[derive(Debug, Default)]
+pub(super) struct Looker {
+    followed: HashSet<Spot>,
+    /// Those that nobody can read.
+    refused: HashSet<Spot>,
+    asked: Option<Instant>,
+    asked_for_buses: Option<Instant>,
+    next_change: Option<u64>,
+    next_record: Option<u64>,
+    plcs: u16,
+}
+
+impl Looker {
+    /// Looks.
+    ///
+    /// # Errors
+    /// There is no answer, or none that fits.
+    pub(super) fn look(&mut self, source: &mut dyn Source, wish: &Wish) -> Result<Seen, Trouble> {
+        self.follow(source, &wish.follow)?;
+        let boards = if wish.fronts { self.plcs } else { 0 };
+        let mut ops = vec![Op::Info, Op::Forces];
+        ops.extend((0..boards).map(|plc| Op::Board { plc }));
+        ops.extend(wish.findings.then_some(Op::Findings));
+        ops.extend(wish.scene.then_some([Op::Scene, Op::Drives]).into_iter().flatten());
+        let readable: Vec<_> =
+            wish.registers.iter().filter(|spot| !self.refused.contains(spot)).copied().collect();
+        let (first, others) = readable.split_at(readable.len().min(MAX_OPS.saturating_sub(ops.len())));
+        ops.extend(first.iter().map(peek));
+        let mut replies = source.request(&ops, Haste::Look)?.into_iter();
+        let info = fits(next(&mut replies)?.info())?;
+        let forces = fits(next(&mut replies)?.forces())?;
+        let mut faces = Vec::new();
+        for plc in 0..boards {
+            let board = fits(next(&mut replies)?.board())?;
+            faces.extend(face(source, &info, plc, board));
+        }
+        let findings = match wish.findings {
+            true => Some(fits(next(&mut replies)?.findings())?),
+            false => None,
+        };
+        let (scene, drives) = match wish.scene {
+            true => (Some(fits(next(&mut replies)?.scene())?), Some(fits(next(&mut replies)?.drives())?)),
+            false => (None, None),
+        };
+        let mut values = Vec::with_capacity(readable.len());
+        self.take_values(first, replies, &mut values);
+        for part in others.chunks(MAX_OPS) {
+            let ops: Vec<_> = part.iter().map(peek).collect();
+            let replies = source.request(&ops, Haste::Look)?.into_iter();
+            self.take_values(part, replies, &mut values);
+        }
+        self.plcs = u16::try_from(info.names.plcs.len()).unwrap_or(u16::MAX);
+        let (changes, lost) = self.changes(source)?;
+        let (records, pending) = if wish.journal { self.journal(source)? } else { Default::default() };
+        let buses = if wish.buses { self.buses(source)? } else { None };
+        self.asked = Some(Instant::now());
+        let faces = wish.fronts.then_some(faces);
+        Ok(Seen {
+            info,
+            forces,
+            values,
+            changes,
+            lost,
+            records,
+            pending,
+            faces,
+            findings,
+            scene,
+            drives,
+            buses,
+        })
+    }
+
+    fn take_values(
+        &mut self,
+        spots: &[Spot],
+        replies: impl Iterator<Item = Reply>,
+        values: &mut Vec<(Spot, u32)>,
+    ) {
+        for (spot, reply) in spots.iter().zip(replies) {
+            match reply {
+                Reply::Value(value) => values.push((*spot, value)),
+                Reply::Error(_) => {
+                    self.refused.insert(*spot);
+                }
+                // Behind one that is refused: next time it is left out.
+                _ => {}
+            }
+        }
+    }
+
+    /// Asks for the changes of registers that are new.
+    fn follow(&mut self, source: &mut dyn Source, wanted: &[Spot]) -> Result<(), Trouble> {
+        if self.asked.is_some_and(|asked| asked.elapsed() > FORGOTTEN) {
+            self.followed.clear();
+        }
+        let new: Vec<_> = wanted.iter().filter(|spot| !self.followed.contains(spot)).copied().collect();
+        for part in new.chunks(MAX_OPS - 1) {
+            let follow = |spot: &Spot| {
+                let (plc, offset, len) = (spot.plc, spot.offset, spot.width.bytes());
+                Op::Follow { plc, offset, len, keep: Keep::ForOnlookers }
+            };
+            let end = Op::Changes { from: u64::MAX, max: 0 };
+            let ops: Vec<_> = part.iter().map(follow).chain([end]).collect();
+            let mut replies = source.request(&ops, Haste::Look)?;
+            let end = replies.pop();
+            if let Some(Reply::Error(refused)) =
+                replies.iter().chain(&end).find(|reply| matches!(reply, Reply::Error(_)))
+            {
+                return Err(Trouble::Refused(refused.to_string()));
+            }
+            let (_, end) = fits(end.ok_or_else(wrong)?.changes())?;
+            self.next_change.get_or_insert(end);
+            self.followed.extend(part);
+        }
+        Ok(())
+    }
+
+    fn changes(&mut self, source: &mut dyn Source) -> Result<(Vec<Change>, u64), Trouble> {
+        let (mut all, mut lost) = (Vec::new(), 0);
+        let Some(next) = &mut self.next_change else { return Ok((all, lost)) };
+        for _ in 0..PARTS {
+            let op = Op::Changes { from: *next, max: MAX_RECORDS };
+            let (changes, end) = fits(one(source, op)?.changes())?;
+            // Numbers go on where they were, unless the emulator begins anew with them.
+            let begin = changes.first().map_or(end, |first| first.seq);
+            lost += begin.saturating_sub(*next);
+            *next = changes.last().map_or(end, |last| last.seq + 1);
+            let is_last = changes.is_empty() || *next >= end;
+            all.extend(changes);
+            if is_last {
+                break;
+            }
+        }
+        Ok((all, lost))
+    }
+
+    fn journal(&mut self, source: &mut dyn Source) -> Result<(Vec<Record>, Vec<Record>), Trouble> {
+        let (mut all, mut pending) = (Vec::new(), Vec::new());
+        let mut next = match self.next_record {
+            Some(next) => next,
+            None => {
+                let op = Op::Journal { from: u64::MAX, max: 0 };
+                fits(one(source, op)?.journal())?.1.saturating_sub(BACK)
+            }
+        };
+        for _ in 0..PARTS {
+            let (records, end) = fits(one(source, Op::Journal { from: next, max: MAX_RECORDS })?.journal())?;
+            let (counting, done): (Vec<_>, Vec<_>) = records.into_iter().partition(Record::is_pending);
+            pending = counting;
+            next = done.last().map_or(end, |last| last.seq + 1);
+            let is_last = done.is_empty() || next >= end;
+            all.extend(done);
+            if is_last {
+                self.next_record = Some(next);
+                return Ok((all, pending));
+            }
+        }
+        // Who cannot keep up goes on with what is new.
+        self.next_record = None;
+        Ok((all, pending))
+    }
+
+    fn buses(&mut self, source: &mut dyn Source) -> Result<Option<Vec<BusState>>, Trouble> {
+        if self.asked_for_buses.is_some_and(|asked| asked.elapsed() < BUSES) {
+            return Ok(None);
+        }
+        self.asked_for_buses = Some(Instant::now());
+        fits(one(source, Op::Buses)?.buses()).map(Some)
+    }
+}
+
+fn peek(spot: &Spot) -> Op {
+    let Spot { plc, offset, width } = *spot;
+    Op::Peek { plc, offset, width }
+}
+
+fn face(source: &mut dyn Source, info: &InstanceInfo, plc: u16, board: BoardState) -> Option<Face> {
+    let (header, device) = (source.header(plc)?, info.names.device(plc));
+    let front = header.front_words(device).collect();
+    Some(Face { board, front, modules: devices::modules(&header, device).unwrap_or_default() })
+}
+
+fn one(source: &mut dyn Source, op: Op) -> Result<Reply, Trouble> {
+    let mut replies = source.request(&[op], Haste::Look)?.into_iter();
+    next(&mut replies)
+}
+
+/// The next reply, unless it is a refusal.
+fn next(replies: &mut impl Iterator<Item = Reply>) -> Result<Reply, Trouble> {
+    match replies.next() {
+        Some(Reply::Error(refused)) => Err(Trouble::Refused(refused.to_string())),
+        Some(reply) => Ok(reply),
+        None => Err(wrong()),
+    }
+}
+
+fn fits<T>(content: Result<T, WrongReply>) -> Result<T, Trouble> {
+    content.map_err(|error| Trouble::Gone(error.to_string()))
+}
+
+fn wrong() -> Trouble {
+    Trouble::Gone(WrongReply.to_string())
+}

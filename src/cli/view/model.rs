@@ -1,0 +1,360 @@
+//! What the screen shows, and what it needs for that. Nothing here knows a terminal.
+
+use super::actions::Pane;
+use super::drives::Drives;
+use super::frames::Frames;
+use super::link::{News, Order};
+use super::list::List;
+use super::look::{Face, Seen, Spot, Wish};
+use super::pins::Pins;
+use super::prompt::Prompt;
+use super::tree::{Row, Tree};
+use crate::journal::{Entry, Names};
+use crate::layout::place::{live_by, status_of};
+use crate::layout::{Live, Place, RegisterRef};
+use crate::plant::Forced;
+use crate::request::{BusScene, BusState, InstanceInfo};
+use ratatui::layout::Rect;
+use std::collections::HashMap;
+
+/// How the emulator is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Contact {
+    /// Nothing has come yet.
+    Connecting,
+    /// It answers.
+    Live,
+    /// It lets time pass for somebody else.
+    Busy,
+    /// It is not there: why.
+    Absent(String),
+}
+
+/// What a click means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Hot {
+    /// Show a pane.
+    Tab(Pane),
+    /// Choose the line of a list that stands there; the first line of these.
+    List(Which),
+}
+
+/// The lists that there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Which {
+    Tree,
+    Pins,
+    Changes,
+    Frames,
+    Board,
+    Drives,
+    Findings,
+    Plant,
+}
+
+/// A word to the user.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Message {
+    /// What is said.
+    pub text: String,
+    /// Whether something did not work.
+    pub is_bad: bool,
+}
+
+/// Everything that is to be seen.
+pub(super) struct Model {
+    pub instance: String,
+    pub read_only: bool,
+    pub contact: Contact,
+    pub info: Option<InstanceInfo>,
+    pub pane: Pane,
+    /// Whether the keys go to the list of pins, not to the tree.
+    pub on_pins: bool,
+    pub tree: Tree,
+    pub pins: Pins,
+    values: HashMap<Spot, u32>,
+    forces: Vec<Forced>,
+    pub faces: Vec<Face>,
+    pub findings: Vec<Entry>,
+    pub finding: List,
+    pub scene: Vec<BusScene>,
+    pub frames: Frames,
+    pub drives: Drives,
+    pub buses: Vec<BusState>,
+    pub plant: List,
+    pub board: List,
+    pub prompt: Option<Prompt>,
+    pub message: Option<Message>,
+    pub help: bool,
+    /// Where on the screen what is, since the last drawing.
+    pub hot: Vec<(Rect, Hot)>,
+    /// What the emulator is to be told.
+    pub orders: Vec<Order>,
+    pub quits: bool,
+    /// What was given last where a text is asked for.
+    pub step: String,
+    pub until: String,
+}
+
+impl Model {
+    /// Nothing is known yet of the instance.
+    pub(super) fn new(instance: &str, read_only: bool) -> Self {
+        Self {
+            instance: instance.to_owned(),
+            read_only,
+            contact: Contact::Connecting,
+            info: None,
+            pane: Pane::Registers,
+            on_pins: false,
+            tree: Tree::default(),
+            pins: Pins::default(),
+            values: HashMap::new(),
+            forces: Vec::new(),
+            faces: Vec::new(),
+            findings: Vec::new(),
+            finding: List::default(),
+            scene: Vec::new(),
+            frames: Frames::default(),
+            drives: Drives::default(),
+            buses: Vec::new(),
+            plant: List::default(),
+            board: List::default(),
+            prompt: None,
+            message: None,
+            help: false,
+            hot: Vec::new(),
+            orders: Vec::new(),
+            quits: false,
+            step: "1ms".to_owned(),
+            until: String::new(),
+        }
+    }
+
+    /// Takes what the emulator tells.
+    pub(super) fn take(&mut self, news: News) {
+        match news {
+            News::Seen(seen) => self.see(*seen),
+            News::Busy => self.contact = Contact::Busy,
+            News::Absent(why) => self.contact = Contact::Absent(why),
+            News::GoesOn(text) | News::Done(text) => self.say(text),
+            News::Failed(why) => self.complain(why),
+        }
+    }
+
+    /// Says something.
+    pub(super) fn say(&mut self, text: impl Into<String>) {
+        self.message = Some(Message { text: text.into(), is_bad: false });
+    }
+
+    /// Says that something did not work.
+    pub(super) fn complain(&mut self, text: impl Into<String>) {
+        self.message = Some(Message { text: text.into(), is_bad: true });
+    }
+
+    fn see(&mut self, seen: Seen) {
+        let Seen {
+            info,
+            forces,
+            values,
+            changes,
+            lost,
+            records,
+            pending,
+            faces,
+            findings,
+            scene,
+            drives,
+            buses,
+        } = seen;
+        let is_same = |old: &InstanceInfo| (old.pid, old.generation) == (info.pid, info.generation);
+        match &self.info {
+            Some(old) if is_same(old) => {
+                if info.time_us < old.time_us {
+                    self.pins.go_back(info.time_us);
+                    self.frames.go_back(info.time_us);
+                }
+            }
+            Some(_) => self.begin_anew(&info),
+            None => self.tree = Tree::of(info.names.clone()),
+        }
+        let now_us = info.time_us;
+        self.scene = scene.unwrap_or_else(|| core::mem::take(&mut self.scene));
+        if let Some(drives) = drives {
+            self.drives.take(drives, now_us);
+        }
+        self.frames.take(&records, &pending, &info.names, &self.scene);
+        self.contact = Contact::Live;
+        self.info = Some(info);
+        self.forces = forces;
+        self.values.extend(values);
+        self.pins.take(&changes, now_us);
+        self.pins.lost += lost;
+        self.faces = faces.unwrap_or_default();
+        self.findings = findings.unwrap_or_default();
+        if let Some(buses) = buses {
+            self.buses = buses;
+        }
+        let lives = self.tree.open_blocks().filter_map(|(plc, area)| {
+            let status = Spot::register(plc, &status_of(area)?);
+            Some((plc, area.first, live_by(*self.values.get(&status)?)))
+        });
+        let lives = lives.collect();
+        self.tree.set_lives(lives);
+    }
+
+    /// Another emulator has come in place of the one before.
+    fn begin_anew(&mut self, info: &InstanceInfo) {
+        let old = self.names();
+        self.tree = Tree::of(info.names.clone());
+        self.values.clear();
+        self.buses.clear();
+        self.frames = Frames::default();
+        self.drives = Drives::default();
+        self.pins.changes.clear();
+        let was_pinned: Vec<_> = self.pins.all.drain(..).map(|pin| (pin.plc, pin.place)).collect();
+        for (plc, place) in was_pinned {
+            let name = old.plcs.get(usize::from(plc));
+            let number = info.names.plcs.iter().position(|known| Some(known) == name);
+            let Some(number) = number.and_then(|number| u16::try_from(number).ok()) else { continue };
+            if let Ok(place) = Place::parse(&info.names.fitted(number), place.text()) {
+                self.pins.toggle(number, place, info.time_us);
+            }
+        }
+        self.say("another emulator has begun under this name");
+    }
+
+    /// What is to be looked at for this screen.
+    pub(super) fn wish(&self) -> Wish {
+        let mut registers: Vec<Spot> = self.pins.all.iter().map(|pin| pin.spot()).collect();
+        let places = self.pins.all.iter().filter_map(|pin| Some((pin.plc, pin.place.status()?)));
+        registers.extend(places.map(|(plc, status)| Spot::register(plc, &status)));
+        match self.pane {
+            Pane::Registers => {
+                registers.extend(
+                    self.tree
+                        .seen()
+                        .iter()
+                        .filter_map(Row::register)
+                        .map(|(plc, register)| Spot::register(plc, register)),
+                );
+                let found = self.tree.seen().iter().filter_map(Row::register);
+                let found = found.filter_map(|(plc, register)| Some((plc, status_of(register.area)?)));
+                let open = self.tree.open_blocks().filter_map(|(plc, area)| Some((plc, status_of(area)?)));
+                registers.extend(found.chain(open).map(|(plc, status)| Spot::register(plc, &status)));
+            }
+            Pane::Plant => {
+                let states = self.ports().map(|(plc, status)| Spot::register(plc, &status));
+                registers.extend(states);
+            }
+            Pane::Changes | Pane::Frames | Pane::Board | Pane::Drives | Pane::Findings => {}
+        }
+        registers.sort_unstable();
+        registers.dedup();
+        Wish {
+            registers,
+            follow: self.pins.all.iter().map(|pin| pin.spot()).collect(),
+            fronts: matches!(self.pane, Pane::Plant | Pane::Board),
+            findings: self.pane == Pane::Findings,
+            scene: matches!(self.pane, Pane::Plant | Pane::Frames | Pane::Drives),
+            buses: self.pane == Pane::Plant,
+            journal: self.pane == Pane::Frames,
+        }
+    }
+
+    /// The registers that tell the states of all ports, with the numbers of their PLCs.
+    fn ports(&self) -> impl Iterator<Item = (u16, RegisterRef)> {
+        let devices = self.info.iter().flat_map(|info| (0..).zip(&info.names.devices));
+        devices.flat_map(|(plc, fitted)| {
+            fitted.device().ports.iter().filter_map(move |port| Some((plc, status_of(port.area)?)))
+        })
+    }
+
+    /// What PLCs and buses are called.
+    pub(super) fn names(&self) -> Names {
+        self.info.as_ref().map(|info| info.names.clone()).unwrap_or_default()
+    }
+
+    /// Emulated time, in microseconds.
+    pub(super) fn now_us(&self) -> u64 {
+        self.info.as_ref().map_or(0, |info| info.time_us)
+    }
+
+    /// Whether the clock is a stepped one.
+    pub(super) fn is_stepped(&self) -> bool {
+        self.info.as_ref().is_some_and(|info| info.is_stepped)
+    }
+
+    /// What a register holds, if it was read.
+    pub(super) fn value(&self, spot: Spot) -> Option<u32> {
+        self.values.get(&spot).copied()
+    }
+
+    /// Whether a register is forced.
+    pub(super) fn is_forced(&self, spot: Spot) -> bool {
+        self.forces.iter().any(|forced| (forced.plc, forced.offset) == (spot.plc, spot.offset))
+    }
+
+    /// Which of the structures is live that overlay each other where this register tells it.
+    pub(super) fn live(&self, plc: u16, status: Option<RegisterRef>) -> Live {
+        let value = status.and_then(|status| self.value(Spot::register(plc, &status)));
+        value.map_or(Live::Cyclic, live_by)
+    }
+
+    /// The register that is chosen, and its PLC.
+    pub(super) fn chosen(&self) -> Option<(u16, Place)> {
+        match self.pane {
+            Pane::Registers if self.on_pins => {
+                let pin = self.pins.all.get(self.pins.list.chosen)?;
+                Some((pin.plc, pin.place.clone()))
+            }
+            Pane::Registers => {
+                let (plc, register) = self.tree.chosen()?.register()?;
+                let fitted = self.info.as_ref()?.names.fitted(plc);
+                Some((plc, Place::parse(&fitted, &register.name()).ok()?))
+            }
+            Pane::Changes => {
+                let change = self.pins.changes.get(self.pins.history.chosen)?;
+                let pin = self
+                    .pins
+                    .all
+                    .iter()
+                    .find(|pin| pin.plc == change.what.plc && pin.place.offset() == change.what.offset)?;
+                Some((pin.plc, pin.place.clone()))
+            }
+            Pane::Plant | Pane::Frames | Pane::Board | Pane::Drives | Pane::Findings => None,
+        }
+    }
+
+    /// The list that the keys go to, and how many lines it has.
+    pub(super) fn list(&mut self) -> (&mut List, usize) {
+        let which = match self.pane {
+            Pane::Registers if self.on_pins => Which::Pins,
+            Pane::Registers => Which::Tree,
+            Pane::Changes => Which::Changes,
+            Pane::Frames => Which::Frames,
+            Pane::Board => Which::Board,
+            Pane::Drives => Which::Drives,
+            Pane::Findings => Which::Findings,
+            Pane::Plant => Which::Plant,
+        };
+        self.list_of(which)
+    }
+
+    /// A list, and how many lines it has.
+    pub(super) fn list_of(&mut self, which: Which) -> (&mut List, usize) {
+        match which {
+            Which::Tree => {
+                let len = self.tree.rows().len();
+                (&mut self.tree.list, len)
+            }
+            Which::Pins => (&mut self.pins.list, self.pins.all.len()),
+            Which::Changes => (&mut self.pins.history, self.pins.changes.len()),
+            // How many there are the drawing knows.
+            Which::Frames => (&mut self.frames.list, usize::MAX),
+            Which::Board => (&mut self.board, usize::MAX),
+            Which::Drives => (&mut self.drives.list, self.drives.all.len()),
+            Which::Findings => (&mut self.finding, self.findings.len()),
+            Which::Plant => (&mut self.plant, usize::MAX),
+        }
+    }
+}

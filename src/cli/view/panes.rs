@@ -1,0 +1,53 @@
+//! What fills the screen, a file each.
+
+mod board;
+mod changes;
+mod drives;
+mod findings;
+mod frames;
+mod plant;
+mod registers;
+
+use super::actions::Pane;
+use super::model::Model;
+use super::style::Theme;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::Line;
+use ratatui::widgets::{Block, Borders, Paragraph};
+
+/// Draws the pane that is to be seen.
+pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
+    match model.pane {
+        Pane::Plant => plant::draw(frame, model, theme, area),
+        Pane::Registers => registers::draw(frame, model, theme, area),
+        Pane::Changes => changes::draw(frame, model, theme, area),
+        Pane::Frames => frames::draw(frame, model, theme, area),
+        Pane::Board => board::draw(frame, model, theme, area),
+        Pane::Drives => drives::draw(frame, model, theme, area),
+        Pane::Findings => findings::draw(frame, model, theme, area),
+    }
+}
+
+/// A line with a title above a part of the screen; returns what is left below it.
+fn titled(frame: &mut Frame, title: String, style: Style, area: Rect) -> Rect {
+    let block = Block::new().borders(Borders::TOP).title(title).border_style(style).title_style(style);
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    inner
+}
+
+/// Lines, the chosen one of which is marked.
+fn lines(frame: &mut Frame, lines: Vec<Line<'static>>, area: Rect) {
+    frame.render_widget(Paragraph::new(lines), area);
+}
+
+/// A line as it looks if it is the chosen one.
+fn marked(line: Line<'static>, is_chosen: bool, has_keys: bool, theme: Theme) -> Line<'static> {
+    match (is_chosen, has_keys) {
+        (false, _) => line,
+        (true, true) => line.patch_style(theme.chosen()),
+        (true, false) => line.patch_style(theme.also_chosen()),
+    }
+}

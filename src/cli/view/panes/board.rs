@@ -1,0 +1,194 @@
+//! The fronts of the PLCs as they look: display, LEDs, switches.
+
+use super::{lines, titled};
+use crate::cli::view::look::Face;
+use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::style::{Theme, padded};
+use crate::devices;
+use crate::devices::{Led, ModuleFront, Switch};
+use crate::layout::shown_text;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+/// Columns for what a thing at the front is.
+const NAMES: usize = 12;
+/// How many switches the DIP switch has.
+const DIP: u32 = 5;
+
+pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
+    let inner = titled(frame, " fronts of the PLCs ".to_owned(), theme.head(), area);
+    let names = model.names();
+    let mut all = Vec::new();
+    for ((plc, name), face) in (0..).zip(&names.plcs).zip(&model.faces) {
+        let device = names.device(plc);
+        all.push(Line::from(vec![
+            Span::styled(format!(" {name}"), theme.head()),
+            Span::styled(format!("  {}", device.title), theme.dim()),
+        ]));
+        front_lines(face, devices::board_of(device), theme, &mut all);
+        face.modules.iter().for_each(|(port, module)| all.push(module_line(port, module, theme)));
+        all.push(Line::default());
+    }
+    let most = all.len().saturating_sub(usize::from(inner.height));
+    model.board.chosen = model.board.chosen.min(most);
+    model.board.height = usize::from(inner.height);
+    lines(frame, all.into_iter().skip(model.board.chosen).collect(), inner);
+    model.hot.push((inner, Hot::List(Which::Board)));
+}
+
+fn front_lines(face: &Face, has: &'static [&'static str], theme: Theme, all: &mut Vec<Line<'static>>) {
+    let words = face.board.words(has);
+    let is_on = words.power == "on";
+    match (shown_text(&face.front), &words.display) {
+        (Some(text), _) => all.push(named("display", vec![Span::styled(format!("[{text}]"), theme.good())])),
+        (None, Some(shown)) => {
+            for (number, part) in segments(shown).into_iter().enumerate() {
+                let name = if number == 0 { "display" } else { "" };
+                all.push(named(name, vec![Span::styled(part, theme.bad())]));
+            }
+        }
+        (None, None) => {}
+    }
+    if let Some(leds) = &words.leds {
+        let digits = leds.trim_start_matches("2#").chars().filter(char::is_ascii_digit);
+        let spans = digits.map(|digit| lamp(digit == '1', theme)).collect();
+        all.push(named("LEDs", spans));
+    }
+    let power = if is_on { theme.good() } else { theme.bad() };
+    all.push(named("power", vec![Span::styled(words.power, power)]));
+    if let Some(switch) = &words.switch {
+        let position = |name: &str| {
+            let stands = name.eq_ignore_ascii_case(switch);
+            let sign = if stands { "\u{25c9} " } else { "\u{25cb} " };
+            Span::styled(format!("{sign}{name}  "), if stands { theme.head() } else { theme.dim() })
+        };
+        all.push(named("switch", ["RUN", "STOP", "RESET"].map(position).to_vec()));
+    }
+    if let Some(dip) = words.dip {
+        let one = |bit: u32| {
+            let on = dip >> bit & 1 != 0;
+            Span::styled(
+                if on { "\u{2580} " } else { "\u{2584} " },
+                if on { theme.head() } else { theme.dim() },
+            )
+        };
+        let mut spans: Vec<_> = (0..DIP).map(one).collect();
+        let counts = words.dip_latched.unwrap_or(dip);
+        let note =
+            if counts == dip { String::new() } else { format!(", {counts} counts until the next start") };
+        spans.push(Span::raw(format!(" number {dip}{note}")));
+        all.push(named("DIP switch", spans));
+    }
+    let program = [("program", words.program), ("last start", words.start), ("project", words.project)];
+    for (name, text) in program {
+        if let Some(text) = text {
+            all.push(named(name, vec![Span::raw(text)]));
+        }
+    }
+    for (word, value) in face.front.iter().filter(|(word, _)| !word.is_text) {
+        all.push(named(word.name, vec![Span::raw(word.called(*value))]));
+    }
+}
+
+fn named(name: &str, spans: Vec<Span<'static>>) -> Line<'static> {
+    let mut all = vec![Span::raw(format!("   {} ", padded(name, NAMES)))];
+    all.extend(spans);
+    Line::from(all)
+}
+
+fn lamp(is_lit: bool, theme: Theme) -> Span<'static> {
+    if is_lit { Span::styled("\u{25cf} ", theme.good()) } else { Span::styled("\u{25cb} ", theme.dim()) }
+}
+
+/// A module in one line: what it is, its LEDs, its switches.
+fn module_line(port: &str, module: &ModuleFront, theme: Theme) -> Line<'static> {
+    let mut spans = vec![Span::styled(padded(module.kind, 14), theme.name())];
+    for (name, led) in &module.leds {
+        let (sign, style): (String, Style) = match led {
+            Led::Off => ("\u{25cb}".to_owned(), theme.dim()),
+            Led::On => ("\u{25cf}".to_owned(), theme.good()),
+            Led::Flashes(count) => (format!("\u{25d0}{count}"), theme.warning()),
+        };
+        spans.push(Span::styled(format!("{sign} "), style));
+        spans.push(Span::raw(format!("{name}  ")));
+    }
+    for (name, switch) in &module.switches {
+        let stands = match switch {
+            Switch::Number(number) => number.to_string(),
+            Switch::Is(true) => "on".to_owned(),
+            Switch::Is(false) => "off".to_owned(),
+        };
+        spans.push(Span::styled(format!("{name} {stands}  "), theme.dim()));
+    }
+    named(port, spans)
+}
+
+/// Segments a to g of a seven-segment display, the lowest bit first, for what it can show.
+const SEGMENTS: [(char, u8); 28] = [
+    ('0', 0x3F),
+    ('1', 0x06),
+    ('2', 0x5B),
+    ('3', 0x4F),
+    ('4', 0x66),
+    ('5', 0x6D),
+    ('6', 0x7D),
+    ('7', 0x07),
+    ('8', 0x7F),
+    ('9', 0x6F),
+    ('A', 0x77),
+    ('b', 0x7C),
+    ('C', 0x39),
+    ('c', 0x58),
+    ('d', 0x5E),
+    ('E', 0x79),
+    ('F', 0x71),
+    ('H', 0x76),
+    ('h', 0x74),
+    ('L', 0x38),
+    ('n', 0x54),
+    ('o', 0x5C),
+    ('P', 0x73),
+    ('r', 0x50),
+    ('t', 0x78),
+    ('U', 0x3E),
+    ('u', 0x1C),
+    ('-', 0x40),
+];
+
+/// The display in three lines; what it cannot show as segments is written.
+fn segments(shown: &str) -> [String; 3] {
+    let mut lines = [String::new(), String::new(), String::new()];
+    for character in shown.chars() {
+        let known = SEGMENTS.iter().find(|(known, _)| *known == character).map(|(_, bits)| *bits);
+        let [top, middle, bottom] = match (character, known) {
+            ('.', _) => ["", "", "."].map(str::to_owned),
+            (_, Some(bits)) => {
+                let lit = |bit: u32, sign: char| if bits >> bit & 1 != 0 { sign } else { ' ' };
+                [
+                    [' ', lit(0, '_'), ' '],
+                    [lit(5, '|'), lit(6, '_'), lit(1, '|')],
+                    [lit(4, '|'), lit(3, '_'), lit(2, '|')],
+                ]
+                .map(|line| line.iter().collect())
+            }
+            (other, None) => [String::from("   "), format!(" {other} "), String::from("   ")],
+        };
+        lines[0].push_str(&top);
+        lines[1].push_str(&middle);
+        lines[2].push_str(&bottom);
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_display_is_drawn_in_segments() {
+        assert_eq!(segments("2."), [" _ ", " _|", "|_ ."]);
+        assert_eq!(segments("x"), ["   ", " x ", "   "]);
+    }
+}

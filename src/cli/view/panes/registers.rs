@@ -1,0 +1,199 @@
+//! Blocks with their registers, and below or beside them those that are pinned.
+
+use super::{lines, marked, titled};
+use crate::cli::view::look::Spot;
+use crate::cli::view::model::{Hot, Model, Which};
+use crate::cli::view::pins::{Pin, Pins};
+use crate::cli::view::prompt::Prompt;
+use crate::cli::view::style::{Theme, at_right, padded};
+use crate::cli::view::tree::Row;
+use crate::layout::place::{meaning_in, status_of};
+use crate::time;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::text::{Line, Span};
+
+/// From this width on both lists have room beside each other.
+const WIDE: u16 = 150;
+/// `16#0000_0000` and a mark.
+const VALUE: usize = 12;
+
+pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
+    let pinned = (model.pins.all.len() + 2).clamp(3, usize::from(area.height) / 2) as u16;
+    let [tree, pins] = if area.width >= WIDE {
+        Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(area)
+    } else {
+        Layout::vertical([Constraint::Min(0), Constraint::Length(pinned)]).areas(area)
+    };
+    draw_tree(frame, model, theme, tree);
+    draw_pins(frame, model, theme, pins);
+}
+
+fn draw_tree(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
+    let title = match (&model.tree.sought, &model.prompt) {
+        (Some(text), Some(Prompt::Find)) => format!(" find: {text}\u{2588} "),
+        (Some(text), _) => format!(" found: {text} "),
+        (None, _) => " blocks ".to_owned(),
+    };
+    let style = if model.on_pins { theme.dim() } else { theme.head() };
+    let inner = titled(frame, title, style, area);
+    let len = model.tree.rows().len();
+    let seen = model.tree.list.fit(usize::from(inner.height), len);
+    if len == 0 {
+        let nothing = Line::styled(" nothing is called so and has such a meaning", theme.dim());
+        return lines(frame, vec![nothing], inner);
+    }
+    let width = usize::from(inner.width);
+    let line = |number: usize| {
+        let row = model.tree.rows().get(number)?;
+        Some(marked(
+            row_line(model, row, theme, width),
+            number == model.tree.list.chosen,
+            !model.on_pins,
+            theme,
+        ))
+    };
+    let drawn = seen.filter_map(line).collect();
+    lines(frame, drawn, inner);
+    model.hot.push((inner, Hot::List(Which::Tree)));
+}
+
+fn row_line(model: &Model, row: &Row, theme: Theme, width: usize) -> Line<'static> {
+    let names = (width * 2 / 5).clamp(24, 44);
+    let sign = match row {
+        Row::Register(plc, register) => match is_pinned(model, *plc, register.offset()) {
+            true => "\u{2022}",
+            false => " ",
+        },
+        _ if model.tree.is_open(row) => "\u{25be}",
+        _ => "\u{25b8}",
+    };
+    let label = format!(" {}{sign} {}", "  ".repeat(model.tree.depth(row)), model.tree.label(row));
+    let rest = width.saturating_sub(names);
+    match row {
+        Row::Plc(plc) => {
+            let title = model.names().device(*plc).title;
+            Line::from(vec![
+                Span::styled(padded(&label, names), theme.head()),
+                Span::styled(padded(title, rest), theme.dim()),
+            ])
+        }
+        Row::Block(plc, area) => {
+            let role = model.names().fitted(*plc).area(area).role();
+            let text = role.map_or_else(|| area.doc.to_owned(), |role| format!("{role}: {}", area.doc));
+            Line::from(vec![
+                Span::styled(padded(&label, names), theme.name()),
+                Span::styled(padded(&text, rest), theme.dim()),
+            ])
+        }
+        Row::Array(_, first) => {
+            let text = first.register.doc;
+            Line::from(vec![Span::raw(padded(&label, names)), Span::styled(padded(text, rest), theme.dim())])
+        }
+        Row::Register(plc, register) => {
+            let spot = Spot::register(*plc, register);
+            let mark = if model.is_forced(spot) { "!" } else { " " };
+            let (value, meaning) = match model.value(spot) {
+                Some(value) => {
+                    let live = model.live(*plc, status_of(register.area));
+                    (register.format_value(value), meaning_in(register, live, value))
+                }
+                None => (String::new(), String::new()),
+            };
+            Line::from(vec![
+                Span::raw(padded(&label, names)),
+                Span::styled(format!(" {mark}"), theme.bad()),
+                Span::styled(padded(&value, VALUE), theme.value()),
+                Span::raw(padded(&meaning, rest.saturating_sub(VALUE + 2))),
+            ])
+        }
+    }
+}
+
+fn is_pinned(model: &Model, plc: u16, offset: u32) -> bool {
+    model
+        .pins
+        .all
+        .iter()
+        .any(|pin| pin.plc == plc && pin.place.bit().is_none() && pin.place.offset() == offset)
+}
+
+fn draw_pins(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
+    let style = if model.on_pins { theme.head() } else { theme.dim() };
+    let lost = match model.pins.lost {
+        0 => String::new(),
+        count => format!(", {count} changes lost"),
+    };
+    let inner = titled(frame, format!(" pinned{lost} "), style, area);
+    if model.pins.all.is_empty() {
+        let text = " Space pins the chosen register: it is shown here, and its changes in pane 3";
+        return lines(frame, vec![Line::styled(text, theme.dim())], inner);
+    }
+    let width = usize::from(inner.width);
+    let head = columns(width, ["register", "value", "age", "rate", "meaning"].map(str::to_owned));
+    let mut drawn = vec![Line::styled(head.concat(), theme.dim())];
+    let rows = Rect { y: inner.y + 1, height: inner.height.saturating_sub(1), ..inner };
+    let seen = model.pins.list.fit(usize::from(rows.height), model.pins.all.len());
+    let line = |number: usize| {
+        let pin = model.pins.all.get(number)?;
+        Some(marked(
+            pin_line(model, pin, theme, width),
+            number == model.pins.list.chosen,
+            model.on_pins,
+            theme,
+        ))
+    };
+    drawn.extend(seen.filter_map(line));
+    lines(frame, drawn, inner);
+    model.hot.push((rows, Hot::List(Which::Pins)));
+}
+
+/// Name, value, age, rate, meaning.
+fn columns(width: usize, [name, value, age, rate, meaning]: [String; 5]) -> [String; 5] {
+    const AGE: usize = 8;
+    let names = (width * 7 / 20).clamp(20, 44);
+    let rest = width.saturating_sub(names + 2 + VALUE + 2 * AGE + 2);
+    [
+        format!(" {}", padded(&name, names)),
+        format!(" {}", padded(&value, VALUE)),
+        at_right(&age, AGE),
+        at_right(&rate, AGE),
+        format!("  {}", padded(&meaning, rest)),
+    ]
+}
+
+fn pin_line(model: &Model, pin: &Pin, theme: Theme, width: usize) -> Line<'static> {
+    let live = model.live(pin.plc, pin.place.status());
+    let (value, meaning) = match model.value(pin.spot()) {
+        Some(value) => (pin.place.format(live, value), pin.place.meaning(live, value)),
+        None => ("?".to_owned(), String::new()),
+    };
+    let is_forced = model.is_forced(pin.spot());
+    let value = if is_forced { format!("!{value}") } else { value };
+    let now_us = model.now_us();
+    let age = pin.last_us.map_or_else(|| "-".to_owned(), |last| age(now_us.saturating_sub(last)));
+    let rate = match pin.rate(now_us) {
+        0.0 => "-".to_owned(),
+        rate if rate < 10.0 => format!("{rate:.1}/s"),
+        rate => format!("{rate:.0}/s"),
+    };
+    let name = Pins::prefix(&model.names(), pin.plc) + &pin.place.name(live);
+    let [name, value, age, rate, meaning] = columns(width, [name, value, age, rate, meaning]);
+    let value_style = if is_forced { theme.bad() } else { theme.value() };
+    Line::from(vec![
+        Span::raw(name),
+        Span::styled(value, value_style),
+        Span::styled(age, theme.dim()),
+        Span::styled(rate, theme.dim()),
+        Span::raw(meaning),
+    ])
+}
+
+/// An age in few characters: three figures are enough.
+fn age(us: u64) -> String {
+    match us {
+        0..1_000 => time::short(us),
+        1_000..10_000_000 => format!("{}.{} ms", us / 1_000, us % 1_000 / 100),
+        _ => format!("{} s", us / 1_000_000),
+    }
+}

@@ -1,0 +1,221 @@
+//! The view on a plant in this process, without a terminal: what is typed, what is asked, what is to be seen.
+//!
+//! `COMMRAM_UPDATE_SCREENS=1` renews the screens in `tests/view`, the pictures and the table of keys in `docs`.
+
+mod picture;
+mod screens;
+mod usage;
+
+use super::draw;
+use super::link::{Desk, News};
+use super::look::Looker;
+use super::model::Model;
+use super::source::{Haste, Source, Trouble};
+use super::style::Theme;
+use crate::memory::Header;
+use crate::plant::PlantConfig;
+use crate::request::testing::TestHost;
+use crate::request::{Execution, Host, Op, Reply};
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::buffer::Buffer;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
+use std::path::PathBuf;
+
+impl Source for TestHost {
+    fn request(&mut self, ops: &[Op], _: Haste) -> Result<Vec<Reply>, Trouble> {
+        self.begin_request();
+        let (mut replies, mut execution) = (Vec::new(), Execution::default());
+        for op in ops {
+            let reply = loop {
+                match execution.run(self, op) {
+                    Ok(Some(reply)) => break reply,
+                    Ok(None) => {}
+                    Err(refused) => {
+                        replies.push(Reply::Error(refused));
+                        replies.resize(ops.len(), Reply::NotExecuted);
+                        return Ok(replies);
+                    }
+                }
+            };
+            replies.push(reply);
+        }
+        Ok(replies)
+    }
+
+    fn header(&mut self, plc: u16) -> Option<Box<Header>> {
+        Some(self.plant.devices().get(usize::from(plc))?.segment().header_snapshot())
+    }
+}
+
+/// Somebody at a screen of 80x24.
+struct User {
+    host: TestHost,
+    desk: Desk,
+    looker: Looker,
+    model: Model,
+    terminal: Terminal<TestBackend>,
+}
+
+impl User {
+    fn of(toml: &str, read_only: bool) -> Self {
+        let config = PlantConfig::parse("test", toml).unwrap();
+        Self::at(TestHost::of(&config, true), read_only)
+    }
+
+    /// In front of the built-in plant, power on and stepped clock.
+    fn built_in() -> Self {
+        Self::at(TestHost::of(&PlantConfig::built_in().unwrap(), true), false)
+    }
+
+    fn at(host: TestHost, read_only: bool) -> Self {
+        let model = Model::new("default", read_only);
+        let terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
+        let mut user = Self { host, desk: Desk::default(), looker: Looker::default(), model, terminal };
+        user.look();
+        user
+    }
+
+    /// Draws, looks, and draws what was seen, until all that was ordered is done.
+    fn look(&mut self) {
+        // What is to be read depends on what there is room for, and that on what was read.
+        for _ in 0..3 {
+            self.draw();
+            self.desk.take(super::link::Order::Show(self.model.wish()));
+            self.model.orders.drain(..).for_each(|order| self.desk.take(order));
+            loop {
+                let news = self.desk.turn(&mut self.host, &mut self.looker);
+                let goes_on = news.iter().any(|news| matches!(news, News::GoesOn(_)));
+                news.into_iter().for_each(|news| self.model.take(news));
+                if !goes_on {
+                    break;
+                }
+            }
+        }
+        self.draw();
+    }
+
+    fn draw(&mut self) {
+        let (model, theme) = (&mut self.model, Theme { has_colours: true });
+        self.terminal.draw(|frame| draw::draw(frame, model, theme)).unwrap();
+    }
+
+    fn press(&mut self, code: KeyCode) {
+        self.model.press(KeyEvent::new(code, KeyModifiers::NONE));
+        self.look();
+    }
+
+    /// Types; `\n` is Enter.
+    fn type_in(&mut self, text: &str) {
+        for letter in text.chars() {
+            self.press(if letter == '\n' { KeyCode::Enter } else { KeyCode::Char(letter) });
+        }
+    }
+
+    fn click(&mut self, column: u16, row: u16) {
+        let kind = MouseEventKind::Down(MouseButton::Left);
+        self.model.mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE });
+        self.look();
+    }
+
+    fn buffer(&self) -> &Buffer {
+        self.terminal.backend().buffer()
+    }
+
+    /// The screen as text, without blanks at the ends of its lines.
+    fn screen(&self) -> String {
+        let buffer = self.buffer();
+        let width = usize::from(buffer.area.width);
+        let line = |cells: &[ratatui::buffer::Cell]| {
+            let text: String = cells.iter().map(|cell| cell.symbol()).collect();
+            text.trim_end().to_owned() + "\n"
+        };
+        buffer.content.chunks(width).map(line).collect()
+    }
+
+    #[track_caller]
+    fn sees(&self, text: &str) {
+        assert!(self.screen().contains(text), "no {text:?} in\n{}", self.screen());
+    }
+
+    /// Finds a register and chooses it.
+    fn find(&mut self, name: &str) {
+        self.type_in("/");
+        self.type_in(name);
+        self.type_in("\n");
+    }
+
+    /// Pokes registers as a program does through the channel, and lets time pass.
+    fn poke(&mut self, writes: &[(&str, u32)], then_us: u64) {
+        let fitted = self.host.plant.names().fitted(0);
+        for (name, value) in writes {
+            let place = crate::layout::Place::parse(&fitted, name).unwrap();
+            let op = Op::Poke { plc: 0, offset: place.offset(), width: place.width(), value: *value };
+            assert_eq!(self.host.request(&[op]), [Reply::Written], "{name}");
+        }
+        self.host.run_to(self.host.plant.now() + then_us);
+    }
+
+    /// The master of the built-in plant goes into active operation (manual 5.00005.03a p. 149-150), with reference and
+    /// actual values of slave 1.
+    fn activate(&mut self) {
+        self.poke(&[("node2.w_CPU_CONTROL", 0)], 1_000);
+        self.poke(&[("node2.w_CPU_CONTROL", 1)], 5_000);
+        let init = [
+            ("b_MA_SL_MODE", 0x00),
+            ("b_AC", 0xFF),
+            ("b_AM", 0xFF),
+            ("b_BT_0", 0x00),
+            ("b_BT_1", 0x1C),
+            ("b_OUTPUT_CONTROL", 0xFA),
+            ("b_CLOCK_DIVIDER", 0x07),
+            ("b_TIME_PATTERN", 2),
+            ("a_SL_TYP[1]", 1),
+            ("a_SL_TYP[2]", 1),
+            ("a_SL_TYP[3]", 1),
+            ("w_CPU_CONTROL", 2),
+        ];
+        let init = init.map(|(name, value)| (format!("node2.{name}"), value));
+        self.poke(&init.iter().map(|(name, value)| (name.as_str(), *value)).collect::<Vec<_>>(), 5_000);
+        let mapping = [
+            ("node2._CFG_WRC_WORD.b_CFG_WRC1_WORD0", 0x01),
+            ("node2._CFG_WRC_WORD.b_CFG_WRC1_WORD1", 0x03),
+            ("node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD0", 0x01),
+            ("node2.a_CFG_RDC_WORD[1].b_CFG_RDC1_WORD1", 0x03),
+            ("node2.b_CTRLREG_RD_ORDER_RDC1", 1),
+            ("node2.w_CPU_CONTROL", 0x20),
+        ];
+        self.poke(&mapping, 1_100_000);
+        self.poke(&[("node2.w_CPU_CONTROL", 0x40)], 10_000);
+    }
+}
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+fn renews() -> bool {
+    std::env::var_os("COMMRAM_UPDATE_SCREENS").is_some()
+}
+
+/// Holds a file to what it should be, or renews it.
+#[track_caller]
+fn held(name: &str, wanted: &str) {
+    if renews() {
+        std::fs::write(path(name), wanted).unwrap();
+    }
+    let found = std::fs::read_to_string(path(name)).unwrap_or_default();
+    assert!(
+        found == wanted,
+        "{name} is not what it should be; COMMRAM_UPDATE_SCREENS=1 renews it:\n{wanted}"
+    );
+}
+
+/// Holds the part of a file behind `head`, up to an empty line, to what it should be, or renews it.
+#[track_caller]
+pub(super) fn held_part(name: &str, head: &str, wanted: &str) {
+    let text = std::fs::read_to_string(path(name)).unwrap_or_default();
+    let (before, rest) = text.split_once(head).unwrap_or_else(|| panic!("{name} has no {head:?}"));
+    let rest = rest.find("\n\n").map_or("", |end| &rest[end + 1..]);
+    held(name, &format!("{before}{head}{wanted}{rest}"));
+}

@@ -1,0 +1,210 @@
+//! What the user does, and what comes of it.
+
+use super::User;
+use crate::cli::view::link::News;
+use crate::cli::view::model::Contact;
+use crate::layout::Place;
+use crate::request::testing::TestHost;
+use ratatui::crossterm::event::KeyCode;
+
+/// What a register of the first PLC holds.
+fn holds(user: &User, name: &str) -> u32 {
+    let place = Place::parse(&user.host.plant.names().fitted(0), name).unwrap();
+    let device = &user.host.plant.devices()[0];
+    device.segment().load(place.offset(), place.width()).unwrap()
+}
+
+#[test]
+fn a_poke_asks_before_it_is_done() {
+    let mut user = User::built_in();
+    user.find("node2.w_CPU_CONTROL");
+    user.type_in("p");
+    user.sees("poke node2.w_CPU_CONTROL (%MW3.200000)");
+    user.sees("start_synchronous");
+    user.type_in("70000\n");
+    user.sees("out of range");
+    user.press(KeyCode::Esc);
+    user.type_in("p16#0001\n");
+    user.sees("poke node2.w_CPU_CONTROL (%MW3.200000) = 16#0001, handshake?");
+    assert_eq!(holds(&user, "node2.w_CPU_CONTROL"), 0);
+    user.type_in("n");
+    assert_eq!(holds(&user, "node2.w_CPU_CONTROL"), 0);
+    user.type_in("phandshake\ny");
+    assert_eq!(holds(&user, "node2.w_CPU_CONTROL"), 1);
+}
+
+#[test]
+fn a_forced_register_is_marked_and_let_go_again() {
+    let mut user = User::built_in();
+    user.find("node2.w_OPTION_STATUS");
+    user.type_in(" f16#80\ny");
+    user.sees("!16#0080");
+    user.type_in("uy");
+    assert!(!user.screen().contains("!16#0080"), "{}", user.screen());
+    user.type_in("uy");
+    user.sees("is not forced");
+}
+
+#[test]
+fn nothing_is_changed_by_who_only_reads() {
+    let mut user = User::at(TestHost::new(true), true);
+    user.find("press:node2.w_CPU_CONTROL");
+    for key in ["p", "f", "u", "s", "n", "e", "w", "c"] {
+        user.type_in(key);
+        user.sees("--read-only");
+        assert!(user.model.prompt.is_none(), "{key}");
+    }
+    assert_eq!(user.host.plant.now(), 0);
+}
+
+#[test]
+fn a_stepped_clock_goes_as_far_as_it_is_told() {
+    let mut user = User::built_in();
+    user.type_in("s\n");
+    assert_eq!(user.host.plant.now(), 1_000);
+    user.type_in("s");
+    (0..3).for_each(|_| user.press(KeyCode::Backspace));
+    user.type_in("2\n");
+    user.sees("a time needs a unit");
+    user.type_in("50us\n");
+    assert_eq!(user.host.plant.now(), 1_250);
+    user.type_in("e");
+    assert_eq!(user.host.plant.now(), 1_500);
+    user.type_in("n");
+    user.sees("SYNC");
+    user.type_in("wnode2.w_OPTION_STATUS == 16#0001\n");
+    user.sees("node2.w_OPTION_STATUS == 16#0001");
+    user.type_in("w");
+    user.press(KeyCode::Esc);
+    user.type_in("w and node2.w_CPU_CONTROL==9\n");
+    user.sees("not yet: node2.w_OPTION_STATUS == 16#0001 and node2.w_CPU_CONTROL==9");
+    assert_eq!(user.host.plant.now(), 10_001_500);
+}
+
+#[test]
+fn what_cannot_be_waited_for_is_explained() {
+    let mut user = User::at(TestHost::new(true), false);
+    user.type_in("wnode2.w_CPU_CONTROL==1\n");
+    user.sees("name the PLC in front: press, saw:...");
+    user.press(KeyCode::Esc);
+    user.type_in("wpress:node2.w_CPU_CONTRL==1\n");
+    user.sees("w_CPU_CONTROL");
+    user.press(KeyCode::Esc);
+    user.type_in("wpress:node2.w_CPU_CONTROL=1\n");
+    user.sees("write REG==VALUE");
+}
+
+#[test]
+fn a_running_clock_is_not_stepped() {
+    let mut user = User::at(TestHost::new(false), false);
+    for key in ["s", "n", "e"] {
+        user.type_in(key);
+        user.sees("the clock runs by itself");
+    }
+}
+
+#[test]
+fn a_request_that_was_answered_between_two_looks_is_seen() {
+    let mut user = User::built_in();
+    user.activate();
+    user.find("node2.b_CTRLREG_WRC1");
+    user.type_in(" 3");
+    user.poke(&[("node2.b_CTRLREG_WRC1", 5)], 4_000);
+    user.look();
+    let screen = user.screen();
+    let told: Vec<_> = screen.lines().filter(|line| line.contains("node2.b_CTRLREG_WRC1")).collect();
+    let [request, answer] = told.as_slice() else { panic!("{screen}") };
+    assert!(request.contains("16#05") && request.contains("channel"), "{request}");
+    assert!(answer.contains("16#04") && answer.contains("firmware"), "{answer}");
+}
+
+#[test]
+fn the_mouse_chooses_panes_and_lines() {
+    let mut user = User::built_in();
+    user.click(3, 1);
+    user.sees(" plant ");
+    user.click(12, 1);
+    user.sees(" blocks ");
+    user.click(4, 4);
+    let chosen = user.model.tree.list.chosen;
+    let rows = user.model.tree.rows().len();
+    user.click(4, 4);
+    assert_eq!(chosen, 1);
+    assert!(user.model.tree.rows().len() > rows, "a second click opens it");
+}
+
+#[test]
+fn an_emulator_that_is_gone_is_waited_for_and_its_successor_has_the_same_pins() {
+    let mut user = User::at(TestHost::new(true), false);
+    user.find("press:node2.w_CPU_CONTROL");
+    user.type_in(" ");
+    user.press(KeyCode::Esc);
+    user.model.take(News::Absent("nothing of the name runs".to_owned()));
+    user.draw();
+    user.sees("gone, waiting for it");
+    user.sees("nothing of the name runs");
+    user.model.take(News::Busy);
+    user.draw();
+    user.sees("busy with somebody else's time");
+    let mut successor = user.model.info.clone().unwrap();
+    successor.generation += 1;
+    user.model.info = Some(successor);
+    user.look();
+    assert_eq!(user.model.contact, Contact::Live);
+    user.sees("press:node2.w_CPU_CONTROL");
+    user.sees("another emulator has begun");
+}
+
+#[test]
+fn a_long_wait_ends_when_the_user_has_had_enough() {
+    let mut user = User::built_in();
+    user.model.press(KeyCode::Char('s').into());
+    user.model.press(KeyCode::Enter.into());
+    user.model.orders.clear();
+    user.type_in("s");
+    (0..3).for_each(|_| user.press(KeyCode::Backspace));
+    "60s".chars().for_each(|letter| user.model.press(KeyCode::Char(letter).into()));
+    user.model.press(KeyCode::Enter.into());
+    user.model.orders.drain(..).for_each(|order| user.desk.take(order));
+    let news = user.desk.turn(&mut user.host, &mut user.looker);
+    assert!(matches!(&news[0], News::GoesOn(text) if text.contains("left, Esc ends")), "{news:?}");
+    user.press(KeyCode::Esc);
+    assert_eq!(user.host.plant.now(), 100_000);
+}
+
+#[test]
+fn the_tree_opens_and_closes() {
+    let mut user = User::built_in();
+    let closed = user.model.tree.rows().len();
+    user.press(KeyCode::Right);
+    let open = user.model.tree.rows().len();
+    assert!(open > closed);
+    user.press(KeyCode::Down);
+    user.press(KeyCode::Left);
+    assert_eq!(user.model.tree.list.chosen, 0, "what is no block leads to its block");
+    user.press(KeyCode::Left);
+    assert_eq!(user.model.tree.rows().len(), closed);
+}
+
+#[test]
+fn addresses_and_patterns_are_found() {
+    let mut user = User::built_in();
+    user.find("%MW3.200002");
+    user.sees("node2.w_OPTION_STATUS");
+    user.press(KeyCode::Esc);
+    user.find("node2.a_STAT_SL[1..3]");
+    assert_eq!(user.model.tree.rows().len(), 3);
+    user.press(KeyCode::Esc);
+    user.type_in("/nothing of the kind");
+    user.sees("nothing is called so");
+}
+
+#[test]
+fn a_modular_plc_has_its_modules_at_its_front() {
+    let plant =
+        "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n";
+    let mut user = User::of(plant, false);
+    user.type_in("5");
+    user.sees("slotG");
+    user.sees("can-06");
+}

@@ -1,0 +1,345 @@
+//! The blocks of all PLCs with their registers, as lines that open and close, or those that were looked for.
+
+use super::list::List;
+use crate::cli::find;
+use crate::cli::map::entry;
+use crate::journal::Names;
+use crate::layout::place::is_live;
+use crate::layout::{Area, Fit, Fitted, Live, Named, RegisterRef, plc_prefix, split_plc};
+use std::collections::HashSet;
+
+/// A line.
+#[derive(Clone, Debug)]
+pub(super) enum Row {
+    /// A PLC, if there are several.
+    Plc(u16),
+    /// A block.
+    Block(u16, &'static Area),
+    /// An array of registers, whose first one this is.
+    Array(u16, RegisterRef),
+    /// A register.
+    Register(u16, RegisterRef),
+}
+
+/// What is open: the PLC, and the first byte of the block, and the name of the array.
+type Branch = (u16, Option<u32>, Option<&'static str>);
+
+/// Which of the structures that overlay each other is live, of the blocks that are open.
+type Lives = Vec<(u16, u32, Live)>;
+
+/// The lines and what they are made of.
+#[derive(Default)]
+pub(super) struct Tree {
+    /// Which line is chosen.
+    pub list: List,
+    /// What is looked for, if anything is.
+    pub sought: Option<String>,
+    names: Names,
+    open: HashSet<Branch>,
+    lives: Lives,
+    rows: Vec<Row>,
+    /// All registers with their description, each array once; made when something is looked for.
+    index: Vec<(u16, RegisterRef, entry::Entry)>,
+}
+
+impl Row {
+    /// Its PLC.
+    pub(super) fn plc(&self) -> u16 {
+        match self {
+            Row::Plc(plc) | Row::Block(plc, _) | Row::Array(plc, _) | Row::Register(plc, _) => *plc,
+        }
+    }
+
+    /// The register, if it is one.
+    pub(super) fn register(&self) -> Option<(u16, &RegisterRef)> {
+        match self {
+            Row::Register(plc, register) => Some((*plc, register)),
+            _ => None,
+        }
+    }
+
+    fn branch(&self) -> Option<Branch> {
+        match self {
+            Row::Plc(plc) => Some((*plc, None, None)),
+            Row::Block(plc, area) => Some((*plc, Some(area.first), None)),
+            Row::Array(plc, first) => Some((*plc, Some(first.area.first), Some(first.register.name))),
+            Row::Register(..) => None,
+        }
+    }
+
+    fn same(&self, other: &Row) -> bool {
+        match (self, other) {
+            (Row::Register(plc, one), Row::Register(other_plc, other)) => plc == other_plc && one == other,
+            _ => self.branch().is_some() && self.branch() == other.branch(),
+        }
+    }
+}
+
+impl Tree {
+    /// Of this plant.
+    pub(super) fn of(names: Names) -> Self {
+        let mut tree = Self { names, ..Self::default() };
+        if tree.names.plcs.len() == 1 {
+            tree.open.insert((0, None, None));
+        }
+        tree.rebuild();
+        tree
+    }
+
+    /// The lines.
+    pub(super) fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The chosen line.
+    pub(super) fn chosen(&self) -> Option<&Row> {
+        self.rows.get(self.list.chosen)
+    }
+
+    /// The lines that are to be seen.
+    pub(super) fn seen(&self) -> &[Row] {
+        self.rows.get(self.list.seen(self.rows.len())).unwrap_or_default()
+    }
+
+    /// The blocks that are open: number of the PLC, and the block.
+    pub(super) fn open_blocks(&self) -> impl Iterator<Item = (u16, &'static Area)> {
+        self.rows.iter().filter_map(|row| match row {
+            Row::Block(plc, area) if self.is_open(row) => Some((*plc, *area)),
+            _ => None,
+        })
+    }
+
+    /// Whether a line is open.
+    pub(super) fn is_open(&self, row: &Row) -> bool {
+        row.branch().is_some_and(|branch| self.open.contains(&branch))
+    }
+
+    /// How far a line is moved in.
+    pub(super) fn depth(&self, row: &Row) -> usize {
+        if self.sought.is_some() {
+            return 0;
+        }
+        let plcs = usize::from(self.names.plcs.len() > 1);
+        match row {
+            Row::Plc(_) => 0,
+            Row::Block(..) => plcs,
+            Row::Array(..) => plcs + 1,
+            Row::Register(_, register) => plcs + 1 + usize::from(is_element(register)),
+        }
+    }
+
+    /// What a line is called where it stands.
+    pub(super) fn label(&self, row: &Row) -> String {
+        let prefix = |plc| plc_prefix(&self.names.plcs, plc);
+        let is_found = self.sought.is_some();
+        match row {
+            Row::Plc(plc) => self.names.plcs.get(usize::from(*plc)).cloned().unwrap_or_default(),
+            Row::Block(plc, area) if is_found => prefix(*plc) + area.name,
+            Row::Block(_, area) => area.name.to_owned(),
+            Row::Array(plc, first) if is_found => {
+                format!("{}{}.{}", prefix(*plc), first.front(), first.register.pattern())
+            }
+            Row::Array(_, first) => first.register.pattern(),
+            Row::Register(plc, register) if is_found => format!("{}{register}", prefix(*plc)),
+            Row::Register(_, register) => register.path(),
+        }
+    }
+
+    /// Opens or closes the chosen line; `None`: the other way round. Closing what is not open closes what it belongs to.
+    pub(super) fn open(&mut self, open: Option<bool>) {
+        let Some(row) = self.chosen().cloned() else { return };
+        let branch = match (row.branch(), open) {
+            (Some(branch), Some(true) | None) => branch,
+            (Some(branch), Some(false)) if self.open.contains(&branch) => branch,
+            (_, Some(false)) => {
+                let Some(parent) = self.parent(&row) else { return };
+                self.list.chosen = parent;
+                return;
+            }
+            _ => return,
+        };
+        let is_open = self.open.contains(&branch);
+        if open.unwrap_or(!is_open) {
+            self.open.insert(branch);
+        } else {
+            self.open.remove(&branch);
+        }
+        self.rebuild();
+    }
+
+    fn parent(&self, row: &Row) -> Option<usize> {
+        let depth = self.depth(row);
+        let above = self.rows.get(..self.list.chosen)?;
+        above.iter().rposition(|other| self.depth(other) < depth)
+    }
+
+    /// Looks for something else.
+    pub(super) fn seek(&mut self, text: Option<String>) {
+        let was_chosen = self.chosen().cloned();
+        let ends = text.is_none();
+        self.sought = text;
+        if let Some(row) = was_chosen.filter(|_| ends) {
+            self.reveal(&row);
+        }
+        self.rebuild();
+        if !ends {
+            self.list = List { height: self.list.height, ..List::default() };
+        }
+    }
+
+    /// Opens what stands around a line.
+    fn reveal(&mut self, row: &Row) {
+        let plc = row.plc();
+        self.open.insert((plc, None, None));
+        if let Row::Array(_, register) | Row::Register(_, register) = row {
+            self.open.insert((plc, Some(register.area.first), None));
+            if is_element(register) && matches!(row, Row::Register(..)) {
+                self.open.insert((plc, Some(register.area.first), Some(register.register.name)));
+            }
+        }
+    }
+
+    /// Which structures are live is told anew.
+    pub(super) fn set_lives(&mut self, lives: Lives) {
+        if lives != self.lives {
+            self.lives = lives;
+            self.rebuild();
+        }
+    }
+
+    /// Makes the lines anew; what was chosen stays so.
+    fn rebuild(&mut self) {
+        let chosen = self.chosen().cloned();
+        self.rows = match self.sought.clone() {
+            Some(text) => self.found(&text),
+            None => self.all(),
+        };
+        let place = chosen.and_then(|chosen| self.rows.iter().position(|row| row.same(&chosen)));
+        let line = place.unwrap_or(self.list.chosen);
+        self.list.choose(line, self.rows.len());
+    }
+
+    fn plcs(&self) -> Vec<(u16, Fitted)> {
+        let count = u16::try_from(self.names.plcs.len()).unwrap_or(u16::MAX);
+        (0..count).map(|plc| (plc, self.names.fitted(plc))).collect()
+    }
+
+    fn all(&self) -> Vec<Row> {
+        let mut rows = Vec::new();
+        for (plc, fitted) in self.plcs() {
+            if self.names.plcs.len() > 1 {
+                rows.push(Row::Plc(plc));
+            }
+            if !self.open.contains(&(plc, None, None)) {
+                continue;
+            }
+            for area in blocks(&fitted) {
+                rows.push(Row::Block(plc, area));
+                if self.open.contains(&(plc, Some(area.first), None)) {
+                    self.add_registers(&mut rows, plc, &fitted, area);
+                }
+            }
+        }
+        rows
+    }
+
+    fn add_registers(&self, rows: &mut Vec<Row>, plc: u16, fitted: &Fitted, area: &'static Area) {
+        let live = self.lives.iter().find(|(of, first, _)| (*of, *first) == (plc, area.first));
+        let live = live.map_or(Live::Cyclic, |(.., live)| *live);
+        let firsts = entry::firsts(fitted, area);
+        for first in firsts.iter().filter(|first| !first.register.reserved && is_live(first, live)) {
+            if !is_element(first) {
+                rows.push(Row::Register(plc, *first));
+                continue;
+            }
+            let array = Row::Array(plc, *first);
+            let is_open = self.is_open(&array);
+            rows.push(array);
+            if is_open {
+                rows.extend(elements(plc, first));
+            }
+        }
+    }
+
+    /// What the text can mean: a name with a pattern, an index or an address, else registers in which its words occur.
+    fn found(&mut self, text: &str) -> Vec<Row> {
+        let text = text.trim();
+        if text.is_empty() {
+            return self.all();
+        }
+        if text.contains(['[', '*', '%']) {
+            return self.named(text);
+        }
+        if self.index.is_empty() {
+            for (plc, fitted) in self.plcs() {
+                let firsts = blocks(&fitted).flat_map(|area| entry::firsts(&fitted, area));
+                let firsts = firsts.filter(|first| !first.register.reserved);
+                self.index.extend(firsts.map(|first| (plc, first, entry::of_array(&first))));
+            }
+        }
+        let (plc, text) = split_plc(text);
+        let wanted = plc.and_then(|plc| self.names.plcs.iter().position(|name| name == plc));
+        let words: Vec<_> = text.split_whitespace().map(find::folded).collect();
+        let meant = |number: u16| plc.is_none() || wanted == Some(usize::from(number));
+        let meant = self.index.iter().filter(|(plc, ..)| meant(*plc));
+        let ranked = meant.filter_map(|(plc, first, entry)| Some((find::rank(entry, &words)?, *plc, *first)));
+        let mut found: Vec<_> = ranked.collect();
+        found.sort_by_key(|(rank, ..)| *rank);
+        let row = |(_, plc, first): (u8, u16, RegisterRef)| match is_element(&first) {
+            false => vec![Row::Register(plc, first)],
+            true => {
+                let array = Row::Array(plc, first);
+                let elements = match self.is_open(&array) {
+                    true => elements(plc, &first),
+                    false => Vec::new(),
+                };
+                [array].into_iter().chain(elements).collect()
+            }
+        };
+        found.into_iter().flat_map(row).collect()
+    }
+
+    fn named(&self, text: &str) -> Vec<Row> {
+        let (plc, name) = split_plc(text);
+        let is_meant = |number: &u16| {
+            plc.is_none_or(|plc| self.names.plcs.get(usize::from(*number)).is_some_and(|it| it == plc))
+        };
+        let mut rows = Vec::new();
+        for (plc, fitted) in self.plcs().into_iter().filter(|(number, _)| is_meant(number)) {
+            let registers = if name.starts_with('%') {
+                let address = fitted.device().address(name);
+                address.and_then(|address| fitted.registers_at(address, None)).unwrap_or_default()
+            } else {
+                match fitted.area_or_registers(name) {
+                    Ok(Named::Registers(registers)) => registers,
+                    Ok(Named::Area(area)) => {
+                        rows.push(Row::Block(plc, area));
+                        Vec::new()
+                    }
+                    Err(_) => Vec::new(),
+                }
+            };
+            rows.extend(registers.into_iter().map(|register| Row::Register(plc, register)));
+        }
+        rows
+    }
+}
+
+/// Whether it is an element of an array.
+fn is_element(register: &RegisterRef) -> bool {
+    register.register.dims.iter().map(|dim| usize::from(dim.count)).product::<usize>() > 1
+}
+
+/// Those elements of an array that are in use.
+fn elements(plc: u16, first: &RegisterRef) -> Vec<Row> {
+    let all = first.area.registers_of(first.placed).map(|it| RegisterRef { role: first.role, ..it });
+    let own = all.filter(|it| core::ptr::eq(it.register, first.register) && !it.is_reserved());
+    own.map(|register| Row::Register(plc, register)).collect()
+}
+
+/// The blocks of a device that have registers as it is fitted.
+fn blocks(fitted: &Fitted) -> impl Iterator<Item = &'static Area> + use<> {
+    let fitted = *fitted;
+    let areas = fitted.device().named_areas();
+    areas.filter(move |area| fitted.area(area) != Fit::Empty && fitted.placed(area).next().is_some())
+}

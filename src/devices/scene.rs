@@ -1,0 +1,29 @@
+//! What somebody sees who looks at a medium: intervals with their slots.
+
+use serde::{Deserialize, Serialize};
+
+/// An interval that comes again and again on a medium.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Interval {
+    /// Time from one SYNC edge to the next, in us.
+    pub us: u32,
+    /// Its slots, in the order of their times.
+    pub slots: Vec<Slot>,
+}
+
+/// A part of an interval that belongs to a frame.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Slot {
+    /// What the frame is called.
+    pub name: String,
+    /// When it begins at the latest, in us after the SYNC edge.
+    pub start_us: u32,
+}
+
+impl Slot {
+    /// A slot that begins so many us after the SYNC edge.
+    #[must_use]
+    pub fn new(name: &str, start_us: u32) -> Self {
+        Self { name: name.to_owned(), start_us }
+    }
+}

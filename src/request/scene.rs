@@ -1,0 +1,19 @@
+//! What is going on at the buses.
+
+use super::Host;
+use super::{BusScene, Reply};
+use crate::devices::Medium;
+use crate::journal::Source;
+
+/// The buses with their intervals and ports.
+pub(super) fn scene(host: &dyn Host) -> Reply {
+    let names = host.plant().names();
+    let bus = |medium: &dyn Medium| BusScene {
+        name: medium.name().to_owned(),
+        kind: medium.family().to_owned(),
+        bit_s: medium.bit_s(),
+        interval: medium.interval(),
+        ports: medium.ports().into_iter().map(|origin| names.source(Source::Node(origin))).collect(),
+    };
+    Reply::Scene(host.plant().media().iter().map(|medium| bus(&**medium)).collect())
+}

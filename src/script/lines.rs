@@ -1,0 +1,106 @@
+//! The language of scenarios piece by piece, as somebody types it.
+
+use super::Bench;
+use super::complaint::with_underscores;
+use super::engine::{Stage, engine};
+use super::imports::Imports;
+use super::printed::Printed;
+use super::report::Outcome;
+use super::run::{Limits, broken, ended, limit, place};
+use core::cell::RefCell;
+use rhai::{AST, Dynamic, Engine, ParseError, Scope};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// Pieces of a script that follow each other on one bench: what one declares the next ones know.
+pub struct Lines {
+    engine: Engine,
+    stage: Rc<RefCell<Stage>>,
+    scope: Scope<'static>,
+    functions: AST,
+    limits: Limits,
+    directory: PathBuf,
+}
+
+impl Lines {
+    /// On this bench; names of files start from `directory`. What is printed is handed on.
+    pub fn new(bench: Bench, directory: &Path, print: impl FnMut(&str) + 'static) -> Self {
+        // Whoever types has Ctrl-C.
+        let limits = Limits { operations: 0, time_us: u64::MAX, real: Duration::MAX };
+        let stage = Rc::new(RefCell::new(Stage::new(Some(bench), directory.to_owned(), limits.time_us)));
+        let mut engine = engine(&stage);
+        limit(&mut engine, limits, Instant::now());
+        engine.set_module_resolver(Imports::new(Path::new("shell"), directory, Rc::default()));
+        let printed = Rc::new(RefCell::new(Printed::new(print)));
+        let printing = Rc::clone(&printed);
+        engine.on_print(move |line| {
+            let mut printed = printing.borrow_mut();
+            printed.line(line);
+            // Nobody asks for it later.
+            printed.take();
+        });
+        engine.on_debug(move |line, _, _| printed.borrow_mut().line(line));
+        let mut scope = Scope::new();
+        scope.push_constant("extended", true);
+        Self { engine, stage, scope, functions: AST::empty(), limits, directory: directory.to_owned() }
+    }
+
+    /// Runs a piece; returns what it comes to, if to anything.
+    ///
+    /// # Errors
+    /// An expectation failed, or the piece is wrong: [`Outcome::Failed`], [`Outcome::Broken`].
+    pub fn run(&mut self, text: &str) -> Result<Option<String>, Box<Outcome>> {
+        let file = Path::new("shell");
+        let piece = self.engine.compile(text).map_err(|ParseError(reason, _)| {
+            Box::new(broken(&format!("{reason}{}", with_underscores(text)), place(file, None)))
+        })?;
+        let known = self.functions.merge(&piece);
+        self.functions = known.clone_functions_only();
+        let value = self.engine.eval_ast_with_scope::<Dynamic>(&mut self.scope, &known);
+        match value {
+            Ok(value) if value.is_unit() => Ok(None),
+            Ok(value) => Ok(Some(value.to_string())),
+            Err(error) => Err(Box::new(ended(&error, file, &self.directory, &self.stage, self.limits))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines() -> (Lines, Rc<RefCell<String>>) {
+        let printed = Rc::new(RefCell::new(String::new()));
+        let out = Rc::clone(&printed);
+        let lines = Lines::new(Bench::built_in().unwrap(), Path::new("."), move |line| {
+            out.borrow_mut().push_str(line)
+        });
+        (lines, printed)
+    }
+
+    #[test]
+    fn what_a_piece_declares_the_next_ones_know() {
+        let (mut lines, printed) = lines();
+        assert!(matches!(
+            lines.run("let status = \"node2.w_OPTION_STATUS\"; fn twice(x) { 2 * x }"),
+            Ok(None)
+        ));
+        lines.run("poke(\"node2.w_CPU_CONTROL\", 1); wait(status, 2, \"10ms\");").unwrap();
+        assert_eq!(lines.run("twice(peek(status))").unwrap().as_deref(), Some("4"));
+        lines.run("print(now())").unwrap();
+        assert_eq!(printed.borrow().trim(), "500");
+    }
+
+    #[test]
+    fn what_goes_wrong_is_told_and_the_next_piece_runs() {
+        let (mut lines, _) = lines();
+        let failed = *lines.run("expect(\"node2.w_CPU_CONTROL\", 9)").unwrap_err();
+        assert!(matches!(failed, Outcome::Failed(_)), "{failed:?}");
+        for wrong in ["let x = ", "pek(\"node2.w_CPU_CONTROL\")", "peek(\"node2.nothing\")"] {
+            let broken = *lines.run(wrong).unwrap_err();
+            assert!(matches!(broken, Outcome::Broken(_)), "{wrong}: {broken:?}");
+        }
+        assert_eq!(lines.run("peek(\"node2.w_CPU_CONTROL\")").unwrap().as_deref(), Some("0"));
+    }
+}
