@@ -205,6 +205,14 @@ fn matiec_compiles_what_is_exported_for_it() {
             iec2c(directory.path());
         }
     }
+    // The blocks of every device that has them in Structured Text, which refer to their registers (-r).
+    for device in ["omega-drive-line-2", "bm4-plc"] {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("commram.st");
+        run(&["export", "st", "--blocks", "--device", device, "--output", file.to_str().unwrap()]).ok();
+        fs::write(directory.path().join("program.st"), empty).unwrap();
+        self::iec2c(&matiec, directory.path(), &["-r"]);
+    }
     // A program with a function block, TON, CASE, SFC, globals and two instances.
     let directory = tempfile::tempdir().unwrap();
     let directory = directory.path();
