@@ -8,11 +8,12 @@ use super::error::CliError;
 use super::exit::Exit;
 use super::session::Session;
 use super::{Cli, Command, Instance, output};
+use crate::handed_in::LONGEST_SCRIPT;
 use crate::script::{Bench, Lines, Outcome};
 use clap::builder::Resettable;
 use clap::{ArgAction, CommandFactory, FromArgMatches};
 use edit::{Read, Typed};
-use std::io::{self, BufRead, IsTerminal};
+use std::io::{self, BufRead, IsTerminal, Read as _};
 use std::path::Path;
 
 /// How long a verb may let the time pass before the shell stops waiting for its reply: an hour of emulated time.
@@ -65,20 +66,21 @@ struct Shell {
 impl Shell {
     fn read_pipe(&mut self) -> Result<(), CliError> {
         let (mut piece, mut begin) = (String::new(), 1);
-        let mut lines = (1..).zip(io::stdin().lock().lines());
-        loop {
-            let next = lines.next();
-            let is_last = next.is_none();
-            if let Some((number, line)) = next {
-                let line = line.map_err(|reason| CliError::Argument {
-                    text: format!("line {number}"),
-                    right: format!("it cannot be read: {reason}"),
-                })?;
-                if piece.is_empty() {
-                    begin = number;
-                }
-                piece += &line;
-                piece.push('\n');
+        let mut input = io::stdin().lock();
+        for number in 1.. {
+            if piece.is_empty() {
+                begin = number;
+            }
+            let left = LONGEST_SCRIPT.saturating_sub(piece.len() as u64);
+            let read =
+                input.by_ref().take(left + 1).read_line(&mut piece).map_err(|reason| reason.to_string());
+            let read = read.and_then(|read| match read as u64 > left {
+                true => Err(format!("a command or piece of a scenario has {LONGEST_SCRIPT} bytes at most")),
+                false => Ok(read),
+            });
+            let is_last =
+                read.map_err(|right| CliError::Argument { text: format!("line {number}"), right })? == 0;
+            if !is_last {
                 if words::is_open(&piece) {
                     continue;
                 }
@@ -88,9 +90,10 @@ impl Shell {
                 return Err(CliError::Ended { code });
             }
             if is_last {
-                return Ok(());
+                break;
             }
         }
+        Ok(())
     }
 
     fn read_terminal(&mut self) -> Result<(), CliError> {

@@ -75,9 +75,12 @@ pub(crate) fn run(args: &Args) -> Result<(), CliError> {
         }
     }
     session.ask(Op::Forget { number })?.written()?;
-    // Nobody finds half a snapshot under the name.
+    // Nobody finds half a snapshot under the name. What is no file is written to, and stays what it is.
     let begun = args.file.with_added_extension(format!("{}.part", std::process::id()));
-    let written = fs::write(&begun, &bytes).and_then(|()| fs::rename(&begun, &args.file));
+    let is_file = fs::metadata(&args.file).map_or(true, |found| found.is_file());
+    let to = if is_file { &begun } else { &args.file };
+    let written =
+        fs::write(to, &bytes).and_then(|()| if is_file { fs::rename(&begun, &args.file) } else { Ok(()) });
     written.map_err(|reason| {
         let _ = fs::remove_file(&begun);
         CliError::Snapshot { path: args.file.clone(), reason: reason.to_string() }

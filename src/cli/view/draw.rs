@@ -9,11 +9,20 @@ use crate::time;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Clear, Paragraph};
+use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
+
+/// Columns and rows below which nothing can be told from anything.
+const LEAST: (u16, u16) = (40, 10);
 
 /// Draws everything.
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme) {
     model.hot.clear();
+    let Rect { width, height, .. } = frame.area();
+    if width < LEAST.0 || height < LEAST.1 {
+        let text = format!("{width}x{height} is too small: 80x24 shows everything");
+        frame.render_widget(Paragraph::new(text).wrap(Wrap { trim: true }), frame.area());
+        return;
+    }
     let [head, tabs, pane, foot] = Layout::vertical([
         Constraint::Length(1),
         Constraint::Length(1),
@@ -130,8 +139,11 @@ fn help(frame: &mut Frame, theme: Theme, area: Rect) {
 /// A box in the middle.
 fn over(frame: &mut Frame, title: &str, lines: Vec<Line<'static>>, theme: Theme, area: Rect) {
     let longest = lines.iter().map(Line::width).chain([title.chars().count()]).max().unwrap_or(0);
-    let width = (longest + 4).clamp(24, usize::from(area.width)) as u16;
-    let height = (lines.len() + 2).min(usize::from(area.height)) as u16;
+    let width = (longest + 4).clamp(24, usize::from(area.width).max(24)) as u16;
+    // Nobody is to confirm what cannot be read to its end.
+    let inner = usize::from(width.saturating_sub(2)).max(1);
+    let rows: usize = lines.iter().map(|line| line.width().div_ceil(inner).max(1)).sum();
+    let height = (rows + 2).min(usize::from(area.height)) as u16;
     let place = Rect {
         x: area.x + (area.width - width.min(area.width)) / 2,
         y: area.y + (area.height - height) / 3,
@@ -141,5 +153,5 @@ fn over(frame: &mut Frame, title: &str, lines: Vec<Line<'static>>, theme: Theme,
     let title = cut(title, usize::from(place.width.saturating_sub(2)));
     let block = Block::bordered().title(title).border_style(theme.warning());
     frame.render_widget(Clear, place);
-    frame.render_widget(Paragraph::new(lines).block(block), place);
+    frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: false }).block(block), place);
 }

@@ -249,7 +249,7 @@ impl Model {
         }
         match prompt {
             Prompt::Really(question, task) => match key.code {
-                KeyCode::Char('y' | 'Y') | KeyCode::Enter => self.order(task),
+                KeyCode::Char('y' | 'Y') => self.order(task),
                 KeyCode::Char('n' | 'N') | KeyCode::Esc => self.say("not done"),
                 _ => self.prompt = Some(Prompt::Really(question, task)),
             },

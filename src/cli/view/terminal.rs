@@ -16,6 +16,8 @@ use ratatui::crossterm::execute;
 use ratatui::crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io;
 use std::panic;
@@ -68,7 +70,10 @@ fn give_back() {
 pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     let ended = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&ended))
+        // A second one ends the process itself, wherever it hangs.
+        let code = Exit::Interrupted.code().into();
+        signal_hook::flag::register_conditional_shutdown(signal, code, Arc::clone(&ended))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&ended)))
             .map_err(|reason| CliError::Signals { reason })?;
     }
     let (to_thread, orders) = mpsc::channel();
@@ -96,6 +101,19 @@ pub(super) fn run(mut model: Model, instance: &str) -> Result<(), CliError> {
     }
 }
 
+/// Waits for the keyboard so long at most; whether nobody is there any more. At a closed terminal crossterm would read for ever.
+fn is_closed(longest: Duration) -> io::Result<bool> {
+    let stdin = io::stdin();
+    let mut keyboard = [PollFd::new(&stdin, PollFlags::IN)];
+    let longest = Timespec::try_from(longest).map_err(io::Error::other)?;
+    match poll(&mut keyboard, Some(&longest)) {
+        // A signal, such as that of another size.
+        Err(Errno::INTR) => Ok(false),
+        Err(errno) => Err(errno.into()),
+        Ok(_) => Ok(keyboard[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)),
+    }
+}
+
 fn show(
     model: &mut Model,
     theme: Theme,
@@ -119,9 +137,11 @@ fn show(
             // If nobody takes it, there is no news either.
             let _ = orders.send(order);
         }
-        let mut pause = KEYS;
-        while event::poll(pause)? {
-            pause = Duration::ZERO;
+        if is_closed(KEYS)? {
+            ended.store(true, Ordering::Relaxed);
+            break;
+        }
+        while event::poll(Duration::ZERO)? {
             is_new = true;
             match event::read()? {
                 Event::Key(key) if key.kind != KeyEventKind::Release => model.press(key),

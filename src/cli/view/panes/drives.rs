@@ -13,7 +13,7 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType};
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
     let count = model.drives.all.len();
-    let height = (count + 2).clamp(3, usize::from(area.height) / 2) as u16;
+    let height = (count + 2).clamp(3, (usize::from(area.height) / 2).max(3)) as u16;
     let [list, chart] = Layout::vertical([Constraint::Length(height), Constraint::Min(0)]).areas(area);
     let inner = titled(frame, " drives ".to_owned(), theme.head(), list);
     if count == 0 {

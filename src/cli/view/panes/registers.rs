@@ -19,7 +19,7 @@ const WIDE: u16 = 150;
 const VALUE: usize = 12;
 
 pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rect) {
-    let pinned = (model.pins.all.len() + 2).clamp(3, usize::from(area.height) / 2) as u16;
+    let pinned = (model.pins.all.len() + 2).clamp(3, (usize::from(area.height) / 2).max(3)) as u16;
     let [tree, pins] = if area.width >= WIDE {
         Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(area)
     } else {
