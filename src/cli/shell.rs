@@ -29,7 +29,7 @@ const LONGEST_US: u64 = 3_600_000_000;
 #[command(after_help = "\
 Examples:
   commram shell
-  echo 'peek node2.w_CANsync_STATUS' | commram shell
+  echo 'peek node2.w_OPTION_STATUS' | commram shell
   commram shell -i press-1 < bring-up.txt
 
 Lines:

@@ -14,7 +14,7 @@ use judge::{Judge, Judged};
 use row::Row;
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -128,7 +128,7 @@ fn play(
     rows: &mut [Row],
 ) -> Result<Option<String>, CliError> {
     let begun = Instant::now();
-    let (next, over) = (AtomicU64::new(0), AtomicBool::new(false));
+    let (next, over) = (AtomicUsize::new(0), AtomicBool::new(false));
     let is_over = || {
         let late = args.hours.is_some_and(|hours| begun.elapsed() >= hours);
         over.load(Ordering::Relaxed) || late || interrupts.any()
@@ -141,7 +141,7 @@ fn play(
             let (send, next, over, is_over, failure) = (send.clone(), &next, &over, &is_over, &failure);
             let work = move || {
                 while !is_over() {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    let number = next.fetch_add(1, Ordering::Relaxed) as u64;
                     if args.rounds.is_some_and(|rounds| number >= rounds) {
                         break;
                     }

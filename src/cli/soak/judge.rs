@@ -7,7 +7,7 @@ use crate::devices::Exercise;
 use crate::script::soak::{Round, shrink};
 use crate::script::{Outcome, Report};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// How often a round that fails is run to make it shorter.
@@ -19,7 +19,7 @@ pub(super) struct Judge {
     keep: PathBuf,
     directory: PathBuf,
     setting: Setting,
-    files: AtomicU64,
+    files: AtomicUsize,
 }
 
 /// What has become of a round.
@@ -48,7 +48,7 @@ impl Judge {
         std::fs::create_dir(&directory)
             .map_err(|reason| CliError::File { path: directory.clone(), reason })?;
         let setting = Setting { attach: None, limits, allow_empty: true };
-        Ok(Self { exercises, keep: keep.to_owned(), directory, setting, files: AtomicU64::new(0) })
+        Ok(Self { exercises, keep: keep.to_owned(), directory, setting, files: AtomicUsize::new(0) })
     }
 
     /// Its exercises.
