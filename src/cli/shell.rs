@@ -80,10 +80,8 @@ impl Shell {
             });
             let is_last =
                 read.map_err(|right| CliError::Argument { text: format!("line {number}"), right })? == 0;
-            if !is_last {
-                if words::is_open(&piece) {
-                    continue;
-                }
+            if !is_last && words::is_open(&piece) {
+                continue;
             }
             if let End::Failed(code) = self.line(&core::mem::take(&mut piece)) {
                 output::complain(&format!("line {begin} failed; what follows was not done"));
