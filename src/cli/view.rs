@@ -29,7 +29,7 @@ use crate::layout::{Named, Place, is_pattern, split_plc};
 use model::Model;
 use std::io::{self, IsTerminal};
 
-/// Look at a running plant: registers and how they change, frames, boards, drives, findings.
+/// Look at a running plant: registers, frames, boards, drives, findings.
 ///
 /// Needs a terminal of 80x24 at least; works over ssh. Keys and the mouse move, `?` tells the keys. Looking changes nothing in the plant: it
 /// goes, and its journal reads, as if nobody looked. What writes asks before. If the emulator ends, the view waits for the

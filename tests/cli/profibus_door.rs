@@ -185,7 +185,7 @@ fn a_bus_has_doors_of_its_own_kind() {
     std::fs::write(file.path(), PLANT.replace("profibus-tcp:127.0.0.1:0", "slcan-pty")).unwrap();
     let refused = crate::common::run(&["run", file.path().to_str().unwrap()]).err;
     assert!(
-        refused.contains("line 7") && refused.contains("no door slcan-pty; open one of kind profibus-tcp"),
+        refused.contains("line 11") && refused.contains("no door slcan-pty; open one of kind profibus-tcp"),
         "{refused}"
     );
 }

@@ -34,7 +34,19 @@ fn the_same_seed_draws_the_same_rounds() {
 fn what_fails_is_written_as_short_as_it_gets_and_fails_alone() {
     let directory = tempfile::tempdir().unwrap();
     let keep = directory.path().to_str().unwrap();
-    let args = ["soak", "--seed", "5", "--exercise", "cs0015-slave", "--max-time", "1ms", "--keep", keep];
+    let args = [
+        "soak",
+        "--seed",
+        "5",
+        "--exercise",
+        "cs0015-slave",
+        "--max-time",
+        "1ms",
+        "--jobs",
+        "1",
+        "--keep",
+        keep,
+    ];
     let outcome = run(&args);
     assert_eq!(outcome.code, Some(1), "{}", outcome.err);
     assert!(

@@ -3,6 +3,7 @@
 use super::User;
 use crate::cli::view::link::News;
 use crate::cli::view::model::Contact;
+use crate::devices;
 use crate::layout::Place;
 use crate::request::testing::TestHost;
 use ratatui::crossterm::event::KeyCode;
@@ -201,9 +202,8 @@ fn addresses_and_patterns_are_found() {
 
 #[test]
 fn a_modular_plc_has_its_modules_at_its_front() {
-    let plant =
-        "[[device]]\nkind = 'bm4-plc'\nname = 'maxx'\n[[device.module]]\nslot = 'G'\nkind = 'can-06'\n";
-    let mut user = User::of(plant, false);
+    let modular = devices::all().iter().find(|known| known.module.is_some()).unwrap();
+    let mut user = User::of(modular.template.unwrap(), false);
     user.type_in("5");
     user.sees("slotG");
     user.sees("can-06");
