@@ -41,6 +41,8 @@ const AT_AN_INSTANCE: &[&[&str]] = &[
     &["status"],
     #[cfg(feature = "studio")]
     &["plot", "node2.w_CPU_CONTROL", "-o", "never.svg"],
+    #[cfg(feature = "studio")]
+    &["shell"],
 ];
 
 /// The commands that `commram help` lists.

@@ -42,9 +42,7 @@ pub static GATE: Registered = Registered {
 
 /// The firmware.
 pub struct Gate(View<GATE_IN>, View<GATE_OUT>, View<Header>);
-
 commram::state!(Gate { built: 0, 1, 2 });
-
 impl CanDevice for Gate {
     const LAYOUT: &'static Device = &registers::DEVICE;
 
