@@ -161,7 +161,7 @@ def test_faults_and_findings(emulator):
     ]
     assert "owner" in commram.Emulator.rules()
     emulator.expect_no_findings(["owner"])
-    with pytest.raises(commram.Failed, match="1 findings"):
+    with pytest.raises(commram.Failed, match="1 finding"):
         emulator.expect_no_findings()
     with pytest.raises(commram.UnknownName, match="no rule 'owners'"):
         emulator.expect_no_findings(["owners"])
@@ -236,6 +236,6 @@ def test_every_verb_of_scenarios_is_there():
     rows = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("| `")]
     verbs = {verb for row in rows for verb in re.findall(r"`([a-z_]+)\(", row)}
     assert len(verbs) > 40
-    # A plant is given to its constructor. Function blocks and histories of changes are not in Python.
+    # A plant is given to its constructor. Function blocks, histories of changes and plots are not in Python.
     missing = {verb for verb in verbs - {"plant"} if not hasattr(commram.Emulator, verb)}
-    assert missing == {"block", "cycle", "cycle_until", "record", "history", "expect_history"}
+    assert missing == {"block", "cycle", "cycle_until", "record", "history", "expect_history", "plot"}

@@ -58,7 +58,7 @@ def test_verbs_are_keywords(tmp_path):
     for said in (
         "node2.w_OPTION_STATUS (%MW3.200002) did not become 16#0003 within 2 ms",
         "w_CPU_CONTROL (%MW3.200000) := 16#0001",
-        "the access checker has 1 findings",
+        "the access checker has 1 finding",
         "1.7 is a float; a register takes an integer",
     ):
         assert said in done.stdout, done.stdout
