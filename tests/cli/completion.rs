@@ -119,7 +119,7 @@ fn fish_completes() {
 /// Without a terminal zsh has no line to be completed, but it can be asked what it would offer.
 #[test]
 fn zsh_completes() {
-    let script = "autoload -Uz compinit; compinit -u -d /dev/null
+    let script = "autoload -Uz compinit; compinit -u -D
         source <(commram completions zsh)
         _describe() { print -l -- ${(P)3} }
         words=(commram peek node2.w_OPT); CURRENT=3; _clap_dynamic_completer_commram
