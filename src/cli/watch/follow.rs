@@ -125,8 +125,7 @@ fn text(told: &[Told]) -> String {
 fn told(session: &Session, &journal::Change { time_us, what, .. }: &journal::Change) -> Told {
     let fitted = session.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);
-    let found = fitted.registers_at(address, Some(what.how.live)).unwrap_or_default();
-    let register = found.into_iter().find(|register| register.address() == address);
+    let register = change::register(&fitted, &what);
     let (ty, name) = match &register {
         Some(register) => (register.ty(), register.to_string()),
         None => (what.how.width.bits(), address.to_string()),

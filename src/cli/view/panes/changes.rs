@@ -1,10 +1,11 @@
 //! Every change of the pinned registers as the emulator has kept it, in their order.
 
 use super::{lines, marked, titled};
+use crate::cli::change;
 use crate::cli::view::model::{Hot, Model, Which};
 use crate::cli::view::pins::Pins;
 use crate::cli::view::style::{Theme, at_right, padded};
-use crate::journal::{By, Change};
+use crate::journal::{By, Change, Names};
 use crate::layout::format_value;
 use crate::time;
 use ratatui::Frame;
@@ -30,10 +31,11 @@ pub(super) fn draw(frame: &mut Frame, model: &mut Model, theme: Theme, area: Rec
         columns(width, ["time", "after", "register", "from", "to", "by", "meaning"].map(str::to_owned));
     let rows = Rect { y: inner.y + 1, height: inner.height.saturating_sub(1), ..inner };
     let seen = model.pins.history.fit(usize::from(rows.height), model.pins.changes.len());
+    let names = model.names();
     let line = |number: usize| {
         let change = model.pins.changes.get(number)?;
         let before = number.checked_sub(1).and_then(|before| model.pins.changes.get(before));
-        let line = change_line(model, change, before, theme, width);
+        let line = change_line(&names, change, before, theme, width);
         Some(marked(line, number == model.pins.history.chosen, true, theme))
     };
     let mut drawn = vec![Line::styled(head.concat(), theme.dim())];
@@ -62,18 +64,16 @@ fn columns(width: usize, [time, after, name, from, to, by, meaning]: [String; 7]
 }
 
 fn change_line(
-    model: &Model,
+    names: &Names,
     change: &Change,
     before: Option<&Change>,
     theme: Theme,
     width: usize,
 ) -> Line<'static> {
     let what = &change.what;
-    let names = model.names();
     let fitted = names.fitted(what.plc);
     let address = fitted.device().at(what.how.width, what.offset);
-    let found = fitted.registers_at(address, Some(what.how.live)).unwrap_or_default();
-    let register = found.into_iter().find(|register| register.address() == address);
+    let register = change::register(&fitted, what);
     let (ty, name) = match &register {
         Some(register) => (register.ty(), register.to_string()),
         None => (what.how.width.bits(), address.to_string()),
@@ -86,7 +86,7 @@ fn change_line(
     };
     let [from, to] = [what.from, what.to].map(|value| format_value(ty, value));
     let meaning = register.map(|register| register.decode(what.to)).unwrap_or_default();
-    let name = Pins::prefix(&names, what.plc) + &name;
+    let name = Pins::prefix(names, what.plc) + &name;
     let by = what.how.by;
     let time = time::seconds(change.time_us);
     let cells = columns(width, [time, after, name, from, to, by.name().to_owned(), meaning]);
